@@ -2,12 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/job/job_json.h"
 
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/ascii.h"
 #include "absl/time/time.h"
 #include "cli/duration.h"
+#include "common/scene/settings/frame_settings_fields.h"
 
 namespace sheaf::cli {
 namespace {
@@ -89,29 +93,52 @@ Json LayersJson(const v1::Frame& frame) {
   return json;
 }
 
+Json RectJson(const v1::PixelRect& rect) {
+  return {{"x0_px", rect.x0_px()},
+          {"y0_px", rect.y0_px()},
+          {"x1_px", rect.x1_px()},
+          {"y1_px", rect.y1_px()}};
+}
+
+// The field of this name.
+Json SettingJson(const v1::FrameSettings& settings, const char* name) {
+  using Field = google::protobuf::FieldDescriptor;
+  const Field* const field = settings.GetDescriptor()->FindFieldByName(name);
+  const google::protobuf::Reflection& reflection = *settings.GetReflection();
+  switch (field->cpp_type()) {
+    case Field::CPPTYPE_BOOL:
+      return reflection.GetBool(settings, field);
+    case Field::CPPTYPE_INT32:
+      return reflection.GetInt32(settings, field);
+    case Field::CPPTYPE_UINT64:
+      return reflection.GetUInt64(settings, field);
+    case Field::CPPTYPE_FLOAT:
+      return reflection.GetFloat(settings, field);
+    case Field::CPPTYPE_STRING:
+      return reflection.GetString(settings, field);
+    default:
+      return RectJson(settings.window());  // The one message among them.
+  }
+}
+
+// Adds the settings that JSON shows there.
+void AddSettings(const v1::FrameSettings& settings, SettingField::Shown shown, Json* json) {
+  const FrameSettings names_only;
+  VisitFrameSettings(names_only, [&](const SettingField& field, const auto&) {
+    if (field.shown == shown) (*json)[field.name] = SettingJson(settings, field.name);
+  });
+}
+
 Json FrameJson(const v1::Frame& frame) {
-  const v1::FrameSettings& settings = frame.spec().settings();
-  const v1::PixelRect& window = settings.window();
-  return {
+  Json json = {
       {"name", frame.name()},
       {"frame_number", frame.spec().frame_number()},
       {"scene_digest", frame.spec().scene().sha256_hex()},
       {"frame_digest", frame.frame_digest()},
-      {"width_px", settings.width_px()},
-      {"height_px", settings.height_px()},
-      {"window",
-       {{"x0_px", window.x0_px()},
-        {"y0_px", window.y0_px()},
-        {"x1_px", window.x1_px()},
-        {"y1_px", window.y1_px()}}},
-      {"sample_count", settings.sample_count()},
-      {"depth_max", settings.depth_max()},
-      {"seed", settings.seed()},
-      {"one_sequence", settings.one_sequence()},
-      {"similarity_after_count", settings.similarity_after_count()},
-      {"sensor", settings.sensor()},
-      {"max_component_value", settings.max_component_value()},
-      {"pixel_stride_px", settings.pixel_stride_px()},
+  };
+  AddSettings(frame.spec().settings(), SettingField::Shown::kWithShape, &json);
+  AddSettings(frame.spec().settings(), SettingField::Shown::kWithSettings, &json);
+  json.update(Json{
       {"resumed_picture", frame.spec().has_resumed_picture()
                               ? Json(frame.spec().resumed_picture().sha256_hex())
                               : Json()},
@@ -127,7 +154,8 @@ Json FrameJson(const v1::Frame& frame) {
       {"one_sequence_gain",
        frame.one_sequence_gain() > 0 ? Json(frame.one_sequence_gain()) : Json()},
       {"progress", ProgressJson(frame.progress())},
-  };
+  });
+  return json;
 }
 
 }  // namespace

@@ -2,9 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/settings_codec.h"
 
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/message.h>
+
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/scene/settings/frame_settings_fields.h"
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/sensor.h"
 
@@ -15,22 +22,139 @@ namespace {
 static_assert(static_cast<int>(Primaries::kAcesCg) == v1::PRIMARIES_ACESCG &&
               v1::Primaries_ARRAYSIZE == kPrimariesCount);
 
-v1::ColorTransport ToWire(ColorTransport color) {
-  switch (color) {
-    case ColorTransport::kAuto:
-      return v1::COLOR_TRANSPORT_AUTO;
-    case ColorTransport::kRgb:
-      return v1::COLOR_TRANSPORT_RGB;
-    case ColorTransport::kSpectral:
-      return v1::COLOR_TRANSPORT_SPECTRAL;
-  }
-  return v1::COLOR_TRANSPORT_AUTO;
+static_assert(static_cast<int>(ColorTransport::kSpectral) == v1::COLOR_TRANSPORT_SPECTRAL &&
+              v1::ColorTransport_ARRAYSIZE == 3);
+
+const google::protobuf::FieldDescriptor* FieldOf(const SettingField& field) {
+  const google::protobuf::FieldDescriptor* const found =
+      v1::FrameSettings::descriptor()->FindFieldByName(field.name);
+  SHEAF_CHECK(found != nullptr);
+  return found;
 }
 
-ColorTransport FromWire(v1::ColorTransport color) {
-  if (color == v1::COLOR_TRANSPORT_RGB) return ColorTransport::kRgb;
-  if (color == v1::COLOR_TRANSPORT_SPECTRAL) return ColorTransport::kSpectral;
-  return ColorTransport::kAuto;
+// Writes members into the message's fields of their names.
+class FieldWriter {
+ public:
+  explicit FieldWriter(v1::FrameSettings* wire)
+      : wire_(*wire), reflection_(*wire->GetReflection()) {}
+
+  void operator()(const SettingField& field, bool value) const {
+    reflection_.SetBool(&wire_, FieldOf(field), value);
+  }
+  void operator()(const SettingField& field, int32_t value) const {
+    reflection_.SetInt32(&wire_, FieldOf(field), value);
+  }
+  void operator()(const SettingField& field, uint64_t value) const {
+    reflection_.SetUInt64(&wire_, FieldOf(field), value);
+  }
+  void operator()(const SettingField& field, float value) const {
+    reflection_.SetFloat(&wire_, FieldOf(field), value);
+  }
+  void operator()(const SettingField& field, const std::string& value) const {
+    reflection_.SetString(&wire_, FieldOf(field), value);
+  }
+  void operator()(const SettingField& field, ColorTransport value) const {
+    reflection_.SetEnumValue(&wire_, FieldOf(field), static_cast<int>(value));
+  }
+  void operator()(const SettingField& field, Primaries value) const {
+    reflection_.SetEnumValue(&wire_, FieldOf(field), static_cast<int>(value));
+  }
+  void operator()(const SettingField& field, const PixelRect& value) const {
+    reflection_.MutableMessage(&wire_, FieldOf(field))->CopyFrom(ToWire(value));
+  }
+  void operator()(const SettingField& field, const FilmOutputs& value) const {
+    (*this)(field, FormatOutputs(value));
+  }
+  void operator()(const SettingField& field, const PixelLattice& value) const {
+    (*this)(field, value.All() ? 0 : value.stride_px);
+  }
+
+ private:
+  v1::FrameSettings& wire_;
+  const google::protobuf::Reflection& reflection_;
+};
+
+// Reads members from the message's fields of their names; *status is the first error.
+class FieldReader {
+ public:
+  FieldReader(const v1::FrameSettings& wire, absl::Status* status)
+      : wire_(wire), reflection_(*wire.GetReflection()), status_(*status) {}
+
+  void operator()(const SettingField& field, bool& value) const {
+    value = reflection_.GetBool(wire_, FieldOf(field));
+  }
+  void operator()(const SettingField& field, int32_t& value) const {
+    value = reflection_.GetInt32(wire_, FieldOf(field));
+  }
+  void operator()(const SettingField& field, uint64_t& value) const {
+    value = reflection_.GetUInt64(wire_, FieldOf(field));
+  }
+  void operator()(const SettingField& field, float& value) const {
+    value = reflection_.GetFloat(wire_, FieldOf(field));
+  }
+  void operator()(const SettingField& field, std::string& value) const {
+    value = reflection_.GetString(wire_, FieldOf(field));
+  }
+  void operator()(const SettingField& field, ColorTransport& value) const {
+    const int number = reflection_.GetEnumValue(wire_, FieldOf(field));
+    value = v1::ColorTransport_IsValid(number) ? static_cast<ColorTransport>(number)
+                                               : ColorTransport::kAuto;
+  }
+  void operator()(const SettingField& field, Primaries& value) const {
+    const int number = reflection_.GetEnumValue(wire_, FieldOf(field));
+    if (v1::Primaries_IsValid(number)) {
+      value = static_cast<Primaries>(number);
+    } else {
+      status_.Update(absl::InvalidArgumentError(
+          absl::StrCat("primaries number ", number, " are unknown here")));
+    }
+  }
+  void operator()(const SettingField&, PixelRect& value) const { value = FromWire(wire_.window()); }
+  void operator()(const SettingField& field, FilmOutputs& value) const {
+    absl::StatusOr<FilmOutputs> outputs =
+        ParseOutputs(reflection_.GetString(wire_, FieldOf(field)));
+    if (outputs.ok()) {
+      value = *std::move(outputs);
+    } else {
+      status_.Update(outputs.status());
+    }
+  }
+  void operator()(const SettingField& field, PixelLattice& value) const {
+    const int32_t stride_px = reflection_.GetInt32(wire_, FieldOf(field));
+    if (stride_px == 0 || (stride_px >= kPixelStrideMin && stride_px <= kPixelStrideMax)) {
+      value = LatticeOf(stride_px, wire_.seed());
+    } else {
+      status_.Update(
+          absl::InvalidArgumentError(absl::StrCat("a pixel stride of ", stride_px, " is outside [",
+                                                  kPixelStrideMin, ", ", kPixelStrideMax, "]")));
+    }
+  }
+
+ private:
+  const v1::FrameSettings& wire_;
+  const google::protobuf::Reflection& reflection_;
+  absl::Status& status_;
+};
+
+// Errors: kInvalidArgument for values that are out of range.
+absl::Status CheckRanges(const FrameSettings& settings) {
+  if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
+    return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
+                                                   " scatterings is out of range"));
+  }
+  if (settings.white_balance_k != 0 && !(settings.white_balance_k >= kWhiteBalanceMinK &&
+                                         settings.white_balance_k <= kWhiteBalanceMaxK)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a white balance of ", settings.white_balance_k, " K is out of range"));
+  }
+  if (!settings.sensor.empty() && !IsSensor(settings.sensor)) {
+    return absl::InvalidArgumentError("the camera's sensor is unknown here");
+  }
+  if (!(settings.max_component_value >= 0 && std::isfinite(settings.max_component_value))) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("samples cannot be clamped to ", settings.max_component_value));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -50,74 +174,16 @@ PixelRect FromWire(const v1::PixelRect& rect) {
 
 v1::FrameSettings ToWire(const FrameSettings& settings) {
   v1::FrameSettings wire;
-  wire.set_width_px(settings.width_px);
-  wire.set_height_px(settings.height_px);
-  *wire.mutable_window() = ToWire(settings.window);
-  wire.set_sample_count(settings.samples);
-  wire.set_depth_max(settings.max_depth);
-  wire.set_seed(settings.seed);
-  wire.set_force_generic_variant(settings.force_generic_variant);
-  wire.set_color(ToWire(settings.color));
-  wire.set_single_scattering(settings.single_scattering);
-  wire.set_one_sequence(settings.one_sequence);
-  wire.set_similarity_after_count(settings.similarity_after);
-  wire.set_pixel_stride_px(settings.lattice.All() ? 0 : settings.lattice.stride_px);
-  wire.set_outputs(FormatOutputs(settings.outputs));
-  wire.set_primaries(static_cast<v1::Primaries>(settings.primaries));
-  wire.set_white_balance_k(settings.white_balance_k);
-  wire.set_sensor(settings.sensor);
-  wire.set_max_component_value(settings.max_component_value);
+  VisitFrameSettings(settings, FieldWriter(&wire));
   return wire;
 }
 
 absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   FrameSettings settings;
-  settings.width_px = wire.width_px();
-  settings.height_px = wire.height_px();
-  settings.window = FromWire(wire.window());
-  settings.samples = wire.sample_count();
-  settings.max_depth = wire.depth_max();
-  settings.seed = wire.seed();
-  settings.force_generic_variant = wire.force_generic_variant();
-  settings.color = FromWire(wire.color());
-  settings.single_scattering = wire.single_scattering();
-  settings.one_sequence = wire.one_sequence();
-  settings.similarity_after = wire.similarity_after_count();
-  if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
-    return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
-                                                   " scatterings is out of range"));
-  }
-  if (const int32_t stride_px = wire.pixel_stride_px(); stride_px != 0) {
-    if (stride_px < kPixelStrideMin || stride_px > kPixelStrideMax) {
-      return absl::InvalidArgumentError(absl::StrCat("a pixel stride of ", stride_px,
-                                                     " is outside [", kPixelStrideMin, ", ",
-                                                     kPixelStrideMax, "]"));
-    }
-    settings.lattice = {stride_px, settings.seed};
-  }
-  absl::StatusOr<FilmOutputs> outputs = ParseOutputs(wire.outputs());
-  if (!outputs.ok()) return outputs.status();
-  settings.outputs = *std::move(outputs);
-  if (!v1::Primaries_IsValid(wire.primaries())) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("primaries number ", wire.primaries(), " are unknown here"));
-  }
-  settings.primaries = static_cast<Primaries>(wire.primaries());
-  settings.white_balance_k = wire.white_balance_k();
-  if (settings.white_balance_k != 0 && !(settings.white_balance_k >= kWhiteBalanceMinK &&
-                                         settings.white_balance_k <= kWhiteBalanceMaxK)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("a white balance of ", settings.white_balance_k, " K is out of range"));
-  }
-  settings.sensor = wire.sensor();
-  if (!settings.sensor.empty() && !IsSensor(settings.sensor)) {
-    return absl::InvalidArgumentError("the camera's sensor is unknown here");
-  }
-  settings.max_component_value = wire.max_component_value();
-  if (!(settings.max_component_value >= 0 && std::isfinite(settings.max_component_value))) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("samples cannot be clamped to ", settings.max_component_value));
-  }
+  absl::Status status;
+  VisitFrameSettings(settings, FieldReader(wire, &status));
+  status.Update(CheckRanges(settings));
+  if (!status.ok()) return status;
   return settings;
 }
 

@@ -37,7 +37,8 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     if (!IsSha256Hex(frame.scene.sha256_hex) || !IsSha256Hex(frame.frame_digest)) {
       return absl::DataLossError("a stored frame has an invalid digest");
     }
-    if (!frame.settings.lattice.All()) frame.settings.lattice.seed = frame.settings.seed;
+    FrameSettings& settings = frame.settings;
+    settings.lattice = LatticeOf(settings.lattice.stride_px, settings.seed);
     if (row.delivered.delivered) {
       job->delivered.push_back({frame.frame_number, std::move(row.delivered.frame)});
     }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/scene/settings/frame_settings_fields.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/sqlite_columns.h"
 
@@ -65,27 +66,19 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("frame_digest", row.spec.frame_digest);
   visit("resumed_sha256", row.spec.resumed.sha256_hex);
   visit("resumed_bytes", row.spec.resumed.size_bytes);
-  auto& s = row.spec.settings;
-  visit("width_px", s.width_px);
-  visit("height_px", s.height_px);
-  visit("x0", s.window.x0);
-  visit("y0", s.window.y0);
-  visit("x1", s.window.x1);
-  visit("y1", s.window.y1);
-  visit("samples", s.samples);
-  visit("max_depth", s.max_depth);
-  visit("seed", s.seed);
-  visit("force_generic", s.force_generic_variant);
-  visit("color", s.color);
-  visit("single_scattering", s.single_scattering);
-  visit("outputs", s.outputs);
-  visit("primaries", s.primaries);
-  visit("white_balance_k", s.white_balance_k);
-  visit("one_sequence", s.one_sequence);
-  visit("similarity_after", s.similarity_after);
-  visit("pixel_stride_px", s.lattice.stride_px);
-  visit("sensor", s.sensor);
-  visit("max_component_value", s.max_component_value);
+  VisitFrameSettings(row.spec.settings, [&visit](const SettingField& field, auto& value) {
+    using Value = std::remove_cvref_t<decltype(value)>;
+    if constexpr (std::is_same_v<Value, PixelRect>) {
+      visit("x0", value.x0);
+      visit("y0", value.y0);
+      visit("x1", value.x1);
+      visit("y1", value.y1);
+    } else if constexpr (std::is_same_v<Value, PixelLattice>) {
+      visit(field.column, value.stride_px);
+    } else {
+      visit(field.column, value);
+    }
+  });
   VisitColumns(row.spec.stop, visit);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 #include <type_traits>
 #include <variant>
@@ -12,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/base/digest.h"
+#include "common/scene/settings/frame_settings_fields.h"
 #include "common/scene/spectrum/primaries.h"
 
 #ifndef SHEAF_VERSION
@@ -129,6 +131,30 @@ bool KeepsMoreLight(const MaterialDescription& description) {
       description.material);
 }
 
+template <typename T>
+bool IsDefault(const T& value) {
+  return value == T{};
+}
+bool IsDefault(const FilmOutputs& outputs) { return outputs.empty(); }
+bool IsDefault(const PixelLattice& lattice) { return lattice.All(); }
+
+std::string DigestValue(const DigestLine& line, bool value) { return value ? line.on : line.off; }
+std::string DigestValue(const DigestLine&, int32_t value) { return absl::StrCat(value); }
+std::string DigestValue(const DigestLine&, uint64_t value) { return absl::StrCat(value); }
+std::string DigestValue(const DigestLine&, float value) { return absl::StrFormat("%.9g", value); }
+std::string DigestValue(const DigestLine&, const std::string& value) { return value; }
+std::string DigestValue(const DigestLine&, ColorTransport value) {
+  return ColorTransportName(value);
+}
+std::string DigestValue(const DigestLine&, Primaries value) { return PrimariesName(value); }
+std::string DigestValue(const DigestLine&, const FilmOutputs& value) {
+  return FormatOutputs(value);
+}
+std::string DigestValue(const DigestLine&, const PixelLattice& value) {
+  return absl::StrCat(value.stride_px);
+}
+std::string DigestValue(const DigestLine&, const PixelRect& value) { return RectText(value); }
+
 }  // namespace
 
 const char* ColorTransportName(ColorTransport color) {
@@ -221,36 +247,18 @@ std::string NumericProfile() {
 std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,
                             const std::string& numeric_profile) {
   const PixelRect& w = settings.window;
-  // Frames without outputs keep the digest from before outputs existed.
-  const std::string outputs = settings.outputs.empty()
-                                  ? std::string()
-                                  : absl::StrCat("\noutputs ", FormatOutputs(settings.outputs));
-  // The same holds for unbiased images, and for those in linear sRGB.
-  const std::string similarity =
-      settings.similarity_after == 0
-          ? std::string()
-          : absl::StrCat("\nsimilarity_after ", settings.similarity_after);
-  const std::string lattice = settings.lattice.All()
-                                  ? std::string()
-                                  : absl::StrCat("\npixel_stride_px ", settings.lattice.stride_px);
-  std::string color;
-  if (settings.primaries != Primaries::kSrgb) {
-    color = absl::StrCat("\nprimaries ", PrimariesName(settings.primaries));
-  }
-  if (settings.white_balance_k != 0) {
-    absl::StrAppendFormat(&color, "\nwhite_balance_k %.9g", settings.white_balance_k);
-  }
-  if (!settings.sensor.empty()) absl::StrAppend(&color, "\nsensor ", settings.sensor);
-  if (settings.max_component_value != 0) {
-    absl::StrAppendFormat(&color, "\nmax_component_value %.9g", settings.max_component_value);
-  }
-  return absl::StrCat("sheaf-frame 3\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
-                      settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1,
-                      "\nmax_depth ", settings.max_depth, "\nseed ", settings.seed, "\ncolor ",
-                      ColorTransportName(settings.color), "\nscattering ",
-                      settings.single_scattering ? "single" : "full",
-                      settings.one_sequence ? "\nsampling one-sequence" : "", similarity, lattice,
-                      outputs, color, "\nprofile ", numeric_profile, "\n");
+  std::map<int, std::string> lines;  // By place.
+  VisitFrameSettings(settings, [&lines](const SettingField& field, const auto& value) {
+    const DigestLine& line = field.digest;
+    // Frames keep the digests that they had before a setting existed.
+    if (line.place == 0 || (!line.always && IsDefault(value))) return;
+    lines[line.place] = absl::StrCat(line.name, " ", DigestValue(line, value), "\n");
+  });
+  std::string text =
+      absl::StrCat("sheaf-frame 3\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",
+                   settings.height_px, "\nwindow_px ", w.x0, " ", w.y0, " ", w.x1, " ", w.y1, "\n");
+  for (const auto& [place, line] : lines) text += line;
+  return absl::StrCat(text, "profile ", numeric_profile, "\n");
 }
 
 std::string FrameDigest(const std::string& scene_digest, const FrameSettings& settings,

@@ -5,11 +5,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <set>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/scene/file_source.h"
+#include "common/scene/settings/frame_settings_fields.h"
 
 namespace sheaf {
 namespace {
@@ -113,6 +115,23 @@ TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
             FrameDigest("scene", others[10], "profile"));
   EXPECT_NE(FrameDigest("other", settings, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
+}
+
+// Does not compile where settings get another field, lest it lacks its description.
+TEST(RenderSettingsTest, EveryFieldIsDescribed) {
+  const FrameSettings settings;
+  [[maybe_unused]] const auto& [width_px, height_px, window, samples, max_depth, seed, color,
+                                single_scattering, one_sequence, similarity_after,
+                                force_generic_variant, lattice, outputs, sensor,
+                                max_component_value, primaries, white_balance_k] = settings;
+  std::set<std::string> names;
+  std::set<const void*> members;
+  VisitFrameSettings(settings, [&](const SettingField& field, const auto& member) {
+    names.insert(field.name);
+    members.insert(&member);
+  });
+  EXPECT_EQ(names.size(), 17u);
+  EXPECT_EQ(members.size(), 17u);
 }
 
 // Parts, stored jobs and pictures are known by digests of this text.

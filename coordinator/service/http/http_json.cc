@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/scene/settings/frame_settings_fields.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -32,6 +33,23 @@ std::string FrameName(const std::string& job_id, int32_t frame_number) {
 
 Json RectJson(const PixelRect& rect) {
   return {{"x0_px", rect.x0}, {"y0_px", rect.y0}, {"x1_px", rect.x1}, {"y1_px", rect.y1}};
+}
+
+template <typename T>
+Json SettingJson(const T& value) {
+  return value;
+}
+Json SettingJson(const PixelRect& value) { return RectJson(value); }
+Json SettingJson(const PixelLattice& value) { return value.All() ? 0 : value.stride_px; }
+Json SettingJson(const FilmOutputs& value) { return FormatOutputs(value); }
+Json SettingJson(ColorTransport value) { return ColorTransportName(value); }
+Json SettingJson(Primaries value) { return PrimariesName(value); }
+
+// Adds the settings that JSON shows there.
+void AddSettings(const FrameSettings& settings, SettingField::Shown shown, Json* json) {
+  VisitFrameSettings(settings, [&](const SettingField& field, const auto& value) {
+    if (field.shown == shown) (*json)[field.name] = SettingJson(value);
+  });
 }
 
 Json ProgressJson(const ProgressView& progress) {
@@ -143,16 +161,14 @@ Json LayersJson(const std::vector<LayerCount>& counts) {
 std::string JobJson(const JobView& job) { return Dump(JobObject(job)); }
 
 std::string FrameJson(const std::string& job_id, const FrameView& frame) {
-  const FrameSettings& settings = frame.settings;
-  return Dump({
+  Json json = {
       {"name", FrameName(job_id, frame.frame_number)},
       {"frame_number", frame.frame_number},
       {"scene_digest", frame.scene_digest},
       {"frame_digest", frame.frame_digest},
-      {"width_px", settings.width_px},
-      {"height_px", settings.height_px},
-      {"window", RectJson(settings.window)},
-      {"sample_count", settings.samples},
+  };
+  AddSettings(frame.settings, SettingField::Shown::kWithShape, &json);
+  json.update(Json{
       {"resumed_picture",
        frame.resumed.sha256_hex.empty() ? Json() : Json(frame.resumed.sha256_hex)},
       {"stop", StopJson(frame.stop)},
@@ -163,18 +179,15 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"unreliable_layers", LayersJson(frame.unreliable_layers)},
       {"flip", frame.flip > 0 ? Json(frame.flip) : Json()},
       {"one_sequence_gain", frame.one_sequence_gain > 0 ? Json(frame.one_sequence_gain) : Json()},
-      {"depth_max", settings.max_depth},
-      {"seed", settings.seed},
-      {"one_sequence", settings.one_sequence},
-      {"similarity_after_count", settings.similarity_after},
-      {"sensor", settings.sensor},
-      {"max_component_value", settings.max_component_value},
-      {"pixel_stride_px", settings.lattice.All() ? 0 : settings.lattice.stride_px},
+  });
+  AddSettings(frame.settings, SettingField::Shown::kWithSettings, &json);
+  json.update(Json{
       {"complete", frame.complete},
       {"picture_digest", frame.picture_digest},
       {"preview_version", frame.preview_version},
       {"progress", ProgressJson(frame.progress)},
   });
+  return Dump(json);
 }
 
 std::string FailureJson(const std::string& job_id, const FailureView& view) {
