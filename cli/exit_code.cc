@@ -9,7 +9,7 @@
 namespace sheaf::cli {
 
 ExitCode ReportError(ExitCode code, const absl::Status& status) {
-  TellError(code, std::string(status.message()));
+  PrintError(code, std::string(status.message()));
   return code;
 }
 

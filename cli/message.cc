@@ -31,9 +31,9 @@ void Print(const char* severity, const char* prefix, const std::string& text,
 
 void UseJsonMessages() { as_json = true; }
 
-void Tell(const std::string& text) { Print("info", "sheaf: ", text); }
-void TellNote(const std::string& text) { Print("note", "sheaf: note: ", text); }
-void TellOfScene(const std::string& text) { Print("note", "", text); }
-void TellError(ExitCode code, const std::string& text) { Print("error", "sheaf: ", text, code); }
+void PrintInfo(const std::string& text) { Print("info", "sheaf: ", text); }
+void PrintNote(const std::string& text) { Print("note", "sheaf: note: ", text); }
+void PrintSceneNote(const std::string& text) { Print("note", "", text); }
+void PrintError(ExitCode code, const std::string& text) { Print("error", "sheaf: ", text, code); }
 
 }  // namespace sheaf::cli

@@ -16,12 +16,12 @@ namespace sheaf::cli {
 void UseJsonMessages();
 
 // Prints "sheaf: TEXT": what happened.
-void Tell(const std::string& text);
+void PrintInfo(const std::string& text);
 // Prints "sheaf: note: TEXT".
-void TellNote(const std::string& text);
+void PrintNote(const std::string& text);
 // Prints "TEXT", which begins with its place in a scene.
-void TellOfScene(const std::string& text);
+void PrintSceneNote(const std::string& text);
 // Prints "sheaf: TEXT": why the command ends with `code`.
-void TellError(ExitCode code, const std::string& text);
+void PrintError(ExitCode code, const std::string& text);
 
 }  // namespace sheaf::cli

@@ -60,7 +60,7 @@ std::string FormatCount(double count) {
   return absl::StrFormat("%.3g %s", count, letters[letter]);
 }
 
-double ShareDone(const v1::Progress& progress) {
+double FractionDone(const v1::Progress& progress) {
   if (progress.sample_count_total() == 0) return 0;
   return std::min(1.0, static_cast<double>(progress.sample_count_done()) /
                            static_cast<double>(progress.sample_count_total()));
@@ -68,7 +68,7 @@ double ShareDone(const v1::Progress& progress) {
 
 std::string FormatProgress(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
-  std::string text = absl::StrFormat("%.1f %%", 100 * ShareDone(progress));
+  std::string text = absl::StrFormat("%.1f %%", 100 * FractionDone(progress));
   if (progress.relative_mse() > 0) {
     absl::StrAppend(&text, absl::StrFormat(", error (relMSE) %.1e", progress.relative_mse()));
   }
@@ -102,7 +102,7 @@ ProgressLine::ProgressLine(int width_columns, std::function<Clock::time_point()>
 
 ProgressLine::~ProgressLine() { Finish(); }
 
-void ProgressLine::Show(const std::string& label, double share, const std::string& text) {
+void ProgressLine::Show(const std::string& label, double fraction, const std::string& text) {
   if (now_() < silent_until_) return;
   if (width_columns_ == 0) {
     if (drawn_ && now_() - last_plain_ < kPlainInterval) return;
@@ -113,7 +113,7 @@ void ProgressLine::Show(const std::string& label, double share, const std::strin
   }
   std::string line = label;
   if (width_columns_ >= kNarrowColumns) {
-    const int filled = static_cast<int>(std::clamp(share, 0.0, 1.0) * kBarColumnsMax);
+    const int filled = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * kBarColumnsMax);
     absl::StrAppend(&line, " [", std::string(static_cast<size_t>(filled), '#'),
                     std::string(static_cast<size_t>(kBarColumnsMax - filled), '.'), "]");
   }

@@ -22,7 +22,7 @@ std::string FormatCount(double count);
 // "12.3 %, error (relMSE) 1.2e-03, 4.56 M samples/s, 0:42 left": the items that are known.
 std::string FormatProgress(const v1::Job& job);
 // Merged pixel samples over the total, in [0, 1].
-double ShareDone(const v1::Progress& progress);
+double FractionDone(const v1::Progress& progress);
 
 class ProgressLine {
  public:
@@ -41,8 +41,8 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  // share in [0, 1].
-  void Show(const std::string& label, double share, const std::string& text);
+  // fraction in [0, 1].
+  void Show(const std::string& label, double fraction, const std::string& text);
   // Ends the line, so that other output begins on a new one. May be called at any time.
   void Finish();
 

@@ -19,7 +19,7 @@ v1::Job HalfDone() {
   return job;
 }
 
-TEST(ProgressLineTest, WritesDurationsAndCountsForPeople) {
+TEST(ProgressLineTest, FormatsDurationsAndCounts) {
   EXPECT_EQ(FormatDuration(7.4), "0:07");
   EXPECT_EQ(FormatDuration(245), "4:05");
   EXPECT_EQ(FormatDuration(3723), "1:02:03");
@@ -29,7 +29,7 @@ TEST(ProgressLineTest, WritesDurationsAndCountsForPeople) {
   EXPECT_EQ(FormatCount(1'234'567), "1.23 M");
 }
 
-TEST(ProgressLineTest, SaysOnlyWhatCanBeTold) {
+TEST(ProgressLineTest, OmitsUnknownValues) {
   v1::Job job = HalfDone();
   EXPECT_EQ(FormatProgress(job), "50.0 %, 250 samples/s");
   job.mutable_progress()->set_relative_mse(0.0123);
@@ -41,13 +41,13 @@ TEST(ProgressLineTest, SaysOnlyWhatCanBeTold) {
             "3 samples are not finite");
 }
 
-TEST(ProgressLineTest, SaysThatAJobIsPaused) {
+TEST(ProgressLineTest, ReportsAPausedJob) {
   v1::Job job = HalfDone();
   job.set_state(v1::Job::STATE_PAUSED);
   EXPECT_EQ(FormatProgress(job), "50.0 %, 250 samples/s; paused");
 }
 
-TEST(ProgressLineTest, AJobWithoutSamplesIsNotDone) { EXPECT_EQ(ShareDone(v1::Progress()), 0); }
+TEST(ProgressLineTest, JobWithoutSamplesIsNotDone) { EXPECT_EQ(FractionDone(v1::Progress()), 0); }
 
 class ProgressOutputTest : public testing::Test {
  protected:
@@ -55,7 +55,7 @@ class ProgressOutputTest : public testing::Test {
   std::string output_;
 };
 
-TEST_F(ProgressOutputTest, APipeGetsALineEveryFewSeconds) {
+TEST_F(ProgressOutputTest, PipesGetALineEveryFewSeconds) {
   ProgressLine line(
       0, [this] { return now_; }, [this](const std::string& s) { output_ += s; });
   line.Show("jobs/1", 0.1, "10 %");
@@ -66,7 +66,7 @@ TEST_F(ProgressOutputTest, APipeGetsALineEveryFewSeconds) {
   EXPECT_EQ(output_, "jobs/1: 10 %\njobs/1: 30 %\n");
 }
 
-TEST_F(ProgressOutputTest, SaysNothingOfWhatIsShort) {
+TEST_F(ProgressOutputTest, ShortTasksPrintNothing) {
   ProgressLine line(
       0, [this] { return now_; }, [this](const std::string& s) { output_ += s; },
       std::chrono::seconds(2));
@@ -79,7 +79,7 @@ TEST_F(ProgressOutputTest, SaysNothingOfWhatIsShort) {
   EXPECT_EQ(output_, "uploading: 30 %\n");
 }
 
-TEST_F(ProgressOutputTest, ATerminalGetsABarOnOneLine) {
+TEST_F(ProgressOutputTest, TerminalsGetAProgressBar) {
   {
     ProgressLine line(
         80, [this] { return now_; }, [this](const std::string& s) { output_ += s; });
@@ -90,7 +90,7 @@ TEST_F(ProgressOutputTest, ATerminalGetsABarOnOneLine) {
   EXPECT_TRUE(output_.ends_with("\n"));
 }
 
-TEST_F(ProgressOutputTest, NeverWritesMoreThanTheTerminalIsWide) {
+TEST_F(ProgressOutputTest, LinesFitTheTerminalWidth) {
   ProgressLine line(
       20, [this] { return now_; }, [this](const std::string& s) { output_ += s; });
   line.Show("jobs/1", 0.5, std::string(500, 'x'));

@@ -139,7 +139,7 @@ def vase(u, v):
     return np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], -1)
 
 
-# Pictures ---------------------------------------------------------------------------------------
+# Images ---------------------------------------------------------------------------------------
 
 
 def write_picture(file_path, pixels, pixel_type):

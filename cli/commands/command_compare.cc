@@ -28,16 +28,16 @@ constexpr const char* kChannelNames[] = {"R", "G", "B"};
 Json Number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 // Mean of the image's channel of sample counts; 0 without this channel.
-double MeanSampleCount(const FramePicture& picture) {
-  const std::vector<float>* samples = picture.Find("samples");
+double MeanSampleCount(const FrameImage& image) {
+  const std::vector<float>* samples = image.Find("samples");
   if (samples == nullptr || samples->empty()) return 0;
   double sum = 0;
   for (const float count : *samples) sum += count;
   return sum / static_cast<double>(samples->size());
 }
 
-absl::Status WriteDifference(FramePicture difference, const std::string& path) {
-  if (!IsPng(path)) return WritePicture(difference, path);
+absl::Status WriteDifference(FrameImage difference, const std::string& path) {
+  if (!IsPng(path)) return WriteFrameImage(difference, path);
   // A PNG has no negative values: it shows the magnitude of a difference, not its sign.
   for (std::vector<float>& plane : difference.planes) {
     for (float& value : plane) value = std::fabs(value);
@@ -63,7 +63,7 @@ class CompareCommand : public Command {
     command->add_flag("--tiles", tiles_, "Also list tiles that differ by more than noise");
     command
         ->add_option(
-            "--allow", limits_.mean_share_max,
+            "--allow", limits_.mean_fraction_max,
             "With --tiles: allowed difference beyond noise, as a fraction of a tile's mean")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
@@ -99,14 +99,14 @@ class CompareCommand : public Command {
         !status.ok()) {
       return ReportOutputError(status);
     }
-    absl::StatusOr<FramePicture> reference = ReadPicture(reference_path_);
+    absl::StatusOr<FrameImage> reference = ReadFrameImage(reference_path_);
     if (!reference.ok()) return ReportError(ExitCode::kFile, reference.status());
-    const absl::StatusOr<FramePicture> image = ReadPicture(image_path_);
+    const absl::StatusOr<FrameImage> image = ReadFrameImage(image_path_);
     if (!image.ok()) return ReportError(ExitCode::kFile, image.status());
     ComparisonReport report;
     report.tolerance = tolerance_;
-    report.reference_digest = PictureDigest(*reference);
-    report.image_digest = PictureDigest(*image);
+    report.reference_digest = ImageDigest(*reference);
+    report.image_digest = ImageDigest(*image);
     report.noise = NoiseOfDifference(NoiseOf(*reference), NoiseOf(*image));
     const bool converts = !(reference->color.chromaticities == image->color.chromaticities);
     if (converts) {
@@ -114,13 +114,13 @@ class CompareCommand : public Command {
       // primaries.
       const absl::Status status = ConvertColor(image->color.chromaticities, &*reference);
       if (!status.ok()) return ReportError(ExitCode::kFailed, status);
-      TellNote(absl::StrCat(reference_path_, " is converted to the primaries of ", image_path_));
+      PrintNote(absl::StrCat(reference_path_, " is converted to the primaries of ", image_path_));
     }
     if (absl::Status status = Compare(*reference, *image, &report); !status.ok()) {
       return ReportError(ExitCode::kFailed, status);
     }
     if (!diff_path_.empty()) {
-      absl::StatusOr<FramePicture> difference = DifferencePicture(*reference, *image);
+      absl::StatusOr<FrameImage> difference = DifferenceImage(*reference, *image);
       if (!difference.ok()) return ReportError(ExitCode::kFailed, difference.status());
       const absl::Status written = WriteDifference(*std::move(difference), diff_path_);
       if (!written.ok()) return ReportError(ExitCode::kFile, written);
@@ -131,9 +131,9 @@ class CompareCommand : public Command {
   }
 
  private:
-  absl::Status Compare(const FramePicture& reference, const FramePicture& image,
+  absl::Status Compare(const FrameImage& reference, const FrameImage& image,
                        ComparisonReport* report) {
-    const absl::StatusOr<Comparison> comparison = ComparePictures(reference, image);
+    const absl::StatusOr<Comparison> comparison = CompareImages(reference, image);
     if (!comparison.ok()) return comparison.status();
     report->comparison = *comparison;
     const absl::StatusOr<double> flip = PerceivedDifference(reference, image, FlipRange::kScreen);
@@ -156,7 +156,7 @@ class CompareCommand : public Command {
   // Whether the exit code is kOk.
   static bool IsWithin(const ComparisonReport& report) {
     if (report.tiles && report.tiles->deviating_count > 0) return false;
-    if (report.tolerance == 0 && report.comparison.share_differing > 0) return false;
+    if (report.tolerance == 0 && report.comparison.fraction_differing > 0) return false;
     return report.tolerance < 0 || report.comparison.relative_mse <= report.tolerance;
   }
 
@@ -169,7 +169,7 @@ class CompareCommand : public Command {
         {"reference_mean", Number(comparison.reference_mean)},
         {"image_mean", Number(comparison.image_mean)},
         {"mean_ratio", Json::array()},
-        {"share_differing", comparison.share_differing},
+        {"share_differing", comparison.fraction_differing},
         {"max_abs_difference", Number(comparison.max_abs_difference)},
         {"nonfinite_count", comparison.nonfinite_count},
         {"reference_digest", report.reference_digest},

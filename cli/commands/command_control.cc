@@ -18,14 +18,14 @@ class ControlCommand : public FarmCommand {
  protected:
   virtual absl::StatusOr<v1::Job> Change(FarmClient* client) = 0;
   // The text to print after the job's name.
-  virtual std::string Told(const v1::Job& job) const { return JobStateName(job.state()); }
+  virtual std::string ResultText(const v1::Job& job) const { return JobStateName(job.state()); }
 
   ExitCode RunWith(FarmClient* client) override {
     absl::StatusOr<v1::Job> job = Change(client);
     if (job.ok() && json()) job = client->GetJob(job->name());  // Includes its frames.
     if (!job.ok()) return ReportCallError(job.status());
     std::printf("%s\n", json() ? JobJson(*job).c_str()
-                               : absl::StrCat(job->name(), " ", Told(*job)).c_str());
+                               : absl::StrCat(job->name(), " ", ResultText(*job)).c_str());
     return ExitCode::kOk;
   }
 };
@@ -97,7 +97,7 @@ class PriorityCommand : public ControlCommand {
   absl::StatusOr<v1::Job> Change(FarmClient* client) override {
     return client->SetJobPriority(job_name(), priority_);
   }
-  std::string Told(const v1::Job& job) const override {
+  std::string ResultText(const v1::Job& job) const override {
     return absl::StrCat("priority ", job.priority());
   }
 

@@ -21,7 +21,7 @@ class WatchCommand : public FarmCommand {
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = AddCommon(app, "watch", "Follow a job until it ends; download its images");
     AddJob(command);
-    AddPictureOptions(command, &arguments_);
+    AddImageOptions(command, &arguments_);
     command->footer(
         "Examples:\n"
         "  sheaf watch jobs/7\n"
@@ -37,7 +37,7 @@ class WatchCommand : public FarmCommand {
     if (arguments_.output.empty() && arguments_.png.empty()) {
       return FollowToTheEnd(client, job_name(), json(), {});
     }
-    if (absl::Status status = CheckPictureNames(arguments_); !status.ok()) {
+    if (absl::Status status = CheckImageNames(arguments_); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);
     }
     const absl::StatusOr<v1::Job> job = client->GetJob(job_name());
@@ -77,7 +77,7 @@ class ListCommand : public FarmCommand {
       }
       const double error = job.progress().relative_mse();
       std::printf("%-12s %-10s %6.1f%%  %-10s %s\n", job.name().c_str(),
-                  JobStateName(job.state()).c_str(), 100 * ShareDone(job.progress()),
+                  JobStateName(job.state()).c_str(), 100 * FractionDone(job.progress()),
                   error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
                   Printable(job.title()).c_str());
     }

@@ -79,7 +79,7 @@ class PlanCommand : public Command {
       json["effects"].push_back({{"name", effect.name},
                                  {"without", effect.without},
                                  {"samples", effect.samples},
-                                 {"time_share", effect.TimeShare()},
+                                 {"time_share", effect.TimeFraction()},
                                  {"time_ratio", effect.time_ratio.value},
                                  {"time_ratio_error", effect.time_ratio.error},
                                  {"variance_ratio", effect.variance_ratio},

@@ -66,7 +66,7 @@ class QuoteCommand : public Command {
     const Interruption interruption;
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
-    for (const std::string& text : job->diagnostics) TellOfScene(text);
+    for (const std::string& text : job->diagnostics) PrintSceneNote(text);
     if (!here_) {
       FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
       return QuoteOn(&client, *job);

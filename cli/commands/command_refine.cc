@@ -17,7 +17,7 @@ namespace sheaf::cli {
 namespace {
 
 // Target errors, as fractions of the present error, that are priced when none is requested.
-constexpr double kPricedShares[] = {0.5, 0.25, 0.1, 0.05, 0.01};
+constexpr double kPricedFractions[] = {0.5, 0.25, 0.1, 0.05, 0.01};
 
 std::string BandText(const v1::Estimate& seconds) {
   if (seconds.value() == 0) return "-";
@@ -39,7 +39,7 @@ class RefineCommand : public FarmCommand {
     command->add_flag(
         "--price", price_,
         "Only print the cost: for --target-error, or for several errors if it is not given");
-    AddPictureOptions(command, &arguments_);
+    AddImageOptions(command, &arguments_);
     command->footer(
         "Examples:\n"
         "  sheaf refine jobs/7 --target-error 0.001 --wait -o room.exr\n"
@@ -60,7 +60,7 @@ class RefineCommand : public FarmCommand {
           absl::InvalidArgumentError(
               "a refinement needs a limit; give --target-error, --time, --budget or --samples"));
     }
-    if (absl::Status status = CheckPictureNames(arguments_); !status.ok()) {
+    if (absl::Status status = CheckImageNames(arguments_); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);
     }
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
@@ -101,8 +101,8 @@ class RefineCommand : public FarmCommand {
                                           ": the error of its images is unknown, so no targets can "
                                           "be derived from it; give --target-error")));
     } else {
-      for (const double share : kPricedShares) {
-        request.add_target_errors(share * job->progress().relative_mse());
+      for (const double reference_fraction : kPricedFractions) {
+        request.add_target_errors(reference_fraction * job->progress().relative_mse());
       }
     }
     const absl::StatusOr<v1::PriceRefinementResponse> prices = client->PriceRefinement(request);

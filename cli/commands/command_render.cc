@@ -65,14 +65,14 @@ class RenderCommand : public Command {
     SetLogLevel(LogLevel::kWarning);  // The progress line shows the rest.
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
-    for (const std::string& text : job->diagnostics) TellOfScene(text);
+    for (const std::string& text : job->diagnostics) PrintSceneNote(text);
 
     const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
     if (!delivery.ok()) return ReportOutputError(delivery.status());
     const absl::StatusOr<std::unique_ptr<LocalFarm>> farm = LocalFarm::Open(farm_);
     if (!farm.ok()) return ReportError(ExitCode::kFile, farm.status());
     if (!farm_.http_address.empty()) {
-      Tell("watch at " + (*farm)->http_url());
+      PrintInfo("watch at " + (*farm)->http_url());
     }
     return RenderOn(farm->get(), *job, *delivery, interruption);
   }
@@ -98,13 +98,13 @@ class RenderCommand : public Command {
     }
     if (!ended.ok()) return ReportCallError(ended.status());
     if (ended->state() == v1::Job::STATE_SUCCEEDED) {
-      const absl::Status saved = SavePictures(&client, *ended, delivery);
+      const absl::Status saved = SaveImages(&client, *ended, delivery);
       if (!saved.ok()) {
-        Tell(KeepState(farm));
+        PrintInfo(KeepState(farm));
         return ReportError(ExitCode::kFile, saved);
       }
     }
-    return ReportEnd(*ended, /*pictures_written=*/true);
+    return ReportEnd(*ended, /*images_written=*/true);
   }
 
   // Keeps the farm's state and returns the text that says how to resume from it.
@@ -118,11 +118,11 @@ class RenderCommand : public Command {
 
   // Merged samples are kept.
   ExitCode ReportInterruption(LocalFarm* farm, const absl::StatusOr<v1::Job>& job) const {
-    const double share = job.ok() ? ShareDone(job->progress()) : 0;
-    const bool keeps = share > 0 || !farm_.kept_state.empty();
+    const double fraction = job.ok() ? FractionDone(job->progress()) : 0;
+    const bool keeps = fraction > 0 || !farm_.kept_state.empty();
     return ReportError(ExitCode::kInterrupted,
                        absl::CancelledError(
-                           absl::StrFormat("interrupted at %.1f %%; %s", 100 * share,
+                           absl::StrFormat("interrupted at %.1f %%; %s", 100 * fraction,
                                            keeps ? KeepState(farm) : "nothing was rendered yet")));
   }
 

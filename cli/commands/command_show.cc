@@ -16,7 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/commands/farm_command.h"
-#include "cli/image/terminal_picture.h"
+#include "cli/image/terminal_image.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/job_json.h"
 #include "cli/message.h"
@@ -24,12 +24,12 @@
 #include "common/base/printable.h"
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/core/error_curve.h"
-#include "coordinator/service/http/picture_layer.h"
+#include "coordinator/service/http/image_layer.h"
 
 namespace sheaf::cli {
 namespace {
 
-// Limit for images shown without --picture: larger ones are not fetched.
+// Limit for images shown without --image: larger ones are not fetched.
 constexpr uint64_t kUnaskedBytesMax = uint64_t{256} << 20;
 constexpr uint64_t kAskedBytesMax = uint64_t{16} << 30;
 constexpr const char* kAuto = "auto";
@@ -46,7 +46,8 @@ void PrintFrame(const v1::Frame& frame) {
       "%-8d %-12s %8llu %6.1f%%  %-10s %-7s %s\n", frame.spec().frame_number(),
       absl::StrCat(window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px()).c_str(),
       static_cast<unsigned long long>(frame.spec().settings().sample_count()),
-      100 * ShareDone(frame.progress()), error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+      100 * FractionDone(frame.progress()),
+      error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
       frame.flip() > 0 ? absl::StrFormat("%.4f", frame.flip()).c_str() : "-",
       frame.complete() ? frame.picture_digest().substr(0, 16).c_str() : "-");
 }
@@ -67,29 +68,29 @@ void PrintJob(const v1::Job& job) {
   for (const v1::Frame& frame : job.frames()) PrintFrame(frame);
 }
 
-void PrintFile(const std::string& path, const FramePicture& picture, bool json) {
-  const int width = picture.window.Width(), height = picture.window.Height();
+void PrintFile(const std::string& path, const FrameImage& image, bool json) {
+  const int width = image.window.Width(), height = image.window.Height();
   if (json) {
     const nlohmann::ordered_json object = {{"path", path},
                                            {"width_px", width},
                                            {"height_px", height},
-                                           {"picture_digest", PictureDigest(picture)},
-                                           {"channels", picture.channel_names},
-                                           {"metadata", picture.metadata}};
+                                           {"picture_digest", ImageDigest(image)},
+                                           {"channels", image.channel_names},
+                                           {"metadata", image.metadata}};
     std::printf("%s\n", object.dump().c_str());
     return;
   }
   std::printf("%s  %dx%d, %zu channels, %s\n", path.c_str(), width, height,
-              picture.channel_names.size(), PictureDigest(picture).substr(0, 16).c_str());
+              image.channel_names.size(), ImageDigest(image).substr(0, 16).c_str());
   // Errors recorded in the file when it was delivered.
   for (const auto& [key, name] : {std::pair{"relativeMse", "relMSE"}, std::pair{"flip", "FLIP"}}) {
-    const auto found = picture.metadata.find(key);
-    if (found != picture.metadata.end()) {
+    const auto found = image.metadata.find(key);
+    if (found != image.metadata.end()) {
       std::printf("estimated %-7s %s\n", name, Printable(found->second).c_str());
     }
   }
-  const auto curve = picture.metadata.find(coordinator::kErrorCurveKey);
-  if (curve == picture.metadata.end()) return;
+  const auto curve = image.metadata.find(coordinator::kErrorCurveKey);
+  if (curve == image.metadata.end()) return;
   const std::vector<coordinator::ErrorPoint> points = coordinator::ParseErrorCurve(curve->second);
   if (points.empty()) return;
   std::printf("%10s  %-12s %s\n", "samples", "relMSE", "at most (95 %)");
@@ -101,32 +102,31 @@ void PrintFile(const std::string& path, const FramePicture& picture, bool json) 
 
 // An image and its caption.
 struct ShownLayer {
-  ShownPicture picture;
+  ShownImage image;
   PngTags tags;
   std::string caption;
 };
 
 // The layer as a screen displays it. False colors are the same as on the dashboard.
-absl::StatusOr<ShownLayer> ShowLayer(const FramePicture& picture, coordinator::PictureLayer layer,
+absl::StatusOr<ShownLayer> ShowLayer(const FrameImage& image, coordinator::ImageLayer layer,
                                      const ViewTransform& view) {
   ShownLayer shown;
-  if (layer == coordinator::PictureLayer::kPicture) {
-    absl::StatusOr<std::vector<Rgb8>> pixels = view.Show(picture);
+  if (layer == coordinator::ImageLayer::kImage) {
+    absl::StatusOr<std::vector<Rgb8>> pixels = view.Show(image);
     if (!pixels.ok()) return pixels.status();
-    shown.picture = {picture.window.Width(), picture.window.Height(), *std::move(pixels)};
+    shown.image = {image.window.Width(), image.window.Height(), *std::move(pixels)};
     shown.tags = view.Tags();
     return shown;
   }
   for (const std::string& channel : coordinator::ChannelsOf(layer)) {
-    if (picture.Find(channel) != nullptr) continue;
+    if (image.Find(channel) != nullptr) continue;
     return absl::InvalidArgumentError(absl::StrCat("--layer: the image has no channel ", channel));
   }
-  absl::StatusOr<coordinator::DisplayPicture> display =
-      coordinator::MakeDisplayPicture(picture, layer);
+  absl::StatusOr<coordinator::DisplayImage> display = coordinator::MakeDisplayImage(image, layer);
   if (!display.ok()) return display.status();
-  shown.picture = {display->width_px, display->height_px, std::move(display->pixels)};
+  shown.image = {display->width_px, display->height_px, std::move(display->pixels)};
   if (display->range) {
-    const bool is_error = layer == coordinator::PictureLayer::kError;
+    const bool is_error = layer == coordinator::ImageLayer::kError;
     shown.caption = absl::StrFormat("%s: dark blue %g, yellow %g",
                                     is_error ? "relative error" : "samples per pixel",
                                     display->range->low, display->range->high);
@@ -175,15 +175,15 @@ class ShowCommand : public FarmCommand {
         return ReportError(ExitCode::kUsage, view.status());
       } else {
         // A bad config from the environment must not prevent the other output.
-        TellNote(absl::StrCat("no image: ", view.status().message()));
+        PrintNote(absl::StrCat("no image: ", view.status().message()));
         graphics_ = TerminalGraphics::kNone;
       }
     }
     if (!target_.ends_with(".exr")) return FarmCommand::Run();
-    const absl::StatusOr<FramePicture> picture = ReadPicture(target_);
-    if (!picture.ok()) return ReportError(ExitCode::kFile, picture.status());
-    PrintFile(target_, *picture, json());
-    return PrintPicture(*picture);
+    const absl::StatusOr<FrameImage> image = ReadFrameImage(target_);
+    if (!image.ok()) return ReportError(ExitCode::kFile, image.status());
+    PrintFile(target_, *image, json());
+    return PrintImage(*image);
   }
 
  protected:
@@ -201,13 +201,13 @@ class ShowCommand : public FarmCommand {
     const absl::StatusOr<std::string> bytes =
         client->ReadFrameOutput(frame->name(), IsAsked() ? kAskedBytesMax : kUnaskedBytesMax);
     if (absl::IsOutOfRange(bytes.status())) {
-      TellNote("the image is large; give --picture to show it");
+      PrintNote("the image is large; give --picture to show it");
       return ExitCode::kOk;
     }
     if (!bytes.ok()) return ReportCallError(bytes.status());
-    const absl::StatusOr<FramePicture> picture = DecodePicture(*bytes);
-    if (!picture.ok()) return ReportError(ExitCode::kFailed, picture.status());
-    return PrintPicture(*picture);
+    const absl::StatusOr<FrameImage> image = DecodeFrameImage(*bytes);
+    if (!image.ok()) return ReportError(ExitCode::kFailed, image.status());
+    return PrintImage(*image);
   }
 
  private:
@@ -245,13 +245,13 @@ class ShowCommand : public FarmCommand {
                            frame_number_ ? absl::StrCat(" ", *frame_number_) : "", " to show")));
   }
 
-  ExitCode PrintPicture(const FramePicture& picture) const {
+  ExitCode PrintImage(const FrameImage& image) const {
     if (graphics_ == TerminalGraphics::kNone) return ExitCode::kOk;
-    const coordinator::PictureLayer layer = *coordinator::PictureLayerFromName(layer_name_);
-    absl::StatusOr<ShownLayer> shown = ShowLayer(picture, layer, view_);
+    const coordinator::ImageLayer layer = *coordinator::ImageLayerFromName(layer_name_);
+    absl::StatusOr<ShownLayer> shown = ShowLayer(image, layer, view_);
     if (!shown.ok()) return ReportError(ExitCode::kFailed, shown.status());
     const absl::StatusOr<std::string> text = TerminalText(graphics_, MeasureTerminal(STDOUT_FILENO),
-                                                          std::move(shown->picture), shown->tags);
+                                                          std::move(shown->image), shown->tags);
     if (!text.ok()) return ReportError(ExitCode::kFailed, text.status());
     std::fwrite(text->data(), 1, text->size(), stdout);
     if (!shown->caption.empty()) std::printf("%s\n", shown->caption.c_str());

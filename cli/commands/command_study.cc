@@ -74,7 +74,7 @@ class StudyCommand : public Command {
     if (options_.threads == 0) {
       options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
     }
-    options_.on_progress = [](const std::string& line) { Tell(line); };
+    options_.on_progress = [](const std::string& line) { PrintInfo(line); };
     absl::StatusOr<StudyResult> result =
         RunStudy(scene, opened.settings, *opened.file.files, options_);
     if (!result.ok()) return ReportSceneError(result.status());

@@ -70,7 +70,7 @@ class SubmitCommand : public Command {
     const Interruption interruption;
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
-    for (const std::string& text : job->diagnostics) TellOfScene(text);
+    for (const std::string& text : job->diagnostics) PrintSceneNote(text);
     const absl::StatusOr<Delivery> delivery =
         wait_ || is_named ? MakeDelivery(arguments_, *job, *view) : Delivery{};
     if (!delivery.ok()) return ReportOutputError(delivery.status());
@@ -94,16 +94,17 @@ class SubmitCommand : public Command {
     if (!created.ok()) return ReportCallError(created.status());
     if (wait_) return FollowToTheEnd(&client, created->name(), json_, *delivery);
     if (is_named) {
-      TellNote("without --wait no image is written; download it with: " +
-               FetchCommand(client, created->name(), *delivery));
+      PrintNote("without --wait no image is written; download it with: " +
+                FetchCommand(client, created->name(), *delivery));
     }
     if (!json_) {
       std::printf("%s\n", created->name().c_str());
       return ExitCode::kOk;
     }
-    const absl::StatusOr<v1::Job> told = client.GetJob(created->name());  // Includes its frames.
-    if (!told.ok()) return ReportCallError(told.status());
-    std::printf("%s\n", JobJson(*told).c_str());
+    const absl::StatusOr<v1::Job> with_frames =
+        client.GetJob(created->name());  // Includes its frames.
+    if (!with_frames.ok()) return ReportCallError(with_frames.status());
+    std::printf("%s\n", JobJson(*with_frames).c_str());
     return ExitCode::kOk;
   }
 
@@ -117,10 +118,10 @@ class SubmitCommand : public Command {
     }
     const absl::StatusOr<Quote> quote = MakeQuote(client, arguments_, job, asked);
     if (quote.ok()) {
-      json_ ? Tell(FormatQuote(*quote))
+      json_ ? PrintInfo(FormatQuote(*quote))
             : static_cast<void>(std::fputs(FormatQuote(*quote).c_str(), stderr));
     } else if (!absl::IsCancelled(quote.status())) {
-      TellNote(absl::StrCat("no quote: ", quote.status().message()));
+      PrintNote(absl::StrCat("no quote: ", quote.status().message()));
     }
     return quote.status();
   }

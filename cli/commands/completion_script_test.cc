@@ -51,7 +51,7 @@ TEST(CompletionScriptTest, BashCompletesCommandsAndTheirOptions) {
   EXPECT_EQ(complete("sheaf submit roo", 2), "\n");  // The shell completes files itself.
 }
 
-TEST(CompletionScriptTest, HelpTextCannotEndAQuote) {
+TEST(CompletionScriptTest, HelpTextIsQuoted) {
   for (const Shell shell : {Shell::kZsh, Shell::kFish}) {
     const std::string script = CompletionScript(shell, Commands());
     EXPECT_THAT(script, HasSubstr("Its (fast), wait"));
@@ -62,7 +62,7 @@ TEST(CompletionScriptTest, HelpTextCannotEndAQuote) {
   }
 }
 
-TEST(CompletionScriptTest, BashCompletesJobsThatTheCoordinatorHas) {
+TEST(CompletionScriptTest, BashCompletesJobNames) {
   const std::string folder = testing::TempDir() + "/sheaf_completion_jobs";
   std::filesystem::create_directories(folder);
   std::ofstream(folder + "/sheaf") << "#!/bin/sh\n[ \"$*\" = 'completion jobs' ] && "

@@ -18,7 +18,7 @@ v1::EffectCost ToWire(const render::EffectMeasurement& effect) {
   if (!effect.problem.empty()) return wire;
   const double ratio = effect.time_ratio.value;
   wire.set_without(effect.without);
-  wire.set_time_share(effect.TimeShare());
+  wire.set_time_share(effect.TimeFraction());
   wire.set_time_share_error(effect.time_ratio.error / (ratio * ratio));
   wire.set_mean_change(effect.mean_change.value);
   wire.set_mean_change_error(effect.mean_change.error);

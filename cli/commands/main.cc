@@ -42,7 +42,7 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
 }
 
 // Checked before the command line is parsed, since parse errors are printed as JSON too.
-bool AsksForJson(int argc, char** argv) {
+bool RequestsJson(int argc, char** argv) {
   return std::any_of(argv + 1, argv + argc,
                      [](const char* word) { return std::string_view(word) == "--json"; });
 }
@@ -60,8 +60,8 @@ ExitCode Main(int argc, char** argv) {
   for (const std::unique_ptr<Command>& command : commands) {
     added.emplace_back(command->AddTo(&app), command.get());
   }
-  if (AsksForJson(argc, argv)) UseJsonMessages();
-  const auto report = [](const std::string& text) { TellError(ExitCode::kUsage, text); };
+  if (RequestsJson(argc, argv)) UseJsonMessages();
+  const auto report = [](const std::string& text) { PrintError(ExitCode::kUsage, text); };
   if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) {
     return static_cast<ExitCode>(*code);
   }

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kTileSizePxMax = 1024;
 constexpr double kStopNumberMax = 1e6;
-constexpr char kPictureGroup[] = "Output images";
+constexpr char kImageGroup[] = "Output images";
 
 // Parses "x0,y0,x1,y1", half-open.
 PixelRect ParseCrop(const std::string& text) {
@@ -172,7 +172,7 @@ void AddStopOptions(CLI::App* command, StopArguments* stop) {
 }
 
 void AddViewOptions(CLI::App* command, ViewArguments* view) {
-  const OptionGroup group(command, kPictureGroup);
+  const OptionGroup group(command, kImageGroup);
   command->add_option("--view", view->view,
                       "View of the image in PNGs and terminals: sRGB (values clipped at 1), \"ACES "
                       "1.0 SDR\" or Raw, or a view of the --ocio config (default: the first)");
@@ -184,8 +184,8 @@ void AddViewOptions(CLI::App* command, ViewArguments* view) {
       ->envname("OCIO");
 }
 
-void AddPictureOptions(CLI::App* command, JobArguments* arguments) {
-  const OptionGroup group(command, kPictureGroup);
+void AddImageOptions(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, kImageGroup);
   command->add_option("-o,--output", arguments->output,
                       "Image to write at the end: .exr or .png; #### is the frame number");
   command->add_option("--png", arguments->png, "Also write a PNG");
@@ -234,7 +234,7 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddSettingsOptions(command, arguments);
   AddStopOptions(command, &arguments->stop);
   AddFramesOption(command, arguments);
-  const OptionGroup group(command, kPictureGroup);
+  const OptionGroup group(command, kImageGroup);
   command->add_option(
       "-o,--output", arguments->output,
       "Image to write: .exr, or .png with an .exr beside it; #### is the frame number");

@@ -19,7 +19,7 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
 // --target-error, --time and --budget.
 void AddStopOptions(CLI::App* command, StopArguments* stop);
 // --output and --png, for images of a job submitted earlier, and --view.
-void AddPictureOptions(CLI::App* command, JobArguments* arguments);
+void AddImageOptions(CLI::App* command, JobArguments* arguments);
 // --frames.
 void AddFramesOption(CLI::App* command, JobArguments* arguments);
 // --resume-from.

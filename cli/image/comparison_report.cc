@@ -69,14 +69,14 @@ std::string VerdictText(const ComparisonReport& report) {
 
 }  // namespace
 
-std::optional<ExpectedNoise> NoiseOf(const FramePicture& picture) {
+std::optional<ExpectedNoise> NoiseOf(const FrameImage& image) {
   for (const char* channel :
        {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "samples", "nonfinite"}) {
-    if (picture.Find(channel) == nullptr) return std::nullopt;
+    if (image.Find(channel) == nullptr) return std::nullopt;
   }
-  const auto sampling = picture.metadata.find("sampling");
-  if (sampling != picture.metadata.end() && sampling->second == "one-sequence") return std::nullopt;
-  const FrameError error = EstimateError(picture);
+  const auto sampling = image.metadata.find("sampling");
+  if (sampling != image.metadata.end() && sampling->second == "one-sequence") return std::nullopt;
+  const FrameError error = EstimateError(image);
   if (!(error.relative_mse > 0)) return std::nullopt;
   return ExpectedNoise{error.relative_mse, error.relative_mse_deviation};
 }
@@ -89,7 +89,7 @@ std::optional<ExpectedNoise> NoiseOfDifference(const std::optional<ExpectedNoise
 }
 
 const char* VerdictOf(const ComparisonReport& report) {
-  if (report.comparison.share_differing == 0) return "identical";
+  if (report.comparison.fraction_differing == 0) return "identical";
   if (!report.noise) return "unknown";
   const ExpectedNoise& noise = *report.noise;
   const double most = noise.relative_mse + kNoiseDeviationsMax * noise.deviation;
@@ -110,7 +110,7 @@ std::string FormatComparison(const ComparisonReport& report) {
   line("mean", MeanText(comparison));
   line("MSE", absl::StrFormat("%.3g", comparison.mse));
   line("largest difference", absl::StrFormat("%.3g", comparison.max_abs_difference));
-  line("pixels that differ", absl::StrFormat("%.4g %%", 100 * comparison.share_differing));
+  line("pixels that differ", absl::StrFormat("%.4g %%", 100 * comparison.fraction_differing));
   line("NaN/Inf values", absl::StrCat(comparison.nonfinite_count));
   if (report.tiles) AppendTiles(*report.tiles, &text);
   line("reference", report.reference_digest);

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "common/film/error/compare.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 
 namespace sheaf::cli {
 
@@ -17,7 +17,7 @@ struct ExpectedNoise {
   double relative_mse = 0, deviation = 0;
 };
 // nullopt if the image has no true error bars.
-std::optional<ExpectedNoise> NoiseOf(const FramePicture& picture);
+std::optional<ExpectedNoise> NoiseOf(const FrameImage& image);
 
 // Variances of independent errors add up. A reference without error bars counts as noise-free.
 std::optional<ExpectedNoise> NoiseOfDifference(const std::optional<ExpectedNoise>& reference,

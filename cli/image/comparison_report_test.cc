@@ -18,7 +18,7 @@ using testing::Not;
 ComparisonReport Differing(double relative_mse) {
   ComparisonReport report;
   report.comparison.relative_mse = relative_mse;
-  report.comparison.share_differing = 0.98765;
+  report.comparison.fraction_differing = 0.98765;
   report.comparison.reference_mean = 0.5;
   report.comparison.image_mean = 0.51;
   report.comparison.mean_ratio = {1.01, 1.02, 1.03};
@@ -29,21 +29,21 @@ ComparisonReport Differing(double relative_mse) {
   return report;
 }
 
-TEST(ComparisonReportTest, TheVerdictIsHeldAgainstTheErrorBars) {
+TEST(ComparisonReportTest, VerdictComparesErrorWithErrorBars) {
   EXPECT_STREQ(VerdictOf(Differing(0.0129)), "within noise");
   EXPECT_STREQ(VerdictOf(Differing(0.0131)), "beyond noise");
   EXPECT_THAT(FormatComparison(Differing(0.03)),
               HasSubstr("beyond noise: the error bars predict a relMSE of 0.01 +- 0.001, and "
                         "relMSE is 3.0 times that; --tiles shows where"));
   ComparisonReport same = Differing(0);
-  same.comparison.share_differing = 0;
+  same.comparison.fraction_differing = 0;
   EXPECT_STREQ(VerdictOf(same), "identical");
   ComparisonReport unknown = Differing(0.01);
   unknown.noise.reset();
   EXPECT_STREQ(VerdictOf(unknown), "unknown");
 }
 
-TEST(ComparisonReportTest, NumbersAreRoundedAndHaveUnits) {
+TEST(ComparisonReportTest, NumbersAreRoundedWithUnits) {
   const std::string text = FormatComparison(Differing(0.0123456789));
   EXPECT_THAT(text, HasSubstr("relMSE               0.0123 (typical error of a pixel: 11 %)\n"));
   EXPECT_THAT(text,
@@ -54,7 +54,7 @@ TEST(ComparisonReportTest, NumbersAreRoundedAndHaveUnits) {
   EXPECT_THAT(text, Not(HasSubstr("_")));
 }
 
-TEST(ComparisonReportTest, TilesAndTolerancesAreWords) {
+TEST(ComparisonReportTest, ReportsTilesAndTolerance) {
   ComparisonReport report = Differing(0.02);
   report.tolerance = 0.001;
   report.tiles = TileDeviations{64, 1, {{{16, 0, 32, 16}, 0, 0.51, 0.4, 0.01, 7.25}}};
@@ -68,7 +68,7 @@ TEST(ComparisonReportTest, TilesAndTolerancesAreWords) {
   EXPECT_THAT(text, Not(HasSubstr("inf")));
 }
 
-TEST(ComparisonReportTest, NoiseIsThatOfBothPictures) {
+TEST(ComparisonReportTest, NoiseCombinesBothImages) {
   const ExpectedNoise a{0.03, 0.003}, b{0.01, 0.004};
   const std::optional<ExpectedNoise> both = NoiseOfDifference(a, b);
   ASSERT_TRUE(both);
@@ -79,20 +79,19 @@ TEST(ComparisonReportTest, NoiseIsThatOfBothPictures) {
 }
 
 TEST(ComparisonReportTest, OneSequenceHasNoErrorBars) {
-  FramePicture picture;
-  picture.window = {0, 0, 2, 1};
-  picture.frame_width_px = 2;
-  picture.frame_height_px = 1;
-  picture.channel_names = {"R",        "G",        "B",       "stderr.R",
-                           "stderr.G", "stderr.B", "samples", "nonfinite"};
-  picture.planes = {{1, 1}, {1, 1}, {1, 1}, {.1f, .1f}, {.1f, .1f}, {.1f, .1f}, {16, 16}, {0, 0}};
-  ASSERT_TRUE(NoiseOf(picture));
-  EXPECT_NEAR(NoiseOf(picture)->relative_mse, 0.01, 0.002);
-  picture.metadata["sampling"] = "one-sequence";
-  EXPECT_FALSE(NoiseOf(picture));
-  picture.metadata.clear();
-  picture.channel_names[3] = "other";
-  EXPECT_FALSE(NoiseOf(picture));
+  FrameImage image;
+  image.window = {0, 0, 2, 1};
+  image.frame_width_px = 2;
+  image.frame_height_px = 1;
+  image.channel_names = {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "samples", "nonfinite"};
+  image.planes = {{1, 1}, {1, 1}, {1, 1}, {.1f, .1f}, {.1f, .1f}, {.1f, .1f}, {16, 16}, {0, 0}};
+  ASSERT_TRUE(NoiseOf(image));
+  EXPECT_NEAR(NoiseOf(image)->relative_mse, 0.01, 0.002);
+  image.metadata["sampling"] = "one-sequence";
+  EXPECT_FALSE(NoiseOf(image));
+  image.metadata.clear();
+  image.channel_names[3] = "other";
+  EXPECT_FALSE(NoiseOf(image));
 }
 
 }  // namespace

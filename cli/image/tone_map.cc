@@ -6,14 +6,14 @@
 
 namespace sheaf::cli {
 
-std::vector<Rgb8> ToneMapSrgb(const FramePicture& picture) {
-  if (FramePicture shown; !(picture.color.chromaticities == Chromaticities())) {
-    shown = picture;
+std::vector<Rgb8> ToneMapSrgb(const FrameImage& image) {
+  if (FrameImage shown; !(image.color.chromaticities == Chromaticities())) {
+    shown = image;
     if (ConvertColor(Chromaticities(), &shown).ok()) return ToneMapSrgb(shown);
   }
-  const std::vector<float>* red = picture.Find("R");
-  const std::vector<float>* green = picture.Find("G");
-  const std::vector<float>* blue = picture.Find("B");
+  const std::vector<float>* red = image.Find("R");
+  const std::vector<float>* green = image.Find("G");
+  const std::vector<float>* blue = image.Find("B");
   SHEAF_CHECK(red != nullptr && green != nullptr && blue != nullptr);
   std::vector<Rgb8> pixels(red->size());
   for (size_t i = 0; i < pixels.size(); ++i) {

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "common/image/image_io.h"
 
 namespace sheaf::cli {
@@ -15,6 +15,6 @@ namespace sheaf::cli {
 // sRGB curve. There is no exposure and no other curve, so that a PNG shows the EXR's values.
 // Row-major over the image's window. Degenerate primaries are replaced by sRGB's. Requires: R, G
 // and B exist.
-std::vector<Rgb8> ToneMapSrgb(const FramePicture& picture);
+std::vector<Rgb8> ToneMapSrgb(const FrameImage& image);
 
 }  // namespace sheaf::cli

@@ -105,14 +105,14 @@ bool ShowsData(const ocio::Config& config, const std::string& display, const std
 
 // Converts numbers from the given chromaticities to the color space, mapping white to white.
 // Degenerate chromaticities are replaced by sRGB's.
-Matrix4 AnchorFromPicture(Primaries primaries, const Chromaticities& chromaticities) {
+Matrix4 AnchorFromImage(Primaries primaries, const Chromaticities& chromaticities) {
   const Chromaticities anchor = ChromaticitiesOf(primaries);
   if (chromaticities == anchor) return Matrix4();
-  const std::optional<Matrix4> xyz_from_picture = XyzFromRgb(chromaticities);
-  if (!xyz_from_picture) return AnchorFromPicture(primaries, Chromaticities());
+  const std::optional<Matrix4> xyz_from_image = XyzFromRgb(chromaticities);
+  if (!xyz_from_image) return AnchorFromImage(primaries, Chromaticities());
   Matrix4 anchor_from_xyz;
   SHEAF_CHECK(Invert(*XyzFromRgb(anchor), &anchor_from_xyz));
-  return anchor_from_xyz * AdaptWhite(chromaticities.white, anchor.white) * *xyz_from_picture;
+  return anchor_from_xyz * AdaptWhite(chromaticities.white, anchor.white) * *xyz_from_image;
 }
 
 ocio::ConstTransformRcPtr TransformOf(const Matrix4& matrix) {
@@ -149,7 +149,7 @@ struct ViewTransform::Opened {
       transform->setDisplay(display.c_str());
       transform->setView(view.c_str());
       group->appendTransform(
-          TransformOf(AnchorFromPicture(anchor_primaries, chromaticities))->createEditableCopy());
+          TransformOf(AnchorFromImage(anchor_primaries, chromaticities))->createEditableCopy());
       group->appendTransform(transform);
     }
     return config->getProcessor(group)->getOptimizedCPUProcessor(ocio::OPTIMIZATION_LOSSLESS);
@@ -201,12 +201,12 @@ PngTags ViewTransform::Tags() const {
   return tags;
 }
 
-std::vector<Rgb8> ViewTransform::ShowOrThrow(const FramePicture& picture) const {
-  const std::array<const std::vector<float>*, 3> planes{picture.Find("R"), picture.Find("G"),
-                                                        picture.Find("B")};
+std::vector<Rgb8> ViewTransform::ShowOrThrow(const FrameImage& frame_image) const {
+  const std::array<const std::vector<float>*, 3> planes{
+      frame_image.Find("R"), frame_image.Find("G"), frame_image.Find("B")};
   for (const std::vector<float>* plane : planes) SHEAF_CHECK(plane != nullptr);
   const ocio::ConstCPUProcessorRcPtr processor =
-      opened_->ProcessorFor(picture.color.chromaticities, display_, view_);
+      opened_->ProcessorFor(frame_image.color.chromaticities, display_, view_);
   std::vector<Rgb8> pixels(planes[0]->size());
   std::vector<float> block;
   for (size_t first = 0; first < pixels.size(); first += kBlockPixelCount) {
@@ -223,21 +223,21 @@ std::vector<Rgb8> ViewTransform::ShowOrThrow(const FramePicture& picture) const 
   return pixels;
 }
 
-absl::StatusOr<std::vector<Rgb8>> ViewTransform::Show(const FramePicture& picture) const {
-  if (opened_ == nullptr) return ToneMapSrgb(picture);
+absl::StatusOr<std::vector<Rgb8>> ViewTransform::Show(const FrameImage& frame_image) const {
+  if (opened_ == nullptr) return ToneMapSrgb(frame_image);
   try {
-    return ShowOrThrow(picture);
+    return ShowOrThrow(frame_image);
   } catch (const std::exception& error) {
     return absl::InternalError(absl::StrCat("view \"", view_, "\": ", error.what()));
   }
 }
 
-absl::Status WriteView(const ViewTransform& view, const FramePicture& picture,
+absl::Status WriteView(const ViewTransform& view, const FrameImage& frame_image,
                        const std::string& path) {
-  const absl::StatusOr<std::vector<Rgb8>> pixels = view.Show(picture);
+  const absl::StatusOr<std::vector<Rgb8>> pixels = view.Show(frame_image);
   if (!pixels.ok()) return pixels.status();
-  const absl::StatusOr<std::string> bytes =
-      EncodeTaggedPng(picture.window.Width(), picture.window.Height(), *pixels, view.Tags());
+  const absl::StatusOr<std::string> bytes = EncodeTaggedPng(
+      frame_image.window.Width(), frame_image.window.Height(), *pixels, view.Tags());
   if (!bytes.ok()) return bytes.status();
   return WriteFileAtomically(path, *bytes);
 }

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "common/image/png_tags.h"
 
 namespace sheaf::cli {
@@ -44,20 +44,20 @@ class ViewTransform {
   // the view sRGB of Sheaf's own config, which is ToneMapSrgb and does not adapt. Views of data get
   // the numbers unchanged. Infinite values are clamped to the range of half floats; NaN becomes 0.
   // Requires: R, G and B exist. Errors: kInternal if OpenColorIO fails.
-  absl::StatusOr<std::vector<Rgb8>> Show(const FramePicture& picture) const;
+  absl::StatusOr<std::vector<Rgb8>> Show(const FrameImage& frame_image) const;
 
  private:
   struct Opened;
   // As Open and Show, but they throw the library's exceptions.
   static absl::StatusOr<ViewTransform> OpenOrThrow(const ViewArguments& arguments);
-  std::vector<Rgb8> ShowOrThrow(const FramePicture& picture) const;
+  std::vector<Rgb8> ShowOrThrow(const FrameImage& frame_image) const;
 
   std::shared_ptr<const Opened> opened_;  // Null: ToneMapSrgb.
   std::string view_ = "sRGB", display_ = "sRGB";
 };
 
 // Writes the image as the view shows it. Errors: those of Show and of writing.
-absl::Status WriteView(const ViewTransform& view, const FramePicture& picture,
+absl::Status WriteView(const ViewTransform& view, const FrameImage& frame_image,
                        const std::string& path);
 
 }  // namespace sheaf::cli

@@ -21,16 +21,16 @@ namespace {
 
 using testing::HasSubstr;
 
-FramePicture PictureOf(const std::vector<std::array<float, 3>>& colors, Primaries primaries) {
-  FramePicture picture;
-  picture.window = {0, 0, static_cast<int32_t>(colors.size()), 1};
-  picture.color.chromaticities = ChromaticitiesOf(primaries);
-  picture.channel_names = {"R", "G", "B"};
-  picture.planes.resize(3);
+FrameImage ImageOf(const std::vector<std::array<float, 3>>& colors, Primaries primaries) {
+  FrameImage frame_image;
+  frame_image.window = {0, 0, static_cast<int32_t>(colors.size()), 1};
+  frame_image.color.chromaticities = ChromaticitiesOf(primaries);
+  frame_image.channel_names = {"R", "G", "B"};
+  frame_image.planes.resize(3);
   for (const std::array<float, 3>& color : colors) {
-    for (size_t c = 0; c < 3; ++c) picture.planes[c].push_back(color[c]);
+    for (size_t c = 0; c < 3; ++c) frame_image.planes[c].push_back(color[c]);
   }
-  return picture;
+  return frame_image;
 }
 
 ViewTransform Opened(const std::string& view, const std::string& config = "") {
@@ -61,12 +61,12 @@ const std::vector<std::array<float, 3>> kColors = {
 
 // The expected values follow from IEC 61966-2-1 and, for ACEScg, from matrices of the
 // chromaticities.
-TEST(ViewTransformTest, OwnSrgbShowsTheLightAsItIs) {
+TEST(ViewTransformTest, BuiltInSrgbViewAppliesOnlyTheSrgbCurve) {
   const ViewTransform view = Opened("srgb");
   EXPECT_EQ(view.view(), "sRGB");
-  EXPECT_EQ(*view.Show(PictureOf(kColors, Primaries::kSrgb)),
+  EXPECT_EQ(*view.Show(ImageOf(kColors, Primaries::kSrgb)),
             (std::vector<Rgb8>{{118, 118, 118}, {231, 89, 63}, {39, 63, 203}, {255, 255, 255}}));
-  EXPECT_EQ(*view.Show(PictureOf(kColors, Primaries::kAcesCg)),
+  EXPECT_EQ(*view.Show(ImageOf(kColors, Primaries::kAcesCg)),
             (std::vector<Rgb8>{{120, 117, 113}, {255, 21, 40}, {0, 62, 208}, {255, 255, 255}}));
 }
 
@@ -75,54 +75,54 @@ TEST(ViewTransformTest, OwnSrgbShowsTheLightAsItIs) {
 // curve. The white of both images is the white of ACES.
 TEST(ViewTransformTest, AcesShowsRec709AndAcesCg) {
   const ViewTransform view = Opened("ACES 1.0 SDR");
-  ExpectNear(*view.Show(PictureOf(kColors, Primaries::kSrgb)),
+  ExpectNear(*view.Show(ImageOf(kColors, Primaries::kSrgb)),
              {{91, 91, 91}, {190, 66, 41}, {0, 32, 175}, {244, 244, 244}}, 1);
-  ExpectNear(*view.Show(PictureOf(kColors, Primaries::kAcesCg)),
+  ExpectNear(*view.Show(ImageOf(kColors, Primaries::kAcesCg)),
              {{91, 91, 91}, {226, 14, 30}, {0, 30, 185}, {244, 244, 244}}, 1);
 }
 
 // The same light looks the same in any primaries that share a white.
-TEST(ViewTransformTest, AcesShowsTheSameLightAlike) {
+TEST(ViewTransformTest, AcesShowsTheSameLightInAnyPrimaries) {
   const ViewTransform view = Opened("ACES 1.0 SDR");
-  const FramePicture srgb = PictureOf(kColors, Primaries::kSrgb);
-  FramePicture wide = srgb;
+  const FrameImage srgb = ImageOf(kColors, Primaries::kSrgb);
+  FrameImage wide = srgb;
   ASSERT_TRUE(ConvertColor(ChromaticitiesOf(Primaries::kRec2020), &wide).ok());
   ExpectNear(*view.Show(wide), *view.Show(srgb), 1);
 }
 
-TEST(ViewTransformTest, RawShowsTheNumbersOfAnyPrimaries) {
+TEST(ViewTransformTest, RawShowsValuesOfAnyPrimaries) {
   const ViewTransform view = Opened("Raw");
   for (const Primaries primaries : {Primaries::kSrgb, Primaries::kAcesCg}) {
-    EXPECT_EQ(*view.Show(PictureOf(kColors, primaries)),
+    EXPECT_EQ(*view.Show(ImageOf(kColors, primaries)),
               (std::vector<Rgb8>{{46, 46, 46}, {204, 26, 13}, {5, 13, 153}, {255, 255, 255}}));
   }
 }
 
 // Compares the library's transforms with our own over the whole range, in small steps.
-TEST(ViewTransformTest, TheConfigsSrgbIsToneMapSrgbWithinAStep) {
+TEST(ViewTransformTest, ConfigSrgbMatchesToneMapSrgb) {
   std::vector<std::array<float, 3>> colors;
   for (int i = 0; i <= 4000; ++i) {
     const float light = static_cast<float>(i - 100) / 3000;
     colors.push_back({light, light * light, 1 - light});
   }
-  const FramePicture picture = PictureOf(colors, Primaries::kSrgb);
+  const FrameImage frame_image = ImageOf(colors, Primaries::kSrgb);
   const ViewTransform view = Opened("sRGB", WriteConfig("own.ocio", std::string(kOwnViewConfig)));
-  ExpectNear(*view.Show(picture), ToneMapSrgb(picture), 1);
+  ExpectNear(*view.Show(frame_image), ToneMapSrgb(frame_image), 1);
 }
 
-TEST(ViewTransformTest, WhatIsNoNumberIsShown) {
+TEST(ViewTransformTest, NonFiniteValuesAreClamped) {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  const FramePicture picture =
-      PictureOf({{kInfinity, kInfinity, kInfinity}, {std::nanf(""), std::nanf(""), std::nanf("")}},
-                Primaries::kSrgb);
+  const FrameImage frame_image =
+      ImageOf({{kInfinity, kInfinity, kInfinity}, {std::nanf(""), std::nanf(""), std::nanf("")}},
+              Primaries::kSrgb);
   for (const char* name : {"sRGB", "ACES 1.0 SDR", "Raw"}) {
-    const std::vector<Rgb8> shown = *Opened(name).Show(picture);
+    const std::vector<Rgb8> shown = *Opened(name).Show(frame_image);
     EXPECT_GT(shown[0].g, 240) << name;
     EXPECT_EQ(shown[1].g, 0) << name;
   }
 }
 
-TEST(ViewTransformTest, SaysWhatThereIs) {
+TEST(ViewTransformTest, ErrorsListAvailableViews) {
   EXPECT_THAT(ViewTransform::Open({"", "", "Filmic"}).status().message(),
               HasSubstr("has no view \"Filmic\"; it has: sRGB, ACES 1.0 SDR, Raw"));
   EXPECT_THAT(ViewTransform::Open({"", "TV", ""}).status().message(),
@@ -160,13 +160,13 @@ std::string StudioConfig(const std::string& name) {
   return text.replace(text.find("NAME"), 4, name);
 }
 
-TEST(ViewTransformTest, TakesAConfigOfTheUsers) {
+TEST(ViewTransformTest, AcceptsAUserConfig) {
   const std::string path = WriteConfig("studio.ocio", StudioConfig("lin_rec709"));
   const ViewTransform view = Opened("", path);
   EXPECT_EQ(view.view(), "Root");
   EXPECT_FALSE(view.Tags().is_srgb);
   EXPECT_EQ(view.Tags().text.at("Display"), "Monitor");
-  ExpectNear(*view.Show(PictureOf({{0.25f, 0.01f, 1}}, Primaries::kSrgb)), {{128, 26, 255}}, 1);
+  ExpectNear(*view.Show(ImageOf({{0.25f, 0.01f, 1}}, Primaries::kSrgb)), {{128, 26, 255}}, 1);
   EXPECT_THAT(ViewTransform::Open({path, "", "Lost"}).status().message(), HasSubstr("lost.spi1d"));
 }
 
@@ -176,9 +176,9 @@ TEST(ViewTransformTest, RefusesAConfigWithoutAKnownSpace) {
               HasSubstr("aces_interchange"));
 }
 
-TEST(ViewTransformTest, ThePngNamesTheView) {
+TEST(ViewTransformTest, PngTagsNameTheView) {
   const std::string path = testing::TempDir() + "/view.png";
-  ASSERT_TRUE(WriteView(Opened("ACES 1.0 SDR"), PictureOf(kColors, Primaries::kSrgb), path).ok());
+  ASSERT_TRUE(WriteView(Opened("ACES 1.0 SDR"), ImageOf(kColors, Primaries::kSrgb), path).ok());
   std::ifstream file(path, std::ios::binary);
   const std::string bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   EXPECT_THAT(bytes, HasSubstr(std::string("View\0ACES 1.0 SDR", 17)));

@@ -108,7 +108,8 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
         if (absl::IsResourceExhausted(result))
           return absl::FailedPreconditionError(result.message());
         if (answered_ && absl::IsUnavailable(result) && !silent_.exchange(true)) {
-          Tell(absl::StrCat("the coordinator at ", address_, " does not answer; trying again"));
+          PrintInfo(
+              absl::StrCat("the coordinator at ", address_, " does not answer; trying again"));
         }
         if (result.ok()) silent_ = false;
         return result;

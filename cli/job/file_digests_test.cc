@@ -12,7 +12,7 @@
 namespace sheaf::cli {
 namespace {
 
-TEST(FileDigestsTest, TellsAFileThatChanged) {
+TEST(FileDigestsTest, DetectsAChangedFile) {
   const std::string path = testing::TempDir() + "/file_digests_test";
   std::ofstream(path) << "one";
   FileDigests digests;

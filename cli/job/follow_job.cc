@@ -30,7 +30,7 @@ namespace {
 
 constexpr size_t kUploadsMax = 4;  // Concurrent, to hide the latency of many small files.
 constexpr std::chrono::seconds kUploadSilence{2};  // A shorter upload shows no progress.
-constexpr uint64_t kPictureBytesMax = uint64_t{16} << 30;
+constexpr uint64_t kImageBytesMax = uint64_t{16} << 30;
 
 // Shows the number of bytes sent so far.
 class UploadProgress {
@@ -40,10 +40,10 @@ class UploadProgress {
   void Add(uint64_t size_bytes) {
     const MutexLock lock(&mutex_);
     sent_bytes_ += size_bytes;
-    const double share =
+    const double fraction =
         std::min(1.0, static_cast<double>(sent_bytes_) / static_cast<double>(total_bytes_));
-    line_.Show("uploading", share,
-               absl::StrFormat("%.0f %% of %sB", 100 * share,
+    line_.Show("uploading", fraction,
+               absl::StrFormat("%.0f %% of %sB", 100 * fraction,
                                FormatCount(static_cast<double>(total_bytes_))));
   }
 
@@ -54,9 +54,9 @@ class UploadProgress {
   uint64_t sent_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
-bool IsBlack(const FramePicture& picture) {
+bool IsBlack(const FrameImage& image) {
   for (const char* name : {"R", "G", "B"}) {
-    const std::vector<float>* plane = picture.Find(name);
+    const std::vector<float>* plane = image.Find(name);
     if (plane == nullptr || std::ranges::any_of(*plane, [](float v) { return v != 0; })) {
       return false;
     }
@@ -64,31 +64,32 @@ bool IsBlack(const FramePicture& picture) {
   return true;
 }
 
-absl::Status SavePicture(FarmClient* client, const v1::Frame& frame, const PicturePaths& paths,
-                         const ViewTransform& view) {
-  const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPictureBytesMax);
+absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePaths& paths,
+                       const ViewTransform& view) {
+  const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kImageBytesMax);
   if (!bytes.ok()) return bytes.status();
-  std::optional<FramePicture> picture;
+  std::optional<FrameImage> image;
   const auto write_exr = [&](const std::string& path) -> absl::Status {
     if (absl::Status status = WriteFileAtomically(path, *bytes); !status.ok()) return status;
-    absl::StatusOr<FramePicture> read = ReadPicture(path);
+    absl::StatusOr<FrameImage> read = ReadFrameImage(path);
     if (!read.ok()) return read.status();
-    if (PictureDigest(*read) != frame.picture_digest()) {
+    if (ImageDigest(*read) != frame.picture_digest()) {
       return absl::DataLossError("it is not the image that the coordinator delivered");
     }
-    picture = *std::move(read);
+    image = *std::move(read);
     return absl::OkStatus();
   };
   if (absl::Status status = WriteOrKeep(paths.exr, write_exr); !status.ok()) return status;
   if (!paths.png.empty()) {
     const absl::Status status = WriteOrKeep(
-        paths.png, [&](const std::string& path) { return WriteView(view, *picture, path); });
+        paths.png, [&](const std::string& path) { return WriteView(view, *image, path); });
     if (!status.ok()) return status;
   }
-  Tell(absl::StrCat(FormatPictureSummary(frame, paths),
-                    IsBlack(*picture) ? "; every pixel is black: no light of the scene reaches the "
-                                        "camera (sheaf plan lists the lights)"
-                                      : ""));
+  PrintInfo(absl::StrCat(FormatImageSummary(frame, paths),
+                         IsBlack(*image)
+                             ? "; every pixel is black: no light of the scene reaches the "
+                               "camera (sheaf plan lists the lights)"
+                             : ""));
   return absl::OkStatus();
 }
 
@@ -127,11 +128,11 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const Prepa
                                       ViewTransform view) {
   Delivery delivery{OutputPaths(arguments, job), std::move(view), ""};
   std::vector<std::string> outputs;
-  for (const PicturePaths& paths : delivery.paths) {
+  for (const ImagePaths& paths : delivery.paths) {
     outputs.insert(outputs.end(), {paths.exr, paths.png});
   }
   if (absl::Status status = CheckOutputs(outputs, InputPaths(job)); !status.ok()) return status;
-  const PicturePaths patterns = OutputPatterns(arguments, job);
+  const ImagePaths patterns = OutputPatterns(arguments, job);
   delivery.options = absl::StrCat("-o ", ShellQuoted(patterns.exr));
   if (patterns.png.empty()) return delivery;
   for (const auto& [flag, value] :
@@ -143,7 +144,7 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const Prepa
 }
 
 absl::Status ProbeOutputs(const JobArguments& arguments) {
-  const PicturePaths patterns = OutputPatterns(arguments, {});
+  const ImagePaths patterns = OutputPatterns(arguments, {});
   return CheckOutputs({arguments.output.empty() ? "" : patterns.exr, patterns.png},
                       {arguments.scene, arguments.resume_from});
 }
@@ -180,16 +181,16 @@ absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, b
       std::printf("%s\n", JobJson(job).c_str());
       std::fflush(stdout);
     } else {
-      line.Show(job.name(), ShareDone(job.progress()), FormatProgress(job));
+      line.Show(job.name(), FractionDone(job.progress()), FormatProgress(job));
     }
   });
 }
 
-absl::Status SavePictures(FarmClient* client, const v1::Job& job, const Delivery& delivery) {
+absl::Status SaveImages(FarmClient* client, const v1::Job& job, const Delivery& delivery) {
   absl::Status first;
   for (size_t i = 0; i < delivery.paths.size() && i < static_cast<size_t>(job.frames_size()); ++i) {
     const absl::Status status =
-        SavePicture(client, job.frames(static_cast<int>(i)), delivery.paths[i], delivery.view);
+        SaveImage(client, job.frames(static_cast<int>(i)), delivery.paths[i], delivery.view);
     if (status.ok()) continue;
     if (!absl::IsFailedPrecondition(status)) return status;
     if (first.ok()) {
@@ -201,7 +202,7 @@ absl::Status SavePictures(FarmClient* client, const v1::Job& job, const Delivery
   return first;
 }
 
-ExitCode ReportEnd(const v1::Job& job, bool pictures_written) {
+ExitCode ReportEnd(const v1::Job& job, bool images_written) {
   if (job.state() == v1::Job::STATE_CANCELLED) {
     return ReportError(ExitCode::kCancelled, absl::CancelledError(job.name() + " was cancelled"));
   }
@@ -210,8 +211,8 @@ ExitCode ReportEnd(const v1::Job& job, bool pictures_written) {
                                               job.name(), " failed: ", job.failure())));
   }
   // With a single image, the line printed when it was written has said the same.
-  const bool told = pictures_written && job.frames_size() == 1;
-  if (!told) Tell(FormatJobSummary(job));
+  const bool is_reported = images_written && job.frames_size() == 1;
+  if (!is_reported) PrintInfo(FormatJobSummary(job));
   return ExitCode::kOk;
 }
 
@@ -229,9 +230,9 @@ ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
   }
   if (!job.ok()) return ReportCallError(job.status());
   if (job->state() == v1::Job::STATE_SUCCEEDED) {
-    const absl::Status saved = SavePictures(client, *job, delivery);
+    const absl::Status saved = SaveImages(client, *job, delivery);
     if (!saved.ok()) {
-      Tell(absl::StrCat(name, " is finished; download its images with: ", fetch));
+      PrintInfo(absl::StrCat(name, " is finished; download its images with: ", fetch));
       return absl::IsFailedPrecondition(saved) ? ReportError(ExitCode::kFile, saved)
                                                : ReportCallError(saved);
     }

@@ -21,9 +21,9 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
 
 // Where and how a job's images are written on this machine.
 struct Delivery {
-  std::vector<PicturePaths> paths;  // One per frame, by ascending frame number; empty: no images.
-  ViewTransform view;               // For PNGs.
-  std::string options;              // The same as options of `sheaf watch`, "-o room.exr".
+  std::vector<ImagePaths> paths;  // One per frame, by ascending frame number; empty: no images.
+  ViewTransform view;             // For PNGs.
+  std::string options;            // The same as options of `sheaf watch`, "-o room.exr".
 };
 // Checks everything that is known before the scene is read. Errors: those of CheckOutputs.
 absl::Status ProbeOutputs(const JobArguments& arguments);
@@ -47,14 +47,14 @@ absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, b
 // Fetches all images of a job that succeeded; reports the path and the costs of each on standard
 // error. An image that cannot be written does not prevent the others. Errors: those of the calls;
 // the first of WriteOrKeep.
-absl::Status SavePictures(FarmClient* client, const v1::Job& job, const Delivery& delivery);
+absl::Status SaveImages(FarmClient* client, const v1::Job& job, const Delivery& delivery);
 
-// Reports on standard error how the job ended: its costs, or why it failed. pictures_written:
-// SavePictures has reported each image, so a job of one image gets no further line. Returns the
+// Reports on standard error how the job ended: its costs, or why it failed. images_written:
+// SaveImages has reported each image, so a job of one image gets no further line. Returns the
 // matching exit code.
-ExitCode ReportEnd(const v1::Job& job, bool pictures_written);
+ExitCode ReportEnd(const v1::Job& job, bool images_written);
 
-// Runs FollowJob, SavePictures and ReportEnd. If interrupted, it says how to resume.
+// Runs FollowJob, SaveImages and ReportEnd. If interrupted, it says how to resume.
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
                         const Delivery& delivery);
 

@@ -20,7 +20,7 @@ constexpr char kByBlender[] =
     "open it in Blender and export it as pbrt-v4 with an add-on, or as glTF and convert that with: "
     "assimp export room.glb room.pbrt";
 constexpr char kByHand[] = "docs/pbrt-v4.md describes the scenes that Sheaf reads";
-constexpr char kPicture[] = "give the scene that uses it";
+constexpr char kImage[] = "give the scene that uses it";
 constexpr char kMesh[] =
     "put it into a scene, as a .ply: Shape \"plymesh\" \"string filename\" \"model.ply\"";
 constexpr char kVolume[] =
@@ -52,9 +52,9 @@ constexpr Format kFormats[] = {
     {"ply\r"sv, ""sv, "a PLY mesh", kMesh},
     {"NanoVDB"sv, ".nvdb"sv, "a NanoVDB volume", kVolume},
     {" BDV\0\0\0\0"sv, ".vdb"sv, "an OpenVDB volume", kVolume},
-    {"\x76\x2f\x31\x01"sv, ".exr"sv, "an EXR image", kPicture},
-    {"\x89PNG"sv, ".png"sv, "a PNG image", kPicture},
-    {"\xff\xd8\xff"sv, ".jpg"sv, "a JPEG image", kPicture},
+    {"\x76\x2f\x31\x01"sv, ".exr"sv, "an EXR image", kImage},
+    {"\x89PNG"sv, ".png"sv, "a PNG image", kImage},
+    {"\xff\xd8\xff"sv, ".jpg"sv, "a JPEG image", kImage},
     {"\xff\xfe"sv, ""sv, "text in UTF-16", "save it as UTF-8"},
     {"\xfe\xff"sv, ""sv, "text in UTF-16", "save it as UTF-8"},
     {"\x89HDF"sv, ""sv, "an HDF5 or an old Alembic file", kByBlender},

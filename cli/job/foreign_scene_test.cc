@@ -12,40 +12,40 @@ namespace {
 
 using testing::HasSubstr;
 
-std::string Told(const std::string& path, const std::string& head) {
+std::string Refusal(const std::string& path, const std::string& head) {
   const absl::Status status = CheckSceneFormat(path, head);
   EXPECT_TRUE(status.ok() || absl::IsInvalidArgument(status));
   return std::string(status.message());
 }
 
-TEST(ForeignSceneTest, FormatsAreToldByTheirFirstBytes) {
-  EXPECT_THAT(Told("x", "BLENDER-v305"), HasSubstr("x: is a Blender file, not a pbrt-v4 scene"));
-  EXPECT_THAT(Told("x", "BLENDER-v305"), HasSubstr("export it as pbrt-v4"));
-  EXPECT_THAT(Told("x", "glTF\x02"), HasSubstr("a glTF file"));
-  EXPECT_THAT(Told("x", "\n{ \"asset\": {\"version\": \"2.0\"}}"), HasSubstr("assimp export"));
-  EXPECT_THAT(Told("x", "PXR-USDC"), HasSubstr("a USD file"));
-  EXPECT_THAT(Told("x", "#usda 1.0\n"), HasSubstr("a USD file"));
-  EXPECT_THAT(Told("x", "<?xml version=\"1.0\"?>\n<scene version=\"3.0.0\">"),
+TEST(ForeignSceneTest, FormatsAreRecognizedByTheirFirstBytes) {
+  EXPECT_THAT(Refusal("x", "BLENDER-v305"), HasSubstr("x: is a Blender file, not a pbrt-v4 scene"));
+  EXPECT_THAT(Refusal("x", "BLENDER-v305"), HasSubstr("export it as pbrt-v4"));
+  EXPECT_THAT(Refusal("x", "glTF\x02"), HasSubstr("a glTF file"));
+  EXPECT_THAT(Refusal("x", "\n{ \"asset\": {\"version\": \"2.0\"}}"), HasSubstr("assimp export"));
+  EXPECT_THAT(Refusal("x", "PXR-USDC"), HasSubstr("a USD file"));
+  EXPECT_THAT(Refusal("x", "#usda 1.0\n"), HasSubstr("a USD file"));
+  EXPECT_THAT(Refusal("x", "<?xml version=\"1.0\"?>\n<scene version=\"3.0.0\">"),
               HasSubstr("a Mitsuba scene"));
-  EXPECT_THAT(Told("x", "Ogawa\xff"), HasSubstr("an Alembic file"));
-  EXPECT_THAT(Told("x", "\x89PNG\r\n"), HasSubstr("give the scene that uses it"));
-  EXPECT_THAT(Told("x", std::string("Film\0\x1b", 6)), HasSubstr("a binary file"));
+  EXPECT_THAT(Refusal("x", "Ogawa\xff"), HasSubstr("an Alembic file"));
+  EXPECT_THAT(Refusal("x", "\x89PNG\r\n"), HasSubstr("give the scene that uses it"));
+  EXPECT_THAT(Refusal("x", std::string("Film\0\x1b", 6)), HasSubstr("a binary file"));
 }
 
-TEST(ForeignSceneTest, NamesTellWhatCompressionHides) {
-  EXPECT_THAT(Told("room.blend", "\x28\xb5\x2f\xfd"), HasSubstr("a Blender file"));
-  EXPECT_THAT(Told("Room.USDZ", "PK\x03\x04"), HasSubstr("a USD file"));
+TEST(ForeignSceneTest, CompressedFormatsAreRecognizedByName) {
+  EXPECT_THAT(Refusal("room.blend", "\x28\xb5\x2f\xfd"), HasSubstr("a Blender file"));
+  EXPECT_THAT(Refusal("Room.USDZ", "PK\x03\x04"), HasSubstr("a USD file"));
 }
 
-TEST(ForeignSceneTest, ScenesOfPbrtPass) {
+TEST(ForeignSceneTest, PbrtScenesAreAccepted) {
   for (const char* head : {"", "# a comment with < and {\nFilm", "LookAt 0 0 1", "Film \"rgb\"",
                            "\xc3\xa9", "glossy"}) {
-    EXPECT_EQ(Told("room.pbrt", head), "") << head;
+    EXPECT_EQ(Refusal("room.pbrt", head), "") << head;
   }
   EXPECT_TRUE(CheckSceneFormatOf("/nowhere/room.pbrt").ok()) << "the reader says it";
 }
 
-TEST(ForeignSceneTest, FilesAreRead) {
+TEST(ForeignSceneTest, ReadsTheFileHead) {
   const std::string path = testing::TempDir() + "/sheaf_foreign_scene";
   std::ofstream(path) << "BLENDER-v305\x1b[31m";
   EXPECT_TRUE(absl::IsInvalidArgument(CheckSceneFormatOf(path)));

@@ -20,14 +20,14 @@ TEST(FrameRangeTest, ReadsNumbersRangesAndSteps) {
   EXPECT_THAT(*ParseFrameRange("0001-0003"), ElementsAre(1, 2, 3));
 }
 
-TEST(FrameRangeTest, RefusesWhatIsNoRange) {
+TEST(FrameRangeTest, RefusesInvalidRanges) {
   for (const char* text : {"", "a", "1-", "-4", "1--4", "1-4x", "1-4x0", "4-1", "1,,2", "1 -4",
                            "1x5", "99999999999", "1-99999999"}) {
     EXPECT_EQ(ParseFrameRange(text).status().code(), absl::StatusCode::kInvalidArgument) << text;
   }
 }
 
-TEST(FrameRangeTest, PadsTheNumberToTheRunOfHashes) {
+TEST(FrameRangeTest, PadsFrameNumbersToTheHashes) {
   EXPECT_EQ(ExpandPattern("shot.####.pbrt", 7), "shot.0007.pbrt");
   EXPECT_EQ(ExpandPattern("shot.#.pbrt", 12), "shot.12.pbrt");
   EXPECT_EQ(ExpandPattern("##/shot.##.exr", 3), "##/shot.03.exr");
@@ -35,7 +35,7 @@ TEST(FrameRangeTest, PadsTheNumberToTheRunOfHashes) {
   EXPECT_EQ(ExpandPattern("plain.exr", 7), "plain.exr");
 }
 
-TEST(FrameRangeTest, KnowsAPatternByItsFileName) {
+TEST(FrameRangeTest, RecognizesPatternsByFileName) {
   EXPECT_TRUE(IsPattern("a/shot.##.pbrt"));
   EXPECT_FALSE(IsPattern("#1/shot.pbrt"));
   EXPECT_FALSE(IsPattern("shot.pbrt"));

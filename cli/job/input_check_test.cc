@@ -46,7 +46,7 @@ class InputCheckTest : public testing::Test {
   std::string directory_;
 };
 
-TEST_F(InputCheckTest, DamageIsToldWhereTheSceneNamesTheFile) {
+TEST_F(InputCheckTest, DamageIsReportedAtTheReferenceInTheScene) {
   const std::string png = *EncodePng(64, 64, std::vector<Rgb8>(64 * 64, Rgb8{200, 100, 50}));
   Write("cut.png", png.substr(0, png.size() / 2));
   Write("garbage.exr", "no picture");
@@ -65,7 +65,7 @@ TEST_F(InputCheckTest, DamageIsToldWhereTheSceneNamesTheFile) {
   EXPECT_THAT(text, testing::Not(HasSubstr("whole.png")));
 }
 
-TEST_F(InputCheckTest, LargePicturesAreReadAsFarAsTheirHeader) {
+TEST_F(InputCheckTest, OnlyHeadersOfLargeImagesAreRead) {
   const int edge = 1100;
   const std::string png =
       *EncodePng(edge, edge, std::vector<Rgb8>(static_cast<size_t>(edge) * edge));
@@ -76,7 +76,7 @@ TEST_F(InputCheckTest, LargePicturesAreReadAsFarAsTheirHeader) {
   EXPECT_FALSE(CheckScene(texture + "\"large garbage.png\"\n").ok());
 }
 
-TEST_F(InputCheckTest, ScenesWithoutFilesPass) { EXPECT_TRUE(CheckScene("").ok()); }
+TEST_F(InputCheckTest, ScenesWithoutFilesAreAccepted) { EXPECT_TRUE(CheckScene("").ok()); }
 
 }  // namespace
 }  // namespace sheaf::cli

@@ -9,7 +9,7 @@
 #include "cli/message.h"
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
-#include "common/scene/black_picture.h"
+#include "common/scene/black_image.h"
 
 namespace sheaf::cli {
 
@@ -35,7 +35,7 @@ ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
   absl::StatusOr<SceneFile> file = ReadSceneFile(arguments.scene);
   if (!file.ok()) return ReportSceneError(file.status());
   for (const SceneDiagnostic& diagnostic : file->read.diagnostics) {
-    TellOfScene(diagnostic.text);
+    PrintSceneNote(diagnostic.text);
   }
   const absl::StatusOr<FrameSettings> settings =
       ResolveSettings(file->read.scene, arguments.settings);

@@ -34,7 +34,7 @@ class OutputFilesTest : public testing::Test {
   std::string directory_;
 };
 
-TEST_F(OutputFilesTest, AnOutputIsNeverAnInputByWhateverName) {
+TEST_F(OutputFilesTest, OutputsNeverOverwriteInputs) {
   const std::string input = Write("room.exr");
   fs::create_hard_link(input, Path("hard.exr"));
   fs::create_symlink("room.exr", Path("soft.exr"));
@@ -47,21 +47,21 @@ TEST_F(OutputFilesTest, AnOutputIsNeverAnInputByWhateverName) {
   EXPECT_TRUE(CheckOutputs({"", Path("new.exr")}, {input, Path("gone.pbrt")}).ok());
 }
 
-TEST_F(OutputFilesTest, TwoOutputsAreTwoFiles) {
+TEST_F(OutputFilesTest, OutputsMustBeDifferentFiles) {
   EXPECT_TRUE(absl::IsInvalidArgument(CheckOutputs({Path("a.exr"), Path("a.exr")}, {})));
   fs::create_symlink("a.exr", Path("b.exr"));
   EXPECT_TRUE(absl::IsInvalidArgument(CheckOutputs({Path("a.exr"), Path("b.exr")}, {})));
   EXPECT_TRUE(CheckOutputs({Path("a.exr"), Path("a.png")}, {}).ok());
 }
 
-TEST_F(OutputFilesTest, FoldersThatAreMissingAreFoundBefore) {
+TEST_F(OutputFilesTest, MissingFoldersAreFoundBeforeRendering) {
   EXPECT_TRUE(absl::IsNotFound(CheckOutputs({Path("a.exr"), Path("none/b.exr")}, {})));
   EXPECT_TRUE(absl::IsFailedPrecondition(CheckOutputs({"/dev/full"}, {})));
   EXPECT_TRUE(absl::IsFailedPrecondition(CheckOutputs({directory_}, {})));
   EXPECT_TRUE(fs::is_empty(directory_));
 }
 
-TEST_F(OutputFilesTest, NamesSayWhatTheFileHolds) {
+TEST_F(OutputFilesTest, ExtensionsMustMatchTheContent) {
   for (const char* name : {"", "a.exr", "a.PNG", "out/a.####.exr"}) {
     EXPECT_TRUE(CheckOutputName("-o", name, {".exr", ".png"}).ok()) << name;
   }
@@ -72,7 +72,7 @@ TEST_F(OutputFilesTest, NamesSayWhatTheFileHolds) {
               HasSubstr("-o a.jpg: Sheaf writes only .exr or .png here"));
 }
 
-TEST_F(OutputFilesTest, WhatCannotBeWrittenIsKeptElsewhere) {
+TEST_F(OutputFilesTest, UnwritableOutputsAreSavedElsewhere) {
   const std::string wanted = Path("gone/room.exr");
   ::setenv("TMPDIR", directory_.c_str(), 1);
   const absl::Status status = WriteOrKeep(
@@ -87,7 +87,7 @@ TEST_F(OutputFilesTest, WhatCannotBeWrittenIsKeptElsewhere) {
   EXPECT_EQ(*ReadWholeFile(kept), "picture");
 }
 
-TEST_F(OutputFilesTest, CommandsToCopySurviveAShell) {
+TEST_F(OutputFilesTest, CopyCommandsAreShellQuoted) {
   EXPECT_EQ(ShellQuoted("out/a.exr"), "out/a.exr");
   EXPECT_EQ(ShellQuoted("a b.####.exr"), "'a b.####.exr'");
   EXPECT_EQ(ShellQuoted("it's"), "'it'\\''s'");

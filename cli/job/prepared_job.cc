@@ -25,8 +25,8 @@
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "common/scene/file_source.h"
-#include "common/scene/lamps_in_view.h"
 #include "common/scene/pbrt/scene_reader.h"
+#include "common/scene/visible_emitters.h"
 
 namespace sheaf::cli {
 namespace {
@@ -78,7 +78,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
                   *resolved,
                   read.scene.film.filename,
                   read.scene.filter,
-                  LampsInView(read.scene, resolved->width_px, resolved->height_px)};
+                  VisibleEmitters(read.scene, resolved->width_px, resolved->height_px)};
   return result;
 }
 
@@ -105,13 +105,13 @@ absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
 
 }  // namespace
 
-absl::Status CheckPictureNames(const JobArguments& arguments) {
+absl::Status CheckImageNames(const JobArguments& arguments) {
   const absl::Status status = CheckOutputName("-o", arguments.output, {".exr", ".png"});
   return status.ok() ? CheckOutputName("--png", arguments.png, {".png"}) : status;
 }
 
 absl::Status CheckJobArguments(const JobArguments& arguments) {
-  if (absl::Status status = CheckPictureNames(arguments); !status.ok()) return status;
+  if (absl::Status status = CheckImageNames(arguments); !status.ok()) return status;
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   if (numbers->size() == 1) return absl::OkStatus();
@@ -172,7 +172,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   return job;
 }
 
-PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job) {
+ImagePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job) {
   std::string exr = arguments.output, png = arguments.png;
   if (exr.empty()) {
     // The scene's own name for the image, if there is a single image. Its folder is ignored, since
@@ -190,9 +190,9 @@ PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& jo
   return {exr, png};
 }
 
-std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job) {
-  const PicturePaths patterns = OutputPatterns(arguments, job);
-  std::vector<PicturePaths> paths;
+std::vector<ImagePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job) {
+  const ImagePaths patterns = OutputPatterns(arguments, job);
+  std::vector<ImagePaths> paths;
   for (const PreparedFrame& frame : job.frames) {
     paths.push_back(
         {ExpandPattern(patterns.exr, frame.number), ExpandPattern(patterns.png, frame.number)});

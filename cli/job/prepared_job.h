@@ -52,10 +52,10 @@ struct PreparedFrame {
   int32_t number = 1;
   BlobDigest manifest;
   FrameSettings settings;
-  std::string film_filename;          // The scene's name for its image; may be empty.
-  FilterDescription filter = {};      // The scene's.
-  std::vector<PixelRect> lamps = {};  // As returned by LampsInView.
-  BlobDigest resumed = {};            // The EXR to continue from; empty: none.
+  std::string film_filename;             // The scene's name for its image; may be empty.
+  FilterDescription filter = {};         // The scene's.
+  std::vector<PixelRect> emitters = {};  // As returned by VisibleEmitters.
+  BlobDigest resumed = {};               // The EXR to continue from; empty: none.
 };
 
 struct PreparedJob {
@@ -65,7 +65,7 @@ struct PreparedJob {
 };
 
 // Errors: kInvalidArgument if the names of the images do not match their formats.
-absl::Status CheckPictureNames(const JobArguments& arguments);
+absl::Status CheckImageNames(const JobArguments& arguments);
 // Errors: kInvalidArgument if the arguments contradict each other: wrong usage, not a wrong scene.
 absl::Status CheckJobArguments(const JobArguments& arguments);
 
@@ -75,15 +75,15 @@ absl::Status CheckJobArguments(const JobArguments& arguments);
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments);
 
 // The paths of a frame's image.
-struct PicturePaths {
+struct ImagePaths {
   std::string exr;
   std::string png;  // Empty: no PNG.
 };
 // The paths with #### in place of the frame's number. An output that ends in .png names a PNG and
 // implies an EXR beside it.
-PicturePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job);
+ImagePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job);
 // The paths for all frames, in their order.
-std::vector<PicturePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
+std::vector<ImagePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
 // The files on this machine that the job consists of.
 std::vector<std::string> InputPaths(const PreparedJob& job);
 

@@ -61,7 +61,7 @@ TEST_F(PreparedJobTest, SharesFilesBetweenFrames) {
   EXPECT_NE(request.request_id(), MakeCreateJobRequest(arguments, *job).request_id());
 }
 
-TEST_F(PreparedJobTest, APictureToGoOnFromIsUploaded) {
+TEST_F(PreparedJobTest, ResumedImageIsUploaded) {
   Write("shared.pbrt", "LightSource \"infinite\" \"rgb L\" [1 1 1]\n");
   WriteFrame("one.pbrt", "1");
   JobArguments arguments;
@@ -79,7 +79,7 @@ TEST_F(PreparedJobTest, APictureToGoOnFromIsUploaded) {
   EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--resume-from"));
 }
 
-TEST_F(PreparedJobTest, ReportsASceneErrorWithItsPlace) {
+TEST_F(PreparedJobTest, SceneErrorsHaveALocation) {
   JobArguments arguments;
   arguments.scene = Write("bad.pbrt", "WorldBegin\nShape \"teapot\"\n");
   const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
@@ -89,7 +89,7 @@ TEST_F(PreparedJobTest, ReportsASceneErrorWithItsPlace) {
   EXPECT_EQ(PrepareJob(arguments).status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST_F(PreparedJobTest, RefusesArgumentsThatDoNotFitTogether) {
+TEST_F(PreparedJobTest, RefusesConflictingArguments) {
   JobArguments arguments;
   arguments.scene = "shot.####.pbrt";
   EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--frames"));
@@ -101,7 +101,7 @@ TEST_F(PreparedJobTest, RefusesArgumentsThatDoNotFitTogether) {
   EXPECT_FALSE(CheckJobArguments(arguments).ok());
 }
 
-TEST_F(PreparedJobTest, ChoosesWherePicturesGo) {
+TEST_F(PreparedJobTest, ChoosesOutputPaths) {
   PreparedJob job;
   job.frames = {{1, {}, {}, "../elsewhere/picture.png"}};
   JobArguments arguments;

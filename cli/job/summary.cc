@@ -111,7 +111,7 @@ std::string FormatBias(const v1::FrameSettings& settings) {
 
 }  // namespace
 
-std::string FormatPictureSummary(const v1::Frame& frame, const PicturePaths& paths) {
+std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths) {
   const v1::FrameSettings& settings = frame.spec().settings();
   const v1::PixelRect& window = settings.window();
   return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",

@@ -17,7 +17,7 @@ v1::Progress Costs() {
   return progress;
 }
 
-v1::Frame Picture() {
+v1::Frame DeliveredFrame() {
   v1::Frame frame;
   v1::FrameSettings* settings = frame.mutable_spec()->mutable_settings();
   settings->set_sample_count(128);
@@ -28,18 +28,18 @@ v1::Frame Picture() {
   return frame;
 }
 
-TEST(SummaryTest, PictureSaysWhereItIsAndWhatItTook) {
-  EXPECT_EQ(FormatPictureSummary(Picture(), {"out.exr", ""}),
+TEST(SummaryTest, ReportsPathAndCost) {
+  EXPECT_EQ(FormatImageSummary(DeliveredFrame(), {"out.exr", ""}),
             "out.exr: 640x360, 128 samples, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, "
             "relMSE 2.1e-03, 0 non-finite");
-  EXPECT_TRUE(FormatPictureSummary(Picture(), {"out.exr", "out.png"})
+  EXPECT_TRUE(FormatImageSummary(DeliveredFrame(), {"out.exr", "out.png"})
                   .starts_with("out.exr and out.png: 640x360"));
 }
 
-TEST(SummaryTest, SamplesThatCameWithAPictureHaveNoRate) {
-  v1::Frame frame = Picture();
+TEST(SummaryTest, ResumedSamplesHaveNoRate) {
+  v1::Frame frame = DeliveredFrame();
   frame.mutable_spec()->mutable_resumed_picture()->set_size_bytes(7);
-  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""}).find("128 samples, 12.3 s, 6.1 M rays/s"),
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}).find("128 samples, 12.3 s, 6.1 M rays/s"),
             std::string::npos);
   v1::Job job;
   *job.add_frames() = frame;
@@ -47,18 +47,18 @@ TEST(SummaryTest, SamplesThatCameWithAPictureHaveNoRate) {
   EXPECT_EQ(FormatJobSummary(job).find("samples/s"), std::string::npos);
 }
 
-TEST(SummaryTest, WhatIsSeenOfTheErrorStandsBesideIt) {
-  v1::Frame frame = Picture();
+TEST(SummaryTest, ReportsFlipBesideTheError) {
+  v1::Frame frame = DeliveredFrame();
   frame.set_flip(0.0421);
-  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""}).find("relMSE 2.1e-03, FLIP 0.042, 0 non"),
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}).find("relMSE 2.1e-03, FLIP 0.042, 0 non"),
             std::string::npos);
 }
 
-TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
-  v1::Frame frame = Picture();
+TEST(SummaryTest, ReportsUnreliableTilesAndTheirCause) {
+  v1::Frame frame = DeliveredFrame();
   frame.set_tile_count(64);
   frame.set_unreliable_tile_count(12);
-  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
                 .find("; 12 of 64 tiles contain fireflies, so error bars of their pixels may be "
                       "too small: more samples help (--light-paths or sheaf study identify the "
                       "light responsible)"),
@@ -68,50 +68,50 @@ TEST(SummaryTest, UnreliableTilesAreSaidAndWhatMakesThemSo) {
     count->set_layer(layer);
     count->set_tile_count(tiles);
   }
-  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
                 .find("more samples help; main cause: caustic (9 tiles), then indirect (3 tiles)"),
             std::string::npos);
 }
 
-TEST(SummaryTest, SmoothPicturesSayWhatOneSequenceWouldSave) {
-  v1::Frame frame = Picture();
+TEST(SummaryTest, ReportsTheGainOfOneSequence) {
+  v1::Frame frame = DeliveredFrame();
   frame.set_one_sequence_gain(1.44);
-  EXPECT_NE(FormatPictureSummary(frame, {"out.exr", ""})
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
                 .find("; the image is smooth: --one-sequence would reduce its relMSE about 1.4x, "
                       "but gives no true error bars"),
             std::string::npos);
 }
 
-TEST(SummaryTest, BiasIsSaid) {
-  v1::Frame frame = Picture();
+TEST(SummaryTest, ReportsBias) {
+  v1::Frame frame = DeliveredFrame();
   frame.mutable_spec()->mutable_settings()->set_similarity_after_count(8);
-  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""})
                   .starts_with("out.exr: 640x360, 128 samples, biased: similarity after 8 "
                                "scatterings, 12.3 s"));
   frame.mutable_spec()->mutable_settings()->clear_similarity_after_count();
   frame.mutable_spec()->mutable_settings()->set_max_component_value(10);
-  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""})
                   .starts_with("out.exr: 640x360, 128 samples, biased: samples clamped to 10, "
                                "12.3 s"));
 }
 
-TEST(SummaryTest, WhatCannotBeToldIsLeftOut) {
-  v1::Frame frame = Picture();
+TEST(SummaryTest, OmitsUnknownValues) {
+  v1::Frame frame = DeliveredFrame();
   frame.mutable_spec()->mutable_settings()->set_sample_count(1);
   frame.mutable_progress()->clear_wall_duration();
   frame.mutable_progress()->clear_relative_mse();
-  EXPECT_EQ(FormatPictureSummary(frame, {"out.exr", ""}),
+  EXPECT_EQ(FormatImageSummary(frame, {"out.exr", ""}),
             "out.exr: 640x360, 1 sample, 0.0 s, 0 non-finite");
 }
 
-TEST(SummaryTest, SamplesThatAreNotFiniteAreADefect) {
-  v1::Frame frame = Picture();
+TEST(SummaryTest, ReportsNonFiniteSamplesAsADefect) {
+  v1::Frame frame = DeliveredFrame();
   frame.mutable_progress()->set_nonfinite_count(3);
-  EXPECT_TRUE(FormatPictureSummary(frame, {"out.exr", ""})
+  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""})
                   .ends_with(", 3 non-finite (a defect, please report it)"));
 }
 
-TEST(SummaryTest, JobSumsUpItsFrames) {
+TEST(SummaryTest, JobSummarySumsItsFrames) {
   v1::Job job;
   job.set_name("jobs/7");
   *job.mutable_progress() = Costs();

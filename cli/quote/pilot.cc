@@ -14,20 +14,20 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/core/limits.h"
-#include "coordinator/forecast/picture_start.h"
+#include "coordinator/forecast/image_start.h"
 
 namespace sheaf::cli {
 namespace {
 
-using coordinator::CloseUpPlace;
 using coordinator::Forecast;
+using coordinator::PilotImage;
 using coordinator::PilotLevel;
-using coordinator::PilotPicture;
+using coordinator::ZoomedRegion;
 
 // Planned cost of the pilots, as a fraction of the cost of the cheapest target. The limit is 3 %:
 // overheads add to the plan, and clocks vary by a third over a pilot's milliseconds on a busy
 // machine.
-constexpr double kPilotShareAim = 0.017;
+constexpr double kPilotFractionAim = 0.017;
 // A further pilot is paid for by a price forecast this many deviations below the pilots' estimate
 // of the error, so that the fraction holds even if that estimate was too high.
 constexpr double kPriceDeviations = 2;
@@ -36,9 +36,9 @@ constexpr double kPriceDeviations = 2;
 // this.
 constexpr double kPilotGrowthMin = 0.4, kPilotGrowthMax = 2;
 constexpr int kPilotCountMax = 6;
-// Fraction of the first pilot's samples for zoomed pilots of lights no larger than kCloseUpPixels
-// pixels of the reduced image.
-constexpr double kCloseUpShare = 0.1, kCloseUpPixels = 4;
+// Fraction of the first pilot's samples for zoomed pilots of lights no larger than
+// kZoomedPilotPixels pixels of the reduced image.
+constexpr double kZoomedPilotFraction = 0.1, kZoomedPilotPixels = 4;
 constexpr int kQuotedFramesMax = 3;
 // A quote's pilot runs before all other jobs.
 constexpr int32_t kPilotPriority = 1000;
@@ -56,20 +56,20 @@ std::vector<PilotFrame> ChooseFrames(size_t frame_count) {
   return frames;
 }
 
-absl::StatusOr<FramePicture> FetchPicture(FarmClient* client, const v1::Frame& frame) {
+absl::StatusOr<FrameImage> FetchImage(FarmClient* client, const v1::Frame& frame) {
   const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kPilotBytesMax);
   if (!bytes.ok()) return bytes.status();
-  return DecodePicture(*bytes);
+  return DecodeFrameImage(*bytes);
 }
 
-absl::StatusOr<PilotPicture> FetchPilot(FarmClient* client, const v1::Frame& frame,
-                                        const PilotLevel& level, size_t tile_count) {
-  absl::StatusOr<FramePicture> picture = FetchPicture(client, frame);
-  if (!picture.ok()) return picture.status();
-  PilotPicture pilot{level, *std::move(picture), {}};
+absl::StatusOr<PilotImage> FetchPilot(FarmClient* client, const v1::Frame& frame,
+                                      const PilotLevel& level, size_t tile_count) {
+  absl::StatusOr<FrameImage> image = FetchImage(client, frame);
+  if (!image.ok()) return image.status();
+  PilotImage pilot{level, *std::move(image), {}};
   if (level.lattice.All()) return pilot;
   absl::StatusOr<std::vector<double>> times =
-      coordinator::TileCpuSecondsOf(pilot.picture.metadata, tile_count);
+      coordinator::TileCpuSecondsOf(pilot.image.metadata, tile_count);
   if (!times.ok()) return times.status();
   pilot.cpu_seconds_of_tiles = *std::move(times);
   return pilot;
@@ -122,7 +122,7 @@ FrameSettings Shrunk(FrameSettings settings, int32_t shrink) {
 }
 
 // The same view with each length multiplied by the place's scale.
-FrameSettings Enlarged(FrameSettings settings, const CloseUpPlace& place) {
+FrameSettings Enlarged(FrameSettings settings, const ZoomedRegion& place) {
   const PixelRect& rect = place.rect;
   settings.width_px *= place.scale;
   settings.height_px *= place.scale;
@@ -133,24 +133,25 @@ FrameSettings Enlarged(FrameSettings settings, const CloseUpPlace& place) {
 
 // Places where lights may be visible that are too small for the reduced image. Empty if the
 // enlarged frame would exceed a farm's limits.
-std::vector<CloseUpPlace> CloseUpsOf(const PreparedFrame& frame,
-                                     const std::vector<PilotLevel>& levels) {
+std::vector<ZoomedRegion> ZoomedRegionsOf(const PreparedFrame& frame,
+                                          const std::vector<PilotLevel>& levels) {
   const FrameSettings& settings = frame.settings;
   const int32_t edge_px = std::max(settings.width_px, settings.height_px);
-  if (edge_px > coordinator::Limits().frame_edge_px_max / coordinator::kCloseUpScaleMax) return {};
+  if (edge_px > coordinator::Limits().frame_edge_px_max / coordinator::kZoomedPilotScaleMax)
+    return {};
   double samples = 0, shrink = 0;
   for (const PilotLevel& level : levels) {
     samples += level.SamplesPerPixel() * static_cast<double>(settings.window.PixelCount());
     shrink = std::max(shrink, static_cast<double>(level.shrink));
   }
-  return coordinator::ChooseCloseUps(frame.lamps, settings.window, kCloseUpPixels * shrink,
-                                     kCloseUpShare * samples);
+  return coordinator::ChooseZoomedRegions(
+      frame.emitters, settings.window, kZoomedPilotPixels * shrink, kZoomedPilotFraction * samples);
 }
 
 // The levels and zoomed pilots of one frame to render next.
 struct PilotPlan {
   std::vector<PilotLevel> levels;
-  std::vector<CloseUpPlace> close_ups;
+  std::vector<ZoomedRegion> zoomed_pilots;
 };
 
 // Renders the plan of each frame, as one job.
@@ -175,7 +176,7 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     for (const PilotLevel& level : plans[i].levels) {
       add(frame, Shrunk(frame.settings, level.shrink), level);
     }
-    for (const CloseUpPlace& place : plans[i].close_ups) {
+    for (const ZoomedRegion& place : plans[i].zoomed_pilots) {
       add(frame, Enlarged(frame.settings, place), {{}, 1});
     }
   }
@@ -197,16 +198,16 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     const size_t tile_count = GridOf(arguments, job.frames[frame.index].settings).tiles().size();
     for (const PilotLevel& level : plans[i].levels) {
       const v1::Frame& rendered = ended->frames(next++);
-      absl::StatusOr<PilotPicture> picture = FetchPilot(client, rendered, level, tile_count);
-      if (!picture.ok()) return picture.status();
-      frame.pictures.push_back(*std::move(picture));
+      absl::StatusOr<PilotImage> image = FetchPilot(client, rendered, level, tile_count);
+      if (!image.ok()) return image.status();
+      frame.images.push_back(*std::move(image));
       frame.cpu_seconds += Seconds(rendered.progress().cpu_duration());
     }
-    for (const CloseUpPlace& place : plans[i].close_ups) {
+    for (const ZoomedRegion& place : plans[i].zoomed_pilots) {
       const v1::Frame& rendered = ended->frames(next++);
-      absl::StatusOr<FramePicture> picture = FetchPicture(client, rendered);
-      if (!picture.ok()) return picture.status();
-      frame.close_ups.push_back({place, *std::move(picture)});
+      absl::StatusOr<FrameImage> image = FetchImage(client, rendered);
+      if (!image.ok()) return image.status();
+      frame.zoomed_pilots.push_back({place, *std::move(image)});
       frame.cpu_seconds += Seconds(rendered.progress().cpu_duration());
     }
   }
@@ -217,9 +218,9 @@ void FitModels(const JobArguments& arguments, const PreparedJob& job,
                const std::vector<coordinator::CellRound>& start, std::vector<PilotFrame>* frames) {
   for (PilotFrame& frame : *frames) {
     const PreparedFrame& prepared = job.frames[frame.index];
-    frame.model = coordinator::FitErrorModel(GridOf(arguments, prepared.settings), frame.pictures,
-                                             frame.close_ups, prepared.filter);
-    if (!start.empty()) coordinator::GoOnFrom(start, &frame.model);
+    frame.model = coordinator::FitErrorModel(GridOf(arguments, prepared.settings), frame.images,
+                                             frame.zoomed_pilots, prepared.filter);
+    if (!start.empty()) coordinator::ContinueFrom(start, &frame.model);
   }
 }
 
@@ -230,20 +231,20 @@ std::vector<PilotLevel> NextLevels(const PilotFrame& frame, const FrameSettings&
   const int64_t pixel_count = settings.window.PixelCount();
   std::vector<PilotLevel> before;
   double samples_before = 0;
-  for (const PilotPicture& picture : frame.pictures) {
-    before.push_back(picture.level);
-    samples_before += picture.level.SamplesPerPixel();
+  for (const PilotImage& image : frame.images) {
+    before.push_back(image.level);
+    samples_before += image.level.SamplesPerPixel();
   }
   if (before.empty()) {
-    return coordinator::PilotLevels(kPilotShareAim * kReplicateCount, pixel_count, settings.seed,
+    return coordinator::PilotLevels(kPilotFractionAim * kReplicateCount, pixel_count, settings.seed,
                                     before);
   }
   const Forecast cheapest = coordinator::ForecastTarget(frame.model, {.target_error = target},
                                                         kStoppedSamplesMax, -kPriceDeviations);
   const double spent = frame.cpu_seconds / cheapest.cpu_seconds;
-  if (kPilotShareAim < (1 + kPilotGrowthMin) * spent) return {};
+  if (kPilotFractionAim < (1 + kPilotGrowthMin) * spent) return {};
   const double allowed =
-      std::min((kPilotShareAim - spent) * cheapest.samples, kPilotGrowthMax * samples_before);
+      std::min((kPilotFractionAim - spent) * cheapest.samples, kPilotGrowthMax * samples_before);
   return coordinator::PilotLevels(allowed, pixel_count, settings.seed, before);
 }
 
@@ -269,7 +270,7 @@ absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     for (const PilotFrame& frame : frames) {
       const PreparedFrame& prepared = job.frames[frame.index];
       PilotPlan plan{NextLevels(frame, prepared.settings, target), {}};
-      if (frame.pictures.empty()) plan.close_ups = CloseUpsOf(prepared, plan.levels);
+      if (frame.images.empty()) plan.zoomed_pilots = ZoomedRegionsOf(prepared, plan.levels);
       more |= !plan.levels.empty();
       plans.push_back(std::move(plan));
     }

@@ -13,15 +13,15 @@
 #include "cli/job/farm_client.h"
 #include "cli/job/prepared_job.h"
 #include "common/base/steady_time.h"
-#include "coordinator/forecast/lamp_close_ups.h"
 #include "coordinator/forecast/pilot_model.h"
+#include "coordinator/forecast/zoomed_pilots.h"
 
 namespace sheaf::cli {
 
 struct PilotFrame {
   size_t index = 0;  // Among the job's frames.
-  std::vector<coordinator::PilotPicture> pictures;
-  std::vector<coordinator::CloseUp> close_ups;
+  std::vector<coordinator::PilotImage> images;
+  std::vector<coordinator::ZoomedPilot> zoomed_pilots;
   double cpu_seconds = 0;  // For all pilots.
   coordinator::ErrorModel model;
 };

@@ -11,7 +11,7 @@
 #include "cli/quote/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
-#include "coordinator/forecast/picture_start.h"
+#include "coordinator/forecast/image_start.h"
 
 namespace sheaf::cli {
 namespace {
@@ -129,21 +129,21 @@ absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quo
 absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
                                                  const PreparedJob& job) {
   if (arguments.resume_from.empty()) return std::vector<CellRound>();
-  absl::StatusOr<FramePicture> picture = ReadPicture(arguments.resume_from);
-  if (!picture.ok()) return picture.status();
+  absl::StatusOr<FrameImage> image = ReadFrameImage(arguments.resume_from);
+  if (!image.ok()) return image.status();
   const PreparedFrame& frame = job.frames.front();
   // The farm itself checks whether its build matches the image's.
-  const std::string numeric_profile = picture->metadata["numericProfile"];
+  const std::string numeric_profile = image->metadata["numericProfile"];
   coordinator::FrameSpec spec;
   spec.scene = frame.manifest;
   spec.settings = frame.settings;
   spec.frame_digest = FrameDigest(frame.manifest.sha256_hex, frame.settings, numeric_profile);
   const std::string about = absl::StrCat("cannot continue from ", arguments.resume_from);
-  const absl::StatusOr<ResumedPicture> resumed =
-      coordinator::ResumePicture(*std::move(picture), spec, numeric_profile);
+  const absl::StatusOr<ResumedImage> resumed =
+      coordinator::ResumeImage(*std::move(image), spec, numeric_profile);
   if (!resumed.ok()) return Annotate(resumed.status(), about);
   absl::StatusOr<std::vector<CellRound>> cells =
-      coordinator::PictureStartOf(*resumed, GridOf(arguments, frame.settings));
+      coordinator::ImageStartOf(*resumed, GridOf(arguments, frame.settings));
   if (!cells.ok()) return Annotate(cells.status(), about);
   return cells;
 }

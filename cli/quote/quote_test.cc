@@ -28,7 +28,7 @@ Quote MakeTestQuote() {
   return quote;
 }
 
-TEST(QuoteTest, TableHasALineForEachErrorAndOneOfWhatItRestsOn) {
+TEST(QuoteTest, TableHasARowPerErrorAndABasisLine) {
   EXPECT_EQ(FormatQuote(MakeTestQuote()),
             "error (relMSE)                  samples  CPU time (80 % band)               "
             "wall time (80 % band)\n"
@@ -40,7 +40,7 @@ TEST(QuoteTest, TableHasALineForEachErrorAndOneOfWhatItRestsOn) {
             "all of the farm's 8 threads\n");
 }
 
-TEST(QuoteTest, OfWhatIsNotThereYet) {
+TEST(QuoteTest, QuotesOnlyMissingSamples) {
   Quote quote = MakeTestQuote();
   quote.start = Quote::Start{16, 0.0336};
   const std::string text = FormatQuote(quote);
@@ -50,7 +50,7 @@ TEST(QuoteTest, OfWhatIsNotThereYet) {
   EXPECT_TRUE(nlohmann::json::parse(QuoteJson(MakeTestQuote()))["start"].is_null());
 }
 
-TEST(QuoteTest, SaysWhatIsMissing) {
+TEST(QuoteTest, ReportsMissingInformation) {
   Quote quote = MakeTestQuote();
   quote.thread_count = 0;
   quote.frame_count = 24;
@@ -64,7 +64,7 @@ TEST(QuoteTest, SaysWhatIsMissing) {
   EXPECT_NE(text.find("not reached within the maximum of samples"), std::string::npos) << text;
 }
 
-TEST(QuoteTest, JsonHasHoursAndBands) {
+TEST(QuoteTest, JsonHasHoursAndIntervals) {
   const auto json = nlohmann::json::parse(QuoteJson(MakeTestQuote()));
   EXPECT_EQ(json["rows"][0]["target_error"], 0.02);
   EXPECT_TRUE(json["rows"][0]["sample_count"].is_null());

@@ -24,7 +24,7 @@ FilmTile MakePart(SampleBlock block) {
   return part;
 }
 
-TEST(ClampedTilesTest, OnlyWhatIsBrighterIsCut) {
+TEST(ClampedTilesTest, OnlyBrighterValuesAreClamped) {
   ClampedTiles clamped({kTile}, 16);
   clamped.Add(0, MakePart({0, kReplicateCount}));
   clamped.Add(0, MakePart({kReplicateCount, kReplicateCount}));
@@ -38,7 +38,7 @@ TEST(ClampedTilesTest, OnlyWhatIsBrighterIsCut) {
   EXPECT_FLOAT_EQ(pixels.deviation[1][0], 1);
 }
 
-TEST(ClampedTilesTest, NothingIsCutBelowTheLimit) {
+TEST(ClampedTilesTest, ValuesBelowTheLimitAreKept) {
   ClampedTiles clamped({kTile}, 1000);
   clamped.Add(0, MakePart({0, kReplicateCount}));
   EXPECT_FLOAT_EQ(clamped.Develop(0).value[1][0], 10);

@@ -26,8 +26,8 @@ constexpr size_t kTilesMin = 24;
 constexpr size_t kTilesMax = 2048;
 constexpr uint64_t kBlocksMin = 4, kBlocksMax = 64;  // For each setting; powers of two.
 // Fractions of the time; the rest is for compiling scenes.
-constexpr double kReferenceShare = 0.3, kLadderShare = 0.4, kPathsShare = 0.08,
-                 kEffectsShare = 0.15;
+constexpr double kReferenceFraction = 0.3, kLadderFraction = 0.4, kPathsFraction = 0.08,
+                 kEffectsFraction = 0.15;
 constexpr uint64_t kReferenceSeed = 0x5ea5eed;
 constexpr uint64_t kPathSamples = 64;
 // Guess of a setting's mean cost relative to the base; the clock ends the measurement in any case.
@@ -64,7 +64,7 @@ class Study {
         {"measuring light paths", &Study::MeasurePaths},
         {"measuring effects", &Study::MeasureEffects}};
     for (const auto& [what, step] : steps) {
-      Tell(what);
+      PrintInfo(what);
       if (absl::Status status = (this->*step)(); !status.ok()) return status;
     }
     TileSumsToCurves();
@@ -76,7 +76,7 @@ class Study {
  private:
   double Seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
   double Budget() const { return options_.minutes * 60; }
-  void Tell(const std::string& what) const {
+  void PrintInfo(const std::string& what) const {
     if (options_.on_progress) options_.on_progress(absl::StrFormat("%5.0f s  %s", Seconds(), what));
   }
 
@@ -93,7 +93,7 @@ class Study {
     if (!base.ok()) return base.status();
     base_ = *std::move(base);
     ladder_ = MakeLadder(settings_, PlanOf(*base_));
-    result_.not_studied = WhatLaddersLack(PlanOf(*base_));
+    result_.not_studied = MissingLadders(PlanOf(*base_));
     const std::vector<PixelRect> trial_tiles = ChooseTiles(settings_.window, kTilesMin);
     TileRenderer trial(*base_, trial_tiles, options_.threads);
     double seconds_per_tile = 0;
@@ -106,7 +106,7 @@ class Study {
         ladder_.begin(), ladder_.end(), [](const StudySetting& s) { return s.clamp_means == 0; }));
     // Number of tiles times blocks per setting.
     const double affordable =
-        kLadderShare * Budget() / (rendered * kSettingCost * std::max(seconds_per_tile, 1e-7));
+        kLadderFraction * Budget() / (rendered * kSettingCost * std::max(seconds_per_tile, 1e-7));
     blocks_ = kBlocksMin * 4;
     while (blocks_ > kBlocksMin && affordable / static_cast<double>(blocks_) < kTilesMin) {
       blocks_ /= 2;
@@ -124,7 +124,7 @@ class Study {
     blocks_ = std::clamp(std::bit_floor(static_cast<uint64_t>(blocks)), kBlocksMin, kBlocksMax);
     reference_blocks_ = static_cast<uint64_t>(std::max(
         2.0 * static_cast<double>(blocks_),
-        kReferenceShare * Budget() / (seconds_per_tile * static_cast<double>(tiles_.size()))));
+        kReferenceFraction * Budget() / (seconds_per_tile * static_cast<double>(tiles_.size()))));
     for (const PixelRect& tile : tiles_) {
       pixel_counts_.push_back(static_cast<double>(tile.PixelCount()));
       result_.pixels += tile.PixelCount();
@@ -144,7 +144,7 @@ class Study {
     const absl::StatusOr<render::CompiledScenePtr> scene = Compile(settings);
     if (!scene.ok()) return scene.status();
     TileRenderer renderer(**scene, tiles_, options_.threads);
-    const double until = Seconds() + 2 * kReferenceShare * Budget();
+    const double until = Seconds() + 2 * kReferenceFraction * Budget();
     absl::StatusOr<StudyReference> reference = RenderReference(
         &renderer, tiles_.size(), reference_blocks_, [&] { return Seconds() < until; });
     if (!reference.ok()) return reference.status();
@@ -228,7 +228,7 @@ class Study {
     const auto on_part = [&](size_t tile, const FilmTile& part) {
       for (Clamped& one : clamped) one.tiles.Add(tile, part);
     };
-    const double until = (1 - kEffectsShare - kPathsShare) * Budget();
+    const double until = (1 - kEffectsFraction - kPathsFraction) * Budget();
     for (uint64_t block = 0; block < blocks_ && (block < kBlocksMin || Seconds() < until);
          ++block) {
       for (size_t i = 0; i < running.size(); ++i) {
@@ -252,7 +252,7 @@ class Study {
             CheckpointOf(samples, running.front().renderer->CpuSeconds(),
                          [&](size_t tile) { return one.tiles.Develop(tile); }));
       }
-      Tell(absl::StrFormat("%.0f samples", samples));
+      PrintInfo(absl::StrFormat("%.0f samples", samples));
     }
     for (const Running& one : running) {
       measurements_[one.measurement].time_deviation =
@@ -277,7 +277,7 @@ class Study {
     if (setting == ladder_.end() || !(target_ > 0)) return absl::OkStatus();
     StudyMeasurement measured{*setting, {}};
     TileRenderer renderer(*base_, tiles_, options_.threads);
-    const double until = (1 - kEffectsShare - kPathsShare) * Budget() * 1.1;
+    const double until = (1 - kEffectsFraction - kPathsFraction) * Budget() * 1.1;
     const uint64_t samples_max = 4 * blocks_ * kStudyBlockSamples;
     std::vector<uint64_t> wanted(tiles_.size(), kStudyBlockSamples);
     std::vector<coordinator::CellRound> before;
@@ -288,7 +288,7 @@ class Study {
       }
       double samples = 0, cpu_seconds = 0;
       std::vector<PixelRect> rects;
-      const FramePicture packed = renderer.Pack(&rects);
+      const FrameImage packed = renderer.Pack(&rects);
       const std::vector<ErrorSums> errors = EstimateTileErrors(packed, rects);
       std::vector<coordinator::CellRound> tiles;
       for (size_t tile = 0; tile < tiles_.size(); ++tile) {
@@ -315,7 +315,7 @@ class Study {
     if (!scene.ok()) return scene.status();
     std::vector<render::PathNoiseSums> of_tiles(tiles_.size());
     std::vector<char> done(tiles_.size());
-    const double until = Seconds() + kPathsShare * Budget();
+    const double until = Seconds() + kPathsFraction * Budget();
     const absl::Status status = ForEachTile(options_.threads, tiles_.size(), [&](size_t i) {
       // Every eighth tile first, so that the tiles that fit into the time are spread over the
       // frame.
@@ -335,9 +335,9 @@ class Study {
       if (done[tile] == 0) continue;
       ++count;
       all.Add(of_tiles[tile]);
-      NoteUnreliable(tile, of_tiles[tile].Shares());
+      NoteUnreliable(tile, of_tiles[tile].Fractions());
     }
-    const render::PathNoise noise = all.Shares();
+    const render::PathNoise noise = all.Fractions();
     for (size_t k = 0; k < kLightPathKindCount; ++k) {
       if (noise.kinds[k].light == 0) continue;
       result_.paths.push_back({static_cast<LightPathKind>(k), noise.kinds[k]});
@@ -361,7 +361,7 @@ class Study {
   }
 
   void NoteUnreliable(size_t tile, const render::PathNoise& noise) {
-    if (noise.one_replicate_share <= kOneReplicateMax) return;
+    if (noise.one_replicate_fraction <= kOneReplicateMax) return;
     const auto worst =
         std::max_element(noise.kinds.begin(), noise.kinds.end(),
                          [](const auto& a, const auto& b) { return a.variance < b.variance; });
@@ -371,7 +371,7 @@ class Study {
 
   absl::Status MeasureEffects() {
     const double seconds =
-        std::max(kEffectsShare * Budget(), std::min(0.97 * Budget() - Seconds(), Budget() / 4));
+        std::max(kEffectsFraction * Budget(), std::min(0.97 * Budget() - Seconds(), Budget() / 4));
     absl::StatusOr<render::PlanMeasurement> effects =
         render::MeasurePlan(scene_, settings_, files_, seconds);
     if (!effects.ok()) return effects.status();

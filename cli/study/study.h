@@ -31,14 +31,14 @@ inline constexpr double kStudyMinutesMin = 0.2, kStudyMinutesMax = 24 * 60;
 
 struct StudyPath {
   LightPathKind kind;
-  render::PathShares shares;
+  render::PathFractions fractions;
 };
 
 // A tile whose error estimate is unreliable (mean_interval.h), and the kind of path that causes it.
 struct UnreliableTile {
   PixelRect rect;
   LightPathKind kind;
-  double variance_share = 0;  // Fraction of the tile's variance due to this kind.
+  double variance_fraction = 0;  // Fraction of the tile's variance due to this kind.
 };
 
 struct StudyResult {

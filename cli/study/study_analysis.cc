@@ -16,7 +16,7 @@ constexpr int kBootstrapCount = 200;
 // Factor in error by which the base's curve may be extrapolated beyond its first and last point.
 constexpr double kExtrapolationMax = 4;
 // A point counts as different from 0 if it is this many standard errors above it.
-constexpr double kToldDeviations = 2;
+constexpr double kReportedDeviations = 2;
 
 using TileSums = std::vector<double>;
 // Indices of the tiles that an estimate uses, with repetitions.
@@ -140,7 +140,7 @@ StudyCurve CurveOf(const StudyMeasurement& base, const StudyMeasurement& measure
   curve.setting = measured.setting;
   for (const StudyCheckpoint& c : measured.checkpoints) {
     const Estimate error = EstimateMean(c.error, counts);
-    if (error.value > kToldDeviations * error.error && error.value > 0) {
+    if (error.value > kReportedDeviations * error.error && error.value > 0) {
       curve.points.push_back({c.samples, c.cpu_seconds, error, false});
     }
   }

@@ -41,7 +41,7 @@ std::vector<StudyCurve> Analyze(std::vector<StudyMeasurement> measurements) {
   return AnalyzeStudy(measurements, std::vector<double>(kTiles, kPixels));
 }
 
-TEST(StudyAnalysisTest, RateIsThatOfTheVariance) {
+TEST(StudyAnalysisTest, FitsTheVarianceRate) {
   const auto curves =
       Analyze({MakeMeasurement(1, 0, 1, 1, 1), MakeMeasurement(1, 0.01, 1.5, 1, 2)});
   ASSERT_TRUE(curves[0].rate && curves[1].rate);
@@ -50,7 +50,7 @@ TEST(StudyAnalysisTest, RateIsThatOfTheVariance) {
   EXPECT_LT(curves[1].rate->error, 0.03);
 }
 
-TEST(StudyAnalysisTest, BiasIsWhatVarianceDoesNotExplain) {
+TEST(StudyAnalysisTest, BiasIsErrorBeyondVariance) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 3), MakeMeasurement(1, 0.01, 1, 1, 4)});
   ASSERT_TRUE(curves[0].bias_floor && curves[1].bias_floor);
   EXPECT_FALSE(curves[0].HasBias());
@@ -60,7 +60,7 @@ TEST(StudyAnalysisTest, BiasIsWhatVarianceDoesNotExplain) {
 
 // Half the variance at the same cost, and the same variance at half the cost, are both twice as
 // fast.
-TEST(StudyAnalysisTest, GainIsTimeToTheSameError) {
+TEST(StudyAnalysisTest, GainIsTheTimeRatioAtEqualError) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 5), MakeMeasurement(0.5, 0, 1, 1, 6),
                                MakeMeasurement(1, 0, 1, 0.5, 7), MakeMeasurement(4, 0, 1, 1, 8)});
   EXPECT_FALSE(curves[0].gain);
@@ -72,18 +72,18 @@ TEST(StudyAnalysisTest, GainIsTimeToTheSameError) {
   EXPECT_NEAR(curves[3].gain->value, 0.25, 0.02);
 }
 
-TEST(StudyAnalysisTest, GainBeyondTheBasesCurveIsNotTold) {
+TEST(StudyAnalysisTest, NoGainBeyondTheBaseCurve) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 9), MakeMeasurement(1e-3, 0, 1, 1, 10)});
   EXPECT_FALSE(curves[1].gain);
 }
 
-TEST(StudyAnalysisTest, TimesAreAsTrueAsTheirRatiosAreAlike) {
+TEST(StudyAnalysisTest, TimeUncertaintyFollowsTheSpreadOfRatios) {
   EXPECT_EQ(RatioDeviation({2, 4, 6}, {1, 2, 3}), 0);
   // Ratios 1 and 3: their mean is 2, its standard error 1.
   EXPECT_NEAR(RatioDeviation({1, 3}, {1, 1}), 0.5, 1e-12);
 }
 
-TEST(StudyAnalysisTest, FrontIsWhatNothingBeatsInBoth) {
+TEST(StudyAnalysisTest, FrontHoldsNonDominatedSettings) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 11), MakeMeasurement(1.5, 0, 1, 2, 12),
                                MakeMeasurement(1, 0.05, 1, 0.1, 13)});
   for (const StudyPoint& point : curves[1].points) EXPECT_FALSE(point.on_front);
@@ -93,7 +93,7 @@ TEST(StudyAnalysisTest, FrontIsWhatNothingBeatsInBoth) {
   EXPECT_FALSE(curves[0].points.front().on_front);
 }
 
-TEST(StudyWordsTest, SayWhatIsFasterAndWhatIsBiased) {
+TEST(StudyWordsTest, ReportFasterAndBiasedSettings) {
   StudyResult result;
   std::vector<StudyMeasurement> measurements = {MakeMeasurement(1, 0, 1, 1, 14),
                                                 MakeMeasurement(0.5, 0, 1, 1, 15),

@@ -49,7 +49,7 @@ Json EffectJson(const render::EffectMeasurement& effect) {
   if (!effect.problem.empty()) return {{"name", effect.name}, {"problem", effect.problem}};
   return {{"name", effect.name},
           {"without", effect.without},
-          {"time_share", Number(effect.TimeShare())},
+          {"time_share", Number(effect.TimeFraction())},
           {"time_ratio", Number(effect.time_ratio.value)},
           {"time_ratio_error", Number(effect.time_ratio.error)},
           {"variance_ratio", Number(effect.variance_ratio)},
@@ -88,9 +88,9 @@ std::string StudyJson(const StudyResult& result) {
   for (const StudyPath& path : result.paths) {
     json["paths"].push_back({{"name", NameOf(path.kind)},
                              {"meaning", kLightPathNames[static_cast<size_t>(path.kind)].meaning},
-                             {"light_share", Number(path.shares.light)},
-                             {"noise_share", Number(path.shares.variance)},
-                             {"rare_share", Number(path.shares.one_replicate)}});
+                             {"light_share", Number(path.fractions.light)},
+                             {"noise_share", Number(path.fractions.variance)},
+                             {"rare_share", Number(path.fractions.one_replicate)}});
   }
   for (const UnreliableTile& tile : result.unreliable_tiles) {
     json["unreliable_tiles"].push_back({{"x0", tile.rect.x0},
@@ -98,7 +98,7 @@ std::string StudyJson(const StudyResult& result) {
                                         {"x1", tile.rect.x1},
                                         {"y1", tile.rect.y1},
                                         {"path", NameOf(tile.kind)},
-                                        {"share", Number(tile.variance_share)}});
+                                        {"share", Number(tile.variance_fraction)}});
   }
   // File names may contain any bytes.
   return json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);

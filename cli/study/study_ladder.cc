@@ -85,9 +85,9 @@ class Ladder {
     if (!render::Has(plan_.traits, render::Trait::kMedia)) return;
     if (render::Has(plan_.traits, render::Trait::kHeterogeneousMedia)) {
       Add("distance samples only", "no equiangular sampling in heterogeneous media", "")
-          .techniques.lines_in_varying = render::LinesInVarying::kNever;
+          .techniques.equiangular_mode = render::EquiangularMode::kNever;
       Add("always equiangular", "equiangular sampling in all heterogeneous media", "")
-          .techniques.lines_in_varying = render::LinesInVarying::kAlways;
+          .techniques.equiangular_mode = render::EquiangularMode::kAlways;
       Add("one majorant", "one density bound for a whole medium", "").techniques.bound_media_once =
           true;
     }
@@ -145,7 +145,7 @@ std::vector<StudySetting> MakeLadder(const FrameSettings& settings,
   return ladder.Take();
 }
 
-std::vector<std::string> WhatLaddersLack(const render::RenderPlan& plan) {
+std::vector<std::string> MissingLadders(const render::RenderPlan& plan) {
   std::vector<std::string> lines = {"path guiding: Sheaf has none",
                                     "clamping is shown for comparison only; Sheaf does not clamp, "
                                     "because clamping darkens images"};

@@ -31,6 +31,6 @@ struct StudySetting {
 // The first setting is the base. Settings that would change nothing in this scene are omitted.
 std::vector<StudySetting> MakeLadder(const FrameSettings& settings, const render::RenderPlan& plan);
 // Settings that users may expect but the ladder lacks, with the reasons: one line each.
-std::vector<std::string> WhatLaddersLack(const render::RenderPlan& plan);
+std::vector<std::string> MissingLadders(const render::RenderPlan& plan);
 
 }  // namespace sheaf::cli

@@ -32,7 +32,7 @@ std::string DataOf(std::string_view page) {
   return std::string(page.substr(start, page.find("</script", start) - start));
 }
 
-TEST(StudyPageTest, JsonComesThroughWhole) {
+TEST(StudyPageTest, JsonIsEmbeddedUnchanged) {
   const nlohmann::json study = {{"format", 1},
                                 {"scene", "</script><script>alert(1)</script><!-- <script @study@"},
                                 {"not_studied", {"a \\ b \"c\"", "\xe2\x80\xa8 \xc3\xa9 & >"}}};
@@ -41,7 +41,7 @@ TEST(StudyPageTest, JsonComesThroughWhole) {
   EXPECT_EQ(nlohmann::json::parse(data), study);
 }
 
-TEST(StudyPageTest, WhatTheJsonSaysAddsNoElement) {
+TEST(StudyPageTest, JsonCannotAddElements) {
   const std::string harmless = StudyPage(R"({"scene":"a"})");
   const std::string hostile = StudyPage(R"({"scene":"</script><script>alert(1)</script>"})");
   EXPECT_EQ(Count(harmless, "<script"), 2);
@@ -49,7 +49,7 @@ TEST(StudyPageTest, WhatTheJsonSaysAddsNoElement) {
   EXPECT_EQ(Count(hostile, "</script"), 2);
 }
 
-TEST(StudyPageTest, LoadsNothing) {
+TEST(StudyPageTest, LoadsNoExternalFiles) {
   const std::string page = absl::AsciiStrToLower(StudyPage("{}"));
   for (const std::string_view part :
        {"http:", "https:", "src=", "@import", "url(", "<link", "import(", "fetch("}) {
@@ -60,7 +60,7 @@ TEST(StudyPageTest, LoadsNothing) {
   EXPECT_THAT(page, HasSubstr("default-src 'none'"));
 }
 
-TEST(StudyPageTest, HoldsScriptAndStyle) {
+TEST(StudyPageTest, EmbedsScriptAndStyle) {
   const std::string page = StudyPage("{}");
   for (const std::string_view mark : {"@study@", "@script@", "@style@"}) {
     EXPECT_THAT(page, Not(HasSubstr(mark)));

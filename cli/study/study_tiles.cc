@@ -53,22 +53,22 @@ double TileRenderer::CpuSeconds() const {
   return std::accumulate(cpu_seconds_.begin(), cpu_seconds_.end(), 0.0);
 }
 
-FramePicture TileRenderer::DevelopPicture(size_t tile) const {
+FrameImage TileRenderer::DevelopImage(size_t tile) const {
   const FrameSettings& settings = SettingsOf(scene_);
-  FramePicture picture =
-      MakeFramePicture(tiles_[tile], settings.width_px, settings.height_px, settings.outputs);
-  DevelopTile(trees_[tile].Root(), &picture);
-  return picture;
+  FrameImage image =
+      MakeFrameImage(tiles_[tile], settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(trees_[tile].Root(), &image);
+  return image;
 }
 
 TilePixels TileRenderer::Develop(size_t tile) const {
-  const FramePicture picture = DevelopPicture(tile);
+  const FrameImage image = DevelopImage(tile);
   const auto count = static_cast<size_t>(tiles_[tile].PixelCount());
   TilePixels pixels{std::vector<std::array<float, 3>>(count),
                     std::vector<std::array<float, 3>>(count)};
   for (size_t c = 0; c < 3; ++c) {
-    const std::vector<float>& value = *picture.Find(kColorChannels[c]);
-    const std::vector<float>& deviation = *picture.Find(kErrorChannels[c]);
+    const std::vector<float>& value = *image.Find(kColorChannels[c]);
+    const std::vector<float>& deviation = *image.Find(kErrorChannels[c]);
     for (size_t p = 0; p < count; ++p) {
       pixels.value[p][c] = value[p];
       pixels.deviation[p][c] = deviation[p];
@@ -77,7 +77,7 @@ TilePixels TileRenderer::Develop(size_t tile) const {
   return pixels;
 }
 
-FramePicture TileRenderer::Pack(std::vector<PixelRect>* rects) const {
+FrameImage TileRenderer::Pack(std::vector<PixelRect>* rects) const {
   int32_t width = 0, height = 0;
   rects->clear();
   for (const PixelRect& tile : tiles_) {
@@ -85,14 +85,14 @@ FramePicture TileRenderer::Pack(std::vector<PixelRect>* rects) const {
     width = std::max(width, tile.Width());
     height += tile.Height() + kPackGapPx;
   }
-  FramePicture packed =
-      MakeFramePicture({0, 0, width, height}, width, height, SettingsOf(scene_).outputs);
+  FrameImage packed =
+      MakeFrameImage({0, 0, width, height}, width, height, SettingsOf(scene_).outputs);
   for (size_t tile = 0; tile < tiles_.size(); ++tile) {
-    const FramePicture picture = DevelopPicture(tile);
+    const FrameImage image = DevelopImage(tile);
     const auto tile_width = static_cast<size_t>(tiles_[tile].Width());
     for (size_t plane = 0; plane < packed.planes.size(); ++plane) {
       for (int32_t y = 0; y < tiles_[tile].Height(); ++y) {
-        const auto from = picture.planes[plane].begin() +
+        const auto from = image.planes[plane].begin() +
                           static_cast<std::ptrdiff_t>(static_cast<size_t>(y) * tile_width);
         const size_t to = static_cast<size_t>((*rects)[tile].y0 + y) * static_cast<size_t>(width);
         std::copy_n(from, tile_width,

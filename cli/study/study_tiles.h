@@ -49,10 +49,10 @@ class TileRenderer {
   TilePixels Develop(size_t tile) const;
   // All tiles, one below the other, separated by as many empty rows as error estimates reach, so
   // that the image's size does not depend on the frame's. *rects: where each tile is.
-  FramePicture Pack(std::vector<PixelRect>* rects) const;
+  FrameImage Pack(std::vector<PixelRect>* rects) const;
 
  private:
-  FramePicture DevelopPicture(size_t tile) const;
+  FrameImage DevelopImage(size_t tile) const;
 
   const render::CompiledScene& scene_;
   const std::vector<PixelRect>& tiles_;

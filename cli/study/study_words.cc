@@ -13,11 +13,11 @@ namespace sheaf::cli {
 namespace {
 
 // A gain counts as different from 1 if it is this many standard errors away.
-constexpr double kToldGainDeviations = 2;
+constexpr double kReportedGainDeviations = 2;
 // Smaller gains are not mentioned.
 constexpr double kGainMin = 1.03;
 constexpr double kEffectTimeMin = 0.05;
-constexpr double kNoiseShareMin = 0.25;
+constexpr double kNoiseFractionMin = 0.25;
 
 const LightPathName& PathNameOf(LightPathKind kind) {
   return kLightPathNames[static_cast<size_t>(kind)];
@@ -43,7 +43,7 @@ std::string OfBase(const StudyCurve& base) {
 
 bool IsFaster(const StudyCurve& curve) {
   return curve.gain && curve.gain->value > kGainMin &&
-         curve.gain->value - kToldGainDeviations * curve.gain->error > 1;
+         curve.gain->value - kReportedGainDeviations * curve.gain->error > 1;
 }
 
 std::string GainText(const StudyCurve& curve) {
@@ -66,7 +66,7 @@ void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
         (best == nullptr || curve.gain->value > best->gain->value)) {
       best = &curve;
     }
-    if (curve.gain->value + kToldGainDeviations * curve.gain->error < 1 / kGainMin) {
+    if (curve.gain->value + kReportedGainDeviations * curve.gain->error < 1 / kGainMin) {
       slower.push_back(absl::StrCat(curve.setting.name, " (", GainText(curve), ")"));
     }
   }
@@ -94,7 +94,7 @@ void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
       if (!IsFaster(curve)) continue;
       lines->push_back(absl::StrFormat(
           "%s is %s. Its bias is too small to be measured here: below relMSE %.1g.", name,
-          GainText(curve), std::max(0.0, floor.value) + kToldGainDeviations * floor.error));
+          GainText(curve), std::max(0.0, floor.value) + kReportedGainDeviations * floor.error));
       continue;
     }
     if (setting.is_truer) {
@@ -120,21 +120,22 @@ void AddEffects(const StudyResult& result, std::vector<std::string>* lines) {
   if (result.curves.front().points.empty()) return;
   const double error = result.curves.front().points.back().relative_mse.value;
   for (const render::EffectMeasurement& effect : result.effects.effects) {
-    if (!effect.problem.empty() || effect.TimeShare() < kEffectTimeMin) continue;
+    if (!effect.problem.empty() || effect.TimeFraction() < kEffectTimeMin) continue;
     const double loss = std::max(0.0, effect.rel_mse);
     lines->push_back(absl::StrFormat(
         "%.0f %% of the time is spent on \"%s\". Without it, the image differs by relMSE %.2g, %s "
         "than the remaining error.",
-        100 * effect.TimeShare(), effect.name, loss, loss < error ? "less" : "more"));
+        100 * effect.TimeFraction(), effect.name, loss, loss < error ? "less" : "more"));
   }
 }
 
 void AddPaths(const StudyResult& result, std::vector<std::string>* lines) {
   for (const StudyPath& path : result.paths) {
-    if (path.shares.variance < kNoiseShareMin) continue;
-    lines->push_back(absl::StrFormat(
-        "%.0f %% of the noise comes from %.0f %% of the light: %s, %s.", 100 * path.shares.variance,
-        100 * path.shares.light, PathNameOf(path.kind).name, PathNameOf(path.kind).meaning));
+    if (path.fractions.variance < kNoiseFractionMin) continue;
+    lines->push_back(
+        absl::StrFormat("%.0f %% of the noise comes from %.0f %% of the light: %s, %s.",
+                        100 * path.fractions.variance, 100 * path.fractions.light,
+                        PathNameOf(path.kind).name, PathNameOf(path.kind).meaning));
   }
   if (result.unreliable_tiles.empty()) return;
   std::array<size_t, kLightPathKindCount> counts{};

@@ -17,20 +17,20 @@ constexpr char kOfNothing[] = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca
 constexpr char kOfAbc[] = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
 constexpr char kOfMillionA[] = "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0";
 
-TEST(DigestTest, GivesTheKnownVectors) {
+TEST(DigestTest, MatchesKnownVectors) {
   EXPECT_EQ(Sha256Hex(""), kOfNothing);
   EXPECT_EQ(Sha256Hex("abc"), kOfAbc);
   EXPECT_EQ(Sha256Hex("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
             "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
 }
 
-TEST(DigestTest, PiecesGiveTheDigestOfTheWhole) {
+TEST(DigestTest, PiecewiseDigestEqualsWholeDigest) {
   Sha256 hash;
   for (int i = 0; i < 1000; ++i) hash.Update(std::string(1000, 'a'));
   EXPECT_EQ(hash.FinishHex(), kOfMillionA);
 }
 
-TEST(DigestTest, MovedHashGoesOn) {
+TEST(DigestTest, MovedHashContinues) {
   Sha256 first;
   first.Update("ab");
   Sha256 second = std::move(first);
@@ -48,7 +48,7 @@ TEST(DigestTest, DigestsFiles) {
   EXPECT_TRUE(absl::IsNotFound(Sha256OfFile(path + ".none").status()));
 }
 
-TEST(DigestTest, KnowsADigestByItsLook) {
+TEST(DigestTest, RecognizesHexDigests) {
   EXPECT_TRUE(IsSha256Hex(kOfAbc));
   EXPECT_FALSE(IsSha256Hex(""));
   EXPECT_FALSE(IsSha256Hex(std::string(63, 'a')));

@@ -44,7 +44,7 @@ TEST_F(FileTest, WritesReadsAndReplaces) {
   EXPECT_EQ(CountEntries(), 1u) << "a temporary file was left";
 }
 
-TEST_F(FileTest, SymbolicLinksAreFollowedAndStay) {
+TEST_F(FileTest, SymbolicLinksAreFollowedAndKept) {
   const std::string file = directory_ + "/real", link = directory_ + "/link";
   std::filesystem::create_symlink("real", link);
   std::filesystem::create_symlink(link, directory_ + "/second");
@@ -59,7 +59,7 @@ TEST_F(FileTest, SymbolicLinksAreFollowedAndStay) {
             absl::StatusCode::kFailedPrecondition);
 }
 
-TEST_F(FileTest, ReplacesNothingButRegularFiles) {
+TEST_F(FileTest, ReplacesOnlyRegularFiles) {
   const std::string pipe = directory_ + "/pipe";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   std::filesystem::create_symlink("pipe", directory_ + "/link");
@@ -70,13 +70,13 @@ TEST_F(FileTest, ReplacesNothingButRegularFiles) {
   EXPECT_TRUE(std::filesystem::is_fifo(pipe));
 }
 
-TEST_F(FileTest, WhatCannotBeWrittenIsKnownBefore) {
+TEST_F(FileTest, UnwritablePathsAreDetectedBeforeWriting) {
   EXPECT_TRUE(absl::IsNotFound(CheckWritable(directory_ + "/none/a.exr")));
   EXPECT_TRUE(CheckWritable(directory_ + "/a.exr").ok());
   EXPECT_EQ(CountEntries(), 0u) << "the probe was left";
 }
 
-TEST_F(FileTest, WritesBesideTheWorkingDirectoryToo) {
+TEST_F(FileTest, WritesRelativePaths) {
   const std::filesystem::path before = std::filesystem::current_path();
   std::filesystem::current_path(directory_);
   const absl::Status status = WriteFileAtomically("bare-name", "x");
@@ -85,7 +85,7 @@ TEST_F(FileTest, WritesBesideTheWorkingDirectoryToo) {
   EXPECT_EQ(*ReadWholeFile(directory_ + "/bare-name"), "x");
 }
 
-TEST_F(FileTest, FailedWriteNamesThePathAndLeavesNothing) {
+TEST_F(FileTest, FailedWriteNamesThePathAndLeavesNoFile) {
   const absl::Status status = WriteFileAtomically(directory_ + "/none/file", "x");
   EXPECT_TRUE(absl::IsNotFound(status));
   EXPECT_NE(std::string(status.message()).find(directory_ + "/none/file"), std::string::npos);
@@ -95,7 +95,7 @@ TEST_F(FileTest, FailedWriteNamesThePathAndLeavesNothing) {
   EXPECT_EQ(CountEntries(), 1u);
 }
 
-TEST_F(FileTest, ReaderSeesOneWholeVersion) {
+TEST_F(FileTest, ReadersSeeACompleteVersion) {
   const std::string path = directory_ + "/file";
   constexpr size_t kSize = 1 << 16;
   ASSERT_TRUE(WriteFileAtomically(path, std::string(kSize, '0')).ok());
@@ -114,7 +114,7 @@ TEST_F(FileTest, ReaderSeesOneWholeVersion) {
   for (std::thread& writer : writers) writer.join();
 }
 
-TEST_F(FileTest, ReadingHasALimitAndSaysWhatIsWrong) {
+TEST_F(FileTest, ReadingHasALimitAndReportsErrors) {
   const std::string path = directory_ + "/file";
   ASSERT_TRUE(WriteFileAtomically(path, "12345678").ok());
   EXPECT_TRUE(ReadWholeFile(path, 8).ok());
@@ -125,7 +125,7 @@ TEST_F(FileTest, ReadingHasALimitAndSaysWhatIsWrong) {
   EXPECT_TRUE(absl::IsResourceExhausted(ReadWholeFile("/dev/zero", 1 << 20).status()));
 }
 
-TEST_F(FileTest, MakesDirectoriesOnceAndAgain) {
+TEST_F(FileTest, MakingDirectoriesIsIdempotent) {
   const std::string path = directory_ + "/a/b/c";
   EXPECT_TRUE(MakeDirectories(path).ok());
   EXPECT_TRUE(MakeDirectories(path).ok());

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// WishForLargePages: for large arrays with random reads, most of which would otherwise miss the
+// AdviseHugePages: for large arrays with random reads, most of which would otherwise miss the
 // translation lookaside buffer.
 #pragma once
 
@@ -14,7 +14,7 @@ namespace sheaf {
 
 // A hint: if the system has no large pages, small ones are used. Requires: the memory has not been
 // touched yet.
-inline void WishForLargePages(void* begin, size_t size_bytes) {
+inline void AdviseHugePages(void* begin, size_t size_bytes) {
 #ifdef MADV_HUGEPAGE
   const uintptr_t page = 4096;
   const uintptr_t first = (reinterpret_cast<uintptr_t>(begin) + page - 1) / page * page;

@@ -40,20 +40,20 @@ class MemoryRoomTest : public testing::Test {
   std::string folder_;
 };
 
-TEST_F(MemoryRoomTest, WithoutLimitsTheMachineTells) {
+TEST_F(MemoryRoomTest, WithoutLimitsTheMachineMemoryCounts) {
   Write("cgroup/jobs/a/memory.max", "max\n");
   Write("cgroup/jobs/a/memory.current", "5\n");
   EXPECT_EQ(Find().bytes, 4096 * kMiB);
   EXPECT_THAT(Find().limit, HasSubstr("8.0 GiB"));
 }
 
-TEST_F(MemoryRoomTest, WhatTheAddressSpaceHasTakenIsGone) {
+TEST_F(MemoryRoomTest, AddressSpaceInUseIsSubtracted) {
   const MemoryRoom room = Find(900 * kMiB);
   EXPECT_EQ(room.bytes, 800 * kMiB);
   EXPECT_EQ(room.limit, "the limit of address space (ulimit -v, 900 MiB)");
 }
 
-TEST_F(MemoryRoomTest, AGroupAboveMayBeTheTightest) {
+TEST_F(MemoryRoomTest, ParentGroupMayBeTheTightest) {
   Write("cgroup/jobs/a/memory.max", "max\n");
   Write("cgroup/jobs/a/memory.current", "0\n");
   Write("cgroup/jobs/memory.max", std::to_string(1000 * kMiB));
@@ -63,20 +63,20 @@ TEST_F(MemoryRoomTest, AGroupAboveMayBeTheTightest) {
   EXPECT_THAT(Find().limit, HasSubstr("memory.max"));
 }
 
-TEST_F(MemoryRoomTest, GroupsOfVersionOneCountToo) {
+TEST_F(MemoryRoomTest, VersionOneGroupsCount) {
   Write("cgroup/memory/memory.limit_in_bytes", std::to_string(300 * kMiB));
   Write("cgroup/memory/memory.usage_in_bytes", std::to_string(400 * kMiB));
   EXPECT_EQ(Find().bytes, 0u);
 }
 
-TEST(FormatMemoryTest, SmallSizesAreNotNothing) {
+TEST(FormatMemoryTest, SmallSizesAreNotZero) {
   EXPECT_EQ(FormatMemory(12), "12 bytes");
   EXPECT_EQ(FormatMemory(1024), "1 KiB");
   EXPECT_EQ(FormatMemory(900 * kMiB), "900 MiB");
   EXPECT_EQ(FormatMemory(1536 * kMiB), "1.5 GiB");
 }
 
-TEST_F(MemoryRoomTest, ThisProcessHasSome) {
+TEST_F(MemoryRoomTest, ThisProcessHasMemory) {
   EXPECT_GT(FindMemoryRoom().bytes, 0u);
   EXPECT_FALSE(FindMemoryRoom().limit.empty());
 }

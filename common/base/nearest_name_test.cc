@@ -7,7 +7,7 @@
 namespace sheaf {
 namespace {
 
-TEST(NearestNameTest, GuessesWhatWasMeant) {
+TEST(NearestNameTest, SuggestsTheNearestName) {
   const std::vector<std::string> names = {"render", "refine", "resume", "diffuse", "--samples"};
   EXPECT_EQ(NearestNameHint("rendr", names), "; did you mean \"render\"?");
   EXPECT_EQ(NearestNameHint("difuse", names), "; did you mean \"diffuse\"?");

@@ -13,7 +13,7 @@
 namespace sheaf {
 namespace {
 
-TEST(OpenFilesTest, ASoftLimitIsNoLimit) {
+TEST(OpenFilesTest, RaisesTheSoftLimit) {
   rlimit before{};
   ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &before), 0);
   constexpr rlim_t kFew = 64;

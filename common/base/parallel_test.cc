@@ -9,7 +9,7 @@
 namespace sheaf {
 namespace {
 
-TEST(ParallelTest, EveryRangeIsDoneOnce) {
+TEST(ParallelTest, EveryRangeRunsOnce) {
   std::vector<int> done(1000, 0);
   ParallelRanges(done.size(), 7, 4, [&](uint64_t begin, uint64_t end) {
     for (uint64_t i = begin; i < end; ++i) ++done[i];
@@ -17,7 +17,7 @@ TEST(ParallelTest, EveryRangeIsDoneOnce) {
   EXPECT_EQ(std::count(done.begin(), done.end(), 1), 1000);
 }
 
-TEST(ParallelTest, LackOfMemoryInAThreadIsThrownWhereTheLoopStands) {
+TEST(ParallelTest, OutOfMemoryInAThreadIsRethrownByTheLoop) {
   std::atomic<int> begun{0};
   const auto lack = [&](uint64_t, uint64_t) {
     if (++begun > 3) throw std::bad_alloc();

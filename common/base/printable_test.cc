@@ -11,7 +11,7 @@
 namespace sheaf {
 namespace {
 
-TEST(PrintableTest, NoByteCommandsATerminal) {
+TEST(PrintableTest, ControlBytesAreEscaped) {
   EXPECT_EQ(Printable("room \xc3\xa9\xe2\x82\xac\xf0\x9f\x98\x80"),
             "room \xc3\xa9\xe2\x82\xac\xf0\x9f\x98\x80");
   EXPECT_EQ(Printable("\x1b[31mred\x07\x7f\r"), "\\x1b[31mred\\x07\\x7f\\x0d");
@@ -23,12 +23,12 @@ TEST(PrintableTest, NoByteCommandsATerminal) {
   EXPECT_EQ(Printable("\xe2\x80\xaegpj.exe"), "\\xe2\\x80\\xaegpj.exe") << "turns the direction";
 }
 
-TEST(PrintableTest, TheFirstByteThatIsNotIsFound) {
+TEST(PrintableTest, FindsTheFirstUnprintableByte) {
   EXPECT_EQ(FindUnprintable("plain, \"quoted\" \\ and room \xc3\xa9"), std::string_view::npos);
   EXPECT_EQ(FindUnprintable("\xc3\xa9\ntwo"), 2u);
 }
 
-TEST(PrintableTest, OneEventIsOneLineOfTheLog) {
+TEST(PrintableTest, LogEventsStayOnOneLine) {
   testing::internal::CaptureStderr();
   LogWarning("a title\n2026-01-01T00:00:00.000+00:00 sheaf info forged");
   const std::string logged = testing::internal::GetCapturedStderr();
@@ -36,7 +36,7 @@ TEST(PrintableTest, OneEventIsOneLineOfTheLog) {
   EXPECT_NE(logged.find("a title\\n2026"), std::string::npos) << logged;
 }
 
-TEST(PrintableTest, WhatIsNotUtf8IsShownByByte) {
+TEST(PrintableTest, InvalidUtf8IsShownByteByByte) {
   EXPECT_EQ(Printable("\xff\xfe"), "\\xff\\xfe");
   EXPECT_EQ(Printable("cut \xe2\x82"), "cut \\xe2\\x82");
   EXPECT_EQ(Printable("\xc0\xaf"), "\\xc0\\xaf") << "overlong";
@@ -45,7 +45,7 @@ TEST(PrintableTest, WhatIsNotUtf8IsShownByByte) {
   EXPECT_EQ(Printable("\xf4\x90\x80\x80"), "\\xf4\\x90\\x80\\x80") << "beyond Unicode";
 }
 
-TEST(PrintableTest, ALineStaysOneAndLongTextIsCut) {
+TEST(PrintableTest, LinesStaySingleAndLongTextIsTruncated) {
   EXPECT_EQ(Printable("title\n2026-01-01 forged\tline"), "title\\n2026-01-01 forged line");
   EXPECT_EQ(PrintableLines("two\nlines\x1b"), "two\nlines\\x1b");
   EXPECT_EQ(Printable("abcdef", 4), "abcd...");

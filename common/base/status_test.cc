@@ -12,14 +12,14 @@
 namespace sheaf {
 namespace {
 
-TEST(StatusTest, AnnotateKeepsTheCodeAndPutsContextInFront) {
+TEST(StatusTest, AnnotateKeepsTheCodeAndPrependsContext) {
   const absl::Status status = Annotate(absl::NotFoundError("no such mesh"), "scene.pbrt:3:7");
   EXPECT_EQ(status, absl::NotFoundError("scene.pbrt:3:7: no such mesh"));
   EXPECT_EQ(Annotate(status, "job 5"), absl::NotFoundError("job 5: scene.pbrt:3:7: no such mesh"));
   EXPECT_TRUE(Annotate(absl::OkStatus(), "nothing").ok());
 }
 
-TEST(StatusTest, ErrnoBecomesACodeAndItsText) {
+TEST(StatusTest, ErrnoMapsToCodeAndMessage) {
   EXPECT_EQ(StatusFromErrno(ENOSPC, "writing x"),
             absl::ResourceExhaustedError("writing x: No space left on device"));
   EXPECT_TRUE(absl::IsResourceExhausted(StatusFromErrno(EDQUOT, "x")));
@@ -28,7 +28,7 @@ TEST(StatusTest, ErrnoBecomesACodeAndItsText) {
   EXPECT_TRUE(absl::IsUnavailable(StatusFromErrno(EIO, "x")));
 }
 
-TEST(CheckDeathTest, SaysWhereAndWhat) {
+TEST(CheckDeathTest, ReportsLocationAndCondition) {
   SHEAF_CHECK(1 + 1 == 2);
   EXPECT_DEATH(SHEAF_CHECK(1 + 1 == 3), "status_test.cc:[0-9]+: check failed: 1 \\+ 1 == 3");
 }

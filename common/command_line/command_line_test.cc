@@ -58,7 +58,7 @@ class CommandLineTest : public testing::Test {
   uint64_t memory_ = 64;
 };
 
-TEST_F(CommandLineTest, MistypedNamesAreGuessed) {
+TEST_F(CommandLineTest, SuggestsNearestNames) {
   EXPECT_THAT(Parse({"rendr"}), HasSubstr("unknown command \"rendr\"; did you mean \"render\"?"));
   EXPECT_THAT(Parse({"render", "a.pbrt", "--tile-sise", "4"}),
               HasSubstr("unknown option --tile-sise; did you mean \"--tile-size\"?"));
@@ -70,7 +70,7 @@ TEST_F(CommandLineTest, MistypedNamesAreGuessed) {
   EXPECT_THAT(Parse({"\x1b[31m"}), HasSubstr("\\x1b[31m"));
 }
 
-TEST_F(CommandLineTest, ChoicesSayWhatTheyAre) {
+TEST_F(CommandLineTest, ChoicesAreDescribed) {
   EXPECT_EQ(Parse({"render", "a.pbrt", "--color", "RGB"}), "");
   EXPECT_EQ(color_, 1);
   const std::string error = Parse({"render", "a.pbrt", "--color", "rbg"});
@@ -81,7 +81,7 @@ TEST_F(CommandLineTest, ChoicesSayWhatTheyAre) {
   EXPECT_THAT(ChoicesOf(*command_->get_option("--tile-size")), ElementsAre());
 }
 
-TEST_F(CommandLineTest, HelpIsInPlainWords) {
+TEST_F(CommandLineTest, HelpIsPlainText) {
   const std::string help = Help();
   for (const char* words : {"How it looks:", "--color auto|rgb ", "--tile-size N ",
                             "Edge of a tile (8 to 1024)", "--memory SIZE ", "Limit (default 64)",

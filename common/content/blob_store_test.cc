@@ -35,7 +35,7 @@ class BlobStoreTest : public testing::Test {
   std::unique_ptr<BlobStore> store_;
 };
 
-TEST_F(BlobStoreTest, KeepsWhatWasPut) {
+TEST_F(BlobStoreTest, ReturnsStoredBlobs) {
   const absl::StatusOr<BlobDigest> digest = store_->Put("hello");
   ASSERT_TRUE(digest.ok()) << digest.status();
   EXPECT_EQ(*digest, DigestOf("hello"));
@@ -47,7 +47,7 @@ TEST_F(BlobStoreTest, KeepsWhatWasPut) {
   EXPECT_TRUE(store_->Put("hello").ok());
 }
 
-TEST_F(BlobStoreTest, FindsMissingOnesInOrder) {
+TEST_F(BlobStoreTest, ListsMissingBlobsInOrder) {
   const BlobDigest stored = *store_->Put("stored");
   const BlobDigest a = DigestOf("a"), b = DigestOf("b");
   EXPECT_THAT(*store_->FindMissing({b, stored, a}), testing::ElementsAre(b, a));
@@ -55,7 +55,7 @@ TEST_F(BlobStoreTest, FindsMissingOnesInOrder) {
             absl::StatusCode::kInvalidArgument);
 }
 
-TEST_F(BlobStoreTest, ResumesAnUploadThatWasCutOff) {
+TEST_F(BlobStoreTest, ResumesAnInterruptedUpload) {
   const std::string bytes = "first half, second half";
   const BlobDigest digest = DigestOf(bytes);
   {
@@ -74,7 +74,7 @@ TEST_F(BlobStoreTest, ResumesAnUploadThatWasCutOff) {
   EXPECT_EQ(*store_->ReadChunk(digest, 0, 100), bytes);
 }
 
-TEST_F(BlobStoreTest, StartsAnewAtOffsetZero) {
+TEST_F(BlobStoreTest, OffsetZeroRestartsAnUpload) {
   const BlobDigest digest = DigestOf("right");
   ASSERT_TRUE(store_->BeginWrite(digest, 0)->Append("wro").ok());
   absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
@@ -82,7 +82,7 @@ TEST_F(BlobStoreTest, StartsAnewAtOffsetZero) {
   EXPECT_TRUE(writer->Commit().ok());
 }
 
-TEST_F(BlobStoreTest, RefusesBytesThatAreNotTheBlob) {
+TEST_F(BlobStoreTest, RefusesBytesWithAnotherDigest) {
   const BlobDigest digest = DigestOf("right");
   {
     absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
@@ -93,7 +93,7 @@ TEST_F(BlobStoreTest, RefusesBytesThatAreNotTheBlob) {
   EXPECT_EQ(store_->GetWriteStatus(digest)->committed_bytes, 0u);
 }
 
-TEST_F(BlobStoreTest, RefusesTooManyAndTooFewBytes) {
+TEST_F(BlobStoreTest, RefusesBytesOfTheWrongSize) {
   const BlobDigest digest = DigestOf("12345");
   absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
   EXPECT_EQ(writer->Append("123456").code(), absl::StatusCode::kInvalidArgument);
@@ -102,7 +102,7 @@ TEST_F(BlobStoreTest, RefusesTooManyAndTooFewBytes) {
   ASSERT_TRUE(writer->Append("45").ok());
 }
 
-TEST_F(BlobStoreTest, LetsOneWriteABlobAtATime) {
+TEST_F(BlobStoreTest, OnlyOneWriterPerBlob) {
   const BlobDigest digest = DigestOf("shared");
   {
     absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
@@ -114,7 +114,7 @@ TEST_F(BlobStoreTest, LetsOneWriteABlobAtATime) {
   EXPECT_EQ(store_->BeginWrite(digest, 0).status().code(), absl::StatusCode::kAlreadyExists);
 }
 
-TEST_F(BlobStoreTest, NoticesDamageAndAsksForTheBlobAgain) {
+TEST_F(BlobStoreTest, DamagedBlobsAreRequestedAgain) {
   const BlobDigest digest = *store_->Put("precious");
   const std::string path = *store_->PathOf(digest);
   ::chmod(path.c_str(), 0644);
@@ -125,7 +125,7 @@ TEST_F(BlobStoreTest, NoticesDamageAndAsksForTheBlobAgain) {
   EXPECT_TRUE(store_->Verify(digest).ok());
 }
 
-TEST_F(BlobStoreTest, IsMissingOnceItsBytesAreAltered) {
+TEST_F(BlobStoreTest, AlteredBlobsAreMissing) {
   const BlobDigest digest = *store_->Put("precious");
   Alter(digest, "previous");
   EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
@@ -137,14 +137,14 @@ TEST_F(BlobStoreTest, IsMissingOnceItsBytesAreAltered) {
   EXPECT_EQ(*store_->ReadChunk(digest, 0, 100), "precious");
 }
 
-TEST_F(BlobStoreTest, NoAlteredByteIsRead) {
+TEST_F(BlobStoreTest, AlteredBytesAreNeverRead) {
   const BlobDigest digest = *store_->Put("precious");
   Alter(digest, "previous");
   EXPECT_EQ(store_->ReadChunk(digest, 0, 100).status().code(), absl::StatusCode::kDataLoss);
   EXPECT_EQ(store_->ReadChunk(digest, 0, 100).status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST_F(BlobStoreTest, WhatAnEarlierProcessLeftIsDigestedBeforeItIsTrusted) {
+TEST_F(BlobStoreTest, BlobsOfEarlierProcessesAreVerified) {
   const BlobDigest digest = *store_->Put("precious");
   Alter(digest, "previous");
   store_ = *BlobStore::Open(directory_);
@@ -152,7 +152,7 @@ TEST_F(BlobStoreTest, WhatAnEarlierProcessLeftIsDigestedBeforeItIsTrusted) {
 }
 
 // A bit lost by the disk changes no file time.
-TEST_F(BlobStoreTest, IsDigestedAgainAfterATime) {
+TEST_F(BlobStoreTest, BlobsAreVerifiedPeriodically) {
   BlobStore::Clock::time_point now;
   store_ = *BlobStore::Open(directory_, [&] { return now; });
   const BlobDigest digest = *store_->Put("precious");
@@ -174,14 +174,14 @@ TEST_F(BlobStoreTest, KeepsABoundedNumberOfDamagedBlobs) {
   EXPECT_EQ(static_cast<size_t>(std::distance(begin(files), end(files))), kDamagedKeptMax);
 }
 
-TEST_F(BlobStoreTest, RefusesASizeThatIsNotTheStoredOne) {
+TEST_F(BlobStoreTest, RefusesAnotherSizeThanStored) {
   BlobDigest digest = *store_->Put("four");
   digest.size_bytes = 5;
   EXPECT_FALSE(store_->PathOf(digest).ok());
   EXPECT_EQ(store_->FindMissing({digest})->size(), 1u);
 }
 
-TEST_F(BlobStoreTest, KeepsAnEmptyBlob) {
+TEST_F(BlobStoreTest, StoresAnEmptyBlob) {
   const absl::StatusOr<BlobDigest> digest = store_->Put("");
   ASSERT_TRUE(digest.ok()) << digest.status();
   EXPECT_EQ(*store_->ReadChunk(*digest, 0, 10), "");

@@ -8,7 +8,7 @@
 namespace sheaf {
 namespace {
 
-TEST(ChunkCodecTest, ReturnsWhatWentIn) {
+TEST(ChunkCodecTest, RoundTrips) {
   for (const std::string& bytes :
        {std::string(), std::string("a"), std::string(1 << 20, 'x'), std::string("\0\1\2", 3)}) {
     const absl::StatusOr<std::string> back = DecompressChunk(CompressChunk(bytes), 1 << 20);

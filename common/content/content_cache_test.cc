@@ -51,7 +51,7 @@ class ContentCacheTest : public testing::Test {
   std::atomic<int> fetch_count_{0};
 };
 
-TEST_F(ContentCacheTest, GivesPathsThatEndLikeTheNames) {
+TEST_F(ContentCacheTest, PathsKeepTheFileExtension) {
   const std::unique_ptr<ContentCache> cache = Open(1000);
   const std::vector<ManifestFile> files = {
       File("room.pbrt", "Camera"), File("../a b/head.ply.gz", "ply"), File("copy.ply.gz", "ply")};
@@ -64,7 +64,7 @@ TEST_F(ContentCacheTest, GivesPathsThatEndLikeTheNames) {
   EXPECT_EQ(*ReadWholeFile(paths.at("copy.ply.gz")), "ply");
 }
 
-TEST_F(ContentCacheTest, FetchesOnceAndKeepsAcrossProcesses) {
+TEST_F(ContentCacheTest, DownloadsOnceAcrossProcesses) {
   const std::vector<ManifestFile> files = {File("a", "aaaa")};
   ASSERT_TRUE(Open(1000)->Acquire(files, FromOrigin(), {}).ok());
   ASSERT_TRUE(Open(1000)->Acquire(files, FromOrigin(), {}).ok());
@@ -84,7 +84,7 @@ TEST_F(ContentCacheTest, EvictsTheLeastRecentlyUsed) {
   EXPECT_FALSE(cache->blobs().PathOf(b.digest).ok());
 }
 
-TEST_F(ContentCacheTest, NeverEvictsWhatIsInUse) {
+TEST_F(ContentCacheTest, NeverEvictsFilesInUse) {
   const std::unique_ptr<ContentCache> cache = Open(10), other_process = Open(10);
   const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbbbbbb");
   {
@@ -105,7 +105,7 @@ TEST_F(ContentCacheTest, RefusesASceneLargerThanTheLimit) {
   EXPECT_EQ(fetch_count_, 0);
 }
 
-TEST_F(ContentCacheTest, OneDownloadsWhileOthersWait) {
+TEST_F(ContentCacheTest, ConcurrentRequestsShareADownload) {
   const std::vector<ManifestFile> files = {File("a", std::string(5000, 'a'))};
   std::vector<std::jthread> threads;
   std::atomic<int> ok_count{0};
@@ -120,7 +120,7 @@ TEST_F(ContentCacheTest, OneDownloadsWhileOthersWait) {
   EXPECT_EQ(fetch_count_, 1);
 }
 
-TEST_F(ContentCacheTest, ResumesADownloadThatWasCutOff) {
+TEST_F(ContentCacheTest, ResumesAnInterruptedDownload) {
   const std::unique_ptr<ContentCache> cache = Open(1000);
   const ManifestFile file = File("a", "0123456789");
   const auto cut = [](const BlobDigest&, uint64_t, const ContentCache::Append& append) {
@@ -138,7 +138,7 @@ TEST_F(ContentCacheTest, ResumesADownloadThatWasCutOff) {
   EXPECT_EQ(resumed_at, 5u);
 }
 
-TEST_F(ContentCacheTest, CountsDownloadsThatWereCutOffAndEvictsThem) {
+TEST_F(ContentCacheTest, InterruptedDownloadsCountAndAreEvicted) {
   const std::unique_ptr<ContentCache> cache = Open(12);
   const auto cut = [](const BlobDigest&, uint64_t, const ContentCache::Append& append) {
     const absl::Status status = append("01234567");
@@ -158,7 +158,7 @@ TEST_F(ContentCacheTest, RefusesWrongBytes) {
             absl::StatusCode::kDataLoss);
 }
 
-TEST_F(ContentCacheTest, FetchesADamagedBlobAgain) {
+TEST_F(ContentCacheTest, DownloadsADamagedBlobAgain) {
   const ManifestFile file = File("a", "aaaa");
   ASSERT_TRUE(Open(100)->Acquire({file}, FromOrigin(), {}).ok());
   const std::string path = *Open(100)->blobs().PathOf(file.digest);
@@ -170,7 +170,7 @@ TEST_F(ContentCacheTest, FetchesADamagedBlobAgain) {
   EXPECT_EQ(fetch_count_, 2);
 }
 
-TEST_F(ContentCacheTest, NoticesThatAFileInUseWasAltered) {
+TEST_F(ContentCacheTest, DetectsAlteredFilesInUse) {
   const std::unique_ptr<ContentCache> cache = Open(100);
   const std::vector<ManifestFile> files = {File("a.pbrt", "aaaa"), File("b.png", "bbbb")};
   const absl::StatusOr<ContentLease> lease = cache->Acquire(files, FromOrigin(), {});
@@ -197,7 +197,7 @@ TEST_F(ContentCacheTest, NoticesThatAFileInUseWasAltered) {
   EXPECT_EQ(fetch_count_, 3);
 }
 
-TEST_F(ContentCacheTest, WhatIsDamagedGivesWayFirst) {
+TEST_F(ContentCacheTest, DamagedFilesAreEvictedFirst) {
   const std::unique_ptr<ContentCache> cache = Open(10);
   const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbbbb");
   ASSERT_TRUE(cache->Acquire({a}, FromOrigin(), {}).ok());
@@ -210,7 +210,7 @@ TEST_F(ContentCacheTest, WhatIsDamagedGivesWayFirst) {
   EXPECT_TRUE(std::filesystem::is_empty(directory_ + "/blobs/damaged"));
 }
 
-TEST_F(ContentCacheTest, FreesWhatAKilledProcessHeld) {
+TEST_F(ContentCacheTest, FreesLeasesOfKilledProcesses) {
   const ManifestFile a = File("a", "aaaa"), b = File("b", "bbbbbbbb");
   const pid_t child = ::fork();
   if (child == 0) {
@@ -226,7 +226,7 @@ TEST_F(ContentCacheTest, FreesWhatAKilledProcessHeld) {
   EXPECT_TRUE(std::filesystem::is_empty(directory_ + "/leases"));
 }
 
-TEST_F(ContentCacheTest, LeasesKeepNoFilesOpen) {
+TEST_F(ContentCacheTest, LeasesHoldNoOpenFiles) {
   const auto open_files = [] {
     return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
   };
@@ -246,7 +246,7 @@ TEST_F(ContentCacheTest, LeasesKeepNoFilesOpen) {
   EXPECT_EQ(*ReadWholeFile(leases.front().local_paths().at("a")), "scene 0");
 }
 
-TEST_F(ContentCacheTest, StopsWaitingWhenAsked) {
+TEST_F(ContentCacheTest, WaitingCanBeStopped) {
   std::stop_source stop;
   stop.request_stop();
   EXPECT_EQ(Open(100)->Acquire({File("a", "aaaa")}, FromOrigin(), stop.get_token()).status().code(),

@@ -16,7 +16,7 @@ TEST(ManifestTest, SortsItsFiles) {
   EXPECT_TRUE(CheckManifest(manifest).ok());
 }
 
-TEST(ManifestTest, NamesTheRuleThatIsBroken) {
+TEST(ManifestTest, ErrorsNameTheBrokenRule) {
   struct Case {
     Manifest manifest;
     std::string reason;

@@ -34,7 +34,7 @@ FilmTile RootAlone(const PixelRect& rect, uint64_t samples) {
   return tree.Root();
 }
 
-TEST(CellTreesTest, ATileOfOneCellIsATileTree) {
+TEST(CellTreesTest, SingleCellEqualsATileTree) {
   CellTrees trees(kTile, {&kTile, 1});
   for (const SampleBlock& block : CutSamples(0, 21, 16)) {
     ASSERT_TRUE(trees.Insert(MakeTestTile(kTile, block), 1).ok());
@@ -44,7 +44,7 @@ TEST(CellTreesTest, ATileOfOneCellIsATileTree) {
 }
 
 // Holds for any division of the cells' samples into parts, in any order of arrival.
-TEST(CellTreesTest, AnyPartsGiveEachCellItsOwnBits) {
+TEST(CellTreesTest, AnyPartitionGivesTheSameBitsPerCell) {
   const uint64_t samples[] = {16, 48, 100, 21};
   std::mt19937 bits(7);
   for (int attempt = 0; attempt < 20; ++attempt) {
@@ -82,7 +82,7 @@ TEST(CellTreesTest, AnyPartsGiveEachCellItsOwnBits) {
   }
 }
 
-TEST(CellTreesTest, PartsOfOneCellAreTakenAsTheyAre) {
+TEST(CellTreesTest, PartsOfOneCellAreKeptAsTheyAre) {
   CellTrees trees(kTile, kCells);
   ASSERT_TRUE(trees.Insert(MakeTestTile(kCells[2], {0, 16}), 0b100).ok());
   EXPECT_EQ(trees.SampleCount(2), 16u);

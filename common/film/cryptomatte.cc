@@ -129,16 +129,16 @@ uint32_t LeadingId(const IdList& list) {
   return leading.id;
 }
 
-std::map<std::string, std::string> CryptomatteAttributes(const FramePicture& picture) {
+std::map<std::string, std::string> CryptomatteAttributes(const FrameImage& image) {
   std::map<std::string, std::string> attributes;
   for (size_t i = 0; i < kIdKindCount; ++i) {
     const auto kind = static_cast<IdKind>(i);
-    if (!picture.outputs.HasCryptomatte(kind)) continue;
+    if (!image.outputs.HasCryptomatte(kind)) continue;
     const std::string layer = LayerName(kind);
     const std::string key = absl::StrCat(
         "cryptomatte/", absl::StrFormat("%08x", CryptomatteIdBits(layer)).substr(0, 7), "/");
     std::string manifest = "{";
-    for (const std::string& name : picture.id_names[i]) {
+    for (const std::string& name : image.id_names[i]) {
       absl::StrAppend(&manifest, manifest.size() > 1 ? "," : "", JsonString(name),
                       absl::StrFormat(":\"%08x\"", CryptomatteIdBits(name)));
     }

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "common/film/film_outputs.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "common/film/id_sums.h"
 
 namespace sheaf {
@@ -43,6 +43,6 @@ uint32_t LeadingId(const IdList& list);
 
 // The metadata by which programs find the mattes, for the cryptomattes among the image's outputs
 // and all names from NoteNames: cryptomatte/KEY/{name,hash,conversion,manifest}.
-std::map<std::string, std::string> CryptomatteAttributes(const FramePicture& picture);
+std::map<std::string, std::string> CryptomatteAttributes(const FrameImage& image);
 
 }  // namespace sheaf

@@ -92,39 +92,38 @@ FilmTile Merge(std::vector<SampleBlock> blocks, uint32_t id_count, bool through_
   return tree.Root();
 }
 
-FramePicture Develop(const FilmTile& tile) {
-  FramePicture picture =
-      MakeFramePicture(tile.rect(), tile.rect().x1, tile.rect().y1, tile.outputs());
-  DevelopTile(tile, &picture);
-  NoteNames(tile, &picture);
-  picture.attributes = CryptomatteAttributes(picture);
-  return picture;
+FrameImage Develop(const FilmTile& tile) {
+  FrameImage image = MakeFrameImage(tile.rect(), tile.rect().x1, tile.rect().y1, tile.outputs());
+  DevelopTile(tile, &image);
+  NoteNames(tile, &image);
+  image.attributes = CryptomatteAttributes(image);
+  return image;
 }
 
 // 12 ids fit in a pixel's list; 3000 do not, and then the dropped ids must not depend on the cut
 // either.
-TEST(CryptomatteTest, AnyCutOfTheSamplesGivesTheSameBits) {
+TEST(CryptomatteTest, AnyPartitionGivesTheSameBits) {
   std::mt19937 random(3);
   for (const uint32_t id_count : {12u, 3000u}) {
     for (const uint64_t count : {21u, 1024u}) {
       const std::vector<SampleBlock> whole_blocks = CutSamples(0, count, uint64_t{1} << 40);
       const FilmTile whole = Merge(whole_blocks, id_count, false);
-      const FramePicture expected = Develop(whole);
+      const FrameImage expected = Develop(whole);
       for (int i = 0; i < 3; ++i) {
         std::vector<SampleBlock> blocks;
         for (const SampleBlock& block : whole_blocks) CutAtRandom(block, &random, &blocks);
         std::shuffle(blocks.begin(), blocks.end(), random);
         const FilmTile merged = Merge(blocks, id_count, blocks.size() < 100);
         EXPECT_EQ(merged.ids(IdKind::kObject).pixels, whole.ids(IdKind::kObject).pixels);
-        const FramePicture picture = Develop(merged);
-        EXPECT_EQ(PictureDigest(picture), PictureDigest(expected));
-        EXPECT_EQ(picture.attributes, expected.attributes);
+        const FrameImage image = Develop(merged);
+        EXPECT_EQ(ImageDigest(image), ImageDigest(expected));
+        EXPECT_EQ(image.attributes, expected.attributes);
       }
     }
   }
 }
 
-TEST(CryptomatteTest, NothingIsLostWhenAListIsFull) {
+TEST(CryptomatteTest, FullListsLoseNoWeight) {
   const FilmTile tile = MakeTile(kRect, {0, 1024}, 3000);
   for (size_t p = 0; p < tile.plane_size(); ++p) {
     const IdList& list = tile.ids(IdKind::kObject).pixels[p];
@@ -135,9 +134,9 @@ TEST(CryptomatteTest, NothingIsLostWhenAListIsFull) {
     // At a surface alpha is 1, so the ids' weights add up to alpha's sum, here of floats.
     EXPECT_NEAR(sum, static_cast<double>(tile.channel(FilmChannel::kAlpha)[p]), 1e-3);
   }
-  const FramePicture picture = Develop(tile);
-  EXPECT_GT((*picture.Find("rest.CryptoObject"))[0], 0.5f);
-  EXPECT_EQ((*picture.Find("rest.CryptoAsset"))[0], 0.0f);
+  const FrameImage image = Develop(tile);
+  EXPECT_GT((*image.Find("rest.CryptoObject"))[0], 0.5f);
+  EXPECT_EQ((*image.Find("rest.CryptoAsset"))[0], 0.0f);
 }
 
 // Values of the reference implementation and of its specification's rule for floats.
@@ -169,7 +168,7 @@ TEST(CryptomatteTest, RanksByCoverage) {
   EXPECT_THAT(RankIds({{1, 1}}, names, 0), testing::Each(0.0f));
 }
 
-TEST(CryptomatteTest, MoreIdsThanRanksAreTold) {
+TEST(CryptomatteTest, ExcessIdsAreReported) {
   std::map<uint32_t, std::string> names;
   IdList list;
   for (uint32_t id = 1; id <= 10; ++id) {
@@ -182,24 +181,24 @@ TEST(CryptomatteTest, MoreIdsThanRanksAreTold) {
   EXPECT_FLOAT_EQ(values.back(), static_cast<float>(10.0 / 55));
 }
 
-TEST(CryptomatteTest, ManifestOfWhatThePictureShows) {
+TEST(CryptomatteTest, ManifestListsVisibleNames) {
   FilmOutputs outputs;
   outputs.AddCryptomatte(IdKind::kMaterial);
   FilmTile tile(kOnePixel, {0, 1}, outputs);
   tile.ids(IdKind::kMaterial).pixels[0] = {{7, 1}};
   tile.ids(IdKind::kMaterial).names = {{7, "say \"hi\"\\\n"}, {8, "given up"}};
-  const absl::StatusOr<FramePicture> picture = DecodePicture(EncodePicture(Develop(tile)));
-  ASSERT_TRUE(picture.ok()) << picture.status();
-  ASSERT_THAT(picture->attributes, SizeIs(4));
-  const std::string key = picture->attributes.begin()->first.substr(0, 20);
+  const absl::StatusOr<FrameImage> image = DecodeFrameImage(EncodeFrameImage(Develop(tile)));
+  ASSERT_TRUE(image.ok()) << image.status();
+  ASSERT_THAT(image->attributes, SizeIs(4));
+  const std::string key = image->attributes.begin()->first.substr(0, 20);
   EXPECT_THAT(key, HasSubstr("cryptomatte/"));
-  EXPECT_EQ(picture->attributes.at(key + "name"), "CryptoMaterial");
-  EXPECT_EQ(picture->attributes.at(key + "hash"), "MurmurHash3_32");
-  EXPECT_EQ(picture->attributes.at(key + "conversion"), "uint32_to_float32");
-  EXPECT_THAT(picture->attributes.at(key + "manifest"),
+  EXPECT_EQ(image->attributes.at(key + "name"), "CryptoMaterial");
+  EXPECT_EQ(image->attributes.at(key + "hash"), "MurmurHash3_32");
+  EXPECT_EQ(image->attributes.at(key + "conversion"), "uint32_to_float32");
+  EXPECT_THAT(image->attributes.at(key + "manifest"),
               ::testing::StartsWith("{\"say \\\"hi\\\"\\\\\\u000a\":\""));
-  EXPECT_EQ(picture->attributes.at(key + "manifest").find("given up"), std::string::npos);
-  EXPECT_NE(picture->Find("CryptoMaterial02.A"), nullptr);
+  EXPECT_EQ(image->attributes.at(key + "manifest").find("given up"), std::string::npos);
+  EXPECT_NE(image->Find("CryptoMaterial02.A"), nullptr);
 }
 
 TEST(CryptomatteTest, DamagedListsAreRefused) {

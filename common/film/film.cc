@@ -33,19 +33,19 @@ struct Planes {
   std::vector<float*> means;                                  // One per mean channel.
   std::array<float*, kIdKindCount> id_number{};               // Or null.
   std::array<std::vector<float*>, kIdKindCount> cryptomatte;  // Or empty.
-  const PictureColor* color_space = nullptr;  // Null if the image keeps the sums' color.
+  const ImageColor* color_space = nullptr;  // Null if the image keeps the sums' color.
 };
 constexpr std::array<FilmChannel, 7> kWeighted{
     FilmChannel::kAlpha,   FilmChannel::kAlbedoR, FilmChannel::kAlbedoG, FilmChannel::kAlbedoB,
     FilmChannel::kNormalX, FilmChannel::kNormalY, FilmChannel::kNormalZ};
 
-Planes FindPlanes(FramePicture* picture) {
-  const auto find = [picture](const char* channel) {
-    std::vector<float>* plane = picture->Find(channel);
+Planes FindPlanes(FrameImage* image) {
+  const auto find = [image](const char* channel) {
+    std::vector<float>* plane = image->Find(channel);
     SHEAF_CHECK(plane != nullptr);
     return plane->data();
   };
-  std::vector<MeanChannel> mean_channels = MeanChannelsOf(picture->outputs);
+  std::vector<MeanChannel> mean_channels = MeanChannelsOf(image->outputs);
   std::vector<float*> means;
   for (const MeanChannel& channel : mean_channels) means.push_back(find(channel.name.c_str()));
   Planes planes{{find("R"), find("G"), find("B")},
@@ -59,13 +59,13 @@ Planes FindPlanes(FramePicture* picture) {
                 std::move(means),
                 {},
                 {},
-                picture->color.AsSummed() ? nullptr : &picture->color};
+                image->color.AsSummed() ? nullptr : &image->color};
   for (size_t i = 0; i < kIdKindCount; ++i) {
     const auto kind = static_cast<IdKind>(i);
-    if (picture->outputs.HasIdNumber(kind)) {
+    if (image->outputs.HasIdNumber(kind)) {
       planes.id_number[i] = find(IdNumberChannel(kind).c_str());
     }
-    if (!picture->outputs.HasCryptomatte(kind)) continue;
+    if (!image->outputs.HasCryptomatte(kind)) continue;
     for (const std::string& name : CryptomatteChannels(kind)) {
       planes.cryptomatte[i].push_back(find(name.c_str()));
     }
@@ -169,12 +169,12 @@ void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& pl
 
 }  // namespace
 
-void DevelopTile(const FilmTile& sums, FramePicture* picture) {
-  const PixelRect tile = sums.rect(), window = picture->window;
+void DevelopTile(const FilmTile& sums, FrameImage* image) {
+  const PixelRect tile = sums.rect(), window = image->window;
   SHEAF_CHECK(tile.x0 >= window.x0 && tile.y0 >= window.y0 && tile.x1 <= window.x1 &&
               tile.y1 <= window.y1);
-  SHEAF_CHECK(sums.outputs() == picture->outputs);
-  const Planes planes = FindPlanes(picture);
+  SHEAF_CHECK(sums.outputs() == image->outputs);
+  const Planes planes = FindPlanes(image);
   size_t from = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     size_t to = window.IndexOf(tile.x0, y);
@@ -182,7 +182,7 @@ void DevelopTile(const FilmTile& sums, FramePicture* picture) {
   }
 }
 
-void NoteNames(const FilmTile& sums, FramePicture* picture) {
+void NoteNames(const FilmTile& sums, FrameImage* image) {
   for (size_t i = 0; i < kIdKindCount; ++i) {
     // Only names of ids in the sums: parts may have names of ids that their parents dropped.
     const IdSums& ids = sums.ids(static_cast<IdKind>(i));
@@ -192,7 +192,7 @@ void NoteNames(const FilmTile& sums, FramePicture* picture) {
         if (entry.id == kNoId || !seen.insert(entry.id).second) continue;
         const auto name = ids.names.find(entry.id);
         SHEAF_CHECK(name != ids.names.end());
-        picture->id_names[i].insert(name->second);
+        image->id_names[i].insert(name->second);
       }
     }
   }

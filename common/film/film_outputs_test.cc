@@ -86,35 +86,34 @@ FilmTile MergeWhole(const FilmOutputs& outputs, uint64_t count) {
   return tree.Root();
 }
 
-FramePicture Develop(const FilmTile& tile) {
-  FramePicture picture =
-      MakeFramePicture(tile.rect(), tile.rect().x1, tile.rect().y1, tile.outputs());
-  DevelopTile(tile, &picture);
-  return picture;
+FrameImage Develop(const FilmTile& tile) {
+  FrameImage image = MakeFrameImage(tile.rect(), tile.rect().x1, tile.rect().y1, tile.outputs());
+  DevelopTile(tile, &image);
+  return image;
 }
 
-TEST(FilmOutputsTest, AnyCutOfTheSamplesGivesTheSameBits) {
+TEST(FilmOutputsTest, AnyPartitionGivesTheSameBits) {
   std::mt19937 random(7);
   for (const uint64_t count : {1u, 16u, 21u, 76u}) {
     const FilmTile whole = MergeWhole(AllOutputs(), count);
-    const std::string digest = PictureDigest(Develop(whole));
+    const std::string digest = ImageDigest(Develop(whole));
     for (int i = 0; i < 8; ++i) {
       const FilmTile merged = MergeRandomCut(AllOutputs(), count, &random);
       EXPECT_EQ(merged, whole);
       EXPECT_TRUE(SameBits(merged, whole));
-      EXPECT_EQ(PictureDigest(Develop(merged)), digest);
+      EXPECT_EQ(ImageDigest(Develop(merged)), digest);
     }
   }
 }
 
 // Requesting outputs changes no bit of the image itself.
-TEST(FilmOutputsTest, ThePictureStaysAsItIs) {
+TEST(FilmOutputsTest, OutputsDoNotChangeTheImage) {
   const FilmTile plain = MakeTestTile(kRect, {0, 32});
   EXPECT_TRUE(SameBits(MakeTile(AllOutputs(), kRect, {0, 32}), plain));
   EXPECT_EQ(EncodePart(plain, {}).find("sheaf:outputs"), std::string::npos);
 }
 
-TEST(FilmOutputsTest, MeansAreOverTheSamplesThatMetASurface) {
+TEST(FilmOutputsTest, MeansUseSamplesThatHitASurface) {
   FilmOutputs outputs;
   outputs.Add(Aov::kPosition);
   outputs.Add(Aov::kGeometricNormal);
@@ -130,18 +129,18 @@ TEST(FilmOutputsTest, MeansAreOverTheSamplesThatMetASurface) {
     accumulator.Add(n, sample, extra);
   }
   accumulator.End();
-  const FramePicture picture = Develop(tile);
-  EXPECT_THAT(*picture.Find("P.X"), ElementsAre(5));
-  EXPECT_THAT(*picture.Find("P.Y"), ElementsAre(-1));
-  EXPECT_THAT(*picture.Find("P.Z"), ElementsAre(1e6f));
+  const FrameImage image = Develop(tile);
+  EXPECT_THAT(*image.Find("P.X"), ElementsAre(5));
+  EXPECT_THAT(*image.Find("P.Y"), ElementsAre(-1));
+  EXPECT_THAT(*image.Find("P.Z"), ElementsAre(1e6f));
   // The direction of (1, 0, 0) + 2 (0, 1, 0).
-  EXPECT_FLOAT_EQ((*picture.Find("N.X"))[0], 1 / std::sqrt(5.0f));
-  EXPECT_FLOAT_EQ((*picture.Find("N.Y"))[0], 2 / std::sqrt(5.0f));
-  EXPECT_EQ(picture.Find("motion.X"), nullptr);
+  EXPECT_FLOAT_EQ((*image.Find("N.X"))[0], 1 / std::sqrt(5.0f));
+  EXPECT_FLOAT_EQ((*image.Find("N.Y"))[0], 2 / std::sqrt(5.0f));
+  EXPECT_EQ(image.Find("motion.X"), nullptr);
 }
 
 // Positions far from the origin: a float sum of 2^14 of them would lose 14 of their bits.
-TEST(FilmOutputsTest, SumsKeepTheBitsOfManySamples) {
+TEST(FilmOutputsTest, SumsKeepPrecisionOverManySamples) {
   FilmOutputs outputs;
   outputs.Add(Aov::kUv);
   constexpr uint64_t kCount = 1 << 14;
@@ -161,7 +160,7 @@ TEST(FilmOutputsTest, SumsKeepTheBitsOfManySamples) {
   EXPECT_EQ((*Develop(tile).Find("u"))[0], static_cast<float>(sum / kCount));
 }
 
-TEST(FilmOutputsTest, SampleThatIsNotFiniteCountsInNoSum) {
+TEST(FilmOutputsTest, NonFiniteSamplesEnterNoSum) {
   FilmOutputs outputs;
   outputs.Add(Aov::kUv);
   FilmTile tile(kOnePixel, {0, 2}, outputs);
@@ -170,24 +169,24 @@ TEST(FilmOutputsTest, SampleThatIsNotFiniteCountsInNoSum) {
   for (uint64_t n = 0; n < 2; ++n) {
     FilmSample sample;
     sample.alpha = 1;
-    sample.radiance = Rgb::Grey(1);
+    sample.radiance = Rgb::Gray(1);
     OutputSample extra(outputs);
     extra.means = {0.5f, n == 0 ? 0.25f : std::numeric_limits<float>::quiet_NaN()};
     accumulator.Add(n, sample, extra);
   }
   accumulator.End();
-  const FramePicture picture = Develop(tile);
-  EXPECT_THAT(*picture.Find("nonfinite"), ElementsAre(1));
-  EXPECT_THAT(*picture.Find("samples"), ElementsAre(1));
-  EXPECT_THAT(*picture.Find("v"), ElementsAre(0.25f));
+  const FrameImage image = Develop(tile);
+  EXPECT_THAT(*image.Find("nonfinite"), ElementsAre(1));
+  EXPECT_THAT(*image.Find("samples"), ElementsAre(1));
+  EXPECT_THAT(*image.Find("v"), ElementsAre(0.25f));
 }
 
-TEST(FilmOutputsTest, PicturesHaveTheChannelsThatAreCounted) {
-  EXPECT_EQ(PictureChannelCount({}), kPictureChannelCountMin);
-  EXPECT_EQ(PictureChannelCount(AllOutputs()), kPictureChannelCountMin + 13 + 6);
+TEST(FilmOutputsTest, ImagesHaveAllCountedChannels) {
+  EXPECT_EQ(ImageChannelCount({}), kImageChannelCountMin);
+  EXPECT_EQ(ImageChannelCount(AllOutputs()), kImageChannelCountMin + 13 + 6);
 }
 
-TEST(FilmOutputsTest, TextTellsAll) {
+TEST(FilmOutputsTest, TextRoundTrips) {
   FilmOutputs outputs = AllOutputs();
   outputs.camera_space = true;
   EXPECT_EQ(
@@ -201,7 +200,7 @@ TEST(FilmOutputsTest, TextTellsAll) {
   }
 }
 
-TEST(FilmOutputsTest, NamesOfTheCommandLine) {
+TEST(FilmOutputsTest, ParsesCommandLineNames) {
   FilmOutputs outputs;
   ASSERT_TRUE(AddAovs("uv,albedo,position", &outputs).ok());
   EXPECT_EQ(FormatOutputs(outputs), "position,uv");
@@ -225,12 +224,12 @@ TEST(FilmOutputsTest, LightGroupsAreMeansOverAllSamples) {
     accumulator.Add(n, sample, extra);
   }
   accumulator.End();
-  const FramePicture picture = Develop(tile);
-  EXPECT_THAT(*picture.Find("key.G"), ElementsAre(2));
-  EXPECT_THAT(*picture.Find("rim.R"), ElementsAre(2.5f));
+  const FrameImage image = Develop(tile);
+  EXPECT_THAT(*image.Find("key.G"), ElementsAre(2));
+  EXPECT_THAT(*image.Find("rim.R"), ElementsAre(2.5f));
 }
 
-TEST(FilmOutputsTest, NamesOfLightGroups) {
+TEST(FilmOutputsTest, ParsesLightGroupNames) {
   for (const char* name : {"key", "Key-2", "a_b", "rim"}) EXPECT_EQ(WhyNotLightGroup(name), "");
   for (const std::string name : {"", "a.b", "a,b", "a b", "albedo", "lo", "N", "CryptoObject00"}) {
     EXPECT_NE(WhyNotLightGroup(name), "") << name;
@@ -245,7 +244,7 @@ TEST(FilmOutputsTest, NamesOfLightGroups) {
   EXPECT_EQ(part->tile, tile);
 }
 
-TEST(FilmOutputsTest, PartWithWrongOutputsIsRefused) {
+TEST(FilmOutputsTest, PartsWithWrongOutputsAreRefused) {
   FilmOutputs outputs;
   outputs.Add(Aov::kUv);
   std::string bytes = EncodePart(MakeTile(outputs, kRect, {0, 2}), {});

@@ -50,7 +50,7 @@ TEST(FilmTileTest, AccumulatorBuildsTheCanonicalTree) {
   }
 }
 
-TEST(FilmTileTest, ReplicatesHaveTreesOfTheirOwn) {
+TEST(FilmTileTest, ReplicatesHaveSeparateTrees) {
   const FilmTile large = MakeTestTile(kRect, {128, 128});
   ASSERT_EQ(large.replicate_first(), 0u);
   ASSERT_EQ(large.replicate_count(), kReplicateCount);
@@ -75,7 +75,7 @@ TEST(FilmTileTest, MergingSiblingsGivesTheParent) {
 }
 
 // A pixel of a lattice's rim has the same sums as in a tile of only those samples.
-TEST(FilmTileTest, APixelMayHaveTheFirstSamplesAlone) {
+TEST(FilmTileTest, PixelsMayHaveOnlyTheFirstSamples) {
   FilmTile tile(kRect, {0, 64});
   PixelAccumulator accumulator(&tile);
   for (const uint64_t count : {64, 4}) {  // The second count must not see leftovers of the first.
@@ -97,7 +97,7 @@ TEST(FilmTileTest, APixelMayHaveTheFirstSamplesAlone) {
   }
 }
 
-TEST(FilmTileTest, EverySumIsWeightedByTheFilter) {
+TEST(FilmTileTest, SumsAreWeightedByTheFilter) {
   FilmTile tile({0, 0, 1, 1}, {0, 1});
   PixelAccumulator accumulator(&tile);
   accumulator.Begin(0, 0);
@@ -119,7 +119,7 @@ TEST(FilmTileTest, EverySumIsWeightedByTheFilter) {
   EXPECT_EQ(tile.replicate(0, 3)[0], -0.5f);
 }
 
-TEST(FilmTileTest, SamplesThatAreNotFiniteAreCountedAndReportedOnly) {
+TEST(FilmTileTest, NonFiniteSamplesAreOnlyCountedAndReported) {
   constexpr float kInf = std::numeric_limits<float>::infinity();
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   const FilmSample good{.radiance = {1, 1, 1}, .alpha = 1};
@@ -161,7 +161,7 @@ TEST(FilmTileTest, ReportsOfBadSamplesAreLimited) {
   EXPECT_EQ(tile.channel(FilmChannel::kNonFiniteCount)[0], 64.0f);
 }
 
-TEST(FilmTileDeathTest, MisuseStopsTheProcess) {
+TEST(FilmTileDeathTest, MisuseAborts) {
   FilmTile tile({0, 0, 1, 1}, {4, 4});
   PixelAccumulator accumulator(&tile);
   accumulator.Begin(0, 0);

@@ -13,7 +13,7 @@ namespace {
 
 // Moves the ids of least weight, and of equal weights the greater ids, to kNoId until few enough
 // are left.
-void GiveUpTheLeast(IdList* list) {
+void DropSmallest(IdList* list) {
   const size_t first = list->front().id == kNoId ? 1 : 0;
   if (list->size() - first <= kIdsPerPixelMax) return;
   std::vector<IdWeight> by_weight(list->begin() + static_cast<ptrdiff_t>(first), list->end());
@@ -48,7 +48,7 @@ void MergeIds(const IdList& right, IdList* left, IdList* scratch) {
   }
   scratch->insert(scratch->end(), a, left->end());
   std::swap(*left, *scratch);
-  if (left->size() > kIdsPerPixelMax) GiveUpTheLeast(left);
+  if (left->size() > kIdsPerPixelMax) DropSmallest(left);
 }
 
 size_t IdSums::size_bytes() const {

@@ -14,15 +14,15 @@
 namespace sheaf {
 
 enum class LightPathKind : uint8_t {
-  kSeen,      // E L
-  kMirrored,  // E S+ L
-  kDirect,    // E S* D L
-  kIndirect,  // E (S | D)* D L with two D or more
-  kCaustic,   // E (S | D)* D S+ L
-  kFogOnce,   // As kDirect, scattered by a medium instead of a surface.
-  kFog,       // All other light scattered by a medium.
-  kBeneath,   // Through the interior beneath a surface.
-  kGlow,      // Emitted by media, along any path.
+  kSeen,            // E L
+  kMirrored,        // E S+ L
+  kDirect,          // E S* D L
+  kIndirect,        // E (S | D)* D L with two D or more
+  kCaustic,         // E (S | D)* D S+ L
+  kFogOnce,         // As kDirect, scattered by a medium instead of a surface.
+  kFog,             // All other light scattered by a medium.
+  kBeneath,         // Through the interior beneath a surface.
+  kVolumeEmission,  // Emitted by media, along any path.
   kCount
 };
 inline constexpr size_t kLightPathKindCount = static_cast<size_t>(LightPathKind::kCount);

@@ -11,7 +11,7 @@ namespace {
 
 using Part = PixelLattice::Part;
 
-TEST(PixelLatticeTest, TakesOneBlockOfEachCell) {
+TEST(PixelLatticeTest, SelectsOneBlockPerCell) {
   for (const int32_t stride : {6, 7, 32}) {
     const PixelLattice lattice{stride};
     for (int32_t cell_y = 0; cell_y < 5; ++cell_y) {
@@ -36,7 +36,7 @@ TEST(PixelLatticeTest, TakesOneBlockOfEachCell) {
   EXPECT_EQ(PixelLattice().PartOf(3, 4), Part::kCore);
 }
 
-TEST(PixelLatticeTest, CountsWhatItHasInAnyRectangle) {
+TEST(PixelLatticeTest, CountsPixelsInAnyRectangle) {
   for (const int32_t stride : {1, 6, 8}) {
     const PixelLattice lattice{stride};
     for (const PixelRect& rect : {PixelRect{0, 0, 32, 32}, PixelRect{5, 7, 6, 8},
@@ -58,7 +58,7 @@ TEST(PixelLatticeTest, CountsWhatItHasInAnyRectangle) {
   EXPECT_DOUBLE_EQ(PixelLattice().SamplesPerPixel(16), 16);
 }
 
-TEST(PixelLatticeTest, FramesOfOtherSeedsHaveOtherPlaces) {
+TEST(PixelLatticeTest, SeedsMoveTheBlocks) {
   int same = 0;
   for (int32_t x = 0; x < 1600; ++x) {
     same += PixelLattice{8, 1}.BlockOf(x, 5) == PixelLattice{8, 2}.BlockOf(x, 5) ? 1 : 0;
@@ -66,7 +66,7 @@ TEST(PixelLatticeTest, FramesOfOtherSeedsHaveOtherPlaces) {
   EXPECT_NEAR(same, 100, 40);  // One in 16 positions; four deviations.
 }
 
-TEST(PixelLatticeTest, TheRimHasTheFirstSamplesAlone) {
+TEST(PixelLatticeTest, BlockBordersHaveOnlyTheFirstSamples) {
   const PixelLattice lattice{8};
   const auto rim = [&](SampleBlock block) { return lattice.SamplesOf(Part::kRim, block); };
   EXPECT_EQ(rim({0, 16}), (SampleBlock{0, 4}));
@@ -78,7 +78,7 @@ TEST(PixelLatticeTest, TheRimHasTheFirstSamplesAlone) {
 
 // Chi-square of the position in the cell, 10,000 cells and 15 degrees of freedom: above 46 with a
 // probability of 5e-5.
-TEST(PixelLatticeTest, EveryPlaceInACellIsAsLikely) {
+TEST(PixelLatticeTest, BlocksAreUniformInTheirCells) {
   const PixelLattice lattice{8};
   std::vector<int> counts(16);
   for (int32_t y = 0; y < 100; ++y) {

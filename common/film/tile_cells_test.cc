@@ -12,7 +12,7 @@ namespace {
 // Cells of 8 px: 4 columns of 4, 8, 8 and 2 px and 2 rows.
 constexpr PixelRect kTile{12, 8, 34, 20};
 
-TEST(TileCellsTest, ChosenCellsAreRectanglesRowByRow) {
+TEST(TileCellsTest, ChosenCellsAreRectanglesInRowOrder) {
   EXPECT_EQ(RectsOf(kTile, {}), std::vector<PixelRect>{kTile});
   const std::vector<PixelRect> rects = RectsOf(kTile, {8, 0b10001001});
   ASSERT_EQ(rects.size(), 3u);
@@ -21,7 +21,7 @@ TEST(TileCellsTest, ChosenCellsAreRectanglesRowByRow) {
   EXPECT_EQ(rects[2], (PixelRect{32, 16, 34, 20}));
 }
 
-TEST(TileCellsTest, CellsThatATileDoesNotHaveAreToldApart) {
+TEST(TileCellsTest, CellsOutsideTheTileAreDetected) {
   EXPECT_EQ(WhyNoCells(kTile, {}), "");
   EXPECT_EQ(WhyNoCells(kTile, {8, 0b10001001}), "");
   EXPECT_NE(WhyNoCells(kTile, {8, 0}), "");
@@ -35,7 +35,7 @@ TEST(TileCellsTest, CellsThatATileDoesNotHaveAreToldApart) {
   EXPECT_NE(WhyNoCells({0, 0, 64, 64}, {8, ~uint64_t{0}}), "");
 }
 
-TEST(TileCellsTest, PixelsThatAreCutOutAreThoseOfTheTile) {
+TEST(TileCellsTest, ExtractedPixelsEqualTheTile) {
   for (const SampleBlock block : {SampleBlock{0, 1}, {4, 4}, {16, 16}, {32, 32}}) {
     const FilmTile tile = MakeTestTile(kTile, block);
     FilmTile whole(kTile, block);
@@ -48,7 +48,7 @@ TEST(TileCellsTest, PixelsThatAreCutOutAreThoseOfTheTile) {
   }
 }
 
-TEST(TileCellsTest, PixelsOfFewerSamplesKeepTheirReplicates) {
+TEST(TileCellsTest, PixelsWithFewerSamplesKeepTheirReplicates) {
   constexpr PixelRect kCell{16, 8, 24, 16};
   FilmTile whole(kTile, {0, 32});
   Paste(MakeTestTile(kCell, {0, 4}), &whole);
@@ -61,7 +61,7 @@ TEST(TileCellsTest, PixelsOfFewerSamplesKeepTheirReplicates) {
   }
 }
 
-TEST(TileCellsTest, OutputsAndIdsGoWithTheirPixels) {
+TEST(TileCellsTest, OutputsAndIdsFollowTheirPixels) {
   FilmOutputs outputs;
   outputs.AddLightPaths();
   FilmTile tile(kTile, {0, 16}, outputs);

@@ -23,7 +23,7 @@ TEST(PixelRectTest, ContainsIntersectsAndIsEmpty) {
   EXPECT_FALSE(rect.IsEmpty());
 }
 
-TEST(TileGeometryTest, BlocksKnowTheirFamily) {
+TEST(TileGeometryTest, BlocksHaveParentsAndSiblings) {
   EXPECT_TRUE(IsAligned({0, 1}));
   EXPECT_TRUE(IsAligned({24, 8}));
   EXPECT_FALSE(IsAligned({24, 16}));
@@ -61,7 +61,7 @@ TEST(TileGeometryTest, CutSamplesUsesTheFewestBlocks) {
   EXPECT_EQ(CutSamples(0, 64, 16).size(), 4u);
 }
 
-TEST(TileGeometryTest, CutTilesCoversEveryPixelOnceAndAlignsToTheFrame) {
+TEST(TileGeometryTest, CutTilesCoversEveryPixelOnceAlignedToTheFrame) {
   for (const PixelRect frame :
        {PixelRect{0, 0, 100, 70}, {13, 5, 14, 6}, {-20, -3, 40, 33}, {16, 32, 48, 64}}) {
     std::set<std::pair<int32_t, int32_t>> seen;

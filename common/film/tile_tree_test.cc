@@ -51,7 +51,7 @@ FilmTile RootOf(const std::vector<SampleBlock>& blocks) {
   return tree.Root();
 }
 
-TEST(TileTreeTest, AnyCutInAnyOrderGivesTheSameBits) {
+TEST(TileTreeTest, AnyPartitionInAnyOrderGivesTheSameBits) {
   constexpr int kCutsEach = 12;
   std::mt19937 bits(2024);
   for (const uint64_t count :
@@ -87,7 +87,7 @@ TEST(TileTreeTest, MergesSiblingsAtOnce) {
   EXPECT_TRUE(SameBits(tree.Root(), MakeTestTile(kRect, {0, 16})));
 }
 
-TEST(TileTreeTest, RefusesDuplicatesOverlapsAndStrangers) {
+TEST(TileTreeTest, RefusesDuplicatesOverlapsAndForeignBlocks) {
   TileTree tree(kRect);
   ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, {8, 8})).ok());
   EXPECT_EQ(tree.Insert(MakeTestTile(kRect, {8, 8})).code(), absl::StatusCode::kAlreadyExists);
@@ -98,7 +98,7 @@ TEST(TileTreeTest, RefusesDuplicatesOverlapsAndStrangers) {
   EXPECT_EQ(tree.SampleCount(), 8u);
 }
 
-TEST(TileTreeTest, PreviewAddsWhatIsThere) {
+TEST(TileTreeTest, PreviewSumsAvailableNodes) {
   TileTree tree(kRect);
   const FilmTile a = MakeTestTile(kRect, {2, 2}), b = MakeTestTile(kRect, {16, 16});
   ASSERT_TRUE(tree.Insert(b).ok());
@@ -109,7 +109,7 @@ TEST(TileTreeTest, PreviewAddsWhatIsThere) {
   EXPECT_EQ(sum.replicate(5, 0)[3], b.replicate(5, 0)[3]);
 }
 
-TEST(TileTreeTest, PreviewAddsThreeNodesAndMore) {
+TEST(TileTreeTest, PreviewSumsThreeOrMoreNodes) {
   TileTree tree(kRect);
   float samples = 0;
   for (const SampleBlock block : {SampleBlock{0, 64}, {64, 32}, {96, 4}, {128, 16}}) {

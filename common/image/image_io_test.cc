@@ -28,7 +28,7 @@ void WritePfm(const std::string& path, const std::vector<float>& values, size_t 
              static_cast<std::streamsize>(values_written * sizeof(float)));
 }
 
-TEST(ImageIoTest, PngKeepsEveryByte) {
+TEST(ImageIoTest, PngRoundTripsEveryByte) {
   std::vector<Rgb8> pixels;
   for (int i = 0; i < 16 * 16; ++i) {
     pixels.push_back({static_cast<uint8_t>(i), static_cast<uint8_t>(255 - i),
@@ -48,7 +48,7 @@ TEST(ImageIoTest, PngKeepsEveryByte) {
   }
 }
 
-TEST(ImageIoTest, EncodedPngIsTheFileWritten) {
+TEST(ImageIoTest, EncodedPngEqualsTheWrittenFile) {
   const std::vector<Rgb8> pixels(6, Rgb8{1, 2, 3});
   const absl::StatusOr<std::string> bytes = EncodePng(3, 2, pixels);
   ASSERT_TRUE(bytes.ok());
@@ -57,7 +57,7 @@ TEST(ImageIoTest, EncodedPngIsTheFileWritten) {
   EXPECT_EQ(*ReadWholeFile(TemporaryPath("same.png")), *bytes);
 }
 
-TEST(ImageIoTest, FloatValuesComeThroughUnchanged) {
+TEST(ImageIoTest, FloatValuesRoundTrip) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   WritePfm(TemporaryPath("float.pfm"), {1e6f, -2.5f, 1e-20f, nan, 0, 0.1f}, 6);
   const absl::StatusOr<FloatImage> image = ReadImage(TemporaryPath("float.pfm"));
@@ -70,7 +70,7 @@ TEST(ImageIoTest, FloatValuesComeThroughUnchanged) {
   EXPECT_EQ(image->At(1, 0, 2), 0.1f);
 }
 
-TEST(ImageIoTest, BadFilesAreErrorsThatNameThePath) {
+TEST(ImageIoTest, ErrorsNameThePath) {
   const std::string text = TemporaryPath("text.png");
   std::ofstream(text) << "this is no picture";
   const absl::StatusOr<std::string> whole =
@@ -87,7 +87,7 @@ TEST(ImageIoTest, BadFilesAreErrorsThatNameThePath) {
   EXPECT_EQ(ReadImage(TemporaryPath("absent.png")).status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST(ImageIoTest, LargePicturesAreReadAsFarAsTheirHeaderWhereAsked) {
+TEST(ImageIoTest, OnlyHeadersOfLargeImagesAreReadOnRequest) {
   std::vector<Rgb8> pixels(64 * 64);
   for (size_t i = 0; i < pixels.size(); ++i) pixels[i].r = static_cast<uint8_t>(i * i * 37 >> 3);
   const std::string whole = *EncodePng(64, 64, pixels);
@@ -100,7 +100,7 @@ TEST(ImageIoTest, LargePicturesAreReadAsFarAsTheirHeaderWhereAsked) {
   EXPECT_FALSE(ReadImage(cut, {.whole_pixels_max = 64 * 64}).ok());
 }
 
-TEST(ImageIoTest, APictureOverTheLimitIsRefusedBeforeItIsRead) {
+TEST(ImageIoTest, ImagesBeyondTheLimitAreRefusedBeforeReading) {
   const std::string path = TemporaryPath("large.png");
   ASSERT_TRUE(WritePng(path, 32, 32, std::vector<Rgb8>(32 * 32)).ok());
   ReadImageLimits limits;

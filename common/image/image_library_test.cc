@@ -32,20 +32,20 @@ bool ComesWithTheFirstImage(const std::string& path) {
 }
 
 // A scene without images pays neither start time nor memory for the library.
-TEST(ImageLibraryTest, ComesWithTheFirstImage) {
+TEST(ImageLibraryTest, LoadsWithTheFirstImage) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");  // In a separate process.
   const std::string path = ::testing::TempDir() + "/sheaf_image_library_test.png";
   EXPECT_EXIT(std::exit(ComesWithTheFirstImage(path) ? 0 : 1), ::testing::ExitedWithCode(0), "");
 }
 
-TEST(ImageLibraryTest, SaysWhereItIsMissing) {
+TEST(ImageLibraryTest, ReportsAMissingLibrary) {
   const auto library = LoadImageLibraryFrom({"/nowhere", "/neither"});
   ASSERT_EQ(library.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(library.status().message()),
               HasSubstr("libsheaf_openimageio.so is not in /nowhere or /neither"));
 }
 
-TEST(ImageLibraryTest, SaysWhatDoesNotFit) {
+TEST(ImageLibraryTest, ReportsAVersionMismatch) {
   const std::filesystem::path folder =
       std::filesystem::path(::testing::TempDir()) / "sheaf_image_library_test";
   std::filesystem::create_directories(folder);

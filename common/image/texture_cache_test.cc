@@ -35,7 +35,7 @@ std::string WritePattern(const std::string& name, int size) {
   return path;
 }
 
-TEST(TextureCacheTest, EightBitTexelsAreDecodedAsAsked) {
+TEST(TextureCacheTest, EightBitTexelsUseTheRequestedEncoding) {
   const std::string path = WritePattern("encoding.png", 256);
   TextureCache cache(uint64_t{16} << 20);
   const TexelIndex where[] = {{0, 0}, {128, 0}, {255, 77}};
@@ -61,7 +61,7 @@ TEST(TextureCacheTest, EightBitTexelsAreDecodedAsAsked) {
   EXPECT_FLOAT_EQ(values[1][0], (128 / 255.0f) * (128 / 255.0f));
 }
 
-TEST(TextureCacheTest, ValuesDoNotDependOnWhatTheCacheHeld) {
+TEST(TextureCacheTest, ValuesDoNotDependOnTheCacheState) {
   const int size = 512;
   const std::string path = WritePattern("eviction.png", size);
   TextureCache large(uint64_t{64} << 20), tiny(1);  // 1: the minimum that the library accepts.
@@ -82,7 +82,7 @@ TEST(TextureCacheTest, ValuesDoNotDependOnWhatTheCacheHeld) {
   }
 }
 
-TEST(TextureCacheTest, M10TexelsThatAreNoNumbersAreCountedAndReadAsZero) {
+TEST(TextureCacheTest, M10NonFiniteTexelsAreCountedAndReadAsZero) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float infinity = std::numeric_limits<float>::infinity();
   const std::vector<float> values = {1, 2, 3, nan, 5, 6, 7, infinity, 9, 10, 11, 12};
@@ -104,7 +104,7 @@ TEST(TextureCacheTest, M10TexelsThatAreNoNumbersAreCountedAndReadAsZero) {
   EXPECT_EQ(texels[3], (Texel{10, 11, 12, 0}));
 }
 
-TEST(TextureCacheTest, DamageIsFoundWhenTheImageIsOpened) {
+TEST(TextureCacheTest, OpeningDetectsDamage) {
   const std::string whole = WritePattern("whole.png", 256);
   const std::string cut = TemporaryPath("cut.png");
   std::filesystem::copy_file(whole, cut, std::filesystem::copy_options::overwrite_existing);

@@ -38,7 +38,7 @@ TEST(CompensatedTest, CrossOfNearlyParallelVectors) {
   EXPECT_LE(Length(ToDouble(CrossAccurate(a, b)) - exact), 2e-7 * Length(exact));
 }
 
-TEST(DoubleFloatTest, HoldsFortyEightBitsCanonically) {
+TEST(DoubleFloatTest, HoldsFortyEightBits) {
   std::mt19937_64 bits(13);
   std::uniform_real_distribution<double> value(-2, 2);
   for (int i = 0; i < 100000; ++i) {
@@ -53,13 +53,13 @@ TEST(DoubleFloatTest, HoldsFortyEightBitsCanonically) {
   EXPECT_EQ(DoubleFloat::Make(DoubleFloat::Make(tie).Value()), DoubleFloat::Make(tie));
 }
 
-TEST(DoubleFloatTest, SumOfManyKeepsWhatFloatLoses) {
+TEST(DoubleFloatTest, LongSumsKeepPrecision) {
   DoubleFloat sum;
   for (int i = 0; i < 1 << 20; ++i) sum = Add(sum, DoubleFloat::Make(1 + 0x1p-20));
   EXPECT_NEAR(sum.Value(), (1 << 20) + 1.0, 1e-4);
 }
 
-TEST(NextFloatTest, StepsThroughZeroAndStopsAtInfinity) {
+TEST(NextFloatTest, StepsAcrossZeroAndStopsAtInfinity) {
   constexpr float kInf = std::numeric_limits<float>::infinity();
   constexpr float kTiny = std::numeric_limits<float>::denorm_min();
   for (const float v : {1.0f, -1.0f, 1.5e38f, kTiny, -kTiny, 0.0f, -0.0f, -kInf}) {

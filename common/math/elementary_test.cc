@@ -155,7 +155,7 @@ TYPED_TEST(ElementaryTest, TwoArgumentFunctionsAreWithinTheirStatedError) {
   }
 }
 
-TYPED_TEST(ElementaryTest, PairEqualsSingles) {
+TYPED_TEST(ElementaryTest, SinCosEqualsSinAndCos) {
   for (const TypeParam x : Arguments<TypeParam>(-10, 10, -150, 60)) {
     const SinCosPair<TypeParam> pair = SinCos(x);
     ASSERT_EQ(pair.sin, Sin(x)) << x;

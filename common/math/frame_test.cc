@@ -36,7 +36,7 @@ TEST(FrameTest, IsOrthonormalForRandomAndPolarNormals) {
   }
 }
 
-TEST(FrameTest, LocalAndWorldAreInverse) {
+TEST(FrameTest, LocalAndWorldTransformsAreInverse) {
   const Frame frame = Frame::FromNormal(Normalize(Vec3f{1, -2, -3}));
   const Vec3f v{0.3f, -0.7f, 0.2f};
   EXPECT_LE(Length(frame.ToWorld(frame.ToLocal(v)) - v), 2e-7f);

@@ -13,7 +13,7 @@ namespace sheaf {
 
 // The i-th member. Any number of consecutive members, from any start, are evenly spread. Source:
 // Weyl 1916, multiples of the golden ratio.
-inline double GoldenShare(size_t i) {
+inline double GoldenFraction(size_t i) {
   const double place = (static_cast<double>(i) + 0.5) / std::numbers::phi;
   return place - std::floor(place);
 }

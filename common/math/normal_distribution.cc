@@ -8,8 +8,8 @@ namespace sheaf {
 
 using boost::math::normal;
 
-double NormalShareBelow(double deviations) { return cdf(normal(), deviations); }
+double NormalCdf(double deviations) { return cdf(normal(), deviations); }
 
-double NormalQuantile(double share) { return quantile(normal(), share); }
+double NormalQuantile(double probability) { return quantile(normal(), probability); }
 
 }  // namespace sheaf

@@ -8,9 +8,9 @@ namespace sheaf {
 
 // Cumulative probability at so many deviations. For the upper tail, pass the negative: small
 // probabilities lose no precision.
-double NormalShareBelow(double deviations);
+double NormalCdf(double deviations);
 
-// Inverse of NormalShareBelow. Requires: 0 < share < 1.
-double NormalQuantile(double share);
+// Inverse of NormalCdf. Requires: 0 < probability < 1.
+double NormalQuantile(double probability);
 
 }  // namespace sheaf

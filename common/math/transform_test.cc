@@ -40,7 +40,7 @@ TEST(TransformTest, InvertsRandomMatrices) {
   }
 }
 
-TEST(TransformTest, InvertsScalesFarApart) {
+TEST(TransformTest, InvertsVeryDifferentScales) {
   // A nanometer model placed kilometers away is inverted to full precision, not taken as singular.
   const Matrix4 a = TranslateMatrix({1e6, -2e6, 3e6}) * ScaleMatrix({1e-9, 1e-9, 1e12});
   Matrix4 inverse;
@@ -96,7 +96,7 @@ TEST(TransformTest, LookAtRefusesDegenerateDirections) {
   EXPECT_FALSE(LookAtMatrix({0, 0, 0}, {0, 0, 1}, {0, 0, 0}, &a));
 }
 
-TEST(TransformTest, NormalStaysPerpendicularUnderShear) {
+TEST(TransformTest, NormalsStayPerpendicularUnderShear) {
   Matrix4 shear;
   shear.m[0][1] = 2;
   shear.m[1][2] = -0.5;
@@ -106,13 +106,13 @@ TEST(TransformTest, NormalStaysPerpendicularUnderShear) {
   EXPECT_NEAR(Dot(TransformVector(shear, tangent), TransformNormal(inverse, normal)), 0, 1e-14);
 }
 
-TEST(TransformTest, ProjectivePointsAreDivided) {
+TEST(TransformTest, ProjectivePointsAreDividedByW) {
   Matrix4 a;
   a.m[3] = {0, 0, 1, 0};
   EXPECT_EQ(TransformPoint(a, {2, 4, 2}), (Vec3d{1, 2, 1}));
 }
 
-TEST(TransformTest, DeterminantSignTellsHandedness) {
+TEST(TransformTest, DeterminantSignGivesHandedness) {
   EXPECT_EQ(Determinant3(ScaleMatrix({1, 1, -2})), -2);
   EXPECT_EQ(Determinant3(TranslateMatrix({1, 1, -2})), 1);
 }

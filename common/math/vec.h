@@ -73,7 +73,7 @@ constexpr Vec3d ToDouble(Vec3f a) { return {a.x, a.y, a.z}; }
 // negative.
 struct Rgb {
   float r = 0, g = 0, b = 0;
-  static constexpr Rgb Grey(float v) { return {v, v, v}; }
+  static constexpr Rgb Gray(float v) { return {v, v, v}; }
   constexpr float operator[](size_t i) const { return i == 0 ? r : (i == 1 ? g : b); }
   constexpr float& operator[](size_t i) { return i == 0 ? r : (i == 1 ? g : b); }
   friend constexpr Rgb operator+(Rgb p, Rgb q) { return {p.r + q.r, p.g + q.g, p.b + q.b}; }

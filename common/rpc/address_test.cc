@@ -24,14 +24,14 @@ TEST(AddressTest, ReadsBracketedIpv6) {
   EXPECT_EQ(FormatAddress(*address), "[::1]:80");
 }
 
-TEST(AddressTest, RejectsWhatIsNotAnAddress) {
+TEST(AddressTest, RejectsInvalidAddresses) {
   for (const std::string text : {"", "host", "host:", ":80", "host:70000", "host:-1", "host:8 0",
                                  "::1:80", "host:+80", "host:99999999999999999999"}) {
     EXPECT_EQ(ParseAddress(text).status().code(), absl::StatusCode::kInvalidArgument) << text;
   }
 }
 
-TEST(AddressTest, CompletesACoordinatorByItsPort) {
+TEST(AddressTest, AddsTheDefaultCoordinatorPort) {
   const auto complete = [](std::string text) {
     const std::string wrong = CompleteCoordinatorAddress(text);
     return wrong.empty() ? text : "wrong: " + wrong;
@@ -47,7 +47,7 @@ TEST(AddressTest, CompletesACoordinatorByItsPort) {
   }
 }
 
-TEST(AddressTest, KnowsLoopback) {
+TEST(AddressTest, RecognizesLoopback) {
   EXPECT_TRUE(IsLoopback({"127.0.0.1", 1}));
   EXPECT_TRUE(IsLoopback({"127.8.9.1", 1}));
   EXPECT_TRUE(IsLoopback({"localhost", 1}));

@@ -11,7 +11,7 @@ namespace sheaf {
 namespace {
 
 // Fragments of gRPC's messages, most specific first, and their plain words.
-constexpr std::pair<const char*, const char*> kPlainWords[] = {
+constexpr std::pair<const char*, const char*> kPlainDescriptions[] = {
     {"Connection refused", "the connection was refused"},
     {"No route to host", "it is unreachable"},
     {"Network is unreachable", "it is unreachable"},
@@ -29,10 +29,10 @@ constexpr std::pair<const char*, const char*> kPlainWords[] = {
     {"failed to connect to all addresses", "there is no connection"},
 };
 
-std::string InPlainWords(const grpc::Status& status) {
+std::string DescribePlainly(const grpc::Status& status) {
   const bool of_the_connection = status.error_code() == grpc::StatusCode::UNAVAILABLE ||
                                  status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
-  for (const auto& [part, words] : kPlainWords) {
+  for (const auto& [part, words] : kPlainDescriptions) {
     if (of_the_connection && status.error_message().find(part) != std::string::npos) return words;
   }
   return status.error_message();
@@ -52,7 +52,7 @@ absl::Status FromGrpcStatus(const grpc::Status& status) {
   const int code = static_cast<int>(status.error_code());
   const bool canonical = code >= 1 && code <= 16;
   return {canonical ? static_cast<absl::StatusCode>(code) : absl::StatusCode::kUnknown,
-          InPlainWords(status)};
+          DescribePlainly(status)};
 }
 
 absl::Status NoCoordinatorAnswers(const std::string& address, const absl::Status& status) {

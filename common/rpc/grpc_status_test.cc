@@ -18,7 +18,7 @@ TEST(GrpcStatusTest, EveryCanonicalCodeSurvivesTheRoundTrip) {
   }
 }
 
-TEST(GrpcStatusTest, NamesMeanTheSameOnBothSides) {
+TEST(GrpcStatusTest, CodeNamesMatchOnBothSides) {
   EXPECT_EQ(ToGrpcStatus(absl::ResourceExhaustedError("")).error_code(),
             grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(ToGrpcStatus(absl::UnavailableError("")).error_code(), grpc::StatusCode::UNAVAILABLE);
@@ -30,7 +30,7 @@ TEST(GrpcStatusTest, OkStaysOk) {
   EXPECT_TRUE(FromGrpcStatus(grpc::Status::OK).ok());
 }
 
-TEST(GrpcStatusTest, ConnectionsAreTalkedOfInPlainWords) {
+TEST(GrpcStatusTest, ConnectionErrorsAreDescribedPlainly) {
   const auto words = [](grpc::StatusCode code, const char* message) {
     return std::string(FromGrpcStatus({code, message}).message());
   };
@@ -49,7 +49,7 @@ TEST(GrpcStatusTest, ConnectionsAreTalkedOfInPlainWords) {
   EXPECT_EQ(words(grpc::StatusCode::INTERNAL, "Socket closed"), "Socket closed");
 }
 
-TEST(GrpcStatusTest, SilenceNamesTheAddressAndWhatToDo) {
+TEST(GrpcStatusTest, TimeoutsNameTheAddressAndARemedy) {
   const absl::Status silence =
       NoCoordinatorAnswers("farm:7400", absl::UnavailableError("the connection was refused"));
   EXPECT_EQ(silence, absl::UnavailableError(

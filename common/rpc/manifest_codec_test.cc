@@ -9,7 +9,7 @@ namespace {
 
 const std::string kHex(64, 'a');
 
-TEST(ManifestCodecTest, ReturnsWhatWentIn) {
+TEST(ManifestCodecTest, RoundTrips) {
   const Manifest manifest =
       MakeManifest("room.pbrt", {{"room.pbrt", {kHex, 12}}, {"models/a.ply", {kHex, 1u << 31}}});
   const absl::StatusOr<Manifest> back = DecodeManifest(EncodeManifest(manifest));
@@ -23,7 +23,7 @@ TEST(ManifestCodecTest, EqualScenesHaveEqualBytes) {
   EXPECT_EQ(EncodeManifest(one), EncodeManifest(two));
 }
 
-TEST(ManifestCodecTest, RefusesBytesThatAreNoManifest) {
+TEST(ManifestCodecTest, RefusesInvalidBytes) {
   EXPECT_FALSE(DecodeManifest("").ok());
   EXPECT_FALSE(DecodeManifest("Shape \"sphere\"").ok());
   const std::string bytes = EncodeManifest(MakeManifest("a", {{"a", {kHex, 1}}}));

@@ -29,7 +29,7 @@ struct SimulatedWorld {
   }
 };
 
-TEST(RetryLoopTest, TransientThenSuccess) {
+TEST(RetryLoopTest, RetriesTransientFailures) {
   SimulatedWorld world;
   int calls = 0;
   const absl::Status status = RetryLoop(
@@ -55,7 +55,7 @@ TEST(RetryLoopTest, PermanentFailureIsNotRepeated) {
   EXPECT_EQ(calls, 1);
 }
 
-TEST(RetryLoopTest, CallThatIsNotIdempotentRunsOnce) {
+TEST(RetryLoopTest, NonIdempotentCallsRunOnce) {
   SimulatedWorld world;
   int calls = 0;
   const absl::Status status =
@@ -67,7 +67,7 @@ TEST(RetryLoopTest, CallThatIsNotIdempotentRunsOnce) {
   EXPECT_EQ(calls, 1);
 }
 
-TEST(RetryLoopTest, GivesUpAtTheElapsedLimitAndSaysSo) {
+TEST(RetryLoopTest, StopsAtTheTimeLimitWithAMessage) {
   SimulatedWorld world;
   RetryPolicy policy;
   policy.elapsed_max = absl::Seconds(60);
@@ -80,7 +80,7 @@ TEST(RetryLoopTest, GivesUpAtTheElapsedLimitAndSaysSo) {
   for (const absl::Duration wait : world.waits) EXPECT_LE(wait, policy.backoff_max);
 }
 
-TEST(RetryLoopTest, GivesUpAtTheAttemptLimit) {
+TEST(RetryLoopTest, StopsAtTheAttemptLimit) {
   SimulatedWorld world;
   RetryPolicy policy;
   policy.attempts_max = 4;
@@ -93,7 +93,7 @@ TEST(RetryLoopTest, GivesUpAtTheAttemptLimit) {
   EXPECT_EQ(status.message(), "away (gave up after 4 attempts)");
 }
 
-TEST(RetryLoopTest, StopsWhenTheSleepIsCutShort) {
+TEST(RetryLoopTest, StopsWhenTheSleepIsInterrupted) {
   SimulatedWorld world;
   world.stopping = true;
   int calls = 0;

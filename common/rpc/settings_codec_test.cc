@@ -33,8 +33,8 @@ FrameSettings EverySetting() {
   return settings;
 }
 
-// The digest's text names every setting that decides a pixel: equal texts, equal pictures.
-TEST(SettingsCodecTest, EverySettingSurvivesTheWire) {
+// The digest's text names every setting that decides a pixel: equal texts, equal images.
+TEST(SettingsCodecTest, EverySettingRoundTrips) {
   FrameSettings settings = EverySetting();
   for (const ColorTransport color :
        {ColorTransport::kAuto, ColorTransport::kRgb, ColorTransport::kSpectral}) {
@@ -63,7 +63,7 @@ TEST(SettingsCodecTest, MessagesKeepTheirBytes) {
   EXPECT_EQ(absl::BytesToHexString(ToWire(FrameSettings()).SerializeAsString()), "1a0020102805");
 }
 
-TEST(SettingsCodecTest, UnknownColorIsLeftToTheScene) {
+TEST(SettingsCodecTest, UnknownColorTransportBecomesAuto) {
   v1::FrameSettings wire;
   wire.set_color(static_cast<v1::ColorTransport>(99));
   EXPECT_EQ(FromWire(wire)->color, ColorTransport::kAuto);

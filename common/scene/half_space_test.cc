@@ -11,7 +11,7 @@ namespace sheaf {
 namespace {
 
 // Values of Chandrasekhar's H functions: 1 - 2 sqrt(1 - albedo) times the first moment of H.
-TEST(HalfSpaceTest, WhiteSkyAlbedoOfMatchedIndex) {
+TEST(HalfSpaceTest, DiffuseAlbedoAtMatchedIndex) {
   const double expected[][2] = {
       {0.5, .146544}, {0.8, .341867}, {0.9, .478024}, {0.99, .794564}, {0.999, .929713}};
   for (const auto& [albedo, reflectance] : expected) {
@@ -20,7 +20,7 @@ TEST(HalfSpaceTest, WhiteSkyAlbedoOfMatchedIndex) {
 }
 
 // Light reflected back by the boundary is partly absorbed before it can leave.
-TEST(HalfSpaceTest, ABoundaryDarkens) {
+TEST(HalfSpaceTest, BoundariesReduceTheAlbedo) {
   for (const double albedo : {0.1, 0.5, 0.9, 0.99}) {
     double before = HalfSpaceReflectance(albedo, 1);
     for (const double eta : {1.1, 1.33, 1.5, 2.0}) {
@@ -31,7 +31,7 @@ TEST(HalfSpaceTest, ABoundaryDarkens) {
   }
 }
 
-TEST(HalfSpaceTest, NothingIsLostWhereNothingIsAbsorbed) {
+TEST(HalfSpaceTest, AlbedoIsOneWithoutAbsorption) {
   for (const double eta : {0.8, 1.0, 1.5}) {
     EXPECT_EQ(HalfSpaceReflectance(1, eta), 1);
     EXPECT_EQ(HalfSpaceReflectance(0, eta), 0);
@@ -39,7 +39,7 @@ TEST(HalfSpaceTest, NothingIsLostWhereNothingIsAbsorbed) {
   }
 }
 
-TEST(HalfSpaceTest, InverseIsInverse) {
+TEST(HalfSpaceTest, InverseRoundTrips) {
   for (const double eta : {1.0, 1.33, 1.5}) {
     for (const double reflectance : {0.01, 0.2, 0.5, 0.8, 0.97}) {
       const double albedo = AlbedoForReflectance(reflectance, eta, 0);

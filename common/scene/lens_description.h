@@ -26,9 +26,9 @@ struct LensDescription {
   float film_diagonal_mm = 35;
   // The shape of the stop's opening: a disk, or within the square around that disk one of pbrt-v4's
   // shapes or an image, scaled to let as much light through as the disk.
-  enum class Aperture { kDisk, kGaussian, kSquare, kPentagon, kStar, kPicture };
+  enum class Aperture { kDisk, kGaussian, kSquare, kPentagon, kStar, kImage };
   Aperture aperture = Aperture::kDisk;
-  std::string aperture_file;  // kPicture: canonical name for FileSource; the image's top is up.
+  std::string aperture_file;  // kImage: canonical name for FileSource; the image's top is up.
 };
 
 // A flat surface between media of the same index is an aperture stop.

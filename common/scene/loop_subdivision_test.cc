@@ -17,7 +17,7 @@ const std::vector<Vec3f> kOctahedron = {{1, 0, 0},  {-1, 0, 0}, {0, 1, 0},
 const std::vector<uint32_t> kOctahedronIndices = {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4,
                                                   2, 0, 5, 1, 2, 5, 3, 1, 5, 0, 3, 5};
 
-TEST(LoopSubdivisionTest, LimitDoesNotDependOnLevels) {
+TEST(LoopSubdivisionTest, LimitIsIndependentOfLevels) {
   // The limit position of a control vertex does not depend on the number of refinements before it.
   const auto coarse = SubdivideLoop(kOctahedron, kOctahedronIndices, 0, 1000000);
   const auto fine = SubdivideLoop(kOctahedron, kOctahedronIndices, 4, 1000000);
@@ -101,7 +101,7 @@ TEST(LoopSubdivisionTest, LimitsOfAFan) {
   }
 }
 
-TEST(LoopSubdivisionTest, NormalsAreThoseOfTheSurface) {
+TEST(LoopSubdivisionTest, NormalsMatchTheLimitSurface) {
   const auto mesh = SubdivideLoop(kOctahedron, kOctahedronIndices, 3, 1000000);
   ASSERT_TRUE(mesh.ok());
   // Triangles keep the winding of the control mesh, and normals point against it, as in pbrt.

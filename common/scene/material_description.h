@@ -14,7 +14,7 @@
 
 namespace sheaf {
 
-// A number or colour that is constant, or multiplied in from a texture.
+// A number or color that is constant, or multiplied in from a texture.
 struct FloatInput {
   float value = 0;
   int32_t texture = kNone;  // Index in textures; then `value` is unused.
@@ -79,7 +79,7 @@ struct DielectricMaterial {
 struct SubsurfaceMaterial {
   RoughnessInput roughness;
   RefractiveIndex eta{1.33f, {}};
-  int32_t medium = kNone;  // The matter: index in media, which has is_matter.
+  int32_t medium = kNone;  // The matter: index in media, which has is_subsurface.
 };
 struct ThinDielectricMaterial {
   RefractiveIndex eta;

@@ -31,9 +31,9 @@ struct GridBox {
   }
 };
 // Colder temperatures emit nothing. Source: pbrt-v4.
-inline constexpr float kGlowTemperatureMinK = 100;
+inline constexpr float kEmissionTemperatureMinK = 100;
 // Emission of temperatures: a blackbody at (value - offset_k) * scale, if that is above
-// kGlowTemperatureMinK.
+// kEmissionTemperatureMinK.
 struct TemperatureEmission {
   float offset_k = 0, scale = 1;
   float KelvinOf(float value) const { return (value - offset_k) * scale; }
@@ -70,7 +70,7 @@ inline constexpr std::array<const char*, 3> kVelocityGridNames{"velocity", "vel"
 
 // A subsurface medium, given by the fraction of uniform light that leaves it again after entering
 // (half_space.h).
-struct MatterReflectance {
+struct SubsurfaceReflectance {
   ColorSpec color;
   int32_t texture = kNone;  // Index in textures, replacing color: evaluated where a path enters.
   ColorSpec free_path;      // Mean, in scene units before scale.
@@ -92,11 +92,11 @@ struct MediumDescription {
   float radiance_scale = 1;  // Temperature grids use this and no radiance.
   // The interior of a material: scattering there does not count towards the path's depth, and every
   // path in it must reach the boundary. Homogeneous.
-  bool is_matter = false;
-  // Set by SetReflectance (matter_reflectance.h) for subsurface media that are given by
+  bool is_subsurface = false;
+  // Set by SetReflectance (subsurface_reflectance.h) for subsurface media that are given by
   // reflectance. Then sigma_a and sigma_s follow from it as linear sRGB; if textured, from a
   // reflectance of 1.
-  std::optional<MatterReflectance> reflectance;
+  std::optional<SubsurfaceReflectance> reflectance;
   // Scale of the velocities, which are in medium space, per unit of the time in which the shutter
   // is given. The content at shutter opening moves along them while the shutter is open.
   float velocity_scale = 1;
@@ -114,7 +114,7 @@ struct MediumDescription {
     const auto* volume = std::get_if<VolumeFileMedium>(&kind);
     return volume != nullptr && !volume->velocity_grid.empty();
   }
-  void StandStill() {
+  void RemoveMotion() {
     if (auto* grid = std::get_if<UniformGridMedium>(&kind)) grid->velocity.clear();
     if (auto* volume = std::get_if<VolumeFileMedium>(&kind)) volume->velocity_grid.clear();
   }

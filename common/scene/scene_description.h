@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "common/film/film_outputs.h"
-#include "common/film/picture_color.h"
+#include "common/film/image_color.h"
 #include "common/math/transform.h"
 #include "common/math/vec.h"
 #include "common/scene/color_spec.h"

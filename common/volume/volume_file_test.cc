@@ -117,7 +117,7 @@ TEST_F(VolumeFileTest, ReadsVectors) {
   }
 }
 
-TEST_F(VolumeFileTest, ReadsVdbAsOpenVdbWritesIt) {
+TEST_F(VolumeFileTest, ReadsVdbWrittenByOpenVdb) {
   const GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Ramp};
   for (const bool zip : {false, true}) {
     for (const bool blosc : {false, true}) {
@@ -132,7 +132,7 @@ TEST_F(VolumeFileTest, ReadsVdbAsOpenVdbWritesIt) {
   }
 }
 
-TEST_F(VolumeFileTest, ReadsVdbOfHalvesStreamsAndOddBackgrounds) {
+TEST_F(VolumeFileTest, ReadsVdbHalfFloatsStreamsAndBackgrounds) {
   GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Lumps};
   for (const bool zip : {false, true}) {
     for (const bool blosc : {false, true}) {
@@ -147,7 +147,7 @@ TEST_F(VolumeFileTest, ReadsVdbOfHalvesStreamsAndOddBackgrounds) {
   ExpectVoxels(*stream, written, 0);
 }
 
-TEST_F(VolumeFileTest, ReadsTilesOfVdb) {
+TEST_F(VolumeFileTest, ReadsVdbTiles) {
   const auto grid = Read(VdbFile({{.value = Lumps}}, {.with_tile = true}));
   ASSERT_TRUE(grid.ok()) << grid.status();
   VolumeGrid::Cursor cursor(*grid);
@@ -200,7 +200,7 @@ TEST_F(VolumeFileTest, ListsGridsByNameAndRole) {
   }
 }
 
-TEST_F(VolumeFileTest, RefusesValuesThatAreNoDensities) {
+TEST_F(VolumeFileTest, RefusesInvalidDensities) {
   const auto nan = [](const Voxel& v) {
     return v == Voxel{3, 4, 5} ? std::numeric_limits<float>::quiet_NaN() : 1.0f;
   };
@@ -219,7 +219,7 @@ TEST_F(VolumeFileTest, RefusesValuesThatAreNoDensities) {
   }
 }
 
-TEST_F(VolumeFileTest, RefusesWhatIsNoVolumeFile) {
+TEST_F(VolumeFileTest, RefusesOtherFiles) {
   EXPECT_THAT(Message(""), HasSubstr("smoke.vdb: neither a NanoVDB (.nvdb) nor an OpenVDB"));
   EXPECT_THAT(Message("ply\nformat ascii 1.0\n"), HasSubstr("its first bytes match neither"));
   std::string old = NvdbFile({{.value = Lumps}}, NvdbCodec::kNone);
@@ -228,7 +228,7 @@ TEST_F(VolumeFileTest, RefusesWhatIsNoVolumeFile) {
   EXPECT_THAT(Message(old), HasSubstr("NanoVDB version 29"));
 }
 
-TEST_F(VolumeFileTest, EveryCutIsAnError) {
+TEST_F(VolumeFileTest, EveryTruncationIsAnError) {
   for (const std::string& bytes :
        {NvdbFile({{.value = Lumps}}, NvdbCodec::kNone),
         NvdbFile({{.value = Lumps}}, NvdbCodec::kZip),
@@ -240,7 +240,7 @@ TEST_F(VolumeFileTest, EveryCutIsAnError) {
   }
 }
 
-TEST_F(VolumeFileTest, LimitsAreNamed) {
+TEST_F(VolumeFileTest, ErrorsNameLimits) {
   const std::string bytes = NvdbFile({{.value = Lumps}}, NvdbCodec::kZip);
   EXPECT_THAT(Message(bytes, "density", {.grid_bytes_max = 1000}), HasSubstr("grid_bytes_max"));
   EXPECT_THAT(Message(VdbFile({{.value = Lumps}}, {}), "density", {.grid_bytes_max = 1000}),
@@ -252,7 +252,7 @@ TEST_F(VolumeFileTest, LimitsAreNamed) {
 }
 
 // A header may claim any size: nothing is allocated that the file could not hold.
-TEST_F(VolumeFileTest, AClaimedSizeIsCheckedAgainstTheFile) {
+TEST_F(VolumeFileTest, DeclaredSizesAreCheckedAgainstTheFile) {
   std::string bytes = NvdbFile({{.value = Lumps}}, NvdbCodec::kZip);
   const uint64_t claimed = uint64_t{8} << 30;
   std::memcpy(&bytes[16], &claimed, sizeof(claimed));

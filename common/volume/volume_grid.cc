@@ -150,18 +150,19 @@ class UniformSearch {
       if (!Overlap(origin, Upper::TOTAL, &from, &to)) continue;
       covered += (uint64_t(to[0] - from[0]) + 1) * (uint64_t(to[1] - from[1]) + 1) *
                  (uint64_t(to[2] - from[2]) + 1);
-      if (tile.isChild() ? !InNode(*root_.data()->getChild(&tile), origin) : !Meet(tile.value)) {
+      if (tile.isChild() ? !InNode(*root_.data()->getChild(&tile), origin)
+                         : !IncludeValue(tile.value)) {
         return std::nullopt;
       }
     }
     const uint64_t all = (uint64_t(hi_[0] - lo_[0]) + 1) * (uint64_t(hi_[1] - lo_[1]) + 1) *
                          (uint64_t(hi_[2] - lo_[2]) + 1);
-    if (covered != all && !Meet(root_.data()->mBackground)) return std::nullopt;
+    if (covered != all && !IncludeValue(root_.data()->mBackground)) return std::nullopt;
     return value_;
   }
 
  private:
-  bool Meet(const ValueT& value) {
+  bool IncludeValue(const ValueT& value) {
     if (!value_) value_ = value;
     return *value_ == value;
   }
@@ -189,7 +190,7 @@ class UniformSearch {
         for (int32_t z = from[2]; z <= to[2]; ++z) {
           const auto n = static_cast<uint32_t>((((x << Node::LOG2DIM) | y) << Node::LOG2DIM) | z);
           if (!node.data()->mChildMask.isOn(n)) {
-            if (!Meet(node.data()->mTable[n].value)) return false;
+            if (!IncludeValue(node.data()->mTable[n].value)) return false;
           } else if constexpr (Node::LEVEL == 1) {
             return false;
           } else if (!InNode(*node.data()->getChild(n),

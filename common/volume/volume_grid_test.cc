@@ -59,7 +59,7 @@ double SampledGrid(const VolumeArrayShape& shape, const std::vector<float>& valu
   return sum;
 }
 
-TEST(VolumeGridTest, AnArrayIsLookedUpAsPbrtDoes) {
+TEST(VolumeGridTest, ArrayLookupsMatchPbrt) {
   const VolumeArrayShape shape{{13, 9, 21}, {-2, 0.5, 7}, {3, 1.5, 8.25}};
   const std::vector<float> values = RandomValues(13 * 9 * 21, 1);
   const auto grid = VolumeGridFromArray("a.pbrt:1:1", "density", shape, values);
@@ -78,7 +78,7 @@ TEST(VolumeGridTest, AnArrayIsLookedUpAsPbrtDoes) {
   EXPECT_EQ(grid->box().hi, (Vec3d{12.5, 8.5, 20.5}));
 }
 
-TEST(VolumeGridTest, ALookUpStaysBetweenItsVoxelsToTheBit) {
+TEST(VolumeGridTest, LookupsAreBoundedByTheirVoxels) {
   // Values over 60 orders of magnitude, and points within a rounding error of voxels.
   std::vector<float> values = RandomValues(16 * 16 * 16, 3);
   uint64_t state = 11;
@@ -102,7 +102,7 @@ TEST(VolumeGridTest, ALookUpStaysBetweenItsVoxelsToTheBit) {
   }
 }
 
-TEST(VolumeGridTest, PointsBeyondAllVoxelsGiveTheBackground) {
+TEST(VolumeGridTest, PointsOutsideGiveTheBackground) {
   const std::vector<float> values(27, 1.0f);
   const auto grid = VolumeGridFromArray("a", "density", {{3, 3, 3}, {}, {1, 1, 1}}, values);
   ASSERT_TRUE(grid.ok());
@@ -115,7 +115,7 @@ TEST(VolumeGridTest, PointsBeyondAllVoxelsGiveTheBackground) {
   EXPECT_EQ(grid->At({1, 1, 1}, &cursor), 1.0f);
 }
 
-TEST(VolumeGridTest, ColoursAreLookedUpAsVectors) {
+TEST(VolumeGridTest, ColorsAreLookedUpAsVectors) {
   const std::vector<Vec3f> values(8, Vec3f{0.25f, 0.5f, 1});
   const auto grid = VolumeGridFromArray("a", "rgb", {{2, 2, 2}, {}, {1, 1, 1}}, values);
   ASSERT_TRUE(grid.ok()) << grid.status();
@@ -124,7 +124,7 @@ TEST(VolumeGridTest, ColoursAreLookedUpAsVectors) {
   EXPECT_EQ(grid->VectorAt({-0.5, 0, 0}, &cursor), (Vec3f{0.125f, 0.25f, 0.5f}));
 }
 
-TEST(VolumeGridTest, ArraysThatMakeNoGridAreRefused) {
+TEST(VolumeGridTest, InvalidArraysAreRefused) {
   const std::vector<float> values(8, 1.0f);
   const auto message = [&](const VolumeArrayShape& shape) {
     const auto grid = VolumeGridFromArray("a.pbrt:4:2", "density", shape, values);
@@ -146,7 +146,7 @@ TEST(VolumeGridTest, ArraysThatMakeNoGridAreRefused) {
       HasSubstr("NaN or infinity"));
 }
 
-TEST(VolumeGridTest, RolesFollowNames) {
+TEST(VolumeGridTest, RolesComeFromNames) {
   EXPECT_EQ(VolumeRoleOf("density"), VolumeRole::kDensity);
   EXPECT_EQ(VolumeRoleOf("Temperature"), VolumeRole::kTemperature);
   EXPECT_EQ(VolumeRoleOf("vel"), VolumeRole::kVelocity);

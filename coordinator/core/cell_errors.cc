@@ -29,12 +29,12 @@ void LeanOnMean(std::span<ErrorSums> cells) {
   for (const ErrorSums& cell : cells) tile.Add(cell);
   if (!(tile.sum > 0)) return;
   for (ErrorSums& cell : cells) {
-    const double share =
+    const double fraction =
         static_cast<double>(cell.pixel_count) / static_cast<double>(tile.pixel_count);
     const double pixels = cell.square_sum > 0 ? cell.sum * cell.sum / cell.square_sum : 0;
     const double weight = pixels / (pixels + kLeanPixels);
-    cell.sum = weight * cell.sum + (1 - weight) * share * tile.sum;
-    cell.square_sum = weight * cell.square_sum + (1 - weight) * share * tile.square_sum;
+    cell.sum = weight * cell.sum + (1 - weight) * fraction * tile.sum;
+    cell.square_sum = weight * cell.square_sum + (1 - weight) * fraction * tile.square_sum;
   }
   RestoreTotal(cells, tile.sum, [](ErrorSums& cell) -> double& { return cell.sum; });
   RestoreTotal(cells, tile.square_sum, [](ErrorSums& cell) -> double& { return cell.square_sum; });
@@ -50,8 +50,8 @@ void LeanOnTiles(const CellGrid& grid, std::vector<ErrorSums>* errors) {
   }
 }
 
-std::vector<ErrorSums> EstimateCellErrors(const FramePicture& picture, const CellGrid& grid) {
-  std::vector<ErrorSums> errors = EstimateTileErrors(picture, grid.cells());
+std::vector<ErrorSums> EstimateCellErrors(const FrameImage& image, const CellGrid& grid) {
+  std::vector<ErrorSums> errors = EstimateTileErrors(image, grid.cells());
   LeanOnTiles(grid, &errors);
   return errors;
 }

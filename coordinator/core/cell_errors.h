@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/film/error/error_estimate.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "coordinator/core/cell_grid.h"
 
 namespace sheaf::coordinator {
@@ -22,7 +22,7 @@ namespace sheaf::coordinator {
 // Source: Efron and Morris 1973, "Stein's Estimation Rule and Its Competitors"; m is Kish's
 // effective size (Kish 1965, Survey Sampling).
 inline constexpr double kLeanPixels = 2;
-std::vector<ErrorSums> EstimateCellErrors(const FramePicture& picture, const CellGrid& grid);
+std::vector<ErrorSums> EstimateCellErrors(const FrameImage& image, const CellGrid& grid);
 // The leaning alone. Requires: errors of all cells.
 void LeanOnTiles(const CellGrid& grid, std::vector<ErrorSums>* errors);
 

@@ -14,7 +14,7 @@ ErrorSums CellOf(double error, double outlier) {
   return {64, 63 * error + outlier, 63 * error * error + outlier * outlier};
 }
 
-TEST(CellErrorsTest, CellsThatOnePixelTellsLeanOnTheirTile) {
+TEST(CellErrorsTest, CellsWithFewErrorsUseTheirTile) {
   const CellGrid grid({0, 0, 64, 32}, 32, 8);
   std::vector<ErrorSums> errors(32, CellOf(1, 1));
   errors[5] = CellOf(1, 1000);
@@ -38,7 +38,7 @@ TEST(CellErrorsTest, CellsThatOnePixelTellsLeanOnTheirTile) {
   }
 }
 
-TEST(CellErrorsTest, WhatHasNoErrorsKeepsNone) {
+TEST(CellErrorsTest, CellsWithoutErrorsKeepNone) {
   std::vector<ErrorSums> errors(4, ErrorSums{64, 0, 0});
   LeanOnTiles(CellGrid({0, 0, 16, 16}, 16, 8), &errors);
   for (const ErrorSums& error : errors) EXPECT_EQ(error.sum, 0);

@@ -20,10 +20,10 @@ int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px) {
 }
 
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
-  // The picture that a frame resumes may have had cells in its tiles.
-  const bool shares_out = frame.stop.IsActive() || !frame.resumed.sha256_hex.empty();
-  return shares_out && partition.cell_size_px != 0 ? partition.cell_size_px
-                                                   : partition.tile_size_px;
+  // The image that a frame resumes may have had cells in its tiles.
+  const bool distributes = frame.stop.IsActive() || !frame.resumed.sha256_hex.empty();
+  return distributes && partition.cell_size_px != 0 ? partition.cell_size_px
+                                                    : partition.tile_size_px;
 }
 
 CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px)
@@ -73,16 +73,17 @@ TileCells CellGrid::CellsOf(uint32_t tile, uint64_t mask) const {
   return mask == AllOf(tile) ? TileCells{} : TileCells{cell_size_px_, mask};
 }
 
-std::vector<double> CellGrid::ShareOut(std::span<const double> of_tiles,
-                                       std::span<const double> weights) const {
-  std::vector<double> shares(weights.begin(), weights.end());
+std::vector<double> CellGrid::Distribute(std::span<const double> of_tiles,
+                                         std::span<const double> weights) const {
+  std::vector<double> fractions(weights.begin(), weights.end());
   for (uint32_t tile = 0; tile < tiles_.size(); ++tile) {
-    const std::span<double> cells = std::span(shares).subspan(first_cell(tile), cell_count(tile));
+    const std::span<double> cells =
+        std::span(fractions).subspan(first_cell(tile), cell_count(tile));
     double sum = 0;
     for (const double weight : cells) sum += weight;
-    for (double& share : cells) share *= of_tiles[tile] / sum;
+    for (double& fraction : cells) fraction *= of_tiles[tile] / sum;
   }
-  return shares;
+  return fractions;
 }
 
 }  // namespace sheaf::coordinator

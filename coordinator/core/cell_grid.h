@@ -28,7 +28,7 @@ constexpr bool DividesIntoCells(int32_t tile_size_px, int32_t cell_size_px) {
   return edge * edge <= kTileCellsMax;
 }
 // The edge of cells in a frame that gets samples where they are needed: tile_size_px, or a part of
-// it, a multiple of kCellSizePxMin. A function of its arguments, so that the picture is one.
+// it, a multiple of kCellSizePxMin. A function of its arguments, so that the image is one.
 int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px);
 // The size of a frame's cells: the tile's where its samples are not distributed among cells.
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition);
@@ -59,8 +59,8 @@ class CellGrid {
   // The same as others name it. Requires: mask has bits, and no others than AllOf.
   TileCells CellsOf(uint32_t tile, uint64_t mask) const;
   // Distributes each tile's value among its cells by their weights. Requires: weights above 0.
-  std::vector<double> ShareOut(std::span<const double> of_tiles,
-                               std::span<const double> weights) const;
+  std::vector<double> Distribute(std::span<const double> of_tiles,
+                                 std::span<const double> weights) const;
 
  private:
   int32_t tile_size_px_, cell_size_px_;

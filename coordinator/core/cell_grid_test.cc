@@ -7,7 +7,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-TEST(CellGridTest, CellsAreSmallInSmallFramesAndTilesInLargeOnes) {
+TEST(CellGridTest, CellSizeGrowsWithTheFrame) {
   EXPECT_EQ(ChooseCellSize({0, 0, 200, 150}, 32), 4);
   EXPECT_EQ(ChooseCellSize({0, 0, 256, 256}, 32), 4);
   EXPECT_EQ(ChooseCellSize({0, 0, 260, 256}, 32), 8);
@@ -20,7 +20,7 @@ TEST(CellGridTest, CellsAreSmallInSmallFramesAndTilesInLargeOnes) {
   EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 1), 1);
 }
 
-TEST(CellGridTest, FramesWhoseSamplesAreNotSharedOutHaveOneCellATile) {
+TEST(CellGridTest, UniformFramesHaveOneCellPerTile) {
   const Partition partition{32, 16, 0, 8};
   FrameSpec frame;
   EXPECT_EQ(CellSizeOf(frame, partition), 32);
@@ -32,7 +32,7 @@ TEST(CellGridTest, FramesWhoseSamplesAreNotSharedOutHaveOneCellATile) {
   EXPECT_EQ(CellSizeOf(frame, partition), 8);
 }
 
-TEST(CellGridTest, CellsAreNumberedTileAfterTile) {
+TEST(CellGridTest, CellsAreNumberedByTile) {
   const CellGrid grid({4, 0, 40, 20}, 32, 16);
   ASSERT_EQ(grid.tiles().size(), 2u);
   ASSERT_EQ(grid.cells().size(), 6u);
@@ -49,7 +49,7 @@ TEST(CellGridTest, CellsAreNumberedTileAfterTile) {
   EXPECT_EQ(grid.FindTile({32, 0, 40, 19}), std::nullopt);
 }
 
-TEST(CellGridTest, MasksHaveOneNameEach) {
+TEST(CellGridTest, MasksHaveUniqueNames) {
   const CellGrid grid({0, 0, 64, 64}, 64, 8);
   EXPECT_EQ(grid.AllOf(0), ~uint64_t{0});
   EXPECT_TRUE(grid.CellsOf(0, grid.AllOf(0)).All());
@@ -63,10 +63,10 @@ TEST(CellGridTest, MasksHaveOneNameEach) {
   EXPECT_EQ(CellGrid({0, 0, 64, 64}, 32, 32).MaskOf(0, {16, 1}), std::nullopt);
 }
 
-TEST(CellGridTest, TilesAreSharedOutByWeights) {
+TEST(CellGridTest, DistributesTilesByWeight) {
   const CellGrid grid({4, 0, 40, 20}, 32, 16);
   const std::vector<double> tiles = {10, 3}, weights = {1, 2, 3, 4, 5, 1};
-  EXPECT_EQ(grid.ShareOut(tiles, weights), (std::vector<double>{1, 2, 3, 4, 2.5, 0.5}));
+  EXPECT_EQ(grid.Distribute(tiles, weights), (std::vector<double>{1, 2, 3, 4, 2.5, 0.5}));
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ErrorCurve: how a picture's error fell, as its file tells it (docs/outputs.md). Without times: a
-// picture's file is the same whoever rendered it, and however fast.
+// ErrorCurve: how an image's error fell, as its file tells it (docs/outputs.md). Without times: a
+// image's file is the same whoever rendered it, and however fast.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace sheaf::coordinator {
 
-inline constexpr char kErrorCurveKey[] = "errorCurve";  // In a picture's metadata.
+inline constexpr char kErrorCurveKey[] = "errorCurve";  // In an image's metadata.
 
 struct ErrorPoint {
   double samples = 0;  // Per pixel, on average.

@@ -7,7 +7,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-TEST(ErrorCurveTest, IsReadAsItWasWritten) {
+TEST(ErrorCurveTest, RoundTrips) {
   RoundRecord first, second;
   first.sample_count = 1600;
   first.relative_mse = 0.25;
@@ -27,7 +27,7 @@ TEST(ErrorCurveTest, IsReadAsItWasWritten) {
   EXPECT_EQ(points[1].relative_mse, 1e-7);
 }
 
-TEST(ErrorCurveTest, OtherTextIsNoCurve) {
+TEST(ErrorCurveTest, RefusesOtherText) {
   for (const char* text :
        {"", "16", "16 0.25", "16 0.25 0.375,", "16 a 0.375", "16 0.25 0.375 1"}) {
     EXPECT_TRUE(ParseErrorCurve(text).empty()) << text;

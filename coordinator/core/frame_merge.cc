@@ -32,11 +32,10 @@ FrameMerge::FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_
       samples_(std::move(samples)),
       tiles_(grid_.tiles().size()),
       budget_(budget),
-      picture_(
-          MakeFramePicture(spec.settings.window, spec.settings.width_px, spec.settings.height_px,
-                           spec.settings.outputs,
-                           PictureColorOf(spec.settings.primaries, spec.settings.white_balance_k,
-                                          spec.settings.sensor))) {
+      image_(MakeFrameImage(spec.settings.window, spec.settings.width_px, spec.settings.height_px,
+                            spec.settings.outputs,
+                            ImageColorOf(spec.settings.primaries, spec.settings.white_balance_k,
+                                         spec.settings.sensor))) {
   SHEAF_CHECK(samples_.size() == grid_.cells().size());
   if (!spec.settings.one_sequence && spec.settings.lattice.All()) {
     error_sample_.emplace(spec.settings.window);
@@ -69,10 +68,10 @@ bool FrameMerge::Complete(uint32_t index, const CellTrees& trees) const {
 void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   Tile& tile = tiles_[index];
   const FilmTile root = trees->Root();
-  DevelopTile(root, &picture_);
-  if (error_sample_) error_sample_->DevelopTile(root, picture_.color);
+  DevelopTile(root, &image_);
+  if (error_sample_) error_sample_->DevelopTile(root, image_.color);
   signed_weights_ = signed_weights_ || HasSignedWeights(root);
-  NoteNames(root, &picture_);
+  NoteNames(root, &image_);
   unreliable_count_ -= tile.unreliable ? 1 : 0;
   tile.unreliable = root.replicate_count() == kReplicateCount &&
                     !MeanIntervalOf(root, root.rect(), kLuminanceOfSrgb).is_reliable;
@@ -168,7 +167,7 @@ absl::Status FrameMerge::Rebuild(uint32_t index, std::vector<CellPart> parts) {
 }
 
 std::vector<uint32_t> FrameMerge::Refresh() {
-  for (const uint32_t index : changed_) DevelopTile(tiles_[index].trees->PreviewSum(), &picture_);
+  for (const uint32_t index : changed_) DevelopTile(tiles_[index].trees->PreviewSum(), &image_);
   changed_.merge(std::exchange(developed_since_refresh_, {}));
   const std::set<uint32_t> refreshed = std::exchange(changed_, {});
   return {refreshed.begin(), refreshed.end()};

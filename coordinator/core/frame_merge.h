@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameMerge: the parts of one frame as they become its picture. A pure function of the set of
+// FrameMerge: the parts of one frame as they become its image. A pure function of the set of
 // parts: each tile's parts go into CellTrees, and a tile whose samples are all there is developed
 // from their roots; for good, or until it gets more (sample_rounds.h).
 //
@@ -75,10 +75,10 @@ class FrameMerge {
   uint32_t tile_count() const { return static_cast<uint32_t>(tiles_.size()); }
   const CellGrid& grid() const { return grid_; }
   // The samples per pixel of each cell, as far as they are in memory or developed: those that the
-  // picture shows once it is refreshed.
+  // image shows once it is refreshed.
   std::vector<uint64_t> SamplesOfCells() const;
 
-  // Develops what has changed since the last call into the picture, for looking at. Returns the
+  // Develops what has changed since the last call into the image, for looking at. Returns the
   // tiles that had.
   std::vector<uint32_t> Refresh();
   // The developed tiles whose error is not reliable (mean_interval.h).
@@ -90,8 +90,8 @@ class FrameMerge {
   // Covers the developed tiles; null where the frame's replicates are not independent, or not all
   // of its pixels are rendered.
   const ErrorSample* error_sample() const { return error_sample_ ? &*error_sample_ : nullptr; }
-  const FramePicture& picture() const { return picture_; }
-  FramePicture* mutable_picture() { return &picture_; }
+  const FrameImage& image() const { return image_; }
+  FrameImage* mutable_image() { return &image_; }
 
  private:
   enum class State : uint8_t { kEmpty, kInMemory, kOnDisk, kDeveloped };
@@ -114,7 +114,7 @@ class FrameMerge {
   std::vector<uint64_t> samples_;  // By cell.
   std::vector<Tile> tiles_;
   MergeBudget* budget_;
-  FramePicture picture_;
+  FrameImage image_;
   std::optional<ErrorSample> error_sample_;
   std::set<uint32_t> changed_;  // In memory, not yet developed as they are.
   std::set<uint32_t> developed_since_refresh_;

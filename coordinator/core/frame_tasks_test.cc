@@ -20,7 +20,7 @@ auto AtMost(uint64_t block_samples_max) {
 }
 bool Anything(const Task& /*task*/) { return true; }
 
-TEST(FrameTasksTest, EveryTilesFirstBlockComesBeforeAnySecondOne) {
+TEST(FrameTasksTest, FirstBlocksOfAllTilesComeFirst) {
   FrameTasks tasks(CellGrid({0, 0, 40, 40}, 16, 16), 64);
   ASSERT_EQ(tasks.grid().tiles().size(), 9u);
   std::set<uint32_t> tiles;
@@ -59,7 +59,7 @@ TEST(FrameTasksTest, ReturnedBlockKeepsItsShape) {
   EXPECT_EQ(tasks.sample_count_ready(), tasks.sample_count_total());
 }
 
-TEST(FrameTasksTest, LateResultOfAReturnedBlockIsTaken) {
+TEST(FrameTasksTest, LateResultsOfReturnedBlocksAreAccepted) {
   FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 64);
   const Task task = *tasks.TakeFresh(AtMost(32));
   tasks.PutBack(task);
@@ -69,7 +69,7 @@ TEST(FrameTasksTest, LateResultOfAReturnedBlockIsTaken) {
   EXPECT_EQ(tasks.TakeReturned(Anything, 10), std::nullopt);
 }
 
-TEST(FrameTasksTest, LateLargeResultMakesSmallerLeasesPointless) {
+TEST(FrameTasksTest, LateLargeResultsSupersedeSmallerLeases) {
   FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   const Task first = *tasks.TakeFresh(AtMost(8)), second = *tasks.TakeFresh(AtMost(8));
   const Task late{0, {0, 32}};
@@ -79,20 +79,20 @@ TEST(FrameTasksTest, LateLargeResultMakesSmallerLeasesPointless) {
   EXPECT_EQ(tasks.TakeFresh(AtMost(64))->block, (SampleBlock{32, 32}));
 }
 
-TEST(FrameTasksTest, LateResultInsideALeasedBlockIsDropped) {
+TEST(FrameTasksTest, LateResultsInsideALeasedBlockAreDropped) {
   FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   tasks.TakeFresh(AtMost(32));
   EXPECT_EQ(tasks.FitOf({0, {8, 8}}), Fit::kPartial);
 }
 
-TEST(FrameTasksTest, LateResultThatIsPartlyDoneIsDropped) {
+TEST(FrameTasksTest, PartlyDoneLateResultsAreDropped) {
   FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   tasks.Accept(*tasks.TakeFresh(AtMost(8)));
   EXPECT_EQ(tasks.FitOf({0, {0, 32}}), Fit::kPartial);
   EXPECT_EQ(tasks.FitOf({0, {0, 4}}), Fit::kCovered);
 }
 
-TEST(FrameTasksTest, LateResultInsideAReturnedBlockLeavesTheRest) {
+TEST(FrameTasksTest, LateResultsInsideAReturnedBlockLeaveTheRest) {
   FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16), 64);
   const Task task = *tasks.TakeFresh(AtMost(32));
   tasks.PutBack(task);
@@ -104,7 +104,7 @@ TEST(FrameTasksTest, LateResultInsideAReturnedBlockLeavesTheRest) {
   EXPECT_EQ(rest, 56u);
 }
 
-TEST(FrameTasksTest, WhatIsNoBlockOfTheFrameIsOutside) {
+TEST(FrameTasksTest, InvalidBlocksAreOutside) {
   const FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 100);
   EXPECT_EQ(tasks.FitOf({7, {0, 16}}), Fit::kOutside);
   EXPECT_EQ(tasks.FitOf({0, {96, 32}}), Fit::kOutside);
@@ -117,7 +117,7 @@ TEST(FrameTasksTest, WhatIsNoBlockOfTheFrameIsOutside) {
 // One tile of four cells of 64 pixels.
 CellGrid FourCells() { return {{0, 0, 16, 16}, 16, 8}; }
 
-TEST(FrameTasksTest, ABlockIsOfAllCellsThatWantIt) {
+TEST(FrameTasksTest, BlocksCoverAllCellsThatNeedThem) {
   FrameTasks tasks(FourCells(), 16);
   EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {0, 16}, 0b1111}));
   tasks.Grow(0, 64);
@@ -132,7 +132,7 @@ TEST(FrameTasksTest, ABlockIsOfAllCellsThatWantIt) {
   EXPECT_EQ(tasks.SamplesOfCells(), (std::vector<uint64_t>{64, 32, 16, 96}));
 }
 
-TEST(FrameTasksTest, CellsThatWantMoreDoNotWaitForThoseThatWantLess) {
+TEST(FrameTasksTest, CellsProgressIndependently) {
   FrameTasks tasks(FourCells(), 16);
   tasks.Accept(*tasks.TakeFresh(AtMost(16)));
   tasks.Grow(0, 32);
@@ -143,7 +143,7 @@ TEST(FrameTasksTest, CellsThatWantMoreDoNotWaitForThoseThatWantLess) {
   EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {32, 32}, 0b11}));
 }
 
-TEST(FrameTasksTest, PixelSamplesAreThoseOfTheCells) {
+TEST(FrameTasksTest, PixelSamplesCountCells) {
   FrameTasks tasks(CellGrid({0, 0, 12, 16}, 16, 8), 16);  // 64 and 32 pixels by turns.
   EXPECT_EQ(tasks.sample_count_total(), 12u * 16u * 16u);
   EXPECT_EQ(tasks.PixelSamples({0, {0, 8}, 0b0110}), 8u * (32u + 64u));
@@ -153,7 +153,7 @@ TEST(FrameTasksTest, PixelSamplesAreThoseOfTheCells) {
   EXPECT_FALSE(tasks.TileComplete(0));
 }
 
-TEST(FrameTasksTest, LateResultsOfCellsAreTakenOnce) {
+TEST(FrameTasksTest, LateCellResultsAreAcceptedOnce) {
   FrameTasks tasks(FourCells(), 16);
   const Task all = *tasks.TakeFresh(AtMost(16));
   EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0b0011}), Fit::kPartial) << "inside of a lease";
@@ -172,7 +172,7 @@ TEST(FrameTasksTest, LateResultsOfCellsAreTakenOnce) {
   EXPECT_EQ(tasks.TakeFresh(AtMost(16)), (Task{0, {0, 16}, 0b0011}));
 }
 
-TEST(FrameTasksTest, CellsThatTheGridDoesNotHaveAreOutside) {
+TEST(FrameTasksTest, CellsOutsideTheGridAreOutside) {
   FrameTasks tasks(FourCells(), 16);
   EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0b10000}), Fit::kOutside);
   EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0}), Fit::kOutside);

@@ -37,7 +37,7 @@ struct FrameSpec {
   FrameSettings settings;    // With a stop rule, samples is the most that a pixel may get.
   StopRule stop;
   std::string frame_digest;  // Hex SHA-256 over scene, settings and numeric profile.
-  // The EXR that the frame resumes (resumed_picture.h); empty where there is none.
+  // The EXR that the frame resumes (resumed_image.h); empty where there is none.
   BlobDigest resumed;
 };
 

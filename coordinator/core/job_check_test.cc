@@ -31,7 +31,7 @@ void ExpectRefused(const JobSpec& job, const std::string& why, const std::string
   EXPECT_THAT(std::string(status.message()), HasSubstr(what_to_do));
 }
 
-TEST(JobCheckTest, WhatFarmsRenderIsTaken) {
+TEST(JobCheckTest, ValidJobsAreAccepted) {
   EXPECT_TRUE(CheckJobSpec(JobOf(16384, 16384, 4096), Limits()).ok());
   EXPECT_TRUE(CheckJobSpec(JobOf(1, 1, uint64_t{1} << 40), Limits()).ok());
   EXPECT_TRUE(CheckJobSpec(JobOf(4096, 2160, 65536, 2000), Limits()).ok());
@@ -40,7 +40,7 @@ TEST(JobCheckTest, WhatFarmsRenderIsTaken) {
   EXPECT_TRUE(CheckJobSpec(panorama, Limits()).ok());
 }
 
-TEST(JobCheckTest, WhatNobodyCanRenderIsRefusedInWords) {
+TEST(JobCheckTest, InvalidJobsAreRefusedWithAReason) {
   ExpectRefused(JobOf(65536, 65536, uint64_t{1} << 40), "4294967296 pixels", "--crop");
   ExpectRefused(JobOf(16384, 16384, uint64_t{1} << 40), "samples each", "request fewer");
   ExpectRefused(JobOf(0, 16, 4), "0 x 16 px", "outside 1 to");
@@ -57,7 +57,7 @@ TEST(JobCheckTest, WhatNobodyCanRenderIsRefusedInWords) {
   ExpectRefused(job, "tasks", "larger tiles");
 }
 
-TEST(JobCheckTest, FramesComeOnceAndInOrder) {
+TEST(JobCheckTest, FramesMustBeUniqueAndSorted) {
   JobSpec job = JobOf(16, 16, 4, 2);
   job.frames[1].frame_number = 1;
   ExpectRefused(job, "frame number 1 is repeated", "");

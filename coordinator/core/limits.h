@@ -33,7 +33,7 @@ struct Limits {
   int64_t tiles_per_frame_max = int64_t{1} << 18;  // The largest frame in tiles of 32 px.
   int64_t cells_per_frame_max = int64_t{1} << 20;
   uint64_t samples_max = uint64_t{1} << 40;  // Per pixel.
-  // Pixels of a frame that are rendered: its picture takes the coordinator 20 GiB.
+  // Pixels of a frame that are rendered: its image takes the coordinator 20 GiB.
   int64_t frame_pixels_max = int64_t{1} << 28;
   // Pixel samples of a frame, and of a job: more than farms render in a year, and sums of a job are
   // whole numbers in JSON.
@@ -42,7 +42,7 @@ struct Limits {
   int64_t job_tasks_max = int64_t{1} << 28;  // Each is a file until its frame is delivered.
   int32_t frame_edge_px_max = 65'536;
   // Frames that are open at once share this many pixels; one is always allowed. An open frame costs
-  // the coordinator about 80 bytes a pixel for its developed picture. With outputs, a pixel counts
+  // the coordinator about 80 bytes a pixel for its developed image. With outputs, a pixel counts
   // for more as its channels are more.
   int64_t open_pixels_max = int64_t{32} << 20;
   int priority_magnitude_max = 1000;
@@ -50,8 +50,8 @@ struct Limits {
   // Size of leases where the job leaves it to the coordinator.
   double lease_target_seconds = 3.0;  // Long against the cost of a result, short against a loss.
   double first_lease_target_seconds =
-      0.25;                        // A tile's first lease is short: a whole preview early.
-  uint64_t first_lease_share = 8;  // ... and at most 1/8 of the tile's samples.
+      0.25;                           // A tile's first lease is short: a whole preview early.
+  uint64_t first_lease_fraction = 8;  // ... and at most 1/8 of the tile's samples.
   double tail_divisor =
       4.0;  // A lease is at most 1/(4 workers) of what is left: smaller at the end.
   uint64_t lease_pass_count_max = 1024;

@@ -18,7 +18,7 @@ TEST(RenderCommandTest, NamesTileSamplesSeedAndDepth) {
             "--max-depth 0");
 }
 
-TEST(RenderCommandTest, HasEveryOptionThatDecidesPixels) {
+TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
   FrameSettings settings;
   settings.color = ColorTransport::kSpectral;
   settings.primaries = Primaries::kAcesCg;
@@ -36,7 +36,7 @@ TEST(RenderCommandTest, HasEveryOptionThatDecidesPixels) {
             "--light-groups");
 }
 
-TEST(RenderCommandTest, QuotesNamesThatAShellWouldTakeApart) {
+TEST(RenderCommandTest, QuotesNamesForTheShell) {
   const auto start = [](const std::string& scene) {
     const std::string command = RenderCommand(scene, {}, kTile, 1);
     return command.substr(0, command.find(" --crop"));

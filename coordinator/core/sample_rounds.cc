@@ -20,20 +20,20 @@ constexpr double kRateMin = 1, kRateMax = 2;
 constexpr double kRateDropMin = 1.3;
 // A cell's error is taken for at least this share of the frame's: what rarely happens may not have
 // happened in it yet.
-constexpr double kCellShareMin = 0.01;
+constexpr double kCellFractionMin = 0.01;
 // A round aims at this fraction of the target, so that the next look is likely the last.
-constexpr double kAimShare = 0.98;
+constexpr double kAimFraction = 0.98;
 constexpr int kBisectionSteps = 60;
 // Samples come in steps of one for each replicate, and larger ones where those are small beside
 // what there is: what finer steps save in samples, parts of so many counts cost (docs/adr/0042).
-// First half of the power of two below, up to kStepEnough, and later kStepShare of it.
-constexpr double kStepEnough = 4 * kReplicateCount, kStepShare = 1.0 / 8;
+// First half of the power of two below, up to kStepEnough, and later kStepFraction of it.
+constexpr double kStepEnough = 4 * kReplicateCount, kStepFraction = 1.0 / 8;
 
 // Standard deviations above the estimate for the confidence of a look: the normal distribution has
 // the look's share beyond them.
 double DeviationsOf(int round) {
   const double look = round + 1;
-  const double miss = kMissShare * 6 / (std::numbers::pi * std::numbers::pi * look * look);
+  const double miss = kMissProbability * 6 / (std::numbers::pi * std::numbers::pi * look * look);
   return -NormalQuantile(miss);
 }
 
@@ -44,12 +44,13 @@ double UpperBound(const ErrorSums& frame, double deviations) {
 
 double StepAt(double samples) {
   const double power = std::exp2(std::floor(std::log2(samples)));
-  return std::max({double{kReplicateCount}, std::min(power / 2, kStepEnough), kStepShare * power});
+  return std::max(
+      {double{kReplicateCount}, std::min(power / 2, kStepEnough), kStepFraction * power});
 }
 
 // Added to cell i before it is rounded down to steps; in units of a step, in [0, 1). So among equal
 // cells the right number is rounded up.
-double Dither(size_t i) { return GoldenShare(i); }
+double Dither(size_t i) { return GoldenFraction(i); }
 
 // How samples are shared out, for any number of them.
 class Allocation {
@@ -65,7 +66,7 @@ class Allocation {
     }
     const double mean = sum / static_cast<double>(SumOf(cells).pixel_count);
     for (double& weight : weights_) {
-      weight = std::pow(std::max(weight, kCellShareMin * mean), 1 / (1 + rate));
+      weight = std::pow(std::max(weight, kCellFractionMin * mean), 1 / (1 + rate));
     }
   }
 
@@ -204,7 +205,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   const Allocation allocation(cells, samples_max, MeasureRate(cells, before));
   double scale = allocation.ScaleMax();
   if (rule.target_error > 0) {
-    const double aim = kAimShare * rule.target_error;
+    const double aim = kAimFraction * rule.target_error;
     const double deviations = DeviationsOf(round + 1);
     scale = FindScales(scale, [&](double s) {
               return UpperBound(allocation.Foreseen(s), deviations) > aim;

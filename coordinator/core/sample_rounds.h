@@ -3,7 +3,7 @@
 //
 // Rounds: how a frame with a StopRule gets its samples. Cells are tiles, or squares of them
 // (cell_grid.h). The first round gives every cell the same few; when all cells have theirs,
-// DecideRound looks at the merged picture and either ends the frame or gives each cell its count
+// DecideRound looks at the merged image and either ends the frame or gives each cell its count
 // for the next round:
 //
 //     parts of all cells > EstimateCellErrors > DecideRound > FrameTasks::Grow, or delivery
@@ -11,7 +11,7 @@
 // The first round has the least samples with which errors can be told, one of each replicate.
 //
 // The decision is a pure function of merged data (and, for limits of time, of clocks), so that the
-// picture does not depend on who rendered it; it is stored before anybody works on it.
+// image does not depend on who rendered it; it is stored before anybody works on it.
 //
 // Samples go where they lower the frame's error most. A cell whose pixels err by k / n^b at n
 // samples gets them in proportion to k^(1 / (1 + b)): the least sum of samples for a given sum of
@@ -22,8 +22,8 @@
 //
 // The target is reached when the upper confidence bound of the frame's error is no larger. Frames
 // are looked at after every round, which gives luck as many chances; so the confidence is spent
-// over the looks: the k-th (from 1) takes 6 / (pi k)^2 of kMissShare, and all of them together no
-// more than kMissShare.
+// over the looks: the k-th (from 1) takes 6 / (pi k)^2 of kMissProbability, and all of them
+// together no more than kMissProbability.
 #pragma once
 
 #include <cstdint>
@@ -44,7 +44,7 @@ inline constexpr double kRoundGrowthMin = 1.0 / 16;
 // The rate b at which errors fall, before anything tells: over scenes of all kinds.
 inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 // The fraction of all frames that may stop although their expected error is above the target.
-inline constexpr double kMissShare = 0.05;
+inline constexpr double kMissProbability = 0.05;
 // Standard deviations from the error of a point to its upper bound, on curves of frames without
 // rounds: 95 of 100 normal values are below.
 inline constexpr double kPointDeviations = 1.645;

@@ -66,7 +66,7 @@ double BoundOverError(const Course& run) {
   return run.last.relative_mse_upper / run.last.relative_mse;
 }
 
-TEST(SampleRoundsTest, ReachesTheTargetWithLittleMoreThanItTakes) {
+TEST(SampleRoundsTest, ReachesTheTargetWithFewExtraSamples) {
   // 1 / n = 0.001 at 1000 samples; what the bound keeps from the estimate comes on top.
   const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
@@ -88,7 +88,7 @@ std::vector<CellRound> UnequalCells() {
 
 // Samples come in steps of 16; few cells take the next one where little more is needed, and not all
 // that need one sample more.
-TEST(SampleRoundsTest, StepsCostNoMoreThanTheTargetNeeds) {
+TEST(SampleRoundsTest, RoundsDoNotOvershoot) {
   const std::vector<CellRound> cells = UnequalCells();
   const double error = SumOf(cells).RelativeMse();
   for (const double target : {0.9 * error, 0.7 * error, 0.5 * error}) {
@@ -100,7 +100,7 @@ TEST(SampleRoundsTest, StepsCostNoMoreThanTheTargetNeeds) {
 }
 
 // Errors of equal cells fall as foretold, so the first look knows where it will end.
-TEST(SampleRoundsTest, FirstRoundForetellsTheEnd) {
+TEST(SampleRoundsTest, FirstRoundPredictsTheTotal) {
   const Course course = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0), kRatePrior);
   const double pixel_count = 1000.0 * kTilePixels;
   const double expected =
@@ -116,7 +116,7 @@ TEST(SampleRoundsTest, FirstRoundForetellsTheEnd) {
 
 // At a first look the bound may be far above the estimate for what a few pixels may be. With more
 // samples it comes closer, and a round that aimed at the distance of now would go far too far.
-TEST(SampleRoundsTest, ForeseesThatTheBoundComesCloser) {
+TEST(SampleRoundsTest, PredictsTheShrinkingBound) {
   std::vector<CellRound> cells = UnequalCells();
   for (CellRound& cell : cells) cell.error.square_sum *= 2000;
   const double target = SumOf(cells).RelativeMse() / 3;
@@ -127,7 +127,7 @@ TEST(SampleRoundsTest, ForeseesThatTheBoundComesCloser) {
 }
 
 // The distance of normal noise does not shrink.
-TEST(SampleRoundsTest, ErrorsOfEqualPixelsKeepTheirDeviation) {
+TEST(SampleRoundsTest, EqualPixelsKeepTheirDeviation) {
   const CellRound now = CellAt(1, kReplicateCount);
   const ErrorSums next = ForeseeError(now, 4 * kReplicateCount, 1.2);
   EXPECT_DOUBLE_EQ(next.RelativeMse(), now.error.RelativeMse() * std::pow(4, -1.2));
@@ -135,7 +135,7 @@ TEST(SampleRoundsTest, ErrorsOfEqualPixelsKeepTheirDeviation) {
                    now.error.Deviation() / now.error.RelativeMse());
 }
 
-TEST(SampleRoundsTest, FasterRatesAreFoundOut) {
+TEST(SampleRoundsTest, FasterRatesAreMeasured) {
   // 1 / n^1.5 = 1e-4 at 464 samples; taken for 1 / n it would continue to 1000 and more.
   const Course run = RunToTheEnd(Target(1e-4), std::vector<double>(1000, 1.0), 1.5);
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
@@ -144,7 +144,7 @@ TEST(SampleRoundsTest, FasterRatesAreFoundOut) {
 }
 
 // The least sum of samples for an error E is (sum sqrt(k))^2 / E over the cells' mean error k / n.
-TEST(SampleRoundsTest, SamplesGoWhereTheyHelpMost) {
+TEST(SampleRoundsTest, SamplesGoToTheLargestGain) {
   std::vector<double> ks;
   for (int i = 0; i < 500; ++i) {
     ks.push_back(i % 2 == 0 ? 16.0 : 1.0);
@@ -160,7 +160,7 @@ TEST(SampleRoundsTest, SamplesGoWhereTheyHelpMost) {
   EXPECT_NEAR(sums[0] / sums[1], 4, 0.3);
 }
 
-TEST(SampleRoundsTest, TilesThatSeemDoneAreStillLookedAt) {
+TEST(SampleRoundsTest, ConvergedTilesKeepBeingSampled) {
   std::vector<double> ks(100, 1.0);
   ks[7] = 0;
   const Course run = RunToTheEnd(Target(1e-3), ks);
@@ -168,19 +168,19 @@ TEST(SampleRoundsTest, TilesThatSeemDoneAreStillLookedAt) {
   EXPECT_LE(run.samples[7], 130u);
 }
 
-TEST(SampleRoundsTest, WhatIsGoodEnoughAtOnceHasOneRound) {
+TEST(SampleRoundsTest, EasyFramesHaveOneRound) {
   const Course run = RunToTheEnd(Target(0.5), std::vector<double>(10, 1.0));
   EXPECT_EQ(run.round_count, 1);
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
   EXPECT_EQ(run.samples, std::vector<uint64_t>(10, uint64_t{kReplicateCount}));
 }
 
-TEST(SampleRoundsTest, BlackFramesEnd) {
+TEST(SampleRoundsTest, BlackFramesStop) {
   const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(10, 0.0));
   EXPECT_EQ(run.round_count, 1);
 }
 
-TEST(SampleRoundsTest, EndsWhereNoMoreSamplesAreAllowed) {
+TEST(SampleRoundsTest, StopsAtTheSampleLimit) {
   const Course run = RunToTheEnd(Target(1e-9), std::vector<double>(10, 1.0), 1, 100);
   EXPECT_EQ(run.last.reason, StopReason::kSamples);
   EXPECT_EQ(run.samples, std::vector<uint64_t>(10, 100));
@@ -197,7 +197,7 @@ TEST(SampleRoundsTest, ErrorsOfFewPixelsAreNotTrusted) {
   EXPECT_FALSE(decision.samples.empty());
 }
 
-TEST(SampleRoundsTest, EveryLookIsStricterThanTheOneBefore) {
+TEST(SampleRoundsTest, EveryRoundTestsMoreStrictly) {
   const std::vector<CellRound> cells(10, CellAt(1, 64));
   double last = 0;
   for (int round = 0; round < 20; ++round) {
@@ -209,7 +209,7 @@ TEST(SampleRoundsTest, EveryLookIsStricterThanTheOneBefore) {
 }
 
 // A finished frame continues as if the smaller error had been asked for from the beginning.
-TEST(SampleRoundsTest, RefinedFramesGetTheSamplesOfThoseThatNeverStopped) {
+TEST(SampleRoundsTest, RefinementMatchesAnUninterruptedRun) {
   std::vector<double> ks;
   for (int i = 0; i < 200; ++i) ks.push_back(1 + i % 7);
   for (const double first : {0.5, 0.1, 0.02, 0.004}) {
@@ -224,7 +224,7 @@ TEST(SampleRoundsTest, RefinedFramesGetTheSamplesOfThoseThatNeverStopped) {
   }
 }
 
-TEST(SampleRoundsTest, WhatIsGoodEnoughIsNotRefined) {
+TEST(SampleRoundsTest, ConvergedFramesAreNotRefined) {
   std::vector<RoundRecord> rounds = RunToTheEnd(Target(0.01), {1, 2, 3}).records;
   EXPECT_FALSE(ReplayRounds(Target(0.01), kSamplesMax, &rounds));
   EXPECT_FALSE(ReplayRounds(Target(0.3), kSamplesMax, &rounds));
@@ -248,7 +248,7 @@ TEST(SampleRoundsTest, TimeAndBudgetLimitARound) {
   EXPECT_EQ(late.reason, StopReason::kTime);
 }
 
-TEST(SampleRoundsTest, WithoutATargetSamplesStillGoWhereTheyHelp) {
+TEST(SampleRoundsTest, SamplesAreAdaptiveWithoutATarget) {
   std::vector<CellRound> cells(10, CellAt(1, 64));
   cells[0] = CellAt(4, 64);
   StopRule rule;

@@ -37,7 +37,7 @@ std::vector<CellRound> CellsAt(const ErrorModel& model, const std::vector<uint64
   for (size_t i = 0; i < model.cells.size(); ++i) {
     errors.push_back(ErrorAt(model, model.cells[i], samples[i], deviations));
   }
-  if (!model.rims.empty()) model.rims.AddErrors(samples, deviations, random, &errors);
+  if (!model.silhouettes.empty()) model.silhouettes.AddErrors(samples, deviations, random, &errors);
   std::vector<CellRound> cells;
   for (size_t i = 0; i < samples.size(); ++i) cells.push_back({samples[i], errors[i]});
   return cells;
@@ -92,7 +92,7 @@ Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t sa
                       ForecastStart start, double deviations) {
   SHEAF_CHECK(!model.cells.empty() && model.cells.size() == start.samples.size() &&
               rule.target_error > 0);
-  if (model.rims.empty()) {
+  if (model.silhouettes.empty()) {
     return PlayRounds(model, rule, samples_max, std::move(start), deviations, nullptr);
   }
   // Which pixels at silhouettes a round meets is a matter of chance, and a frame stops at the first
@@ -103,8 +103,8 @@ Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t sa
     plays.push_back(PlayRounds(model, rule, samples_max, start, deviations, &random));
   }
   std::ranges::sort(plays, {}, &Forecast::cpu_seconds);
-  const double share = NormalShareBelow(deviations);
-  return plays[static_cast<size_t>(std::lround(share * (kPlays - 1)))];
+  const double fraction = NormalCdf(deviations);
+  return plays[static_cast<size_t>(std::lround(fraction * (kPlays - 1)))];
 }
 
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,

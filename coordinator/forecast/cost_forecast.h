@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "coordinator/core/sample_rounds.h"
-#include "coordinator/forecast/lamp_rims.h"
+#include "coordinator/forecast/emitter_silhouettes.h"
 
 namespace sheaf::coordinator {
 
@@ -31,8 +31,8 @@ struct ErrorModel {
   double rate = 1;  // b.
   // log-normal standard deviation of the frame's error as measured, and of b: what is not known.
   double log_error_deviation = 0, rate_deviation = 0;
-  double log_cpu_deviation = 0;  // Deviation of CPU time, for the same samples.
-  LampRims rims = {};            // Their additions to the cells' errors.
+  double log_cpu_deviation = 0;         // Deviation of CPU time, for the same samples.
+  EmitterSilhouettes silhouettes = {};  // Their additions to the cells' errors.
 };
 
 struct Forecast {

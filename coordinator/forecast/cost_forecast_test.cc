@@ -19,7 +19,7 @@ ForecastCell CellOf(double error, double cpu_seconds_per_sample = 1e-3) {
           cpu_seconds_per_sample};
 }
 
-TEST(CostForecastTest, ATargetThatTheFirstRoundReachesCostsThatRound) {
+TEST(CostForecastTest, EasyTargetsCostTheFirstRound) {
   const ErrorModel model{{CellOf(1e-3), CellOf(2e-3, 3e-3)}};
   const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
   EXPECT_TRUE(forecast.reached);
@@ -31,7 +31,7 @@ TEST(CostForecastTest, ATargetThatTheFirstRoundReachesCostsThatRound) {
 
 // Errors of 0.16 / (n / 16)^b are at 0.01 with 16^(1 / b) times the samples, and some more for the
 // confidence.
-TEST(CostForecastTest, EqualTilesCostWhatTheRateSays) {
+TEST(CostForecastTest, EqualTilesFollowTheRate) {
   for (const double rate : {1.0, 1.3}) {
     ErrorModel model{std::vector<ForecastCell>(100, CellOf(0.16)), rate};
     const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
@@ -44,7 +44,7 @@ TEST(CostForecastTest, EqualTilesCostWhatTheRateSays) {
   }
 }
 
-TEST(CostForecastTest, CostIsThatOfTheTilesThatGetTheSamples) {
+TEST(CostForecastTest, CostCountsTheSampledTiles) {
   // Half of the cells are done at once and cost ten times as much a sample.
   ErrorModel model;
   for (int i = 0; i < 50; ++i) {
@@ -56,7 +56,7 @@ TEST(CostForecastTest, CostIsThatOfTheTilesThatGetTheSamples) {
   EXPECT_LT(forecast.cpu_seconds, 50 * (1e-2 * 40 + 1e-3 * noisy_samples));
 }
 
-TEST(CostForecastTest, DeviationsBoundThePriceFromBothSides) {
+TEST(CostForecastTest, DeviationsBoundTheCost) {
   // Unequal, or all would take the next step of sixteen samples at once.
   ErrorModel model{{}, 1.0, 0.2, 0.05};
   for (int i = 0; i < 100; ++i) model.cells.push_back(CellOf(0.16 * std::exp(0.3 * std::sin(i))));
@@ -69,7 +69,7 @@ TEST(CostForecastTest, DeviationsBoundThePriceFromBothSides) {
   EXPECT_NEAR(std::log(middle / low), 1.28 * std::hypot(0.2, 0.139), 0.06);
 }
 
-TEST(CostForecastTest, WhatIsKeptCostsNothingAndIsWhereTheFirstRoundBegins) {
+TEST(CostForecastTest, ExistingSamplesAreFreeAndStartTheFirstRound) {
   ErrorModel model{std::vector<ForecastCell>(100, CellOf(0.16))};
   for (ForecastCell& cell : model.cells) cell.samples_kept = 64;
   const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
@@ -82,7 +82,7 @@ TEST(CostForecastTest, WhatIsKeptCostsNothingAndIsWhereTheFirstRoundBegins) {
   EXPECT_NEAR(done.relative_mse, 0.16 / 4, 1e-12);
 }
 
-TEST(CostForecastTest, SaysWhereSamplesDoNotSuffice) {
+TEST(CostForecastTest, ReportsUnreachableTargets) {
   const ErrorModel model{std::vector<ForecastCell>(10, CellOf(1.0))};
   const Forecast forecast = ForecastTarget(model, {.target_error = 1e-4}, 64);
   EXPECT_FALSE(forecast.reached);
@@ -90,7 +90,7 @@ TEST(CostForecastTest, SaysWhereSamplesDoNotSuffice) {
   EXPECT_NEAR(forecast.relative_mse, 0.25, 1e-9);
 }
 
-TEST(CostForecastTest, AGivenNumberOfSamplesHasTheErrorOfTheRate) {
+TEST(CostForecastTest, SampleCountsPredictErrors) {
   const ErrorModel model{{CellOf(0.16)}, 1.5};
   EXPECT_NEAR(ForecastSamples(model, 256).relative_mse, 0.16 / 64, 1e-12);
   EXPECT_DOUBLE_EQ(ForecastSamples(model, 256).cpu_seconds, 0.256);

@@ -23,7 +23,7 @@ double DropOfIndependent(const RoundRecord& before, const RoundRecord& last) {
   return foreseen > 0 ? SumOf(before.cells).sum / foreseen : 0;
 }
 
-// Standard deviation of the logarithm of a picture's error.
+// Standard deviation of the logarithm of an image's error.
 double LogDeviation(const ErrorSums& sum) { return sum.Deviation() / sum.RelativeMse(); }
 
 double GainAt(double rate) { return std::pow(kReplicateCount, rate - 1); }
@@ -51,8 +51,8 @@ double OneSequenceGain(std::span<const RoundRecord> points) {
   const double rate = MeasureRate(last.cells, before->cells);
   const double deviation = std::hypot(LogDeviation(first_sum), LogDeviation(last_sum)) /
                            std::log(DropOfIndependent(*before, last));
-  const bool is_told = GainAt(rate - kPointDeviations * deviation) > kOneSequenceGainMin;
-  return is_told ? GainAt(rate) : 0;
+  const bool is_significant = GainAt(rate - kPointDeviations * deviation) > kOneSequenceGainMin;
+  return is_significant ? GainAt(rate) : 0;
 }
 
 }  // namespace sheaf::coordinator

@@ -3,7 +3,7 @@
 //
 // The price of true error bars: they are the spread of kReplicateCount independent sequences of
 // samples, and one sequence of as many (FrameSettings::one_sequence) has less error. The smoother a
-// picture, the higher the price; docs/adr/0025-one-sequence-on-request.md.
+// image, the higher the price; docs/adr/0025-one-sequence-on-request.md.
 #pragma once
 
 #include <span>
@@ -15,7 +15,7 @@ namespace sheaf::coordinator {
 // Smaller gains are not told.
 inline constexpr double kOneSequenceGainMin = 1.1;
 
-// relMSE of a picture over what it would be with one sequence, as its curve tells. Where errors
+// relMSE of an image over what it would be with one sequence, as its curve tells. Where errors
 // fall as 1 / n^b, kReplicateCount sequences have kReplicateCount^(b - 1) times the error of one
 // that is as long as they together. b is that of the last samples of each; where it becomes less
 // in longer sequences, as where smooth areas are done and edges are left, so is the gain. 0 unless

@@ -31,36 +31,36 @@ std::vector<RoundRecord> Curve(uint64_t samples, double rate, double deviation) 
   return points;
 }
 
-TEST(OneSequenceTest, SmoothPicturesLoseWhatTheRateSays) {
+TEST(OneSequenceTest, GainFollowsTheRate) {
   // 16^(b - 1).
   EXPECT_NEAR(OneSequenceGain(Curve(256, 1.25, 0.01)), 2, 1e-6);
   EXPECT_NEAR(OneSequenceGain(Curve(4096, 1.5, 0.01)), 4, 1e-6);
 }
 
-TEST(OneSequenceTest, NothingIsSaidOfPicturesThatLoseLittle) {
+TEST(OneSequenceTest, SmallGainsAreNotReported) {
   EXPECT_EQ(OneSequenceGain(Curve(256, 1.0, 0.001)), 0);
   EXPECT_EQ(OneSequenceGain(Curve(256, 1.03, 0.001)), 0);  // 1.087 times.
 }
 
-TEST(OneSequenceTest, NothingIsSaidOfWhatMayBeChance) {
+TEST(OneSequenceTest, InsignificantGainsAreNotReported) {
   // Over a growth of 8, the rate is known within 0.2 * sqrt(2) / log(8).
   EXPECT_EQ(OneSequenceGain(Curve(256, 1.2, 0.2)), 0);
   EXPECT_GT(OneSequenceGain(Curve(256, 1.2, 0.1)), 0);
 }
 
-TEST(OneSequenceTest, TheLastPointsCount) {
+TEST(OneSequenceTest, UsesTheLastPoints) {
   std::vector<RoundRecord> points = Curve(64, 1.9, 0.01);
   for (const uint64_t n : {128, 256, 512, 1024}) points.push_back(Point({n, n}, 1.25, 0.01));
   EXPECT_NEAR(OneSequenceGain(points), 2, 1e-6);
 }
 
-TEST(OneSequenceTest, AnEarlyPointIsBetterThanNone) {
+TEST(OneSequenceTest, UsesEarlyPointsIfNeeded) {
   const std::vector<RoundRecord> points{Point({16}, 1.25, 0.01), Point({200}, 1.25, 0.01),
                                         Point({256}, 1.25, 0.01)};
   EXPECT_NEAR(OneSequenceGain(points), 2, 1e-6);
 }
 
-TEST(OneSequenceTest, CellsThatWereAheadAreSeenAsThat) {
+TEST(OneSequenceTest, AccountsForCellsThatWereAhead) {
   // On the way, one cell had all of its samples and the other, with most of the error, few.
   for (const double rate : {1.0, 1.25}) {
     const std::vector<RoundRecord> points{Point({256, 64}, rate, 0.01),
@@ -69,7 +69,7 @@ TEST(OneSequenceTest, CellsThatWereAheadAreSeenAsThat) {
   }
 }
 
-TEST(OneSequenceTest, NoRateIsToldFromOnePointOrFromNone) {
+TEST(OneSequenceTest, NoRateFromFewerThanTwoPoints) {
   EXPECT_EQ(OneSequenceGain({}), 0);
   EXPECT_EQ(OneSequenceGain(Curve(16, 1.5, 0.01)), 0);
   EXPECT_EQ(OneSequenceGain(std::vector{Point({200}, 1.5, 0.01), Point({256}, 1.5, 0.01)}), 0);

@@ -21,30 +21,30 @@ constexpr double kCostBlocks = 0.4;
 // and an error that counts as none.
 constexpr double kSlopeSquares = 5, kErrorMin = 1e-30;
 
-// CPU time of pictures, and their samples.
+// CPU time of images, and their samples.
 struct Cost {
   double pixel_count = 0, samples = 0, cpu_seconds = 0;
 };
 
-// CPU seconds that each pixel of a picture costs besides its samples, from one picture alone: what
+// CPU seconds that each pixel of an image costs besides its samples, from one image alone: what
 // a sample's time grows by with the pixels there are to each, which tiles differ in. Drawn to what
 // is known before, as tiles' costs differ too. Source: Draper and Smith 1998, Applied Regression
 // Analysis, chapters 1 and 9.
-double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
+double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotImage> pilot) {
   struct Point {
     double weight, x, y;  // Samples, pixels of each and seconds of each.
   };
   std::vector<Point> points;
   double weight = 0, x_mean = 0, y_mean = 0;
-  for (const PilotPicture& picture : pilot) {
-    const PilotLevel& level = picture.level;
+  for (const PilotImage& image : pilot) {
+    const PilotLevel& level = image.level;
     if (level.lattice.All()) continue;
     for (size_t i = 0; i < tiles.size(); ++i) {
       const auto samples =
           static_cast<double>(level.lattice.SampleCountIn(tiles[i], level.samples));
       if (samples == 0) continue;
       points.push_back({samples, static_cast<double>(tiles[i].PixelCount()) / samples,
-                        picture.cpu_seconds_of_tiles[i] / samples});
+                        image.cpu_seconds_of_tiles[i] / samples});
       weight += samples;
       x_mean += samples * points.back().x;
       y_mean += samples * points.back().y;
@@ -69,16 +69,16 @@ double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotPi
 }
 
 // The same, whether a pixel has samples or not: for the film and for what goes with a part. It is
-// little in a picture and much in a pilot. The two of a pair have the same, and tell it best.
-double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotPicture> pilot) {
+// little in an image and much in a pilot. The two of a pair have the same, and tell it best.
+double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotImage> pilot) {
   std::map<int32_t, std::map<uint64_t, Cost>> levels;  // By stride and samples.
-  for (const PilotPicture& picture : pilot) {
-    const PilotLevel& level = picture.level;
+  for (const PilotImage& image : pilot) {
+    const PilotLevel& level = image.level;
     Cost& cost = levels[level.lattice.stride_px][level.samples];
-    cost.pixel_count = static_cast<double>(picture.picture.window.PixelCount());
+    cost.pixel_count = static_cast<double>(image.image.window.PixelCount());
     cost.samples =
-        static_cast<double>(level.lattice.SampleCountIn(picture.picture.window, level.samples));
-    for (const double seconds : picture.cpu_seconds_of_tiles) cost.cpu_seconds += seconds;
+        static_cast<double>(level.lattice.SampleCountIn(image.image.window, level.samples));
+    for (const double seconds : image.cpu_seconds_of_tiles) cost.cpu_seconds += seconds;
   }
   double idle_seconds = 0, pixel_count = 0;
   for (const auto& [stride, pair] : levels) {
@@ -129,7 +129,7 @@ std::vector<double> CpuOfCells(const CellGrid& grid, std::span<const double> sec
     weights.push_back(static_cast<double>(cells[i].PixelCount()) *
                       std::pow(std::max(errors[i], kErrorMin), power));
   }
-  std::vector<double> seconds = grid.ShareOut(of_tiles, weights);
+  std::vector<double> seconds = grid.Distribute(of_tiles, weights);
   for (size_t i = 0; i < cells.size(); ++i) {
     seconds[i] /= static_cast<double>(cells[i].PixelCount());
   }
@@ -138,21 +138,21 @@ std::vector<double> CpuOfCells(const CellGrid& grid, std::span<const double> sec
 
 }  // namespace
 
-CpuModel FitCpu(const CellGrid& grid, std::span<const PilotPicture> pilot,
+CpuModel FitCpu(const CellGrid& grid, std::span<const PilotImage> pilot,
                 std::span<const double> errors) {
   const std::vector<PixelRect>& tiles = grid.tiles();
   const double idle = FitIdleCost(tiles, pilot);
   std::vector<Cost> of_tile(tiles.size());
   Cost all;
-  for (const PilotPicture& picture : pilot) {
-    const PilotLevel& level = picture.level;
+  for (const PilotImage& image : pilot) {
+    const PilotLevel& level = image.level;
     if (level.lattice.All()) continue;
-    SHEAF_CHECK(picture.cpu_seconds_of_tiles.size() == tiles.size());
+    SHEAF_CHECK(image.cpu_seconds_of_tiles.size() == tiles.size());
     for (size_t i = 0; i < tiles.size(); ++i) {
       const auto samples =
           static_cast<double>(level.lattice.SampleCountIn(tiles[i], level.samples));
       if (samples == 0) continue;
-      const double taken = picture.cpu_seconds_of_tiles[i];
+      const double taken = image.cpu_seconds_of_tiles[i];
       const double seconds =
           std::max(taken / 2, taken - idle * static_cast<double>(tiles[i].PixelCount()));
       for (Cost* cost : {&of_tile[i], &all}) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The cost of a sample of a frame, from the CPU time of a pilot's pictures.
+// The cost of a sample of a frame, from the CPU time of a pilot's images.
 #pragma once
 
 #include <span>
@@ -11,7 +11,7 @@
 
 namespace sheaf::coordinator {
 
-// The time of a sample of sparse blocks over that of one of a picture, for which neighbors have
+// The time of a sample of sparse blocks over that of one of an image, for which neighbors have
 // filled the caches: the median of eight scenes; 1 to 20 % more by scene.
 inline constexpr double kSparseCost = 1.06, kSparseLogDeviation = 0.06;
 
@@ -20,10 +20,10 @@ struct CpuModel {
   double log_deviation = 0;     // The frame's cost, for the choice of blocks and kSparseCost.
 };
 
-// By pictures of lattices alone: the small one comes first, and threads take longer in their first
+// By images of lattices alone: the small one comes first, and threads take longer in their first
 // milliseconds, with cold caches. errors: relMSE of each cell, as far as it is known. Requires: as
 // FitErrorModel.
-CpuModel FitCpu(const CellGrid& grid, std::span<const PilotPicture> pilot,
+CpuModel FitCpu(const CellGrid& grid, std::span<const PilotImage> pilot,
                 std::span<const double> errors);
 
 }  // namespace sheaf::coordinator

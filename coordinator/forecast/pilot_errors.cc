@@ -14,13 +14,16 @@ namespace {
 // How logarithms of errors of blocks vary, known before, as is the share of it that is within a
 // cell; and how many blocks that knowledge is worth.
 constexpr double kBlockLogVariance = 1.4, kVarianceFreedom = 10;
-// That share: .04 to .5 in squares of 8 pixels, .14 to .61 in 16, .31 to .74 in 32 (eight scenes).
-double WithinShare(int32_t size_px) { return std::min(0.8, 0.55 * std::pow(size_px / 32.0, 0.57)); }
+// That fraction: .04 to .5 in squares of 8 pixels, .14 to .61 in 16, .31 to .74 in 32 (eight
+// scenes).
+double WithinFraction(int32_t size_px) {
+  return std::min(0.8, 0.55 * std::pow(size_px / 32.0, 0.57));
+}
 // A cell's error is taken for at least this share of the frame's.
-constexpr double kPilotCellShareMin = 0.05;
+constexpr double kPilotCellFractionMin = 0.05;
 
 // The i-th of a sequence whose members, any number of them, have a normal distribution.
-double NormalValue(size_t i) { return NormalQuantile(GoldenShare(i)); }
+double NormalValue(size_t i) { return NormalQuantile(GoldenFraction(i)); }
 
 // Sums of the logarithms of blocks' errors.
 struct LogSums {
@@ -44,7 +47,7 @@ Variances FitVariances(const CellGrid& grid, const std::vector<LogSums>& cells,
   const double total = (all.Squares() + kVarianceFreedom * kBlockLogVariance) /
                        (std::max(all.count - 1, 0.0) + kVarianceFreedom);
   const auto within = [&](const std::vector<LogSums>& places, int32_t size_px) {
-    double squares = kVarianceFreedom * WithinShare(size_px) * total, freedom = kVarianceFreedom;
+    double squares = kVarianceFreedom * WithinFraction(size_px) * total, freedom = kVarianceFreedom;
     for (const LogSums& place : places) {
       squares += place.Squares();
       freedom += std::max(place.count - 1, 0.0);
@@ -93,7 +96,7 @@ PilotErrors FitCellErrors(const CellGrid& grid, std::span<const PilotBlock> bloc
   const std::vector<PixelRect>& cells = grid.cells();
   ErrorSums all;
   for (const PilotBlock& block : blocks) all.Add(block.error);
-  const double least = kPilotCellShareMin * all.RelativeMse();
+  const double least = kPilotCellFractionMin * all.RelativeMse();
   std::vector<LogSums> log_cells(cells.size()), log_tiles(grid.tiles().size());
   std::vector<double> pixel_counts(cells.size());  // That blocks have.
   LogSums log_all;

@@ -36,7 +36,7 @@ std::vector<PilotBlock> BlocksOf(const std::vector<double>& errors_of_tiles) {
 }
 
 // Most cells have no block; what costs more there, or less, goes with what the tile has.
-TEST(PilotErrorsTest, CellsWithoutBlocksTakeAfterTheirTile) {
+TEST(PilotErrorsTest, CellsWithoutBlocksUseTheirTile) {
   std::vector<double> tiles(Grid().tiles().size());
   for (size_t i = 0; i < tiles.size(); ++i) tiles[i] = i % 3 == 0 ? 0.2 : 0.02;
   const PilotErrors errors = FitCellErrors(Grid(), BlocksOf(tiles));
@@ -49,7 +49,7 @@ TEST(PilotErrorsTest, CellsWithoutBlocksTakeAfterTheirTile) {
   EXPECT_LT(high / low, 12);
 }
 
-TEST(PilotErrorsTest, TheFrameHasTheMeanOfItsBlocks) {
+TEST(PilotErrorsTest, FrameErrorIsTheBlockMean) {
   std::mt19937_64 random(1);
   std::lognormal_distribution<double> error(-3, 1);
   std::vector<PilotBlock> blocks;
@@ -65,7 +65,7 @@ TEST(PilotErrorsTest, TheFrameHasTheMeanOfItsBlocks) {
 // Where half of a frame has no error, as a sky, the other half's cells are not taken to be of many
 // orders of magnitude: by how much samples can be shared out goes with the mean of roots, here
 // .71 of the root of the mean.
-TEST(PilotErrorsTest, PlacesWithoutErrorDoNotMakeTheRestUnequal) {
+TEST(PilotErrorsTest, ErrorFreeBlocksDoNotAddSpread) {
   std::vector<double> tiles(Grid().tiles().size());
   for (size_t i = 0; i < tiles.size(); ++i) tiles[i] = i < 32 ? 0 : 0.1;
   const PilotErrors errors = FitCellErrors(Grid(), BlocksOf(tiles));
@@ -77,7 +77,7 @@ TEST(PilotErrorsTest, PlacesWithoutErrorDoNotMakeTheRestUnequal) {
   EXPECT_NEAR(mean_root / std::sqrt(mean), 0.71, 0.12);
 }
 
-TEST(PilotErrorsTest, OfOneBlockAllIsDrawn) {
+TEST(PilotErrorsTest, SingleBlocksAreResampled) {
   const PilotErrors errors = FitCellErrors(Grid(), std::vector{BlockOf(500, 0.3)});
   EXPECT_NEAR(MeanOf(errors.of_cells, 0, 1024), 0.3, 1e-9);
   double squares = 0;

@@ -23,11 +23,11 @@ namespace {
 constexpr uint64_t kBaseSamples = kReplicateCount;
 constexpr uint64_t kPairSamples = kPilotSamplesMax;
 static_assert(kPilotSamples <= kReplicateCount);
-// The fraction of the price that goes into the small picture, and the most pixels that it has.
-constexpr double kMeanShare = 0.1, kMeanPixelsMax = 1 << 14;
+// The fraction of the price that goes into the small image, and the most pixels that it has.
+constexpr double kMeanFraction = 0.1, kMeanPixelsMax = 1 << 14;
 // The fraction of the rest that goes into a pair, if it has so many blocks: fewer tell less of the
 // rate than is known before.
-constexpr double kPairShare = 0.5, kPairBlocksMin = 200;
+constexpr double kPairFraction = 0.5, kPairBlocksMin = 200;
 // More blocks than these tell nothing that matters.
 constexpr double kBlocksEnough = 1 << 12;
 constexpr double kPilotRateMin = 0.9, kPilotRateMax = 1.8;
@@ -94,32 +94,32 @@ std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& win
   return cores;
 }
 
-// The frame's mean, of places that are independent: pixels of the small picture, and blocks. Held
+// The frame's mean, of places that are independent: pixels of the small image, and blocks. Held
 // against the mean of the blocks alone, where an emitter is in view and no block shows it, errors
-// are ten times those of the picture.
-double FitMean(std::span<const PilotPicture> pilot) {
+// are ten times those of the image.
+double FitMean(std::span<const PilotImage> pilot) {
   double sum = 0, places = 0;
-  for (const PilotPicture& picture : pilot) {
-    const PixelRect& window = picture.picture.window;
-    const double count = picture.level.lattice.All()
+  for (const PilotImage& image : pilot) {
+    const PixelRect& window = image.image.window;
+    const double count = image.level.lattice.All()
                              ? static_cast<double>(window.PixelCount())
-                             : static_cast<double>(CoresIn(picture.level.lattice, window).size());
-    sum += count * MeanOfPicture(picture.picture);
+                             : static_cast<double>(CoresIn(image.level.lattice, window).size());
+    sum += count * MeanOfImage(image.image);
     places += count;
   }
   return sum / places;
 }
 
-std::vector<PilotBlock> BlocksOf(const PilotPicture& pilot, const CellFinder& cells, double mean) {
-  const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.picture.window);
-  const ErrorPlanes planes(pilot.picture);
-  RareHits ignored;  // Few of the frame's; LampRims has them.
+std::vector<PilotBlock> BlocksOf(const PilotImage& pilot, const CellFinder& cells, double mean) {
+  const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.image.window);
+  const ErrorPlanes planes(pilot.image);
+  RareHits ignored;  // Few of the frame's; EmitterSilhouettes has them.
   // Up to one sample in each replicate they are independent.
   const double growth =
       static_cast<double>(std::min(pilot.level.samples, kBaseSamples)) / kBaseSamples;
   std::vector<PilotBlock> blocks;
   for (const PixelRect& core : cores) {
-    ErrorSums error = SumErrors(planes, pilot.picture, core, mean, 0, &ignored);
+    ErrorSums error = SumErrors(planes, pilot.image, core, mean, 0, &ignored);
     error.sum *= growth;
     error.square_sum *= growth * growth;
     blocks.push_back({cells.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), error});
@@ -190,12 +190,12 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
   double left = samples_per_pixel;
   if (before.empty()) {
     const double shrink =
-        std::sqrt(std::max(1 / (kMeanShare * left), pixel_count / kMeanPixelsMax));
+        std::sqrt(std::max(1 / (kMeanFraction * left), pixel_count / kMeanPixelsMax));
     levels.push_back({{}, 1, std::max(2, static_cast<int32_t>(std::ceil(shrink)))});
     left -= levels.back().SamplesPerPixel();
   }
   const PixelLattice lattice{StrideFor(BlockSamples(kPilotSamples) + BlockSamples(kPairSamples),
-                                       kPairShare * left, frame_pixel_count),
+                                       kPairFraction * left, frame_pixel_count),
                              frame_seed};
   const double blocks = pixel_count / (1.0 * lattice.stride_px * lattice.stride_px);
   if (lattice.stride_px < finest && blocks >= kPairBlocksMin) {
@@ -204,7 +204,7 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
       left -= levels.back().SamplesPerPixel();
     }
   }
-  // Pictures of one lattice and one number of samples would be the same.
+  // Images of one lattice and one number of samples would be the same.
   PixelLattice single{StrideFor(BlockSamples(kPilotSamples), left, frame_pixel_count), frame_seed};
   if (levels.size() > 1 && single.stride_px == lattice.stride_px) ++single.stride_px;
   if (single.stride_px < finest) levels.push_back({single, kPilotSamples});
@@ -226,22 +226,23 @@ absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
       "it may be older than this program: use the same version of both");
 }
 
-ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
-                         std::span<const CloseUp> close_ups, const FilterDescription& filter) {
+ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotImage> pilot,
+                         std::span<const ZoomedPilot> zoomed_pilots,
+                         const FilterDescription& filter) {
   const std::vector<PixelRect>& cells = grid.cells();
   const CellFinder finder(cells);
   const double mean = FitMean(pilot);
   std::map<int32_t, std::vector<PilotBlock>> base, deep;  // By stride.
   ErrorModel model;
-  for (const PilotPicture& picture : pilot) {
-    if (picture.level.lattice.All()) {
-      model.rims =
-          LampRims(picture.picture, picture.level.shrink, close_ups, mean, filter, finder.window(),
-                   [&](int32_t x, int32_t y) { return finder.Nearest(x, y); });
+  for (const PilotImage& image : pilot) {
+    if (image.level.lattice.All()) {
+      model.silhouettes = EmitterSilhouettes(
+          image.image, image.level.shrink, zoomed_pilots, mean, filter, finder.window(),
+          [&](int32_t x, int32_t y) { return finder.Nearest(x, y); });
       continue;
     }
-    auto& levels = picture.level.samples == kPilotSamples ? base : deep;
-    levels[picture.level.lattice.stride_px] = BlocksOf(picture, finder, mean);
+    auto& levels = image.level.samples == kPilotSamples ? base : deep;
+    levels[image.level.lattice.stride_px] = BlocksOf(image, finder, mean);
   }
   std::vector<PilotBlock> blocks;
   std::vector<std::pair<double, double>> pairs;

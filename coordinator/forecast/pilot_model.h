@@ -6,9 +6,9 @@
 // fall; and the whole frame made small, for its mean, against which dark pixels' errors are held,
 // and for the silhouettes of emitters, which blocks do not meet:
 //
-//     pictures of the pilot > errors of their blocks > errors of cells, rate b > ErrorModel
-//     the small picture > mean, LampRims                                       >
-//     zoomed pilots of small emitters > LampRims                               >
+//     images of the pilot > errors of their blocks > errors of cells, rate b > ErrorModel
+//     the small image > mean, EmitterSilhouettes                                       >
+//     zoomed pilots of small emitters > EmitterSilhouettes                               >
 #pragma once
 
 #include <map>
@@ -17,12 +17,12 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "common/film/pixel_lattice.h"
 #include "common/scene/scene_description.h"
 #include "coordinator/core/cell_grid.h"
 #include "coordinator/forecast/cost_forecast.h"
-#include "coordinator/forecast/lamp_close_ups.h"
+#include "coordinator/forecast/zoomed_pilots.h"
 
 namespace sheaf::coordinator {
 
@@ -33,7 +33,7 @@ namespace sheaf::coordinator {
 inline constexpr uint64_t kPilotSamples = 8;
 inline constexpr uint64_t kPilotSamplesMax = 4 * uint64_t{kReplicateCount};
 
-// One picture of a pilot.
+// One image of a pilot.
 struct PilotLevel {
   PixelLattice lattice;
   uint64_t samples = kPilotSamples;  // Per pixel that is rendered.
@@ -43,14 +43,14 @@ struct PilotLevel {
     return lattice.SamplesPerPixel(samples) / (1.0 * shrink * shrink);
   }
 };
-struct PilotPicture {
+struct PilotImage {
   PilotLevel level;
-  FramePicture picture;
-  std::vector<double> cpu_seconds_of_tiles;  // Only where the picture is of a lattice.
+  FrameImage image;
+  std::vector<double> cpu_seconds_of_tiles;  // Only where the image is of a lattice.
 };
 
 // The levels of a pilot that costs at most `samples_per_pixel` of all of a frame's pixels, where
-// those of `before` are there. The first has the small picture. Blocks are fewer in large frames,
+// those of `before` are there. The first has the small image. Blocks are fewer in large frames,
 // which do not need so many pixels; a pair, of the same blocks with more samples, is there where it
 // tells more than what is known of all scenes. Empty where more would not tell more. frame_seed: of
 // the frame's settings, as PixelLattice has it.
@@ -62,10 +62,11 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
 absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
     const std::map<std::string, std::string>& metadata, size_t tile_count);
 
-// filter: the scene's. close_ups: of emitters that the small picture may miss. Requires: pictures
+// filter: the scene's. zoomed_pilots: of emitters that the small image may miss. Requires: images
 // of one frame, one of a lattice with the least samples among them; those of lattices with the CPU
 // time of all tiles; pairs of one lattice; the small one with the layers of light paths.
-ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotPicture> pilot,
-                         std::span<const CloseUp> close_ups, const FilterDescription& filter);
+ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotImage> pilot,
+                         std::span<const ZoomedPilot> zoomed_pilots,
+                         const FilterDescription& filter);
 
 }  // namespace sheaf::coordinator

@@ -15,13 +15,13 @@ constexpr PixelRect kWindow{0, 0, 320, 256};
 constexpr int32_t kTileSizePx = 32;
 
 // The frame made small, of this mean.
-PilotPicture MakeSmall(const PilotLevel& level, float mean) {
+PilotImage MakeSmall(const PilotLevel& level, float mean) {
   const int32_t width = kWindow.x1 / level.shrink, height = kWindow.y1 / level.shrink;
   FilmOutputs outputs;
   outputs.AddLightPaths();
-  PilotPicture pilot{level, MakeFramePicture({0, 0, width, height}, width, height, outputs), {}};
+  PilotImage pilot{level, MakeFrameImage({0, 0, width, height}, width, height, outputs), {}};
   for (const char* channel : {"R", "G", "B", "samples"}) {
-    for (float& value : *pilot.picture.Find(channel)) value = *channel == 's' ? 1 : mean;
+    for (float& value : *pilot.image.Find(channel)) value = *channel == 's' ? 1 : mean;
   }
   return pilot;
 }
@@ -29,9 +29,9 @@ PilotPicture MakeSmall(const PilotLevel& level, float mean) {
 // Pixels of value 1 whose variances at 16 samples are as `variance` says, fall as 1 / n^rate from
 // there on and as 1 / n before, and are estimated with 15 degrees of freedom.
 template <typename Variance>
-PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
-                       const Variance& variance) {
-  PilotPicture pilot{level, MakeFramePicture(kWindow, kWindow.x1, kWindow.y1), {}};
+PilotImage MakePilot(const PilotLevel& level, double rate, uint64_t seed,
+                     const Variance& variance) {
+  PilotImage pilot{level, MakeFrameImage(kWindow, kWindow.x1, kWindow.y1), {}};
   std::mt19937_64 random(seed);
   std::chi_squared_distribution<double> chi_squared(15);
   size_t p = 0;
@@ -43,10 +43,10 @@ PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
       const double growth = static_cast<double>(samples.count) / 16;
       const double v =
           variance(x, y) * std::pow(growth, growth < 1 ? -1 : -rate) * chi_squared(random) / 15;
-      (*pilot.picture.Find("samples"))[p] = static_cast<float>(samples.count);
-      for (const char* channel : {"R", "G", "B"}) (*pilot.picture.Find(channel))[p] = 1;
+      (*pilot.image.Find("samples"))[p] = static_cast<float>(samples.count);
+      for (const char* channel : {"R", "G", "B"}) (*pilot.image.Find(channel))[p] = 1;
       for (const char* channel : {"stderr.R", "stderr.G", "stderr.B"}) {
-        (*pilot.picture.Find(channel))[p] = static_cast<float>(std::sqrt(v));
+        (*pilot.image.Find(channel))[p] = static_cast<float>(std::sqrt(v));
       }
     }
   }
@@ -62,7 +62,7 @@ PilotPicture MakePilot(const PilotLevel& level, double rate, uint64_t seed,
 template <typename Variance>
 ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel = 0.5,
                  float mean = 1) {
-  std::vector<PilotPicture> pilot;
+  std::vector<PilotImage> pilot;
   uint64_t seed = 1;
   for (const PilotLevel& level : PilotLevels(samples_per_pixel, kWindow.PixelCount(), 1, {})) {
     pilot.push_back(level.shrink > 1 ? MakeSmall(level, mean)
@@ -71,7 +71,7 @@ ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel
   return FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {}, {});
 }
 
-TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
+TEST(PilotModelTest, PilotsStayWithinTheirBudget) {
   for (const int64_t pixels : {int64_t{1000}, int64_t{192 * 192}, int64_t{3840 * 2160}}) {
     for (const double allowed : {0.4, 2.0, 20.0}) {
       double cost = 0;
@@ -86,7 +86,7 @@ TEST(PilotModelTest, PilotsCostNoMoreThanTheyMay) {
   }
 }
 
-TEST(PilotModelTest, FurtherPilotsHaveOtherBlocksOrAreNone) {
+TEST(PilotModelTest, FurtherPilotsUseNewBlocks) {
   std::vector<PilotLevel> before = PilotLevels(0.4, 400 * 400, 1, {});
   EXPECT_GT(before.front().shrink, 1);
   for (int i = 0; i < 12; ++i) {
@@ -104,7 +104,7 @@ TEST(PilotModelTest, FurtherPilotsHaveOtherBlocksOrAreNone) {
   FAIL() << "there are no more blocks than the picture has";
 }
 
-TEST(PilotModelTest, FindsErrorRateAndCost) {
+TEST(PilotModelTest, FitsErrorRateAndCost) {
   for (const double rate : {1.0, 1.25}) {
     // A part of so high a price goes into a pair.
     const ErrorModel model = FitOf(
@@ -125,14 +125,14 @@ TEST(PilotModelTest, FindsErrorRateAndCost) {
 
 // A pilot of a small frame has no pair, and its parts cost a fifth of what they take besides
 // samples.
-TEST(PilotModelTest, WhatPartsCostBesidesSamplesIsToldByTiles) {
+TEST(PilotModelTest, FitsThePerTileCost) {
   const ErrorModel model = FitOf(
       1, [](int32_t, int32_t) { return 0.04; }, 0.4);
   EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.05);
 }
 
 // More means of few unequal blocks are below the true mean than above; quotes are not.
-TEST(PilotModelTest, QuotesAreAsOftenTooLowAsTooHigh) {
+TEST(PilotModelTest, QuotesAreMedianUnbiased) {
   int low = 0;
   constexpr int kFrames = 200;
   for (int frame = 0; frame < kFrames; ++frame) {
@@ -155,7 +155,7 @@ TEST(PilotModelTest, QuotesAreAsOftenTooLowAsTooHigh) {
 
 // An emitter that no block shows makes the frame's mean ten times theirs, and errors of dark pixels
 // are held against a tenth of it: all of 1 + 1^2, not of 1 + 0.1^2.
-TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
+TEST(PilotModelTest, DarkPixelsUseTheFrameMean) {
   const auto error = [](float mean) {
     const ErrorModel model = FitOf(
         1, [](int32_t, int32_t) { return 0.04; }, 0.5, mean);
@@ -164,17 +164,17 @@ TEST(PilotModelTest, DarkPixelsAreHeldAgainstTheMeanOfTheWholeFrame) {
   EXPECT_NEAR(error(10) / error(1), 1.01 / 2, 0.1);
 }
 
-// Between pictures that differ in what is said of their light alone: emitters in view, or bright
+// Between images that differ in what is said of their light alone: emitters in view, or bright
 // walls.
-TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
+TEST(PilotModelTest, EmitterSilhouettesRaiseTheCost) {
   const auto variance = [](int32_t, int32_t) { return 0.01; };
-  std::vector<PilotPicture> pilot;
+  std::vector<PilotImage> pilot;
   uint64_t seed = 1;
   for (const PilotLevel& level : PilotLevels(0.5, kWindow.PixelCount(), 1, {})) {
     pilot.push_back(level.shrink > 1 ? MakeSmall(level, 0.2F)
                                      : MakePilot(level, 1, ++seed, variance));
   }
-  FramePicture& small = pilot.front().picture;
+  FrameImage& small = pilot.front().image;
   std::vector<double> samples;
   for (const float seen : {0.0F, 500.0F}) {
     for (const char* channel : {"R", "G", "B"}) {
@@ -185,7 +185,7 @@ TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
       }
     }
     const ErrorModel model = FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {}, {});
-    EXPECT_EQ(model.rims.empty(), seen == 0);
+    EXPECT_EQ(model.silhouettes.empty(), seen == 0);
     const Forecast low = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, -kBandDeviations);
     const Forecast high = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, kBandDeviations);
     EXPECT_LE(low.cpu_seconds, high.cpu_seconds);
@@ -194,7 +194,7 @@ TEST(PilotModelTest, RimsOfLampsInViewMakeTargetsDearer) {
   EXPECT_GT(samples[1], 2 * samples[0]);
 }
 
-TEST(PilotModelTest, TilesThatDifferAreToldApart) {
+TEST(PilotModelTest, FitsDifferentTiles) {
   // So many that every tile has a block.
   const ErrorModel model = FitOf(
       1, [](int32_t x, int32_t) { return x < 160 ? 0.001 : 0.1; }, 2.0);
@@ -211,7 +211,7 @@ TEST(PilotModelTest, TilesThatDifferAreToldApart) {
 
 // Rounds save by giving samples where they are needed: with tiles all alike, those would seem to
 // cost what even samples do.
-TEST(PilotModelTest, TilesOfWhichLittleIsKnownAreNotAllAlike) {
+TEST(PilotModelTest, UncertainTilesDiffer) {
   const ErrorModel model = FitOf(
       1,
       [](int32_t x, int32_t y) {
@@ -229,7 +229,7 @@ TEST(PilotModelTest, TilesOfWhichLittleIsKnownAreNotAllAlike) {
 }
 
 // A mean over hundreds of estimates with 15 degrees of freedom has 2 / 15 of variance each.
-TEST(PilotModelTest, StatesWhatItDoesNotKnow) {
+TEST(PilotModelTest, ReportsItsUncertainty) {
   const ErrorModel even = FitOf(1, [](int32_t, int32_t) { return 0.04; });
   EXPECT_LT(even.log_error_deviation, 0.08);
   // One pixel in 50 has nearly all of the error.
@@ -238,7 +238,7 @@ TEST(PilotModelTest, StatesWhatItDoesNotKnow) {
   EXPECT_GT(rare.log_error_deviation, 2 * even.log_error_deviation);
 }
 
-TEST(PilotModelTest, CpuTimesAreOfAllTilesOrNone) {
+TEST(PilotModelTest, CpuTimesCoverAllTilesOrNone) {
   const auto times = [](const std::string& text) {
     return TileCpuSecondsOf({{"tileCpuSeconds", text}}, 3);
   };

@@ -16,7 +16,7 @@ namespace {
 // Log-normal deviation of CPU time for the same work: processors share caches, memory and clocks.
 constexpr double kCpuLogDeviation = 0.1;
 // Decisions that differ by less than this share of all samples are the same for the price.
-constexpr double kSameShare = 0.05;
+constexpr double kSameFraction = 0.05;
 
 // Which cells are priced as one, by index; each has one at least.
 using Groups = std::vector<std::vector<size_t>>;
@@ -122,7 +122,7 @@ bool NearlySame(const std::vector<uint64_t>& samples, const RoundRecord& round) 
     difference += pixels * std::abs(static_cast<double>(samples[i]) - was);
     sum += pixels * was;
   }
-  return difference <= kSameShare * sum;
+  return difference <= kSameFraction * sum;
 }
 
 // Where the frame continues; none where it is good enough.

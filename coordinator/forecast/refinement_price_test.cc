@@ -50,7 +50,7 @@ RefinementPrice PriceOf(const FinishedFrame& frame, double target, double thread
 
 class RefinementPriceTest : public ::testing::TestWithParam<size_t> {};
 
-TEST_P(RefinementPriceTest, IsWhatTheFrameCostsAtOnceLessWhatIsThere) {
+TEST_P(RefinementPriceTest, IsTheFullCostMinusExistingSamples) {
   const FinishedFrame loose = RenderTo(5e-3, GetParam());
   for (const double target : {2e-3, 5e-4, 1e-4}) {
     const FinishedFrame tight = RenderTo(target, GetParam());
@@ -69,7 +69,7 @@ TEST_P(RefinementPriceTest, IsWhatTheFrameCostsAtOnceLessWhatIsThere) {
 // In groups of cells where there are many.
 INSTANTIATE_TEST_SUITE_P(Cells, RefinementPriceTest, ::testing::Values(24, 1000));
 
-TEST(RefinementPriceOfOneTest, IsNothingWhereTheFrameIsGoodEnough) {
+TEST(RefinementPriceOfOneTest, IsZeroForConvergedFrames) {
   const FinishedFrame frame = RenderTo(1e-3, 24);
   const RefinementPrice price = PriceOf(frame, 2e-3);
   EXPECT_TRUE(price.reached);
@@ -77,14 +77,14 @@ TEST(RefinementPriceOfOneTest, IsNothingWhereTheFrameIsGoodEnough) {
   EXPECT_EQ(price.wall_seconds.value, 0);
 }
 
-TEST(RefinementPriceOfOneTest, CountsAllSamplesWherePartsAreGone) {
+TEST(RefinementPriceOfOneTest, CountsAllSamplesWithoutParts) {
   FinishedFrame frame = RenderTo(5e-3, 24);
   frame.cpu_seconds_of_cells.clear();
   const double whole = RenderTo(1e-3, 24).cpu_seconds;
   EXPECT_NEAR(PriceOf(frame, 1e-3).cpu_seconds.value, whole, 0.15 * whole);
 }
 
-TEST(RefinementPriceOfOneTest, GoesOnFromAFrameWithoutRounds) {
+TEST(RefinementPriceOfOneTest, ContinuesFrameWithoutRounds) {
   FinishedFrame frame;
   frame.first_round_samples = 64;
   RoundRecord& end = frame.rounds.emplace_back();
@@ -99,7 +99,7 @@ TEST(RefinementPriceOfOneTest, GoesOnFromAFrameWithoutRounds) {
   EXPECT_EQ(price.wall_seconds.value, 0);
 }
 
-TEST(RefinementPriceOfOneTest, SaysWhereSamplesDoNotSuffice) {
+TEST(RefinementPriceOfOneTest, ReportsUnreachableTargets) {
   const FinishedFrame frame = RenderTo(5e-3, 24);
   const double target = 1e-6;
   const RefinementPrice price =

@@ -12,30 +12,30 @@ namespace {
 
 constexpr WorkLeft kOwn{.priority = 0, .sample_count = 100, .cpu_seconds_per_sample = 0.5};
 
-TEST(WorkAheadTest, AloneAJobTakesItsOwnTime) {
+TEST(WorkAheadTest, SingleJobTakesItsOwnTime) {
   EXPECT_DOUBLE_EQ(WorkAhead({kOwn}).CpuSeconds(kOwn), 50);
   EXPECT_EQ(WorkAhead().CpuSeconds(kOwn), 0);
 }
 
-TEST(WorkAheadTest, HigherPriorityGoesFirstAndLowerWaits) {
+TEST(WorkAheadTest, HigherPriorityGoesFirst) {
   EXPECT_DOUBLE_EQ(WorkAhead({{-1, 1e6, 9}, {1, 1000, 0.25}}).CpuSeconds(kOwn), 250);
 }
 
-TEST(WorkAheadTest, EqualsGetEqualNumbersOfSamples) {
+TEST(WorkAheadTest, EqualPrioritiesGetEqualSamples) {
   EXPECT_DOUBLE_EQ(WorkAhead({{0, 1000, 2}, kOwn, {0, 10, 3}}).CpuSeconds(kOwn),
                    50 + 100 * 2 + 10 * 3);
 }
 
-TEST(WorkAheadTest, APartOfAJobIsDoneBeforeTheRest) {
+TEST(WorkAheadTest, PartialJobsFinishFirst) {
   EXPECT_DOUBLE_EQ(WorkAhead({kOwn, {0, 1000, 2}}).CpuSeconds({0, 10, 0.5}), 5 + 20);
 }
 
-TEST(WorkAheadTest, SamplesOfUnknownCostAreTakenToCostTheSame) {
+TEST(WorkAheadTest, UnknownCostsAreAssumedEqual) {
   EXPECT_DOUBLE_EQ(WorkAhead({{3, 20, 0}, {0, 1000, 0}, {0, 4, 0}}).CpuSeconds(kOwn), 10 + 50 + 2);
 }
 
 // The sums are those of a loop over all jobs.
-TEST(WorkAheadTest, ManyJobsAreSummedUp) {
+TEST(WorkAheadTest, ManyJobsAreSummed) {
   std::mt19937 random(5);
   const auto draw = [&](int values) { return static_cast<int>(random() % values); };
   std::vector<WorkLeft> jobs;
@@ -55,7 +55,7 @@ TEST(WorkAheadTest, ManyJobsAreSummedUp) {
   }
 }
 
-TEST(WallSecondsTest, WhatIsDoneBeforeAJobWidensNoBand) {
+TEST(WallSecondsTest, EarlierWorkDoesNotWidenTheInterval) {
   const FarmLoad load{2, WorkAhead({{1, 1000, 0.25}})};
   const Estimate wall = WallSeconds({50, 40, 70}, 100, 0, load);
   EXPECT_DOUBLE_EQ(wall.value, 150);
@@ -63,12 +63,12 @@ TEST(WallSecondsTest, WhatIsDoneBeforeAJobWidensNoBand) {
   EXPECT_DOUBLE_EQ(wall.high, 160);
 }
 
-TEST(WallSecondsTest, NothingToDoTakesNoTime) {
+TEST(WallSecondsTest, NoWorkTakesNoTime) {
   const FarmLoad load{2, WorkAhead({{1, 1000, 0.25}})};
   EXPECT_EQ(WallSeconds({}, 0, 0, load).value, 0);
 }
 
-TEST(WallSecondsTest, NothingIsSaidWithoutWorkers) {
+TEST(WallSecondsTest, UnknownWithoutWorkers) {
   EXPECT_EQ(WallSeconds({50, 40, 70}, 100, 0, {}).value, 0);
 }
 

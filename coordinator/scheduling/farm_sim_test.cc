@@ -327,7 +327,7 @@ JobSpec InRounds(JobSpec job) {
   return job;
 }
 
-TEST(FarmSimTest, WithoutFaultsNothingIsDoneTwice) {
+TEST(FarmSimTest, WithoutFaultsNoWorkIsRepeated) {
   FarmSim sim(
       1, {}, 5,
       {MakeJob(1, 2, 64, 50, 0), MakeJob(2, 1, 40, 64, 2), InRounds(MakeJob(3, 2, 40, 200, 0))});
@@ -338,7 +338,7 @@ TEST(FarmSimTest, WithoutFaultsNothingIsDoneTwice) {
   EXPECT_EQ(counters.leases_granted, counters.results_accepted + counters.leases_cancelled);
 }
 
-TEST(FarmSimTest, EveryFrameFinishesUnderEveryMixOfFaults) {
+TEST(FarmSimTest, EveryFrameFinishesUnderAnyFaults) {
   int lives = 0;
   uint64_t expired = 0, late = 0, hedged = 0;
   for (uint64_t seed = 1; seed <= 40; ++seed) {
@@ -376,7 +376,7 @@ TEST(FarmSimTest, EveryFrameFinishesUnderEveryMixOfFaults) {
   EXPECT_GT(hedged, 20u);
 }
 
-TEST(FarmSimTest, EqualSeedsGiveEqualHistories) {
+TEST(FarmSimTest, IsDeterministicBySeed) {
   SimFaults faults;
   faults.reply_lost = faults.upload_late = faults.worker_dies = 0.02;
   std::vector<uint64_t> histories;
@@ -391,7 +391,7 @@ TEST(FarmSimTest, EqualSeedsGiveEqualHistories) {
   EXPECT_EQ(histories[0], histories[1]);
 }
 
-TEST(FarmSimTest, TenThousandWorkersShareOneFrameOfAHundredThousandTasks) {
+TEST(FarmSimTest, TenThousandWorkersRenderAHundredThousandTasks) {
   Limits limits;
   Scheduler scheduler(limits, 1);
   JobSpec job = MakeJob(1, 1, 16 * 160, 16, 1);  // 160 x 160 tiles of four passes.

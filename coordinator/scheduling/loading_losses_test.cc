@@ -18,7 +18,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-TEST(LoadingLossesTest, WorkersThatVanishTogetherAreOneLoss) {
+TEST(LoadingLossesTest, SimultaneousLossesCountOnce) {
   LoadingLosses losses;
   const SteadyTime start;
   EXPECT_TRUE(losses.Add("a", start, start + absl::Seconds(9)));
@@ -83,7 +83,7 @@ class LoadingSchedulerTest : public testing::Test {
   uint64_t jobs_ = 0;
 };
 
-TEST_F(LoadingSchedulerTest, ASceneThatEndsItsWorkersFailsItsJobAndNoOther) {
+TEST_F(LoadingSchedulerTest, CrashingScenesFailOnlyTheirJob) {
   AddJob(1);
   AddJob(1);
   for (int i = 0; i < limits_.loading_losses_max; ++i) {
@@ -100,7 +100,7 @@ TEST_F(LoadingSchedulerTest, ASceneThatEndsItsWorkersFailsItsJobAndNoOther) {
   EXPECT_EQ(Sync("x", 1)[0].frame.job_id, 2u);
 }
 
-TEST_F(LoadingSchedulerTest, MachinesThatAreSwitchedOffTogetherFailNoJob) {
+TEST_F(LoadingSchedulerTest, SimultaneousShutdownsFailNoJob) {
   AddJob(1);
   for (int i = 0; i < 20; ++i) {
     Take(absl::StrCat("w", i), LeasePhase::kLoading);
@@ -111,14 +111,14 @@ TEST_F(LoadingSchedulerTest, MachinesThatAreSwitchedOffTogetherFailNoJob) {
   EXPECT_EQ(Job().phase, JobPhase::kLive);
 }
 
-TEST_F(LoadingSchedulerTest, ASceneThatWasLoadedOnceIsNotToBlame) {
+TEST_F(LoadingSchedulerTest, ScenesLoadedOnceAreNotBlamed) {
   AddJob(1);
   Vanish("renders", LeasePhase::kRendering);
   for (int i = 0; i < 3 * limits_.loading_losses_max; ++i) Vanish(absl::StrCat("w", i));
   EXPECT_EQ(Job().phase, JobPhase::kLive);
 }
 
-TEST_F(LoadingSchedulerTest, WhatWaitsOrIsHandedBackIsNotToBlame) {
+TEST_F(LoadingSchedulerTest, WaitingOrReleasedLeasesAreNotBlamed) {
   AddJob(1);
   for (int i = 0; i < 20; ++i) Vanish(absl::StrCat("w", i), LeasePhase::kQueued);
   EXPECT_EQ(Job().phase, JobPhase::kLive);
@@ -126,7 +126,7 @@ TEST_F(LoadingSchedulerTest, WhatWaitsOrIsHandedBackIsNotToBlame) {
 }
 
 // A cold worker takes a frame of its own, so no frame of a long job ends many workers.
-TEST_F(LoadingSchedulerTest, FramesOfOneJobCountTogetherUntilOneIsLoaded) {
+TEST_F(LoadingSchedulerTest, LossesOfAJobsFramesCountTogether) {
   AddJob(100);
   for (int i = 0; i + 1 < limits_.job_loading_losses_max; ++i) Vanish(absl::StrCat("w", i));
   EXPECT_EQ(Job().phase, JobPhase::kLive);
@@ -138,7 +138,7 @@ TEST_F(LoadingSchedulerTest, FramesOfOneJobCountTogetherUntilOneIsLoaded) {
   EXPECT_EQ(Job().phase, JobPhase::kFailed);
 }
 
-TEST_F(LoadingSchedulerTest, LossesCountOverARestart) {
+TEST_F(LoadingSchedulerTest, LossesSurviveARestart) {
   AddJob(1);
   for (int i = 0; i + 1 < limits_.loading_losses_max; ++i) Vanish(absl::StrCat("w", i));
   const FailureLog known = Job().failures;

@@ -31,7 +31,7 @@ FrameSpec FrameOf(int32_t number) {
   return frame;
 }
 
-TEST(PackedFrameTest, AFrameComesBackAsItWas) {
+TEST(PackedFrameTest, RoundTrips) {
   FrameShapes shapes;
   const FrameSpec spec = FrameOf(7);
   const PackedFrame packed(spec, &shapes);
@@ -45,7 +45,7 @@ TEST(PackedFrameTest, AFrameComesBackAsItWas) {
   EXPECT_EQ(back.resumed, spec.resumed);
 }
 
-TEST(PackedFrameTest, FramesShareWhatIsEqual) {
+TEST(PackedFrameTest, FramesShareEqualParts) {
   FrameShapes shapes;
   FrameSpec spec = FrameOf(1);
   const PackedFrame first(spec, &shapes);
@@ -58,7 +58,7 @@ TEST(PackedFrameTest, FramesShareWhatIsEqual) {
   EXPECT_EQ(shapes.size(), 3u);
 }
 
-TEST(PackedFrameTest, AFrameThatWaitsTakesFewBytes) {
+TEST(PackedFrameTest, PendingFramesAreSmall) {
   constexpr int32_t kFrames = 50'000;
   JobSpec job;
   job.job_id = 1;
@@ -72,7 +72,7 @@ TEST(PackedFrameTest, AFrameThatWaitsTakesFewBytes) {
   EXPECT_LT((after - before) / kFrames, 300u);
 }
 
-TEST(PendingFramesTest, AreFoundByNumberAndByScene) {
+TEST(PendingFramesTest, FindsFramesByNumberAndScene) {
   constexpr uint32_t kFrames = 300;
   std::vector<PackedDigest> scenes;
   for (uint32_t i = 0; i < kFrames; ++i) {

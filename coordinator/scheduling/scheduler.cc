@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "coordinator/core/job_check.h"
 
 namespace sheaf::coordinator {
@@ -18,10 +18,10 @@ uint64_t FirstRoundSamplesOf(const FrameRecord& frame) {
   return stop.IsActive() ? std::min(samples, stop.first_round_samples) : samples;
 }
 
-// The size of an open frame: its pixels, in units of a picture without outputs.
+// The size of an open frame: its pixels, in units of an image without outputs.
 int64_t OpenPixelsOf(const FrameSettings& settings) {
-  const auto channel_count = static_cast<int64_t>(PictureChannelCount(settings.outputs));
-  constexpr auto kUnit = static_cast<int64_t>(kPictureChannelCountMin);
+  const auto channel_count = static_cast<int64_t>(ImageChannelCount(settings.outputs));
+  constexpr auto kUnit = static_cast<int64_t>(kImageChannelCountMin);
   return settings.window.PixelCount() * ((channel_count + kUnit - 1) / kUnit);
 }
 
@@ -102,7 +102,7 @@ void Scheduler::AddJob(const JobSpec& spec) {
                                 return frames[i].packed.scene();
                               });
   // A new job begins level with the least served one, not with a claim on everybody's past.
-  job.share = LeastShareBeside(job).value_or(0);
+  job.served = LeastServedBeside(job).value_or(0);
   ready_jobs_[spec.numeric_profile].insert(KeyOf(job));
   ++live_job_count_;
 }
@@ -175,7 +175,7 @@ FrameRecord& Scheduler::Frame(const FrameId& id) {
 }
 
 Scheduler::JobKey Scheduler::KeyOf(const JobRecord& job) {
-  return {-job.spec.priority, job.share, job.spec.job_id};
+  return {-job.spec.priority, job.served, job.spec.job_id};
 }
 
 void Scheduler::UpdateReadyJob(JobRecord* job, const JobKey& key_before) {

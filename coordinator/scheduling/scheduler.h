@@ -99,7 +99,7 @@ struct JobRecord {
   using FrameSet = std::set<uint32_t>;  // Indices into frames.
   FrameSet ready;                       // Open with something to lease.
   std::map<std::string, FrameSet> ready_by_scene;
-  uint64_t share = 0;  // Pixel samples leased, plus the share it began with.
+  uint64_t served = 0;  // Pixel samples leased, plus the share it began with.
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
   int32_t delivered_count = 0;
 
@@ -218,7 +218,7 @@ class Scheduler {
   void UpdateReady(JobRecord* job, uint32_t index);
   void UpdateReadyJob(JobRecord* job, const JobKey& key_before);
   // The share of the least served job that is ready and has the same profile and priority.
-  std::optional<uint64_t> LeastShareBeside(const JobRecord& job) const;
+  std::optional<uint64_t> LeastServedBeside(const JobRecord& job) const;
   bool MayOpen(const FrameRecord& frame) const;
   void Open(JobRecord* job, uint32_t index);
   void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);

@@ -10,7 +10,7 @@
 
 namespace sheaf::coordinator {
 
-std::optional<uint64_t> Scheduler::LeastShareBeside(const JobRecord& job) const {
+std::optional<uint64_t> Scheduler::LeastServedBeside(const JobRecord& job) const {
   const auto ready = ready_jobs_.find(job.spec.numeric_profile);
   if (ready == ready_jobs_.end()) return std::nullopt;
   const auto least = ready->second.lower_bound({-job.spec.priority, 0, 0});
@@ -35,7 +35,7 @@ void Scheduler::Resume(uint64_t job_id, SteadyTime now) {
   job.paused_time = SteadyTime::InfiniteFuture();
   const JobKey key_before = KeyOf(job);
   // Like a new job it has no claim on what others had meanwhile.
-  job.share = std::max(job.share, LeastShareBeside(job).value_or(0));
+  job.served = std::max(job.served, LeastServedBeside(job).value_or(0));
   UpdateReadyJob(&job, key_before);
 }
 
@@ -54,7 +54,7 @@ void Scheduler::SetPriority(uint64_t job_id, int32_t priority) {
   const JobKey key_before = KeyOf(job);
   job.spec.priority = priority;
   // It begins level with those that it comes among: what it had among others is theirs to count.
-  job.share = LeastShareBeside(job).value_or(job.share);
+  job.served = LeastServedBeside(job).value_or(job.served);
   UpdateReadyJob(&job, key_before);
 }
 

@@ -65,7 +65,7 @@ class SchedulerControlTest : public testing::Test {
   uint64_t last_job_id_ = 0;
 };
 
-TEST_F(SchedulerControlTest, PausedJobGetsNoLeasesAndWhatIsLeasedIsTaken) {
+TEST_F(SchedulerControlTest, PausedJobsGetNoLeasesButFinishLeasedOnes) {
   const uint64_t job = AddJob();
   const Lease held = Sync("a", 1)[0];
   scheduler_.Pause(job, now_);
@@ -80,7 +80,7 @@ TEST_F(SchedulerControlTest, PausedJobGetsNoLeasesAndWhatIsLeasedIsTaken) {
   EXPECT_EQ(Sync("a", 1)[0].frame.job_id, job);
 }
 
-TEST_F(SchedulerControlTest, PausesDoNotCountAsTime) {
+TEST_F(SchedulerControlTest, PausedTimeIsNotCounted) {
   const uint64_t job = AddJob();
   Sync("a", 1);
   const SteadyTime first = Job(job).frames[0].first_lease_time;
@@ -92,7 +92,7 @@ TEST_F(SchedulerControlTest, PausesDoNotCountAsTime) {
   EXPECT_EQ(Job(job).frames[0].first_lease_time, first + absl::Seconds(60));
 }
 
-TEST_F(SchedulerControlTest, PausedJobThatEndsIsPausedNoMore) {
+TEST_F(SchedulerControlTest, EndedJobsAreNotPaused) {
   const uint64_t job = AddJob();
   scheduler_.Pause(job, now_);
   scheduler_.EndJob(job, JobPhase::kCancelled, "");
@@ -103,16 +103,16 @@ TEST_F(SchedulerControlTest, PausedJobThatEndsIsPausedNoMore) {
 }
 
 // Work that others got meanwhile gives no claim: all get equal shares from then on.
-TEST_F(SchedulerControlTest, ResumedAndPromotedJobsBeginLevel) {
+TEST_F(SchedulerControlTest, ResumedAndPromotedJobsStartAtTheMinimumServed) {
   const uint64_t first = AddJob(4), second = AddJob(4);
   scheduler_.Pause(first, now_);
   Sync("a", 8);
   scheduler_.Resume(first, now_);
-  EXPECT_EQ(Job(first).share, Job(second).share);
+  EXPECT_EQ(Job(first).served, Job(second).served);
   const uint64_t urgent = AddJob(4, 10);
   Sync("b", 4);
   scheduler_.SetPriority(first, 10);
-  EXPECT_EQ(Job(first).share, Job(urgent).share);
+  EXPECT_EQ(Job(first).served, Job(urgent).served);
   std::map<uint64_t, int> leases;
   for (const Lease& lease : Sync("c", 8)) ++leases[lease.frame.job_id];
   EXPECT_EQ(leases, (std::map<uint64_t, int>{{first, 4}, {urgent, 4}}));

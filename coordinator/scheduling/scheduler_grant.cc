@@ -152,7 +152,7 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   frame->first_lease_time = std::min(frame->first_lease_time, now);
   ++counters_.leases_granted;
   const JobKey key_before = KeyOf(*job);
-  job->share += frame->tasks->PixelSamples(task);
+  job->served += frame->tasks->PixelSamples(task);
   UpdateReadyJob(job, key_before);
 }
 
@@ -177,8 +177,8 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
   const double left = static_cast<double>(frame.tasks->sample_count_ready());
   samples = std::min(samples, left / (limits_.tail_divisor * workers * pixels));
   if (first == 0) {
-    samples = std::min(samples,
-                       static_cast<double>(frame.settings().samples / limits_.first_lease_share));
+    samples = std::min(
+        samples, static_cast<double>(frame.settings().samples / limits_.first_lease_fraction));
   }
   const double passes = std::clamp(samples / static_cast<double>(pass), 1.0,
                                    static_cast<double>(limits_.lease_pass_count_max));

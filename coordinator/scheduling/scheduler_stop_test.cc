@@ -57,7 +57,7 @@ class SchedulerStopTest : public testing::Test {
   SteadyTime now_;
 };
 
-TEST_F(SchedulerStopTest, SilenceAfterAnOrderlyEndIsNoLoss) {
+TEST_F(SchedulerStopTest, OrderlyShutdownIsNoLoss) {
   WorkerReport holds = Report("holds");
   holds.leases = {{Work("holds").lease_id, LeasePhase::kRendering}};
   Work("stops");
@@ -86,7 +86,7 @@ TEST_F(SchedulerStopTest, SilenceAfterAnOrderlyEndIsNoLoss) {
   EXPECT_TRUE(scheduler_.workers().workers().empty());
 }
 
-TEST_F(SchedulerStopTest, AScenesOneAccuserIsEnoughWhenTheOthersHaveStopped) {
+TEST_F(SchedulerStopTest, OneReportSufficesWhenOtherWorkersStopped) {
   Sync(Report("other"));
   WorkerReport accuser = Report("accuser");
   accuser.failures = {{Work("accuser").lease_id, FailureKind::kScene, "no such file"}};

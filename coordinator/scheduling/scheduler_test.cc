@@ -105,7 +105,7 @@ class SchedulerTest : public testing::Test {
   std::map<std::string, std::vector<LeaseFailure>> failures_;
 };
 
-TEST_F(SchedulerTest, OneWorkerFinishesAJob) {
+TEST_F(SchedulerTest, SingleWorkerFinishesAJob) {
   const uint64_t job = AddJob();
   int results = 0;
   bool rendered = false;
@@ -123,7 +123,7 @@ TEST_F(SchedulerTest, OneWorkerFinishesAJob) {
 }
 
 // Between rounds nothing can be leased: who asks again late is idle for that long.
-TEST_F(SchedulerTest, IdleWorkersAskSoonForTheNextRound) {
+TEST_F(SchedulerTest, IdleWorkersPollSoonForTheNextRound) {
   const uint64_t job = AddJob(1, 0, {.target_error = 0.1});
   EXPECT_FALSE(Sync("a", 100).empty());
   EXPECT_EQ(next_synchronize_, limits_.heartbeat_interval_max);
@@ -142,7 +142,7 @@ TEST_F(SchedulerTest, IdleWorkersAskSoonForTheNextRound) {
   EXPECT_EQ(next_synchronize_, limits_.idle_interval_min);
 }
 
-TEST_F(SchedulerTest, LostReplyIsHarmless) {
+TEST_F(SchedulerTest, LostRepliesAreHarmless) {
   AddJob();
   const std::vector<Lease> first = Sync("a", 2);
   held_["a"].clear();  // The reply never came.
@@ -152,7 +152,7 @@ TEST_F(SchedulerTest, LostReplyIsHarmless) {
   EXPECT_EQ(first[1].lease_id, second[1].lease_id);
 }
 
-TEST_F(SchedulerTest, SilentWorkerLosesItsLeasesAndALateResultStillCounts) {
+TEST_F(SchedulerTest, SilentWorkersLoseLeasesButLateResultsCount) {
   AddJob();
   const Lease lease = Sync("a", 1)[0];
   now_ += limits_.lease_duration + absl::Seconds(1);
@@ -168,7 +168,7 @@ TEST_F(SchedulerTest, SilentWorkerLosesItsLeasesAndALateResultStillCounts) {
   for (const Lease& held : Sync("b", 1)) EXPECT_NE(held.lease_id, again.lease_id);
 }
 
-TEST_F(SchedulerTest, IdleWorkerHedgesWhatAnotherHoldsButNeverItsOwn) {
+TEST_F(SchedulerTest, IdleWorkersHedgeOthersLeases) {
   AddJob();
   const std::vector<Lease> all = Sync("a", 16);
   ASSERT_EQ(all.size(), 16u);
@@ -183,14 +183,14 @@ TEST_F(SchedulerTest, IdleWorkerHedgesWhatAnotherHoldsButNeverItsOwn) {
   EXPECT_EQ(scheduler_.counters().leases_cancelled, 1u);
 }
 
-TEST_F(SchedulerTest, HedgesBeginWithWhatIsNotBegun) {
+TEST_F(SchedulerTest, HedgesStartWithUnstartedLeases) {
   AddJob();
   Sync("a", 16);
   Sync("a", 16);  // Now it reports the first as being rendered.
   EXPECT_NE(Sync("b", 1)[0].task, held_["a"][0].task);
 }
 
-TEST_F(SchedulerTest, HigherPriorityGoesFirstAndEqualsShare) {
+TEST_F(SchedulerTest, PriorityOrdersJobsAndEqualsShare) {
   const uint64_t low = AddJob(1, 0), high = AddJob(1, 5);
   for (const Lease& lease : Sync("a", 16)) EXPECT_EQ(lease.frame.job_id, high);
   EXPECT_EQ(Sync("b", 1)[0].frame.job_id, low);
@@ -201,7 +201,7 @@ TEST_F(SchedulerTest, HigherPriorityGoesFirstAndEqualsShare) {
   EXPECT_EQ(counts[equal], 5);
 }
 
-TEST_F(SchedulerTest, ColdWorkersSpreadOverFramesAndWarmOnesStay) {
+TEST_F(SchedulerTest, ColdWorkersSpreadAndWarmWorkersStay) {
   AddJob(3);
   EXPECT_EQ(Sync("a", 1)[0].frame.frame_number, 1);
   EXPECT_EQ(Sync("b", 1)[0].frame.frame_number, 2);
@@ -210,7 +210,7 @@ TEST_F(SchedulerTest, ColdWorkersSpreadOverFramesAndWarmOnesStay) {
   EXPECT_EQ(Sync("c", 1)[0].frame.frame_number, 3);
 }
 
-TEST_F(SchedulerTest, OtherProfileGetsNothing) {
+TEST_F(SchedulerTest, OtherProfilesGetNoLeases) {
   const uint64_t job = AddJob();
   WorkerReport report;
   report.worker_id = "a";
@@ -222,7 +222,7 @@ TEST_F(SchedulerTest, OtherProfileGetsNothing) {
   EXPECT_THAT(scheduler_.WaitingReason(Job(job)), HasSubstr("other"));
 }
 
-TEST_F(SchedulerTest, ReleasedLeaseCostsNothing) {
+TEST_F(SchedulerTest, ReleasedLeasesAreNoFailures) {
   AddJob();
   Sync("b", 0);
   for (int i = 0; i < 50; ++i) {
@@ -232,7 +232,7 @@ TEST_F(SchedulerTest, ReleasedLeaseCostsNothing) {
   EXPECT_EQ(Sync("a", 1)[0].task, (Task{0, {0, 16}}));
 }
 
-TEST_F(SchedulerTest, DrainingWorkerKeepsWhatItHoldsAndGetsNothingNew) {
+TEST_F(SchedulerTest, DrainingWorkersKeepTheirLeasesOnly) {
   AddJob();
   Sync("a", 2);
   draining_ = true;
@@ -243,7 +243,7 @@ TEST_F(SchedulerTest, DrainingWorkerKeepsWhatItHoldsAndGetsNothingNew) {
   EXPECT_EQ(Sync("b", 1)[0].attempt, 1);
 }
 
-TEST_F(SchedulerTest, WorkerDoesNotGetATaskAgainThatItFailed) {
+TEST_F(SchedulerTest, FailedTasksGoToOtherWorkers) {
   AddJob();
   Sync("b", 0);
   const Lease lease = Sync("a", 1)[0];
@@ -252,7 +252,7 @@ TEST_F(SchedulerTest, WorkerDoesNotGetATaskAgainThatItFailed) {
   EXPECT_EQ(Sync("b", 1)[0].task, lease.task);
 }
 
-TEST_F(SchedulerTest, ThreeDistinctWorkersMakePoison) {
+TEST_F(SchedulerTest, ThreeWorkersPoisonATask) {
   const uint64_t job = AddJob();
   Sync("d", 0);
   for (const std::string id : {"a", "b", "c"}) {
@@ -270,7 +270,7 @@ TEST_F(SchedulerTest, ThreeDistinctWorkersMakePoison) {
   EXPECT_EQ(scheduler_.leases().size(), 0u);
 }
 
-TEST_F(SchedulerTest, OnlyWorkerThatFailsThreeTimesMakesPoisonToo) {
+TEST_F(SchedulerTest, ThreeFailuresOfTheOnlyWorkerPoisonATask) {
   const uint64_t job = AddJob();
   for (int i = 0; i < 3; ++i) {
     ASSERT_EQ(Job(job).phase, JobPhase::kLive);
@@ -280,7 +280,7 @@ TEST_F(SchedulerTest, OnlyWorkerThatFailsThreeTimesMakesPoisonToo) {
   EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
 }
 
-TEST_F(SchedulerTest, VanishingWorkersHaveTheirOwnLargerBudget) {
+TEST_F(SchedulerTest, WorkerLossesHaveALargerBudget) {
   const uint64_t job = AddJob();
   for (int i = 0; i < limits_.lost_workers_max; ++i) {
     ASSERT_EQ(Job(job).phase, JobPhase::kLive) << i;
@@ -294,7 +294,7 @@ TEST_F(SchedulerTest, VanishingWorkersHaveTheirOwnLargerBudget) {
 }
 
 // A coordinator that is stopped for hours, or whose clock leaps, finds everybody silent at once.
-TEST_F(SchedulerTest, AWorkerSilentForLongerThanItIsKeptGivesItsWorkBackBeforeItIsForgotten) {
+TEST_F(SchedulerTest, ForgottenWorkersReturnTheirLeases) {
   const uint64_t job = AddJob();
   const size_t held = Sync("a", 3).size();
   ASSERT_EQ(scheduler_.leases().size(), held);
@@ -313,7 +313,7 @@ TEST_F(SchedulerTest, AWorkerSilentForLongerThanItIsKeptGivesItsWorkBackBeforeIt
   EXPECT_EQ(scheduler_.workers().workers().size(), 1u);
 }
 
-TEST_F(SchedulerTest, SceneErrorNeedsASecondWorkerWhereThereIsOne) {
+TEST_F(SchedulerTest, SceneErrorsNeedASecondWorkerIfAny) {
   const uint64_t job = AddJob();
   Sync("b", 0);
   Fail(Sync("a", 1)[0], FailureKind::kScene, "x.pbrt:1:1: bad");
@@ -325,7 +325,7 @@ TEST_F(SchedulerTest, SceneErrorNeedsASecondWorkerWhereThereIsOne) {
   EXPECT_THAT(Job(job).failure, HasSubstr("x.pbrt:1:1: bad"));
 }
 
-TEST_F(SchedulerTest, SceneErrorStandsWhenTheOtherWorkerVanishes) {
+TEST_F(SchedulerTest, SceneErrorsStandWhenTheOtherWorkerIsLost) {
   const uint64_t job = AddJob();
   Sync("b", 0);
   Fail(Sync("a", 1)[0], FailureKind::kScene);
@@ -338,7 +338,7 @@ TEST_F(SchedulerTest, SceneErrorStandsWhenTheOtherWorkerVanishes) {
   EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
 }
 
-TEST_F(SchedulerTest, InfrastructureFailureDelaysTheWorkerAndEndsTheJobAtLast) {
+TEST_F(SchedulerTest, InfrastructureFailuresDelayTheWorkerThenFailTheJob) {
   const uint64_t job = AddJob();
   Fail(Sync("a", 1)[0], FailureKind::kInfrastructure, "disk full");
   EXPECT_TRUE(Sync("a", 1).empty());
@@ -354,7 +354,7 @@ TEST_F(SchedulerTest, InfrastructureFailureDelaysTheWorkerAndEndsTheJobAtLast) {
   EXPECT_THAT(Job(job).failure, HasSubstr("disk full"));
 }
 
-TEST_F(SchedulerTest, WorkerThatFailsSeveralJobsIsQuarantined) {
+TEST_F(SchedulerTest, WorkersFailingSeveralJobsAreQuarantined) {
   Sync("b", 0);
   for (int i = 0; i < limits_.quarantine_jobs_min; ++i) AddJob();
   std::vector<Lease> leases = Sync("a", 16);
@@ -368,7 +368,7 @@ TEST_F(SchedulerTest, WorkerThatFailsSeveralJobsIsQuarantined) {
   EXPECT_EQ(scheduler_.counters().workers_quarantined, 1u);
 }
 
-TEST_F(SchedulerTest, TheLastFailuresOfAJobAreKept) {
+TEST_F(SchedulerTest, LastFailuresAreKept) {
   const uint64_t job = AddJob();
   Fail(Sync("a", 1)[0], FailureKind::kReleased);
   const Lease lease = Sync("a", 1)[0];
@@ -395,7 +395,7 @@ TEST_F(SchedulerTest, TheLastFailuresOfAJobAreKept) {
   EXPECT_EQ(Job(job).failures.last.front().message, "disk again");
 }
 
-TEST_F(SchedulerTest, MemoryFailureLeavesTheFrameToOthers) {
+TEST_F(SchedulerTest, MemoryFailuresLeaveTheFrameToOthers) {
   AddJob();
   Sync("b", 0);
   Fail(Sync("a", 1)[0], FailureKind::kMemory);
@@ -420,7 +420,7 @@ TEST_F(SchedulerTest, JobsBeyondLimitsAreRefused) {
   EXPECT_THAT(std::string(scheduler_.CheckJob(job).message()), HasSubstr("tiles"));
 }
 
-TEST_F(SchedulerTest, LeasesGrowWithTheWorkersSpeedAndShrinkAtTheEnd) {
+TEST_F(SchedulerTest, LeasesGrowWithSpeedAndShrinkAtTheEnd) {
   JobSpec job;
   job.job_id = 1;
   job.numeric_profile = kProfile;

@@ -17,10 +17,10 @@ double WorkerRecord::SamplesPerThreadSecond() const {
 double WorkerRecord::ThreadsUsed() const {
   // So much of its time as if it had been seen at the usual share.
   constexpr absl::Duration kPrior = absl::Seconds(2);
-  const double share =
+  const double fraction =
       absl::FDivDuration(kPrior * kUsualThreadUse * thread_count + busy_cpu_duration,
                          (kPrior + busy_duration) * thread_count);
-  return std::clamp(share, 0.1, 1.0) * thread_count;
+  return std::clamp(fraction, 0.1, 1.0) * thread_count;
 }
 
 void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {

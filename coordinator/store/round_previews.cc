@@ -14,7 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
 #include "common/film/exr/exr_codec.h"
-#include "common/film/shrink_picture.h"
+#include "common/film/shrink_image.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -65,11 +65,11 @@ std::string RoundPreviews::PathOf(const Name& name) const {
   return absl::StrCat(FolderOf(name.first), "/", name.second, ".exr");
 }
 
-absl::Status RoundPreviews::Keep(const FrameId& frame, int32_t round, const FramePicture& picture) {
+absl::Status RoundPreviews::Keep(const FrameId& frame, int32_t round, const FrameImage& image) {
   if (limits_.bytes_max == 0) return absl::OkStatus();
-  const absl::StatusOr<FramePicture> small = ShrinkPicture(picture, Channels(), limits_.pixels_max);
+  const absl::StatusOr<FrameImage> small = ShrinkImage(image, Channels(), limits_.pixels_max);
   if (!small.ok()) return small.status();
-  const std::string bytes = EncodePicture(*small);
+  const std::string bytes = EncodeFrameImage(*small);
   const MutexLock lock(&mutex_);
   if (absl::Status status = MakeDirectories(FolderOf(frame)); !status.ok()) return status;
   const Name name{frame, round};
@@ -123,12 +123,12 @@ uint64_t RoundPreviews::VersionOf(const FrameId& frame, int32_t round) const {
   return entry == entries_.end() ? 0 : entry->second.version;
 }
 
-absl::StatusOr<FramePicture> RoundPreviews::Read(const FrameId& frame, int32_t round) const {
+absl::StatusOr<FrameImage> RoundPreviews::Read(const FrameId& frame, int32_t round) const {
   if (VersionOf(frame, round) == 0) {
     return absl::NotFoundError(absl::StrCat("jobs/", frame.job_id, "/frames/", frame.frame_number,
                                             ": no image of round ", round, " is kept"));
   }
-  return ReadPicture(PathOf({frame, round}));
+  return ReadFrameImage(PathOf({frame, round}));
 }
 
 void RoundPreviews::RemoveFrom(const FrameId& frame, int32_t round) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// RoundPreviews: the picture as it was at the end of each round, small, for looking back. A folder:
+// RoundPreviews: the image as it was at the end of each round, small, for looking back. A folder:
 //
 //     DIR/JOB/FRAME/ROUND.exr     R, G, B, stderr.{R,G,B} and samples
 //
@@ -16,7 +16,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/base/mutex.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "coordinator/core/job.h"
 
 namespace sheaf::coordinator {
@@ -34,13 +34,13 @@ class RoundPreviews {
   static absl::StatusOr<std::unique_ptr<RoundPreviews>> Open(const std::string& directory,
                                                              const RoundPreviewLimits& limits);
 
-  // Keeps a copy of the picture, in the place of one of the same round.
+  // Keeps a copy of the image, in the place of one of the same round.
   // Errors: those of the disk; then it is not kept.
-  absl::Status Keep(const FrameId& frame, int32_t round, const FramePicture& picture);
+  absl::Status Keep(const FrameId& frame, int32_t round, const FrameImage& image);
   // Grows with each Keep of this start; 0 where none is kept.
   uint64_t VersionOf(const FrameId& frame, int32_t round) const;
-  // Errors: kNotFound (none is kept), those of ReadPicture.
-  absl::StatusOr<FramePicture> Read(const FrameId& frame, int32_t round) const;
+  // Errors: kNotFound (none is kept), those of ReadFrameImage.
+  absl::StatusOr<FrameImage> Read(const FrameId& frame, int32_t round) const;
   // Forgets the rounds of a frame from this one on.
   void RemoveFrom(const FrameId& frame, int32_t round);
 

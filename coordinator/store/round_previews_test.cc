@@ -28,9 +28,9 @@ class RoundPreviewsTest : public testing::Test {
   }
   // Light everywhere as bright as the round's number.
   void Keep(const FrameId& frame, int32_t round) {
-    FramePicture picture = MakeFramePicture({0, 0, 64, 32}, 64, 32);
-    *picture.Find("R") = std::vector<float>(64 * 32, static_cast<float>(round));
-    EXPECT_TRUE(previews_->Keep(frame, round, picture).ok());
+    FrameImage image = MakeFrameImage({0, 0, 64, 32}, 64, 32);
+    *image.Find("R") = std::vector<float>(64 * 32, static_cast<float>(round));
+    EXPECT_TRUE(previews_->Keep(frame, round, image).ok());
   }
   size_t CountOf(const FrameId& frame, int32_t end) const {
     size_t count = 0;
@@ -43,15 +43,15 @@ class RoundPreviewsTest : public testing::Test {
   std::unique_ptr<RoundPreviews> previews_;
 };
 
-TEST_F(RoundPreviewsTest, KeepsSmallPicturesOverARestart) {
+TEST_F(RoundPreviewsTest, PreviewsSurviveARestart) {
   Keep(kFrame, 0);
   Keep(kFrame, 1);
   for (int i = 0; i < 2; ++i) {
-    const auto picture = previews_->Read(kFrame, 1);
-    ASSERT_TRUE(picture.ok()) << picture.status();
-    EXPECT_EQ(picture->window, (PixelRect{0, 0, 16, 8}));
-    EXPECT_EQ(picture->Find("R")->at(5), 1);
-    EXPECT_NE(picture->Find("stderr.B"), nullptr);
+    const auto image = previews_->Read(kFrame, 1);
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->window, (PixelRect{0, 0, 16, 8}));
+    EXPECT_EQ(image->Find("R")->at(5), 1);
+    EXPECT_NE(image->Find("stderr.B"), nullptr);
     EXPECT_EQ(previews_->Read(kFrame, 2).status().code(), absl::StatusCode::kNotFound);
     Reopen();
   }
@@ -61,7 +61,7 @@ TEST_F(RoundPreviewsTest, KeepsSmallPicturesOverARestart) {
   EXPECT_GT(previews_->VersionOf(kFrame, 1), before);
 }
 
-TEST_F(RoundPreviewsTest, ThinsOutTheRoundsOfAFrameButItsFirstAndLast) {
+TEST_F(RoundPreviewsTest, ThinsOutMiddleRounds) {
   for (int32_t round = 0; round < 20; ++round) Keep(kFrame, round);
   EXPECT_GT(previews_->VersionOf(kFrame, 0), 0u);
   EXPECT_GT(previews_->VersionOf(kFrame, 19), 0u);
@@ -69,7 +69,7 @@ TEST_F(RoundPreviewsTest, ThinsOutTheRoundsOfAFrameButItsFirstAndLast) {
   EXPECT_GE(CountOf(kFrame, 20), 3u);
 }
 
-TEST_F(RoundPreviewsTest, ForgetsTheOldestBeyondItsBytesAndRoundsThatAreTakenBack) {
+TEST_F(RoundPreviewsTest, DropsOldestAndRevokedRounds) {
   Keep(kFrame, 0);
   const uint64_t size = std::filesystem::file_size(directory_ + "/3/-7/0.exr");
   limits_.bytes_max = 3 * size + size / 2;

@@ -76,7 +76,7 @@ class SqliteDamageTest : public testing::Test {
   std::unique_ptr<SqliteJobStore> store_;
 };
 
-TEST_F(SqliteDamageTest, WhatCannotBePreparedIsAnErrorOfTheCall) {
+TEST_F(SqliteDamageTest, StatementErrorsFailTheCall) {
   ASSERT_TRUE((*SqliteDatabase::Open(database_))->Execute("DROP TABLE parts").ok());
   EXPECT_EQ(store_->FindPart(RowAt(0).key).status().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(WritePart(9).code(), absl::StatusCode::kUnavailable);
@@ -87,7 +87,7 @@ TEST_F(SqliteDamageTest, WhatCannotBePreparedIsAnErrorOfTheCall) {
 }
 
 // A statement that fails for want of space may end the transaction of all that share it.
-TEST_F(SqliteDamageTest, RowsOfACommitThatFailedAreNotThere) {
+TEST_F(SqliteDamageTest, FailedCommitsStoreNothing) {
   ASSERT_TRUE((*SqliteDatabase::Open(database_))
                   ->Execute("CREATE TRIGGER full BEFORE INSERT ON parts WHEN NEW.x0 % 7 = 0 "
                             "BEGIN SELECT RAISE(ROLLBACK, 'the disk is full'); END;")
@@ -110,7 +110,7 @@ TEST_F(SqliteDamageTest, RowsOfACommitThatFailedAreNotThere) {
   EXPECT_EQ(wrong, 0);
 }
 
-TEST_F(SqliteDamageTest, TruncatedDatabasesAreRefusedWithWhatToDo) {
+TEST_F(SqliteDamageTest, TruncatedDatabasesAreRefusedWithARemedy) {
   store_.reset();
   const auto size = std::filesystem::file_size(database_);
   for (const uintmax_t left : {size - 4096, size / 2, uintmax_t{4096}, uintmax_t{100}}) {
@@ -124,7 +124,7 @@ TEST_F(SqliteDamageTest, TruncatedDatabasesAreRefusedWithWhatToDo) {
   }
 }
 
-TEST_F(SqliteDamageTest, ADatabaseThatBecameEmptyIsNotBegunAnew) {
+TEST_F(SqliteDamageTest, EmptiedDatabasesAreNotRecreated) {
   store_.reset();
   std::filesystem::resize_file(database_, 0);
   EXPECT_EQ(Start().code(), absl::StatusCode::kDataLoss);
@@ -133,7 +133,7 @@ TEST_F(SqliteDamageTest, ADatabaseThatBecameEmptyIsNotBegunAnew) {
   EXPECT_TRUE(Start().ok());
 }
 
-TEST_F(SqliteDamageTest, GarbledDatabasesNeverEndTheProcess) {
+TEST_F(SqliteDamageTest, CorruptDatabasesNeverCrash) {
   store_.reset();
   std::ifstream file(database_, std::ios::binary);
   const std::string whole((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
@@ -156,7 +156,7 @@ TEST_F(SqliteDamageTest, GarbledDatabasesNeverEndTheProcess) {
   EXPECT_GT(refused, 20);
 }
 
-TEST_F(SqliteDamageTest, FileThatIsNoDatabaseIsAnError) {
+TEST_F(SqliteDamageTest, OtherFilesAreRefused) {
   store_.reset();
   std::ofstream(database_) << std::string(4096, 'x');
   const absl::Status status = SqliteJobStore::Open(directory_).status();

@@ -6,7 +6,7 @@
 //     DIR/lock                               held as long as a coordinator uses the directory
 //     DIR/farm.db                            SQLite, WAL, synchronous=FULL: jobs, frames, parts
 //     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr   parts, until their frame is
-//     delivered DIR/outputs/JOB/FRAME.exr              delivered pictures
+//     delivered DIR/outputs/JOB/FRAME.exr              delivered images
 //     DIR/outputs/JOB/FRAME.thumbnail.exr    the same, small, for looking at many
 //
 // A part's file comes before its row, so a crash between them leaves a file that nobody was told

@@ -230,7 +230,7 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   EXPECT_TRUE(store_->LoadFrameRounds({job, -5})->empty());
 }
 
-TEST_F(SqliteJobStoreTest, EqualRequestIdIsTheSameJob) {
+TEST_F(SqliteJobStoreTest, EqualRequestIdsMeanTheSameJob) {
   const uint64_t job = CreateJob("r1");
   const auto again = store_->CreateJob(MakeSpec(), "r1", absl::FromUnixSeconds(300));
   ASSERT_TRUE(again.ok());
@@ -254,7 +254,7 @@ TEST_F(SqliteJobStoreTest, PartsSurviveAReopen) {
   EXPECT_EQ(store_->PartsBytes(), 10u);
 }
 
-TEST_F(SqliteJobStoreTest, PartsOfOtherCellsAreOtherParts) {
+TEST_F(SqliteJobStoreTest, PartsAreKeyedByCells) {
   Reopen(Durability::kProcess);  // As in a farm of one.
   const uint64_t job = CreateJob();
   std::vector<PartRow> rows;
@@ -276,7 +276,7 @@ TEST_F(SqliteJobStoreTest, PartsOfOtherCellsAreOtherParts) {
   EXPECT_EQ(store_->FindTileParts(rows[0].key.frame, rows[0].key.tile)->size(), 2u);
 }
 
-TEST_F(SqliteJobStoreTest, KilledBetweenFileAndRowLeavesNothing) {
+TEST_F(SqliteJobStoreTest, FilesWithoutRowsAreRemoved) {
   const uint64_t job = CreateJob();
   const PartRow kept = MakePart(job, 0, "kept");
   ASSERT_TRUE(store_->WritePart(kept, "kept").ok());
@@ -293,7 +293,7 @@ TEST_F(SqliteJobStoreTest, KilledBetweenFileAndRowLeavesNothing) {
   EXPECT_TRUE(store_->WritePart(orphan, "orphan").ok());
 }
 
-TEST_F(SqliteJobStoreTest, RowWithoutItsFileIsRemovedAndCounted) {
+TEST_F(SqliteJobStoreTest, RowsWithoutFilesAreRemovedAndCounted) {
   const uint64_t job = CreateJob();
   const PartRow row = MakePart(job, 0, "bytes");
   ASSERT_TRUE(store_->WritePart(row, "bytes").ok());
@@ -317,7 +317,7 @@ TEST_F(SqliteJobStoreTest, DamagedBytesAreDataLoss) {
   EXPECT_EQ(store_->ReadPart(row).status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST_F(SqliteJobStoreTest, ConcurrentWritesShareCommitsAndAllHold) {
+TEST_F(SqliteJobStoreTest, ConcurrentWritesShareCommits) {
   const uint64_t job = CreateJob();
   std::vector<std::thread> threads;
   for (uint64_t t = 0; t < 4; ++t) {
@@ -335,7 +335,7 @@ TEST_F(SqliteJobStoreTest, ConcurrentWritesShareCommitsAndAllHold) {
   EXPECT_EQ(store_->LoadParts(job)->rows.size(), 0u);
 }
 
-TEST_F(SqliteJobStoreTest, CostsOfATileAreAddedUp) {
+TEST_F(SqliteJobStoreTest, TileCostsAreSummed) {
   const uint64_t job = CreateJob();
   PartRow row = MakePart(job, 0, "one");
   ASSERT_TRUE(store_->WritePart(row, "one").ok());
@@ -349,19 +349,19 @@ TEST_F(SqliteJobStoreTest, CostsOfATileAreAddedUp) {
   EXPECT_TRUE(store_->TileCosts({job, 99})->empty());
 }
 
-TEST_F(SqliteJobStoreTest, LeaseIdsOfLivesDoNotMeet) {
+TEST_F(SqliteJobStoreTest, LeaseIdsAreUniqueAcrossRestarts) {
   const uint64_t first = store_->FirstLeaseId();
   Reopen();
   EXPECT_GE(store_->FirstLeaseId(), first + (uint64_t{1} << 40));
 }
 
-TEST_F(SqliteJobStoreTest, SecondStoreOnTheDirectoryIsRefused) {
+TEST_F(SqliteJobStoreTest, SecondStoreOnADirectoryIsRefused) {
   const absl::Status status = SqliteJobStore::Open(directory_).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr(directory_));
 }
 
-TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
+TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
   CreateJob("a");
   store_.reset();
   ASSERT_TRUE(
@@ -422,7 +422,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemaIsBroughtUpToDate) {
   EXPECT_TRUE((*part)->key.cells.All());
 }
 
-TEST_F(SqliteJobStoreTest, LaterSchemaIsRefused) {
+TEST_F(SqliteJobStoreTest, LaterSchemasAreRefused) {
   store_.reset();
   const auto database = *SqliteDatabase::Open(directory_ + "/farm.db");
   int64_t version = 0;

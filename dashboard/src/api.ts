@@ -36,12 +36,12 @@ export interface Job {
   frame_count: number;
   frame_complete_count: number;
   // The most active frame; null if no frame has an image yet.
-  pictured_frame: Pictured|null;
+  pictured_frame: PreviewFrame|null;
   progress: Progress;
 }
 
 // A frame that has an image.
-export interface Pictured {
+export interface PreviewFrame {
   name: string;
   preview_version: number;
   complete: boolean;
@@ -264,7 +264,7 @@ export const previewPath = (frame: Frame, layer: Layer, round: number|null) => p
     '/preview.png?layer=' + layer +
     (round === null ? '&version=' + frame.preview_version :
                       '&round=' + round + '&version=' + frame.rounds?.[round]?.preview_version);
-export const thumbnailPath = (frame: Pictured) =>
+export const thumbnailPath = (frame: PreviewFrame) =>
     pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
 

@@ -19,7 +19,7 @@ import {JobActions} from './job_actions';
 import {JobDetailsView} from './job_details';
 import {JobsView} from './jobs';
 import {Live} from './live';
-import {PictureView} from './picture_view';
+import {ImageView} from './image_view';
 import {Store} from './store';
 import {startTheme} from './theme';
 import {WorkersView} from './workers';
@@ -92,7 +92,7 @@ new FailuresView(store);
 new FramesView(store, (name) => {
   location.hash = name;
 }, () => live?.showMoreFrames());
-new PictureView(store);
+new ImageView(store);
 new WorkersView(store);
 new CountersView(store);
 addEventListener('hashchange', readAddress);

@@ -80,7 +80,7 @@ export class ErrorChart {
   private abscissa: Abscissa = 'samples';
   // Gives access to colors of the style sheet.
   private readonly style = getComputedStyle(document.documentElement);
-  private readonly colours = new Map<string, string>();
+  private readonly colors = new Map<string, string>();
   // Size of the box; null until it is first shown.
   private size: Size|null = null;
   // The drawn data as text, to detect changes.
@@ -97,7 +97,7 @@ export class ErrorChart {
     new ResizeObserver((entries) => this.onSize(entries)).observe(this.host);
     this.draw();
     new MutationObserver(() => {
-      this.colours.clear();
+      this.colors.clear();
       this.plot?.redraw();
     }).observe(document.documentElement, {attributeFilter: ['data-theme']});
   }
@@ -124,9 +124,9 @@ export class ErrorChart {
   };
 
   // Looked up once per theme: each query may make the browser recompute all styles.
-  private colourOf(name: string): string {
-    const found = this.colours.get(name) ?? this.style.getPropertyValue(name);
-    this.colours.set(name, found);
+  private colorOf(name: string): string {
+    const found = this.colors.get(name) ?? this.style.getPropertyValue(name);
+    this.colors.set(name, found);
     return found;
   }
 
@@ -142,12 +142,12 @@ export class ErrorChart {
   }
 
   private options(size: Size): uPlot.Options {
-    const colour = (name: string) => () => this.colourOf(name);
+    const color = (name: string) => () => this.colorOf(name);
     const rem = parseFloat(this.style.fontSize);
     const axis = (words: (value: number) => string): uPlot.Axis => ({
-      stroke: colour('--quiet'),
-      grid: {stroke: colour('--panel-edge'), width: 1},
-      ticks: {stroke: colour('--panel-edge'), width: 1, size: 4},
+      stroke: color('--quiet'),
+      grid: {stroke: color('--panel-edge'), width: 1},
+      ticks: {stroke: color('--panel-edge'), width: 1, size: 4},
       font: (AXIS_FONT_REM * rem) + 'px system-ui, sans-serif',
       splits: (_, __, low, high) => ticksOf(low, high),
       filter: (_, splits) => labelled(splits),
@@ -166,9 +166,9 @@ export class ErrorChart {
       ],
       series: [
         {},
-        {stroke: colour('--accent'), width: 2, points: {show: false}},
-        {stroke: colour('--accent'), width: 2, dash: [2, 5], points: {show: false}, spanGaps: true},
-        {stroke: colour('--good'), width: 1.5, dash: [8, 5], points: {show: false}},
+        {stroke: color('--accent'), width: 2, points: {show: false}},
+        {stroke: color('--accent'), width: 2, dash: [2, 5], points: {show: false}, spanGaps: true},
+        {stroke: color('--good'), width: 1.5, dash: [8, 5], points: {show: false}},
       ],
     };
   }

@@ -15,7 +15,7 @@ export class Exposure {
   private waiting: ExposureRequest|null = null;
 
   constructor(
-      private readonly onPicture: (key: string, picture: ImageBitmap) => void,
+      private readonly onImage: (key: string, image: ImageBitmap) => void,
       private readonly onFailure: (failure: string) => void) {}
 
   // `key` is returned with the image. Ownership of `light` is transferred; null means the previous
@@ -37,10 +37,10 @@ export class Exposure {
   private start(): Worker {
     const worker = new Worker(new URL('./exposure_worker.ts', import.meta.url), {type: 'module'});
     worker.onmessage = (event: MessageEvent<ExposureReply>) => {
-      const {key, picture, failure} = event.data;
+      const {key, image, failure} = event.data;
       this.busy = false;
-      if (picture)
-        this.onPicture(key, picture);
+      if (image)
+        this.onImage(key, image);
       else
         this.onFailure(failure);
       this.send();

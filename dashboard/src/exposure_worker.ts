@@ -3,7 +3,7 @@
 //
 // Exposes images on a separate thread, so that the page never blocks on millions of pixels. The
 // layer "light" is twice as high as its image: levels in the upper half, and in the lower half the
-// exponents that they share (see the coordinator's picture_layer.h).
+// exponents that they share (see the coordinator's image_layer.h).
 
 export interface ExposureRequest {
   key: string;
@@ -15,7 +15,7 @@ export interface ExposureRequest {
 export interface ExposureReply {
   key: string;
   // Null on failure.
-  picture: ImageBitmap|null;
+  image: ImageBitmap|null;
   failure: string;
 }
 
@@ -82,13 +82,13 @@ async function answer({key, light: next, stops}: ExposureRequest): Promise<Expos
   try {
     if (next) light = decode(next);
     if (!light) throw new Error('no image was sent for exposure');
-    return {key, picture: await expose(light, stops), failure: ''};
+    return {key, image: await expose(light, stops), failure: ''};
   } catch (failure) {
-    return {key, picture: null, failure: `${failure}`};
+    return {key, image: null, failure: `${failure}`};
   }
 }
 
 addEventListener('message', async (event: MessageEvent<ExposureRequest>) => {
   const reply = await answer(event.data);
-  postMessage(reply, {transfer: reply.picture ? [reply.picture] : []});
+  postMessage(reply, {transfer: reply.image ? [reply.image] : []});
 });

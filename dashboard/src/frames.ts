@@ -41,8 +41,8 @@ export class FramesView {
 
   private updateCell(cell: HTMLElement, frame: Frame) {
     const share = format.doneShare(frame.progress);
-    const [picture, bar, words] = [child(cell, 0), child(cell, 1), child(cell, 2)];
-    this.thumbnails.show(picture as HTMLImageElement, frame);
+    const [image, bar, words] = [child(cell, 0), child(cell, 1), child(cell, 2)];
+    this.thumbnails.show(image as HTMLImageElement, frame);
     child(bar, 0).style.width = share * 100 + '%';
     const complete = frame.complete ? 'yes' : 'no';
     if (cell.dataset.complete !== complete) cell.dataset.complete = complete;

@@ -4,7 +4,7 @@
 // Thumbnails in rows of lists. A row shows another frame when the list is scrolled.
 
 import * as api from './api';
-import type {Pictured} from './api';
+import type {PreviewFrame} from './api';
 import {el} from './dom';
 
 // Minimum time between two images of a frame that is being rendered.
@@ -29,39 +29,39 @@ export class Thumbnails {
 
   // The image is hidden until it has loaded.
   static make(): HTMLImageElement {
-    const picture =
+    const image =
         el('img', {alt: '', decoding: 'async', fetchpriority: 'low', hidden: ''}) as
         HTMLImageElement;
-    picture.addEventListener('load', () => {
-      picture.hidden = false;
+    image.addEventListener('load', () => {
+      image.hidden = false;
     });
-    picture.addEventListener('error', () => {
-      picture.hidden = true;
+    image.addEventListener('error', () => {
+      image.hidden = true;
     });
-    return picture;
+    return image;
   }
 
-  // picture: an image that make() returned. Null hides it.
-  show(picture: HTMLImageElement, frame: Pictured|null) {
+  // image: an image that make() returned. Null hides it.
+  show(image: HTMLImageElement, frame: PreviewFrame|null) {
     const path = frame && frame.preview_version > 0 ? this.pathOf(frame) : '';
-    if (picture.dataset.path === path) return;
-    picture.dataset.path = path;
+    if (image.dataset.path === path) return;
+    image.dataset.path = path;
     const frameName = path && frame ? frame.name : '';
-    if (frameName && picture.dataset.frame === frameName) {
-      picture.src = path;
+    if (frameName && image.dataset.frame === frameName) {
+      image.src = path;
       return;
     }
-    picture.dataset.frame = frameName;
-    picture.hidden = true;
-    picture.removeAttribute('src');
+    image.dataset.frame = frameName;
+    image.hidden = true;
+    image.removeAttribute('src');
     if (!path) return;
     setTimeout(() => {
-      if (picture.dataset.path === path) picture.src = path;
+      if (image.dataset.path === path) image.src = path;
     }, SETTLED_MS);
   }
 
   // The path of the newest version, or of an earlier one that is recent enough.
-  private pathOf(frame: Pictured): string {
+  private pathOf(frame: PreviewFrame): string {
     const path = api.thumbnailPath(frame);
     const known = this.shown.get(frame.name);
     const {complete} = frame;

@@ -19,7 +19,7 @@ export const SCALE_MAX = 64;
 
 export class ViewTransform {
   private box: Size = {width: 1, height: 1};
-  private picture: Size = {width: 1, height: 1};
+  private image: Size = {width: 1, height: 1};
   // Null while the image is fitted into the box.
   private chosenScale: number|null = null;
   // The image point in the middle of the box, 0 to 1 along each side.
@@ -30,9 +30,9 @@ export class ViewTransform {
   }
 
   // An image of another size is fitted again; one of the same size keeps the view.
-  setPicture(size: Size) {
-    if (size.width === this.picture.width && size.height === this.picture.height) return;
-    this.picture = {width: size.width, height: size.height};
+  setImage(size: Size) {
+    if (size.width === this.image.width && size.height === this.image.height) return;
+    this.image = {width: size.width, height: size.height};
     this.fit();
   }
 
@@ -42,7 +42,7 @@ export class ViewTransform {
 
   private get fittedScale(): number {
     return Math.min(
-        this.box.width / this.picture.width, this.box.height / this.picture.height, SCALE_MAX);
+        this.box.width / this.image.width, this.box.height / this.image.height, SCALE_MAX);
   }
 
   get scale(): number {
@@ -51,21 +51,21 @@ export class ViewTransform {
 
   // Position of the image's first pixel in the box, in whole pixels.
   get origin(): Point {
-    const along = (box: number, picture: number, centre: number) => {
-      const length = picture * this.scale;
+    const along = (box: number, image: number, centre: number) => {
+      const length = image * this.scale;
       if (length <= box) return Math.round((box - length) / 2);
       return Math.round(Math.min(0, Math.max(box - length, box / 2 - centre * length)));
     };
     return {
-      x: along(this.box.width, this.picture.width, this.centre.x),
-      y: along(this.box.height, this.picture.height, this.centre.y),
+      x: along(this.box.width, this.image.width, this.centre.x),
+      y: along(this.box.height, this.image.height, this.centre.y),
     };
   }
 
   // Shows the same part of this image as `other` shows of its image, whatever their sizes.
   follow(other: ViewTransform) {
     this.chosenScale =
-        other.isFitted ? null : other.scale * other.picture.width / this.picture.width;
+        other.isFitted ? null : other.scale * other.image.width / this.image.width;
     this.centre = {...other.centre};
   }
 
@@ -99,14 +99,14 @@ export class ViewTransform {
 
   // Moves the first pixel to origin, or as close as the image's edges allow.
   private moveTo(origin: Point) {
-    const along = (box: number, picture: number, start: number) => {
-      const length = picture * this.scale;
+    const along = (box: number, image: number, start: number) => {
+      const length = image * this.scale;
       if (length <= box) return 0.5;
       return (box / 2 - Math.min(0, Math.max(box - length, start))) / length;
     };
     this.centre = {
-      x: along(this.box.width, this.picture.width, origin.x),
-      y: along(this.box.height, this.picture.height, origin.y),
+      x: along(this.box.width, this.image.width, origin.x),
+      y: along(this.box.height, this.image.height, origin.y),
     };
   }
 }

@@ -9,7 +9,7 @@ import {falseColorPath} from './api';
 import {byId, setText} from './dom';
 import {STOPS_MAX, STOPS_STEP} from './exposure';
 import * as format from './format';
-import type {PictureViewport} from './picture_viewport';
+import type {ImageViewport} from './image_viewport';
 
 // Zoom factor of keys and buttons, and the fraction of the box by which arrow keys pan.
 const ZOOM_STEP = 2;
@@ -28,7 +28,7 @@ export class ViewerControls {
   private readonly exposure = byId<HTMLInputElement>('exposure');
 
   // `onChange` is called when the layer or the exposure changes.
-  constructor(private readonly viewport: PictureViewport, private readonly onChange: () => void) {
+  constructor(private readonly viewport: ImageViewport, private readonly onChange: () => void) {
     this.exposure.min = String(-STOPS_MAX);
     this.exposure.max = String(STOPS_MAX);
     this.exposure.step = String(STOPS_STEP);

@@ -67,7 +67,7 @@ def cell_means(plane, corner, size):
             numpy.array([counts[key] for key in keys]))
 
 
-class Picture:
+class Image:
     """Planes of k, a pixel's squared relative error, and of c, its CPU seconds."""
 
     def __init__(self, path, tile_costs, reference):
@@ -81,11 +81,11 @@ class Picture:
                        x0 - self.corner[0]:x1 - self.corner[0]] = seconds / (x1 - x0) / (y1 - y0)
 
 
-def render_pictures(scene, options, reference, folder):
-    pictures = []
+def render_images(scene, options, reference, folder):
+    images = []
     with farm.Farm() as one:
         one.start_worker(threads=1)
-        for seed in range(1, options.pictures + 1):  # The farm numbers its jobs alike.
+        for seed in range(1, options.images + 1):  # The farm numbers its jobs alike.
             path = os.path.join(folder, f"{seed}.exr")
             one.sheaf("submit", scene, "--wait", "--samples", options.samples, "--tile-size",
                       min(options.cells), "--seed", seed, "-o", path,
@@ -95,8 +95,8 @@ def render_pictures(scene, options, reference, folder):
                 costs = database.execute(
                     "SELECT x0, y0, x1, y1, SUM(cpu_ns) / 1e9 FROM parts WHERE job_id = ? "
                     "GROUP BY y0, x0, y1, x1", (seed,)).fetchall()
-            pictures.append(Picture(path, costs, reference))
-    return pictures
+            images.append(Image(path, costs, reference))
+    return images
 
 
 def saving(errors, costs, weights, samples):
@@ -110,12 +110,12 @@ def shares(errors, costs):
     return numpy.sqrt(numpy.maximum(errors, CELL_SHARE_MIN * errors.mean()) / costs)
 
 
-def savings(pictures, size):
+def savings(images, size):
     """Bound, known and errors, as defined above."""
-    corner = pictures[0].corner
+    corner = images[0].corner
     means = [(cell_means(p.errors, corner, size)[0], cell_means(p.costs, corner, size)[0])
-             for p in pictures]
-    weights = cell_means(pictures[0].errors, corner, size)[1]
+             for p in images]
+    weights = cell_means(images[0].errors, corner, size)[1]
     every = [sum(m[i] for m in means) / len(means) for i in (0, 1)]
     bound = saving(*every, weights, numpy.sqrt(every[0] / every[1] + 1e-300))
     known, by_errors = [], []
@@ -138,9 +138,9 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             reference, _ = target_error.make_reference(
                 scene, options, folder, target_error.reference_samples(scene, options))
-            pictures = render_pictures(scene, options, reference, folder)
+            images = render_images(scene, options, reference, folder)
         for size in options.cells:
-            found[size].append(savings(pictures, size))
+            found[size].append(savings(images, size))
         print(f"{os.path.basename(scene)}: " + "; ".join(
             f"cells of {size}: bound {found[size][-1][0]:.2f}, known {found[size][-1][1]:.2f}, "
             f"errors {found[size][-1][2]:.2f}" for size in options.cells), flush=True)

@@ -48,8 +48,8 @@ def cycles(options, samples, seed, out):
                         options.script, "--", options.scene, str(samples), out, str(seed)])
 
 
-def compare(reference, picture):
-    done = subprocess.run([SHEAF, "compare", "--json", reference, picture], capture_output=True,
+def compare(reference, image):
+    done = subprocess.run([SHEAF, "compare", "--json", reference, image], capture_output=True,
                           text=True)
     if not done.stdout:
         sys.exit(done.stderr)

@@ -109,19 +109,19 @@ SCENES = {
 }
 
 
-def write_picture(folder):
+def write_image(folder):
     """Writes 16 x 16 pixels that serve as a normal map and as an image texture."""
     rows = [(0.5 + 0.2 * math.sin(x), 0.5 + 0.2 * math.cos(x * y), 0.9)
             for y in range(16) for x in range(16)]
-    with open(os.path.join(folder, "picture.pfm"), "wb") as picture:
-        picture.write(b"PF\n16 16\n-1.0\n")
+    with open(os.path.join(folder, "picture.pfm"), "wb") as image:
+        image.write(b"PF\n16 16\n-1.0\n")
         for pixel in rows:
-            picture.write(struct.pack("<3f", *pixel))
+            image.write(struct.pack("<3f", *pixel))
 
 
 def measure(name, text, seconds):
     with tempfile.TemporaryDirectory() as folder:
-        write_picture(folder)
+        write_image(folder)
         path = os.path.join(folder, "scene.pbrt")
         with open(path, "w", encoding="utf-8") as scene:
             head = HEAD.replace('"path"', '"volpath"')

@@ -128,7 +128,7 @@ bool Measure(const std::string& name, uint64_t count, SceneDescription scene, do
     r.ray.d = ToFloat(random.Direction() * 0.8) - r.ray.o;
   }
   const double trace_begin = ProcessCpuSeconds();
-  const uint64_t met = (*tracer)->Replay(rays);
+  const uint64_t hits = (*tracer)->Replay(rays);
   const double rate = kRays / (ProcessCpuSeconds() - trace_begin);
   const double seconds = built_at - begin, bytes = grown / static_cast<double>(count);
   std::printf(
@@ -136,7 +136,7 @@ bool Measure(const std::string& name, uint64_t count, SceneDescription scene, do
       "Embree's; %.3f million rays/s, %.0f %% of them met something\n",
       name.c_str(), static_cast<unsigned long long>(count), baked_at - begin, built_at - baked_at,
       bytes, static_cast<double>((*tracer)->memory_bytes()) / static_cast<double>(count),
-      rate * 1e-6, 100 * static_cast<double>(met) / kRays);
+      rate * 1e-6, 100 * static_cast<double>(hits) / kRays);
   return seconds <= seconds_max && bytes <= bytes_max;
 }
 

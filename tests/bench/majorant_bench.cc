@@ -14,7 +14,7 @@
 
 #include "common/base/check.h"
 #include "tests/bench/bench_scene.h"
-#include "tests/bench/picture_error.h"
+#include "tests/bench/image_error.h"
 #include "worker/render/tile_pass.h"
 
 namespace sheaf::render {

@@ -32,12 +32,12 @@ template <typename T>
 double BytesOf(const std::vector<T>& values) {
   return static_cast<double>(values.size() * sizeof(T));
 }
-double PictureBytes(FileSource& files, const std::string& name) {
+double ImageBytes(FileSource& files, const std::string& name) {
   if (name.empty()) return 0;
   const auto path = files.LocalPath(name);
   if (!path.ok()) return 0;
-  const auto picture = ReadImage(*path);
-  return picture.ok() ? 3.0 * sizeof(float) * picture->width * picture->height : 0;
+  const auto image = ReadImage(*path);
+  return image.ok() ? 3.0 * sizeof(float) * image->width * image->height : 0;
 }
 
 double BytesOfMesh(const TriangleMesh& mesh) {
@@ -75,7 +75,7 @@ double SkyBytes(const SceneDescription& scene, FileSource& files) {
   double bytes = 0;
   for (const LightDescription& light : scene.lights) {
     if (const auto* sky = std::get_if<InfiniteLight>(&light.light)) {
-      bytes += PictureBytes(files, sky->file);
+      bytes += ImageBytes(files, sky->file);
     }
   }
   return bytes;

@@ -33,9 +33,9 @@ TestScene Milk(float thickness, bool on_grid) {
   TestScene t({2.2, 1.4, -3.6}, {0, -0.1, 0}, 36);
   t.AddShape(MeshShape{t.Quad({-9, 1.5f, -9}, {9, 1.5f, -9}, {9, 1.5f, 9}, {-9, 1.5f, 9})},
              t.Diffuse({}))
-      .area_light = t.AreaLight(Rgb::Grey(1));
+      .area_light = t.AreaLight(Rgb::Gray(1));
   MediumDescription milk;
-  milk.sigma_s.rgb = Rgb::Grey(thickness / 2);
+  milk.sigma_s.rgb = Rgb::Gray(thickness / 2);
   milk.g = 0.9f;
   if (on_grid) {
     UniformGridMedium grid;
@@ -49,11 +49,11 @@ TestScene Milk(float thickness, bool on_grid) {
   return t;
 }
 
-struct Picture {
+struct Image {
   FilmTile film;
   double seconds = 0, rays = 0;
 };
-Picture Make(const SceneDescription& scene, uint64_t samples, int32_t after, uint64_t seed) {
+Image Make(const SceneDescription& scene, uint64_t samples, int32_t after, uint64_t seed) {
   FrameSettings settings = SquareSettings(kSizePx, samples, kDepth);
   settings.similarity_after = after;
   settings.seed = seed;
@@ -123,14 +123,14 @@ void Run(uint64_t samples, float thickness) {
                 static_cast<unsigned long long>(samples));
     std::printf("%8s  %22s  %24s  %10s  %10s\n", "after", "mean, relative", "relMSE of the bias",
                 "rays", "time");
-    const Picture unbiased = Make(scene, samples, 0, 1);
+    const Image unbiased = Make(scene, samples, 0, 1);
     const std::vector<double> reference = MeansOf(Make(scene, 4 * samples, 8, 3).film);
     for (const int32_t after : {0, 1, 2, 4, 8, 16, 32, 64}) {
-      const Picture picture = Make(scene, samples, after, 2);
-      const Bias bias = BiasOf(picture.film, unbiased.film, reference);
+      const Image image = Make(scene, samples, after, 2);
+      const Bias bias = BiasOf(image.film, unbiased.film, reference);
       std::printf("%8d  %+10.5f +- %8.5f  %11.3e +- %9.1e  %10.3f  %10.3f\n", after,
                   bias.of_mean.mean, bias.of_mean.error, bias.rel_mse.mean, bias.rel_mse.error,
-                  picture.rays / unbiased.rays, picture.seconds / unbiased.seconds);
+                  image.rays / unbiased.rays, image.seconds / unbiased.seconds);
       std::fflush(stdout);
     }
   }

@@ -22,7 +22,7 @@ namespace sheaf {
 namespace {
 
 constexpr int kSizePx = 8192;
-constexpr double kPictureBytes = 3.0 * kSizePx * kSizePx;
+constexpr double kImageBytes = 3.0 * kSizePx * kSizePx;
 // A band of 64 rows as floats for the check, the same band as in the file, and the decoder.
 constexpr double kDecodingBytes = 96e6;
 constexpr int kBandsRead = 4;
@@ -32,7 +32,7 @@ Rgb8 TexelAt(int x, int y) {
   return {static_cast<uint8_t>(x >> 5), static_cast<uint8_t>(y >> 5), 128};
 }
 
-absl::Status WritePicture(const std::string& path) {
+absl::Status WriteFrameImage(const std::string& path) {
   std::vector<Rgb8> pixels(static_cast<size_t>(kSizePx) * kSizePx);
   for (int y = 0; y < kSizePx; ++y) {
     for (int x = 0; x < kSizePx; ++x) {
@@ -65,12 +65,12 @@ bool ReadSome(const TextureCache& cache, int32_t image) {
 int Run(double gigabytes, double limit_mb) {
   std::string folder = (std::filesystem::temp_directory_path() / "texture_memory_XXXXXX").string();
   if (mkdtemp(folder.data()) == nullptr) return 2;
-  const std::string picture = folder + "/0.png";
-  if (const auto status = WritePicture(picture); !status.ok()) {
+  const std::string image_path = folder + "/0.png";
+  if (const auto status = WriteFrameImage(image_path); !status.ok()) {
     std::fprintf(stderr, "%s\n", status.ToString().c_str());
     return 2;
   }
-  const int count = static_cast<int>(gigabytes * 1e9 / kPictureBytes) + 1;
+  const int count = static_cast<int>(gigabytes * 1e9 / kImageBytes) + 1;
   TextureCache cache(static_cast<uint64_t>(limit_mb * 1024 * 1024));
   const double before = ResidentBytes();
   double largest = before;
@@ -80,7 +80,7 @@ int Run(double gigabytes, double limit_mb) {
   std::vector<int32_t> images;
   for (int i = 0; i < count && is_right; ++i) {
     const std::string path = folder + "/" + std::to_string(i + 1) + ".png";
-    std::filesystem::create_hard_link(picture, path, error);
+    std::filesystem::create_hard_link(image_path, path, error);
     const auto image = cache.Open(path, {TexelEncoding::Kind::kLinear});
     if (!image.ok()) std::fprintf(stderr, "%s\n", image.status().ToString().c_str());
     is_right = image.ok();
@@ -96,7 +96,7 @@ int Run(double gigabytes, double limit_mb) {
   std::printf(
       "%d pictures, %.1f GB decoded: grew by %.0f MB (limit %.0f MB, allowed %.0f MB); opened in "
       "%.0f s, read in %.0f s of CPU; texels %s\n",
-      count, count * kPictureBytes * 1e-9, grown / 1048576, limit_mb, allowed / 1048576,
+      count, count * kImageBytes * 1e-9, grown / 1048576, limit_mb, allowed / 1048576,
       opened - begin, ProcessCpuSeconds() - opened, is_right ? "right" : "WRONG");
   std::filesystem::remove_all(folder, error);
   return is_right && grown <= allowed ? 0 : 1;

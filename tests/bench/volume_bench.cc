@@ -152,10 +152,10 @@ void BenchTracking(const sheaf::VolumeGrid& grid, const MajorantGrid& majorants,
       const auto density = [&](double t) { return grid.At(o + t * d, &cursor); };
       if (is_local) {
         MajorantWalk walk(majorants, o, d, 0, t_max);
-        passed += TrackTransmittance(&walk, density, sheaf::Rgb::Grey(sigma), &stream, &tally).r;
+        passed += TrackTransmittance(&walk, density, sheaf::Rgb::Gray(sigma), &stream, &tally).r;
       } else {
         GlobalWalk walk{{0, t_max, majorants.bounds()}};
-        passed += TrackTransmittance(&walk, density, sheaf::Rgb::Grey(sigma), &stream, &tally).r;
+        passed += TrackTransmittance(&walk, density, sheaf::Rgb::Gray(sigma), &stream, &tally).r;
       }
     }
     const double count = ray_count;

@@ -40,7 +40,7 @@ def inclusive_counts(case, folder):
 
 
 class TraitCostTest(unittest.TestCase):
-    def test_a_trait_that_a_scene_does_not_use_costs_nothing(self):
+    def test_unused_traits_cost_nothing(self):
         self.assertTrue(shutil.which("valgrind"), "valgrind is needed (deploy/packages.txt, test)")
         names = cases()
         self.assertTrue(names)

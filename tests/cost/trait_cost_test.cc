@@ -41,15 +41,15 @@ TestScene Floor() {
              t.Diffuse({0.6f, 0.5f, 0.4f}));
   return t;
 }
-void AddLamp(TestScene* t) {
+void AddSceneLight(TestScene* t) {
   t->AddShape(MeshShape{t->Quad({-1, 3, -1}, {1, 3, -1}, {1, 3, 1}, {-1, 3, 1})}, t->Diffuse({}))
-      .area_light = t->AreaLight(Rgb::Grey(5));
+      .area_light = t->AreaLight(Rgb::Gray(5));
 }
 void AddPointLight(TestScene* t) {
-  PointLight lamp;
-  lamp.intensity.rgb = Rgb::Grey(5);
-  lamp.from = {1, 3, -1};
-  t->scene.lights.push_back({lamp, {}, {}, {}});
+  PointLight light;
+  light.intensity.rgb = Rgb::Gray(5);
+  light.from = {1, 3, -1};
+  t->scene.lights.push_back({light, {}, {}, {}});
 }
 template <typename Shape, typename Material>
 ShapeDescription& AddThing(TestScene* t, Shape shape, Material material) {
@@ -62,14 +62,14 @@ ConductorMaterial Metal() {
   ConductorMaterial metal;
   metal.roughness = {{0.3f, kNone}, {0.3f, kNone}, true};
   metal.has_reflectance = true;
-  metal.reflectance.value.rgb = Rgb::Grey(0.8f);
+  metal.reflectance.value.rgb = Rgb::Gray(0.8f);
   return metal;
 }
 void AddInstances(TestScene* t) {
   ObjectDefinition object;
   object.name = "cube";
   object.shapes = {static_cast<int32_t>(t->scene.shapes.size())};
-  t->AddLooseShape(Cube(t), t->Diffuse(Rgb::Grey(0.5f)));
+  t->AddLooseShape(Cube(t), t->Diffuse(Rgb::Gray(0.5f)));
   t->scene.objects.push_back(object);
   for (int i = 0; i < 3; ++i) {
     ObjectInstance instance;
@@ -96,13 +96,13 @@ std::vector<Case> Cases() {
       {"textures", glass_and_point_light},
       {"delta lights",
        [](TestScene* t) {
-         AddLamp(t);
+         AddSceneLight(t);
          AddInstances(t);
        }},
       {"area lights", glass_and_point_light},
       {"transmission",
        [](TestScene* t) {
-         AddLamp(t);
+         AddSceneLight(t);
          AddInstances(t);
          AddThing(t, kBall, Metal());
        }},
@@ -111,7 +111,7 @@ std::vector<Case> Cases() {
       {"instances", glass_and_point_light},
       {"curved shapes",
        [](TestScene* t) {
-         AddLamp(t);
+         AddSceneLight(t);
          AddInstances(t);
        }},
   };
@@ -173,9 +173,9 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
   uint32_t counted = 0;
   for (const Ablated& ablated : AllAblated()) {
     for (const Variant& variant : AllVariants()) {
-      const uint32_t left_out = variant.traits & ~ablated.traits;
-      const bool is_one = (left_out & (left_out - 1)) == 0;
-      if ((ablated.traits & ~variant.traits) == 0 && is_one) counted |= left_out;
+      const uint32_t ablated_traits = variant.traits & ~ablated.traits;
+      const bool is_one = (ablated_traits & (ablated_traits - 1)) == 0;
+      if ((ablated.traits & ~variant.traits) == 0 && is_one) counted |= ablated_traits;
     }
   }
   uint32_t all = 0;

@@ -31,7 +31,7 @@ LONG = (
     "PhaseChiSquareTest.Samples*", "SubsurfaceStability.V1AWalk*",
     "SubsurfaceStability.V14Painted*", "SubsurfaceStability.V14ReflectanceAt*",
     "SubsurfaceStability.V14ReflectanceIs*",
-    "TechniquesTest.L16LightMetAnd*", "TechniquesTest.L16LightSampledAndLightMetBoth",
+    "TechniquesTest.L16LightMetAnd*", "TechniquesTest.L16SampledLightAndBoth",
     "TechniquesTest.V7*", "TechniquesTest.V10*", "TrackingTest.V10*",
     "TriangleStability.G3NoRayLeavesAClosedMesh*", "TriangleStability.G3NoRayLeavesAPlaced*",
     "VaryingLinesTest.V7AConstantGrid*", "VaryingLinesTest.V12*", "VaryingMediaTest.V10Grids*",

@@ -124,7 +124,7 @@ class ClientTest(unittest.TestCase):
                 self.assertIn(words, done.stdout)
                 self.assertFalse([w for w in notation if w in done.stdout])
 
-    def test_mistyped_words_are_guessed(self):
+    def test_mistyped_words_get_suggestions(self):
         """Regression: `sheaf rendr` reported "A subcommand is required", `--sample 4` an extra
         SCENE.
         """
@@ -138,7 +138,7 @@ class ClientTest(unittest.TestCase):
             self.assertIn(f"did you mean {guess}?", done.stderr)
             self.assertEqual(done.stderr.count("\n"), 1)
 
-    def test_with_json_errors_are_json_too(self):
+    def test_json_flag_makes_errors_json(self):
         scene = self.write("wrong.pbrt", SCENE + "Nonsense\nMaterial 7\n")
         cases = ((["render", "--json", "--sample", 4, scene], USAGE, "--samples"),
                  (["plan", scene, "--json"], BAD_SCENE, "wrong.pbrt:8:1"),
@@ -160,14 +160,14 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(severities[0], "note")
         self.assertEqual(set(severities[1:]), {"info"})
 
-    def test_our_scenes_say_nothing_that_teaches_to_skip_notes(self):
+    def test_own_scenes_print_no_notes(self):
         folder = os.path.join(farm.ROOT, "scenes")
         scenes = [name for name in os.listdir(folder) if name.endswith(".pbrt")]
         self.assertIn("cornell-box.pbrt", scenes)
         for name in scenes:
             self.assertNotIn("sampler", run("plan", os.path.join(folder, name)).stderr, name)
 
-    def test_corrupt_pictures_are_found_before_they_are_uploaded(self):
+    def test_corrupt_images_are_found_before_upload(self):
         """Regression: only a worker found them, and named them by their path in its cache."""
         texture = self.farm.path("corrupt.png")
         farm.render(self.write("corrupt_maker.pbrt", SCENE), texture, "--samples", 1)
@@ -264,7 +264,7 @@ class ClientTest(unittest.TestCase):
         self.expect(run("render", scene, "--samples", 4, "-o", exr, "--png", png, "--ocio", "",
                         environment={"OCIO": "/nowhere.ocio"}), OK)
 
-    def test_pictures_in_the_terminal(self):
+    def test_images_in_the_terminal(self):
         scene, exr = self.write("shown.pbrt", SCENE), self.farm.path("shown.exr")
         self.farm.sheaf("submit", scene, "--samples", 4, "--wait", "-o", exr)
         job = json.loads(self.farm.sheaf("list", "--json", "--limit", 1).stdout)["name"]
@@ -343,7 +343,7 @@ class ClientTest(unittest.TestCase):
             with self.subTest(arguments=arguments):
                 self.assertNotEqual(self.expect(run(*arguments), USAGE).stderr, "")
 
-    def test_nobody_answers(self):
+    def test_no_coordinator_answers(self):
         address = f"127.0.0.1:{free_port()}"
         done = self.expect(run("list", "--coordinator", address), UNREACHABLE)
         self.assertRegex(done.stderr, f"^sheaf: no coordinator answers at {address}: the "
@@ -359,7 +359,7 @@ class ClientTest(unittest.TestCase):
         scene = self.write("unwritable.pbrt", SCENE)
         self.expect(run("render", scene, "--samples", 1, "-o", "/proc/none/out.exr"), FILE)
 
-    def test_broken_scenes_say_where(self):
+    def test_broken_scenes_report_locations(self):
         self.write("short.ply", TRUNCATED_PLY)
         self.write("circle.pbrt", 'Include "circle.pbrt"\n')
         line = SCENE.count("\n") + 1
@@ -377,7 +377,7 @@ class ClientTest(unittest.TestCase):
                     done = self.farm.sheaf(command, scene, check=False, seconds=30)
                     self.assertRegex(self.expect(done, BAD_SCENE).stderr, expected)
 
-    def test_files_of_other_programs_send_no_bytes_to_the_terminal(self):
+    def test_foreign_files_send_no_raw_bytes_to_the_terminal(self):
         """Regression: a .blend file's escape sequences were printed, and no message named its
         format.
         """
@@ -398,7 +398,7 @@ class ClientTest(unittest.TestCase):
                     self.assertIn("not a pbrt-v4 scene", done.stderr)
                     self.assertTrue(all(c.isprintable() or c == "\n" for c in done.stderr))
 
-    def test_what_scenes_say_is_printable(self):
+    def test_scene_messages_are_printable(self):
         words = ("\x1b[31mRed", '"string \x1b]0;title\x07" 1', '"\x9b"', "\x07" * 5000)
         for word in words:
             scene = self.farm.path("escapes.pbrt")
@@ -422,7 +422,7 @@ class ClientTest(unittest.TestCase):
         self.assertTrue(plan["variant"])
         self.assertTrue(plan["effects"])
 
-    def test_plan_says_what_is_biased(self):
+    def test_plan_reports_bias(self):
         scene = self.write("milk.pbrt", SCENE + 'MakeNamedMedium "milk" "float g" 0.75\n'
                            '"string type" "homogeneous"\nMediumInterface "milk" ""\n'
                            'Shape "sphere"\n')
@@ -467,7 +467,7 @@ class ClientTest(unittest.TestCase):
         self.assertIn(name, complete("watch", '""'))
         self.assertIn(name, complete("cancel", "jobs/"))
 
-    def test_render_goes_on_where_it_was_interrupted(self):
+    def test_render_resumes_after_an_interruption(self):
         scene = self.write("kept.pbrt", SCENE)
         job = ("--samples", 2048, "--pass-samples", 64, "--lease-passes", 1, "--tile-size", 16,
                "--threads", 1)
@@ -507,7 +507,7 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(process.returncode, INTERRUPTED, text)
         return text
 
-    def test_an_interrupted_render_loses_nothing(self):
+    def test_interrupted_render_loses_nothing(self):
         """Regression: without --keep-state, Ctrl-C discarded all finished work."""
         scene, output = self.write("left.pbrt", SCENE), self.farm.path("left.exr")
         job = ("--samples", 2048, "--pass-samples", 64, "--lease-passes", 1, "--tile-size", 16)
@@ -542,7 +542,7 @@ class ClientTest(unittest.TestCase):
                         self.farm.path("wood.exr"), "-o", self.farm.path("wood.exr")), USAGE)
         self.assertEqual(before, {path: farm.read_bytes(path) for path in (scene, texture)})
 
-    def test_outputs_are_regular_files_that_say_what_they_hold(self):
+    def test_outputs_are_regular_files_with_matching_extensions(self):
         """Regression: `-o -` made a file named -, `-o a.jpg` wrote EXR bytes, and links and devices
         were replaced.
         """
@@ -584,7 +584,7 @@ class ClientTest(unittest.TestCase):
         self.expect(run("study", scene, "-o", self.farm.path("none", "a.html")), FILE)
         self.expect(run("study", scene, "--json-output", self.farm.path("none", "a.json")), FILE)
 
-    def test_a_finished_picture_that_cannot_be_written_is_kept(self):
+    def test_unwritable_finished_image_is_kept(self):
         """The output's folder disappears before the end."""
         scene = self.write("fallback.pbrt", SCENE)
         folder, temporary = self.farm.path("leaves"), self.farm.path("fallback tmp")
@@ -604,7 +604,7 @@ class ClientTest(unittest.TestCase):
         farm.render(scene, whole, "--samples", 2048, "--tile-size", 16)
         self.assertEqual(farm.picture_digest(kept), farm.picture_digest(whole))
 
-    def test_an_interrupted_wait_says_how_to_fetch_the_picture(self):
+    def test_interrupted_wait_reports_how_to_fetch_the_image(self):
         scene, output = self.write("leave.pbrt", SCENE), self.farm.path("left behind.exr")
         command = [os.path.join(farm.programs(), "sheaf"), "submit", scene, "--samples",
                    str(1 << 24), "--wait", "-o", output, "--coordinator", self.farm.address,
@@ -624,7 +624,7 @@ class ClientTest(unittest.TestCase):
         text = self.farm.sheaf("submit", scene, "--samples", 1, "-o", output).stderr
         self.assertRegex(text, r"without --wait no image is written; .* sheaf watch jobs/\d+ ")
 
-    def test_unreliable_tiles_and_what_makes_them_so(self):
+    def test_unreliable_tiles_and_their_cause(self):
         """The room's glass ball casts a caustic on the floor that few samples reach."""
         scene = os.path.join(farm.ROOT, "scenes/cornell-box.pbrt")
         size = ("--crop", "120,240,320,400", "--samples", 16)
@@ -637,7 +637,7 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(sum(tiles), frame["unreliable_tile_count"])
         self.assertEqual(tiles, sorted(tiles, reverse=True))
 
-    def test_smooth_pictures_say_what_one_sequence_would_save(self):
+    def test_smooth_images_report_the_gain_of_one_sequence(self):
         """The forecast gain is real, and at most what continued convergence would give. The room
         with the glass ball has no gain.
         """
@@ -702,7 +702,7 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(status("other.example:80"), 200)
         self.assertEqual(status("evil.example"), 403)
 
-    def test_a_farm_that_does_not_start_leaves_nothing_running(self):
+    def test_failed_farm_start_leaves_nothing_running(self):
         late = farm.Farm()
         with mock.patch.object(farm, "START_SECONDS_MAX", 0), self.assertRaises(AssertionError):
             late.__enter__()

@@ -92,7 +92,7 @@ class DamageTest(unittest.TestCase):
         done = f.sheaf("submit", self.scene, *JOB, "--json", "--samples", samples)
         return json.loads(done.stdout.splitlines()[-1])["name"]
 
-    def picture(self, f, job):
+    def image(self, f, job):
         """Follows the job, saves its image and returns the digest."""
         output = f.path("out.exr")
 
@@ -106,19 +106,19 @@ class DamageTest(unittest.TestCase):
         url = f"http://{f.http}/api/v1/{job}/failures"
         return json.loads(urlopen(url, timeout=10).read())
 
-    def test_a_texture_altered_in_the_cache_of_a_living_worker(self):
+    def test_texture_altered_in_the_cache_of_a_running_worker(self):
         with farm.Farm() as f:
             f.start_worker()
             job = self.submit(f)
-            self.assertEqual(self.picture(f, job), self.expected)
+            self.assertEqual(self.image(f, job), self.expected)
             # The scene is compiled in the worker, and tiles of its texture are in memory.
             alter(blob_path(f.path("cache", "blobs"), os.path.getsize(self.texture)), whole=True)
             again = self.submit(f)
-            self.assertEqual(self.picture(f, again), self.expected)
+            self.assertEqual(self.image(f, again), self.expected)
             self.assertIn("wood.png", json.dumps(self.failures(f, again)))
             self.assertTrue(os.listdir(f.path("cache", "blobs", "damaged")))
 
-    def test_a_texture_altered_while_its_tiles_are_rendered(self):
+    def test_texture_altered_during_rendering(self):
         with farm.Farm() as f:
             f.start_worker()
             job = self.submit(f, samples=4096)
@@ -126,10 +126,10 @@ class DamageTest(unittest.TestCase):
             alter(blob_path(f.path("cache", "blobs"), os.path.getsize(self.texture)), whole=True)
             expected = f.path("expected.exr")
             farm.render(self.scene, expected, *JOB, "--samples", 4096)
-            self.assertEqual(self.picture(f, job), farm.picture_digest(expected))
+            self.assertEqual(self.image(f, job), farm.picture_digest(expected))
             self.assertIn("wood.png", json.dumps(self.failures(f, job)))
 
-    def test_a_blob_altered_in_the_coordinators_store(self):
+    def test_blob_altered_in_the_coordinator_store(self):
         with farm.Farm() as f:
             job = self.submit(f)
             alter(blob_path(f.path("state", "content"), os.path.getsize(self.texture)))
@@ -143,9 +143,9 @@ class DamageTest(unittest.TestCase):
             self.assertIn("submit the scene again", waiting_reason())
             again = self.submit(f)
             for name in (job, again):
-                self.assertEqual(self.picture(f, name), self.expected)
+                self.assertEqual(self.image(f, name), self.expected)
 
-    def test_a_manifest_altered_in_the_coordinators_store(self):
+    def test_manifest_altered_in_the_coordinator_store(self):
         with farm.Farm() as f:
             job = self.submit(f)
             sizes = {os.path.getsize(self.scene), os.path.getsize(self.texture)}
@@ -157,13 +157,13 @@ class DamageTest(unittest.TestCase):
             again = self.submit(f)  # The client must send it again.
             f.start_worker()
             for name in (job, again):
-                self.assertEqual(self.picture(f, name), self.expected)
+                self.assertEqual(self.image(f, name), self.expected)
 
-    def test_a_delivered_picture_altered_or_removed(self):
+    def test_delivered_image_altered_or_removed(self):
         with farm.Farm() as f:
             f.start_worker()
             job = self.submit(f)
-            self.assertEqual(self.picture(f, job), self.expected)
+            self.assertEqual(self.image(f, job), self.expected)
             delivered = [os.path.join(d, n) for d, _, names in os.walk(f.path("state", "outputs"))
                          for n in names if n.endswith(".exr") and "thumbnail" not in n]
             self.assertEqual(len(delivered), 1)
@@ -173,7 +173,7 @@ class DamageTest(unittest.TestCase):
                 said = f.sheaf("watch", job, "-o", f.path("spoilt.exr"), check=False)
                 self.assertNotEqual(said.returncode, 0)
                 self.assertIn("being recreated", said.stderr)
-                self.assertEqual(self.picture(f, job), self.expected)
+                self.assertEqual(self.image(f, job), self.expected)
                 self.assertEqual(farm.read_bytes(delivered[0]), whole, "to the bit")
             self.assertEqual(f.metrics()["sheaf_pictures_damaged_total"], 2)
 

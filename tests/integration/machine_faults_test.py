@@ -49,7 +49,7 @@ class MachineFaultsTest(unittest.TestCase):
         before = self.accepted(f)
         farm.wait_until(lambda: self.accepted(f) > before + 3, 30, "more results")
 
-    def test_a_clock_that_jumps_loses_nobody_and_holds_nothing_back(self):
+    def test_clock_jumps_lose_no_worker_and_cause_no_delay(self):
         with self.make_farm() as f:
             begin = time.monotonic()
             for _ in range(2):
@@ -78,7 +78,7 @@ class MachineFaultsTest(unittest.TestCase):
         except HTTPError:
             return False
 
-    def test_a_full_disk_is_told_to_all_and_nothing_is_lost(self):
+    def test_full_disk_is_reported_and_nothing_is_lost(self):
         with self.make_farm() as f:
             f.start_worker()
             job = self.submit(f, 128)

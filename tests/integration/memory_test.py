@@ -54,7 +54,7 @@ class MemoryTest(unittest.TestCase):
         self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
         return json.loads(done.stdout.splitlines()[-1])["failure"]
 
-    def test_a_scene_beyond_the_workers_memory_fails_and_ends_no_worker(self):
+    def test_scene_beyond_the_worker_memory_fails_without_killing_workers(self):
         with farm.Farm(["--lease-seconds", "2"]) as f:
             workers = [self.start_worker(f) for _ in range(2)]
             huge = self.submit(f, self.scene(10))
@@ -69,7 +69,7 @@ class MemoryTest(unittest.TestCase):
             listed = urlopen(f"http://{f.http}/api/v1/{huge}/failures", timeout=10).read()
             self.assertIn('"kind":"memory"', listed.decode().replace(" ", ""))
 
-    def test_a_scene_that_ends_each_worker_fails_after_a_few(self):
+    def test_crashing_scene_fails_after_a_few_workers(self):
         """The cause does not matter: the test kills each worker while it loads the scene."""
         with farm.Farm(["--lease-seconds", "1"]) as f:
             scene = self.scene(10)  # Takes seconds to load.
@@ -94,7 +94,7 @@ class MemoryTest(unittest.TestCase):
             small = self.submit(f, self.scene(3))
             self.assertEqual(f.sheaf("watch", small).returncode, 0)
 
-    def test_plan_says_how_much(self):
+    def test_plan_reports_costs(self):
         said = farm.local("plan", self.scene(9))
         self.assertIn("1048576 triangles", said)
         self.assertRegex(said, r"memory: about \d+ MiB")

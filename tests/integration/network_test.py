@@ -98,7 +98,7 @@ class NetworkTest(unittest.TestCase):
             self.assertEqual(failed, [])
             self.assertLessEqual(open_files(worker), files_at_first + 8)
 
-    def test_hosts_without_a_port_get_ours(self):
+    def test_hosts_without_a_port_get_the_default(self):
         # No program listens at the second loopback address, even if one does at the first.
         for arguments, environment in ((["--coordinator", "127.0.0.2"], {}),
                                        ([], {"SHEAF_COORDINATOR": "127.0.0.2"})):
@@ -127,7 +127,7 @@ class NetworkTest(unittest.TestCase):
             worker.communicate()
             return line
 
-    def test_half_open_requests_take_nobodys_place(self):
+    def test_half_open_requests_do_not_block_others(self):
         with farm.Farm() as f:
             host, _, port = f.http.rpartition(":")
             sockets = []

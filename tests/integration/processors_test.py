@@ -31,7 +31,7 @@ PARTS = {
 
 @unittest.skipUnless(QEMU, "qemu-x86_64 is not there (Debian's qemu-user)")
 class ProcessorsTest(unittest.TestCase):
-    def test_an_emulated_processor_renders_the_same_picture(self):
+    def test_emulated_processor_renders_the_same_image(self):
         program = os.path.join(farm.programs(), "sheaf")
         for name, crop in PARTS.items():
             with self.subTest(name), tempfile.TemporaryDirectory() as folder:

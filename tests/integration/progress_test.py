@@ -28,7 +28,7 @@ def told(script, *arguments, seconds="1"):
 
 
 class ProgressTest(unittest.TestCase):
-    def test_the_first_line_says_how_long_it_will_take(self):
+    def test_first_line_reports_the_expected_time(self):
         processors = len(os.sched_getaffinity(0))
         out, lines = told("echo '[1/40] Building a'", "building", str(15000 * processors),
                           seconds="30")
@@ -36,13 +36,13 @@ class ProgressTest(unittest.TestCase):
                                  % processors])
         self.assertEqual(out, "")
 
-    def test_steps_and_what_is_left_are_told_while_a_step_takes_long(self):
+    def test_progress_is_reported_during_long_steps(self):
         _, lines = told("echo '[3/4] Building a'; sleep 2.5", "building", "1000")
         self.assertGreaterEqual(len(lines), 2)
         for line in lines[1:]:
             self.assertRegex(line, r"^sheaf: building: step 3 of 4, about \d+ s left$")
 
-    def test_slow_steps_raise_what_is_left(self):
+    def test_slow_steps_raise_the_remaining_time(self):
         _, lines = told("for i in 1 2; do sleep 1.2; echo \"[$i/400] a\"; done; sleep 1.2",
                         "building", "100")
         left = [re.search(r"about (\d+) (s|min) left", line) for line in lines[1:]]
@@ -56,10 +56,10 @@ class ProgressTest(unittest.TestCase):
         self.assertEqual(len(lines), 1)
         self.assertRegex(lines[0], "^sheaf: testing: 20 steps, about ")
 
-    def test_a_command_without_steps_tells_nothing(self):
+    def test_command_without_steps_prints_nothing(self):
         self.assertEqual(told("echo 'ninja: no work to do.'", "building", "1000"), ("", []))
 
-    def test_packages_tell_how_far_they_are_and_why_they_failed(self):
+    def test_packages_report_progress_and_failures(self):
         with tempfile.TemporaryDirectory() as folder:
             for name, script in {"apt-get": APT_GET, "dpkg-query": "exit 1",
                                  "sudo": 'exec "$@"'}.items():

@@ -45,14 +45,14 @@ class QuoteHereTest(unittest.TestCase):
     def setUpClass(cls):
         cls.quote, cls.rows = quote_rows(farm.local("quote", ROOM, "--here", "--json"))
 
-    def test_costs_little_and_says_what(self):
+    def test_quote_is_cheap_and_reports_its_cost(self):
         cheapest = min(row["cpu_hours"]["value"] for row in self.rows.values())
         # The limit is 3 % of the samples; in so small an image the start and end of tiles count as
         # well.
         self.assertLess(self.quote["pilot_cpu_hours"], 0.06 * cheapest)
         self.assertGreater(self.quote["pilot_cpu_hours"], 0)
 
-    def test_smaller_errors_cost_more_and_bands_hold_their_value(self):
+    def test_smaller_errors_cost_more_and_intervals_hold(self):
         targets = sorted((t for t in self.rows if t is not None), reverse=True)
         self.assertEqual(targets, [0.1, 0.05, 0.02, 0.01])
         for looser, tighter in zip(targets, targets[1:]):
@@ -65,7 +65,7 @@ class QuoteHereTest(unittest.TestCase):
                 self.assertLess(band["low"], band["value"])
                 self.assertLess(band["value"], band["high"])
 
-    def test_what_happens_is_near(self):
+    def test_measured_cost_is_near_the_quote(self):
         with tempfile.TemporaryDirectory() as folder:
             for target in (0.05, 0.02):
                 out = farm.local("render", ROOM, "--target-error", target, "--json", "-o",
@@ -76,7 +76,7 @@ class QuoteHereTest(unittest.TestCase):
                 self.assertLess(ratio, FACTOR_MAX, target)
                 self.assertGreater(ratio, 1 / FACTOR_MAX, target)
 
-    def test_a_number_of_samples_has_its_row(self):
+    def test_sample_count_has_a_row(self):
         _, rows = quote_rows(farm.local("quote", ROOM, "--here", "--json", "--samples", 64,
                                    "--targets", 0.5))
         row = rows[None]
@@ -90,7 +90,7 @@ class QuoteHereTest(unittest.TestCase):
 
 
 class QuoteOnFarmTest(unittest.TestCase):
-    def test_before_all_other_jobs_and_for_all_threads(self):
+    def test_pilots_run_before_other_jobs_on_all_threads(self):
         with farm.Farm() as f:
             f.start_worker(threads=2)
             busy = f.sheaf("submit", ROOM, "--samples", 1 << 20).stdout.strip()
@@ -112,7 +112,7 @@ class QuoteOnFarmTest(unittest.TestCase):
             job = json.loads(f.sheaf("show", busy, "--json").stdout)
             self.assertEqual(job["state"], "running")
 
-    def test_a_lamp_of_one_pixel_has_a_close_up(self):
+    def test_one_pixel_emitter_has_a_zoomed_pilot(self):
         with farm.Farm() as f, tempfile.TemporaryDirectory() as folder:
             f.start_worker()
             scene = os.path.join(folder, "lamp.pbrt")
@@ -122,17 +122,17 @@ class QuoteOnFarmTest(unittest.TestCase):
             frames = [frame for line in f.sheaf("list", "--all", "--json").stdout.splitlines()
                       for name in [json.loads(line)["name"]]
                       for frame in json.loads(f.sheaf("show", name, "--json").stdout)["frames"]]
-            close_ups = [frame for frame in frames if frame["width_px"] == 4 * LAMP_WIDTH_PX]
-            self.assertEqual(len(close_ups), 1, frames)
-            window = close_ups[0]["window"]
+            zoomed_pilots = [frame for frame in frames if frame["width_px"] == 4 * LAMP_WIDTH_PX]
+            self.assertEqual(len(zoomed_pilots), 1, frames)
+            window = zoomed_pilots[0]["window"]
             # The emitter is 0.43 to the right and 0.31 up at a distance of 4: .1075 and .0775 times
             # 90 / tan(22.5 degrees) pixels from the center.
-            for key, lamp_px in (("x", 120 + 23.4), ("y", 90 - 16.8)):
-                self.assertLess(window[f"{key}0_px"] / 4, lamp_px - 1)
-                self.assertGreater(window[f"{key}1_px"] / 4, lamp_px + 1)
+            for key, emitter_px in (("x", 120 + 23.4), ("y", 90 - 16.8)):
+                self.assertLess(window[f"{key}0_px"] / 4, emitter_px - 1)
+                self.assertGreater(window[f"{key}1_px"] / 4, emitter_px + 1)
                 self.assertLess(window[f"{key}1_px"] - window[f"{key}0_px"], 4 * 6)
 
-    def test_interrupted_it_leaves_no_pilot_behind(self):
+    def test_interrupted_quote_leaves_no_pilot(self):
         with farm.Farm() as f:  # Without workers the pilot waits forever.
             def states():
                 lines = f.sheaf("list", "--all", "--json").stdout.splitlines()
@@ -152,7 +152,7 @@ class QuoteOnFarmTest(unittest.TestCase):
                     quote.wait()
                 self.assertEqual(set(states()), {"cancelled"})
 
-    def test_killed_it_leaves_no_pilot_behind_and_says_what_it_waits_for(self):
+    def test_killed_quote_leaves_no_pilot_and_reports_what_it_waits_for(self):
         with farm.Farm() as f, tempfile.TemporaryFile("w+") as said:
             quote = subprocess.Popen([os.path.join(farm.programs(), "sheaf"), "quote", ROOM],
                                      env=dict(os.environ, SHEAF_COORDINATOR=f.address),
@@ -173,7 +173,7 @@ class QuoteOnFarmTest(unittest.TestCase):
             self.assertEqual(pilots(), [("jobs/1000000001", "queued")])
             farm.wait_until(lambda: pilots() == [("jobs/1000000001", "cancelled")], 60, "the end")
 
-    def test_pilots_are_not_among_the_jobs(self):
+    def test_pilots_are_not_listed(self):
         with farm.Farm() as f:
             f.start_worker()
             f.sheaf("quote", ROOM)
@@ -186,7 +186,7 @@ class QuoteOnFarmTest(unittest.TestCase):
             self.assertIn("quote of", f.sheaf("list", "--all").stdout)
             self.assertGreater(f.metrics()["sheaf_frames_delivered_total"], 0)
 
-    def test_ranges_are_quoted_from_some_frames(self):
+    def test_ranges_are_quoted_from_sampled_frames(self):
         with farm.Farm() as f:
             f.start_worker()
             quote, rows = quote_rows(f.sheaf("quote", TURNTABLE, "--frames", "1-9", "--crop",
@@ -199,7 +199,7 @@ class QuoteOnFarmTest(unittest.TestCase):
             self.assertGreater(ratio, 9 / FACTOR_MAX)
             self.assertLess(ratio, 9 * FACTOR_MAX)
 
-    def test_submit_says_it_unless_told_not_to(self):
+    def test_submit_reports_the_quote_by_default(self):
         with farm.Farm() as f:
             nobody = f.sheaf("submit", ROOM, "--samples", 1, quote=True)
             self.assertIn("no quote: no worker is connected", nobody.stderr)

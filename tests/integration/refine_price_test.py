@@ -58,7 +58,7 @@ class RefinePriceTest(unittest.TestCase):
             elif key not in ("rounds", "frames"):
                 self.assertEqual(http[key], value, key)
 
-    def test_client_and_http_tell_the_same(self):
+    def test_client_and_http_agree(self):
         job = self.show(self.rendered("--target-error", 0.05))
         by_http = self.http(job["name"])
         self.expect_same(job, by_http, ("failure_count", "frame_count", "frame_complete_count",
@@ -96,12 +96,12 @@ class RefinePriceTest(unittest.TestCase):
         [price] = self.price(job, "--target-error", 2 * target)["prices"]
         self.assertEqual(price["cpu_seconds"]["value"], 0)
 
-    def test_a_frame_of_rounds_costs_what_was_said(self):
+    def test_frame_with_rounds_costs_what_was_quoted(self):
         job = self.rendered("--target-error", 0.05)
         self.check_price(job, 0.01)
         self.check_price(job, 0.003)
 
-    def test_a_frame_without_rounds_costs_what_was_said(self):
+    def test_frame_without_rounds_costs_what_was_quoted(self):
         self.check_price(self.rendered("--samples", 32), 0.005)
 
     def test_several_errors_are_priced_at_once(self):
@@ -120,7 +120,7 @@ class RefinePriceTest(unittest.TestCase):
         self.assertEqual([price["cpu_seconds"] for price in by_http["prices"]],
                          [price["cpu_seconds"] for price in priced["prices"]])
 
-    def test_where_no_error_is_known_one_must_be_said(self):
+    def test_unknown_error_needs_a_target(self):
         job = self.rendered("--samples", 1)
         done = self.farm.sheaf("refine", job, "--price", check=False)
         self.assertNotEqual(done.returncode, 0)
@@ -128,7 +128,7 @@ class RefinePriceTest(unittest.TestCase):
         [price] = self.price(job, "--target-error", 0.05)["prices"]
         self.assertEqual(price["target_error"], 0.05)
 
-    def test_http_refines_and_says_why_not(self):
+    def test_http_refinement_and_its_errors(self):
         job = self.rendered("--samples", 16)
         name = job.split("/")[1]
         for path, status in ((f"jobs/{name}:refine", 400), (f"jobs/{name}:refine?samples=8", 400),
@@ -157,7 +157,7 @@ class RefinePriceTest(unittest.TestCase):
         self.assertIn("not finished", done.stderr)
         self.farm.sheaf("cancel", unfinished)
 
-    def test_a_frame_without_rounds_has_a_curve(self):
+    def test_frame_without_rounds_has_an_error_curve(self):
         points = self.show(self.rendered("--samples", 256, "--lease-passes", 1))[
             "frames"][0]["rounds"]
         print("  points of a frame of 256 samples:",

@@ -41,7 +41,7 @@ class ResumeTest(unittest.TestCase):
         self.assertLess(difference["relative_mse"], 1e-11)
         self.assertLess(difference["flip"], 1e-3)
 
-    def test_it_becomes_what_one_run_has(self):
+    def test_resuming_matches_one_run(self):
         frame = render(self.path("more.exr"), "--samples", 256, "--resume-from",
                        self.path("first.exr"))
         self.expect_as(self.path("whole.exr"), self.path("more.exr"))
@@ -62,7 +62,7 @@ class ResumeTest(unittest.TestCase):
                          stopped["progress"]["sample_count_done"])
         self.assertLessEqual(frame["rounds"][-1]["relative_mse_upper"], 0.01)
 
-    def test_the_file_tells_the_error_where_it_is_known(self):
+    def test_file_reports_the_error_if_known(self):
         def curve(path):
             return json.loads(farm.local("show", path, "--json"))["metadata"].get("errorCurve")
 
@@ -73,7 +73,7 @@ class ResumeTest(unittest.TestCase):
         render(self.path("single.exr"), "--samples", 1)
         self.assertIsNone(curve(self.path("single.exr")), "one sample tells no error")
 
-    def test_its_price_is_of_what_is_missing(self):
+    def test_cost_counts_missing_samples(self):
         """Compares the quote with one run; its band contains only 8 of 10 runs."""
         def quote(*arguments):
             return json.loads(farm.local("quote", SCENE, *WINDOW, "--here", "--json", *arguments))
@@ -92,7 +92,7 @@ class ResumeTest(unittest.TestCase):
         self.assertLess(max(hours / missing["cpu_hours"]["value"],
                             missing["cpu_hours"]["value"] / hours), 2.5)
 
-    def test_submission_says_its_price(self):
+    def test_submission_reports_its_cost(self):
         with farm.Farm() as f:
             f.start_worker()
             farm.wait_until(lambda: f.sheaf("workers").stdout.count("\n") > 1, 30, "a worker")
@@ -103,7 +103,7 @@ class ResumeTest(unittest.TestCase):
             job = json.loads(f.sheaf("show", done.stdout.strip(), "--json").stdout)
             self.assertRegex(job["frames"][0]["resumed_picture"], "^[0-9a-f]{64}$")
 
-    def test_another_coordinator_that_is_killed(self):
+    def test_killed_second_coordinator(self):
         with farm.Farm() as f:
             f.start_worker()
             job = json.loads(f.sheaf("submit", SCENE, *WINDOW, "--samples", 256, "--resume-from",
@@ -129,7 +129,7 @@ class ResumeTest(unittest.TestCase):
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("its filter is negative in places", done.stderr)
 
-    def test_what_does_not_fit_is_refused(self):
+    def test_mismatches_are_refused(self):
         def refused(*arguments, scene=SCENE):
             done = subprocess.run(
                 [os.path.join(farm.programs(), "sheaf"), "render", scene, "-o",

@@ -42,7 +42,7 @@ class RoundsTest(unittest.TestCase):
     def path(self, name):
         return os.path.join(self.folder.name, name)
 
-    def test_the_curve_leads_to_the_target(self):
+    def test_error_curve_reaches_the_target(self):
         rounds = self.frame["rounds"]
         self.assertEqual(self.frame["stop_reason"], "target-error")
         self.assertGreater(len(rounds), 2)
@@ -55,7 +55,7 @@ class RoundsTest(unittest.TestCase):
         self.assertEqual(rounds[-1]["sample_count"],
                          self.frame["progress"]["sample_count_done"])
 
-    def test_the_file_tells_the_curve(self):
+    def test_file_contains_the_error_curve(self):
         pixel_count = 96 * 64
         points = [[float(word) for word in point.split()]
                   for point in self.metadata["errorCurve"].split(", ")]
@@ -67,7 +67,7 @@ class RoundsTest(unittest.TestCase):
         self.assertEqual(self.metadata["stopReason"], "target-error")
         self.assertEqual(float(self.metadata["targetError"]), TARGET)
 
-    def test_cuts_and_threads_do_not_matter(self):
+    def test_partition_and_threads_do_not_matter(self):
         for flags in (("--threads", 1), ("--pass-samples", 4, "--lease-passes", 1),
                       ("--pass-samples", 64)):
             with self.subTest(flags=flags):
@@ -104,7 +104,7 @@ class RoundsTest(unittest.TestCase):
             self.assertEqual([r["relative_mse_upper"] for r in rounds],
                              [r["relative_mse_upper"] for r in self.frame["rounds"]])
 
-    def test_samples_are_the_most_a_pixel_gets(self):
+    def test_samples_limit_pixel_samples(self):
         done = farm.render(SCENE, self.path("few.exr"), *JOB, "--samples", 40, "--json")
         frame = last_json(done.stdout)["frames"][0]
         self.assertEqual(frame["stop_reason"], "samples")
@@ -134,7 +134,7 @@ class RoundsTest(unittest.TestCase):
             refined = f.sheaf("refine", "jobs/1", *then, "-o", f.path("then.exr"), "--json").stdout
             return last_json(refined)["frames"][0], farm.picture_digest(f.path("then.exr"))
 
-    def test_refining_is_as_if_it_had_never_stopped(self):
+    def test_refining_matches_an_uninterrupted_run(self):
         done = farm.render(SCENE, self.path("many.exr"), *WINDOW, "--samples", 192, "--json")
         at_once = last_json(done.stdout)["frames"][0]
         frame, digest = self.refined(("--samples", 48), ("--samples", 192))
@@ -147,14 +147,14 @@ class RoundsTest(unittest.TestCase):
         self.assertEqual([r["sample_count"] for r in frame["rounds"]],
                          [r["sample_count"] for r in self.frame["rounds"]])
 
-    def test_a_frame_of_even_samples_is_refined_to_an_error(self):
+    def test_frame_of_uniform_samples_is_refined_to_an_error(self):
         frame, _ = self.refined(("--samples", 24), ("--target-error", TARGET))
         self.assertEqual(frame["stop_reason"], "target-error")
         self.assertLessEqual(frame["rounds"][-1]["relative_mse_upper"], TARGET)
         pixels = 96 * 64
         self.assertEqual(frame["rounds"][0]["sample_count"], 24 * pixels)
 
-    def test_what_is_not_kept_is_rendered_again(self):
+    def test_removed_parts_are_rendered_again(self):
         frame, digest = self.refined(("--target-error", 4 * TARGET), ("--target-error", TARGET),
                                      ("--kept-parts-max", "0"))
         self.assertEqual(digest, self.expected)
@@ -177,7 +177,7 @@ class RoundsTest(unittest.TestCase):
             f.sheaf("refine", job, "--samples", 16, "--wait")
             self.assertEqual(last_json(f.sheaf("show", job, "--json").stdout), before)
 
-    def test_a_refined_job_survives_kills(self):
+    def test_refined_job_survives_kills(self):
         with farm.Farm(["--lease-seconds", "2"]) as f:
             f.start_worker()
             f.sheaf("submit", SCENE, "--wait", "-o", f.path("first.exr"), *WINDOW,
@@ -191,7 +191,7 @@ class RoundsTest(unittest.TestCase):
             f.sheaf("watch", "jobs/1", "-o", f.path("then.exr"))
             self.assertEqual(farm.picture_digest(f.path("then.exr")), self.expected)
 
-    def test_what_makes_no_sense_is_refused(self):
+    def test_invalid_arguments_are_refused(self):
         for flags in (("--target-error", 0), ("--target-error", "nan"), ("--time", "10"),
                       ("--time", "-3s"), ("--time", "inf"), ("--budget", 0)):
             with self.subTest(flags=flags), self.assertRaisesRegex(AssertionError, flags[0]):

@@ -22,7 +22,7 @@ class ToldTest(unittest.TestCase):
             file.write(text)
         return path
 
-    def test_worker_that_stops_in_order_is_not_lost(self):
+    def test_orderly_worker_shutdown_is_no_loss(self):
         with farm.Farm(["--lease-seconds", "1"]) as f:
             def states():
                 return [json.loads(line)["state"]
@@ -41,7 +41,7 @@ class ToldTest(unittest.TestCase):
             self.assertEqual(metrics["sheaf_workers_lost_total"], 1)
             self.assertEqual(metrics['sheaf_workers{state="stopped"}'], 1)
 
-    def test_black_pictures_are_told_before_and_after(self):
+    def test_black_images_are_reported_before_and_after(self):
         sky = 'LightSource "infinite" "rgb L" [0.5 0.6 0.7]'
         behind = 'LightSource "distant" "point3 from" [0 0 1] "point3 to" [0 0 0]'
         dark = self.write("dark.pbrt", SCENE.replace(sky, ""))

@@ -20,7 +20,7 @@ JOB_SECONDS_MAX = 60
 # Other programs on the machine can spoil single measurements.
 ATTEMPT_COUNT_MAX = 3
 # Records the wall-clock time when each new image is drawn in the viewer.
-NOTE_PICTURES = """
+NOTE_IMAGES = """
   window.pictureTimes = [];
   const seen = new WeakSet();
   const draw = CanvasRenderingContext2D.prototype.drawImage;
@@ -32,7 +32,7 @@ NOTE_PICTURES = """
     return draw.call(this, image, ...rest);
   };
 """
-PICTURE_TIMES = "return window.pictureTimes"
+IMAGE_TIMES = "return window.pictureTimes"
 
 
 def large_scene(farm):
@@ -66,18 +66,18 @@ def measure(browser, farm):
     try:
         landed = first_part_time(farm, job)
         # The previous job may be shown until then: its image does not count.
-        times = wait_until(lambda: [t for t in browser.run(PICTURE_TIMES) if t > landed - 0.05],
+        times = wait_until(lambda: [t for t in browser.run(IMAGE_TIMES) if t > landed - 0.05],
                            JOB_SECONDS_MAX, "a picture")
         browser.run(TAKE_LONG_TASKS)
         time.sleep(WATCH_SECONDS)
-        later = [t for t in browser.run(PICTURE_TIMES) if times[0] < t <= times[0] + WATCH_SECONDS]
+        later = [t for t in browser.run(IMAGE_TIMES) if times[0] < t <= times[0] + WATCH_SECONDS]
         longest_ms = max(browser.run(TAKE_LONG_TASKS), default=0)
     finally:
         farm.sheaf("cancel", job)
     return times[0] - landed, len(later) / WATCH_SECONDS, longest_ms
 
 
-def check_large_picture(browser, farm):
+def check_large_image(browser, farm):
     """The best of some attempts meets the limits if the machine is otherwise idle."""
     texts = []
     for _ in range(ATTEMPT_COUNT_MAX):

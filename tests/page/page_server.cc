@@ -35,8 +35,8 @@ constexpr absl::Duration kStep = absl::Milliseconds(250);
 
 // A soft sphere in front of a horizon, with the noise of this many samples. Its lit side is
 // brighter than a screen can show.
-FramePicture MakePicture(uint64_t samples, std::mt19937* random) {
-  FramePicture picture = MakeFakePicture(kWidthPx, kHeightPx, 0);
+FrameImage MakeImage(uint64_t samples, std::mt19937* random) {
+  FrameImage image = MakeFakeImage(kWidthPx, kHeightPx, 0);
   std::normal_distribution<float> noise(0, 1);
   for (int y = 0; y < kHeightPx; ++y) {
     for (int x = 0; x < kWidthPx; ++x) {
@@ -45,20 +45,20 @@ FramePicture MakePicture(uint64_t samples, std::mt19937* random) {
       const float r2 = (u * u + v * v) * 12;
       const float shade = r2 < 1 ? std::max(0.04f, (std::sqrt(1 - r2) - 2 * u - 2 * v) * 0.8f) : 0;
       const float sky = v < 0.2f ? 0.35f - 0.5f * v : 0.12f;
-      const float colours[3] = {r2 < 1 ? shade : sky * 0.8f, r2 < 1 ? shade * 0.6f : sky,
-                                r2 < 1 ? shade * 0.2f : sky * 1.3f};
+      const float colors[3] = {r2 < 1 ? shade : sky * 0.8f, r2 < 1 ? shade * 0.6f : sky,
+                               r2 < 1 ? shade * 0.2f : sky * 1.3f};
       const size_t pixel = static_cast<size_t>(y) * kWidthPx + static_cast<size_t>(x);
-      const int share = (x / kTilePx + y / kTilePx) % 3 + 1;
-      const float count = static_cast<float>(samples * static_cast<uint64_t>(share));
+      const int fraction = (x / kTilePx + y / kTilePx) % 3 + 1;
+      const float count = static_cast<float>(samples * static_cast<uint64_t>(fraction));
       const float spread = (r2 < 1 ? 1.0f : 0.3f) / std::sqrt(count);
       for (size_t c = 0; c < 3; ++c) {
-        picture.planes[c][pixel] = std::max(0.0f, colours[c] * (1 + spread * noise(*random)));
-        picture.planes[3 + c][pixel] = colours[c] * spread;
+        image.planes[c][pixel] = std::max(0.0f, colors[c] * (1 + spread * noise(*random)));
+        image.planes[3 + c][pixel] = colors[c] * spread;
       }
-      picture.planes[6][pixel] = count;
+      image.planes[6][pixel] = count;
     }
   }
-  return picture;
+  return image;
 }
 
 JobView MakeJob(int number, absl::Time create_time) {
@@ -108,11 +108,11 @@ JobView MakeRunningJob(int number, int frame_count) {
   return job;
 }
 
-// The first frame completes kRoundShare rounds, evenly spaced over its samples.
+// The first frame completes kRoundFraction rounds, evenly spaced over its samples.
 void EndRound(FrameView* frame, double relative_mse) {
-  constexpr uint64_t kRoundShare = 5;
+  constexpr uint64_t kRoundFraction = 5;
   const ProgressView& progress = frame->progress;
-  const uint64_t ended = progress.sample_count_done * kRoundShare / progress.sample_count_total;
+  const uint64_t ended = progress.sample_count_done * kRoundFraction / progress.sample_count_total;
   while (frame->rounds.size() < ended) {
     RoundView round;
     round.relative_mse = round.relative_mse_upper = relative_mse;
@@ -127,23 +127,23 @@ void EndRound(FrameView* frame, double relative_mse) {
 void Step(FakeFarm* farm, int step, std::mt19937* random) {
   JobView& job = farm->jobs[0];
   if (job.state != JobState::kRunning) return;
-  const double share = static_cast<double>(step) / kStepCount;
+  const double fraction = static_cast<double>(step) / kStepCount;
   ProgressView& sum = job.progress;
   sum.sample_count_done = 0;
   job.frame_complete_count = 0;
   job.pictured_frame.reset();
   for (int i = 0; i < job.frame_count; ++i) {
     FrameView& frame = job.frames[static_cast<size_t>(i)];
-    const double own = std::clamp(share * 6 - i * 5.0 / job.frame_count, 0.0, 1.0);
+    const double own = std::clamp(fraction * 6 - i * 5.0 / job.frame_count, 0.0, 1.0);
     frame.progress.sample_count_done =
         static_cast<uint64_t>(own * static_cast<double>(frame.progress.sample_count_total));
     frame.complete = own >= 1;
     if (own > 0 && frame.preview_version < kStepCount + 1) ++frame.preview_version;
     sum.sample_count_done += frame.progress.sample_count_done;
     job.frame_complete_count += frame.complete ? 1 : 0;
-    NotePictured(frame, &job);
+    NotePreviewFrame(frame, &job);
   }
-  sum.relative_mse = 0.4 / (1 + 255 * share);
+  sum.relative_mse = 0.4 / (1 + 255 * fraction);
   EndRound(&job.frames[0], sum.relative_mse);
   sum.wall_seconds = absl::ToDoubleSeconds(kStep) * step;
   sum.cpu_seconds = 2 * sum.wall_seconds;
@@ -154,8 +154,8 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
     job.end_time = absl::Now();
   }
   farm->preview.version = static_cast<uint64_t>(step) + 1;
-  farm->preview.picture = MakePicture(1 + static_cast<uint64_t>(share * kSampleCount), random);
-  if (farm->round_preview.picture.planes.empty()) farm->round_preview = farm->preview;
+  farm->preview.image = MakeImage(1 + static_cast<uint64_t>(fraction * kSampleCount), random);
+  if (farm->round_preview.image.planes.empty()) farm->round_preview = farm->preview;
   for (WorkerView& worker : farm->workers) {
     worker.last_seen_time = absl::Now();
     worker.result_count += 3;

@@ -25,7 +25,7 @@ from compare_checks import check_compare  # noqa: E402
 from control_checks import check_control, check_effects, check_refine  # noqa: E402
 from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 from focus_checks import TAB, check_tab_stops  # noqa: E402
-from figure_checks import NOTE_PICTURES, check_large_picture  # noqa: E402
+from figure_checks import NOTE_IMAGES, check_large_image  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
 from round_checks import check_rounds  # noqa: E402
@@ -33,7 +33,7 @@ from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
 from worker_checks import check_failures, check_workers  # noqa: E402
 
 PAGE_SECONDS_MAX = 20
-PICTURE_SECONDS_MAX = 120
+IMAGE_SECONDS_MAX = 120
 MADE_UP_JOB_COUNT = 5000
 MADE_UP_WORKER_COUNT = 1000
 # Limit from the server's start, with a wide margin.
@@ -59,7 +59,7 @@ NO_SIDEWAYS = "return document.documentElement.scrollWidth <= window.innerWidth"
 
 
 # Source of the newest job's thumbnail; empty while none is shown.
-LISTED_PICTURE = """
+LISTED_IMAGE = """
   const picture = document.querySelector("#jobs .job-row img");
   return picture && !picture.hidden && picture.naturalWidth > 0 ? picture.src : "";"""
 
@@ -80,7 +80,7 @@ def check_page_follows_a_job(browser, farm):
                "--light-paths")
     seen = []
 
-    def picture_changed():
+    def image_changed():
         pixels = browser.run(PIXELS)
         if pixels and pixels not in seen:
             seen.append(pixels)
@@ -88,16 +88,16 @@ def check_page_follows_a_job(browser, farm):
                 browser.screenshot(artefact("page-first.png"))
         return len(seen) >= 3
 
-    wait_until(picture_changed, PICTURE_SECONDS_MAX, "two changes of the picture")
-    wait_until(lambda: browser.run(LISTED_PICTURE), PAGE_SECONDS_MAX, "a picture in the list")
-    early = browser.run(LISTED_PICTURE)
+    wait_until(image_changed, IMAGE_SECONDS_MAX, "two changes of the picture")
+    wait_until(lambda: browser.run(LISTED_IMAGE), PAGE_SECONDS_MAX, "a picture in the list")
+    early = browser.run(LISTED_IMAGE)
     assert browser.run(TEXT, "worker-count") == "1", browser.run(TEXT, "worker-count")
     assert "cornell" in browser.run(TEXT, "job-title").lower()
-    wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", PICTURE_SECONDS_MAX, "end")
+    wait_until(lambda: browser.run(TEXT, "job-state") == "succeeded", IMAGE_SECONDS_MAX, "end")
     wait_until(lambda: not browser.run("return document.getElementById('output').hidden"),
                PAGE_SECONDS_MAX, "the download")
     assert browser.run("return document.getElementById('cancel').hidden"), "nothing to cancel"
-    wait_until(lambda: browser.run(LISTED_PICTURE) not in ("", early), PAGE_SECONDS_MAX,
+    wait_until(lambda: browser.run(LISTED_IMAGE) not in ("", early), PAGE_SECONDS_MAX,
                "the last picture in the list")
     browser.screenshot(artefact("page-done.png"))
 
@@ -169,7 +169,7 @@ def ask(browser):
     wait_until(lambda: browser.run(DIALOG_IS_OPEN), PAGE_SECONDS_MAX, "the question")
 
 
-def check_layers_of_a_real_picture(browser, farm):
+def check_layers_of_a_real_image(browser, farm):
     """All layers of the delivered image are available."""
     ranges = browser.run("""
       const path = "/api/v1/jobs/1/frames/1/preview.png?layer=";
@@ -213,8 +213,8 @@ def check_cost_by_effect(browser, farm):
 
 def check_figures(browser, farm):
     browser.run_before_pages(NOTE_LONG_TASKS)
-    browser.run_before_pages(NOTE_PICTURES)
-    check_large_picture(browser, farm)
+    browser.run_before_pages(NOTE_IMAGES)
+    check_large_image(browser, farm)
     browser.screenshot(artefact("page-large.png"))
 
 
@@ -386,7 +386,7 @@ def run_checks(checks, browser, subject):
 
 
 def run_farm():
-    checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_picture,
+    checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_image,
               check_what_is_known_of_errors, check_pause_and_priority, check_workers_and_failures,
               check_cancel, check_frames, check_slider_between_rounds, check_side_by_side,
               check_refining, check_cost_by_effect, check_figures, check_no_console_errors]

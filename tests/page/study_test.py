@@ -53,7 +53,7 @@ def check_words_are_those_of_the_page(_, study):
     assert study.words.splitlines() == study.data["recommendation"]
 
 
-def check_options_of_pictures_are_refused(_, __):
+def check_options_of_images_are_refused(_, __):
     done = subprocess.run(
         [os.path.join(programs(), "sheaf"), "study",
          os.path.join(ROOT, "scenes/cornell-box.pbrt"), "--samples", "16"],
@@ -100,7 +100,7 @@ def main():
     checks = [check_page, check_words_are_those_of_the_page, check_errors_fall,
               check_no_bias_where_there_is_none, check_bias_is_found,
               check_generic_variant_costs_time_alone, check_shares_add_up,
-              check_options_of_pictures_are_refused]
+              check_options_of_images_are_refused]
     study = Study()
     with Browser() as browser:
         passed, failed = run_checks(checks, browser, study)

@@ -95,7 +95,7 @@ def check_zoom_and_pan(browser, _):
     wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the whole picture again")
 
 
-def wait_for_still_picture(browser):
+def wait_for_still_image(browser):
     """The last version arrives shortly after the job's end."""
     before = ""
 
@@ -169,7 +169,7 @@ def check_layers(browser, screenshot):
 
 
 def check_viewer(browser, screenshot):
-    wait_for_still_picture(browser)
+    wait_for_still_image(browser)
     check_zoom_and_pan(browser, screenshot)
     check_exposure(browser, screenshot)
     check_layers(browser, screenshot)

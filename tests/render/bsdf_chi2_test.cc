@@ -67,7 +67,7 @@ TEST(BsdfChiSquareTest, DiffuseTransmission) {
   const BsdfFixture leaf = MakeSheetFixture({0.1f, 0.3f, 0.05f}, {0.2f, 0.5f, 0.1f});
   ExpectSamplerMatchesPdf(leaf, DirectionAt(0.7f, 1));
   ExpectSamplerMatchesPdf(leaf, DirectionAt(-0.01f, 1));
-  ExpectSamplerMatchesPdf(MakeSheetFixture({}, Rgb::Grey(0.5f)), DirectionAt(0.4f, 1));
+  ExpectSamplerMatchesPdf(MakeSheetFixture({}, Rgb::Gray(0.5f)), DirectionAt(0.4f, 1));
 }
 
 TEST(BsdfChiSquareTest, RoughConductors) {
@@ -125,7 +125,7 @@ TEST(BsdfChiSquareTest, RoughCoats) {
 
 // The smooth coat's diffuse lobe has only part of the probability mass: the rest is the mirror
 // direction.
-TEST(BsdfChiSquareTest, ASmoothCoatDrawsItsTwoLobesAsOftenAsItsPdfSays) {
+TEST(BsdfChiSquareTest, SmoothCoatsChooseLobesByTheirProbabilities) {
   const BsdfFixture fixture = MakeCoatFixture(0, 0, 1.5f, 0.01f, {0.8f, 0.5f, 0.3f});
   ExpectSamplerMatchesPdf(fixture, DirectionAt(0.9f, 1));
   ExpectSamplerMatchesPdf(fixture, DirectionAt(0.1f, 1));
@@ -159,7 +159,7 @@ std::vector<BsdfFixture> RoughFixtures() {
 }
 
 // Stability row M13.
-TEST(BsdfSampleTest, ThePdfOfASampleIsTheOneEvaluated) {
+TEST(BsdfSampleTest, SamplePdfEqualsEvaluatedPdf) {
   for (const BsdfFixture& fixture : RoughFixtures()) {
     for (float mu : {1.0f, 0.5f, 0.01f, -0.5f}) {
       const Vec3f wo = DirectionAt(mu, 1);
@@ -179,7 +179,7 @@ TEST(BsdfSampleTest, ThePdfOfASampleIsTheOneEvaluated) {
 
 // Stability row M13: the mean weight is the albedo, computed here by a different estimator:
 // quadrature of uniform directions over the sphere.
-TEST(BsdfSampleTest, TheMeanWeightIsTheIntegralOfTheValue) {
+TEST(BsdfSampleTest, MeanWeightEqualsTheIntegral) {
   for (const BsdfFixture& fixture : RoughFixtures()) {
     const BsdfKind kind = fixture.bsdf.kind;
     const bool is_diffuse = kind == BsdfKind::kDiffuse || kind == BsdfKind::kDiffuseTransmission;
@@ -214,7 +214,7 @@ TEST(BsdfSampleTest, TheMeanWeightIsTheIntegralOfTheValue) {
 
 // Stability row M3: with visible normals the weight of single scattering is G2 / G1, never more
 // than 1.
-TEST(BsdfSampleTest, WeightsOfSingleScatteringNeverExceedOne) {
+TEST(BsdfSampleTest, SingleScatteringWeightsAreAtMostOne) {
   for (float alpha : {0.01f, 0.3f, 1.0f}) {
     const BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, false);
     for (float mu : {1.0f, 0.1f, 1e-2f, 1e-4f}) {
@@ -232,7 +232,7 @@ TEST(BsdfSampleTest, WeightsOfSingleScatteringNeverExceedOne) {
 
 // With energy compensation the two lobes are sampled separately, and no weight is exceptionally
 // large.
-TEST(BsdfSampleTest, WeightsWithReturnedEnergyStayModerate) {
+TEST(BsdfSampleTest, MultipleScatteringWeightsStayModerate) {
   for (float alpha : {0.05f, 0.3f, 1.0f}) {
     for (const BsdfFixture& fixture :
          {MakeMirrorFixture(alpha, alpha, true), MakeDielectricFixture(alpha, alpha, 1.5f, true)}) {
@@ -256,7 +256,7 @@ TEST(ChiSquareSupportTest, KnownValuesOfTheGammaFunction) {
   EXPECT_NEAR(testing::UpperGammaQ(50, 60), 0.0844066, 1e-6);
 }
 
-TEST(ChiSquareSupportTest, AWrongPdfIsFound) {
+TEST(ChiSquareSupportTest, DetectsAWrongPdf) {
   const auto sample = [](std::array<float, 3> u) -> std::optional<Vec3f> {
     return SampleCosineHemisphere({u[0], u[1]});
   };

@@ -33,7 +33,7 @@ int32_t AddGold(TestScene* t) {
 TestScene ViewAt(double degrees) {
   const double angle = degrees * std::numbers::pi / 180;
   TestScene t({40 * std::sin(angle), 0.01, 40 * std::cos(angle)}, {0, 0, 0}, 4, {0, 1, 0});
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   return t;
 }
 constexpr float kHalfWidth = 32;  // A whole number of periods.
@@ -63,7 +63,7 @@ TileMean RenderMapped(double degrees) {
   std::vector<Rgb> texels(static_cast<size_t>(kTexels) * kTexels);
   for (size_t i = 0; i < texels.size(); ++i) {
     const double periods = (static_cast<double>(i % kTexels) + 0.5) / kTexels;
-    texels[i] = Rgb::Grey(static_cast<float>(kHeight * std::sin(2 * std::numbers::pi * periods)));
+    texels[i] = Rgb::Gray(static_cast<float>(kHeight * std::sin(2 * std::numbers::pi * periods)));
   }
   testing::WritePfm(map.string(), kTexels, texels);
   TestScene t = ViewAt(degrees);
@@ -89,7 +89,7 @@ TileMean RenderMapped(double degrees) {
 }
 
 // Fraction of positions on the map whose mirror reflection is above the surface.
-double ShareAbove(double degrees) {
+double FractionAbove(double degrees) {
   constexpr int kPlaces = 100000;
   int above = 0;
   for (int i = 0; i < kPlaces; ++i) {
@@ -104,11 +104,11 @@ double ShareAbove(double degrees) {
 // is slightly darker in the grooves, which may absorb it twice. Blue is mostly absorbed at each
 // reflection; its brightness in the grooves lies between that of the map and that of the map
 // without the reflections below the surface.
-TEST(BumpedMetalTest, MapsAreAsBrightAsTheGroovesTheyStandFor) {
+TEST(BumpedMetalTest, NormalMapsMatchRealGrooves) {
   for (const double degrees : {30.0, 45.0, 60.0}) {
     SCOPED_TRACE(degrees);
     const TileMean grooves = RenderGrooves(degrees), mapped = RenderMapped(degrees);
-    const double above = ShareAbove(degrees);
+    const double above = FractionAbove(degrees);
     EXPECT_LT(above, 0.7);
     EXPECT_NEAR(grooves.mean.r, 1, 1e-3);
     EXPECT_NEAR(mapped.mean.r, 1, 1e-3);

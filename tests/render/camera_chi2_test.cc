@@ -26,11 +26,11 @@ namespace {
 constexpr int kSamples = 1000000;
 constexpr int kTests = 20;
 
-double PValue(const std::vector<double>& observed, const std::vector<double>& share) {
+double PValue(const std::vector<double>& observed, const std::vector<double>& area_fraction) {
   double statistic = 0, pooled_observed = 0, pooled_expected = 0;
   int cells = 0;
   for (size_t i = 0; i < observed.size(); ++i) {
-    const double expected = share[i] * kSamples;
+    const double expected = area_fraction[i] * kSamples;
     if (expected >= 5) {
       statistic += (observed[i] - expected) * (observed[i] - expected) / expected;
       ++cells;
@@ -74,7 +74,7 @@ double AreaOf(const std::vector<Vec2d>& polygon) {
   return 0.5 * std::fabs(twice);
 }
 
-TEST(CameraChi2Test, BladesAreSampledEvenly) {
+TEST(CameraChi2Test, ApertureIsSampledUniformly) {
   constexpr int kCells = 31;
   uint64_t seed = 100;
   for (const int count : {3, 4, 5, 6, 9, 64}) {
@@ -86,7 +86,7 @@ TEST(CameraChi2Test, BladesAreSampledEvenly) {
       const double angle = (rotation + 360.0 * i / count) * (std::numbers::pi / 180);
       corners.push_back({std::cos(angle), std::sin(angle)});
     }
-    std::vector<double> observed(kCells * kCells), share(kCells * kCells);
+    std::vector<double> observed(kCells * kCells), area_fraction(kCells * kCells);
     for (int y = 0; y < kCells; ++y) {
       for (int x = 0; x < kCells; ++x) {
         const Vec2d low{2.0 * x / kCells - 1, 2.0 * y / kCells - 1};
@@ -95,7 +95,7 @@ TEST(CameraChi2Test, BladesAreSampledEvenly) {
         part = CutOff(part, high, {-1, 0});
         part = CutOff(part, low, {0, -1});
         part = CutOff(part, high, {0, 1});
-        share[y * kCells + x] = AreaOf(part) / AreaOf(corners);
+        area_fraction[y * kCells + x] = AreaOf(part) / AreaOf(corners);
       }
     }
     ++seed;
@@ -107,13 +107,13 @@ TEST(CameraChi2Test, BladesAreSampledEvenly) {
       };
       observed[cell(p.y) * kCells + cell(p.x)] += 1;
     }
-    ExpectChance(PValue(observed, share));
+    ExpectChance(PValue(observed, area_fraction));
   }
 }
 
 // Neighboring points stay close, which preserves well-distributed point sets: the map stretches
 // distances by a small factor at most, and its only seam is the center.
-TEST(CameraChi2Test, BladesKeepNeighboursTogether) {
+TEST(CameraChi2Test, ApertureMappingIsContinuous) {
   const BladePolygon blades(5, 20);
   constexpr float kStep = 1.0f / 512;
   for (int y = 1; y < 511; ++y) {
@@ -128,7 +128,7 @@ TEST(CameraChi2Test, BladesKeepNeighboursTogether) {
   }
 }
 
-TEST(CameraChi2Test, ShuttersAreSampledAsTheyOpen) {
+TEST(CameraChi2Test, ShuttersAreSampledByTheirShape) {
   const std::vector<Vec2f> shapes[] = {
       {{0, 1}, {1, 1}},
       {{0, 0}, {0.5f, 1}, {1, 0}},
@@ -141,13 +141,14 @@ TEST(CameraChi2Test, ShuttersAreSampledAsTheyOpen) {
     const auto shutter = ShutterShape::Make(knots);
     ASSERT_TRUE(shutter.ok()) << shutter.status();
     constexpr int kCells = 97, kSteps = 1000;
-    std::vector<double> observed(kCells), share(kCells);
+    std::vector<double> observed(kCells), area_fraction(kCells);
     double whole = 0;
     for (int i = 0; i < kCells; ++i) {
       for (int k = 0; k < kSteps; ++k) {
-        share[i] += shutter->Pdf((i + (k + 0.5) / kSteps) / kCells) / (double{kCells} * kSteps);
+        area_fraction[i] +=
+            shutter->Pdf((i + (k + 0.5) / kSteps) / kCells) / (double{kCells} * kSteps);
       }
-      whole += share[i];
+      whole += area_fraction[i];
     }
     EXPECT_NEAR(whole, 1, 1e-6);
     ++seed;
@@ -157,7 +158,7 @@ TEST(CameraChi2Test, ShuttersAreSampledAsTheyOpen) {
       ASSERT_LT(time, 1);
       observed[static_cast<int>(double{time} * kCells)] += 1;
     }
-    ExpectChance(PValue(observed, share));
+    ExpectChance(PValue(observed, area_fraction));
   }
 }
 
@@ -194,7 +195,7 @@ TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
     SCOPED_TRACE(::testing::Message() << film.x << " " << film.y);
     const double reach = 3 * lens.rear_radius_mm();
     constexpr int kCells = 41;
-    std::vector<double> observed(kCells * kCells), share(kCells * kCells);
+    std::vector<double> observed(kCells * kCells), area_fraction(kCells * kCells);
     const double radius = std::hypot(film.x, film.y);
     const double cosine = radius == 0 ? 1 : film.x / radius,
                  sine = radius == 0 ? 0 : film.y / radius;
@@ -211,9 +212,9 @@ TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
         return std::max(0.0, std::min(cell.x1, box.x1) - std::max(cell.x0, box.x0)) *
                std::max(0.0, std::min(y1, box.y) - std::max(y0, -box.y)) / box.Area();
       };
-      share[i] = kPupilShareOfAll * overlap(pupil.All(radius)) +
-                 (1 - kPupilShareOfAll) * overlap(*pupil.Found(radius));
-      whole += share[i];
+      area_fraction[i] = kPupilAreaFraction * overlap(pupil.All(radius)) +
+                         (1 - kPupilAreaFraction) * overlap(*pupil.Found(radius));
+      whole += area_fraction[i];
     }
     EXPECT_NEAR(whole, 1, 1e-9);
     ++seed;
@@ -230,7 +231,7 @@ TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
         EXPECT_NEAR(pupil.Pdf(film, on_film(own.x, own.y)) / sample.pdf_per_mm2, 1, 1e-9);
       }
     }
-    ExpectChance(PValue(observed, share));
+    ExpectChance(PValue(observed, area_fraction));
   }
 }
 

@@ -21,7 +21,7 @@ namespace {
 constexpr char kColored[] =
     " \"rgb sigma_a\" [0.2 0.1 0.05] \"rgb sigma_s\" [1 2 3] \"float g\" 0.4 \"rgb Le\" "
     "[0.1 0.2 0.3]\n";
-constexpr char kGrey[] = " \"rgb sigma_a\" [0.1 0.1 0.1] \"rgb sigma_s\" [2 2 2]\n";
+constexpr char kGray[] = " \"rgb sigma_a\" [0.1 0.1 0.1] \"rgb sigma_s\" [2 2 2]\n";
 std::string Grid(int side, const char* coefficients) {
   std::string cells;
   for (int i = 0; i < side * side * side; ++i) cells += " 2";
@@ -52,7 +52,7 @@ SceneDescription Read(const std::string& medium) {
   return result.ok() ? std::move(result->scene) : SceneDescription();
 }
 
-TEST(ConstantGridTest, ThePictureIsThatOfTheHomogeneousMedium) {
+TEST(ConstantGridTest, ImageMatchesTheHomogeneousMedium) {
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     FrameSettings settings = SquareSettings(16, 32, 16);
     settings.color = color;
@@ -65,7 +65,7 @@ TEST(ConstantGridTest, ThePictureIsThatOfTheHomogeneousMedium) {
 
 // A grid that stays a grid shows the same medium up to its outermost values: tracking and the
 // homogeneous medium have the same mean.
-TEST(ConstantGridTest, TrackingThroughItHasTheSameMean) {
+TEST(ConstantGridTest, TrackingHasTheSameMean) {
   SceneDescription tracked = Read(Grid(4, kColored));
   UniformGridMedium one;
   one.box = {{4, 4, 4}, {-2, -2, -2}, {2, 2, 2}};
@@ -78,16 +78,16 @@ TEST(ConstantGridTest, TrackingThroughItHasTheSameMean) {
   ExpectSameMean(with.mean, RenderCounted(Read(Fog()), settings).mean);
 }
 
-TEST(ConstantGridTest, ThePlanNamesIt) {
+TEST(ConstantGridTest, PlanReportsTheConversion) {
   const FrameSettings settings = SquareSettings(16, 1, 16);
-  const RenderPlan plan = MakeRenderPlan(Read(Grid(4, kGrey)), settings);
+  const RenderPlan plan = MakeRenderPlan(Read(Grid(4, kGray)), settings);
   EXPECT_FALSE(Has(plan.traits, Trait::kHeterogeneousMedia));
   EXPECT_FALSE(Has(plan.variant_traits, Trait::kHeterogeneousMedia));
   EXPECT_THAT(FormatRenderPlan(plan),
               testing::HasSubstr("main.pbrt:5:1: medium \"smoke\": constant grid: treated as "
                                  "homogeneous\n"));
   // A grid of one cell falls to 0 from its center outwards.
-  const RenderPlan coarse = MakeRenderPlan(Read(Grid(1, kGrey)), settings);
+  const RenderPlan coarse = MakeRenderPlan(Read(Grid(1, kGray)), settings);
   EXPECT_TRUE(Has(coarse.traits, Trait::kHeterogeneousMedia));
   EXPECT_THAT(
       FormatRenderPlan(coarse),

@@ -45,24 +45,24 @@ TestScene UnderTheSky() {
   TestScene t({0, 1, -4}, {0, 0.4, 0}, 45);
   t.ConstantEnvironment({0.4f, 0.6f, 1});
   t.AddShape(MeshShape{t.Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9})},
-             t.Diffuse(Rgb::Grey(0.6f)));
+             t.Diffuse(Rgb::Gray(0.6f)));
   t.AddShape(SphereShape{0.8f, -0.8f, 0.8f, 360}, t.Diffuse({0.8f, 0.3f, 0.2f}),
              TranslateMatrix({0, 0.8, 0}));
   return t;
 }
-TestScene SmallLamp() {
+TestScene SmallLight() {
   TestScene t({0, 2, -4}, {0, 0, 0}, 40);
   t.AddShape(MeshShape{t.Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9})},
-             t.Diffuse(Rgb::Grey(0.5f)));
+             t.Diffuse(Rgb::Gray(0.5f)));
   t.AddShape(SphereShape{0.1f, -0.1f, 0.1f, 360}, t.Diffuse({}), TranslateMatrix({0.3, 0.5, 0}))
-      .area_light = t.AreaLight(Rgb::Grey(20));
-  t.AddShape(MeshShape{t.Box({-0.6f, 0, -0.2f}, {-0.2f, 0.7f, 0.2f})}, t.Diffuse(Rgb::Grey(0.7f)));
+      .area_light = t.AreaLight(Rgb::Gray(20));
+  t.AddShape(MeshShape{t.Box({-0.6f, 0, -0.2f}, {-0.2f, 0.7f, 0.2f})}, t.Diffuse(Rgb::Gray(0.7f)));
   return t;
 }
 TestScene FogInTheRoom() {
   TestScene t = LitRoom(1);
   MediumDescription fog;
-  fog.sigma_s.rgb = Rgb::Grey(1.5f);
+  fog.sigma_s.rgb = Rgb::Gray(1.5f);
   t.scene.media.push_back(fog);
   t.AddShape(MeshShape{t.Box({-0.6f, -0.6f, 0}, {0.6f, 0.6f, 0.8f})},
              t.AddMaterial(InterfaceMaterial{}))
@@ -87,39 +87,39 @@ struct Count {
     ++reliable;
     if (std::fabs(interval.mean - truth.mean) <= interval.half_width) ++held;
   }
-  double Share() const { return held / static_cast<double>(reliable); }
+  double Fraction() const { return held / static_cast<double>(reliable); }
   // Tolerance: 2 % around 95 %, plus three standard deviations of the count.
   void Expect() const {
     ASSERT_GT(reliable, 0);
-    EXPECT_NEAR(Share(), 0.95, 0.02 + 3 * std::sqrt(0.95 * 0.05 / reliable));
+    EXPECT_NEAR(Fraction(), 0.95, 0.02 + 3 * std::sqrt(0.95 * 0.05 / reliable));
   }
 };
 
-TEST_P(CoverageTest, IntervalsHoldTheTruthAsOftenAsTheySay) {
+TEST_P(CoverageTest, IntervalsHaveTheirStatedCoverage) {
   const SceneDescription scene = GetParam().make().scene;
   FrameSettings settings = SquareSettings(kSizePx, GetParam().samples, 5);
   std::vector<PixelRect> regions = CutTiles(settings.window, kTilePx);
   regions.push_back(settings.window);
   settings.samples *= static_cast<uint64_t>(DrawCount(128, 2048));
   settings.seed = 1'000'003;
-  const FilmTile long_picture = RenderAll(*Compile(scene, settings));
+  const FilmTile long_image = RenderAll(*Compile(scene, settings));
   std::vector<MeanInterval> truths;
   for (const PixelRect& region : regions) {
-    truths.push_back(MeanIntervalOf(long_picture, region, kLuminance));
+    truths.push_back(MeanIntervalOf(long_image, region, kLuminance));
   }
   settings.samples = GetParam().samples;
   const auto run_count = static_cast<uint64_t>(DrawCount(50, 500));
   Count tiles, frames;
   for (settings.seed = 1; settings.seed <= run_count; ++settings.seed) {
-    const FilmTile picture = RenderAll(*Compile(scene, settings));
+    const FilmTile image = RenderAll(*Compile(scene, settings));
     for (size_t i = 0; i < regions.size(); ++i) {
       Count& count = i + 1 < regions.size() ? tiles : frames;
-      count.Add(MeanIntervalOf(picture, regions[i], kLuminance), truths[i]);
+      count.Add(MeanIntervalOf(image, regions[i], kLuminance), truths[i]);
     }
   }
   std::printf("%-6s tiles: %5.1f %% of %d reliable of %zu; frames: %5.1f %% of %d of %zu\n",
-              GetParam().name.c_str(), 100 * tiles.Share(), tiles.reliable,
-              (regions.size() - 1) * run_count, 100 * frames.Share(), frames.reliable,
+              GetParam().name.c_str(), 100 * tiles.Fraction(), tiles.reliable,
+              (regions.size() - 1) * run_count, 100 * frames.Fraction(), frames.reliable,
               size_t{run_count});
   tiles.Expect();
   frames.Expect();
@@ -138,13 +138,13 @@ void PrintTo(const HeavyCase& c, std::ostream* out) { *out << c.name; }
 // In-scattered light at distance r from a point light is proportional to 1 / r^2. The integral of
 // its square over a volume diverges as that of 1 / r^2. Equiangular sampling would avoid this
 // (path_tracer_lines.h).
-TestScene LampInACloud(float density) {
+TestScene LightInCloud(float density) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
-  PointLight lamp;
-  lamp.intensity.rgb = Rgb::Grey(1);
-  t.scene.lights.push_back({lamp, {}, {}, {}});
+  PointLight light;
+  light.intensity.rgb = Rgb::Gray(1);
+  t.scene.lights.push_back({light, {}, {}, {}});
   MediumDescription cloud;
-  cloud.sigma_s.rgb = Rgb::Grey(1);
+  cloud.sigma_s.rgb = Rgb::Gray(1);
   UniformGridMedium grid;
   grid.box = {{3, 3, 3}, {-1, -1, -1}, {1, 1, 1}};
   for (int i = 0; i < 27; ++i) grid.density.push_back(density * static_cast<float>(1 + i % 3));
@@ -156,19 +156,19 @@ TestScene LampInACloud(float density) {
 }
 // A point light at height h above a floor: the integral of its squared irradiance over the floor
 // grows as 1 / h^2. The camera sees light reflected by other walls, not the lit spot itself.
-TestScene LampOnTheFloor() {
+TestScene LightOnFloor() {
   TestScene t = LitRoom(1);
-  t.scene.area_lights[0].radiance.rgb = Rgb::Grey(0.01f);
-  PointLight lamp;
-  lamp.intensity.rgb = Rgb::Grey(1);
-  lamp.from = {-0.6, -1 + 1e-4, -0.9};
-  t.scene.lights.push_back({lamp, {}, {}, {}});
+  t.scene.area_lights[0].radiance.rgb = Rgb::Gray(0.01f);
+  PointLight light;
+  light.intensity.rgb = Rgb::Gray(1);
+  light.from = {-0.6, -1 + 1e-4, -0.9};
+  t.scene.lights.push_back({light, {}, {}, {}});
   return t;
 }
 
 class HeavyTailTest : public testing::TestWithParam<HeavyCase> {};
 
-TEST_P(HeavyTailTest, PicturesAreCalledUnreliable) {
+TEST_P(HeavyTailTest, HeavyTailsAreReportedUnreliable) {
   const SceneDescription scene = GetParam().make().scene;
   FrameSettings settings = SquareSettings(kSizePx, 64, 5);
   const auto run_count = static_cast<uint64_t>(DrawCount(30, 500));
@@ -178,10 +178,10 @@ TEST_P(HeavyTailTest, PicturesAreCalledUnreliable) {
     const absl::StatusOr<CompiledScenePtr> compiled =
         CompileScene(scene, settings, files, {.build_threads = 1}, GetParam().techniques);
     ASSERT_TRUE(compiled.ok()) << compiled.status();
-    const FilmTile picture = RenderAll(**compiled);
-    bool is_reliable = MeanIntervalOf(picture, settings.window, kLuminance).is_reliable;
+    const FilmTile image = RenderAll(**compiled);
+    bool is_reliable = MeanIntervalOf(image, settings.window, kLuminance).is_reliable;
     for (const PixelRect& tile : CutTiles(settings.window, kTilePx)) {
-      is_reliable = is_reliable && MeanIntervalOf(picture, tile, kLuminance).is_reliable;
+      is_reliable = is_reliable && MeanIntervalOf(image, tile, kLuminance).is_reliable;
     }
     if (!is_reliable) ++flagged;
   }
@@ -193,26 +193,27 @@ TEST_P(HeavyTailTest, PicturesAreCalledUnreliable) {
 std::string NameOfHeavy(const testing::TestParamInfo<HeavyCase>& tested) {
   return tested.param.name;
 }
-constexpr CompileTechniques kFlightsAlone{.lines_in_varying = LinesInVarying::kNever};
-INSTANTIATE_TEST_SUITE_P(
-    Scenes, HeavyTailTest,
-    testing::Values(HeavyCase{"thin_cloud", [] { return LampInACloud(0.2f); }, kFlightsAlone},
-                    HeavyCase{"cloud", [] { return LampInACloud(1); }, kFlightsAlone},
-                    HeavyCase{"floor", LampOnTheFloor, {}}),
-    NameOfHeavy);
+constexpr CompileTechniques kDistanceSamplingOnly{.equiangular_mode = EquiangularMode::kNever};
+INSTANTIATE_TEST_SUITE_P(Scenes, HeavyTailTest,
+                         testing::Values(HeavyCase{"thin_cloud", [] { return LightInCloud(0.2f); },
+                                                   kDistanceSamplingOnly},
+                                         HeavyCase{"cloud", [] { return LightInCloud(1); },
+                                                   kDistanceSamplingOnly},
+                                         HeavyCase{"floor", LightOnFloor, {}}),
+                         NameOfHeavy);
 
 std::string NameOf(const testing::TestParamInfo<CoverageCase>& tested) { return tested.param.name; }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, CoverageTest,
                          testing::Values(CoverageCase{"room", [] { return LitRoom(1); }},
                                          CoverageCase{"sky", UnderTheSky},
-                                         CoverageCase{"lamp", SmallLamp},
+                                         CoverageCase{"lamp", SmallLight},
                                          CoverageCase{"metal", MetalInTheRoom},
                                          CoverageCase{"fog", FogInTheRoom},
                                          CoverageCase{"blur", BlurredRoom},
                                          CoverageCase{"glossy", [] { return Glossy(Tint{1}); }},
                                          CoverageCase{"outdoor", [] { return Outdoor(Tint{1}); }},
-                                         CoverageCase{"lamps", [] { return ManyLamps(Tint{1}); }},
+                                         CoverageCase{"lamps", [] { return ManyLights(Tint{1}); }},
                                          CoverageCase{"haze", [] { return Hazy(Tint{1}); }}),
                          NameOf);
 

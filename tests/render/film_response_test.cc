@@ -11,7 +11,7 @@
 #include "common/film/film.h"
 #include "common/scene/spectrum/primaries.h"
 #include "tests/support/scene_text.h"
-#include "tests/support/sensor_pictures.h"
+#include "tests/support/sensor_images.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/camera/film_response.h"
 
@@ -38,31 +38,31 @@ Vec3d Delivered(const SceneDescription& scene, const RenderSettings& asked = {})
   EXPECT_TRUE(settings.ok()) << settings.status();
   const Rgb mean = RenderMean(scene, *settings).mean;
   return TransformVector(
-      PictureColorOf(settings->primaries, settings->white_balance_k, settings->sensor)
+      ImageColorOf(settings->primaries, settings->white_balance_k, settings->sensor)
           .light_from_srgb,
       {static_cast<double>(mean.r), static_cast<double>(mean.g), static_cast<double>(mean.b)});
 }
 
-TEST(FilmResponseTest, RenderedColorsAreThoseOfTheSensorsModel) {
-  for (const testing::SensorPicture& picture : testing::SensorPictures()) {
+TEST(FilmResponseTest, RenderedColorsMatchTheSensorModel) {
+  for (const testing::SensorImage& image : testing::SensorImages()) {
     const std::string balance =
-        picture.white_balance_k == 0
+        image.white_balance_k == 0
             ? ""
-            : absl::StrCat(" \"float whitebalance\" ", picture.white_balance_k);
+            : absl::StrCat(" \"float whitebalance\" ", image.white_balance_k);
     for (size_t i = 0; i < testing::SensorLights().size(); ++i) {
       const testing::SensorLight& light = testing::SensorLights()[i];
-      SCOPED_TRACE(std::string(picture.sensor) + ", " + light.name);
+      SCOPED_TRACE(std::string(image.sensor) + ", " + light.name);
       const SceneDescription scene = ReadSky(
-          absl::StrCat("ColorSpace \"", picture.color_space, "\"\n",
-                       Film(absl::StrCat("\"string sensor\" \"", picture.sensor, "\"", balance))),
+          absl::StrCat("ColorSpace \"", image.color_space, "\"\n",
+                       Film(absl::StrCat("\"string sensor\" \"", image.sensor, "\"", balance))),
           light.parameter);
-      testing::ExpectSameColor(Delivered(scene), picture.colors[i]);
+      testing::ExpectSameColor(Delivered(scene), image.colors[i]);
     }
   }
 }
 
 // ISO 50 and a shutter that is open for half the time: a quarter of the light.
-TEST(FilmResponseTest, ExposureOfASensorHasTheShutter) {
+TEST(FilmResponseTest, SensorExposureIncludesTheShutter) {
   const std::string half = "\"string sensor\" \"nikon_d850\" \"float iso\" 50";
   const Vec3d full =
       Delivered(ReadSky(Film("\"string sensor\" \"nikon_d850\""), "\"blackbody L\" 5000"));
@@ -77,7 +77,7 @@ TEST(FilmResponseTest, ExposureOfASensorHasTheShutter) {
               0.5, 1e-6);
 }
 
-TEST(FilmResponseTest, SensorsCarryWavelengthsUnlessRgbIsAskedFor) {
+TEST(FilmResponseTest, SensorsUseSpectralTransportByDefault) {
   const SceneDescription scene = ReadSky(
       Film("\"string sensor\" \"nikon_d850\" \"float whitebalance\" 5000"), "\"blackbody L\" 5000");
   RenderSettings asked;
@@ -111,14 +111,14 @@ TEST(FilmResponseTest, LayersOfClampedSamplesAddUp) {
   asked.light_groups = true;
   const FrameSettings settings = *ResolveSettings(scene, asked);
   const FilmTile tile = RenderAll(*Compile(scene, settings));
-  FramePicture picture =
-      MakeFramePicture(settings.window, settings.width_px, settings.height_px, settings.outputs);
-  DevelopTile(tile, &picture);
+  FrameImage image =
+      MakeFrameImage(settings.window, settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(tile, &image);
   for (const char* channel : {"R", "G", "B"}) {
-    const std::vector<float>* layer = picture.Find(absl::StrCat("key.", channel));
+    const std::vector<float>* layer = image.Find(absl::StrCat("key.", channel));
     ASSERT_NE(layer, nullptr);
     for (size_t i = 0; i < layer->size(); ++i) {
-      EXPECT_NEAR((*layer)[i], (*picture.Find(channel))[i], 1e-5f);
+      EXPECT_NEAR((*layer)[i], (*image.Find(channel))[i], 1e-5f);
     }
   }
   EXPECT_THAT(FormatRenderPlan(MakeRenderPlan(scene, settings)),

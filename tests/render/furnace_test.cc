@@ -16,37 +16,37 @@ constexpr int kDepth = 1000;
 
 TestScene UnderAnEvenSky() {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   return t;
 }
 SphereShape Ball() { return SphereShape{1, -1, 1, 360}; }
 
 TEST(FurnaceTest, DiffuseBallVanishes) {
   TestScene t = UnderAnEvenSky();
-  t.AddShape(Ball(), t.Diffuse(Rgb::Grey(1)));
-  ExpectMean(RenderMean(t.scene, SquareSettings(12, 64, kDepth)), Rgb::Grey(1));
+  t.AddShape(Ball(), t.Diffuse(Rgb::Gray(1)));
+  ExpectMean(RenderMean(t.scene, SquareSettings(12, 64, kDepth)), Rgb::Gray(1));
 }
 
 TEST(FurnaceTest, ConcaveCornerVanishes) {
   TestScene t({2, 2, 2}, {0, 0, 0}, 30);
-  t.ConstantEnvironment(Rgb::Grey(1));
-  const int32_t white = t.Diffuse(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
+  const int32_t white = t.Diffuse(Rgb::Gray(1));
   t.AddShape(MeshShape{t.Quad({0, 0, 0}, {0, 0, 3}, {3, 0, 3}, {3, 0, 0})}, white);
   t.AddShape(MeshShape{t.Quad({0, 0, 0}, {3, 0, 0}, {3, 3, 0}, {0, 3, 0})}, white);
   t.AddShape(MeshShape{t.Quad({0, 0, 0}, {0, 3, 0}, {0, 3, 3}, {0, 0, 3})}, white);
-  ExpectMean(RenderMean(t.scene, SquareSettings(12, 128, kDepth)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(12, 128, kDepth)), Rgb::Gray(1));
 }
 
 TEST(FurnaceTest, SmoothGlassVanishes) {
   TestScene t = UnderAnEvenSky();
   t.AddShape(Ball(), t.AddMaterial(DielectricMaterial{}));
-  ExpectMean(RenderMean(t.scene, SquareSettings(12, 64, kDepth)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(12, 64, kDepth)), Rgb::Gray(1));
 }
 
 TEST(FurnaceTest, ThinGlassVanishes) {
   TestScene t = UnderAnEvenSky();
   t.AddShape(Ball(), t.AddMaterial(ThinDielectricMaterial{}));
-  ExpectMean(RenderMean(t.scene, SquareSettings(12, 64, kDepth)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(12, 64, kDepth)), Rgb::Gray(1));
 }
 
 // For rough surfaces: energy compensation restores the loss of single scattering to the half
@@ -63,7 +63,7 @@ TEST(FurnaceTest, RoughMirrorVanishes) {
     ConductorMaterial metal;
     metal.roughness = {{roughness, kNone}, {roughness, kNone}, false};
     metal.has_reflectance = true;
-    metal.reflectance.value.rgb = Rgb::Grey(1);
+    metal.reflectance.value.rgb = Rgb::Gray(1);
     t.AddShape(Ball(), t.AddMaterial(metal));
     ExpectNearOne(RenderMean(t.scene, SquareSettings(12, 256, kDepth)));
   }
@@ -78,7 +78,7 @@ TEST(FurnaceTest, CoatedPerfectMetalVanishes) {
       metal.roughness = {{roughness, kNone}, {roughness, kNone}, false};
       metal.conductor.roughness = {{0.2f, kNone}, {0.2f, kNone}, false};
       metal.conductor.has_reflectance = true;
-      metal.conductor.reflectance.value.rgb = Rgb::Grey(1);
+      metal.conductor.reflectance.value.rgb = Rgb::Gray(1);
       metal.thickness = 0;
       t.AddShape(Ball(), t.AddMaterial(metal));
       FrameSettings settings = SquareSettings(12, 256, kDepth);
@@ -100,12 +100,12 @@ TEST(FurnaceTest, RoughGlassVanishes) {
 }
 
 // Light inside the ball crosses its wall many times.
-TEST(FurnaceTest, ASheetThatKeepsNothingVanishes) {
+TEST(FurnaceTest, LosslessSheetVanishes) {
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     TestScene t = UnderAnEvenSky();
     DiffuseTransmissionMaterial sheet;
-    sheet.reflectance.value.rgb = Rgb::Grey(0.3f);
-    sheet.transmittance.value.rgb = Rgb::Grey(0.7f);
+    sheet.reflectance.value.rgb = Rgb::Gray(0.3f);
+    sheet.transmittance.value.rgb = Rgb::Gray(0.7f);
     t.AddShape(Ball(), t.AddMaterial(sheet));
     FrameSettings settings = SquareSettings(12, 256, kDepth);
     settings.color = color;
@@ -116,7 +116,7 @@ TEST(FurnaceTest, ASheetThatKeepsNothingVanishes) {
 }
 
 // Lit from behind, a sheet shows transmittance / pi times its irradiance, from either side.
-TEST(FurnaceTest, ASheetShowsTheLightBehindIt) {
+TEST(FurnaceTest, SheetsTransmitLight) {
   for (const double light_z : {1.0, -1.0}) {
     TestScene t({0, 0, -4 * light_z}, {0, 0, 0}, 10);
     DistantLight sun;
@@ -139,7 +139,7 @@ TEST(FurnaceTest, ASheetShowsTheLightBehindIt) {
 
 TEST(FurnaceTest, InterfacesCutOutsAndMixesVanish) {
   TestScene t = UnderAnEvenSky();
-  const int32_t nothing = t.AddMaterial(InterfaceMaterial{}), white = t.Diffuse(Rgb::Grey(1));
+  const int32_t nothing = t.AddMaterial(InterfaceMaterial{}), white = t.Diffuse(Rgb::Gray(1));
   MixMaterial mix;
   mix.material[0] = nothing;
   mix.material[1] = white;
@@ -149,12 +149,12 @@ TEST(FurnaceTest, InterfacesCutOutsAndMixesVanish) {
   lace.has_alpha = true;
   lace.alpha.value = 0.4f;
   t.AddShape(SphereShape{0.5f, -0.5f, 0.5f, 360}, t.AddMaterial(mix));
-  ExpectMean(RenderMean(t.scene, SquareSettings(12, 128, kDepth)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(12, 128, kDepth)), Rgb::Gray(1));
 }
 
 TEST(FurnaceTest, InstancesVanish) {
   TestScene t = UnderAnEvenSky();
-  const int32_t white = t.Diffuse(Rgb::Grey(1));
+  const int32_t white = t.Diffuse(Rgb::Gray(1));
   t.AddLooseShape(Ball(), white, ScaleMatrix({0.5, 0.5, 0.5}));
   t.AddLooseShape(MeshShape{t.Box({-0.4f, 0.6f, -0.4f}, {0.4f, 1.2f, 0.4f})}, white);
   t.scene.objects.push_back({"pair", {0, 1}, {}});
@@ -165,7 +165,7 @@ TEST(FurnaceTest, InstancesVanish) {
         TranslateMatrix({x, 0, 0}) * RotateMatrix(40 * x, {0, 0, 1}) * ScaleMatrix({0.8, 1, -1.3});
     t.scene.instances.push_back(instance);
   }
-  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Gray(1));
 }
 
 // Thin shapes that are intersected in double precision: white on both sides.
@@ -179,17 +179,17 @@ BilinearMeshShape Saddle(TestScene* t) {
 
 TEST(FurnaceTest, CylindersAndPatchesVanish) {
   TestScene t = UnderAnEvenSky();
-  const int32_t white = t.Diffuse(Rgb::Grey(1));
+  const int32_t white = t.Diffuse(Rgb::Gray(1));
   const Matrix4 place = TranslateMatrix({-0.6, 0, 0}) * RotateMatrix(50, {1, 1, 0});
   t.AddShape(CylinderShape{0.5f, -1, 0.8f, 250}, white, place * ScaleMatrix({1, 0.5, 1}));
   t.AddShape(Saddle(&t), white, TranslateMatrix({0.5, 0, 0}) * RotateMatrix(30, {0, 1, 0}));
-  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Gray(1));
 }
 
 TEST(FurnaceTest, PlacedAndMovingCylindersAndPatchesVanish) {
   TestScene t = UnderAnEvenSky();
   t.scene.camera.shutter_close = 1;
-  const int32_t white = t.Diffuse(Rgb::Grey(1));
+  const int32_t white = t.Diffuse(Rgb::Gray(1));
   t.AddLooseShape(CylinderShape{0.3f, -1, 1, 360}, white, RotateMatrix(60, {1, 0, 0}));
   t.AddLooseShape(Saddle(&t), white, ScaleMatrix({0.5, -0.5, 0.7}));
   t.scene.objects.push_back({"pair", {0, 1}, {}});
@@ -202,18 +202,18 @@ TEST(FurnaceTest, PlacedAndMovingCylindersAndPatchesVanish) {
       TranslateMatrix({1, 0, 0}) * RotateMatrix(80, {1, 0, 0});
   t.AddShape(Saddle(&t), white).world_from_object.end =
       TranslateMatrix({0.5, 0.5, 0}) * RotateMatrix(40, {0, 0, 1}) * ScaleMatrix({0.5, 0.6, 1});
-  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(16, 128, kDepth)), Rgb::Gray(1));
 }
 
 // Emissive quadrics without light sampling of their own act as triangles, with an error of 4e-4:
 // half a disk gives half the irradiance of the whole, which is pi / 2 at a distance of its radius;
 // a stretched sphere of radius R at distance d gives nearly pi R^2 / d^2.
-TEST(LightOfQuadricsTest, PartialAndStretchedOnesAreTriangles) {
+TEST(LightOfQuadricsTest, PartialAndStretchedQuadricsEmitAsTriangles) {
   const auto lit_by = [](auto shape, const Matrix4& place) {
     TestScene t({0, 0.2, -0.2}, {0, 0, 0}, 0.1f);
     t.AddShape(MeshShape{t.Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9})},
-               t.Diffuse(Rgb::Grey(1)));
-    const int32_t light = t.AreaLight(Rgb::Grey(1), /*two_sided=*/true);
+               t.Diffuse(Rgb::Gray(1)));
+    const int32_t light = t.AreaLight(Rgb::Gray(1), /*two_sided=*/true);
     t.AddShape(shape, t.Diffuse({}), place).area_light = light;
     return RenderMean(t.scene, SquareSettings(8, 1024, 1));
   };
@@ -232,14 +232,14 @@ TEST(LightOfQuadricsTest, PartialAndStretchedOnesAreTriangles) {
 
 // The inside of a sphere that emits on both sides has radiance L / (1 - reflectance) in total; its
 // outside receives no light from itself.
-TEST(LightOfQuadricsTest, TwoSidedSpheresLightTheirInside) {
+TEST(LightOfQuadricsTest, TwoSidedSpheresEmitInside) {
   const auto seen_from = [](Vec3d eye) {
     TestScene t(eye, {0, 0, 0}, 10);
-    const int32_t light = t.AreaLight(Rgb::Grey(1), /*two_sided=*/true);
-    t.AddShape(Ball(), t.Diffuse(Rgb::Grey(0.6f))).area_light = light;
+    const int32_t light = t.AreaLight(Rgb::Gray(1), /*two_sided=*/true);
+    t.AddShape(Ball(), t.Diffuse(Rgb::Gray(0.6f))).area_light = light;
     return RenderMean(t.scene, SquareSettings(8, 256, kDepth));
   };
-  ExpectMean(seen_from({0.3, 0.2, -0.4}), Rgb::Grey(2.5f));
+  ExpectMean(seen_from({0.3, 0.2, -0.4}), Rgb::Gray(2.5f));
   const TileMean outside = seen_from({0.3, 0.2, -4});
   EXPECT_EQ(outside.mean.g, 1);
   EXPECT_EQ(outside.standard_error.g, 0);

@@ -50,9 +50,9 @@ TEST(HairChiSquareTest, EdgesAndMiddle) {
   }
 }
 
-TEST(HairChiSquareTest, AlongTheFibre) {
+TEST(HairChiSquareTest, AlongTheFiber) {
   for (float x : {2.0f, -10.0f, 300.0f}) {
-    ExpectSamplerMatchesPdf(MakeHairFixture(0.3f, 0.4f, 0.5f, Rgb::Grey(0.2f)), Across(x));
+    ExpectSamplerMatchesPdf(MakeHairFixture(0.3f, 0.4f, 0.5f, Rgb::Gray(0.2f)), Across(x));
   }
 }
 

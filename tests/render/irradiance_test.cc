@@ -56,7 +56,7 @@ double SquareIrradiance(double h) {
   return 4 * (x / root) * std::atan(x / root);
 }
 
-TEST(IrradianceTest, SquareOverItsCentreAtAllDistances) {
+TEST(IrradianceTest, SquareAboveItsCenterAtAllDistances) {
   for (double h = 1e-2; h < 2e6; h *= 10) {
     const auto table = MakeTable(UnitSquareAt(static_cast<float>(h), false));
     const Estimate estimate = EstimateIrradiance(*table, {0, 0, 0}, {0, 0, 1});
@@ -153,7 +153,7 @@ TEST(IrradianceTest, DiskOffItsAxis) {
   }
 }
 
-TEST(IrradianceTest, RingIsADiskWithoutItsMiddle) {
+TEST(IrradianceTest, RingIsADiskWithAHole) {
   for (double h : {0.1, 1.0, 20.0}) {
     LightTableInput input;
     input.disks = {{{0.3, 0, h}, {0, 0, -1}, {1, 0, 0}, 1, 0.5, kWhite}};

@@ -28,16 +28,16 @@ FrameSettings PathSettings(int32_t depth) {
   return settings;
 }
 
-FramePicture RenderPicture(const SceneDescription& scene, const FrameSettings& settings) {
+FrameImage RenderImage(const SceneDescription& scene, const FrameSettings& settings) {
   const CompiledScenePtr compiled = Compile(scene, settings);
-  FramePicture picture =
-      MakeFramePicture(settings.window, settings.width_px, settings.height_px, settings.outputs);
-  DevelopTile(RenderAll(*compiled), &picture);
-  return picture;
+  FrameImage image =
+      MakeFrameImage(settings.window, settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(RenderAll(*compiled), &image);
+  return image;
 }
 
-double SumOf(const FramePicture& picture, const std::string& channel) {
-  const std::vector<float>* plane = picture.Find(channel);
+double SumOf(const FrameImage& image, const std::string& channel) {
+  const std::vector<float>* plane = image.Find(channel);
   EXPECT_NE(plane, nullptr) << channel;
   double sum = 0;
   for (const float v : *plane) sum += static_cast<double>(v);
@@ -46,20 +46,20 @@ double SumOf(const FramePicture& picture, const std::string& channel) {
 
 // The sum of green over the image for every kind; expects that the kinds add up in every pixel.
 std::map<std::string, double> KindsOf(const SceneDescription& scene, int32_t depth) {
-  const FramePicture picture = RenderPicture(scene, PathSettings(depth));
+  const FrameImage image = RenderImage(scene, PathSettings(depth));
   for (const std::string component : {".R", ".G", ".B"}) {
-    const std::vector<float>& whole = *picture.Find(component.substr(1));
+    const std::vector<float>& whole = *image.Find(component.substr(1));
     for (size_t p = 0; p < whole.size(); ++p) {
       double sum = 0;
       for (const LightPathName& kind : kLightPathNames) {
-        sum += static_cast<double>((*picture.Find(kind.name + component))[p]);
+        sum += static_cast<double>((*image.Find(kind.name + component))[p]);
       }
       EXPECT_NEAR(sum, whole[p], 1e-5 * static_cast<double>(whole[p]) + 1e-7);
     }
   }
   std::map<std::string, double> kinds;
   for (const LightPathName& kind : kLightPathNames) {
-    kinds[kind.name] = SumOf(picture, std::string(kind.name) + ".G");
+    kinds[kind.name] = SumOf(image, std::string(kind.name) + ".G");
   }
   return kinds;
 }
@@ -74,10 +74,10 @@ TestScene RoomWithGlass() {
 
 // Green of the image with at most one scattering.
 double GreenOfDepthOne(const SceneDescription& scene) {
-  return SumOf(RenderPicture(scene, SquareSettings(kSizePx, kSamples, 1)), "G");
+  return SumOf(RenderImage(scene, SquareSettings(kSizePx, kSamples, 1)), "G");
 }
 
-TEST(LightPathsTest, RoughRoomHasWhatIsSeenDirectAndIndirect) {
+TEST(LightPathsTest, RoughRoomHasSeenDirectAndIndirectLight) {
   const TestScene t = LitRoom(1);
   std::map<std::string, double> kinds = KindsOf(t.scene, 5);
   const double first = kinds["seen"] + kinds["direct"];
@@ -89,14 +89,14 @@ TEST(LightPathsTest, RoughRoomHasWhatIsSeenDirectAndIndirect) {
   EXPECT_EQ(KindsOf(t.scene, 1)["indirect"], 0);
 }
 
-TEST(LightPathsTest, GlassMakesCausticsAndShowsLamps) {
+TEST(LightPathsTest, GlassCausesCausticsAndShowsEmitters) {
   std::map<std::string, double> kinds = KindsOf(RoomWithGlass().scene, 8);
   EXPECT_GT(kinds["caustic"], 0);
   EXPECT_GT(kinds["mirrored"], 0);
   EXPECT_EQ(kinds["fog"], 0);
 }
 
-TEST(LightPathsTest, FogScattersOnceAndOften) {
+TEST(LightPathsTest, FogScattersOnceAndRepeatedly) {
   const TestScene t = Foggy(Tint{1});
   std::map<std::string, double> kinds = KindsOf(t.scene, 5);
   const double first = kinds["seen"] + kinds["direct"] + kinds["fog-once"];
@@ -105,36 +105,36 @@ TEST(LightPathsTest, FogScattersOnceAndOften) {
   EXPECT_GT(kinds["fog"], 0);
 }
 
-TEST(LightPathsTest, GlowIsThatOfMedia) {
+TEST(LightPathsTest, VolumeEmissionComesFromMedia) {
   std::map<std::string, double> kinds = KindsOf(Burning(Tint{1}).scene, 5);
   EXPECT_GT(kinds["glow"], 0);
 }
 
-TEST(LightPathsTest, HistoryTellsKindsApart) {
+TEST(LightPathsTest, HistoryDistinguishesKinds) {
   PathHistory seen;
-  EXPECT_EQ(seen.KindMet(), LightPathKind::kSeen);
+  EXPECT_EQ(seen.KindAtHit(), LightPathKind::kSeen);
   EXPECT_EQ(seen.KindFromSurface(), LightPathKind::kDirect);
   EXPECT_EQ(seen.KindFromMedium(), LightPathKind::kFogOnce);
   PathHistory mirrored = seen;
   mirrored.AddSurface(true);
-  EXPECT_EQ(mirrored.KindMet(), LightPathKind::kMirrored);
+  EXPECT_EQ(mirrored.KindAtHit(), LightPathKind::kMirrored);
   EXPECT_EQ(mirrored.KindFromSurface(), LightPathKind::kDirect);
   PathHistory rough = mirrored;
   rough.AddSurface(false);
-  EXPECT_EQ(rough.KindMet(), LightPathKind::kDirect);
+  EXPECT_EQ(rough.KindAtHit(), LightPathKind::kDirect);
   EXPECT_EQ(rough.KindFromSurface(), LightPathKind::kIndirect);
   EXPECT_EQ(rough.KindFromMedium(), LightPathKind::kFog);
   PathHistory caustic = rough;
   caustic.AddSurface(true);
-  EXPECT_EQ(caustic.KindMet(), LightPathKind::kCaustic);
+  EXPECT_EQ(caustic.KindAtHit(), LightPathKind::kCaustic);
   EXPECT_EQ(caustic.KindFromSurface(), LightPathKind::kIndirect);
   PathHistory beneath = rough;
   beneath.AddMedium(true);
   beneath.AddSurface(false);
-  EXPECT_EQ(beneath.KindMet(), LightPathKind::kBeneath);
+  EXPECT_EQ(beneath.KindAtHit(), LightPathKind::kBeneath);
 }
 
-TEST(LightPathsTest, GroupsAndPathsAreNotBothAsked) {
+TEST(LightPathsTest, GroupsAndPathsExcludeEachOther) {
   RenderSettings asked;
   asked.light_groups = asked.light_paths = true;
   TestScene t = LitRoom(1);
@@ -151,13 +151,13 @@ PathNoise NoiseOf(const SceneDescription& scene, int32_t depth, uint64_t samples
   const absl::StatusOr<PathNoiseSums> sums =
       PathNoiseSums::Of(*compiled, {0, 0, kSizePx, kSizePx}, samples, 0.01);
   EXPECT_TRUE(sums.ok()) << sums.status();
-  return sums->Shares();
+  return sums->Fractions();
 }
 
-TEST(PathNoiseTest, SharesAddUp) {
+TEST(PathNoiseTest, FractionsAddUp) {
   const PathNoise noise = NoiseOf(RoomWithGlass().scene, 8, kSamples);
   double light = 0, variance = 0;
-  for (const PathShares& kind : noise.kinds) {
+  for (const PathFractions& kind : noise.kinds) {
     light += kind.light;
     variance += kind.variance;
     EXPECT_LE(kind.one_replicate, 1);
@@ -167,18 +167,18 @@ TEST(PathNoiseTest, SharesAddUp) {
 }
 
 // Caustics of a small light consist of rare bright samples: little light, but most of the noise.
-TEST(PathNoiseTest, CausticsAreToBlame) {
+TEST(PathNoiseTest, CausticsDominateTheNoise) {
   TestScene t = RoomWithGlass();
-  t.scene.area_lights[0].radiance.rgb = Rgb::Grey(50);
+  t.scene.area_lights[0].radiance.rgb = Rgb::Gray(50);
   t.scene.meshes.back().positions = {
       {-0.1f, 0.99f, -0.1f}, {0.1f, 0.99f, -0.1f}, {0.1f, 0.99f, 0.1f}, {-0.1f, 0.99f, 0.1f}};
   const PathNoise noise = NoiseOf(t.scene, 8, kSamples);
-  const PathShares& caustic = noise.kinds[static_cast<size_t>(LightPathKind::kCaustic)];
+  const PathFractions& caustic = noise.kinds[static_cast<size_t>(LightPathKind::kCaustic)];
   EXPECT_LT(caustic.light, 0.3);
   EXPECT_GT(caustic.variance, 0.7);
   EXPECT_GT(caustic.one_replicate, 0.5);
   const PathNoise plain = NoiseOf(LitRoom(1).scene, 5, kSamples);
-  EXPECT_LT(plain.one_replicate_share, 0.5);
+  EXPECT_LT(plain.one_replicate_fraction, 0.5);
   EXPECT_EQ(plain.kinds[static_cast<size_t>(LightPathKind::kCaustic)].variance, 0);
 }
 

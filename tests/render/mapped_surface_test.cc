@@ -81,17 +81,17 @@ struct NamedMaterial {
 // Smooth glass is excluded: mirrors with perturbed normals can trap light in total reflection
 // forever. tests/stability/shading_normal_stability_test.cc tests that each of its reflections
 // keeps all light.
-std::vector<NamedMaterial> MaterialsThatKeepAll() {
+std::vector<NamedMaterial> LosslessMaterials() {
   const auto rough = [](float r) { return RoughnessInput{{r, kNone}, {r, kNone}, false}; };
   const auto metal = [=](float r) {
     ConductorMaterial m;
     m.roughness = rough(r);
     m.has_reflectance = true;
-    m.reflectance.value.rgb = Rgb::Grey(1);
+    m.reflectance.value.rgb = Rgb::Gray(1);
     return m;
   };
   return {
-      {"diffuse", [](TestScene& t) { return t.Diffuse(Rgb::Grey(1)); }},
+      {"diffuse", [](TestScene& t) { return t.Diffuse(Rgb::Gray(1)); }},
       {"mirror", [=](TestScene& t) { return t.AddMaterial(metal(0)); }},
       {"rough metal", [=](TestScene& t) { return t.AddMaterial(metal(0.3f)); }},
       {"rough glass",
@@ -104,8 +104,8 @@ std::vector<NamedMaterial> MaterialsThatKeepAll() {
       {"sheet",
        [](TestScene& t) {
          DiffuseTransmissionMaterial sheet;
-         sheet.reflectance.value.rgb = Rgb::Grey(0.25f);
-         sheet.transmittance.value.rgb = Rgb::Grey(0.75f);
+         sheet.reflectance.value.rgb = Rgb::Gray(0.25f);
+         sheet.transmittance.value.rgb = Rgb::Gray(0.75f);
          return t.AddMaterial(sheet);
        }},
       {"coated metal",
@@ -119,7 +119,7 @@ std::vector<NamedMaterial> MaterialsThatKeepAll() {
       {"mix",
        [=](TestScene& t) {
          MixMaterial mix;
-         mix.material[0] = t.Diffuse(Rgb::Grey(1));
+         mix.material[0] = t.Diffuse(Rgb::Gray(1));
          mix.material[1] = t.AddMaterial(metal(0.3f));
          mix.amount.value = 0.5f;
          return t.AddMaterial(mix);
@@ -128,13 +128,13 @@ std::vector<NamedMaterial> MaterialsThatKeepAll() {
 }
 
 // Energy conservation: no light is lost to directions below the surface, and none is created.
-TEST_F(MappedSurfaceTest, WhatKeepsAllLightVanishesWhateverItsNormals) {
+TEST_F(MappedSurfaceTest, LosslessSurfacesVanishWithAnyNormals) {
   Write(2, kStrongNormals);
-  for (const NamedMaterial& material : MaterialsThatKeepAll()) {
+  for (const NamedMaterial& material : LosslessMaterials()) {
     for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
       SCOPED_TRACE(material.name);
       TestScene t({0, 0, -4}, {0, 0, 0}, 40);
-      t.ConstantEnvironment(Rgb::Grey(1));
+      t.ConstantEnvironment(Rgb::Gray(1));
       t.AddShape(SphereShape{1, -1, 1, 360}, material.add(t));
       MapNormals(&t);
       FrameSettings settings = SquareSettings(12, 64, 1000);
@@ -149,7 +149,7 @@ TEST_F(MappedSurfaceTest, WhatKeepsAllLightVanishesWhateverItsNormals) {
 TestScene LitBall() {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
   DistantLight sun;
-  sun.radiance.rgb = Rgb::Grey(2);
+  sun.radiance.rgb = Rgb::Gray(2);
   sun.from = {1, 1, -2};
   t.scene.lights.push_back({sun, {}, {}, {}});
   CoatedDiffuseMaterial coat;
@@ -159,7 +159,7 @@ TestScene LitBall() {
   return t;
 }
 
-TEST_F(MappedSurfaceTest, AFlatNormalMapIsNone) {
+TEST_F(MappedSurfaceTest, FlatNormalMapsHaveNoEffect) {
   Write(1, {{0.5f, 0.5f, 1}});
   TestScene t = LitBall();
   const TileMean plain = RenderMapped(t.scene, SquareSettings(16, 64, 3));
@@ -175,34 +175,34 @@ TEST_F(MappedSurfaceTest, AFlatNormalMapIsNone) {
 }
 
 // Light from an image texture counts for the light's own group.
-TEST_F(MappedSurfaceTest, PictureLightsShineForTheirGroup) {
+TEST_F(MappedSurfaceTest, ImageLightsEmitIntoTheirGroup) {
   Write(2, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}});
   TestScene t = LitRoom(1);
   t.scene.area_lights[0].file = "map.pfm";
   t.scene.area_lights[0].scale.scale = 5;
   t.scene.area_lights[0].group = "picture";
-  PointLight lamp;
-  lamp.intensity.rgb = Rgb::Grey(0.3f);
-  lamp.from = {0.4f, 0, -0.5f};
-  t.scene.lights.push_back({lamp, {}, {}, {}, "lamp"});
+  PointLight point_light;
+  point_light.intensity.rgb = Rgb::Gray(0.3f);
+  point_light.from = {0.4f, 0, -0.5f};
+  t.scene.lights.push_back({point_light, {}, {}, {}, "lamp"});
   FrameSettings settings = SquareSettings(16, 16, 5);
   settings.outputs.light_groups = {"lamp", "picture"};
   const FilmTile tile = RenderAll(*CompileMapped(t.scene, settings));
   ASSERT_EQ(tile.mean_count(), 6u);
   std::array<double, 2> totals{};
   for (size_t p = 0; p < tile.plane_size(); ++p) {
-    const double lamp_red = tile.mean(0, 0)[p], picture_red = tile.mean(3, 0)[p];
+    const double light_red = tile.mean(0, 0)[p], image_red = tile.mean(3, 0)[p];
     const double red = tile.channel(FilmChannel::kRedHi)[p];
-    EXPECT_NEAR(lamp_red + picture_red, red, 1e-5 * red + 1e-7);
-    totals[0] += lamp_red;
-    totals[1] += picture_red;
+    EXPECT_NEAR(light_red + image_red, red, 1e-5 * red + 1e-7);
+    totals[0] += light_red;
+    totals[1] += image_red;
   }
   EXPECT_GT(totals[0], 0.1);
   EXPECT_GT(totals[1], 0.1);
 }
 
 // Only the size of the scene differs, so every bit of the image is the same.
-TEST_F(MappedSurfaceTest, AScaledSceneGivesTheSameBits) {
+TEST_F(MappedSurfaceTest, ScalingChangesNoBit) {
   Write(2, kStrongNormals);
   const auto render = [&](double scale) {
     TestScene t = LitRoom(scale);
@@ -229,10 +229,10 @@ TEST_F(MappedSurfaceTest, MirroredInstancesAreMirrored) {
   const auto render = [&](double side) {
     TestScene t({1.5 * side, 0.5, -4}, {0, 0, 0}, 35);
     DistantLight sun;
-    sun.radiance.rgb = Rgb::Grey(2);
+    sun.radiance.rgb = Rgb::Gray(2);
     sun.from = {2 * side, 1, -1};
     t.scene.lights.push_back({sun, {}, {}, {}});
-    t.AddLooseShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.8f)));
+    t.AddLooseShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Gray(0.8f)));
     t.scene.objects.push_back({"ball", {0}, {}});
     ObjectInstance instance;
     instance.object = 0;
@@ -259,7 +259,7 @@ std::vector<Rgb> Spotlit(int size) {
   return texels;
 }
 
-int32_t PictureLight(TestScene* t, bool two_sided = false) {
+int32_t ImageLight(TestScene* t, bool two_sided = false) {
   const int32_t light = t->AreaLight({}, two_sided);
   t->scene.area_lights.back().file = "map.pfm";
   return light;
@@ -269,7 +269,7 @@ int32_t PictureLight(TestScene* t, bool two_sided = false) {
 void AddScreen(TestScene* t, bool two_sided) {
   const int32_t mesh = t->Quad({-1, 1, -1}, {1, 1, -1}, {1, 1, 1}, {-1, 1, 1});
   t->scene.meshes.back().uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-  t->AddShape(MeshShape{mesh}, t->Diffuse({})).area_light = PictureLight(t, two_sided);
+  t->AddShape(MeshShape{mesh}, t->Diffuse({})).area_light = ImageLight(t, two_sided);
 }
 
 Vec3f CosineDirection(Vec2f u) {
@@ -328,7 +328,7 @@ void ExpectAgreement(const Irradiance& e) {
   agree(e.by_bsdf, e.by_both);
 }
 
-TEST_F(MappedSurfaceTest, HitsAndLightSamplesOfAPictureAgree) {
+TEST_F(MappedSurfaceTest, HitsAndLightSamplesOfAnImageAgree) {
   Write(16, Spotlit(16));
   for (const bool two_sided : {false, true}) {
     SCOPED_TRACE(two_sided);
@@ -343,12 +343,12 @@ TEST_F(MappedSurfaceTest, HitsAndLightSamplesOfAPictureAgree) {
   }
 }
 
-TEST_F(MappedSurfaceTest, PicturesOnDisksAndSpheresAgree) {
+TEST_F(MappedSurfaceTest, ImagesOnDisksAndSpheresAgree) {
   Write(16, Spotlit(16));
   for (const bool is_disk : {false, true}) {
     TestScene t({0, 0, -4}, {0, 0, 0}, 40);
     t.SetCamera({0, 0, 0}, {0, 1, 1}, 40);
-    const int32_t light = PictureLight(&t, true);
+    const int32_t light = ImageLight(&t, true);
     const Matrix4 over = TranslateMatrix({0.1, 2, 0}) * RotateMatrix(70, {1, 0.2, 0});
     if (is_disk) {
       t.AddShape(DiskShape{1, 0.2f, 0, 360}, t.Diffuse({}), over).area_light = light;
@@ -362,8 +362,8 @@ TEST_F(MappedSurfaceTest, PicturesOnDisksAndSpheresAgree) {
 
 // A constant image equals a plain light: the unit square at distance 1 gives the point below it an
 // irradiance of 0.752274688454 times its radiance (row L4).
-TEST_F(MappedSurfaceTest, AnEvenPictureIsAPlainLamp) {
-  Write(4, std::vector<Rgb>(16, Rgb::Grey(3)));
+TEST_F(MappedSurfaceTest, ConstantImageEqualsAConstantEmitter) {
+  Write(4, std::vector<Rgb>(16, Rgb::Gray(3)));
   TestScene t({0, 0, 0}, {0, 1, 1}, 40);
   AddScreen(&t, false);
   t.scene.shapes[0].world_from_object.start = t.scene.shapes[0].world_from_object.end =
@@ -375,7 +375,7 @@ TEST_F(MappedSurfaceTest, AnEvenPictureIsAPlainLamp) {
 }
 
 // The camera sees the image itself: its mean over the screen.
-TEST_F(MappedSurfaceTest, TheCameraSeesThePicture) {
+TEST_F(MappedSurfaceTest, CameraSeesTheImage) {
   Write(2, {{1, 2, 3}, {5, 0, 1}, {0, 0, 0}, {2, 2, 4}});
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     TestScene t({0, 0, 0}, {0, 1, 0}, 90, {0, 0, 1});
@@ -394,16 +394,16 @@ TEST_F(MappedSurfaceTest, TheCameraSeesThePicture) {
 
 // Lights with alpha, as in pbrt-v4: the opaque part emits; a light that is transparent everywhere
 // emits as a whole, but no ray hits it.
-TEST_F(MappedSurfaceTest, LampsAreCutOut) {
+TEST_F(MappedSurfaceTest, EmittersHaveCutOuts) {
   const auto floor_under = [&](float alpha, float* seen) {
     TestScene t({0, 0.4, -1}, {0, 0, 0}, 20);
     t.AddShape(MeshShape{t.Quad({-3, 0, -3}, {-3, 0, 3}, {3, 0, 3}, {3, 0, -3})},
-               t.Diffuse(Rgb::Grey(0.5f)));
+               t.Diffuse(Rgb::Gray(0.5f)));
     const int32_t mesh = t.Quad({-1, 1, -1}, {1, 1, -1}, {1, 1, 1}, {-1, 1, 1});
-    ShapeDescription& lamp = t.AddShape(MeshShape{mesh}, t.Diffuse({}));
-    lamp.area_light = t.AreaLight(Rgb::Grey(4));
-    lamp.has_alpha = true;
-    lamp.alpha.value = alpha;
+    ShapeDescription& point_light = t.AddShape(MeshShape{mesh}, t.Diffuse({}));
+    point_light.area_light = t.AreaLight(Rgb::Gray(4));
+    point_light.has_alpha = true;
+    point_light.alpha.value = alpha;
     const TileMean floor = RenderMapped(t.scene, SquareSettings(8, 256, 1));
     t.SetCamera({0, 0.1, 0}, {0, 1, 0.01}, 20);
     *seen = RenderMapped(t.scene, SquareSettings(8, 256, 0)).mean.g;

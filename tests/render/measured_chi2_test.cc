@@ -73,7 +73,7 @@ MeasuredFileBuilder GlossyBuilder() {
   return builder;
 }
 
-TEST(WarpTableTest, PointsAndDensitiesGoThereAndBack) {
+TEST(WarpTableTest, PointsAndDensitiesRoundTrip) {
   std::vector<float> values(2 * 5 * 4);
   for (size_t i = 0; i < values.size(); ++i) values[i] = CounterUniforms(3, i)[0];
   for (size_t i = 0; i < 8; ++i) values[i] = 0;  // Two rows of the first slice are black.
@@ -104,7 +104,7 @@ TEST(WarpTableTest, PointsAndDensitiesGoThereAndBack) {
   }
 }
 
-TEST(WarpTableTest, BlackIsUniformAndEndsHold) {
+TEST(WarpTableTest, BlackIsUniformAndEndpointsAreExact) {
   const WarpTable table(2, 2, std::vector<float>(4, 0));
   SliceBlend blend;
   blend.count = 1;
@@ -152,7 +152,7 @@ TEST(MeasuredChiSquareTest, Anisotropic) {
   }
 }
 
-TEST(MeasuredTest, M13_ThePdfOfASampleIsTheOneEvaluated) {
+TEST(MeasuredTest, M13_SamplePdfEqualsEvaluatedPdf) {
   const MeasuredBrdf measured = Make(GlossyBuilder());
   const Bsdf bsdf = BsdfFor(measured);
   int differing = 0;
@@ -173,7 +173,7 @@ TEST(MeasuredTest, M13_ThePdfOfASampleIsTheOneEvaluated) {
 }
 
 // At measured directions of incidence, only the grid over the square is interpolated.
-TEST(MeasuredTest, ShowsTheFunctionTheFileWasMadeOf) {
+TEST(MeasuredTest, ReproducesTheMeasuredFunction) {
   for (const MeasuredFileBuilder& builder :
        {MeasuredFileBuilder{}, GlossyBuilder(), AnisotropicBuilder()}) {
     const MeasuredBrdf measured = Make(builder);

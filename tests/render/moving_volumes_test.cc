@@ -21,7 +21,7 @@
 #include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
 #include "tests/support/volume_writers.h"
-#include "worker/render/ablation/leave_out.h"
+#include "worker/render/ablation/ablate.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
@@ -111,12 +111,12 @@ Strips Render(const PuffScene& t, int samples, ColorTransport color = ColorTrans
 // The mean of images of the still medium, shifted by 1/32, 3/32, ... of the way, each with
 // independent noise.
 Strips MeanOfStills(PuffScene t, Vec3d way, int samples, ColorTransport color, FileSource& files) {
-  constexpr int kPictures = 16;
-  t.medium().StandStill();
+  constexpr int kImages = 16;
+  t.medium().RemoveMotion();
   Strips mean;
   std::array<std::array<double, 3>, kStrips> sum{}, squares{};
-  for (int k = 0; k < kPictures; ++k) {
-    t.Shift((k + 0.5) / kPictures * way);
+  for (int k = 0; k < kImages; ++k) {
+    t.Shift((k + 0.5) / kImages * way);
     t.scene.camera.shutter_close = t.scene.camera.shutter_open;
     const Strips strips = Render(t, samples, color, files, static_cast<uint32_t>(k + 1));
     for (size_t i = 0; i < kStrips; ++i) {
@@ -128,8 +128,8 @@ Strips MeanOfStills(PuffScene t, Vec3d way, int samples, ColorTransport color, F
   }
   for (size_t i = 0; i < kStrips; ++i) {
     for (size_t c = 0; c < 3; ++c) {
-      mean[i].mean[c] = static_cast<float>(sum[i][c] / kPictures);
-      mean[i].standard_error[c] = static_cast<float>(std::sqrt(squares[i][c]) / kPictures);
+      mean[i].mean[c] = static_cast<float>(sum[i][c] / kImages);
+      mean[i].standard_error[c] = static_cast<float>(std::sqrt(squares[i][c]) / kImages);
     }
   }
   return mean;
@@ -153,15 +153,15 @@ void ExpectBlur(const PuffScene& t, Vec3d way, int samples, ColorTransport color
                 FileSource& files) {
   const Strips moving = Render(t, samples, color, files);
   EXPECT_LT(LargestZ(moving, MeanOfStills(t, way, samples / 4, color, files)), 5);
-  for (const double share : {0.0, 1.0}) {
+  for (const double time : {0.0, 1.0}) {
     PuffScene still = t;
-    still.medium().StandStill();
-    still.Shift(share * way);
-    EXPECT_GT(LargestZ(moving, Render(still, samples, color, files)), 10) << share;
+    still.medium().RemoveMotion();
+    still.Shift(time * way);
+    EXPECT_GT(LargestZ(moving, Render(still, samples, color, files)), 10) << time;
   }
 }
 
-TEST(MovingVolumesTest, AnEvenWindBlursAsTheMeanOfWhatStandsStill) {
+TEST(MovingVolumesTest, UniformMotionEqualsTheMeanOfStaticVolumes) {
   TableFileSource files({});
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     SCOPED_TRACE(ColorTransportName(color));
@@ -174,7 +174,7 @@ TEST(MovingVolumesTest, AnEvenWindBlursAsTheMeanOfWhatStandsStill) {
   }
 }
 
-TEST(MovingVolumesTest, BlackBodiesMoveAlong) {
+TEST(MovingVolumesTest, BlackbodyEmissionMoves) {
   TableFileSource files({});
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     SCOPED_TRACE(ColorTransportName(color));
@@ -186,22 +186,22 @@ TEST(MovingVolumesTest, BlackBodiesMoveAlong) {
 }
 
 // The background behind the smoke and its shadow are blurred too: shadow rays carry the time.
-TEST(MovingVolumesTest, ShadowsMoveAlong) {
+TEST(MovingVolumesTest, ShadowsMove) {
   PuffScene t;
   DistantLight sun;
-  sun.radiance.rgb = Rgb::Grey(3);
+  sun.radiance.rgb = Rgb::Gray(3);
   sun.from = {0, 1, 0};
   sun.to = {0, 0, 0};
   t.scene.lights.push_back({sun, {}, {}, {}});
   t.AddShape(MeshShape{t.Quad({-5, -2, -5}, {-5, -2, 5}, {5, -2, 5}, {5, -2, -5})},
-             t.Diffuse(Rgb::Grey(0.6f)));
+             t.Diffuse(Rgb::Gray(0.6f)));
   t.Blow({2.4f, 0, 0});
   TableFileSource files({});
   ExpectBlur(t, {1.2, 0, 0}, DrawCount(256, 2048), ColorTransport::kRgb, files);
 }
 
 // V5: lumps that move in all directions, slowly and fast, into empty space.
-TEST(MovingVolumesTest, V5BoundsHoldInPictures) {
+TEST(MovingVolumesTest, V5BoundsHoldInImages) {
   Random random(7);
   for (const float speed : {0.2f, 2.0f, 20.0f}) {
     PuffScene t;
@@ -221,7 +221,7 @@ FilmTile Film(const PuffScene& t, RenderPlan* plan) {
 }
 
 // A shutter interval of length 0, and zero velocities, cost nothing and change no bit.
-TEST(MovingVolumesTest, WhatDoesNotMoveIsStillToTheBit) {
+TEST(MovingVolumesTest, StaticVolumesChangeNoBit) {
   PuffScene still;
   still.ConstantEnvironment({0.5f, 0.7f, 1});
   PuffScene shut = still, zero = still, unscaled = still;
@@ -241,9 +241,9 @@ TEST(MovingVolumesTest, WhatDoesNotMoveIsStillToTheBit) {
   }
 }
 
-TEST(MovingVolumesTest, ThePlanSaysWhoMoves) {
+TEST(MovingVolumesTest, PlanNamesTheMovingVolume) {
   PuffScene t;
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   t.Blow({2, 0, 0});
   const FrameSettings settings = SquareSettings(8, 4, 4);
   const RenderPlan plan = MakeRenderPlan(t.scene, settings);
@@ -258,13 +258,13 @@ TEST(MovingVolumesTest, ThePlanSaysWhoMoves) {
   // Either can be ablated; the remaining scene is still.
   TableFileSource files({});
   for (const Trait trait : {Trait::kMovingVolumes, Trait::kMotion}) {
-    const auto without = LeaveOut(trait, t.scene, settings, files);
+    const auto without = Ablate(trait, t.scene, settings, files);
     ASSERT_TRUE(without.ok()) << without.status();
     const uint32_t rest = MakeRenderPlan(without->scene, without->settings).traits;
     EXPECT_EQ(rest, plan.traits & ~TraitSet(Trait::kMovingVolumes, Trait::kMotion));
   }
   // Variants for scenes without it do not contain it.
-  t.medium().StandStill();
+  t.medium().RemoveMotion();
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, settings).variant_traits, Trait::kMovingVolumes));
 }
 
@@ -313,7 +313,7 @@ class MovingFilesTest : public ::testing::Test {
   TableFileSource files_{{{"smoke.vdb", path_}}};
 };
 
-TEST_F(MovingFilesTest, VelocitiesOfFilesBlurAsTheMeanOfWhatStandsStill) {
+TEST_F(MovingFilesTest, FileVelocitiesEqualTheMeanOfStaticVolumes) {
   const std::vector<GridToWrite> grids{Density(), Velocities("vel", Even)};
   const int samples = DrawCount(256, 2048);
   PuffScene named = FileScene(VdbFile(grids, {}), "vel");
@@ -324,13 +324,13 @@ TEST_F(MovingFilesTest, VelocitiesOfFilesBlurAsTheMeanOfWhatStandsStill) {
   for (size_t i = 0; i < kStrips; ++i) EXPECT_EQ(as_vdb[i].mean, as_nvdb[i].mean);
 }
 
-TEST_F(MovingFilesTest, VelocitiesAreNotTakenUnasked) {
+TEST_F(MovingFilesTest, VelocitiesAreIgnoredByDefault) {
   const std::string bytes = VdbFile({Density(), Velocities("vel", Even)}, {});
   const PuffScene t = FileScene(bytes, "");
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, SquareSettings(4, 1, 1)).traits, Trait::kMovingVolumes));
 }
 
-TEST_F(MovingFilesTest, VelocitiesThatAreAllZeroMoveNothing) {
+TEST_F(MovingFilesTest, ZeroVelocitiesMoveNothing) {
   const std::string bytes = VdbFile({Density(), Velocities("v", Nothing)}, {});
   const FrameSettings settings = SquareSettings(16, 16, 16);
   const auto zero = CompileScene(FileScene(bytes, "auto").scene, settings, files_, {});
@@ -341,7 +341,7 @@ TEST_F(MovingFilesTest, VelocitiesThatAreAllZeroMoveNothing) {
   EXPECT_TRUE(RenderAll(**zero) == RenderAll(**still));
 }
 
-TEST_F(MovingFilesTest, WhatIsNoVelocityIsRefusedWithItsPlace) {
+TEST_F(MovingFilesTest, InvalidVelocitiesAreRefusedWithTheirLocation) {
   const std::string where = "test.pbrt:7:3: medium \"smoke\": smoke.vdb: ";
   const std::vector<GridToWrite> grids{Density(), Velocities("vel", Even)};
   EXPECT_THAT(Message(FileScene(VdbFile(grids, {}), "density")),

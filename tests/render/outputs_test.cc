@@ -22,18 +22,18 @@ using ::testing::ElementsAre;
 
 constexpr int32_t kSizePx = 16;
 
-FramePicture RenderPicture(const SceneDescription& scene, const FrameSettings& settings) {
+FrameImage RenderImage(const SceneDescription& scene, const FrameSettings& settings) {
   const CompiledScenePtr compiled = Compile(scene, settings);
   const FilmTile tile = RenderAll(*compiled);
-  FramePicture picture =
-      MakeFramePicture(settings.window, settings.width_px, settings.height_px, settings.outputs);
-  DevelopTile(tile, &picture);
-  NoteNames(tile, &picture);
-  return picture;
+  FrameImage image =
+      MakeFrameImage(settings.window, settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(tile, &image);
+  NoteNames(tile, &image);
+  return image;
 }
 
-float At(const FramePicture& picture, const char* channel, int32_t x, int32_t y) {
-  const std::vector<float>* plane = picture.Find(channel);
+float At(const FrameImage& image, const char* channel, int32_t x, int32_t y) {
+  const std::vector<float>* plane = image.Find(channel);
   EXPECT_NE(plane, nullptr) << channel;
   return plane == nullptr ? 0 : (*plane)[static_cast<size_t>(y * kSizePx + x)];
 }
@@ -44,8 +44,8 @@ TestScene Wall() {
   TestScene t({5, 0, -2}, {5, 0, 0}, 90);
   const int32_t mesh = t.Quad({0, -5, 0}, {0, 5, 0}, {10, 5, 0}, {10, -5, 0});
   t.scene.meshes[static_cast<size_t>(mesh)].uvs = {{0, 0}, {0, 1}, {1, 1}, {1, 0}};
-  t.AddShape(MeshShape{mesh}, t.Diffuse(Rgb::Grey(0.5f)));
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.AddShape(MeshShape{mesh}, t.Diffuse(Rgb::Gray(0.5f)));
+  t.ConstantEnvironment(Rgb::Gray(1));
   return t;
 }
 
@@ -54,19 +54,19 @@ TEST(OutputsTest, FirstSurfaceInWorldSpace) {
   for (const Aov aov : {Aov::kPosition, Aov::kGeometricNormal, Aov::kShadingNormal, Aov::kUv}) {
     settings.outputs.Add(aov);
   }
-  const FramePicture picture = RenderPicture(Wall().scene, settings);
+  const FrameImage image = RenderImage(Wall().scene, settings);
   // A pixel's samples are spread over it; the mean of 64 points of a Sobol' sequence is within 1/64
   // of a pixel of its center. Pixel (3, 12) is 4.5 to the left and below; x increases to the right
   // of the left-handed camera.
   const float tolerance = 0.25f / 64;
-  EXPECT_NEAR(At(picture, "P.X", 3, 12), 5 - 4.5 * 0.25, tolerance);
-  EXPECT_NEAR(At(picture, "P.Y", 3, 12), -4.5 * 0.25, tolerance);
-  EXPECT_EQ(At(picture, "P.Z", 3, 12), 0);
-  EXPECT_NEAR(At(picture, "u", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
-  EXPECT_NEAR(At(picture, "v", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
+  EXPECT_NEAR(At(image, "P.X", 3, 12), 5 - 4.5 * 0.25, tolerance);
+  EXPECT_NEAR(At(image, "P.Y", 3, 12), -4.5 * 0.25, tolerance);
+  EXPECT_EQ(At(image, "P.Z", 3, 12), 0);
+  EXPECT_NEAR(At(image, "u", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
+  EXPECT_NEAR(At(image, "v", 3, 12), (5 - 4.5 * 0.25) / 10, tolerance / 10);
   // Towards the viewer, whichever side is the mesh's front.
-  for (const char* channel : {"N.Z", "Ns.Z"}) EXPECT_EQ(At(picture, channel, 3, 12), -1);
-  EXPECT_EQ(At(picture, "N.X", 3, 12), 0);
+  for (const char* channel : {"N.Z", "Ns.Z"}) EXPECT_EQ(At(image, channel, 3, 12), -1);
+  EXPECT_EQ(At(image, "N.X", 3, 12), 0);
 }
 
 TEST(OutputsTest, FirstSurfaceInCameraSpace) {
@@ -76,11 +76,11 @@ TEST(OutputsTest, FirstSurfaceInCameraSpace) {
   settings.outputs.camera_space = true;
   TestScene t = Wall();
   t.SetCamera({5, 0, -2}, {5, 0, 0}, 90, {1, 0, 0});  // Rolled: up is world x.
-  const FramePicture picture = RenderPicture(t.scene, settings);
-  EXPECT_NEAR(At(picture, "P.Y", 3, 12), -4.5 * 0.25, 0.02);
-  EXPECT_NEAR(At(picture, "P.X", 3, 12), -4.5 * 0.25, 0.02);
-  EXPECT_NEAR(At(picture, "P.Z", 3, 12), 2, 1e-6);
-  EXPECT_EQ(At(picture, "N.Z", 3, 12), -1);
+  const FrameImage image = RenderImage(t.scene, settings);
+  EXPECT_NEAR(At(image, "P.Y", 3, 12), -4.5 * 0.25, 0.02);
+  EXPECT_NEAR(At(image, "P.X", 3, 12), -4.5 * 0.25, 0.02);
+  EXPECT_NEAR(At(image, "P.Z", 3, 12), 2, 1e-6);
+  EXPECT_EQ(At(image, "N.Z", 3, 12), -1);
 }
 
 // The wall moves by (0.5, 0.25) while the shutter is open: 2 pixels right and 1 up, at every time.
@@ -88,19 +88,19 @@ TEST(OutputsTest, MotionOfSurfaceAndCamera) {
   FrameSettings settings = SquareSettings(kSizePx, 16, 1);
   settings.outputs.Add(Aov::kMotion);
   TestScene t = Wall();
-  EXPECT_EQ(At(RenderPicture(t.scene, settings), "motion.X", 8, 8), 0);
+  EXPECT_EQ(At(RenderImage(t.scene, settings), "motion.X", 8, 8), 0);
   t.scene.camera.shutter_close = 1;
   TransformOverTime& moving = t.scene.shapes[0].world_from_object;
   moving.end = TranslateMatrix({0.5, 0.25, 0});
-  FramePicture picture = RenderPicture(t.scene, settings);
-  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 2, 1e-4);
-  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), -1, 1e-4);
+  FrameImage image = RenderImage(t.scene, settings);
+  EXPECT_NEAR(At(image, "motion.X", 4, 9), 2, 1e-4);
+  EXPECT_NEAR(At(image, "motion.Y", 4, 9), -1, 1e-4);
   // For a camera that moves with it, nothing moves.
   t.scene.camera.world_from_camera.end =
       TranslateMatrix({0.5, 0.25, 0}) * t.scene.camera.world_from_camera.start;
-  picture = RenderPicture(t.scene, settings);
-  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 0, 1e-4);
-  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), 0, 1e-4);
+  image = RenderImage(t.scene, settings);
+  EXPECT_NEAR(At(image, "motion.X", 4, 9), 0, 1e-4);
+  EXPECT_NEAR(At(image, "motion.Y", 4, 9), 0, 1e-4);
 }
 
 // The same wall with moving vertices; then also with a moving transform, twice as far.
@@ -113,22 +113,22 @@ TEST(OutputsTest, MotionOfDeformation) {
   mesh.steps.resize(2, VertexStep{mesh.positions, {}});
   for (Vec3f& p : mesh.steps[0].positions) p = p + Vec3f{0.5f, 0, 0};
   for (Vec3f& p : mesh.steps[1].positions) p = p + Vec3f{0.5f, 0.25f, 0};
-  FramePicture picture = RenderPicture(t.scene, settings);
-  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 2, 1e-4);
-  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), -1, 1e-4);
+  FrameImage image = RenderImage(t.scene, settings);
+  EXPECT_NEAR(At(image, "motion.X", 4, 9), 2, 1e-4);
+  EXPECT_NEAR(At(image, "motion.Y", 4, 9), -1, 1e-4);
   t.scene.shapes[0].world_from_object.end = TranslateMatrix({0.5, 0.25, 0});
-  picture = RenderPicture(t.scene, settings);
-  EXPECT_NEAR(At(picture, "motion.X", 4, 9), 4, 1e-4);
-  EXPECT_NEAR(At(picture, "motion.Y", 4, 9), -2, 1e-4);
+  image = RenderImage(t.scene, settings);
+  EXPECT_NEAR(At(image, "motion.X", 4, 9), 4, 1e-4);
+  EXPECT_NEAR(At(image, "motion.Y", 4, 9), -2, 1e-4);
 }
 
 TestScene RoomWithGroups() {
   TestScene t = LitRoom(1);
   t.scene.area_lights[0].group = "ceiling";
-  PointLight lamp;
-  lamp.intensity.rgb = {0.5f, 0.1f, 0.1f};
-  lamp.from = {0.4f, 0, -0.5f};
-  t.scene.lights.push_back({lamp, {}, {}, {}, "lamp"});
+  PointLight light;
+  light.intensity.rgb = {0.5f, 0.1f, 0.1f};
+  light.from = {0.4f, 0, -0.5f};
+  t.scene.lights.push_back({light, {}, {}, {}, "lamp"});
   return t;
 }
 
@@ -150,7 +150,7 @@ void ExpectGroupsAddUp(const SceneDescription& scene, const std::vector<std::str
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     const FrameSettings settings = GroupSettings(scene, color);
     ASSERT_EQ(settings.outputs.light_groups, names);
-    const FramePicture picture = RenderPicture(scene, settings);
+    const FrameImage image = RenderImage(scene, settings);
     for (const char* component : {"R", "G", "B"}) {
       std::vector<double> totals(names.size());
       for (int32_t y = 0; y < kSizePx; ++y) {
@@ -158,12 +158,12 @@ void ExpectGroupsAddUp(const SceneDescription& scene, const std::vector<std::str
           double sum = 0, magnitude = 0;
           for (size_t i = 0; i < names.size(); ++i) {
             const double value =
-                static_cast<double>(At(picture, (names[i] + "." + component).c_str(), x, y));
+                static_cast<double>(At(image, (names[i] + "." + component).c_str(), x, y));
             sum += value;
             magnitude += std::fabs(value);
             totals[i] += value;
           }
-          EXPECT_NEAR(sum, At(picture, component, x, y), 1e-5 * magnitude + 1e-7);
+          EXPECT_NEAR(sum, At(image, component, x, y), 1e-5 * magnitude + 1e-7);
         }
       }
       for (size_t i = 0; i < names.size(); ++i) EXPECT_GT(totals[i], 0.1) << names[i];
@@ -171,51 +171,51 @@ void ExpectGroupsAddUp(const SceneDescription& scene, const std::vector<std::str
   }
 }
 
-TEST(OutputsTest, LightGroupsAddUpToThePicture) {
+TEST(OutputsTest, LightGroupsAddUpToTheImage) {
   ExpectGroupsAddUp(RoomWithGroups().scene, {"ceiling", "lamp"});
 }
 
-TEST(OutputsTest, SkiesThatOverlapShareTheLight) {
+TEST(OutputsTest, OverlappingSkiesShareTheLight) {
   TestScene t = Wall();
   t.ConstantEnvironment({0.2f, 0.4f, 0.8f});
   t.scene.lights[1].group = "blue";
   DistantLight sun;
-  sun.radiance.rgb = Rgb::Grey(2);
+  sun.radiance.rgb = Rgb::Gray(2);
   sun.from = {0, 0, -1};
   sun.to = {0, 0, 0};
   t.scene.lights.push_back({sun, {}, {}, {}, "sun"});
   ExpectGroupsAddUp(t.scene, {"blue", "default", "sun"});
   // Without scattering between them the two skies differ only by their colors.
   const FrameSettings settings = GroupSettings(t.scene, ColorTransport::kRgb);
-  const FramePicture picture = RenderPicture(t.scene, settings);
-  EXPECT_NEAR(At(picture, "blue.G", 5, 5), 0.4 * At(picture, "default.G", 5, 5), 1e-5);
+  const FrameImage image = RenderImage(t.scene, settings);
+  EXPECT_NEAR(At(image, "blue.G", 5, 5), 0.4 * At(image, "default.G", 5, 5), 1e-5);
 }
 
 // A group's light equals the image of the scene with all other lights removed.
-TEST(OutputsTest, GroupIsThePictureOfItsLightsAlone) {
+TEST(OutputsTest, GroupEqualsTheImageOfItsLights) {
   const TestScene both = RoomWithGroups();
   FrameSettings settings = GroupSettings(both.scene, ColorTransport::kRgb);
   settings.samples = 256;
-  const FramePicture picture = RenderPicture(both.scene, settings);
+  const FrameImage image = RenderImage(both.scene, settings);
   TestScene alone = both;
   alone.scene.lights.clear();
   settings.outputs = {};
   const TileMean mean = RenderMean(alone.scene, settings);
   double sum = 0;
-  for (const float value : *picture.Find("ceiling.G")) sum += static_cast<double>(value);
+  for (const float value : *image.Find("ceiling.G")) sum += static_cast<double>(value);
   EXPECT_NEAR(sum / (kSizePx * kSizePx), mean.mean.g,
               8 * static_cast<double>(mean.standard_error.g));
 }
 
-TEST(OutputsTest, PictureKeepsItsBits) {
+TEST(OutputsTest, ImageKeepsItsBits) {
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     const TestScene t = RoomWithGroups();
     FrameSettings settings = GroupSettings(t.scene, color);
     for (size_t i = 0; i < kAovCount; ++i) settings.outputs.Add(static_cast<Aov>(i));
     settings.outputs.AddCryptomatte(IdKind::kObject);
-    const FramePicture with = RenderPicture(t.scene, settings);
+    const FrameImage with = RenderImage(t.scene, settings);
     settings.outputs = {};
-    const FramePicture without = RenderPicture(t.scene, settings);
+    const FrameImage without = RenderImage(t.scene, settings);
     for (size_t i = 0; i < without.planes.size(); ++i) {
       EXPECT_EQ(*with.Find(without.channel_names[i]), without.planes[i])
           << without.channel_names[i];
@@ -228,7 +228,7 @@ TestScene Balls() {
   TestScene t = Wall();
   t.scene.files = {"room.pbrt", "wall.pbrt"};
   t.scene.shapes[0].location = {1, 12, 3};
-  const int32_t paint = t.Diffuse(Rgb::Grey(0.3f));
+  const int32_t paint = t.Diffuse(Rgb::Gray(0.3f));
   t.scene.materials[static_cast<size_t>(paint)].name = "paint";
   t.scene.materials[0].location = {0, 4, 1};
   t.AddLooseShape(SphereShape{0.5f, -0.5f, 0.5f, 360}, paint);
@@ -249,12 +249,12 @@ TEST(OutputsTest, IdsAndTheirNames) {
     settings.outputs.AddCryptomatte(kind);
     settings.outputs.AddIdNumber(kind);
   }
-  const FramePicture picture = RenderPicture(Balls().scene, settings);
-  EXPECT_THAT(picture.id_names[0], ElementsAre("ball#1", "ball#2", "wall.pbrt:12:3"));
-  EXPECT_THAT(picture.id_names[1], ElementsAre("paint", "room.pbrt:4:1"));
-  EXPECT_THAT(picture.id_names[2], ElementsAre("ball", "wall.pbrt"));
+  const FrameImage image = RenderImage(Balls().scene, settings);
+  EXPECT_THAT(image.id_names[0], ElementsAre("ball#1", "ball#2", "wall.pbrt:12:3"));
+  EXPECT_THAT(image.id_names[1], ElementsAre("paint", "room.pbrt:4:1"));
+  EXPECT_THAT(image.id_names[2], ElementsAre("ball", "wall.pbrt"));
   const auto is = [&](const char* channel, int32_t x, const char* name) {
-    const float id = At(picture, channel, x, 8);
+    const float id = At(image, channel, x, 8);
     return std::bit_cast<uint32_t>(id) == CryptomatteIdBits(name);
   };
   // A ball's center is 1 off the axis at a depth of 1.5: 5.3 pixels from the image center.
@@ -263,14 +263,14 @@ TEST(OutputsTest, IdsAndTheirNames) {
   EXPECT_TRUE(is("CryptoObject00.R", 8, "wall.pbrt:12:3"));
   EXPECT_TRUE(is("CryptoMaterial00.R", 13, "paint"));
   EXPECT_TRUE(is("CryptoAsset00.R", 2, "ball"));
-  EXPECT_EQ(At(picture, "CryptoObject00.G", 8, 8), 1);
-  EXPECT_EQ(At(picture, "objectId", 2, 8), 3);
-  EXPECT_EQ(At(picture, "materialId", 2, 8), 2);
+  EXPECT_EQ(At(image, "CryptoObject00.G", 8, 8), 1);
+  EXPECT_EQ(At(image, "objectId", 2, 8), 3);
+  EXPECT_EQ(At(image, "materialId", 2, 8), 2);
   // The coverage of every pixel is complete, since the wall is behind everything.
   for (int32_t x = 0; x < kSizePx; ++x) {
-    float coverage = At(picture, "rest.CryptoObject", x, 7);
+    float coverage = At(image, "rest.CryptoObject", x, 7);
     for (const char* channel : {"CryptoObject00.G", "CryptoObject00.A", "CryptoObject01.G"}) {
-      coverage += At(picture, channel, x, 7);
+      coverage += At(image, channel, x, 7);
     }
     EXPECT_NEAR(coverage, 1, 1e-6);
   }

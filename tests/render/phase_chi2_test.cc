@@ -13,7 +13,7 @@
 #include "tests/support/hard_case.h"
 #include "tests/support/naive_materials.h"
 #include "tests/support/naive_media.h"
-#include "worker/render/medium/free_flight.h"
+#include "worker/render/medium/distance_sampling.h"
 #include "worker/render/medium/phase_function.h"
 
 namespace sheaf::render {
@@ -79,7 +79,7 @@ TEST(PhaseChiSquareTest, M11NarrowPeaksHaveTheirMeanCosine) {
 }
 
 // A million even steps of the cosine: the function integrates to 1 up to |g| = 0.999.
-TEST(PhaseChiSquareTest, M11TheFunctionIntegratesToOne) {
+TEST(PhaseChiSquareTest, M11PhaseFunctionIntegratesToOne) {
   for (const float g : {-0.999f, -0.9f, 0.0f, 1e-6f, 0.9f, 0.999f}) {
     // Substituting e^s for the distance from the peak spreads the peak over the steps.
     constexpr int kSteps = 100000;
@@ -94,43 +94,44 @@ TEST(PhaseChiSquareTest, M11TheFunctionIntegratesToOne) {
 }
 
 TEST(PhaseChiSquareTest, MixturesFollowTheirDensity) {
-  PhaseMix<Rgb> mix;
-  mix.Add(-0.6f, {0.2f, 0.3f, 0.1f}, 0.25f);
-  mix.Add(0.0f, {0.3f, 0.1f, 0.1f}, 0.15f);
-  mix.Add(0.8f, {0.5f, 0.6f, 0.8f}, 0.6f);
+  PhaseMixture<Rgb> mixture;
+  mixture.Add(-0.6f, {0.2f, 0.3f, 0.1f}, 0.25f);
+  mixture.Add(0.0f, {0.3f, 0.1f, 0.1f}, 0.15f);
+  mixture.Add(0.8f, {0.5f, 0.6f, 0.8f}, 0.6f);
   const Vec3f d = Normalize(Vec3f{-1, 0.2f, 0.4f});
   const ChiSquareResult result = testing::ChiSquareTest(
       [&](std::array<float, 3> u) -> std::optional<Vec3f> {
-        return mix.SampleDirection(d, u[2], {u[0], u[1]}).w;
+        return mixture.SampleDirection(d, u[2], {u[0], u[1]}).w;
       },
-      [&](Vec3f w) -> double { return mix.Eval(d, w).pdf; }, {}, kSampleCount);
+      [&](Vec3f w) -> double { return mixture.Eval(d, w).pdf; }, {}, kSampleCount);
   EXPECT_GE(result.p_value, Threshold()) << result.text;
   for (int i = 0; i < 100; ++i) {
     const std::array<float, 3> u = CounterUniforms(3, static_cast<uint64_t>(i));
-    const PhaseMix<Rgb>::Sample sample = mix.SampleDirection(d, u[2], {u[0], u[1]});
-    const PhaseMix<Rgb>::Value value = mix.Eval(d, sample.w);
+    const PhaseMixture<Rgb>::Sample sample = mixture.SampleDirection(d, u[2], {u[0], u[1]});
+    const PhaseMixture<Rgb>::Value value = mixture.Eval(d, sample.w);
     for (size_t c = 0; c < 3; ++c) {
       EXPECT_NEAR(sample.weight[c] * value.pdf, value.f[c], 1e-5f * value.pdf);
     }
   }
 }
 
-MediumMix<Rgb> Mix(Rgb sigma_a, Rgb sigma_s) {
-  MediumMix<Rgb> mix;
-  mix.sigma_t = sigma_a + sigma_s;
-  mix.sigma_s = sigma_s;
-  mix.scatters = !sigma_s.IsBlack();
-  mix.is_grey = mix.sigma_t.r == mix.sigma_t.g && mix.sigma_t.g == mix.sigma_t.b &&
-                sigma_s.r == sigma_s.g && sigma_s.g == sigma_s.b;
-  return mix;
+MediumProperties<Rgb> MakeProperties(Rgb sigma_a, Rgb sigma_s) {
+  MediumProperties<Rgb> mixture;
+  mixture.sigma_t = sigma_a + sigma_s;
+  mixture.sigma_s = sigma_s;
+  mixture.scatters = !sigma_s.IsBlack();
+  mixture.is_gray = mixture.sigma_t.r == mixture.sigma_t.g &&
+                    mixture.sigma_t.g == mixture.sigma_t.b && sigma_s.r == sigma_s.g &&
+                    sigma_s.g == sigma_s.b;
+  return mixture;
 }
-FlightNumbers Numbers(uint64_t seed, uint64_t i) {
+DistanceUniforms Numbers(uint64_t seed, uint64_t i) {
   const std::array<float, 3> u = CounterUniforms(seed, 2 * i);
   return {static_cast<double>(u[0]) + 0x1p-24 * static_cast<double>(u[1]), u[2]};
 }
 
 // Distance samples end in one of 32 intervals of equal probability, or reach the end.
-TEST(FlightChiSquareTest, DistancesFollowTheDensity) {
+TEST(DistanceChiSquareTest, DistancesFollowTheDensity) {
   constexpr size_t kParts = 32;
   constexpr int kDraws = 320000;
   for (const double thickness : {1e-3, 1.0, 20.0, 1e6}) {
@@ -140,16 +141,17 @@ TEST(FlightChiSquareTest, DistancesFollowTheDensity) {
     std::vector<double> counts(kParts + 1, 0), expected(kParts, kDraws * scattered / kParts);
     expected.push_back(kDraws * (1 - scattered));
     for (int i = 0; i < kDraws; ++i) {
-      const Flight<Rgb> flight =
-          SampleFlight<true>(Mix(Rgb::Grey(1), Rgb::Grey(2)), length,
-                             Numbers(11, static_cast<uint64_t>(i)), Rgb::Grey(1));
-      if (!flight.scatters) {
+      const DistanceSample<Rgb> distance_sample =
+          SampleDistance<true>(MakeProperties(Rgb::Gray(1), Rgb::Gray(2)), length,
+                               Numbers(11, static_cast<uint64_t>(i)), Rgb::Gray(1));
+      if (!distance_sample.scatters) {
         counts[kParts] += 1;
-        EXPECT_EQ(flight.weight, Rgb::Grey(1));
+        EXPECT_EQ(distance_sample.weight, Rgb::Gray(1));
         continue;
       }
-      EXPECT_EQ(flight.weight, Rgb::Grey(2.0f / 3));
-      const double before = -std::expm1(-static_cast<double>(sigma) * flight.distance) / scattered;
+      EXPECT_EQ(distance_sample.weight, Rgb::Gray(2.0f / 3));
+      const double before =
+          -std::expm1(-static_cast<double>(sigma) * distance_sample.distance) / scattered;
       counts[std::min(kParts - 1, static_cast<size_t>(before * kParts))] += 1;
     }
     double statistic = 0, degrees = -1;
@@ -164,13 +166,13 @@ TEST(FlightChiSquareTest, DistancesFollowTheDensity) {
 
 // V2: the scattering probability of a distance sample in a thin medium, found by bisection of its
 // random number, is 1 - e^-tau to a part in a million down to 1e-8.
-TEST(FlightStability, V2ThinMediaScatterAsOftenAsTheyShould) {
+TEST(DistanceSamplingStability, V2ThinMediaScatterWithTheRightProbability) {
   for (double tau = 1e-8; tau < 30; tau *= 10) {
-    const MediumMix<Rgb> mix = Mix({}, Rgb::Grey(1));
+    const MediumProperties<Rgb> mixture = MakeProperties({}, Rgb::Gray(1));
     double low = 0, high = 1;
     for (int i = 0; i < 80; ++i) {
       const double u = (low + high) / 2;
-      (SampleFlight<false>(mix, tau, {u, 0}, Rgb::Grey(1)).scatters ? low : high) = u;
+      (SampleDistance<false>(mixture, tau, {u, 0}, Rgb::Gray(1)).scatters ? low : high) = u;
     }
     EXPECT_NEAR(low / -std::expm1(-tau), 1, 1e-6) << tau;
     if (tau == 1e-8) {
@@ -182,33 +184,33 @@ TEST(FlightStability, V2ThinMediaScatterAsOftenAsTheyShould) {
                       .naive = naive::Taken(1e-8f),
                       .naive_by = "1 - e^-tau"});
     }
-    EXPECT_NEAR(TransmittanceOf<false>(mix, tau).r, std::exp(-tau), 1e-7 * std::exp(-tau));
+    EXPECT_NEAR(TransmittanceOf<false>(mixture, tau).r, std::exp(-tau), 1e-7 * std::exp(-tau));
   }
   // The resolution of the random numbers is finer than 1e-8: steps of 2^-48.
-  EXPECT_EQ(MakeFlightNumbers({0, 0x1p-24f, 0, 0}, 0).distance, 0x1p-48);
+  EXPECT_EQ(MakeDistanceUniforms({0, 0x1p-24f, 0, 0}, 0).distance, 0x1p-48);
 }
 
 // V1, V6, V11: expected values of the weights, for every pair of component and thickness; all
 // weights are finite at any length, including an infinite one.
-TEST(FlightStability, V11WeightsKeepTheirExpectation) {
+TEST(DistanceSamplingStability, V11WeightsKeepTheirExpectation) {
   constexpr int kDraws = 400000;
   const Rgb sigma_s{1, 10, 100}, sigma_a{0.5f, 0, 25};
-  const MediumMix<Rgb> mix = Mix(sigma_a, sigma_s);
+  const MediumProperties<Rgb> mixture = MakeProperties(sigma_a, sigma_s);
   for (const double length : {1e-4, 0.01, 0.3, 5.0, HUGE_VAL}) {
     std::array<double, 3> arrived{}, arrived_squares{}, scattered{}, scattered_squares{};
     const Rgb carried{0.2f, 1, 3};
     for (int i = 0; i < kDraws; ++i) {
-      const Flight<Rgb> flight =
-          SampleFlight<true>(mix, length, Numbers(5, static_cast<uint64_t>(i)), carried);
-      ASSERT_TRUE(IsFinite(flight.weight)) << length;
+      const DistanceSample<Rgb> distance_sample =
+          SampleDistance<true>(mixture, length, Numbers(5, static_cast<uint64_t>(i)), carried);
+      ASSERT_TRUE(IsFinite(distance_sample.weight)) << length;
       for (size_t c = 0; c < 3; ++c) {
-        const double w = static_cast<double>(flight.weight[c]);
-        (flight.scatters ? scattered : arrived)[c] += w;
-        (flight.scatters ? scattered_squares : arrived_squares)[c] += w * w;
+        const double w = static_cast<double>(distance_sample.weight[c]);
+        (distance_sample.scatters ? scattered : arrived)[c] += w;
+        (distance_sample.scatters ? scattered_squares : arrived_squares)[c] += w * w;
       }
     }
     for (size_t c = 0; c < 3; ++c) {
-      const double sigma = static_cast<double>(mix.sigma_t[c]);
+      const double sigma = static_cast<double>(mixture.sigma_t[c]);
       const double left = std::exp(-sigma * length);
       const double albedo = static_cast<double>(sigma_s[c]) / sigma;
       const auto expect = [&](double sum, double squares, double expected) {
@@ -223,42 +225,43 @@ TEST(FlightStability, V11WeightsKeepTheirExpectation) {
   }
 }
 
-TEST(FlightStability, V6NothingArrivesFromInfinityAndVacuumTakesNothing) {
-  EXPECT_EQ(TransmittanceOf<true>(Mix({1, 0, 1e-30f}, {}), HUGE_VAL), (Rgb{0, 1, 0}));
+TEST(DistanceSamplingStability, V6InfiniteMediaAbsorbAndVacuumTransmits) {
+  EXPECT_EQ(TransmittanceOf<true>(MakeProperties({1, 0, 1e-30f}, {}), HUGE_VAL), (Rgb{0, 1, 0}));
   ExpectHardCase({.row = "V6",
                   .figure = "transmittance of endless vacuum",
                   .expected = 1,
-                  .measured = TransmittanceOf<false>(Mix({}, {}), HUGE_VAL).g,
+                  .measured = TransmittanceOf<false>(MakeProperties({}, {}), HUGE_VAL).g,
                   .naive = naive::Transmittance(0, HUGE_VALF),
                   .naive_by = "e^-(sigma t)"});
-  const Flight<Rgb> flight =
-      SampleFlight<true>(Mix({}, {1, 0, 0}), HUGE_VAL, {0.5, 0.99f}, {1, 1, 1});
-  EXPECT_TRUE(IsFinite(flight.weight));
-  MediumMix<Rgb> glow = Mix({2, 0, 1e-20f}, {});
-  glow.emission = {6, 0, 1e-20f};
-  const Rgb light = EmissionAlong(glow, HUGE_VAL);
+  const DistanceSample<Rgb> distance_sample =
+      SampleDistance<true>(MakeProperties({}, {1, 0, 0}), HUGE_VAL, {0.5, 0.99f}, {1, 1, 1});
+  EXPECT_TRUE(IsFinite(distance_sample.weight));
+  MediumProperties<Rgb> emissive = MakeProperties({2, 0, 1e-20f}, {});
+  emissive.emission = {6, 0, 1e-20f};
+  const Rgb light = EmissionAlong(emissive, HUGE_VAL);
   EXPECT_FLOAT_EQ(light.r, 3);
   EXPECT_EQ(light.g, 0);
   EXPECT_FLOAT_EQ(light.b, 1);
-  EXPECT_FLOAT_EQ(EmissionAlong(glow, 1e-9).r, 6e-9f);
+  EXPECT_FLOAT_EQ(EmissionAlong(emissive, 1e-9).r, 6e-9f);
 }
 
 // One point represents all emission along a length: its mean is correct, and no sample exceeds the
 // mean by a factor of more than the number of components, however different these are.
-TEST(FlightStability, V10PointsOfWhatShinesHaveBoundedWorth) {
+TEST(DistanceSamplingStability, V10EmissionSamplesHaveBoundedWeights) {
   constexpr int kSide = 300;
-  MediumMix<Rgb> glow = Mix({1e-3f, 1, 1e3f}, {});
+  MediumProperties<Rgb> emissive = MakeProperties({1e-3f, 1, 1e3f}, {});
   for (const Rgb emission : {Rgb{1e-3f, 2, 5e2f}, Rgb{0, 2, 5e2f}, Rgb{0, 0, 1}}) {
-    glow.emission = emission;
+    emissive.emission = emission;
     for (const double length : {1e-8, 0.1, 50.0, 1e6, HUGE_VAL}) {
-      const Rgb expected = EmissionAlong(glow, length);
+      const Rgb expected = EmissionAlong(emissive, length);
       std::array<double, 3> sum{}, most{};
       for (int i = 0; i < kSide * kSide; ++i) {
-        const ShiningPoint point = SampleShining(glow, length, (i / kSide + 0.5) / kSide,  // NOLINT
-                                                 (i % kSide + 0.5) / kSide);
+        const EmissionSample point =
+            SampleEmission(emissive, length, (i / kSide + 0.5) / kSide,  // NOLINT
+                           (i % kSide + 0.5) / kSide);
         ASSERT_GE(point.distance, 0);
         ASSERT_LE(point.distance, length);
-        const Rgb worth = emission * TransmittanceOf<true>(glow, point.distance) *
+        const Rgb worth = emission * TransmittanceOf<true>(emissive, point.distance) *
                           static_cast<float>(1 / point.pdf);
         for (size_t c = 0; c < 3; ++c) {
           sum[c] += worth[c];

@@ -13,7 +13,7 @@
 #include <string>
 
 #include "tests/support/test_scene.h"
-#include "worker/render/ablation/leave_out.h"
+#include "worker/render/ablation/ablate.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
@@ -40,12 +40,12 @@ TestScene Everything() {
   t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})},
              t.AddMaterial(floor));
   t.ConstantEnvironment({0.2f, 0.3f, 0.5f});
-  PointLight lamp;
-  lamp.intensity.rgb = Rgb::Grey(2);
-  lamp.from = {1, 2, -1};
-  t.scene.lights.push_back({lamp, {}, {}, {}});
+  PointLight light;
+  light.intensity.rgb = Rgb::Gray(2);
+  light.from = {1, 2, -1};
+  t.scene.lights.push_back({light, {}, {}, {}});
   t.AddShape(MeshShape{t.Quad({-1, 3, -1}, {1, 3, -1}, {1, 3, 1}, {-1, 3, 1})}, t.Diffuse({}))
-      .area_light = t.AreaLight(Rgb::Grey(5));
+      .area_light = t.AreaLight(Rgb::Gray(5));
   ConductorMaterial metal;
   metal.eta.value.rgb = {0.2f, 0.9f, 1.1f};
   metal.k.value.rgb = {3.9f, 2.5f, 1.9f};
@@ -69,7 +69,7 @@ TestScene Everything() {
   ObjectDefinition object;
   object.name = "ball";
   object.shapes = {static_cast<int32_t>(t.scene.shapes.size())};
-  t.AddLooseShape(kBall, t.Diffuse(Rgb::Grey(0.5f)));
+  t.AddLooseShape(kBall, t.Diffuse(Rgb::Gray(0.5f)));
   t.scene.objects.push_back(object);
   ObjectInstance instance;
   instance.object = 0;
@@ -77,7 +77,7 @@ TestScene Everything() {
   return t;
 }
 
-TEST(LeaveOutTest, EveryEffectCanBeLeftOutAndTheRestStays) {
+TEST(AblateTest, EveryEffectCanBeAblatedAlone) {
   const TestScene t = Everything();
   FrameSettings settings = SquareSettings(8, 1, 3);
   settings.color = ColorTransport::kSpectral;
@@ -85,7 +85,7 @@ TEST(LeaveOutTest, EveryEffectCanBeLeftOutAndTheRestStays) {
   EXPECT_GE(whole.effects.size(), 13u);
   TableFileSource files({});
   for (const PlannedEffect& effect : whole.effects) {
-    const absl::StatusOr<SceneWithout> without = LeaveOut(effect.trait, t.scene, settings, files);
+    const absl::StatusOr<AblatedScene> without = Ablate(effect.trait, t.scene, settings, files);
     ASSERT_TRUE(without.ok()) << effect.name << ": " << without.status();
     EXPECT_FALSE(without->how.empty()) << effect.name;
     const uint32_t rest = MakeRenderPlan(without->scene, without->settings).traits;
@@ -100,7 +100,7 @@ TEST(LeaveOutTest, EveryEffectCanBeLeftOutAndTheRestStays) {
 
 // Deformation is a kind of motion: without motion the shape is fixed, without deformation the other
 // motion remains.
-TEST(LeaveOutTest, DeformationIsLeftOutByItself) {
+TEST(AblateTest, DeformationIsAblatedAlone) {
   TestScene t = Everything();
   TriangleMesh& floor = t.scene.meshes[0];
   floor.steps.push_back({floor.positions, {}});
@@ -110,7 +110,7 @@ TEST(LeaveOutTest, DeformationIsLeftOutByItself) {
   EXPECT_TRUE(Has(whole, Trait::kDeformation));
   TableFileSource files({});
   const auto rest = [&](Trait trait) {
-    const absl::StatusOr<SceneWithout> without = LeaveOut(trait, t.scene, settings, files);
+    const absl::StatusOr<AblatedScene> without = Ablate(trait, t.scene, settings, files);
     EXPECT_TRUE(without.ok()) << without.status();
     return MakeRenderPlan(without->scene, without->settings).traits;
   };
@@ -118,10 +118,9 @@ TEST(LeaveOutTest, DeformationIsLeftOutByItself) {
   EXPECT_EQ(rest(Trait::kMotion), whole & ~TraitSet(Trait::kMotion, Trait::kDeformation));
 }
 
-TEST(LeaveOutTest, ATextureBecomesItsMean) {
+TEST(AblateTest, TexturesBecomeTheirMean) {
   TableFileSource files({});
-  const auto without =
-      LeaveOut(Trait::kTextures, Everything().scene, SquareSettings(8, 1, 3), files);
+  const auto without = Ablate(Trait::kTextures, Everything().scene, SquareSettings(8, 1, 3), files);
   ASSERT_TRUE(without.ok());
   const auto& floor = std::get<DiffuseMaterial>(without->scene.materials[0].material);
   EXPECT_EQ(floor.reflectance.texture, kNone);
@@ -131,11 +130,11 @@ TEST(LeaveOutTest, ATextureBecomesItsMean) {
   EXPECT_NEAR(mean.b, 0.4f, 1e-4f);
 }
 
-TEST(LeaveOutTest, CurvedShapesAsTrianglesGiveTheSamePicture) {
+TEST(AblateTest, CurvedShapesAsTrianglesGiveTheSameImage) {
   const TestScene t = LitRoom(1);
   const FrameSettings settings = SquareSettings(24, 64, 4);
   TableFileSource files({});
-  const auto without = LeaveOut(Trait::kQuadrics, t.scene, settings, files);
+  const auto without = Ablate(Trait::kQuadrics, t.scene, settings, files);
   ASSERT_TRUE(without.ok());
   const TileMean curved = RenderMean(t.scene, settings);
   const TileMean plain = RenderMean(without->scene, settings);
@@ -155,8 +154,8 @@ TEST(PlanMeasurementTest, KnownLossesAreMeasured) {
   // The sky is the only light, so nothing is left without it.
   TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
   t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})},
-             t.Diffuse(Rgb::Grey(0.5f)));
-  t.ConstantEnvironment(Rgb::Grey(1));
+             t.Diffuse(Rgb::Gray(0.5f)));
+  t.ConstantEnvironment(Rgb::Gray(1));
   TableFileSource files({});
   const auto measured =
       MeasurePlan(t.scene, SquareSettings(32, 16, 5), files, kMeasureSecondsMin * 5);
@@ -174,7 +173,7 @@ TEST(PlanMeasurementTest, KnownLossesAreMeasured) {
   EXPECT_EQ(indirect.rel_mse, 0);
 }
 
-TEST(PlanMeasurementTest, EffectsWithoutTimeSaySo) {
+TEST(PlanMeasurementTest, EffectsWithoutTimeAreMarked) {
   const TestScene t = Everything();
   TableFileSource files({});
   const auto measured = MeasurePlan(t.scene, SquareSettings(64, 16, 5), files, kMeasureSecondsMin);
@@ -188,20 +187,20 @@ TEST(PlanMeasurementTest, EffectsWithoutTimeSaySo) {
   EXPECT_FALSE(MeasurePlan(t.scene, SquareSettings(8, 1, 1), files, std::nan("")).ok());
 }
 
-TEST(PlanMeasurementTest, WhatNoiseHidesIsNotPrintedAsANumber) {
+TEST(PlanMeasurementTest, InsignificantValuesAreNotPrinted) {
   PlanMeasurement measurement;
-  EffectMeasurement lamp;
-  lamp.name = "lamp";
-  lamp.time_ratio = {1.81, 0.02};
-  lamp.variance_ratio = std::numeric_limits<double>::infinity();
-  lamp.rel_mse = -0.0016;
+  EffectMeasurement light;
+  light.name = "lamp";
+  light.time_ratio = {1.81, 0.02};
+  light.variance_ratio = std::numeric_limits<double>::infinity();
+  light.rel_mse = -0.0016;
   EffectMeasurement choice;
   choice.name = "choice";
   choice.time_ratio = {0.4, 0.01};
   EffectMeasurement lens;
   lens.name = "lens";
   lens.time_ratio = {1.01, 0.02};
-  measurement.effects = {lamp, choice, lens};
+  measurement.effects = {light, choice, lens};
   const std::string text = FormatPlanMeasurement(measurement);
   EXPECT_EQ(text.find("inf"), std::string::npos) << text;
   EXPECT_EQ(text.find("-0.0016"), std::string::npos) << text;
@@ -224,7 +223,7 @@ TEST(RenderPlanTest, EveryEffectStatesItsCost) {
 }
 
 // Black surfaces end paths, whether seen directly or lit; a single gray material removes the bound.
-TEST(RenderPlanTest, DepthIsBoundedWhereNothingScattersAndNoBitChanges) {
+TEST(RenderPlanTest, DepthIsBoundedWithoutScattering) {
   TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
   t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})}, t.Diffuse({}));
   t.AddShape(kBall, t.Diffuse({}), TranslateMatrix({0, 0.5, 0})).area_light =
@@ -236,14 +235,14 @@ TEST(RenderPlanTest, DepthIsBoundedWhereNothingScattersAndNoBitChanges) {
   EXPECT_EQ(plan.depth_cause, "every surface is black");
   // A gray object outside the view removes the bound.
   TestScene seen = t;
-  seen.AddShape(kBall, seen.Diffuse(Rgb::Grey(0.5f)), TranslateMatrix({0, 0, -100}));
+  seen.AddShape(kBall, seen.Diffuse(Rgb::Gray(0.5f)), TranslateMatrix({0, 0, -100}));
   EXPECT_EQ(MakeRenderPlan(seen.scene, settings).max_depth, 5);
   EXPECT_TRUE(RenderAll(*Compile(t.scene, settings)) == RenderAll(*Compile(seen.scene, settings)));
 }
 
 TEST(RenderPlanTest, DepthIsBoundedWithoutLight) {
   TestScene t({0, 1, -4}, {0, 0.5, 0}, 50);
-  t.AddShape(kBall, t.Diffuse(Rgb::Grey(0.5f)), TranslateMatrix({0, 0.5, 0}));
+  t.AddShape(kBall, t.Diffuse(Rgb::Gray(0.5f)), TranslateMatrix({0, 0.5, 0}));
   const FrameSettings settings = SquareSettings(8, 4, 5);
   EXPECT_EQ(MakeRenderPlan(t.scene, settings).max_depth, 0);
   const TileMean mean = RenderMean(t.scene, settings);

@@ -9,7 +9,7 @@ with --color spectral --single-scattering; it stores half floats. The tolerance 
 channel's mean (2 % with coats), and no 16x16 tile may differ by more than 5 standard errors plus
 that fraction of the tile's mean. The tolerance for tiles of one scene is larger: the reference
 overestimates light that leaves a rough coat by 7 to 13 %, as
-CoatTableTest.WeightsOfTheReferenceRendererDoNotAddUpToOne shows. SHEAF_SAMPLES changes the samples
+CoatTableTest.ReferenceRendererWeightsDoNotSumToOne shows. SHEAF_SAMPLES changes the samples
 per pixel.
 """
 import functools
@@ -45,14 +45,14 @@ def comparison(name):
     scene, reference_samples, _, tile_allowance, samples = SCENES[name]
     samples = os.environ.get("SHEAF_SAMPLES", samples)
     with tempfile.TemporaryDirectory() as folder:
-        picture = os.path.join(folder, name + ".exr")
-        farm.render(os.path.join(farm.public_scenes(), scene), picture, "--samples", samples,
+        image = os.path.join(folder, name + ".exr")
+        farm.render(os.path.join(farm.public_scenes(), scene), image, "--samples", samples,
                     "--color", "spectral", "--single-scattering")
         done = subprocess.run(
             [os.path.join(farm.programs(), "sheaf"), "compare", "--json", "--tiles",
              "--allow", str(tile_allowance), "--sigmas", "5", "--reference-samples",
              str(reference_samples),
-             os.path.join(farm.public_scenes(), "references", name + ".exr"), picture],
+             os.path.join(farm.public_scenes(), "references", name + ".exr"), image],
             capture_output=True, text=True)
         print(name, done.stdout.strip(), flush=True)
         return json.loads(done.stdout)

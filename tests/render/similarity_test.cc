@@ -116,7 +116,7 @@ bool SameBits(const FilmTile& a, const FilmTile& b) {
   return true;
 }
 
-TEST(SimilarityTest, NothingToReduceIsTheSamePicture) {
+TEST(SimilarityTest, IsotropicMediaGiveTheSameImage) {
   for (const float g : {0.0f, -0.6f}) {
     for (const Kind& kind : Kinds(g)) {
       const FilmTile without = RenderClouds(kind, 0);
@@ -125,7 +125,7 @@ TEST(SimilarityTest, NothingToReduceIsTheSamePicture) {
   }
 }
 
-TEST(SimilarityTest, AfterMoreScatteringsThanAnyPathHasIsTheSamePicture) {
+TEST(SimilarityTest, LateReductionGivesTheSameImage) {
   for (const Kind& kind : Kinds(0.8f)) {
     const FilmTile without = RenderClouds(kind, 0);
     EXPECT_TRUE(SameBits(RenderClouds(kind, 65), without));
@@ -135,17 +135,17 @@ TEST(SimilarityTest, AfterMoreScatteringsThanAnyPathHasIsTheSamePicture) {
 }
 
 // V12: media without absorption return all incident light.
-TEST(SimilarityTest, AWhiteFurnaceStaysWhite) {
+TEST(SimilarityTest, WhiteFurnace) {
   for (const bool on_grid : {false, true}) {
     for (const int32_t after : {1, 4}) {
       SimilarScene t({0.2, 0.6, -4}, {0, 0, 0}, 36);
-      t.ConstantEnvironment(Rgb::Grey(1));
+      t.ConstantEnvironment(Rgb::Gray(1));
       MediumDescription medium = t.Fog({}, {20, 10, 5}, 0.9f);
       if (on_grid) medium.kind = GridOver({-1, -1, -1}, {1, 1, 1}, false);
       t.FillBox({-1, -1, -1}, {1, 1, 1}, std::move(medium));
       FrameSettings settings = SquareSettings(12, DrawCount(64, 1024), kDepth);
       settings.similarity_after = after;
-      ExpectMean(RenderMean(t.scene, settings), Rgb::Grey(1));
+      ExpectMean(RenderMean(t.scene, settings), Rgb::Gray(1));
     }
   }
 }
@@ -157,13 +157,13 @@ struct Slab {
 };
 
 // A fraction of walks with its standard error.
-struct Share {
+struct Fraction {
   double mean = 0, error = 0;
 };
 
 // The fraction of normally incident light that the slab reflects: an independent implementation of
 // the similarity rule in one dimension, by walks with other random numbers.
-Share ReflectedByWalks(const Slab& slab, int32_t after, int walks) {
+Fraction ReflectedByWalks(const Slab& slab, int32_t after, int walks) {
   Random random(5);
   double sum = 0, squares = 0;
   for (int i = 0; i < walks; ++i) {
@@ -190,16 +190,17 @@ Share ReflectedByWalks(const Slab& slab, int32_t after, int walks) {
 }
 
 // The same by rendering: a slab lit by a uniform emitter from the front or from behind.
-Share Rendered(const Slab& slab, int32_t after, bool on_grid, bool from_behind, uint64_t samples) {
+Fraction Rendered(const Slab& slab, int32_t after, bool on_grid, bool from_behind,
+                  uint64_t samples) {
   const auto depth = static_cast<float>(slab.thickness), half_side = 40 * depth;
   SimilarScene t({0, 0, -1}, {0, 0, 0}, 0.01f);
   const float z = from_behind ? depth + 1 : -2, x = from_behind ? -half_side : half_side;
   const float y = half_side;
   t.AddShape(MeshShape{t.Quad({-x, -y, z}, {x, -y, z}, {x, y, z}, {-x, y, z})}, t.Diffuse({}))
-      .area_light = t.AreaLight(Rgb::Grey(1));
+      .area_light = t.AreaLight(Rgb::Gray(1));
   MediumDescription medium =
-      t.Fog(Rgb::Grey(static_cast<float>(slab.sigma_a)),
-            Rgb::Grey(static_cast<float>(slab.sigma_s)), static_cast<float>(slab.g));
+      t.Fog(Rgb::Gray(static_cast<float>(slab.sigma_a)),
+            Rgb::Gray(static_cast<float>(slab.sigma_s)), static_cast<float>(slab.g));
   const Vec3f lower{-half_side, -half_side, 0}, upper{half_side, half_side, depth};
   if (on_grid) medium.kind = GridOver(ToDouble(lower), ToDouble(upper), true);
   t.FillBox(lower, upper, std::move(medium));
@@ -210,15 +211,15 @@ Share Rendered(const Slab& slab, int32_t after, bool on_grid, bool from_behind, 
   return {static_cast<double>(mean.mean.g), static_cast<double>(mean.standard_error.g)};
 }
 
-TEST(SimilarityTest, DoesWhatTheRuleSays) {
+TEST(SimilarityTest, MatchesTheSimilarityRule) {
   const Slab slab{0.1, 2, 0.9, 1};
   const int walks = DrawCount(200'000, 4'000'000);
   double last = 1;
   for (const int32_t after : {0, 1, 2}) {
     SCOPED_TRACE(after);
-    const Share expected = ReflectedByWalks(slab, after, walks);
+    const Fraction expected = ReflectedByWalks(slab, after, walks);
     for (const bool on_grid : {false, true}) {
-      const Share rendered = Rendered(slab, after, on_grid, false, DrawCount(1024, 4096));
+      const Fraction rendered = Rendered(slab, after, on_grid, false, DrawCount(1024, 4096));
       const double allowed = 5 * std::hypot(rendered.error, expected.error);
       EXPECT_NEAR(rendered.mean, expected.mean, allowed);
       // One scattering more or less would be detected.
@@ -232,12 +233,12 @@ TEST(SimilarityTest, DoesWhatTheRuleSays) {
 // tolerance of the transmitted light is a fraction kBiasMax of it in addition to noise; without
 // this fraction the test would fail, since there is a bias (docs/adr/0031). The slab reflects the
 // rest.
-TEST(SimilarityTest, AThickSlabTransmitsAlike) {
+TEST(SimilarityTest, ThickSlabsTransmitAlike) {
   constexpr double kBiasMax = 0.025;
   const Slab slab{0, 100, 0.9, 1};
   const uint64_t samples = DrawCount(512, 8192);
-  const Share without = Rendered(slab, 0, false, true, samples);
-  const Share with = Rendered(slab, 8, false, true, samples);
+  const Fraction without = Rendered(slab, 0, false, true, samples);
+  const Fraction with = Rendered(slab, 8, false, true, samples);
   const double noise = std::hypot(with.error, without.error);
   EXPECT_LT(noise, kBiasMax * without.mean);
   EXPECT_NEAR(with.mean, without.mean, kBiasMax * without.mean + 3 * noise);
@@ -248,9 +249,9 @@ TEST(SimilarityTest, AThickSlabTransmitsAlike) {
 InteriorScene HalfSpace(float density, float eta) {
   const float size = 1000 + 4e4f / density;
   InteriorScene t({0, 1, 0}, {0, 0, 0}, 0.01f, {0, 0, 1});
-  t.ConstantEnvironment(Rgb::Grey(1));
-  t.AddMatter(MeshShape{t.Box({-size, -size, -size}, {size, 0, size})},
-              t.Matter(Rgb::Grey(0.02f * density), Rgb::Grey(2 * density), 0.8f, eta));
+  t.ConstantEnvironment(Rgb::Gray(1));
+  t.AddSubsurface(MeshShape{t.Box({-size, -size, -size}, {size, 0, size})},
+                  t.SubsurfaceOf(Rgb::Gray(0.02f * density), Rgb::Gray(2 * density), 0.8f, eta));
   return t;
 }
 
@@ -290,8 +291,8 @@ TEST(SimilarityTest, TechniquesAgree) {
     settings.similarity_after = after;
     const TileMean all = MeanBy<DirectLight::kByBoth>(t.scene, settings, 1);
     for (const TileMean& one : {MeanBy<DirectLight::kBySampling>(t.scene, settings, 2),
-                                MeanBy<DirectLight::kByMeeting>(t.scene, settings, 3),
-                                MeanBy<DirectLight::kByLines>(t.scene, settings, 4)}) {
+                                MeanBy<DirectLight::kByHitting>(t.scene, settings, 3),
+                                MeanBy<DirectLight::kByEquiangular>(t.scene, settings, 4)}) {
       for (size_t c = 0; c < 3; ++c) {
         const double noise = std::hypot(one.standard_error[c], all.standard_error[c]);
         EXPECT_NEAR(one.mean[c], all.mean[c], 5 * noise);
@@ -303,10 +304,10 @@ TEST(SimilarityTest, TechniquesAgree) {
 
 // Below a surface of matched index, walks equal the paths of the plain medium and are reduced
 // alike.
-TEST(SimilarityTest, WalksInMatterAreReducedToo) {
+TEST(SimilarityTest, SubsurfaceWalksAreReduced) {
   for (const int32_t after : {0, 2}) {
     // 200 free paths act as a half-space: a fraction e^-32 of the light gets that far.
-    const Share expected =
+    const Fraction expected =
         ReflectedByWalks({0.02, 2, 0.8, 200}, after, DrawCount(200'000, 4'000'000));
     FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 2);
     settings.similarity_after = after;
@@ -319,7 +320,7 @@ TEST(SimilarityTest, WalksInMatterAreReducedToo) {
 
 // Walks in subsurface media so dense that they continue in double precision below a boundary plane
 // are reduced too: the result does not depend on the density.
-TEST(SimilarityTest, WalksBeforeAPlaneAreReducedToo) {
+TEST(SimilarityTest, WalksAtAPlaneAreReduced) {
   FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 2);
   const TileMean without = RenderMean(HalfSpace(1, 1.33f).scene, settings);
   settings.similarity_after = 1;
@@ -331,7 +332,7 @@ TEST(SimilarityTest, WalksBeforeAPlaneAreReducedToo) {
 
 // --- The plan ------------------------------------------------------------------------------------
 
-TEST(SimilarityTest, ThePlanSaysWhatIsBiasedAndWhatIsNot) {
+TEST(SimilarityTest, PlanReportsBias) {
   SimilarScene t({0, 0, -4}, {0, 0, 0}, 20);
   FrameSettings settings = SquareSettings(8, 1, 5);
   const auto plan = [&] { return FormatRenderPlan(MakeRenderPlan(t.scene, settings)); };

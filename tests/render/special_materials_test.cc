@@ -70,12 +70,12 @@ FrameSettings In(ColorTransport color, uint64_t samples) {
   return settings;
 }
 
-TEST(HairTransportTest, M12_FurnaceUnderAnEvenSky) {
+TEST(HairTransportTest, M12_FurnaceUnderAConstantSky) {
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     for (const float beta : {0.1f, 0.3f, 1.0f}) {
       SCOPED_TRACE(beta);
       TestScene t = Strands(WhiteHair(beta));
-      t.ConstantEnvironment(Rgb::Grey(1));
+      t.ConstantEnvironment(Rgb::Gray(1));
       const TileMean mean = RenderMean(t.scene, In(color, 64));
       EXPECT_EQ(mean.non_finite, 0u);
       for (size_t c = 0; c < 3; ++c) {
@@ -86,10 +86,10 @@ TEST(HairTransportTest, M12_FurnaceUnderAnEvenSky) {
 }
 
 // Lights in front of the fiber and behind it must both contribute, or the furnace would be dark.
-TEST(HairTransportTest, FurnaceOfALamp) {
+TEST(HairTransportTest, FurnaceOfAnEmitter) {
   TestScene t = Strands(WhiteHair(0.3f));
   t.AddShape(SphereShape{10, -10, 10, 360}, t.Diffuse({})).area_light =
-      t.AreaLight(Rgb::Grey(1), true);
+      t.AreaLight(Rgb::Gray(1), true);
   const TileMean mean = RenderMean(t.scene, In(ColorTransport::kRgb, 256));
   EXPECT_EQ(mean.non_finite, 0u);
   EXPECT_NEAR(mean.mean.g, 1, 5 * static_cast<double>(mean.standard_error.g) + 2e-3);
@@ -97,10 +97,10 @@ TEST(HairTransportTest, FurnaceOfALamp) {
 
 // A strip seen from the front and lit from the back: its radiance is E times Chiang's f cos, which
 // in the middle (h = 0) is almost only the TT highlight.
-TEST(HairTransportTest, LightGoesThrough) {
+TEST(HairTransportTest, LightPassesThrough) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 1);
   DistantLight sun;
-  sun.radiance.rgb = Rgb::Grey(1);
+  sun.radiance.rgb = Rgb::Gray(1);
   sun.from = {0, 0, 1};
   sun.to = {0, 0, 0};
   t.scene.lights.push_back({sun, {}, {}, {}});
@@ -165,7 +165,7 @@ TEST(HairTransportTest, MelaninsColor) {
   black.eumelanin.value = 8;
   for (const HairMaterial& hair : {blond, red, black}) {
     TestScene t = Strands(hair);
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
     means.push_back(RenderMean(t.scene, SquareSettings(12, 64, 50)).mean);
   }
   EXPECT_GT(means[0].r, means[0].g);
@@ -175,7 +175,7 @@ TEST(HairTransportTest, MelaninsColor) {
   EXPECT_LT(means[2].r, means[0].r - 0.1f);
 }
 
-TEST(HairTransportTest, ThePlanSaysWhoAsked) {
+TEST(HairTransportTest, PlanNamesTheCause) {
   TestScene t = Strands(WhiteHair(0.3f));
   const RenderPlan plan = MakeRenderPlan(t.scene, SquareSettings(4, 4, 4));
   EXPECT_TRUE(Has(plan.traits, Trait::kHair));
@@ -192,7 +192,7 @@ class MeasuredTransportTest : public ::testing::Test {
   TileMean Render(const MeasuredFileBuilder& builder, ColorTransport color) {
     builder.Write(path_);
     TestScene t({0, 0, -4}, {0, 0, 0}, 20);
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
     t.AddShape(SphereShape{1, -1, 1, 360},
                t.AddMaterial(MeasuredMaterial{"paint.bsdf", !builder.IsIsotropic()}));
     TableFileSource files({{"paint.bsdf", path_}});
@@ -208,11 +208,11 @@ class MeasuredTransportTest : public ::testing::Test {
 };
 
 // Matte paint of a known spectrum, to the precision of its grids.
-TEST_F(MeasuredTransportTest, MattePaintReflectsWhatItIsMadeOf) {
-  MeasuredFileBuilder grey;
-  grey.spectra_size = 33;
+TEST_F(MeasuredTransportTest, MattePaintReflectsItsMeasurement) {
+  MeasuredFileBuilder gray;
+  gray.spectra_size = 33;
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
-    const TileMean mean = Render(grey, color);
+    const TileMean mean = Render(gray, color);
     EXPECT_EQ(mean.non_finite, 0u);
     for (size_t c = 0; c < 3; ++c) {
       EXPECT_NEAR(mean.mean[c], 0.5, 5 * static_cast<double>(mean.standard_error[c]) + 0.01) << c;
@@ -237,7 +237,7 @@ TEST_F(MeasuredTransportTest, RgbAgreesWithWavelengths) {
   EXPECT_GT(rgb.mean.r, rgb.mean.g);
 }
 
-TEST_F(MeasuredTransportTest, AFileThatBrokeIsAnError) {
+TEST_F(MeasuredTransportTest, DamagedFilesAreErrors) {
   std::ofstream(path_) << "tensor_file";
   TestScene t({0, 0, -4}, {0, 0, 0}, 20);
   t.AddShape(SphereShape{1, -1, 1, 360}, t.AddMaterial(MeasuredMaterial{"paint.bsdf", false}));

@@ -48,10 +48,10 @@ void ExpectColor(const TileMean& measured, Rgb expected) {
 // Inside a closed sphere that emits E and reflects rho, radiance is E / (1 - rho) at every
 // wavelength. RGB transport cannot reproduce the color of many reflections (it would give 1 / (1 -
 // rho) per channel).
-TEST(SpectralTransportTest, InterreflectionDeepensAColorByItsSpectrum) {
+TEST(SpectralTransportTest, InterreflectionSaturatesByTheSpectrum) {
   const Rgb rho{0.6f, 0.3f, 0.1f};
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
-  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(rho)).area_light = t.AreaLight(Rgb::Grey(1));
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(rho)).area_light = t.AreaLight(Rgb::Gray(1));
   t.scene.shapes.back().reverse_orientation = true;
   const SpectralColor spectrum = SpectralColor::Make(RgbSpec(rho), ColorRole::kReflectance);
   const Rgb expected = UnderWhite([&](float nm) { return 1 / (1 - spectrum.At(nm)); });
@@ -60,9 +60,9 @@ TEST(SpectralTransportTest, InterreflectionDeepensAColorByItsSpectrum) {
 }
 
 // A measured metal reflects each wavelength by its own index of refraction.
-TEST(SpectralTransportTest, AMetalReflectsItsMeasuredSpectrum) {
+TEST(SpectralTransportTest, MetalsReflectTheirMeasuredSpectrum) {
   TestScene t({0, 0, -1}, {0, 0, 0}, 4);
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   ConductorMaterial gold;
   gold.eta.value = Named("metal-Au-eta");
   gold.k.value = Named("metal-Au-k");
@@ -76,9 +76,9 @@ TEST(SpectralTransportTest, AMetalReflectsItsMeasuredSpectrum) {
 }
 
 // Under a coat it does so relative to the coat's index, between reflections at the interface.
-TEST(SpectralTransportTest, ACoatedMetalReflectsItsMeasuredSpectrum) {
+TEST(SpectralTransportTest, CoatedMetalsReflectTheirMeasuredSpectrum) {
   TestScene t({0, 0, -1}, {0, 0, 0}, 4);
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   CoatedConductorMaterial lacquered;
   lacquered.conductor.eta.value = Named("metal-Cu-eta");
   lacquered.conductor.k.value = Named("metal-Cu-k");
@@ -100,7 +100,7 @@ TEST(SpectralTransportTest, ACoatedMetalReflectsItsMeasuredSpectrum) {
 
 // Dispersion deflects each wavelength differently and absorbs none: under a constant sky the glass
 // is invisible.
-TEST(SpectralTransportTest, GlassThatDispersesVanishesUnderAnEvenSky) {
+TEST(SpectralTransportTest, DispersiveGlassVanishesUnderAConstantSky) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
   t.ConstantEnvironment({0.9f, 1, 0.7f});
   DielectricMaterial glass;
@@ -114,7 +114,7 @@ TEST(SpectralTransportTest, GlassThatDispersesVanishesUnderAnEvenSky) {
 }
 
 // The plan omits wavelengths if RGB is requested, for every scene.
-TEST(SpectralTransportTest, TheUserHasTheLastWord) {
+TEST(SpectralTransportTest, UserSettingOverridesTheScene) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 40);
   DielectricMaterial glass;
   glass.eta.spectrum = Named("glass-BK7");
@@ -126,7 +126,7 @@ TEST(SpectralTransportTest, TheUserHasTheLastWord) {
 }
 
 // RGB colors outside the sRGB gamut require wavelengths, and are rendered with the correct color.
-TEST(SpectralTransportTest, AColorOutsideOfTheGamutIsShownAsItIs) {
+TEST(SpectralTransportTest, OutOfGamutColorsAreKept) {
   TestScene t({0, 0, -4}, {0, 0, 0}, 4);
   InfiniteLight sky;
   sky.radiance.rgb = {0, 0.6f, 0.2f};
@@ -141,18 +141,18 @@ TEST(SpectralTransportTest, AColorOutsideOfTheGamutIsShownAsItIs) {
 }
 
 // For grays both transports estimate the same image.
-TEST(SpectralTransportTest, AGreySceneIsTheSameInBothTransports) {
+TEST(SpectralTransportTest, GrayScenesAgreeInBothTransports) {
   TestScene t({0.1, 0.2, -0.7}, {0, 0, 1}, 70);
-  t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.Diffuse(Rgb::Grey(0.6f)));
+  t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.Diffuse(Rgb::Gray(0.6f)));
   CoatedDiffuseMaterial coat;
   coat.roughness = {{0.2f, kNone}, {0.2f, kNone}, true};
-  coat.reflectance.value.rgb = Rgb::Grey(0.5f);
+  coat.reflectance.value.rgb = Rgb::Gray(0.5f);
   t.AddShape(SphereShape{0.25f, -0.25f, 0.25f, 360}, t.AddMaterial(coat),
              TranslateMatrix({0.3, -0.5, 0.4}));
   t.AddShape(MeshShape{t.Quad({-0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, 0.3f},
                               {-0.3f, 0.99f, 0.3f})},
              t.Diffuse({}))
-      .area_light = t.AreaLight(Rgb::Grey(5));
+      .area_light = t.AreaLight(Rgb::Gray(5));
   const FrameSettings settings = SquareSettings(16, 1024, 8);
   const TileMean rgb = RenderMean(t.scene, settings);
   const TileMean spectral = RenderMean(t.scene, Spectral(settings));

@@ -46,7 +46,7 @@ std::vector<TestScene> LitScenes(Tint tint) {
 }
 std::vector<TestScene> AllScenes(Tint tint) {
   std::vector<TestScene> scenes = LitScenes(tint);
-  scenes.push_back(ManyLamps(tint));
+  scenes.push_back(ManyLights(tint));
   return scenes;
 }
 
@@ -55,7 +55,7 @@ std::vector<TestScene> AllScenes(Tint tint) {
 struct Technique {
   DirectLight direct_light = DirectLight::kByBoth;
   bool choose_lights_evenly = false;
-  LinesInVarying lines_in_varying = LinesInVarying::kWhereItPays;
+  EquiangularMode equiangular_mode = EquiangularMode::kWhereEfficient;
   ColorTransport color = ColorTransport::kRgb;
 };
 
@@ -85,7 +85,7 @@ FilmTile Render(const TestScene& test_scene, const Technique& technique, uint64_
   absl::StatusOr<CompiledScenePtr> compiled =
       CompileScene(test_scene.scene, settings, files, limits,
                    {.choose_lights_evenly = technique.choose_lights_evenly,
-                    .lines_in_varying = technique.lines_in_varying});
+                    .equiangular_mode = technique.equiangular_mode});
   EXPECT_TRUE(compiled.ok()) << compiled.status();
   const CompiledScene& scene = **compiled;
   if (technique.direct_light == DirectLight::kByBoth) return RenderAll(scene);
@@ -94,10 +94,10 @@ FilmTile Render(const TestScene& test_scene, const Technique& technique, uint64_
   PixelAccumulator accumulator(&tile);
   if (technique.direct_light == DirectLight::kBySampling) {
     RenderPixels<DirectLight::kBySampling>(scene, &accumulator);
-  } else if (technique.direct_light == DirectLight::kByLines) {
-    RenderPixels<DirectLight::kByLines>(scene, &accumulator);
+  } else if (technique.direct_light == DirectLight::kByEquiangular) {
+    RenderPixels<DirectLight::kByEquiangular>(scene, &accumulator);
   } else {
-    RenderPixels<DirectLight::kByMeeting>(scene, &accumulator);
+    RenderPixels<DirectLight::kByHitting>(scene, &accumulator);
   }
   EXPECT_TRUE(accumulator.non_finite().empty());
   return tile;
@@ -156,91 +156,92 @@ void ExpectAgreement(const std::string& name, double bias, const std::vector<Til
 }
 
 constexpr Technique kBoth{};
-constexpr Tint kColored{1}, kGrey{0};
+constexpr Tint kColored{1}, kGray{0};
 
 // Scenes with large lights, so that BSDF samples hit them often enough to measure.
-TEST(TechniquesTest, L16LightSampledAndLightMetBoth) {
+TEST(TechniquesTest, L16SampledLightAndBoth) {
   ExpectAgreement(
       "both against sampling", Bias(),
       TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kBySampling}, 100));
 }
-TEST(TechniquesTest, L16LightMetAndLightSampledBoth) {
+TEST(TechniquesTest, L16HitLightAndBoth) {
   ExpectAgreement(
       "both against meeting", Bias(),
-      TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kByMeeting}, 200));
+      TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kByHitting}, 200));
 }
-TEST(TechniquesTest, V10GlowSampledAndGlowMet) {
+TEST(TechniquesTest, V10EmissionSampledAndHit) {
   const std::vector<TestScene> scenes = {Burning(kColored)};
   ExpectAgreement("glow: both against sampling", BiasOfNoisyPair(),
                   TilePairs(scenes, kBoth, {.direct_light = DirectLight::kBySampling}, 400));
   ExpectAgreement("glow: both against meeting", Bias(),
-                  TilePairs(scenes, kBoth, {.direct_light = DirectLight::kByMeeting}, 420));
+                  TilePairs(scenes, kBoth, {.direct_light = DirectLight::kByHitting}, 420));
 }
-TEST(TechniquesTest, L16LightSampledAndLightMet) {
+TEST(TechniquesTest, L16SampledAndHitLight) {
   const std::vector<TilePair> tiles =
       TilePairs(LitScenes(kColored), {.direct_light = DirectLight::kBySampling},
-                {.direct_light = DirectLight::kByMeeting}, 300);
+                {.direct_light = DirectLight::kByHitting}, 300);
   ExpectAgreement("sampling against meeting", BiasOfNoisyPair(), tiles);
-  double sampled = 0, met = 0, variance = 0;
+  double sampled = 0, hit_light = 0, variance = 0;
   for (const TilePair& tile : tiles) {
     sampled += tile.a.mean;
-    met += tile.b.mean;
+    hit_light += tile.b.mean;
     variance += tile.a.variance + tile.b.variance;
   }
   ExpectHardCase({.row = "L16",
                   .figure = "light that is met over light that is sampled",
                   .expected = 1,
-                  .measured = met / sampled,
+                  .measured = hit_light / sampled,
                   .standard_error = std::sqrt(variance) / sampled,
-                  .naive = (met + sampled) / sampled,
+                  .naive = (hit_light + sampled) / sampled,
                   .naive_by = "both added without weights"});
 }
 
 // The same scene several times, for statistical power.
 std::vector<TestScene> FoggyScenes() { return std::vector<TestScene>(4, Foggy(kColored)); }
 // In fog: equiangular line samples, distance samples with light sampling at their ends, and both.
-TEST(TechniquesTest, V7LightAlongLinesAndAllTogether) {
-  ExpectAgreement("all against lines", 1.5 * Bias(),
-                  TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kByLines}, 600));
+TEST(TechniquesTest, V7EquiangularAndAllTechniques) {
+  ExpectAgreement(
+      "all against lines", 1.5 * Bias(),
+      TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kByEquiangular}, 600));
 }
-TEST(TechniquesTest, V7LightAtTheEndOfFlightsAndAllTogether) {
+TEST(TechniquesTest, V7DistanceSamplingAndAllTechniques) {
   ExpectAgreement("all against flights", BiasOfNoisyPair(),
                   TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kBySampling}, 700));
 }
 
 // The same in heterogeneous media, also with the decision for each line whether it is sampled.
-constexpr LinesInVarying kAlways = LinesInVarying::kAlways, kNever = LinesInVarying::kNever;
+constexpr EquiangularMode kAlways = EquiangularMode::kAlways, kNever = EquiangularMode::kNever;
 std::vector<TestScene> CloudyScenes() { return std::vector<TestScene>(2, Cloudy(kColored)); }
-TEST(TechniquesTest, V7LightAlongLinesInCloudsAndAllTogether) {
+TEST(TechniquesTest, V7EquiangularInCloudsAndAllTechniques) {
   ExpectAgreement(
       "clouds: all against lines", 1.5 * Bias(),
-      TilePairs(CloudyScenes(), {.lines_in_varying = kAlways},
-                {.direct_light = DirectLight::kByLines, .lines_in_varying = kAlways}, 800));
+      TilePairs(CloudyScenes(), {.equiangular_mode = kAlways},
+                {.direct_light = DirectLight::kByEquiangular, .equiangular_mode = kAlways}, 800));
 }
-TEST(TechniquesTest, V7LightAtTheEndOfFlightsInCloudsAndAllTogether) {
+TEST(TechniquesTest, V7DistanceSamplingInCloudsAndAllTechniques) {
   ExpectAgreement("clouds: all against flights", BiasOfNoisyPair(),
-                  TilePairs(CloudyScenes(), {.lines_in_varying = kAlways},
+                  TilePairs(CloudyScenes(), {.equiangular_mode = kAlways},
                             {.direct_light = DirectLight::kBySampling}, 820));
 }
-TEST(TechniquesTest, V7LightAlongLinesInCloudsWhereItPays) {
+TEST(TechniquesTest, V7EquiangularInCloudsWhereEfficient) {
   ExpectAgreement("clouds: where it pays against nowhere", BiasOfNoisyPair(),
-                  TilePairs(CloudyScenes(), kBoth, {.lines_in_varying = kNever}, 840));
+                  TilePairs(CloudyScenes(), kBoth, {.equiangular_mode = kNever}, 840));
 }
-TEST(TechniquesTest, V7LightAlongLinesInCloudsOfSpectra) {
+TEST(TechniquesTest, V7EquiangularInSpectralClouds) {
   ExpectAgreement(
       "clouds: RGB against spectra", BiasOfNoisyPair(),
-      TilePairs(std::vector<TestScene>(2, Cloudy(kGrey)), {.lines_in_varying = kAlways},
-                {.lines_in_varying = kAlways, .color = ColorTransport::kSpectral}, 860));
+      TilePairs(std::vector<TestScene>(2, Cloudy(kGray)), {.equiangular_mode = kAlways},
+                {.equiangular_mode = kAlways, .color = ColorTransport::kSpectral}, 860));
 }
 
-TEST(TechniquesTest, LightsByTheirImportanceAndEvenly) {
+TEST(TechniquesTest, LightsByImportanceAndUniformly) {
   ExpectAgreement("importance against even choice", Bias(),
                   TilePairs(AllScenes(kColored), kBoth, {.choose_lights_evenly = true}, 400));
 }
 
-TEST(TechniquesTest, SpectraAndRgbOfGreyScenes) {
+TEST(TechniquesTest, SpectralAndRgbTransportOfGrayScenes) {
   ExpectAgreement("RGB against spectra", Bias(),
-                  TilePairs(AllScenes(kGrey), kBoth, {.color = ColorTransport::kSpectral}, 500));
+                  TilePairs(AllScenes(kGray), kBoth, {.color = ColorTransport::kSpectral}, 500));
 }
 
 // --- Test tools ----------------------------------------------------------------------------------
@@ -253,7 +254,7 @@ TEST(AgreementTest, StudentCdfHasTabulatedValues) {
   EXPECT_NEAR(testing::StudentCdf(-2.749995653567231, 30), 0.005, 1e-9);
 }
 
-TEST(AgreementTest, UniformityHasTheValuesOfTheDistribution) {
+TEST(AgreementTest, UniformityMatchesTheDistribution) {
   std::vector<double> even, low;
   for (int i = 0; i < 1000; ++i) {
     even.push_back((i + 0.5) / 1000);
@@ -265,7 +266,7 @@ TEST(AgreementTest, UniformityHasTheValuesOfTheDistribution) {
 }
 
 // Draws from one distribution give uniform p-values; the false-alarm rate equals the significance.
-TEST(AgreementTest, WithoutABiasTheAlarmRateIsTheSignificance) {
+TEST(AgreementTest, FalseAlarmRateEqualsTheSignificance) {
   std::vector<TilePair> tiles;
   for (int i = 1; i <= 100; ++i) {
     tiles.push_back({{1, 1e-4 * i, 16}, {1, 1e-4, 16}});

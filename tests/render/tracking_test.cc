@@ -97,7 +97,7 @@ struct Mean {
   }
 };
 
-TEST(TrackingTest, FreeFlightsFollowTheDensity) {
+TEST(TrackingTest, CollisionsFollowTheDensity) {
   const LumpyMedium& medium = Lumps();
   const int count = DrawCount(200000, 4000000), bins = 64;
   for (const float sigma : {0.02f, 0.3f, 3.0f}) {
@@ -106,12 +106,12 @@ TEST(TrackingTest, FreeFlightsFollowTheDensity) {
     for (int i = 0; i < count; ++i) {
       EventStream stream({static_cast<uint32_t>(i), 1, 2, 3});
       MajorantWalk walk = medium.Walk();
-      const auto flight = TrackFlight(
-          &walk, [&](double t) { return medium.DensityAt(t); }, Rgb::Grey(sigma), Rgb::Grey(1),
+      const auto sample = TrackCollision(
+          &walk, [&](double t) { return medium.DensityAt(t); }, Rgb::Gray(sigma), Rgb::Gray(1),
           &stream, &tally);
-      ASSERT_EQ(flight.weight, Rgb::Grey(1));
-      const auto bin = static_cast<size_t>(flight.t / LumpyMedium::kLength * bins);
-      ++seen[flight.collides ? std::min<size_t>(bin, bins - 1) : bins];
+      ASSERT_EQ(sample.weight, Rgb::Gray(1));
+      const auto bin = static_cast<size_t>(sample.t / LumpyMedium::kLength * bins);
+      ++seen[sample.collides ? std::min<size_t>(bin, bins - 1) : bins];
     }
     EXPECT_EQ(tally.violation_count, 0u);
     double chi = 0, pooled_seen = 0, pooled_expected = 0;
@@ -146,11 +146,11 @@ TEST(TrackingTest, TransmittanceIsUnbiasedAtAnyThickness) {
       EventStream stream({static_cast<uint32_t>(i), 5, 6, 7});
       const auto density = [&](double t) { return medium.DensityAt(t); };
       MajorantWalk walk = medium.Walk();
-      ratio.Add(TrackTransmittance(&walk, density, Rgb::Grey(sigma), &stream, &tally).r);
+      ratio.Add(TrackTransmittance(&walk, density, Rgb::Gray(sigma), &stream, &tally).r);
       if (i % 4 != 0) continue;
       MajorantWalk again = medium.Walk();
       delta.Add(
-          TrackFlight(&again, density, Rgb::Grey(sigma), Rgb::Grey(1), &stream, &tally).collides
+          TrackCollision(&again, density, Rgb::Gray(sigma), Rgb::Gray(1), &stream, &tally).collides
               ? 0
               : 1);
     }
@@ -182,7 +182,7 @@ TEST(TrackingTest, V10EmissionIsUnbiasedAtAnyThickness) {
     for (int i = 0; i < count; ++i) {
       EventStream stream({static_cast<uint32_t>(i), 8, 9, 1});
       MajorantWalk walk = medium.Walk();
-      const Rgb sum = TrackEmission(&walk, density, source, Rgb::Grey(sigma), &stream, &tally);
+      const Rgb sum = TrackEmission(&walk, density, source, Rgb::Gray(sigma), &stream, &tally);
       ASSERT_NEAR(sum.b, 3 * sum.r, 1e-5 * sum.b);
       measured.Add(sum.r);
     }
@@ -204,27 +204,27 @@ TEST(TrackingTest, V11ChromaticMediaAreUnbiasedPerComponent) {
   const auto base = static_cast<float>(0.05 / whole);
   const Rgb sigma{base, 10 * base, 100 * base};
   const int count = DrawCount(200000, 4000000);
-  Mean passed[3], collided[3], all[3], ratio[3], glow[3];
+  Mean passed[3], collided[3], all[3], ratio[3], emission[3];
   float largest_weight = 0;
   TrackingTally tally;
   for (int i = 0; i < count; ++i) {
     EventStream stream({static_cast<uint32_t>(i), 8, 8, 8});
     const auto density = [&](double t) { return medium.DensityAt(t); };
     MajorantWalk walk = medium.Walk();
-    const auto flight = TrackFlight(&walk, density, sigma, Rgb::Grey(1), &stream, &tally);
+    const auto sample = TrackCollision(&walk, density, sigma, Rgb::Gray(1), &stream, &tally);
     MajorantWalk again = medium.Walk();
     const Rgb passing = TrackTransmittance(&again, density, sigma, &stream, &tally);
     MajorantWalk third = medium.Walk();
     const Rgb emitted = TrackEmission(
         &third, density, [&](double) { return sigma; }, sigma, &stream, &tally);
     for (size_t c = 0; c < 3; ++c) {
-      passed[c].Add(flight.collides ? 0 : flight.weight[c]);
-      collided[c].Add(flight.collides ? flight.weight[c] : 0);
-      all[c].Add(flight.weight[c]);
+      passed[c].Add(sample.collides ? 0 : sample.weight[c]);
+      collided[c].Add(sample.collides ? sample.weight[c] : 0);
+      all[c].Add(sample.weight[c]);
       ratio[c].Add(passing[c]);
-      glow[c].Add(emitted[c]);
+      emission[c].Add(emitted[c]);
     }
-    largest_weight = std::max(largest_weight, MaxComponent(flight.weight));
+    largest_weight = std::max(largest_weight, MaxComponent(sample.weight));
   }
   for (size_t c = 0; c < 3; ++c) {
     const double transmittance = std::exp(-double{sigma[c]} * whole);
@@ -233,7 +233,7 @@ TEST(TrackingTest, V11ChromaticMediaAreUnbiasedPerComponent) {
     EXPECT_LT(ratio[c].Z(transmittance), kZMax) << c;
     EXPECT_LT(all[c].Z(1), kZMax) << c;
     // V10: a medium whose emission equals its absorption gives 1 - T.
-    EXPECT_LT(glow[c].Z(1 - transmittance), kZMax) << c;
+    EXPECT_LT(emission[c].Z(1 - transmittance), kZMax) << c;
   }
   ExpectHardCase({.row = "V11",
                   .figure = "most by which a weight exceeds the number of components",
@@ -256,23 +256,23 @@ struct OneSegment {
   }
 };
 
-TEST(TrackingTest, V4ADensityThatIsItsMajorantIsHomogeneous) {
+TEST(TrackingTest, V4DensityEqualToItsMajorantIsHomogeneous) {
   uint64_t nulls = 0;
   for (const float sigma : {1e-6f, 0.7f, 1e5f}) {
     for (uint32_t i = 0; i < 1000; ++i) {
       EventStream stream({i, 0, 0, 1}), same({i, 0, 0, 1});
       OneSegment walk{{0, 1e6, {0.3f, 0.3f}}};
       TrackingTally tally;
-      const auto flight = TrackFlight(
-          &walk, [](double) { return double{0.3f}; }, Rgb::Grey(sigma), Rgb::Grey(1), &stream,
+      const auto sample = TrackCollision(
+          &walk, [](double) { return double{0.3f}; }, Rgb::Gray(sigma), Rgb::Gray(1), &stream,
           &tally);
       const double expected = same.Exponential() / (double{sigma} * 0.3f);
-      ASSERT_EQ(flight.collides, expected < 1e6);
-      if (flight.collides) {
-        ASSERT_EQ(flight.t, expected);
+      ASSERT_EQ(sample.collides, expected < 1e6);
+      if (sample.collides) {
+        ASSERT_EQ(sample.t, expected);
         nulls += tally.look_up_count - 1;
       }
-      ASSERT_EQ(flight.weight, Rgb::Grey(1));
+      ASSERT_EQ(sample.weight, Rgb::Gray(1));
       ASSERT_EQ(tally.violation_count, 0u);
     }
   }
@@ -284,20 +284,20 @@ TEST(TrackingTest, V4ADensityThatIsItsMajorantIsHomogeneous) {
                   .naive_by = "extinction left of 0.7 - 0.4 - 0.3"});
 }
 
-TEST(TrackingTest, V5ADensityBeyondItsMajorantIsCounted) {
+TEST(TrackingTest, V5DensitiesBeyondTheMajorantAreCounted) {
   EventStream stream({0, 0, 0, 5});
   TrackingTally tally;
   for (int i = 0; i < 1000; ++i) {
     OneSegment walk{{0, 10, {0, 1}}};
     const auto density = [](double t) { return t > 5 ? 1.5 : 0.5; };
-    TrackFlight(&walk, density, Rgb::Grey(0.5f), Rgb::Grey(1), &stream, &tally);
+    TrackCollision(&walk, density, Rgb::Gray(0.5f), Rgb::Gray(1), &stream, &tally);
   }
   EXPECT_GT(tally.violation_count, 50u);
   EXPECT_LT(tally.violation_count, tally.look_up_count);
 }
 
 // V15: a constant grid is homogeneous and recognized as such: no lookup is made.
-TEST(TrackingTest, V15AConstantGridIsHomogeneous) {
+TEST(TrackingTest, V15ConstantGridIsHomogeneous) {
   const std::vector<float> values(40 * 40 * 40, 0.75f);
   auto grid = VolumeGridFromArray("a", "density", {{40, 40, 40}, {}, {1, 1, 1}}, values);
   ASSERT_TRUE(grid.ok());
@@ -308,7 +308,7 @@ TEST(TrackingTest, V15AConstantGridIsHomogeneous) {
     TrackingTally tally;
     MajorantWalk walk(majorants, {-2, 7.7, 9.1}, {0.5, 0.125, 0.25}, 0, 64);
     const Rgb passed = TrackTransmittance(
-        &walk, [](double) { return 0.75; }, Rgb::Grey(sigma), &stream, &tally);
+        &walk, [](double) { return 0.75; }, Rgb::Gray(sigma), &stream, &tally);
     const double expected = std::exp(-0.75 * double{sigma} * (64 - 20));
     EXPECT_NEAR(passed.r / expected, 1, 1e-6) << sigma;
     if (sigma == 1) {
@@ -326,20 +326,20 @@ TEST(TrackingTest, V15AConstantGridIsHomogeneous) {
 }
 
 // V3: without density there is no collision and all light passes; also to infinity.
-TEST(TrackingTest, V3NothingStopsNothing) {
+TEST(TrackingTest, V3VacuumTransmitsEverything) {
   const MajorantGrid none;
   EventStream stream({0, 0, 0, 3});
   TrackingTally tally;
   MajorantWalk walk(none, {0, 0, 0}, {0, 0, 1}, 0, std::numeric_limits<double>::infinity());
   const auto density = [](double) { return 0.0; };
   EXPECT_FALSE(
-      TrackFlight(&walk, density, Rgb::Grey(1e30f), Rgb::Grey(1), &stream, &tally).collides);
+      TrackCollision(&walk, density, Rgb::Gray(1e30f), Rgb::Gray(1), &stream, &tally).collides);
   MajorantWalk again(none, {0, 0, 0}, {0, 0, 1}, 0, std::numeric_limits<double>::infinity());
   ExpectHardCase(
       {.row = "V3",
        .figure = "transmittance where the majorant is 0",
        .expected = 1,
-       .measured = TrackTransmittance(&again, density, Rgb::Grey(1e30f), &stream, &tally).g,
+       .measured = TrackTransmittance(&again, density, Rgb::Gray(1e30f), &stream, &tally).g,
        .naive = std::exp(-naive::StepThickness(0, 0.5f)),
        .naive_by = "steps of -log(1 - u) / majorant"});
 }

@@ -26,7 +26,7 @@ TestScene Base() {
   t.AddShape(MeshShape{t.Quad({-5, 0, -5}, {-5, 0, 5}, {5, 0, 5}, {5, 0, -5})},
              t.Diffuse({0.6f, 0.5f, 0.4f}));
   t.AddShape(MeshShape{t.Quad({-1, 3, -1}, {1, 3, -1}, {1, 3, 1}, {-1, 3, 1})}, t.Diffuse({}))
-      .area_light = t.AreaLight(Rgb::Grey(5));
+      .area_light = t.AreaLight(Rgb::Gray(5));
   return t;
 }
 
@@ -64,11 +64,11 @@ std::vector<Case> Cases() {
       {"sky and lamp",
        [=](TestScene& t) {
          t.ConstantEnvironment({0.2f, 0.3f, 0.5f});
-         PointLight lamp;
-         lamp.intensity.rgb = Rgb::Grey(2);
-         lamp.from = {1, 2, -1};
-         t.scene.lights.push_back({lamp, {}, {}, {}});
-         t.AddShape(ball, t.Diffuse(Rgb::Grey(0.5f)), up);
+         PointLight light;
+         light.intensity.rgb = Rgb::Gray(2);
+         light.from = {1, 2, -1};
+         t.scene.lights.push_back({light, {}, {}, {}});
+         t.AddShape(ball, t.Diffuse(Rgb::Gray(0.5f)), up);
        }},
       {"lens",
        [=](TestScene& t) {
@@ -77,11 +77,11 @@ std::vector<Case> Cases() {
        }},
       {"cut-out",
        [=](TestScene& t) {
-         ShapeDescription& lace = t.AddShape(ball, t.Diffuse(Rgb::Grey(0.5f)), up);
+         ShapeDescription& lace = t.AddShape(ball, t.Diffuse(Rgb::Gray(0.5f)), up);
          lace.has_alpha = true;
          lace.alpha.value = 0.5f;
        }},
-      {"fog", [=](TestScene& t) { AddFog(t, Rgb::Grey(0.2f), Rgb::Grey(0.3f)); }},
+      {"fog", [=](TestScene& t) { AddFog(t, Rgb::Gray(0.2f), Rgb::Gray(0.3f)); }},
       {"colored fog",
        [=](TestScene& t) {
          AddFog(t, {0.1f, 0.2f, 0.3f}, {0.5f, 0.3f, 0.2f});
@@ -91,7 +91,7 @@ std::vector<Case> Cases() {
 
 class EveryVariantTest : public ::testing::TestWithParam<ColorTransport> {};
 
-TEST_P(EveryVariantTest, GivesTheGenericPicture) {
+TEST_P(EveryVariantTest, GivesTheGenericImage) {
   const std::vector<Variant> variants = AllVariants();
   for (const Case& c : Cases()) {
     TestScene t = Base();
@@ -120,7 +120,7 @@ INSTANTIATE_TEST_SUITE_P(Colors, EveryVariantTest,
                          ::testing::Values(ColorTransport::kRgb, ColorTransport::kSpectral),
                          [](const auto& color) { return ColorTransportName(color.param); });
 
-TEST(VariantsTest, TheSwitchForcesTheGenericVariantAndKeepsTheBits) {
+TEST(VariantsTest, ForcedGenericVariantKeepsTheBits) {
   FrameSettings settings = SquareSettings(16, 16, 6);
   TestScene t = Base();
   const CompiledScenePtr planned = Compile(t.scene, settings);
@@ -131,7 +131,7 @@ TEST(VariantsTest, TheSwitchForcesTheGenericVariantAndKeepsTheBits) {
   EXPECT_TRUE(RenderAll(*planned) == RenderAll(*forced));
 }
 
-TEST(VariantsTest, ThePlanSaysWhoAsked) {
+TEST(VariantsTest, PlanNamesTheCause) {
   TestScene t = Base();
   t.scene.camera.lens_radius = 0.05f;
   t.scene.camera.location = {0, 12, 1};

@@ -103,7 +103,7 @@ class PbrtSupportTest : public ::testing::Test {
   const std::string directory_ = ::testing::TempDir() + "sheaf-pbrt-support";
 };
 
-TEST_F(PbrtSupportTest, EveryLineOfTheTableHolds) {
+TEST_F(PbrtSupportTest, EveryTableRowHolds) {
   const std::vector<Row> rows = ReadRows(SHEAF_PBRT_TABLE);
   EXPECT_GT(rows.size(), 200u);
   for (const Row& row : rows) {

@@ -63,7 +63,7 @@ void ExpectScene(const std::filesystem::path& folder, const PublicScene& expecte
   EXPECT_EQ(triangle_count, expected.triangle_count);
 }
 
-TEST(PublicScenesReadTest, ScenesReadOrSayWhyNot) {
+TEST(PublicScenesReadTest, ScenesReadOrReportAReason) {
   const char* folder = std::getenv("SHEAF_PUBLIC_SCENES");
   if (folder == nullptr) {
     GTEST_SKIP() << "SHEAF_PUBLIC_SCENES is not set: the comparison with public scenes is skipped";

@@ -64,7 +64,7 @@ CurveShape AddCurves(TestScene* t, CurveSet set) {
 
 // G1, G10: rays that leave a straight curve never hit it, for every kind, position, size and
 // scaling.
-TEST(CurveStability, G10SpawnedRaysDoNotMeetTheirCurve) {
+TEST(CurveStability, G10SpawnedRaysDoNotHitTheirCurve) {
   Random random(1);
   int spawned = 0, self_hits = 0, offset_hits = 0;
   for (int i = 0; i < 3000; ++i) {
@@ -116,10 +116,10 @@ TEST(CurveStability, G10FurnaceOfHair) {
   for (const Kind kind : kKinds) {
     SCOPED_TRACE(static_cast<int>(kind));
     TestScene t({0, 0, -2.2}, {0, 0, 0}, 50);
-    t.AddShape(AddCurves(&t, Tangle(kind, 400, 0.03, 5)), t.Diffuse(Rgb::Grey(1)));
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.AddShape(AddCurves(&t, Tangle(kind, 400, 0.03, 5)), t.Diffuse(Rgb::Gray(1)));
+    t.ConstantEnvironment(Rgb::Gray(1));
     FrameSettings settings = SquareSettings(24, 64, 400);
-    ExpectMean(RenderMean(t.scene, settings), Rgb::Grey(1));
+    ExpectMean(RenderMean(t.scene, settings), Rgb::Gray(1));
     // Gray is exact in spectral transport too, except for the sampled sums of the observer.
     settings.color = ColorTransport::kSpectral;
     const TileMean spectral = RenderMean(t.scene, settings);
@@ -155,26 +155,26 @@ TEST(CurveStability, G2PowersOfTwoChangeNoBit) {
 
 // G1: a million units away from the origin the image is the same within its error.
 TEST(CurveStability, G1FarFromTheOrigin) {
-  const auto picture = [](double distance) {
+  const auto image = [](double distance) {
     const Vec3d away{distance, -distance, 0.5 * distance};
     TestScene t(Vec3d{0, 0, -2.2} + away, away, 50);
-    t.AddShape(AddCurves(&t, Tangle(Kind::kCylinder, 200, 0.01, 3)), t.Diffuse(Rgb::Grey(0.7f)),
+    t.AddShape(AddCurves(&t, Tangle(Kind::kCylinder, 200, 0.01, 3)), t.Diffuse(Rgb::Gray(0.7f)),
                TranslateMatrix(away));
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
     return RenderMean(t.scene, SquareSettings(24, 64, 5));
   };
-  const TileMean near = picture(0), far = picture(1e6);
+  const TileMean near = image(0), far = image(1e6);
   EXPECT_LT(near.mean.g, 0.99f);
   EXPECT_NEAR(near.mean.g, far.mean.g, 5 * std::hypot(near.standard_error.g, far.standard_error.g));
 }
 
 // A straight curve covers the correct area: that of a black strip in front of a white sky, and of a
 // cylinder of the same thickness.
-TEST(CurveStability, StraightCurvesCoverAsCylindersDo) {
+TEST(CurveStability, StraightCurvesCoverAsCylinders) {
   const auto seen = [](int what, double width) {
     TestScene t({0, 0, -5}, {0, 0, 0}, 60);
     t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
     const Matrix4 turn = RotateMatrix(30, {0, 0, 1});
     if (what < 2) {
       t.AddShape(AddCurves(&t, StraightCurve(kKinds[what], {-0.5f, 0, 0}, {0.5f, 0, 0},
@@ -201,14 +201,14 @@ TEST(CurveStability, StraightCurvesCoverAsCylindersDo) {
 // A curve of type cylinder is lit like one: a light from above lights its upper half. Uniformly
 // across the width (v), the normal turns by v's angle, so the mean over the width is that of cos
 // over [0, pi/2] in even steps of angle, 2/pi, times one half.
-TEST(CurveStability, CylindersAreLitAsRoundThings) {
+TEST(CurveStability, CylinderCurvesShadeAsRound) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
   for (int i = 0; i < 4; ++i) t.scene.camera.screen_window[i] *= 0.5;
   t.AddShape(AddCurves(&t, StraightCurve(Kind::kCylinder, {-9, 0, 0}, {9, 0, 0}, 1)),
-             t.Diffuse(Rgb::Grey(1)));
+             t.Diffuse(Rgb::Gray(1)));
   DistantLight sun;
-  sun.radiance.rgb = Rgb::Grey(std::numbers::pi_v<float>);
+  sun.radiance.rgb = Rgb::Gray(std::numbers::pi_v<float>);
   sun.from = {0, 1, 0};
   sun.to = {0, 0, 0};
   t.scene.lights.push_back({sun, {}, {}, {}});
@@ -248,7 +248,7 @@ TEST(CurveStability, G7PlacedCurvesAreTheSame) {
         const uint32_t group = point.id.placed == kNotPlaced ? 0 : 1;
         return scene.geometry.groups[group].curves[0].pieces[point.id.primitive].segment;
       };
-      int met = 0, differing = 0;
+      int hits = 0, differing = 0;
       for (int i = 0; i < 4000; ++i) {
         const Vec3f from = random.Direction();
         const Vec3f to = ToFloat(TransformPoint(place, ToDouble(random.Direction()) * 0.6));
@@ -260,7 +260,7 @@ TEST(CurveStability, G7PlacedCurvesAreTheSame) {
           continue;
         }
         if (!hit) continue;
-        ++met;
+        ++hits;
         // Curves that face every ray are hit on their front.
         EXPECT_TRUE(kind == Kind::kRibbon || Dot(from - to, p[0].ng) > -1e-5f);
         EXPECT_NEAR(Dot(p[0].shading.n, p[0].ng), 1, 1e-5);
@@ -279,8 +279,8 @@ TEST(CurveStability, G7PlacedCurvesAreTheSame) {
           EXPECT_NEAR(p[k].uv.y, p[0].uv.y, 0.01f);
         }
       }
-      EXPECT_GT(met, 800);
-      EXPECT_LT(differing, met / 100);
+      EXPECT_GT(hits, 800);
+      EXPECT_LT(differing, hits / 100);
     }
   }
 }
@@ -305,12 +305,12 @@ TEST(CurveStability, G13CurvesMove) {
 }
 
 // The plan names curves, and without them none of their code is run.
-TEST(CurveStability, CurvesAreATrait) {
+TEST(CurveStability, CurvesHaveATrait) {
   TestScene with = LitRoom(1);
   with.AddShape(AddCurves(&with, Tangle(Kind::kFlat, 3, 0.01, 1)), 0).location = {0, 5, 1};
   const FrameSettings settings = SquareSettings(4, 1, 1);
-  const std::string told = FormatRenderPlan(MakeRenderPlan(with.scene, settings));
-  EXPECT_NE(told.find("test.pbrt:5:1: Shape \"curve\""), std::string::npos) << told;
+  const std::string plan = FormatRenderPlan(MakeRenderPlan(with.scene, settings));
+  EXPECT_NE(plan.find("test.pbrt:5:1: Shape \"curve\""), std::string::npos) << plan;
   const RenderPlan without = MakeRenderPlan(LitRoom(1).scene, settings);
   EXPECT_FALSE(Has(without.traits, Trait::kCurves));
   EXPECT_FALSE(Has(without.variant_traits, Trait::kCurves));

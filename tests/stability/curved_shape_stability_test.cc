@@ -62,7 +62,7 @@ void AddCan(TestScene* t, int32_t material, const Matrix4& place) {
 
 // G1: rays that leave a cylinder outwards miss it, rays into it hit its far side, for every
 // position, size and rotation.
-TEST(CurvedShapeStability, G1SpawnedRaysKnowTheirSideOfACylinder) {
+TEST(CurvedShapeStability, G1SpawnedRaysStayOnTheirSideOfACylinder) {
   Random random(1);
   int spawned = 0, wrong = 0;
   for (int i = 0; i < 1000; ++i) {
@@ -99,7 +99,7 @@ TEST(CurvedShapeStability, G1SpawnedRaysKnowTheirSideOfACylinder) {
 }
 
 // G1: rays from a patch do not hit it at their origin. It may bend into their path farther away.
-TEST(CurvedShapeStability, G1SpawnedRaysDoNotMeetTheirPatchAtOnce) {
+TEST(CurvedShapeStability, G1SpawnedRaysDoNotHitTheirPatch) {
   Random random(2);
   int spawned = 0, self_hits = 0;
   for (int i = 0; i < 2000; ++i) {
@@ -143,7 +143,7 @@ TEST(CurvedShapeStability, G2PowersOfTwoChangeNoBit) {
   const auto room = [](double scale) {
     TestScene t = LitRoom(scale);
     const Matrix4 size = ScaleMatrix({scale, scale, scale});
-    t.AddShape(CylinderShape{0.2f, -0.3f, 0.3f, 250}, t.Diffuse(Rgb::Grey(0.6f)),
+    t.AddShape(CylinderShape{0.2f, -0.3f, 0.3f, 250}, t.Diffuse(Rgb::Gray(0.6f)),
                size * TranslateMatrix({-0.4, -0.3, 0.5}) * RotateMatrix(70, {1, 2, 3}));
     t.AddShape(
         AddPatches(&t,
@@ -210,7 +210,7 @@ TEST(CurvedShapeStability, G3NoRayLeavesACan) {
 }
 
 // G7: the front of a mirrored shape stays the front of the original; reverse_orientation flips it.
-TEST(CurvedShapeStability, G7MirrorsKeepTheFront) {
+TEST(CurvedShapeStability, G7MirroringKeepsTheFront) {
   for (const bool mirrors : {false, true}) {
     for (const bool reverses : {false, true}) {
       const Matrix4 place = TranslateMatrix({0, 0, 4}) * RotateMatrix(20, {1, 2, 3}) *
@@ -243,14 +243,14 @@ TEST(CurvedShapeStability, G8GrazingPatchKeepsItsEnergy) {
     t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
     for (int i = 0; i < 4; ++i) t.scene.camera.screen_window[i] *= 1e-8;
     t.AddShape(AddPatches(&t, {{-50, 0, -50}, {-50, 0, 60}, {50, 0, -50}, {50, 0, 50}}),
-               t.Diffuse(Rgb::Grey(1)));
-    t.ConstantEnvironment(Rgb::Grey(1));
-    ExpectMean(RenderMean(t.scene, SquareSettings(4, 256, 5)), Rgb::Grey(1));
+               t.Diffuse(Rgb::Gray(1)));
+    t.ConstantEnvironment(Rgb::Gray(1));
+    ExpectMean(RenderMean(t.scene, SquareSettings(4, 256, 5)), Rgb::Gray(1));
   }
 }
 
 // G11: a cylinder of radius 1 seen from far away, at impact parameter 0.5.
-TEST(CurvedShapeStability, G11FarCylindersAreMetWhereTheyAre) {
+TEST(CurvedShapeStability, G11FarCylindersAreHitAccurately) {
   const Quadric cylinder = MakeQuadric(CylinderShape{1, -1, 1, 360});
   for (const double distance : {1e4, 1e5, 1e6, 1e8}) {
     const std::optional<double> t =
@@ -265,14 +265,14 @@ TEST(CurvedShapeStability, G11FarCylindersAreMetWhereTheyAre) {
 }
 
 // A closed set of these shapes lets nothing in: no ray of a bright sky reaches the camera.
-TEST(CurvedShapeStability, ClosedShapesAreDark) {
+TEST(CurvedShapeStability, ClosedShapesAreDarkInside) {
   TestScene can({0.1, 0.2, 0}, {0.1, 0.3, 1}, 90);
-  AddCan(&can, can.Diffuse(Rgb::Grey(0.9f)), RotateMatrix(33, {3, 1, 2}));
+  AddCan(&can, can.Diffuse(Rgb::Gray(0.9f)), RotateMatrix(33, {3, 1, 2}));
   TestScene room({0.1, 0.2, 0}, {0.1, 0.3, 1}, 90);
   room.AddShape(AddPatches(&room, WobblyCorners(0.3f), kCubePatches),
-                room.Diffuse(Rgb::Grey(0.9f)));
+                room.Diffuse(Rgb::Gray(0.9f)));
   for (TestScene* t : {&can, &room}) {
-    t->ConstantEnvironment(Rgb::Grey(1e6f));
+    t->ConstantEnvironment(Rgb::Gray(1e6f));
     const TileMean mean = RenderMean(t->scene, SquareSettings(16, 64, 20));
     EXPECT_EQ(mean.non_finite, 0u);
     EXPECT_EQ(mean.mean.g, 0);
@@ -285,9 +285,9 @@ TEST(CurvedShapeStability, RectanglesEmitAsTriangles) {
   const auto room = [](bool as_patch) {
     TestScene t({0, 0, -3}, {0, 0, 0}, 60);
     t.AddShape(MeshShape{t.Quad({-2, -1, -2}, {-2, -1, 2}, {2, -1, 2}, {2, -1, -2})},
-               t.Diffuse(Rgb::Grey(0.7f)));
+               t.Diffuse(Rgb::Gray(0.7f)));
     const Vec3f a{-0.5f, 1, -0.5f}, b{0.5f, 1, -0.5f}, c{0.5f, 1, 0.5f}, d{-0.5f, 1, 0.5f};
-    const int32_t black = t.Diffuse({}), light = t.AreaLight(Rgb::Grey(3));
+    const int32_t black = t.Diffuse({}), light = t.AreaLight(Rgb::Gray(3));
     if (as_patch) {
       t.AddShape(AddPatches(&t, {a, b, d, c}), black).area_light = light;
     } else {
@@ -298,13 +298,13 @@ TEST(CurvedShapeStability, RectanglesEmitAsTriangles) {
   const FrameSettings settings = SquareSettings(12, 16, 4);
   const CompiledScenePtr patch = Compile(room(true).scene, settings);
   EXPECT_EQ(PlanOf(*patch).traits, static_cast<uint32_t>(Trait::kAreaLights));
-  const FilmTile picture = RenderAll(*patch);
-  EXPECT_GT(MeanOf(picture).mean.g, 0.01f);
-  EXPECT_TRUE(picture == RenderAll(*Compile(room(false).scene, settings)));
+  const FilmTile image = RenderAll(*patch);
+  EXPECT_GT(MeanOf(image).mean.g, 0.01f);
+  EXPECT_TRUE(image == RenderAll(*Compile(room(false).scene, settings)));
 }
 
 // Shapes that cannot emit are refused by name, with their location.
-TEST(CurvedShapeStability, LightsThatCannotBeAreRefused) {
+TEST(CurvedShapeStability, UnsupportedLightsAreRefused) {
   TestScene patch = LitRoom(1);
   patch.AddShape(AddPatches(&patch, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 1}}), 0).area_light =
       0;

@@ -83,7 +83,7 @@ TEST(DeformationStability, NoRayLeavesADeformingRoom) {
 
 // A position in a scene far from the camera: the tracer's corners deviate by more than the distance
 // between triangles and rays, and still there are no leaks.
-TEST(DeformationStability, NoRayFromInsideLeavesADeformingRoomFarOff) {
+TEST(DeformationStability, NoRayLeavesADistantDeformingRoom) {
   const Vec3d center{3000, 200, -1000};
   const Triangles globe = Globe(center, 20, 40);
   TestScene t = OpenShutter();
@@ -117,7 +117,7 @@ TEST(DeformationStability, NoRayFromInsideLeavesADeformingRoomFarOff) {
 
 // A floor that rises from 0 to 1 in half the shutter interval and then stays: hits are at its
 // position in double precision.
-TEST(DeformationStability, PointsAreWhereTheSurfaceIsAtTheirTime) {
+TEST(DeformationStability, PointsLieOnTheSurfaceAtTheirTime) {
   TestScene t = OpenShutter({0, 3, 0});
   const int32_t mesh = t.Quad({-9, 0, -9}, {-9, 0, 9}, {9, 0, 9}, {9, 0, -9});
   VertexStep up{t.scene.meshes[static_cast<size_t>(mesh)].positions, {}};
@@ -147,7 +147,7 @@ TEST(DeformationStability, PointsAreWhereTheSurfaceIsAtTheirTime) {
 
 // Needles that turn and stretch: the distance of every hit from its ray is within the rounding of
 // its coordinates, at every time (G4 with deformation).
-TEST(DeformationStability, NeedlesAreMetWhereTheyAre) {
+TEST(DeformationStability, NeedlesAreHitAccurately) {
   Random random(9);
   int hits = 0;
   for (int i = 0; i < 2000; ++i) {
@@ -191,7 +191,7 @@ TEST(DeformationStability, MovingEdgeIsALinearRamp) {
   TriangleMesh& quad = t.scene.meshes[static_cast<size_t>(mesh)];
   quad.steps.push_back({quad.positions, {}});
   quad.steps[0].positions[1].x = quad.steps[0].positions[2].x = 0.5f;
-  t.AddShape(MeshShape{mesh}, t.Diffuse(Rgb::Grey(0.5f)));
+  t.AddShape(MeshShape{mesh}, t.Diffuse(Rgb::Gray(0.5f)));
   const FrameSettings settings = SquareSettings(16, 256, 0);
   const CompiledScenePtr scene = Compile(t.scene, settings);
   EXPECT_TRUE(Has(PlanOf(*scene).traits, Trait::kDeformation));
@@ -217,7 +217,7 @@ TestScene RoomOfSteps(bool has_steps) {
 
 // Equal time steps are no deformation: the scene equals the still one to the bit. If the steps are
 // kept, the tracer treats the mesh as deforming and gives the same image up to rounding.
-TEST(DeformationStability, EqualStepsAreTheStill) {
+TEST(DeformationStability, EqualStepsMatchTheStaticMesh) {
   const FrameSettings settings = SquareSettings(12, 64, 3);
   TestScene dropped = RoomOfSteps(true);
   DropEqualSteps(&dropped.scene.meshes[0]);
@@ -230,7 +230,7 @@ TEST(DeformationStability, EqualStepsAreTheStill) {
 }
 
 // A closed shutter shows the mesh at the opening time, to the bit.
-TEST(DeformationStability, ClosedShutterIsTheStill) {
+TEST(DeformationStability, ClosedShutterMatchesTheStaticMesh) {
   const FrameSettings settings = SquareSettings(12, 16, 3);
   TestScene t = LitRoom(1);
   AddSteps(&t.scene.meshes[0], 2, 0.1f);

@@ -194,7 +194,7 @@ TEST(DisplacementStability, PowersOfTwoChangeNoBit) {
   }
 }
 
-TEST(DisplacementStability, LimitsAndBadNumbersAreErrors) {
+TEST(DisplacementStability, LimitsAndInvalidNumbersAreErrors) {
   TestScene t = LitRoom(1);
   auto& walls = std::get<MeshShape>(t.scene.shapes[0].shape);
   walls.displacement.value = 0.1f;

@@ -36,9 +36,9 @@ FilmTile MakeOnePixelTile(SampleBlock block, const Sample& sample) {
 }
 
 float DevelopRed(const FilmTile& tile) {
-  FramePicture picture = MakeFramePicture(tile.rect(), tile.rect().x1, tile.rect().y1);
-  DevelopTile(tile, &picture);
-  return picture.Find("R")->at(0);
+  FrameImage image = MakeFrameImage(tile.rect(), tile.rect().x1, tile.rect().y1);
+  DevelopTile(tile, &image);
+  return image.Find("R")->at(0);
 }
 
 // Radiance and weight as the film stores them, before the image rounds them to float.
@@ -75,7 +75,7 @@ TEST(FilmStabilityTest, C2NegativeLobesKeepAConstantConstant) {
   for (const uint64_t count : {1, 16, 64, 1024, 65536}) {
     const FilmTile tile = MakeOnePixelTile({0, count}, [&](uint64_t n) {
       FilmSample s;
-      s.radiance = Rgb::Grey(kConstant);
+      s.radiance = Rgb::Gray(kConstant);
       // A quarter of the samples is in the negative lobes; weights vary.
       s.filter_weight = (HashToUnit(2 * n) < 0.25f ? -0.4f : 1.2f) * (0.5f + HashToUnit(2 * n + 1));
       return s;
@@ -89,16 +89,16 @@ TEST(FilmStabilityTest, C2NegativeLobesKeepAConstantConstant) {
 TEST(FilmStabilityTest, C2WeightsThatSumToZeroGiveZero) {
   const FilmTile tile = MakeOnePixelTile({0, 64}, [](uint64_t n) {
     FilmSample s;
-    s.radiance = Rgb::Grey(1 + HashToUnit(n));
+    s.radiance = Rgb::Gray(1 + HashToUnit(n));
     s.alpha = 1;
     s.depth = 3;
     s.filter_weight = n % 2 == 0 ? 0.75f : -0.75f;
     return s;
   });
-  FramePicture picture = MakeFramePicture(kOnePixel, 1, 1);
-  DevelopTile(tile, &picture);
-  for (size_t i = 0; i < picture.planes.size(); ++i) {
-    EXPECT_TRUE(std::isfinite(picture.planes[i][0])) << picture.channel_names[i];
+  FrameImage image = MakeFrameImage(kOnePixel, 1, 1);
+  DevelopTile(tile, &image);
+  for (size_t i = 0; i < image.planes.size(); ++i) {
+    EXPECT_TRUE(std::isfinite(image.planes[i][0])) << image.channel_names[i];
   }
   std::vector<float> values, weights;
   for (uint64_t n = 0; n < 64; ++n) {
@@ -108,7 +108,7 @@ TEST(FilmStabilityTest, C2WeightsThatSumToZeroGiveZero) {
   ExpectHardCase({.row = "C2",
                   .figure = "pixel whose filter weights sum to 0",
                   .expected = 0,
-                  .measured = picture.Find("R")->at(0),
+                  .measured = image.Find("R")->at(0),
                   .naive = naive::WeightedMean(values, weights),
                   .naive_by = "sum of w v over sum of w"});
 }
@@ -116,7 +116,7 @@ TEST(FilmStabilityTest, C2WeightsThatSumToZeroGiveZero) {
 TEST(FilmStabilityTest, C2NegativeValuesAreKept) {
   const FilmTile tile = MakeOnePixelTile({0, 4}, [](uint64_t n) {
     FilmSample s;
-    s.radiance = Rgb::Grey(n == 0 ? 10.0f : 0.0f);
+    s.radiance = Rgb::Gray(n == 0 ? 10.0f : 0.0f);
     s.filter_weight = n == 0 ? -0.2f : 1.0f;
     return s;
   });
@@ -172,15 +172,15 @@ TEST(FilmStabilityTest, C3SixteenMillionRandomSamplesKeepTheirMean) {
   EXPECT_EQ(tile.channel(FilmChannel::kSampleCount)[0], static_cast<float>(kCount));
 }
 
-TEST(FilmStabilityTest, C4AMillionUnitsOfRadianceSurvive) {
+TEST(FilmStabilityTest, C4AMillionUnitsOfRadianceAreKept) {
   const FilmTile tile = MakeOnePixelTile({0, 64}, [](uint64_t) {
     FilmSample s;
     s.radiance = {1e6f, 65504.0f, 65536.0f};
     return s;
   });
-  FramePicture picture = MakeFramePicture(kOnePixel, 1, 1);
-  DevelopTile(tile, &picture);
-  const absl::StatusOr<FramePicture> read = DecodePicture(EncodePicture(picture));
+  FrameImage image = MakeFrameImage(kOnePixel, 1, 1);
+  DevelopTile(tile, &image);
+  const absl::StatusOr<FrameImage> read = DecodeFrameImage(EncodeFrameImage(image));
   ASSERT_TRUE(read.ok()) << read.status();
   ExpectHardCase({.row = "C4",
                   .figure = "radiance of 10^6, read back from the file",
@@ -221,15 +221,15 @@ TEST(FilmStabilityTest, C5SampleIndicesBeyondThirtyTwoBits) {
 
 TEST(FilmStabilityTest, C5WindowsSeventyThousandPixelsLong) {
   for (const PixelRect window : {PixelRect{0, 0, 70000, 1}, {0, 0, 1, 70000}}) {
-    FramePicture picture = MakeFramePicture(window, window.x1, window.y1);
+    FrameImage image = MakeFrameImage(window, window.x1, window.y1);
     std::vector<PixelRect> tiles = CutTiles(window, 64);
     EXPECT_EQ(tiles.size(), 1094u);
-    for (const PixelRect& tile : tiles) DevelopTile(MakeTestTile(tile, {0, 2}), &picture);
-    const std::vector<float>& samples = *picture.Find("samples");
+    for (const PixelRect& tile : tiles) DevelopTile(MakeTestTile(tile, {0, 2}), &image);
+    const std::vector<float>& samples = *image.Find("samples");
     EXPECT_EQ(std::count(samples.begin(), samples.end(), 2.0f), 70000);
-    const absl::StatusOr<FramePicture> read = DecodePicture(EncodePicture(picture));
+    const absl::StatusOr<FrameImage> read = DecodeFrameImage(EncodeFrameImage(image));
     ASSERT_TRUE(read.ok()) << read.status();
-    EXPECT_EQ(*read->Find("R"), *picture.Find("R"));
+    EXPECT_EQ(*read->Find("R"), *image.Find("R"));
   }
 }
 
@@ -245,19 +245,18 @@ TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
   std::mt19937 bits(6);
   for (const uint64_t pass_samples : {64, 16, 8, 4, 2, 1}) {
     for (const int32_t tile_size_px : {8, 16, 64}) {
-      FramePicture picture = MakeFramePicture(kWindow, 24, 16);
+      FrameImage image = MakeFrameImage(kWindow, 24, 16);
       for (const PixelRect& rect : CutTiles(kWindow, tile_size_px)) {
         std::vector<SampleBlock> passes = CutSamples(0, kSamples, pass_samples);
         std::shuffle(passes.begin(), passes.end(), bits);
         TileTree tree(rect);
         for (const SampleBlock& pass : passes)
           ASSERT_TRUE(tree.Insert(MakeTestTile(rect, pass)).ok());
-        DevelopTile(tree.Root(), &picture);
+        DevelopTile(tree.Root(), &image);
       }
-      if (digest.empty()) digest = PictureDigest(picture);
-      EXPECT_EQ(PictureDigest(picture), digest)
-          << pass_samples << " a pass, tiles of " << tile_size_px;
-      digests.insert(PictureDigest(picture));
+      if (digest.empty()) digest = ImageDigest(image);
+      EXPECT_EQ(ImageDigest(image), digest) << pass_samples << " a pass, tiles of " << tile_size_px;
+      digests.insert(ImageDigest(image));
       std::shuffle(values.begin(), values.end(), bits);
       sums.insert(naive::Sum(values));
     }
@@ -279,7 +278,7 @@ TEST(FilmStabilityTest, R9VarianceOfNearlyEqualLargeValues) {
                                             [spread](uint64_t n) {
                                               const double v = 1e6 + spread * (n % 2 == 0 ? 1 : -1);
                                               FilmSample s;
-                                              s.radiance = Rgb::Grey(static_cast<float>(v));
+                                              s.radiance = Rgb::Gray(static_cast<float>(v));
                                               return s;
                                             }),
                            0)

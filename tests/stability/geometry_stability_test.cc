@@ -30,7 +30,7 @@ constexpr double kPi = std::numbers::pi;
 TestScene AtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
 
 // G1: 10^6 rays spawned from triangles with coordinates of all magnitudes do not hit them again.
-TEST(GeometryStability, G1SpawnedRaysDoNotMeetTheirTriangle) {
+TEST(GeometryStability, G1SpawnedRaysDoNotHitTheirTriangle) {
   constexpr int kTriangles = 2000, kRaysEach = 500;
   Random random(1);
   int spawned = 0, self_hits = 0, offset = 0, offset_hits = 0;
@@ -100,7 +100,7 @@ TEST(GeometryStability, G1OriginsLieBeyondThePlane) {
 
 // G1: rays that leave a sphere outwards miss it, rays into it hit its far side, for every position
 // and size.
-TEST(GeometryStability, G1SpawnedRaysKnowTheirSideOfASphere) {
+TEST(GeometryStability, G1SpawnedRaysStayOnTheirSideOfASphere) {
   Random random(3);
   int spawned = 0, wrong = 0;
   for (int i = 0; i < 1000; ++i) {
@@ -131,17 +131,17 @@ TEST(GeometryStability, G1SpawnedRaysKnowTheirSideOfASphere) {
 }
 
 // G1: the furnace of a closed cube is 1 / (1 - rho) at every position.
-TEST(GeometryStability, G1FurnaceDoesNotCareWhereItStands) {
+TEST(GeometryStability, G1FurnaceIsIndependentOfPosition) {
   for (int k = 0; k <= 6; k += 2) {
     SCOPED_TRACE(k);
     const double far = std::pow(10.0, k);
     TestScene t({far, far, far}, {far, far, far + 1}, 90);
     ShapeDescription& box =
-        t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.Diffuse(Rgb::Grey(0.5f)),
+        t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.Diffuse(Rgb::Gray(0.5f)),
                    TranslateMatrix({far, far, far}));
     box.reverse_orientation = true;
-    box.area_light = t.AreaLight(Rgb::Grey(1));
-    ExpectMean(RenderMean(t.scene, SquareSettings(8, 64, 1000)), Rgb::Grey(2));
+    box.area_light = t.AreaLight(Rgb::Gray(1));
+    ExpectMean(RenderMean(t.scene, SquareSettings(8, 64, 1000)), Rgb::Gray(2));
   }
 }
 
@@ -175,7 +175,7 @@ TEST(GeometryStability, G2PowersOfTwoChangeNoBit) {
 }
 
 // G5: triangles without area are dropped; the image keeps its bits.
-TEST(GeometryStability, G5DegenerateTrianglesLeaveNoTrace) {
+TEST(GeometryStability, G5DegenerateTrianglesHaveNoEffect) {
   const FrameSettings settings = SquareSettings(12, 16, 5);
   TestScene clean = LitRoom(1);
   TestScene littered = LitRoom(1);
@@ -232,13 +232,13 @@ TEST(GeometryStability, G7MirroringTwiceChangesNothing) {
     const Matrix4 place = mirrored ? ScaleMatrix({-1, 1, 1}) : Matrix4{};
     t.AddShape(
         MeshShape{t.Quad({x * -2, -1, -2}, {x * -2, -1, 2}, {x * 2, -1, 2}, {x * 2, -1, -2})},
-        t.Diffuse(Rgb::Grey(0.5f)), place);
+        t.Diffuse(Rgb::Gray(0.5f)), place);
     // A mirrored file keeps its front faces by reversing the order of corners.
     std::vector<Vec3f> corners{
         {x * 0.2f, 1, -0.5f}, {x * 0.9f, 1, -0.5f}, {x * 0.9f, 1, 0.5f}, {x * 0.2f, 1, 0.5f}};
     if (mirrored) std::reverse(corners.begin(), corners.end());
     const int32_t quad = t.Quad(corners[0], corners[1], corners[2], corners[3]);
-    t.AddShape(MeshShape{quad}, t.Diffuse({}), place).area_light = t.AreaLight(Rgb::Grey(4));
+    t.AddShape(MeshShape{quad}, t.Diffuse({}), place).area_light = t.AreaLight(Rgb::Gray(4));
     SphereShape sphere{0.3f, -0.3f, 0.3f, 360};
     DielectricMaterial glass;
     t.AddShape(sphere, t.AddMaterial(glass), place * TranslateMatrix({x * 0.5, -0.4, 0}));
@@ -282,15 +282,15 @@ constexpr std::array<Vec3f, 5> kNormalsInTheFloor{
 constexpr std::array<Vec3d, 4> kEyesAboveIt{
     {{2, 2, 0}, {-2, 2, 0.1}, {0.1, 0.3, 3}, {0.1, 4, 0.2}}};
 
-TEST(GeometryStability, G8NormalsInTheFloorLoseNoLightOfTheSky) {
+TEST(GeometryStability, G8NormalsBelowTheFloorLoseNoSkyLight) {
   for (const Vec3f normal : kNormalsInTheFloor) {
     for (const Vec3d eye : kEyesAboveIt) {
       SCOPED_TRACE(::testing::Message() << normal.x << " " << normal.y << " from " << eye.x);
       TestScene t(eye, {0, 0, 0}, 5, {0, 0.8, 0.6});
-      t.ConstantEnvironment(Rgb::Grey(1));
-      t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Grey(0.5f)));
+      t.ConstantEnvironment(Rgb::Gray(1));
+      t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Gray(0.5f)));
       const TileMean mean = RenderMean(t.scene, SquareSettings(8, DrawCount(64, 1024), 3));
-      ExpectMean(mean, Rgb::Grey(0.5f));
+      ExpectMean(mean, Rgb::Gray(0.5f));
       ExpectHardCase({.row = "G8",
                       .figure = "radiance of a floor of 1/2 whose normals lie in it",
                       .expected = 0.5,
@@ -304,16 +304,16 @@ TEST(GeometryStability, G8NormalsInTheFloorLoseNoLightOfTheSky) {
 }
 
 // The light arrives as on a floor with correct normals, and no light arrives from below.
-TEST(GeometryStability, G8NormalsInTheFloorAreLitAsTheFloorIs) {
+TEST(GeometryStability, G8NormalsBelowTheFloorAreLitAsTheFloor) {
   for (const Vec3f normal : kNormalsInTheFloor) {
     for (const bool below : {false, true}) {
       SCOPED_TRACE(::testing::Message() << normal.x << " " << normal.y << " " << below);
       TestScene t({2, 2, 0}, {0, 0, 0}, 1e-4f);
-      PointLight lamp;
-      lamp.intensity.rgb = Rgb::Grey(4);
-      lamp.from = {0, below ? -2.0 : 2.0, 1};
-      t.scene.lights.push_back({lamp, {}, {}, {}});
-      t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Grey(0.5f)));
+      PointLight point_light;
+      point_light.intensity.rgb = Rgb::Gray(4);
+      point_light.from = {0, below ? -2.0 : 2.0, 1};
+      t.scene.lights.push_back({point_light, {}, {}, {}});
+      t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Gray(0.5f)));
       const double lit = 0.5 / kPi * 4 / 5 * (2 / std::sqrt(5.0));
       const TileMean mean = RenderMean(t.scene, SquareSettings(4, 16, 3));
       // With normals that rounding or the file tilts slightly out of the floor.
@@ -329,9 +329,9 @@ TEST(GeometryStability, G8SteepNormalsLoseAQuarterAtMost) {
     SCOPED_TRACE(degrees);
     const double tilt = degrees * kPi / 180;
     TestScene t({1, 2, 0}, {0, 0, 0}, 5);
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
     const Vec3f normal = ToFloat(Vec3d{std::sin(tilt), std::cos(tilt), 0});
-    t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Grey(1)));
+    t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Gray(1)));
     const TileMean mean = RenderMean(t.scene, SquareSettings(8, DrawCount(64, 1024), 3));
     EXPECT_GT(mean.mean.g, 0.75 - 5 * static_cast<double>(mean.standard_error.g));
     EXPECT_LT(mean.mean.g, 1 + 5 * static_cast<double>(mean.standard_error.g));
@@ -347,9 +347,9 @@ TEST(GeometryStability, G8GrazingPlaneKeepsItsEnergy) {
     t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
     for (int i = 0; i < 4; ++i) t.scene.camera.screen_window[i] *= 1e-8;
     t.AddShape(MeshShape{t.Quad({-50, 0, -50}, {-50, 0, 50}, {50, 0, 50}, {50, 0, -50})},
-               t.Diffuse(Rgb::Grey(1)));
-    t.ConstantEnvironment(Rgb::Grey(1));
-    ExpectMean(RenderMean(t.scene, SquareSettings(4, 256, 5)), Rgb::Grey(1));
+               t.Diffuse(Rgb::Gray(1)));
+    t.ConstantEnvironment(Rgb::Gray(1));
+    ExpectMean(RenderMean(t.scene, SquareSettings(4, 256, 5)), Rgb::Gray(1));
   }
 }
 
@@ -395,9 +395,9 @@ TEST(GeometryStability, G9ShadowRaysSeeALightJustAboveThePlane) {
 TEST(GeometryStability, G9LightInThePlaneGivesZero) {
   TestScene t({0, 2, 0}, {0, 0, 0.01}, 40);
   t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})},
-             t.Diffuse(Rgb::Grey(0.8f)));
+             t.Diffuse(Rgb::Gray(0.8f)));
   t.AddShape(MeshShape{t.Quad({2, 0, -1}, {2, 0, 1}, {4, 0, 1}, {4, 0, -1})}, t.Diffuse({}))
-      .area_light = t.AreaLight(Rgb::Grey(10), /*two_sided=*/true);
+      .area_light = t.AreaLight(Rgb::Gray(10), /*two_sided=*/true);
   const TileMean mean = RenderMean(t.scene, SquareSettings(16, 32, 5));
   EXPECT_EQ(mean.non_finite, 0u);
   EXPECT_EQ(mean.mean.g, 0);
@@ -406,7 +406,7 @@ TEST(GeometryStability, G9LightInThePlaneGivesZero) {
 // G11: a sphere of radius 1 seen from far away, at impact parameter 0.5. In float the classical
 // form misses it from a distance of 1e4 on; the float form with the perpendicular is off by 2e-4 to
 // 9e-3.
-TEST(GeometryStability, G11FarSpheresAreMetWhereTheyAre) {
+TEST(GeometryStability, G11FarSpheresAreHitAccurately) {
   Quadric sphere;
   sphere.radius = 1;
   sphere.phi_max = 2 * kPi;

@@ -115,7 +115,7 @@ double ScaledBesselReference(double x) {
   return sum / std::sqrt(2 * std::numbers::pi * x);
 }
 
-TEST(HairStability, M12_BesselFunctionHasNoGrowth) {
+TEST(HairStability, M12_BesselFunctionStaysBounded) {
   for (double x : {0.0, 1e-6, 0.5, 1.0, 3.7499, 3.75, 5.0, 12.0, 30.0, 1e3, 7e4, 1e8}) {
     const double expected = ScaledBesselReference(x);
     EXPECT_NEAR(ScaledBesselI0(static_cast<float>(x)), expected, 6e-7 * expected) << x;
@@ -125,12 +125,12 @@ TEST(HairStability, M12_BesselFunctionHasNoGrowth) {
 
 // The lobe along the fiber, against its own formula in long double where that is accurate, and its
 // integral, down to variances whose exponents (1 / v) overflow.
-TEST(HairStability, M12_LobesAlongTheFibreStayNormalised) {
+TEST(HairStability, M12_LongitudinalLobesStayNormalized) {
   for (float beta : {0.01f, 0.02f, 0.05f, 0.1f, 0.5f, 1.0f}) {
     for (double theta_o : {0.0, 0.7, 1.5, -1.57}) {
       for (float ratio : {0.25f, 1.0f, 4.0f}) {
         const FiberLobe lobe{static_cast<float>(std::sin(theta_o)),
-                            static_cast<float>(std::cos(theta_o)), ratio * HairVariance(beta), 0};
+                             static_cast<float>(std::cos(theta_o)), ratio * HairVariance(beta), 0};
         constexpr int kSteps = 400000;
         double sum = 0;
         for (int i = 0; i < kSteps; ++i) {
@@ -156,7 +156,7 @@ TEST(HairStability, M12_LobesAlongTheFibreStayNormalised) {
   }
 }
 
-TEST(HairStability, M12_LobesAlongTheFibreEqualTheirFormula) {
+TEST(HairStability, M12_LongitudinalLobesMatchTheirFormula) {
   for (double v : {0.2, 1.0, 30.0, 110.0}) {
     for (double a : {0.0, 0.5, -1.3}) {
       for (double b : {0.1, -0.6, 1.4}) {
@@ -164,7 +164,7 @@ TEST(HairStability, M12_LobesAlongTheFibreEqualTheirFormula) {
         const double expected = std::exp(-std::sin(a) * std::sin(b) / v) *
                                 ScaledBesselReference(x) * std::exp(x) / (2 * v * std::sinh(1 / v));
         const FiberLobe lobe{static_cast<float>(std::sin(a)), static_cast<float>(std::cos(a)),
-                            static_cast<float>(v), 0};
+                             static_cast<float>(v), 0};
         EXPECT_NEAR(lobe.AlongPdf(static_cast<float>(std::sin(b)), static_cast<float>(std::cos(b))),
                     expected, 3e-6 * expected)
             << v << " " << a << " " << b;
@@ -173,7 +173,7 @@ TEST(HairStability, M12_LobesAlongTheFibreEqualTheirFormula) {
   }
 }
 
-TEST(HairStability, LogisticLobesAroundTheFibreStayNormalised) {
+TEST(HairStability, AzimuthalLobesStayNormalized) {
   for (float beta : {0.01f, 0.1f, 0.3f, 1.0f}) {
     const float scale = HairLogisticScale(beta);
     constexpr int kSteps = 1000000;
@@ -196,7 +196,7 @@ TEST(HairStability, LogisticLobesAroundTheFibreStayNormalised) {
   }
 }
 
-TEST(HairStability, EnergiesOfTheLobesAddUpToOne) {
+TEST(HairStability, LobeEnergiesAddUpToOne) {
   for (float eta : {0.7f, 1.0f, 1.0001f, 1.55f, 3.0f}) {
     for (float h : {-1.0f, -0.99999994f, -0.3f, 0.0f, 0.999f, 1.0f}) {
       for (double theta : {0.0, 1.0, 1.57, std::numbers::pi / 2}) {
@@ -213,20 +213,20 @@ TEST(HairStability, EnergiesOfTheLobesAddUpToOne) {
 TEST(HairStability, AbsorptionHasItsClosedForm) {
   const float f = (0.55f / 2.55f) * (0.55f / 2.55f);
   for (float sigma : {0.1f, 1.0f, 20.0f}) {
-    const Bsdf bsdf = MakeHairFixture(0.3f, 0.3f, 0, Rgb::Grey(sigma)).bsdf;
+    const Bsdf bsdf = MakeHairFixture(0.3f, 0.3f, 0, Rgb::Gray(sigma)).bsdf;
     const float t = std::exp(-2 * sigma);
     EXPECT_NEAR(SumOfEnergies(bsdf, {0, 0, 1}), f + (1 - f) * (1 - f) * t / (1 - t * f), 1e-6);
   }
-  EXPECT_NEAR(SumOfEnergies(MakeHairFixture(0.3f, 0.3f, 0, Rgb::Grey(1e8f)).bsdf, {0, 0, 1}), f,
+  EXPECT_NEAR(SumOfEnergies(MakeHairFixture(0.3f, 0.3f, 0, Rgb::Gray(1e8f)).bsdf, {0, 0, 1}), f,
               1e-7);
 }
 
 // At the very edge all light is reflected back: Fresnel is 1, and the other lobes would divide 0 by
 // 0.
-TEST(HairStability, EdgesOfTheFibreReflectAll) {
+TEST(HairStability, FiberEdgesReflectEverything) {
   for (float h : {-1.0f, 1.0f}) {
     for (float sigma : {0.0f, 1e8f}) {
-      const BsdfFixture hair = MakeHairFixture(0.3f, 0.3f, h, Rgb::Grey(sigma));
+      const BsdfFixture hair = MakeHairFixture(0.3f, 0.3f, h, Rgb::Gray(sigma));
       const HairPaths<Rgb> paths = MakeHairPaths(hair.bsdf, Vec3f{0.1f, 0, std::sqrt(0.99f)});
       EXPECT_EQ(paths.energy[0].g, 1);
       for (size_t p = 1; p < kHairLobeCount; ++p) EXPECT_EQ(paths.energy[p].g, 0);
@@ -235,7 +235,7 @@ TEST(HairStability, EdgesOfTheFibreReflectAll) {
   }
 }
 
-TEST(HairStability, NothingIsInfiniteAlongTheFibre) {
+TEST(HairStability, ValuesAreFiniteAlongTheFiber) {
   const Vec3f directions[] = {{1, 0, 0},
                               {-1, 0, 0},
                               {1, 1e-30f, 0},
@@ -269,9 +269,9 @@ TEST(HairStability, NothingIsInfiniteAlongTheFibre) {
 }
 
 // The ends of the unit interval are valid random numbers.
-TEST(HairStability, ExtremeDrawsGiveDirections) {
+TEST(HairStability, ExtremeRandomNumbersGiveDirections) {
   const float last = 0x1.fffffep-1f;
-  const BsdfFixture hair = MakeHairFixture(0.05f, 0.05f, 0.3f, Rgb::Grey(0.2f));
+  const BsdfFixture hair = MakeHairFixture(0.05f, 0.05f, 0.3f, Rgb::Gray(0.2f));
   for (float a : {0.0f, 0.5f, last}) {
     for (float b : {0.0f, last}) {
       for (float c : {0.0f, last}) {
@@ -285,8 +285,8 @@ TEST(HairStability, ExtremeDrawsGiveDirections) {
 }
 
 // Only the fiber's direction matters, not the direction of the normal.
-TEST(HairStability, TurningTheFrameAboutTheFibreChangesNothing) {
-  const BsdfFixture hair = MakeHairFixture(0.2f, 0.3f, 0.6f, Rgb::Grey(0.3f));
+TEST(HairStability, RotationAboutTheFiberHasNoEffect) {
+  const BsdfFixture hair = MakeHairFixture(0.2f, 0.3f, 0.6f, Rgb::Gray(0.3f));
   const BsdfValue here =
       EvalBsdf<kAllTraits>(hair.bsdf, FiberDirection(0.3, 1), FiberDirection(-0.4, 2.5));
   for (double turn : {1.0, 2.5, 4.0}) {
@@ -300,8 +300,8 @@ TEST(HairStability, TurningTheFrameAboutTheFibreChangesNothing) {
 
 // With zero scale angle, both ends of the fiber see the same; and the two edges are mirror images.
 TEST(HairStability, MirrorImagesScatterAlike) {
-  const Bsdf left = MakeHairFixture(0.3f, 0.3f, 0.5f, Rgb::Grey(0.3f), 1.55f, 0).bsdf;
-  const Bsdf right = MakeHairFixture(0.3f, 0.3f, -0.5f, Rgb::Grey(0.3f), 1.55f, 0).bsdf;
+  const Bsdf left = MakeHairFixture(0.3f, 0.3f, 0.5f, Rgb::Gray(0.3f), 1.55f, 0).bsdf;
+  const Bsdf right = MakeHairFixture(0.3f, 0.3f, -0.5f, Rgb::Gray(0.3f), 1.55f, 0).bsdf;
   const float expected =
       EvalBsdf<kAllTraits>(left, FiberDirection(0.3, 0.2), FiberDirection(0.5, 1.4)).f_cos.g;
   EXPECT_NEAR(

@@ -44,7 +44,7 @@ TEST(LensStability, AplanaticPointsAreImagedExactlyAtAllAngles) {
 // A glass plate in front of the film moves the focus back by d (1 - 1/n). A plate of curvature 1e-9
 // / mm must do the same, although the difference of two distances to a center 1000 km away has few
 // digits.
-TEST(LensStability, NearlyFlatIsFlat) {
+TEST(LensStability, NearlyFlatSurfacesAreFlat) {
   const auto make = [](std::vector<LensSurface> surfaces) {
     LensDescription description = Lens(std::move(surfaces));
     description.focus_distance_m = 1e9f;
@@ -73,7 +73,7 @@ TEST(LensStability, NearlyFlatIsFlat) {
 // sqrt(2 e), whose square has an error of about 2^-52 / (2 e). No error is larger than that, and
 // none is NaN. At and beyond the rim nothing is hit. Through a ball a ray turns by 2 (incidence -
 // refraction).
-TEST(LensStability, RaysThatTouchARimAreMetOrMissedCleanly) {
+TEST(LensStability, RaysAtAnEdgeHitOrMissConsistently) {
   constexpr double kR = 10, kN = 1.2;
   const LensSystem ball = MakeLens(Lens({{kR, 2 * kR, kN, 2 * kR}, {-kR, 30, 1, 2 * kR}}));
   for (const double e : {1e-2, 1e-4, 1e-8, 1e-12}) {
@@ -92,7 +92,7 @@ TEST(LensStability, RaysThatTouchARimAreMetOrMissedCleanly) {
 }
 
 // On both sides of the critical angle rays are transmitted or blocked, never NaN.
-TEST(LensStability, TotalReflectionHoldsBack) {
+TEST(LensStability, TotalReflectionBlocksRays) {
   // The film looks at a flat face from the glass behind a curved one: from 41.8 degrees on all
   // light is reflected there.
   const LensSystem lens = MakeLens(Lens({{0, 40, 1.5, 2000}, {-30, 60, 1, 59}}));
@@ -174,7 +174,7 @@ TEST(LensStability, TinyStopsAreFound) {
 
 // Focus at 10^6 km: 1 - sqrt(1 - x) has no digits left there; the lens is then one focal length in
 // front of the film.
-TEST(LensStability, FarFocusKeepsItsDigits) {
+TEST(LensStability, FarFocusKeepsPrecision) {
   LensDescription description = DoubleGauss();
   description.focus_distance_m = 1e9f;
   const LensSystem far = MakeLens(description);

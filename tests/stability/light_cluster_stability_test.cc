@@ -41,7 +41,7 @@ Vec3d NormalOf(const TriangleEmitter& t) {
 // Expected by the catalogue: in random clusters, every light with an unoccluded contribution can be
 // chosen (10^8 pairs). Receivers are just in front of a light's plane, often beside the light, so
 // that it is seen almost edge-on; their horizons pass through the cluster.
-TEST(LightClusterStability, L12WhatShinesCanBeChosen) {
+TEST(LightClusterStability, L12EveryContributingLightCanBeChosen) {
   const int pair_count = DrawCount(300000, 100000000);
   constexpr int kReceivers = 32;
   RandomPoints random(12);
@@ -81,7 +81,7 @@ TEST(LightClusterStability, L12WhatShinesCanBeChosen) {
 // Expected by the catalogue: the irradiance of a cluster equals that of uniform sampling of lights
 // and points (Welch's test; at 30 degrees of freedom and 5 standard errors a correct table fails
 // once in 40000).
-TEST(LightClusterStability, L12ClustersGiveWhatEvenChoiceGives) {
+TEST(LightClusterStability, L12ClustersMatchUniformChoice) {
   const int cluster_count = DrawCount(24, 400);
   RandomPoints random(13);
   int failures = 0;

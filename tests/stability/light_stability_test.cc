@@ -94,7 +94,7 @@ TEST(LightStabilityTest, L2InsideASphereIrradianceIsPiForAnyNormal) {
                   .naive_by = "cone of cosine sqrt(1 - R^2 / d^2)"});
 }
 
-TEST(LightStabilityTest, L2OnTheOuterSurfaceIrradianceIsPiAndTheLimitIsContinuous) {
+TEST(LightStabilityTest, L2OnTheSurfaceIrradianceIsPiAndContinuous) {
   // The distance of p from the center over the radius; at 1, rounding may put p on either side.
   for (const Vec3d& direction : {Vec3d{0, 0, 1}, Vec3d{0.48, 0.6, 0.64}, Vec3d{-0.6, 0.8, 0}}) {
     for (double factor : {1.0, 1 + 1e-7, 1 + 1e-6, 1 + 1e-4, 1 + 1e-2}) {
@@ -120,7 +120,7 @@ TEST(LightStabilityTest, L2OutwardSphereIsDarkInsideAndInwardSphereOutside) {
 // --- L3: triangles -----------------------------------------------------------------------------
 
 // Exact far field and near field of solid angles: the octant of a sphere and related shapes.
-TEST(LightStabilityTest, L3SolidAngleIsRightAtEveryDistance) {
+TEST(LightStabilityTest, L3SolidAngleIsAccurateAtEveryDistance) {
   // Corner triangle (d,0,0), (0,d,0), (0,0,d) seen from the origin: an octant, pi/2, at any scale.
   for (float d : {1e-10f, 1e-3f, 1.f, 1e3f, 1e12f}) {
     const TriangleView view = ViewTriangle({d, 0, 0}, {0, d, 0}, {0, 0, d}, kOrigin);
@@ -168,7 +168,7 @@ TEST(LightStabilityTest, L3MeanOfInversePdfIsTheSolidAngle) {
 
 // The pdfs of samples and those looked up at the same points, over random shapes of all scales:
 // equal bits, never NaN, never 0.
-TEST(LightStabilityTest, L3PdfsOfSampleAndLookUpAreTheSameBits) {
+TEST(LightStabilityTest, L3SampleAndLookupPdfsAreBitIdentical) {
   RandomPoints random(31);
   const auto vector = [&](float scale) {
     return Vec3f{(random.Next() - 0.5f) * scale, (random.Next() - 0.5f) * scale,

@@ -202,7 +202,7 @@ TEST_F(LightTableFileStabilityTest, L7BlackEnvironmentIsNoEnvironment) {
                   .figure = "pdf of a black environment",
                   .expected = 0,
                   .measured = (*with)->PdfEnvironment<kAllTraits>(kOrigin, kUp, kUp),
-                  .naive = naive::Share(0, 0),
+                  .naive = naive::Fraction(0, 0),
                   .naive_by = "a texel over the sum of texels"});
   const auto only_black = Build(8, std::vector<Rgb>(64));
   ASSERT_TRUE(only_black.ok());
@@ -228,7 +228,7 @@ TEST(LightTableStabilityTest, L8NoLightAndOneLight) {
                     .figure = "probability of the only light",
                     .expected = 1,
                     .measured = sample->pdf / alone,
-                    .naive = naive::Share(0, 0),
+                    .naive = naive::Fraction(0, 0),
                     .naive_by = "importance over the sum, in a node of black lights"});
   }
 }
@@ -236,7 +236,7 @@ TEST(LightTableStabilityTest, L8NoLightAndOneLight) {
 TEST(LightTableStabilityTest, L9AMillionLightsAtOnePoint) {
   LightTableInput input;
   constexpr size_t kCount = 1000000;
-  const TriangleEmitter t{{-0.5f, -0.5f, 2}, {0, 0.5f, 2}, {0.5f, -0.5f, 2}, Rgb::Grey(1e-6f)};
+  const TriangleEmitter t{{-0.5f, -0.5f, 2}, {0, 0.5f, 2}, {0.5f, -0.5f, 2}, Rgb::Gray(1e-6f)};
   input.triangles.assign(kCount, t);
   // many_lights_bench times it; if the split of equal lights were unbalanced, this would not
   // finish.
@@ -289,7 +289,7 @@ TEST(LightTableStabilityTest, L10ManyDifferentLightsAddUp) {
 TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
   LightTableInput input;
   for (int i = 0; i < 40; ++i) {
-    input.spheres.push_back({{0, 0, 10.0 + i}, 1, Rgb::Grey(100)});
+    input.spheres.push_back({{0, 0, 10.0 + i}, 1, Rgb::Gray(100)});
   }
   double expected = kPi * 0.01 + 0.5;
   for (int i = 0; i < 40; ++i) expected += 100 * kPi / ((10.0 + i) * (10.0 + i));
@@ -302,7 +302,7 @@ TEST(LightTableStabilityTest, L10InfiniteAndLocalLightsTogether) {
 
 TEST(LightTableStabilityTest, L11NegativeLightsCancelAndBlackOnesAreNotChosen) {
   LightTableInput input;
-  input.spheres = {{{0, 0, 3}, 1, kWhite}, {{0, 0, 3}, 1, Rgb::Grey(-1)}};
+  input.spheres = {{{0, 0, 3}, 1, kWhite}, {{0, 0, 3}, 1, Rgb::Gray(-1)}};
   const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp, 4096);
   ExpectHardCase({.row = "L11",
                   .figure = "irradiance of a light and its negative",
@@ -342,7 +342,7 @@ TEST(LightTableStabilityTest, L14LightsWithoutSizeAreNoLights) {
          .figure = "pdf of lights without size",
          .expected = 0,
          .measured = with_sphere->PdfEmitter<kAllTraits>(emitter, kOrigin, kUp, kUp, {0, 0, 1}),
-         .naive = naive::Share(1, 0),
+         .naive = naive::Fraction(1, 0),
          .naive_by = "1 / area"});
   }
 }
@@ -358,7 +358,7 @@ TEST(LightTableStabilityTest, L15DistantLightGivesItsIlluminance) {
   EXPECT_EQ(sample->pdf, 1);
 }
 
-TEST(LightTableStabilityTest, LightsThatMakeNoSenseAreNamedErrors) {
+TEST(LightTableStabilityTest, InvalidLightsAreNamedErrors) {
   LightDescription spot = testing::MakeSpot(kWhite, {1, 2, 3}, {1, 2, 3}, 30, 5);
   LightDescription distant = MakeDistant(kWhite, {0, 0, 0});
   LightDescription flat = testing::MakeSpot(kWhite, {0, 0, 0}, {0, 0, 1}, 30, 5);
@@ -384,7 +384,7 @@ TEST(LightTableStabilityTest, L15TinySunKeepsItsFlux) {
     const double sine = std::sin(0.5 * degrees * kPi / 180), d = 1e6;
     LightTableInput input;
     const float radiance = static_cast<float>(1 / (kPi * sine * sine));
-    input.spheres = {{{0, 0, d}, d * sine, Rgb::Grey(radiance)}};
+    input.spheres = {{{0, 0, d}, d * sine, Rgb::Gray(radiance)}};
     const Estimate estimate = EstimateIrradiance(*MakeTable(input), kOrigin, kUp);
     ExpectNear(estimate, 1, 1e-6);
     ExpectHardCase({.row = "L15",
@@ -398,7 +398,7 @@ TEST(LightTableStabilityTest, L15TinySunKeepsItsFlux) {
   }
 }
 
-TEST(LightTableStabilityTest, NotANumberReceiversFindNoLight) {
+TEST(LightTableStabilityTest, NonFiniteReceiversFindNoLight) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
   LightTableInput input;

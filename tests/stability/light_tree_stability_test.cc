@@ -64,7 +64,7 @@ LightBounds BoundsOf(const TriangleEmitter& t) {
 }
 
 // Whether some point of the triangle's front is visible from p above the horizon of n.
-bool Shines(const TriangleEmitter& t, Vec3f p, Vec3f n) {
+bool Emits(const TriangleEmitter& t, Vec3f p, Vec3f n) {
   const TriangleView view = ViewTriangle(t.v0, t.v1, t.v2, p);
   if (!view.visible || !(view.front() || t.two_sided)) return false;
   if (n == Vec3f{}) return true;
@@ -125,7 +125,7 @@ TEST(LightTreeStabilityTest, L9CoincidentLightsMakeAShallowTree) {
 }
 
 // Each light is twice as close to a point as the one before: no plane splits such lights evenly.
-TEST(LightTreeStabilityTest, L9LightsThatCrowdTogetherMakeATreeOfBoundedDepth) {
+TEST(LightTreeStabilityTest, L9CrowdedLightsMakeATreeOfBoundedDepth) {
   std::vector<LightBounds> lights;
   for (int i = 0; i < 1000; ++i) {
     lights.push_back(Panel({std::ldexp(1.0f, -i / 8), 0, 0}, kUp, std::ldexp(0.1f, -i / 8), true));
@@ -228,9 +228,9 @@ TEST(LightTreeStabilityTest, L12BoundsOfClustersLoseNoLight) {
         n = Cross(RandomDirection(&random), triangles[0].v0 - p);
         n = LengthSquared(n) > 0 ? Normalize(n) : Vec3f{};
       }
-      bool shines = false;
-      for (const TriangleEmitter& t : triangles) shines |= Shines(t, p, n);
-      if (!shines) continue;
+      bool emits = false;
+      for (const TriangleEmitter& t : triangles) emits |= Emits(t, p, n);
+      if (!emits) continue;
       ++grazing;
       EXPECT_GT(tree.Irradiance(p, n), 0) << i << " " << k;
       lost += !(tree.Irradiance(p, n) > 0);
@@ -248,7 +248,7 @@ TEST(LightTreeStabilityTest, L12BoundsOfClustersLoseNoLight) {
 
 // Inner nodes, too: if a light contributes a considerable fraction, walks by the estimates reach
 // it, and not only walks by intensity.
-TEST(LightTreeStabilityTest, L12WalksByEstimateReachWhatShines) {
+TEST(LightTreeStabilityTest, L12WalksReachContributingLights) {
   RandomPoints random(121);
   for (int i = 0; i < 30; ++i) {
     std::vector<TriangleEmitter> triangles;
@@ -265,9 +265,9 @@ TEST(LightTreeStabilityTest, L12WalksByEstimateReachWhatShines) {
     const Vec3f p = RandomVector(&random, 1.5f), n = RandomDirection(&random);
     for (uint32_t k = 0; k < triangles.size(); ++k) {
       const TriangleView view = ViewTriangle(triangles[k].v0, triangles[k].v1, triangles[k].v2, p);
-      if (!Shines(triangles[k], p, n) || view.solid_angle < 1e-3) continue;
+      if (!Emits(triangles[k], p, n) || view.solid_angle < 1e-3) continue;
       const double by_intensity =
-          LightTree::kIntensityShare * static_cast<double>(bounds[k].area) / total;
+          LightTree::kIntensityProbability * static_cast<double>(bounds[k].area) / total;
       ASSERT_GT(static_cast<double>(tree.Probability(k, p, n)), 1.001 * by_intensity);
     }
   }
@@ -280,7 +280,7 @@ TEST(LightTreeStabilityTest, L12ManyTrianglesGiveTheSumOfEach) {
     const Vec3f v0 = RandomVector(&random, 1);
     const float radiance = std::pow(10.0f, 2 * random.Next());
     input.triangles.push_back({v0, v0 + RandomVector(&random, 0.2f),
-                               v0 + RandomVector(&random, 0.2f), Rgb::Grey(radiance), i % 5 == 0});
+                               v0 + RandomVector(&random, 0.2f), Rgb::Gray(radiance), i % 5 == 0});
   }
   const auto table = MakeTable(input);
   for (const Vec3f& p : {Vec3f{0.1f, 0.2f, -0.1f}, Vec3f{3, 0, -1}, Vec3f{0, 0, -30}}) {
@@ -306,7 +306,7 @@ TEST(LightTreeStabilityTest, L11NegativeLightsCancelInTheHierarchyAndBlackOnesAr
     const Vec3f center = RandomVector(&random, 2) + Vec3f{0, 0, 3};
     const float radiance = i % 3 == 2 ? 0 : (i % 3 == 0 ? 1.0f : -1.0f);
     const Vec3f at = i % 3 == 0 ? center : ToFloat(input.spheres.back().center);
-    input.spheres.push_back({ToDouble(at), 0.1, Rgb::Grey(radiance)});
+    input.spheres.push_back({ToDouble(at), 0.1, Rgb::Gray(radiance)});
   }
   const auto table = MakeTable(input);
   const Estimate estimate = EstimateIrradiance(*table, kOrigin, kUp, 4096);
@@ -322,7 +322,7 @@ TEST(LightTreeStabilityTest, L11NegativeLightsCancelInTheHierarchyAndBlackOnesAr
 
 // --- L13: cones that have no axis ----------------------------------------------------------------
 
-TEST(LightTreeStabilityTest, L13NormalsThatCancelMakeAConeOfEverything) {
+TEST(LightTreeStabilityTest, L13CancelingNormalsMakeAFullCone) {
   // One-sided lights back to back, for every number of pairs: the mean normal is 0.
   for (size_t pairs : {1u, 4u, 5u, 40u}) {
     std::vector<LightBounds> lights;
@@ -345,7 +345,7 @@ TEST(LightTreeStabilityTest, L13NormalsThatCancelMakeAConeOfEverything) {
                       .expected = 1,
                       .measured = sum,
                       .tolerance = 1e-5,
-                      .naive = naive::Share(0, Length(Vec3f{0, 0, 1} + Vec3f{0, 0, -1})),
+                      .naive = naive::Fraction(0, Length(Vec3f{0, 0, 1} + Vec3f{0, 0, -1})),
                       .naive_by = "mean axis over its length: its x"});
       // If there is a front side, the estimates are directed there.
       if (std::fabs(p.z) > 1) {

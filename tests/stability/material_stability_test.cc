@@ -62,7 +62,7 @@ TEST(MaterialStability, M1_HighlightsOfVanishingRoughnessKeepTheirIntegral) {
   }
 }
 
-TEST(MaterialStability, M1_TheDistributionIsExactAtItsKnee) {
+TEST(MaterialStability, M1_DistributionIsExactAtItsKnee) {
   for (float alpha : {1e-1f, 1e-2f, 1e-3f, 1e-4f, 1e-6f}) {
     const double sin_theta = alpha / std::sqrt(1 + static_cast<double>(alpha) * alpha);
     const double cos2 = 1 / (1 + static_cast<double>(alpha) * alpha);
@@ -106,7 +106,7 @@ TEST(MaterialStability, M2_SingleScatteringAlbedoHasItsKnownValues) {
   }
 }
 
-TEST(MaterialStability, M2_ARoughMirrorReflectsEverything) {
+TEST(MaterialStability, M2_RoughMirrorsReflectEverything) {
   for (float alpha : {0.01f, 0.05f, 0.1f, 0.3f, 0.5f, 1.0f}) {
     const BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, true);
     for (float mu : {1.0f, 0.7f, 0.3f, 0.1f, 0.01f}) {
@@ -157,7 +157,7 @@ TEST(MaterialStability, M2_BlendedRowsKeepEnergyBetweenTheAlphasOfTheTable) {
     const std::array<ConductorEnergyRow, 2> rows = {MakeConductorEnergyRow({low, low}),
                                                     MakeConductorEnergyRow({high, high})};
     BsdfFixture fixture = MakeMirrorFixture(alpha, alpha, false);
-    fixture.bsdf.color = Rgb::Grey(1);
+    fixture.bsdf.color = Rgb::Gray(1);
     fixture.bsdf.conductor_energy = rows.data();
     fixture.bsdf.blend = at.fraction;
     for (float mu : {1.0f, 0.3f, 0.05f}) {
@@ -169,7 +169,7 @@ TEST(MaterialStability, M2_BlendedRowsKeepEnergyBetweenTheAlphasOfTheTable) {
 TEST(MaterialStability, M2_WhiteCoatsLoseNothing) {
   for (float alpha : {0.0f, 0.1f, 0.3f, 1.0f}) {
     for (float eta : {1.2f, 1.5f, 2.0f}) {
-      const BsdfFixture fixture = MakeCoatFixture(alpha, alpha, eta, 0, Rgb::Grey(1));
+      const BsdfFixture fixture = MakeCoatFixture(alpha, alpha, eta, 0, Rgb::Gray(1));
       for (float mu : {1.0f, 0.5f, 0.1f, 0.01f}) {
         EXPECT_NEAR(Albedo(fixture.bsdf, DirectionAt(mu, 1)), 1, 0.005)
             << "alpha " << alpha << " eta " << eta << " mu " << mu;
@@ -194,9 +194,9 @@ TEST(MaterialStability, M2_CoatsOfPerfectMetalLoseNothing) {
   }
 }
 
-TEST(MaterialStability, M2_WhatASheetDoesNotReflectItLetsThrough) {
+TEST(MaterialStability, M2_SheetsTransmitUnreflectedLight) {
   for (float reflectance : {0.0f, 0.3f, 1.0f}) {
-    const BsdfFixture sheet = MakeSheetFixture(Rgb::Grey(reflectance), Rgb::Grey(1 - reflectance));
+    const BsdfFixture sheet = MakeSheetFixture(Rgb::Gray(reflectance), Rgb::Gray(1 - reflectance));
     for (float mu : {1.0f, 0.01f, -0.5f}) {
       EXPECT_NEAR(Albedo(sheet.bsdf, DirectionAt(mu, 1)), 1, 1e-5) << reflectance << " " << mu;
     }
@@ -207,7 +207,7 @@ TEST(MaterialStability, M3_GrazingDirectionsGiveFiniteWeights) {
   for (float alpha : {0.01f, 0.3f, 1.0f}) {
     for (const BsdfFixture& fixture :
          {MakeMirrorFixture(alpha, alpha, true), MakeDielectricFixture(alpha, alpha, 1.5f, true),
-          MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Grey(1)),
+          MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Gray(1)),
           MakeConductorCoatFixture({alpha, alpha}, {0, 0}, 1.5f, 0.01f, 1),
           MakeConductorCoatFixture({0, 0}, {alpha, alpha}, 1 / 1.5f, 0.01f, 1)}) {
       for (float mu : {1e-1f, 1e-3f, 1e-5f, 1e-7f, 1e-20f, -1e-7f}) {
@@ -278,14 +278,14 @@ TEST(MaterialStability, M4_FresnelAveragesOverTheHemisphere) {
   }
 }
 
-TEST(MaterialStability, M5_AnIndexOfOneLetsEverythingPassUnbent) {
+TEST(MaterialStability, M5_IndexOneTransmitsEverythingStraight) {
   const BsdfFixture fixture = MakeDielectricFixture(0, 0, 1, false);
   for (float mu : {1.0f, 0.37f, 1e-3f, -0.2f}) {
     const Vec3f wo = DirectionAt(mu, 2);
     const auto sample = SampleBsdf<kAllTraits>(fixture.bsdf, wo, 0, {0.5f, 0.5f});
     ASSERT_TRUE(sample.has_value());
     EXPECT_EQ(sample->wi, -wo);
-    EXPECT_EQ(sample->weight, Rgb::Grey(1));
+    EXPECT_EQ(sample->weight, Rgb::Gray(1));
     ExpectHardCase({.row = "M5",
                     .figure = "weight of light through glass of index 1",
                     .expected = 1,
@@ -378,7 +378,7 @@ TEST(MaterialStability, M7_PerfectReflectanceNeitherLosesNorGains) {
     }
   }
   // Ten thousand bounces between white walls and mirrors.
-  const BsdfFixture white = MakeDiffuseFixture(Rgb::Grey(1)),
+  const BsdfFixture white = MakeDiffuseFixture(Rgb::Gray(1)),
                     mirror = MakeMirrorFixture(0, 0, false);
   double throughput = 1;
   for (uint64_t i = 0; i < 10000; ++i) {
@@ -391,7 +391,7 @@ TEST(MaterialStability, M7_PerfectReflectanceNeitherLosesNorGains) {
   EXPECT_NEAR(throughput, 1, 1e-6);
 }
 
-TEST(MaterialStability, M8_ASlabOfTwoInterfacesTransmitsItsClosedForm) {
+TEST(MaterialStability, M8_SlabsTransmitTheirClosedForm) {
   for (const auto& [n, transmitted] :
        {std::array<double, 2>{1.5, 0.923076923}, {1.33, 0.960670302}}) {
     Bsdf bsdf;
@@ -404,7 +404,7 @@ TEST(MaterialStability, M8_ASlabOfTwoInterfacesTransmitsItsClosedForm) {
       const float u_lobe = (static_cast<float>(i) + 0.5f) / kDraws;
       const auto sample = SampleBsdf<kAllTraits>(bsdf, {0, 0, 1}, u_lobe, {0.5f, 0.5f});
       ASSERT_TRUE(sample.has_value());
-      EXPECT_EQ(sample->weight, Rgb::Grey(1));
+      EXPECT_EQ(sample->weight, Rgb::Gray(1));
       if ((sample->flags & kBsdfTransmission) != 0) ++crossed;
     }
     ExpectHardCase({.row = "M8",
@@ -422,7 +422,7 @@ TEST(MaterialStability, M8_ASlabOfTwoInterfacesTransmitsItsClosedForm) {
   EXPECT_NEAR(pass(1.5) * pass(1.33 / 1.5) * pass(1.5 / 1.33) * pass(1 / 1.5), 0.914960840, 1e-6);
 }
 
-TEST(MaterialStability, M9_APrismBendsByItsMinimumDeviation) {
+TEST(MaterialStability, M9_PrismsDeflectByTheirMinimumDeviation) {
   for (const auto& [n, degrees] :
        {std::array<double, 2>{1.5, 37.18075578}, {1.51432, 38.42893}, {1.52238, 39.13844}}) {
     // Symmetric path through a prism of 60 degrees: 30 degrees inside at both faces.

@@ -116,16 +116,16 @@ class SidesScene : public FogScene {
     return shape;
   }
   // The light emits towards -z.
-  void AddLamp(float z) {
-    const int32_t light = AreaLight(Rgb::Grey(1));
+  void AddPointEmitter(float z) {
+    const int32_t light = AreaLight(Rgb::Gray(1));
     AddShape(MeshShape{Quad({-9, -9, z}, {-9, 9, z}, {9, 9, z}, {9, -9, z})}, Diffuse({}))
         .area_light = light;
   }
   void AddPointLight(Vec3d from) {
-    PointLight lamp;
-    lamp.intensity.rgb = Rgb::Grey(1);
-    lamp.from = from;
-    scene.lights.push_back({lamp, {}, {}, {}});
+    PointLight point_light;
+    point_light.intensity.rgb = Rgb::Gray(1);
+    point_light.from = from;
+    scene.lights.push_back({point_light, {}, {}, {}});
   }
 
  private:
@@ -151,9 +151,9 @@ TEST(MediumSideStability, G12FogIsOnTheNamedSide) {
       const double aside = body == Body::kSphere ? 0 : 0.1;
       SidesScene t(written, {aside, 2 * aside, -4}, {aside, 2 * aside, 0});
       t.AddBody(body, t.AddMaterial(InterfaceMaterial{}));
-      t.AddLamp(6);
+      t.AddPointEmitter(6);
       const Rendered rendered = RenderCounted(t.scene, SquareSettings(2, 16, 5));
-      ExpectClose(rendered.mean, Dimmed(Rgb::Grey(1), FogOn({3, 2, 5}, written)));
+      ExpectClose(rendered.mean, Dimmed(Rgb::Gray(1), FogOn({3, 2, 5}, written)));
       const bool contradicts = written.Contradicts(false);
       EXPECT_EQ(rendered.stats.broken_nestings, contradicts ? 64u : 0u);
       EXPECT_EQ(rendered.stats.broken_at, contradicts ? "test.pbrt:7:3" : "");
@@ -162,19 +162,19 @@ TEST(MediumSideStability, G12FogIsOnTheNamedSide) {
 }
 
 // Light that a floor receives from a point light through the body.
-TEST(MediumSideStability, G12ShadowRaysKeepToTheNamedSides) {
+TEST(MediumSideStability, G12ShadowRaysUseTheNamedSides) {
   ForAllWritings([](const Written& written) {
     SidesScene t(written, {0.5, 2, -2.5}, {0.5, 2, -3});
     t.AddBody(Body::kBox, t.AddMaterial(InterfaceMaterial{}));
     t.AddShape(MeshShape{t.Quad({-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3})},
-               t.Diffuse(Rgb::Grey(0.5f)));
+               t.Diffuse(Rgb::Gray(0.5f)));
     t.AddPointLight({-0.5, -2, 3});
     // A third of the path is inside. The camera is half a unit above the floor.
     const double way = std::sqrt(1.0 + 16 + 36);
     const auto lit = static_cast<float>(0.5 / kPi * (6 / way) / (way * way));
     const Rendered rendered = RenderCounted(t.scene, SquareSettings(2, 16, 2));
     ExpectClose(rendered.mean,
-                Dimmed(Rgb::Grey(lit), FogOn({0.5 + way / 3, way / 3, way / 3}, written)));
+                Dimmed(Rgb::Gray(lit), FogOn({0.5 + way / 3, way / 3, way / 3}, written)));
   });
 }
 
@@ -183,32 +183,32 @@ TEST(MediumSideStability, G12ReflectedLightIsOnTheNamedSide) {
   ForAllWritings([](const Written& written) {
     SidesScene t(written, {0.1, 0, -2}, {0.1, 0, 0});
     t.Finish(t.AddShape(MeshShape{t.Quad({-9, -9, 0}, {-9, 9, 0}, {9, 9, 0}, {9, -9, 0})},
-                        t.Diffuse(Rgb::Grey(0.5f))));
+                        t.Diffuse(Rgb::Gray(0.5f))));
     t.AddPointLight({0.1, 0, -3});
     const auto lit = static_cast<float>(0.5 / kPi / 9);
     const bool fog_around = !written.fog_within || written.AddsUp(false);
     const Rendered rendered = RenderCounted(t.scene, SquareSettings(2, 16, 2));
     ExpectClose(rendered.mean,
-                Dimmed(Rgb::Grey(lit), (written.camera_in_fog ? 2 : 0) + (fog_around ? 3.0 : 0.0)));
+                Dimmed(Rgb::Gray(lit), (written.camera_in_fog ? 2 : 0) + (fog_around ? 3.0 : 0.0)));
     EXPECT_EQ(rendered.stats.broken_nestings > 0, written.Contradicts(false));
   });
 }
 
 // The same with many reflections: a room with a light in its center. Chords between two points of a
 // sphere have length 2 cos, with cosines as scattered by a diffuse wall.
-TEST(MediumSideStability, G12RoomsAreFilledAsTheirWallsSay) {
+TEST(MediumSideStability, G12WallsDefineTheRoomsMedium) {
   constexpr float kReflectance = 0.6f;
   ForAllWritings([](const Written& written) {
     SidesScene t(written, {0, 0, 0}, {0, 0, 1}, 40);
-    t.Finish(t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(kReflectance))));
+    t.Finish(t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Gray(kReflectance))));
     t.AddPointLight({0, 0, 0});
     const bool filled = written.fog_within || written.AddsUp(true);
     Rgb expected;
     for (size_t c = 0; c < 3; ++c) {
       const double a = 2 * static_cast<double>(kSigma[c]);
       const double left = filled ? 2 * (1 - std::exp(-a) * (1 + a)) / (a * a) : 1;
-      const double share = static_cast<double>(kReflectance);
-      expected[c] = static_cast<float>(share / kPi / (1 - share * left));
+      const double fraction = static_cast<double>(kReflectance);
+      expected[c] = static_cast<float>(fraction / kPi / (1 - fraction * left));
     }
     const Rendered rendered =
         RenderCounted(t.scene, SquareSettings(8, DrawCount(256, 4096), 1 << 20));
@@ -227,9 +227,9 @@ TEST(MediumSideStability, G12GemsHaveTheirColor) {
     DielectricMaterial glass;
     glass.eta.mean = 1.5f;
     t.AddBody(Body::kBox, t.AddMaterial(glass));
-    t.AddLamp(6);
+    t.AddPointEmitter(6);
     constexpr double kMirrored = 0.04;
-    Rgb expected = Dimmed(Rgb::Grey(1), FogOn({3, 2, 5}, written));
+    Rgb expected = Dimmed(Rgb::Gray(1), FogOn({3, 2, 5}, written));
     for (size_t c = 0; c < 3; ++c) {
       const double a = written.fog_within ? std::exp(-2 * static_cast<double>(kSigma[c])) : 1;
       expected[c] *= static_cast<float>((1 - kMirrored) * (1 - kMirrored) /
@@ -243,7 +243,7 @@ TEST(MediumSideStability, G12GemsHaveTheirColor) {
 // block is the same.
 Rendered FoggedRoom(const Written& block) {
   FogScene t({0, 0, -0.9}, {-0.05, -0.4, 0}, 25);
-  const int32_t fog = t.AddMedium(Rgb::Grey(0.01f), Rgb::Grey(2));
+  const int32_t fog = t.AddMedium(Rgb::Gray(0.01f), Rgb::Gray(2));
   t.scene.camera.medium = fog;
   const auto add = [&](int32_t mesh, int32_t material) -> ShapeDescription& {
     ShapeDescription& shape = t.AddShape(MeshShape{mesh}, material);
@@ -252,10 +252,10 @@ Rendered FoggedRoom(const Written& block) {
   };
   add(t.Box({-1, -1, -1}, {1, 1, 1}), t.Diffuse({0.7f, 0.5f, 0.3f})).reverse_orientation = true;
   ShapeDescription& shape =
-      add(t.Box({-0.4f, -0.9f, 0}, {0.3f, 0, 0.6f}), t.Diffuse(Rgb::Grey(0.6f)));
+      add(t.Box({-0.4f, -0.9f, 0}, {0.3f, 0, 0.6f}), t.Diffuse(Rgb::Gray(0.6f)));
   shape.reverse_orientation = block.normals_inward;
   shape.media = block.NamesOf(fog);
-  const int32_t light = t.AreaLight(Rgb::Grey(8));
+  const int32_t light = t.AreaLight(Rgb::Gray(8));
   t.AddShape(MeshShape{t.Quad({-0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, 0.3f},
                               {-0.3f, 0.99f, 0.3f})},
              t.Diffuse({}))
@@ -263,7 +263,7 @@ Rendered FoggedRoom(const Written& block) {
   return RenderCounted(t.scene, SquareSettings(8, DrawCount(128, 4096), 12));
 }
 
-TEST(MediumSideStability, G12BlocksInFogAreTheSameWoundEitherWay) {
+TEST(MediumSideStability, G12WindingDoesNotMatterInFog) {
   const Rendered outward = FoggedRoom({false, false, true}),
                  inward = FoggedRoom({true, false, true});
   EXPECT_EQ(outward.stats.broken_nestings + inward.stats.broken_nestings, 0u);
@@ -273,7 +273,7 @@ TEST(MediumSideStability, G12BlocksInFogAreTheSameWoundEitherWay) {
 }
 
 // For both windings of a closed shape, fog inside it is bounded, and fog around it is not.
-TEST(MediumSideStability, G12EnclosedFogHasAnEnd) {
+TEST(MediumSideStability, G12EnclosedFogIsBounded) {
   for (const Body body : {Body::kBox, Body::kBoxWithNormals, Body::kSphere}) {
     ForAllWritings([&](const Written& written) {
       SidesScene t(written, {0, 0, -4}, {0, 0, 0});
@@ -282,13 +282,13 @@ TEST(MediumSideStability, G12EnclosedFogHasAnEnd) {
       const CompiledScenePtr compiled = Compile(t.scene, SquareSettings(2, 1, 1));
       MediumSet set;
       EXPECT_TRUE(set.Add(0));
-      EXPECT_EQ(compiled->media->MixOf<Rgb>(set, {}, MediumForm::kTrue).is_bounded,
+      EXPECT_EQ(compiled->media->PropertiesOf<Rgb>(set, {}, MediumForm::kTrue).is_bounded,
                 written.fog_within);
     });
   }
 }
 
-TEST(MediumSideStability, SidesChangeWhatAPathIsIn) {
+TEST(MediumSideStability, CrossingSidesUpdatesTheMedia) {
   constexpr uint16_t kBehind = 3, kBefore = 5, kOther = 7;
   struct Row {
     MediumSides sides;
@@ -316,12 +316,12 @@ TEST(MediumSideStability, SidesChangeWhatAPathIsIn) {
        }) {
     MediumSet set;
     for (const uint16_t medium : row.before) EXPECT_TRUE(set.Add(medium));
-    EXPECT_EQ(MeetSides(row.sides, row.from_front, row.to_front, &set), row.nesting);
+    EXPECT_EQ(CrossSides(row.sides, row.from_front, row.to_front, &set), row.nesting);
     EXPECT_EQ(std::vector<uint16_t>(set.begin(), set.end()), row.after);
   }
   MediumSet full;
   while (full.size() < kMediaAtOnceMax) EXPECT_TRUE(full.Add(kOther));
-  EXPECT_EQ(MeetSides(back, true, false, &full), Nesting::kFull);
+  EXPECT_EQ(CrossSides(back, true, false, &full), Nesting::kFull);
 }
 
 }  // namespace

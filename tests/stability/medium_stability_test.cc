@@ -52,8 +52,8 @@ FogScene HalfSpace(double mu, float albedo, float density) {
   const double height = 0.05;
   const double side = height * std::sqrt(1 - mu * mu) / mu;
   FogScene t({side, height, 0}, {0, 0, 0}, 0.01f, {0, 0, 1});
-  t.ConstantEnvironment(Rgb::Grey(1));
-  const int32_t fog = t.AddMedium(Rgb::Grey((1 - albedo) * density), Rgb::Grey(albedo * density));
+  t.ConstantEnvironment(Rgb::Gray(1));
+  const int32_t fog = t.AddMedium(Rgb::Gray((1 - albedo) * density), Rgb::Gray(albedo * density));
   const float size = 1000 + 4e4f / density;
   t.FillBox({-size, -size, -size}, {size, 0, size}, fog);
   return t;
@@ -69,8 +69,8 @@ TEST(MediumStability, V1HalfSpaceHasItsPlaneAlbedo) {
         Row{0.99f, .752721, .815140}, Row{0.999f, .912845, .938061}}) {
     SCOPED_TRACE(row.albedo);
     const FrameSettings settings = SquareSettings(8, DrawCount(256, 4096), 1 << 20);
-    ExpectFog(HalfSpace(1, row.albedo, 1), settings, Rgb::Grey(static_cast<float>(row.from_above)));
-    ExpectFog(HalfSpace(0.5, row.albedo, 1), settings, Rgb::Grey(static_cast<float>(row.at_half)));
+    ExpectFog(HalfSpace(1, row.albedo, 1), settings, Rgb::Gray(static_cast<float>(row.from_above)));
+    ExpectFog(HalfSpace(0.5, row.albedo, 1), settings, Rgb::Gray(static_cast<float>(row.at_half)));
   }
 }
 
@@ -79,7 +79,7 @@ TEST(MediumStability, V1AlbedoDoesNotDependOnDensity) {
     SCOPED_TRACE(density);
     const TileMean mean =
         ExpectFog(HalfSpace(1, 0.9f, density), SquareSettings(8, DrawCount(512, 8192), 1 << 20),
-                  Rgb::Grey(.414947f));
+                  Rgb::Gray(.414947f));
     if (density < 1e6f) continue;
     ExpectHardCase({.row = "V1",
                     .figure = "albedo of a half space of density 10^6",
@@ -92,26 +92,26 @@ TEST(MediumStability, V1AlbedoDoesNotDependOnDensity) {
   }
 }
 
-// V2: the light behind a thin slab that the slab absorbs (FlightStability tests the scattered
-// light).
-TEST(MediumStability, V2ThinMediaTakeLittle) {
+// V2: the light behind a thin slab that the slab absorbs (DistanceSamplingStability tests the
+// scattered light).
+TEST(MediumStability, V2ThinMediaAbsorbLittle) {
   for (const float thickness : {1e-8f, 1e-6f, 1e-4f, 1e-2f}) {
     SCOPED_TRACE(thickness);
     FogScene t({0, 0, -2}, {0, 0, 0}, 0.01f);
-    t.ConstantEnvironment(Rgb::Grey(1));
-    const int32_t fog = t.AddMedium(Rgb::Grey(thickness), {});
+    t.ConstantEnvironment(Rgb::Gray(1));
+    const int32_t fog = t.AddMedium(Rgb::Gray(thickness), {});
     t.FillBox({-3, -3, -0.5f}, {3, 3, 0.5f}, fog);
     ExpectFog(t, SquareSettings(4, 16, 8),
-              Rgb::Grey(static_cast<float>(std::exp(-static_cast<double>(thickness)))));
+              Rgb::Gray(static_cast<float>(std::exp(-static_cast<double>(thickness)))));
   }
 }
 
 // V6: infinite absorbing fog transmits nothing, whether it scatters or not.
-TEST(MediumStability, V6FogWithoutEnd) {
+TEST(MediumStability, V6InfiniteFog) {
   for (const bool scatters : {false, true}) {
     FogScene t({0, 0, 0}, {0, 0, 1}, 40);
-    t.ConstantEnvironment(Rgb::Grey(1));
-    t.scene.camera.medium = t.AddMedium(Rgb::Grey(0.01f), scatters ? Rgb::Grey(0.01f) : Rgb{});
+    t.ConstantEnvironment(Rgb::Gray(1));
+    t.scene.camera.medium = t.AddMedium(Rgb::Gray(0.01f), scatters ? Rgb::Gray(0.01f) : Rgb{});
     ExpectFog(t, SquareSettings(4, 16, 100), {});
   }
 }
@@ -154,13 +154,13 @@ TEST(MediumStability, V7Airlight) {
     SCOPED_TRACE(::testing::Message() << row.height << " " << row.sigma);
     constexpr double kAlong = 4, kIntensity = 3;
     FogScene t({0, 0, 0}, {0, 0, 1}, 1e-4f);
-    t.scene.camera.medium = t.AddMedium(Rgb::Grey(0.25f * row.sigma), Rgb::Grey(0.75f * row.sigma));
+    t.scene.camera.medium = t.AddMedium(Rgb::Gray(0.25f * row.sigma), Rgb::Gray(0.75f * row.sigma));
     const float z = row.wall;
     t.AddShape(MeshShape{t.Quad({-9, -9, z}, {-9, 9, z}, {9, 9, z}, {9, -9, z})}, t.Diffuse({}));
-    PointLight lamp;
-    lamp.intensity.rgb = Rgb::Grey(kIntensity);
-    lamp.from = {0, row.height, kAlong};
-    t.scene.lights.push_back({lamp, {}, {}, {}});
+    PointLight light;
+    light.intensity.rgb = Rgb::Gray(kIntensity);
+    light.from = {0, row.height, kAlong};
+    t.scene.lights.push_back({light, {}, {}, {}});
     // Integrated over the angle at the light, in which the integrand is smooth.
     const double h = static_cast<double>(row.height), sigma = static_cast<double>(row.sigma);
     const double first = std::atan2(-kAlong, h), last = std::atan2(double{z} - kAlong, h);
@@ -174,7 +174,7 @@ TEST(MediumStability, V7Airlight) {
     const double expected =
         kIntensity * 0.75 * sigma / (4 * kPi) * sum * (last - first) / kSteps / h;
     const Rendered rendered = RenderFog(t.scene, SquareSettings(4, DrawCount(1024, 1 << 16), 1));
-    ExpectMean(rendered.mean, Rgb::Grey(static_cast<float>(expected)));
+    ExpectMean(rendered.mean, Rgb::Gray(static_cast<float>(expected)));
     // Distance samples alone would leave errors of tens of percent here.
     EXPECT_LT(rendered.mean.standard_error[0], 2e-3 * expected);
   }
@@ -186,10 +186,10 @@ TEST(MediumStability, V10EmissiveSlab) {
   for (const double tau : {1e-6, 1e-3, 1.0, 30.0, 1e3}) {
     SCOPED_TRACE(tau);
     FogScene t({0, 0, -2}, {0, 0, 0}, 0.01f);
-    const int32_t fire = t.AddMedium(Rgb::Grey(static_cast<float>(tau)), {}, 0, {4, 2, 1});
+    const int32_t fire = t.AddMedium(Rgb::Gray(static_cast<float>(tau)), {}, 0, {4, 2, 1});
     t.FillBox({-3, -3, -0.5f}, {3, 3, 0.5f}, fire);
-    const auto share = static_cast<float>(-std::expm1(-tau));
-    const TileMean mean = ExpectFog(t, SquareSettings(4, 16, 5), Rgb{4, 2, 1} * share);
+    const auto fraction = static_cast<float>(-std::expm1(-tau));
+    const TileMean mean = ExpectFog(t, SquareSettings(4, 16, 5), Rgb{4, 2, 1} * fraction);
     if (tau == 1e-6) {
       ExpectHardCase({.row = "V10",
                       .figure = "radiance of a slab of thickness 1e-6 that emits 4",
@@ -204,8 +204,8 @@ TEST(MediumStability, V10EmissiveSlab) {
         RenderFog(t.scene, Spectral(SquareSettings(4, DrawCount(1024, 1 << 16), 5)));
     for (size_t c = 0; c < 3; ++c) {
       const float expected = Rgb{4, 2, 1}[c];
-      EXPECT_NEAR(spectral.mean.mean[c] / share, expected,
-                  5 * spectral.mean.standard_error[c] / share + 0.01);
+      EXPECT_NEAR(spectral.mean.mean[c] / fraction, expected,
+                  5 * spectral.mean.standard_error[c] / fraction + 0.01);
     }
   }
 }
@@ -213,7 +213,7 @@ TEST(MediumStability, V10EmissiveSlab) {
 // V11: each component is attenuated by its own coefficient.
 TEST(MediumStability, V11ChromaticAbsorption) {
   FogScene t({0, 0, -2}, {0, 0, 0}, 0.01f);
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   t.FillBox({-3, -3, -0.5f}, {3, 3, 0.5f}, t.AddMedium({1, 10, 100}, {}));
   const TileMean mean = RenderFog(t.scene, SquareSettings(4, 16, 5)).mean;
   EXPECT_EQ(mean.non_finite, 0u);
@@ -232,12 +232,12 @@ TEST(MediumStability, V12WhiteFurnace) {
     float g;
   };
   for (const Case& c :
-       {Case{Rgb::Grey(1), 0}, Case{Rgb::Grey(1e-3f), 0.5f}, Case{Rgb::Grey(8), 0.9f},
-        Case{Rgb::Grey(3), -0.7f}, Case{{1, 3, 9}, 0}, Case{{0.1f, 1, 10}, 0.8f}}) {
+       {Case{Rgb::Gray(1), 0}, Case{Rgb::Gray(1e-3f), 0.5f}, Case{Rgb::Gray(8), 0.9f},
+        Case{Rgb::Gray(3), -0.7f}, Case{{1, 3, 9}, 0}, Case{{0.1f, 1, 10}, 0.8f}}) {
     for (const bool spectral : {false, true}) {
       SCOPED_TRACE(c.sigma_s.b);
       FogScene t({0, 0, -4}, {0, 0, 0}, 30);
-      t.ConstantEnvironment(Rgb::Grey(1));
+      t.ConstantEnvironment(Rgb::Gray(1));
       t.Fill(SphereShape{1, -1, 1, 360}, t.AddMedium({}, c.sigma_s, c.g));
       FrameSettings settings = SquareSettings(8, DrawCount(128, 2048), 1 << 20);
       if (spectral) settings = Spectral(settings);
@@ -263,8 +263,8 @@ TEST(MediumStability, V12WhiteFurnace) {
 // G12: transmittance of two boxes, one inside the other and replacing its medium.
 TEST(MediumStability, G12NestedBoxes) {
   FogScene t({0.1, 0.2, -4}, {0, 0, 0}, 0.01f);
-  t.ConstantEnvironment(Rgb::Grey(1));
-  const int32_t thin = t.AddMedium(Rgb::Grey(0.5f), {}), thick = t.AddMedium(Rgb::Grey(2), {});
+  t.ConstantEnvironment(Rgb::Gray(1));
+  const int32_t thin = t.AddMedium(Rgb::Gray(0.5f), {}), thick = t.AddMedium(Rgb::Gray(2), {});
   t.FillBox({-9, -9, -1}, {9, 9, 1}, thin);
   t.FillBox({-8, -8, -0.25f}, {8, 8, 0.25f}, thick, thin);  // The path leaves thin while in thick.
   const double unit = std::sqrt(0.05 + 16) / 4;
@@ -283,8 +283,8 @@ TEST(MediumStability, G12NestedBoxes) {
 // counted.
 TEST(MediumStability, G12BrokenNestingIsCounted) {
   FogScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
-  t.ConstantEnvironment(Rgb::Grey(1));
-  const int32_t fog = t.AddMedium({}, Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
+  const int32_t fog = t.AddMedium({}, Rgb::Gray(1));
   t.FillBox({5, 5, 5}, {6, 6, 6}, fog);
   t.FillBox({-1, -1, -1}, {1, 1, 1}, t.AddMedium({}, {}), fog);
   const Rendered rendered = RenderFog(t.scene, SquareSettings(2, 16, 5));
@@ -292,7 +292,7 @@ TEST(MediumStability, G12BrokenNestingIsCounted) {
   EXPECT_GE(rendered.broken, 64u);
 }
 
-TEST(MediumStability, V8TheSetCountsAndForgetsTheOrder) {
+TEST(MediumStability, V8MediumSetIsAMultiset) {
   MediumSet set;
   for (const uint16_t medium : std::vector<uint16_t>{7, 3, 7, 5}) EXPECT_TRUE(set.Add(medium));
   EXPECT_EQ(std::vector<uint16_t>(set.begin(), set.end()), (std::vector<uint16_t>{3, 5, 7, 7}));
@@ -318,7 +318,7 @@ FogScene Overlap(bool twice, bool swapped) {
   FogScene t({0.3, 0.4, -5}, {0, 0, 0}, 35);
   t.ConstantEnvironment({1, 0.5f, 0.2f});
   t.AddShape(MeshShape{t.Quad({-9, -2, -9}, {-9, -2, 9}, {9, -2, 9}, {9, -2, -9})},
-             t.Diffuse(Rgb::Grey(0.5f)));
+             t.Diffuse(Rgb::Gray(0.5f)));
   if (!twice) {
     t.FillBox({-1, -1, -1}, {1, 1, 1}, t.AddMedium({0.5f, 0.25f, 1}, {2, 1, 0.5f}, 0.5f));
     return t;
@@ -354,10 +354,10 @@ FogScene Turned(double degrees, Vec3d axis) {
   const Matrix4 turn = RotateMatrix(degrees, axis);
   const auto at = [&turn](Vec3d p) { return TransformPoint(turn, p); };
   FogScene t(at({0, 0, -4}), at({0, 0, 0}), 30, at({0, 1, 0}));
-  const int32_t fog = t.AddMedium(Rgb::Grey(0.05f), Rgb::Grey(20), 0.98f);
+  const int32_t fog = t.AddMedium(Rgb::Gray(0.05f), Rgb::Gray(20), 0.98f);
   t.Fill(SphereShape{1, -1, 1, 360}, fog);
   DistantLight sun;
-  sun.radiance.rgb = Rgb::Grey(3);
+  sun.radiance.rgb = Rgb::Gray(3);
   sun.from = at({0.5, 1, 1});
   sun.to = {0, 0, 0};
   t.scene.lights.push_back({sun, {}, {}, {}});
@@ -412,9 +412,9 @@ TEST(MediumStability, G2ScaleKeepsTheBits) {
 }
 
 // The image's own outputs describe the first event.
-TEST(MediumStability, TheFirstEventIsInTheFog) {
+TEST(MediumStability, FirstEventIsInTheFog) {
   FogScene t({0, 0, 0}, {0, 0, 1}, 40);
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   t.scene.camera.medium = t.AddMedium({1, 3, 0}, {3, 1, 2});
   const Rendered rendered = RenderFog(t.scene, SquareSettings(4, 4096, 1));
   const FilmTile& film = rendered.film;

@@ -21,7 +21,7 @@ namespace {
 
 // G13: a shutter interval of length 0 shows the still scene; a moving edge gives the ramp that
 // follows from its speed.
-TEST(MotionStability, G13ClosedShutterIsTheStill) {
+TEST(MotionStability, G13ClosedShutterMatchesTheStaticScene) {
   const FrameSettings settings = SquareSettings(12, 16, 3);
   TestScene moving = LitRoom(1);
   moving.scene.shapes[1].world_from_object.end =
@@ -45,7 +45,7 @@ TEST(MotionStability, G13MovingEdgeIsALinearRamp) {
   t.scene.camera.shutter_close = 1;
   ShapeDescription& quad =
       t.AddShape(MeshShape{t.Quad({-10, -10, 0}, {-0.5f, -10, 0}, {-0.5f, 10, 0}, {-10, 10, 0})},
-                 t.Diffuse(Rgb::Grey(0.5f)));
+                 t.Diffuse(Rgb::Gray(0.5f)));
   quad.world_from_object.end = TranslateMatrix({1, 0, 0});
   const FrameSettings settings = SquareSettings(16, 256, 0);
   const FilmTile tile = RenderAll(*Compile(t.scene, settings));
@@ -106,7 +106,7 @@ TEST(MotionStability, G14StretchAndMirrorInterpolateStably) {
 }
 
 // G14: bounds interpolated linearly between steps contain the rotating group at all times.
-TEST(MotionStability, G14TurningGroupsStayInTheirBounds) {
+TEST(MotionStability, G14RotatingGroupsStayInTheirBounds) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   t.scene.camera.shutter_close = 1;
   ShapeDescription& box = t.AddShape(MeshShape{t.Box({1, -0.1f, -0.1f}, {3, 0.1f, 0.1f})}, kNone);
@@ -151,12 +151,12 @@ TEST(CameraStability, C1CircleOfConfusion) {
       const Vec2f u{static_cast<float>(random.Uniform()), static_cast<float>(random.Uniform())};
       const Vec2d lens = SampleUnitDisk(u) * 0.25;
       constexpr double kDepth = 3;
-      const double share = 1 / static_cast<double>(t.scene.camera.focal_distance) - 1 / kDepth;
-      const Vec2d screen = lens * share;
+      const double fraction = 1 / static_cast<double>(t.scene.camera.focal_distance) - 1 / kDepth;
+      const Vec2d screen = lens * fraction;
       const Vec2d film{50 + screen.x * 50, 50 - screen.y * 50};
       const Ray ray = camera->MakeRay<kAllTraits>(film, u, 0);
       const double along = kDepth / static_cast<double>(ray.d.z);
-      const double spread = 4e-7 * (1 + std::fabs(share));
+      const double spread = 4e-7 * (1 + std::fabs(fraction));
       off = std::max(
           off, std::fabs(static_cast<double>(ray.o.x) + along * static_cast<double>(ray.d.x)));
       EXPECT_NEAR(static_cast<double>(ray.o.x) + along * static_cast<double>(ray.d.x), 0,

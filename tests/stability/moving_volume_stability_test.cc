@@ -78,7 +78,7 @@ TEST(MovingVolumeStability, G2ScaleKeepsTheBits) {
 }
 
 // Motion below float rounding equals stillness, and a shutter interval of length 0 shows no motion.
-TEST(MovingVolumeStability, G2TheSlowestIsNextToTheStill) {
+TEST(MovingVolumeStability, G2SlowestMotionIsCloseToStatic) {
   const auto rendered = [](float speed) {
     TestScene t = LitRoom(1);
     t.scene.camera.medium = 0;
@@ -92,12 +92,12 @@ TEST(MovingVolumeStability, G2TheSlowestIsNextToTheStill) {
 }
 
 // V13: rotated as a whole about the camera's axis, with its velocities.
-TEST(MovingVolumeStability, V13SmokeThatMovesMayBeTurned) {
+TEST(MovingVolumeStability, V13MovingSmokeIsRotationInvariant) {
   const auto rendered = [](double degrees) {
     const Matrix4 turn = RotateMatrix(degrees, {0, 0, 1});
     TestScene t({0, 0, -4}, {0, 0, 0}, 25, TransformPoint(turn, {0, 1, 0}));
     DistantLight sun;
-    sun.radiance.rgb = Rgb::Grey(3);
+    sun.radiance.rgb = Rgb::Gray(3);
     sun.from = TransformPoint(turn, {0.5, 1, -0.2});
     sun.to = {0, 0, 0};
     t.scene.lights.push_back({sun, {}, {}, {}});

@@ -54,7 +54,7 @@ Ray RayAlong(const Needle& needle, Random* random) {
 
 // Whether the ray hits the triangle, by exact arithmetic: the line passes all three edges on one
 // side, or touches them, and the plane is ahead.
-bool MeetsExactly(const Ray& ray, const Needle& needle) {
+bool IntersectsExactly(const Ray& ray, const Needle& needle) {
   const ExactVector o(ray.o), d(ray.d);
   const ExactVector a[3] = {ExactVector(needle.p[0]) - o, ExactVector(needle.p[1]) - o,
                             ExactVector(needle.p[2]) - o};
@@ -137,11 +137,11 @@ constexpr Real kStoutError = 0x1p-13L;
 // arithmetic has none, except at edges; no hit is lost; and t and the surface point describe the
 // same point, on the ray. Without the test in double, a third of the hits are false, by up to 0.8
 // of the scale.
-TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
+TEST(NeedleStability, G4HitsMatchExactArithmetic) {
   const int needle_count = DrawCount(4000, 100000);
   constexpr int kRaysEach = 25;
   Random random(8);
-  int met = 0, missed = 0;
+  int hits = 0, missed = 0;
   Real false_by = 0, off_ray = 0, off_t = 0, stout_error = 0, naive_false_by = 0;
   for (int i = 0; i < needle_count; ++i) {
     const Needle needle = MakeNeedle(&random);
@@ -155,15 +155,16 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
       const Ray ray = RayAlong(needle, &random);
       const Real scale = ScaleOf(ray, needle);
       const Real edge = DistanceToEdges(ray, needle) / scale;
-      const bool meets = MeetsExactly(ray, needle);
-      if (!meets && naive::MeetsTriangle(ray.o, ray.d, needle.p[0], needle.p[1], needle.p[2])) {
+      const bool intersects = IntersectsExactly(ray, needle);
+      if (!intersects &&
+          naive::IntersectsTriangle(ray.o, ray.d, needle.p[0], needle.p[1], needle.p[2])) {
         naive_false_by = std::max(naive_false_by, edge);
       }
       RawHit hit;
-      const bool is_met = scene->tracer->Intersect(ray, &hit);
-      EXPECT_EQ(is_met, scene->tracer->Occluded(ray));
-      if (!is_met) {
-        missed += meets && edge > kMissed;
+      const bool is_hit = scene->tracer->Intersect(ray, &hit);
+      EXPECT_EQ(is_hit, scene->tracer->Occluded(ray));
+      if (!is_hit) {
+        missed += intersects && edge > kMissed;
         continue;
       }
       const SurfacePoint point = MakeSurfacePoint<kAllTraits>(scene->geometry, ray, hit);
@@ -173,13 +174,13 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
         if (CosineOf(ray, needle) > kFlat) stout_error = std::max(stout_error, aside);
         continue;
       }
-      ++met;
-      if (!meets) false_by = std::max(false_by, edge);
+      ++hits;
+      if (!intersects) false_by = std::max(false_by, edge);
       off_ray = std::max(off_ray, aside);
       off_t = std::max(off_t, Length(q - d * static_cast<Real>(hit.t)) / scale);
     }
   }
-  EXPECT_GT(met, needle_count / 2);
+  EXPECT_GT(hits, needle_count / 2);
   ExpectHardCase({.row = "G4",
                   .figure = "distance of the falsest hit from its needle, in parts of the scene",
                   .expected = 0,
@@ -196,10 +197,10 @@ TEST(NeedleStability, G4HitsAreThoseOfExactArithmetic) {
 // G4: the nearer of a needle and a wall through it is hit, by true distances. If the wall is hit
 // first, however, the tracer searches for the needle by its own distance, whose error grows for
 // slim needles and flat incidence.
-TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
+TEST(NeedleStability, G4NeedlesAreOrderedWithOtherTriangles) {
   const int needle_count = DrawCount(400, 10000);
   Random random(9);
-  int met = 0, wrong = 0;
+  int hits = 0, wrong = 0;
   for (int i = 0; i < needle_count; ++i) {
     const Needle needle = MakeNeedle(&random);
     const Vec3f* p = needle.p;
@@ -222,13 +223,13 @@ TEST(NeedleStability, G4NeedlesStandInLineWithOtherTriangles) {
       past.source = hit.id;
       RawHit other;
       if (!scene->tracer->Intersect(past, &other)) continue;
-      ++met;
+      ++hits;
       const double rounding = static_cast<double>(kOnEdge * ScaleOf(ray, needle)) /
                               (SlimnessOf(needle) * CosineOf(ray, needle));
       wrong += static_cast<double>(hit.t - other.t) * Length(ToDouble(ray.d)) > rounding;
     }
   }
-  EXPECT_GT(met, needle_count);
+  EXPECT_GT(hits, needle_count);
   EXPECT_EQ(wrong, 0);
 }
 
@@ -239,10 +240,10 @@ TEST(NeedleStability, G4FurnaceOfNeedlesKeepsItsEnergy) {
   ASSERT_TRUE(HasNeedles(globe.positions, globe.indices));
   TestScene t({0.1, 0.2, 0.3}, {0, 0, 1}, 90);
   ShapeDescription& room =
-      t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, t.Diffuse(Rgb::Grey(0.5f)));
+      t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, t.Diffuse(Rgb::Gray(0.5f)));
   room.reverse_orientation = true;
-  room.area_light = t.AreaLight(Rgb::Grey(1));
-  ExpectMean(RenderMean(t.scene, SquareSettings(8, 64, 1000)), Rgb::Grey(2));
+  room.area_light = t.AreaLight(Rgb::Gray(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(8, 64, 1000)), Rgb::Gray(2));
 }
 
 }  // namespace

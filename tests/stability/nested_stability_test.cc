@@ -48,7 +48,7 @@ class NestedScene : public InteriorScene {
     AddShape(MeshShape{Quad({-9, -2, -9}, {-9, -2, 9}, {9, -2, 9}, {9, -2, -9})},
              Diffuse({0.7f, 0.5f, 0.2f}));
     AddShape(MeshShape{Quad({-1, 4, -1}, {1, 4, -1}, {1, 4, 1}, {-1, 4, 1})}, Diffuse({}))
-        .area_light = AreaLight(Rgb::Grey(6));
+        .area_light = AreaLight(Rgb::Gray(6));
   }
 };
 
@@ -60,7 +60,7 @@ void ExpectSound(const Rendered& rendered) {
 }
 
 // Water in glass, modeled by hand as interfaces of relative indices, and as overlapping bodies.
-TEST(NestedStability, WaterInGlassIsItsInterfaces) {
+TEST(NestedStability, WaterInGlassMatchesItsInterfaces) {
   for (const float alpha : {0.0f, 0.2f}) {
     SCOPED_TRACE(alpha);
     const FrameSettings settings = SquareSettings(24, DrawCount(128, 4096), 12);
@@ -84,7 +84,7 @@ TEST(NestedStability, WaterInGlassIsItsInterfaces) {
 
 // The same with a wall: glass with a hole in it, and water larger than the hole that ends within
 // the wall. Glass displaces water, so the hole's own faces are visible.
-TEST(NestedStability, WaterEndsWhereTheWallBegins) {
+TEST(NestedStability, OverlapsResolveByPriority) {
   const FrameSettings settings = SquareSettings(24, DrawCount(128, 4096), 16);
   const auto block = [&](bool by_hand) {
     NestedScene t(kEye, kCenter, 35);
@@ -108,7 +108,7 @@ TEST(NestedStability, WaterEndsWhereTheWallBegins) {
 
 // V8: overlapping bodies of the same interior and priority form their union: a cross of two bars is
 // a cross in one piece, and a cube inside a cube is invisible.
-TEST(NestedStability, V8SameMatterIsOneBody) {
+TEST(NestedStability, V8EqualInteriorsMerge) {
   const FrameSettings settings = SquareSettings(24, DrawCount(128, 4096), 16);
   const auto cube = [&](bool twice, bool swapped) {
     NestedScene t(kEye, kCenter, 35);
@@ -168,7 +168,7 @@ TEST(NestedStability, MatchedIndexIsInvisible) {
 TEST(NestedStability, V12Furnace) {
   for (const float alpha : {0.0f, 0.3f}) {
     NestedScene t(kEye, kCenter, 40);
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
     t.Fill({-1, -1, -1}, {1, 1, 1}, t.Clear(kGlass, 1, alpha));
     t.Fill({-1.3f, -0.4f, -0.5f}, {1.2f, 0.5f, 0.4f}, t.Clear(kWater, 2, alpha));
     t.AddShape(SphereShape{0.7f, -0.7f, 0.7f, 360}, t.Clear(1, 7, alpha));
@@ -207,7 +207,7 @@ TEST(NestedStability, V9CameraInsideGlass) {
 TEST(NestedStability, MediaObeyPriorities) {
   for (const bool bar_is_higher : {false, true}) {
     NestedScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
-    t.ConstantEnvironment(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
     t.Fill({-9, -9, -1}, {9, 9, 1}, t.Clear(1, 2), t.Absorber({1, 0.5f, 0.1f}));
     t.Fill({-8, -8, -0.25f}, {8, 8, 0.25f}, t.Clear(1, bar_is_higher ? 3 : 1),
            t.Absorber({0.2f, 0.4f, 0.8f}));
@@ -230,9 +230,9 @@ TEST(NestedStability, SubsurfaceObeysPriorities) {
   const auto ball = [&](bool covered) {
     NestedScene t(kEye, kCenter, 35);
     t.LightUp();
-    const int32_t skin = t.Matter(Rgb::Grey(0.2f), Rgb::Grey(3), 0, 1.4f);
+    const int32_t skin = t.SubsurfaceOf(Rgb::Gray(0.2f), Rgb::Gray(3), 0, 1.4f);
     t.scene.materials.back().priority = 1;
-    if (covered) t.AddMatter(SphereShape{0.5f, -0.5f, 0.5f, 360}, skin);
+    if (covered) t.AddSubsurface(SphereShape{0.5f, -0.5f, 0.5f, 360}, skin);
     t.AddShape(SphereShape{0.8f, -0.8f, 0.8f, 360}, t.Clear(kGlass, 2));
     return RenderCounted(t.scene, settings);
   };
@@ -244,7 +244,7 @@ TEST(NestedStability, SubsurfaceObeysPriorities) {
 // G12: a ray can leave an open body without having entered it: such paths end, and are counted.
 TEST(NestedStability, G12BrokenNestingIsCounted) {
   NestedScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   t.AddShape(MeshShape{t.Quad({-1, -1, 0}, {-1, 1, 0}, {1, 1, 0}, {1, -1, 0})}, t.Clear(1.01f, 1));
   const Rendered rendered = RenderCounted(t.scene, SquareSettings(4, 16, 5));
   EXPECT_GT(rendered.stats.broken_nestings, 240u);

@@ -42,7 +42,7 @@ double LambertIrradiance(Vec3d p, Vec3d n) {
 }
 
 // A light with a Gaussian profile low in the sky, plus a constant sky.
-double LampAndSky(Vec3f d) {
+double LightAndSky(Vec3f d) {
   const Vec3f off = d - Normalize(Vec3f{0.5f, 0.3f, 0.6f});
   return 1 + 200 * std::exp(-static_cast<double>(LengthSquared(off)) * 60);
 }
@@ -78,7 +78,7 @@ Estimate EscapedIrradiance(const LightTable& table, Vec3f p, uint64_t points_per
   });
 }
 
-TEST_F(PortalStabilityTest, ConstantSkyThroughAWindowGivesLambertsFormula) {
+TEST_F(PortalStabilityTest, ConstantSkyMatchesLambertsFormula) {
   const auto table = MakeTable(1, {testing::kWhite});
   for (const Vec3f& p : {Vec3f{0, 0, 0}, Vec3f{3, -1, 0.2f}, Vec3f{0, 0, 0.99f},
                          Vec3f{0.1f, 0.2f, 0.99999f}, Vec3f{-40, 7, -3}, Vec3f{0, 0, -1e4f}}) {
@@ -94,11 +94,11 @@ TEST_F(PortalStabilityTest, ConstantSkyThroughAWindowGivesLambertsFormula) {
   testing::ExpectNear(EstimateIrradiance(*table, {}, ToFloat(n)), LambertIrradiance({}, n), 1e-5);
 }
 
-TEST_F(PortalStabilityTest, SamplesAndEscapedRaysSeeTheSameSky) {
+TEST_F(PortalStabilityTest, SamplesAndEscapedRaysAgree) {
   std::vector<Rgb> texels;
   RandomPoints random(3);
   for (int i = 0; i < 32 * 32; ++i) {
-    texels.push_back(Rgb::Grey(random.Next() < 0.02f ? 100.0f : random.Next()));
+    texels.push_back(Rgb::Gray(random.Next() < 0.02f ? 100.0f : random.Next()));
   }
   const auto table = MakeTable(32, texels);
   for (const Vec3f& p : {Vec3f{0, 0, 0}, Vec3f{0.3f, 1.5f, 0.7f}, Vec3f{1, 0, 0.5f}}) {
@@ -123,7 +123,7 @@ TEST_F(PortalStabilityTest, SamplesAndEscapedRaysSeeTheSameSky) {
   }
 }
 
-TEST_F(PortalStabilityTest, NothingComesThroughInThePlaneOrBehindIt) {
+TEST_F(PortalStabilityTest, NoLightInOrBehindThePlane) {
   const auto table = MakeTable(1, {testing::kWhite});
   RandomPoints random(4);
   for (const Vec3f& p : {Vec3f{0, 0, 1}, Vec3f{5, 5, 1}, Vec3f{-1, -0.5f, 1}, Vec3f{0, 0, 2},
@@ -143,8 +143,8 @@ TEST_F(PortalStabilityTest, NothingComesThroughInThePlaneOrBehindIt) {
 }
 
 // The closer to the plane and the farther to its side, the flatter the view, down to an empty one.
-TEST_F(PortalStabilityTest, GrazingViewsGiveFiniteSamplesWithinTheWindow) {
-  const SkyPortal portal(kCorners, 256, 1 + 1e-3, LampAndSky);
+TEST_F(PortalStabilityTest, GrazingSamplesAreFiniteAndInTheWindow) {
+  const SkyPortal portal(kCorners, 256, 1 + 1e-3, LightAndSky);
   RandomPoints random(5);
   int count = 0;
   for (int exponent = 1; exponent <= 24; ++exponent) {
@@ -161,10 +161,10 @@ TEST_F(PortalStabilityTest, GrazingViewsGiveFiniteSamplesWithinTheWindow) {
         ASSERT_GE(sample.d.z, 0);
         if (sample.d.z < 1e-3f) continue;
         const Vec3d d = ToDouble(sample.d);
-        const Vec3d met = ToDouble(p) + d * ((1 - static_cast<double>(p.z)) / d.z);
-        const double room = 1e-5 * (1 + Length(met - ToDouble(p))) / d.z;
-        ASSERT_TRUE(met.x >= -1 - room && met.x <= 0.5 + room && met.y >= -0.5 - room &&
-                    met.y <= 2 + room);
+        const Vec3d at_window = ToDouble(p) + d * ((1 - static_cast<double>(p.z)) / d.z);
+        const double room = 1e-5 * (1 + Length(at_window - ToDouble(p))) / d.z;
+        ASSERT_TRUE(at_window.x >= -1 - room && at_window.x <= 0.5 + room &&
+                    at_window.y >= -0.5 - room && at_window.y <= 2 + room);
       }
     }
   }
@@ -175,7 +175,7 @@ TEST_F(PortalStabilityTest, GrazingViewsGiveFiniteSamplesWithinTheWindow) {
 TEST_F(PortalStabilityTest, SamplesPassChiSquareAndThePdfSumsToOne) {
   constexpr int kCells = 16, kPointsAcross = 48, kDraws = 200000;
   const Vec3f points[] = {{0, 0, 0}, {3, 1, 0.3f}, {0.2f, 0.3f, 0.98f}, {-20, -30, -40}};
-  const SkyPortal portal(kCorners, 64, 1.5, LampAndSky);
+  const SkyPortal portal(kCorners, 64, 1.5, LightAndSky);
   const double threshold = sheaf::testing::SidakThreshold(0.01, 4);
   for (const Vec3f& p : points) {
     const Vec3d to_lower = kCorners[0] - ToDouble(p), to_upper = kCorners[2] - ToDouble(p);
@@ -220,7 +220,7 @@ TEST_F(PortalStabilityTest, SamplesPassChiSquareAndThePdfSumsToOne) {
 
 TEST_F(PortalStabilityTest, ScaleByAPowerOfTwoChangesNoBit) {
   std::vector<Rgb> texels;
-  for (int i = 0; i < 64; ++i) texels.push_back(Rgb::Grey(static_cast<float>(1 + i % 5)));
+  for (int i = 0; i < 64; ++i) texels.push_back(Rgb::Gray(static_cast<float>(1 + i % 5)));
   const auto table = MakeTable(8, texels);
   for (double scale : {0x1p-20, 0x1p20}) {
     const auto scaled = MakeTable(8, texels, scale);

@@ -144,7 +144,7 @@ TEST(SamplingStabilityTest, R2FourDimensionalNets) {
   }
 }
 
-TEST(SamplingStabilityTest, R2SamplesAreAFunctionOfTheirIndexAlone) {
+TEST(SamplingStabilityTest, R2SamplesDependOnlyOnTheirIndex) {
   const Sampler sampler(5, 100, 200, (uint64_t{1} << 45) + 12345);
   for (uint32_t slot : {0u, 1u, 77u, 4000000000u}) {
     const auto u = sampler.Get4(slot);
@@ -210,7 +210,7 @@ TEST(SamplingStabilityTest, R3SlotsAndDimensionsAreIndependent) {
 }
 
 // Neighboring seeds, pixels, samples and replicates: the same coordinate at adjacent indices.
-TEST(SamplingStabilityTest, R3NeighboursAreIndependent) {
+TEST(SamplingStabilityTest, R3NeighborsAreIndependent) {
   constexpr int32_t kCount = 40000;
   std::array<std::vector<uint32_t>, 4> counts;
   for (auto& c : counts) c.assign(64, 0);
@@ -227,7 +227,7 @@ TEST(SamplingStabilityTest, R3NeighboursAreIndependent) {
 // points that are stratified in each slot and otherwise paired at random. The expected values are
 // the integrand's variance left after the best additive fit (Stein 1987); a correlated pairing
 // shows as a ratio far from 1 or as a wrong mean.
-TEST(SamplingStabilityTest, R3PairingSlotsIsAsGoodAsRandom) {
+TEST(SamplingStabilityTest, R3SlotPairsAreAsGoodAsRandom) {
   const uint64_t set_count = LongTests() ? 400000 : 40000;
   constexpr uint64_t kPoints = 64;
   double sum = 0, squares = 0;
@@ -401,7 +401,7 @@ double ManyCellsDeviate(const std::vector<uint32_t>& counts, const std::vector<d
 
 // Expected by the catalogue: leaf frequencies by chi-square at 2^20 lights. Numbers of 24 bits
 // choose among them, and the remaining bits give the point on the light.
-TEST(SamplingStabilityTest, R5AMillionLightsAreChosenEvenly) {
+TEST(SamplingStabilityTest, R5AMillionLightsAreChosenUniformly) {
   constexpr size_t kLights = size_t{1} << 20;
   std::vector<double> weights(kLights);
   for (size_t i = 0; i < kLights; ++i) weights[i] = 1 + static_cast<double>(i % 7);

@@ -19,8 +19,8 @@
 #include "tests/support/chi_square.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/naive_materials.h"
+#include "tests/support/perturbed_surface.h"
 #include "tests/support/temporary_path.h"
-#include "tests/support/tilted.h"
 #include "worker/render/material/material.h"
 
 namespace sheaf::render {
@@ -31,15 +31,15 @@ using sheaf::testing::CounterUniforms;
 
 using testing::FromAngles;
 using testing::kUp;
-using testing::Tilted;
+using testing::PerturbedSurface;
 
-constexpr double kTilts[] = {0.01, 5, 30, 60, 85};
+constexpr double kPerturbationDegrees[] = {0.01, 5, 30, 60, 85};
 const Vec3f kViews[] = {FromAngles(0, 0),    FromAngles(50, 20),   FromAngles(50, 160),
                         FromAngles(88, 0),   FromAngles(88, 180),  FromAngles(89.9, 90),
                         FromAngles(130, 30), FromAngles(100, 180), FromAngles(91, 0)};
 
 // Integral of the scattered light over both hemispheres, on an even grid of solid angle.
-double Albedo(const Bsdf& bsdf, const Tilted& t) {
+double Albedo(const Bsdf& bsdf, const PerturbedSurface& t) {
   constexpr int kCos = 200, kPhi = 200;
   double sum = 0;
   for (int i = 0; i < kCos; ++i) {
@@ -47,20 +47,20 @@ double Albedo(const Bsdf& bsdf, const Tilted& t) {
     for (int j = 0; j < kPhi; ++j) {
       const double phi = 2 * std::numbers::pi * (j + 0.5) / kPhi;
       const Vec3f wi = ToFloat(Vec3d{r * std::cos(phi), r * std::sin(phi), z});
-      const BsdfValue value = t.tilt.Eval<kAllTraits>(bsdf, t.wo, t.frame.ToLocal(wi));
+      const BsdfValue value = t.normal.Eval<kAllTraits>(bsdf, t.wo, t.frame.ToLocal(wi));
       sum += static_cast<double>(value.f_cos.g);
     }
   }
   return sum * 4 * std::numbers::pi / (kCos * kPhi);
 }
 
-TEST(ShadingNormalTest, WhiteStaysWhiteAtEveryTilt) {
-  const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Grey(1));
-  const BsdfFixture sheet = sheaf::testing::MakeSheetFixture(Rgb::Grey(0.25f), Rgb::Grey(0.75f));
-  for (const double tilt : kTilts) {
+TEST(ShadingNormalTest, WhiteStaysWhiteAtEveryPerturbation) {
+  const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Gray(1));
+  const BsdfFixture sheet = sheaf::testing::MakeSheetFixture(Rgb::Gray(0.25f), Rgb::Gray(0.75f));
+  for (const double tilt : kPerturbationDegrees) {
     for (const Vec3f wo : kViews) {
       for (const Vec2f u : {Vec2f{0.1f, 0.2f}, Vec2f{0.9f, 0.8f}}) {
-        const Tilted t(tilt, wo, u);
+        const PerturbedSurface t(tilt, wo, u);
         EXPECT_NEAR(Albedo(white.bsdf, t), 1, 5e-3)
             << tilt << " seen along " << wo.x << ' ' << wo.z;
         EXPECT_NEAR(Albedo(sheet.bsdf, t), 1, 5e-3)
@@ -71,11 +71,11 @@ TEST(ShadingNormalTest, WhiteStaysWhiteAtEveryTilt) {
 }
 
 // A rough metal may lose energy as its own lobe does, but never gains.
-TEST(ShadingNormalTest, ATiltGivesNoEnergyToAMetal) {
+TEST(ShadingNormalTest, PerturbationAddsNoEnergyToAMetal) {
   const BsdfFixture metal = sheaf::testing::MakeMirrorFixture(0.4f, 0.4f, true);
-  for (const double tilt : kTilts) {
+  for (const double tilt : kPerturbationDegrees) {
     for (const Vec3f wo : kViews) {
-      const Tilted t(tilt, wo, {0.4f, 0.7f});
+      const PerturbedSurface t(tilt, wo, {0.4f, 0.7f});
       const double albedo = Albedo(metal.bsdf, t);
       EXPECT_GT(albedo, 0.97) << tilt << ' ' << wo.x << ' ' << wo.z;
       EXPECT_LT(albedo, 1.01) << tilt << ' ' << wo.x << ' ' << wo.z;
@@ -84,13 +84,13 @@ TEST(ShadingNormalTest, ATiltGivesNoEnergyToAMetal) {
 }
 
 TEST(ShadingNormalTest, NothingIsScatteredThroughAnOpaqueSurface) {
-  const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Grey(1));
+  const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Gray(1));
   for (uint64_t i = 0; i < 20000; ++i) {
     const std::array<float, 3> a = CounterUniforms(11, i), b = CounterUniforms(12, i);
     const Vec3f wo =
         FromAngles(180.0 * static_cast<double>(a[0]), 360.0 * static_cast<double>(a[1]));
-    const Tilted t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
-    const auto sample = t.tilt.Sample<kAllTraits>(white.bsdf, t.wo, b[2], {a[1], b[0]});
+    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
+    const auto sample = t.normal.Sample<kAllTraits>(white.bsdf, t.wo, b[2], {a[1], b[0]});
     if (!sample) continue;
     EXPECT_GT(t.frame.ToWorld(sample->wi).z * wo.z, -1e-6f);
     EXPECT_TRUE(std::isfinite(sample->pdf) && IsFinite(sample->weight));
@@ -105,9 +105,9 @@ TEST(ShadingNormalTest, MirrorsHaveNoBlackSpots) {
     const std::array<float, 3> a = CounterUniforms(21, i), b = CounterUniforms(22, i);
     const Vec3f wo =
         FromAngles(89.99 * static_cast<double>(a[0]), 360.0 * static_cast<double>(a[1]));
-    const Tilted t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
-    const auto sample = t.tilt.active()
-                            ? t.tilt.Sample<kAllTraits>(mirror.bsdf, t.wo, b[2], {a[1], b[0]})
+    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
+    const auto sample = t.normal.active()
+                            ? t.normal.Sample<kAllTraits>(mirror.bsdf, t.wo, b[2], {a[1], b[0]})
                             : SampleBsdf<kAllTraits>(mirror.bsdf, t.wo, b[2], {a[1], b[0]});
     ASSERT_TRUE(sample.has_value()) << i;
     EXPECT_NEAR(sample->weight.g, 1, 1e-4);
@@ -122,9 +122,9 @@ TEST(ShadingNormalTest, GlassHasNoBlackSpots) {
   for (uint64_t i = 0; i < 20000; ++i) {
     const std::array<float, 3> a = CounterUniforms(41, i), b = CounterUniforms(42, i);
     const Vec3f wo = FromAngles(180 * static_cast<double>(a[0]), 360.0 * static_cast<double>(a[1]));
-    const Tilted t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
-    if (!t.tilt.active() || std::fabs(wo.z) < 1e-4f) continue;
-    const auto sample = t.tilt.Sample<kAllTraits>(glass.bsdf, t.wo, b[2], {a[1], b[0]});
+    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
+    if (!t.normal.active() || std::fabs(wo.z) < 1e-4f) continue;
+    const auto sample = t.normal.Sample<kAllTraits>(glass.bsdf, t.wo, b[2], {a[1], b[0]});
     ASSERT_TRUE(sample.has_value()) << i;
     const bool transmits = (sample->flags & kBsdfTransmission) != 0;
     const float weight = transmits ? sample->weight.g * sample->eta_scale : sample->weight.g;
@@ -133,8 +133,8 @@ TEST(ShadingNormalTest, GlassHasNoBlackSpots) {
   }
 }
 
-TEST(ShadingNormalTest, WhatIsScatteredVanishesTowardsTheHorizon) {
-  const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Grey(1));
+TEST(ShadingNormalTest, ScatteringVanishesTowardTheHorizon) {
+  const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Gray(1));
   for (const double tilt : {5.0, 30.0, 60.0}) {
     for (double phi = 0; phi < 360; phi += 7) {
       // Over the random numbers of the tilt, as in an image.
@@ -142,10 +142,10 @@ TEST(ShadingNormalTest, WhatIsScatteredVanishesTowardsTheHorizon) {
       constexpr int kDraws = 512;
       for (int i = 0; i < kDraws; ++i) {
         const Vec2f u{(static_cast<float>(i) + 0.5f) / kDraws, static_cast<float>(i % 2) * 0.5f};
-        const Tilted t(tilt, FromAngles(20, 40), u);
+        const PerturbedSurface t(tilt, FromAngles(20, 40), u);
         const auto at = [&](double height_degrees) {
           const Vec3f wi = t.frame.ToLocal(FromAngles(90 - height_degrees, phi));
-          return static_cast<double>(t.tilt.Eval<kAllTraits>(white.bsdf, t.wo, wi).f_cos.g);
+          return static_cast<double>(t.normal.Eval<kAllTraits>(white.bsdf, t.wo, wi).f_cos.g);
         };
         level += at(0.001) / kDraws;
         higher += at(0.01) / kDraws;
@@ -164,7 +164,7 @@ TEST(ShadingNormalTest, BentNormalsFaceTheViewerAndReflectUpwards) {
     const Vec3f any = FromAngles(180 * angle(a[2]), 360 * angle(b[0]));
     const Vec3f wo = FromAngles(180 * angle(b[1]), 360 * angle(b[2]));
     const Vec3f lifted = LiftNormal(any, ng);
-    EXPECT_GE(Dot(lifted, ng), kCosTiltMin * 0.999f);
+    EXPECT_GE(Dot(lifted, ng), kPerturbedCosineMin * 0.999f);
     const Vec3f n = BendNormal(lifted, ng, wo);
     EXPECT_NEAR(Length(n), 1, 1e-5);
     EXPECT_GT(Dot(n, ng), 0);
@@ -232,7 +232,7 @@ class NormalMapTest : public ::testing::Test {
     scene.textures.push_back(texture);
     scene.materials.push_back({"", DiffuseMaterial{}, {}, kNone, {0, 0}});
     // Texel centers are 1/2 apart; row 0 is at v = 3/4.
-    const auto at = [&](float u, float v) { return Rgb::Grey(8 + slope_u * u + slope_v * v); };
+    const auto at = [&](float u, float v) { return Rgb::Gray(8 + slope_u * u + slope_v * v); };
     return Build(std::move(scene), 2, 2,
                  {at(0.25f, 0.75f), at(0.75f, 0.75f), at(0.25f, 0.25f), at(0.75f, 0.25f)});
   }
@@ -247,7 +247,7 @@ void ExpectDirection(Vec3f n, Vec3d expected) {
   for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(n[c], unit[c], 2e-6) << "component " << c;
 }
 
-TEST_F(NormalMapTest, TexelsAreDirectionsAboutTheTangents) {
+TEST_F(NormalMapTest, TexelsAreTangentSpaceDirections) {
   const TangentPlane plane{{0, 0, 1}, {0, 3, 0}, {-2, 0, 0}, true};
   ExpectDirection(WithNormals({0.5f, 0.5f, 1})->ShadingNormal(0, kMiddle, 0, plane), {0, 0, 1});
   // Red along dpdu, green along dpdv.
@@ -259,9 +259,9 @@ TEST_F(NormalMapTest, TexelsAreDirectionsAboutTheTangents) {
 }
 
 // A texel that is no direction or contains NaN keeps the surface's normal.
-TEST_F(NormalMapTest, M10TexelsWithoutDirectionLeaveTheNormal) {
+TEST_F(NormalMapTest, M10InvalidTexelsKeepTheNormal) {
   const TangentPlane plane{{0.6, 0, 0.8}, {0, 3, 0}, {-2, 0, 0}, true};
-  const auto table = WithNormals(Rgb::Grey(0.5f));
+  const auto table = WithNormals(Rgb::Gray(0.5f));
   EXPECT_EQ(table->ShadingNormal(0, kMiddle, 0, plane), ToFloat(plane.n));
   TangentPlane without;
   without.n = plane.n;
@@ -281,7 +281,7 @@ TEST_F(NormalMapTest, M10TexelsWithoutDirectionLeaveTheNormal) {
 
 // The height a x + b y over the plane has the normal (-a, -b, 1) for every parametrization of the
 // plane: stretched, sheared, flipped.
-TEST_F(NormalMapTest, ABumpMapIsThePlaneItStandsFor) {
+TEST_F(NormalMapTest, BumpMapsMatchTheirPlane) {
   constexpr double kA = 0.5, kB = -0.25;
   const std::array<Vec3d, 2> kTangents[] = {{Vec3d{1, 0, 0}, Vec3d{0, 1, 0}},
                                             {Vec3d{4, 0, 0}, Vec3d{0, 0.5, 0}},
@@ -299,7 +299,7 @@ TEST_F(NormalMapTest, ABumpMapIsThePlaneItStandsFor) {
   }
 }
 
-TEST_F(NormalMapTest, AScaledSceneHasTheSameNormalsToTheBit) {
+TEST_F(NormalMapTest, ScalingKeepsNormalBits) {
   const TangentPlane plane{{0.6, 0, 0.8}, {0, 3, 0}, {-1.6, 0.3, 1.2}, true};
   const Vec3f n = WithHeights(0.3f, 0.7f)->ShadingNormal(0, kMiddle, 0, plane);
   EXPECT_NE(n, ToFloat(plane.n));
@@ -311,7 +311,7 @@ TEST_F(NormalMapTest, AScaledSceneHasTheSameNormalsToTheBit) {
   }
 }
 
-TEST_F(NormalMapTest, AFlatBumpMapLeavesTheNormal) {
+TEST_F(NormalMapTest, FlatBumpMapsKeepTheNormal) {
   const TangentPlane plane{{0, 0, 1}, {0, 3, 0}, {-2, 0, 0}, true};
   EXPECT_EQ(WithHeights(0, 0)->ShadingNormal(0, kMiddle, 0, plane), Vec3f(0, 0, 1));
 }

@@ -23,7 +23,7 @@ const SphereShape kBall{1, -1, 1, 360};
 
 InteriorScene FurnaceScene(double fov_degrees = 30) {
   InteriorScene t({0.4, 0.7, -4}, {0, 0, 0}, static_cast<float>(fov_degrees));
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   return t;
 }
 
@@ -36,18 +36,18 @@ TEST(SubsurfaceStability, V12WhiteFurnace) {
     bool is_box;
   };
   for (const Case& c :
-       {Case{Rgb::Grey(1), 0, 1.33f, false}, Case{Rgb::Grey(1e-3f), 0.5f, 1.5f, false},
-        Case{Rgb::Grey(8), 0.9f, 1.33f, true}, Case{Rgb::Grey(3), -0.7f, 2.0f, false},
+       {Case{Rgb::Gray(1), 0, 1.33f, false}, Case{Rgb::Gray(1e-3f), 0.5f, 1.5f, false},
+        Case{Rgb::Gray(8), 0.9f, 1.33f, true}, Case{Rgb::Gray(3), -0.7f, 2.0f, false},
         Case{{1, 3, 9}, 0, 1.5f, true}, Case{{0.1f, 1, 10}, 0.8f, 1.1f, false},
-        Case{Rgb::Grey(3), 0, 0.7f, false}, Case{Rgb::Grey(2), 0.3f, 1, true}}) {
+        Case{Rgb::Gray(3), 0, 0.7f, false}, Case{Rgb::Gray(2), 0.3f, 1, true}}) {
     for (const bool spectral : {false, true}) {
       SCOPED_TRACE(std::to_string(c.eta) + " " + std::to_string(c.sigma_s.b));
       InteriorScene t = FurnaceScene();
-      const int32_t matter = t.Matter({}, c.sigma_s, c.g, c.eta);
+      const int32_t subsurface = t.SubsurfaceOf({}, c.sigma_s, c.g, c.eta);
       if (c.is_box) {
-        t.AddMatter(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, matter);
+        t.AddSubsurface(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, subsurface);
       } else {
-        t.AddMatter(kBall, matter);
+        t.AddSubsurface(kBall, subsurface);
       }
       FrameSettings settings = SquareSettings(8, DrawCount(64, 2048), 100);
       if (spectral) settings.color = ColorTransport::kSpectral;
@@ -65,7 +65,7 @@ TEST(SubsurfaceStability, V12WhiteFurnace) {
 // A rough boundary conserves energy up to the rounding of its compensation tables.
 TEST(SubsurfaceStability, V12RoughFurnace) {
   InteriorScene t = FurnaceScene();
-  t.AddMatter(kBall, t.Matter({}, Rgb::Grey(4), 0, 1.4f, 0.3f));
+  t.AddSubsurface(kBall, t.SubsurfaceOf({}, Rgb::Gray(4), 0, 1.4f, 0.3f));
   const Rendered rendered = RenderCounted(t.scene, SquareSettings(8, DrawCount(128, 2048), 100));
   EXPECT_NEAR(rendered.mean.mean.g, 1, 5 * rendered.mean.standard_error.g + 5e-3);
 }
@@ -75,12 +75,12 @@ TEST(SubsurfaceStability, V12RoughFurnace) {
 InteriorScene HalfSpace(double mu, float albedo, double density, float eta) {
   const double height = 1, side = height * std::sqrt(1 - mu * mu) / mu;
   InteriorScene t({side, height, 0}, {0, 0, 0}, 0.01f, {0, 0, 1});
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   const auto sigma_t = static_cast<float>(density);
-  const int32_t matter =
-      t.Matter(Rgb::Grey((1 - albedo) * sigma_t), Rgb::Grey(albedo * sigma_t), 0, eta);
+  const int32_t subsurface =
+      t.SubsurfaceOf(Rgb::Gray((1 - albedo) * sigma_t), Rgb::Gray(albedo * sigma_t), 0, eta);
   const auto size = static_cast<float>(1000 + 4e4 / density);
-  t.AddMatter(MeshShape{t.Box({-size, -size, -size}, {size, 0, size})}, matter);
+  t.AddSubsurface(MeshShape{t.Box({-size, -size, -size}, {size, 0, size})}, subsurface);
   return t;
 }
 
@@ -94,27 +94,27 @@ TEST(SubsurfaceStability, V1MatchedHalfSpaceHasItsPlaneAlbedo) {
     SCOPED_TRACE(row.albedo);
     const FrameSettings settings = SquareSettings(8, DrawCount(128, 4096), 2);
     ExpectMean(RenderCounted(HalfSpace(1, row.albedo, 1, 1).scene, settings).mean,
-               Rgb::Grey(static_cast<float>(row.from_above)));
+               Rgb::Gray(static_cast<float>(row.from_above)));
     ExpectMean(RenderCounted(HalfSpace(0.5, row.albedo, 1, 1).scene, settings).mean,
-               Rgb::Grey(static_cast<float>(row.at_half)));
+               Rgb::Gray(static_cast<float>(row.at_half)));
   }
 }
 
 // A walk counts as one bounce under a light too, in a scene with media of other kinds: a ball of
 // matched index equals the ball of a plain medium, in which every vertex is a bounce. No bounce is
 // left for the walk, and it needs none.
-TEST(SubsurfaceStability, V1AWalkUnderALampIsOneBounce) {
-  const auto lit = [](bool is_matter) {
+TEST(SubsurfaceStability, V1WalkUnderALightIsOneBounce) {
+  const auto lit = [](bool is_subsurface) {
     InteriorScene t({0.3, 0.8, -4}, {0, 0, 0}, 30);
     MediumDescription medium;
     medium.name = "thin";
-    medium.sigma_s.rgb = Rgb::Grey(1e-6f);
+    medium.sigma_s.rgb = Rgb::Gray(1e-6f);
     t.scene.media.push_back(medium);
     t.AddShape(MeshShape{t.Box({-3, -3, -3}, {3, 3, 3})}, t.AddMaterial(InterfaceMaterial{}))
         .media.inside = 0;
     const Rgb sigma_a{0.1f, 0.2f, 0.4f}, sigma_s{2, 1, 0.5f};
-    if (is_matter) {
-      t.AddMatter(kBall, t.Matter(sigma_a, sigma_s, 0.3f, 1));
+    if (is_subsurface) {
+      t.AddSubsurface(kBall, t.SubsurfaceOf(sigma_a, sigma_s, 0.3f, 1));
     } else {
       medium.name = "plain";
       medium.sigma_a.rgb = sigma_a;
@@ -123,17 +123,17 @@ TEST(SubsurfaceStability, V1AWalkUnderALampIsOneBounce) {
       t.scene.media.push_back(medium);
       t.AddShape(kBall, t.AddMaterial(InterfaceMaterial{})).media.inside = 1;
     }
-    PointLight lamp;
-    lamp.intensity.rgb = {9, 8, 7};
-    lamp.from = {-1.2f, 1.5f, -0.8f};
-    t.scene.lights.push_back({lamp, {}, {}, {}});
+    PointLight light;
+    light.intensity.rgb = {9, 8, 7};
+    light.from = {-1.2f, 1.5f, -0.8f};
+    t.scene.lights.push_back({light, {}, {}, {}});
     return RenderCounted(t.scene,
-                         SquareSettings(16, DrawCount(512, 8192), is_matter ? 0 : 1 << 16));
+                         SquareSettings(16, DrawCount(512, 8192), is_subsurface ? 0 : 1 << 16));
   };
-  const Rendered matter = lit(true), plain = lit(false);
-  ExpectSameMean(matter.mean, plain.mean);
+  const Rendered subsurface = lit(true), plain = lit(false);
+  ExpectSameMean(subsurface.mean, plain.mean);
   for (size_t c = 0; c < 3; ++c) {
-    EXPECT_LT(matter.mean.standard_error[c], 0.01 * matter.mean.mean[c]);
+    EXPECT_LT(subsurface.mean.standard_error[c], 0.01 * subsurface.mean.mean[c]);
   }
 }
 
@@ -144,7 +144,7 @@ double MeasuredReflectance(float albedo, double density, float eta, double* stan
       kWeight{0.1184634425, 0.2393143352, 0.2844444444, 0.2393143352, 0.1184634425};
   double left = 0, entered = 0, variance = 0;
   for (size_t i = 0; i < kMu.size(); ++i) {
-    const double mu = kMu[i], share = kWeight[i] * mu;
+    const double mu = kMu[i], cosine_weight = kWeight[i] * mu;
     const double mu_in = std::sqrt(1 - (1 - mu * mu) / static_cast<double>(eta * eta));
     const double e = static_cast<double>(eta);
     const double p = (e * mu - mu_in) / (e * mu + mu_in), s = (mu - e * mu_in) / (mu + e * mu_in);
@@ -153,9 +153,9 @@ double MeasuredReflectance(float albedo, double density, float eta, double* stan
                                             SquareSettings(8, DrawCount(128, 4096), 2));
     EXPECT_EQ(rendered.mean.non_finite, 0u);
     EXPECT_EQ(rendered.stats.broken_nestings, 0u);
-    left += share * (static_cast<double>(rendered.mean.mean.g) - mirrored);
-    entered += share * (1 - mirrored);
-    variance += std::pow(share * static_cast<double>(rendered.mean.standard_error.g), 2);
+    left += cosine_weight * (static_cast<double>(rendered.mean.mean.g) - mirrored);
+    entered += cosine_weight * (1 - mirrored);
+    variance += std::pow(cosine_weight * static_cast<double>(rendered.mean.standard_error.g), 2);
   }
   *standard_error = std::sqrt(variance) / entered;
   return left / entered;
@@ -181,11 +181,11 @@ TEST(SubsurfaceStability, V14ReflectanceAtAnyDensity) {
 InteriorScene Ground(double mu) {
   const double height = 1, side = height * std::sqrt(1 - mu * mu) / mu;
   InteriorScene t({side, height, 0.5}, {0, 0, 0.5}, 0.01f, {0, 0, 1});
-  t.ConstantEnvironment(Rgb::Grey(1));
+  t.ConstantEnvironment(Rgb::Gray(1));
   return t;
 }
-Rendered RenderGround(InteriorScene* t, int32_t matter, bool spectral) {
-  t->AddMatter(MeshShape{t->Box({-1000, -1000, -1000}, {1000, 0, 1000})}, matter);
+Rendered RenderGround(InteriorScene* t, int32_t subsurface, bool spectral) {
+  t->AddSubsurface(MeshShape{t->Box({-1000, -1000, -1000}, {1000, 0, 1000})}, subsurface);
   FrameSettings settings = SquareSettings(8, DrawCount(64, 4096), 2);
   settings.color = spectral ? ColorTransport::kSpectral : ColorTransport::kRgb;
   Rendered rendered = RenderCounted(t->scene, settings);
@@ -197,17 +197,17 @@ Rendered RenderGround(InteriorScene* t, int32_t matter, bool spectral) {
 // V14: a medium with a reflectance texture reflects at each point the texture's value, as a medium
 // of that single color does: in RGB, and for each wavelength. Free paths are a thousandth of the
 // stripes.
-TEST(SubsurfaceStability, V14PaintedMatterReflectsItsTexture) {
-  const Rgb painted[2] = {{0.8f, 0.35f, 0.1f}, {0.05f, 0.3f, 0.7f}};
+TEST(SubsurfaceStability, V14TexturedSubsurfaceReflectsItsTexture) {
+  const Rgb colors[2] = {{0.8f, 0.35f, 0.1f}, {0.05f, 0.3f, 0.7f}};
   constexpr float kFreePath = 1e-3f, kEta = 1.33f;
   for (const bool spectral : {false, true}) {
     for (const size_t stripe : {0, 1}) {
       SCOPED_TRACE((spectral ? "spectral " : "RGB ") + std::to_string(stripe));
       InteriorScene plain = Ground(0.7), striped = Ground(0.7);
       const int32_t one_color =
-          plain.MatterThatReflects(painted[stripe], kNone, kFreePath, 0, kEta);
-      const int32_t texture = striped.Stripes(painted[stripe], painted[1 - stripe], {0, 0, 1});
-      const int32_t two_colors = striped.MatterThatReflects({}, texture, kFreePath, 0, kEta);
+          plain.SubsurfaceWithReflectance(colors[stripe], kNone, kFreePath, 0, kEta);
+      const int32_t texture = striped.Stripes(colors[stripe], colors[1 - stripe], {0, 0, 1});
+      const int32_t two_colors = striped.SubsurfaceWithReflectance({}, texture, kFreePath, 0, kEta);
       ExpectSameMean(RenderGround(&striped, two_colors, spectral).mean,
                      RenderGround(&plain, one_color, spectral).mean);
     }
@@ -216,28 +216,30 @@ TEST(SubsurfaceStability, V14PaintedMatterReflectsItsTexture) {
 
 // V14: under a constant sky the requested reflectance results, also for a spectrum: the mean over
 // the views, without the mirror reflection of the boundary. Tolerance: as above.
-TEST(SubsurfaceStability, V14ReflectanceIsWhatIsAskedFor) {
+TEST(SubsurfaceStability, V14ReflectanceMatchesTheRequest) {
   const Rgb asked{0.8f, 0.35f, 0.1f};
   constexpr std::array<double, 5> kMu{0.0469100770, 0.2307653449, 0.5, 0.7692346551, 0.9530899230},
       kWeight{0.1184634425, 0.2393143352, 0.2844444444, 0.2393143352, 0.1184634425};
   for (const bool spectral : {false, true}) {
-    for (const bool is_painted : {false, true}) {
-      SCOPED_TRACE((spectral ? "spectral " : "RGB ") + std::to_string(is_painted));
+    for (const bool is_textured : {false, true}) {
+      SCOPED_TRACE((spectral ? "spectral " : "RGB ") + std::to_string(is_textured));
       Rgb left, error2;
       double entered = 0;
       for (size_t i = 0; i < kMu.size(); ++i) {
-        const double mu = kMu[i], share = kWeight[i] * mu;
+        const double mu = kMu[i], cosine_weight = kWeight[i] * mu;
         InteriorScene t = Ground(mu);
-        const int32_t texture = is_painted ? t.Stripes(asked, asked, {0, 0, 1}) : kNone;
+        const int32_t texture = is_textured ? t.Stripes(asked, asked, {0, 0, 1}) : kNone;
         const TileMean mean =
-            RenderGround(&t, t.MatterThatReflects(asked, texture, 1e-2f, 0, 1.33f), spectral).mean;
+            RenderGround(&t, t.SubsurfaceWithReflectance(asked, texture, 1e-2f, 0, 1.33f), spectral)
+                .mean;
         const double mirrored =
             static_cast<double>(FresnelDielectric(static_cast<float>(mu), 1.33f).reflectance);
-        entered += share * (1 - mirrored);
+        entered += cosine_weight * (1 - mirrored);
         for (size_t c = 0; c < 3; ++c) {
-          left[c] += static_cast<float>(share * (static_cast<double>(mean.mean[c]) - mirrored));
-          error2[c] +=
-              static_cast<float>(std::pow(share * static_cast<double>(mean.standard_error[c]), 2));
+          left[c] +=
+              static_cast<float>(cosine_weight * (static_cast<double>(mean.mean[c]) - mirrored));
+          error2[c] += static_cast<float>(
+              std::pow(cosine_weight * static_cast<double>(mean.standard_error[c]), 2));
         }
       }
       for (size_t c = 0; c < 3; ++c) {
@@ -250,12 +252,12 @@ TEST(SubsurfaceStability, V14ReflectanceIsWhatIsAskedFor) {
 }
 
 // A boundary of matched index is invisible, but a texture on it still applies to the interior.
-TEST(SubsurfaceStability, PaintCountsBeneathMatchedBoundaries) {
-  const auto ball = [](bool is_painted) {
+TEST(SubsurfaceStability, TexturesApplyAtMatchedBoundaries) {
+  const auto ball = [](bool is_textured) {
     InteriorScene t = FurnaceScene();
     const Rgb color{0.8f, 0.35f, 0.1f};
-    const int32_t texture = is_painted ? t.Stripes(color, color, {0, 0, 1}) : kNone;
-    t.AddMatter(kBall, t.MatterThatReflects(color, texture, 0.1f, 0.4f, 1));
+    const int32_t texture = is_textured ? t.Stripes(color, color, {0, 0, 1}) : kNone;
+    t.AddSubsurface(kBall, t.SubsurfaceWithReflectance(color, texture, 0.1f, 0.4f, 1));
     return RenderCounted(t.scene, SquareSettings(8, DrawCount(256, 4096), 3)).mean;
   };
   ExpectSameMean(ball(true), ball(false));
@@ -263,12 +265,13 @@ TEST(SubsurfaceStability, PaintCountsBeneathMatchedBoundaries) {
 
 // V14: the same for a ball whose free paths are a millionth of its radius: under a constant sky it
 // reflects as the half-space does.
-TEST(SubsurfaceStability, V14SmallFreePathsAreDiffuse) {
+TEST(SubsurfaceStability, V14ShortMeanFreePathsAreDiffuse) {
   std::vector<Rendered> balls;
   for (size_t i = 0; i < 2; ++i) {
     InteriorScene t = FurnaceScene();
     const float density = i == 0 ? 1e6f : 1e8f;
-    t.AddMatter(kBall, t.Matter(Rgb::Grey(0.1f * density), Rgb::Grey(0.9f * density), 0, 1.4f));
+    t.AddSubsurface(kBall,
+                    t.SubsurfaceOf(Rgb::Gray(0.1f * density), Rgb::Gray(0.9f * density), 0, 1.4f));
     balls.push_back(RenderCounted(t.scene, SquareSettings(8, DrawCount(256, 4096), 3)));
     EXPECT_EQ(balls[i].mean.non_finite, 0u);
     EXPECT_EQ(balls[i].stats.broken_nestings, 0u);
@@ -289,8 +292,8 @@ TEST(SubsurfaceStability, V14AnyThickness) {
   for (const float thickness : {1e-3f, 1e-1f, 10.0f, 1e3f, 1e6f}) {
     SCOPED_TRACE(thickness);
     InteriorScene t = FurnaceScene();
-    t.AddMatter(kBall, t.Matter(Rgb{0.01f, 0.1f, 0.5f} * thickness, Rgb{1, 0.5f, 0.1f} * thickness,
-                                0.2f, 1.4f, 0.1f));
+    t.AddSubsurface(kBall, t.SubsurfaceOf(Rgb{0.01f, 0.1f, 0.5f} * thickness,
+                                          Rgb{1, 0.5f, 0.1f} * thickness, 0.2f, 1.4f, 0.1f));
     const Rendered rendered = RenderCounted(t.scene, SquareSettings(8, 64, 8));
     EXPECT_EQ(rendered.mean.non_finite, 0u);
     EXPECT_EQ(rendered.stats.broken_nestings, 0u);
@@ -303,9 +306,9 @@ TEST(SubsurfaceStability, V14AnyThickness) {
 
 // A walk of any length counts as one bounce: a convex ball reflects no light onto itself and has
 // its full brightness at depth 1.
-TEST(SubsurfaceStability, AWalkIsOneBounce) {
+TEST(SubsurfaceStability, WalkIsOneBounce) {
   InteriorScene t = FurnaceScene();
-  t.AddMatter(kBall, t.Matter(Rgb::Grey(0.1f), Rgb::Grey(5), 0, 1.33f));
+  t.AddSubsurface(kBall, t.SubsurfaceOf(Rgb::Gray(0.1f), Rgb::Gray(5), 0, 1.33f));
   const Rendered shallow = RenderCounted(t.scene, SquareSettings(8, 64, 1));
   const Rendered deep = RenderCounted(t.scene, SquareSettings(8, 64, 50));
   EXPECT_TRUE(shallow.film == deep.film);
@@ -315,28 +318,29 @@ TEST(SubsurfaceStability, AWalkIsOneBounce) {
 // A plain medium inside glass equals the subsurface medium if the depth is unlimited.
 TEST(SubsurfaceStability, AgreesWithGlassAroundAMedium) {
   for (const float roughness : {0.0f, 0.25f}) {
-    for (const Rgb sigma_s : {Rgb::Grey(2), Rgb{0.5f, 2, 6}}) {
+    for (const Rgb sigma_s : {Rgb::Gray(2), Rgb{0.5f, 2, 6}}) {
       const auto slab = [&](bool by_hand) {
         InteriorScene t({0.3, 0.4, -4}, {0, 0, 0}, 40);
         t.ConstantEnvironment({1, 0.5f, 0.2f});
         t.AddShape(MeshShape{t.Quad({-2, 2.5f, -2}, {2, 2.5f, -2}, {2, 2.5f, 2}, {-2, 2.5f, 2})},
                    t.Diffuse({}))
-            .area_light = t.AreaLight(Rgb::Grey(4));
-        const int32_t matter = t.Matter({0.1f, 0.2f, 0.3f}, sigma_s, 0.3f, 1.4f, roughness);
+            .area_light = t.AreaLight(Rgb::Gray(4));
+        const int32_t subsurface =
+            t.SubsurfaceOf({0.1f, 0.2f, 0.3f}, sigma_s, 0.3f, 1.4f, roughness);
         const MeshShape box{t.Box({-1, -1, -0.4f}, {1, 1, 0.4f})};
         if (!by_hand) {
-          t.AddMatter(box, matter);
+          t.AddSubsurface(box, subsurface);
           return RenderCounted(t.scene, SquareSettings(16, DrawCount(256, 4096), 1000));
         }
-        t.scene.media[0].is_matter = false;
+        t.scene.media[0].is_subsurface = false;
         DielectricMaterial glass;
         glass.roughness = {{roughness, kNone}, {roughness, kNone}, false};
         glass.eta.mean = 1.4f;
         t.AddShape(box, t.AddMaterial(glass)).media.inside = 0;
         return RenderCounted(t.scene, SquareSettings(16, DrawCount(256, 4096), 1000));
       };
-      const Rendered matter = slab(false), by_hand = slab(true);
-      ExpectSameMean(matter.mean, by_hand.mean);
+      const Rendered subsurface = slab(false), by_hand = slab(true);
+      ExpectSameMean(subsurface.mean, by_hand.mean);
       EXPECT_EQ(by_hand.stats.broken_nestings, 0u);
     }
   }
@@ -350,10 +354,10 @@ TEST(SubsurfaceStability, G2ScaleKeepsTheBits) {
       TestScene room = LitRoom(scale);
       InteriorScene t(room);
       const auto unit = static_cast<float>(density / scale);
-      const int32_t matter =
-          t.Matter(Rgb{0.1f, 0.2f, 0.3f} * unit, Rgb{1, 0.9f, 0.8f} * unit, 0.2f, 1.4f, 0.2f);
-      t.AddMatter(SphereShape{0.25f, -0.25f, 0.25f, 360}, matter,
-                  ScaleMatrix({scale, scale, scale}) * TranslateMatrix({-0.3, -0.5, 0.4}));
+      const int32_t subsurface =
+          t.SubsurfaceOf(Rgb{0.1f, 0.2f, 0.3f} * unit, Rgb{1, 0.9f, 0.8f} * unit, 0.2f, 1.4f, 0.2f);
+      t.AddSubsurface(SphereShape{0.25f, -0.25f, 0.25f, 360}, subsurface,
+                      ScaleMatrix({scale, scale, scale}) * TranslateMatrix({-0.3, -0.5, 0.4}));
       return RenderCounted(t.scene, SquareSettings(12, 16, 6));
     };
     const Rendered one = scaled(1);
@@ -365,9 +369,9 @@ TEST(SubsurfaceStability, G2ScaleKeepsTheBits) {
 // G12: paths that leave the interior without hitting its boundary end, and are counted.
 TEST(SubsurfaceStability, G12OpenMeshIsCounted) {
   InteriorScene t({0.1, 0.2, -4}, {0, 0, 0}, 0.01f);
-  t.ConstantEnvironment(Rgb::Grey(1));
-  t.AddMatter(MeshShape{t.Quad({-1, -1, 0}, {-1, 1, 0}, {1, 1, 0}, {1, -1, 0})},
-              t.Matter(Rgb::Grey(1e-6f), Rgb::Grey(1e-6f), 0, 1.5f));
+  t.ConstantEnvironment(Rgb::Gray(1));
+  t.AddSubsurface(MeshShape{t.Quad({-1, -1, 0}, {-1, 1, 0}, {1, 1, 0}, {1, -1, 0})},
+                  t.SubsurfaceOf(Rgb::Gray(1e-6f), Rgb::Gray(1e-6f), 0, 1.5f));
   const Rendered rendered = RenderCounted(t.scene, SquareSettings(4, 64, 5));
   EXPECT_GT(rendered.stats.broken_nestings, 900u);
   EXPECT_LT(rendered.mean.mean.g, 0.1f);  // The mirror reflection.

@@ -27,7 +27,7 @@ namespace {
 TestScene SphereInterior(float reflectance) {
   TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 70);
   ShapeDescription& sphere =
-      t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(reflectance)));
+      t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Gray(reflectance)));
   sphere.reverse_orientation = true;
   sphere.area_light = t.AreaLight({1, 2, 0.5f});
   return t;
@@ -45,13 +45,13 @@ TEST(TransportStability, A1SphereInterior) {
 }
 
 // A1: a point light of intensity pi at the center: the wall's radiance is rho / (1 - rho).
-TEST(TransportStability, A1PointLightAtTheCentre) {
+TEST(TransportStability, A1PointLightAtTheCenter) {
   TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 70);
-  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.5f))).reverse_orientation = true;
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Gray(0.5f))).reverse_orientation = true;
   PointLight light;
-  light.intensity.rgb = Rgb::Grey(static_cast<float>(3.14159265358979));
+  light.intensity.rgb = Rgb::Gray(static_cast<float>(3.14159265358979));
   t.scene.lights.push_back({light, {}, {}, {}});
-  ExpectMean(RenderMean(t.scene, SquareSettings(8, 256, 100000)), Rgb::Grey(1));
+  ExpectMean(RenderMean(t.scene, SquareSettings(8, 256, 100000)), Rgb::Gray(1));
 }
 
 // A sphere of walls with reflectance rho, in which a fraction f of the area is an open port, and a
@@ -63,14 +63,14 @@ TEST(TransportStability, A4IntegratingSphereWithAPort) {
     for (const float reflectance : {0.5f, 0.98f}) {
       TestScene t({0.1, -0.2, 0.3}, {0, 0, -1}, 30);
       SphereShape sphere{1, -1, 1 - 2 * port, 360};
-      t.AddShape(sphere, t.Diffuse(Rgb::Grey(reflectance))).reverse_orientation = true;
+      t.AddShape(sphere, t.Diffuse(Rgb::Gray(reflectance))).reverse_orientation = true;
       PointLight light;
-      light.intensity.rgb = Rgb::Grey(static_cast<float>(std::numbers::pi));
+      light.intensity.rgb = Rgb::Gray(static_cast<float>(std::numbers::pi));
       t.scene.lights.push_back({light, {}, {}, {}});
       SCOPED_TRACE(testing::Message() << "port " << port << ", reflectance " << reflectance);
       const TileMean mean = RenderMean(t.scene, SquareSettings(4, 256, 1 << 20));
       const float expected = reflectance / (1 - reflectance * (1 - port));
-      ExpectMean(mean, Rgb::Grey(expected));
+      ExpectMean(mean, Rgb::Gray(expected));
       ExpectHardCase({.row = "A4",
                       .figure = "multiplier of a sphere with a port, the largest",
                       .expected = expected,
@@ -101,8 +101,8 @@ TestScene UnequalBox() {
     const auto corner = [&](double u, double v) { return ToFloat(n - a * u + b * v); };
     ShapeDescription& shape =
         t.AddShape(MeshShape{t.Quad(corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1))},
-                   t.Diffuse(Rgb::Grey(wall.reflectance)));
-    if (wall.emission > 0) shape.area_light = t.AreaLight(Rgb::Grey(wall.emission));
+                   t.Diffuse(Rgb::Gray(wall.reflectance)));
+    if (wall.emission > 0) shape.area_light = t.AreaLight(Rgb::Gray(wall.emission));
   }
   return t;
 }
@@ -144,12 +144,12 @@ std::array<double, 6> EvenRadiosities() {
 // corner, an open bowl, glass and a perfect mirror that illuminate each other. For rough ones,
 // energy compensation restores the loss of single scattering to the half percent of their tables,
 // at each of several bounces.
-TEST(TransportStability, A3LosslessThingsCannotBeSeen) {
+TEST(TransportStability, A3LosslessObjectsAreInvisible) {
   for (const float roughness : {0.0f, 0.3f}) {
     SCOPED_TRACE(roughness);
     TestScene t({2.4, 2, 2.2}, {0.5, 0.5, 0.5}, 45);
-    t.ConstantEnvironment(Rgb::Grey(1));
-    const int32_t white = t.Diffuse(Rgb::Grey(1));
+    t.ConstantEnvironment(Rgb::Gray(1));
+    const int32_t white = t.Diffuse(Rgb::Gray(1));
     t.AddShape(MeshShape{t.Quad({0, 0, 0}, {0, 0, 3}, {3, 0, 3}, {3, 0, 0})}, white);
     t.AddShape(MeshShape{t.Quad({0, 0, 0}, {3, 0, 0}, {3, 3, 0}, {0, 3, 0})}, white);
     t.AddShape(SphereShape{0.4f, -0.4f, 0, 360}, white, TranslateMatrix({0.5, 1.2, 0.6}));
@@ -160,13 +160,13 @@ TEST(TransportStability, A3LosslessThingsCannotBeSeen) {
     ConductorMaterial mirror;
     mirror.roughness = glass.roughness;
     mirror.has_reflectance = true;
-    mirror.reflectance.value.rgb = Rgb::Grey(1);
+    mirror.reflectance.value.rgb = Rgb::Gray(1);
     t.AddShape(SphereShape{0.3f, -0.3f, 0.3f, 360}, t.AddMaterial(mirror),
                TranslateMatrix({1.3, 0.9, 0.4}));
     const TileMean mean = RenderMean(t.scene, SquareSettings(16, 128, 4000));
     EXPECT_EQ(mean.non_finite, 0u);
     if (roughness == 0) {
-      ExpectMean(mean, Rgb::Grey(1));
+      ExpectMean(mean, Rgb::Gray(1));
       continue;
     }
     ExpectHardCase({.row = "A3",
@@ -232,12 +232,12 @@ TEST(TransportStability, R6WhiteWallsReflectEverything) {
 // the opposite wall, at distance d, has the radiance rho / pi (I / d^2 + I rho / (1 - rho)). No
 // sample is clamped unless the scene requests it, and then the plan reports that the image is
 // biased.
-TEST(TransportStability, R8FirefliesCountInFull) {
+TEST(TransportStability, R8FirefliesAreNotClamped) {
   constexpr double kRho = 0.5, kHeight = 0.05, kAcross = 2 - kHeight;
   TestScene t({0.3, 0.2, 0.1}, {0, 0, 1}, 0.01f);
-  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(kRho))).reverse_orientation = true;
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Gray(kRho))).reverse_orientation = true;
   PointLight light;
-  light.intensity.rgb = Rgb::Grey(1);
+  light.intensity.rgb = Rgb::Gray(1);
   light.from = {0, 0, kHeight - 1};
   t.scene.lights.push_back({light, {}, {}, {}});
   FrameSettings settings = SquareSettings(8, 1024, 1 << 20);
@@ -294,7 +294,7 @@ TEST(TransportStability, R7WeightsSumToOneAtAllMagnitudes) {
 // techniques.
 TEST(TransportStability, L8NoLightIsBlack) {
   TestScene t({0, 0, -3}, {0, 0, 0}, 40);
-  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Grey(0.5f)));
+  t.AddShape(SphereShape{1, -1, 1, 360}, t.Diffuse(Rgb::Gray(0.5f)));
   const TileMean mean = RenderMean(t.scene, SquareSettings(8, 16, 5));
   EXPECT_EQ(mean.mean, Rgb{});
   EXPECT_EQ(mean.non_finite, 0u);
@@ -304,13 +304,13 @@ TEST(TransportStability, L8NoLightIsBlack) {
 TEST(TransportStability, L8OneLightGivesItsClosedForm) {
   TestScene t({0, 0.5, 0}, {0, 0, 0}, 1e-4f, {0, 0, 1});
   t.AddShape(MeshShape{t.Quad({-10, 0, -10}, {-10, 0, 10}, {10, 0, 10}, {10, 0, -10})},
-             t.Diffuse(Rgb::Grey(0.5f)));
+             t.Diffuse(Rgb::Gray(0.5f)));
   // Facing down, radius 1 at height 1: sin^2 = 1 / 2.
   DiskShape disk;
   disk.radius = 1;
   t.AddShape(disk, t.Diffuse({}), TranslateMatrix({0, 1, 0}) * RotateMatrix(90, {1, 0, 0}))
-      .area_light = t.AreaLight(Rgb::Grey(4));
-  ExpectMean(RenderMean(t.scene, SquareSettings(4, 1024, 1)), Rgb::Grey(0.5f * 4 * 0.5f));
+      .area_light = t.AreaLight(Rgb::Gray(4));
+  ExpectMean(RenderMean(t.scene, SquareSettings(4, 1024, 1)), Rgb::Gray(0.5f * 4 * 0.5f));
 }
 
 // L7: a black environment equals no environment, to the bit.
@@ -371,7 +371,7 @@ TEST(TransportStability, A5TilesAndThreadsChangeNoBit) {
                   .naive_by = "running sums of a frame forwards and backwards: their difference"});
 }
 
-TEST(TransportStability, A5AStoppedPassSaysSo) {
+TEST(TransportStability, A5StoppedPassesReportIt) {
   const CompiledScenePtr scene = Compile(SphereInterior(0.7f).scene, SquareSettings(16, 32, 10));
   std::stop_source stop;
   stop.request_stop();
@@ -407,7 +407,7 @@ FilmTile RoomWithBox(Material material, RenderPlan* plan) {
 // M5: glass of index 1 is invisible: it equals a declared interface to the bit, which takes no
 // scattering event and blocks no shadow ray; and it equals the room without it up to the rounding
 // of ray origins at the crossings.
-TEST(TransportStability, M5GlassOfIndexOneIsNotThere) {
+TEST(TransportStability, M5GlassOfIndexOneIsInvisible) {
   const FilmTile empty = RenderAll(*Compile(LitRoom(1).scene, SquareSettings(16, 32, 5)));
   RenderPlan plan;
   const FilmTile passed = RoomWithBox(InterfaceMaterial{}, &plan);

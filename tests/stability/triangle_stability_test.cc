@@ -102,12 +102,12 @@ double NaiveEscapes(const Triangles& globe) {
     const auto vertex =
         static_cast<size_t>(random.Uniform() * static_cast<double>(globe.positions.size()));
     const Vec3f o = FromTheMiddle(&random).o, d = globe.positions[vertex] - o;
-    const auto is_met = [&](size_t t) {
-      return naive::MeetsTriangle(o, d, globe.positions[globe.indices[t]],
-                                  globe.positions[globe.indices[t + 1]],
-                                  globe.positions[globe.indices[t + 2]]);
+    const auto is_hit = [&](size_t t) {
+      return naive::IntersectsTriangle(o, d, globe.positions[globe.indices[t]],
+                                       globe.positions[globe.indices[t + 1]],
+                                       globe.positions[globe.indices[t + 2]]);
     };
-    escapes += std::none_of(triangles_at[vertex].begin(), triangles_at[vertex].end(), is_met);
+    escapes += std::none_of(triangles_at[vertex].begin(), triangles_at[vertex].end(), is_hit);
   }
   return escapes / static_cast<double>(kRays);
 }
@@ -218,7 +218,7 @@ TEST(TriangleStability, G3NoRayLeavesAPlacedClosedMeshFromItsInside) {
 
 // G3 without the second test: shadow rays to nearby lights, and rooms seen by a camera outside.
 // Rays to random points and edges do not escape; one in fifty rays to vertices does.
-TEST(TriangleStability, G3UnguardedRaysEscapeThroughVerticesAlone) {
+TEST(TriangleStability, G3UnguardedRaysEscapeOnlyAtVertices) {
   const Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
   t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, kNone);
@@ -237,7 +237,7 @@ TEST(TriangleStability, G3UnguardedRaysEscapeThroughVerticesAlone) {
 // Among surfaces at equal distance the one with the smallest id is hit, independent of their order
 // in a tree: eight surfaces of one mesh, and eight meshes, behind other triangles that vary the
 // tree.
-TEST(TriangleStability, TiesGoToTheSmallestId) {
+TEST(TriangleStability, TiesResolveToTheSmallestId) {
   const std::vector<Vec3f> corners{{-1, -1.3f, 0.4f}, {1.2f, -1, 0.1f}, {0.1f, 1.4f, -0.3f}};
   const Vec3f normal = Normalize(Cross(corners[1] - corners[0], corners[2] - corners[0]));
   Random random(9);
@@ -274,7 +274,7 @@ TEST(TriangleStability, TiesGoToTheSmallestId) {
 }
 
 // A room with a window is not closed: rays that leave by the window are not tested again.
-TEST(TriangleStability, G3AnOpenRoomLetsRaysOut) {
+TEST(TriangleStability, G3OpenRoomsLeakRays) {
   Triangles globe = Globe({0, 0, 0}, 40, 80);
   globe.indices.resize(globe.indices.size() - 3 * 80);  // The cap about -z.
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);
@@ -288,7 +288,7 @@ TEST(TriangleStability, G3AnOpenRoomLetsRaysOut) {
   EXPECT_TRUE(scene->tracer->Intersect(ray, &hit));
 }
 
-TEST(TriangleStability, G3ClosedMeshesAreKnownByTheirEdges) {
+TEST(TriangleStability, G3ClosedMeshesAreDetectedByEdges) {
   const auto side = [](const Triangles& t) { return EnclosedSideOf(t.positions, t.indices); };
   Triangles globe = Globe({3, -2, 7}, 8, 12);
   EXPECT_EQ(side(globe), EnclosedSide::kBack);

@@ -67,7 +67,7 @@ inline BsdfFixture MakeConductorFixture(float alpha_x, float alpha_y, Rgb eta, R
 }
 // F = 1 in every channel.
 inline BsdfFixture MakeMirrorFixture(float alpha_x, float alpha_y, bool keeps_energy) {
-  return MakeConductorFixture(alpha_x, alpha_y, Rgb::Grey(1), Rgb::Grey(render::kPerfectConductorK),
+  return MakeConductorFixture(alpha_x, alpha_y, Rgb::Gray(1), Rgb::Gray(render::kPerfectConductorK),
                               keeps_energy);
 }
 
@@ -114,9 +114,9 @@ inline BsdfFixture MakeConductorCoatFixture(render::Ggx interface, render::Ggx b
   fixture.bsdf.conductor_coat = row.get();
   const float k = reflectance >= 1 ? render::kPerfectConductorK
                                    : 2 * std::sqrt(reflectance / (1 - reflectance));
-  fixture.bsdf.conductor_eta = Rgb::Grey(1);
-  fixture.bsdf.conductor_k = Rgb::Grey(k);
-  fixture.bsdf.color = Rgb::Grey(row->Tint(render::AverageConductorFresnel(1, k)));
+  fixture.bsdf.conductor_eta = Rgb::Gray(1);
+  fixture.bsdf.conductor_k = Rgb::Gray(k);
+  fixture.bsdf.color = Rgb::Gray(row->Tint(render::AverageConductorFresnel(1, k)));
   return fixture;
 }
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "common/scene/pbrt/statements/matter_reflectance.h"
+#include "common/scene/pbrt/statements/subsurface_reflectance.h"
 #include "tests/support/test_scene.h"
 
 namespace sheaf::render {
@@ -20,26 +20,27 @@ class InteriorScene : public TestScene {
   using TestScene::TestScene;
   explicit InteriorScene(const TestScene& room) : TestScene(room) {}
 
-  int32_t Matter(Rgb sigma_a, Rgb sigma_s, float g, float eta, float alpha = 0) {
+  int32_t SubsurfaceOf(Rgb sigma_a, Rgb sigma_s, float g, float eta, float alpha = 0) {
     MediumDescription medium;
     medium.name = std::to_string(scene.media.size());
     medium.sigma_a.rgb = sigma_a;
     medium.sigma_s.rgb = sigma_s;
     medium.g = g;
-    return AddMatterOf(std::move(medium), eta, alpha);
+    return AddSubsurfaceOf(std::move(medium), eta, alpha);
   }
   // A medium defined by its reflectance. texture: replaces the color.
-  int32_t MatterThatReflects(Rgb color, int32_t texture, float free_path, float g, float eta) {
+  int32_t SubsurfaceWithReflectance(Rgb color, int32_t texture, float free_path, float g,
+                                    float eta) {
     MediumDescription medium;
     medium.name = std::to_string(scene.media.size());
     medium.g = g;
-    MatterReflectance reflectance;
+    SubsurfaceReflectance reflectance;
     reflectance.color.rgb = color;
     reflectance.texture = texture;
-    reflectance.free_path.rgb = Rgb::Grey(free_path);
+    reflectance.free_path.rgb = Rgb::Gray(free_path);
     reflectance.eta = eta;
     SetReflectance(reflectance, &medium);
-    return AddMatterOf(std::move(medium), eta, 0);
+    return AddSubsurfaceOf(std::move(medium), eta, 0);
   }
   // A texture of two colors in world space: the first where the floor of the coordinate is even.
   int32_t Stripes(Rgb first, Rgb second, Vec3f across) {
@@ -56,7 +57,7 @@ class InteriorScene : public TestScene {
     return static_cast<int32_t>(scene.textures.size() - 1);
   }
   template <typename Shape>
-  ShapeDescription& AddMatter(Shape shape, int32_t material, Matrix4 world_from_object = {}) {
+  ShapeDescription& AddSubsurface(Shape shape, int32_t material, Matrix4 world_from_object = {}) {
     ShapeDescription& added = AddShape(shape, material, world_from_object);
     added.media.inside =
         std::get<SubsurfaceMaterial>(scene.materials[static_cast<size_t>(material)].material)
@@ -65,8 +66,8 @@ class InteriorScene : public TestScene {
   }
 
  private:
-  int32_t AddMatterOf(MediumDescription medium, float eta, float alpha) {
-    medium.is_matter = true;
+  int32_t AddSubsurfaceOf(MediumDescription medium, float eta, float alpha) {
+    medium.is_subsurface = true;
     scene.media.push_back(std::move(medium));
     SubsurfaceMaterial material;
     material.roughness = {{alpha, kNone}, {alpha, kNone}, false};

@@ -26,7 +26,7 @@ inline bool StartsInRoom(float size) {
 }
 
 // G3, G4: whether the ray o + t d hits the triangle. Source: Möller and Trumbore 1997.
-inline bool MeetsTriangle(Vec3f o, Vec3f d, Vec3f a, Vec3f b, Vec3f c) {
+inline bool IntersectsTriangle(Vec3f o, Vec3f d, Vec3f a, Vec3f b, Vec3f c) {
   const Vec3f e1 = b - a, e2 = c - a, p = Cross(d, e2), s = o - a, q = Cross(s, e1);
   const float inverse = 1 / Dot(e1, p);
   const float u = Dot(s, p) * inverse, v = Dot(d, q) * inverse;

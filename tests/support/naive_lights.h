@@ -40,7 +40,7 @@ inline float SquareSolidAngle(float h) {
 inline float InverseSquare(float distance) { return 1 / (distance * distance); }
 
 // L7, L8, L13, L14: a part as a fraction of the whole.
-inline float Share(float part, float whole) { return part / whole; }
+inline float Fraction(float part, float whole) { return part / whole; }
 
 // L9: relative position of a light within the bounds of the centers, for a bucket.
 inline float PlaceInBounds(float x, float lower, float upper) {

@@ -13,10 +13,10 @@ namespace sheaf::render {
 
 // Weight of colors mixed with gray; 0 makes everything gray.
 struct Tint {
-  float share = 0;
+  float saturation = 0;
   Rgb operator()(Rgb c) const {
-    const float grey = (c.r + c.g + c.b) / 3;
-    return Rgb::Grey(grey * (1 - share)) + c * share;
+    const float gray = (c.r + c.g + c.b) / 3;
+    return Rgb::Gray(gray * (1 - saturation)) + c * saturation;
   }
 };
 
@@ -31,7 +31,7 @@ inline TestScene OpenBox(Tint tint) {
   return t;
 }
 
-inline void AddLamp(TestScene* t, Tint tint, float half_width) {
+inline void AddPointEmitter(TestScene* t, Tint tint, float half_width) {
   const float w = half_width;
   t->AddShape(MeshShape{t->Quad({-w, 2.5f, -w}, {w, 2.5f, -w}, {w, 2.5f, w}, {-w, 2.5f, w})},
               t->Diffuse({}))
@@ -43,7 +43,7 @@ inline constexpr SphereShape kBall{0.6f, -0.6f, 0.6f, 360};
 // A flat light, a spherical light, and diffuse surfaces.
 inline TestScene Diffuse(Tint tint) {
   TestScene t = OpenBox(tint);
-  AddLamp(&t, tint, 0.9f);
+  AddPointEmitter(&t, tint, 0.9f);
   t.AddShape(SphereShape{0.4f, -0.4f, 0.4f, 360}, t.Diffuse({}), TranslateMatrix({-1.2, 0.6, 0.5}))
       .area_light = t.AreaLight(tint({2, 3, 4}));
   t.AddShape(kBall, t.Diffuse(tint({0.7f, 0.7f, 0.3f})), TranslateMatrix({0.5, 0.6, 0}));
@@ -54,7 +54,7 @@ inline TestScene Diffuse(Tint tint) {
 // rarely for 16 draws to estimate their own variance.
 inline TestScene Glossy(Tint tint) {
   TestScene t = OpenBox(tint);
-  AddLamp(&t, tint, 1);
+  AddPointEmitter(&t, tint, 1);
   ConductorMaterial metal;
   metal.roughness = {{0.5f, kNone}, {0.4f, kNone}, true};
   metal.has_reflectance = true;
@@ -74,10 +74,10 @@ inline TestScene Glossy(Tint tint) {
 inline TestScene Outdoor(Tint tint) {
   TestScene t = OpenBox(tint);
   t.ConstantEnvironment(tint({0.6f, 0.8f, 1}));
-  PointLight lamp;
-  lamp.intensity.rgb = tint({2, 2, 1});
-  lamp.from = {1, 2, -1};
-  t.scene.lights.push_back({lamp, {}, {}, {}});
+  PointLight light;
+  light.intensity.rgb = tint({2, 2, 1});
+  light.from = {1, 2, -1};
+  t.scene.lights.push_back({light, {}, {}, {}});
   t.scene.camera.lens_radius = 0.05f;
   t.scene.camera.focal_distance = 3.5f;
   t.scene.camera.shutter_close = 1;
@@ -101,7 +101,7 @@ inline TestScene Outdoor(Tint tint) {
 // light and a sky illuminate them through their interfaces.
 inline TestScene Hazy(Tint tint) {
   TestScene t = OpenBox(tint);
-  AddLamp(&t, tint, 1);
+  AddPointEmitter(&t, tint, 1);
   t.ConstantEnvironment(tint({0.3f, 0.4f, 0.5f}));
   const auto add = [&](Rgb sigma_a, Rgb sigma_s, float g, Matrix4 place) {
     MediumDescription medium;
@@ -129,7 +129,7 @@ inline TestScene Burning(Tint tint) {
         static_cast<int32_t>(t.scene.media.size());
     t.scene.media.push_back(std::move(medium));
   };
-  const auto shining = [&](Rgb sigma_a, Rgb sigma_s, Rgb radiance) {
+  const auto emissive = [&](Rgb sigma_a, Rgb sigma_s, Rgb radiance) {
     MediumDescription medium;
     medium.sigma_a.rgb = tint(sigma_a);
     medium.sigma_s.rgb = tint(sigma_s);
@@ -147,13 +147,13 @@ inline TestScene Burning(Tint tint) {
     }
     return grid;
   };
-  MediumDescription fire = shining({1, 0.6f, 0.8f}, {0.5f, 0.8f, 1}, {0.5f, 0.4f, 0.2f});
+  MediumDescription fire = emissive({1, 0.6f, 0.8f}, {0.5f, 0.8f, 1}, {0.5f, 0.4f, 0.2f});
   fire.kind = lumps({-0.9, 0.1, -0.6}, {0.3, 1.5, 0.6});
   add(std::move(fire), {-0.9f, 0.1f, -0.6f}, {0.3f, 1.5f, 0.6f});
-  MediumDescription bright = shining({0.4f, 0.5f, 0.3f}, {}, {0.2f, 0.6f, 0.9f});
+  MediumDescription bright = emissive({0.4f, 0.5f, 0.3f}, {}, {0.2f, 0.6f, 0.9f});
   bright.kind = lumps({0.6, 0.3, -0.5}, {1.6, 1.3, 0.5});
   add(std::move(bright), {0.6f, 0.3f, -0.5f}, {1.6f, 1.3f, 0.5f});
-  add(shining({0.02f, 0.03f, 0.04f}, {0.05f, 0.05f, 0.1f}, {0.3f, 0.2f, 0.2f}),
+  add(emissive({0.02f, 0.03f, 0.04f}, {0.05f, 0.05f, 0.1f}, {0.3f, 0.2f, 0.2f}),
       {-1.95f, 0.05f, -1.9f}, {1.95f, 2.5f, 1.9f});
   return t;
 }
@@ -217,13 +217,13 @@ inline TestScene Cloudy(Tint tint) {
 
 // More lights than are weighted individually: rows of small lights of unequal power, one of them a
 // point light, and a dim sky.
-inline TestScene ManyLamps(Tint tint) {
+inline TestScene ManyLights(Tint tint) {
   TestScene t = OpenBox(tint);
   t.ConstantEnvironment(tint({0.02f, 0.03f, 0.05f}));
-  PointLight lamp;
-  lamp.intensity.rgb = tint({0.5f, 0.3f, 0.2f});
-  lamp.from = {-1, 1.5f, 0};
-  t.scene.lights.push_back({lamp, {}, {}, {}});
+  PointLight light;
+  light.intensity.rgb = tint({0.5f, 0.3f, 0.2f});
+  light.from = {-1, 1.5f, 0};
+  t.scene.lights.push_back({light, {}, {}, {}});
   for (int i = 0; i < 20; ++i) {
     const float x = -1.8f + 0.9f * static_cast<float>(i % 5);
     const float z = -1.5f + 1.0f * static_cast<float>(i / 5);

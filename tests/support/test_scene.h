@@ -110,9 +110,9 @@ inline TestScene LitRoom(double scale) {
   TestScene t(Vec3d{0.1, 0.2, -0.7} * scale, Vec3d{0, 0, 1} * scale, 70);
   const Matrix4 size = ScaleMatrix({scale, scale, scale});
   t.AddShape(MeshShape{t.Box({-1, -1, -1}, {1, 1, 1})}, t.Diffuse({0.7f, 0.5f, 0.3f}), size);
-  t.AddShape(SphereShape{0.25f, -0.25f, 0.25f, 360}, t.Diffuse(Rgb::Grey(0.6f)),
+  t.AddShape(SphereShape{0.25f, -0.25f, 0.25f, 360}, t.Diffuse(Rgb::Gray(0.6f)),
              size * TranslateMatrix({0.3, -0.5, 0.4}));
-  const int32_t light = t.AreaLight(Rgb::Grey(5));
+  const int32_t light = t.AreaLight(Rgb::Gray(5));
   t.AddShape(MeshShape{t.Quad({-0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, -0.3f}, {0.3f, 0.99f, 0.3f},
                               {-0.3f, 0.99f, 0.3f})},
              t.Diffuse({}), size)

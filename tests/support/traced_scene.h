@@ -39,10 +39,10 @@ inline bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, SurfacePo
   Ray ray;
   ray.o = from;
   ray.d = to - from;
-  RawHit met;
-  if (!scene.tracer->Intersect(ray, &met)) return false;
-  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, ray, met);
-  if (hit != nullptr) *hit = met;
+  RawHit raw_hit;
+  if (!scene.tracer->Intersect(ray, &raw_hit)) return false;
+  *point = MakeSurfacePoint<kAllTraits>(scene.geometry, ray, raw_hit);
+  if (hit != nullptr) *hit = raw_hit;
   return true;
 }
 

@@ -19,7 +19,7 @@ namespace {
 // Maximum parts per upload. More would only increase the data that a broken connection repeats.
 constexpr size_t kUploadPartsMax = 16;
 // How long a thread waits for the coordinator to hear that it loads a scene.
-constexpr absl::Duration kTellLoadingMax = absl::Seconds(2);
+constexpr absl::Duration kReportLoadingMax = absl::Seconds(2);
 
 std::string Describe(const FinishedPart& part) {
   return absl::StrCat("frame ", part.frame_digest.substr(0, 12), " tile ", part.tile.x0, ",",
@@ -97,10 +97,10 @@ void Agent::AdvanceStage(bool stop_requested) {
     LogInfo("the grace period is over: returning the running tasks");
   }
   if (stage_ == Stage::kWorking) return;
-  const bool told = ledger_.Empty() && outbox_.empty() && (!news_ || !reachable_);
+  const bool is_done = ledger_.Empty() && outbox_.empty() && (!news_ || !reachable_);
   // If the coordinator does not answer, there is no reason to wait beyond the grace period.
   const bool given_up = now >= farewell_end_ || (now >= grace_end_ && !reachable_);
-  if (told || (given_up && !ledger_.HasRunning()) || now >= farewell_end_ + options_.farewell) {
+  if (is_done || (given_up && !ledger_.HasRunning()) || now >= farewell_end_ + options_.farewell) {
     stage_ = Stage::kDone;
   }
 }
@@ -191,7 +191,7 @@ void Agent::RenderLoop(std::stop_token ended) {
   }
 }
 
-void Agent::TellLoading(const LeaseLedger::Task& task) {
+void Agent::ReportLoading(const LeaseLedger::Task& task) {
   if (!scenes_.MustLoad(task.lease)) return;
   const MutexLock lock(&mutex_);
   const uint64_t before = ledger_.sequence();
@@ -200,12 +200,12 @@ void Agent::TellLoading(const LeaseLedger::Task& task) {
   const auto answered = [this, before]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return answered_sequence_ > before || !reachable_;
   };
-  answered_.WaitFor(&mutex_, task.stop, kTellLoadingMax, answered);
+  answered_.WaitFor(&mutex_, task.stop, kReportLoadingMax, answered);
 }
 
 void Agent::RenderOne(const LeaseLedger::Task& task) {
   const uint64_t id = task.lease.lease_id;
-  TellLoading(task);
+  ReportLoading(task);
   const SharedLoadResult loaded = scenes_.Get(task.lease, task.stop);
   {
     const MutexLock lock(&mutex_);
@@ -232,10 +232,10 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   ledger_.Finish(id);
   outbox_.Push(*std::move(part));
   uploads_.NotifyOne();
-  AskForMore();  // The next task shall be here before this part has arrived there.
+  RequestLeases();  // The next task shall be here before this part has arrived there.
 }
 
-void Agent::AskForMore() {
+void Agent::RequestLeases() {
   const bool enough = ledger_.CountHeld(LeasePhase::kQueued) >= options_.leases_ahead;
   if (enough && stage_ == Stage::kWorking) return;
   news_ = true;
@@ -323,7 +323,7 @@ void Agent::TakeOutcomes(const std::vector<const FinishedPart*>& parts,
     outbox_.Pop();
   }
   work_.NotifyAll();
-  AskForMore();
+  RequestLeases();
 }
 
 }  // namespace sheaf::worker

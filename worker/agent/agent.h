@@ -82,14 +82,14 @@ class Agent {
   // Waits until the coordinator knows which scene this worker is about to load, so that the scene
   // is known if loading it kills the worker. The wait is short, and is skipped if the coordinator
   // does not answer.
-  void TellLoading(const LeaseLedger::Task& task);
+  void ReportLoading(const LeaseLedger::Task& task);
   void UploadLoop(std::stop_token ended);
   // Takes over the answer to one upload.
   void TakeOutcomes(const std::vector<const FinishedPart*>& parts,
                     const std::vector<UploadOutcome>& outcomes)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Has Synchronize called soon where too few leases wait, or where this worker stops.
-  void AskForMore() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void RequestLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Drops a part that the coordinator says is not what its key says.
   void Refuse(const FinishedPart& part, const absl::Status& status)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -102,9 +102,9 @@ class Agent {
   SceneCache scenes_;
 
   mutable Mutex mutex_;
-  CondVar control_;  // Something to tell the coordinator, or a new stage.
-  CondVar work_;     // A lease to take, or room in the outbox.
-  CondVar uploads_;  // A part to send.
+  CondVar control_;   // Something to tell the coordinator, or a new stage.
+  CondVar work_;      // A lease to take, or room in the outbox.
+  CondVar uploads_;   // A part to send.
   CondVar answered_;  // A call was answered, or was not.
   LeaseLedger ledger_ ABSL_GUARDED_BY(mutex_);
   ResultOutbox outbox_ ABSL_GUARDED_BY(mutex_);

@@ -236,7 +236,7 @@ bool Eventually(const std::function<bool()>& condition) {
   return true;
 }
 
-TEST(AgentTest, RendersEverythingThereIs) {
+TEST(AgentTest, RendersAllTasks) {
   FakeCoordinator coordinator(100);
   FakeRenderer renderer;
   Running running(FastOptions(), &coordinator, &renderer);
@@ -246,7 +246,7 @@ TEST(AgentTest, RendersEverythingThereIs) {
   EXPECT_TRUE(coordinator.last_was_draining_and_empty());
 }
 
-TEST(AgentTest, LostRepliesCostNothingButTime) {
+TEST(AgentTest, LostRepliesLoseNoWork) {
   FakeCoordinator coordinator(100);
   coordinator.LoseEveryReply(3);
   FakeRenderer renderer;
@@ -257,7 +257,7 @@ TEST(AgentTest, LostRepliesCostNothingButTime) {
   EXPECT_TRUE(coordinator.failures().empty());
 }
 
-TEST(AgentTest, CoordinatorRestartLosesNoFinishedPart) {
+TEST(AgentTest, CoordinatorRestartLosesNoPart) {
   FakeCoordinator coordinator(20);
   FakeRenderer renderer;
   renderer.gate_open = false;
@@ -284,7 +284,7 @@ TEST(AgentTest, CancelWhileRenderingStopsTheThreads) {
   EXPECT_TRUE(coordinator.failures().empty());
 }
 
-TEST(AgentTest, TermFinishesWhatEndsWithinTheGrace) {
+TEST(AgentTest, TermFinishesTasksWithinTheGracePeriod) {
   FakeCoordinator coordinator(20);
   FakeRenderer renderer;
   renderer.gate_open = false;
@@ -303,7 +303,7 @@ TEST(AgentTest, TermFinishesWhatEndsWithinTheGrace) {
   }
 }
 
-TEST(AgentTest, TermHandsBackWhatDoesNotEndWithinTheGrace) {
+TEST(AgentTest, TermReleasesTasksBeyondTheGracePeriod) {
   FakeCoordinator coordinator(20);
   FakeRenderer renderer;
   renderer.gate_open = false;
@@ -315,7 +315,7 @@ TEST(AgentTest, TermHandsBackWhatDoesNotEndWithinTheGrace) {
   EXPECT_TRUE(coordinator.last_was_draining_and_empty());
 }
 
-TEST(AgentTest, TermWhileTheCoordinatorIsAwayEndsAfterTheGrace) {
+TEST(AgentTest, TermWithoutACoordinatorEndsAfterTheGracePeriod) {
   FakeCoordinator coordinator(20);
   FakeRenderer renderer;
   renderer.gate_open = false;
@@ -327,7 +327,7 @@ TEST(AgentTest, TermWhileTheCoordinatorIsAwayEndsAfterTheGrace) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
 }
 
-TEST(AgentTest, TellsWhoseFaultAFailedLoadIs) {
+TEST(AgentTest, ClassifiesLoadFailures) {
   FakeCoordinator coordinator(1);
   FakeRenderer renderer;
   renderer.load_status = absl::InvalidArgumentError("room.pbrt:3:1: no such material");
@@ -339,7 +339,7 @@ TEST(AgentTest, TellsWhoseFaultAFailedLoadIs) {
   EXPECT_TRUE(running.Stop().ok());
 }
 
-TEST(AgentTest, LackOfMemoryFailsTheTaskAndNotTheWorker) {
+TEST(AgentTest, OutOfMemoryFailsOnlyTheTask) {
   for (const bool while_loading : {true, false}) {
     FakeCoordinator coordinator(2);
     FakeRenderer renderer;
@@ -360,7 +360,7 @@ TEST(AgentTest, LackOfMemoryFailsTheTaskAndNotTheWorker) {
   }
 }
 
-TEST(AgentTest, ASceneWhoseFilesWereAlteredIsLoadedAnew) {
+TEST(AgentTest, ScenesWithAlteredFilesAreReloaded) {
   FakeCoordinator coordinator(2);
   FakeRenderer renderer;
   std::atomic<int> loads{0};
@@ -377,7 +377,7 @@ TEST(AgentTest, ASceneWhoseFilesWereAlteredIsLoadedAnew) {
   EXPECT_TRUE(running.Stop().ok());
 }
 
-TEST(AgentTest, TheCoordinatorKnowsOfALoadBeforeItBegins) {
+TEST(AgentTest, LoadsAreReportedBeforeTheyBegin) {
   FakeCoordinator coordinator(1);
   FakeRenderer renderer;
   bool known = false;
@@ -388,7 +388,7 @@ TEST(AgentTest, TheCoordinatorKnowsOfALoadBeforeItBegins) {
   EXPECT_TRUE(running.Stop().ok());
 }
 
-TEST(AgentTest, OneRefusedPartDoesNotHoldUpTheOthers) {
+TEST(AgentTest, RefusedPartsDoNotBlockOthers) {
   FakeCoordinator coordinator(30);
   coordinator.Refuse(7);
   FakeRenderer renderer;
@@ -399,7 +399,7 @@ TEST(AgentTest, OneRefusedPartDoesNotHoldUpTheOthers) {
   EXPECT_TRUE(running.Stop().ok());
 }
 
-TEST(AgentTest, WaitsWithNewTasksWhileTheOutboxIsFull) {
+TEST(AgentTest, FullOutboxDelaysNewTasks) {
   FakeCoordinator coordinator(50);
   FakeRenderer renderer;
   renderer.gate_open = false;
@@ -417,7 +417,7 @@ TEST(AgentTest, WaitsWithNewTasksWhileTheOutboxIsFull) {
   EXPECT_TRUE(running.Stop().ok());
 }
 
-TEST(AgentTest, EndsWhenIdleForLongEnough) {
+TEST(AgentTest, EndsAfterTheIdleTimeout) {
   FakeCoordinator coordinator(5);
   FakeRenderer renderer;
   AgentOptions options = FastOptions();
@@ -427,7 +427,7 @@ TEST(AgentTest, EndsWhenIdleForLongEnough) {
   EXPECT_EQ(coordinator.done_count(), 5u);
 }
 
-TEST(AgentTest, DoesNotAskAgainAndAgainWhileNobodyAnswers) {
+TEST(AgentTest, BacksOffWithoutACoordinator) {
   FakeCoordinator coordinator(1);
   coordinator.set_away(true);
   FakeRenderer renderer;

@@ -17,7 +17,7 @@ Lease MakeLease(uint64_t id) {
   return lease;
 }
 
-TEST(LeaseLedgerTest, TakesLeasesInTheOrderOfTheAnswer) {
+TEST(LeaseLedgerTest, TakesLeasesInOrder) {
   LeaseLedger ledger;
   EXPECT_EQ(ledger.Apply(ledger.TakeSnapshot().sequence, {MakeLease(9), MakeLease(3)}), 2);
   EXPECT_EQ(ledger.TakeNext()->lease.lease_id, 9u);
@@ -25,7 +25,7 @@ TEST(LeaseLedgerTest, TakesLeasesInTheOrderOfTheAnswer) {
   EXPECT_FALSE(ledger.TakeNext().has_value());
 }
 
-TEST(LeaseLedgerTest, ARepeatedAnswerChangesNothing) {
+TEST(LeaseLedgerTest, RepeatedRepliesChangeNothing) {
   LeaseLedger ledger;
   const uint64_t sequence = ledger.TakeSnapshot().sequence;
   EXPECT_EQ(ledger.Apply(sequence, {MakeLease(1)}), 1);
@@ -33,7 +33,7 @@ TEST(LeaseLedgerTest, ARepeatedAnswerChangesNothing) {
   EXPECT_THAT(ledger.TakeSnapshot().leases, ElementsAre(LeaseReport{1, LeasePhase::kQueued}));
 }
 
-TEST(LeaseLedgerTest, DropsWhatTheCoordinatorNoLongerLists) {
+TEST(LeaseLedgerTest, DropsLeasesNoLongerListed) {
   LeaseLedger ledger;
   ledger.Apply(ledger.TakeSnapshot().sequence, {MakeLease(1), MakeLease(2)});
   const LeaseLedger::Task running = *ledger.TakeNext();
@@ -45,7 +45,7 @@ TEST(LeaseLedgerTest, DropsWhatTheCoordinatorNoLongerLists) {
   EXPECT_THAT(ledger.TakeSnapshot().failures, IsEmpty());
 }
 
-TEST(LeaseLedgerTest, KeepsAFinishedPartThatIsNoLongerListed) {
+TEST(LeaseLedgerTest, KeepsFinishedPartsNoLongerListed) {
   LeaseLedger ledger;
   ledger.Apply(ledger.TakeSnapshot().sequence, {MakeLease(1)});
   ledger.TakeNext();
@@ -58,7 +58,7 @@ TEST(LeaseLedgerTest, KeepsAFinishedPartThatIsNoLongerListed) {
   EXPECT_TRUE(ledger.Empty());
 }
 
-TEST(LeaseLedgerTest, AnOldAnswerDoesNotReviveALeaseThatEnded) {
+TEST(LeaseLedgerTest, OldRepliesDoNotReviveEndedLeases) {
   LeaseLedger ledger;
   ledger.Apply(ledger.TakeSnapshot().sequence, {MakeLease(1)});
   ledger.TakeNext();
@@ -70,7 +70,7 @@ TEST(LeaseLedgerTest, AnOldAnswerDoesNotReviveALeaseThatEnded) {
   EXPECT_FALSE(ledger.HasQueued());
 }
 
-TEST(LeaseLedgerTest, RepeatsAFailureUntilARequestThatCarriedItIsAnswered) {
+TEST(LeaseLedgerTest, RepeatsFailuresUntilAcknowledged) {
   LeaseLedger ledger;
   ledger.Apply(ledger.TakeSnapshot().sequence, {MakeLease(1)});
   ledger.TakeNext();
@@ -85,7 +85,7 @@ TEST(LeaseLedgerTest, RepeatsAFailureUntilARequestThatCarriedItIsAnswered) {
   EXPECT_TRUE(ledger.Empty());
 }
 
-TEST(LeaseLedgerTest, HandsBackWhatNobodyBegan) {
+TEST(LeaseLedgerTest, ReleasesUnstartedLeases) {
   LeaseLedger ledger;
   ledger.Apply(ledger.TakeSnapshot().sequence, {MakeLease(1), MakeLease(2)});
   ledger.TakeNext();

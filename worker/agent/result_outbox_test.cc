@@ -14,7 +14,7 @@ FinishedPart MakePart(uint64_t lease_id, size_t size_bytes) {
   return part;
 }
 
-TEST(ResultOutboxTest, HasNoRoomWhileItsBytesReachTheLimit) {
+TEST(ResultOutboxTest, IsFullAtItsByteLimit) {
   ResultOutbox outbox(100);
   outbox.Push(MakePart(1, 60));
   EXPECT_TRUE(outbox.HasRoom());
@@ -25,7 +25,7 @@ TEST(ResultOutboxTest, HasNoRoomWhileItsBytesReachTheLimit) {
   EXPECT_EQ(outbox.size_bytes(), 60u);
 }
 
-TEST(ResultOutboxTest, GivesTheOldestFirstAndKeepsThemUntilPop) {
+TEST(ResultOutboxTest, ReturnsOldestUntilPopped) {
   ResultOutbox outbox(100);
   for (uint64_t id = 1; id <= 3; ++id) outbox.Push(MakePart(id, 1));
   const std::vector<const FinishedPart*> front = outbox.Front(2);

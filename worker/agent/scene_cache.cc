@@ -27,40 +27,40 @@ SharedLoadResult SceneCache::Get(const Lease& lease, std::stop_token stop) {
       it->second.last_use = ++uses_;
       return {it->second.scene, absl::OkStatus(), FailureKind::kInternal};
     }
-    const auto it = flights_.find(key);
-    if (it == flights_.end()) return Load(key, lease, stop, &evicted);
-    const std::shared_ptr<Flight> flight = it->second;
-    if (!landed_.Wait(&mutex_, stop, [&] { return flight->done; })) {
+    const auto it = pending_loads_.find(key);
+    if (it == pending_loads_.end()) return Load(key, lease, stop, &evicted);
+    const std::shared_ptr<PendingLoad> pending_load = it->second;
+    if (!load_done_.Wait(&mutex_, stop, [&] { return pending_load->done; })) {
       return {nullptr, absl::CancelledError("stopped while its scene was loaded"),
               FailureKind::kReleased};
     }
     // The lease that started the load was cancelled; this one was not, so it loads the scene
     // itself.
-    if (!absl::IsCancelled(flight->result.status)) return flight->result;
+    if (!absl::IsCancelled(pending_load->result.status)) return pending_load->result;
   }
 }
 
 SharedLoadResult SceneCache::Load(const Key& key, const Lease& lease, std::stop_token stop,
                                   std::vector<SharedScene>* evicted) {
-  const auto flight = std::make_shared<Flight>();
-  flights_[key] = flight;
+  const auto pending_load = std::make_shared<PendingLoad>();
+  pending_loads_[key] = pending_load;
   mutex_.Unlock();
   LoadResult loaded;
   const absl::Status in_memory =
       CatchOutOfMemory("loading the scene", [&] { loaded = loader_->Load(lease, stop); });
   if (!in_memory.ok()) loaded = {nullptr, in_memory, FailureKind::kMemory};
   mutex_.Lock();
-  flight->result = {SharedScene(std::move(loaded.scene)), loaded.status, loaded.failure_kind};
-  flight->done = true;
-  flights_.erase(key);
-  if (flight->result.scene != nullptr) {
-    entries_[key] = {flight->result.scene, lease.scene.sha256_hex, ++uses_};
+  pending_load->result = {SharedScene(std::move(loaded.scene)), loaded.status, loaded.failure_kind};
+  pending_load->done = true;
+  pending_loads_.erase(key);
+  if (pending_load->result.scene != nullptr) {
+    entries_[key] = {pending_load->result.scene, lease.scene.sha256_hex, ++uses_};
     *evicted = EvictBeyondLimit();
   } else if (loaded.failure_kind == FailureKind::kMemory) {
     *evicted = EvictAll();
   }
-  landed_.NotifyAll();
-  return flight->result;
+  load_done_.NotifyAll();
+  return pending_load->result;
 }
 
 void SceneCache::Drop(const Lease& lease, const SharedScene& scene) {

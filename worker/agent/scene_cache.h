@@ -69,7 +69,7 @@ class SceneCache {
   };
   // One load under way. Those who wait share it, so its result outlives its place in the table. The
   // cache's mutex guards it.
-  struct Flight {
+  struct PendingLoad {
     bool done = false;
     SharedLoadResult result;
   };
@@ -87,9 +87,9 @@ class SceneCache {
   SceneLoader* const loader_;
   const uint64_t memory_bytes_max_;
   mutable Mutex mutex_;
-  CondVar landed_;
+  CondVar load_done_;
   std::map<Key, Entry> entries_ ABSL_GUARDED_BY(mutex_);
-  std::map<Key, std::shared_ptr<Flight>> flights_ ABSL_GUARDED_BY(mutex_);
+  std::map<Key, std::shared_ptr<PendingLoad>> pending_loads_ ABSL_GUARDED_BY(mutex_);
   uint64_t uses_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 

@@ -50,7 +50,7 @@ Lease LeaseOf(const std::string& scene) {
   return lease;
 }
 
-TEST(SceneCacheTest, LoadsASceneOnceForManyThreads) {
+TEST(SceneCacheTest, LoadsOnceForManyThreads) {
   FakeLoader loader;
   SceneCache cache(&loader, 100);
   std::atomic<int> ok_count{0};
@@ -75,7 +75,7 @@ TEST(SceneCacheTest, EvictsTheLeastRecentlyUsedBeyondItsLimit) {
   EXPECT_EQ(cache.Get(LeaseOf("a"), {}).scene, a);
 }
 
-TEST(SceneCacheTest, KeepsACertainNumberHoweverSmallTheyAre) {
+TEST(SceneCacheTest, LimitsTheNumberOfScenes) {
   FakeLoader loader;
   SceneCache cache(&loader, 1'000'000);
   for (size_t i = 0; i < kScenesMax + 5; ++i) cache.Get(LeaseOf(std::to_string(i)), {});
@@ -84,7 +84,7 @@ TEST(SceneCacheTest, KeepsACertainNumberHoweverSmallTheyAre) {
   EXPECT_EQ(loader.load_count, static_cast<int>(kScenesMax) + 5);
 }
 
-TEST(SceneCacheTest, KeepsTheLastSceneEvenWhenItAloneIsBeyondTheLimit) {
+TEST(SceneCacheTest, KeepsTheLastSceneBeyondTheLimit) {
   FakeLoader loader;
   SceneCache cache(&loader, 1);
   cache.Get(LeaseOf("a"), {});
@@ -103,7 +103,7 @@ TEST(SceneCacheTest, DoesNotRememberFailures) {
   EXPECT_EQ(loader.load_count, 2);
 }
 
-TEST(SceneCacheTest, ALoadThatLacksMemoryMakesRoomForTheNext) {
+TEST(SceneCacheTest, OutOfMemoryLoadsEvictOtherScenes) {
   FakeLoader loader;
   SceneCache cache(&loader, 100);
   cache.Get(LeaseOf("a"), {});
@@ -116,7 +116,7 @@ TEST(SceneCacheTest, ALoadThatLacksMemoryMakesRoomForTheNext) {
   EXPECT_NE(cache.Get(LeaseOf("a"), {}).scene, nullptr) << "nobody waits for a load that ended";
 }
 
-TEST(SceneCacheTest, AnotherLeaseLoadsWhenTheLoadingOneIsCancelled) {
+TEST(SceneCacheTest, WaitingLeasesLoadAfterACancellation) {
   FakeLoader loader;
   loader.first_load_waits_for_stop = true;
   SceneCache cache(&loader, 100);

@@ -123,16 +123,17 @@ void PathNoiseSums::Add(const PathNoiseSums& other) {
   add(other.all_, &all_);
 }
 
-PathNoise PathNoiseSums::Shares() const {
-  const auto share = [](double part, double whole) { return whole > 0 ? part / whole : 0; };
+PathNoise PathNoiseSums::Fractions() const {
+  const auto fraction = [](double part, double whole) { return whole > 0 ? part / whole : 0; };
   double light = 0;
   for (const Kind& kind : kinds_) light += kind.light;
   PathNoise noise;
   for (size_t k = 0; k < kLightPathKindCount; ++k) {
-    noise.kinds[k] = {share(kinds_[k].light, light), share(kinds_[k].covariance, all_.variance),
-                      share(kinds_[k].one_replicate, kinds_[k].variance)};
+    noise.kinds[k] = {fraction(kinds_[k].light, light),
+                      fraction(kinds_[k].covariance, all_.variance),
+                      fraction(kinds_[k].one_replicate, kinds_[k].variance)};
   }
-  noise.one_replicate_share = share(all_.one_replicate, all_.variance);
+  noise.one_replicate_fraction = fraction(all_.one_replicate, all_.variance);
   return noise;
 }
 

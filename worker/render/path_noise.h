@@ -17,7 +17,7 @@
 
 namespace sheaf::render {
 
-struct PathShares {
+struct PathFractions {
   double light = 0;     // Fraction of the image's sum of R, G and B.
   double variance = 0;  // Fraction of its variance.
   // Fraction of the kind's own variance that comes from a single one of a pixel's 16 replicates:
@@ -26,8 +26,8 @@ struct PathShares {
 };
 
 struct PathNoise {
-  std::array<PathShares, kLightPathKindCount> kinds;
-  double one_replicate_share = 0;  // All kinds together: whether the tile's error is reliable.
+  std::array<PathFractions, kLightPathKindCount> kinds;
+  double one_replicate_fraction = 0;  // All kinds together: whether the tile's error is reliable.
 };
 
 // The tile's samples 0 to `samples`, relative to `floor` plus the tile's mean, so that dark tiles
@@ -39,7 +39,7 @@ class PathNoiseSums {
   static absl::StatusOr<PathNoiseSums> Of(const CompiledScene& scene, PixelRect tile,
                                           uint64_t samples, double floor);
   void Add(const PathNoiseSums& other);
-  PathNoise Shares() const;
+  PathNoise Fractions() const;
 
  private:
   struct Kind {

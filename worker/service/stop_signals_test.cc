@@ -13,7 +13,7 @@
 namespace sheaf::worker {
 namespace {
 
-TEST(StopSignalsTest, HearsSignalsThatItsParentBlockedAndCountsThem) {
+TEST(StopSignalsTest, HandlesSignalsBlockedByItsParent) {
   sigset_t all;
   sigfillset(&all);
   ::pthread_sigmask(SIG_SETMASK, &all, nullptr);

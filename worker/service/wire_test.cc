@@ -51,7 +51,7 @@ TEST(WireTest, ReadsALease) {
   EXPECT_EQ(state->lease_duration, std::chrono::seconds(30));
 }
 
-TEST(WireTest, RefusesLeasesThatARendererWouldTripOver) {
+TEST(WireTest, RefusesInvalidLeases) {
   using Change = void (*)(v1::Lease*);
   const Change changes[] = {
       [](v1::Lease* l) { l->mutable_key()->mutable_block()->set_first(4); },
@@ -76,7 +76,7 @@ TEST(WireTest, RefusesLeasesThatARendererWouldTripOver) {
   }
 }
 
-TEST(WireTest, BoundsTheTimeToTheNextCall) {
+TEST(WireTest, BoundsTheNextCallTime) {
   v1::SynchronizeResponse response;
   EXPECT_GT(FromWire(response)->next_synchronize.count(), 0);
   response.mutable_next_synchronize_duration()->set_seconds(1'000'000'000);

@@ -23,12 +23,12 @@ constexpr std::array<const char*, 3> kColorError{"stderr.R", "stderr.G", "stderr
 
 using ColorPlanes = std::array<const std::vector<float>*, 3>;
 
-absl::StatusOr<ColorPlanes> FindPlanes(const FramePicture& picture,
+absl::StatusOr<ColorPlanes> FindPlanes(const FrameImage& image,
                                        const std::array<const char*, 3>& names,
                                        const std::string& which) {
   ColorPlanes planes{};
   for (size_t i = 0; i < 3; ++i) {
-    planes[i] = picture.Find(names[i]);
+    planes[i] = image.Find(names[i]);
     if (planes[i] == nullptr) {
       return absl::InvalidArgumentError(absl::StrCat("the ", which, " has no channel ", names[i]));
     }
@@ -39,7 +39,7 @@ absl::StatusOr<ColorPlanes> FindPlanes(const FramePicture& picture,
 struct Pair {
   ColorPlanes reference, image;
 };
-absl::StatusOr<Pair> MatchPictures(const FramePicture& reference, const FramePicture& image) {
+absl::StatusOr<Pair> MatchImages(const FrameImage& reference, const FrameImage& image) {
   if (reference.window.Width() != image.window.Width() ||
       reference.window.Height() != image.window.Height()) {
     return absl::InvalidArgumentError(
@@ -59,10 +59,10 @@ absl::StatusOr<Pair> MatchPictures(const FramePicture& reference, const FramePic
 }
 
 // Only R, G and B.
-FramePicture ColorsOf(const FramePicture& picture, const ColorPlanes& planes) {
-  FramePicture colors;
-  colors.window = picture.window;
-  colors.color.chromaticities = picture.color.chromaticities;
+FrameImage ColorsOf(const FrameImage& image, const ColorPlanes& planes) {
+  FrameImage colors;
+  colors.window = image.window;
+  colors.color.chromaticities = image.color.chromaticities;
   for (size_t i = 0; i < 3; ++i) {
     colors.channel_names.emplace_back(kColor[i]);
     colors.planes.push_back(*planes[i]);
@@ -109,7 +109,7 @@ double RelativeSquares(const std::vector<float>& reference, const std::vector<fl
   return sum;
 }
 
-double ShareDiffering(const Pair& pair) {
+double FractionDiffering(const Pair& pair) {
   const size_t size = pair.image[0]->size();
   size_t differing = 0;
   for (size_t p = 0; p < size; ++p) {
@@ -152,7 +152,7 @@ TileDeviation WorstChannel(const Pair& pair, const ColorPlanes& error, int32_t w
     const TileMean x = MeanOver(*pair.image[i], error[i], width, rect);
     const TileMean r = MeanOver(*pair.reference[i], nullptr, width, rect);
     const double standard_error = std::sqrt(x.variance * (1 + limits.samples_ratio));
-    const double beyond = std::fabs(x.mean - r.mean) - limits.mean_share_max * std::fabs(r.mean);
+    const double beyond = std::fabs(x.mean - r.mean) - limits.mean_fraction_max * std::fabs(r.mean);
     double excess = beyond / standard_error;
     if (standard_error == 0) excess = beyond > 0 ? kInfinity : 0;
     // A NaN mean counts as an infinite deviation.
@@ -164,9 +164,8 @@ TileDeviation WorstChannel(const Pair& pair, const ColorPlanes& error, int32_t w
 
 }  // namespace
 
-absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
-                                           const FramePicture& image) {
-  const absl::StatusOr<Pair> pair = MatchPictures(reference, image);
+absl::StatusOr<Comparison> CompareImages(const FrameImage& reference, const FrameImage& image) {
+  const absl::StatusOr<Pair> pair = MatchImages(reference, image);
   if (!pair.ok()) return pair.status();
   Comparison result;
   ChannelSums total;
@@ -178,7 +177,7 @@ absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
     total.squares += sums.squares;
     total.count += sums.count;
   }
-  result.share_differing = ShareDiffering(*pair);
+  result.fraction_differing = FractionDiffering(*pair);
   if (total.count == 0) return result;
   const auto count = static_cast<double>(total.count);
   result.reference_mean = total.reference / count;
@@ -192,29 +191,29 @@ absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
   return result;
 }
 
-absl::StatusOr<double> PerceivedDifference(const FramePicture& reference, const FramePicture& image,
+absl::StatusOr<double> PerceivedDifference(const FrameImage& reference, const FrameImage& image,
                                            FlipRange range) {
-  const absl::StatusOr<Pair> pair = MatchPictures(reference, image);
+  const absl::StatusOr<Pair> pair = MatchImages(reference, image);
   if (!pair.ok()) return pair.status();
-  FramePicture of_reference = ColorsOf(reference, pair->reference);
-  FramePicture of_image = ColorsOf(image, pair->image);
-  for (FramePicture* shown : {&of_reference, &of_image}) {
+  FrameImage of_reference = ColorsOf(reference, pair->reference);
+  FrameImage of_image = ColorsOf(image, pair->image);
+  for (FrameImage* shown : {&of_reference, &of_image}) {
     if (absl::Status status = ConvertColor(Chromaticities(), shown); !status.ok()) return status;
   }
-  const auto picture_of = [](const FramePicture& shown) {
+  const auto image_of = [](const FrameImage& shown) {
     const auto& planes = shown.planes;
-    return FlipPicture{shown.window.Width(),
-                       shown.window.Height(),
-                       {planes[0].data(), planes[1].data(), planes[2].data()}};
+    return FlipImage{shown.window.Width(),
+                     shown.window.Height(),
+                     {planes[0].data(), planes[1].data(), planes[2].data()}};
   };
-  const FlipPicture a = picture_of(of_reference), b = picture_of(of_image);
+  const FlipImage a = image_of(of_reference), b = image_of(of_image);
   return range == FlipRange::kScreen ? MeanFlip(a, b) : MeanHdrFlip(a, b);
 }
 
-absl::StatusOr<TileDeviations> FindTileDeviations(const FramePicture& reference,
-                                                  const FramePicture& image,
+absl::StatusOr<TileDeviations> FindTileDeviations(const FrameImage& reference,
+                                                  const FrameImage& image,
                                                   const TileDeviationLimits& limits) {
-  const absl::StatusOr<Pair> pair = MatchPictures(reference, image);
+  const absl::StatusOr<Pair> pair = MatchImages(reference, image);
   if (!pair.ok()) return pair.status();
   const absl::StatusOr<ColorPlanes> error = FindPlanes(image, kColorError, "image");
   if (!error.ok()) return error.status();
@@ -237,11 +236,10 @@ absl::StatusOr<TileDeviations> FindTileDeviations(const FramePicture& reference,
   return result;
 }
 
-absl::StatusOr<FramePicture> DifferencePicture(const FramePicture& reference,
-                                               const FramePicture& image) {
-  const absl::StatusOr<Pair> pair = MatchPictures(reference, image);
+absl::StatusOr<FrameImage> DifferenceImage(const FrameImage& reference, const FrameImage& image) {
+  const absl::StatusOr<Pair> pair = MatchImages(reference, image);
   if (!pair.ok()) return pair.status();
-  FramePicture difference;
+  FrameImage difference;
   difference.window = image.window;
   difference.frame_width_px = image.frame_width_px;
   difference.frame_height_px = image.frame_height_px;

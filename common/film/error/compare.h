@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "common/film/tile_geometry.h"
 
 namespace sheaf {
@@ -24,14 +24,14 @@ struct Comparison {
   // Mean of the image over mean of the reference for R, G, B; 1 if both are 0, infinite if only the
   // reference is.
   std::array<double, 3> mean_ratio{};
-  double share_differing = 0;  // Fraction of pixels with different bits in R, G or B.
+  double fraction_differing = 0;  // Fraction of pixels with different bits in R, G or B.
   double max_abs_difference = 0;
-  uint64_t nonfinite_count = 0;  // Non-finite values of either; only share_differing includes them.
+  uint64_t nonfinite_count =
+      0;  // Non-finite values of either; only fraction_differing includes them.
 };
 // Errors: kInvalidArgument if the windows have different sizes, the primaries differ, or R, G or B
 // is missing.
-absl::StatusOr<Comparison> ComparePictures(const FramePicture& reference,
-                                           const FramePicture& image);
+absl::StatusOr<Comparison> CompareImages(const FrameImage& reference, const FrameImage& image);
 
 // The range of light that FLIP (flip.h) considers.
 enum class FlipRange {
@@ -39,8 +39,8 @@ enum class FlipRange {
   kAll,     // HDR-FLIP: at all exposures that show part of the reference; slow.
 };
 // Mean FLIP over the pixels.
-// Errors: as ComparePictures; also kInvalidArgument if the primaries are degenerate.
-absl::StatusOr<double> PerceivedDifference(const FramePicture& reference, const FramePicture& image,
+// Errors: as CompareImages; also kInvalidArgument if the primaries are degenerate.
+absl::StatusOr<double> PerceivedDifference(const FrameImage& reference, const FrameImage& image,
                                            FlipRange range);
 
 // Tolerances of a tile-by-tile comparison.
@@ -48,14 +48,14 @@ struct TileDeviationLimits {
   int32_t tile_size_px = 16;
   double standard_errors_max = 5;  // K.
   // Allowed beyond noise, as a fraction of the reference's tile mean.
-  double mean_share_max = 0.015;
+  double mean_fraction_max = 0.015;
   // Ratio of the image's samples per pixel to the reference's. The reference's own noise is not
   // recorded; its variance is taken to be the image's times this ratio. 0: the reference has
   // converged.
   double samples_ratio = 0;
   size_t worst_count_max = 10;
 };
-// One channel of one tile. excess = (|image - reference| - the tolerance by mean_share_max) /
+// One channel of one tile. excess = (|image - reference| - the tolerance by mean_fraction_max) /
 // standard_error of the means; infinite if there is a difference and no noise. The tile deviates if
 // excess is above standard_errors_max.
 struct TileDeviation {
@@ -70,13 +70,12 @@ struct TileDeviations {
 };
 // Compares means of tiles, aligned to the image's window. The standard error of a mean follows from
 // the image's channels stderr.R, .G, .B, treating pixels as independent.
-// Errors: as ComparePictures; also if the image has no channels stderr.*.
-absl::StatusOr<TileDeviations> FindTileDeviations(const FramePicture& reference,
-                                                  const FramePicture& image,
+// Errors: as CompareImages; also if the image has no channels stderr.*.
+absl::StatusOr<TileDeviations> FindTileDeviations(const FrameImage& reference,
+                                                  const FrameImage& image,
                                                   const TileDeviationLimits& limits);
 
-// Signed image - reference in R, G, B, over the image's window. Errors: as ComparePictures.
-absl::StatusOr<FramePicture> DifferencePicture(const FramePicture& reference,
-                                               const FramePicture& image);
+// Signed image - reference in R, G, B, over the image's window. Errors: as CompareImages.
+absl::StatusOr<FrameImage> DifferenceImage(const FrameImage& reference, const FrameImage& image);
 
 }  // namespace sheaf

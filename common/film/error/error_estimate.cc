@@ -33,29 +33,29 @@ double ErrorSums::Deviation() const {
   return std::sqrt(2 * square_sum + of_estimate * of_estimate) / static_cast<double>(pixel_count);
 }
 
-std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
+std::vector<ErrorSums> EstimateTileErrors(const FrameImage& image,
                                           std::span<const PixelRect> tiles) {
-  return EstimateTileErrors(picture, tiles, MeanOfPicture(picture));
+  return EstimateTileErrors(image, tiles, MeanOfImage(image));
 }
 
-double MeanOfPicture(const FramePicture& picture) { return ErrorPlanes(picture).Mean(); }
+double MeanOfImage(const FrameImage& image) { return ErrorPlanes(image).Mean(); }
 
-std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
-                                          std::span<const PixelRect> tiles, double mean) {
-  const ErrorPlanes planes(picture);
+std::vector<ErrorSums> EstimateTileErrors(const FrameImage& image, std::span<const PixelRect> tiles,
+                                          double mean) {
+  const ErrorPlanes planes(image);
   std::vector<ErrorSums> sums;
   sums.reserve(tiles.size());
   RareHits rare;
   for (const PixelRect& tile : tiles) {
-    sums.push_back(SumErrors(planes, picture, tile, mean, sums.size(), &rare));
+    sums.push_back(SumErrors(planes, image, tile, mean, sums.size(), &rare));
   }
   rare.AddVariances(&sums);
   return sums;
 }
 
-FrameError EstimateError(const FramePicture& picture) {
-  const std::array<double, 3> luminance = LuminanceWeights(picture.color.chromaticities);
-  const ErrorPlanes planes(picture);
+FrameError EstimateError(const FrameImage& image) {
+  const std::array<double, 3> luminance = LuminanceWeights(image.color.chromaticities);
+  const ErrorPlanes planes(image);
   FrameError result;
   double sample_sum = 0, nonfinite_sum = 0, luminance_variance = 0;
   for (size_t p = 0; p < planes.samples->size(); ++p) {
@@ -68,7 +68,7 @@ FrameError EstimateError(const FramePicture& picture) {
   }
   result.sample_count = static_cast<uint64_t>(sample_sum);
   result.nonfinite_count = static_cast<uint64_t>(nonfinite_sum);
-  const ErrorSums sums = EstimateTileErrors(picture, {&picture.window, 1}).front();
+  const ErrorSums sums = EstimateTileErrors(image, {&image.window, 1}).front();
   if (sums.pixel_count == 0) return result;
   result.relative_mse = sums.RelativeMse();
   result.relative_mse_deviation = sums.Deviation();

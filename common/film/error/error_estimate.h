@@ -20,7 +20,7 @@
 #include <span>
 #include <vector>
 
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 #include "common/film/tile_geometry.h"
 
 namespace sheaf {
@@ -41,7 +41,7 @@ struct FrameError {
 };
 
 // Error over the image as developed so far (pixels without samples are ignored).
-FrameError EstimateError(const FramePicture& picture);
+FrameError EstimateError(const FrameImage& image);
 
 // Relative deviation between scenes of estimated over true errors, which remains for any number of
 // pixels: ratios are 0.94 to 1.10 between 16 and 100 samples (docs/adr/0034).
@@ -68,12 +68,12 @@ struct ErrorSums {
   double Deviation() const;
 };
 // One entry per tile; the tiles lie in the image's window.
-std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
+std::vector<ErrorSums> EstimateTileErrors(const FrameImage& image,
                                           std::span<const PixelRect> tiles);
 // m above: the mean of R, G and B over the pixels that have samples. If few have, it may be far
 // from the mean of the whole image: then estimate the tiles' errors with a better one.
-double MeanOfPicture(const FramePicture& picture);
-std::vector<ErrorSums> EstimateTileErrors(const FramePicture& picture,
-                                          std::span<const PixelRect> tiles, double mean);
+double MeanOfImage(const FrameImage& image);
+std::vector<ErrorSums> EstimateTileErrors(const FrameImage& image, std::span<const PixelRect> tiles,
+                                          double mean);
 
 }  // namespace sheaf

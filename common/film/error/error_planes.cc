@@ -26,7 +26,7 @@ struct LocalSums {
 // `variance`, and the pixels around it.
 double PredictTrueSquare(double value, double variance, const LocalSums& about) {
   // At least this fraction of the square remains after its variance is subtracted.
-  constexpr double kSquareShareMin = 0.25;
+  constexpr double kSquareFractionMin = 0.25;
   double weight = 0, mean = 0, noise = 0;
   if (about.count > 0 && variance > 0) {
     mean = about.value / about.count;
@@ -39,7 +39,7 @@ double PredictTrueSquare(double value, double variance, const LocalSums& about) 
   const double error =
       weight * weight * noise / std::max(about.count, 1.0) + (1 - weight) * (1 - weight) * variance;
   const double square = truth * truth;
-  return std::max(square - error, kSquareShareMin * square);
+  return std::max(square - error, kSquareFractionMin * square);
 }
 
 constexpr int32_t kAboutPx = 2;  // Radius in each direction.
@@ -97,11 +97,11 @@ void AddChannelErrors(const ErrorPlanes& planes, size_t channel, const PixelRect
 
 }  // namespace
 
-ErrorPlanes::ErrorPlanes(const FramePicture& picture)
-    : value{picture.Find("R"), picture.Find("G"), picture.Find("B")},
-      error{picture.Find("stderr.R"), picture.Find("stderr.G"), picture.Find("stderr.B")},
-      samples(picture.Find("samples")),
-      nonfinite(picture.Find("nonfinite")) {
+ErrorPlanes::ErrorPlanes(const FrameImage& image)
+    : value{image.Find("R"), image.Find("G"), image.Find("B")},
+      error{image.Find("stderr.R"), image.Find("stderr.G"), image.Find("stderr.B")},
+      samples(image.Find("samples")),
+      nonfinite(image.Find("nonfinite")) {
   SHEAF_CHECK(samples != nullptr && nonfinite != nullptr && value[0] != nullptr &&
               error[0] != nullptr);
 }
@@ -116,9 +116,9 @@ double ErrorPlanes::Mean() const {
   return count == 0 ? 0 : sum / count;
 }
 
-std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FramePicture& picture,
+std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FrameImage& image,
                                     const PixelRect& tile, double mean) {
-  const PixelRect& window = picture.window;
+  const PixelRect& window = image.window;
   const PixelRect rect{tile.x0 - window.x0, tile.y0 - window.y0, tile.x1 - window.x0,
                        tile.y1 - window.y0};
   SHEAF_CHECK(rect.x0 >= 0 && rect.y0 >= 0 && tile.x1 <= window.x1 && tile.y1 <= window.y1);
@@ -139,8 +139,8 @@ void RareHits::Add(size_t tile, const PixelError& error, double count) {
 
 void RareHits::AddVariances(std::vector<ErrorSums>* tiles) const {
   // The error probability of the first check (coordinator/core/sample_rounds.h).
-  constexpr double kBeyondShare = 0.03;
-  const double largest = std::pow(kScale * sum_ / kBeyondShare, 1 / kIndex);
+  constexpr double kBeyondFraction = 0.03;
+  const double largest = std::pow(kScale * sum_ / kBeyondFraction, 1 / kIndex);
   for (const Hit& hit : hits_) {
     const double variance = kIndex * kScale / (2 - kIndex) * hit.told *
                             std::pow(std::min(hit.error_max, largest), 2 - kIndex);
@@ -148,15 +148,15 @@ void RareHits::AddVariances(std::vector<ErrorSums>* tiles) const {
   }
 }
 
-ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, const PixelRect& tile,
+ErrorSums SumErrors(const ErrorPlanes& planes, const FrameImage& image, const PixelRect& tile,
                     double mean, size_t tile_number, RareHits* rare) {
-  const std::vector<PixelError> errors = PixelErrors(planes, picture, tile, mean);
+  const std::vector<PixelError> errors = PixelErrors(planes, image, tile, mean);
   ErrorSums sums;
   size_t next = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
       const PixelError& error = errors[next++];
-      if ((*planes.samples)[picture.window.IndexOf(x, y)] == 0) continue;
+      if ((*planes.samples)[image.window.IndexOf(x, y)] == 0) continue;
       ++sums.pixel_count;
       sums.sum += error.value;
       sums.square_sum += error.value * error.value;

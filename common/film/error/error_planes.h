@@ -13,7 +13,7 @@ namespace sheaf {
 
 // The planes that errors are estimated from. The image must outlive the object.
 struct ErrorPlanes {
-  explicit ErrorPlanes(const FramePicture& picture);
+  explicit ErrorPlanes(const FrameImage& image);
   // The mean of R, G and B over all pixels with samples.
   double Mean() const;
 
@@ -31,7 +31,7 @@ struct PixelError {
 
 // Errors of the pixels of `tile`, row-major; 0 for those without samples. mean: that of R, G and B
 // over the image.
-std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FramePicture& picture,
+std::vector<PixelError> PixelErrors(const ErrorPlanes& planes, const FrameImage& image,
                                     const PixelRect& tile, double mean);
 
 // If a pixel's deviation is at least this fraction of its value, a single hit is responsible: for
@@ -72,7 +72,7 @@ class RareHits {
 
 // Sums over the pixels with samples. rare: receives the rare hits of the pixels, under this tile
 // number.
-ErrorSums SumErrors(const ErrorPlanes& planes, const FramePicture& picture, const PixelRect& tile,
+ErrorSums SumErrors(const ErrorPlanes& planes, const FrameImage& image, const PixelRect& tile,
                     double mean, size_t tile_number, RareHits* rare);
 
 }  // namespace sheaf

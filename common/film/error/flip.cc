@@ -11,7 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/film/error/line_filter.h"
-#include "common/film/picture_color.h"
+#include "common/film/image_color.h"
 #include "common/math/elementary.h"
 #include "common/math/transform.h"
 
@@ -92,7 +92,7 @@ HuntLab HuntLabOfRgb(const ColorConstants& constants, const std::array<float, 3>
 // ---- Values common to all pixels.
 
 constexpr double kColorExponent = 0.7, kFeatureExponent = 0.5;  // q_c, q_f.
-constexpr float kKneeShare = 0.4f, kKneeValue = 0.95f;          // p_c, p_t (eq. 4).
+constexpr float kKneeFraction = 0.4f, kKneeValue = 0.95f;       // p_c, p_t (eq. 4).
 
 // A line is filtered along x by each of these, then by others along y.
 enum Line : size_t {
@@ -126,21 +126,21 @@ Constants::Constants(double pixels_per_degree) : color(MakeColorConstants()) {
       {{1, 0.0047}, {1, 0.0053}, {34.1, 0.04}, {13.5, 0.025}}};
   const auto deviation = [&](double b) { return std::sqrt(b / 2) / kPi * pixels_per_degree; };
   const auto radius = static_cast<int32_t>(std::ceil(3 * deviation(0.04)));
-  std::array<double, 4> share{1, 1, 0, 0};
+  std::array<double, 4> fraction{1, 1, 0, 0};
   for (size_t i = 2; i < 4; ++i) {
     double sum = 0;
     for (int32_t x = -radius; x <= radius; ++x) {
       const double d = x / deviation(kGaussians[i].b);
       sum += Exp(-0.5 * d * d);
     }
-    share[i] = kGaussians[i].a * std::sqrt(kPi / kGaussians[i].b) * sum * sum;
+    fraction[i] = kGaussians[i].a * std::sqrt(kPi / kGaussians[i].b) * sum * sum;
   }
-  const double both = share[2] + share[3];
-  share[2] /= both;
-  share[3] /= both;
+  const double both = fraction[2] + fraction[3];
+  fraction[2] /= both;
+  fraction[3] /= both;
   for (size_t i = 0; i < 4; ++i) {
     sensitivity_x[i] = GaussKernel(deviation(kGaussians[i].b), radius, 1);
-    sensitivity_y[i] = GaussKernel(deviation(kGaussians[i].b), radius, share[i]);
+    sensitivity_y[i] = GaussKernel(deviation(kGaussians[i].b), radius, fraction[i]);
   }
   constexpr double kFeatureWidthDegrees = 0.082;
   const double feature_deviation = 0.5 * kFeatureWidthDegrees * pixels_per_degree;
@@ -169,25 +169,25 @@ struct FeatureLine {
 
 class LineSource {
  public:
-  LineSource(const Constants& constants, const FlipPicture& picture)
+  LineSource(const Constants& constants, const FlipImage& image)
       : constants_(constants),
-        picture_(picture),
+        image_(image),
         ring_rows_(2 * constants.radius_max + 1),
-        padded_(static_cast<size_t>(picture.width_px + 2 * constants.radius_max)),
+        padded_(static_cast<size_t>(image.width_px + 2 * constants.radius_max)),
         ring_(static_cast<size_t>(ring_rows_)),
-        filtered_(8, std::vector<float>(static_cast<size_t>(picture.width_px))) {
+        filtered_(8, std::vector<float>(static_cast<size_t>(image.width_px))) {
     for (auto& row : ring_) {
-      for (std::vector<float>& line : row) line.resize(static_cast<size_t>(picture.width_px));
+      for (std::vector<float>& line : row) line.resize(static_cast<size_t>(image.width_px));
     }
   }
 
   // Requires: y ascends from call to call, by one.
   void Develop(int32_t y, FeatureLine* line) {
-    const int32_t last = std::min(y + constants_.radius_max, picture_.height_px - 1);
+    const int32_t last = std::min(y + constants_.radius_max, image_.height_px - 1);
     if (next_row_ < 0) next_row_ = std::max(y - constants_.radius_max, 0);
     for (; next_row_ <= last; ++next_row_) FilterAlongX(next_row_);
     FilterAlongY(y);
-    const auto width = static_cast<size_t>(picture_.width_px);
+    const auto width = static_cast<size_t>(image_.width_px);
     line->color.resize(width);
     line->edge.resize(width);
     line->point.resize(width);
@@ -206,14 +206,14 @@ class LineSource {
   void FilterAlongX(int32_t y) {
     auto& row = ring_[static_cast<size_t>(y % ring_rows_)];
     const auto& m = constants_.color.xyz_from_rgb;
-    const auto width = static_cast<size_t>(picture_.width_px);
+    const auto width = static_cast<size_t>(image_.width_px);
     const auto radius = static_cast<size_t>(constants_.radius_max);
     const size_t start = static_cast<size_t>(y) * width;
     const auto pad = [&](size_t plus, size_t minus) {
       for (size_t x = 0; x < width; ++x) {
-        const float r = Clamp01(picture_.rgb[0][start + x]);
-        const float g = Clamp01(picture_.rgb[1][start + x]);
-        const float b = Clamp01(picture_.rgb[2][start + x]);
+        const float r = Clamp01(image_.rgb[0][start + x]);
+        const float g = Clamp01(image_.rgb[1][start + x]);
+        const float b = Clamp01(image_.rgb[2][start + x]);
         float value = m[plus][0] * r + m[plus][1] * g + m[plus][2] * b;
         if (plus != minus) value -= m[minus][0] * r + m[minus][1] * g + m[minus][2] * b;
         padded_[radius + x] = value;
@@ -225,7 +225,7 @@ class LineSource {
     const auto line_at = [&](int32_t offset) {
       return padded_.data() + constants_.radius_max + offset;
     };
-    const int32_t count = picture_.width_px;
+    const int32_t count = image_.width_px;
     pad(1, 1);
     FilterLine<false>(constants_.sensitivity_x[0], count, line_at, row[kLuma].data());
     FilterLine<false>(constants_.smooth, count, line_at, row[kSmooth].data());
@@ -241,11 +241,11 @@ class LineSource {
   void FilterAlongY(int32_t y) {
     const auto lines = [&](Line line) {
       return [this, y, line](int32_t offset) -> const float* {
-        const int32_t row = std::clamp(y + offset, 0, picture_.height_px - 1);
+        const int32_t row = std::clamp(y + offset, 0, image_.height_px - 1);
         return ring_[static_cast<size_t>(row % ring_rows_)][line].data();
       };
     };
-    const int32_t width = picture_.width_px;
+    const int32_t width = image_.width_px;
     for (size_t i = 0; i < 4; ++i) {
       FilterLine<false>(constants_.sensitivity_y[i], width, lines(static_cast<Line>(i)),
                         filtered_[i].data());
@@ -274,7 +274,7 @@ class LineSource {
   }
 
   const Constants& constants_;
-  const FlipPicture& picture_;
+  const FlipImage& image_;
   const int32_t ring_rows_;
   int32_t next_row_ = -1;  // The first row not yet filtered along x.
   std::vector<float> padded_;
@@ -285,7 +285,7 @@ class LineSource {
 // Color errors, mapped to [0, 1] (eq. 4), raised to a power that depends on the features (eq. 7).
 void CompareLines(const Constants& constants, const FeatureLine& reference,
                   const FeatureLine& image, float* out) {
-  const float knee = kKneeShare * constants.color_max;
+  const float knee = kKneeFraction * constants.color_max;
   for (size_t x = 0; x < reference.color.size(); ++x) {
     const float distance = HyAb(reference.color[x], image.color[x]);
     const float color = Pow(distance, static_cast<float>(kColorExponent));
@@ -302,7 +302,7 @@ void CompareLines(const Constants& constants, const FeatureLine& reference,
 
 }  // namespace
 
-std::vector<float> FlipMap(const FlipPicture& reference, const FlipPicture& image,
+std::vector<float> FlipMap(const FlipImage& reference, const FlipImage& image,
                            double pixels_per_degree) {
   SHEAF_CHECK(reference.width_px == image.width_px && reference.height_px == image.height_px);
   SHEAF_CHECK(reference.width_px > 0 && reference.height_px > 0);
@@ -333,7 +333,7 @@ std::vector<float> FlipMap(const FlipPicture& reference, const FlipPicture& imag
   return map;
 }
 
-double MeanFlip(const FlipPicture& reference, const FlipPicture& image, double pixels_per_degree) {
+double MeanFlip(const FlipImage& reference, const FlipImage& image, double pixels_per_degree) {
   double sum = 0;
   const std::vector<float> map = FlipMap(reference, image, pixels_per_degree);
   for (const float value : map) sum += double{value};

@@ -27,7 +27,7 @@ namespace sheaf {
 inline constexpr double kFlipPixelsPerDegree = 3840 * 3.14159265358979324 / 180;
 
 // Linear sRGB, row-major; the planes must outlive it. NaN counts as 0.
-struct FlipPicture {
+struct FlipImage {
   int32_t width_px = 0, height_px = 0;
   std::array<const float*, 3> rgb{};
 };
@@ -36,18 +36,18 @@ struct FlipPicture {
 // without a tone curve.
 // Requires: equal sizes, not empty. Runs on all processors, a band of rows at a time; takes some
 // 0.2 microseconds of one processor per pixel and little memory beside the result.
-std::vector<float> FlipMap(const FlipPicture& reference, const FlipPicture& image,
+std::vector<float> FlipMap(const FlipImage& reference, const FlipImage& image,
                            double pixels_per_degree = kFlipPixelsPerDegree);
 
 // The mean over the pixels of FlipMap: the value commonly reported.
-double MeanFlip(const FlipPicture& reference, const FlipPicture& image,
+double MeanFlip(const FlipImage& reference, const FlipImage& image,
                 double pixels_per_degree = kFlipPixelsPerDegree);
 
 // HDR-FLIP: the mean over the pixels of the largest LDR-FLIP over a range of exposures, through the
 // ACES-like curve of the paper. The range runs from the exposure at which the reference's brightest
 // pixel is just visible to that for its median, in steps of at most one stop. Costs one FlipMap per
 // exposure.
-double MeanHdrFlip(const FlipPicture& reference, const FlipPicture& image,
+double MeanHdrFlip(const FlipImage& reference, const FlipImage& image,
                    double pixels_per_degree = kFlipPixelsPerDegree);
 
 }  // namespace sheaf

@@ -47,7 +47,7 @@ Vec3d ErrorAt(const HalfSums& even, const HalfSums& odd, double count, size_t p)
 
 }  // namespace
 
-void ErrorSample::DevelopTile(const FilmTile& sums, const PictureColor& color) {
+void ErrorSample::DevelopTile(const FilmTile& sums, const ImageColor& color) {
   const PixelRect tile = sums.rect();
   SHEAF_CHECK(tile.x0 >= window_.x0 && tile.y0 >= window_.y0 && tile.x1 <= window_.x1 &&
               tile.y1 <= window_.y1);
@@ -67,23 +67,23 @@ void ErrorSample::DevelopTile(const FilmTile& sums, const PictureColor& color) {
   }
 }
 
-std::optional<double> EstimateFlip(const FramePicture& picture, const ErrorSample& error) {
-  const std::vector<float>* samples = picture.Find("samples");
+std::optional<double> EstimateFlip(const FrameImage& image, const ErrorSample& error) {
+  const std::vector<float>* samples = image.Find("samples");
   SHEAF_CHECK(samples != nullptr && error.planes()[0].size() == samples->size());
   if (std::any_of(samples->begin(), samples->end(), [](float count) { return count < 2; })) {
     return std::nullopt;
   }
-  FramePicture other;
-  other.window = picture.window;
-  other.color.chromaticities = picture.color.chromaticities;
+  FrameImage other;
+  other.window = image.window;
+  other.color.chromaticities = image.color.chromaticities;
   constexpr std::array<const char*, 3> kColor{"R", "G", "B"};
   for (size_t i = 0; i < 3; ++i) {
-    std::vector<float> plane = *picture.Find(kColor[i]);
+    std::vector<float> plane = *image.Find(kColor[i]);
     for (size_t p = 0; p < plane.size(); ++p) plane[p] += error.planes()[i][p];
     other.channel_names.emplace_back(kColor[i]);
     other.planes.push_back(std::move(plane));
   }
-  const absl::StatusOr<double> flip = PerceivedDifference(picture, other, FlipRange::kScreen);
+  const absl::StatusOr<double> flip = PerceivedDifference(image, other, FlipRange::kScreen);
   if (!flip.ok()) return std::nullopt;
   return *flip;
 }

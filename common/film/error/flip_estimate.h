@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "common/film/film_tile.h"
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 
 namespace sheaf {
 
@@ -29,7 +29,7 @@ class ErrorSample {
   // If a and b have different counts, e is scaled to the variance of the image's error; it stays 0
   // if one of them has no samples.
   // Requires: the tile lies in the window, and `color` is the image's.
-  void DevelopTile(const FilmTile& sums, const PictureColor& color);
+  void DevelopTile(const FilmTile& sums, const ImageColor& color);
   // Row-major over the window; empty before the first tile.
   const std::array<std::vector<float>, 3>& planes() const { return planes_; }
 
@@ -42,6 +42,6 @@ class ErrorSample {
 // some 0.2 microseconds of one processor per pixel. None if a pixel has fewer than two samples, or
 // the image's primaries are degenerate.
 // Requires: `error` includes all tiles of the image.
-std::optional<double> EstimateFlip(const FramePicture& picture, const ErrorSample& error);
+std::optional<double> EstimateFlip(const FrameImage& image, const ErrorSample& error);
 
 }  // namespace sheaf

@@ -21,12 +21,12 @@ float Truth(int32_t x, int32_t y) {
 
 // A noisy image of Truth, with the sample of its error, developed in tiles of 32.
 struct Noisy {
-  FramePicture picture = MakeFramePicture(kWindow, 80, 80);
+  FrameImage image = MakeFrameImage(kWindow, 80, 80);
   ErrorSample error{kWindow};
 };
-Noisy MakeNoisy(uint64_t samples, float weight, const PictureColor& color = {}) {
+Noisy MakeNoisy(uint64_t samples, float weight, const ImageColor& color = {}) {
   Noisy noisy;
-  noisy.picture = MakeFramePicture(kWindow, 80, 80, {}, color);
+  noisy.image = MakeFrameImage(kWindow, 80, 80, {}, color);
   for (const PixelRect& rect : CutTiles(kWindow, 32)) {
     FilmTile tile(rect, {0, samples});
     PixelAccumulator accumulator(&tile);
@@ -41,35 +41,35 @@ Noisy MakeNoisy(uint64_t samples, float weight, const PictureColor& color = {}) 
         accumulator.End();
       }
     }
-    DevelopTile(tile, &noisy.picture);
-    noisy.error.DevelopTile(tile, noisy.picture.color);
+    DevelopTile(tile, &noisy.image);
+    noisy.error.DevelopTile(tile, noisy.image.color);
   }
   return noisy;
 }
 
-double TrueFlip(const FramePicture& picture) {
-  FramePicture truth = picture;
+double TrueFlip(const FrameImage& image) {
+  FrameImage truth = image;
   for (const char* channel : {"R", "G", "B"}) {
     size_t p = 0;
     for (int32_t y = kWindow.y0; y < kWindow.y1; ++y) {
       for (int32_t x = kWindow.x0; x < kWindow.x1; ++x) (*truth.Find(channel))[p++] = Truth(x, y);
     }
   }
-  return *PerceivedDifference(truth, picture, FlipRange::kScreen);
+  return *PerceivedDifference(truth, image, FlipRange::kScreen);
 }
 
-TEST(FlipEstimateTest, ForetellsWhatAReferenceWouldSay) {
+TEST(FlipEstimateTest, PredictsFlipAgainstAReference) {
   for (const uint64_t samples : {16u, 64u, 256u}) {
     const Noisy noisy = MakeNoisy(samples, 1.5f);
-    const std::optional<double> estimate = EstimateFlip(noisy.picture, noisy.error);
+    const std::optional<double> estimate = EstimateFlip(noisy.image, noisy.error);
     ASSERT_TRUE(estimate);
-    const double truth = TrueFlip(noisy.picture);
+    const double truth = TrueFlip(noisy.image);
     EXPECT_GT(truth, 0.01);
     EXPECT_NEAR(*estimate / truth, 0.95, 0.1) << samples;
   }
 }
 
-TEST(FlipEstimateTest, ErrorSampleHasTheErrorsVariance) {
+TEST(FlipEstimateTest, ErrorSamplesHaveTheErrorVariance) {
   for (const uint64_t samples : {2u, 4u, 16u, 64u}) {
     const Noisy noisy = MakeNoisy(samples, 2);
     double squares = 0, variance = 0;
@@ -84,18 +84,17 @@ TEST(FlipEstimateTest, ErrorSampleHasTheErrorsVariance) {
   }
 }
 
-TEST(FlipEstimateTest, OtherPrimariesLookTheSame) {
-  PictureColor color;
+TEST(FlipEstimateTest, IndependentOfPrimaries) {
+  ImageColor color;
   color.chromaticities = ChromaticitiesOf(Primaries::kRec2020);
   color.light_from_srgb = *RgbFromRgb(color.chromaticities, Chromaticities());
   const Noisy plain = MakeNoisy(16, 1), wide = MakeNoisy(16, 1, color);
-  EXPECT_NEAR(*EstimateFlip(wide.picture, wide.error), *EstimateFlip(plain.picture, plain.error),
-              1e-4);
+  EXPECT_NEAR(*EstimateFlip(wide.image, wide.error), *EstimateFlip(plain.image, plain.error), 1e-4);
 }
 
-TEST(FlipEstimateTest, OneSampleTellsNothing) {
+TEST(FlipEstimateTest, UnknownFromOneSample) {
   const Noisy noisy = MakeNoisy(1, 1);
-  EXPECT_FALSE(EstimateFlip(noisy.picture, noisy.error));
+  EXPECT_FALSE(EstimateFlip(noisy.image, noisy.error));
 }
 
 }  // namespace

@@ -15,8 +15,8 @@ namespace {
 
 constexpr int32_t kExposuresMax = 64;
 
-size_t PixelCount(const FlipPicture& picture) {
-  return static_cast<size_t>(picture.width_px) * static_cast<size_t>(picture.height_px);
+size_t PixelCount(const FlipImage& image) {
+  return static_cast<size_t>(image.width_px) * static_cast<size_t>(image.height_px);
 }
 
 // NaN becomes 0; other values are limited so that they can be squared.
@@ -30,7 +30,7 @@ struct Exposures {
   double start = 0, stop = 0;
   int32_t count = 2;
 };
-Exposures ExposuresOf(const FlipPicture& reference) {
+Exposures ExposuresOf(const FlipImage& reference) {
   // A pixel counts as visible if the curve has this value.
   constexpr double kSeen = 0.85;
   const double a = kCurve0 - kCurve3 * kSeen, b = kCurve1 - kCurve4 * kSeen;
@@ -56,42 +56,41 @@ Exposures ExposuresOf(const FlipPicture& reference) {
   return exposures;
 }
 
-class ExposedPicture {
+class ExposedImage {
  public:
-  ExposedPicture(const FlipPicture& picture, double factor) : source_(picture) {
+  ExposedImage(const FlipImage& image, double factor) : source_(image) {
     for (size_t i = 0; i < 3; ++i) {
-      planes_[i].resize(PixelCount(picture));
+      planes_[i].resize(PixelCount(image));
       for (size_t p = 0; p < planes_[i].size(); ++p) {
-        const double x = factor * Light(picture.rgb[i][p]);
+        const double x = factor * Light(image.rgb[i][p]);
         planes_[i][p] = static_cast<float>((kCurve0 * x + kCurve1) * x /
                                            ((kCurve3 * x + kCurve4) * x + kCurve5));
       }
     }
   }
-  FlipPicture Picture() const {
+  FlipImage Image() const {
     return {source_.width_px,
             source_.height_px,
             {planes_[0].data(), planes_[1].data(), planes_[2].data()}};
   }
 
  private:
-  const FlipPicture& source_;
+  const FlipImage& source_;
   std::array<std::vector<float>, 3> planes_;
 };
 
 }  // namespace
 
-double MeanHdrFlip(const FlipPicture& reference, const FlipPicture& image,
-                   double pixels_per_degree) {
+double MeanHdrFlip(const FlipImage& reference, const FlipImage& image, double pixels_per_degree) {
   const Exposures exposures = ExposuresOf(reference);
   std::vector<float> largest(PixelCount(reference));
   for (int32_t i = 0; i < exposures.count; ++i) {
-    const double share = static_cast<double>(i) / (exposures.count - 1);
-    const double stops = exposures.start + share * (exposures.stop - exposures.start);
+    const double fraction = static_cast<double>(i) / (exposures.count - 1);
+    const double stops = exposures.start + fraction * (exposures.stop - exposures.start);
     const double factor = Pow(2.0, stops);
-    const ExposedPicture of_reference(reference, factor), of_image(image, factor);
+    const ExposedImage of_reference(reference, factor), of_image(image, factor);
     const std::vector<float> map =
-        FlipMap(of_reference.Picture(), of_image.Picture(), pixels_per_degree);
+        FlipMap(of_reference.Image(), of_image.Image(), pixels_per_degree);
     for (size_t p = 0; p < map.size(); ++p) largest[p] = std::max(largest[p], map[p]);
   }
   double sum = 0;

@@ -14,7 +14,7 @@ namespace {
 struct Planes {
   int32_t width_px = 0, height_px = 0;
   std::array<std::vector<float>, 3> rgb;
-  FlipPicture Picture() const {
+  FlipImage Image() const {
     return {width_px, height_px, {rgb[0].data(), rgb[1].data(), rgb[2].data()}};
   }
 };
@@ -45,10 +45,10 @@ Planes Pattern(bool changed) {
   });
 }
 
-double Mean(const Planes& a, const Planes& b) { return MeanFlip(a.Picture(), b.Picture()); }
+double Mean(const Planes& a, const Planes& b) { return MeanFlip(a.Image(), b.Image()); }
 
 // By hand from the paper: HyAB from black to white is 100, from green to blue 203.4.
-TEST(FlipTest, FlatColorsDifferAsThePaperDefines) {
+TEST(FlipTest, FlatColorsMatchThePaper) {
   EXPECT_EQ(Mean(Flat({0.2, 0.3, 0.4}), Flat({0.2, 0.3, 0.4})), 0);
   EXPECT_NEAR(Mean(Flat({0, 1, 0}), Flat({0, 0, 1})), 1, 1e-4);
   EXPECT_NEAR(Mean(Flat({0, 0, 0}), Flat({1, 1, 1})), 0.96738, 1e-4);
@@ -58,10 +58,10 @@ TEST(FlipTest, FlatColorsDifferAsThePaperDefines) {
 
 // The expected values come from an independent program, in double, that does not separate its
 // filters: sums over 21 x 21 and 19 x 19 pixels as in the paper.
-TEST(FlipTest, PatternsDifferAsFullSumsOverPixelsSay) {
+TEST(FlipTest, SeparableFiltersMatchFullConvolutions) {
   const Planes reference = Pattern(false), image = Pattern(true);
   EXPECT_NEAR(Mean(reference, image), 0.544191, 5e-5);
-  const std::vector<float> map = FlipMap(reference.Picture(), image.Picture());
+  const std::vector<float> map = FlipMap(reference.Image(), image.Image());
   EXPECT_NEAR(map[7 * 48 + 5], 0.559828, 2e-4);
   EXPECT_NEAR(map[47], 0.662112, 2e-4);  // Corners: the edge is repeated beyond them.
   EXPECT_NEAR(map[39 * 48], 0.980395, 2e-4);
@@ -73,7 +73,7 @@ TEST(FlipTest, PatternsDifferAsFullSumsOverPixelsSay) {
   EXPECT_NEAR(Mean(step, black), 0.572674, 5e-5);
 }
 
-TEST(FlipTest, OrderDoesNotMatterAndWhatNoScreenShowsNeither) {
+TEST(FlipTest, IsSymmetricAndIgnoresUndisplayableValues) {
   const Planes reference = Pattern(false), image = Pattern(true);
   EXPECT_EQ(Mean(reference, image), Mean(image, reference));
   Planes bright = Flat({5, 5, 5}), strange = Flat({-1, 0, std::nan("")});
@@ -84,7 +84,7 @@ TEST(FlipTest, OrderDoesNotMatterAndWhatNoScreenShowsNeither) {
 }
 
 // Any free thread processes the next band.
-TEST(FlipTest, BandsLeaveNoSeams) {
+TEST(FlipTest, BandsAreSeamless) {
   const auto tall = [](bool changed) {
     return Draw(24, 400, [changed](int32_t x, int32_t y) {
       const double v = (y % 4 == 0 ? 0.7 : 0.2) + (changed ? 0.01 * (x % 3) : 0);
@@ -92,15 +92,15 @@ TEST(FlipTest, BandsLeaveNoSeams) {
     });
   };
   const Planes reference = tall(false), image = tall(true);
-  const std::vector<float> map = FlipMap(reference.Picture(), image.Picture());
+  const std::vector<float> map = FlipMap(reference.Image(), image.Image());
   // Rows repeat every four, except at the ends.
   for (size_t y = 16; y < 380; ++y) {
     for (size_t x = 0; x < 24; ++x) ASSERT_EQ(map[y * 24 + x], map[(y - 4) * 24 + x]) << y;
   }
-  EXPECT_EQ(map, FlipMap(reference.Picture(), image.Picture()));
+  EXPECT_EQ(map, FlipMap(reference.Image(), image.Image()));
 }
 
-TEST(FlipTest, HighDynamicRangeTakesTheWorstExposure) {
+TEST(FlipTest, HdrFlipTakesTheWorstExposure) {
   const auto bright = [](bool changed) {
     Planes planes = Pattern(changed);
     for (std::vector<float>& plane : planes.rgb) {
@@ -111,10 +111,10 @@ TEST(FlipTest, HighDynamicRangeTakesTheWorstExposure) {
     return planes;
   };
   const Planes reference = bright(false), image = bright(true);
-  EXPECT_NEAR(MeanHdrFlip(reference.Picture(), image.Picture()), 0.552624, 1e-3);
-  EXPECT_EQ(MeanHdrFlip(reference.Picture(), reference.Picture()), 0);
+  EXPECT_NEAR(MeanHdrFlip(reference.Image(), image.Image()), 0.552624, 1e-3);
+  EXPECT_EQ(MeanHdrFlip(reference.Image(), reference.Image()), 0);
   const Planes black = Flat({0, 0, 0});
-  EXPECT_EQ(MeanHdrFlip(black.Picture(), black.Picture()), 0);
+  EXPECT_EQ(MeanHdrFlip(black.Image(), black.Image()), 0);
 }
 
 }  // namespace

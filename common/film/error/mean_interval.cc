@@ -60,7 +60,7 @@ MeanInterval MeanIntervalOf(const FilmTile& sums, const PixelRect& rect,
   SHEAF_CHECK(count >= 2 && rect.x0 >= all.x0 && rect.y0 >= all.y0 && rect.x1 <= all.x1 &&
               rect.y1 <= all.y1);
   MeanInterval interval;
-  double variance_sum = 0, square_sum = 0, share_sum = 0;
+  double variance_sum = 0, square_sum = 0, fraction_sum = 0;
   for (int32_t y = rect.y0; y < rect.y1; ++y) {
     for (int32_t x = rect.x0; x < rect.x1; ++x) {
       const size_t p = all.IndexOf(x, y);
@@ -69,7 +69,7 @@ MeanInterval MeanIntervalOf(const FilmTile& sums, const PixelRect& rect,
       interval.mean += spread.mean;
       variance_sum += variance;
       square_sum += variance * variance;
-      if (spread.squares > 0) share_sum += variance * spread.largest / spread.squares;
+      if (spread.squares > 0) fraction_sum += variance * spread.largest / spread.squares;
     }
   }
   const auto pixels = static_cast<double>(rect.PixelCount());
@@ -78,8 +78,8 @@ MeanInterval MeanIntervalOf(const FilmTile& sums, const PixelRect& rect,
   if (variance_sum == 0) return interval;
   interval.degrees_of_freedom = (count - 1) * variance_sum * variance_sum / square_sum;
   interval.half_width = StudentQuantile975(interval.degrees_of_freedom) * interval.standard_error;
-  interval.one_replicate_share = share_sum / variance_sum;
-  interval.is_reliable = interval.one_replicate_share <= kOneReplicateMax;
+  interval.one_replicate_fraction = fraction_sum / variance_sum;
+  interval.is_reliable = interval.one_replicate_fraction <= kOneReplicateMax;
   return interval;
 }
 

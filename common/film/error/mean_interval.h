@@ -33,7 +33,7 @@ struct MeanInterval {
   double standard_error = 0;
   double degrees_of_freedom = 0;  // At least 15 if standard_error is not 0.
   double half_width = 0;  // The mean is within this distance of the true one in 95 % of images.
-  double one_replicate_share = 0;
+  double one_replicate_fraction = 0;
   bool is_reliable = true;
 };
 

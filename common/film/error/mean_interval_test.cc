@@ -23,7 +23,7 @@ FilmTile TileOf(const Draw& draw, int32_t pixels, uint64_t samples, uint64_t see
   for (int32_t x = 0; x < pixels; ++x) {
     accumulator.Begin(x, 0);
     for (uint64_t i = 0; i < samples; ++i) {
-      accumulator.Add(i, {.radiance = Rgb::Grey(static_cast<float>(draw(random)))});
+      accumulator.Add(i, {.radiance = Rgb::Gray(static_cast<float>(draw(random)))});
     }
     accumulator.End();
   }
@@ -38,7 +38,7 @@ MeanInterval IntervalOf(const FilmTile& tile) { return MeanIntervalOf(tile, tile
 
 struct Coverage {
   int reliable = 0, held = 0;
-  double Share() const { return held / static_cast<double>(reliable); }
+  double Fraction() const { return held / static_cast<double>(reliable); }
 };
 Coverage CoverageOf(const Draw& draw, double truth, int32_t pixels, uint64_t samples,
                     int runs = kRuns) {
@@ -58,7 +58,7 @@ double Uniform(std::mt19937_64& random) {
 }
 
 // Student's t, two-sided 5 %, from tables.
-TEST(MeanIntervalTest, QuantilesAreStudents) {
+TEST(MeanIntervalTest, QuantilesMatchStudentsDistribution) {
   EXPECT_NEAR(StudentQuantile975(10), 2.22814, 2e-3);
   EXPECT_NEAR(StudentQuantile975(15), 2.13145, 5e-4);
   EXPECT_NEAR(StudentQuantile975(30), 2.04227, 1e-4);
@@ -67,7 +67,7 @@ TEST(MeanIntervalTest, QuantilesAreStudents) {
 
 // 95 % of 1000 runs, with a standard deviation of 0.7 %; the tolerance is three of those plus the
 // distribution's skewness.
-TEST(MeanIntervalTest, NineteenOfTwentyHoldTheTrueMean) {
+TEST(MeanIntervalTest, IntervalsCoverTheMeanIn95Percent) {
   const Draw even = Uniform;
   const Draw exponential = [](std::mt19937_64& r) { return -std::log(Uniform(r)); };
   const Draw half_dark = [](std::mt19937_64& r) {
@@ -76,16 +76,16 @@ TEST(MeanIntervalTest, NineteenOfTwentyHoldTheTrueMean) {
   };
   for (const int32_t pixels : {1, 16, 64}) {
     SCOPED_TRACE(pixels);
-    EXPECT_NEAR(CoverageOf(even, 0.5, pixels, 64).Share(), 0.95, 0.021);
-    EXPECT_NEAR(CoverageOf(exponential, 1, pixels, 64).Share(), 0.95, 0.025);
-    EXPECT_NEAR(CoverageOf(half_dark, 0.5, pixels, 64).Share(), 0.95, 0.021);
+    EXPECT_NEAR(CoverageOf(even, 0.5, pixels, 64).Fraction(), 0.95, 0.021);
+    EXPECT_NEAR(CoverageOf(exponential, 1, pixels, 64).Fraction(), 0.95, 0.025);
+    EXPECT_NEAR(CoverageOf(half_dark, 0.5, pixels, 64).Fraction(), 0.95, 0.021);
   }
   EXPECT_EQ(CoverageOf(even, 0.5, 16, 64).reliable, kRuns);
   EXPECT_EQ(CoverageOf(exponential, 1, 16, 64).reliable, kRuns);
 }
 
 // Pareto's distribution has no variance for a tail index of 2 and less, at any number of samples.
-TEST(MeanIntervalTest, InfiniteVarianceIsTold) {
+TEST(MeanIntervalTest, InfiniteVarianceIsDetected) {
   for (const double index : {1.1, 1.3, 1.5}) {
     SCOPED_TRACE(index);
     const Draw pareto = [&](std::mt19937_64& r) { return std::pow(Uniform(r), -1 / index); };
@@ -96,7 +96,7 @@ TEST(MeanIntervalTest, InfiniteVarianceIsTold) {
 
 // One sample in a thousand has all the light: with 64 of them most pixels have not seen any. A tile
 // without any such sample cannot be distinguished from a dark one.
-TEST(MeanIntervalTest, RareLightIsToldUntilItIsNotRare) {
+TEST(MeanIntervalTest, RareLightIsDetectedWhileRare) {
   const Draw rare = [](std::mt19937_64& r) { return Uniform(r) < 0.001 ? 1000 : 0; };
   for (uint64_t run = 0; run < kRuns; ++run) {
     const MeanInterval interval = IntervalOf(TileOf(rare, 64, 64, run));
@@ -107,7 +107,7 @@ TEST(MeanIntervalTest, RareLightIsToldUntilItIsNotRare) {
   EXPECT_LT(std::fabs(often.mean - 1), 2 * often.half_width);
 }
 
-TEST(MeanIntervalTest, WhatDoesNotVaryHasNoWidth) {
+TEST(MeanIntervalTest, ConstantsHaveZeroWidth) {
   const MeanInterval interval = IntervalOf(TileOf([](std::mt19937_64&) { return 0.25; }, 4, 32, 1));
   EXPECT_EQ(interval.mean, 0.25);
   EXPECT_EQ(interval.half_width, 0);

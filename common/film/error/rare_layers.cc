@@ -14,10 +14,10 @@ namespace {
 
 using LayerPlanes = std::array<const std::vector<float>*, 3>;
 
-LayerPlanes PlanesOf(const FramePicture& picture, const std::string& prefix) {
+LayerPlanes PlanesOf(const FrameImage& image, const std::string& prefix) {
   LayerPlanes planes;
   for (size_t c = 0; c < 3; ++c) {
-    planes[c] = picture.Find(prefix + "RGB"[c]);
+    planes[c] = image.Find(prefix + "RGB"[c]);
     SHEAF_CHECK(planes[c] != nullptr);
   }
   return planes;
@@ -45,7 +45,7 @@ double SquaredDifference(const LayerPlanes& layer, const PixelRect& window, int3
 // The index of the layer responsible for the tile's error.
 size_t RareLayerOf(const std::vector<LayerPlanes>& layers, const LayerPlanes& errors,
                    const PixelRect& window, const PixelRect& tile) {
-  std::vector<double> shares(layers.size()), squares(layers.size());
+  std::vector<double> fractions(layers.size()), squares(layers.size());
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
       const size_t p = window.IndexOf(x, y);
@@ -58,25 +58,25 @@ size_t RareLayerOf(const std::vector<LayerPlanes>& layers, const LayerPlanes& er
         all += squares[i];
       }
       if (all == 0) continue;
-      for (size_t i = 0; i < layers.size(); ++i) shares[i] += variance * squares[i] / all;
+      for (size_t i = 0; i < layers.size(); ++i) fractions[i] += variance * squares[i] / all;
     }
   }
-  return static_cast<size_t>(std::max_element(shares.begin(), shares.end()) - shares.begin());
+  return static_cast<size_t>(std::max_element(fractions.begin(), fractions.end()) -
+                             fractions.begin());
 }
 
 }  // namespace
 
-std::vector<LayerCount> RareLayers(const FramePicture& picture, std::span<const PixelRect> tiles) {
-  const std::vector<std::string>& names = picture.outputs.light_groups;
+std::vector<LayerCount> RareLayers(const FrameImage& image, std::span<const PixelRect> tiles) {
+  const std::vector<std::string>& names = image.outputs.light_groups;
   if (names.empty()) return {};
   std::vector<LayerPlanes> layers;
-  for (const std::string& name : names)
-    layers.push_back(PlanesOf(picture, absl::StrCat(name, ".")));
-  const LayerPlanes errors = PlanesOf(picture, "stderr.");
+  for (const std::string& name : names) layers.push_back(PlanesOf(image, absl::StrCat(name, ".")));
+  const LayerPlanes errors = PlanesOf(image, "stderr.");
   std::vector<LayerCount> counts;
   for (const std::string& name : names) counts.push_back({name, 0});
   for (const PixelRect& tile : tiles) {
-    ++counts[RareLayerOf(layers, errors, picture.window, tile)].tile_count;
+    ++counts[RareLayerOf(layers, errors, image.window, tile)].tile_count;
   }
   std::erase_if(counts, [](const LayerCount& count) { return count.tile_count == 0; });
   std::stable_sort(counts.begin(), counts.end(), [](const LayerCount& a, const LayerCount& b) {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "common/film/frame_picture.h"
+#include "common/film/frame_image.h"
 
 namespace sheaf {
 
@@ -27,6 +27,6 @@ struct LayerCount {
 // from the mean of its 3 x 3 neighborhood; the layer with the largest total is responsible. Light
 // that varies between pixels for other reasons, as at the edges of shadows, has no error and does
 // not count. Empty if the image has no layers. tiles: within the image's window.
-std::vector<LayerCount> RareLayers(const FramePicture& picture, std::span<const PixelRect> tiles);
+std::vector<LayerCount> RareLayers(const FrameImage& image, std::span<const PixelRect> tiles);
 
 }  // namespace sheaf

@@ -7,12 +7,12 @@
 namespace sheaf {
 namespace {
 
-RunningError::Values ValuesOf(const ErrorPlanes& planes, const FramePicture& picture,
+RunningError::Values ValuesOf(const ErrorPlanes& planes, const FrameImage& image,
                               const PixelRect& tile) {
   RunningError::Values values;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
     for (int32_t x = tile.x0; x < tile.x1; ++x) {
-      const size_t p = picture.window.IndexOf(x, y);
+      const size_t p = image.window.IndexOf(x, y);
       if ((*planes.samples)[p] == 0) continue;
       for (size_t i = 0; i < 3; ++i) values.sum += (*planes.value[i])[p];
       values.count += 3;
@@ -35,11 +35,11 @@ std::vector<ErrorSums> RunningError::OfTiles() const {
   return errors;
 }
 
-void RunningError::Update(const FramePicture& picture, std::span<const uint32_t> changed) {
-  const ErrorPlanes planes(picture);
+void RunningError::Update(const FrameImage& image, std::span<const uint32_t> changed) {
+  const ErrorPlanes planes(image);
   for (const uint32_t index : changed) {
     Tile& tile = tiles_[index];
-    const Values values = ValuesOf(planes, picture, tile.rect);
+    const Values values = ValuesOf(planes, image, tile.rect);
     values_.sum += values.sum - tile.values.sum;
     values_.count += values.count - tile.values.count;
     tile.values = values;
@@ -48,7 +48,7 @@ void RunningError::Update(const FramePicture& picture, std::span<const uint32_t>
   RareHits ignored;
   for (const uint32_t index : changed) {
     Tile& tile = tiles_[index];
-    tile.error = SumErrors(planes, picture, tile.rect, mean, 0, &ignored);
+    tile.error = SumErrors(planes, image, tile.rect, mean, 0, &ignored);
   }
   sum_ = {};
   for (const Tile& tile : tiles_) sum_.Add(tile.error);

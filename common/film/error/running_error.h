@@ -26,7 +26,7 @@ class RunningError {
   explicit RunningError(std::vector<PixelRect> tiles);
 
   // `changed`: indices of the tiles changed since the last call.
-  void Update(const FramePicture& picture, std::span<const uint32_t> changed);
+  void Update(const FrameImage& image, std::span<const uint32_t> changed);
   // 0 until there are samples.
   double RelativeMse() const { return sum_.RelativeMse(); }
   std::vector<ErrorSums> OfTiles() const;

@@ -53,17 +53,17 @@ struct DecodedPart {
 absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixels_max = 1 << 22);
 
 // The largest readable image, in bytes of all its channels as float32.
-inline constexpr int64_t kPictureBytesMax = int64_t{1} << 35;
+inline constexpr int64_t kImageBytesMax = int64_t{1} << 35;
 
 // Writes atomically (temporary file, fsync, rename). Errors carry the path and the reason.
-absl::Status WritePicture(const FramePicture& picture, const std::string& path);
-std::string EncodePicture(const FramePicture& picture);
+absl::Status WriteFrameImage(const FrameImage& image, const std::string& path);
+std::string EncodeFrameImage(const FrameImage& image);
 // Reads the first part of any flat EXR, scan lines or tiles: its half, float and uint channels as
 // float32, without subsampled ones. R, G and B must be present, bare or under a layer ("beauty.R";
 // the first layer that has all three is then renamed); their primaries are those of the file, or
 // sRGB's if it names none. Attributes "sheaf:KEY" become metadata, "cryptomatte/..." attributes.
 // Errors: kInvalidArgument, kDataLoss as above; those of reading the file.
-absl::StatusOr<FramePicture> ReadPicture(const std::string& path);
-absl::StatusOr<FramePicture> DecodePicture(std::string_view bytes);
+absl::StatusOr<FrameImage> ReadFrameImage(const std::string& path);
+absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes);
 
 }  // namespace sheaf

@@ -24,7 +24,7 @@ std::string MakePart(SampleBlock block, PixelRect rect = {16, 32, 24, 40}) {
   return EncodePart(MakeTestTile(rect, block), kHeader);
 }
 
-TEST(ExrCodecTest, PartsComeBackToTheBit) {
+TEST(ExrCodecTest, PartsRoundTripExactly) {
   const uint64_t far = uint64_t{1} << 40;
   for (const SampleBlock block : {SampleBlock{0, 1}, {12, 4}, {16, 16}, {64, 64}, {far, 8}}) {
     for (const PixelRect rect :
@@ -41,15 +41,15 @@ TEST(ExrCodecTest, PartsComeBackToTheBit) {
   }
 }
 
-TEST(ExrCodecTest, AnyViewerFindsColorInAPart) {
+TEST(ExrCodecTest, PartsHaveStandardColorChannels) {
   const FilmTile tile = MakeTestTile({0, 0, 8, 8}, {0, 16});
-  const absl::StatusOr<FramePicture> picture = DecodePicture(EncodePart(tile, kHeader));
-  ASSERT_TRUE(picture.ok()) << picture.status();
-  EXPECT_EQ(picture->Find("G")->at(9), tile.channel(FilmChannel::kGreenHi)[9]);
-  EXPECT_EQ(picture->metadata.at("blockCount"), "16");
+  const absl::StatusOr<FrameImage> image = DecodeFrameImage(EncodePart(tile, kHeader));
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(image->Find("G")->at(9), tile.channel(FilmChannel::kGreenHi)[9]);
+  EXPECT_EQ(image->metadata.at("blockCount"), "16");
 }
 
-TEST(ExrCodecTest, TruncatedPartsAreErrorsWhereverTheyEnd) {
+TEST(ExrCodecTest, EveryTruncationIsAnError) {
   const std::string bytes = MakePart({0, 4});
   for (size_t size = 0; size < bytes.size(); size += 1 + size / 40) {
     const absl::StatusOr<DecodedPart> part = DecodePart(std::string_view(bytes).substr(0, size));
@@ -91,7 +91,7 @@ void ExpectRefused(const std::string& bytes, const std::string& why) {
   EXPECT_NE(std::string(part.status().message()).find(why), std::string::npos) << part.status();
 }
 
-TEST(ExrCodecTest, HeadersThatLieAreRefusedBeforeMemoryIsTaken) {
+TEST(ExrCodecTest, FalseHeadersAreRefusedBeforeAllocation) {
   const std::string bytes = MakePart({64, 4});
   const auto window = [](const std::string& name, int32_t x1, int32_t y1) {
     return name + std::string("Window\0box2i\0\x10\0\0\0", 17) + BoxBytes(16, 32, x1, y1);
@@ -136,7 +136,7 @@ TEST(ExrCodecTest, HeadersThatLieAreRefusedBeforeMemoryIsTaken) {
   ExpectRefused("", "magic");
 }
 
-TEST(ExrCodecTest, SumsThatCannotBeAreRefused) {
+TEST(ExrCodecTest, ImpossibleSumsAreRefused) {
   FilmTile tile = MakeTestTile({0, 0, 2, 2}, {0, 16});
   FilmTile bad = tile;
   bad.channel(FilmChannel::kNormalX)[3] = std::numeric_limits<float>::quiet_NaN();
@@ -161,7 +161,7 @@ FilmTile BoxFilteredTile() {
   return tile;
 }
 
-TEST(ExrCodecTest, SumsOfLightThatCannotBeAreRefused) {
+TEST(ExrCodecTest, ImpossibleRadianceSumsAreRefused) {
   const FilmTile tile = BoxFilteredTile();
   ASSERT_TRUE(DecodePart(EncodePart(tile, kHeader)).ok());
   FilmTile bad = tile;
@@ -181,7 +181,7 @@ TEST(ExrCodecTest, SumsOfLightThatCannotBeAreRefused) {
 }
 
 // Colors beyond sRGB have negative components, and filters with negative lobes have negative sums.
-TEST(ExrCodecTest, NegativeSumsThatCanBeAreTaken) {
+TEST(ExrCodecTest, PossibleNegativeSumsAreAccepted) {
   FilmTile tile = BoxFilteredTile();
   // 16 samples of light of 505 nm.
   tile.channel(FilmChannel::kRedHi)[0] = -9.6F;
@@ -193,7 +193,7 @@ TEST(ExrCodecTest, NegativeSumsThatCanBeAreTaken) {
   EXPECT_TRUE(DecodePart(EncodePart(tile, kHeader)).ok());
 }
 
-TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {
+TEST(ExrCodecTest, LatticePartsHoldOnlyTheirPixels) {
   const PartHeader header{"digest", "profile", {6, 3}};
   FilmTile tile({8, 8, 16, 16}, {0, 16});
   for (int32_t y = 8; y < 16; ++y) {
@@ -212,7 +212,7 @@ TEST(ExrCodecTest, APartOfALatticeHasItsPixelsAndNoOthers) {
   ExpectRefused(EncodePart(tile, {"digest", "profile", {1000}}), "pixel stride");
 }
 
-TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
+TEST(ExrCodecTest, CellPartsHoldOnlyTheirPixels) {
   const PartHeader header{"digest", "profile", {}, {4, 0b1001}};
   FilmTile tile({8, 8, 16, 16}, {0, 16});
   for (const PixelRect& cell : RectsOf(tile.rect(), header.cells)) {
@@ -249,7 +249,7 @@ TEST(ExrCodecTest, APartOfCellsHasTheirPixelsAndNoOthers) {
 }
 
 // The last tile of a frame: cells of 4 and of 2 columns, 4 and 3 rows.
-TEST(ExrCodecTest, CellsAtTheRimAreSmaller) {
+TEST(ExrCodecTest, BorderCellsAreSmaller) {
   const PixelRect rect{8, 8, 14, 15};
   for (const uint64_t mask : {0b0111, 0b1010, 0b1100, 0b1000}) {
     const PartHeader header{"digest", "profile", {}, {4, mask}};
@@ -263,7 +263,7 @@ TEST(ExrCodecTest, CellsAtTheRimAreSmaller) {
   }
 }
 
-TEST(ExrCodecTest, PartLargerThanTheLimitIsRefused) {
+TEST(ExrCodecTest, PartsBeyondTheLimitAreRefused) {
   EXPECT_TRUE(DecodePart(MakePart({0, 1}), 64).ok());
   EXPECT_TRUE(absl::IsInvalidArgument(DecodePart(MakePart({0, 1}), 63).status()));
 }
@@ -279,36 +279,36 @@ class ExrCodecFileTest : public testing::Test {
   std::string directory_;
 };
 
-TEST_F(ExrCodecFileTest, PicturesComeBackToTheBit) {
-  FramePicture picture = MakeFramePicture({100, 50, 117, 61}, 640, 480);
+TEST_F(ExrCodecFileTest, ImagesRoundTripExactly) {
+  FrameImage image = MakeFrameImage({100, 50, 117, 61}, 640, 480);
   std::mt19937 bits(23);
   std::normal_distribution<float> value(0, 1000);
-  for (auto& plane : picture.planes) {
+  for (auto& plane : image.planes) {
     for (float& v : plane) v = value(bits);
   }
-  picture.metadata = {{"sceneDigest", std::string(64, 'c')}, {"samples", "64"}, {"note", ""}};
+  image.metadata = {{"sceneDigest", std::string(64, 'c')}, {"samples", "64"}, {"note", ""}};
   const std::string path = directory_ + "/a picture.exr";
-  ASSERT_TRUE(WritePicture(picture, path).ok());
-  const absl::StatusOr<FramePicture> read = ReadPicture(path);
+  ASSERT_TRUE(WriteFrameImage(image, path).ok());
+  const absl::StatusOr<FrameImage> read = ReadFrameImage(path);
   ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(read->window, picture.window);
+  EXPECT_EQ(read->window, image.window);
   EXPECT_EQ(read->frame_width_px, 640);
   EXPECT_EQ(read->frame_height_px, 480);
-  EXPECT_EQ(read->metadata, picture.metadata);
-  ASSERT_EQ(read->channel_names.size(), picture.channel_names.size());
-  for (size_t i = 0; i < picture.planes.size(); ++i) {
-    ASSERT_NE(read->Find(picture.channel_names[i]), nullptr);
-    EXPECT_EQ(*read->Find(picture.channel_names[i]), picture.planes[i]);
+  EXPECT_EQ(read->metadata, image.metadata);
+  ASSERT_EQ(read->channel_names.size(), image.channel_names.size());
+  for (size_t i = 0; i < image.planes.size(); ++i) {
+    ASSERT_NE(read->Find(image.channel_names[i]), nullptr);
+    EXPECT_EQ(*read->Find(image.channel_names[i]), image.planes[i]);
   }
-  EXPECT_EQ(EncodePicture(picture), *ReadWholeFile(path));
+  EXPECT_EQ(EncodeFrameImage(image), *ReadWholeFile(path));
 }
 
-TEST_F(ExrCodecFileTest, ColorUnderALayerIsFound) {
-  FramePicture picture;
-  picture.window = {0, 0, 2, 1};
-  picture.channel_names = {"alpha.R", "beauty.B", "beauty.G", "beauty.R"};
-  picture.planes = {{9, 9}, {3, 30}, {2, 20}, {1, 10}};
-  const absl::StatusOr<FramePicture> read = DecodePicture(EncodePicture(picture));
+TEST_F(ExrCodecFileTest, FindsColorInALayer) {
+  FrameImage image;
+  image.window = {0, 0, 2, 1};
+  image.channel_names = {"alpha.R", "beauty.B", "beauty.G", "beauty.R"};
+  image.planes = {{9, 9}, {3, 30}, {2, 20}, {1, 10}};
+  const absl::StatusOr<FrameImage> read = DecodeFrameImage(EncodeFrameImage(image));
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(*read->Find("R"), (std::vector<float>{1, 10}));
   EXPECT_EQ(*read->Find("B"), (std::vector<float>{3, 30}));
@@ -316,22 +316,22 @@ TEST_F(ExrCodecFileTest, ColorUnderALayerIsFound) {
 }
 
 TEST_F(ExrCodecFileTest, ErrorsNameTheFile) {
-  EXPECT_TRUE(absl::IsNotFound(ReadPicture(directory_ + "/none.exr").status()));
+  EXPECT_TRUE(absl::IsNotFound(ReadFrameImage(directory_ + "/none.exr").status()));
   const std::string path = directory_ + "/text.exr";
   ASSERT_TRUE(WriteFileAtomically(path, "hello").ok());
-  const absl::Status status = ReadPicture(path).status();
+  const absl::Status status = ReadFrameImage(path).status();
   EXPECT_TRUE(absl::IsInvalidArgument(status));
   EXPECT_NE(std::string(status.message()).find(path), std::string::npos);
   EXPECT_FALSE(
-      WritePicture(MakeFramePicture({0, 0, 1, 1}, 1, 1), directory_ + "/no/such/dir.exr").ok());
+      WriteFrameImage(MakeFrameImage({0, 0, 1, 1}, 1, 1), directory_ + "/no/such/dir.exr").ok());
 }
 
-TEST(ExrCodecTest, PictureWithoutColorIsRefused) {
-  FramePicture picture;
-  picture.window = {0, 0, 1, 1};
-  picture.channel_names = {"Y", "a.R"};
-  picture.planes = {{1}, {2}};
-  EXPECT_TRUE(absl::IsInvalidArgument(DecodePicture(EncodePicture(picture)).status()));
+TEST(ExrCodecTest, ImagesWithoutColorAreRefused) {
+  FrameImage image;
+  image.window = {0, 0, 1, 1};
+  image.channel_names = {"Y", "a.R"};
+  image.planes = {{1}, {2}};
+  EXPECT_TRUE(absl::IsInvalidArgument(DecodeFrameImage(EncodeFrameImage(image)).status()));
 }
 
 }  // namespace

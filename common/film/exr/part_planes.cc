@@ -74,7 +74,7 @@ std::string WhyNoLight(const FilmTile& tile) {
         magnitude += std::fabs(value);
       }
       const bool negative_weights = double{weight[p]} + double{weight_lo[p]} != double{samples[p]};
-      if (negative_weights || sum >= -kNegativeShareMax * magnitude) continue;
+      if (negative_weights || sum >= -kNegativeFractionMax * magnitude) continue;
       return absl::StrCat("channel \"", color.name, "\" holds negative light, a sum of ", sum,
                           ", though its filter has no negative weights");
     }

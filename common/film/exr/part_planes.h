@@ -53,7 +53,7 @@ std::vector<NamedPlane<Float>> PlanesOf(Tile& tile) {
 // A sum of colors that lie outside of sRGB may be negative in some component, but R + G + B of
 // light is positive for each wavelength. A sum below minus this fraction of |R| + |G| + |B| is not
 // light.
-inline constexpr double kNegativeShareMax = 0.25;
+inline constexpr double kNegativeFractionMax = 0.25;
 // Why these cannot be sums of samples of the pixels that lattice and cells select; empty if they
 // can. Each pixel must have the samples of its block, each of at most kSampleMagnitudeMax, and no
 // negative light unless the filter has negative weights, in which case the weights do not add up to

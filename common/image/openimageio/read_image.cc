@@ -76,9 +76,9 @@ std::string OneLine(std::string text, const std::string& fallback) {
 absl::StatusOr<FloatImage> ReadByOpenImageIO(const std::string& path,
                                              const ReadImageLimits& limits) {
   try {
-    OIIO::ImageSpec wishes;
-    wishes.attribute("oiio:UnassociatedAlpha", 1);
-    std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &wishes);
+    OIIO::ImageSpec requested_spec;
+    requested_spec.attribute("oiio:UnassociatedAlpha", 1);
+    std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &requested_spec);
     if (!input) {
       return absl::InvalidArgumentError(absl::StrCat(
           path, ": not a readable image: ", OneLine(OIIO::geterror(), "unknown format")));

@@ -27,7 +27,7 @@ CandelaTable ReadGood(const std::string& text) {
   return table.ok() ? *std::move(table) : CandelaTable{};
 }
 
-TEST(IesReaderTest, EveryVersionIsRead) {
+TEST(IesReaderTest, ReadsEveryVersion) {
   // One lamp, multiplier 2, ballast 0.5, ballast-lamp factor 3, which lost its meaning in 2002.
   const std::string numbers =
       "1 1000 2 3 1 1 2 0 0 0\r\n0.5 3 60\r\n0 45 90\r\n0\r\n100 50, 1.5e1\r\n";
@@ -55,7 +55,7 @@ TEST(IesReaderTest, EveryVersionIsRead) {
   }
 }
 
-TEST(IesReaderTest, PartsUnfoldToTheWholeCircle) {
+TEST(IesReaderTest, SymmetricTablesUnfoldToTheFullCircle) {
   const auto planes = [](const std::string& angles, int count) {
     std::string text =
         "TILT=NONE\n1 1 1 2 " + std::to_string(count) + " 1 2 0 0 0 1 1 1 0 180 " + angles;
@@ -78,7 +78,7 @@ TEST(IesReaderTest, PartsUnfoldToTheWholeCircle) {
   EXPECT_THAT(planes("22.5", 1), ElementsAre(P{22.5f, 0}));
 }
 
-TEST(IesReaderTest, MistakesAreNamedWithTheirPlace) {
+TEST(IesReaderTest, ErrorsNameTheirLocation) {
   const struct {
     const char* text;
     const char* expected;

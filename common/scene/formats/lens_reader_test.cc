@@ -19,7 +19,7 @@ absl::StatusOr<std::vector<LensSurface>> Read(const std::string& text) {
   return ReadLens("lens.dat", path);
 }
 
-TEST(LensReaderTest, FourNumbersAreASurface) {
+TEST(LensReaderTest, FourNumbersMakeASurface) {
   const auto lens = Read(
       "# radius thickness index diameter\r\n"
       "  58.950\t7.520 1.670 50.4 # the front\n"
@@ -35,7 +35,7 @@ TEST(LensReaderTest, FourNumbersAreASurface) {
   EXPECT_EQ((*lens)[2].thickness_mm, 72.228);
 }
 
-TEST(LensReaderTest, StopsAreFlatWithinAir) {
+TEST(LensReaderTest, StopsAreFlatInAir) {
   LensDescription lens;
   lens.surfaces = *Read("50 4 1.5 20  0 5 1 20  0 45 0 10");
   EXPECT_FALSE(IsStop(lens, 0));
@@ -43,7 +43,7 @@ TEST(LensReaderTest, StopsAreFlatWithinAir) {
   EXPECT_TRUE(IsStop(lens, 2));
 }
 
-TEST(LensReaderTest, MistakesAreNamedWithTheirPlace) {
+TEST(LensReaderTest, ErrorsNameTheirLocation) {
   const std::pair<const char*, const char*> kCases[] = {
       {"", "lens.dat:1:1: the file has no surfaces"},
       {"# nothing\n", "lens.dat:1:1: the file has no surfaces"},
@@ -65,7 +65,7 @@ TEST(LensReaderTest, MistakesAreNamedWithTheirPlace) {
   EXPECT_FALSE(ReadLens("none", testing::TemporaryPath("none.dat")).ok());
 }
 
-TEST(LensReaderTest, EndlessFilesAreRefused) {
+TEST(LensReaderTest, LargeFilesAreRefused) {
   std::string text;
   for (size_t i = 0; i <= kLensSurfacesMax; ++i) text += "50 4 1 20\n";
   EXPECT_EQ(Read(text).status().code(), absl::StatusCode::kResourceExhausted);

@@ -62,7 +62,7 @@ class MeasuredFileTest : public ::testing::Test {
   const std::string path_ = testing::TemporaryPath("measured.bsdf");
 };
 
-TEST_F(MeasuredFileTest, ReadsWhatWasWritten) {
+TEST_F(MeasuredFileTest, RoundTrips) {
   const MeasuredFileBuilder builder = Small();
   const absl::StatusOr<MeasuredData> data = Read(builder.Bytes());
   ASSERT_TRUE(data.ok()) << data.status();
@@ -106,14 +106,14 @@ TEST_F(MeasuredFileTest, ErrorsNameFileAndField) {
   EXPECT_EQ(ErrorOf(TensorBytes(arrays)), "paint.bsdf: field \"luminance\": is there twice");
 }
 
-TEST_F(MeasuredFileTest, PartOfACircleIsRefused) {
+TEST_F(MeasuredFileTest, PartialCirclesAreRefused) {
   MeasuredFileBuilder builder = Small();
   builder.phi = {0, 1, 2, 3.14f};
   EXPECT_THAT(ErrorOf(builder.Bytes()), HasSubstr("field \"phi_i\": spans 3.14 radians"));
 }
 
 // Sizes whose product wraps around, that exceed the file, or whose ranges overlap others.
-TEST_F(MeasuredFileTest, SizesThatTheFileCannotHoldAreRefused) {
+TEST_F(MeasuredFileTest, SizesBeyondTheFileAreRefused) {
   const std::string sound(12, '\0');
   for (const std::vector<uint64_t>& shape : {std::vector<uint64_t>{uint64_t{1} << 62, 4},
                                              {uint64_t{1} << 33, uint64_t{1} << 33},
@@ -150,7 +150,7 @@ TEST_F(MeasuredFileTest, EveryTruncationIsAnError) {
 
 // With any single byte changed, the file is rejected or read to valid data. All of the head is
 // tried, and some of the numbers.
-TEST_F(MeasuredFileTest, WrongBytesDoNoHarm) {
+TEST_F(MeasuredFileTest, CorruptBytesAreHandled) {
   const std::string bytes = Small().Bytes();
   const size_t head_size = bytes.find("test");
   for (size_t i = 0; i < bytes.size(); i += i < head_size ? 1 : 13) {
@@ -168,7 +168,7 @@ TEST_F(MeasuredFileTest, WrongBytesDoNoHarm) {
   }
 }
 
-TEST_F(MeasuredFileTest, AMissingFileIsSaidToBe) {
+TEST_F(MeasuredFileTest, MissingFilesAreReported) {
   EXPECT_EQ(ReadMeasuredShape("a.bsdf", path_ + "-none").status().message(),
             "a.bsdf: cannot be opened");
 }

@@ -75,7 +75,7 @@ constexpr char kAsciiHead[] =
     "ply\r\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
     "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
 
-TEST(PlyReaderTest, ReadsBothBinaryOrders) {
+TEST(PlyReaderTest, ReadsBothByteOrders) {
   ExpectSquare(ReadPly(WriteMesh(BinarySquare(false)), {}));
   ExpectSquare(ReadPly(WriteMesh(BinarySquare(true)), {}));
 }
@@ -96,7 +96,7 @@ TEST(PlyReaderTest, EveryTruncationIsAnError) {
   }
 }
 
-TEST(PlyReaderTest, NotFiniteVertexIsNamed) {
+TEST(PlyReaderTest, NonFiniteVerticesAreNamed) {
   std::string bytes = BinarySquare(false);
   const float nan = std::numeric_limits<float>::quiet_NaN();
   // The y of vertex 1: a row is 8 + 8 + 1 + 20 bytes.
@@ -158,7 +158,7 @@ std::vector<BadPly> BadMeshes() {
 INSTANTIATE_TEST_SUITE_P(Diagnostics, BadPlyTest, ::testing::ValuesIn(BadMeshes()),
                          [](const auto& test) { return std::string(test.param.name); });
 
-TEST(PlyReaderTest, LimitsAreNamed) {
+TEST(PlyReaderTest, ErrorsNameLimits) {
   SceneReaderLimits limits;
   limits.memory_bytes_max = 40;
   const std::string path = WriteMesh(BinarySquare(false));

@@ -191,7 +191,7 @@ std::string ObstacleTo(const Candidate& candidate, const SceneDescription& scene
 
 }  // namespace
 
-void TakeConstantGridsAsHomogeneous(SceneDescription* scene) {
+void ConvertConstantGrids(SceneDescription* scene) {
   std::vector<Candidate> candidates;
   for (size_t i = 0; i < scene->media.size(); ++i) {
     Candidate candidate;

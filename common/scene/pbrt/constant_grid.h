@@ -15,6 +15,6 @@ namespace sheaf {
 // Makes such media homogeneous. MediumDescription::constant_grid says which ones, and why the
 // others stay grids.
 // Requires: the scene's media, shapes, instances and camera have been read without errors.
-void TakeConstantGridsAsHomogeneous(SceneDescription* scene);
+void ConvertConstantGrids(SceneDescription* scene);
 
 }  // namespace sheaf

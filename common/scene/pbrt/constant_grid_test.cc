@@ -65,7 +65,7 @@ class ConstantGridTest : public ::testing::Test {
   const std::string even_ = absl::StrCat(kGrid, kEven);
 };
 
-TEST_F(ConstantGridTest, WithinItsOutermostValuesItIsHomogeneous) {
+TEST_F(ConstantGridTest, InsideItsOutermostValuesItIsHomogeneous) {
   ExpectTaken(even_, kCube);
   ExpectTaken(even_, "Shape \"sphere\" \"float radius\" 1");
   ExpectTaken(even_, "Translate 0.25 0 0\nRotate 30 1 2 3\nShape \"sphere\" \"float radius\" 0.75");
@@ -78,20 +78,20 @@ TEST_F(ConstantGridTest, WithinItsOutermostValuesItIsHomogeneous) {
                                   "\nObjectEnd\nTranslate 0.5 0.5 0\nObjectInstance \"o\""));
 }
 
-TEST_F(ConstantGridTest, ItKeepsCoefficients) {
+TEST_F(ConstantGridTest, CoefficientsAreKept) {
   const SceneDescription scene = Read(even_, kCube);
   EXPECT_EQ(scene.media[0].sigma_a.rgb, (Rgb{1, 2, 3}));
   EXPECT_EQ(scene.media[0].sigma_s.rgb, (Rgb{4, 5, 6}));
   EXPECT_EQ(scene.media[0].scale, 6);
   EXPECT_EQ(scene.media[0].g, 0.5f);
-  const SceneDescription glowing = Read(
+  const SceneDescription emissive = Read(
       absl::StrCat(even_, "  \"rgb Le\" [1 1 1] \"float Lescale\" [3 3 3 3 3 3 3 3]\n"), kCube);
-  EXPECT_TRUE(glowing.media[0].IsHomogeneous());
-  EXPECT_TRUE(glowing.media[0].emits);
-  EXPECT_EQ(glowing.media[0].radiance_scale, 3);
+  EXPECT_TRUE(emissive.media[0].IsHomogeneous());
+  EXPECT_TRUE(emissive.media[0].emits);
+  EXPECT_EQ(emissive.media[0].radiance_scale, 3);
 }
 
-TEST_F(ConstantGridTest, GridsOfOneColorAreHomogeneousToo) {
+TEST_F(ConstantGridTest, ConstantColorGridsAreHomogeneous) {
   const std::string grid =
       "MakeNamedMedium \"smoke\" \"string type\" \"rgbgrid\" \"point3 p0\" [-3 -2 -2]\n"
       "  \"point3 p1\" [3 2 2] \"integer nx\" 2 \"integer ny\" 1 \"integer nz\" 1\n";
@@ -107,12 +107,12 @@ TEST_F(ConstantGridTest, GridsOfOneColorAreHomogeneousToo) {
   ExpectTaken(even, kCube);
   const SceneDescription scene = Read(even, kCube);
   EXPECT_EQ(scene.media[0].sigma_s.rgb, (Rgb{0.5f, 1, 2}));
-  EXPECT_EQ(scene.media[0].sigma_a.rgb, Rgb::Grey(1));
+  EXPECT_EQ(scene.media[0].sigma_a.rgb, Rgb::Gray(1));
   ExpectLeft(absl::StrCat(even, "  \"rgb sigma_a\" [", cells, "] \"rgb Le\" [", cells, "]\n"),
              kCube, "");
 }
 
-TEST_F(ConstantGridTest, WhatReachesOutsideStaysAGrid) {
+TEST_F(ConstantGridTest, ShapesReachingOutsideKeepTheGrid) {
   const std::string why = "the shape at main.pbrt:10:1 reaches beyond the outermost values";
   ExpectLeft(even_, absl::StrCat("Scale 1.0001 1 1\n", kCube), why);
   ExpectLeft(even_, "Translate 0 0.1 0\nShape \"sphere\" \"float radius\" 0.95", why);
@@ -126,7 +126,7 @@ TEST_F(ConstantGridTest, WhatReachesOutsideStaysAGrid) {
              why);
 }
 
-TEST_F(ConstantGridTest, WhatMayHaveNoEndStaysAGrid) {
+TEST_F(ConstantGridTest, UnboundedMediaKeepTheGrid) {
   const std::string shape = "the shape at main.pbrt:";
   ExpectLeft(even_, "Shape \"disk\"", shape + "9:1 is not known to enclose it");
   ExpectLeft(even_, "Shape \"sphere\" \"float phimax\" 200", shape + "9:1 is not known");
@@ -142,7 +142,7 @@ TEST_F(ConstantGridTest, WhatMayHaveNoEndStaysAGrid) {
   ExpectLeft(even_, kCube, "the camera is in it", "MediumInterface \"\" \"smoke\"\n");
 }
 
-TEST_F(ConstantGridTest, NormalsSayWhereTheInsideIs) {
+TEST_F(ConstantGridTest, NormalsDecideTheInside) {
   const auto with_normals = [](float sign) {
     std::string normals;
     for (int i = 0; i < 8; ++i) {
@@ -157,7 +157,7 @@ TEST_F(ConstantGridTest, NormalsSayWhereTheInsideIs) {
   ExpectTaken(even_, "ReverseOrientation\n" + with_normals(-1));
 }
 
-TEST_F(ConstantGridTest, WhatMovesStaysAGrid) {
+TEST_F(ConstantGridTest, MovingMediaKeepTheGrid) {
   ExpectLeft(even_,
              absl::StrCat("ActiveTransform EndTime Translate 0.1 0 0 ActiveTransform All\n",
                           "Scale 0.5 0.5 0.5\n", kCube),
@@ -168,7 +168,7 @@ TEST_F(ConstantGridTest, WhatMovesStaysAGrid) {
              "it moves by velocities");
 }
 
-TEST_F(ConstantGridTest, OtherGridsAreNotEvenLookedAt) {
+TEST_F(ConstantGridTest, VaryingGridsAreNotExamined) {
   ExpectLeft(absl::StrCat(kGrid, "  \"float density\" [2 2 2 2 2 2 2 2.0001]\n"), kCube, "");
   ExpectLeft(absl::StrCat(even_, "  \"float temperature\" [900 900 900 900 900 900 900 900]\n"),
              kCube, "");

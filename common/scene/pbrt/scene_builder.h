@@ -109,7 +109,7 @@ class SceneBuilder {
   void FinishMedia();
   // Adds the interiors of subsurface materials to the media, and sets them inside the shapes of
   // those materials.
-  void FinishMatter();
+  void FinishSubsurface();
   void FinishObjects();
   bool ObjectSlot(const std::string& name, SourceLocation location, int32_t* object);
   // The index of the medium of that name, defined or not; kNone for an empty name.

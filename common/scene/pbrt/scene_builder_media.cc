@@ -60,11 +60,11 @@ void SceneBuilder::MakeNamedMedium(const std::string& name, std::vector<Paramete
   SetMedium(state_.start, parameters, *files_, &medium);
 }
 
-void SceneBuilder::FinishMatter() {
+void SceneBuilder::FinishSubsurface() {
   const auto first = static_cast<int32_t>(scene_->media.size());
-  const std::vector<MediumDescription>& matter = materials_.matter();
-  if (matter.empty()) return;
-  scene_->media.insert(scene_->media.end(), matter.begin(), matter.end());
+  const std::vector<MediumDescription>& media = materials_.subsurface();
+  if (media.empty()) return;
+  scene_->media.insert(scene_->media.end(), media.begin(), media.end());
   for (MaterialDescription& material : scene_->materials) {
     auto* subsurface = std::get_if<SubsurfaceMaterial>(&material.material);
     if (subsurface != nullptr) subsurface->medium += first;
@@ -103,8 +103,8 @@ void SceneBuilder::FinishMedia() {
   }
   const std::string& integrator = scene_->sampling.integrator;
   if (scene_->media.empty() || !IntegratorIgnoresMedia(integrator)) {
-    FinishMatter();
-    if (!diagnostics_->HasErrors()) TakeConstantGridsAsHomogeneous(scene_);
+    FinishSubsurface();
+    if (!diagnostics_->HasErrors()) ConvertConstantGrids(scene_);
     return;
   }
   diagnostics_->Warning(scene_->media[0].location,
@@ -113,7 +113,7 @@ void SceneBuilder::FinishMedia() {
   scene_->media.clear();
   scene_->camera.medium = kNone;
   for (ShapeDescription& shape : scene_->shapes) shape.media = {};
-  FinishMatter();
+  FinishSubsurface();
 }
 
 }  // namespace sheaf

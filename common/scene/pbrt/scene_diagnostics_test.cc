@@ -39,7 +39,7 @@ class BadSceneTest : public ::testing::TestWithParam<BadScene> {
   }
 };
 
-TEST_P(BadSceneTest, SaysWhereAndWhat) {
+TEST_P(BadSceneTest, ErrorsHaveLocationAndReason) {
   const std::string directory = Directory();
   ASSERT_TRUE(MakeDirectories(directory).ok());
   WriteText(directory + "/main.pbrt", GetParam().text);
@@ -331,7 +331,7 @@ constexpr BadScene kBadScenes[] = {
 INSTANTIATE_TEST_SUITE_P(Diagnostics, BadSceneTest, ::testing::ValuesIn(kBadScenes),
                          [](const auto& test) { return std::string(test.param.name); });
 
-TEST(SceneMemoryTest, SurfacesAreNotRefinedBeyondIt) {
+TEST(SceneMemoryTest, RefinementRespectsTheMemoryLimit) {
   const std::string directory = ::testing::TempDir() + "sheaf-scene-memory";
   ASSERT_TRUE(MakeDirectories(directory).ok());
   SceneReaderLimits limits;

@@ -30,7 +30,7 @@ std::string OutputsOf(const std::string& film) {
   return result.ok() ? FormatOutputs(result->scene.film.outputs) : "";
 }
 
-TEST(SceneOutputsTest, GeometryBufferAsksForOutputs) {
+TEST(SceneOutputsTest, GeometryBufferRequestsOutputs) {
   EXPECT_EQ(OutputsOf("Film \"rgb\""), "");
   EXPECT_EQ(OutputsOf("Film \"gbuffer\""),
             "position,normal-geometric,normal-shading,uv,space:camera");
@@ -40,7 +40,7 @@ TEST(SceneOutputsTest, GeometryBufferAsksForOutputs) {
 }
 
 // The color space in effect at Film counts, not the one after it.
-TEST(SceneOutputsTest, ThePicturesPrimariesAreThoseAtTheFilm) {
+TEST(SceneOutputsTest, ImagePrimariesComeFromTheFilm) {
   const auto result = Read(
       "ColorSpace \"aces2065-1\"\nFilm \"rgb\" \"float whitebalance\" 5000\nColorSpace \"srgb\"\n"
       "WorldBegin\n");
@@ -65,7 +65,7 @@ TEST(SceneOutputsTest, ImpossibleWhiteBalancesAreRefused) {
   }
 }
 
-TEST(SceneOutputsTest, LightsHaveGroups) {
+TEST(SceneOutputsTest, LightsHaveLightGroups) {
   const absl::StatusOr<ReadSceneResult> result = Read(
       "WorldBegin\nLightSource \"point\" \"string lightgroup\" \"key\"\n"
       "LightSource \"infinite\"\n"

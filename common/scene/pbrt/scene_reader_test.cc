@@ -76,7 +76,7 @@ TEST_F(SceneReaderTest, EmptyWorldHasPbrtDefaults) {
   EXPECT_DOUBLE_EQ(scene.camera.screen_window[3], 1);
 }
 
-TEST_F(SceneReaderTest, CameraStandsWhereLookAtSays) {
+TEST_F(SceneReaderTest, LookAtPlacesTheCamera) {
   const SceneDescription scene = ReadGood(
       "Scale -1 1 1\nLookAt 1 2 3  1 2 4  0 1 0\n"
       "Camera \"perspective\" \"float fov\" 30 \"float shutterclose\" 0.25\n"
@@ -95,7 +95,7 @@ TEST_F(SceneReaderTest, CameraStandsWhereLookAtSays) {
   EXPECT_FLOAT_EQ(scene.film.exposure_scale, 2.f);  // ISO 200, whatever the shutter.
 }
 
-TEST_F(SceneReaderTest, SphericalCamerasHaveAMappingAndNoLens) {
+TEST_F(SceneReaderTest, SphericalCamerasHaveAMapping) {
   const std::string sphere = "Camera \"spherical\"";
   EXPECT_EQ(ReadGood(sphere + "\nWorldBegin\n").camera.kind, CameraDescription::Kind::kEqualArea);
   const SceneDescription scene = ReadGood(
@@ -126,7 +126,7 @@ TEST_F(SceneReaderTest, AttributesNestAndTransformsCompose) {
       scene.materials[static_cast<size_t>(scene.shapes[1].material)].material));
 }
 
-TEST_F(SceneReaderTest, ActiveTransformMovesOneEndOfTheShutter) {
+TEST_F(SceneReaderTest, ActiveTransformSetsOneShutterEnd) {
   const SceneDescription scene = ReadGood(
       "TransformTimes 0 2\nWorldBegin\nActiveTransform EndTime\nTranslate 0 0 5\nActiveTransform "
       "All\n"
@@ -138,7 +138,7 @@ TEST_F(SceneReaderTest, ActiveTransformMovesOneEndOfTheShutter) {
   EXPECT_EQ(moving.end_time, 2);
 }
 
-TEST_F(SceneReaderTest, ObjectInstancesKeepBothTransformations) {
+TEST_F(SceneReaderTest, ObjectInstancesKeepBothTransforms) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nObjectBegin \"o\"\nTranslate 1 0 0\nAreaLightSource \"diffuse\"\nShape "
       "\"sphere\"\n"
@@ -153,7 +153,7 @@ TEST_F(SceneReaderTest, ObjectInstancesKeepBothTransformations) {
   ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:5:1: shapes of an object cannot emit");
 }
 
-TEST_F(SceneReaderTest, DiffuseTransmissionHasItsDefaults) {
+TEST_F(SceneReaderTest, DiffuseTransmissionDefaults) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nMaterial \"diffusetransmission\"\nShape \"sphere\"\n"
       "Material \"diffusetransmission\" \"rgb reflectance\" [0.5 0.25 1] "
@@ -162,8 +162,8 @@ TEST_F(SceneReaderTest, DiffuseTransmissionHasItsDefaults) {
     return std::get<DiffuseTransmissionMaterial>(
         scene.materials[static_cast<size_t>(scene.shapes.at(shape).material)].material);
   };
-  EXPECT_EQ(sheet(0).reflectance.value.rgb, Rgb::Grey(0.25f));
-  EXPECT_EQ(sheet(0).transmittance.value.rgb, Rgb::Grey(0.25f));
+  EXPECT_EQ(sheet(0).reflectance.value.rgb, Rgb::Gray(0.25f));
+  EXPECT_EQ(sheet(0).transmittance.value.rgb, Rgb::Gray(0.25f));
   EXPECT_EQ(sheet(0).scale, 1);
   EXPECT_EQ(sheet(1).transmittance.value.rgb, (Rgb{0.5f, 0.25f, 0.5f}));
   EXPECT_EQ(sheet(1).scale, 0.75f);
@@ -173,7 +173,7 @@ TEST_F(SceneReaderTest, DiffuseTransmissionHasItsDefaults) {
       "to 1.125");
 }
 
-TEST_F(SceneReaderTest, MaterialsHaveNormalAndBumpMaps) {
+TEST_F(SceneReaderTest, ReadsNormalAndBumpMaps) {
   Write("n.png", "x");
   const SceneDescription scene = ReadGood(
       "WorldBegin\nTexture \"h\" \"float\" \"constant\" \"float value\" 0.1\n"
@@ -193,7 +193,7 @@ TEST_F(SceneReaderTest, MaterialsHaveNormalAndBumpMaps) {
   EXPECT_EQ(scene.area_lights.at(0).file, "n.png");
 }
 
-TEST_F(SceneReaderTest, ColorSpacesAreAttributes) {
+TEST_F(SceneReaderTest, ColorSpaceIsAnAttribute) {
   const SceneDescription scene = ReadGood(
       "ColorSpace \"rec2020\"\nFilm \"rgb\"\nWorldBegin\n"
       "LightSource \"point\" \"rgb I\" [1 1 1]\n"
@@ -251,7 +251,7 @@ TEST_F(SceneReaderTest, CoatedConductorsHaveTwoRoughnesses) {
   EXPECT_EQ(coated(1).conductor.reflectance.value.rgb, (Rgb{0.5f, 0.25f, 1}));
 }
 
-TEST_F(SceneReaderTest, NamedMaterialsAndTexturesMayComeLater) {
+TEST_F(SceneReaderTest, NamedMaterialsMayBeDefinedLater) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nNamedMaterial \"late\"\nShape \"sphere\"\n"
       "MakeNamedMaterial \"late\" \"string type\" \"mix\" \"string materials\" [\"a\" \"b\"]\n"
@@ -273,7 +273,7 @@ TEST_F(SceneReaderTest, NamedMaterialsAndTexturesMayComeLater) {
             0.2f);
 }
 
-TEST_F(SceneReaderTest, AttributeGivesDefaultsThatMayStayUnused) {
+TEST_F(SceneReaderTest, AttributeDefaultsMayBeUnused) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nAttribute \"shape\" \"float radius\" 3\nShape \"sphere\"\n"
       "Shape \"sphere\" \"float radius\" 4\nShape \"trianglemesh\" " +
@@ -282,7 +282,7 @@ TEST_F(SceneReaderTest, AttributeGivesDefaultsThatMayStayUnused) {
   EXPECT_EQ(std::get<SphereShape>(scene.shapes.at(1).shape).radius, 4);
 }
 
-TEST_F(SceneReaderTest, CylindersAreRead) {
+TEST_F(SceneReaderTest, ReadsCylinders) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nShape \"cylinder\"\nShape \"cylinder\" \"float radius\" 2 \"float zmin\" 3 "
       "\"float zmax\" -4 \"float phimax\" 400\n");
@@ -298,7 +298,7 @@ TEST_F(SceneReaderTest, CylindersAreRead) {
   EXPECT_EQ(other.phi_max_degrees, 360);
 }
 
-TEST_F(SceneReaderTest, BilinearMeshesAreRead) {
+TEST_F(SceneReaderTest, ReadsBilinearMeshes) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1]\n"
       "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1 2 0 0 2 1 0]\n"
@@ -328,7 +328,7 @@ TEST_F(SceneReaderTest, IncludeKeepsStateAndImportDoesNot) {
   EXPECT_THAT(std::string(lost.status().message()), HasSubstr("main.pbrt:3:1: coordinate system"));
 }
 
-TEST_F(SceneReaderTest, LightsAndSpectraAreRead) {
+TEST_F(SceneReaderTest, ReadsLightsAndSpectra) {
   Write("a.spd", "400 1\n800 1 # flat\n");
   const SceneDescription scene = ReadGood(
       "WorldBegin\nLightSource \"point\" \"blackbody I\" 6500 \"float power\" 60 \"point3 from\" "
@@ -354,7 +354,7 @@ TEST_F(SceneReaderTest, LightsAndSpectraAreRead) {
   EXPECT_EQ(scene.shapes.at(0).area_light, 0);
 }
 
-TEST_F(SceneReaderTest, LightsOfPicturesAreRead) {
+TEST_F(SceneReaderTest, ReadsImageLights) {
   Write("slides/a.png", "");
   const SceneDescription scene = ReadGood(
       "WorldBegin\n"
@@ -370,7 +370,7 @@ TEST_F(SceneReaderTest, LightsOfPicturesAreRead) {
   ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:3:1: light \"goniometric\": without");
 }
 
-TEST_F(SceneReaderTest, OneMeshFileIsOneMesh) {
+TEST_F(SceneReaderTest, MeshFilesAreLoadedOnce) {
   Write("m.ply",
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -401,7 +401,7 @@ TEST_F(SceneReaderTest, ErrorsAreCollectedUpToTheLimit) {
   EXPECT_THAT(message, HasSubstr("reading stopped after 3 errors"));
 }
 
-TEST_F(SceneReaderTest, LimitsAreNamed) {
+TEST_F(SceneReaderTest, ErrorsNameLimits) {
   SceneReaderLimits limits;
   limits.memory_bytes_max = 64;
   const std::string mesh = std::string("WorldBegin\nShape \"trianglemesh\" ") + kTriangle;
@@ -422,7 +422,7 @@ TEST_F(SceneReaderTest, LimitsAreNamed) {
               HasSubstr("a.pbrt:1:1: files are nested deeper than the limit of 1"));
 }
 
-TEST_F(SceneReaderTest, LongInlineMeshCrossesTheBufferUnharmed) {
+TEST_F(SceneReaderTest, LongInlineMeshesCrossBufferBoundaries) {
   // About 2 MB, so that numbers cross the ends of the reader's buffer at many offsets.
   constexpr int kVertexCount = 60000;
   std::string text = "WorldBegin Shape \"trianglemesh\" \"integer indices\" [0 1 2] \"point3 P\" [";

@@ -116,7 +116,7 @@ bool IsRough(const FloatInput& roughness) {
 
 // Whether the material keeps light that pbrt-v4 loses: multiple scattering by microfacets or a
 // coat.
-bool KeepsMoreLight(const MaterialDescription& description) {
+bool ScattersLostLight(const MaterialDescription& description) {
   return std::visit(
       [](const auto& material) {
         using Material = std::decay_t<decltype(material)>;
@@ -226,7 +226,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
 
 std::string ComparisonNote(const SceneDescription& scene, const FrameSettings& settings) {
   if (settings.single_scattering ||
-      std::none_of(scene.materials.begin(), scene.materials.end(), KeepsMoreLight)) {
+      std::none_of(scene.materials.begin(), scene.materials.end(), ScattersLostLight)) {
     return "";
   }
   return "coated and rough materials keep light that pbrt-v4 loses, because they scatter it again: "

@@ -12,7 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/film/film_outputs.h"
-#include "common/film/picture_color.h"
+#include "common/film/image_color.h"
 #include "common/film/pixel_lattice.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/scene_description.h"
@@ -73,7 +73,7 @@ struct FrameSettings {
   float max_component_value = 0;
   // Properties of the delivered image; parts do not depend on them.
   Primaries primaries = Primaries::kSrgb;
-  float white_balance_k = 0;  // See PictureColorOf.
+  float white_balance_k = 0;  // See ImageColorOf.
 };
 
 // Errors: kInvalidArgument for an empty crop, 0 samples, a depth or similarity_after out of range,

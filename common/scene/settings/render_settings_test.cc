@@ -16,7 +16,7 @@
 namespace sheaf {
 namespace {
 
-TEST(RenderSettingsTest, SceneFillsTheGaps) {
+TEST(RenderSettingsTest, SceneProvidesMissingSettings) {
   SceneDescription scene;
   scene.film.width_px = 100;
   scene.film.height_px = 50;
@@ -82,7 +82,7 @@ TEST(RenderSettingsTest, ImpossibleSettingsAreRefused) {
   EXPECT_FALSE(ResolveSettings(scene, {}).ok());
 }
 
-TEST(RenderSettingsTest, DigestCoversWhatChangesSamplesOnly) {
+TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   FrameSettings settings;
   settings.width_px = settings.height_px = 8;
   settings.window = {0, 0, 8, 8};
@@ -134,7 +134,7 @@ TEST(RenderSettingsTest, EveryFieldIsDescribed) {
   EXPECT_EQ(members.size(), 17u);
 }
 
-// Parts, stored jobs and pictures are known by digests of this text.
+// Parts, stored jobs and images are known by digests of this text.
 TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
   EXPECT_EQ(FrameDigestText("scene", FrameSettings(), "profile"),
             "sheaf-frame 3\n"
@@ -186,7 +186,7 @@ TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
             "profile profile\n");
 }
 
-TEST(RenderSettingsTest, OutputsAreThoseOfSceneAndFlags) {
+TEST(RenderSettingsTest, OutputsCombineSceneAndFlags) {
   SceneDescription scene;
   EXPECT_TRUE(ResolveSettings(scene, {})->outputs.empty());
   scene.film.outputs.Add(Aov::kUv);
@@ -209,7 +209,7 @@ TEST(RenderSettingsTest, OutputsAreThoseOfSceneAndFlags) {
   EXPECT_EQ(ResolveSettings(scene, asked).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
-TEST(RenderSettingsTest, DigestTellsOutputsWhereThereAreAny) {
+TEST(RenderSettingsTest, DigestIncludesOutputsIfAny) {
   FrameSettings settings;
   EXPECT_EQ(FrameDigestText("scene", settings, "profile").find("outputs"), std::string::npos);
   const std::string digest = FrameDigest("scene", settings, "profile");
@@ -219,7 +219,7 @@ TEST(RenderSettingsTest, DigestTellsOutputsWhereThereAreAny) {
               testing::HasSubstr("\noutputs uv\nprofile profile\n"));
 }
 
-TEST(RenderSettingsTest, DigestTellsBiasWhereThereIsAny) {
+TEST(RenderSettingsTest, DigestIncludesBiasIfAny) {
   FrameSettings settings;
   EXPECT_EQ(FrameDigestText("scene", settings, "profile").find("similarity"), std::string::npos);
   settings.similarity_after = 8;
@@ -227,7 +227,7 @@ TEST(RenderSettingsTest, DigestTellsBiasWhereThereIsAny) {
               testing::HasSubstr("\nsimilarity_after 8\nprofile profile\n"));
 }
 
-TEST(RenderSettingsTest, MoreLightThanInPbrtIsSaidOnceAndWithTheFlag) {
+TEST(RenderSettingsTest, EnergyCompensationIsReportedOnceWithItsFlag) {
   SceneDescription scene;
   scene.materials.push_back({"", DiffuseMaterial(), {}});
   scene.materials.push_back({"", ConductorMaterial(), {}});
@@ -255,7 +255,7 @@ TEST(FileSourceTest, NamesAreCanonical) {
   for (const auto& [reference, expected] : cases) EXPECT_EQ(CanonicalFileName(reference), expected);
 }
 
-TEST(FileSourceTest, TableAndDirectoryAnswerNotFoundByName) {
+TEST(FileSourceTest, NotFoundErrorsNameTheFile) {
   const std::map<std::string, std::string> paths = {{"a", "/there"}};
   TableFileSource table(paths);
   EXPECT_EQ(*table.LocalPath("a"), "/there");

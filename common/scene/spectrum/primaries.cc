@@ -119,8 +119,8 @@ Matrix4 AdaptWhite(Vec2d from, Vec2d to) {
          ScaleMatrix({after.x / before.x, after.y / before.y, after.z / before.z}) * cones_from_xyz;
 }
 
-PictureColor PictureColorOf(Primaries primaries, float white_balance_k, const std::string& sensor) {
-  PictureColor color;
+ImageColor ImageColorOf(Primaries primaries, float white_balance_k, const std::string& sensor) {
+  ImageColor color;
   color.chromaticities = ChromaticitiesOf(primaries);
   const Matrix4 rgb_from_srgb = *RgbFromRgb(color.chromaticities, Chromaticities());
   color.light_from_srgb = color.albedo_from_srgb = rgb_from_srgb;

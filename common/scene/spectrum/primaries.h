@@ -8,7 +8,7 @@
 
 #include <string>
 
-#include "common/film/picture_color.h"
+#include "common/film/image_color.h"
 #include "common/math/vec.h"
 #include "common/scene/scene_description.h"
 
@@ -29,8 +29,7 @@ Matrix4 AdaptWhite(Vec2d from, Vec2d to);
 // D65 in all primaries. Albedo is not adapted, and its white stays white. sensor: of a camera
 // (sensor.h), or empty. Its matrix for the light and the primaries replaces the matrix by which its
 // sums were made; then 0 means the light of kSensorWhiteBalanceK.
-PictureColor PictureColorOf(Primaries primaries, float white_balance_k,
-                            const std::string& sensor = "");
+ImageColor ImageColorOf(Primaries primaries, float white_balance_k, const std::string& sensor = "");
 
 // Linear sRGB of a color, by way of CIE XYZ. The white of an illuminant stays the white of its
 // primaries: (1, 1, 1) of ACES is the color of D60. In all other roles white means full reflection

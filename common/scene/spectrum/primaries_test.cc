@@ -15,7 +15,7 @@ Rgb ToRgb(Vec3d v) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
 }
 
-TEST(PrimariesTest, NamesAreThoseOfPbrt) {
+TEST(PrimariesTest, NamesMatchPbrt) {
   EXPECT_EQ(PrimariesFromName("srgb"), Primaries::kSrgb);
   EXPECT_EQ(PrimariesFromName("ACES2065-1"), Primaries::kAces2065);
   EXPECT_EQ(PrimariesFromName("rec2020"), Primaries::kRec2020);
@@ -25,7 +25,7 @@ TEST(PrimariesTest, NamesAreThoseOfPbrt) {
 }
 
 // The matrices of ITU-R BT.2087 and of Display P3.
-TEST(PrimariesTest, WidePrimariesOfTheSameWhite) {
+TEST(PrimariesTest, WidePrimariesKeepTheWhitePoint) {
   struct Case {
     Primaries primaries;
     Rgb rgb, srgb;
@@ -47,12 +47,12 @@ TEST(PrimariesTest, WidePrimariesOfTheSameWhite) {
 }
 
 // D60, the white of ACES, has x = 0.32168 and y = 0.33767, which in sRGB is somewhat red.
-TEST(PrimariesTest, WhiteOfAcesIsALightOfD60AndASurfaceThatReflectsAll) {
+TEST(PrimariesTest, AcesWhiteIsD60LightAndUnitReflectance) {
   const Rgb light = SrgbFromPrimaries({1, 1, 1}, Primaries::kAces2065, ColorRole::kIlluminant);
   ExpectNear(light, {1.0470f, 0.9946f, 0.9155f}, 4e-3f);
   EXPECT_NEAR(Luminance(light), 1, 1e-3);
   for (const ColorRole role : {ColorRole::kReflectance, ColorRole::kUnbounded}) {
-    EXPECT_EQ(SrgbFromPrimaries(Rgb::Grey(0.18f), Primaries::kAces2065, role), Rgb::Grey(0.18f));
+    EXPECT_EQ(SrgbFromPrimaries(Rgb::Gray(0.18f), Primaries::kAces2065, role), Rgb::Gray(0.18f));
     // The three primaries add up to white there too.
     const Rgb sum = SrgbFromPrimaries({1, 0, 0}, Primaries::kAces2065, role) +
                     SrgbFromPrimaries({0, 1, 0}, Primaries::kAces2065, role) +
@@ -62,22 +62,22 @@ TEST(PrimariesTest, WhiteOfAcesIsALightOfD60AndASurfaceThatReflectsAll) {
 }
 
 Vec3d Light(Primaries primaries, float white_balance_k, Vec3d srgb) {
-  return TransformVector(PictureColorOf(primaries, white_balance_k).light_from_srgb, srgb);
+  return TransformVector(ImageColorOf(primaries, white_balance_k).light_from_srgb, srgb);
 }
 
-TEST(PrimariesTest, PicturesInSrgbAreTheSums) {
-  EXPECT_TRUE(PictureColorOf(Primaries::kSrgb, 0).AsSummed());
-  EXPECT_FALSE(PictureColorOf(Primaries::kSrgb, 6504).AsSummed());
-  EXPECT_FALSE(PictureColorOf(Primaries::kAcesCg, 0).AsSummed());
+TEST(PrimariesTest, SrgbImagesEqualTheSums) {
+  EXPECT_TRUE(ImageColorOf(Primaries::kSrgb, 0).AsSummed());
+  EXPECT_FALSE(ImageColorOf(Primaries::kSrgb, 6504).AsSummed());
+  EXPECT_FALSE(ImageColorOf(Primaries::kAcesCg, 0).AsSummed());
 }
 
 // Colors given in primaries are delivered unchanged: lights up to the rounding of the white's five
 // published digits; for reflectances white stays white.
-TEST(PrimariesTest, DeliveredColorsAreThoseOfTheSceneFile) {
+TEST(PrimariesTest, DeliveredColorsMatchTheSceneFile) {
   for (size_t i = 0; i < kPrimariesCount; ++i) {
     const auto primaries = static_cast<Primaries>(i);
     SCOPED_TRACE(PrimariesName(primaries));
-    const PictureColor color = PictureColorOf(primaries, 0);
+    const ImageColor color = ImageColorOf(primaries, 0);
     const Vec3d given{0.2, 0.5, 0.3};
     for (const ColorRole role : {ColorRole::kIlluminant, ColorRole::kReflectance}) {
       const Rgb srgb = SrgbFromPrimaries(ToRgb(given), primaries, role);
@@ -93,7 +93,7 @@ TEST(PrimariesTest, DeliveredColorsAreThoseOfTheSceneFile) {
 }
 
 // D65 in ACES2065-1, whose white is D60, keeps its color: its XYZ by the matrix of ST 2065-1.
-TEST(PrimariesTest, NothingIsAdaptedUnasked) {
+TEST(PrimariesTest, NoAdaptationByDefault) {
   const Vec3d d65 = Light(Primaries::kAces2065, 0, {1, 1, 1});
   EXPECT_NEAR(0.9525523959 * d65.x + 0.0000936786 * d65.z, 0.95046, 1e-5);
   EXPECT_NEAR(0.3439664498 * d65.x + 0.7281660966 * d65.y - 0.0721325464 * d65.z, 1, 1e-9);
@@ -101,7 +101,7 @@ TEST(PrimariesTest, NothingIsAdaptedUnasked) {
 }
 
 // The daylight or blackbody of the temperature becomes the white of the primaries.
-TEST(PrimariesTest, WhiteBalanceMakesItsLightWhite) {
+TEST(PrimariesTest, WhiteBalanceMapsItsIlluminantToWhite) {
   struct Case {
     float temperature_k;
     double x, y;  // CIE 15:2004: D50, D55, D65, D75 as tabulated; A, a blackbody of 2856 K.
@@ -120,10 +120,10 @@ TEST(PrimariesTest, WhiteBalanceMakesItsLightWhite) {
   }
 }
 
-TEST(PrimariesTest, WhiteBalanceLeavesAlbedoAlone) {
-  EXPECT_EQ(PictureColorOf(Primaries::kSrgb, 3000).albedo_from_srgb, Matrix4());
-  EXPECT_EQ(PictureColorOf(Primaries::kAcesCg, 3000).albedo_from_srgb,
-            PictureColorOf(Primaries::kAcesCg, 0).albedo_from_srgb);
+TEST(PrimariesTest, WhiteBalanceKeepsAlbedo) {
+  EXPECT_EQ(ImageColorOf(Primaries::kSrgb, 3000).albedo_from_srgb, Matrix4());
+  EXPECT_EQ(ImageColorOf(Primaries::kAcesCg, 3000).albedo_from_srgb,
+            ImageColorOf(Primaries::kAcesCg, 0).albedo_from_srgb);
 }
 
 }  // namespace

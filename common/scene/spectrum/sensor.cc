@@ -43,23 +43,23 @@ struct Chart {
 };
 
 Chart LookAtChart(const std::string& sensor, double white_balance_k,
-                  const std::string& picture_white) {
+                  const std::string& image_white) {
   ColorSpec white;
   white.kind = ColorSpec::Kind::kNamed;
-  white.name = picture_white;
+  white.name = image_white;
   Chart chart;
   double green = 0, sensor_luminance = 0;
   for (int nm = kSpectrumFirstNm; nm <= kSpectrumLastNm; ++nm) {
     const Vec3d response = ToVector(SensorResponse(sensor, nm)),
                 observer = ToVector(ObserverRgb(nm));
     const double sensor_light = LightOfTemperature(white_balance_k, nm);
-    const double picture_light = EvaluateSpectrum(white, nm);
+    const double image_light = EvaluateSpectrum(white, nm);
     green += response.y * sensor_light;
     sensor_luminance += LuminousEfficiency(nm) * sensor_light;
     for (size_t i = 0; i < sensor_data::kSwatchCount; ++i) {
       const double reflectance = SwatchAt(i, nm);
       chart.sensor[i] = chart.sensor[i] + response * (reflectance * sensor_light);
-      chart.srgb[i] = chart.srgb[i] + observer * (reflectance * picture_light);
+      chart.srgb[i] = chart.srgb[i] + observer * (reflectance * image_light);
     }
   }
   // The scale of white: green responds 1, and the observer sees the luminance that the sensor needs
@@ -97,9 +97,9 @@ std::array<double, 3> SensorResponse(const std::string& sensor, double wavelengt
 }
 
 Matrix4 SrgbFromSensor(const std::string& sensor, double white_balance_k,
-                       const std::string& picture_white) {
+                       const std::string& image_white) {
   // Least squares by the normal equations: srgb sensor^T (sensor sensor^T)^-1.
-  const Chart chart = LookAtChart(sensor, white_balance_k, picture_white);
+  const Chart chart = LookAtChart(sensor, white_balance_k, image_white);
   Matrix4 products, squares;
   for (size_t row = 0; row < 3; ++row) {
     for (size_t column = 0; column < 3; ++column) {

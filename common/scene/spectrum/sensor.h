@@ -27,10 +27,10 @@ std::vector<std::string> SensorNames();
 // Responses of red, green and blue at a wavelength. Requires: IsSensor(sensor).
 std::array<double, 3> SensorResponse(const std::string& sensor, double wavelength_nm);
 // Linear sRGB of the three responses to spectral radiance, integrated like ObserverRgb's.
-// picture_white: name of the spectrum that looks white in the image.
-// Requires: IsSensor(sensor); IsNamedSpectrum(picture_white).
+// image_white: name of the spectrum that looks white in the image.
+// Requires: IsSensor(sensor); IsNamedSpectrum(image_white).
 Matrix4 SrgbFromSensor(const std::string& sensor, double white_balance_k,
-                       const std::string& picture_white);
+                       const std::string& image_white);
 // The matrix by which the film sums responses, for all deliveries: balanced from
 // kSensorWhiteBalanceK to D65.
 Matrix4 SummedFromSensor(const std::string& sensor);

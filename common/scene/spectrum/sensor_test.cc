@@ -6,7 +6,7 @@
 
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/spectrum.h"
-#include "tests/support/sensor_pictures.h"
+#include "tests/support/sensor_images.h"
 
 namespace sheaf {
 namespace {
@@ -23,20 +23,19 @@ Vec3d Summed(const std::string& sensor, const ColorSpec& light) {
   return TransformVector(summed_from_sensor, sum);
 }
 
-TEST(SensorTest, ColorsAreThoseOfTheDocumentedModel) {
-  for (const testing::SensorPicture& picture : testing::SensorPictures()) {
-    const PictureColor color =
-        PictureColorOf(picture.primaries, picture.white_balance_k, picture.sensor);
+TEST(SensorTest, ColorsMatchTheDocumentedModel) {
+  for (const testing::SensorImage& image : testing::SensorImages()) {
+    const ImageColor color = ImageColorOf(image.primaries, image.white_balance_k, image.sensor);
     for (size_t i = 0; i < testing::SensorLights().size(); ++i) {
       const testing::SensorLight& light = testing::SensorLights()[i];
-      SCOPED_TRACE(std::string(picture.sensor) + ", " + light.name);
+      SCOPED_TRACE(std::string(image.sensor) + ", " + light.name);
       ColorSpec spec;
       spec.kind = light.blackbody_k > 0 ? ColorSpec::Kind::kBlackbody : ColorSpec::Kind::kSampled;
       spec.temperature_k = light.blackbody_k;
       spec.wavelengths_nm = light.wavelengths_nm;
       spec.values = light.values;
-      testing::ExpectSameColor(TransformVector(color.light_from_srgb, Summed(picture.sensor, spec)),
-                               picture.colors[i]);
+      testing::ExpectSameColor(TransformVector(color.light_from_srgb, Summed(image.sensor, spec)),
+                               image.colors[i]);
     }
   }
 }
@@ -51,9 +50,9 @@ TEST(SensorTest, BalancedLightIsNearlyWhite) {
     SCOPED_TRACE(sensor);
     const Vec3d white = Summed(sensor, daylight);
     for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(white[i], 1, 0.03);
-    EXPECT_TRUE(PictureColorOf(Primaries::kSrgb, 0, sensor).AsSummed());
-    EXPECT_TRUE(PictureColorOf(Primaries::kSrgb, kSensorWhiteBalanceK, sensor).AsSummed());
-    EXPECT_FALSE(PictureColorOf(Primaries::kSrgb, 5000, sensor).AsSummed());
+    EXPECT_TRUE(ImageColorOf(Primaries::kSrgb, 0, sensor).AsSummed());
+    EXPECT_TRUE(ImageColorOf(Primaries::kSrgb, kSensorWhiteBalanceK, sensor).AsSummed());
+    EXPECT_FALSE(ImageColorOf(Primaries::kSrgb, 5000, sensor).AsSummed());
   }
   EXPECT_FALSE(IsSensor("cie1931"));
   EXPECT_FALSE(IsSensor(""));

@@ -14,9 +14,9 @@ using testing::ExpectNear;
 using testing::Named;
 using testing::Sampled;
 
-TEST(SpectrumTest, ConstantReflectanceIsGrey) {
+TEST(SpectrumTest, ConstantReflectanceIsGray) {
   ExpectNear(SpectrumToRgb(Sampled({300, 900}, {0.25f, 0.25f}), ColorRole::kReflectance),
-             Rgb::Grey(0.25f), 1e-6f);
+             Rgb::Gray(0.25f), 1e-6f);
 }
 
 TEST(SpectrumTest, DaylightTableAgreesWithTheStandard) {
@@ -32,7 +32,7 @@ TEST(SpectrumTest, DaylightTableAgreesWithTheStandard) {
 }
 
 TEST(SpectrumTest, IlluminantsHaveLuminanceOneWhateverTheirMagnitude) {
-  ExpectNear(SpectrumToRgb(Named("stdillum-D65"), ColorRole::kIlluminant), Rgb::Grey(1), 1e-6f);
+  ExpectNear(SpectrumToRgb(Named("stdillum-D65"), ColorRole::kIlluminant), Rgb::Gray(1), 1e-6f);
   const Rgb one = SpectrumToRgb(Sampled({300, 900}, {1, 1}), ColorRole::kIlluminant);
   const Rgb five = SpectrumToRgb(Sampled({300, 900}, {5, 5}), ColorRole::kIlluminant);
   ExpectNear(one, five, 1e-6f);
@@ -40,7 +40,7 @@ TEST(SpectrumTest, IlluminantsHaveLuminanceOneWhateverTheirMagnitude) {
   ExpectNear(one, {1.2048f, 0.9483f, 0.9087f}, 2e-3f);
 }
 
-TEST(SpectrumTest, ObserverAndUnitD65AreWhatIlluminantsAreIntegratedWith) {
+TEST(SpectrumTest, ObserverAndD65AreNormalizedConsistently) {
   ColorSpec warm = BlackbodyOf(3000);
   const double luminance = SpectrumLuminance(warm);
   std::array<double, 3> white{}, light{};
@@ -60,7 +60,7 @@ TEST(SpectrumTest, ObserverAndUnitD65AreWhatIlluminantsAreIntegratedWith) {
   EXPECT_NEAR(UnitD65(500.5), 0.5 * (UnitD65(500) + UnitD65(501)), 1e-12);
 }
 
-TEST(SpectrumTest, BlackbodyHasTheChromaticityOfThePlanckianLocus) {
+TEST(SpectrumTest, BlackbodiesLieOnThePlanckianLocus) {
   // (x, y) = (0.4476, 0.4074) at 2856 K (illuminant A), as linear sRGB of luminance 1.
   ExpectNear(SpectrumToRgb(BlackbodyOf(2856), ColorRole::kIlluminant),
              SpectrumToRgb(Named("stdillum-A"), ColorRole::kIlluminant), 2e-3f);
@@ -85,7 +85,7 @@ TEST(SpectrumTest, MetalsReflectAsMeasured) {
   EXPECT_NEAR(reflectance("Al", 550), 0.916, 0.01);
 }
 
-TEST(SpectrumTest, ConductorChannelsReflectTheSpectralColour) {
+TEST(SpectrumTest, ConductorChannelsMatchTheSpectralColor) {
   for (const double outside : {1.0, 1.5}) {  // In air and under a coat.
     const ConductorConstants copper =
         ConductorRgb(Named("metal-Cu-eta"), Named("metal-Cu-k"), static_cast<float>(outside));
@@ -104,20 +104,20 @@ TEST(SpectrumTest, ConductorChannelsReflectTheSpectralColour) {
   }
 }
 
-TEST(SpectrumTest, ConductorOfRgbAndOfReflectance) {
+TEST(SpectrumTest, ConductorsFromRgbAndReflectance) {
   ColorSpec eta, k;
   eta.rgb = {0.2f, 0.9f, 1.1f};
   k.rgb = {3.9f, 2.4f, 2.2f};
   const ConductorConstants same = ConductorRgb(eta, k);
   EXPECT_EQ(same.eta, eta.rgb);
   EXPECT_EQ(same.k, k.rgb);
-  const ConductorConstants grey = ConductorFromReflectance({0, 0.5f, 1});
-  EXPECT_NEAR(ConductorNormalReflectance(grey.eta.g, grey.k.g), 0.5, 1e-6);
-  EXPECT_EQ(grey.k.r, 0);
-  EXPECT_TRUE(std::isfinite(grey.k.b));
+  const ConductorConstants gray = ConductorFromReflectance({0, 0.5f, 1});
+  EXPECT_NEAR(ConductorNormalReflectance(gray.eta.g, gray.k.g), 0.5, 1e-6);
+  EXPECT_EQ(gray.k.r, 0);
+  EXPECT_TRUE(std::isfinite(gray.k.b));
 }
 
-TEST(SpectrumTest, NarrowBandsLieOutsideOfSrgb) {
+TEST(SpectrumTest, NarrowBandsLieOutsideSrgb) {
   const ColorSpec sodium = Sampled({588, 589, 590, 591}, {0, 1, 1, 0});
   EXPECT_FALSE(IsWithinSrgb(sodium, ColorRole::kIlluminant));
   EXPECT_FALSE(IsWithinSrgb(Sampled({480, 500, 520, 540}, {0, 1, 1, 0}), ColorRole::kReflectance));
@@ -126,12 +126,12 @@ TEST(SpectrumTest, NarrowBandsLieOutsideOfSrgb) {
   EXPECT_TRUE(IsWithinSrgb(Sampled({300, 900}, {1, 1}), ColorRole::kReflectance));
 }
 
-TEST(SpectrumTest, MeanIndexOfGlassIsThatOfYellowGreenLight) {
+TEST(SpectrumTest, MeanGlassIndexIsThatOfYellowGreenLight) {
   EXPECT_NEAR(MeanIndex(Named("glass-BK7")), 1.5179, 1e-3);
   EXPECT_NEAR(MeanIndex(Sampled({300, 900}, {1.25f, 1.25f})), 1.25, 1e-6);
 }
 
-TEST(SpectrumTest, EveryNamedSpectrumCanBeEvaluated) {
+TEST(SpectrumTest, EveryNamedSpectrumEvaluates) {
   for (const std::string& name : NamedSpectra()) {
     ASSERT_TRUE(IsNamedSpectrum(name)) << name;
     for (const double nm : {360.0, 555.5, 830.0}) {

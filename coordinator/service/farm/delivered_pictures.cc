@@ -9,19 +9,19 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
-#include "common/film/shrink_picture.h"
+#include "common/film/shrink_image.h"
 #include "coordinator/service/view/farm_view.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-std::string PictureName(const FrameId& id) {
+std::string ImageName(const FrameId& id) {
   return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
 }
 
 }  // namespace
 
-absl::StatusOr<std::string> DeliveredPictures::Find(uint64_t job_id, int32_t frame_number) const {
+absl::StatusOr<std::string> DeliveredImages::Find(uint64_t job_id, int32_t frame_number) const {
   const std::string name = absl::StrCat("jobs/", job_id, "/frames/", frame_number);
   {
     const MutexLock lock(&tables_.mutex);
@@ -34,41 +34,41 @@ absl::StatusOr<std::string> DeliveredPictures::Find(uint64_t job_id, int32_t fra
   return FindDelivered({job_id, frame_number});
 }
 
-absl::StatusOr<std::string> DeliveredPictures::FindDelivered(const FrameId& id) const {
+absl::StatusOr<std::string> DeliveredImages::FindDelivered(const FrameId& id) const {
   absl::StatusOr<std::string> path = store_.OutputPath(id);
   if (!path.ok()) return path;
   if (absl::Status s = Check(id, *path); !s.ok()) return s;
   return path;
 }
 
-absl::Status DeliveredPictures::Write(const FrameId& id, const FramePicture& picture) {
+absl::Status DeliveredImages::Write(const FrameId& id, const FrameImage& image) {
   const absl::StatusOr<std::string> path = store_.OutputPath(id);
   if (!path.ok()) return path.status();
-  if (absl::Status s = WritePicture(picture, *path); !s.ok()) return s;
+  if (absl::Status s = WriteFrameImage(image, *path); !s.ok()) return s;
   if (const auto state = StateOfFile(*path)) verified_.Remember(*path, *state);
-  KeepThumbnail(id, picture);
+  KeepThumbnail(id, image);
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> DeliveredPictures::ThumbnailPath(const FrameId& id) const {
+absl::StatusOr<std::string> DeliveredImages::ThumbnailPath(const FrameId& id) const {
   absl::StatusOr<std::string> path = store_.OutputPath(id);
   if (!path.ok()) return path.status();
   const size_t extension = path->rfind('.');
   return absl::StrCat(path->substr(0, extension), ".thumbnail.exr");
 }
 
-void DeliveredPictures::KeepThumbnail(const FrameId& id, const FramePicture& picture) const {
-  const absl::StatusOr<FramePicture> small =
-      ShrinkPicture(picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
+void DeliveredImages::KeepThumbnail(const FrameId& id, const FrameImage& image) const {
+  const absl::StatusOr<FrameImage> small =
+      ShrinkImage(image, {"R", "G", "B"}, kThumbnailPixelCountMax);
   absl::Status status = small.status();
   if (status.ok()) {
     const absl::StatusOr<std::string> path = ThumbnailPath(id);
-    status = path.ok() ? WritePicture(*small, *path) : path.status();
+    status = path.ok() ? WriteFrameImage(*small, *path) : path.status();
   }
   if (!status.ok()) LogWarning(absl::StrCat("storing a thumbnail: ", status.message()));
 }
 
-absl::Status DeliveredPictures::Check(const FrameId& id, const std::string& path) const {
+absl::Status DeliveredImages::Check(const FrameId& id, const std::string& path) const {
   const std::optional<FileState> state = StateOfFile(path);
   if (state && verified_.Contains(path, *state)) return absl::OkStatus();
   std::string expected;
@@ -80,8 +80,8 @@ absl::Status DeliveredPictures::Check(const FrameId& id, const std::string& path
     expected = frame->second.picture_digest;
   }
   if (state) {
-    const absl::StatusOr<FramePicture> picture = ReadPicture(path);
-    if (picture.ok() && PictureDigest(*picture) == expected && StateOfFile(path) == state) {
+    const absl::StatusOr<FrameImage> image = ReadFrameImage(path);
+    if (image.ok() && ImageDigest(*image) == expected && StateOfFile(path) == state) {
       verified_.Remember(path, *state);
       return absl::OkStatus();
     }
@@ -92,16 +92,16 @@ absl::Status DeliveredPictures::Check(const FrameId& id, const std::string& path
     const MutexLock lock(&mutex_);
     if (damaged_.insert(id).second) {
       ++damaged_count_;
-      LogError(absl::StrCat(PictureName(id), ": the delivered image is ",
-                            state ? "damaged" : "gone", "; it is being recreated"));
+      LogError(absl::StrCat(ImageName(id), ": the delivered image is ", state ? "damaged" : "gone",
+                            "; it is being recreated"));
     }
   }
   return absl::FailedPreconditionError(
-      absl::StrCat(PictureName(id), ": the delivered image was ", state ? "damaged" : "removed",
+      absl::StrCat(ImageName(id), ": the delivered image was ", state ? "damaged" : "removed",
                    " on the coordinator's disk and is being recreated; try again later"));
 }
 
-void DeliveredPictures::Heal(JobLifecycle* lifecycle) {
+void DeliveredImages::Heal(JobLifecycle* lifecycle) {
   std::set<FrameId> damaged;
   {
     const MutexLock lock(&mutex_);
@@ -116,7 +116,7 @@ void DeliveredPictures::Heal(JobLifecycle* lifecycle) {
       if (phase == JobPhase::kSucceeded) remade[id.job_id].insert(id.frame_number);
       if (phase == JobPhase::kFailed || phase == JobPhase::kCancelled) {
         LogError(
-            absl::StrCat(PictureName(id), ": is not recreated, because its job did not succeed"));
+            absl::StrCat(ImageName(id), ": is not recreated, because its job did not succeed"));
       }
       return phase == JobPhase::kLive;  // Once it has ended.
     });
@@ -134,7 +134,7 @@ void DeliveredPictures::Heal(JobLifecycle* lifecycle) {
   }
 }
 
-uint64_t DeliveredPictures::DamagedCount() const {
+uint64_t DeliveredImages::DamagedCount() const {
   const MutexLock lock(&mutex_);
   return damaged_count_;
 }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// DeliveredPictures: the EXR files of delivered frames and their thumbnails. A file that was
+// DeliveredImages: the EXR files of delivered frames and their thumbnails. A file that was
 // altered or removed on disk is noticed when it is asked for, and made again: from the frame's
 // parts, and by rendering those that are not kept.
 #pragma once
@@ -21,10 +21,10 @@
 namespace sheaf::coordinator {
 
 // Thread safety: all members may be called concurrently.
-class DeliveredPictures {
+class DeliveredImages {
  public:
   // Both pointers must outlive the object.
-  DeliveredPictures(std::string state_directory, FarmTables* tables, JobStore* store)
+  DeliveredImages(std::string state_directory, FarmTables* tables, JobStore* store)
       : state_directory_(std::move(state_directory)), tables_(*tables), store_(*store) {}
 
   // Path of a delivered EXR. Errors: kNotFound; kFailedPrecondition (not delivered yet, or damaged
@@ -33,20 +33,20 @@ class DeliveredPictures {
   // The same of a frame that is known to be delivered.
   absl::StatusOr<std::string> FindDelivered(const FrameId& id) const;
   // Writes the EXR and the thumbnail of a frame that is about to be delivered. A thumbnail that
-  // cannot be written is not kept. Errors: those of WritePicture.
-  absl::Status Write(const FrameId& id, const FramePicture& picture);
+  // cannot be written is not kept. Errors: those of WriteFrameImage.
+  absl::Status Write(const FrameId& id, const FrameImage& image);
   absl::StatusOr<std::string> ThumbnailPath(const FrameId& id) const;
 
-  // Has pictures that were found damaged made again, those of jobs that have succeeded.
+  // Has images that were found damaged made again, those of jobs that have succeeded.
   void Heal(JobLifecycle* lifecycle);
-  // Damaged pictures that were found so far.
+  // Damaged images that were found so far.
   uint64_t DamagedCount() const;
 
  private:
-  // Whether the file is the picture that was delivered; else has it made again. Errors:
+  // Whether the file is the image that was delivered; else has it made again. Errors:
   // kFailedPrecondition.
   absl::Status Check(const FrameId& id, const std::string& path) const;
-  void KeepThumbnail(const FrameId& id, const FramePicture& picture) const;
+  void KeepThumbnail(const FrameId& id, const FrameImage& image) const;
 
   const std::string state_directory_;
   FarmTables& tables_;

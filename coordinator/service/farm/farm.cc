@@ -50,16 +50,16 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
                  {tables_, *store_, *round_previews_, resumed_, queue_, disk_, signals_}),
       tiles_(&tables_, store_.get(), &resumed_, &disk_),
       rounds_(&tables_, store_.get(), round_previews_.get(), &disk_),
-      pictures_(options.state_directory, &tables_, store_.get()),
+      images_(options.state_directory, &tables_, store_.get()),
       intake_({tables_, *store_, tiles_, lifecycle_, queue_, disk_, signals_}),
-      delivery_(options.preview_interval_min, {tables_, *store_, tiles_, rounds_, pictures_,
-                                               lifecycle_, queue_, disk_, signals_}),
+      delivery_(options.preview_interval_min,
+                {tables_, *store_, tiles_, rounds_, images_, lifecycle_, queue_, disk_, signals_}),
       lost_scenes_(&tables_, blobs_.get(), &signals_),
-      previews_(&tables_, store_.get(), round_previews_.get(), &pictures_),
+      previews_(&tables_, store_.get(), round_previews_.get(), &images_),
       job_views_(options.state_directory, &tables_, round_previews_.get(), &disk_),
       worker_views_(&tables_, blobs_.get()),
       pricing_(&tables_, store_.get()),
-      metrics_(&tables_, store_.get(), &pictures_) {}
+      metrics_(&tables_, store_.get(), &images_) {}
 
 Farm::~Farm() {
   queue_.Stop();
@@ -77,7 +77,7 @@ void Farm::RunBackground() {
       lifecycle_.SettleEnded();
       // Nobody else may write meanwhile, and so notice that there is space again.
       if (!disk_fine) disk_.Note(store_->Probe());
-      pictures_.Heal(&lifecycle_);
+      images_.Heal(&lifecycle_);
       delivery_.DeliverFrames();
     }
     lost_scenes_.Update();

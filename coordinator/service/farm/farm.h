@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Farm: the coordinator without its transports, as one object. It joins the scheduler (which worker
-// renders which task), the store (durable state) and the merges (parts becoming pictures), and adds
+// renders which task), the store (durable state) and the merges (parts becoming images), and adds
 // what those leave out: locks, the clock and one background thread. Its parts:
 //
 //     FarmTables       the scheduler and the tables that change with it, under one mutex
@@ -10,7 +10,7 @@
 //     ResultIntake     takes results: check, file, row, scheduler, merge, acknowledgement
 //     FrameRounds      goes from one round of a frame to the next
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
-//     DeliveredPictures, FramePreviews, JobViews, WorkerViews, RefinementPricing, FarmMetrics
+//     DeliveredImages, FramePreviews, JobViews, WorkerViews, RefinementPricing, FarmMetrics
 //                      answer queries
 //
 // When a frame's last result is merged, the background thread develops the frame, writes the EXR,
@@ -73,7 +73,7 @@ class Farm : public FarmView {
 
   // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns
   // the id, also of the job that an equal request_id made before. Errors: those of
-  // Scheduler::CheckJob; kInvalidArgument (a frame cannot resume its picture);
+  // Scheduler::CheckJob; kInvalidArgument (a frame cannot resume its image);
   // kResourceExhausted (disk).
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id) {
     return lifecycle_.Create(std::move(spec), request_id);
@@ -117,7 +117,7 @@ class Farm : public FarmView {
   // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet, or damaged
   // on disk and being made again).
   absl::StatusOr<std::string> FindOutput(uint64_t job_id, int32_t frame_number) const {
-    return pictures_.Find(job_id, frame_number);
+    return images_.Find(job_id, frame_number);
   }
 
   // FarmView.
@@ -126,7 +126,7 @@ class Farm : public FarmView {
   std::vector<JobView> ListJobsAndPilots() const { return job_views_.ListWithPilots(); }
   // Somebody waits for the job: a live pilot that nobody waits for is cancelled
   // (Limits::pilot_unasked_max).
-  void NoteAsked(uint64_t job_id) { lifecycle_.NoteAsked(job_id); }
+  void NotePilotRequest(uint64_t job_id) { lifecycle_.NotePilotRequest(job_id); }
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
     return job_views_.Find(job_id, /*with_frames=*/true);
   }
@@ -184,7 +184,7 @@ class Farm : public FarmView {
   JobLifecycle lifecycle_;
   TileBuilder tiles_;
   FrameRounds rounds_;
-  DeliveredPictures pictures_;
+  DeliveredImages images_;
   ResultIntake intake_;
   // The background thread's alone.
   FrameDelivery delivery_;

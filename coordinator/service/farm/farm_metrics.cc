@@ -141,7 +141,7 @@ std::vector<MetricView> FarmMetrics::List() const {
   metrics.push_back({"sheaf_pictures_damaged_total",
                      "Delivered EXRs that were altered or removed on disk and are recreated.",
                      MetricView::Kind::kCounter, "", "",
-                     static_cast<double>(pictures_.DamagedCount())});
+                     static_cast<double>(images_.DamagedCount())});
   metrics.push_back(Gauge("leases_held", "Leases that workers hold now.",
                           static_cast<double>(tables_.scheduler.leases().size())));
   metrics.push_back(Gauge("frames_open", "Frames between their first part and their delivery.",

@@ -28,8 +28,8 @@ struct JobCurve {
 class FarmMetrics {
  public:
   // All arguments must outlive the object.
-  FarmMetrics(FarmTables* tables, const JobStore* store, const DeliveredPictures* pictures)
-      : tables_(*tables), store_(*store), pictures_(*pictures) {}
+  FarmMetrics(FarmTables* tables, const JobStore* store, const DeliveredImages* images)
+      : tables_(*tables), store_(*store), images_(*images) {}
 
   // As FarmView has them.
   std::vector<MetricView> List() const;
@@ -41,7 +41,7 @@ class FarmMetrics {
 
   FarmTables& tables_;
   const JobStore& store_;
-  const DeliveredPictures& pictures_;
+  const DeliveredImages& images_;
 };
 
 }  // namespace sheaf::coordinator

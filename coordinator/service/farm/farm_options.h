@@ -15,12 +15,12 @@ namespace sheaf::coordinator {
 
 struct FarmOptions {
   std::string state_directory;
-  Durability durability = Durability::kPowerLoss;  // For jobs and parts; pictures are durable.
+  Durability durability = Durability::kPowerLoss;  // For jobs and parts; images are durable.
   Limits limits;
   // Parts of delivered frames are kept for RefineJob while all parts together are no more than
   // this; then the oldest go.
   uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
-  // Small pictures of the ends of rounds; the oldest go beyond it.
+  // Small images of the ends of rounds; the oldest go beyond it.
   uint64_t round_previews_bytes_max = uint64_t{2} << 30;
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;

@@ -3,7 +3,7 @@
 //
 // FarmTables: the tables of a farm that change together, under one mutex: the scheduler, and what
 // the scheduler need not know of jobs and of their open frames. The classes of this folder share
-// it. The mutex is never held while a disk or a picture is worked on.
+// it. The mutex is never held while a disk or an image is worked on.
 #pragma once
 
 #include <chrono>
@@ -51,7 +51,7 @@ uint64_t NextPoint(const RoundRecord& last);
 
 // Thread safety: all members may be used concurrently, as annotated. Locks are taken in this order:
 // a tile's reservation, an open frame's mutex or that of preparing frames, the tables' mutex, and
-// those of DiskState, DeliveryQueue, DeliveredPictures and FarmSignals.
+// those of DiskState, DeliveryQueue, DeliveredImages and FarmSignals.
 struct FarmTables {
   FarmTables(const Limits& limits, uint64_t first_lease_id, uint64_t merge_bytes_max)
       : merge_budget(merge_bytes_max), scheduler(limits, first_lease_id) {}

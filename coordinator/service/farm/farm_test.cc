@@ -133,8 +133,8 @@ class GatedJobStore : public JobStore {
 // Processor time of a pixel sample.
 constexpr absl::Duration kSampleCpu = absl::Nanoseconds(100);
 
-// Some grey, other than those of the samples before.
-float GreyOf(uint64_t sample) { return static_cast<float>((sample * 0x9E3779B97F4A7C15u) >> 61); }
+// Some gray, other than those of the samples before.
+float GrayOf(uint64_t sample) { return static_cast<float>((sample * 0x9E3779B97F4A7C15u) >> 61); }
 
 // A farm over a gated store, with a job of one tile.
 class FarmTest : public testing::Test {
@@ -181,7 +181,7 @@ class FarmTest : public testing::Test {
     SHEAF_CHECK(job.ok());
     return *job;
   }
-  // Renders what there is to do, in grey that varies from sample to sample, in no less time.
+  // Renders what there is to do, in gray that varies from sample to sample, in no less time.
   void Work(absl::Duration time_min = absl::ZeroDuration(),
             absl::StatusCode outcome = absl::StatusCode::kOk) {
     WorkerReport report;
@@ -199,7 +199,7 @@ class FarmTest : public testing::Test {
         for (int32_t pixel = 0; pixel < rect.PixelCount(); ++pixel) {
           accumulator.Begin(rect.x0 + pixel % rect.Width(), rect.y0 + pixel / rect.Width());
           for (uint64_t i = block.first; i < block.End(); ++i) {
-            accumulator.Add(i, {.radiance = Rgb::Grey(GreyOf(i)), .alpha = 1});
+            accumulator.Add(i, {.radiance = Rgb::Gray(GrayOf(i)), .alpha = 1});
           }
           accumulator.End();
         }
@@ -226,7 +226,7 @@ class FarmTest : public testing::Test {
 };
 
 // Also where no worker is left that tries again.
-TEST_F(FarmTest, JobsSayThatTheDiskIsFullAndGoOnByThemselves) {
+TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   store_->Open();
   const std::string job = absl::StrCat(MakeJob({}));
   store_->full_ = true;
@@ -246,7 +246,7 @@ TEST_F(FarmTest, JobsSayThatTheDiskIsFullAndGoOnByThemselves) {
 
 // A second call to cancel a job is not answered before the first is durable: after a power cut the
 // job would be alive again, although the caller was told otherwise.
-TEST_F(FarmTest, ASecondCancelWaitsUntilTheFirstIsDurable) {
+TEST_F(FarmTest, SecondCancelWaitsForTheFirst) {
   const uint64_t job = MakeJob({});
   const auto cancel = [&] { return farm_->CancelJob(job); };
   std::future<absl::Status> first = std::async(std::launch::async, cancel);
@@ -259,7 +259,7 @@ TEST_F(FarmTest, ASecondCancelWaitsUntilTheFirstIsDurable) {
 }
 
 // A view during the decision of the first round shows a frame without rounds.
-TEST_F(FarmTest, JobsCanBeLookedAtWhileARoundIsDecided) {
+TEST_F(FarmTest, JobsAreReadableDuringRoundDecisions) {
   const std::string job = absl::StrCat(MakeJob({.target_error = 1e-6}));
   Work();
   store_->WaitUntilSomeoneIsThere();
@@ -279,7 +279,7 @@ TEST_F(FarmTest, JobsCanBeLookedAtWhileARoundIsDecided) {
 }
 
 // A rate is all samples over the time that they took, also in the life after.
-TEST_F(FarmTest, TheTimeOfARefinedJobIsThatOfAllItsSamples) {
+TEST_F(FarmTest, RefinedJobTimeCoversAllSamples) {
   store_->Open();
   const uint64_t id = MakeJob({});
   const std::string job = absl::StrCat(id);
@@ -308,7 +308,7 @@ TEST_F(FarmTest, TheTimeOfARefinedJobIsThatOfAllItsSamples) {
 }
 
 // The time left is told by the cost of the job's samples, and by other jobs' work until then.
-TEST_F(FarmTest, TheTimeLeftCountsOtherJobs) {
+TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
   store_->Open();
   const uint64_t id = MakeJob({});
   const std::string job = absl::StrCat(id);
@@ -344,7 +344,7 @@ TEST_F(FarmTest, TheTimeLeftCountsOtherJobs) {
 }
 
 // A frame without a rule has a point at each doubling that is seen, and one at its end.
-TEST_F(FarmTest, FramesWithoutARuleHaveACurveToo) {
+TEST_F(FarmTest, FramesWithoutAStopRuleHaveACurve) {
   store_->Open();
   const std::string job = absl::StrCat(MakeJob({}));
   const absl::Time deadline = absl::Now() + absl::Seconds(60);

@@ -21,13 +21,13 @@ namespace sheaf::coordinator {
 namespace {
 
 // A preview may take at most this share of one core.
-constexpr double kPreviewShareMax = 0.1;
+constexpr double kPreviewFractionMax = 0.1;
 
-// The values from which the picture can be rendered again. Without date and host, so that equal
-// pictures are equal files.
-std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
-                                                   const std::string& numeric_profile,
-                                                   const Partition& partition) {
+// The values from which the image can be rendered again. Without date and host, so that equal
+// images are equal files.
+std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
+                                                 const std::string& numeric_profile,
+                                                 const Partition& partition) {
   const FrameSettings& s = spec.settings;
   std::map<std::string, std::string> metadata{
       {"sceneDigest", spec.scene.sha256_hex},
@@ -62,13 +62,13 @@ std::map<std::string, std::string> PictureMetadata(const FrameSpec& spec,
 }
 
 // Adds the values that are found on delivery. Estimates that do not exist are left out.
-void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FramePicture* picture) {
-  picture->metadata[kPictureDigestKey] = delivered.picture_digest;
-  if (merge.signed_weights()) picture->metadata[kSampleWeightKey] = "signed";
+void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FrameImage* image) {
+  image->metadata[kImageDigestKey] = delivered.picture_digest;
+  if (merge.signed_weights()) image->metadata[kSampleWeightKey] = "signed";
   if (delivered.relative_mse > 0) {
-    picture->metadata["relativeMse"] = absl::StrFormat("%.6g", delivered.relative_mse);
+    image->metadata["relativeMse"] = absl::StrFormat("%.6g", delivered.relative_mse);
   }
-  if (delivered.flip > 0) picture->metadata["flip"] = absl::StrFormat("%.6g", delivered.flip);
+  if (delivered.flip > 0) image->metadata["flip"] = absl::StrFormat("%.6g", delivered.flip);
 }
 
 }  // namespace
@@ -88,10 +88,11 @@ void FrameDelivery::RefreshFrames() {
       if (start < frame->next_refresh_time) continue;
       const std::vector<uint32_t> changed = frame->merge.Refresh();
       if (changed.empty()) continue;
-      frame->error.Update(frame->merge.picture(), changed);
+      frame->error.Update(frame->merge.image(), changed);
       relative_mse = frame->error.RelativeMse();
       const absl::Duration cost = absl::Seconds(ThreadCpuSeconds() - start_cpu_seconds);
-      frame->next_refresh_time = start + std::max(preview_interval_min_, cost / kPreviewShareMax);
+      frame->next_refresh_time =
+          start + std::max(preview_interval_min_, cost / kPreviewFractionMax);
       if (!frame->spec.stop.IsActive()) rounds_.NotePoint(frame.get(), id, /*ended=*/false);
     }
     {
@@ -161,18 +162,18 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   } else {
     rounds_.NotePoint(frame, id, /*ended=*/true);
   }
-  FramePicture* picture = frame->merge.mutable_picture();
-  picture->metadata = MetadataOf(id, frame->spec);
+  FrameImage* image = frame->merge.mutable_image();
+  image->metadata = MetadataOf(id, frame->spec);
   if (frame->spec.settings.lattice.All()) {
-    rounds_.AddMetadata(id, picture);
+    rounds_.AddMetadata(id, image);
   } else {
     // A job that asks for few pixels is a pilot and asks for their price.
-    picture->metadata["tileCpuSeconds"] = TileCpuSeconds(id);
+    image->metadata["tileCpuSeconds"] = TileCpuSeconds(id);
   }
-  picture->attributes = CryptomatteAttributes(*picture);
+  image->attributes = CryptomatteAttributes(*image);
   *delivered = Account(id, *frame);
-  AddFindings(*delivered, frame->merge, picture);
-  if (absl::Status s = pictures_.Write(id, *picture); !s.ok()) return s;
+  AddFindings(*delivered, frame->merge, image);
+  if (absl::Status s = images_.Write(id, *image); !s.ok()) return s;
   return true;
 }
 
@@ -180,21 +181,21 @@ std::map<std::string, std::string> FrameDelivery::MetadataOf(const FrameId& id,
                                                              const FrameSpec& spec) const {
   const MutexLock lock(&tables_.mutex);
   const JobSpec& job = tables_.scheduler.jobs().at(id.job_id).spec;
-  return PictureMetadata(spec, job.numeric_profile, job.partition);
+  return ImageMetadata(spec, job.numeric_profile, job.partition);
 }
 
 DeliveredFrame FrameDelivery::Account(const FrameId& id, const OpenFrame& frame) const {
   const FrameMerge& merge = frame.merge;
-  const FramePicture& picture = merge.picture();
+  const FrameImage& image = merge.image();
   DeliveredFrame delivered;
   delivered.tile_count = merge.tile_count();
   delivered.unreliable_tile_count = merge.unreliable_count();
-  delivered.unreliable_layers = RareLayers(picture, merge.UnreliableTiles());
-  delivered.picture_digest = PictureDigest(picture);
-  delivered.relative_mse = EstimateError(picture).relative_mse;
+  delivered.unreliable_layers = RareLayers(image, merge.UnreliableTiles());
+  delivered.picture_digest = ImageDigest(image);
+  delivered.relative_mse = EstimateError(image).relative_mse;
   delivered.one_sequence_gain = PriceOfErrorBars(id, frame.spec);
   if (merge.error_sample() != nullptr) {
-    delivered.flip = EstimateFlip(picture, *merge.error_sample()).value_or(0);
+    delivered.flip = EstimateFlip(image, *merge.error_sample()).value_or(0);
   }
   const MutexLock lock(&tables_.mutex);
   const FrameRecord& record = *tables_.scheduler.FindFrame(id);

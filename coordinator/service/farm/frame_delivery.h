@@ -31,7 +31,7 @@ class FrameDelivery {
     JobStore& store;
     TileBuilder& tiles;
     FrameRounds& rounds;
-    DeliveredPictures& pictures;
+    DeliveredImages& images;
     JobLifecycle& lifecycle;
     DeliveryQueue& queue;
     DiskState& disk;
@@ -43,7 +43,7 @@ class FrameDelivery {
         store_(parts.store),
         tiles_(parts.tiles),
         rounds_(parts.rounds),
-        pictures_(parts.pictures),
+        images_(parts.images),
         lifecycle_(parts.lifecycle),
         queue_(parts.queue),
         disk_(parts.disk),
@@ -56,7 +56,7 @@ class FrameDelivery {
 
  private:
   absl::Status Deliver(const FrameId& id);
-  // Builds what is missing of the picture, completes it and writes it. Returns false where the
+  // Builds what is missing of the image, completes it and writes it. Returns false where the
   // frame is not done: parts were lost, another round begins, or its job has ended.
   absl::StatusOr<bool> Finish(OpenFrame* frame, const FrameId& id, DeliveredFrame* delivered);
   std::map<std::string, std::string> MetadataOf(const FrameId& id, const FrameSpec& spec) const;
@@ -72,7 +72,7 @@ class FrameDelivery {
   JobStore& store_;
   TileBuilder& tiles_;
   FrameRounds& rounds_;
-  DeliveredPictures& pictures_;
+  DeliveredImages& images_;
   JobLifecycle& lifecycle_;
   DeliveryQueue& queue_;
   DiskState& disk_;

@@ -9,7 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "common/film/exr/exr_codec.h"
-#include "common/film/shrink_picture.h"
+#include "common/film/shrink_image.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -22,16 +22,16 @@ absl::Status NoSamplesYet(const FrameId& id) {
   return absl::UnavailableError(absl::StrCat(Name(id), ": has no samples yet"));
 }
 
-// The wanted channels of a developed picture. Full planes of the others are most of it.
-absl::StatusOr<FramePicture> CopyChannels(const FramePicture& picture,
-                                          const std::vector<std::string>& channels) {
-  FramePicture copy;
-  copy.window = picture.window;
-  copy.frame_width_px = picture.frame_width_px;
-  copy.frame_height_px = picture.frame_height_px;
-  copy.color = picture.color;
+// The wanted channels of a developed image. Full planes of the others are most of it.
+absl::StatusOr<FrameImage> CopyChannels(const FrameImage& image,
+                                        const std::vector<std::string>& channels) {
+  FrameImage copy;
+  copy.window = image.window;
+  copy.frame_width_px = image.frame_width_px;
+  copy.frame_height_px = image.frame_height_px;
+  copy.color = image.color;
   for (const std::string& channel : channels) {
-    const std::vector<float>* plane = picture.Find(channel);
+    const std::vector<float>* plane = image.Find(channel);
     if (plane == nullptr) {
       return absl::InternalError(absl::StrCat("the image has no channel ", channel));
     }
@@ -65,18 +65,18 @@ absl::StatusOr<FramePreviews::ShownFrame> FramePreviews::Find(const std::string&
   return shown;
 }
 
-absl::StatusOr<FramePicture> FramePreviews::CpuPicture(const ShownFrame& shown) const {
+absl::StatusOr<FrameImage> FramePreviews::CpuImage(const ShownFrame& shown) const {
   const absl::StatusOr<std::vector<JobStore::TileCost>> costs = store_.TileCosts(shown.id);
   if (!costs.ok()) return costs.status();
   if (costs->empty()) {
     return absl::UnavailableError(absl::StrCat(Name(shown.id), ": none of its parts is kept"));
   }
   const PixelRect& window = shown.window;
-  FramePicture picture;
-  picture.window = window;
-  picture.frame_width_px = window.x1;
-  picture.frame_height_px = window.y1;
-  picture.channel_names = {kCpuChannel};
+  FrameImage image;
+  image.window = window;
+  image.frame_width_px = window.x1;
+  image.frame_height_px = window.y1;
+  image.channel_names = {kCpuChannel};
   std::vector<float> plane(static_cast<size_t>(window.PixelCount()));
   for (const JobStore::TileCost& cost : *costs) {
     const PixelRect& tile = cost.tile;
@@ -86,30 +86,30 @@ absl::StatusOr<FramePicture> FramePreviews::CpuPicture(const ShownFrame& shown) 
       std::fill_n(plane.data() + window.IndexOf(tile.x0, y), tile.Width(), of_pixel);
     }
   }
-  picture.planes.push_back(std::move(plane));
-  return picture;
+  image.planes.push_back(std::move(plane));
+  return image;
 }
 
 absl::StatusOr<PreviewView> FramePreviews::Preview(const std::string& job_id, int32_t frame_number,
                                                    const std::vector<std::string>& channels) const {
   const absl::StatusOr<ShownFrame> shown = Find(job_id, frame_number);
   if (!shown.ok()) return shown.status();
-  absl::StatusOr<FramePicture> copy;
+  absl::StatusOr<FrameImage> copy;
   if (channels == std::vector<std::string>{kCpuChannel}) {
-    copy = CpuPicture(*shown);
+    copy = CpuImage(*shown);
   } else if (shown->complete) {
-    const absl::StatusOr<std::string> path = pictures_.FindDelivered(shown->id);
+    const absl::StatusOr<std::string> path = images_.FindDelivered(shown->id);
     if (!path.ok()) return path.status();
-    const absl::StatusOr<FramePicture> picture = ReadPicture(*path);
-    if (!picture.ok()) return picture.status();
-    copy = CopyChannels(*picture, channels);
+    const absl::StatusOr<FrameImage> image = ReadFrameImage(*path);
+    if (!image.ok()) return image.status();
+    copy = CopyChannels(*image, channels);
   } else if (shown->open != nullptr) {
     const MutexLock lock(&shown->open->mutex);
-    const FramePicture& picture = shown->open->merge.picture();
+    const FrameImage& image = shown->open->merge.image();
     // Means over squares are all that is shown of light, and far less to copy.
     const bool is_light = channels == std::vector<std::string>{"R", "G", "B"};
-    copy = is_light ? ShrinkPicture(picture, channels, kPreviewPixelCountMax)
-                    : CopyChannels(picture, channels);
+    copy = is_light ? ShrinkImage(image, channels, kPreviewPixelCountMax)
+                    : CopyChannels(image, channels);
   } else {
     return NoSamplesYet(shown->id);
   }
@@ -121,17 +121,17 @@ absl::StatusOr<PreviewView> FramePreviews::Thumbnail(const std::string& job_id,
                                                      int32_t frame_number) const {
   const absl::StatusOr<ShownFrame> shown = Find(job_id, frame_number);
   if (!shown.ok()) return shown.status();
-  absl::StatusOr<FramePicture> small;
+  absl::StatusOr<FrameImage> small;
   if (shown->complete) {
-    const absl::StatusOr<std::string> path = pictures_.ThumbnailPath(shown->id);
+    const absl::StatusOr<std::string> path = images_.ThumbnailPath(shown->id);
     if (!path.ok()) return path.status();
-    small = ReadPicture(*path);
+    small = ReadFrameImage(*path);
     if (absl::IsNotFound(small.status())) {
       return absl::UnavailableError(absl::StrCat(Name(shown->id), ": no thumbnail was kept"));
     }
   } else if (shown->open != nullptr) {
     const MutexLock lock(&shown->open->mutex);
-    small = ShrinkPicture(shown->open->merge.picture(), {"R", "G", "B"}, kThumbnailPixelCountMax);
+    small = ShrinkImage(shown->open->merge.image(), {"R", "G", "B"}, kThumbnailPixelCountMax);
   } else {
     return NoSamplesYet(shown->id);
   }
@@ -144,9 +144,9 @@ absl::StatusOr<PreviewView> FramePreviews::RoundPreview(const std::string& job_i
   const absl::StatusOr<ShownFrame> shown = Find(job_id, frame_number);
   if (!shown.ok()) return shown.status();
   const uint64_t version = rounds_.VersionOf(shown->id, round);
-  absl::StatusOr<FramePicture> picture = rounds_.Read(shown->id, round);
-  if (!picture.ok()) return picture.status();
-  return PreviewView{version, *std::move(picture), shown->complete};
+  absl::StatusOr<FrameImage> image = rounds_.Read(shown->id, round);
+  if (!image.ok()) return image.status();
+  return PreviewView{version, *std::move(image), shown->complete};
 }
 
 }  // namespace sheaf::coordinator

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FramePreviews: shows pictures of frames: as merged so far, as delivered, at the ends of rounds,
+// FramePreviews: shows images of frames: as merged so far, as delivered, at the ends of rounds,
 // and small.
 #pragma once
 
@@ -27,8 +27,8 @@ class FramePreviews {
  public:
   // All arguments must outlive the object.
   FramePreviews(FarmTables* tables, JobStore* store, const RoundPreviews* rounds,
-                const DeliveredPictures* pictures)
-      : tables_(*tables), store_(*store), rounds_(*rounds), pictures_(*pictures) {}
+                const DeliveredImages* images)
+      : tables_(*tables), store_(*store), rounds_(*rounds), images_(*images) {}
 
   // As FarmView has them.
   absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
@@ -38,7 +38,7 @@ class FramePreviews {
                                            int32_t round) const;
 
  private:
-  // A frame whose picture is asked for; open is null where it has no samples in memory.
+  // A frame whose image is asked for; open is null where it has no samples in memory.
   struct ShownFrame {
     FrameId id;
     PixelRect window;
@@ -49,12 +49,12 @@ class FramePreviews {
   // Errors: kNotFound.
   absl::StatusOr<ShownFrame> Find(const std::string& job_id, int32_t frame_number) const;
   // kCpuChannel of the frame. Errors: kUnavailable (no part of it is kept).
-  absl::StatusOr<FramePicture> CpuPicture(const ShownFrame& shown) const;
+  absl::StatusOr<FrameImage> CpuImage(const ShownFrame& shown) const;
 
   FarmTables& tables_;
   JobStore& store_;
   const RoundPreviews& rounds_;
-  const DeliveredPictures& pictures_;
+  const DeliveredImages& images_;
 };
 
 }  // namespace sheaf::coordinator

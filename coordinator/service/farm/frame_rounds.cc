@@ -26,7 +26,7 @@ double Allowed(uint64_t sample_count, absl::Duration spent, absl::Duration limit
 }
 
 std::vector<ErrorSums> ErrorsOf(const FrameMerge& merge) {
-  return EstimateCellErrors(merge.picture(), merge.grid());
+  return EstimateCellErrors(merge.image(), merge.grid());
 }
 
 }  // namespace
@@ -86,22 +86,22 @@ absl::StatusOr<bool> FrameRounds::Finish(OpenFrame* frame, const FrameId& id) {
 }
 
 void FrameRounds::KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t round) {
-  const absl::Status kept = previews_.Keep(id, round, frame.merge.picture());
+  const absl::Status kept = previews_.Keep(id, round, frame.merge.image());
   if (!kept.ok()) LogWarning(absl::StrCat("storing a round's image: ", kept.message()));
 }
 
 void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   const uint64_t fewest = std::ranges::min(frame->merge.SamplesOfCells());
   if (!ended && fewest < frame->next_point_samples) return;
-  // The last point is of the picture as a whole, on its delivery.
+  // The last point is of the image as a whole, on its delivery.
   if (!ended && fewest >= frame->spec.settings.samples) return;
   {
     const MutexLock lock(&tables_.mutex);
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
     if (record->phase == FrameRecord::Phase::kDelivered) return;  // With a point at its end.
   }
-  // A frame at work has errors of tiles already: a large picture is not examined as a whole.
-  // Without a rule each tile is a cell, except where the frame resumes a picture.
+  // A frame at work has errors of tiles already: a large image is not examined as a whole.
+  // Without a rule each tile is a cell, except where the frame resumes an image.
   const bool is_known = !ended && frame->merge.grid().cells() == frame->merge.grid().tiles();
   RoundRecord record =
       RecordOf(*frame, id, is_known ? frame->error.OfTiles() : ErrorsOf(frame->merge));
@@ -128,22 +128,22 @@ void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   tables_.AddRound(id, std::move(record));
 }
 
-void FrameRounds::AddMetadata(const FrameId& id, FramePicture* picture) const {
+void FrameRounds::AddMetadata(const FrameId& id, FrameImage* image) const {
   const MutexLock lock(&tables_.mutex);
   const FrameSpec spec = tables_.scheduler.FindFrame(id)->Spec();
   const auto found = tables_.accounts.at(id.job_id).rounds.find(id.frame_number);
   if (found == tables_.accounts.at(id.job_id).rounds.end()) return;
   std::span<const RoundRecord> rounds(found->second);
   if (spec.stop.IsActive()) {
-    picture->metadata["stopReason"] = StopReasonName(rounds.back().stop_reason);
+    image->metadata["stopReason"] = StopReasonName(rounds.back().stop_reason);
   } else {
     rounds = rounds.last(1);  // The other points depend on clocks.
   }
   if (spec.stop.target_error > 0) {
-    picture->metadata["targetError"] = absl::StrFormat("%.6g", spec.stop.target_error);
+    image->metadata["targetError"] = absl::StrFormat("%.6g", spec.stop.target_error);
   }
   if (!(rounds.back().relative_mse > 0)) return;  // It cannot be told.
-  picture->metadata[kErrorCurveKey] = FormatErrorCurve(rounds, spec.settings.window.PixelCount());
+  image->metadata[kErrorCurveKey] = FormatErrorCurve(rounds, spec.settings.window.PixelCount());
 }
 
 }  // namespace sheaf::coordinator

@@ -29,14 +29,14 @@ class FrameRounds {
   absl::StatusOr<bool> Finish(OpenFrame* frame, const FrameId& id)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
   // Notes a point of the curve of a frame without rounds where one is due, or at its end. A point
-  // that cannot be stored is left out. Requires: the picture is refreshed.
+  // that cannot be stored is left out. Requires: the image is refreshed.
   void NotePoint(OpenFrame* frame, const FrameId& id, bool ended)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
-  // Adds why the picture has its samples, and its errors on the way there.
-  void AddMetadata(const FrameId& id, FramePicture* picture) const;
+  // Adds why the image has its samples, and its errors on the way there.
+  void AddMetadata(const FrameId& id, FrameImage* image) const;
 
  private:
-  // The record of what the frame's picture is now, with the errors of its cells; its decision is
+  // The record of what the frame's image is now, with the errors of its cells; its decision is
   // still to be made.
   RoundRecord RecordOf(const OpenFrame& frame, const FrameId& id,
                        const std::vector<ErrorSums>& errors) const

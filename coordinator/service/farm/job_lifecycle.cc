@@ -138,7 +138,7 @@ absl::Status JobLifecycle::SetPriority(uint64_t job_id, int32_t priority) {
   return absl::OkStatus();
 }
 
-void JobLifecycle::NoteAsked(uint64_t job_id) {
+void JobLifecycle::NotePilotRequest(uint64_t job_id) {
   const MutexLock lock(&tables_.mutex);
   const auto pilot = tables_.pilots_asked.find(job_id);
   if (pilot != tables_.pilots_asked.end()) pilot->second = std::chrono::steady_clock::now();

@@ -58,7 +58,7 @@ class JobLifecycle {
   absl::Status SetPaused(uint64_t job_id, bool paused);
   absl::Status SetPriority(uint64_t job_id, int32_t priority);
   absl::Status Refine(uint64_t job_id, const Refinement& refinement);
-  void NoteAsked(uint64_t job_id);
+  void NotePilotRequest(uint64_t job_id);
 
   // Renders delivered frames again, from what is kept of their parts. Does nothing for a job that
   // has not succeeded, because it is refined meanwhile.
@@ -86,7 +86,7 @@ class JobLifecycle {
 
   // job_restore.cc
   // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
-  // frames, rounds and, where it is live, parts and the pictures that its frames resume. parts:
+  // frames, rounds and, where it is live, parts and the images that its frames resume. parts:
   // null where a live job cannot continue. Requires: the job has an account.
   absl::Status RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
                           const ResumedCounts& resumed)
@@ -98,7 +98,7 @@ class JobLifecycle {
   // Gives the cells at least the samples that they have: after AddJob, before rounds.
   void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // Puts those parts back that the resumed pictures stand for: before other parts.
+  // Puts those parts back that the resumed images stand for: before other parts.
   TilesOnDisk RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 

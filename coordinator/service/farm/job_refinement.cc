@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobLifecycle that continues jobs that have ended: refined, or with pictures to be
+// The part of JobLifecycle that continues jobs that have ended: refined, or with images to be
 // made again.
 #include <algorithm>
 #include <optional>
@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-bool LooksAtClocks(const StopRule& rule) {
+bool DependsOnTime(const StopRule& rule) {
   return rule.time_max != absl::InfiniteDuration() || rule.cpu_max != absl::InfiniteDuration();
 }
 
@@ -33,7 +33,7 @@ std::optional<JobStore::ReopenedFrame> Refined(const FrameSpec& old, const Refin
     return frame;
   }
   frame.spec.stop.first_round_samples = old.stop.first_round_samples;
-  if (LooksAtClocks(frame.spec.stop)) {
+  if (DependsOnTime(frame.spec.stop)) {
     frame.rounds.pop_back();  // Its end is decided again.
   } else if (!ReplayRounds(frame.spec.stop, samples, &frame.rounds)) {
     return std::nullopt;

@@ -122,7 +122,7 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   for (const FrameRecord& frame : job.frames) {
     FrameView of_frame = ViewOf(job, frame, with_frames, now);
     AddProgress(of_frame.progress, &view.progress);
-    NotePictured(of_frame, &view);
+    NotePreviewFrame(of_frame, &view);
     if (!with_frames) continue;
     const auto rounds = account.rounds.find(frame.number());
     if (rounds != account.rounds.end()) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// OpenFrame: a frame between its first part and its delivery: its merged parts and its picture so
+// OpenFrame: a frame between its first part and its delivery: its merged parts and its image so
 // far.
 #pragma once
 
@@ -15,7 +15,7 @@
 #include "common/base/mutex.h"
 #include "common/base/steady_time.h"
 #include "common/film/error/running_error.h"
-#include "common/film/exr/resumed_picture.h"
+#include "common/film/exr/resumed_image.h"
 #include "coordinator/core/frame_merge.h"
 
 namespace sheaf::coordinator {
@@ -37,8 +37,8 @@ struct OpenFrame {
   Mutex mutex;  // Taken before that of FarmTables.
   FrameMerge merge ABSL_GUARDED_BY(mutex);
   SteadyTime next_refresh_time ABSL_GUARDED_BY(mutex) = SteadyTime::InfinitePast();
-  // The picture that the frame resumes; read when a tile is first built from it.
-  std::optional<ResumedPicture> resumed ABSL_GUARDED_BY(mutex);
+  // The image that the frame resumes; read when a tile is first built from it.
+  std::optional<ResumedImage> resumed ABSL_GUARDED_BY(mutex);
   // When the cell with the fewest samples has this many, a frame without rounds gets a point.
   uint64_t next_point_samples ABSL_GUARDED_BY(mutex);
   RunningError error ABSL_GUARDED_BY(mutex);

@@ -40,8 +40,9 @@ RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
 }
 
 // Distributes each tile's CPU time among its cells by their samples.
-std::vector<double> ShareCpuTime(const CellGrid& grid, const std::vector<double>& seconds_of_tiles,
-                                 const std::vector<RoundRecord>& rounds) {
+std::vector<double> DistributeCpuTime(const CellGrid& grid,
+                                      const std::vector<double>& seconds_of_tiles,
+                                      const std::vector<RoundRecord>& rounds) {
   const std::vector<PixelRect>& cells = grid.cells();
   const bool known = !rounds.empty() && rounds.back().cells.size() == cells.size();
   std::vector<double> work;
@@ -49,7 +50,7 @@ std::vector<double> ShareCpuTime(const CellGrid& grid, const std::vector<double>
     const uint64_t samples = known ? rounds.back().cells[i].samples : 1;
     work.push_back(static_cast<double>(cells[i].PixelCount()) * static_cast<double>(samples));
   }
-  return grid.ShareOut(seconds_of_tiles, work);
+  return grid.Distribute(seconds_of_tiles, work);
 }
 
 }  // namespace
@@ -126,7 +127,7 @@ absl::StatusOr<FinishedFrame> RefinementPricing::FinishedFrameOf(
   if (seconds_at.size() == grid.tiles().size()) {
     std::vector<double> seconds;
     for (const PixelRect& tile : grid.tiles()) seconds.push_back(seconds_at[{tile.y0, tile.x0}]);
-    frame.cpu_seconds_of_cells = ShareCpuTime(grid, seconds, frame.rounds);
+    frame.cpu_seconds_of_cells = DistributeCpuTime(grid, seconds, frame.rounds);
   }
   if (!frame.rounds.empty()) return frame;
   frame.rounds.push_back(WholeFrame(spec, delivered));

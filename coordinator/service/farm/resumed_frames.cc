@@ -7,20 +7,19 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
-#include "coordinator/forecast/picture_start.h"
+#include "coordinator/forecast/image_start.h"
 
 namespace sheaf::coordinator {
 
-absl::StatusOr<ResumedPicture> ResumedFrames::Open(const FrameSpec& spec,
-                                                   const CellGrid& grid) const {
+absl::StatusOr<ResumedImage> ResumedFrames::Open(const FrameSpec& spec,
+                                                 const CellGrid& grid) const {
   const std::string about =
       absl::StrCat("frame ", spec.frame_number, " cannot continue from the image");
   const absl::StatusOr<std::string> path = blobs_.PathOf(spec.resumed);
   if (!path.ok()) return Annotate(path.status(), about);
-  absl::StatusOr<FramePicture> picture = ReadPicture(*path);
-  if (!picture.ok()) return Annotate(picture.status(), about);
-  absl::StatusOr<ResumedPicture> resumed =
-      ResumePicture(*std::move(picture), spec, numeric_profile_);
+  absl::StatusOr<FrameImage> image = ReadFrameImage(*path);
+  if (!image.ok()) return Annotate(image.status(), about);
+  absl::StatusOr<ResumedImage> resumed = ResumeImage(*std::move(image), spec, numeric_profile_);
   if (!resumed.ok()) return Annotate(resumed.status(), about);
   for (const PixelRect& cell : grid.cells()) {
     absl::StatusOr<uint64_t> samples = resumed->SamplesOf(cell);
@@ -40,7 +39,7 @@ absl::StatusOr<ResumedCounts> ResumedFrames::Count(const std::vector<FrameSpec>&
   for (const FrameSpec& spec : frames) {
     if (spec.resumed.sha256_hex.empty()) continue;
     const CellGrid grid(spec, partition);
-    const absl::StatusOr<ResumedPicture> resumed = Open(spec, grid);
+    const absl::StatusOr<ResumedImage> resumed = Open(spec, grid);
     if (!resumed.ok()) return resumed.status();
     std::vector<uint64_t>& of_frame = counts[spec.frame_number];
     for (const PixelRect& cell : grid.cells()) of_frame.push_back(*resumed->SamplesOf(cell));

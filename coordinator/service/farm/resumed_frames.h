@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ResumedFrames: the pictures that frames resume (resumed_picture.h). A picture's samples count as
+// ResumedFrames: the images that frames resume (resumed_image.h). An image's samples count as
 // done from the start; tiles are built from it whenever they are built from disk.
 #pragma once
 
@@ -12,13 +12,13 @@
 
 #include "absl/status/statusor.h"
 #include "common/content/blob_store.h"
-#include "common/film/exr/resumed_picture.h"
+#include "common/film/exr/resumed_image.h"
 #include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job.h"
 
 namespace sheaf::coordinator {
 
-// By frame: the samples that the picture it resumes has in each of its cells.
+// By frame: the samples that the image it resumes has in each of its cells.
 using ResumedCounts = std::map<int32_t, std::vector<uint64_t>>;
 
 // Thread safety: all members may be called concurrently.
@@ -28,9 +28,9 @@ class ResumedFrames {
   ResumedFrames(const BlobStore* blobs, std::string numeric_profile)
       : blobs_(*blobs), numeric_profile_(std::move(numeric_profile)) {}
 
-  // Errors: kInvalidArgument, kNotFound, kDataLoss: the frame cannot resume its picture.
-  absl::StatusOr<ResumedPicture> Open(const FrameSpec& spec, const CellGrid& grid) const;
-  // Counts the samples of those frames that resume pictures. Errors: those of Open.
+  // Errors: kInvalidArgument, kNotFound, kDataLoss: the frame cannot resume its image.
+  absl::StatusOr<ResumedImage> Open(const FrameSpec& spec, const CellGrid& grid) const;
+  // Counts the samples of those frames that resume images. Errors: those of Open.
   absl::StatusOr<ResumedCounts> Count(const std::vector<FrameSpec>& frames,
                                       const Partition& partition) const;
 

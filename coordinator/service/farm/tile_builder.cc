@@ -55,7 +55,7 @@ absl::StatusOr<std::vector<CellPart>> TileBuilder::ResumedParts(OpenFrame* frame
   if (frame->spec.resumed.sha256_hex.empty()) return parts;
   const CellGrid& grid = frame->merge.grid();
   if (!frame->resumed) {
-    absl::StatusOr<ResumedPicture> resumed = resumed_.Open(frame->spec, grid);
+    absl::StatusOr<ResumedImage> resumed = resumed_.Open(frame->spec, grid);
     if (!resumed.ok()) return resumed.status();
     frame->resumed = *std::move(resumed);
   }

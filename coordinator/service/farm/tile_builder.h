@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TileBuilder: builds a tile of an open frame from its parts on disk and from the picture that the
+// TileBuilder: builds a tile of an open frame from its parts on disk and from the image that the
 // frame resumes.
 #pragma once
 
@@ -31,7 +31,7 @@ class TileBuilder {
 
  private:
   void RevokePart(const PartRow& row, const absl::Status& why);
-  // The parts of a tile that the resumed picture stands for; none where the frame resumes none.
+  // The parts of a tile that the resumed image stands for; none where the frame resumes none.
   absl::StatusOr<std::vector<CellPart>> ResumedParts(OpenFrame* frame, uint32_t tile) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 

@@ -22,7 +22,7 @@ namespace sheaf::coordinator {
 absl::StatusOr<JobView> JobService::Find(const std::string& name) const {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
-  if (uint64_t number = 0; absl::SimpleAtoi(*id, &number)) farm_->NoteAsked(number);
+  if (uint64_t number = 0; absl::SimpleAtoi(*id, &number)) farm_->NotePilotRequest(number);
   return farm_->FindJob(*id);
 }
 
@@ -131,7 +131,7 @@ absl::StatusOr<JobView> JobService::Change(const std::string& name,
   if (!view.ok()) return view.status();
   uint64_t number = 0;
   if (!absl::SimpleAtoi(*id, &number)) return absl::NotFoundError("no such job");
-  farm_->NoteAsked(number);
+  farm_->NotePilotRequest(number);
   if (absl::Status status = change(number); !status.ok()) return status;
   return farm_->FindJobAlone(*id);
 }

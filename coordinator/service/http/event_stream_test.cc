@@ -8,7 +8,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-TEST(EventStreamTest, EventsComeInOrderAndOnce) {
+TEST(EventStreamTest, EventsAreOrderedAndUnique) {
   EventQueue queue;
   queue.Push({"job", "jobs/1", "{\"a\":1}"});
   queue.Push({"worker", "workers/1", "{}"});
@@ -24,7 +24,7 @@ TEST(EventStreamTest, NewerStateReplacesOlderOfTheSameKey) {
   EXPECT_EQ(queue.Take(), "event: job\ndata: 3\n\nevent: job\ndata: 2\n\n");
 }
 
-TEST(EventStreamTest, AReaderTooFarBehindIsToldOnceToFetchEverything) {
+TEST(EventStreamTest, SlowReadersAreResetOnce) {
   EventQueue queue;
   for (size_t i = 0; i < kEventQueueCountMax + 500; ++i) queue.Push({"job", absl::StrCat(i), "{}"});
   EXPECT_EQ(queue.Take(), "event: reset\ndata: {}\n\n");
@@ -33,7 +33,7 @@ TEST(EventStreamTest, AReaderTooFarBehindIsToldOnceToFetchEverything) {
   EXPECT_EQ(queue.Take(), "event: job\ndata: 1\n\n");
 }
 
-TEST(EventStreamTest, ABatchIsBounded) {
+TEST(EventStreamTest, BatchesAreBounded) {
   EventQueue queue;
   const std::string large(kEventBatchBytesMax / 4, 'x');
   for (int i = 0; i < 20; ++i) queue.Push({"job", absl::StrCat(i), large});
@@ -45,7 +45,7 @@ TEST(EventStreamTest, ABatchIsBounded) {
   EXPECT_GE(batches, 5u);
 }
 
-TEST(EventStreamTest, EveryReaderGetsEveryEventAndLeavesWhenReleased) {
+TEST(EventStreamTest, EveryReaderGetsEveryEvent) {
   EventHub hub;
   int wakes = 0;
   hub.SetWake([&] { ++wakes; });

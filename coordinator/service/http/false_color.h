@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Numbers as colours: the map "viridis", whose steps look equally large and which is told apart in
-// grey and by people who see few colours.
+// Numbers as colors: the map "viridis", whose steps look equally large and which is told apart in
+// gray and by people who see few colors.
 #pragma once
 
 #include "common/image/image_io.h"
 
 namespace sheaf::coordinator {
 
-// The colour of `t`, from dark blue at 0 to yellow at 1; outside it is clamped, NaN gives 0.
-// Source: S. van der Walt and N. Smith, matplotlib's colour map viridis (CC0), 2015, as the
+// The color of `t`, from dark blue at 0 to yellow at 1; outside it is clamped, NaN gives 0.
+// Source: S. van der Walt and N. Smith, matplotlib's color map viridis (CC0), 2015, as the
 // polynomial of degree 6 fitted by M. Zucker, https://www.shadertoy.com/view/WlfXRN (CC0), 2019.
 // It is within 4 of 255 levels of the map.
 Rgb8 Viridis(double t);

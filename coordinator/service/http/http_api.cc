@@ -82,14 +82,14 @@ HttpResponse NotModified(const std::string& etag) {
 // Errors: kInvalidArgument.
 absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   const std::string name = QueryValue(request, "layer");
-  const std::optional<PictureLayer> layer = PictureLayerFromName(name);
+  const std::optional<ImageLayer> layer = ImageLayerFromName(name);
   if (!layer) {
     return absl::InvalidArgumentError(
         absl::StrCat("layer \"", name, "\" is not one of picture, light, error, samples, time"));
   }
   const std::string size = QueryValue(request, "size");
   const bool thumbnail = size == "thumbnail";
-  if (!size.empty() && (!thumbnail || *layer != PictureLayer::kPicture)) {
+  if (!size.empty() && (!thumbnail || *layer != ImageLayer::kImage)) {
     return absl::InvalidArgumentError("the only other size is thumbnail, for layer picture only");
   }
   PreviewChoice choice{*layer, thumbnail, std::nullopt};
@@ -100,7 +100,7 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
     return absl::InvalidArgumentError(
         absl::StrCat("round \"", round, "\" is not a number of 0 or more"));
   }
-  if (thumbnail || *layer == PictureLayer::kTime) {
+  if (thumbnail || *layer == ImageLayer::kTime) {
     return absl::InvalidArgumentError("rounds have no thumbnails and no layer \"time\"");
   }
   choice.round = number;
@@ -282,10 +282,9 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
       (choice->thumbnail ? thumbnails_ : previews_)
           .Find(farm_, request.path_parameters[0], *frame, *choice);
   HttpResponse response;
-  const bool may_lack =
-      !frame->complete || choice->thumbnail || choice->layer == PictureLayer::kTime;
+  const bool may_lack = !frame->complete || choice->thumbnail || choice->layer == ImageLayer::kTime;
   if (absl::IsUnavailable(preview.status()) && may_lack) {
-    // No failure: a job may end between the event that names a picture and the request for it,
+    // No failure: a job may end between the event that names an image and the request for it,
     // frames of earlier versions have no thumbnail, and those without parts no times.
     response.status = 204;
     response.headers = {{"Cache-Control", "no-store"}};

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The HTTP side's answers: health, metrics, and the farm as JSON and pictures.
+// The HTTP side's answers: health, metrics, and the farm as JSON and images.
 //
 //   GET  /healthz                                   200 while the process serves
 //   GET  /readyz                                    200 where work is accepted, else 503 and why
@@ -20,16 +20,16 @@
 //        what that costs beyond what is there, by the farm as it is now, for up to 32 errors
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
-//        the picture so far; 204 where there is none. Layers: picture, light, error, samples and
-//        time, see picture_layer.h; the last three come with X-Sheaf-Range: LOW HIGH, the ends of
-//        their colours
+//        the image so far; 204 where there is none. Layers: image, light, error, samples and
+//        time, see image_layer.h; the last three come with X-Sheaf-Range: LOW HIGH, the ends of
+//        their colors
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?size=thumbnail
-//        the picture so far, small; 204 where there is none
+//        the image so far, small; 204 where there is none
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&round=R
 //        a layer as it was at the end of a round, from 0, small; 404 where that is not kept, as the
 //        frame's rounds[R].preview_version tells by 0
-//   GET  /api/v1/false-color.png                    the false colours from low to high, one row
-//   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered picture
+//   GET  /api/v1/false-color.png                    the false colors from low to high, one row
+//   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered image
 //   GET  /api/v1/workers?page_size&page_token       workers; all where no size is given
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON
 //   GET  /api/v1/events                             what changes, as server-sent events: types job,
@@ -50,7 +50,7 @@
 
 namespace sheaf::coordinator {
 
-// The header that tells the range of a layer in false colour: two numbers.
+// The header that tells the range of a layer in false color: two numbers.
 inline constexpr char kRangeHeader[] = "X-Sheaf-Range";
 // Objects on a page of a list.
 inline constexpr int kPageSizeDefault = 100;
@@ -70,7 +70,7 @@ struct FarmActions {
 class HttpApi {
  public:
   // `farm` must outlive the object. `instance` tells this run of the coordinator from others, so
-  // that a browser never takes a picture of an earlier run for a present one.
+  // that a browser never takes an image of an earlier run for a present one.
   HttpApi(const FarmView& farm, FarmActions actions, std::string instance);
 
   // The table above, but for the event stream, which the server itself serves.

@@ -23,7 +23,7 @@ class HttpApiTest : public testing::Test {
   HttpApiTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("3"), MakeFakeJob("2"), MakeFakeJob("1")};
     farm_.preview.version = 3;
-    farm_.preview.picture = MakeFakePicture(4, 2, 0.5f);
+    farm_.preview.image = MakeFakeImage(4, 2, 0.5f);
   }
 
   FarmActions Actions() {
@@ -74,7 +74,7 @@ std::string Header(const HttpResponse& response, const std::string& name) {
   return "";
 }
 
-TEST_F(HttpApiTest, ReadinessTellsWhyNot) {
+TEST_F(HttpApiTest, ReadinessReportsTheReason) {
   EXPECT_EQ(Send("GET", "/healthz").status, 200);
   EXPECT_EQ(Send("GET", "/readyz").status, 200);
   farm_.ready = absl::ResourceExhaustedError("state/: No space left on device");
@@ -83,7 +83,7 @@ TEST_F(HttpApiTest, ReadinessTellsWhyNot) {
   EXPECT_EQ(response.body, "state/: No space left on device\n");
 }
 
-TEST_F(HttpApiTest, JobsArePagedAndATokenSurvivesNewJobs) {
+TEST_F(HttpApiTest, JobPagesSurviveNewJobs) {
   const json first = Get("/api/v1/jobs?page_size=2");
   EXPECT_EQ(first["jobs"].size(), 2u);
   EXPECT_EQ(first["jobs"][0]["name"], "jobs/3");
@@ -103,7 +103,7 @@ TEST_F(HttpApiTest, BadPagesAreRefused) {
   }
 }
 
-TEST_F(HttpApiTest, AJobTellsTimesInIsoAndUnknownAsNull) {
+TEST_F(HttpApiTest, JobTimesAreIsoOrNull) {
   const json job = Get("/api/v1/jobs/1");
   EXPECT_EQ(job["create_time"], "2023-11-14T22:13:20.123Z");
   EXPECT_TRUE(job["end_time"].is_null());
@@ -115,7 +115,7 @@ TEST_F(HttpApiTest, AJobTellsTimesInIsoAndUnknownAsNull) {
   EXPECT_EQ(job["frames"][0]["window"]["x1_px"], 4);
 }
 
-TEST_F(HttpApiTest, JobsNameTheFrameThatShowsMostLife) {
+TEST_F(HttpApiTest, JobsNameTheMostActiveFrame) {
   const json shown = Get("/api/v1/jobs")["jobs"][0]["pictured_frame"];
   EXPECT_EQ(shown["name"], "jobs/3/frames/1");
   EXPECT_EQ(shown["preview_version"], 3);
@@ -128,8 +128,8 @@ TEST_F(HttpApiTest, JobsNameTheFrameThatShowsMostLife) {
     frame.frame_number = number;
     frame.preview_version = version;
     frame.complete = complete;
-    NotePictured(frame, &farm_.jobs[0]);
-    return farm_.jobs[0].pictured_frame.value_or(PicturedFrame()).frame_number;
+    NotePreviewFrame(frame, &farm_.jobs[0]);
+    return farm_.jobs[0].pictured_frame.value_or(PreviewFrame()).frame_number;
   };
   EXPECT_EQ(shown_after(1, 0, false), 0);
   EXPECT_EQ(shown_after(2, 9, true), 2);
@@ -139,7 +139,7 @@ TEST_F(HttpApiTest, JobsNameTheFrameThatShowsMostLife) {
   EXPECT_EQ(shown_after(6, 9, true), 4);
 }
 
-TEST_F(HttpApiTest, FramesOfAJobArePaged) {
+TEST_F(HttpApiTest, FramesArePaged) {
   FrameView frame = farm_.jobs[2].frames[0];
   for (int32_t number = 2; number <= 5; ++number) {
     frame.frame_number = number;
@@ -154,7 +154,7 @@ TEST_F(HttpApiTest, FramesOfAJobArePaged) {
   EXPECT_EQ(second["next_page_token"], "");
 }
 
-TEST_F(HttpApiTest, WhatIsNotKnownOfAFrameIsNull) {
+TEST_F(HttpApiTest, UnknownFrameValuesAreNull) {
   FrameView& frame = farm_.jobs[2].frames[0];
   frame.flip = 0;
   EXPECT_TRUE(Get("/api/v1/jobs/1/frames/1")["flip"].is_null());
@@ -172,13 +172,13 @@ TEST_F(HttpApiTest, UnknownNamesAreNotFound) {
   EXPECT_EQ(Send("POST", "/api/v1/jobs/9:cancel").status, 404);
 }
 
-TEST_F(HttpApiTest, CancelAnswersWithTheJob) {
+TEST_F(HttpApiTest, CancelReturnsTheJob) {
   const HttpResponse response = Send("POST", "/api/v1/jobs/2:cancel");
   EXPECT_EQ(response.status, 200);
   EXPECT_EQ(json::parse(response.body)["state"], "cancelled");
 }
 
-TEST_F(HttpApiTest, JobsArePausedResumedAndPutFirst) {
+TEST_F(HttpApiTest, JobsArePausedResumedAndPromoted) {
   EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/2:pause").body)["state"], "paused");
   EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/2:resume").body)["state"], "running");
   EXPECT_EQ(json::parse(Send("POST", "/api/v1/jobs/3:priority?value=-7").body)["priority"], -7);
@@ -188,7 +188,7 @@ TEST_F(HttpApiTest, JobsArePausedResumedAndPutFirst) {
   }
 }
 
-TEST_F(HttpApiTest, WorkersComeInPages) {
+TEST_F(HttpApiTest, WorkersArePaged) {
   for (const char* id : {"a", "b", "c"}) farm_.workers.emplace_back().worker_id = id;
   EXPECT_EQ(Get("/api/v1/workers")["workers"].size(), 3u);
   const json first = Get("/api/v1/workers?page_size=2");
@@ -241,7 +241,7 @@ TEST_F(HttpApiTest, RefinementsArePriced) {
   EXPECT_EQ(Send("GET", "/api/v1/jobs/9/refine-price?target_error=1").status, 404);
 }
 
-TEST_F(HttpApiTest, EffectsComeWithOneJobAndNotWithAll) {
+TEST_F(HttpApiTest, OnlySingleJobsIncludeEffects) {
   farm_.jobs[0].effect_costs = {{"lens", "", "a pinhole", 0.25, 0.01, -0.5, 0.03, 1e-4, 1.5}};
   const json effect = Get("/api/v1/jobs/3")["effect_costs"][0];
   EXPECT_EQ(effect["name"], "lens");
@@ -252,7 +252,7 @@ TEST_F(HttpApiTest, EffectsComeWithOneJobAndNotWithAll) {
   EXPECT_FALSE(Get("/api/v1/jobs")["jobs"][0].contains("effect_costs"));
 }
 
-TEST_F(HttpApiTest, FailuresComeWithTheCommandThatRepeatsThem) {
+TEST_F(HttpApiTest, FailuresIncludeTheirRenderCommand) {
   FailureRecord failure;
   failure.frame_number = 1;
   failure.tile = {0, 0, 4, 2};
@@ -273,7 +273,7 @@ TEST_F(HttpApiTest, FailuresComeWithTheCommandThatRepeatsThem) {
   EXPECT_EQ(Send("GET", "/api/v1/jobs/9/failures").status, 404);
 }
 
-TEST_F(HttpApiTest, WorkersTellWhatTheyDoAndHave) {
+TEST_F(HttpApiTest, WorkersReportTheirState) {
   WorkerView worker;
   worker.worker_id = "w";
   worker.leases = {{{3, 1}, {0, 0, 2, 2}, {0, 8}, LeasePhase::kRendering, absl::UnixEpoch()}};
@@ -289,7 +289,7 @@ TEST_F(HttpApiTest, WorkersTellWhatTheyDoAndHave) {
   EXPECT_EQ(Get("/api/v1/workers")["workers"][0]["scene_memory_bytes"], 4096);
 }
 
-TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {
+TEST_F(HttpApiTest, PreviewIsACachedPng) {
   const std::string path = "/api/v1/jobs/1/frames/1/preview.png";
   const HttpResponse first = Send("GET", path);
   EXPECT_EQ(first.content_type, "image/png");
@@ -300,7 +300,7 @@ TEST_F(HttpApiTest, PreviewIsAPngThatIsSentOnce) {
   EXPECT_EQ(second.body, "");
 }
 
-TEST_F(HttpApiTest, PreviewHasLayersWithTheirRanges) {
+TEST_F(HttpApiTest, PreviewLayersHaveRanges) {
   const std::string path = "/api/v1/jobs/1/frames/1/preview.png";
   EXPECT_EQ(Header(Send("GET", path + "?layer=picture"), "X-Sheaf-Range"), "");
   EXPECT_EQ(Header(Send("GET", path + "?layer=samples"), "X-Sheaf-Range"), "16 16");
@@ -313,8 +313,8 @@ TEST_F(HttpApiTest, PreviewHasLayersWithTheirRanges) {
   EXPECT_EQ(Send("GET", "/api/v1/false-color.png").content_type, "image/png");
 }
 
-TEST_F(HttpApiTest, ThumbnailsAreSmallPictures) {
-  farm_.preview.picture = MakeFakePicture(400, 200, 0.5f);
+TEST_F(HttpApiTest, ThumbnailsAreSmall) {
+  farm_.preview.image = MakeFakeImage(400, 200, 0.5f);
   const std::string path = "/api/v1/jobs/2/frames/1/preview.png";
   const HttpResponse small = Send("GET", path + "?size=thumbnail");
   EXPECT_EQ(small.status, 200);
@@ -325,10 +325,10 @@ TEST_F(HttpApiTest, ThumbnailsAreSmallPictures) {
   EXPECT_EQ(Send("GET", path + "?size=thumbnail&layer=error").status, 400);
 }
 
-TEST_F(HttpApiTest, RoundsHavePicturesOfTheirOwn) {
+TEST_F(HttpApiTest, RoundsHavePreviews) {
   farm_.jobs[1].frames[0].rounds.resize(2);
   farm_.jobs[1].frames[0].rounds[1].preview_version = 7;
-  farm_.round_preview.picture = MakeFakePicture(2, 1, 0.25f);
+  farm_.round_preview.image = MakeFakeImage(2, 1, 0.25f);
   const std::string path = "/api/v1/jobs/2/frames/1/preview.png?layer=";
   const HttpResponse round = Send("GET", path + "samples&round=1");
   EXPECT_EQ(round.status, 200);
@@ -344,17 +344,17 @@ TEST_F(HttpApiTest, RoundsHavePicturesOfTheirOwn) {
   EXPECT_EQ(Get("/api/v1/jobs/2/frames/1")["rounds"][1]["preview_version"], 7);
 }
 
-TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmptyAndNoError) {
+TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmpty) {
   farm_.preview.version = 0;
   const HttpResponse response = Send("GET", "/api/v1/jobs/1/frames/1/preview.png");
   EXPECT_EQ(response.status, 204);
   EXPECT_EQ(response.body, "");
-  // That a picture which is there cannot be had is an error.
+  // That an image which is there cannot be had is an error.
   farm_.jobs[2].frames[0].complete = true;
   EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/1/preview.png").status, 503);
 }
 
-TEST_F(HttpApiTest, OutputIsAFileOnceComplete) {
+TEST_F(HttpApiTest, OutputIsAvailableOnceComplete) {
   const std::string path = "/api/v1/jobs/1/frames/1/output.exr";
   EXPECT_EQ(Send("GET", path).status, 409);
   FrameView& frame = farm_.jobs[2].frames[0];
@@ -382,7 +382,7 @@ TEST_F(HttpApiTest, MetricsFollowTheTextFormat) {
   EXPECT_EQ(Get("/api/v1/counters")["counters"][0]["value"], 3.0);
 }
 
-TEST_F(HttpApiTest, ThePageIsEmbeddedWithAllThatItLoads) {
+TEST_F(HttpApiTest, PageIsSelfContained) {
   std::map<std::string, std::string> type_of;
   for (const PageFile& file : PageFiles()) {
     EXPECT_THAT(file.bytes, HasSubstr("SPDX-License-Identifier")) << file.name;
@@ -420,7 +420,7 @@ TEST_F(HttpApiTest, ThePageIsEmbeddedWithAllThatItLoads) {
                                           "text/javascript; charset=utf-8"));
 }
 
-TEST_F(HttpApiTest, ThePageIsSentOnce) {
+TEST_F(HttpApiTest, PageIsCached) {
   const HttpRouter page(PageRoutes(), {});
   HttpRequest request;
   request.method = "GET";

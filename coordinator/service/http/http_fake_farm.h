@@ -13,7 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/mutex.h"
-#include "common/film/shrink_picture.h"
+#include "common/film/shrink_image.h"
 #include "coordinator/service/view/farm_view.h"
 
 namespace sheaf::coordinator {
@@ -95,10 +95,10 @@ class FakeFarm : public FarmView {
                                         int32_t frame_number) const override {
     absl::StatusOr<PreviewView> view = Preview(job_id, frame_number, {});
     if (!view.ok()) return view.status();
-    absl::StatusOr<FramePicture> small =
-        ShrinkPicture(view->picture, {"R", "G", "B"}, kThumbnailPixelCountMax);
+    absl::StatusOr<FrameImage> small =
+        ShrinkImage(view->image, {"R", "G", "B"}, kThumbnailPixelCountMax);
     if (!small.ok()) return small.status();
-    view->picture = *std::move(small);
+    view->image = *std::move(small);
     return view;
   }
   absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
@@ -161,25 +161,24 @@ inline JobView MakeFakeJob(const std::string& job_id) {
   job.frame_count = 1;
   job.progress = frame.progress;
   job.frames = {frame};
-  NotePictured(frame, &job);
+  NotePreviewFrame(frame, &job);
   return job;
 }
 
-// A picture of one colour, with 16 samples in every pixel, standard errors of a tenth of it and a
+// An image of one color, with 16 samples in every pixel, standard errors of a tenth of it and a
 // millisecond of CPU time.
-inline FramePicture MakeFakePicture(int32_t width_px, int32_t height_px, float level) {
-  FramePicture picture;
-  picture.window = {0, 0, width_px, height_px};
-  picture.frame_width_px = width_px;
-  picture.frame_height_px = height_px;
-  picture.channel_names = {"R",        "G",        "B",       "stderr.R",
-                           "stderr.G", "stderr.B", "samples", kCpuChannel};
+inline FrameImage MakeFakeImage(int32_t width_px, int32_t height_px, float level) {
+  FrameImage image;
+  image.window = {0, 0, width_px, height_px};
+  image.frame_width_px = width_px;
+  image.frame_height_px = height_px;
+  image.channel_names = {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B", "samples", kCpuChannel};
   const size_t count = static_cast<size_t>(width_px) * static_cast<size_t>(height_px);
-  picture.planes.assign(3, std::vector<float>(count, level));
-  picture.planes.resize(6, std::vector<float>(count, 0.1f * level));
-  picture.planes.emplace_back(count, 16.0f);
-  picture.planes.emplace_back(count, 0.001f);
-  return picture;
+  image.planes.assign(3, std::vector<float>(count, level));
+  image.planes.resize(6, std::vector<float>(count, 0.1f * level));
+  image.planes.emplace_back(count, 16.0f);
+  image.planes.emplace_back(count, 0.001f);
+  return image;
 }
 
 }  // namespace sheaf::coordinator

@@ -120,9 +120,9 @@ Json EffectsJson(const std::vector<EffectCost>& effects) {
   return json;
 }
 
-Json PicturedJson(const JobView& job) {
+Json PreviewFrameJson(const JobView& job) {
   if (!job.pictured_frame) return nullptr;
-  const PicturedFrame& frame = *job.pictured_frame;
+  const PreviewFrame& frame = *job.pictured_frame;
   return {{"name", FrameName(job.job_id, frame.frame_number)},
           {"preview_version", frame.preview_version},
           {"complete", frame.complete}};
@@ -143,7 +143,7 @@ Json JobObject(const JobView& job) {
       {"end_time", TimeJson(job.end_time)},
       {"frame_count", job.frame_count},
       {"frame_complete_count", job.frame_complete_count},
-      {"pictured_frame", PicturedJson(job)},
+      {"pictured_frame", PreviewFrameJson(job)},
       {"progress", ProgressJson(job.progress)},
   };
 }

@@ -39,7 +39,7 @@ absl::StatusOr<EncodedPreview> PreviewCache::Find(const FarmView& farm, const st
   }
   const absl::StatusOr<PreviewView> view = ViewOf(farm, job_id, frame.frame_number, choice);
   if (!view.ok()) return view.status();
-  const absl::StatusOr<DisplayPicture> display = MakeDisplayPicture(view->picture, choice.layer);
+  const absl::StatusOr<DisplayImage> display = MakeDisplayImage(view->image, choice.layer);
   if (!display.ok()) return display.status();
   absl::StatusOr<std::string> png =
       EncodePng(display->width_px, display->height_px, display->pixels);

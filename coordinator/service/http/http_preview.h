@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The picture as merged so far, as a PNG for a screen, in the layers of picture_layer.h. Encoded
-// pictures are kept, as several browsers ask for the same one.
+// The image as merged so far, as a PNG for a screen, in the layers of image_layer.h. Encoded
+// images are kept, as several browsers ask for the same one.
 #pragma once
 
 #include <cstdint>
@@ -11,19 +11,19 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "coordinator/service/http/picture_layer.h"
+#include "coordinator/service/http/image_layer.h"
 #include "coordinator/service/view/farm_view.h"
 
 namespace sheaf::coordinator {
 
-// Encoded pictures kept, the longest unused dropped first.
+// Encoded images kept, the longest unused dropped first.
 inline constexpr size_t kPreviewCacheCountMax = 8;
 inline constexpr size_t kThumbnailCacheCountMax = 1024;
 
-// Which picture of a frame is wanted.
+// Which image of a frame is wanted.
 struct PreviewChoice {
-  PictureLayer layer = PictureLayer::kPicture;
-  bool thumbnail = false;        // Small; of the picture alone.
+  ImageLayer layer = ImageLayer::kImage;
+  bool thumbnail = false;        // Small; of the image alone.
   std::optional<int32_t> round;  // As it was at this round's end; otherwise as it is.
   friend bool operator==(const PreviewChoice&, const PreviewChoice&) = default;
 };
@@ -39,11 +39,11 @@ class PreviewCache {
  public:
   explicit PreviewCache(size_t count_max = kPreviewCacheCountMax) : count_max_(count_max) {}
 
-  // The version of the picture that is chosen; 0 where there is none.
+  // The version of the image that is chosen; 0 where there is none.
   static uint64_t VersionOf(const FrameView& frame, const PreviewChoice& choice);
 
-  // The PNG of a frame's picture.
-  // Errors: as FarmView::Preview and MakeDisplayPicture, and those of the PNG encoder.
+  // The PNG of a frame's image.
+  // Errors: as FarmView::Preview and MakeDisplayImage, and those of the PNG encoder.
   // Thread safety: from one thread at a time.
   absl::StatusOr<EncodedPreview> Find(const FarmView& farm, const std::string& job_id,
                                       const FrameView& frame, const PreviewChoice& choice);

@@ -43,13 +43,13 @@ HttpRequest Post(const std::string& target) {
   return request;
 }
 
-TEST(HttpRouterTest, FindsParametersAndDecodesThem) {
+TEST(HttpRouterTest, DecodesParameters) {
   EXPECT_EQ(MakeRouter().Route(Get("/jobs/a%2Fb")).body, "a/b|");
   EXPECT_EQ(MakeRouter().Route(Get("/jobs/7/frames/12/output.exr")).body, "7|12|");
   EXPECT_EQ(MakeRouter().Route(Post("/jobs/7:cancel")).body, "7|");
 }
 
-TEST(HttpRouterTest, UnknownPathIsNotFoundAndKnownPathWithOtherMethodIsRefused) {
+TEST(HttpRouterTest, UnknownPathsAndMethodsAreRefused) {
   EXPECT_EQ(MakeRouter().Route(Get("/jobs/7/frames")).status, 404);
   EXPECT_EQ(MakeRouter().Route(Get("/jobs/7/")).status, 404);
   EXPECT_EQ(MakeRouter().Route(Post("/jobs")).status, 405);
@@ -60,7 +60,7 @@ TEST(HttpRouterTest, MalformedEscapesAreRefused) {
   EXPECT_EQ(MakeRouter().Route(Get("/jobs?page_token=%zz")).status, 400);
 }
 
-TEST(HttpRouterTest, QueryReachesTheFunction) {
+TEST(HttpRouterTest, QueryIsPassedToTheFunction) {
   const HttpRouter router({{"GET", "/q",
                             [](const HttpRequest& request) {
                               HttpResponse response;
@@ -71,7 +71,7 @@ TEST(HttpRouterTest, QueryReachesTheFunction) {
   EXPECT_EQ(router.Route(Get("/q?a=1&b=two%20words&c")).body, "two words");
 }
 
-TEST(HttpRouterTest, OnlyOurHostsAreAnswered) {
+TEST(HttpRouterTest, OnlyAllowedHostsAreAnswered) {
   for (const char* host : {"localhost", "LOCALHOST:1", "127.0.0.1:8080", "[::1]:8080", "10.1.2.3",
                            "farm.example:80"}) {
     HttpRequest request = Get("/jobs");
@@ -86,7 +86,7 @@ TEST(HttpRouterTest, OnlyOurHostsAreAnswered) {
   }
 }
 
-TEST(HttpRouterTest, ChangingNeedsTheHeaderAndOurOrigin) {
+TEST(HttpRouterTest, ChangesNeedHeaderAndOrigin) {
   HttpRequest bare = Post("/jobs/7:cancel");
   bare.headers.pop_back();
   const HttpResponse refusal = MakeRouter().Route(bare);
@@ -102,7 +102,7 @@ TEST(HttpRouterTest, ChangingNeedsTheHeaderAndOurOrigin) {
   EXPECT_EQ(MakeRouter().Route(own).status, 200);
 }
 
-TEST(HttpRouterTest, ErrorsAreJsonEvenForTextThatIsNot) {
+TEST(HttpRouterTest, ErrorsAreValidJson) {
   const HttpResponse response = HttpError(404, "NOT_FOUND", "no \"\xff\" here");
   EXPECT_EQ(response.content_type, "application/json");
   EXPECT_EQ(response.body,

@@ -3,7 +3,7 @@
 //
 // The HTTP port: sockets in, HttpRequest to the router, HttpResponse out, and server-sent events
 // for as many readers as like to watch. One thread does all sockets, so a reader costs memory, not
-// a thread; the router's functions run on one other thread, so that encoding a picture stops no
+// a thread; the router's functions run on one other thread, so that encoding an image stops no
 // stream. The only door to Boost.Beast and Boost.Asio (in http_server.cc and http_connection.h).
 #pragma once
 

@@ -96,7 +96,7 @@ class HttpServerTest : public testing::Test {
   std::unique_ptr<HttpServer> server_;
 };
 
-TEST_F(HttpServerTest, AnswersSeveralRequestsOnOneConnection) {
+TEST_F(HttpServerTest, ServesSeveralRequestsPerConnection) {
   Client client(server_->port());
   for (int i = 0; i < 3; ++i) {
     ASSERT_TRUE(client.Send(Get("/hello")));
@@ -107,7 +107,7 @@ TEST_F(HttpServerTest, AnswersSeveralRequestsOnOneConnection) {
   }
 }
 
-TEST_F(HttpServerTest, HeadSendsTheLengthAndNoBody) {
+TEST_F(HttpServerTest, HeadSendsOnlyTheLength) {
   Client client(server_->port());
   client.Send("HEAD /hello HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   const std::string response = client.ReadToClose();
@@ -143,7 +143,7 @@ TEST_F(HttpServerTest, RequestsBeyondALimitAreRefused) {
   EXPECT_THAT(garbage.ReadUntil("}}"), StartsWith("HTTP/1.1 400 "));
 }
 
-TEST_F(HttpServerTest, ManyReadersOfEventsShareTheThreadWithRequests) {
+TEST_F(HttpServerTest, EventReadersDoNotBlockRequests) {
   std::vector<std::unique_ptr<Client>> readers;
   for (int i = 0; i < 60; ++i) {
     readers.push_back(std::make_unique<Client>(server_->port()));
@@ -160,7 +160,7 @@ TEST_F(HttpServerTest, ManyReadersOfEventsShareTheThreadWithRequests) {
   EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
 }
 
-TEST_F(HttpServerTest, HalfOpenRequestsTakeNobodysPlace) {
+TEST_F(HttpServerTest, HalfOpenRequestsDoNotBlockOthers) {
   Client reader(server_->port()), idle(server_->port());
   reader.Send(Get("/api/v1/events"));
   reader.ReadUntil("retry: 2000\n\n");
@@ -187,7 +187,7 @@ TEST_F(HttpServerTest, HalfOpenRequestsTakeNobodysPlace) {
   EXPECT_LT(absl::Now() - start, 2 * absl::FromChrono(kHttpHeadTimeout));
 }
 
-TEST_F(HttpServerTest, ConnectionsThatAreIdleMakeRoom) {
+TEST_F(HttpServerTest, IdleConnectionsAreClosedForNewOnes) {
   std::vector<std::unique_ptr<Client>> idle;
   for (size_t i = 0; i < kHttpConnectionCountMax + 20; ++i) {
     idle.push_back(std::make_unique<Client>(server_->port()));
@@ -197,7 +197,7 @@ TEST_F(HttpServerTest, ConnectionsThatAreIdleMakeRoom) {
   EXPECT_EQ(idle.front()->ReadToClose(), "");
 }
 
-TEST_F(HttpServerTest, ABodyThatDoesNotComeEndsTheConnection) {
+TEST_F(HttpServerTest, MissingBodiesTimeOut) {
   Client client(server_->port());
   client.Send("POST /hello HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\nhalf");
   const absl::Time start = absl::Now();
@@ -208,13 +208,13 @@ TEST_F(HttpServerTest, ABodyThatDoesNotComeEndsTheConnection) {
   EXPECT_LT(absl::Now() - start, absl::FromChrono(kHttpBodyTimeout) + absl::Seconds(5));
 }
 
-TEST_F(HttpServerTest, EventsAreForOurHostsOnly) {
+TEST_F(HttpServerTest, EventsNeedAllowedHosts) {
   Client client(server_->port());
   client.Send("GET /api/v1/events HTTP/1.1\r\nHost: evil.example\r\n\r\n");
   EXPECT_THAT(client.ReadUntil("}}"), StartsWith("HTTP/1.1 403 "));
 }
 
-TEST_F(HttpServerTest, ATakenPortIsOneClearLine) {
+TEST_F(HttpServerTest, PortInUseIsAClearError) {
   HttpServerOptions options;
   options.port = server_->port();
   const auto second = HttpServer::Start(options, router_, &hub_);
@@ -222,7 +222,7 @@ TEST_F(HttpServerTest, ATakenPortIsOneClearLine) {
   EXPECT_THAT(std::string(second.status().message()), HasSubstr("Address already in use"));
 }
 
-TEST_F(HttpServerTest, RemoteAddressesNeedAllowance) {
+TEST_F(HttpServerTest, RemoteAddressesNeedPermission) {
   HttpServerOptions options;
   options.address = "0.0.0.0";
   EXPECT_EQ(HttpServer::Start(options, router_, &hub_).status().code(),

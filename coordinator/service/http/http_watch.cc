@@ -17,10 +17,10 @@ namespace sheaf::coordinator {
 namespace {
 
 std::string Mark(const JobView& job) {
-  const PicturedFrame pictured = job.pictured_frame.value_or(PicturedFrame());
+  const PreviewFrame preview_frame = job.pictured_frame.value_or(PreviewFrame());
   return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
                       job.progress.sample_count_done, " ", job.frame_complete_count, " ",
-                      pictured.frame_number, " ", pictured.preview_version, " ",
+                      preview_frame.frame_number, " ", preview_frame.preview_version, " ",
                       job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.failure);
 }
 

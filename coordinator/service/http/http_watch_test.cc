@@ -25,7 +25,7 @@ class HttpWatchTest : public testing::Test {
   EventHub hub_;
 };
 
-TEST_F(HttpWatchTest, PublishesOnlyWhatDiffers) {
+TEST_F(HttpWatchTest, PublishesOnlyChanges) {
   FarmDifference difference(&hub_);
   const auto reader = hub_.Subscribe();
   difference.Publish(farm_);
@@ -43,7 +43,7 @@ TEST_F(HttpWatchTest, PublishesOnlyWhatDiffers) {
   EXPECT_THAT(events, Not(HasSubstr("event: worker")));
 }
 
-TEST_F(HttpWatchTest, AReaderThatComesLaterHearsOfLaterChangesOnly) {
+TEST_F(HttpWatchTest, LateReadersGetLaterChanges) {
   FarmDifference difference(&hub_);
   difference.Publish(farm_);
   const auto reader = hub_.Subscribe();
@@ -54,7 +54,7 @@ TEST_F(HttpWatchTest, AReaderThatComesLaterHearsOfLaterChangesOnly) {
   EXPECT_THAT(reader->Take(), HasSubstr("\"state\":\"lost\""));
 }
 
-TEST_F(HttpWatchTest, WatcherNoticesAChangeByItself) {
+TEST_F(HttpWatchTest, WatcherDetectsChanges) {
   const auto reader = hub_.Subscribe();
   const FarmWatcher watcher(farm_, &hub_);
   std::string events;

@@ -18,7 +18,7 @@ namespace {
 constexpr int kChannels = 400;
 constexpr int kCallsOfEach = 10;
 
-TEST_F(CoordinatorServerTest, FourHundredChannelsAtOnceLoseNoCall) {
+TEST_F(CoordinatorServerTest, FourHundredConcurrentChannelsLoseNoCall) {
   options_.listen_address = "127.0.0.1:0";
   Start();
   const v1::Job job = Create(Request(16));

@@ -20,7 +20,7 @@ using Response = v1::UploadResultsResponse;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-TEST_F(CoordinatorServerTest, PausedJobStaysPausedOverARestartUntilItIsResumed) {
+TEST_F(CoordinatorServerTest, PausedJobsStayPausedOverARestart) {
   Start();
   const std::string name = Create(Request(64)).name();
   SyntheticWorker worker = MakeWorker("w");
@@ -46,7 +46,7 @@ TEST_F(CoordinatorServerTest, PausedJobStaysPausedOverARestartUntilItIsResumed) 
   EXPECT_EQ(Watch(name).frames(0).picture_digest(), ExpectedDigest(64));
 }
 
-TEST_F(CoordinatorServerTest, JobsThatHaveEndedAreNotControlledAndSayWhy) {
+TEST_F(CoordinatorServerTest, EndedJobsRefuseControl) {
   Start();
   const std::string done = Create(Request(4)).name();
   ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
@@ -75,7 +75,7 @@ TEST_F(CoordinatorServerTest, JobsThatHaveEndedAreNotControlledAndSayWhy) {
             v1::Job::STATE_CANCELLED);
 }
 
-TEST_F(CoordinatorServerTest, PilotsAreNotListedAndLeaveNoGapsInTheIdsOfJobs) {
+TEST_F(CoordinatorServerTest, PilotsAreHiddenAndUseNoJobIds) {
   options_.farm.limits.pilot_unasked_max = absl::InfiniteDuration();
   Start();
   const auto list = [&](bool with_pilots, int page_size = 0) {
@@ -114,7 +114,7 @@ TEST_F(CoordinatorServerTest, PilotsAreNotListedAndLeaveNoGapsInTheIdsOfJobs) {
 }
 
 // Asking for a pilot keeps it alive; other jobs need not be asked for.
-TEST_F(CoordinatorServerTest, PilotsThatNobodyAsksForAreCancelled) {
+TEST_F(CoordinatorServerTest, AbandonedPilotsAreCancelled) {
   options_.farm.limits.pilot_unasked_max = absl::Seconds(1);
   Start();
   v1::CreateJobRequest request = Request(4, "pilot");
@@ -135,7 +135,7 @@ TEST_F(CoordinatorServerTest, PilotsThatNobodyAsksForAreCancelled) {
   EXPECT_EQ(Get(job).state(), v1::Job::STATE_QUEUED);
 }
 
-TEST_F(CoordinatorServerTest, PausedJobCanBeCancelledButNotRefined) {
+TEST_F(CoordinatorServerTest, PausedJobsCanBeCancelledButNotRefined) {
   Start();
   const std::string name = Create(Request(64)).name();
   Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name);

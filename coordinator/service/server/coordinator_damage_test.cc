@@ -65,7 +65,7 @@ class DamageTest : public CoordinatorServerTest {
     EXPECT_TRUE(MakeWorker("w").RenderAll().ok());
     return Watch(job.name());
   }
-  // Asks for the picture until it is there, as a worker renders what is needed.
+  // Asks for the image until it is there, as a worker renders what is needed.
   std::string Remade() {
     SyntheticWorker worker = MakeWorker("v");
     absl::StatusOr<std::string> path;
@@ -75,11 +75,11 @@ class DamageTest : public CoordinatorServerTest {
       return path.ok();
     });
     EXPECT_TRUE(path.ok()) << path.status();
-    return path.ok() ? PictureDigest(*ReadPicture(*path)) : "";
+    return path.ok() ? ImageDigest(*ReadFrameImage(*path)) : "";
   }
 };
 
-TEST_F(DamageTest, AJobWaitsByNameForABlobThatIsLostAndGoesOnWithIt) {
+TEST_F(DamageTest, JobsWaitForLostBlobsAndContinue) {
   Start();
   const v1::Job job = Create(Request(/*samples=*/64));
   const BlobStore& blobs = server_->farm().blobs();
@@ -99,7 +99,7 @@ TEST_F(DamageTest, AJobWaitsByNameForABlobThatIsLostAndGoesOnWithIt) {
   EXPECT_EQ(Watch(job.name()).frames(0).picture_digest(), ExpectedDigest(64));
 }
 
-TEST_F(DamageTest, ABlobThatIsLostBeforeARestartIsToldOfAfterIt) {
+TEST_F(DamageTest, BlobsLostBeforeARestartAreReported) {
   Start();
   const v1::Job job = Create(Request(/*samples=*/64));
   const BlobDigest file = *server_->farm().blobs().Put("a scene");
@@ -109,7 +109,7 @@ TEST_F(DamageTest, ABlobThatIsLostBeforeARestartIsToldOfAfterIt) {
   EXPECT_TRUE(Eventually([&] { return Reason(job).find("scene.pbrt") != std::string::npos; }));
 }
 
-TEST_F(DamageTest, ADamagedManifestIsAskedForAgain) {
+TEST_F(DamageTest, DamagedManifestsAreRequestedAgain) {
   Start();
   const v1::CreateJobRequest request = Request(/*samples=*/64);
   const v1::Digest& scene = request.frames(0).scene();
@@ -122,7 +122,7 @@ TEST_F(DamageTest, ADamagedManifestIsAskedForAgain) {
   EXPECT_TRUE(TryCreate(Request(/*samples=*/64), &job).ok());
 }
 
-TEST_F(DamageTest, ADeliveredPictureThatWasAlteredIsMadeAgainFromItsParts) {
+TEST_F(DamageTest, AlteredImagesAreRemadeFromParts) {
   Start();
   const v1::Job job = RenderedJob();
   const double accepted = Counter("sheaf_results_accepted_total");
@@ -138,7 +138,7 @@ TEST_F(DamageTest, ADeliveredPictureThatWasAlteredIsMadeAgainFromItsParts) {
   EXPECT_EQ(Watch(job.name()).state(), v1::Job::STATE_SUCCEEDED);
 }
 
-TEST_F(DamageTest, ADeliveredPictureThatIsGoneIsMadeAgainAlsoWithoutSomeParts) {
+TEST_F(DamageTest, MissingImagesAreRemadeEvenWithoutSomeParts) {
   Start();
   RenderedJob();
   const double accepted = Counter("sheaf_results_accepted_total");
@@ -153,7 +153,7 @@ TEST_F(DamageTest, ADeliveredPictureThatIsGoneIsMadeAgainAlsoWithoutSomeParts) {
       << "one part was rendered again of " << accepted;
 }
 
-TEST_F(DamageTest, APreviewShowsNoAlteredPicture) {
+TEST_F(DamageTest, PreviewsNeverShowAlteredImages) {
   Start();
   RenderedJob();
   Alter(*server_->farm().FindOutput(1, 1));

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Results as they come in over the wire: however a frame is cut, whoever renders it, whatever
-// breaks on the way, the delivered picture has the same bits.
+// breaks on the way, the delivered image has the same bits.
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -24,7 +24,7 @@ namespace {
 using Response = v1::UploadResultsResponse;
 using ::testing::HasSubstr;
 
-TEST_F(CoordinatorServerTest, EveryPartitionGivesTheSamePicture) {
+TEST_F(CoordinatorServerTest, EveryPartitionGivesTheSameImage) {
   Start();
   // A few pixels beyond two edges of the smallest tile and one of the middle one, and a few samples
   // beyond the middle pass: every partition cuts this frame in its own way.
@@ -56,7 +56,7 @@ TEST_F(CoordinatorServerTest, EveryPartitionGivesTheSamePicture) {
   }
 }
 
-TEST_F(CoordinatorServerTest, MergingFromDiskGivesTheSamePicture) {
+TEST_F(CoordinatorServerTest, MergingFromDiskGivesTheSameImage) {
   options_.farm.merge_bytes_max = 0;
   Start();
   v1::CreateJobRequest request = Request(100);
@@ -67,7 +67,7 @@ TEST_F(CoordinatorServerTest, MergingFromDiskGivesTheSamePicture) {
   EXPECT_EQ(Watch(job.name()).frames(0).picture_digest(), ExpectedDigest(100));
 }
 
-TEST_F(CoordinatorServerTest, WorkersAtTheSameTimeGiveTheSamePicture) {
+TEST_F(CoordinatorServerTest, ConcurrentWorkersGiveTheSameImage) {
   Start();
   v1::CreateJobRequest request = Request(100);
   request.mutable_partition()->set_tile_size_px(16);
@@ -86,7 +86,7 @@ TEST_F(CoordinatorServerTest, WorkersAtTheSameTimeGiveTheSamePicture) {
   EXPECT_EQ(after.frames(0).picture_digest(), ExpectedDigest(100));
 }
 
-TEST_F(CoordinatorServerTest, DeliveredFileHoldsThePictureAndHowToMakeItAgain) {
+TEST_F(CoordinatorServerTest, DeliveredFilesHoldImageAndProvenance) {
   Start();
   v1::CreateJobRequest biased = Request(20);
   biased.mutable_frames(0)->mutable_settings()->set_similarity_after_count(8);
@@ -108,20 +108,20 @@ TEST_F(CoordinatorServerTest, DeliveredFileHoldsThePictureAndHowToMakeItAgain) {
   while (reader->Read(&chunk)) file << chunk.chunk();
   file.close();
   ASSERT_TRUE(reader->Finish().ok());
-  const absl::StatusOr<FramePicture> picture = ReadPicture(copy);
-  ASSERT_TRUE(picture.ok()) << picture.status();
-  const FramePicture expected = PictureOf(Settings(20));
-  ASSERT_NE(picture->Find("R"), nullptr);
-  EXPECT_EQ(*picture->Find("R"), *expected.Find("R"));
-  EXPECT_EQ(picture->metadata.at("frameDigest"), after.frames(0).frame_digest());
-  EXPECT_EQ(picture->metadata.at("numericProfile"), after.numeric_profile());
-  EXPECT_EQ(picture->metadata.at("similarityAfter"), "8");
-  EXPECT_EQ(picture->metadata.at("bias"), "similarity, clamped samples");
-  EXPECT_EQ(picture->metadata.at("maxComponentValue"), "12.5");
-  EXPECT_EQ(picture->metadata.at("sensor"), "nikon_d850");
+  const absl::StatusOr<FrameImage> image = ReadFrameImage(copy);
+  ASSERT_TRUE(image.ok()) << image.status();
+  const FrameImage expected = ImageOf(Settings(20));
+  ASSERT_NE(image->Find("R"), nullptr);
+  EXPECT_EQ(*image->Find("R"), *expected.Find("R"));
+  EXPECT_EQ(image->metadata.at("frameDigest"), after.frames(0).frame_digest());
+  EXPECT_EQ(image->metadata.at("numericProfile"), after.numeric_profile());
+  EXPECT_EQ(image->metadata.at("similarityAfter"), "8");
+  EXPECT_EQ(image->metadata.at("bias"), "similarity, clamped samples");
+  EXPECT_EQ(image->metadata.at("maxComponentValue"), "12.5");
+  EXPECT_EQ(image->metadata.at("sensor"), "nikon_d850");
 }
 
-TEST_F(CoordinatorServerTest, RestartLosesNothingThatWasAcknowledged) {
+TEST_F(CoordinatorServerTest, RestartKeepsAcknowledgedResults) {
   Start();
   v1::CreateJobRequest request = Request(100);
   request.mutable_partition()->set_tile_size_px(16);
@@ -150,7 +150,7 @@ TEST_F(CoordinatorServerTest, RestartLosesNothingThatWasAcknowledged) {
   EXPECT_EQ(Counter("sheaf_duplicate_equal_total") + Counter("sheaf_superseded_total"), 0);
 }
 
-TEST_F(CoordinatorServerTest, DamagedPartIsRenderedAgain) {
+TEST_F(CoordinatorServerTest, DamagedPartsAreRenderedAgain) {
   options_.farm.merge_bytes_max = 0;
   Start();
   v1::CreateJobRequest request = Request(100);
@@ -187,7 +187,7 @@ TEST_F(CoordinatorServerTest, DamagedPartIsRenderedAgain) {
   EXPECT_EQ(Watch(name).frames(0).picture_digest(), ExpectedDigest(100));
 }
 
-TEST_F(CoordinatorServerTest, WhatTheDiskRefusesIsNotAcknowledgedAndTheFarmRecovers) {
+TEST_F(CoordinatorServerTest, UnstoredResultsAreNotAcknowledged) {
   Start();
   const std::string name = Create(Request(16)).name();
   SyntheticWorker worker = MakeWorker("w");
@@ -205,7 +205,7 @@ TEST_F(CoordinatorServerTest, WhatTheDiskRefusesIsNotAcknowledgedAndTheFarmRecov
   EXPECT_TRUE(server_->farm().Ready().ok());
 }
 
-TEST_F(CoordinatorServerTest, DuplicatesAreEqualOrQuarantine) {
+TEST_F(CoordinatorServerTest, UnequalDuplicatesQuarantineTheWorker) {
   Start();
   v1::CreateJobRequest request = Request(64);
   request.mutable_partition()->set_pass_sample_count(4);
@@ -227,7 +227,7 @@ TEST_F(CoordinatorServerTest, DuplicatesAreEqualOrQuarantine) {
   EXPECT_TRUE(worker.Synchronize(1).ok());
 }
 
-TEST_F(CoordinatorServerTest, ResultsThatAreNotPartsOfTheirKeyAreRefused) {
+TEST_F(CoordinatorServerTest, ResultsNotMatchingTheirKeyAreRefused) {
   Start();
   Create(Request(64));
   SyntheticWorker worker = MakeWorker("w");
@@ -261,7 +261,7 @@ TEST_F(CoordinatorServerTest, ResultsThatAreNotPartsOfTheirKeyAreRefused) {
   EXPECT_EQ(*worker.Send(good), Response::OUTCOME_ACCEPTED);
 }
 
-TEST_F(CoordinatorServerTest, SumsThatNoSamplesCanHaveAreRefusedAndCounted) {
+TEST_F(CoordinatorServerTest, ImpossibleSumsAreRefusedAndCounted) {
   Start();
   Create(Request(64));
   SyntheticWorker worker = MakeWorker("w");

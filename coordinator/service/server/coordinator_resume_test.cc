@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Frames that resume delivered pictures, with synthetic samples, so that the expected picture is
+// Frames that resume delivered images, with synthetic samples, so that the expected image is
 // known.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -40,8 +40,8 @@ class CoordinatorResumeTest : public CoordinatorServerTest {
     return bytes;
   }
   // A job that resumes the file.
-  v1::CreateJobRequest GoOn(const std::string& exr, uint64_t samples,
-                            const std::string& request_id) {
+  v1::CreateJobRequest ContinueRequest(const std::string& exr, uint64_t samples,
+                                       const std::string& request_id) {
     v1::CreateJobRequest request = Request(samples, request_id);
     const absl::StatusOr<BlobDigest> blob = server_->farm().blobs().Put(exr);
     EXPECT_TRUE(blob.ok()) << blob.status();
@@ -56,31 +56,31 @@ class CoordinatorResumeTest : public CoordinatorServerTest {
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
     return status.error_message();
   }
-  // The picture is that of one run, but for the last bits of floats; errors are estimated anew.
+  // The image is that of one run, but for the last bits of floats; errors are estimated anew.
   static void ExpectAsOneRun(const std::string& exr, uint64_t samples) {
-    const absl::StatusOr<FramePicture> picture = DecodePicture(exr);
-    ASSERT_TRUE(picture.ok()) << picture.status();
-    const FramePicture whole = PictureOf(Settings(samples));
+    const absl::StatusOr<FrameImage> image = DecodeFrameImage(exr);
+    ASSERT_TRUE(image.ok()) << image.status();
+    const FrameImage whole = ImageOf(Settings(samples));
     for (size_t i = 0; i < whole.planes.size(); ++i) {
       const std::string& name = whole.channel_names[i];
       if (name.starts_with("stderr.")) continue;
-      const std::vector<float>* found = picture->Find(name);
+      const std::vector<float>* found = image->Find(name);
       ASSERT_NE(found, nullptr) << name;
       for (size_t p = 0; p < found->size(); ++p) {
         const float expected = whole.planes[i][p];
         ASSERT_NEAR((*found)[p], expected, 1e-5f * (1 + std::fabs(expected))) << name;
       }
     }
-    const double ratio = EstimateError(*picture).relative_mse / EstimateError(whole).relative_mse;
+    const double ratio = EstimateError(*image).relative_mse / EstimateError(whole).relative_mse;
     EXPECT_GT(ratio, 0.8);
     EXPECT_LT(ratio, 1.25);
   }
 };
 
-TEST_F(CoordinatorResumeTest, GoesOnToWhatOneRunHas) {
+TEST_F(CoordinatorResumeTest, ResumingMatchesOneRun) {
   Start();
   const std::string first = Deliver(Request(64));
-  const v1::Job job = Create(GoOn(first, 200, "more"));
+  const v1::Job job = Create(ContinueRequest(first, 200, "more"));
   const uint64_t pixels = 41 * 33;
   EXPECT_EQ(job.progress().sample_count_done(), 64 * pixels);
   EXPECT_EQ(job.progress().sample_count_total(), 200 * pixels);
@@ -92,10 +92,10 @@ TEST_F(CoordinatorResumeTest, GoesOnToWhatOneRunHas) {
   EXPECT_GT(after.frames(0).flip(), 0);
   const std::string second = BytesOf(after);
   ExpectAsOneRun(second, 200);
-  // And on, from a picture that went on itself.
-  ExpectAsOneRun(Deliver(GoOn(second, 256, "even more")), 256);
-  // With nothing left to do it is the same picture.
-  const v1::Job same = Create(GoOn(second, 200, "the same"));
+  // And on, from an image that went on itself.
+  ExpectAsOneRun(Deliver(ContinueRequest(second, 256, "even more")), 256);
+  // With nothing left to do it is the same image.
+  const v1::Job same = Create(ContinueRequest(second, 200, "the same"));
   EXPECT_EQ(Watch(same.name()).state(), v1::Job::STATE_SUCCEEDED);
   ExpectAsOneRun(BytesOf(same), 200);
 }
@@ -103,7 +103,7 @@ TEST_F(CoordinatorResumeTest, GoesOnToWhatOneRunHas) {
 TEST_F(CoordinatorResumeTest, SurvivesRestartsAndIsRefined) {
   Start();
   const std::string first = Deliver(Request(48));
-  v1::CreateJobRequest request = GoOn(first, 144, "more");
+  v1::CreateJobRequest request = ContinueRequest(first, 144, "more");
   request.mutable_partition()->set_tile_size_px(16);
   const v1::Job job = Create(request);
   {
@@ -124,11 +124,11 @@ TEST_F(CoordinatorResumeTest, SurvivesRestartsAndIsRefined) {
   ExpectAsOneRun(BytesOf(Watch(job.name())), 160);
 }
 
-TEST_F(CoordinatorResumeTest, TargetsCountWhatThePictureHas) {
+TEST_F(CoordinatorResumeTest, TargetsCountTheImagesSamples) {
   Start();
   const std::string first = Deliver(Request(64));
-  v1::CreateJobRequest request = GoOn(first, 1 << 16, "to a target");
-  const double has = EstimateError(*DecodePicture(first)).relative_mse;
+  v1::CreateJobRequest request = ContinueRequest(first, 1 << 16, "to a target");
+  const double has = EstimateError(*DecodeFrameImage(first)).relative_mse;
   request.mutable_frames(0)->mutable_stop()->set_target_error(has / 4);
   const v1::Job job = Create(request);
   const absl::Time deadline = absl::Now() + kPatience;
@@ -142,36 +142,39 @@ TEST_F(CoordinatorResumeTest, TargetsCountWhatThePictureHas) {
   EXPECT_EQ(after.frames(0).rounds(0).sample_count(), 64u * 41 * 33);
   // Tiles have unequal counts now; other tiles cannot resume them.
   const std::string stopped = BytesOf(after);
-  v1::CreateJobRequest other = GoOn(stopped, 1 << 16, "other tiles");
+  v1::CreateJobRequest other = ContinueRequest(stopped, 1 << 16, "other tiles");
   other.mutable_partition()->set_tile_size_px(41);
   EXPECT_THAT(WhyNot(other), HasSubstr("continue with --tile-size 32 --cell-size 4"));
-  const v1::Job on = Create(GoOn(stopped, 1024, "to the end"));
+  const v1::Job on = Create(ContinueRequest(stopped, 1024, "to the end"));
   ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
   EXPECT_EQ(Watch(on.name()).state(), v1::Job::STATE_SUCCEEDED);
   ExpectAsOneRun(BytesOf(on), 1024);
 }
 
-TEST_F(CoordinatorResumeTest, WhatDoesNotFitIsRefused) {
+TEST_F(CoordinatorResumeTest, MismatchedImagesAreRefused) {
   Start();
   const std::string first = Deliver(Request(32));
-  EXPECT_THAT(WhyNot(GoOn(first, 16, "few")), HasSubstr("has 32 samples per pixel already"));
-  v1::CreateJobRequest request = GoOn(first, 64, "scene");
+  EXPECT_THAT(WhyNot(ContinueRequest(first, 16, "few")),
+              HasSubstr("has 32 samples per pixel already"));
+  v1::CreateJobRequest request = ContinueRequest(first, 64, "scene");
   *request.mutable_frames(0)->mutable_scene() = PutScene("another scene");
   EXPECT_THAT(WhyNot(request), HasSubstr("from another scene"));
-  request = GoOn(first, 64, "seed");
+  request = ContinueRequest(first, 64, "seed");
   request.mutable_frames(0)->mutable_settings()->set_seed(77);
   EXPECT_THAT(WhyNot(request), HasSubstr("with another seed"));
-  request = GoOn(first, 64, "window");
+  request = ContinueRequest(first, 64, "window");
   request.mutable_frames(0)->mutable_settings()->mutable_window()->set_x1_px(40);
   EXPECT_THAT(WhyNot(request), HasSubstr("with another crop"));
-  request = GoOn(first, 64, "settings");
+  request = ContinueRequest(first, 64, "settings");
   request.mutable_frames(0)->mutable_settings()->set_one_sequence(true);
   EXPECT_THAT(WhyNot(request), HasSubstr("with other settings"));
-  EXPECT_THAT(WhyNot(GoOn("no picture", 64, "none")), HasSubstr("cannot continue from the image"));
-  FramePicture changed = *DecodePicture(first);
+  EXPECT_THAT(WhyNot(ContinueRequest("no picture", 64, "none")),
+              HasSubstr("cannot continue from the image"));
+  FrameImage changed = *DecodeFrameImage(first);
   changed.planes[0][5] *= 2;
-  EXPECT_THAT(WhyNot(GoOn(EncodePicture(changed), 64, "changed")), HasSubstr("were changed"));
-  request = GoOn(first, 64, "missing");
+  EXPECT_THAT(WhyNot(ContinueRequest(EncodeFrameImage(changed), 64, "changed")),
+              HasSubstr("were changed"));
+  request = ContinueRequest(first, 64, "missing");
   request.mutable_frames(0)->mutable_resumed_picture()->set_sha256_hex(std::string(64, 'a'));
   v1::Job job;
   const grpc::Status status = TryCreate(request, &job);

@@ -19,7 +19,7 @@ namespace {
 // How long calls under way may take when the server stops.
 constexpr absl::Duration kStopGrace = absl::Seconds(2);
 
-absl::Status PortTaken(const std::string& address) {
+absl::Status PortInUseError(const std::string& address) {
   return absl::UnavailableError(
       absl::StrCat("cannot listen on ", address,
                    ": the port is in use or the address does not belong to this machine"));
@@ -86,7 +86,7 @@ absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   builder.RegisterService(content_service_.get());
   server_ = builder.BuildAndStart();
   const bool listens = options.listen_address.empty() || port_ != 0;
-  if (server_ == nullptr || !listens) return PortTaken(options.listen_address);
+  if (server_ == nullptr || !listens) return PortInUseError(options.listen_address);
   return absl::OkStatus();
 }
 

@@ -60,15 +60,13 @@ class CoordinatorServerTest : public testing::Test {
     settings.set_depth_max(5);
     return settings;
   }
-  // The picture that the farm must deliver for the settings.
-  static FramePicture PictureOf(const v1::FrameSettings& wire) {
+  // The image that the farm must deliver for the settings.
+  static FrameImage ImageOf(const v1::FrameSettings& wire) {
     const absl::StatusOr<FrameSettings> settings = sheaf::FromWire(wire);
     EXPECT_TRUE(settings.ok()) << settings.status();
-    return settings.ok() ? SyntheticPicture(*settings) : FramePicture{};
+    return settings.ok() ? SyntheticImage(*settings) : FrameImage{};
   }
-  static std::string DigestOf(const v1::FrameSettings& wire) {
-    return PictureDigest(PictureOf(wire));
-  }
+  static std::string DigestOf(const v1::FrameSettings& wire) { return ImageDigest(ImageOf(wire)); }
   static std::string ExpectedDigest(uint64_t samples) { return DigestOf(Settings(samples)); }
 
   v1::Digest PutScene(const std::string& text = "a scene") {

@@ -25,7 +25,7 @@ namespace {
 using Response = v1::UploadResultsResponse;
 using ::testing::HasSubstr;
 
-TEST_F(CoordinatorServerTest, JobsAreCheckedAndCreatedOnce) {
+TEST_F(CoordinatorServerTest, JobCreationIsCheckedAndIdempotent) {
   Start();
   const v1::Job first = Create(Request(4));
   EXPECT_EQ(Create(Request(4)).name(), first.name());
@@ -44,7 +44,7 @@ TEST_F(CoordinatorServerTest, JobsAreCheckedAndCreatedOnce) {
   EXPECT_EQ(TryCreate(request, &job).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
-TEST_F(CoordinatorServerTest, TextsOfOthersHaveNoControlCharacters) {
+TEST_F(CoordinatorServerTest, ForeignTextIsMadePrintable) {
   Start();
   v1::Job job;
   v1::CreateJobRequest request = Request(4, "other");
@@ -67,7 +67,7 @@ TEST_F(CoordinatorServerTest, TextsOfOthersHaveNoControlCharacters) {
   EXPECT_EQ(failures->at(0).failure.message, "two\\nlines");
 }
 
-TEST_F(CoordinatorServerTest, JobsThatNobodyCanRenderAreRefused) {
+TEST_F(CoordinatorServerTest, InvalidJobsAreRefused) {
   Start();
   v1::Job job;
   v1::CreateJobRequest request = Request(uint64_t{1} << 40);
@@ -83,7 +83,7 @@ TEST_F(CoordinatorServerTest, JobsThatNobodyCanRenderAreRefused) {
   EXPECT_THAT(status.error_message(), HasSubstr("4294967296 pixels"));
 }
 
-TEST_F(CoordinatorServerTest, CancelledJobStaysCancelledAndItsResultsAreSuperseded) {
+TEST_F(CoordinatorServerTest, CancelledJobsStayCancelled) {
   Start();
   const std::string name = Create(Request(64)).name();
   SyntheticWorker worker = MakeWorker("w");
@@ -102,7 +102,7 @@ TEST_F(CoordinatorServerTest, CancelledJobStaysCancelledAndItsResultsAreSupersed
   EXPECT_EQ(Get(name).state(), v1::Job::STATE_CANCELLED);
 }
 
-TEST_F(CoordinatorServerTest, FailuresNameTheSceneAndHowToRepeatThem) {
+TEST_F(CoordinatorServerTest, FailuresNameSceneAndRenderCommand) {
   Start();
   const std::string id = Create(Request(64)).name().substr(std::string("jobs/").size());
   SyntheticWorker worker = MakeWorker("w");
@@ -152,7 +152,7 @@ TEST_F(CoordinatorServerTest, FailuresSurviveRestartsAndRefinements) {
   expect_kept();
 }
 
-TEST_F(CoordinatorServerTest, WhoeverSeesAJobEndedSeesWhen) {
+TEST_F(CoordinatorServerTest, EndedJobsHaveAnEndTime) {
   Start();
   v1::CreateJobRequest request = Request(64);
   request.mutable_partition()->set_pass_sample_count(4);
@@ -175,7 +175,7 @@ TEST_F(CoordinatorServerTest, WhoeverSeesAJobEndedSeesWhen) {
   EXPECT_EQ(server_->farm().FindJob(id)->end_time, first_ended.end_time);
 }
 
-TEST_F(CoordinatorServerTest, SceneErrorOfTheOnlyWorkerFailsTheJobWithItsMessage) {
+TEST_F(CoordinatorServerTest, SceneErrorOfTheOnlyWorkerFailsTheJob) {
   Start();
   const std::string name = Create(Request(64)).name();
   SyntheticWorker worker = MakeWorker("w");
@@ -190,7 +190,7 @@ TEST_F(CoordinatorServerTest, SceneErrorOfTheOnlyWorkerFailsTheJobWithItsMessage
   EXPECT_EQ(Get(name).failure(), job.failure());
 }
 
-TEST_F(CoordinatorServerTest, WorkerOfAnotherProfileGetsNoWorkAndTheJobSaysWhy) {
+TEST_F(CoordinatorServerTest, OtherProfilesGetNoWorkAndTheJobReportsIt) {
   Start();
   const std::string name = Create(Request(64)).name();
   EXPECT_THAT(Get(name).waiting_reason(), HasSubstr("no worker is connected"));
@@ -201,7 +201,7 @@ TEST_F(CoordinatorServerTest, WorkerOfAnotherProfileGetsNoWorkAndTheJobSaysWhy) 
   EXPECT_THAT(Get(name).waiting_reason(), HasSubstr("z80"));
 }
 
-TEST_F(CoordinatorServerTest, PreviewGrowsWithTheResults) {
+TEST_F(CoordinatorServerTest, PreviewFollowsTheResults) {
   const std::vector<std::string> kChannels{"R", "stderr.R", "samples"};
   Start();
   v1::CreateJobRequest request = Request(64);
@@ -222,9 +222,9 @@ TEST_F(CoordinatorServerTest, PreviewGrowsWithTheResults) {
   }
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_FALSE(preview->complete);
-  EXPECT_EQ(preview->picture.channel_names, kChannels);
+  EXPECT_EQ(preview->image.channel_names, kChannels);
   double sum = 0;
-  for (const float value : *preview->picture.Find("R")) sum += static_cast<double>(value);
+  for (const float value : *preview->image.Find("R")) sum += static_cast<double>(value);
   EXPECT_GT(sum, 0);
   EXPECT_EQ(server_->farm().Preview(id, 1, {"no such"}).status().code(),
             absl::StatusCode::kInternal);
@@ -233,10 +233,10 @@ TEST_F(CoordinatorServerTest, PreviewGrowsWithTheResults) {
   preview = server_->farm().Preview(id, 1, kChannels);
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_TRUE(preview->complete);
-  EXPECT_EQ(preview->picture.channel_names, kChannels);
+  EXPECT_EQ(preview->image.channel_names, kChannels);
 }
 
-TEST_F(CoordinatorServerTest, ContentGoesInAndOutOverTheWire) {
+TEST_F(CoordinatorServerTest, ContentRoundTripsOverGrpc) {
   Start();
   const auto content = v1::ContentService::NewStub(server_->InProcessChannel());
   const std::string bytes(3'000'000, 'x');
@@ -291,7 +291,7 @@ TEST_F(CoordinatorServerTest, ContentGoesInAndOutOverTheWire) {
   EXPECT_EQ(back, bytes.substr(5));
 }
 
-TEST_F(CoordinatorServerTest, HealthAndHttpAnswer) {
+TEST_F(CoordinatorServerTest, HealthAndHttpRespond) {
   options_.http_address = "127.0.0.1:0";
   Start();
   EXPECT_NE(server_->http_port(), 0);
@@ -324,7 +324,7 @@ TEST_F(CoordinatorServerTest, SecondCoordinatorOnTheSameStateIsRefused) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("another coordinator"));
 }
 
-TEST_F(CoordinatorServerTest, TakenPortAndOpenAddressAreRefused) {
+TEST_F(CoordinatorServerTest, PortInUseAndOpenAddressAreRefused) {
   options_.listen_address = "127.0.0.1:0";
   Start();
   ASSERT_NE(server_->port(), 0);

@@ -49,14 +49,14 @@ FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block) {
   return tile;
 }
 
-FramePicture SyntheticPicture(const FrameSettings& settings) {
-  FramePicture picture = MakeFramePicture(settings.window, settings.width_px, settings.height_px);
+FrameImage SyntheticImage(const FrameSettings& settings) {
+  FrameImage image = MakeFrameImage(settings.window, settings.width_px, settings.height_px);
   TileTree tree(settings.window);
   for (const SampleBlock& block : CutSamples(0, settings.samples, uint64_t{1} << 40)) {
     if (!tree.Insert(SyntheticPart(settings.seed, settings.window, block)).ok()) return {};
   }
-  DevelopTile(tree.Root(), &picture);
-  return picture;
+  DevelopTile(tree.Root(), &image);
+  return image;
 }
 
 SyntheticWorker::SyntheticWorker(std::shared_ptr<grpc::Channel> channel, std::string worker_id)

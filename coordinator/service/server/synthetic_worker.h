@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SyntheticWorker, for tests: a worker that speaks the real protocol and whose samples are a cheap,
-// deterministic function of frame, pixel and index, so that a picture's digest can be computed
+// deterministic function of frame, pixel and index, so that an image's digest can be computed
 // directly and compared.
 #pragma once
 
@@ -21,8 +21,8 @@ namespace sheaf::coordinator {
 FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_index);
 // A part made of such samples.
 FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block);
-// The picture of such samples, added up without any farm.
-FramePicture SyntheticPicture(const FrameSettings& settings);
+// The image of such samples, added up without any farm.
+FrameImage SyntheticImage(const FrameSettings& settings);
 
 class SyntheticWorker {
  public:

@@ -27,10 +27,10 @@ bool HasEnded(JobState state) {
          state == JobState::kCancelled;
 }
 
-void NotePictured(const FrameView& frame, JobView* job) {
-  std::optional<PicturedFrame>& pictured = job->pictured_frame;
-  if (frame.preview_version == 0 || (pictured && !pictured->complete)) return;
-  pictured = {frame.frame_number, frame.preview_version, frame.complete};
+void NotePreviewFrame(const FrameView& frame, JobView* job) {
+  std::optional<PreviewFrame>& preview_frame = job->pictured_frame;
+  if (frame.preview_version == 0 || (preview_frame && !preview_frame->complete)) return;
+  preview_frame = {frame.frame_number, frame.preview_version, frame.complete};
 }
 
 const char* LeasePhaseName(LeasePhase phase) {

@@ -22,11 +22,11 @@
 
 namespace sheaf::coordinator {
 
-// Pixels of a preview at most; larger pictures are averaged over squares of 2x2, 3x3 and so on.
+// Pixels of a preview at most; larger images are averaged over squares of 2x2, 3x3 and so on.
 inline constexpr int64_t kPreviewPixelCountMax = int64_t{1} << 21;
-// Pixels of a frame's picture among many.
+// Pixels of a frame's image among many.
 inline constexpr int64_t kThumbnailPixelCountMax = int64_t{1} << 14;
-// A channel of previews that pictures do not have: CPU time that a pixel took, seconds, the mean
+// A channel of previews that images do not have: CPU time that a pixel took, seconds, the mean
 // over its tile; 0 where nothing is known.
 inline constexpr char kCpuChannel[] = "cpu";
 // The most leases and scenes of one worker that are shown.
@@ -82,8 +82,8 @@ struct FrameView {
   ProgressView progress;
 };
 
-// A frame that has a picture to show.
-struct PicturedFrame {
+// A frame that has an image to show.
+struct PreviewFrame {
   int32_t frame_number = 0;
   uint64_t preview_version = 0;
   bool complete = false;
@@ -114,11 +114,11 @@ struct JobView {
   ProgressView progress;                 // Sums over the frames.
   // That shows most life: the first that is begun and not complete, or the last complete one. None
   // while there is nothing to see.
-  std::optional<PicturedFrame> pictured_frame;
+  std::optional<PreviewFrame> pictured_frame;
   std::vector<FrameView> frames;  // Ascending by number; empty in ListJobs.
 };
 // Frames are told in ascending order.
-void NotePictured(const FrameView& frame, JobView* job);
+void NotePreviewFrame(const FrameView& frame, JobView* job);
 
 // The states of proto Worker.State.
 enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined, kStopped };
@@ -179,17 +179,17 @@ struct MetricView {
   double value = 0;
 };
 
-// The picture so far.
+// The image so far.
 struct PreviewView {
   uint64_t version = 0;  // FrameView::preview_version that it shows.
   // The channels that were asked for, linear; pixels without samples are 0. The display transform
   // is the viewer's business.
-  FramePicture picture;
+  FrameImage image;
   bool complete = false;
 };
 
 // Thread safety: all functions may be called from any thread. None waits longer than for a short
-// lock but WaitForChange, Preview (which copies planes of a picture) and PriceRefinement.
+// lock but WaitForChange, Preview (which copies planes of an image) and PriceRefinement.
 class FarmView {
  public:
   virtual ~FarmView() = default;
@@ -210,17 +210,17 @@ class FarmView {
   virtual std::vector<WorkerView> ListWorkers() const = 0;
   // All counters and gauges; those of one name are adjacent.
   virtual std::vector<MetricView> Metrics() const = 0;
-  // The picture so far in the given channels of FramePicture alone: copying all would take long.
+  // The image so far in the given channels of FrameImage alone: copying all would take long.
   // kCpuChannel comes alone, as far as parts of the frame are kept.
   // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet, or no part is kept);
   // kInternal (no such channel).
   virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                               const std::vector<std::string>& channels) const = 0;
-  // R, G and B of the picture so far, shrunk to kThumbnailPixelCountMax. Errors: kNotFound;
+  // R, G and B of the image so far, shrunk to kThumbnailPixelCountMax. Errors: kNotFound;
   // kUnavailable (no sample is there yet, or none was kept).
   virtual absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
                                                 int32_t frame_number) const = 0;
-  // The picture as it was at the end of a round, from 0, shrunk; with the channels of all layers.
+  // The image as it was at the end of a round, from 0, shrunk; with the channels of all layers.
   // Errors: kNotFound (no such frame, or none is kept).
   virtual absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
                                                    int32_t round) const = 0;

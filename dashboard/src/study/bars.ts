@@ -100,25 +100,25 @@ function axisRow(columns: Column[]): HTMLElement {
 
 function track(cell: Cell, column: Column, series: Series|null): HTMLElement {
   const {scale, origin} = column;
-  const picture = svg('svg', {width: '100%', height: '100%'});
+  const image = svg('svg', {width: '100%', height: '100%'});
   for (const {value, words} of scale.ticks) {
-    if (words) picture.append(upright('grid', scale.at(value)));
+    if (words) image.append(upright('grid', scale.at(value)));
   }
-  for (const mark of column.marks) picture.append(upright('mark', scale.at(mark)));
+  for (const mark of column.marks) image.append(upright('mark', scale.at(mark)));
   const {value} = cell;
   if (scale.has(value)) {
     if (cell.isLimit)
-      picture.append(bar('limit', 0, scale.at(value)));
+      image.append(bar('limit', 0, scale.at(value)));
     else if (origin !== null)
-      picture.append(bar('bar', scale.at(origin), scale.at(value)));
+      image.append(bar('bar', scale.at(origin), scale.at(value)));
     if (!cell.isLimit && isKnown(cell.error) && cell.error > 0)
-      picture.append(whisker(scale.at(value - cell.error), scale.at(value + cell.error)));
-    if (!cell.isLimit && origin === null) picture.append(dot('dot', scale.at(value), '0.35rem'));
+      image.append(whisker(scale.at(value - cell.error), scale.at(value + cell.error)));
+    if (!cell.isLimit && origin === null) image.append(dot('dot', scale.at(value), '0.35rem'));
   }
-  if (scale.has(cell.other)) picture.append(dot('other', scale.at(cell.other), '0.3rem'));
-  const box = el('div', {class: 'bars-track'}, picture);
+  if (scale.has(cell.other)) image.append(dot('other', scale.at(cell.other), '0.3rem'));
+  const box = el('div', {class: 'bars-track'}, image);
   box.style.height = TRACK_HEIGHT_REM + 'rem';
-  if (series) box.style.setProperty('--series', series.colour);
+  if (series) box.style.setProperty('--series', series.color);
   return box;
 }
 

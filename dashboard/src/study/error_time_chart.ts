@@ -76,7 +76,7 @@ class ErrorTimeChart {
         'point. The same numbers are in the table below.',
   });
   private readonly tips = new Tips(this.plot);
-  private picture: SVGElement|null = null;
+  private image: SVGElement|null = null;
   // Lines and floors, in the order of `lines`.
   private groups: SVGElement[] = [];
 
@@ -118,18 +118,18 @@ class ErrorTimeChart {
     if (!width) return;
     const plot = this.layOut(width);
     this.groups = this.lines.map((line) => drawLine(line, plot));
-    const picture =
+    const image =
         svg('svg', {width, height: plot.height, viewBox: `0 0 ${width} ${plot.height}`},
             ...drawAxes(plot), drawPromise(this.lines, plot), drawFront(this.lines, plot),
             drawReference(this.reference(), plot), ...this.groups);
     // The base is on top, since entries without visible differences coincide.
     const base = this.groups[this.lines.findIndex(({entry}) => entry.is_base)];
-    if (base) picture.append(base);
-    if (this.picture)
-      this.picture.replaceWith(picture);
+    if (base) image.append(base);
+    if (this.image)
+      this.image.replaceWith(image);
     else
-      this.plot.prepend(picture);
-    this.picture = picture;
+      this.plot.prepend(image);
+    this.image = image;
     this.tips.set(this.lines.filter(({isShown}) => isShown).flatMap((line) => tipsOf(line, plot)));
   }
 
@@ -252,7 +252,7 @@ function drawReference(error: number|null, plot: Plot): SVGElement {
 
 function drawLine({entry, series, points, isShown}: Line, plot: Plot): SVGElement {
   const group = svg('g', {class: entry.is_base ? 'line base' : 'line'});
-  group.style.setProperty('--series', series.colour);
+  group.style.setProperty('--series', series.color);
   if (!isShown) return group;
   const floor = floorOf(entry);
   if (isKnown(floor) && floor > 0) {

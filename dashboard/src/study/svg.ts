@@ -37,11 +37,11 @@ const SHAPES: ((r: number) => string)[] = [
   (r) => `M0,${1.2 * r}L${1.2 * r},${- r}H${- 1.2 * r}Z`,
 ];
 // Number of colors --series-0, --series-1, ... in the style sheet. Coprime to the number of shapes.
-const COLOUR_COUNT = 8;
+const COLOR_COUNT = 8;
 
 export interface Series {
   // For example "var(--series-3)".
-  colour: string;
+  color: string;
   shape: (r: number) => string;
 }
 
@@ -49,12 +49,12 @@ export interface Series {
 export function seriesAt(index: number): Series {
   const shape = SHAPES[index % SHAPES.length];
   if (!shape) throw new Error('no shape for series ' + index);
-  return {colour: 'var(--series-' + index % COLOUR_COUNT + ')', shape};
+  return {color: 'var(--series-' + index % COLOR_COUNT + ')', shape};
 }
 
 // The mark before a name in a legend. `style` determines its color and outline.
-export function swatch({colour, shape}: Series): SVGElement {
+export function swatch({color, shape}: Series): SVGElement {
   const mark = svg('path', {d: shape(5)});
-  mark.style.fill = colour;
+  mark.style.fill = color;
   return svg('svg', {class: 'swatch', viewBox: '-8 -8 16 16', 'aria-hidden': 'true'}, mark);
 }

@@ -67,7 +67,7 @@ function rectOf(tile: Tile, names: string[]): SVGElement {
     height: tile.y1 - tile.y0,
     'fill-opacity': OPACITY_MIN + (1 - OPACITY_MIN) * (tile.share ?? 0),
   });
-  rect.style.fill = seriesAt(names.indexOf(tile.path)).colour;
+  rect.style.fill = seriesAt(names.indexOf(tile.path)).color;
   return rect;
 }
 

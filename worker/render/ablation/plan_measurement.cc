@@ -13,7 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "worker/render/ablation/leave_out.h"
+#include "worker/render/ablation/ablate.h"
 #include "worker/render/light/light_choice.h"
 #include "worker/render/tile_pass.h"
 
@@ -35,7 +35,7 @@ double SecondsSince(Clock::time_point start) {
 }
 
 // The result of one turn of one scene: one sample in every pixel of the tiles.
-struct Turn {
+struct TimedPass {
   double cpu_seconds = 0, sum = 0;
 };
 
@@ -48,8 +48,8 @@ class Rendering {
   }
 
   // turn: the index of the sample.
-  absl::StatusOr<Turn> Render(uint64_t turn) {
-    Turn result;
+  absl::StatusOr<TimedPass> Render(uint64_t turn) {
+    TimedPass result;
     for (size_t i = 0; i < tiles_.size(); ++i) {
       RenderStats stats;
       const absl::StatusOr<FilmTile> film =
@@ -75,12 +75,12 @@ class Rendering {
                       film.channel(FilmChannel::kBlueHi)[i]};
       Pixel& pixel = (*pixels)[i];
       pixel.halves[half] += value;
-      const double grey = (static_cast<double>(value.r) + static_cast<double>(value.g) +
+      const double gray = (static_cast<double>(value.r) + static_cast<double>(value.g) +
                            static_cast<double>(value.b)) /
                           3;
-      pixel.sum += grey;
-      pixel.square_sum += grey * grey;
-      sum += grey;
+      pixel.sum += gray;
+      pixel.square_sum += gray * gray;
+      sum += gray;
     }
     return sum;
   }
@@ -154,7 +154,7 @@ std::vector<PixelRect> SpreadTiles(PixelRect window, size_t count) {
 // One ablation.
 struct Omission {
   std::string name;
-  std::function<absl::StatusOr<SceneWithout>()> make;
+  std::function<absl::StatusOr<AblatedScene>()> make;
   CompileTechniques techniques;
 };
 
@@ -193,14 +193,14 @@ class Measurer {
     for (const PlannedEffect& effect : PlanOf(*whole_).effects) {
       const Trait trait = effect.trait;
       omissions.push_back(
-          {effect.name, [=, this] { return LeaveOut(trait, scene_, settings_, files_); }, {}});
+          {effect.name, [=, this] { return Ablate(trait, scene_, settings_, files_); }, {}});
     }
     const int32_t depth = PlanOf(*whole_).max_depth;
     const auto with_depth = [this](int32_t limit) {
       return [this, limit] {
-        SceneWithout shallow{scene_, settings_, absl::StrCat("depth ", limit)};
+        AblatedScene shallow{scene_, settings_, absl::StrCat("depth ", limit)};
         shallow.settings.max_depth = limit;
-        return absl::StatusOr<SceneWithout>(std::move(shallow));
+        return absl::StatusOr<AblatedScene>(std::move(shallow));
       };
     };
     if (depth > 1) omissions.push_back({"indirect light", with_depth(1), {}});
@@ -210,7 +210,7 @@ class Measurer {
     if (PlanOf(*whole_).light_count > kLightsWeighedMax) {
       omissions.push_back({"light hierarchy",
                            [this] {
-                             return absl::StatusOr<SceneWithout>(SceneWithout{
+                             return absl::StatusOr<AblatedScene>(AblatedScene{
                                  scene_, settings_, "all lights are equally probable"});
                            },
                            {.choose_lights_evenly = true}});
@@ -224,7 +224,7 @@ class Measurer {
     double seconds_per_tile = 0;
     for (int i = 0; i < 2; ++i) {  // The first run warms the caches.
       const Clock::time_point begin = Clock::now();
-      const absl::StatusOr<Turn> turn = trial.Render(0);
+      const absl::StatusOr<TimedPass> turn = trial.Render(0);
       if (!turn.ok()) return turn.status();
       seconds_per_tile = SecondsSince(begin) / kTrialTiles;
     }
@@ -240,7 +240,7 @@ class Measurer {
 
   // until: seconds since the start.
   absl::Status MeasureOne(const Omission& omission, double until, EffectMeasurement* effect) {
-    absl::StatusOr<SceneWithout> without = omission.make();
+    absl::StatusOr<AblatedScene> without = omission.make();
     if (!without.ok()) return without.status();
     effect->without = without->how;
     const absl::StatusOr<CompiledScenePtr> compiled =
@@ -254,8 +254,8 @@ class Measurer {
         return absl::DeadlineExceededError("the time limit was reached");
       }
       const bool with_first = turn % 2 == 0;
-      absl::StatusOr<Turn> first = (with_first ? with : less).Render(turn);
-      absl::StatusOr<Turn> second = (with_first ? less : with).Render(turn);
+      absl::StatusOr<TimedPass> first = (with_first ? with : less).Render(turn);
+      absl::StatusOr<TimedPass> second = (with_first ? less : with).Render(turn);
       if (!first.ok()) return first.status();
       if (!second.ok()) return second.status();
       if (!with_first) std::swap(*first, *second);

@@ -39,7 +39,7 @@ struct EffectMeasurement {
   uint64_t samples = 0;  // Per rendered pixel.
 
   // Fraction of the time that the effect takes.
-  double TimeShare() const { return 1 - 1 / time_ratio.value; }
+  double TimeFraction() const { return 1 - 1 / time_ratio.value; }
 };
 
 struct PlanMeasurement {

@@ -73,24 +73,25 @@ void JudgeAny(const RTCFilterFunctionNArguments* args) {
   if (!is_in_the_way) args->valid[0] = 0;
 }
 // Recomputes a hit in double, or rejects it. The result may be farther than Embree's, up to the
-// last accepted hit. meet: intersects the ray with a triangle of the mesh (three indices).
-template <typename Meet>
-void TestAgain(const RTCFilterFunctionNArguments* args, const Meet& meet) {
+// last accepted hit. find_hit: intersects the ray with a triangle of the mesh (three indices).
+template <typename FindHit>
+void TestAgain(const RTCFilterFunctionNArguments* args, const FindHit& find_hit) {
   const Candidate candidate(args);
   args->valid[0] = 0;
   if (candidate.IsSource()) return;
-  const std::optional<TriangleHit> met = meet(candidate.mesh, candidate.Indices(), candidate.ray);
-  const float t = met.has_value() ? static_cast<float>(met->t) : 0;
+  const std::optional<TriangleHit> found =
+      find_hit(candidate.mesh, candidate.Indices(), candidate.ray);
+  const float t = found.has_value() ? static_cast<float>(found->t) : 0;
   if (!(t > 0) || !candidate.Take(t)) return;
   args->valid[0] = -1;
-  candidate.hit.u = static_cast<float>(met->u);
-  candidate.hit.v = static_cast<float>(met->v);
+  candidate.hit.u = static_cast<float>(found->u);
+  candidate.hit.v = static_cast<float>(found->v);
 }
 void TestNeedleAgain(const RTCFilterFunctionNArguments* args) {
   TestAgain(args, [](const BakedMesh& mesh, const uint32_t* t, const RTCRay& ray) {
-    return MeetTriangle(Origin(ray), Direction(ray),
-                        {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
-                         ToDouble(mesh.positions[t[2]])});
+    return IntersectTriangle(Origin(ray), Direction(ray),
+                             {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
+                              ToDouble(mesh.positions[t[2]])});
   });
 }
 void TestDeformedAgain(const RTCFilterFunctionNArguments* args) {
@@ -102,8 +103,8 @@ void TestDeformedAgain(const RTCFilterFunctionNArguments* args) {
               const auto& [a, b, c] = triangle.corners;
               // At this time the triangle may be degenerate.
               if (!(LengthSquared(Cross(b - a, c - a)) > 0)) return std::nullopt;
-              return MeetTriangle(Origin(ray), Direction(ray), triangle.corners,
-                                  CornerErrorOf(mesh, triangle));
+              return IntersectTriangle(Origin(ray), Direction(ray), triangle.corners,
+                                       CornerErrorOf(mesh, triangle));
             });
 }
 
@@ -162,8 +163,8 @@ void BoundPatch(const RTCBoundsFunctionArguments* args) {
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
 // A ray cannot hit a flat patch that it leaves, but may hit a curved one again.
-std::optional<PatchHit> MeetPatch(const PatchList& list, uint32_t index, const RTCRay& ray,
-                                  const TraceContext& context, float t_max) {
+std::optional<PatchHit> HitPatch(const PatchList& list, uint32_t index, const RTCRay& ray,
+                                 const TraceContext& context, float t_max) {
   const BilinearPatch patch = list.patches->PatchAt(index);
   if (context.IsSource(list.geometry, index) && patch.IsFlat()) return std::nullopt;
   return IntersectPatch(patch, Origin(ray), Direction(ray), t_max);
@@ -175,7 +176,7 @@ void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
   const TraceContext& context = ContextOf(args->context);
   const std::optional<PatchHit> hit =
-      MeetPatch(list, args->primID, ray_hit->ray, context, ray_hit->ray.tfar);
+      HitPatch(list, args->primID, ray_hit->ray, context, ray_hit->ray.tfar);
   if (!hit.has_value()) return;
   Accept(context, {list.geometry, args->primID}, hit->t, static_cast<float>(hit->u),
          static_cast<float>(hit->v), ray_hit);
@@ -186,7 +187,7 @@ void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
-  if (MeetPatch(list, args->primID, *ray, context, context.nearest).has_value()) {
+  if (HitPatch(list, args->primID, *ray, context, context.nearest).has_value()) {
     ray->tfar = -std::numeric_limits<float>::infinity();
   }
 }
@@ -199,10 +200,10 @@ void BoundCurve(const RTCBoundsFunctionArguments* args) {
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
 // A ray may hit the curve that it leaves: its origin is offset by more than the width.
-std::optional<CurveHit> MeetCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray,
-                                  float t_max) {
+std::optional<CurveHit> HitCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray,
+                                 float t_max) {
   const Vec3d o = Origin(ray), d = Direction(ray);
-  if (!MayMeet(curves.rods[index], o, d)) return std::nullopt;
+  if (!MayIntersect(curves.rods[index], o, d)) return std::nullopt;
   const CurvePiece& piece = curves.pieces[index];
   return IntersectCurve(SegmentOf(curves.set, piece.segment), piece,
                         curves.shape_from_target.Point(o), curves.shape_from_target.Vector(d),
@@ -214,7 +215,7 @@ void IntersectCurveList(const RTCIntersectFunctionNArguments* args) {
   const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
   const std::optional<CurveHit> hit =
-      MeetCurve(*list.curves, args->primID, ray_hit->ray, ray_hit->ray.tfar);
+      HitCurve(*list.curves, args->primID, ray_hit->ray, ray_hit->ray.tfar);
   if (!hit.has_value()) return;
   Accept(ContextOf(args->context), {list.geometry, args->primID}, hit->t,
          static_cast<float>(hit->u), static_cast<float>(hit->v), ray_hit);
@@ -225,7 +226,7 @@ void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const float end = ContextOf(args->context).nearest;
-  if (MeetCurve(*list.curves, args->primID, *ray, end).has_value()) {
+  if (HitCurve(*list.curves, args->primID, *ray, end).has_value()) {
     ray->tfar = -std::numeric_limits<float>::infinity();
   }
 }

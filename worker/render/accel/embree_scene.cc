@@ -187,11 +187,11 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
     const absl::Status status = state.BuildGroup(geometry, i);
     if (!status.ok()) return status;
   }
-  if (result->EveryProbeMeets()) state.leak_guard.NoteCameraIsEnclosed();
+  if (result->EveryProbeHits()) state.leak_guard.NoteCameraIsEnclosed();
   return result;
 }
 
-bool EmbreeScene::EveryProbeMeets() const {
+bool EmbreeScene::EveryProbeHits() const {
   RawHit hit;
   for (uint32_t i = 0; i < kProbeCount; ++i) {
     if (!IntersectOnce(ProbeRay(i), &hit)) return false;
@@ -214,7 +214,7 @@ bool EmbreeScene::IntersectOnce(const Ray& ray, RawHit* hit) const {
   return true;
 }
 
-bool EmbreeScene::MeetsWhenNudged(const Ray& ray, RawHit* hit) const {
+bool EmbreeScene::HitsWhenNudged(const Ray& ray, RawHit* hit) const {
   if (ray.t_max < std::numeric_limits<float>::infinity()) return false;
   if (!state_->leak_guard.IsEnclosed(ray)) return false;
   for (int attempt = 0; attempt < kNudgesMax; ++attempt) {
@@ -224,7 +224,7 @@ bool EmbreeScene::MeetsWhenNudged(const Ray& ray, RawHit* hit) const {
 }
 
 bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
-  return IntersectOnce(ray, hit) || MeetsWhenNudged(ray, hit);
+  return IntersectOnce(ray, hit) || HitsWhenNudged(ray, hit);
 }
 
 bool EmbreeScene::Occluded(const Ray& ray) const {
@@ -232,16 +232,16 @@ bool EmbreeScene::Occluded(const Ray& ray) const {
   const TraceContext context(ray.source, ray.t_max);
   TraceAny(state_->scenes[0], &context, &r);
   RawHit hit;
-  return r.tfar < 0 || MeetsWhenNudged(ray, &hit);
+  return r.tfar < 0 || HitsWhenNudged(ray, &hit);
 }
 
 uint64_t EmbreeScene::Replay(const std::vector<RecordedRay>& rays) const {
-  uint64_t met = 0;
+  uint64_t hits = 0;
   RawHit hit;
   for (const RecordedRay& recorded : rays) {
-    met += recorded.is_shadow ? Occluded(recorded.ray) : Intersect(recorded.ray, &hit);
+    hits += recorded.is_shadow ? Occluded(recorded.ray) : Intersect(recorded.ray, &hit);
   }
-  return met;
+  return hits;
 }
 
 uint64_t EmbreeScene::memory_bytes() const {

@@ -55,9 +55,9 @@ class EmbreeScene {
   EmbreeScene();
   bool IntersectOnce(const Ray& ray, RawHit* hit) const;
   // Whether the camera is in a closed room, according to probe rays.
-  bool EveryProbeMeets() const;
+  bool EveryProbeHits() const;
   // Retries an unbounded ray that must hit something (leak_guard.h); finite segments need not.
-  bool MeetsWhenNudged(const Ray& ray, RawHit* hit) const;
+  bool HitsWhenNudged(const Ray& ray, RawHit* hit) const;
   struct State;
   std::unique_ptr<State> state_;
 };

@@ -60,12 +60,12 @@ double CoatAlbedo(const Bsdf& coat, Vec3f wo) {
   return sum / kDraws;
 }
 
-TEST(CoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
+TEST(CoatTableTest, SmoothCoatMatchesRandomWalks) {
   for (float thickness : {0.0f, 0.01f, 0.5f}) {
     for (float rho : {0.5f, 0.9f}) {
       for (float mu : {0.9f, 0.2f}) {
         const auto interface = testing::MakeDielectricFixture(0, 0, 1.5f, false);
-        const auto coat = testing::MakeCoatFixture(0, 0, 1.5f, thickness, Rgb::Grey(rho));
+        const auto coat = testing::MakeCoatFixture(0, 0, 1.5f, thickness, Rgb::Gray(rho));
         const Vec3f wo = testing::DirectionAt(mu, 1);
         const Estimate walk = WalkThroughCoat(interface.bsdf, wo, thickness, rho);
         EXPECT_NEAR(CoatAlbedo(coat.bsdf, wo), walk.mean, 5 * walk.error + 1e-3)
@@ -77,11 +77,11 @@ TEST(CoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
 
 // The walk loses the interface's multiple scattering unless it is returned; the coat gives it to
 // the base. Up to moderate roughness both effects are small.
-TEST(CoatTableTest, ARoughCoatAgreesWithTheRandomWalk) {
+TEST(CoatTableTest, RoughCoatMatchesRandomWalks) {
   for (float alpha : {0.1f, 0.3f}) {
     for (float mu : {0.9f, 0.3f}) {
       const auto interface = testing::MakeDielectricFixture(alpha, alpha, 1.5f, true);
-      const auto coat = testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Grey(0.5f));
+      const auto coat = testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Gray(0.5f));
       const Vec3f wo = testing::DirectionAt(mu, 1);
       const Estimate walk = WalkThroughCoat(interface.bsdf, wo, 0.01f, 0.5f);
       EXPECT_NEAR(CoatAlbedo(coat.bsdf, wo), walk.mean, 5 * walk.error + 0.01 * walk.mean)
@@ -92,11 +92,11 @@ TEST(CoatTableTest, ARoughCoatAgreesWithTheRandomWalk) {
 
 // Without returned energy the walk and the coat lose the same at any roughness: the closed form
 // only requires a base that scatters independently of the incident direction.
-TEST(CoatTableTest, ALossyCoatAgreesWithTheLossyRandomWalk) {
+TEST(CoatTableTest, LossyCoatMatchesLossyRandomWalks) {
   for (float alpha : {0.1f, 0.4f, 0.8f}) {
     for (float mu : {0.9f, 0.3f}) {
       const auto interface = testing::MakeDielectricFixture(alpha, alpha, 1.5f, false);
-      auto coat = testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Grey(0.5f));
+      auto coat = testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Gray(0.5f));
       const CoatRow lossy = MakeCoatRow({alpha, alpha}, 1.5f, 0.01f, false);
       coat.bsdf.coat = &lossy;
       const Vec3f wo = testing::DirectionAt(mu, 1);
@@ -112,7 +112,7 @@ TEST(CoatTableTest, ALossyCoatAgreesWithTheLossyRandomWalk) {
 // sampling the base, and weights the first by p(w | wi) and the second by p(wi | w), densities in
 // different measures. The weights then sum to more than 1. Their sum, weighted by the contribution
 // of each way, at alpha = sqrt(0.15) and eta = 1.5:
-TEST(CoatTableTest, WeightsOfTheReferenceRendererDoNotAddUpToOne) {
+TEST(CoatTableTest, ReferenceRendererWeightsDoNotSumToOne) {
   const float eta = 1.5f;
   const Ggx ggx{std::sqrt(0.15f), std::sqrt(0.15f)};
   // Density of refracting from wo to wi, given that the light is not reflected.
@@ -149,7 +149,7 @@ TEST(CoatTableTest, WeightsOfTheReferenceRendererDoNotAddUpToOne) {
   }
 }
 
-TEST(CoatTableTest, TheCurveOfASmoothCoatIsFresnelsTransmittance) {
+TEST(CoatTableTest, SmoothCoatCurveIsFresnelTransmittance) {
   const CoatRow row = MakeCoatRow({0, 0}, 1.5f, 0);
   for (int i = 1; i < 1000; ++i) {
     const float mu = static_cast<float>(i) / 1000;

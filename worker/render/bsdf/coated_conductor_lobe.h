@@ -92,7 +92,7 @@ std::optional<BsdfSampleOf<Color>> CoatedConductorLobe::Sample_f(const BsdfOf<Co
     if (ggx.IsSmooth()) {
       const float reflectance = FresnelDielectric(wo.z, bsdf.eta).reflectance;
       return BsdfSampleOf<Color>{.wi = {-wo.x, -wo.y, wo.z},
-                                 .weight = Color::Grey(reflectance / at.p_reflect),
+                                 .weight = Color::Gray(reflectance / at.p_reflect),
                                  .flags = kBsdfSpecular};
     }
     wi = Reflect(wo, ggx.SampleVisibleNormal(wo, u));
@@ -173,7 +173,7 @@ BsdfValueOf<Color> CoatedConductorLobe::EvalAt(const BsdfOf<Color>& bsdf, const 
   if (ggx.IsSmooth()) return value;
   const float d = ggx.D(half);
   const float fresnel = FresnelDielectric(std::min(1.0f, Dot(wo, half)), bsdf.eta).reflectance;
-  value.f_cos += Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
+  value.f_cos += Color::Gray(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
   value.pdf += at.p_reflect * 0.5f * d / (wo.z + ggx.S(wo));
   return value;
 }
@@ -182,7 +182,7 @@ template <typename Color>
 BsdfSampleOf<Color> CoatedConductorLobe::SampleMirrorCoat(const BsdfOf<Color>& bsdf, Vec3f wo) {
   const DielectricFresnel fresnel = FresnelDielectric(wo.z, bsdf.eta);
   const float enters = 1 - fresnel.reflectance;
-  Color weight = Color::Grey(fresnel.reflectance);
+  Color weight = Color::Gray(fresnel.reflectance);
   if (fresnel.cos_t > 0) {
     weight += ReflectedSeries(KeptByBase(bsdf, fresnel.cos_t, fresnel.cos_t, fresnel.cos_t),
                               fresnel.reflectance) *

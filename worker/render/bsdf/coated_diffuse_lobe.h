@@ -75,7 +75,7 @@ std::optional<BsdfSampleOf<Color>> CoatedDiffuseLobe::Sample_f(const BsdfOf<Colo
   if (ggx.IsSmooth()) {
     const float reflectance = FresnelDielectric(wo.z, bsdf.eta).reflectance;
     return BsdfSampleOf<Color>{.wi = {-wo.x, -wo.y, wo.z},
-                               .weight = Color::Grey(reflectance / at.p_reflect),
+                               .weight = Color::Gray(reflectance / at.p_reflect),
                                .flags = kBsdfSpecular};
   }
   const Vec3f wi = Reflect(wo, ggx.SampleVisibleNormal(wo, u));
@@ -116,7 +116,7 @@ BsdfValueOf<Color> CoatedDiffuseLobe::EvalAt(const BsdfOf<Color>& bsdf, const Co
   const Vec3f m = Normalize(wo + wi);
   const float d = ggx.D(m);
   const float fresnel = FresnelDielectric(std::min(1.0f, Dot(wo, m)), bsdf.eta).reflectance;
-  value.f_cos += Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
+  value.f_cos += Color::Gray(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z);
   value.pdf += at.p_reflect * 0.5f * d / (wo.z + ggx.S(wo));
   return value;
 }

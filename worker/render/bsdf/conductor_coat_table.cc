@@ -22,23 +22,23 @@ constexpr double kChangeMin = 1e-9;
 constexpr float kLobeAlphaMin = 1e-4f;
 
 struct Spread {
-  std::array<double, kBinCount> share{};
+  std::array<double, kBinCount> energy{};
 
   void Add(double mu, double amount) {
-    share[static_cast<size_t>(std::min(static_cast<int>(mu * mu * kBinCount), kBinCount - 1))] +=
+    energy[static_cast<size_t>(std::min(static_cast<int>(mu * mu * kBinCount), kBinCount - 1))] +=
         amount;
   }
   double Sum() const {
     double sum = 0;
-    for (const double x : share) sum += x;
+    for (const double x : energy) sum += x;
     return sum;
   }
   void Scale(double factor) {
-    for (double& x : share) x *= factor;
+    for (double& x : energy) x *= factor;
   }
   double Dot(const Spread& other) const {
     double sum = 0;
-    for (size_t i = 0; i < kBinCount; ++i) sum += share[i] * other.share[i];
+    for (size_t i = 0; i < kBinCount; ++i) sum += energy[i] * other.energy[i];
     return sum;
   }
 };
@@ -59,42 +59,44 @@ void ForEachFacet(const Ggx& ggx, double mu, Visit visit) {
 struct AtInterface {
   Spread reflected, transmitted;
 };
-AtInterface MeetInterface(const Ggx& ggx, double mu, float eta) {
-  AtInterface met;
+AtInterface ScatterAtInterface(const Ggx& ggx, double mu, float eta) {
+  AtInterface scattered;
   if (ggx.IsSmooth()) {
     const DielectricFresnel fresnel = FresnelDielectric(static_cast<float>(mu), eta);
-    met.reflected.Add(mu, fresnel.reflectance);
-    if (fresnel.reflectance < 1) met.transmitted.Add(fresnel.cos_t, 1.0 - fresnel.reflectance);
-    return met;
+    scattered.reflected.Add(mu, fresnel.reflectance);
+    if (fresnel.reflectance < 1)
+      scattered.transmitted.Add(fresnel.cos_t, 1.0 - fresnel.reflectance);
+    return scattered;
   }
   ForEachFacet(ggx, mu, [&](Vec3f wo, Vec3f m, double weight) {
     const float cos_i = std::max(0.0f, Dot(wo, m));
     const DielectricFresnel fresnel = FresnelDielectric(cos_i, eta);
     const Vec3f wi = Reflect(wo, m);
     if (wi.z > 0) {
-      met.reflected.Add(wi.z, weight * fresnel.reflectance * ShadowingGivenVisible(ggx, wo, wi));
+      scattered.reflected.Add(wi.z,
+                              weight * fresnel.reflectance * ShadowingGivenVisible(ggx, wo, wi));
     }
     if (!(fresnel.reflectance < 1)) return;
     const Vec3f wt = Refract(wo, m, cos_i, eta, fresnel.cos_t);
     if (wt.z < 0) {
-      met.transmitted.Add(
+      scattered.transmitted.Add(
           -wt.z, weight * (1.0 - fresnel.reflectance) * ShadowingGivenVisible(ggx, wo, wt));
     }
   });
-  return met;
+  return scattered;
 }
 
-Spread MeetBase(const Ggx& ggx, double mu) {
-  Spread met;
+Spread ScatterAtBase(const Ggx& ggx, double mu) {
+  Spread scattered;
   if (ggx.IsSmooth()) {
-    met.Add(mu, 1);
-    return met;
+    scattered.Add(mu, 1);
+    return scattered;
   }
   ForEachFacet(ggx, mu, [&](Vec3f wo, Vec3f m, double weight) {
     const Vec3f wi = Reflect(wo, m);
-    if (wi.z > 0) met.Add(wi.z, weight * ShadowingGivenVisible(ggx, wo, wi));
+    if (wi.z > 0) scattered.Add(wi.z, weight * ShadowingGivenVisible(ggx, wo, wi));
   });
-  return met;
+  return scattered;
 }
 
 // The layers as a Markov chain. Roughness is isotropic here: anisotropic roughness is replaced by
@@ -107,13 +109,13 @@ class Chain {
     double escape_average = 0;
     for (size_t i = 0; i < kBinCount; ++i) {
       const double mu = BinMu(i);
-      attenuation_.share[i] = Attenuation(thickness, mu);
-      AtInterface met = MeetInterface(interface, mu, 1 / eta);
-      back_[i] = met.reflected;
-      escape_.share[i] = met.transmitted.Sum();
-      escape_average += escape_.share[i] / kBinCount;
-      scattered_[i] = MeetBase(base, mu);
-      loss_.share[i] = std::max(0.0, 1 - scattered_[i].Sum());
+      attenuation_.energy[i] = Attenuation(thickness, mu);
+      AtInterface scattered = ScatterAtInterface(interface, mu, 1 / eta);
+      back_[i] = scattered.reflected;
+      escape_.energy[i] = scattered.transmitted.Sum();
+      escape_average += escape_.energy[i] / kBinCount;
+      scattered_[i] = ScatterAtBase(base, mu);
+      loss_.energy[i] = std::max(0.0, 1 - scattered_[i].Sum());
     }
     average_loss_ = loss_.Sum() / kBinCount;
     if (keeps_energy) KeepEnergy(eta, escape_average, entered_average);
@@ -122,10 +124,11 @@ class Chain {
   // For each bin, the fraction that leaves the coat after one reflection at a white base.
   Spread EscapingOnce() const {
     Spread up;
-    for (size_t k = 0; k < kBinCount; ++k) up.share[k] = attenuation_.share[k] * escape_.share[k];
+    for (size_t k = 0; k < kBinCount; ++k)
+      up.energy[k] = attenuation_.energy[k] * escape_.energy[k];
     Spread down;
     for (size_t j = 0; j < kBinCount; ++j) {
-      down.share[j] = attenuation_.share[j] * scattered_[j].Dot(up);
+      down.energy[j] = attenuation_.energy[j] * scattered_[j].Dot(up);
     }
     return down;
   }
@@ -142,15 +145,15 @@ class Chain {
     for (int pass = 0; pass < kPassCountMax; ++pass) {
       Spread up;  // The fraction of light going up from the base, per bin, that leaves.
       for (size_t k = 0; k < kBinCount; ++k) {
-        up.share[k] = attenuation_.share[k] * (escape_.share[k] + back_[k].Dot(down));
+        up.energy[k] = attenuation_.energy[k] * (escape_.energy[k] + back_[k].Dot(down));
       }
       const double of_lost = tint * loss_.Dot(up);
       double change = 0;
       for (size_t j = 0; j < kBinCount; ++j) {
-        const double next = attenuation_.share[j] *
-                            (reflectance * scattered_[j].Dot(up) + loss_.share[j] * of_lost);
-        change = std::max(change, std::fabs(next - down.share[j]));
-        down.share[j] = next;
+        const double next = attenuation_.energy[j] *
+                            (reflectance * scattered_[j].Dot(up) + loss_.energy[j] * of_lost);
+        change = std::max(change, std::fabs(next - down.energy[j]));
+        down.energy[j] = next;
       }
       if (change < kChangeMin) break;
     }
@@ -164,12 +167,12 @@ class Chain {
     const double wanted = entered_average / (static_cast<double>(eta) * eta);
     const double scale = escape_average > 0 ? wanted / escape_average : 0;
     for (size_t i = 0; i < kBinCount; ++i) {
-      escape_.share[i] = std::min(1.0, scale * escape_.share[i]);
+      escape_.energy[i] = std::min(1.0, scale * escape_.energy[i]);
       const double sum = back_[i].Sum();
       if (sum > 0) {
-        back_[i].Scale((1 - escape_.share[i]) / sum);
+        back_[i].Scale((1 - escape_.energy[i]) / sum);
       } else {
-        back_[i].share[i] = 1 - escape_.share[i];
+        back_[i].energy[i] = 1 - escape_.energy[i];
       }
     }
   }
@@ -259,8 +262,8 @@ ByReflectance IntegrateHighlight(const ConductorCoatRow& row, float mu, float et
 using Entered = std::array<Spread, kMuNodeCount>;
 
 // Sets R, T and the distribution of entered light.
-void MeetFromOutside(const Ggx& interface, float eta, bool keeps_energy, ConductorCoatRow* row,
-                     Entered* entered) {
+void ScatterFromOutside(const Ggx& interface, float eta, bool keeps_energy, ConductorCoatRow* row,
+                        Entered* entered) {
   for (size_t i = 0; i < kMuNodeCount; ++i) {
     const float mu = NodeMu(i);
     const InterfaceAlbedo outside = IntegrateInterface(interface, mu, eta, 0);
@@ -269,7 +272,7 @@ void MeetFromOutside(const Ggx& interface, float eta, bool keeps_energy, Conduct
     row->reflect.value[i] = static_cast<float>(outside.reflected);
     row->enter.value[i] = static_cast<float>(enters);
     Spread& spread = (*entered)[i];
-    spread = MeetInterface(Isotropic(interface), mu, eta).transmitted;
+    spread = ScatterAtInterface(Isotropic(interface), mu, eta).transmitted;
     const double sum = spread.Sum();
     if (sum > 0) spread.Scale(enters / sum);
   }
@@ -307,29 +310,29 @@ MuCurve FitRestLobe(const Ggx& ggx, const MuCurve& albedo) {
       const Vec3f wi = Reflect(wo, m);
       if (!(wi.z > 0)) return;
       const MuPosition at = FindMu(wi.z);
-      const double share = weight * ShadowingGivenVisible(ggx, wo, wi);
+      const double energy = weight * ShadowingGivenVisible(ggx, wo, wi);
       const auto first = static_cast<size_t>(at.index);
-      kernel[o].share[first] += share * (1.0 - at.fraction);
-      kernel[o].share[first + 1] += share * at.fraction;
+      kernel[o].energy[first] += energy * (1.0 - at.fraction);
+      kernel[o].energy[first + 1] += energy * at.fraction;
     });
   }
   Spread scale;
   for (size_t i = 0; i < kMuNodeCount; ++i) {
-    scale.share[i] = std::sqrt(static_cast<double>(albedo.value[i]));
+    scale.energy[i] = std::sqrt(static_cast<double>(albedo.value[i]));
   }
   for (int pass = 0; pass < kScaleCount; ++pass) {
     Spread next;
     for (size_t o = 0; o < kMuNodeCount; ++o) {
-      const double has = scale.share[o] * kernel[o].Dot(scale);
+      const double has = scale.energy[o] * kernel[o].Dot(scale);
       // Half of the correction: the other half applies to the direction on the other side.
       if (has > 0) {
-        next.share[o] = scale.share[o] * std::sqrt(static_cast<double>(albedo.value[o]) / has);
+        next.energy[o] = scale.energy[o] * std::sqrt(static_cast<double>(albedo.value[o]) / has);
       }
     }
     scale = next;
   }
   MuCurve fitted;
-  for (size_t i = 0; i < kMuNodeCount; ++i) fitted.value[i] = static_cast<float>(scale.share[i]);
+  for (size_t i = 0; i < kMuNodeCount; ++i) fitted.value[i] = static_cast<float>(scale.energy[i]);
   return fitted;
 }
 
@@ -381,7 +384,7 @@ ConductorCoatRow MakeConductorCoatRow(const Ggx& interface, const Ggx& base, flo
   row.lobe = LobeThroughInterface(interface, base, eta);
   row.rest_lobe = LobeOfRest(interface, base, eta);
   Entered entered;
-  MeetFromOutside(interface, eta, keeps_energy, &row, &entered);
+  ScatterFromOutside(interface, eta, keeps_energy, &row, &entered);
   const Chain chain(Isotropic(interface), Isotropic(base), eta, thickness, keeps_energy,
                     row.enter.CosineAverage());
   if (!interface.IsSmooth()) FitHighlight(chain, entered, eta, &row);

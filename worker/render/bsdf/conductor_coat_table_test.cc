@@ -29,8 +29,8 @@ BsdfFixture BaseOf(const Layers& layers, bool keeps_energy) {
   const float k = layers.reflectance >= 1
                       ? kPerfectConductorK
                       : 2 * std::sqrt(layers.reflectance / (1 - layers.reflectance));
-  return testing::MakeConductorFixture(layers.base_alpha, layers.base_alpha, Rgb::Grey(1),
-                                       Rgb::Grey(k), keeps_energy);
+  return testing::MakeConductorFixture(layers.base_alpha, layers.base_alpha, Rgb::Gray(1),
+                                       Rgb::Gray(k), keeps_energy);
 }
 
 // Energy that leaves, and its deviation from the mirror direction.
@@ -128,7 +128,7 @@ TEST(ConductorCoatTableTest, MirrorsAreExact) {
   }
 }
 
-TEST(ConductorCoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
+TEST(ConductorCoatTableTest, SmoothCoatMatchesRandomWalks) {
   const Layers cases[] = {{0, 0.05f, 1.5f, 0.01f, 0.9f},
                           {0, 0.1f, 1.5f, 0.01f, 0.95f},
                           {0, 0.3f, 1.5f, 0.01f, 0.5f},
@@ -139,7 +139,7 @@ TEST(ConductorCoatTableTest, ASmoothCoatAgreesWithTheRandomWalk) {
 }
 
 // Without returned energy both lose the same, at any roughness.
-TEST(ConductorCoatTableTest, ALossyRoughCoatAgreesWithTheLossyRandomWalk) {
+TEST(ConductorCoatTableTest, LossyRoughCoatMatchesLossyRandomWalks) {
   const Layers cases[] = {{0.1f, 0, 1.5f, 0.01f, 0.9f},    {0.3f, 0, 1.5f, 0.01f, 0.7f},
                           {0.3f, 0.3f, 1.5f, 0.01f, 0.9f}, {0.6f, 0.5f, 1.5f, 0.01f, 0.9f},
                           {0.1f, 0.1f, 2.0f, 0.01f, 0.7f}, {0.2f, 0.2f, 1.3f, 0.1f, 1}};
@@ -150,14 +150,14 @@ TEST(ConductorCoatTableTest, ALossyRoughCoatAgreesWithTheLossyRandomWalk) {
 
 // With it, the walk's interface returns part of its loss as reflection, the coat gives all of it to
 // the base: for a bright base the results are nearly the same.
-TEST(ConductorCoatTableTest, ARoughCoatOverABrightBaseAgreesWithTheRandomWalk) {
+TEST(ConductorCoatTableTest, RoughCoatOverABrightBaseMatchesRandomWalks) {
   const Layers cases[] = {{0.1f, 0, 1.5f, 0.01f, 0.9f}, {0.3f, 0.3f, 1.5f, 0.01f, 0.9f}};
   for (const Layers& layers : cases) {
     for (const float mu : {0.95f, 0.3f}) ExpectAgreement(layers, mu, true, 0.015);
   }
 }
 
-TEST(ConductorCoatTableTest, TheTintOfAWhiteBaseIsWhite) {
+TEST(ConductorCoatTableTest, WhiteBaseHasWhiteTint) {
   const ConductorCoatRow row = MakeConductorCoatRow({0.2f, 0.2f}, {0.3f, 0.3f}, 1.5f, 0);
   EXPECT_NEAR(row.Tint(1), 1, 1e-4);
   EXPECT_EQ(row.Tint(0), 0);
@@ -168,7 +168,7 @@ TEST(ConductorCoatTableTest, TheTintOfAWhiteBaseIsWhite) {
   }
 }
 
-TEST(ConductorCoatTableTest, AnIndexOfOneLeavesTheConductorAlone) {
+TEST(ConductorCoatTableTest, IndexOneKeepsTheConductor) {
   for (const float alpha : {0.1f, 0.4f}) {
     const Layers layers{0, alpha, 1, 0, 0.6f};
     const BsdfFixture coat = CoatOf(layers), bare = BaseOf(layers, false);

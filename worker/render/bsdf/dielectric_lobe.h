@@ -28,7 +28,7 @@ BsdfValueOf<Color> EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3
     const Vec3f m = Normalize(wo + wi);
     const float d = ggx.D(m);
     const float fresnel = FresnelDielectric(std::min(1.0f, Dot(wo, m)), eta).reflectance;
-    return {Color::Grey(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z),
+    return {Color::Gray(fresnel * d * ggx.G2Over4Cos(wo, wi) * wi.z),
             0.25f * visible * d * fresnel};
   }
   Vec3f m = wo + eta * wi;
@@ -42,7 +42,7 @@ BsdfValueOf<Color> EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3
   // Solid angle of facets over solid angle of wi.
   const float dm_dwi = std::fabs(cos_i) / (half * half);
   const float scale = transmittance * ggx.D(m) * cos_o * dm_dwi;
-  return {Color::Grey(scale * 4 * ggx.G2Over4Cos(wo, wi) * std::fabs(wi.z) / (eta * eta)),
+  return {Color::Gray(scale * 4 * ggx.G2Over4Cos(wo, wi) * std::fabs(wi.z) / (eta * eta)),
           scale * visible};
 }
 
@@ -132,7 +132,7 @@ BsdfValueOf<Color> DielectricLobe::EvalFrom(const BsdfShape& bsdf, Side side, Ve
   const float radiance_scale = crosses ? 1 / (side.eta * side.eta) : 1.0f;
   const float mu_i = std::fabs(wi.z);
   const MuPosition i = FindMu(mu_i);
-  value.f_cos += Color::Grey(share * radiance_scale * lobe.LossOverAverage(i) * mu_i *
+  value.f_cos += Color::Gray(share * radiance_scale * lobe.LossOverAverage(i) * mu_i *
                              static_cast<float>(1 / kPi));
   value.pdf = (1 - loss_o) * value.pdf + share * lobe.Pdf(i, mu_i);
   return value;
@@ -143,11 +143,11 @@ std::optional<BsdfSampleOf<Color>> DielectricLobe::SampleSmooth(float eta, Vec3f
   const DielectricFresnel fresnel = FresnelDielectric(wo.z, eta);
   if (u_lobe < fresnel.reflectance) {
     return BsdfSampleOf<Color>{
-        .wi = {-wo.x, -wo.y, wo.z}, .weight = Color::Grey(1), .flags = kBsdfSpecular};
+        .wi = {-wo.x, -wo.y, wo.z}, .weight = Color::Gray(1), .flags = kBsdfSpecular};
   }
   const float eta2 = eta * eta;
   return BsdfSampleOf<Color>{.wi = {-wo.x / eta, -wo.y / eta, -fresnel.cos_t},
-                             .weight = Color::Grey(1 / eta2),
+                             .weight = Color::Gray(1 / eta2),
                              .eta_scale = eta2,
                              .flags = kBsdfSpecular | kBsdfTransmission};
 }

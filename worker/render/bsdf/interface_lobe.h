@@ -27,7 +27,7 @@ struct InterfaceLobe : LobeBase {
                                                      float /*u_lobe*/, Vec2f /*u*/,
                                                      bool /*inside*/) {
     return BsdfSampleOf<Color>{
-        .wi = -wo, .weight = Color::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
+        .wi = -wo, .weight = Color::Gray(1), .flags = kBsdfSpecular | kBsdfTransmission};
   }
 
   template <typename Color>

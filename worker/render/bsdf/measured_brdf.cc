@@ -43,10 +43,10 @@ std::vector<std::array<float, 3>> RgbWeights(const std::vector<float>& wavelengt
     const AxisPosition at = FindOnAxis(wavelengths, static_cast<float>(nm));
     const auto fraction = static_cast<double>(at.fraction);
     for (size_t c = 0; c < 3; ++c) {
-      const double share = observer[c] * UnitD65(nm);
-      white[c] += share;
-      weights[at.index][c] += (1 - fraction) * share;
-      if (fraction > 0) weights[at.index + 1][c] += fraction * share;
+      const double contribution = observer[c] * UnitD65(nm);
+      white[c] += contribution;
+      weights[at.index][c] += (1 - fraction) * contribution;
+      if (fraction > 0) weights[at.index + 1][c] += fraction * contribution;
     }
   }
   std::vector<std::array<float, 3>> result(weights.size());

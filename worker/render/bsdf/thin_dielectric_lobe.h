@@ -44,10 +44,10 @@ std::optional<BsdfSampleOf<Color>> ThinDielectricLobe::Sample_f(const BsdfOf<Col
   const float reflectance = 2 * once / (1 + once);
   if (u_lobe < reflectance) {
     return BsdfSampleOf<Color>{
-        .wi = {-wo.x, -wo.y, wo.z}, .weight = Color::Grey(1), .flags = kBsdfSpecular};
+        .wi = {-wo.x, -wo.y, wo.z}, .weight = Color::Gray(1), .flags = kBsdfSpecular};
   }
   return BsdfSampleOf<Color>{
-      .wi = -wo, .weight = Color::Grey(1), .flags = kBsdfSpecular | kBsdfTransmission};
+      .wi = -wo, .weight = Color::Gray(1), .flags = kBsdfSpecular | kBsdfTransmission};
 }
 
 }  // namespace sheaf::render

@@ -84,7 +84,7 @@ absl::StatusOr<ApertureMask> ApertureMask::Make(const SceneDescription& scene, F
     case Aperture::kStar:
       mask.polygon_ = Corners(10, 0, SinCos(0.4 * kPi).cos / SinCos(0.2 * kPi).cos, 1);
       break;
-    case Aperture::kPicture: {
+    case Aperture::kImage: {
       if (files == nullptr) return absl::InvalidArgumentError("no files to read the aperture from");
       const absl::StatusOr<LightImage> image =
           ReadLightImage(scene, scene.camera.location, lens.aperture_file, *files);
@@ -150,7 +150,7 @@ double ApertureMask::Transmission(Vec2d p) const {
     case Aperture::kPentagon:
     case Aperture::kStar:
       return IsInPolygon(p) ? scale_ : 0;
-    case Aperture::kPicture:
+    case Aperture::kImage:
       return scale_ * LookUp(p);
   }
   return 0;

@@ -47,7 +47,7 @@ class ApertureMask {
   double Transmission(Vec2d p) const;
   // Squared radius of a disk that bounds the opening.
   double BoundingRadiusSquared() const {
-    if (aperture_ != Aperture::kPicture) return 1;
+    if (aperture_ != Aperture::kImage) return 1;
     // The square's corners, plus half a texel for the filter.
     const double edge = 1 + 1.0 / std::min(width_, height_);
     return 2 * edge * edge;

@@ -135,9 +135,9 @@ Ray Camera::MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* w
   Vec3d o, d;
   if (realistic_ != nullptr) {
     LensRay bent;
-    const double share = realistic_->MakeRay(screen, lens, &bent);
-    if (weight != nullptr) *weight = static_cast<float>(share);
-    if (share == 0) return {};
+    const double lens_weight = realistic_->MakeRay(screen, lens, &bent);
+    if (weight != nullptr) *weight = static_cast<float>(lens_weight);
+    if (lens_weight == 0) return {};
     o = bent.o * 0.001;  // These scenes are in meters.
     d = bent.d;
   } else {

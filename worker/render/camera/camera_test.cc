@@ -35,7 +35,7 @@ void ExpectNear(Vec3f a, Vec3d b, double allowed) {
   for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(a[i], b[i], allowed) << i;
 }
 
-TEST(CameraTest, FilmPointsAreWhereRaysCameFrom) {
+TEST(CameraTest, FilmPointsInvertRays) {
   for (const Kind kind : {Kind::kPerspective, Kind::kOrthographic}) {
     SceneDescription scene = SceneWith(kind);
     ASSERT_TRUE(
@@ -80,7 +80,7 @@ TEST(CameraTest, PerspectiveSpansItsFieldOfView) {
   }
 }
 
-TEST(CameraTest, ScreenWindowsMayLieAside) {
+TEST(CameraTest, ScreenWindowsMayBeOffCenter) {
   SceneDescription scene = SceneWith(Kind::kPerspective);
   const double window[4] = {0.25, 0.75, -1, -0.5};
   for (int i = 0; i < 4; ++i) scene.camera.screen_window[i] = window[i];
@@ -104,7 +104,7 @@ TEST(CameraTest, OrthographicRaysAreParallel) {
 
 // Rays of a film point start all over the lens and meet where the pinhole's ray crosses the focal
 // plane.
-TEST(CameraTest, LensRaysMeetInThePlaneOfFocus) {
+TEST(CameraTest, LensRaysConvergeInTheFocalPlane) {
   for (const Kind kind : {Kind::kPerspective, Kind::kOrthographic}) {
     SceneDescription scene = SceneWith(kind);
     const Camera pinhole = MakeCamera(scene, 100, 100);
@@ -133,7 +133,7 @@ TEST(CameraTest, LensRaysMeetInThePlaneOfFocus) {
 }
 
 // Render space is centered at the camera, so a distant camera keeps its precision.
-TEST(CameraTest, RenderSpaceBeginsAtTheCamera) {
+TEST(CameraTest, RenderSpaceStartsAtTheCamera) {
   SceneDescription scene = SceneWith(Kind::kPerspective);
   const Vec3d place{1e7 + 0.125, -3e6, 5e8};
   scene.camera.world_from_camera.start = scene.camera.world_from_camera.end =
@@ -208,7 +208,7 @@ TEST(CameraTest, EqualAreaPixelsFoldAroundTheSquare) {
 
 // Pixel weights of the two mappings: constant, or the solid angle of the row's zone. With these
 // weights the mean of max(cos, 0) about any axis is 1/4, that of 1 is 1.
-TEST(CameraTest, SphericalPixelsWeighTheirSolidAngle) {
+TEST(CameraTest, SphericalPixelsAreWeightedBySolidAngle) {
   constexpr int kWidth = 256, kHeight = 128;
   for (const Kind kind : {Kind::kEquirectangular, Kind::kEqualArea}) {
     const Camera camera = MakeCamera(SceneWith(kind), kWidth, kHeight);
@@ -232,7 +232,7 @@ TEST(CameraTest, SphericalPixelsWeighTheirSolidAngle) {
 
 // With every filter, also at the borders, the image of a constant sky is constant, whatever the
 // camera's position and motion.
-TEST(CameraTest, SphericalCamerasSeeAnEvenSkyEvenly) {
+TEST(CameraTest, SphericalCamerasSeeAConstantSky) {
   for (const Kind kind : {Kind::kEquirectangular, Kind::kEqualArea}) {
     TestScene t({1e6, 3, -2e5}, {1e6, 3, 1}, 90);
     t.ConstantEnvironment({0.25f, 2, 5});
@@ -245,7 +245,7 @@ TEST(CameraTest, SphericalCamerasSeeAnEvenSkyEvenly) {
   }
 }
 
-TEST(CameraTest, ErrorsNameTheCameraAndWhatIsWrong) {
+TEST(CameraTest, ErrorsNameCameraAndReason) {
   SceneDescription flat = SceneWith(Kind::kPerspective), wide = flat, empty = flat,
                    unfocused = flat, lensed = SceneWith(Kind::kEqualArea);
   flat.camera.fov_degrees = 0;

@@ -164,8 +164,8 @@ const ExitPupil::Ring& ExitPupil::ring(double film_radius_mm) const {
   return rings_[std::min(static_cast<size_t>(index), rings_.size() - 1)];
 }
 ExitPupil::Box ExitPupil::FoundIn(const Ring& ring, double film_radius_mm, double rings_per_mm) {
-  const double share = (film_radius_mm - ring.film_radius_mm) * rings_per_mm;
-  return Lerp(ring.inner, ring.outer, std::clamp(share, 0.0, 1.0));
+  const double fraction = (film_radius_mm - ring.film_radius_mm) * rings_per_mm;
+  return Lerp(ring.inner, ring.outer, std::clamp(fraction, 0.0, 1.0));
 }
 std::optional<ExitPupil::Box> ExitPupil::Found(double film_radius_mm) const {
   const Ring& at = ring(film_radius_mm);
@@ -198,16 +198,16 @@ PupilSample ExitPupil::Sample(Vec2d film_mm, Vec2f u) const {
   double x = static_cast<double>(u.x);
   const Box* box = &at.all;
   if (at.found) {
-    if (x < kPupilShareOfAll) {
-      x *= 1 / kPupilShareOfAll;
+    if (x < kPupilAreaFraction) {
+      x *= 1 / kPupilAreaFraction;
     } else {
-      x = (x - kPupilShareOfAll) / (1 - kPupilShareOfAll);
+      x = (x - kPupilAreaFraction) / (1 - kPupilAreaFraction);
       box = &found;
     }
   }
   const Vec2d own{box->x0 + x * (box->x1 - box->x0), (2 * static_cast<double>(u.y) - 1) * box->y};
-  double pdf = (at.found ? kPupilShareOfAll : 1) / at.all.Area();
-  if (at.found && found.Holds(own)) pdf += (1 - kPupilShareOfAll) / found.Area();
+  double pdf = (at.found ? kPupilAreaFraction : 1) / at.all.Area();
+  if (at.found && found.Holds(own)) pdf += (1 - kPupilAreaFraction) / found.Area();
   return {Turn(film_mm, radius).ToFilm(own), pdf};
 }
 
@@ -216,9 +216,9 @@ double ExitPupil::Pdf(Vec2d film_mm, Vec2d p_mm) const {
   const Ring& at = ring(radius);
   const Vec2d own = Turn(film_mm, radius).ToOwn(p_mm);
   double pdf = 0;
-  if (at.all.Holds(own)) pdf += (at.found ? kPupilShareOfAll : 1) / at.all.Area();
+  if (at.all.Holds(own)) pdf += (at.found ? kPupilAreaFraction : 1) / at.all.Area();
   const Box found = FoundIn(at, radius, rings_per_mm_);
-  if (at.found && found.Holds(own)) pdf += (1 - kPupilShareOfAll) / found.Area();
+  if (at.found && found.Holds(own)) pdf += (1 - kPupilAreaFraction) / found.Area();
   return pdf;
 }
 

@@ -17,7 +17,7 @@
 namespace sheaf::render {
 
 // Fraction of the samples that cover the whole rear aperture.
-inline constexpr double kPupilShareOfAll = 1.0 / 64;
+inline constexpr double kPupilAreaFraction = 1.0 / 64;
 
 struct PupilSample {
   Vec2d p_mm;              // At z = rear_z_mm().

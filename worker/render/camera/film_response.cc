@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "common/base/check.h"
-#include "common/film/picture_color.h"
+#include "common/film/image_color.h"
 #include "common/scene/spectrum/sensor.h"
 
 namespace sheaf::render {

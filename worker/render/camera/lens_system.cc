@@ -38,7 +38,7 @@ absl::StatusOr<LensSystem> LensSystem::Make(const LensDescription& description, 
 
 // Moves the ray to the surface. n: unit, towards the scene at the vertex; cosine: of the ray with
 // n. Returns false if the ray misses, the surface lies behind it, or its aperture blocks it.
-bool LensSystem::Meet(const Surface& surface, LensRay* ray, Vec3d* n, double* cosine) {
+bool LensSystem::Intersect(const Surface& surface, LensRay* ray, Vec3d* n, double* cosine) {
   const Vec3d from{ray->o.x, ray->o.y, ray->o.z - surface.z};
   const Vec3d d = ray->d;
   // The ray's point nearest to the vertex; the surface is c |p|^2 = 2 p.z.
@@ -76,7 +76,7 @@ double LensSystem::Trace(LensRay* ray, Stop stop, double* from_middle) const {
     const Surface& surface = surfaces_[i];
     Vec3d n;
     double cosine = 0;
-    if (!Meet(surface, ray, &n, &cosine)) return 0;
+    if (!Intersect(surface, ray, &n, &cosine)) return 0;
     if (surface.is_stop) {
       if (from_middle != nullptr) {
         *from_middle = std::sqrt(ray->o.x * ray->o.x + ray->o.y * ray->o.y);
@@ -101,7 +101,7 @@ bool LensSystem::TraceFromScene(LensRay* ray) const {
   for (const Surface& surface : surfaces_) {
     Vec3d n;
     double cosine = 0;
-    if (!Meet(surface, ray, &n, &cosine)) return false;
+    if (!Intersect(surface, ray, &n, &cosine)) return false;
     if (surface.is_stop) continue;
     if (!Refract(surface.eta_scene / surface.eta_film, n, cosine, ray)) return false;
   }
@@ -143,14 +143,14 @@ absl::Status LensSystem::Focus(const LensDescription& description) {
   // precision for distant objects.
   const double between = points->principal_scene - points->principal_film;
   const double sum_mm = 1000 * static_cast<double>(description.focus_distance_m) - between;
-  const double share = 4 * focal_length_mm_ / sum_mm;
-  if (!(sum_mm > 0 && share <= 1)) {
+  const double ratio = 4 * focal_length_mm_ / sum_mm;
+  if (!(sum_mm > 0 && ratio <= 1)) {
     return absl::InvalidArgumentError(
         absl::StrCat("\"float focusdistance\" ", description.focus_distance_m,
                      " m is nearer than this lens can be focused at, ",
                      0.001 * (4 * focal_length_mm_ + between), " m from the film"));
   }
-  const double film_distance = 2 * focal_length_mm_ / (1 + std::sqrt(1 - share));
+  const double film_distance = 2 * focal_length_mm_ / (1 + std::sqrt(1 - ratio));
   const double shift = film_distance - points->principal_film;
   for (Surface& surface : surfaces_) surface.z += shift;
   if (!(rear_z_min_mm() > 0)) {

@@ -64,7 +64,7 @@ class LensSystem {
   };
   // Distance of the edge from the vertex along the axis.
   static double Sag(const Surface& surface);
-  static bool Meet(const Surface& surface, LensRay* ray, Vec3d* n, double* cosine);
+  static bool Intersect(const Surface& surface, LensRay* ray, Vec3d* n, double* cosine);
   static bool Refract(double eta_ratio, Vec3d n, double cosine, LensRay* ray);
   enum class Stop { kShaped, kBounded, kIgnored };
   double Trace(LensRay* ray, Stop stop, double* from_middle) const;

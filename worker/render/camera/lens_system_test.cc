@@ -23,7 +23,7 @@ using testing::MakeLens;
 
 // n = 1.5, radii 50 and -80, 6 thick: the lensmaker's equation for thick lenses, Hecht, Optics,
 // sec. 6.1.
-TEST(LensSystemTest, FocalLengthIsTheLensmakers) {
+TEST(LensSystemTest, FocalLengthMatchesTheLensmakersEquation) {
   const LensSystem lens = MakeLens(Lens({{50, 6, 1.5, 30}, {-80, 60, 1, 30}}));
   const double n = 1.5, r1 = 50, r2 = -80, d = 6;
   const double power = (n - 1) * (1 / r1 - 1 / r2 + (n - 1) * d / (n * r1 * r2));
@@ -49,7 +49,7 @@ TEST(LensSystemTest, FocusesAtItsDistance) {
   }
 }
 
-TEST(LensSystemTest, WhatCannotBeFocusedSaysHowNearItCan) {
+TEST(LensSystemTest, FocusErrorsNameTheNearestDistance) {
   LensDescription description = DoubleGauss();
   description.focus_distance_m = 0.3f;
   const auto lens = LensSystem::Make(description, {});
@@ -82,7 +82,7 @@ TEST(LensSystemTest, PathsAreReversible) {
 }
 
 // A lens inverts the image on the film; the resulting image is upright.
-TEST(LensSystemTest, PicturesStandUpright) {
+TEST(LensSystemTest, ImagesAreUpright) {
   SceneDescription scene;
   scene.camera.kind = CameraDescription::Kind::kRealistic;
   scene.camera.lens = DoubleGauss();
@@ -147,7 +147,7 @@ TEST(ExitPupilTest, NoLightIsLost) {
 
 // The conservative direction: of a million uniform rays, those that pass the lens are within the
 // boxes found.
-TEST(ExitPupilTest, BoxesHoldWhatComesThrough) {
+TEST(ExitPupilTest, BoxesContainTransmittedRays) {
   const LensSystem lens = MakeLens(DoubleGauss());
   const ExitPupil pupil(lens, 25);
   int passed = 0, outside = 0;
@@ -196,7 +196,7 @@ TEST(ExitPupilTest, WrongBoxesLoseNoLight) {
 
 // At the center of the film the irradiance of a constant scene of radiance 1 is pi sin^2 of the
 // marginal ray's angle, through any lens (Kolb et al. 1995, sec. 4): found here by bisection.
-TEST(RealisticLensTest, WeightsAreTheIrradianceOnTheFilm) {
+TEST(RealisticLensTest, WeightsMatchTheFilmIrradiance) {
   for (const float aperture_mm : {34.2f, 10.0f}) {
     SceneDescription scene;
     scene.camera.kind = CameraDescription::Kind::kRealistic;
@@ -227,7 +227,7 @@ TEST(RealisticLensTest, WeightsAreTheIrradianceOnTheFilm) {
 
 // All shapes of the stop transmit as much light as the disk: near the axis exactly, where the stop
 // alone decides.
-TEST(RealisticLensTest, ShapesOfTheStopAreEquallyBright) {
+TEST(RealisticLensTest, ApertureShapesAreEquallyBright) {
   using Aperture = LensDescription::Aperture;
   double disk = 0;
   for (const Aperture aperture : {Aperture::kDisk, Aperture::kGaussian, Aperture::kSquare,

@@ -40,8 +40,8 @@ float ShutterShape::Sample(float u) const {
   size_t i = 0;
   while (i + 2 < knots_.size() && !(v < knots_[i + 1].before)) ++i;
   const Knot &a = knots_[i], &b = knots_[i + 1];
-  const double share = b.before - a.before;
-  const double w = share > 0 ? std::clamp((v - a.before) / share, 0.0, 1.0) : 0;
+  const double step = b.before - a.before;
+  const double w = step > 0 ? std::clamp((v - a.before) / step, 0.0, 1.0) : 0;
   // Inverts the quadratic within a piece, in the form that is stable where the slope vanishes.
   const double root = std::sqrt(a.open * a.open + w * (b.open * b.open - a.open * a.open));
   const double fraction = a.open + root > 0 ? w * (a.open + b.open) / (a.open + root) : 0;

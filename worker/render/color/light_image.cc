@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/base/status.h"
-#include "common/film/picture_color.h"
+#include "common/film/image_color.h"
 #include "common/image/image_io.h"
 #include "common/scene/named_as_in_scene.h"
 

@@ -67,9 +67,9 @@ SigmoidFitter::SigmoidFitter(int step_nm) {
     // The parabola through three points, at u in [-1, 1] from the middle one.
     const auto first = std::min(static_cast<size_t>(offset / (2 * step_nm)) * 2, nodes_.size() - 3);
     const double u = static_cast<double>(offset) / step_nm - static_cast<double>(first + 1);
-    const double share[3] = {0.5 * u * (u - 1), (1 - u) * (1 + u), 0.5 * u * (u + 1)};
+    const double lagrange[3] = {0.5 * u * (u - 1), (1 - u) * (1 + u), 0.5 * u * (u + 1)};
     for (size_t i = 0; i < 3; ++i) {
-      for (size_t k = 0; k < 3; ++k) nodes_[first + i].weight[k] += share[i] * d65 * observer[k];
+      for (size_t k = 0; k < 3; ++k) nodes_[first + i].weight[k] += lagrange[i] * d65 * observer[k];
     }
   }
 }
@@ -127,11 +127,11 @@ Coefficients SigmoidFitter::FitFrom(Rgb rgb, const Coefficients& start) const {
 
 Coefficients SigmoidFitter::Fit(Rgb rgb) const {
   const double mean = (static_cast<double>(rgb.r) + rgb.g + rgb.b) / 3;
-  return FitFrom(rgb, FitGrey(mean));
+  return FitFrom(rgb, FitGray(mean));
 }
 
 std::array<double, 3> SigmoidFitter::RgbUnderD65(const Coefficients& c) const {
-  return Evaluate(Rgb::Grey(1), c).value;
+  return Evaluate(Rgb::Gray(1), c).value;
 }
 
 namespace {
@@ -146,7 +146,7 @@ SigmoidSpectrum ToFloat(const Coefficients& c) {
 
 }  // namespace
 
-Coefficients FitGrey(double value) {
+Coefficients FitGray(double value) {
   if (!(value > 0)) return {-kSaturatedArgument, 0, 0};
   if (value >= 1) return {kSaturatedArgument, 0, 0};
   return {(value - 0.5) / std::sqrt(value * (1 - value)), 0, 0};
@@ -154,8 +154,8 @@ Coefficients FitGrey(double value) {
 
 SigmoidSpectrum FitSigmoid(Rgb rgb) {
   for (size_t i = 0; i < 3; ++i) rgb[i] = std::clamp(rgb[i], 0.f, 1.f);
-  const bool is_grey = rgb.r == rgb.g && rgb.g == rgb.b;
-  return ToFloat(is_grey ? FitGrey(rgb.r) : SharedFitter().Fit(rgb));
+  const bool is_gray = rgb.r == rgb.g && rgb.g == rgb.b;
+  return ToFloat(is_gray ? FitGray(rgb.r) : SharedFitter().Fit(rgb));
 }
 
 SigmoidSpectrum FitSigmoidOutOfGamut(Rgb rgb) { return ToFloat(SharedFitter().Fit(rgb)); }

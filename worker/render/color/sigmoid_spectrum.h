@@ -78,7 +78,7 @@ class SigmoidFitter {
 };
 
 // Coefficients of a constant spectrum: c1 = c2 = 0. Clamps value to [0, 1].
-SigmoidFitter::Coefficients FitGrey(double value);
+SigmoidFitter::Coefficients FitGray(double value);
 
 // Fits the spectrum of a reflectance to rgb directly (some tens of microseconds). Components are
 // clamped to [0, 1]. Colors that no such spectrum reaches (near the gamut's boundary) are

@@ -83,7 +83,7 @@ Rgb Admissible(Rgb rgb, ColorRole role) {
   }
   return rgb;
 }
-bool IsGrey(Rgb rgb) { return rgb.r == rgb.g && rgb.g == rgb.b; }
+bool IsGray(Rgb rgb) { return rgb.r == rgb.g && rgb.g == rgb.b; }
 
 }  // namespace
 
@@ -103,9 +103,9 @@ SpectralColor SpectralColor::Make(const ColorSpec& color, ColorRole role) {
     const float largest = MaxComponent(rgb);
     if (largest < kLargestMin) return made;
     // Half the value at every wavelength, bit for bit, is a sigmoid with zero coefficients.
-    const float level = IsGrey(rgb) ? 0.5f : FitLevel(largest, role);
+    const float level = IsGray(rgb) ? 0.5f : FitLevel(largest, role);
     made.scale_ = largest / level;
-    if (!IsGrey(rgb)) made.sigmoid_ = FitSigmoid(rgb * (level / largest));
+    if (!IsGray(rgb)) made.sigmoid_ = FitSigmoid(rgb * (level / largest));
     return made;
   }
   switch (role) {
@@ -146,12 +146,12 @@ float SpectralColor::At(float nm) const {
 
 Spectral Upsample(Rgb rgb, ColorRole role, const Wavelengths& wavelengths) {
   // An unreadable texel is NaN, and must reach the image's count of such samples.
-  if (!IsFinite(rgb)) return Spectral::Grey(std::numeric_limits<float>::quiet_NaN());
+  if (!IsFinite(rgb)) return Spectral::Gray(std::numeric_limits<float>::quiet_NaN());
   rgb = Admissible(rgb, role);
   const float largest = MaxComponent(rgb);
   if (largest < kLargestMin) return {};
-  Spectral values = Spectral::Grey(largest);
-  if (!IsGrey(rgb)) {
+  Spectral values = Spectral::Gray(largest);
+  if (!IsGray(rgb)) {
     const float level = FitLevel(largest, role);
     values = SharedUpsampling().At(rgb, level).At(wavelengths) * (largest / level);
   }

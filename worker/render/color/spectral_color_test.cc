@@ -53,12 +53,12 @@ Rgb RandomColor(int kind, std::mt19937* random) {
   Rgb rgb{uniform(*random), uniform(*random), uniform(*random)};
   const float factor = Exp(-8 * uniform(*random));
   if (kind == 1) rgb *= factor;
-  if (kind == 2) rgb = Rgb::Grey(1) - rgb * factor;
+  if (kind == 2) rgb = Rgb::Gray(1) - rgb * factor;
   if (kind == 3) rgb = rgb * rgb * rgb;
   return rgb;
 }
 
-TEST(WavelengthsTest, EachOfTheFourHasTheDensityItStates) {
+TEST(WavelengthsTest, EachWavelengthHasItsStatedPdf) {
   constexpr int kPathCount = 200000, kBinCount = 47;
   std::array<std::array<int, kBinCount>, kWavelengthCount> counts{};
   std::mt19937 random(7);
@@ -92,7 +92,7 @@ TEST(WavelengthsTest, EachOfTheFourHasTheDensityItStates) {
   }
 }
 
-TEST(WavelengthsTest, DensityIsTheInverseOfTheStepBetweenSamples) {
+TEST(WavelengthsTest, PdfIsTheInverseSampleSpacing) {
   for (float u = 0.01f; u < 0.24f; u += 0.01f) {  // No wavelength wraps around within the step.
     constexpr float kStep = 1e-3f;
     const Wavelengths low = Wavelengths::Sample(u - kStep), high = Wavelengths::Sample(u + kStep);
@@ -103,20 +103,20 @@ TEST(WavelengthsTest, DensityIsTheInverseOfTheStepBetweenSamples) {
   }
 }
 
-TEST(SigmoidSpectrumTest, M14GreysAreConstant) {
-  for (const float grey : {0.f, 1e-6f, 0.01f, 0.18f, 0.5f, 0.73f, 0.999f, 1.f}) {
-    const SigmoidSpectrum spectrum = FitSigmoid(Rgb::Grey(grey));
+TEST(SigmoidSpectrumTest, M14GraysAreConstant) {
+  for (const float gray : {0.f, 1e-6f, 0.01f, 0.18f, 0.5f, 0.73f, 0.999f, 1.f}) {
+    const SigmoidSpectrum spectrum = FitSigmoid(Rgb::Gray(gray));
     EXPECT_EQ(spectrum.c1, 0);
     EXPECT_EQ(spectrum.c2, 0);
     EXPECT_EQ(spectrum.At(361), spectrum.At(777));
-    EXPECT_NEAR(spectrum.At(500), grey, 4e-7f * grey);
+    EXPECT_NEAR(spectrum.At(500), gray, 4e-7f * gray);
   }
-  EXPECT_EQ(FitSigmoid(Rgb::Grey(0)).At(500), 0);
-  EXPECT_EQ(FitSigmoid(Rgb::Grey(0.5f)).At(500), 0.5f);
+  EXPECT_EQ(FitSigmoid(Rgb::Gray(0)).At(500), 0);
+  EXPECT_EQ(FitSigmoid(Rgb::Gray(0.5f)).At(500), 0.5f);
   ExpectHardCase({.row = "M14",
                   .figure = "white at 500 nm",
                   .expected = 1,
-                  .measured = FitSigmoid(Rgb::Grey(1)).At(500),
+                  .measured = FitSigmoid(Rgb::Gray(1)).At(500),
                   .naive = naive::Sigmoid(std::numeric_limits<float>::infinity()),
                   .naive_by = "1/2 + x / (2 sqrt(1 + x^2)) of white's infinite coefficient"});
 }
@@ -145,7 +145,7 @@ TEST(SigmoidSpectrumTest, M14EdgesOfTheGamutAreReached) {
   ExpectNear(UnderD65([&](float nm) { return dark.At(nm); }), {1e-6f, 0, 0}, 1e-8f);
 }
 
-TEST(SigmoidSpectrumTest, WhatIsNotAReflectanceIsClamped) {
+TEST(SigmoidSpectrumTest, InvalidReflectancesAreClamped) {
   const Rgb clamped{1, 0, 0.25f};
   const SigmoidSpectrum spectrum = FitSigmoid({1.5f, -0.5f, 0.25f});
   ExpectNear(UnderD65([&](float nm) { return spectrum.At(nm); }), clamped, 1e-4f);
@@ -156,13 +156,13 @@ TEST(SigmoidSpectrumTest, WhatIsNotAReflectanceIsClamped) {
 }
 
 TEST(SpectralColorTest, RgbOfOneTimesD65IsWhite) {
-  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Grey(1)), ColorRole::kIlluminant);
-  ExpectNear(Estimate([&](const Wavelengths& w) { return white.At(w); }), Rgb::Grey(1), 1e-4f);
+  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Gray(1)), ColorRole::kIlluminant);
+  ExpectNear(Estimate([&](const Wavelengths& w) { return white.At(w); }), Rgb::Gray(1), 1e-4f);
   EXPECT_FLOAT_EQ(white.At(561), static_cast<float>(UnitD65(561)));
 }
 
 TEST(SpectralColorTest, ReflectanceUnderWhiteHasItsRgb) {
-  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Grey(1)), ColorRole::kIlluminant);
+  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Gray(1)), ColorRole::kIlluminant);
   for (const Rgb rgb : {Rgb{0.8f, 0.3f, 0.1f}, Rgb{0, 0.02f, 0.01f}, Rgb{0.95f, 0.96f, 0.99f}}) {
     const SpectralColor color = SpectralColor::Make(RgbSpec(rgb), ColorRole::kReflectance);
     ExpectNear(Estimate([&](const Wavelengths& w) { return white.At(w) * color.At(w); }), rgb,
@@ -170,7 +170,7 @@ TEST(SpectralColorTest, ReflectanceUnderWhiteHasItsRgb) {
   }
 }
 
-TEST(SpectralColorTest, ColorsOutsideOfTheGamutKeepTheirTrueRgb) {
+TEST(SpectralColorTest, OutOfGamutColorsKeepTheirRgb) {
   for (const Rgb rgb :
        {Rgb{-0.05f, 0.6f, 0.2f}, Rgb{0.8f, 0.1f, -0.02f}, Rgb{-0.01f, 0.02f, 0.04f}}) {
     ColorSpec color;
@@ -191,21 +191,21 @@ TEST(SpectralColorTest, ColorsOutsideOfTheGamutKeepTheirTrueRgb) {
   }
 }
 
-TEST(SpectralColorTest, M14GreysAreExact) {
+TEST(SpectralColorTest, M14GraysAreExact) {
   const Wavelengths w = Wavelengths::Sample(0.3f);
-  for (const float grey : {0.f, 1e-4f, 0.02f, 0.18f, 0.5f, 0.999f, 1.f}) {
+  for (const float gray : {0.f, 1e-4f, 0.02f, 0.18f, 0.5f, 0.999f, 1.f}) {
     for (const ColorRole role : {ColorRole::kReflectance, ColorRole::kUnbounded}) {
-      EXPECT_EQ(SpectralColor::Make(RgbSpec(Rgb::Grey(grey)), role).At(w), Spectral::Grey(grey));
-      EXPECT_EQ(Upsample(Rgb::Grey(grey), role, w), Spectral::Grey(grey));
+      EXPECT_EQ(SpectralColor::Make(RgbSpec(Rgb::Gray(gray)), role).At(w), Spectral::Gray(gray));
+      EXPECT_EQ(Upsample(Rgb::Gray(gray), role, w), Spectral::Gray(gray));
     }
   }
-  const ColorSpec bright = RgbSpec(Rgb::Grey(1234.5f));
-  EXPECT_EQ(SpectralColor::Make(bright, ColorRole::kUnbounded).At(w), Spectral::Grey(1234.5f));
-  EXPECT_EQ(SpectralColor::Make(bright, ColorRole::kReflectance).At(w), Spectral::Grey(1));
+  const ColorSpec bright = RgbSpec(Rgb::Gray(1234.5f));
+  EXPECT_EQ(SpectralColor::Make(bright, ColorRole::kUnbounded).At(w), Spectral::Gray(1234.5f));
+  EXPECT_EQ(SpectralColor::Make(bright, ColorRole::kReflectance).At(w), Spectral::Gray(1));
   EXPECT_TRUE(SpectralColor().At(w).IsBlack());
 }
 
-TEST(SpectralColorTest, EmissionMayBeAsBrightAsItLikes) {
+TEST(SpectralColorTest, EmissionIsUnbounded) {
   for (const Rgb rgb : {Rgb{40, 25, 3}, Rgb{0, 0, 1e6f}, Rgb{1e-6f, 2e-6f, 0}}) {
     const SpectralColor light = SpectralColor::Make(RgbSpec(rgb), ColorRole::kIlluminant);
     const SpectralColor plain = SpectralColor::Make(RgbSpec(rgb), ColorRole::kUnbounded);
@@ -231,7 +231,7 @@ TEST(SpectralColorTest, SpectraOfLightsHaveLuminanceOne) {
   EXPECT_EQ(SpectralColor::Make(dark, ColorRole::kIlluminant).At(500), 0);
 }
 
-TEST(SpectralColorTest, MeasuredSpectraAreUsedAsTheyAre) {
+TEST(SpectralColorTest, MeasuredSpectraAreUsedUnchanged) {
   const ColorSpec glass = Named("glass-BK7");
   const SpectralColor eta = SpectralColor::Make(glass, ColorRole::kUnbounded);
   for (const double nm : {365.0, 486.1, 587.6, 656.3, 820.0}) {
@@ -248,7 +248,7 @@ TEST(SpectralColorTest, MeasuredSpectraAreUsedAsTheyAre) {
   EXPECT_EQ(reflectance.At(601), 0);
 }
 
-TEST(SpectralColorTest, FourWavelengthsAtOnceAreEachAlone) {
+TEST(SpectralColorTest, FourWavelengthsEvaluateIndependently) {
   const ColorSpec colors[] = {RgbSpec({0.8f, 0.3f, 0.1f}), Named("stdillum-A")};
   for (const ColorSpec& spec : colors) {
     const SpectralColor color = SpectralColor::Make(spec, ColorRole::kIlluminant);
@@ -260,11 +260,11 @@ TEST(SpectralColorTest, FourWavelengthsAtOnceAreEachAlone) {
   }
 }
 
-TEST(SpectralColorTest, MetalsReflectWhatRgbTransportSaysOfThem) {
+TEST(SpectralColorTest, MetalsMatchRgbTransport) {
   const ColorSpec eta = Named("metal-Cu-eta"), k = Named("metal-Cu-k");
   const SpectralColor eta_at = SpectralColor::Make(eta, ColorRole::kUnbounded);
   const SpectralColor k_at = SpectralColor::Make(k, ColorRole::kUnbounded);
-  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Grey(1)), ColorRole::kIlluminant);
+  const SpectralColor white = SpectralColor::Make(RgbSpec(Rgb::Gray(1)), ColorRole::kIlluminant);
   const Rgb seen = Estimate([&](const Wavelengths& w) {
     const Spectral n = eta_at.At(w), absorption = k_at.At(w);
     Spectral radiance = white.At(w);
@@ -298,7 +298,7 @@ TEST(UpsampleTest, ColorsKeepTheirRgb) {
   EXPECT_LT(sum / kColorCount, 1e-3);
 }
 
-TEST(UpsampleTest, AgreesWithColorsFittedAlone) {
+TEST(UpsampleTest, MatchesIndividuallyFittedColors) {
   std::mt19937 random(4);
   for (int i = 0; i < 1000; ++i) {
     const Rgb rgb = RandomColor(i % 4, &random);
@@ -321,7 +321,7 @@ TEST(UpsampleTest, AgreesWithColorsFittedAlone) {
   }
 }
 
-TEST(UpsampleTest, BitsAreThoseOfEveryMachine) {
+TEST(UpsampleTest, BitsAreMachineIndependent) {
   const Rgb rgb{0.8f, 0.3f, 0.1f};
   const SigmoidSpectrum fitted = FitSigmoid(rgb);
   EXPECT_EQ(fitted.c0, -0x1.62ddfp+0f);
@@ -335,7 +335,7 @@ TEST(UpsampleTest, BitsAreThoseOfEveryMachine) {
 }
 
 // An unreadable texture gives NaN. RGB transport counts such samples; spectral transport must, too.
-TEST(UpsampleTest, WhatIsNotANumberStaysNone) {
+TEST(UpsampleTest, NanStaysNan) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const Wavelengths w = Wavelengths::Sample(0.3f);
   for (const ColorRole role :
@@ -345,11 +345,11 @@ TEST(UpsampleTest, WhatIsNotANumberStaysNone) {
   }
 }
 
-TEST(UpsampleTest, IsContinuousNearGreysAndBlack) {
+TEST(UpsampleTest, IsContinuousNearGraysAndBlack) {
   const Wavelengths w = Wavelengths::Sample(0.2f);
-  for (const float grey : {0.001f, 1.f / 16, 0.3f, 0.9f, 0.9999f, 1.f}) {
-    const Spectral near = Upsample({grey, grey * (1 - 1e-6f), grey}, ColorRole::kReflectance, w);
-    for (size_t k = 0; k < kWavelengthCount; ++k) EXPECT_NEAR(near[k], grey, 1e-5f);
+  for (const float gray : {0.001f, 1.f / 16, 0.3f, 0.9f, 0.9999f, 1.f}) {
+    const Spectral near = Upsample({gray, gray * (1 - 1e-6f), gray}, ColorRole::kReflectance, w);
+    for (size_t k = 0; k < kWavelengthCount; ++k) EXPECT_NEAR(near[k], gray, 1e-5f);
   }
   EXPECT_TRUE(Upsample({0, 0, 0}, ColorRole::kIlluminant, w).IsBlack());
   EXPECT_TRUE(Upsample({-2, -1, 0}, ColorRole::kUnbounded, w).IsBlack());

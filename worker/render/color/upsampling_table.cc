@@ -49,7 +49,7 @@ UpsamplingTable::Cell UpsamplingTable::CellAt(const Axis& axis, float value) {
 }
 
 UpsamplingTable::UpsamplingTable()
-    : share_(Axis::Make(0, 1)),
+    : fraction_(Axis::Make(0, 1)),
       level_(Axis::Make(kFitLevelMin, 1)),
       nodes_(3 * kNodeCount * kNodeCount * kNodeCount) {
   const SigmoidFitter fitter(kQuadratureStepNm);
@@ -61,14 +61,14 @@ UpsamplingTable::UpsamplingTable()
 }
 
 void UpsamplingTable::FitColumn(const SigmoidFitter& fitter, size_t cube, size_t ix, size_t iy) {
-  const float x = share_.node[ix], y = share_.node[iy];
-  const bool is_grey = x == 1 && y == 1;
+  const float x = fraction_.node[ix], y = fraction_.node[iy];
+  const bool is_gray = x == 1 && y == 1;
   SigmoidFitter::Coefficients scaled{};
   const auto fit = [&](size_t iz, bool is_first) {
     const float level = level_.node[iz];
     const float scale = InterpolationScale(level, x, y);
-    if (is_grey) {
-      scaled = {level - 0.5, 0, 0};  // FitGrey times scale; finite for white, too.
+    if (is_gray) {
+      scaled = {level - 0.5, 0, 0};  // FitGray times scale; finite for white, too.
     } else {
       Rgb rgb;
       rgb[cube] = level;
@@ -100,7 +100,7 @@ SigmoidSpectrum UpsamplingTable::At(Rgb rgb, float level) const {
   }
   x /= largest;
   y /= largest;
-  const Cell cx = CellAt(share_, x), cy = CellAt(share_, y), cz = CellAt(level_, level);
+  const Cell cx = CellAt(fraction_, x), cy = CellAt(fraction_, y), cz = CellAt(level_, level);
   const float inverse_scale = 1 / InterpolationScale(level, x, y);
   const Node* corner = &nodes_[IndexOf(cube, cz.index, cy.index, cx.index)];
   Node sum{};

@@ -65,7 +65,7 @@ class UpsamplingTable {
     return ((cube * kNodeCount + iz) * kNodeCount + iy) * kNodeCount + ix;
   }
 
-  Axis share_, level_;
+  Axis fraction_, level_;
   std::vector<Node> nodes_;
 };
 

@@ -30,7 +30,7 @@ inline constexpr float kWavelengthMinNm = 360, kWavelengthMaxNm = 830;
 struct Spectral {
   std::array<float, kWavelengthCount> v{};
 
-  static constexpr Spectral Grey(float x) { return {{x, x, x, x}}; }
+  static constexpr Spectral Gray(float x) { return {{x, x, x, x}}; }
   constexpr float operator[](size_t i) const { return v[i]; }
   constexpr float& operator[](size_t i) { return v[i]; }
   friend constexpr Spectral operator+(const Spectral& p, const Spectral& q) {
@@ -39,8 +39,8 @@ struct Spectral {
   friend constexpr Spectral operator*(const Spectral& p, const Spectral& q) {
     return {{p.v[0] * q.v[0], p.v[1] * q.v[1], p.v[2] * q.v[2], p.v[3] * q.v[3]}};
   }
-  friend constexpr Spectral operator*(const Spectral& p, float s) { return p * Grey(s); }
-  friend constexpr Spectral operator*(float s, const Spectral& p) { return p * Grey(s); }
+  friend constexpr Spectral operator*(const Spectral& p, float s) { return p * Gray(s); }
+  friend constexpr Spectral operator*(float s, const Spectral& p) { return p * Gray(s); }
   friend constexpr Spectral operator/(const Spectral& p, float s) {
     return {{p.v[0] / s, p.v[1] / s, p.v[2] / s, p.v[3] / s}};
   }

@@ -56,8 +56,8 @@ struct Rounding {
 bool IsWithin(double value, double slack) { return value >= -slack && value <= 1 + slack; }
 
 // Intersects the ray with the line at u, if within the patch.
-std::optional<PatchHit> MeetRuling(const Seen& seen, const Rounding& rounding, double u_root,
-                                   double u_slack) {
+std::optional<PatchHit> IntersectRuling(const Seen& seen, const Rounding& rounding, double u_root,
+                                        double u_slack) {
   if (!IsWithin(u_root, u_slack)) return std::nullopt;
   const double u = std::clamp(u_root, 0.0, 1.0);
   const Vec3d point = seen.start + seen.along * u, ruling = seen.ruling + seen.turn * u;
@@ -75,8 +75,8 @@ std::optional<PatchHit> MeetRuling(const Seen& seen, const Rounding& rounding, d
 }
 
 // Returns the nearer of up to two intersections with lines of equal u.
-std::optional<PatchHit> MeetRulings(const BilinearPatch& patch, const Seen& seen, Vec3d o,
-                                    double t_max) {
+std::optional<PatchHit> IntersectRulings(const BilinearPatch& patch, const Seen& seen, Vec3d o,
+                                         double t_max) {
   // The ray intersects the line at u where d . (point x ruling) is zero; that is quadratic in u.
   const double at_0 = Dot(seen.d, Cross(seen.start, seen.ruling));
   const double at_1 = Dot(seen.d, Cross(patch.p10 - o, patch.p11 - patch.p10));
@@ -98,7 +98,7 @@ std::optional<PatchHit> MeetRulings(const BilinearPatch& patch, const Seen& seen
       {kParameterSlackMax, rounding.slack_length / rounding.along, 2 * rounding.product / slope});
   std::optional<PatchHit> nearest;
   for (const double u : roots) {
-    const std::optional<PatchHit> hit = MeetRuling(seen, rounding, u, u_slack);
+    const std::optional<PatchHit> hit = IntersectRuling(seen, rounding, u, u_slack);
     if (!hit.has_value() || !(hit->t > 0 && hit->t < t_max)) continue;
     if (!nearest.has_value() || hit->t < nearest->t) nearest = hit;
   }
@@ -107,8 +107,8 @@ std::optional<PatchHit> MeetRulings(const BilinearPatch& patch, const Seen& seen
 
 // If an edge is collapsed to a point (the patch is a triangle), a ray to that point must hit, but
 // intersects all lines at once, or one without direction.
-std::optional<PatchHit> MeetCollapsedEdge(const BilinearPatch& patch, const Seen& seen, Vec3d o,
-                                          double t_max) {
+std::optional<PatchHit> IntersectCollapsedEdge(const BilinearPatch& patch, const Seen& seen,
+                                               Vec3d o, double t_max) {
   PatchHit hit;
   if (patch.p00 == patch.p10) {
     hit = {0, 0.5, 0};
@@ -151,8 +151,8 @@ bool BilinearPatch::IsFlat() const {
 
 std::optional<PatchHit> IntersectPatch(const BilinearPatch& patch, Vec3d o, Vec3d d, double t_max) {
   const Seen seen(patch, o, d);
-  const std::optional<PatchHit> hit = MeetRulings(patch, seen, o, t_max);
-  return hit.has_value() ? hit : MeetCollapsedEdge(patch, seen, o, t_max);
+  const std::optional<PatchHit> hit = IntersectRulings(patch, seen, o, t_max);
+  return hit.has_value() ? hit : IntersectCollapsedEdge(patch, seen, o, t_max);
 }
 
 std::array<Vec3f, 2> PatchBounds(const BilinearPatch& patch) {

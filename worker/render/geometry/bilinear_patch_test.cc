@@ -64,7 +64,7 @@ TEST(BilinearPatchTest, PointsAndDerivativesAgree) {
 }
 
 // A corner where two edges coincide has no normal; a point or a line has none anywhere.
-TEST(BilinearPatchTest, NormalsWithoutAreaNearby) {
+TEST(BilinearPatchTest, NormalsAtDegeneratePoints) {
   const BilinearPatch triangle{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 1, 0}};
   for (const double u : {0.0, 0.3, 1.0}) {
     const Vec3d n = triangle.NormalAt(u, 1);
@@ -77,7 +77,7 @@ TEST(BilinearPatchTest, NormalsWithoutAreaNearby) {
 }
 
 // Rays through known points of random patches: the hit is no farther, and on both ray and patch.
-TEST(BilinearPatchTest, RaysMeetThePointsTheyAreAimedAt) {
+TEST(BilinearPatchTest, RaysHitTheirTargets) {
   Random random;
   double worst = 0;
   for (int i = 0; i < 50000; ++i) {
@@ -91,8 +91,8 @@ TEST(BilinearPatchTest, RaysMeetThePointsTheyAreAimedAt) {
     ASSERT_TRUE(hit.has_value()) << i;
     // Nearly tangent rays may find a slightly different point.
     EXPECT_LE(hit->t, t_target * (1 + 1e-6)) << i;
-    const Vec3d met = patch.PointAt(hit->u, hit->v);
-    worst = std::max(worst, Length(met - (o + d * hit->t)) / far);
+    const Vec3d point = patch.PointAt(hit->u, hit->v);
+    worst = std::max(worst, Length(point - (o + d * hit->t)) / far);
     EXPECT_TRUE(hit->u >= 0 && hit->u <= 1 && hit->v >= 0 && hit->v <= 1);
     EXPECT_FALSE(IntersectPatch(patch, o, d, hit->t * (1 - 1e-9)).has_value());
   }
@@ -100,10 +100,10 @@ TEST(BilinearPatchTest, RaysMeetThePointsTheyAreAimedAt) {
 }
 
 // Against a tessellation into 64 x 64 pairs of triangles.
-TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
+TEST(BilinearPatchTest, PatchesMatchTheirTessellations) {
   constexpr int kCuts = 64;
   Random random;
-  int met = 0, missed = 0, twice = 0;
+  int hits = 0, missed = 0, twice = 0;
   for (int i = 0; i < 150; ++i) {
     const BilinearPatch patch = RandomPatch(&random);
     const auto at = [&](int a, int b) {
@@ -119,7 +119,7 @@ TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
           const Vec3d p[4] = {at(a, b), at(a + 1, b), at(a, b + 1), at(a + 1, b + 1)};
           for (const std::array<Vec3d, 3>& corners :
                {std::array{p[0], p[1], p[3]}, std::array{p[0], p[3], p[2]}}) {
-            const std::optional<TriangleHit> hit = MeetTriangle(o, d, corners);
+            const std::optional<TriangleHit> hit = IntersectTriangle(o, d, corners);
             if (!hit.has_value()) continue;
             const Vec3d n = Cross(corners[1] - corners[0], corners[2] - corners[0]);
             is_clear &= a > 0 && b > 0 && a + 1 < kCuts && b + 1 < kCuts &&
@@ -142,22 +142,22 @@ TEST(BilinearPatchTest, PatchesAreWhereTheirTessellationsAre) {
         }
         continue;
       }
-      ++met;
+      ++hits;
       twice += count > 1;
       ASSERT_TRUE(hit.has_value()) << i;
       // The sagitta over 1/64 of an edge of at most 3.5, at a cosine of at least 0.1.
       EXPECT_NEAR(hit->t, nearest, 0.01) << i;
     }
   }
-  EXPECT_GT(met, 60);
+  EXPECT_GT(hits, 60);
   EXPECT_GT(missed, 60);
   EXPECT_GT(twice, 3);
 }
 
 // Rays hit planar quads in their planes; convex ones exactly within their borders.
-TEST(BilinearPatchTest, FlatQuadsAreMetInTheirPlane) {
+TEST(BilinearPatchTest, FlatQuadsAreHitInTheirPlane) {
   Random random;
-  int met = 0, missed = 0;
+  int hits = 0, missed = 0;
   for (int i = 0; i < 20000; ++i) {
     // A trapezoid, which no pair of triangles parametrizes equally.
     const double top = random.Uniform(0.1, 0.9);
@@ -170,18 +170,18 @@ TEST(BilinearPatchTest, FlatQuadsAreMetInTheirPlane) {
     const double inside = std::min(1 - std::fabs(y), half - std::fabs(x));
     if (std::fabs(inside) < 1e-9) continue;
     ASSERT_EQ(hit.has_value(), inside > 0) << i;
-    (inside > 0 ? met : missed)++;
+    (inside > 0 ? hits : missed)++;
     if (!hit.has_value()) continue;
     EXPECT_NEAR(hit->t, 1, 1e-13);
     EXPECT_NEAR(hit->v, (y + 1) / 2, 1e-13);
     EXPECT_NEAR(hit->u, (x + half) / (2 * half), 1e-12);
   }
-  EXPECT_GT(met, 3000);
+  EXPECT_GT(hits, 3000);
   EXPECT_GT(missed, 3000);
 }
 
 // In the plane, behind, beyond, and along a ruling.
-TEST(BilinearPatchTest, RaysThatMissMiss) {
+TEST(BilinearPatchTest, MissingRaysMiss) {
   const BilinearPatch flat{{-1, -1, 0}, {1, -1, 0}, {-0.5, 1, 0}, {0.5, 1, 0}};
   EXPECT_FALSE(IntersectPatch(flat, {-3, 0.25, 0}, {1, 0, 0}, HUGE_VAL).has_value());
   EXPECT_FALSE(IntersectPatch(flat, {0, 0, 1}, {0, 0, 1}, HUGE_VAL).has_value());
@@ -199,7 +199,7 @@ TEST(BilinearPatchTest, RaysThatMissMiss) {
 
 // A ray aimed, in double, at any point of an edge or corner hits the patch from any distance. No
 // ray passes between patches that share an edge.
-TEST(BilinearPatchTest, G3EdgesAndCornersAreMet) {
+TEST(BilinearPatchTest, G3EdgesAndCornersAreHit) {
   Random random;
   int missed_edges = 0, missed_corners = 0;
   for (int i = 0; i < 100000; ++i) {

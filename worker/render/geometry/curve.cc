@@ -127,7 +127,7 @@ class CurveTracer {
     return result;
   }
 
-  bool MayMeet(const Bezier& c, double u0, double u1) const {
+  bool MayIntersect(const Bezier& c, double u0, double u1) const {
     const double reach = 0.5 * std::max(segment_.WidthAt(u0), segment_.WidthAt(u1));
     Vec3d lower = c[0], upper = c[0];
     for (size_t i = 1; i < 4; ++i) {
@@ -141,15 +141,15 @@ class CurveTracer {
   }
 
   void Visit(const Bezier& c, double u0, double u1, int halvings) {
-    if (!MayMeet(c, u0, u1)) return;
-    if (halvings == 0) return MeetStraight(c, u0, u1);
+    if (!MayIntersect(c, u0, u1)) return;
+    if (halvings == 0) return IntersectStraight(c, u0, u1);
     const std::array<Bezier, 2> halves = Halve(c);
     const double middle = 0.5 * (u0 + u1);
     Visit(halves[0], u0, middle, halvings - 1);
     Visit(halves[1], middle, u1, halvings - 1);
   }
 
-  void MeetStraight(const Bezier& c, double u0, double u1) {
+  void IntersectStraight(const Bezier& c, double u0, double u1) {
     // Cuts perpendicular to the curve at both ends, which neighbors share.
     const Vec3d begin = LeavingDirection(c[0], c[1], c[2], c[3]);
     const Vec3d end = LeavingDirection(c[3], c[2], c[1], c[0]);

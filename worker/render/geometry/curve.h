@@ -54,7 +54,7 @@ struct CurveRod {
 };
 CurveRod RodAbout(const CurveSegment& segment, const CurvePiece& piece, const Affine& transform);
 // Returns false if the line o + t d cannot hit the piece in the rod.
-inline bool MayMeet(const CurveRod& rod, Vec3d o, Vec3d d);
+inline bool MayIntersect(const CurveRod& rod, Vec3d o, Vec3d d);
 
 struct CurveHit {
   double t = 0;         // In lengths of d: of the ray's point closest to the center line.
@@ -81,7 +81,7 @@ std::array<Vec3f, 2> CurveBounds(const CurveSegment& segment, const CurvePiece& 
 void SplitCurve(const CurveSegment& segment, uint32_t index, const Affine& transform,
                 std::vector<CurvePiece>* pieces);
 
-inline bool MayMeet(const CurveRod& rod, Vec3d o, Vec3d d) {
+inline bool MayIntersect(const CurveRod& rod, Vec3d o, Vec3d d) {
   const auto sum = [](Vec3d v) { return std::fabs(v.x) + std::fabs(v.y) + std::fabs(v.z); };
   const Vec3d begin = ToDouble(rod.begin);
   const Vec3d e = ToDouble(rod.end) - begin, w = begin - o, n = Cross(d, e);

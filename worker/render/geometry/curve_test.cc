@@ -45,7 +45,7 @@ CurveSegment RandomSegment(Random* random, double width) {
   segment.widths = {width, width * random->Uniform(0.2, 1)};
   return segment;
 }
-std::optional<CurveHit> Meet(const CurveSegment& segment, Vec3d o, Vec3d d) {
+std::optional<CurveHit> Intersect(const CurveSegment& segment, Vec3d o, Vec3d d) {
   return IntersectCurve(segment, kWhole, o, d, kInfinite);
 }
 
@@ -68,30 +68,30 @@ double SampledGap(const CurveSegment& segment, Vec3d o, Vec3d d, double* t) {
   return gap_min;
 }
 
-TEST(CurveTest, StraightOnesAreStrips) {
+TEST(CurveTest, StraightCurvesAreStrips) {
   const CurveSegment strip = Straight(3, 0.4, 0.2);
   Random random;
-  int met = 0;
+  int hits = 0;
   constexpr int kRays = 20000;
   for (int i = 0; i < kRays; ++i) {
     const double x = random.Uniform(-0.5, 3.5), y = random.Uniform(-0.3, 0.3);
     const bool expected = x > 0 && x < 3 && std::fabs(y) < 0.5 * (0.4 - 0.2 * x / 3);
-    const std::optional<CurveHit> hit = Meet(strip, {x, y, 5}, {0, 0, -2});
+    const std::optional<CurveHit> hit = Intersect(strip, {x, y, 5}, {0, 0, -2});
     ASSERT_EQ(hit.has_value(), expected) << x << " " << y;
     if (!hit.has_value()) continue;
-    ++met;
+    ++hits;
     EXPECT_NEAR(hit->t, 2.5, 1e-14);
     EXPECT_NEAR(hit->u, x / 3, 1e-14);
     // Cross(d, dpdu) is -y here.
     EXPECT_NEAR(hit->v, 0.5 - y / (0.4 - 0.2 * x / 3), 1e-12);
   }
-  EXPECT_NEAR(met, kRays * (3 * 0.3) / (4 * 0.6), 5 * std::sqrt(kRays * 0.25));
+  EXPECT_NEAR(hits, kRays * (3 * 0.3) / (4 * 0.6), 5 * std::sqrt(kRays * 0.25));
 }
 
 // Rays of any direction against dense samples of the definition.
-TEST(CurveTest, BentOnesAreMetWhereTheyAre) {
+TEST(CurveTest, BentCurvesAreHitAccurately) {
   Random random;
-  int met = 0, judged = 0;
+  int hits = 0, judged = 0;
   for (int i = 0; i < 300; ++i) {
     const CurveSegment segment = RandomSegment(&random, i % 3 == 0 ? 0.2 : 0.02);
     const double u = random.Uniform(0.02, 0.98);
@@ -99,13 +99,13 @@ TEST(CurveTest, BentOnesAreMetWhereTheyAre) {
     const Vec3d o = random.InBox(4), d = aim - o;
     double t = 0;
     const double gap = SampledGap(segment, o, d, &t);
-    const std::optional<CurveHit> hit = Meet(segment, o, d);
+    const std::optional<CurveHit> hit = Intersect(segment, o, d);
     // Skip rays that only graze.
     if (std::fabs(gap) < 0.02 * segment.widths[1]) continue;
     ++judged;
     ASSERT_EQ(hit.has_value(), gap < 0) << i;
     if (!hit.has_value()) continue;
-    ++met;
+    ++hits;
     EXPECT_NEAR(hit->t, t, 1e-4) << i;
     const CurvePoint point = CurvePointAt(segment, hit->u, hit->v, d);
     EXPECT_NEAR(Length(point.p - (o + d * hit->t)), 0, 1e-6) << i;
@@ -114,16 +114,16 @@ TEST(CurveTest, BentOnesAreMetWhereTheyAre) {
     EXPECT_NEAR(Length(point.n), 1, 1e-12);
   }
   EXPECT_GT(judged, 150);
-  EXPECT_GT(met, 80);
+  EXPECT_GT(hits, 80);
 }
 
-TEST(CurveTest, PiecesMakeTheWhole) {
+TEST(CurveTest, PiecesCoverTheWholeCurve) {
   Random random;
   for (int i = 0; i < 2000; ++i) {
     const CurveSegment segment = RandomSegment(&random, 0.05);
     const Vec3d o = random.InBox(3);
     const Vec3d d = segment.PointAt(random.Uniform(0, 1)) - o;
-    const std::optional<CurveHit> whole = Meet(segment, o, d);
+    const std::optional<CurveHit> whole = Intersect(segment, o, d);
     double nearest = kInfinite;
     for (uint16_t k = 0; k < kCurvePiecesMax; ++k) {
       const std::optional<CurveHit> part =
@@ -136,7 +136,7 @@ TEST(CurveTest, PiecesMakeTheWhole) {
 }
 
 // A ray aimed at a curve of any thinness hits it; one aimed beside it misses.
-TEST(CurveTest, G10ThinOnesAreMet) {
+TEST(CurveTest, G10ThinCurvesAreHit) {
   Random random;
   for (const double width : {1e-2, 1e-4, 1e-6, 1e-8, 1e-10}) {
     SCOPED_TRACE(width);
@@ -145,36 +145,37 @@ TEST(CurveTest, G10ThinOnesAreMet) {
       const double u = random.Uniform(0, 1);
       const Vec3d o = random.InBox(3), aim = segment.PointAt(u);
       const Vec3d side = Normalize(Cross(aim - o, segment.TangentAt(u)));
-      EXPECT_TRUE(Meet(segment, o, aim - o).has_value()) << i;
-      EXPECT_TRUE(Meet(segment, o, aim + side * (0.49 * segment.WidthAt(u)) - o).has_value()) << i;
+      EXPECT_TRUE(Intersect(segment, o, aim - o).has_value()) << i;
+      EXPECT_TRUE(Intersect(segment, o, aim + side * (0.49 * segment.WidthAt(u)) - o).has_value())
+          << i;
       // Thick curves may bend back there, as may curves seen end on; any curve may pass again.
       const Vec3d along = Normalize(segment.TangentAt(u));
       if (width > 1e-3 || Length(Cross(along, Normalize(aim - o))) < 0.1) continue;
       const std::optional<CurveHit> beside =
-          Meet(segment, o, aim + side * (0.51 * segment.WidthAt(u)) - o);
+          Intersect(segment, o, aim + side * (0.51 * segment.WidthAt(u)) - o);
       EXPECT_TRUE(!beside.has_value() || std::fabs(beside->u - u) > 0.01) << i;
     }
   }
 }
 
-TEST(CurveTest, G10NoLengthOrNoWidthIsNotMet) {
+TEST(CurveTest, G10DegenerateCurvesAreNotHit) {
   CurveSegment point = Straight(0, 1, 1);
-  EXPECT_FALSE(Meet(point, {0, 0, 5}, {0, 0, -1}).has_value());
-  EXPECT_FALSE(Meet(Straight(1, 0, 0), {0.5, 0, 5}, {0, 0, -1}).has_value());
+  EXPECT_FALSE(Intersect(point, {0, 0, 5}, {0, 0, -1}).has_value());
+  EXPECT_FALSE(Intersect(Straight(1, 0, 0), {0.5, 0, 5}, {0, 0, -1}).has_value());
   // A ray along the curve misses it, too; a tip of zero width is hit up to its end.
-  EXPECT_FALSE(Meet(Straight(1, 0.1, 0.1), {-1, 0, 0}, {1, 0, 0}).has_value());
-  EXPECT_TRUE(Meet(Straight(1, 0.1, 0), {0.999, 0, 5}, {0, 0, -1}).has_value());
+  EXPECT_FALSE(Intersect(Straight(1, 0.1, 0.1), {-1, 0, 0}, {1, 0, 0}).has_value());
+  EXPECT_TRUE(Intersect(Straight(1, 0.1, 0), {0.999, 0, 5}, {0, 0, -1}).has_value());
 }
 
 // Coincident control points at the ends still give square cuts.
-TEST(CurveTest, ClampedEndsAreCutSquare) {
+TEST(CurveTest, ClampedEndsAreSquare) {
   CurveSegment segment = Straight(1, 0.5, 0.5);
   segment.points[1] = segment.points[0];
   segment.points[2] = segment.points[3];
-  EXPECT_TRUE(Meet(segment, {0.001, 0.1, 1}, {0, 0, -1}).has_value());
-  EXPECT_FALSE(Meet(segment, {-0.001, 0.1, 1}, {0, 0, -1}).has_value());
-  EXPECT_TRUE(Meet(segment, {0.999, 0.1, 1}, {0, 0, -1}).has_value());
-  EXPECT_FALSE(Meet(segment, {1.001, 0.1, 1}, {0, 0, -1}).has_value());
+  EXPECT_TRUE(Intersect(segment, {0.001, 0.1, 1}, {0, 0, -1}).has_value());
+  EXPECT_FALSE(Intersect(segment, {-0.001, 0.1, 1}, {0, 0, -1}).has_value());
+  EXPECT_TRUE(Intersect(segment, {0.999, 0.1, 1}, {0, 0, -1}).has_value());
+  EXPECT_FALSE(Intersect(segment, {1.001, 0.1, 1}, {0, 0, -1}).has_value());
   const CurvePoint point = CurvePointAt(segment, 0, 0.5, {0, 0, -1});
   EXPECT_GT(point.dpdu.x, 0);
   EXPECT_EQ(CurvePointAt(segment, 1, 0.5, {0, 0, -1}).dpdu.x > 0, true);
@@ -185,14 +186,14 @@ TEST(CurveTest, G2PowersOfTwoChangeNoBit) {
   for (int i = 0; i < 500; ++i) {
     CurveSegment segment = RandomSegment(&random, 0.1);
     const Vec3d o = random.InBox(3), d = segment.PointAt(0.4) - o;
-    const std::optional<CurveHit> hit = Meet(segment, o, d);
+    const std::optional<CurveHit> hit = Intersect(segment, o, d);
     ASSERT_TRUE(hit.has_value());
     for (const int exponent : {-20, -7, 20}) {
       const double scale = std::ldexp(1.0, exponent);
       CurveSegment scaled = segment;
       for (Vec3d& p : scaled.points) p *= scale;
       for (double& width : scaled.widths) width *= scale;
-      const std::optional<CurveHit> same = Meet(scaled, o * scale, d);
+      const std::optional<CurveHit> same = Intersect(scaled, o * scale, d);
       ASSERT_TRUE(same.has_value());
       EXPECT_EQ(same->t, hit->t * scale);
       EXPECT_EQ(same->u, hit->u);
@@ -209,7 +210,7 @@ TEST(CurveTest, RibbonsFaceAlongTheirNormals) {
     double low = 0, high = 1;
     for (int i = 0; i < 50; ++i) {
       const double y = 0.5 * (low + high);
-      (Meet(ribbon, {x, y, 3}, {0, 0, -1}).has_value() ? low : high) = y;
+      (Intersect(ribbon, {x, y, 3}, {0, 0, -1}).has_value() ? low : high) = y;
     }
     return low;
   };
@@ -224,11 +225,11 @@ TEST(CurveTest, RibbonsFaceAlongTheirNormals) {
 }
 
 // Normals of a round thread point outwards at the sides and towards the ray in the middle.
-TEST(CurveTest, CylindersTurnTheirNormalsToTheSides) {
+TEST(CurveTest, CylinderNormalsTurnToTheSides) {
   const CurveSegment thread = Straight(2, 1, 1, CurveSet::Kind::kCylinder);
   const Vec3d d{0, 0, -1};
   for (const double y : {-0.49, -0.2, 0.0, 0.3, 0.49}) {
-    const std::optional<CurveHit> hit = Meet(thread, {1, y, 5}, d);
+    const std::optional<CurveHit> hit = Intersect(thread, {1, y, 5}, d);
     ASSERT_TRUE(hit.has_value());
     const CurvePoint point = CurvePointAt(thread, hit->u, hit->v, d);
     EXPECT_NEAR(point.n.y, std::sin(std::numbers::pi * y), 1e-12);
@@ -238,7 +239,7 @@ TEST(CurveTest, CylindersTurnTheirNormalsToTheSides) {
   }
 }
 
-TEST(CurveTest, BoundsHoldThePieces) {
+TEST(CurveTest, BoundsContainThePieces) {
   Random random;
   for (int i = 0; i < 300; ++i) {
     const CurveSegment segment = RandomSegment(&random, 0.3);
@@ -310,9 +311,9 @@ TEST(CurveTest, OnlySlantedCurvesAreSplit) {
 
 // A ray that hits a piece also hits its rod, under any transform; for thin hair, rods reject most
 // of the rays that hit boxes.
-TEST(CurveTest, RodsHoldEveryMeeting) {
+TEST(CurveTest, RodsContainEveryHit) {
   Random random;
-  int met = 0, passed_by = 0, told = 0;
+  int hits = 0, passed_by = 0, rejected = 0;
   for (int i = 0; i < 2000; ++i) {
     const bool is_hair = i % 2 == 0;
     CurveSegment segment = RandomSegment(&random, is_hair ? 1e-3 : random.Uniform(0.01, 0.5));
@@ -344,18 +345,18 @@ TEST(CurveTest, RodsHoldEveryMeeting) {
       }
       // Rays have float precision.
       const Vec3d from = ToDouble(ToFloat(o)), d = ToDouble(ToFloat(target - o));
-      const bool may = MayMeet(rod, from, d);
+      const bool may = MayIntersect(rod, from, d);
       if (IntersectCurve(segment, piece, back.Point(from), back.Vector(d), kInfinite)) {
-        ++met;
+        ++hits;
         ASSERT_TRUE(may);
       } else if (is_hair && k % 2 == 1) {
         ++passed_by;
-        told += !may;
+        rejected += !may;
       }
     }
   }
-  EXPECT_GT(met, 20000);
-  EXPECT_GT(told, 0.95 * passed_by);
+  EXPECT_GT(hits, 20000);
+  EXPECT_GT(rejected, 0.95 * passed_by);
 }
 
 }  // namespace

@@ -69,8 +69,8 @@ std::array<double, 3> CornerWeights(Vec3d o, Vec3d d, const std::array<Vec3d, 3>
   return weights;
 }
 
-std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
-                                        double corner_error) {
+std::optional<TriangleHit> IntersectTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
+                                             double corner_error) {
   const Vec3d a = corners[0] - o, b = corners[1] - o, c = corners[2] - o;
   const Vec3d ab = corners[1] - corners[0], bc = corners[2] - corners[1],
               ca = corners[0] - corners[2];

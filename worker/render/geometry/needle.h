@@ -36,7 +36,7 @@ std::array<double, 3> CornerWeights(Vec3d o, Vec3d d, const std::array<Vec3d, 3>
 // rounding hit the edge: the tracer assigns a ray on a shared edge to one of the neighbors, which
 // must keep it, or there is a hole. t is that of the point at u and v. corner_error: bound of the
 // distance between the tracer's corners and these.
-std::optional<TriangleHit> MeetTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
-                                        double corner_error = 0);
+std::optional<TriangleHit> IntersectTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
+                                             double corner_error = 0);
 
 }  // namespace sheaf::render

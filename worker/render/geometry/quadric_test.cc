@@ -56,9 +56,9 @@ Roots SphereRoots(double radius, Vec3d o, Vec3d d) {
   return {below / (r * r * a), (-b - root) / a, (-b + root) / a};
 }
 
-TEST(QuadricTest, SpheresAreMetWhereLongDoubleMeetsThem) {
+TEST(QuadricTest, SphereHitsMatchLongDouble) {
   Random random;
-  int met = 0, missed = 0;
+  int hits = 0, missed = 0;
   for (int i = 0; i < 20000; ++i) {
     SphereShape shape;
     shape.radius = static_cast<float>(std::pow(10.0, random.Uniform(-3, 3)));
@@ -72,13 +72,13 @@ TEST(QuadricTest, SpheresAreMetWhereLongDoubleMeetsThem) {
     const Roots roots = SphereRoots(sphere.radius, o, d);
     if (std::fabs(roots.discriminant) < 1e-6L) continue;  // Grazing rays may hit or miss.
     const std::optional<double> t = IntersectQuadric(sphere, o, d, HUGE_VAL);
-    const bool should_meet = roots.discriminant > 0 && roots.t1 > 0;
-    ASSERT_EQ(t.has_value(), should_meet) << i;
-    if (!should_meet) {
+    const bool should_hit = roots.discriminant > 0 && roots.t1 > 0;
+    ASSERT_EQ(t.has_value(), should_hit) << i;
+    if (!should_hit) {
       ++missed;
       continue;
     }
-    ++met;
+    ++hits;
     const auto expected = static_cast<double>(roots.t0 > 0 ? roots.t0 : roots.t1);
     // Position error divided by the half chord's slope; positions are known to ulps of |o|.
     const double allowed = 1e-14 * (Length(o) + sphere.radius) / Length(d) /
@@ -87,12 +87,12 @@ TEST(QuadricTest, SpheresAreMetWhereLongDoubleMeetsThem) {
     EXPECT_FALSE(
         IntersectQuadric(sphere, o, d, std::min(*t, expected) * (1 - 1e-9) - allowed).has_value());
   }
-  EXPECT_GT(met, 5000);
+  EXPECT_GT(hits, 5000);
   EXPECT_GT(missed, 2000);
 }
 
 // A sphere cut in z and phi, and a ring: rays hit exactly the points that remain.
-TEST(QuadricTest, PartsAreMetWhereTheyAre) {
+TEST(QuadricTest, PartialQuadricsAreHitCorrectly) {
   SphereShape cut;
   cut.radius = 2;
   cut.z_min = 1.5f;  // In reverse order.
@@ -109,7 +109,7 @@ TEST(QuadricTest, PartsAreMetWhereTheyAre) {
   Place(SomeTransform(), &disk);
   EXPECT_TRUE(sphere.is_partial && disk.is_partial);
   Random random;
-  int met = 0;
+  int hits = 0;
   for (int i = 0; i < 20000; ++i) {
     const Vec3d o = random.InBox(3), d = random.InBox(1);
     const Affine& m = sphere.target_from_object;
@@ -124,7 +124,7 @@ TEST(QuadricTest, PartsAreMetWhereTheyAre) {
       const std::optional<double> t = IntersectQuadric(q, m.Point(o), m.Vector(d), HUGE_VAL);
       for (const double root : roots) {
         if (!(root > 0) || !keeps(q, o + d * root)) continue;
-        ++met;
+        ++hits;
         ASSERT_TRUE(t.has_value()) << i;
         EXPECT_NEAR(*t, root, 1e-11 * (1 + root)) << i;
         return;
@@ -141,7 +141,7 @@ TEST(QuadricTest, PartsAreMetWhereTheyAre) {
     }
     if (std::fabs(d.z) > 1e-3) expect(disk, {(0.5 - o.z) / d.z});
   }
-  EXPECT_GT(met, 2500);
+  EXPECT_GT(hits, 2500);
 }
 
 // Points lie on the quadric, inside its bounds; their parameters reproduce them, and tangents match
@@ -192,9 +192,9 @@ Quadric SomeCylinder() {
 }
 
 // Against roots with a 64-bit mantissa, from inside and outside, whole and cut.
-TEST(QuadricTest, CylindersAreMetWhereLongDoubleMeetsThem) {
+TEST(QuadricTest, CylinderHitsMatchLongDouble) {
   Random random;
-  int met = 0, missed = 0;
+  int hits = 0, missed = 0;
   for (int i = 0; i < 20000; ++i) {
     Quadric cylinder = MakeQuadric(CylinderShape{1.5f, -1, 1.25f, i % 2 == 0 ? 360.0f : 200.0f});
     Place(SomeTransform(), &cylinder);
@@ -222,19 +222,19 @@ TEST(QuadricTest, CylindersAreMetWhereLongDoubleMeetsThem) {
       ++missed;
       continue;
     }
-    ++met;
+    ++hits;
     const double allowed = 1e-13 * (Length(o) + 2) / Length(Vec3d{d.x, d.y, 0}) /
                            std::sqrt(static_cast<double>(roots.discriminant));
     EXPECT_NEAR(*t, expected, allowed) << i;
     EXPECT_FALSE(
         IntersectQuadric(cylinder, m.Point(o), m.Vector(d), expected * (1 - 1e-6)).has_value());
   }
-  EXPECT_GT(met, 5000);
+  EXPECT_GT(hits, 5000);
   EXPECT_GT(missed, 2000);
 }
 
 // Rays along the axis pass through the opening, or miss.
-TEST(QuadricTest, RaysAlongACylindersAxisMeetNothing) {
+TEST(QuadricTest, RaysAlongACylinderAxisMiss) {
   const Quadric cylinder = MakeQuadric(CylinderShape{});
   for (const double x : {0.0, 0.5, 1.0, 2.0}) {
     EXPECT_FALSE(IntersectQuadric(cylinder, {x, 0, -5}, {0, 0, 1}, HUGE_VAL).has_value()) << x;
@@ -291,7 +291,7 @@ TEST(QuadricTest, CylinderPointsBoundsAndParametersAgree) {
 }
 
 // If the transform cancels a large z of an end, the points keep its rounding error.
-TEST(QuadricTest, CoordinateMaxHoldsTheWayToThePoints) {
+TEST(QuadricTest, CoordinateMaxBoundsTheHitPoints) {
   Quadric cylinder = MakeQuadric(CylinderShape{1, 1e6f, 1e6f + 1, 360});
   Affine back;
   back.offset = {0, 0, -1e6};

@@ -32,12 +32,12 @@ struct Surface {
   bool has_alpha = false;
   bool may_pass = false;  // The material is an interface, or a mix (which may resolve to one).
   bool is_sphere = false;
-  bool needs_tangent = false;    // The BSDF depends on the tangent.
-  bool reads_textures = false;   // The material, the cut-out or the emission uses a texture.
-  bool has_normal_map = false;   // Or a bump map.
-  uint16_t rank = kNoRank;       // The interior's rank, if it has a priority: InteriorTable.
-  bool encloses_matter = false;  // A boundary of a subsurface medium.
-  bool paints_matter = false;    // A texture scales the scattering of that medium here.
+  bool needs_tangent = false;           // The BSDF depends on the tangent.
+  bool reads_textures = false;          // The material, the cut-out or the emission uses a texture.
+  bool has_normal_map = false;          // Or a bump map.
+  uint16_t rank = kNoRank;              // The interior's rank, if it has a priority: InteriorTable.
+  bool encloses_subsurface = false;     // A boundary of a subsurface medium.
+  bool has_subsurface_texture = false;  // A texture scales the scattering of that medium here.
   MediumBoundary media;
   // A triangle with an emission image has emission_cells^2 emitters: emission_cells.h.
   uint16_t emission_cells = 1;

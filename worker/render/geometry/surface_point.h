@@ -64,8 +64,8 @@ inline Vec3d ShadingNormalOf(Vec3d ns, Vec3d ng) {
   if (!(height > 0)) return ng;
   const double least_squared = kShadingCosineMin * kShadingCosineMin * LengthSquared(ns);
   if (height * height >= least_squared) return ns;
-  const double share = height / std::sqrt(least_squared);
-  return ns * (share * kShadingCosineMin / std::sqrt(least_squared)) + ng * (1 - share);
+  const double fraction = height / std::sqrt(least_squared);
+  return ns * (fraction * kShadingCosineMin / std::sqrt(least_squared)) + ng * (1 - fraction);
 }
 
 inline Vec3f MaxAbs(Vec3f a, Vec3f b, Vec3f c) {
@@ -287,7 +287,7 @@ namespace internal {
 // Relative to the mesh's first emitter.
 template <uint32_t kTraits>
 uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
-  if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
+  if constexpr (Has(kTraits, Trait::kTexturedEmission)) {
     const uint32_t cells = surface.emission_cells;
     return hit.id.primitive * cells * cells +
            CellAt(cells, static_cast<double>(hit.u), static_cast<double>(hit.v));

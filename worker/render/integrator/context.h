@@ -46,7 +46,7 @@ void AddInfiniteLight(const Context<C>& c, Vec3f p, Vec3f d, const typename C::C
 template <typename C>
 void AddVolumeEmission(const Context<C>& c, const typename C::Color& radiance, PathState<C>* path) {
   path->radiance += radiance;
-  if constexpr (C::kOutputs) c.groups.AddGlow(c.scene.media_group, radiance);
+  if constexpr (C::kOutputs) c.groups.AddMediumEmission(c.scene.media_group, radiance);
 }
 
 // Refraction leads each wavelength elsewhere: the path continues with the primary one, which takes
@@ -64,7 +64,7 @@ template <typename C>
 bool CountVertex(const Context<C>& c, bool in_subsurface, PathState<C>* path) {
   if constexpr (C::kSubsurface) {
     path->subsurface.vertex = NextVertexIndex(*path);
-    if (path->media.mix.is_matter && ++path->subsurface.steps > kMatterStepsMax) {
+    if (path->media.properties.is_subsurface && ++path->subsurface.steps > kSubsurfaceStepsMax) {
       ++c.counts.long_walks;
       return false;
     }

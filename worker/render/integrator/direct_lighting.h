@@ -57,7 +57,7 @@ template <typename C>
 void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
   if constexpr (C::Has(Trait::kEnvironment)) {
     if (path->specular) {
-      AddInfiniteLight(c, path->from, path->ray.d, path->throughput, path->history.KindMet(),
+      AddInfiniteLight(c, path->from, path->ray.d, path->throughput, path->history.KindAtHit(),
                        path->throughput * c.scene.lights->template EnvironmentRadiance<C::kTraits>(
                                               path->from, path->ray.d, path->wavelengths),
                        path);
@@ -67,8 +67,8 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
         c.scene.lights->template EvalEnvironment<C::kTraits>(path->from, path->from_n, path->ray.d,
                                                              path->wavelengths, path->sky_place);
     const float weight = MisWeight<C>(Technique::kScattering, path->pdf, value.pdf);
-    AddInfiniteLight(c, path->from, path->ray.d, path->throughput * weight, path->history.KindMet(),
-                     path->throughput * value.radiance * weight, path);
+    AddInfiniteLight(c, path->from, path->ray.d, path->throughput * weight,
+                     path->history.KindAtHit(), path->throughput * value.radiance * weight, path);
   }
 }
 
@@ -91,7 +91,8 @@ void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* 
         return MisWeight<C>(Technique::kScattering, path->pdf, light_pdf);
       }();
     }
-    AddLight(c, point.emitter, path->history.KindMet(), path->throughput * radiance * weight, path);
+    AddLight(c, point.emitter, path->history.KindAtHit(), path->throughput * radiance * weight,
+             path);
   }
 }
 

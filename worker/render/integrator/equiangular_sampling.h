@@ -32,11 +32,12 @@
 namespace sheaf::render {
 
 template <typename C>
-using LineOf = MediumLine<typename C::Color>;
+using LineOf = EquiangularSegment<typename C::Color>;
 
 template <typename C>
-bool UsesLineSampling(const MediumMix<typename C::Color>& mix) {
-  return (mix.scatters || (C::kHeterogeneousLines && mix.gathers)) && !mix.is_matter;
+bool UsesLineSampling(const MediumProperties<typename C::Color>& properties) {
+  return (properties.scatters || (C::kHeterogeneousLines && properties.gathers)) &&
+         !properties.is_subsurface;
 }
 
 // The line of the path's ray, up to `length`.
@@ -48,26 +49,26 @@ LineOf<C> MakeLine(const Context<C>& c, const PathState<C>& path, double length)
   line.d = Normalize(ToDouble(path.ray.d));
   line.length = length;
   line.carried = path.throughput;
-  const MediumMix<Color>& mix = path.media.mix;
+  const MediumProperties<Color>& properties = path.media.properties;
   double sigma_t = 0;
   for (size_t i = 0; i < kComponentCount<Color>; ++i) {
-    sigma_t += static_cast<double>(mix.sigma_t[i]) / kComponentCount<Color>;
+    sigma_t += static_cast<double>(properties.sigma_t[i]) / kComponentCount<Color>;
   }
   if constexpr (C::kHeterogeneousLines) {
-    if (mix.gathers) {
-      const auto part = c.scene.media->PartOfLine(path.media.set, line.o, line.d, length);
+    if (properties.gathers) {
+      const auto part = c.scene.media->EquiangularSpanOf(path.media.set, line.o, line.d, length);
       sigma_t += part.extinction;
-      if (!mix.scatters) {
+      if (!properties.scatters) {
         line.begin = part.begin;
         line.length = part.end;
         line.extinction = c.scene.media->gathers_always() ? 0 : part.extinction;
       }
       const double middle = line.begin + 0.5 * std::min(line.length - line.begin, 2 / sigma_t);
-      line.where_chosen = ToFloat(line.o + middle * line.d);
+      line.choice_point = ToFloat(line.o + middle * line.d);
       return line;
     }
   }
-  line.where_chosen = ToFloat(line.o + (0.5 * std::min(length, 2 / sigma_t)) * line.d);
+  line.choice_point = ToFloat(line.o + (0.5 * std::min(length, 2 / sigma_t)) * line.d);
   return line;
 }
 
@@ -78,8 +79,8 @@ std::optional<EquiangularDistances> DistancesOn(const Context<C>& c, const LineO
   const LightBounds bounds = c.scene.lights->BoundsOf(light);
   if constexpr (C::kHeterogeneousLines) {
     if (line.extinction > 0 && bounds.kind != LightBounds::Kind::kInfinite &&
-        !(SpreadOfFlights(bounds, line.o, line.d, line.begin, line.length, line.extinction) >=
-          kSpreadGathered)) {
+        !(DistanceSamplingSpread(bounds, line.o, line.d, line.begin, line.length,
+                                 line.extinction) >= kSpreadGathered)) {
       return std::nullopt;
     }
     return DistancesTo(bounds, line.o, line.d, line.begin, line.length);
@@ -93,34 +94,36 @@ template <typename C>
 void RecordLineScattering(const Context<C>& c, const LineOf<C>& line, double t,
                           [[maybe_unused]] MediumScatterer scatterer, PathState<C>* path) {
   using Color = typename C::Color;
-  const MediumMix<Color>& mix = path->media.mix;
+  const MediumProperties<Color>& properties = path->media.properties;
   LineOf<C>& kept = path->media.line;
   kept = line;
   kept.t = t;
   if constexpr (C::kHeterogeneousLines) {
     if (scatterer) {
       const MediumTable& media = *c.scene.media;
-      kept.has_scattered = UsesLineSampling<C>(mix) && media.Gathers(*scatterer);
+      kept.has_scattered = UsesLineSampling<C>(properties) && media.Gathers(*scatterer);
       if (!kept.has_scattered) return;
       const auto its = media.template CoefficientsAt<Color>(*scatterer, line.o + t * line.d,
                                                             TimeOfMedia<C::kTraits>(path->ray.time),
-                                                            path->wavelengths, mix.form);
+                                                            path->wavelengths, properties.form);
       kept.density = MeanExtinction<C::kChromaticMedia>(its.sigma_t, line.carried);
       return;
     }
   }
-  kept.has_scattered = !scatterer && UsesLineSampling<C>(mix);
-  kept.density = FlightDensity<C::kChromaticMedia>(mix, t, line.carried);
+  kept.has_scattered = !scatterer && UsesLineSampling<C>(properties);
+  kept.density = DistancePdf<C::kChromaticMedia>(properties, t, line.carried);
 }
 
 template <typename C>
-PhaseMix<typename C::Color> PhaseOnLine(const Context<C>& c, const LineOf<C>& line, double t,
-                                        const PathState<C>& path) {
+PhaseMixture<typename C::Color> PhaseOnLine(const Context<C>& c, const LineOf<C>& line, double t,
+                                            const PathState<C>& path) {
   using Color = typename C::Color;
-  const MediumMix<Color>& mix = path.media.mix;
-  const Color scattered = line.carried * TransmittanceOf<C::kChromaticMedia>(mix, t) * mix.sigma_s;
-  return c.scene.media->template PhaseOf<Color>(path.media.set, mix, scattered, path.wavelengths,
-                                                path.media.paint.OrNull());
+  const MediumProperties<Color>& properties = path.media.properties;
+  const Color scattered =
+      line.carried * TransmittanceOf<C::kChromaticMedia>(properties, t) * properties.sigma_s;
+  return c.scene.media->template PhaseOf<Color>(path.media.set, properties, scattered,
+                                                path.wavelengths,
+                                                path.media.subsurface_texture.OrNull());
 }
 
 // The density of Technique::kLine for p, at t, and a point of the light that light sampling from p
@@ -132,7 +135,7 @@ double LineTechniquePdf(const Context<C>& c, const LineOf<C>& line, uint32_t lig
   if (!distances) return 0;
   const float chosen_there = c.scene.lights->ChoiceProbability(light, p);
   if (!(chosen_there > 0)) return 0;
-  const float chosen_for_line = c.scene.lights->ChoiceProbability(light, line.where_chosen);
+  const float chosen_for_line = c.scene.lights->ChoiceProbability(light, line.choice_point);
   return static_cast<double>(light_pdf) / static_cast<double>(chosen_there) *
          static_cast<double>(chosen_for_line) * distances->Pdf(t);
 }
@@ -151,7 +154,7 @@ template <typename C>
 float LightSampleWeightOnLine(const Context<C>& c, const LineOf<C>& line,
                               const LightSampleOf<typename C::Color>& light, Vec3f p, float pdf) {
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return 1;
-  if constexpr (C::kDirectLight == DirectLight::kByMeeting) return light.is_delta ? 1 : 0;
+  if constexpr (C::kDirectLight == DirectLight::kByHitting) return light.is_delta ? 1 : 0;
   const double scattering_pdf = light.is_delta ? 0 : static_cast<double>(pdf);
   return static_cast<float>(MisWeight<C>(
       Technique::kLight, PdfsOnLine(c, line, light.light, p, light.pdf, scattering_pdf)));
@@ -161,7 +164,7 @@ template <typename C>
 float HitWeightOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t emitter, float light_pdf,
                       const PathState<C>& path) {
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return 0;
-  if constexpr (C::kDirectLight == DirectLight::kByMeeting) return 1;
+  if constexpr (C::kDirectLight == DirectLight::kByHitting) return 1;
   return static_cast<float>(MisWeight<C>(
       Technique::kScattering,
       PdfsOnLine(c, line, emitter, path.from, light_pdf, static_cast<double>(path.pdf))));
@@ -175,7 +178,7 @@ typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line,
                                      const LightSampleOf<typename C::Color>& light, double line_pdf,
                                      const PathState<C>& path, double* weight) {
   using Color = typename C::Color;
-  const MediumMix<Color>& mix = path.media.mix;
+  const MediumProperties<Color>& properties = path.media.properties;
   const Vec3f d = ToFloat(line.d);
   const auto weight_of = [&](double distance_density, float phase_pdf) -> double {
     const double scattering_pdf = light.is_delta ? 0 : static_cast<double>(phase_pdf);
@@ -184,13 +187,13 @@ typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line,
                                       scattering_pdf * distance_density, line_pdf});
   };
   Color sum;
-  if (!C::kHeterogeneousLines || mix.scatters) {
+  if (!C::kHeterogeneousLines || properties.scatters) {
     const auto phase = PhaseOnLine(c, line, t, path).Eval(d, light.wi);
-    sum = left * mix.sigma_s * phase.f;
-    *weight = weight_of(FlightDensity<C::kChromaticMedia>(mix, t, line.carried), phase.pdf);
+    sum = left * properties.sigma_s * phase.f;
+    *weight = weight_of(DistancePdf<C::kChromaticMedia>(properties, t, line.carried), phase.pdf);
   }
   if constexpr (C::kHeterogeneousLines) {
-    if (!mix.gathers) return sum;
+    if (!properties.gathers) return sum;
     sum *= static_cast<float>(*weight);
     *weight = 1;
     const MediumTable& media = *c.scene.media;
@@ -198,9 +201,10 @@ typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line,
       if (!media.Gathers(medium)) continue;
       const auto its = media.template CoefficientsAt<Color>(medium, line.o + t * line.d,
                                                             TimeOfMedia<C::kTraits>(path.ray.time),
-                                                            path.wavelengths, mix.form);
+                                                            path.wavelengths, properties.form);
       if (its.sigma_s.IsBlack()) continue;
-      const float phase = HenyeyGreenstein(media.PhaseAsymmetryOf(medium, mix.form), d, light.wi);
+      const float phase =
+          HenyeyGreenstein(media.PhaseAsymmetryOf(medium, properties.form), d, light.wi);
       const double its_weight =
           weight_of(MeanExtinction<C::kChromaticMedia>(its.sigma_t, line.carried), phase);
       sum += left * its.sigma_s * phase * static_cast<float>(its_weight);
@@ -215,9 +219,9 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
                     PathState<C>* path) {
   using Color = typename C::Color;
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return;
-  if constexpr (C::kDirectLight == DirectLight::kByMeeting) return;
+  if constexpr (C::kDirectLight == DirectLight::kByHitting) return;
   const CompiledScene& scene = c.scene;
-  const MediumMix<Color>& mix = path->media.mix;
+  const MediumProperties<Color>& properties = path->media.properties;
   if (scene.lights->empty() || path->depth >= static_cast<uint32_t>(scene.settings.max_depth)) {
     return;
   }
@@ -225,17 +229,18 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
     if (!(line.begin < line.length)) return;
   }
   const std::array<float, 4> u =
-      c.sampler.Get4(LineSlot(NextVertexIndex(*path), path->null_crossings));
+      c.sampler.Get4(EquiangularSlot(NextVertexIndex(*path), path->null_crossings));
   const std::optional<ChosenLight> for_line =
-      scene.lights->Choose(line.where_chosen, u[2], {u[0], u[1]});
+      scene.lights->Choose(line.choice_point, u[2], {u[0], u[1]});
   if (!for_line) return;
   const auto distances = DistancesOn(c, line, for_line->light);
   if (!distances) return;
   const double t = distances->Sample(static_cast<double>(u[3]));
   const double distance_pdf = distances->Pdf(t);
-  const Color left = line.carried * TransmittanceOf<C::kChromaticMedia>(mix, t);
-  bool is_dark = (left * mix.sigma_s).IsBlack();
-  if constexpr (C::kHeterogeneousLines) is_dark = is_dark && (!mix.gathers || left.IsBlack());
+  const Color left = line.carried * TransmittanceOf<C::kChromaticMedia>(properties, t);
+  bool is_dark = (left * properties.sigma_s).IsBlack();
+  if constexpr (C::kHeterogeneousLines)
+    is_dark = is_dark && (!properties.gathers || left.IsBlack());
   if (!(distance_pdf > 0) || is_dark) return;
   MediumState<C> media = path->media;
   SurfacePoint vertex;
@@ -253,9 +258,9 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   double weight = 1;
   const Color scattered = InScatteringOnLine(c, line, t, left, *light, line_pdf, *path, &weight);
   if (scattered.IsBlack()) return;
-  Color transmittance = Color::Grey(1);
+  Color transmittance = Color::Gray(1);
   if constexpr (C::kHeterogeneous) {
-    if (mix.varies) {
+    if (properties.is_heterogeneous) {
       transmittance = TransmittanceHeterogeneous(c, path->ray, {u[0], u[1]}, path->null_crossings,
                                                  t, *path, path->media);
       if (transmittance.IsBlack()) return;

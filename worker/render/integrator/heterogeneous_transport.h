@@ -21,18 +21,19 @@ using MediumScatterer = std::optional<uint16_t>;
 
 // A distance along the ray, up to `length`. u: the numbers of the medium's slot.
 template <typename C>
-Flight<typename C::Color> SampleDistanceHeterogeneous(const Context<C>& c, const Ray& ray,
-                                                      const std::array<float, 4>& u, double length,
-                                                      const PathState<C>& path,
-                                                      MediumScatterer* scatterer) {
+DistanceSample<typename C::Color> SampleDistanceHeterogeneous(const Context<C>& c, const Ray& ray,
+                                                              const std::array<float, 4>& u,
+                                                              double length,
+                                                              const PathState<C>& path,
+                                                              MediumScatterer* scatterer) {
   using Color = typename C::Color;
   const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
   const double unit = Length(d);
-  const MediumMix<Color>& mix = path.media.mix;
-  const FlightNumbers homogeneous = MakeFlightNumbers(u, path.null_crossings);
-  Flight<Color> flight =
-      SampleFlight<C::kChromaticMedia>(mix, length, homogeneous, path.throughput);
-  double end = flight.scatters ? flight.distance : length;
+  const MediumProperties<Color>& properties = path.media.properties;
+  const DistanceUniforms homogeneous = MakeDistanceUniforms(u, path.null_crossings);
+  DistanceSample<Color> distance_sample =
+      SampleDistance<C::kChromaticMedia>(properties, length, homogeneous, path.throughput);
+  double end = distance_sample.scatters ? distance_sample.distance : length;
   TrackingTally tally{.bound_factor = c.counts.majorant_factor};
   const auto stream = [&](uint32_t i) {
     return EventStream({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]),
@@ -43,16 +44,18 @@ Flight<typename C::Color> SampleDistanceHeterogeneous(const Context<C>& c, const
   const MediumTable::PartList parts = media.PartsOf(path.media.set);
   const auto track = [&](uint32_t i, const MediumTable::Coefficients<Color>& its) {
     EventStream events = stream(i);
-    return media.DensityOf(parts[i]).Fly(o, d, end / unit, its.sigma_t * static_cast<float>(unit),
-                                         path.throughput, &events, &tally, time);
+    return media.DensityOf(parts[i]).SampleCollision(o, d, end / unit,
+                                                     its.sigma_t * static_cast<float>(unit),
+                                                     path.throughput, &events, &tally, time);
   };
   // Weight of the medium with the first collision and of those after it, up to there.
-  Color weight = Color::Grey(1);
+  Color weight = Color::Gray(1);
   uint32_t nearest = parts.size();
   for (uint32_t i = 0; i < parts.size(); ++i) {
-    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths, mix.form);
+    const auto its =
+        media.template CoefficientsOf<Color>(parts[i], path.wavelengths, properties.form);
     if (its.sigma_s.IsBlack()) continue;  // Only absorbs: its weight follows once the end is known.
-    const TrackedFlight<Color> tracked = track(i, its);
+    const TrackedCollision<Color> tracked = track(i, its);
     if (tracked.collides) {
       end = tracked.t * unit;
       nearest = i;
@@ -63,24 +66,26 @@ Flight<typename C::Color> SampleDistanceHeterogeneous(const Context<C>& c, const
     weight *= tracked.weight;
   }
   if (nearest < parts.size()) {
-    flight = SampleFlight<C::kChromaticMedia>(mix, end, homogeneous, path.throughput);
-    flight.scatters = true;
-    flight.distance = end;
+    distance_sample =
+        SampleDistance<C::kChromaticMedia>(properties, end, homogeneous, path.throughput);
+    distance_sample.scatters = true;
+    distance_sample.distance = end;
     *scatterer = parts[nearest].medium;
   }
-  flight.weight *= weight;
+  distance_sample.weight *= weight;
   for (uint32_t i = 0; i < parts.size(); ++i) {
-    const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths, mix.form);
+    const auto its =
+        media.template CoefficientsOf<Color>(parts[i], path.wavelengths, properties.form);
     if (its.sigma_s.IsBlack()) {
       EventStream events = stream(i);
-      flight.weight *= media.DensityOf(parts[i]).Transmittance(
+      distance_sample.weight *= media.DensityOf(parts[i]).Transmittance(
           o, d, end / unit, its.sigma_t * static_cast<float>(unit), &events, &tally, time);
     } else if (nearest < parts.size() && i < nearest) {
-      flight.weight *= track(i, its).weight;
+      distance_sample.weight *= track(i, its).weight;
     }
   }
   c.counts.broken_majorants += tally.violation_count;
-  return flight;
+  return distance_sample;
 }
 
 // Transmittance of the heterogeneous media along the ray, up to `length`, on the crossing-th part
@@ -94,12 +99,12 @@ typename C::Color TransmittanceHeterogeneous(const Context<C>& c, const Ray& ray
   const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
   const double unit = Length(d);
   const auto time = TimeOfMedia<C::kTraits>(ray.time);
-  Color transmittance = Color::Grey(1);
+  Color transmittance = Color::Gray(1);
   TrackingTally tally{.bound_factor = c.counts.majorant_factor};
   const MediumTable::PartList parts = c.scene.media->PartsOf(media.set);
   for (uint32_t i = 0; i < parts.size() && !transmittance.IsBlack(); ++i) {
-    const auto its =
-        c.scene.media->template CoefficientsOf<Color>(parts[i], path.wavelengths, media.mix.form);
+    const auto its = c.scene.media->template CoefficientsOf<Color>(parts[i], path.wavelengths,
+                                                                   media.properties.form);
     // A key that no distance sample has: the bits of a third number below 1 are never all set.
     EventStream events({std::bit_cast<uint32_t>(u[0]), std::bit_cast<uint32_t>(u[1]), ~uint32_t{0},
                         (crossing << 8) | i});
@@ -120,7 +125,7 @@ typename C::Color EmissionHeterogeneous(const Context<C>& c, const Ray& ray,
   const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
   const double unit = Length(d);
   const auto time = TimeOfMedia<C::kTraits>(ray.time);
-  const MediumMix<Color>& mix = media.mix;
+  const MediumProperties<Color>& properties = media.properties;
   const MediumTable::PartList parts = c.scene.media->PartsOf(media.set);
   const uint32_t count = parts.size();
   TrackingTally tally{.bound_factor = c.counts.majorant_factor};
@@ -132,11 +137,11 @@ typename C::Color EmissionHeterogeneous(const Context<C>& c, const Ray& ray,
   };
   // Transmittance from t of the heterogeneous media other than the emitter.
   const auto transmittance_of_others = [&](double t, uint32_t emitter) {
-    Color transmittance = Color::Grey(1);
+    Color transmittance = Color::Gray(1);
     for (uint32_t j = 0; j < count; ++j) {
       if (j == emitter) continue;
-      const auto its =
-          c.scene.media->template CoefficientsOf<Color>(parts[j], path.wavelengths, mix.form);
+      const auto its = c.scene.media->template CoefficientsOf<Color>(parts[j], path.wavelengths,
+                                                                     properties.form);
       EventStream events = stream(emitter, j);
       transmittance *= c.scene.media->DensityOf(parts[j]).Transmittance(
           o, d, t, its.sigma_t * static_cast<float>(unit), &events, &tally, time);
@@ -145,16 +150,16 @@ typename C::Color EmissionHeterogeneous(const Context<C>& c, const Ray& ray,
   };
   Color sum;
   for (uint32_t i = 0; i < count; ++i) {
-    const MediumGlow* emission = c.scene.media->GlowOf(parts[i]);
+    const MediumEmission* emission = c.scene.media->MediumEmissionOf(parts[i]);
     if (emission == nullptr) continue;
     const auto its =
-        c.scene.media->template CoefficientsOf<Color>(parts[i], path.wavelengths, mix.form);
+        c.scene.media->template CoefficientsOf<Color>(parts[i], path.wavelengths, properties.form);
     EventStream events = stream(i, i);
     const auto source = [&](double t) {
       const Vec3d origin = c.scene.media->DensityOf(parts[i]).OriginOf(o + t * d, time);
       const Color emitted = emission->template At<Color>(origin, path.wavelengths) * its.sigma_a;
       if (emitted.IsBlack()) return emitted;
-      return emitted * TransmittanceOf<C::kChromaticMedia>(mix, t * unit) *
+      return emitted * TransmittanceOf<C::kChromaticMedia>(properties, t * unit) *
              transmittance_of_others(t, i);
     };
     sum += c.scene.media->DensityOf(parts[i]).Emission(o, d, length / unit, source,
@@ -162,12 +167,12 @@ typename C::Color EmissionHeterogeneous(const Context<C>& c, const Ray& ray,
                                                        &events, &tally, time) *
            static_cast<float>(unit);
   }
-  if (!mix.emission.IsBlack()) {
+  if (!properties.emission.IsBlack()) {
     // One point for all homogeneous emission.
     EventStream events = stream(count, count);
     const double choice = events.Uniform();
-    const ShiningPoint point = SampleShining(mix, length, choice, events.Uniform());
-    sum += mix.emission * TransmittanceOf<C::kChromaticMedia>(mix, point.distance) *
+    const EmissionSample point = SampleEmission(properties, length, choice, events.Uniform());
+    sum += properties.emission * TransmittanceOf<C::kChromaticMedia>(properties, point.distance) *
            transmittance_of_others(point.distance / unit, count) *
            static_cast<float>(1 / point.pdf);
   }

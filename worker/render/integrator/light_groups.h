@@ -41,9 +41,9 @@ class LightGroups {
     }
   }
   // Adds emission of media. group: the index of their group.
-  void AddGlow(uint32_t group, const Color& radiance) {
+  void AddMediumEmission(uint32_t group, const Color& radiance) {
     if (sums_.empty()) return;
-    sums_[by_path_ ? static_cast<size_t>(LightPathKind::kGlow) : group] += radiance;
+    sums_[by_path_ ? static_cast<size_t>(LightPathKind::kVolumeEmission) : group] += radiance;
   }
   // Writes to_rgb(sum) of each group to its channels, the last ones, and resets the sums.
   template <typename ToRgb>

@@ -17,9 +17,9 @@ namespace sheaf::render {
 
 // Combines the media that *media holds now, in its form.
 template <typename C>
-void UpdateMix(const Context<C>& c, const PathState<C>& path, MediumState<C>* media) {
-  media->mix = c.scene.media->template MixOf<typename C::Color>(
-      media->set, path.wavelengths, media->mix.form, media->paint.OrNull());
+void UpdateProperties(const Context<C>& c, const PathState<C>& path, MediumState<C>* media) {
+  media->properties = c.scene.media->template PropertiesOf<typename C::Color>(
+      media->set, path.wavelengths, media->properties.form, media->subsurface_texture.OrNull());
 }
 
 // Sets the media at the camera.
@@ -40,7 +40,7 @@ void StartInMedia(const Context<C>& c, PathState<C>* path) {
       }
     }
   }
-  path->media.mix = c.scene.media->template MixOf<typename C::Color>(
+  path->media.properties = c.scene.media->template PropertiesOf<typename C::Color>(
       path->media.set, path->wavelengths, MediumForm::kTrue);
 }
 
@@ -50,8 +50,8 @@ template <typename C>
 void CountScattering(const Context<C>& c, const PathState<C>& path, MediumState<C>* media) {
   const auto similar_after = static_cast<uint32_t>(c.scene.settings.similarity_after);
   if (++media->scatterings != similar_after) return;
-  media->mix.form = MediumForm::kReduced;
-  UpdateMix(c, path, media);
+  media->properties.form = MediumForm::kReduced;
+  UpdateProperties(c, path, media);
 }
 
 // Applies the media on both sides of the surface, for a path that arrives from one side and
@@ -65,13 +65,13 @@ bool UpdateMedia(const Context<C>& c, const SurfacePoint& point, bool from_front
     return medium == kNone ? std::nullopt : std::optional(c.scene.media->IndexOf(medium));
   };
   const MediumSides sides{index_of(surface.media.inside), index_of(surface.media.outside)};
-  const Nesting nesting = MeetSides(sides, from_front, to_front, &media->set);
+  const Nesting nesting = CrossSides(sides, from_front, to_front, &media->set);
   const bool contradicts = nesting == Nesting::kContradicted;
   if (nesting != Nesting::kRight) c.counts.CountBroken(surface.shape);
   // Subsurface walks rely on having entered through the boundary.
-  const bool leaves_subsurface = surface.encloses_matter && !from_front;
+  const bool leaves_subsurface = surface.encloses_subsurface && !from_front;
   if (nesting == Nesting::kFull || (contradicts && leaves_subsurface)) return false;
-  if (contradicts || from_front != to_front) UpdateMix(c, path, media);
+  if (contradicts || from_front != to_front) UpdateProperties(c, path, media);
   return true;
 }
 
@@ -86,10 +86,10 @@ bool CrossBoundary(const Context<C>& c, const SurfacePoint& point, Vec3f w,
   if (IsSameCrossing(crossing, media->last)) return true;
   media->last = crossing;
   if constexpr (C::kTexturedSubsurface) {
-    if (enters && point.surface->encloses_matter) {
-      media->paint = {};
-      if (point.surface->paints_matter) {
-        media->paint.share = c.scene.materials->MatterAlbedo(
+    if (enters && point.surface->encloses_subsurface) {
+      media->subsurface_texture = {};
+      if (point.surface->has_subsurface_texture) {
+        media->subsurface_texture.value = c.scene.materials->SubsurfaceAlbedo(
             point.surface->material, TexturePointOf(c, point), path.wavelengths);
       }
     }
@@ -100,7 +100,7 @@ bool CrossBoundary(const Context<C>& c, const SurfacePoint& point, Vec3f w,
         c.counts.CountBroken(point.surface->shape);
         return false;
       }
-      UpdateMix(c, path, media);
+      UpdateProperties(c, path, media);
       return true;
     }
   }

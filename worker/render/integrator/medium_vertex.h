@@ -30,18 +30,18 @@ struct MediumVertex {
   double t;
   MediumScatterer scatterer;
   Vec3f d;  // Direction of the path, unit.
-  PhaseMix<Color> phase;
+  PhaseMixture<Color> phase;
   static constexpr Vec3f light_hint{};
 
   // Records the vertex and counts it. False where the path ends.
   bool Arrive(const Context<C>& c, PathState<C>* path, FilmSample* film);
 
-  bool SamplesLights(const PathState<C>& path) const { return !path.media.mix.is_hidden; }
+  bool SamplesLights(const PathState<C>& path) const { return !path.media.properties.is_hidden; }
   LightDraw Draw(const Context<C>& c, const PathState<C>& path) const {
     return DrawLight(c, LastVertexIndex(path));
   }
   BsdfValueOf<Color> Eval(Vec3f w) const {
-    const typename PhaseMix<Color>::Value value = phase.Eval(d, w);
+    const typename PhaseMixture<Color>::Value value = phase.Eval(d, w);
     return {value.f, value.pdf};
   }
   bool EnterSide(const Context<C>&, Vec3f, const PathState<C>&, MediumState<C>*) const {
@@ -61,26 +61,29 @@ struct MediumVertex {
 
  private:
   void Record(const Context<C>& c, const PathState<C>& path, FilmSample* film) const;
-  PhaseMix<Color> MakePhase(const Context<C>& c, const PathState<C>& path) const;
+  PhaseMixture<Color> MakePhase(const Context<C>& c, const PathState<C>& path) const;
 };
 
 template <typename C>
 void MediumVertex<C>::Record(const Context<C>& c, const PathState<C>& path,
                              FilmSample* film) const {
-  const MediumForm form = path.media.mix.form;
-  const Rgb* paint = nullptr;
-  if constexpr (std::is_same_v<Color, Rgb>) paint = path.media.paint.OrNull();
-  MediumMix<Rgb> mix = c.scene.media->template MixOf<Rgb>(path.media.set, {}, form, paint);
+  const MediumForm form = path.media.properties.form;
+  const Rgb* subsurface_texture = nullptr;
+  if constexpr (std::is_same_v<Color, Rgb>)
+    subsurface_texture = path.media.subsurface_texture.OrNull();
+  MediumProperties<Rgb> properties =
+      c.scene.media->template PropertiesOf<Rgb>(path.media.set, {}, form, subsurface_texture);
   if constexpr (C::kHeterogeneous) {
     if (scatterer) {
       const auto its = c.scene.media->template CoefficientsAt<Rgb>(
           *scatterer, ToDouble(point.p), TimeOfMedia<C::kTraits>(path.ray.time), {}, form);
-      mix.sigma_t = its.sigma_t;
-      mix.sigma_s = its.sigma_s;
+      properties.sigma_t = its.sigma_t;
+      properties.sigma_s = its.sigma_s;
     }
   }
-  film->albedo = MakeColor<Rgb>(
-      [&](size_t i) { return mix.sigma_t[i] > 0 ? mix.sigma_s[i] / mix.sigma_t[i] : 0; });
+  film->albedo = MakeColor<Rgb>([&](size_t i) {
+    return properties.sigma_t[i] > 0 ? properties.sigma_s[i] / properties.sigma_t[i] : 0;
+  });
   film->alpha = 1;
   film->normal = {};
   film->depth = Length(point.p - path.camera_o);
@@ -90,12 +93,13 @@ void MediumVertex<C>::Record(const Context<C>& c, const PathState<C>& path,
 }
 
 template <typename C>
-PhaseMix<typename C::Color> MediumVertex<C>::MakePhase(const Context<C>& c,
-                                                       const PathState<C>& path) const {
+PhaseMixture<typename C::Color> MediumVertex<C>::MakePhase(const Context<C>& c,
+                                                           const PathState<C>& path) const {
   if constexpr (C::kHeterogeneous) {
     if (scatterer) {
-      PhaseMix<Color> its;
-      its.Add(c.scene.media->PhaseAsymmetryOf(*scatterer, path.media.mix.form), Color::Grey(1), 1);
+      PhaseMixture<Color> its;
+      its.Add(c.scene.media->PhaseAsymmetryOf(*scatterer, path.media.properties.form),
+              Color::Gray(1), 1);
       return its;
     }
   }
@@ -103,8 +107,9 @@ PhaseMix<typename C::Color> MediumVertex<C>::MakePhase(const Context<C>& c,
     const LineOf<C>& line = path.media.line;
     if (line.has_scattered) return PhaseOnLine(c, line, line.t, path);
   }
-  return c.scene.media->template PhaseOf<Color>(path.media.set, path.media.mix, path.throughput,
-                                                path.wavelengths, path.media.paint.OrNull());
+  return c.scene.media->template PhaseOf<Color>(path.media.set, path.media.properties,
+                                                path.throughput, path.wavelengths,
+                                                path.media.subsurface_texture.OrNull());
 }
 
 template <typename C>
@@ -114,9 +119,9 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
     path->is_camera_path = false;
     Record(c, *path, film);
   }
-  if (!CountVertex(c, path->media.mix.is_matter, path)) return false;
+  if (!CountVertex(c, path->media.properties.is_subsurface, path)) return false;
   if constexpr (C::kSubsurface) {
-    if (path->media.mix.is_matter) {
+    if (path->media.properties.is_subsurface) {
       PlaceSubsurfaceVertex(
           ToDouble(path->ray.o) + path->subsurface.offset + ToDouble(path->ray.d) * t, point.p,
           path);
@@ -131,11 +136,11 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
 template <typename C>
 bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  const typename PhaseMix<Color>::Sample sample = phase.SampleDirection(d, u[2], {u[0], u[1]});
+  const typename PhaseMixture<Color>::Sample sample = phase.SampleDirection(d, u[2], {u[0], u[1]});
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
-  path->specular = path->media.mix.is_hidden;
-  path->history.AddMedium(path->media.mix.is_matter);
+  path->specular = path->media.properties.is_hidden;
+  path->history.AddMedium(path->media.properties.is_subsurface);
   path->pdf = sample.pdf;
   path->from = point.p;
   path->from_n = {};

@@ -31,7 +31,7 @@ template <typename C>
 float MisWeight(Technique technique, float pdf, float other_pdf) {
   if constexpr (C::kDirectLight == DirectLight::kBySampling) {
     return technique == Technique::kLight ? 1 : 0;
-  } else if constexpr (C::kDirectLight == DirectLight::kByMeeting) {
+  } else if constexpr (C::kDirectLight == DirectLight::kByHitting) {
     return technique == Technique::kScattering ? 1 : 0;
   } else {
     return PowerHeuristic(pdf, other_pdf);
@@ -41,7 +41,7 @@ float MisWeight(Technique technique, float pdf, float other_pdf) {
 // For vertices on a segment in a medium. Requires: C combines techniques.
 template <typename C>
 double MisWeight(Technique technique, const TechniquePdfs& pdfs) {
-  if constexpr (C::kDirectLight == DirectLight::kByLines) {
+  if constexpr (C::kDirectLight == DirectLight::kByEquiangular) {
     if (technique == Technique::kLine) return 1;
     if (pdfs.line > 0) return 0;
   }

@@ -50,7 +50,7 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   if constexpr (C::kSubsurface) {
     if (path->subsurface.has_arrived && hit != nullptr) return SegmentEnd::kHit;
   }
-  if (hit == nullptr && media.mix.is_bounded) {
+  if (hit == nullptr && media.properties.is_bounded) {
     ++c.counts.broken_nestings;
     return SegmentEnd::kTerminated;
   }
@@ -60,35 +60,35 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   if constexpr (C::Has(Trait::kEmissiveMedia)) AddSegmentEmission(c, length, path);
   [[maybe_unused]] StateIf<C::kLines, LineOf<C>> line;
   if constexpr (C::kLines) {
-    if (UsesLineSampling<C>(media.mix)) {
+    if (UsesLineSampling<C>(media.properties)) {
       line = MakeLine(c, *path, length);
       SampleLdOnLine(c, line, hit, path);
     }
   }
   MediumScatterer scatterer;
-  const Flight<Color> flight = [&] {
+  const DistanceSample<Color> distance_sample = [&] {
     if constexpr (C::kHeterogeneous) {
-      if (media.mix.varies) {
+      if (media.properties.is_heterogeneous) {
         return SampleDistanceHeterogeneous(
             c, path->ray, c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)), length,
             *path, &scatterer);
       }
     }
-    FlightNumbers u;
-    if (media.mix.scatters) {
-      u = MakeFlightNumbers(c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)),
-                            path->null_crossings);
+    DistanceUniforms u;
+    if (media.properties.scatters) {
+      u = MakeDistanceUniforms(c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)),
+                               path->null_crossings);
     }
-    return SampleFlight<C::kChromaticMedia>(media.mix, length, u, path->throughput);
+    return SampleDistance<C::kChromaticMedia>(media.properties, length, u, path->throughput);
   }();
-  path->throughput *= flight.weight;
+  path->throughput *= distance_sample.weight;
   if (path->throughput.IsBlack()) return SegmentEnd::kTerminated;
-  if (!flight.scatters) {
+  if (!distance_sample.scatters) {
     if constexpr (C::kSubsurface) path->subsurface.offset = {};
     return SegmentEnd::kHit;
   }
-  if constexpr (C::kLines) RecordLineScattering(c, line, flight.distance, scatterer, path);
-  const double t = flight.distance / unit;
+  if constexpr (C::kLines) RecordLineScattering(c, line, distance_sample.distance, scatterer, path);
+  const double t = distance_sample.distance / unit;
   const Vec3f p = PointInMedium(c, path->ray, hit, t, &media.near);
   vertex->template emplace<MediumVertex<C>>(p, t, scatterer);
   return SegmentEnd::kScattered;
@@ -159,7 +159,7 @@ void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
 // Continues the path's ray behind a null interface. False where the path ends.
 template <typename C>
 bool CrossNullInterface(const Context<C>& c, const SurfacePoint& point, PathState<C>* path) {
-  if (++path->null_crossings > kPassesMax) return false;
+  if (++path->null_crossings > kNullCrossingsMax) return false;
   if constexpr (C::kMedia) {
     if (!CrossBoundary(c, point, path->ray.d, *path, &path->media)) return false;
   }

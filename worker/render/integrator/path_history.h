@@ -31,7 +31,7 @@ class PathHistory {
     }
   }
   // The kind of light that the path's ray hits.
-  LightPathKind KindMet() const {
+  LightPathKind KindAtHit() const {
     if (subsurface_) return LightPathKind::kBeneath;
     if (media_ > 0) {
       const bool once = media_ == 1 && rough_ == 0 && !specular_last_;
@@ -45,12 +45,12 @@ class PathHistory {
   LightPathKind KindFromSurface() const {
     PathHistory next = *this;
     next.AddSurface(false);
-    return next.KindMet();
+    return next.KindAtHit();
   }
   LightPathKind KindFromMedium() const {
     PathHistory next = *this;
     next.AddMedium(false);
-    return next.KindMet();
+    return next.KindAtHit();
   }
 
  private:
@@ -64,7 +64,7 @@ class PathHistory {
 struct NoHistory {
   void AddSurface(bool) {}
   void AddMedium(bool) {}
-  LightPathKind KindMet() const { return {}; }
+  LightPathKind KindAtHit() const { return {}; }
   LightPathKind KindFromSurface() const { return {}; }
   LightPathKind KindFromMedium() const { return {}; }
 };

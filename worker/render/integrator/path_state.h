@@ -15,9 +15,9 @@
 #include "worker/render/integrator/integrator_config.h"
 #include "worker/render/integrator/path_history.h"
 #include "worker/render/light/environment_map.h"
-#include "worker/render/material/matter_paint.h"
+#include "worker/render/material/subsurface_texture.h"
+#include "worker/render/medium/equiangular_segment.h"
 #include "worker/render/medium/medium.h"
-#include "worker/render/medium/medium_line.h"
 #include "worker/render/medium/medium_set.h"
 #include "worker/render/sampling/dimensions.h"
 
@@ -43,13 +43,13 @@ struct MediumState {
   // `set`.
   [[no_unique_address]] StateIf<C::kNested, MediumSet> interiors;
   MediumSet set;
-  MediumMix<Color> mix;
+  MediumProperties<Color> properties;
   uint32_t scatterings = 0;  // Number so far.
   NearPlane near;
   Crossing last;  // The last boundary crossed.
   // The segment that led to the path's last vertex.
-  [[no_unique_address]] StateIf<C::kLines, MediumLine<Color>> line;
-  [[no_unique_address]] MatterPaint<Color, C::kTexturedSubsurface> paint;
+  [[no_unique_address]] StateIf<C::kLines, EquiangularSegment<Color>> line;
+  [[no_unique_address]] SubsurfaceTexture<Color, C::kTexturedSubsurface> subsurface_texture;
 };
 
 // A walk in a subsurface medium: subsurface_walk.h.
@@ -70,7 +70,7 @@ struct PathState {
   using Color = typename C::Color;
   Ray ray;  // The next segment.
   [[no_unique_address]] typename C::Wavelengths wavelengths;
-  Color throughput = Color::Grey(1);
+  Color throughput = Color::Gray(1);
   Color radiance;
   // Radiance gained by refraction into denser media, which Russian roulette ignores.
   float eta_scale = 1;
@@ -92,7 +92,8 @@ struct PathState {
 template <typename C>
 uint32_t NextVertexIndex(const PathState<C>& path) {
   if constexpr (C::kSubsurface) {
-    return path.media.mix.is_matter ? kMatterVertex + path.subsurface.steps : path.depth;
+    return path.media.properties.is_subsurface ? kSubsurfaceVertex + path.subsurface.steps
+                                               : path.depth;
   }
   return path.depth;
 }

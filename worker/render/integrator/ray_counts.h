@@ -15,7 +15,7 @@ struct RayCounts {
   // Number of times that surfaces did not enclose media as declared. Paths and shadow rays ended
   // where they left an unbounded medium that should be bounded, left a subsurface medium that they
   // had not entered, or entered more than kMediaAtOnceMax media. They continued where a
-  // MediumInterface contradicts their set of media: MeetSides.
+  // MediumInterface contradicts their set of media: CrossSides.
   uint64_t broken_nestings = 0;
   uint32_t broken_shape = ~0u;  // The first offending shape in the file; ~0u if unknown.
   void CountBroken(int32_t shape) {
@@ -26,7 +26,7 @@ struct RayCounts {
   uint64_t broken_majorants = 0;
   // Factor of density bounds: not 1 where a block is rendered again because of broken_majorants.
   float majorant_factor = 1;
-  uint64_t long_walks = 0;  // Paths that ended at kMatterStepsMax.
+  uint64_t long_walks = 0;  // Paths that ended at kSubsurfaceStepsMax.
 };
 
 }  // namespace sheaf::render

@@ -18,7 +18,7 @@ bool SurvivesRoulette(const Context<C>& c, float u, PathState<C>* path) {
   // are largest: a tenth more rays, a fifth to a half less relMSE.
   const float survival = std::sqrt(MaxComponent(path->throughput) * path->eta_scale);
   bool may_end = path->depth > c.scene.roulette_depth_min;
-  if constexpr (C::kSubsurface) may_end = may_end || path->media.mix.is_matter;
+  if constexpr (C::kSubsurface) may_end = may_end || path->media.properties.is_subsurface;
   if (survival < 1 && may_end) {
     const float stop = std::min(kRouletteStopMax, 1 - survival);
     if (u < stop) return false;

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Subsurface walks: a path in the interior medium of a subsurface material is scattered until it
-// meets the boundary and is refracted out. The walk uses no diffusion model: its only errors are
-// statistical. A walk counts as one bounce of the path, however long it is.
+// intersects the boundary and is refracted out. The walk uses no diffusion model: its only errors
+// are statistical. A walk counts as one bounce of the path, however long it is.
 //
 // Rays start at rounded points. If the mean free path is not long compared with that rounding, no
 // ray can resolve the depth of the path, and the surface is flat at that scale: the walk then
@@ -32,8 +32,8 @@ inline constexpr double kPlaneOverError = 128;
 template <typename C>
 bool IsWalkFine(const PathState<C>& path) {
   const float p_error = path.media.near.p_error;
-  return path.media.mix.is_hidden && path.media.near.is_set &&
-         MaxComponent(path.media.mix.sigma_t) * p_error * kFreePathOverErrorMin > 1;
+  return path.media.properties.is_hidden && path.media.near.is_set &&
+         MaxComponent(path.media.properties.sigma_t) * p_error * kFreePathOverErrorMin > 1;
 }
 
 // Whether the path meets the boundary of its subsurface medium. If so, path->ray.d becomes the
@@ -42,7 +42,7 @@ template <typename C>
 bool ArriveAtBoundary(const Surface& surface, PathState<C>* path) {
   if (path->subsurface.has_arrived) path->ray.d = path->subsurface.arrives_along;
   path->subsurface.has_arrived = false;
-  return path->media.mix.is_matter && surface.encloses_matter;
+  return path->media.properties.is_subsurface && surface.encloses_subsurface;
 }
 
 // Starts a walk at a surface that the path has entered or not left.
@@ -70,11 +70,11 @@ void PlaceSubsurfaceVertex(Vec3d position, Vec3f p, PathState<C>* path) {
 template <typename C>
 bool ScatterNearPlane(const Context<C>& c, Vec3d d, PathState<C>* path) {
   using Color = typename C::Color;
-  const PhaseMix<Color> phase =
-      c.scene.media->template PhaseOf<Color>(path->media.set, path->media.mix, path->throughput,
-                                             path->wavelengths, path->media.paint.OrNull());
+  const PhaseMixture<Color> phase = c.scene.media->template PhaseOf<Color>(
+      path->media.set, path->media.properties, path->throughput, path->wavelengths,
+      path->media.subsurface_texture.OrNull());
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  const typename PhaseMix<Color>::Sample sample =
+  const typename PhaseMixture<Color>::Sample sample =
       phase.SampleDirection(ToFloat(d), u[2], {u[0], u[1]});
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
@@ -92,7 +92,7 @@ bool WalkNearPlane(const Context<C>& c, PathState<C>* path) {
   using Color = typename C::Color;
   SubsurfaceState& walk = path->subsurface;
   const NearPlane& near = path->media.near;
-  const MediumMix<Color>& mix = path->media.mix;
+  const MediumProperties<Color>& properties = path->media.properties;
   const Vec3d n = Normalize(ToDouble(near.n));
   const auto p_error = static_cast<double>(near.p_error);
   const double radius = kPlaneOverError * p_error;
@@ -108,17 +108,18 @@ bool WalkNearPlane(const Context<C>& c, PathState<C>* path) {
     const double along = Dot(at, d);
     const double to_radius =
         -along + std::sqrt(std::max(0.0, along * along + radius * radius - Dot(at, at)));
-    FlightNumbers u;
-    if (mix.scatters) {
-      u = MakeFlightNumbers(c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)), 0);
+    DistanceUniforms u;
+    if (properties.scatters) {
+      u = MakeDistanceUniforms(c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)),
+                               0);
     }
-    const Flight<Color> flight =
-        SampleFlight<C::kChromaticMedia>(mix, std::min(to_plane, to_radius), u, path->throughput);
-    path->throughput *= flight.weight;
+    const DistanceSample<Color> distance_sample = SampleDistance<C::kChromaticMedia>(
+        properties, std::min(to_plane, to_radius), u, path->throughput);
+    path->throughput *= distance_sample.weight;
     if (path->throughput.IsBlack()) return false;
     // Steps without a scattering event count too, or the next one would draw the same numbers.
     if (!CountVertex(c, true, path)) return false;
-    if (!flight.scatters) {
+    if (!distance_sample.scatters) {
       at += d * std::min(to_plane, to_radius);
       const double clear = 8 * p_error;  // From the plane, so that the ray starts in front of it.
       walk.has_arrived = to_plane <= to_radius;
@@ -130,7 +131,7 @@ bool WalkNearPlane(const Context<C>& c, PathState<C>* path) {
       }
       return true;
     }
-    at += d * flight.distance;
+    at += d * distance_sample.distance;
     if (!ScatterNearPlane(c, d, path)) return false;
   }
 }

@@ -10,7 +10,7 @@
 #include <type_traits>
 
 #include "common/film/film_tile.h"
-#include "worker/render/bsdf/surface_tilt.h"
+#include "worker/render/bsdf/perturbed_normal.h"
 #include "worker/render/geometry/surface_point.h"
 #include "worker/render/integrator/first_hit.h"
 #include "worker/render/integrator/light_draw.h"
@@ -25,7 +25,7 @@ namespace sheaf::render {
 template <typename C>
 struct SurfaceVertex {
   using Color = typename C::Color;
-  using Tilt = StateIf<C::kNormalMaps, SurfaceTilt>;
+  using OptionalNormal = StateIf<C::kNormalMaps, PerturbedNormal>;
   using Plane = StateIf<C::kNormalMaps, std::optional<TangentPlane>>;
 
   // The hit of the path's ray; `bsdf` and what follows it are set later.
@@ -40,7 +40,7 @@ struct SurfaceVertex {
   NullInterfaceChoice choice{};
   bool in_subsurface = false;  // Met from inside a subsurface medium.
   BsdfOf<Color> bsdf;
-  [[no_unique_address]] Tilt tilt;
+  [[no_unique_address]] OptionalNormal perturbed_normal;
   Vec3f wo_local;
   Vec3f light_hint{};  // Lights behind this normal do not contribute; zero if all may.
 
@@ -69,14 +69,14 @@ struct SurfaceVertex {
 
  private:
   // Perturbs the shading frame by the material's map.
-  Tilt PerturbNormal(const Context<C>& c, const TangentPlane& tangents, Vec3f wo,
-                     const PathState<C>& path);
+  OptionalNormal PerturbNormal(const Context<C>& c, const TangentPlane& tangents, Vec3f wo,
+                               const PathState<C>& path);
   // Shading and geometric normal must agree on the side of a direction, given its cosines with
   // them, or light would leak through the surface. Tilted normals handle that themselves, and light
   // passes through hair.
   bool AgreesOnSide(float cos_shading, float cos_geometric) const {
     if constexpr (C::kNormalMaps) {
-      if (tilt.active()) return true;
+      if (perturbed_normal.active()) return true;
     }
     return IsHair<C::kTraits>(bsdf) || cos_shading * cos_geometric > 0;
   }
@@ -84,10 +84,8 @@ struct SurfaceVertex {
 };
 
 template <typename C>
-typename SurfaceVertex<C>::Tilt SurfaceVertex<C>::PerturbNormal(const Context<C>& c,
-                                                                const TangentPlane& tangents,
-                                                                Vec3f wo,
-                                                                const PathState<C>& path) {
+typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::PerturbNormal(
+    const Context<C>& c, const TangentPlane& tangents, Vec3f wo, const PathState<C>& path) {
   TangentPlane seen = tangents;
   seen.n = ToDouble(point.shading.n);
   const Vec3f mapped = c.scene.materials->ShadingNormal(point.surface->material,
@@ -108,7 +106,7 @@ void SurfaceVertex<C>::Prepare(const Context<C>& c, Vec3f wo,
     point.shading = Frame::FromNormal(point.ng);
   }
   if constexpr (C::kNormalMaps) {
-    if (plane && !is_hair) tilt = PerturbNormal(c, *plane, wo, path);
+    if (plane && !is_hair) perturbed_normal = PerturbNormal(c, *plane, wo, path);
   }
 }
 
@@ -152,7 +150,8 @@ inline BsdfValueOf<typename C::Color> SurfaceVertex<C>::Eval(Vec3f w) const {
   const Vec3f wi_local = point.shading.ToLocal(w);
   if (!AgreesOnSide(wi_local.z, Dot(w, point.ng))) return {};
   if constexpr (C::kNormalMaps) {
-    if (tilt.active()) return tilt.template Eval<C::kTraits>(bsdf, wo_local, wi_local);
+    if (perturbed_normal.active())
+      return perturbed_normal.template Eval<C::kTraits>(bsdf, wo_local, wi_local);
   }
   return EvalBsdf<C::kTraits>(bsdf, wo_local, wi_local);
 }
@@ -162,8 +161,8 @@ bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
   const std::optional<BsdfSampleOf<Color>> sample = [&] {
     if constexpr (C::kNormalMaps) {
-      if (tilt.active()) {
-        return tilt.template Sample<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});
+      if (perturbed_normal.active()) {
+        return perturbed_normal.template Sample<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});
       }
     }
     return SampleBsdf<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});

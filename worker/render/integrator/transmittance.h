@@ -26,8 +26,8 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
                                      MediumState<C> media, const OnSegment& on_segment) {
   using Color = typename C::Color;
   constexpr bool kHasCallback = !std::is_null_pointer_v<OnSegment>;
-  Color transmittance = Color::Grey(1);
-  for (uint32_t crossing = 0; crossing < kPassesMax; ++crossing) {
+  Color transmittance = Color::Gray(1);
+  for (uint32_t crossing = 0; crossing < kNullCrossingsMax; ++crossing) {
     ++c.counts.rays;
     ++c.counts.shadow_rays;
     RawHit hit;
@@ -57,13 +57,13 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
       }
     }
     if (!media.set.empty()) {
-      if (is_endless && media.mix.is_bounded) {
+      if (is_endless && media.properties.is_bounded) {
         ++c.counts.broken_nestings;
         return {};
       }
-      transmittance *= TransmittanceOf<C::kChromaticMedia>(media.mix, length);
+      transmittance *= TransmittanceOf<C::kChromaticMedia>(media.properties, length);
       if constexpr (C::kHeterogeneous) {
-        if (media.mix.varies && !transmittance.IsBlack()) {
+        if (media.properties.is_heterogeneous && !transmittance.IsBlack()) {
           transmittance *= TransmittanceHeterogeneous(c, ray, u, crossing, length, path, media);
         }
       }

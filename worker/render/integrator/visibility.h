@@ -89,7 +89,7 @@ float CutOutTransmittance(const Context<C>& c, const LightSampleOf<typename C::C
 template <typename C>
 void ApplyCutOut([[maybe_unused]] const Context<C>& c,
                  [[maybe_unused]] LightSampleOf<typename C::Color>* light) {
-  if constexpr (C::kNullInterfaces && C::Has(Trait::kVaryingEmission)) {
+  if constexpr (C::kNullInterfaces && C::Has(Trait::kTexturedEmission)) {
     if (light->cut_out != kNone) light->radiance *= CutOutTransmittance(c, *light);
   }
 }
@@ -115,7 +115,7 @@ Ray ShadowRay(const SurfacePoint& point, const LightSampleOf<Color>& light, floa
 template <typename C>
 bool IsVisibleThroughNullInterfaces(const Context<C>& c, Ray ray, const Vec3f* end,
                                     std::array<float, 2> u) {
-  for (uint32_t crossing = 0; crossing < kPassesMax; ++crossing) {
+  for (uint32_t crossing = 0; crossing < kNullCrossingsMax; ++crossing) {
     ++c.counts.rays;
     ++c.counts.shadow_rays;
     RawHit hit;

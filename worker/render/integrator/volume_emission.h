@@ -5,7 +5,7 @@
 // heterogeneous, each vertex also samples a direction towards their emission and adds that of all
 // media along it, up to the first surface that is not a null interface; the two are combined by
 // multiple importance sampling over directions. Sources: Simon et al. 2017, "Line Integration for
-// Rendering Heterogeneous Emissive Volumes"; glow_lights.h.
+// Rendering Heterogeneous Emissive Volumes"; emissive_volume_sampler.h.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@ namespace sheaf::render {
 // The weight of emission along the path's ray.
 template <typename C>
 float EmissionHitWeight(const Context<C>& c, const PathState<C>& path) {
-  const GlowLights& lights = c.scene.media->glow_lights();
+  const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
   if (path.specular || lights.empty()) return 1;
   const float pdf = lights.Pdf(path.from, path.ray.d);
   return pdf > 0 ? MisWeight<C>(Technique::kScattering, path.pdf, pdf) : 1;
@@ -28,17 +28,17 @@ float EmissionHitWeight(const Context<C>& c, const PathState<C>& path) {
 // Adds the emission along `length` of the path's ray.
 template <typename C>
 void AddSegmentEmission(const Context<C>& c, double length, PathState<C>* path) {
-  const MediumMix<typename C::Color>& mix = path->media.mix;
-  if (mix.emission.IsBlack() && !mix.glows) return;
+  const MediumProperties<typename C::Color>& properties = path->media.properties;
+  if (properties.emission.IsBlack() && !properties.has_emissive_grid) return;
   typename C::Color arriving = path->throughput * [&] {
     if constexpr (C::kHeterogeneous) {
-      if (mix.varies) {
+      if (properties.is_heterogeneous) {
         return EmissionHeterogeneous(
             c, path->ray, c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)),
             path->null_crossings, length, *path, path->media);
       }
     }
-    return EmissionAlong(mix, length);
+    return EmissionAlong(properties, length);
   }();
   if constexpr (C::kSamplesEmission) arriving *= EmissionHitWeight(c, *path);
   AddVolumeEmission(c, arriving, path);
@@ -48,11 +48,11 @@ void AddSegmentEmission(const Context<C>& c, double length, PathState<C>* path) 
 template <typename C, typename Vertex>
 void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
   using Color = typename C::Color;
-  if (!c.scene.media || c.scene.media->glow_lights().empty()) return;
-  const GlowLights& lights = c.scene.media->glow_lights();
-  const std::array<float, 4> u = c.sampler.Get4(GlowSlot(LastVertexIndex(*path)));
+  if (!c.scene.media || c.scene.media->emissive_volumes().empty()) return;
+  const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
+  const std::array<float, 4> u = c.sampler.Get4(EmissionSlot(LastVertexIndex(*path)));
   const SurfacePoint& point = vertex.point;
-  const GlowLights::Sample sample = lights.SampleFrom(point.p, u);
+  const EmissiveVolumeSampler::Sample sample = lights.SampleFrom(point.p, u);
   if (!(sample.pdf > 0)) return;
   const BsdfValueOf<Color> value = vertex.Eval(sample.w);
   if (value.f_cos.IsBlack()) return;
@@ -66,10 +66,10 @@ void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C
   Color sum;
   const auto add = [&](const Ray& segment, uint32_t crossing, double length,
                        const Color& transmittance, const MediumState<C>& in) {
-    if (in.mix.emission.IsBlack() && !in.mix.glows) return;
-    sum += transmittance * (in.mix.varies
+    if (in.properties.emission.IsBlack() && !in.properties.has_emissive_grid) return;
+    sum += transmittance * (in.properties.is_heterogeneous
                                 ? EmissionHeterogeneous(c, segment, u, crossing, length, *path, in)
-                                : EmissionAlong(in.mix, length));
+                                : EmissionAlong(in.properties, length));
   };
   TraceTransmittance(c, ray, nullptr, {u[3], u[2]}, *path, media, add);
   const float weight = MisWeight<C>(Technique::kLight, sample.pdf, value.pdf);

@@ -61,7 +61,7 @@ absl::StatusOr<EnvironmentMap> EnvironmentMap::Make(int size, const std::vector<
   map.tiles_across_ = (across + kTileWidth - 1) / kTileWidth;
   const size_t tile_count = map.tiles_across_ * ((across + kTileHeight - 1) / kTileHeight);
   map.tiles_.reserve(tile_count);
-  WishForLargePages(map.tiles_.data(), tile_count * sizeof(Tile));
+  AdviseHugePages(map.tiles_.data(), tile_count * sizeof(Tile));
   map.tiles_.resize(tile_count);
   std::vector<float> luminance(across * across);
   for (int y = 0; y < size; ++y) {

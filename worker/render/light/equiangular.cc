@@ -13,7 +13,7 @@ namespace {
 constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
 
 // Intersections of the ray with the double cone; missing ones are kNever.
-std::array<double, 2> MeetCone(Vec3d from_apex, Vec3d d, Vec3d axis, double cosine) {
+std::array<double, 2> IntersectCone(Vec3d from_apex, Vec3d d, Vec3d axis, double cosine) {
   // Points x with (x . axis)^2 = cosine^2 |x|^2.
   const double k = cosine * cosine;
   const double along_d = Dot(d, axis), along_o = Dot(from_apex, axis);
@@ -36,7 +36,7 @@ void ClipToLight(const LightBounds& light, Vec3d o, Vec3d d, double* t0, double*
   const double cos_end = is_flat ? 0 : static_cast<double>(light.cos_end);
   const std::array<double, 2> crossings =
       is_flat ? std::array<double, 2>{-Dot(from_light, axis) / Dot(d, axis), kNever}
-              : MeetCone(from_light, d, axis, cos_end);
+              : IntersectCone(from_light, d, axis, cos_end);
   std::array<double, 4> ends{*t0, *t0, *t0, *t1};
   for (size_t i = 0; i < 2; ++i) {
     if (crossings[i] > *t0) ends[i + 1] = std::min(crossings[i], *t1);
@@ -71,8 +71,8 @@ std::optional<EquiangularDistances> DistancesTo(const LightBounds& light, Vec3d 
 // Approximates the integrals of 1 / distance^2 and its square, weighted by the density of distance
 // samples, by two parts: the first mean free path, and the vicinity of the point nearest to the
 // light. The larger part replaces their sum.
-double SpreadOfFlights(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
-                       double extinction) {
+double DistanceSamplingSpread(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
+                              double extinction) {
   const Vec3d to_light = ToDouble(light.center) - o;
   const double along = Dot(to_light, d), nearest = std::clamp(along, begin, end);
   const double radius = light.radius;

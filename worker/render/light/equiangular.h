@@ -84,8 +84,8 @@ std::optional<EquiangularDistances> DistancesTo(const LightBounds& light, Vec3d 
 // over its squared mean, in a medium of that extinction between begin and end, if light is sampled
 // where paths are scattered. Large where scattering is rare, and where the ray passes near the
 // light. Requires: begin < end, and the light has a position.
-double SpreadOfFlights(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
-                       double extinction);
+double DistanceSamplingSpread(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
+                              double extinction);
 // From this value on a line through heterogeneous media gathers light: below, gathering costs more
 // time than the noise it removes is worth (tests/bench/fog_light_bench).
 inline constexpr double kSpreadGathered = 2;

@@ -52,10 +52,10 @@ TEST(EquiangularTest, V7SamplesInvertTheIntegralOfThePdf) {
       ASSERT_GE(t, span.begin);
       ASSERT_LE(t, span.end);
       const auto x = static_cast<long double>(t);
-      const auto share = static_cast<double>(integral(x) / whole);
+      const auto fraction = static_cast<double>(integral(x) / whole);
       // The rounding of distances limits the resolution of the integral.
       const auto pdf = static_cast<double>(1 / ((h * h + x * x) * whole));
-      EXPECT_NEAR(share, u,
+      EXPECT_NEAR(fraction, u,
                   1e-12 + 4 * std::numeric_limits<double>::epsilon() * (1 + std::fabs(t) * pdf) /
                               std::min(1.0, 1 - u));
       EXPECT_NEAR(line.Pdf(t) / pdf, 1, 1e-9);
@@ -74,13 +74,13 @@ TEST(EquiangularTest, V7SamplesInvertTheIntegralOfThePdf) {
   }
 }
 
-TEST(EquiangularTest, V7NothingIsFoundOutsideOfTheSpan) {
+TEST(EquiangularTest, V7PdfIsZeroOutsideTheSpan) {
   const EquiangularDistances line = Along(1, 2, 3);
   EXPECT_EQ(line.Pdf(1.999), 0);
   EXPECT_EQ(line.Pdf(3.001), 0);
 }
 
-TEST(EquiangularTest, ARayThroughAPointOfLightHasNoDistances) {
+TEST(EquiangularTest, RaysThroughAPointLightHaveNoDistances) {
   EXPECT_FALSE(EquiangularDistances::Make({}, {0, 0, 1}, 0, 2, {0, 0, 1}, 0));
   EXPECT_FALSE(EquiangularDistances::Make({}, {0, 0, 1}, 1, 1, {0, 1, 1}, 0));
   EXPECT_TRUE(EquiangularDistances::Make({}, {0, 0, 1}, 0, 2, {0, 0, 1}, 0.1));
@@ -117,7 +117,7 @@ void ExpectLit(const LightBounds& light, Vec3d o, Vec3d d, double length, double
   }
 }
 
-TEST(EquiangularTest, FlatLightsShineToOneSide) {
+TEST(EquiangularTest, FlatLightsEmitToOneSide) {
   LightBounds panel{.kind = LightBounds::Kind::kPlanar,
                     .two_sided = false,
                     .center = {0, 1, 4},
@@ -135,7 +135,7 @@ TEST(EquiangularTest, FlatLightsShineToOneSide) {
   ExpectLit(panel, {0, 0, 3}, {0, 1, 0}, 10, 0, 10);
 }
 
-TEST(EquiangularTest, SpotsShineInTheirCone) {
+TEST(EquiangularTest, SpotsEmitInTheirCone) {
   const LightBounds spot{.kind = LightBounds::Kind::kPoint,
                          .center = {0, 4, 5},
                          .normal = {0, -1, 0},
@@ -153,12 +153,12 @@ TEST(EquiangularTest, SpotsShineInTheirCone) {
 }
 
 // Thin media scatter rarely, which raises the spread; dense ones only where the light is near.
-TEST(EquiangularTest, FlightsSpreadWhereTheyAreFewOrTheLightIsNear) {
+TEST(EquiangularTest, SpreadIsLargeWhereScatteringIsRareOrLightIsNear) {
   const auto spread = [](double height, double extinction) {
     const LightBounds light{.kind = LightBounds::Kind::kPoint,
                             .center = {0, static_cast<float>(height), 4},
                             .strength = 1};
-    return SpreadOfFlights(light, {}, {0, 0, 1}, 0, 8, extinction);
+    return DistanceSamplingSpread(light, {}, {0, 0, 1}, 0, 8, extinction);
   };
   EXPECT_NEAR(spread(1e3, 1e-4), 1 / (8e-4), 1);
   EXPECT_NEAR(spread(1e3, 10), 1, 1e-3);
@@ -167,7 +167,7 @@ TEST(EquiangularTest, FlightsSpreadWhereTheyAreFewOrTheLightIsNear) {
   EXPECT_LT(spread(0.02, 50), kSpreadGathered);
 }
 
-TEST(EquiangularTest, LightsThatStandNowhereHaveNoDistances) {
+TEST(EquiangularTest, LightsWithoutPositionHaveNoDistances) {
   EXPECT_FALSE(
       DistancesTo({.kind = LightBounds::Kind::kInfinite, .strength = 1}, {}, {0, 0, 1}, 0, 1));
 }

@@ -15,9 +15,9 @@ namespace sheaf::render {
 namespace {
 
 // Fraction of the probability that is spread evenly over all lights that may reach a point.
-constexpr float kEvenShare = 0.25f;
+constexpr float kUniformProbability = 0.25f;
 // Minimum probability of the infinite lights, and of the local ones, where the scene has both.
-constexpr double kGroupShareMin = 0.1;
+constexpr double kGroupProbabilityMin = 0.1;
 // Keep sums of weights finite next to a point light, and small weights above 0.
 constexpr float kWeightMin = 1e-30f, kWeightMax = 1e30f;
 constexpr float kCoordinateError = 0x1p-21f;
@@ -139,8 +139,8 @@ inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
   if (positive_count == 0) return w;
   // A single light has probability 1 exactly.
   const bool is_alone = positive_count == 1;
-  const float scale = is_alone ? 0 : (1 - kEvenShare) / sum;
-  const float even = is_alone ? 1 : kEvenShare / positive_count;
+  const float scale = is_alone ? 0 : (1 - kUniformProbability) / sum;
+  const float even = is_alone ? 1 : kUniformProbability / positive_count;
   for (size_t b = 0; b < blocks_.size(); ++b) {
     const Lanes weight = w.probability[b];
     w.probability[b] = weight > 0 ? weight * scale + even : Lanes{};
@@ -149,16 +149,16 @@ inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
 }
 
 // Proportional to the irradiance each group may give at p.
-double LightChoice::InfiniteShare(Vec3f p, Vec3f n) const {
+double LightChoice::InfiniteProbability(Vec3f p, Vec3f n) const {
   if (infinite_lights_.empty()) return 0;
   const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n);
   if (!(local_irradiance > 0)) return 1;
   return std::clamp(infinite_irradiance_ / (infinite_irradiance_ + local_irradiance),
-                    kGroupShareMin, 1 - kGroupShareMin);
+                    kGroupProbabilityMin, 1 - kGroupProbabilityMin);
 }
 
-float LightChoice::ProbabilityInfinite(size_t rank, double share) const {
-  return static_cast<float>(share * infinite_.Probability(rank));
+float LightChoice::ProbabilityInfinite(size_t rank, double infinite_probability) const {
+  return static_cast<float>(infinite_probability * infinite_.Probability(rank));
 }
 
 uint64_t LightChoice::memory_bytes() const {
@@ -168,17 +168,17 @@ uint64_t LightChoice::memory_bytes() const {
 std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const {
   if (count_ == 1) return ChosenLight{0, 1};
   if (count_ > kLightsWeighedMax) {
-    const double infinite_share = InfiniteShare(p, n);
+    const double infinite_probability = InfiniteProbability(p, n);
     const double x = ExtendBits(u, salt);
-    if (x < infinite_share) {
-      const size_t rank = infinite_.Sample(std::min(x / infinite_share, kBelowOne));
-      return ChosenLight{infinite_lights_[rank], ProbabilityInfinite(rank, infinite_share)};
+    if (x < infinite_probability) {
+      const size_t rank = infinite_.Sample(std::min(x / infinite_probability, kBelowOne));
+      return ChosenLight{infinite_lights_[rank], ProbabilityInfinite(rank, infinite_probability)};
     }
     if (tree_.empty()) return std::nullopt;
-    const double local_share = 1 - infinite_share;
+    const double local_probability = 1 - infinite_probability;
     std::optional<ChosenLight> chosen =
-        tree_.Choose(p, n, std::min((x - infinite_share) / local_share, kBelowOne));
-    if (chosen) chosen->probability *= static_cast<float>(local_share);
+        tree_.Choose(p, n, std::min((x - infinite_probability) / local_probability, kBelowOne));
+    if (chosen) chosen->probability *= static_cast<float>(local_probability);
     return chosen;
   }
   const Weights w = Weigh(p, n);
@@ -198,13 +198,13 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
 float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n) const {
   if (count_ == 1) return 1;
   if (count_ <= kLightsWeighedMax) return Weigh(p, n).Probability(light);
-  const double infinite_share = InfiniteShare(p, n);
+  const double infinite_probability = InfiniteProbability(p, n);
   const auto infinite = std::lower_bound(infinite_lights_.begin(), infinite_lights_.end(), light);
   if (infinite != infinite_lights_.end() && *infinite == light) {
     return ProbabilityInfinite(static_cast<size_t>(infinite - infinite_lights_.begin()),
-                               infinite_share);
+                               infinite_probability);
   }
-  return tree_.Probability(light, p, n) * static_cast<float>(1 - infinite_share);
+  return tree_.Probability(light, p, n) * static_cast<float>(1 - infinite_probability);
 }
 
 }  // namespace sheaf::render

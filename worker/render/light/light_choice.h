@@ -46,8 +46,8 @@ class LightChoice {
   struct Weights;
   struct Block;
   Weights Weigh(Vec3f p, Vec3f n) const;
-  double InfiniteShare(Vec3f p, Vec3f n) const;
-  float ProbabilityInfinite(size_t rank, double share) const;
+  double InfiniteProbability(Vec3f p, Vec3f n) const;
+  float ProbabilityInfinite(size_t rank, double infinite_probability) const;
 
   size_t count_ = 0;
   // Used for at most kLightsWeighedMax lights.

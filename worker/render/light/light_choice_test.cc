@@ -48,7 +48,7 @@ void ExpectChoiceMatchesProbability(const LightChoice& choice, size_t light_coun
   EXPECT_NEAR(sum, 1, 1e-6);
 }
 
-TEST(LightChoiceTest, FrequenciesAreProbabilities) {
+TEST(LightChoiceTest, FrequenciesMatchProbabilities) {
   for (size_t count : {1u, 2u, 5u, 16u, 17u, 100u}) {
     std::vector<LightBounds> lights;
     for (size_t i = 0; i < count; ++i) {
@@ -60,7 +60,7 @@ TEST(LightChoiceTest, FrequenciesAreProbabilities) {
   }
 }
 
-TEST(LightChoiceTest, TheBrighterAndTheNearerIsLikelierAndNoneIsStarved) {
+TEST(LightChoiceTest, BrighterAndNearerLightsAreLikelier) {
   const LightChoice choice({SphereAt({0, 0, 1}, 0.1f, 100), SphereAt({0, 0, 10}, 0.1f, 100),
                             SphereAt({0, 0, 10}, 0.1f, 1e-6f)});
   const float near = choice.Probability(0, {}, {}), far = choice.Probability(1, {}, {}),
@@ -71,7 +71,7 @@ TEST(LightChoiceTest, TheBrighterAndTheNearerIsLikelierAndNoneIsStarved) {
   EXPECT_GT(dim, 0.08f);
 }
 
-TEST(LightChoiceTest, PanelsThatFaceAwayAreLeftOut) {
+TEST(LightChoiceTest, PanelsFacingAwayAreExcluded) {
   const LightChoice choice({PanelAt({0, 0, 1}, {0, 0, 1}, 1, false),
                             PanelAt({0, 0, 2}, {0, 0, -1}, 1, false),
                             PanelAt({0, 0, 3}, {0, 0, 1}, 1, true)});
@@ -85,7 +85,7 @@ TEST(LightChoiceTest, PanelsThatFaceAwayAreLeftOut) {
   EXPECT_FALSE(none.Choose({}, {}, 0.5f, 0).has_value());
 }
 
-TEST(LightChoiceTest, LightsBehindTheReceiverAreLeftOut) {
+TEST(LightChoiceTest, LightsBehindTheReceiverAreExcluded) {
   // Behind, in front, across the horizon, and a spot that points elsewhere.
   const LightChoice choice({SphereAt({0, 0, -2}, 1, 1),
                             SphereAt({0, 0, 2}, 1, 1),
@@ -105,22 +105,22 @@ TEST(LightChoiceTest, LightsBehindTheReceiverAreLeftOut) {
   ExpectChoiceMatchesProbability(choice, 4, {}, up);
 }
 
-TEST(LightChoiceTest, InfiniteLightsHaveTheirShareBesideMany) {
+TEST(LightChoiceTest, InfiniteLightsKeepProbabilityAmongMany) {
   std::vector<LightBounds> lights;
   for (int i = 0; i < 50; ++i) lights.push_back(SphereAt({static_cast<float>(i), 0, 2}, 0.1f, 5));
   lights.push_back({.kind = LightBounds::Kind::kInfinite, .strength = 3e-3f});
   lights.push_back({.kind = LightBounds::Kind::kInfinite, .strength = 0});
   lights.push_back({.kind = LightBounds::Kind::kInfinite, .strength = 1e-3f});
   const LightChoice choice(lights);
-  const auto infinite_share = [&](Vec3f p, Vec3f n) {
+  const auto infinite_probability = [&](Vec3f p, Vec3f n) {
     EXPECT_EQ(choice.Probability(51, p, n), 0);
     EXPECT_NEAR(choice.Probability(50, p, n), 3 * choice.Probability(52, p, n), 1e-6);
     return choice.Probability(50, p, n) + choice.Probability(52, p, n);
   };
   // Near the local lights, far from them, and where they are behind the receiver.
-  EXPECT_NEAR(infinite_share({20, 0, 1.8f}, {}), 0.1, 1e-6);
-  EXPECT_NEAR(infinite_share({20, 0, 1e4f}, {}), 0.9, 1e-6);
-  EXPECT_EQ(infinite_share({20, 0, 0}, {0, 0, -1}), 1);
+  EXPECT_NEAR(infinite_probability({20, 0, 1.8f}, {}), 0.1, 1e-6);
+  EXPECT_NEAR(infinite_probability({20, 0, 1e4f}, {}), 0.9, 1e-6);
+  EXPECT_EQ(infinite_probability({20, 0, 0}, {0, 0, -1}), 1);
   for (const Vec3f& p : {Vec3f{20, 0, 1.8f}, Vec3f{20, 0, 30}, Vec3f{20, 0, 1e4f}}) {
     ExpectChoiceMatchesProbability(choice, lights.size(), p);
     ExpectChoiceMatchesProbability(choice, lights.size(), p, {0, 0.6f, -0.8f});

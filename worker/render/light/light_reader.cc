@@ -62,7 +62,7 @@ class SceneLightReader {
   SkyPortal MakePortal(const InfiniteLight& infinite, const InfiniteEmitter& emitter,
                        const EnvironmentMap& map) const;
   // peak: the factor of the emission in the direction where the light is brightest.
-  absl::Status Keep(const LightDescription& light, DeltaLight delta, Rgb peak = Rgb::Grey(1));
+  absl::Status Keep(const LightDescription& light, DeltaLight delta, Rgb peak = Rgb::Gray(1));
   Emission AddEmission(const ColorSpec& color, float scale) {
     return {color, scale, spectral_ ? impl_->AddSpectrum(color) : kNone};
   }
@@ -289,8 +289,8 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
     scale *= static_cast<float>(static_cast<double>(light.scale.power_w) / (4 * kPi * mean));
   }
   delta.emission = AddEmission(goniometric.intensity, scale);
-  delta.picture = known->second;
-  return Keep(light, delta, Rgb::Grey(peak));
+  delta.image = known->second;
+  return Keep(light, delta, Rgb::Gray(peak));
 }
 
 absl::StatusOr<ProjectedImage> SceneLightReader::ReadProjectedImage(
@@ -332,8 +332,8 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
   if (light.scale.power_w > 0) {
     scale *= static_cast<double>(light.scale.power_w) / projected.Power();
   }
-  delta.emission = Rgb::Grey(static_cast<float>(scale));
-  delta.picture = known->second;
+  delta.emission = Rgb::Gray(static_cast<float>(scale));
+  delta.image = known->second;
   return Keep(light, delta, projected.peak());
 }
 

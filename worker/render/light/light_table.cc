@@ -34,7 +34,7 @@ template <typename Color>
 Color IntensityAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w,
                      const WavelengthsOf<Color>& wavelengths) {
   if (light.kind == DeltaLight::Kind::kProjection) {
-    const Rgb seen = impl.projected_images[light.picture].At(Rotate(light.light_from_render, w));
+    const Rgb seen = impl.projected_images[light.image].At(Rotate(light.light_from_render, w));
     return ColorOfRgb<Color>(seen * light.emission.rgb, ColorRole::kIlluminant, wavelengths);
   }
   return impl.ColorOfEmission(light.emission, wavelengths) * FalloffAlong(impl, light, w);
@@ -111,7 +111,7 @@ float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f 
   if (light.kind == DeltaLight::Kind::kGoniometric) {
     return std::visit(
         [&](const auto& intensity) { return intensity.At(w_light / Length(w_light)); },
-        impl.intensities[light.picture]);
+        impl.intensities[light.image]);
   }
   const float cosine = Dot(w_light, light.axis) / Length(w_light);
   return SmoothStep(cosine, light.cos_end, light.cos_start);
@@ -158,7 +158,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
   const auto sample_area = [&](const auto& emitter) {
     const Color radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
     sample = SampleEmitter(emitter, radiance, chosen.probability, p, u);
-    if constexpr (Has(kMask, Trait::kVaryingEmission)) {
+    if constexpr (Has(kMask, Trait::kTexturedEmission)) {
       if (sample) AddDetail<Color>(impl, light, wavelengths, &*sample);
     }
   };
@@ -256,17 +256,17 @@ template Spectral LightTable::EmitterRadiance<Spectral>(uint32_t, Vec3f, Vec3f,
                                                         const Wavelengths&) const;
 
 template <typename Color>
-Color LightTable::VaryingRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
-                                  const WavelengthsOf<Color>& wavelengths) const {
+Color LightTable::TexturedRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
+                                   const WavelengthsOf<Color>& wavelengths) const {
   const Color radiance = EmitterRadiance<Color>(emitter, ng, wo, wavelengths);
   const EmissionDetail* detail = impl_->DetailOf(emitter);
   if (detail == nullptr || detail->map == kNone || radiance.IsBlack()) return radiance;
   return RadianceOfMap<Color>(*impl_, *detail, uv, wavelengths);
 }
-template Rgb LightTable::VaryingRadiance<Rgb>(uint32_t, Vec3f, Vec3f, Vec2f,
-                                              const NoWavelengths&) const;
-template Spectral LightTable::VaryingRadiance<Spectral>(uint32_t, Vec3f, Vec3f, Vec2f,
-                                                        const Wavelengths&) const;
+template Rgb LightTable::TexturedRadiance<Rgb>(uint32_t, Vec3f, Vec3f, Vec2f,
+                                               const NoWavelengths&) const;
+template Spectral LightTable::TexturedRadiance<Spectral>(uint32_t, Vec3f, Vec3f, Vec2f,
+                                                         const Wavelengths&) const;
 
 // With several lights, the chosen light is not known this early.
 LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {

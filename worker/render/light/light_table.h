@@ -172,8 +172,8 @@ class LightTable {
   template <uint32_t kTraits>
   ColorOf<kTraits> EmitterRadianceAt(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
                                      const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
-    if constexpr (Has(kTraits, Trait::kVaryingEmission)) {
-      return VaryingRadiance<ColorOf<kTraits>>(emitter, ng, wo, uv, wavelengths);
+    if constexpr (Has(kTraits, Trait::kTexturedEmission)) {
+      return TexturedRadiance<ColorOf<kTraits>>(emitter, ng, wo, uv, wavelengths);
     } else {
       return EmitterRadiance<ColorOf<kTraits>>(emitter, ng, wo, wavelengths);
     }
@@ -249,7 +249,7 @@ class LightTable {
   static constexpr uint32_t kLightTraits =
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
       static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
-      static_cast<uint32_t>(Trait::kVaryingEmission) | static_cast<uint32_t>(Trait::kSpectral);
+      static_cast<uint32_t>(Trait::kTexturedEmission) | static_cast<uint32_t>(Trait::kSpectral);
 
  private:
   LightTable();
@@ -270,8 +270,8 @@ class LightTable {
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light);
   template <typename Color>
-  Color VaryingRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
-                        const WavelengthsOf<Color>& wavelengths) const;
+  Color TexturedRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
+                         const WavelengthsOf<Color>& wavelengths) const;
   template <typename Color>
   static Color RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
                                     const WavelengthsOf<Color>& wavelengths);

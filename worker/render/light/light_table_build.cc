@@ -83,12 +83,12 @@ LightBounds BoundsOf(const DiskEmitter& d) {
 Rgb PeakOf(const LightTable::Impl& impl, const DeltaLight& light) {
   switch (light.kind) {
     case DeltaLight::Kind::kGoniometric:
-      return Rgb::Grey(std::visit([](const auto& intensity) { return intensity.peak(); },
-                                  impl.intensities[light.picture]));
+      return Rgb::Gray(std::visit([](const auto& intensity) { return intensity.peak(); },
+                                  impl.intensities[light.image]));
     case DeltaLight::Kind::kProjection:
-      return impl.projected_images[light.picture].peak();
+      return impl.projected_images[light.image].peak();
     default:
-      return Rgb::Grey(1);
+      return Rgb::Gray(1);
   }
 }
 

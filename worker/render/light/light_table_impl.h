@@ -37,7 +37,7 @@ struct DeltaLight {
   // kSpot: falls off smoothly between these cosines with axis. kProjection: zero beyond cos_end.
   float cos_start = 1, cos_end = 1;
   int32_t description = kNone;  // Index in SceneDescription::lights.
-  size_t picture = 0;           // Index in Impl::intensities, or Impl::projected_images.
+  size_t image = 0;             // Index in Impl::intensities, or Impl::projected_images.
 };
 
 // A light from all directions; constant where it has no map.

@@ -66,8 +66,8 @@ struct LightTree::Weights {
 // from walks that follow intensities. Carrying both is the same as choosing between the two kinds
 // of walk before the descent. A node's interval of [0, 1) has the length of their sum, and its
 // children's intervals begin where it begins.
-struct LightTree::Share {
-  double by_weight = 1 - kIntensityShare, by_intensity = kIntensityShare;
+struct LightTree::NodeProbability {
+  double by_weight = 1 - kIntensityProbability, by_intensity = kIntensityProbability;
 
   double Sum() const { return by_weight + by_intensity; }
   // The parts of a node's children. Where no child receives a weight, which the node's own coarser
@@ -76,7 +76,7 @@ struct LightTree::Share {
     Weights weights;
     double weight_scale, intensity_scale;
 
-    Share Of(size_t place) const {
+    NodeProbability Of(size_t place) const {
       const double intensity = static_cast<double>(weights.intensity[place]);
       const double weight =
           weights.sum > 0 ? static_cast<double>(weights.of_child[place]) : intensity;
@@ -176,22 +176,22 @@ double LightTree::Irradiance(Vec3f p, Vec3f n) const {
 
 std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
   const Receiver receiver(p, n);
-  Share share;
+  NodeProbability probability;
   double rest = u;  // Relative to the beginning of the node's interval.
   uint32_t index = 0;
   for (;;) {
     const Node& node = nodes_[index];
     const Weights weights = Weigh(node, receiver);
     if (index == 0 && !(weights.sum > 0)) return std::nullopt;
-    const Share::PerChild shares = share.Among(weights);
+    const NodeProbability::PerChild probabilities = probability.Among(weights);
     // Where rounding leaves the sum below u, the last child of positive probability is chosen.
     size_t chosen = 0;
     double begin = 0, end = 0;
     for (size_t i = 0; i < kWidth; ++i) {
-      const Share of_child = shares.Of(i);
+      const NodeProbability of_child = probabilities.Of(i);
       if (!(of_child.Sum() > 0)) continue;
       chosen = i;
-      share = of_child;
+      probability = of_child;
       begin = end;
       end += of_child.Sum();
       if (rest < end) break;
@@ -199,7 +199,7 @@ std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
     rest -= begin;
     const uint32_t child = node.child[chosen];
     if ((child & kLightBit) != 0) {
-      return ChosenLight{child & ~kLightBit, static_cast<float>(share.Sum())};
+      return ChosenLight{child & ~kLightBit, static_cast<float>(probability.Sum())};
     }
     index = child;
     nodes_[index].Prefetch();
@@ -217,15 +217,15 @@ float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n) const {
     slots[count++] = slot;
   }
   const Receiver receiver(p, n);
-  Share share;
+  NodeProbability probability;
   while (count > 0) {
     const uint32_t slot = slots[--count];
     const Node& node = nodes_[slot / kWidth];
     const Weights weights = Weigh(node, receiver);
     if (slot < kWidth && !(weights.sum > 0)) return 0;
-    share = share.Among(weights).Of(slot % kWidth);
+    probability = probability.Among(weights).Of(slot % kWidth);
   }
-  return static_cast<float>(share.Sum());
+  return static_cast<float>(probability.Sum());
 }
 
 }  // namespace sheaf::render

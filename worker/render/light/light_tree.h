@@ -10,10 +10,10 @@
 // and cones are rounded outwards to a few bits.
 //
 // Every light that may illuminate p has a positive probability: bounds err on the side of more
-// light, and a fraction of the walks (kIntensityShare) follows the intensities alone, so no light
-// is less likely than kIntensityShare times its fraction of the total intensity, however wrong the
-// estimates are. Results are bit-identical where the unit of length or of light changes by a power
-// of two.
+// light, and a fraction of the walks (kIntensityProbability) follows the intensities alone, so no
+// light is less likely than kIntensityProbability times its fraction of the total intensity,
+// however wrong the estimates are. Results are bit-identical where the unit of length or of light
+// changes by a power of two.
 #pragma once
 
 #include <cstddef>
@@ -32,7 +32,7 @@ class LightTree {
   static constexpr int kDepthMax = 48;
   static constexpr size_t kLightsMax = size_t{1} << 28;
   // Fraction of the walks that follow the intensities alone.
-  static constexpr double kIntensityShare = 0.1;
+  static constexpr double kIntensityProbability = 0.1;
 
   LightTree() = default;
   // Excludes infinite lights, lights of strength 0, and lights with non-finite values or farther
@@ -94,7 +94,7 @@ class LightTree {
 
   struct Receiver;
   struct Weights;
-  struct Share;
+  struct NodeProbability;
   class Builder;
   static Weights Weigh(const Node& node, const Receiver& receiver);
 

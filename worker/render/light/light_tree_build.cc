@@ -109,7 +109,7 @@ class LightTree::Builder {
     nodes_.reserve(entries_.size() / 4);
     BuildNode(PartOf(0, entries_.size()), kNoSlot, 1);
     tree_.nodes_.reserve(nodes_.size());
-    WishForLargePages(tree_.nodes_.data(), nodes_.size() * sizeof(Node));
+    AdviseHugePages(tree_.nodes_.data(), nodes_.size() * sizeof(Node));
     tree_.nodes_.insert(tree_.nodes_.end(), nodes_.begin(), nodes_.end());
   }
 

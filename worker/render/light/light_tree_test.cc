@@ -94,7 +94,7 @@ TEST(LightTreeTest, ProbabilitiesSumToOneWhereAnyLightArrives) {
   }
 }
 
-TEST(LightTreeTest, WalksFollowTheProbabilitiesToTheBit) {
+TEST(LightTreeTest, WalksMatchProbabilitiesExactly) {
   constexpr size_t kCount = 300;
   constexpr int kDraws = 1 << 16;
   const LightTree tree(MakeLights(kCount, 3));
@@ -114,7 +114,7 @@ TEST(LightTreeTest, WalksFollowTheProbabilitiesToTheBit) {
   }
 }
 
-TEST(LightTreeTest, TheBrighterAndTheNearerAndTheFacingIsLikelier) {
+TEST(LightTreeTest, BrighterNearerAndFacingLightsAreLikelier) {
   const auto panel = [](Vec3f center, Vec3f normal, float strength) {
     return LightBounds{.kind = LightBounds::Kind::kPlanar,
                        .two_sided = false,
@@ -132,13 +132,14 @@ TEST(LightTreeTest, TheBrighterAndTheNearerAndTheFacingIsLikelier) {
   EXPECT_GT(probability(1), 3 * probability(2));
   EXPECT_GT(probability(1), 1.3f * probability(3));
   EXPECT_GT(probability(1), 1.3f * probability(4));
-  // The dim light keeps its fraction of kIntensityShare among the lights that do not face away.
-  EXPECT_GT(static_cast<double>(probability(2)), LightTree::kIntensityShare * 0.1 / 4.1);
+  // The dim light keeps its fraction of kIntensityProbability among the lights that do not face
+  // away.
+  EXPECT_GT(static_cast<double>(probability(2)), LightTree::kIntensityProbability * 0.1 / 4.1);
   EXPECT_EQ(probability(5), 0);
 }
 
 // A far cluster is weighted by the light it really sends, however its normals are spread.
-TEST(LightTreeTest, FarClustersAreWeighedByTheirMeanCosine) {
+TEST(LightTreeTest, FarClustersUseTheirMeanCosine) {
   enum class Spread { kNone, kHemisphere, kSphere, kNoNormals };
   Random random(21);
   for (Spread spread : {Spread::kNone, Spread::kHemisphere, Spread::kSphere, Spread::kNoNormals}) {
@@ -178,7 +179,7 @@ TEST(LightTreeTest, FarClustersAreWeighedByTheirMeanCosine) {
   }
 }
 
-TEST(LightTreeTest, OneLightIsCertainAndBlackOrSenselessOnesAreLeftOut) {
+TEST(LightTreeTest, SingleLightIsCertainAndInvalidOnesAreExcluded) {
   std::vector<LightBounds> lights = MakeLights(40, 4);
   for (size_t i = 0; i < lights.size(); ++i) {
     const float nan = std::numeric_limits<float>::quiet_NaN();
@@ -225,7 +226,7 @@ TEST(LightTreeTest, ScaleByAPowerOfTwoChangesNoBit) {
   }
 }
 
-TEST(LightTreeTest, NothingArrivesFromBehindTheHorizonOrOutsideTheCone) {
+TEST(LightTreeTest, NothingArrivesFromBelowTheHorizonOrOutsideTheCone) {
   std::vector<LightBounds> spots(100);
   Random random(10);
   for (LightBounds& spot : spots) {
@@ -246,7 +247,7 @@ TEST(LightTreeTest, NothingArrivesFromBehindTheHorizonOrOutsideTheCone) {
   EXPECT_EQ(tree.Probability(3, {20, 0, 0}, {}), 0);
 }
 
-TEST(LightTreeTest, ReceiversThatAreNotANumberGetNumbers) {
+TEST(LightTreeTest, NonFiniteReceiversGiveFiniteNumbers) {
   const LightTree tree(MakeLights(500, 11));
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();

@@ -66,7 +66,7 @@ void SetComplexIndex(const CompiledMaterial& material, const SurfaceInputs<Color
                      BsdfOf<Color>* bsdf) {
   if (material.from_reflectance) {
     const Color r = ClampReflectance(inputs.color);
-    bsdf->conductor_eta = Color::Grey(1);
+    bsdf->conductor_eta = Color::Gray(1);
     bsdf->conductor_k = MakeColor<Color>([&](size_t c) { return AbsorptionOf(r[c]); });
   } else {
     bsdf->conductor_eta = inputs.eta;
@@ -119,7 +119,7 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
   BsdfOf<Color> bsdf;
   bsdf.kind = material.kind;
   bsdf.eta = material.eta;
-  bsdf.albedo = Color::Grey(1);
+  bsdf.albedo = Color::Gray(1);
   SetAlpha(material, inputs.roughness_u, inputs.roughness_v, &bsdf);
   const bool is_smooth = Ggx{bsdf.alpha_x, bsdf.alpha_y}.IsSmooth();
   const float alpha = EquivalentAlpha({bsdf.alpha_x, bsdf.alpha_y});
@@ -337,31 +337,32 @@ BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
 namespace {
 
 template <typename Color>
-Color MatterAlbedoAt(const CompiledMaterial& material, const TextureProgram& textures,
-                     const TexturePoint& point, const WavelengthsOf<Color>& wavelengths) {
-  const Color reflectance = textures.Value<Color>(material.matter_reflectance, point, wavelengths);
-  return MakeColor<Color>([&](size_t i) { return material.matter_albedo->At(reflectance[i]); });
+Color SubsurfaceAlbedoAt(const CompiledMaterial& material, const TextureProgram& textures,
+                         const TexturePoint& point, const WavelengthsOf<Color>& wavelengths) {
+  const Color reflectance =
+      textures.Value<Color>(material.subsurface_reflectance, point, wavelengths);
+  return MakeColor<Color>([&](size_t i) { return material.subsurface_albedo->At(reflectance[i]); });
 }
 
 }  // namespace
 
-Rgb MaterialTable::MatterAlbedo(int32_t material, const TexturePoint& point,
-                                NoWavelengths wavelengths) const {
-  return MatterAlbedoAt<Rgb>(impl_->materials[static_cast<size_t>(material)], *impl_->textures,
-                             point, wavelengths);
+Rgb MaterialTable::SubsurfaceAlbedo(int32_t material, const TexturePoint& point,
+                                    NoWavelengths wavelengths) const {
+  return SubsurfaceAlbedoAt<Rgb>(impl_->materials[static_cast<size_t>(material)], *impl_->textures,
+                                 point, wavelengths);
 }
 
-Spectral MaterialTable::MatterAlbedo(int32_t material, const TexturePoint& point,
-                                     const Wavelengths& wavelengths) const {
-  return MatterAlbedoAt<Spectral>(impl_->materials[static_cast<size_t>(material)], *impl_->textures,
-                                  point, wavelengths);
+Spectral MaterialTable::SubsurfaceAlbedo(int32_t material, const TexturePoint& point,
+                                         const Wavelengths& wavelengths) const {
+  return SubsurfaceAlbedoAt<Spectral>(impl_->materials[static_cast<size_t>(material)],
+                                      *impl_->textures, point, wavelengths);
 }
 
 uint64_t MaterialTable::memory_bytes() const {
   const ScatteringTables& tables = impl_->tables;
   uint64_t bytes = VectorBytes(impl_->materials) + tables.hairs.size() * sizeof(CompiledHair) +
                    tables.conductor_coats.size() * sizeof(ConductorCoatRow) +
-                   tables.matter_albedos.size() * sizeof(AlbedoCurve);
+                   tables.subsurface_albedos.size() * sizeof(AlbedoCurve);
   for (const auto& [key, rows] : tables.coats) bytes += VectorBytes(rows);
   for (const auto& [key, rows] : tables.conductors) bytes += VectorBytes(rows);
   for (const auto& [key, rows] : tables.dielectrics) bytes += VectorBytes(rows);

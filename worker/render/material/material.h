@@ -56,9 +56,10 @@ class MaterialTable {
                       const TangentPlane& plane) const;
   // The single-scattering albedo of a subsurface medium at the point where a path enters, for a
   // reflectance that is a texture. Requires: it is.
-  Rgb MatterAlbedo(int32_t material, const TexturePoint& point, NoWavelengths wavelengths) const;
-  Spectral MatterAlbedo(int32_t material, const TexturePoint& point,
-                        const Wavelengths& wavelengths) const;
+  Rgb SubsurfaceAlbedo(int32_t material, const TexturePoint& point,
+                       NoWavelengths wavelengths) const;
+  Spectral SubsurfaceAlbedo(int32_t material, const TexturePoint& point,
+                            const Wavelengths& wavelengths) const;
   // Value of a float input (cut-outs), unclamped: a mask may exceed [0, 1].
   template <uint32_t kTraits>
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;

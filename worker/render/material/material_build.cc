@@ -69,14 +69,14 @@ class MaterialBuilder {
     return absl::OkStatus();
   }
   absl::Status SetReflectance(const ColorInput& input, CompiledMaterial* m) {
-    return SetShare("reflectance", input, &m->color);
+    return SetFraction("reflectance", input, &m->color);
   }
   // Sets a fraction of light per channel that a surface reflects or transmits.
-  absl::Status SetShare(const char* name, const ColorInput& input, ColorOperand* share) {
-    *share = textures_.Operand(input, ColorRole::kReflectance);
-    if (share->texture != kNone) return absl::OkStatus();
+  absl::Status SetFraction(const char* name, const ColorInput& input, ColorOperand* fraction) {
+    *fraction = textures_.Operand(input, ColorRole::kReflectance);
+    if (fraction->texture != kNone) return absl::OkStatus();
     for (size_t c = 0; c < 3; ++c) {
-      const float value = share->value[c];
+      const float value = fraction->value[c];
       if (!std::isfinite(value)) return Error(absl::StrCat(name, " is not a finite number"));
       if (value < 0 || value > 1) {
         LogWarning(
@@ -171,7 +171,7 @@ class MaterialBuilder {
   absl::Status Fill(const Material& d, CompiledMaterial* m) {
     struct Inputs {
       void Reflectance(const char* name, const ColorInput& input, float) {
-        status.Update(builder.SetShare(name, input, &m->color));
+        status.Update(builder.SetFraction(name, input, &m->color));
       }
       void Roughness(const RoughnessInput& input) { status.Update(builder.SetRoughness(input, m)); }
       MaterialBuilder& builder;
@@ -189,9 +189,9 @@ class MaterialBuilder {
     if (!std::isfinite(d.scale) || d.scale < 0) {
       return Error(absl::StrCat("scale ", d.scale, " must be 0 or more"));
     }
-    absl::Status status = SetShare("reflectance", d.reflectance, &m->color);
+    absl::Status status = SetFraction("reflectance", d.reflectance, &m->color);
     if (!status.ok()) return status;
-    return SetShare("transmittance", d.transmittance, &m->conductor_eta);
+    return SetFraction("transmittance", d.transmittance, &m->conductor_eta);
   }
 
   // Sets the color inputs of a conductor. outside: index of the medium in front of it, which
@@ -243,13 +243,13 @@ class MaterialBuilder {
 
   absl::Status Fill(const SubsurfaceMaterial& d, CompiledMaterial* m) {
     absl::Status status = Fill(DielectricMaterial{d.roughness, d.eta}, m);
-    const MediumDescription& matter = scene_.media[static_cast<size_t>(d.medium)];
-    if (!matter.reflectance || matter.reflectance->texture == kNone) return status;
-    ColorInput paint;
-    paint.texture = matter.reflectance->texture;
-    m->matter_reflectance = textures_.Operand(paint, ColorRole::kReflectance);
-    const float eta = matter.reflectance->eta, g = matter.g;
-    m->matter_albedo = &tables_.matter_albedos.try_emplace({eta, g}, eta, g).first->second;
+    const MediumDescription& inside = scene_.media[static_cast<size_t>(d.medium)];
+    if (!inside.reflectance || inside.reflectance->texture == kNone) return status;
+    ColorInput scattering_texture;
+    scattering_texture.texture = inside.reflectance->texture;
+    m->subsurface_reflectance = textures_.Operand(scattering_texture, ColorRole::kReflectance);
+    const float eta = inside.reflectance->eta, g = inside.g;
+    m->subsurface_albedo = &tables_.subsurface_albedos.try_emplace({eta, g}, eta, g).first->second;
     return status;
   }
 
@@ -318,7 +318,7 @@ class MaterialBuilder {
     m->hair = &hair;
     hair.pigment = d.pigment;
     if (d.pigment == HairMaterial::Pigment::kReflectance) {
-      if (absl::Status s = SetShare("reflectance", d.color, &hair.color); !s.ok()) return s;
+      if (absl::Status s = SetFraction("reflectance", d.color, &hair.color); !s.ok()) return s;
     } else if (d.pigment == HairMaterial::Pigment::kAbsorption) {
       hair.color = textures_.Operand(d.color, ColorRole::kUnbounded);
       if (hair.color.texture == kNone && !IsFinite(hair.color.value)) {

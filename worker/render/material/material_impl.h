@@ -62,8 +62,8 @@ struct CompiledMaterial {
   const std::vector<DielectricEnergyRow>* dielectric_rows = nullptr;
   const ConductorCoatRow* conductor_coat = nullptr;
   // For subsurface materials with textured reflectance.
-  ColorOperand matter_reflectance;
-  const AlbedoCurve* matter_albedo = nullptr;
+  ColorOperand subsurface_reflectance;
+  const AlbedoCurve* subsurface_albedo = nullptr;
   const CompiledHair* hair = nullptr;      // For hair, which uses no other member.
   const MeasuredBrdf* measured = nullptr;  // Likewise.
   // Normal or bump map: at most one of the two.
@@ -104,7 +104,7 @@ struct ScatteringTables {
   std::map<Key, std::vector<DielectricEnergyRow>> dielectrics;
   // Key: the interface's alphas, the base's, eta, thickness.
   std::map<std::array<float, 6>, ConductorCoatRow> conductor_coats;
-  std::map<std::pair<float, float>, AlbedoCurve> matter_albedos;  // By index and asymmetry.
+  std::map<std::pair<float, float>, AlbedoCurve> subsurface_albedos;  // By index and asymmetry.
   std::deque<CompiledHair> hairs;
   std::map<std::string, MeasuredBrdf> measured;  // By file.
 };

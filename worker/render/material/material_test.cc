@@ -77,7 +77,7 @@ ImageTexture FourTexels(Fixture* fixture) {
   return image;
 }
 
-TEST(MaterialTableTest, ImagesHaveTheirFirstRowAtTheTop) {
+TEST(MaterialTableTest, ImagesStartAtTheTopRow) {
   Fixture f;
   const int32_t t = f.AddTexture(ColorTexture(FourTexels(&f)));
   const int32_t m = f.AddMaterial(DiffuseMaterial{TextureColor(t)});
@@ -109,15 +109,15 @@ TEST(MaterialTableTest, WrapModesDecideBeyondTheEdge) {
 TEST(MaterialTableTest, CheckerboardsMixesAndScalesNest) {
   Fixture f;
   CheckerboardTexture board;
-  board.color[0] = Constant(Rgb::Grey(1));
-  board.color[1] = Constant(Rgb::Grey(0));
+  board.color[0] = Constant(Rgb::Gray(1));
+  board.color[1] = Constant(Rgb::Gray(0));
   board.mapping.scale_u = board.mapping.scale_v = 2;
   const int32_t checker = f.AddTexture(ColorTexture(board));
   ScaleTexture scale{TextureColor(checker), {}, {.value = 0.5f}};
   const int32_t scaled = f.AddTexture(ColorTexture(scale));
   MixTexture mix;
   mix.color[0] = TextureColor(scaled);
-  mix.color[1] = Constant(Rgb::Grey(1));
+  mix.color[1] = Constant(Rgb::Gray(1));
   mix.amount.value = 0.25f;
   const int32_t m = f.AddMaterial(DiffuseMaterial{TextureColor(f.AddTexture(ColorTexture(mix)))});
   const auto table = f.Build();
@@ -126,9 +126,9 @@ TEST(MaterialTableTest, CheckerboardsMixesAndScalesNest) {
   EXPECT_FLOAT_EQ(ColorAt(**table, m, {0.75f, 0.25f}).r, 0.25f);
 }
 
-TEST(MaterialTableTest, TexturesOfConstantsServeVariantsWithoutTextures) {
+TEST(MaterialTableTest, ConstantTexturesNeedNoTextureTrait) {
   Fixture f;
-  ScaleTexture scale{Constant(Rgb::Grey(0.8f)), {}, {.value = 0.5f}};
+  ScaleTexture scale{Constant(Rgb::Gray(0.8f)), {}, {.value = 0.5f}};
   const int32_t t = f.AddTexture(ColorTexture(scale));
   const int32_t m = f.AddMaterial(DiffuseMaterial{TextureColor(t)});
   const auto table = f.Build();
@@ -138,7 +138,7 @@ TEST(MaterialTableTest, TexturesOfConstantsServeVariantsWithoutTextures) {
   EXPECT_FLOAT_EQ(bsdf.color.r, 0.4f);
 }
 
-TEST(MaterialTableTest, MixesSpendTheirNumberEvenly) {
+TEST(MaterialTableTest, MixesReuseTheirRandomNumber) {
   Fixture f;
   const int32_t a = f.AddMaterial(DiffuseMaterial{Constant({1, 0, 0})});
   const int32_t b = f.AddMaterial(DiffuseMaterial{Constant({0, 1, 0})});
@@ -157,7 +157,7 @@ TEST(MaterialTableTest, MixesSpendTheirNumberEvenly) {
   EXPECT_NEAR(mean.b, 0.5, 1e-3);
 }
 
-TEST(MaterialTableTest, BadScenesAreErrorsWithTheirPlace) {
+TEST(MaterialTableTest, InvalidScenesAreErrorsWithALocation) {
   Fixture itself;
   MixMaterial loop{{0, 0}, {.value = 0.5f}};
   itself.AddMaterial(loop);
@@ -188,7 +188,7 @@ TEST(MaterialTableTest, BadScenesAreErrorsWithTheirPlace) {
   }
 }
 
-TEST(MaterialTableTest, LookUpsDoNotDependOnWhatTheCacheHeld) {
+TEST(MaterialTableTest, LookupsDoNotDependOnTheCacheState) {
   Fixture f;
   std::vector<Rgb8> pixels;
   for (int i = 0; i < 300 * 300; ++i) {
@@ -209,7 +209,7 @@ TEST(MaterialTableTest, LookUpsDoNotDependOnWhatTheCacheHeld) {
   }
 }
 
-TEST(MaterialTableTest, SheetsScaleBothSharesAndClampThem) {
+TEST(MaterialTableTest, SheetsScaleAndClampBothFractions) {
   Fixture f;
   const int32_t t = f.AddTexture(ColorTexture(FourTexels(&f)));
   DiffuseTransmissionMaterial sheet;
@@ -231,7 +231,7 @@ TEST(MaterialTableTest, SheetsScaleBothSharesAndClampThem) {
   }
 }
 
-TEST(MaterialTableTest, RoughnessBecomesAlphaByItsSquareRoot) {
+TEST(MaterialTableTest, AlphaIsTheSquareRootOfRoughness) {
   Fixture f;
   CoatedDiffuseMaterial coat;
   coat.roughness.u.value = 0.25f;
@@ -247,7 +247,7 @@ TEST(MaterialTableTest, RoughnessBecomesAlphaByItsSquareRoot) {
   EXPECT_NE((*table)->Evaluate<kAllTraits>(plain, {}, 0).coat, nullptr);
 }
 
-TEST(MaterialTableTest, TexturedRoughnessFindsItsRows) {
+TEST(MaterialTableTest, TexturedRoughnessFindsItsTableRows) {
   Fixture f;
   TextureDescription board;
   board.name = "r";
@@ -258,7 +258,7 @@ TEST(MaterialTableTest, TexturedRoughnessFindsItsRows) {
   const int32_t t = f.AddTexture(board);
   ConductorMaterial metal;
   metal.has_reflectance = true;
-  metal.reflectance = Constant(Rgb::Grey(1));
+  metal.reflectance = Constant(Rgb::Gray(1));
   metal.roughness.u.texture = metal.roughness.v.texture = t;
   const int32_t m = f.AddMaterial(metal);
   const auto table = f.Build();

@@ -5,7 +5,7 @@
 #include <variant>
 
 #include "absl/status/statusor.h"
-#include "common/scene/pbrt/statements/matter_reflectance.h"
+#include "common/scene/pbrt/statements/subsurface_reflectance.h"
 #include "worker/render/material/material.h"
 #include "worker/render/material/texture_program.h"
 
@@ -97,7 +97,7 @@ absl::Status ReplaceTexturesByMeans(FileSource& files, SceneDescription* scene) 
     ColorInput color;
     color.texture = medium.reflectance->texture;
     replacer.Replace(&color);
-    MatterReflectance reflectance = *medium.reflectance;
+    SubsurfaceReflectance reflectance = *medium.reflectance;
     reflectance.color = color.value;
     reflectance.texture = kNone;
     SetReflectance(reflectance, &medium);

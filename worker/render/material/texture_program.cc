@@ -191,9 +191,9 @@ Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
     case Kind::kImage: {
       const Texel texel = LookUp(node, point);
       Rgb color =
-          node.image.channels == 1 ? Rgb::Grey(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
+          node.image.channels == 1 ? Rgb::Gray(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
       color *= node.scale;
-      if (node.invert) color = Rgb::Grey(1) - color;
+      if (node.invert) color = Rgb::Gray(1) - color;
       // This form keeps NaN, so that a failed read is noticed.
       for (size_t c = 0; c < 3; ++c) color[c] = color[c] < 0 ? 0 : color[c];
       return ColorOfRgb<Color>(color, node.role, wavelengths);

@@ -16,20 +16,20 @@ std::array<std::vector<float>, kColorPartCount> SplitColors(const std::vector<Rg
   };
   for (size_t i = 0; i < cells.size(); ++i) {
     const Rgb color = cells[i];
-    const float grey = std::min({color.r, color.g, color.b});
-    set(ColorPart::kGrey, i, grey);
-    set(ColorPart::kRed, i, color.r - grey);
-    set(ColorPart::kGreen, i, color.g - grey);
-    set(ColorPart::kBlue, i, color.b - grey);
+    const float gray = std::min({color.r, color.g, color.b});
+    set(ColorPart::kGray, i, gray);
+    set(ColorPart::kRed, i, color.r - gray);
+    set(ColorPart::kGreen, i, color.g - gray);
+    set(ColorPart::kBlue, i, color.b - gray);
   }
   return parts;
 }
 
 template <>
-Rgb ShareOf<Rgb>(ColorPart part, const NoWavelengths&) {
+Rgb PartWeight<Rgb>(ColorPart part, const NoWavelengths&) {
   switch (part) {
-    case ColorPart::kGrey:
-      return Rgb::Grey(1);
+    case ColorPart::kGray:
+      return Rgb::Gray(1);
     case ColorPart::kRed:
       return {1, 0, 0};
     case ColorPart::kGreen:
@@ -41,8 +41,8 @@ Rgb ShareOf<Rgb>(ColorPart part, const NoWavelengths&) {
 }
 
 template <>
-Spectral ShareOf<Spectral>(ColorPart part, const Wavelengths& wavelengths) {
-  if (part == ColorPart::kGrey) return Spectral::Grey(1);
+Spectral PartWeight<Spectral>(ColorPart part, const Wavelengths& wavelengths) {
+  if (part == ColorPart::kGray) return Spectral::Gray(1);
   static const std::array<SpectralColor, 3> primaries = [] {
     std::array<SpectralColor, 3> colors;
     for (size_t i = 0; i < colors.size(); ++i) {

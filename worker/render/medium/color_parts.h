@@ -15,7 +15,7 @@
 
 namespace sheaf::render {
 
-enum class ColorPart : uint8_t { kGrey, kRed, kGreen, kBlue };
+enum class ColorPart : uint8_t { kGray, kRed, kGreen, kBlue };
 inline constexpr size_t kColorPartCount = 4;
 // Maximum number per medium: parts that absorb and parts that scatter.
 inline constexpr size_t kMediumPartsMax = 2 * kColorPartCount;
@@ -27,6 +27,6 @@ std::array<std::vector<float>, kColorPartCount> SplitColors(const std::vector<Rg
 // The light that a part affects: for an RGB component all or nothing; for a wavelength a fraction,
 // the reflectance of the sRGB primary there. Red, green and blue sum to gray.
 template <typename Color>
-Color ShareOf(ColorPart part, const WavelengthsOf<Color>& wavelengths);
+Color PartWeight(ColorPart part, const WavelengthsOf<Color>& wavelengths);
 
 }  // namespace sheaf::render

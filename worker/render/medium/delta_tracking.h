@@ -41,12 +41,12 @@ struct TrackingTally {
 };
 
 template <typename Color>
-struct TrackedFlight {
+struct TrackedCollision {
   bool collides = false;
   double t = 0;  // Position of the collision, if any.
   // Factor of each component of the path's throughput. At a collision it includes the extinction,
   // so the caller applies only the albedo, sigma_s / sigma_t.
-  Color weight = Color::Grey(1);
+  Color weight = Color::Gray(1);
 };
 
 namespace internal {
@@ -88,7 +88,7 @@ inline double RangeOf(DensityBounds bounds) {
   return static_cast<double>(bounds.upper) - static_cast<double>(bounds.lower);
 }
 // The looked-up density as a fraction of the range of its bounds.
-inline double ShareOfRange(double rho, DensityBounds bounds, TrackingTally* tally) {
+inline double FractionOfRange(double rho, DensityBounds bounds, TrackingTally* tally) {
   ++tally->look_up_count;
   const double lower = bounds.lower;
   if (rho > bounds.upper || rho < lower) ++tally->violation_count;
@@ -118,7 +118,7 @@ class RatioTracker {
     const double rate = RangeOf(bounds) * sigma_max_;
     if (!(rate > 0)) return true;
     for (double t = t0; collisions_.Next(rate, t1, &t);) {
-      const double p = ShareOfRange(density(t), bounds, tally_);
+      const double p = FractionOfRange(density(t), bounds, tally_);
       double largest = 0;
       for (size_t c = 0; c < kComponents; ++c) {
         ratio_[c] *= 1 - p * relative_[c];
@@ -147,20 +147,20 @@ class RatioTracker {
 // Samples a collision. sigma_t: extinction per unit of density and of t, nonnegative. throughput:
 // of the path, nonnegative; decides the probabilities of events.
 template <typename Color, typename Walk, typename Density>
-TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color& sigma_t,
-                                 const Color& throughput, EventStream* stream,
-                                 TrackingTally* tally) {
+TrackedCollision<Color> TrackCollision(Walk* walk, const Density& density, const Color& sigma_t,
+                                       const Color& throughput, EventStream* stream,
+                                       TrackingTally* tally) {
   constexpr size_t kComponents = kComponentCount<Color>;
-  TrackedFlight<Color> flight;
+  TrackedCollision<Color> sample;
   const double sigma_max = MaxComponent(sigma_t);
-  if (!(sigma_max > 0)) return flight;
+  if (!(sigma_max > 0)) return sample;
   double relative[kComponents];
   for (size_t c = 0; c < kComponents; ++c) relative[c] = sigma_t[c] / sigma_max;
   double weight[kComponents];
   std::fill_n(weight, kComponents, 1.0);
   const auto finish = [&] {
-    flight.weight = MakeColor<Color>([&](size_t c) { return static_cast<float>(weight[c]); });
-    return flight;
+    sample.weight = MakeColor<Color>([&](size_t c) { return static_cast<float>(weight[c]); });
+    return sample;
   };
   internal::TentativeCollisions collisions(stream);
   MajorantSegment segment;
@@ -168,7 +168,7 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
     const double rate = segment.bounds.upper * sigma_max;
     if (!(rate > 0)) continue;
     for (double t = segment.t0; collisions.Next(rate, segment.t1, &t);) {
-      const double p = internal::ShareOfRange(density(t), {0, segment.bounds.upper}, tally);
+      const double p = internal::FractionOfRange(density(t), {0, segment.bounds.upper}, tally);
       // The probability of a collision is the mean over components, weighted by throughput.
       double carried = 0, colliding = 0;
       for (size_t c = 0; c < kComponents; ++c) {
@@ -178,8 +178,8 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
       const double mean = carried > 0 ? std::min(colliding / carried, 1.0) : 1.0;
       if (stream->Uniform() < p * mean) {
         for (size_t c = 0; c < kComponents; ++c) weight[c] *= relative[c] / mean;
-        flight.collides = true;
-        flight.t = t;
+        sample.collides = true;
+        sample.t = t;
         return finish();
       }
       // Here p * mean < 1.
@@ -196,14 +196,14 @@ TrackedFlight<Color> TrackFlight(Walk* walk, const Density& density, const Color
 template <typename Color, typename Walk, typename Density>
 Color TrackTransmittance(Walk* walk, const Density& density, const Color& sigma_t,
                          EventStream* stream, TrackingTally* tally) {
-  if (!(MaxComponent(sigma_t) > 0)) return Color::Grey(1);
+  if (!(MaxComponent(sigma_t) > 0)) return Color::Gray(1);
   internal::RatioTracker<Color> ratio(sigma_t, stream, tally);
   double control_depth = 0;  // From the lower bounds: known, not estimated.
   MajorantSegment segment;
   while (internal::NextSegment(walk, &segment, tally)) {
     const double lower = segment.bounds.lower;
     if (lower > 0) control_depth += lower * (segment.t1 - segment.t0);
-    if (!ratio.Pass(density, segment.t0, segment.t1, segment.bounds)) return Color::Grey(0);
+    if (!ratio.Pass(density, segment.t0, segment.t1, segment.bounds)) return Color::Gray(0);
   }
   return MakeColor<Color>([&](size_t c) {
     return static_cast<float>(ratio[c] * Exp(-static_cast<double>(sigma_t[c]) * control_depth));
@@ -225,7 +225,7 @@ Color TrackEmission(Walk* walk, const Density& density, const Source& source, co
     const double length = segment.t1 - segment.t0;
     const double point = segment.t0 + stream->Uniform() * length;
     if (!ratio.Pass(density, segment.t0, point, bounds)) return sum;
-    const double rho = bounds.upper * internal::ShareOfRange(density(point), bounds, tally);
+    const double rho = bounds.upper * internal::FractionOfRange(density(point), bounds, tally);
     if (rho > 0) {
       const Color seen = source(point);
       sum += MakeColor<Color>(

@@ -139,7 +139,7 @@ class MajorantBuilder {
   enum class Pass { kCollect, kJoin, kAll };
   Built Build(Index3 origin, int32_t level, Pass pass, std::vector<Task>* tasks) {
     const int32_t side = SideOf(level);
-    if (!MeetsBox(origin, side)) return Leaf({0, 0}, side);
+    if (!OverlapsBox(origin, side)) return Leaf({0, 0}, side);
     const Index3 lo{origin[0] - 1, origin[1] - 1, origin[2] - 1};
     const Index3 hi{lo[0] + side + 3, lo[1] + side + 3, lo[2] + side + 3};
     if (const auto value = source_.UniformValue(lo, hi)) return Leaf({*value, *value}, side);
@@ -155,7 +155,7 @@ class MajorantBuilder {
   std::vector<MajorantGrid::Brick>& bricks() { return bricks_; }
 
  private:
-  bool MeetsBox(Index3 origin, int32_t side) const {
+  bool OverlapsBox(Index3 origin, int32_t side) const {
     for (size_t a = 0; a < 3; ++a) {
       if (origin[a] > grid_.cell_max_[a] || int64_t{origin[a]} + side <= grid_.cell_min_[a]) {
         return false;
@@ -205,7 +205,7 @@ class MajorantBuilder {
       const Built child = Build(at, level - 1, pass, tasks);
       node[static_cast<size_t>(n)] = {child.bounds, child.link};
       // Cells outside the box are never entered and do not affect the decision.
-      if (MeetsBox(at, side)) {
+      if (OverlapsBox(at, side)) {
         result.bounds = is_first ? child.bounds : Union(result.bounds, child.bounds);
         result.cost += child.cost / 64;
         is_first = false;
@@ -360,11 +360,11 @@ void MajorantGrid::Include(const Node& node, Index3 origin, int32_t shift, Index
           for (int32_t c = 0; c < 64; ++c) {
             const Index3 cell{at[0] + (c >> 4) * kFine, at[1] + ((c >> 2) & 3) * kFine,
                               at[2] + (c & 3) * kFine};
-            bool meets = true;
+            bool intersects = true;
             for (size_t a = 0; a < 3; ++a) {
-              meets &= cell[a] <= hi[a] && cell[a] + kFine > lo[a];
+              intersects &= cell[a] <= hi[a] && cell[a] + kFine > lo[a];
             }
-            if (meets) add(brick[static_cast<size_t>(c)]);
+            if (intersects) add(brick[static_cast<size_t>(c)]);
           }
         }
       }

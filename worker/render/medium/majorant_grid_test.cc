@@ -88,7 +88,7 @@ std::vector<Ray> HardRays(double side) {
   return rays;
 }
 
-TEST(MajorantGridTest, SegmentsCoverTheRayAndBoundWhatIsOnIt) {
+TEST(MajorantGridTest, SegmentsCoverTheRayAndBoundItsDensity) {
   const VolumeGrid grid = SparseGrid({90, 70, 60}, {20, 10, 5}, 45);
   uint64_t cell_count = 0;
   for (const double extinction : {0.001, 0.1, 100.0}) {
@@ -114,7 +114,7 @@ TEST(MajorantGridTest, SegmentsCoverTheRayAndBoundWhatIsOnIt) {
   }
 }
 
-TEST(MajorantGridTest, VacuumSegmentsHoldNothing) {
+TEST(MajorantGridTest, VacuumSegmentsAreEmpty) {
   const VolumeGrid grid = SparseGrid({90, 70, 60}, {20, 10, 5}, 45);
   const MajorantGrid majorants = MajorantGrid::Build(GridDensitySource(grid), {});
   VolumeGrid::Cursor cursor(grid);
@@ -138,7 +138,7 @@ TEST(MajorantGridTest, VacuumSegmentsHoldNothing) {
   EXPECT_GT(seen, 1000);
 }
 
-TEST(MajorantGridTest, ScalingTheRayScalesTheSegmentsToTheBit) {
+TEST(MajorantGridTest, ScalingTheRayScalesSegmentsExactly) {
   const VolumeGrid grid = SparseGrid({90, 70, 60}, {20, 10, 5}, 45);
   const MajorantGrid majorants = MajorantGrid::Build(GridDensitySource(grid), {});
   for (const Ray& ray : HardRays(90)) {
@@ -159,7 +159,7 @@ TEST(MajorantGridTest, ScalingTheRayScalesTheSegmentsToTheBit) {
   }
 }
 
-TEST(MajorantGridTest, EmptySpaceIsCrossedInFewSteps) {
+TEST(MajorantGridTest, EmptySpaceTakesFewSteps) {
   const VolumeGrid grid = SparseGrid({600, 200, 200}, {500, 100, 100}, 30);
   const MajorantGrid majorants =
       MajorantGrid::Build(GridDensitySource(grid), {.extinction_per_voxel = 1});
@@ -168,7 +168,7 @@ TEST(MajorantGridTest, EmptySpaceIsCrossedInFewSteps) {
   EXPECT_LT(majorants.memory_bytes(), grid.info().memory_bytes / 4);
 }
 
-TEST(MajorantGridTest, ThreadsDoNotMatter) {
+TEST(MajorantGridTest, ThreadCountDoesNotMatter) {
   const VolumeGrid grid = SparseGrid({1200, 40, 600}, {480, 2, 490}, 36);
   const MajorantGrid one = MajorantGrid::Build(GridDensitySource(grid), {.thread_count = 1});
   const MajorantGrid three = MajorantGrid::Build(GridDensitySource(grid), {.thread_count = 3});
@@ -259,7 +259,7 @@ TEST(MajorantGridTest, BoundsOverRegionsHoldAndAreTight) {
 }
 
 // V3: an empty grid is a valid medium.
-TEST(MajorantGridTest, AnEmptyGridIsVacuum) {
+TEST(MajorantGridTest, EmptyGridIsVacuum) {
   const MajorantGrid none;
   const auto segments = Walk(none, {{1, 2, 3}, {0, 0, 1}, 0, kInfinity});
   ASSERT_EQ(segments.size(), 1u);
@@ -272,7 +272,7 @@ TEST(MajorantGridTest, AnEmptyGridIsVacuum) {
   }
 }
 
-TEST(MajorantGridTest, AConstantGridIsFoundOut) {
+TEST(MajorantGridTest, ConstantGridIsDetected) {
   const std::vector<float> values(40 * 40 * 40, 0.75f);
   auto grid = VolumeGridFromArray("a", "density", {{40, 40, 40}, {}, {1, 1, 1}}, values);
   ASSERT_TRUE(grid.ok());

@@ -17,13 +17,13 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 MajorantWalk::MajorantWalk(const MajorantGrid& grid, Vec3d o, Vec3d d, double t_min, double t_max)
     : grid_(grid), o_(o), d_(d), t_(t_min), t_box_begin_(t_min), t_box_end_(t_max), t_max_(t_max) {
-  bool meets = !grid.nodes_.empty();
+  bool intersects = !grid.nodes_.empty();
   for (size_t a = 0; a < 3; ++a) {
     inverse_d_[a] = 1 / d[a];
     // If the inverse overflows, the ray does not move along this axis.
     if (!std::isfinite(inverse_d_[a])) {
       d_[a] = 0;
-      meets &= o[a] >= grid.box_.lo[a] && o[a] <= grid.box_.hi[a];
+      intersects &= o[a] >= grid.box_.lo[a] && o[a] <= grid.box_.hi[a];
       continue;
     }
     const double t_lo = (grid.box_.lo[a] - o[a]) * inverse_d_[a];
@@ -31,7 +31,7 @@ MajorantWalk::MajorantWalk(const MajorantGrid& grid, Vec3d o, Vec3d d, double t_
     t_box_begin_ = std::max(t_box_begin_, std::min(t_lo, t_hi));
     t_box_end_ = std::min(t_box_end_, std::max(t_lo, t_hi));
   }
-  if (!meets || !(t_box_begin_ < t_box_end_)) {
+  if (!intersects || !(t_box_begin_ < t_box_end_)) {
     phase_ = Phase::kAfter;
     return;
   }

@@ -14,7 +14,7 @@
 #include "common/base/check.h"
 #include "common/base/vector_bytes.h"
 #include "common/scene/half_space.h"
-#include "common/scene/pbrt/statements/matter_reflectance.h"
+#include "common/scene/pbrt/statements/subsurface_reflectance.h"
 #include "worker/render/geometry/leak_guard.h"
 
 namespace sheaf::render {
@@ -118,9 +118,9 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
       auto parts = MakeParts(where, description, placement, std::move(movement), files, options);
       if (!parts.ok()) return parts.status();
       medium.parts = *std::move(parts);
-      auto glow = MakeGlow(where, description, placement, files, options);
-      if (!glow.ok()) return glow.status();
-      medium.glow = *std::move(glow);
+      auto medium_emission = MakeEmission(where, description, placement, files, options);
+      if (!medium_emission.ok()) return medium_emission.status();
+      medium.medium_emission = *std::move(medium_emission);
     }
     medium.scale = description.scale;
     medium.sigma_a = description.sigma_a.rgb * description.scale;
@@ -132,11 +132,11 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
                                                                     std::min(g, 0.0f)};
     medium.emits =
         description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
-    medium.is_matter = description.is_matter;
+    medium.is_subsurface = description.is_subsurface;
     medium.is_hidden = is_hidden[media.size()];
     // For any mesh: a path that leaves a subsurface medium without hitting its boundary is an
     // error.
-    medium.is_bounded = is_bounded[media.size()] || description.is_matter;
+    medium.is_bounded = is_bounded[media.size()] || description.is_subsurface;
     medium.radiance_scale = description.radiance_scale;
     if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
     if (options.spectral) {
@@ -155,8 +155,8 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   std::iota(order.begin(), order.end(), size_t{0});
   const auto key = [&media](size_t i) {
     const Medium& m = media[i];
-    return std::tuple(m.In(MediumForm::kTrue).g, m.is_matter, m.is_hidden, m.sigma_s.r, m.sigma_s.g,
-                      m.sigma_s.b, m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r,
+    return std::tuple(m.In(MediumForm::kTrue).g, m.is_subsurface, m.is_hidden, m.sigma_s.r,
+                      m.sigma_s.g, m.sigma_s.b, m.sigma_a.r, m.sigma_a.g, m.sigma_a.b, m.radiance.r,
                       m.radiance.g, m.radiance.b);
   };
   std::stable_sort(order.begin(), order.end(),
@@ -167,7 +167,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     table->index_of_[i] = static_cast<uint16_t>(table->media_.size());
     table->media_.push_back(std::move(media[i]));
   }
-  table->glow_lights_ = table->FindGlowLights();
+  table->emissive_volumes_ = table->MakeEmissiveVolumeSampler();
   if (scene.camera.medium != kNone) {
     const bool fits = table->camera_media_.Add(table->IndexOf(scene.camera.medium));
     SHEAF_CHECK(fits);
@@ -175,7 +175,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   return table;
 }
 
-void MediumTable::SetSpectra(const MatterReflectance& reflectance, float g, Medium* medium) {
+void MediumTable::SetSpectra(const SubsurfaceReflectance& reflectance, float g, Medium* medium) {
   const auto free_path = [path = SpectralColor::Make(reflectance.free_path, ColorRole::kUnbounded),
                           scale = reflectance.scale](double nm) {
     return std::max(kFreePathMin, path.At(static_cast<float>(nm)) * scale);
@@ -195,25 +195,25 @@ void MediumTable::SetSpectra(const MatterReflectance& reflectance, float g, Medi
       SpectralColor::Tabulate([&](double nm) { return albedo(nm) / free_path(nm); });
 }
 
-GlowLights MediumTable::FindGlowLights() const {
-  std::vector<GlowLights::Source> sources;
+EmissiveVolumeSampler MediumTable::MakeEmissiveVolumeSampler() const {
+  std::vector<EmissiveVolumeSampler::Source> sources;
   for (uint16_t medium = 0; medium < media_.size(); ++medium) {
     for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
-      const MediumGlow* glow = GlowOf({medium, part});
-      if (glow == nullptr) continue;
+      const MediumEmission* medium_emission = MediumEmissionOf({medium, part});
+      if (medium_emission == nullptr) continue;
       sources.push_back(
-          {&DensityOf({medium, part}), glow,
+          {&DensityOf({medium, part}), medium_emission,
            CoefficientsOf<Rgb>({medium, part}, NoWavelengths{}, MediumForm::kTrue).sigma_a});
     }
   }
-  return GlowLights(sources);
+  return EmissiveVolumeSampler(sources);
 }
 
 uint64_t MediumTable::memory_bytes() const {
-  uint64_t bytes = VectorBytes(media_) + glow_lights_.memory_bytes();
+  uint64_t bytes = VectorBytes(media_) + emissive_volumes_.memory_bytes();
   for (const Medium& medium : media_) {
     for (const Part& part : medium.parts) bytes += part.density.memory_bytes();
-    if (medium.glow != nullptr) bytes += medium.glow->memory_bytes();
+    if (medium.medium_emission != nullptr) bytes += medium.medium_emission->memory_bytes();
   }
   return bytes;
 }

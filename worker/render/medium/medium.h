@@ -18,23 +18,23 @@
 #include "worker/render/geometry/scene_geometry.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/medium/color_parts.h"
-#include "worker/render/medium/free_flight.h"
-#include "worker/render/medium/glow_lights.h"
-#include "worker/render/medium/line_choice.h"
-#include "worker/render/medium/medium_glow.h"
+#include "worker/render/medium/distance_sampling.h"
+#include "worker/render/medium/emissive_volume_sampler.h"
+#include "worker/render/medium/equiangular_mode.h"
+#include "worker/render/medium/heterogeneous_medium.h"
+#include "worker/render/medium/medium_emission.h"
 #include "worker/render/medium/medium_set.h"
 #include "worker/render/medium/medium_velocities.h"
 #include "worker/render/medium/phase_function.h"
-#include "worker/render/medium/varying_medium.h"
 
 namespace sheaf::render {
 
 class MediumTable {
  public:
   struct Options {
-    bool spectral = false;    // MixOf may be called for Spectral too.
+    bool spectral = false;    // PropertiesOf may be called for Spectral too.
     int thread_count = 1;     // For reading and bounding grids.
-    bool bound_once = false;  // VaryingMedium::Placement::bound_once.
+    bool bound_once = false;  // HeterogeneousMedium::Placement::bound_once.
   };
   // Errors: those of the grids' files; kInvalidArgument, with the location of the medium, for media
   // that cannot be rendered; kResourceExhausted over kMediaMax.
@@ -51,17 +51,18 @@ class MediumTable {
   const MediumSet& camera_media() const { return camera_media_; }
 
   // Thread safety: any number of threads at once. Properties of the homogeneous media;
-  // MediumMix::varies says that there are heterogeneous ones. paint: fraction of the subsurface
-  // scattering that is left, the rest is absorbed; null: all.
+  // MediumProperties::varies says that there are heterogeneous ones. texture_value: fraction of the
+  // subsurface scattering that is left, the rest is absorbed; null: all.
   template <typename Color>
-  MediumMix<Color> MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
-                         MediumForm form, const Color* paint = nullptr) const;
-  // Requires: mix is MixOf the same arguments, and scatters. throughput weights the media that
-  // overlap.
+  MediumProperties<Color> PropertiesOf(const MediumSet& media,
+                                       const WavelengthsOf<Color>& wavelengths, MediumForm form,
+                                       const Color* texture_value = nullptr) const;
+  // Requires: mix is PropertiesOf the same arguments, and scatters. throughput weights the media
+  // that overlap.
   template <typename Color>
-  PhaseMix<Color> PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
-                          const Color& throughput, const WavelengthsOf<Color>& wavelengths,
-                          const Color* paint = nullptr) const;
+  PhaseMixture<Color> PhaseOf(const MediumSet& media, const MediumProperties<Color>& properties,
+                              const Color& throughput, const WavelengthsOf<Color>& wavelengths,
+                              const Color* texture_value = nullptr) const;
 
   // --- Heterogeneous media. Each has one density or, if it is a grid of colors, one for each of
   // the components whose sum is the color.
@@ -89,13 +90,14 @@ class MediumTable {
     }
     return list;
   }
-  const VaryingMedium& DensityOf(PartId id) const { return PartAt(id).density; }
+  const HeterogeneousMedium& DensityOf(PartId id) const { return PartAt(id).density; }
   // Null where the part does not emit.
-  const MediumGlow* GlowOf(PartId id) const {
-    return PartAt(id).kind == Part::Kind::kScatters ? nullptr : media_[id.medium].glow.get();
+  const MediumEmission* MediumEmissionOf(PartId id) const {
+    return PartAt(id).kind == Part::Kind::kScatters ? nullptr
+                                                    : media_[id.medium].medium_emission.get();
   }
   // All heterogeneous media that emit.
-  const GlowLights& glow_lights() const { return glow_lights_; }
+  const EmissiveVolumeSampler& emissive_volumes() const { return emissive_volumes_; }
   // For a density of 1, per scene unit.
   template <typename Color>
   struct Coefficients {
@@ -104,39 +106,40 @@ class MediumTable {
   template <typename Color>
   Coefficients<Color> CoefficientsOf(PartId id, const WavelengthsOf<Color>& wavelengths,
                                      MediumForm form) const;
-  // At a point of render space. time: as for VaryingMedium.
+  // At a point of render space. time: as for HeterogeneousMedium.
   template <typename Color, typename Time>
   Coefficients<Color> CoefficientsAt(uint16_t medium, Vec3d p, Time time,
                                      const WavelengthsOf<Color>& wavelengths,
                                      MediumForm form) const;
   float PhaseAsymmetryOf(uint16_t index, MediumForm form) const { return media_[index].In(form).g; }
 
-  // --- Line sampling in heterogeneous media: medium_lines.cc. Decides for each such medium whether
-  // lines through it gather light; none does by default. Call once, before the table is used.
-  void ChooseLines(const LightTable& lights, LinesInVarying lines);
+  // --- Line sampling in heterogeneous media: medium_equiangular.cc. Decides for each such medium
+  // whether mode through it gather light; none does by default. Call once, before the table is
+  // used.
+  void ChooseEquiangular(const LightTable& lights, EquiangularMode mode);
   bool Gathers(uint16_t medium) const { return media_[medium].gathers; }
   bool gathers_always() const { return gathers_always_; }  // Whether or not it pays off.
   // The part of o + t d, t in [0, length], that passes through gathering heterogeneous media, and
   // their mean extinction over their boxes; d: unit. Empty where begin == end.
-  struct LinePart {
+  struct EquiangularSpan {
     double begin = 0, end = 0, extinction = 0;
   };
-  LinePart PartOfLine(const MediumSet& media, Vec3d o, Vec3d d, double length) const;
+  EquiangularSpan EquiangularSpanOf(const MediumSet& media, Vec3d o, Vec3d d, double length) const;
   uint64_t memory_bytes() const;
 
  private:
   struct Part {
     // Its effect on light; a color's density does only one of the two, for one color component.
     enum class Kind : uint8_t { kBoth, kAbsorbs, kScatters };
-    VaryingMedium density;
+    HeterogeneousMedium density;
     Kind kind = Kind::kBoth;
-    ColorPart color = ColorPart::kGrey;
+    ColorPart color = ColorPart::kGray;
   };
   const Part& PartAt(PartId id) const { return media_[id.medium].parts[id.part]; }
 
   // Factor of sigma_s and mean cosine in one form of a medium.
   struct Scattering {
-    float share = 1, g = 0;
+    float sigma_s_factor = 1, g = 0;
   };
   struct Medium {
     const Scattering& In(MediumForm form) const { return scattering[static_cast<size_t>(form)]; }
@@ -147,11 +150,11 @@ class MediumTable {
     std::array<Scattering, 2> scattering;  // By MediumForm.
     bool emits = false;
     bool is_bounded = false;
-    std::vector<Part> parts;                    // Empty if homogeneous.
-    std::unique_ptr<const MediumGlow> glow;     // If heterogeneous.
-    bool gathers = false;                       // As in MediumMix.
-    double extinction = 0;                      // If it gathers: the mean over its boxes.
-    bool is_matter = false, is_hidden = false;  // As in MediumMix.
+    std::vector<Part> parts;                                // Empty if homogeneous.
+    std::unique_ptr<const MediumEmission> medium_emission;  // If heterogeneous.
+    bool gathers = false;                                   // As in MediumProperties.
+    double extinction = 0;                          // If it gathers: the mean over its boxes.
+    bool is_subsurface = false, is_hidden = false;  // As in MediumProperties.
   };
   // The motion of a medium while the shutter is open, if any.
   struct Movement {
@@ -164,12 +167,12 @@ class MediumTable {
                                                      const Affine& placement, Movement movement,
                                                      FileSource& files, const Options& options);
   // Null where the medium does not emit. Errors: see Build.
-  static absl::StatusOr<std::unique_ptr<const MediumGlow>> MakeGlow(
+  static absl::StatusOr<std::unique_ptr<const MediumEmission>> MakeEmission(
       const std::string& where, const MediumDescription& description, const Affine& placement,
       FileSource& files, const Options& options);
   // For subsurface media given by their reflectance: converts each wavelength.
-  static void SetSpectra(const MatterReflectance& reflectance, float g, Medium* medium);
-  GlowLights FindGlowLights() const;
+  static void SetSpectra(const SubsurfaceReflectance& reflectance, float g, Medium* medium);
+  EmissiveVolumeSampler MakeEmissiveVolumeSampler() const;
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
                         const WavelengthsOf<Color>& wavelengths) {
@@ -183,38 +186,41 @@ class MediumTable {
   std::vector<Medium> media_;
   std::vector<uint16_t> index_of_;
   MediumSet camera_media_;
-  GlowLights glow_lights_;
+  EmissiveVolumeSampler emissive_volumes_;
   bool gathers_always_ = false;
 };
 
 template <typename Color>
-MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<Color>& wavelengths,
-                                    MediumForm form, const Color* paint) const {
+MediumProperties<Color> MediumTable::PropertiesOf(const MediumSet& media,
+                                                  const WavelengthsOf<Color>& wavelengths,
+                                                  MediumForm form,
+                                                  const Color* texture_value) const {
   constexpr size_t kCount = kComponentCount<Color>;
   // Sums in double are the same in any order, except for coefficients that differ by a factor of
   // about 2^29.
   std::array<double, kCount> sigma_t{}, sigma_s{}, emission{};
-  MediumMix<Color> mix;
-  mix.form = form;
+  MediumProperties<Color> properties;
+  properties.form = form;
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
-    mix.is_bounded = mix.is_bounded || medium.is_bounded;
-    mix.is_matter = mix.is_matter || medium.is_matter;
-    mix.is_hidden = mix.is_hidden || medium.is_hidden;
+    properties.is_bounded = properties.is_bounded || medium.is_bounded;
+    properties.is_subsurface = properties.is_subsurface || medium.is_subsurface;
+    properties.is_hidden = properties.is_hidden || medium.is_hidden;
     if (!medium.parts.empty()) {
-      mix.varies = true;
-      mix.glows = mix.glows || medium.glow != nullptr;
-      mix.gathers = mix.gathers || medium.gathers;
+      properties.is_heterogeneous = true;
+      properties.has_emissive_grid =
+          properties.has_emissive_grid || medium.medium_emission != nullptr;
+      properties.gathers = properties.gathers || medium.gathers;
       continue;
     }
     Color a = Evaluate<Color>(medium.sigma_a, medium.sigma_a_spectrum, medium.scale, wavelengths);
     Color s = Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths);
-    if (paint != nullptr && medium.is_matter) {
-      const Color kept = s * *paint;
+    if (texture_value != nullptr && medium.is_subsurface) {
+      const Color kept = s * *texture_value;
       a = MakeColor<Color>([&](size_t i) { return a[i] + (s[i] - kept[i]); });
       s = kept;
     }
-    s *= medium.In(form).share;
+    s *= medium.In(form).sigma_s_factor;
     for (size_t i = 0; i < kCount; ++i) {
       sigma_t[i] += static_cast<double>(a[i]) + static_cast<double>(s[i]);
       sigma_s[i] += static_cast<double>(s[i]);
@@ -227,41 +233,42 @@ MediumMix<Color> MediumTable::MixOf(const MediumSet& media, const WavelengthsOf<
     }
   }
   for (size_t i = 0; i < kCount; ++i) {
-    mix.sigma_t[i] = static_cast<float>(sigma_t[i]);
-    mix.sigma_s[i] = static_cast<float>(sigma_s[i]);
-    mix.emission[i] = static_cast<float>(emission[i]);
-    mix.is_grey =
-        mix.is_grey && mix.sigma_t[i] == mix.sigma_t[0] && mix.sigma_s[i] == mix.sigma_s[0];
+    properties.sigma_t[i] = static_cast<float>(sigma_t[i]);
+    properties.sigma_s[i] = static_cast<float>(sigma_s[i]);
+    properties.emission[i] = static_cast<float>(emission[i]);
+    properties.is_gray = properties.is_gray && properties.sigma_t[i] == properties.sigma_t[0] &&
+                         properties.sigma_s[i] == properties.sigma_s[0];
   }
-  mix.scatters = !mix.sigma_s.IsBlack();
-  return mix;
+  properties.scatters = !properties.sigma_s.IsBlack();
+  return properties;
 }
 
 template <typename Color>
-PhaseMix<Color> MediumTable::PhaseOf(const MediumSet& media, const MediumMix<Color>& mix,
-                                     const Color& throughput,
-                                     const WavelengthsOf<Color>& wavelengths,
-                                     const Color* paint) const {
-  PhaseMix<Color> phase;
+PhaseMixture<Color> MediumTable::PhaseOf(const MediumSet& media,
+                                         const MediumProperties<Color>& properties,
+                                         const Color& throughput,
+                                         const WavelengthsOf<Color>& wavelengths,
+                                         const Color* texture_value) const {
+  PhaseMixture<Color> phase;
   if (media.size() == 1) {
-    phase.Add(media_[*media.begin()].In(mix.form).g, Color::Grey(1), 1);
+    phase.Add(media_[*media.begin()].In(properties.form).g, Color::Gray(1), 1);
     return phase;
   }
-  const Color chosen_by = internal::ComponentShares(throughput);
+  const Color chosen_by = internal::ComponentProbabilities(throughput);
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
     if (!medium.parts.empty()) continue;
-    const auto [kept, g] = medium.In(mix.form);
+    const auto [kept, g] = medium.In(properties.form);
     Color s =
         Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths) * kept;
-    if (paint != nullptr && medium.is_matter) s *= *paint;
-    float share = 0;
+    if (texture_value != nullptr && medium.is_subsurface) s *= *texture_value;
+    float probability = 0;
     const Color part = MakeColor<Color>([&](size_t i) {
-      const float of_all = mix.sigma_s[i] > 0 ? s[i] / mix.sigma_s[i] : 0;
-      share += of_all * chosen_by[i];
+      const float of_all = properties.sigma_s[i] > 0 ? s[i] / properties.sigma_s[i] : 0;
+      probability += of_all * chosen_by[i];
       return of_all;
     });
-    if (share > 0) phase.Add(g, part, share);
+    if (probability > 0) phase.Add(g, part, probability);
   }
   return phase;
 }
@@ -271,9 +278,9 @@ MediumTable::Coefficients<Color> MediumTable::CoefficientsOf(
     PartId id, const WavelengthsOf<Color>& wavelengths, MediumForm form) const {
   const Medium& medium = media_[id.medium];
   const Part& part = PartAt(id);
-  const float kept = medium.In(form).share;
+  const float kept = medium.In(form).sigma_s_factor;
   if (part.kind != Part::Kind::kBoth) {
-    const Color sigma = ShareOf<Color>(part.color, wavelengths) * medium.scale;
+    const Color sigma = PartWeight<Color>(part.color, wavelengths) * medium.scale;
     if (part.kind == Part::Kind::kScatters) return {sigma * kept, sigma * kept, {}};
     return {sigma, {}, sigma};
   }

@@ -61,22 +61,23 @@ absl::StatusOr<VolumeGrid> DensityGrid(const std::string& where,
 }
 
 // A density of 1 in the whole box, up to its faces.
-absl::StatusOr<VaryingMedium> EvenDensity(const std::string& where, const GridBox& box,
-                                          const VaryingMedium::Placement& placement) {
+absl::StatusOr<HeterogeneousMedium> EvenDensity(const std::string& where, const GridBox& box,
+                                                const HeterogeneousMedium::Placement& placement) {
   const Vec3d size = box.p1 - box.p0;
   auto grid = GridOf(where, kDensityGrid, {{3, 3, 3}, box.p0 - size, box.p1 + size},
                      std::vector<float>(27, 1.0f));
   if (!grid.ok()) return grid.status();
   grid->set_box({{0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}});
-  return VaryingMedium::FromGrid(where, *std::move(grid), placement);
+  return HeterogeneousMedium::FromGrid(where, *std::move(grid), placement);
 }
 
-absl::StatusOr<VaryingMedium> MovingGrid(const std::string& where, VolumeGrid density,
-                                         VolumeGrid velocities, double duration,
-                                         const VaryingMedium::Placement& placement) {
+absl::StatusOr<HeterogeneousMedium> MovingGrid(const std::string& where, VolumeGrid density,
+                                               VolumeGrid velocities, double duration,
+                                               const HeterogeneousMedium::Placement& placement) {
   auto motion = VolumeMotion::Make(where, std::move(velocities), duration, density);
   if (!motion.ok()) return motion.status();
-  return VaryingMedium::FromMovingGrid(where, std::move(density), *std::move(motion), placement);
+  return HeterogeneousMedium::FromMovingGrid(where, std::move(density), *std::move(motion),
+                                             placement);
 }
 
 }  // namespace
@@ -85,10 +86,11 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
     const std::string& where, const MediumDescription& description, const Affine& placement,
     Movement movement, FileSource& files, const Options& options) {
   const Rgb sigma_t = (description.sigma_a.rgb + description.sigma_s.rgb) * description.scale;
-  VaryingMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
-                                  options.bound_once};
+  HeterogeneousMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
+                                        options.bound_once};
   std::vector<Part> parts;
-  const auto add = [&](absl::StatusOr<VaryingMedium> density, Part::Kind kind, ColorPart color) {
+  const auto add = [&](absl::StatusOr<HeterogeneousMedium> density, Part::Kind kind,
+                       ColorPart color) {
     if (density.ok()) parts.push_back({*std::move(density), kind, color});
     return density.status();
   };
@@ -96,21 +98,22 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
   if (const auto* cloud = std::get_if<CloudMedium>(&description.kind)) {
     const CloudDensity density(
         {cloud->density, cloud->wispiness, cloud->frequency, cloud->p0, cloud->p1});
-    status =
-        add(VaryingMedium::FromCloud(where, density, placed), Part::Kind::kBoth, ColorPart::kGrey);
+    status = add(HeterogeneousMedium::FromCloud(where, density, placed), Part::Kind::kBoth,
+                 ColorPart::kGray);
   } else if (const auto* colors = std::get_if<RgbGridMedium>(&description.kind)) {
     placed.extinction_max = description.scale;
     const auto add_colors = [&](const std::vector<Rgb>& cells, Part::Kind kind) -> absl::Status {
       // Without cells pbrt-v4 uses 1 everywhere in the box.
       if (cells.empty())
-        return add(EvenDensity(where, colors->box, placed), kind, ColorPart::kGrey);
+        return add(EvenDensity(where, colors->box, placed), kind, ColorPart::kGray);
       const auto split = SplitColors(cells);
       for (size_t i = 0; i < split.size(); ++i) {
         if (split[i].empty()) continue;
         auto grid = GridOf(where, kDensityGrid, colors->box, split[i]);
         if (!grid.ok()) return grid.status();
-        const absl::Status added = add(VaryingMedium::FromGrid(where, *std::move(grid), placed),
-                                       kind, static_cast<ColorPart>(i));
+        const absl::Status added =
+            add(HeterogeneousMedium::FromGrid(where, *std::move(grid), placed), kind,
+                static_cast<ColorPart>(i));
         if (!added.ok()) return added;
       }
       return absl::OkStatus();
@@ -122,8 +125,8 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
       auto nothing =
           GridOf(where, kDensityGrid, colors->box, std::vector<float>(colors->box.size()));
       if (!nothing.ok()) return nothing.status();
-      status = add(VaryingMedium::FromGrid(where, *std::move(nothing), placed),
-                   Part::Kind::kAbsorbs, ColorPart::kGrey);
+      status = add(HeterogeneousMedium::FromGrid(where, *std::move(nothing), placed),
+                   Part::Kind::kAbsorbs, ColorPart::kGray);
     }
   } else {
     absl::StatusOr<VolumeGrid> grid = DensityGrid(where, description, files, options.thread_count);
@@ -131,19 +134,19 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
     auto medium = movement.velocities
                       ? MovingGrid(where, *std::move(grid), *std::move(movement.velocities),
                                    movement.duration, placed)
-                      : VaryingMedium::FromGrid(where, *std::move(grid), placed);
-    status = add(std::move(medium), Part::Kind::kBoth, ColorPart::kGrey);
+                      : HeterogeneousMedium::FromGrid(where, *std::move(grid), placed);
+    status = add(std::move(medium), Part::Kind::kBoth, ColorPart::kGray);
   }
   if (!status.ok()) return status;
   return parts;
 }
 
-absl::StatusOr<std::unique_ptr<const MediumGlow>> MediumTable::MakeGlow(
+absl::StatusOr<std::unique_ptr<const MediumEmission>> MediumTable::MakeEmission(
     const std::string& where, const MediumDescription& description, const Affine& placement,
     FileSource& files, const Options& options) {
   if (!description.emits || !(description.radiance_scale > 0)) return nullptr;
-  auto glow = std::make_unique<MediumGlow>(placement, description.radiance,
-                                           description.radiance_scale, options.spectral);
+  auto medium_emission = std::make_unique<MediumEmission>(
+      placement, description.radiance, description.radiance_scale, options.spectral);
   if (const auto* volume = std::get_if<VolumeFileMedium>(&description.kind)) {
     auto grid = ReadGrid(where, *volume, kTemperatureGrid, files, options.thread_count);
     if (!grid.ok()) return grid.status();
@@ -153,17 +156,17 @@ absl::StatusOr<std::unique_ptr<const MediumGlow>> MediumTable::MakeGlow(
           where, ": ", volume->file, ": grid \"", kTemperatureGrid,
           "\" holds vectors, but temperatures are numbers; write it as a grid of floats"));
     }
-    glow->SetTemperatures(**std::move(grid), volume->emission);
+    medium_emission->SetTemperatures(**std::move(grid), volume->emission);
   } else if (const auto* uniform = std::get_if<UniformGridMedium>(&description.kind)) {
     if (!uniform->temperature_k.empty()) {
       auto grid = GridOf(where, kTemperatureGrid, uniform->box, uniform->temperature_k);
       if (!grid.ok()) return grid.status();
-      glow->SetTemperatures(*std::move(grid), uniform->emission);
+      medium_emission->SetTemperatures(*std::move(grid), uniform->emission);
     }
     if (!uniform->radiance_scale.empty()) {
       auto grid = GridOf(where, "Lescale", uniform->box, uniform->radiance_scale);
       if (!grid.ok()) return grid.status();
-      glow->SetFactors(*std::move(grid));
+      medium_emission->SetFactors(*std::move(grid));
     }
   } else if (const auto* colors = std::get_if<RgbGridMedium>(&description.kind)) {
     std::vector<Vec3f> cells;
@@ -172,9 +175,9 @@ absl::StatusOr<std::unique_ptr<const MediumGlow>> MediumTable::MakeGlow(
         VolumeGridFromArray(where, "Le", {colors->box.counts, colors->box.p0, colors->box.p1},
                             std::span<const Vec3f>(cells));
     if (!grid.ok()) return grid.status();
-    glow->SetColors(*std::move(grid));
+    medium_emission->SetColors(*std::move(grid));
   }
-  return glow;
+  return medium_emission;
 }
 
 }  // namespace sheaf::render

@@ -70,7 +70,8 @@ enum class Nesting : uint8_t {
 // path continues counts, as pbrt-v4 always does. A side without a medium contradicts nothing,
 // because media add up; but a surface with a medium in front only that a path hits from behind,
 // while in that medium, is oriented wrongly. See docs/adr/0051.
-inline Nesting MeetSides(const MediumSides& sides, bool from_front, bool to_front, MediumSet* set) {
+inline Nesting CrossSides(const MediumSides& sides, bool from_front, bool to_front,
+                          MediumSet* set) {
   const std::optional<uint16_t>& from = from_front ? sides.front : sides.back;
   const std::optional<uint16_t>& to = to_front ? sides.front : sides.back;
   const bool contradicts = from.has_value()

@@ -72,7 +72,7 @@ absl::StatusOr<MediumVelocities> ReadMediumVelocities(FileSource& files, int thr
     }
     LogWarning(absl::StrCat(where, ": \"velocity\" has no effect: grid \"", grid->info().name,
                             "\" is 0 everywhere"));
-    medium.StandStill();
+    medium.RemoveMotion();
   }
   return velocities;
 }

@@ -56,7 +56,7 @@ inline PhaseDirection SampleHenyeyGreenstein(float g, Vec3f d, Vec2f u) {
 
 // The phase functions of the media at a point, each weighted by its fraction of the scattering.
 template <typename Color>
-class PhaseMix {
+class PhaseMixture {
  public:
   struct Value {
     Color f;  // Per solid angle.
@@ -69,26 +69,26 @@ class PhaseMix {
   };
 
   // Call in order of g, so that equal lobes merge. part: fraction of the scattering, per component;
-  // the parts sum to 1. share: probability of choosing the lobe; the shares sum to 1.
-  void Add(float g, const Color& part, float share) {
+  // the parts sum to 1. probability: probability of choosing the lobe; the shares sum to 1.
+  void Add(float g, const Color& part, float probability) {
     if (count_ > 0 && lobes_[count_ - 1].g == g) {
       lobes_[count_ - 1].part += part;
-      lobes_[count_ - 1].share += share;
+      lobes_[count_ - 1].probability += probability;
       return;
     }
-    lobes_[count_++] = {g, part, share};
+    lobes_[count_++] = {g, part, probability};
   }
 
   Value Eval(Vec3f d, Vec3f w) const {
     if (count_ == 1) {
       const float f = HenyeyGreenstein(lobes_[0].g, d, w);
-      return {Color::Grey(f), f};
+      return {Color::Gray(f), f};
     }
     Value value;
     for (uint32_t i = 0; i < count_; ++i) {
       const float f = HenyeyGreenstein(lobes_[i].g, d, w);
       value.f += lobes_[i].part * f;
-      value.pdf += lobes_[i].share * f;
+      value.pdf += lobes_[i].probability * f;
     }
     return value;
   }
@@ -96,11 +96,11 @@ class PhaseMix {
   Sample SampleDirection(Vec3f d, float u_lobe, Vec2f u) const {
     if (count_ == 1) {
       const PhaseDirection sampled = SampleHenyeyGreenstein(lobes_[0].g, d, u);
-      return {sampled.w, sampled.pdf, Color::Grey(1)};
+      return {sampled.w, sampled.pdf, Color::Gray(1)};
     }
     uint32_t chosen = 0;
-    for (float sum = lobes_[0].share; chosen + 1 < count_ && u_lobe >= sum;) {
-      sum += lobes_[++chosen].share;
+    for (float sum = lobes_[0].probability; chosen + 1 < count_ && u_lobe >= sum;) {
+      sum += lobes_[++chosen].probability;
     }
     const Vec3f w = SampleHenyeyGreenstein(lobes_[chosen].g, d, u).w;
     const Value value = Eval(d, w);
@@ -111,7 +111,7 @@ class PhaseMix {
   struct Lobe {
     float g = 0;
     Color part;
-    float share = 0;
+    float probability = 0;
   };
   uint32_t count_ = 0;
   std::array<Lobe, kMediaAtOnceMax> lobes_;

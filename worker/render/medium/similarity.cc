@@ -49,8 +49,8 @@ std::vector<std::string> SimilarityNotes(const SceneDescription& scene, int32_t 
     Found& kind = found[static_cast<size_t>(effect)];
     if (kind.count++ > 0) continue;
     kind.first = absl::StrCat(FormatLocation(scene, medium.location), ": ",
-                              medium.is_matter ? absl::StrCat("interior of ", medium.name)
-                                               : absl::StrCat("medium \"", medium.name, "\""));
+                              medium.is_subsurface ? absl::StrCat("interior of ", medium.name)
+                                                   : absl::StrCat("medium \"", medium.name, "\""));
     if (effect == Effect::kReduced) {
       absl::StrAppend(&kind.first, ", g ", medium.g, " becomes 0 and sigma_s ", 1 - medium.g,
                       " of itself");

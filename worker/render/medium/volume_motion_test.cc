@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/volume/volume_array.h"
-#include "worker/render/medium/varying_medium.h"
+#include "worker/render/medium/heterogeneous_medium.h"
 #include "worker/render/sampling/event_stream.h"
 
 namespace sheaf::render {
@@ -63,25 +63,27 @@ VolumeGrid Swirls(float speed) {
                      }));
 }
 
-VaryingMedium Moving(VolumeGrid velocities, double duration = 1, const Affine& placement = {}) {
+HeterogeneousMedium Moving(VolumeGrid velocities, double duration = 1,
+                           const Affine& placement = {}) {
   VolumeGrid density = Lumps();
   auto motion = VolumeMotion::Make("a", std::move(velocities), duration, density);
   EXPECT_TRUE(motion.ok()) << motion.status();
   auto medium =
-      VaryingMedium::FromMovingGrid("a", std::move(density), *std::move(motion),
-                                    {.render_from_medium = placement, .extinction_max = 3});
+      HeterogeneousMedium::FromMovingGrid("a", std::move(density), *std::move(motion),
+                                          {.render_from_medium = placement, .extinction_max = 3});
   EXPECT_TRUE(medium.ok()) << medium.status();
   return *std::move(medium);
 }
-VaryingMedium Still() {
-  return *VaryingMedium::FromGrid("a", Lumps(), {.render_from_medium = {}, .extinction_max = 3});
+HeterogeneousMedium Still() {
+  return *HeterogeneousMedium::FromGrid("a", Lumps(),
+                                        {.render_from_medium = {}, .extinction_max = 3});
 }
 
 // Counts the lookups along random rays, at random times, that violate the bounds.
 struct Check {
   int look_ups = 0, positive = 0, violations = 0;
 };
-Check CheckBounds(const MajorantGrid& bounds, const VaryingMedium& medium) {
+Check CheckBounds(const MajorantGrid& bounds, const HeterogeneousMedium& medium) {
   Check check;
   EventStream random({8, 1, 2, 3});
   const auto point = [&] {
@@ -106,15 +108,15 @@ Check CheckBounds(const MajorantGrid& bounds, const VaryingMedium& medium) {
   return check;
 }
 
-TEST(VolumeMotionTest, BoundsHoldWhereverAndWheneverOneLooks) {
+TEST(VolumeMotionTest, BoundsHoldEverywhereAtAllTimes) {
   for (const float speed : {0.3f, 15.0f, 60.0f}) {
     SCOPED_TRACE(speed);
-    const VaryingMedium medium = Moving(Swirls(speed));
+    const HeterogeneousMedium medium = Moving(Swirls(speed));
     const Check moving = CheckBounds(medium.majorants(), medium);
     EXPECT_GT(moving.positive, 300);
     EXPECT_EQ(moving.violations, 0);
     // The bounds of the static medium are too low for the moving one.
-    const VaryingMedium still = Still();
+    const HeterogeneousMedium still = Still();
     if (speed > 1) {
       EXPECT_GT(CheckBounds(still.majorants(), medium).violations, 100);
     }
@@ -125,7 +127,7 @@ TEST(VolumeMotionTest, BoundsHoldWhereverAndWheneverOneLooks) {
       const Vec3d d = Normalize(Vec3d{1, random.Uniform() - 0.5, random.Uniform() - 0.5});
       const double time = random.Uniform();
       EventStream stream({i, 0, 0, 0});
-      medium.Fly(o, d, 100, Rgb{3, 2, 1}, Rgb::Grey(1), &stream, &tally, time);
+      medium.SampleCollision(o, d, 100, Rgb{3, 2, 1}, Rgb::Gray(1), &stream, &tally, time);
       medium.Transmittance(o, d, 100, Rgb{3, 2, 1}, &stream, &tally, time);
     }
     EXPECT_EQ(tally.violation_count, 0u);
@@ -135,13 +137,13 @@ TEST(VolumeMotionTest, BoundsHoldWhereverAndWheneverOneLooks) {
 
 // Regions that no smoke reaches while the shutter is open stay empty, even if other smoke is fast.
 TEST(VolumeMotionTest, BoundsAreLocal) {
-  const VaryingMedium medium = Moving(Grid<Vec3f>("vel", 40, {-40, -40, -40}, {80, 120, 60},
-                                                  std::function<Vec3f(Vec3d)>([](Vec3d p) {
-                                                    return p.x > 30 ? Vec3f{40, 0, 0} : Vec3f{};
-                                                  })));
+  const HeterogeneousMedium medium = Moving(Grid<Vec3f>(
+      "vel", 40, {-40, -40, -40}, {80, 120, 60}, std::function<Vec3f(Vec3d)>([](Vec3d p) {
+        return p.x > 30 ? Vec3f{40, 0, 0} : Vec3f{};
+      })));
   // At x = 20 the velocity is 0: the bounds are close to those of the static medium.
   const IndexBox region{{18, 0, 0}, {22, 48, 48}};
-  const VaryingMedium still = Still();
+  const HeterogeneousMedium still = Still();
   EXPECT_EQ(medium.majorants().BoundsOver({{4, 0, 0}, {8, 48, 48}}).upper, 0);
   EXPECT_EQ(still.majorants().BoundsOver({{4, 0, 0}, {8, 48, 48}}).upper, 0);
   EXPECT_LE(medium.majorants().BoundsOver(region).upper,
@@ -153,9 +155,9 @@ TEST(VolumeMotionTest, BoundsAreLocal) {
   EXPECT_EQ(medium.majorants().box().lo.y, still.majorants().box().lo.y);
 }
 
-TEST(VolumeMotionTest, AnEvenWindMovesAllAlike) {
+TEST(VolumeMotionTest, UniformVelocityMovesEverythingEqually) {
   const Vec3d wind{7, -9, 2.5};
-  const VaryingMedium medium = Moving(Wind(ToFloat(wind)), 0.5), still = Still();
+  const HeterogeneousMedium medium = Moving(Wind(ToFloat(wind)), 0.5), still = Still();
   EventStream random({1, 1, 1, 1});
   int positive = 0;
   for (int i = 0; i < 5000; ++i) {
@@ -172,16 +174,16 @@ TEST(VolumeMotionTest, AnEvenWindMovesAllAlike) {
 }
 
 // A rotation and scale of the medium applies to the wind, too.
-TEST(VolumeMotionTest, VelocitiesAreOfTheMediumsSpace) {
+TEST(VolumeMotionTest, VelocitiesAreInMediumSpace) {
   const Affine placement{{0, 3, 0}, {-3, 0, 0}, {0, 0, 3}, {5, 6, 7}};
-  const VaryingMedium medium = Moving(Wind({2, 0, 0}), 1, placement);
+  const HeterogeneousMedium medium = Moving(Wind({2, 0, 0}), 1, placement);
   const Vec3d p = placement.Point({24, 48, 12});
   EXPECT_NEAR(Length(medium.OriginOf(p, 0.5) - (p - Vec3d{0, 3, 0})), 0, 1e-9);
 }
 
 // Velocities are 0 outside their grid.
-TEST(VolumeMotionTest, BeyondTheVelocitiesNothingMoves) {
-  const VaryingMedium medium = Moving(
+TEST(VolumeMotionTest, OutsideTheVelocityGridNothingMoves) {
+  const HeterogeneousMedium medium = Moving(
       Grid<Vec3f>("vel", 8, {20, 40, 8}, {28, 56, 16}, std::function<Vec3f(Vec3d)>([](Vec3d) {
                     return Vec3f{3, 3, 3};
                   })));
@@ -191,9 +193,9 @@ TEST(VolumeMotionTest, BeyondTheVelocitiesNothingMoves) {
 }
 
 // The mean transmittance over the shutter interval, against quadrature in space and time.
-TEST(VolumeMotionTest, WhatPassesIsTheMeanOverTheShutter) {
+TEST(VolumeMotionTest, TransmittanceIsTheMeanOverTheShutter) {
   const Vec3d wind{0, 20, 6};
-  const VaryingMedium medium = Moving(Wind(ToFloat(wind))), still = Still();
+  const HeterogeneousMedium medium = Moving(Wind(ToFloat(wind))), still = Still();
   const Vec3d o{-5, 52, 13}, d{1, 0, 0};
   constexpr double kLength = 60, kSigma = 0.1;
   double expected = 0;
@@ -212,7 +214,7 @@ TEST(VolumeMotionTest, WhatPassesIsTheMeanOverTheShutter) {
   for (uint32_t i = 0; i < kWalks; ++i) {
     EventStream stream({i, 2, 0, 0});
     const double time = stream.Uniform();
-    const auto passed = medium.Transmittance(o, d, kLength, Rgb::Grey(static_cast<float>(kSigma)),
+    const auto passed = medium.Transmittance(o, d, kLength, Rgb::Gray(static_cast<float>(kSigma)),
                                              &stream, &tally, time);
     sum += passed.g;
     squares += static_cast<double>(passed.g) * static_cast<double>(passed.g);
@@ -231,7 +233,7 @@ TEST(VolumeMotionTest, WhatPassesIsTheMeanOverTheShutter) {
   EXPECT_GT(std::fabs(std::exp(-kSigma * at_first * kLength / kSteps) - expected), 20 * error);
 }
 
-TEST(VolumeMotionTest, WhatIsNoVelocityIsRefused) {
+TEST(VolumeMotionTest, InvalidVelocitiesAreRefused) {
   const VolumeGrid density = Lumps();
   const auto message = [&density](VolumeGrid velocities, double duration) {
     const auto motion = VolumeMotion::Make("a.pbrt:3:1", std::move(velocities), duration, density);

@@ -94,10 +94,10 @@ class NeedsCollector {
   void Add(const SubsurfaceMaterial& m) {
     needs_.traits |= Bit(Trait::kSubsurface);
     Add(DielectricMaterial{m.roughness, m.eta});
-    const std::optional<MatterReflectance>& reflectance =
+    const std::optional<SubsurfaceReflectance>& reflectance =
         scene_.media[static_cast<size_t>(m.medium)].reflectance;
-    needs_.paints_matter = reflectance && reflectance->texture != kNone;
-    needs_.reads_textures |= needs_.paints_matter;
+    needs_.has_subsurface_texture = reflectance && reflectance->texture != kNone;
+    needs_.reads_textures |= needs_.has_subsurface_texture;
   }
   void Add(const ThinDielectricMaterial& m) {
     if (m.eta.IsMatched()) return Add(InterfaceMaterial{});

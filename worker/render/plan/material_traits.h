@@ -16,8 +16,8 @@ struct MaterialNeeds {
   bool may_pass = false;     // An interface (glass of index 1 is one), or a mix.
   bool anisotropic = false;  // The BSDF depends on the tangent.
   bool reads_textures = false;
-  bool has_normal_map = false;  // Or a bump map.
-  bool paints_matter = false;   // The subsurface reflectance is a texture.
+  bool has_normal_map = false;          // Or a bump map.
+  bool has_subsurface_texture = false;  // The subsurface reflectance is a texture.
 };
 
 // Requires: material is kNone (a gray diffuse surface) or an index; mixes have no cycle.

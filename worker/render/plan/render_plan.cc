@@ -34,7 +34,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kLens, "lens", 1.05},
     {Trait::kTextures, "textures", 1.03},
     {Trait::kNormalMaps, "normal and bump maps", 1.38},
-    {Trait::kVaryingEmission, "varying emission", 1.13},
+    {Trait::kTexturedEmission, "varying emission", 1.13},
     {Trait::kEnvironment, "environment", 1.19},
     {Trait::kDeltaLights, "delta lights", 1.02},
     {Trait::kAreaLights, "area lights", 2.35},
@@ -64,12 +64,12 @@ class PlanMaker {
   explicit PlanMaker(const SceneDescription& scene) : scene_(scene) {}
 
   RenderPlan Make(const FrameSettings& settings) {
-    LookAtCamera();
-    for (const int32_t shape : scene_.world_shapes) LookAtShape(scene_.shapes[shape], true);
-    LookAtInstances();
-    for (const LightDescription& light : scene_.lights) LookAtLight(light);
+    ExamineCamera();
+    for (const int32_t shape : scene_.world_shapes) ExamineShape(scene_.shapes[shape], true);
+    ExamineInstances();
+    for (const LightDescription& light : scene_.lights) ExamineLight(light);
     for (const MediumDescription& medium : scene_.media) {
-      if (!medium.is_matter) LookAtMedium(medium);
+      if (!medium.is_subsurface) ExamineMedium(medium);
     }
     light_count_ += scene_.lights.size();
     Cause& wavelengths = causes_[TraitIndex(Trait::kSpectral)];
@@ -102,7 +102,7 @@ class PlanMaker {
   };
 
   // Counts another cause of a trait; the first one is reported.
-  void Ask(Trait trait, SourceLocation location, const std::string& what) {
+  void Require(Trait trait, SourceLocation location, const std::string& what) {
     Cause& cause = causes_[TraitIndex(trait)];
     if (cause.count++ == 0) cause.text = absl::StrCat(FormatLocation(scene_, location), ": ", what);
   }
@@ -113,75 +113,75 @@ class PlanMaker {
   }
   bool ShutterIsOpen() const { return scene_.camera.shutter_close > scene_.camera.shutter_open; }
 
-  void LookAtCamera() {
+  void ExamineCamera() {
     const CameraDescription& camera = scene_.camera;
     if (!scene_.film.sensor.empty()) {
-      Ask(Trait::kSpectral, scene_.film.location,
-          absl::StrCat("Film \"string sensor\" \"", scene_.film.sensor, "\""));
+      Require(Trait::kSpectral, scene_.film.location,
+              absl::StrCat("Film \"string sensor\" \"", scene_.film.sensor, "\""));
     }
     if (camera.lens_radius > 0) {
-      Ask(Trait::kLens, camera.location,
-          absl::StrCat("Camera \"float lensradius\" [", camera.lens_radius, "]"));
+      Require(Trait::kLens, camera.location,
+              absl::StrCat("Camera \"float lensradius\" [", camera.lens_radius, "]"));
     }
     if (camera.IsRealistic()) {
-      Ask(Trait::kLens, camera.location,
-          absl::StrCat("Camera \"realistic\" \"string lensfile\" \"", camera.lens.file, "\""));
+      Require(Trait::kLens, camera.location,
+              absl::StrCat("Camera \"realistic\" \"string lensfile\" \"", camera.lens.file, "\""));
     }
     if (camera.world_from_camera.IsAnimated() && ShutterIsOpen()) {
-      Ask(Trait::kMotion, camera.location, "Camera moves while the shutter is open");
+      Require(Trait::kMotion, camera.location, "Camera moves while the shutter is open");
     }
   }
 
-  void LookAtShape(const ShapeDescription& shape, bool in_world) {
+  void ExamineShape(const ShapeDescription& shape, bool in_world) {
     if (in_world && shape.world_from_object.IsAnimated() && ShutterIsOpen()) {
-      Ask(Trait::kMotion, shape.location, "Shape moves while the shutter is open");
+      Require(Trait::kMotion, shape.location, "Shape moves while the shutter is open");
     }
     const auto* mesh = std::get_if<MeshShape>(&shape.shape);
     if (mesh != nullptr && !scene_.meshes[mesh->mesh].steps.empty() && ShutterIsOpen()) {
-      Ask(Trait::kMotion, shape.location, "Shape deforms while the shutter is open");
-      Ask(Trait::kDeformation, shape.location, "Shape deforms while the shutter is open");
+      Require(Trait::kMotion, shape.location, "Shape deforms while the shutter is open");
+      Require(Trait::kDeformation, shape.location, "Shape deforms while the shutter is open");
     }
     if (std::holds_alternative<SphereShape>(shape.shape)) {
-      Ask(Trait::kQuadrics, shape.location, "Shape \"sphere\"");
+      Require(Trait::kQuadrics, shape.location, "Shape \"sphere\"");
     } else if (std::holds_alternative<DiskShape>(shape.shape)) {
-      Ask(Trait::kQuadrics, shape.location, "Shape \"disk\"");
+      Require(Trait::kQuadrics, shape.location, "Shape \"disk\"");
     } else if (std::holds_alternative<CylinderShape>(shape.shape)) {
-      Ask(Trait::kQuadrics, shape.location, "Shape \"cylinder\"");
+      Require(Trait::kQuadrics, shape.location, "Shape \"cylinder\"");
     } else if (std::holds_alternative<CurveShape>(shape.shape)) {
-      Ask(Trait::kCurves, shape.location, "Shape \"curve\"");
+      Require(Trait::kCurves, shape.location, "Shape \"curve\"");
     } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
       if (!IsTriangles(scene_.bilinear_meshes[patches->mesh], shape.area_light != kNone)) {
-        Ask(Trait::kQuadrics, shape.location, "Shape \"bilinearmesh\"");
+        Require(Trait::kQuadrics, shape.location, "Shape \"bilinearmesh\"");
       }
     }
     if (shape.area_light != kNone) {
-      Ask(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,
-          "AreaLightSource \"diffuse\"");
+      Require(Trait::kAreaLights, scene_.area_lights[shape.area_light].location,
+              "AreaLightSource \"diffuse\"");
       const AreaLightDescription& light = scene_.area_lights[shape.area_light];
-      const bool is_new = area_lights_seen_.insert(shape.area_light).second;
-      if (is_new) LookAtEmission(light.radiance, light.location);
-      if (in_world) LookAtVariation(shape, light);
+      const bool is_new = area_lights_examined_.insert(shape.area_light).second;
+      if (is_new) ExamineEmission(light.radiance, light.location);
+      if (in_world) ExamineVariation(shape, light);
       // Shapes in objects do not emit.
       if (in_world) light_count_ += CountFaces(shape);
     }
     if (shape.has_alpha) {
-      Ask(Trait::kAlpha, shape.location, "Shape \"alpha\"");
-      if (shape.alpha.texture != kNone) LookAtTexture(shape.alpha.texture);
+      Require(Trait::kAlpha, shape.location, "Shape \"alpha\"");
+      if (shape.alpha.texture != kNone) ExamineTexture(shape.alpha.texture);
     }
-    LookAtMaterial(shape.material);
+    ExamineMaterial(shape.material);
   }
 
-  void LookAtEmission(const ColorSpec& color, SourceLocation location) {
+  void ExamineEmission(const ColorSpec& color, SourceLocation location) {
     if (IsWithinSrgb(color, ColorRole::kIlluminant)) return;
-    Ask(Trait::kSpectral, location, "the light's color lies outside sRGB");
+    Require(Trait::kSpectral, location, "the light's color lies outside sRGB");
   }
 
-  void LookAtVariation(const ShapeDescription& shape, const AreaLightDescription& light) {
+  void ExamineVariation(const ShapeDescription& shape, const AreaLightDescription& light) {
     if (!light.file.empty()) {
-      Ask(Trait::kTextures, light.location, "AreaLightSource \"string filename\"");
-      Ask(Trait::kVaryingEmission, light.location, "AreaLightSource \"string filename\"");
+      Require(Trait::kTextures, light.location, "AreaLightSource \"string filename\"");
+      Require(Trait::kTexturedEmission, light.location, "AreaLightSource \"string filename\"");
     } else if (shape.has_alpha) {
-      Ask(Trait::kVaryingEmission, shape.location, "an emissive shape's \"alpha\"");
+      Require(Trait::kTexturedEmission, shape.location, "an emissive shape's \"alpha\"");
     }
   }
 
@@ -190,107 +190,110 @@ class PlanMaker {
     return mesh == nullptr ? 1 : scene_.meshes[mesh->mesh].indices.size() / 3;
   }
 
-  void LookAtTexture(int32_t texture) {
-    Ask(Trait::kTextures, scene_.textures[texture].location,
-        absl::StrCat("Texture \"", scene_.textures[texture].name, "\""));
+  void ExamineTexture(int32_t texture) {
+    Require(Trait::kTextures, scene_.textures[texture].location,
+            absl::StrCat("Texture \"", scene_.textures[texture].name, "\""));
   }
 
   // A material counts once, for any number of shapes that use it.
-  void LookAtMaterial(int32_t material) {
-    something_scatters_ = something_scatters_ || material == kNone;
-    if (material == kNone || !materials_seen_.insert(material).second) return;
+  void ExamineMaterial(int32_t material) {
+    has_scattering_media_ = has_scattering_media_ || material == kNone;
+    if (material == kNone || !materials_examined_.insert(material).second) return;
     const MaterialDescription& description = scene_.materials[material];
-    something_scatters_ = something_scatters_ || !IsBlack(description);
+    has_scattering_media_ = has_scattering_media_ || !IsBlack(description);
     const uint32_t traits = NeedsOfMaterial(scene_, material).traits;
     const std::string what = description.name.empty()
                                  ? std::string("Material")
                                  : absl::StrCat("material \"", description.name, "\"");
     for (const TraitName& t : kTraitNames) {
-      if ((traits & static_cast<uint32_t>(t.trait)) != 0) Ask(t.trait, description.location, what);
+      if ((traits & static_cast<uint32_t>(t.trait)) != 0)
+        Require(t.trait, description.location, what);
     }
     const auto* subsurface = std::get_if<SubsurfaceMaterial>(&description.material);
-    if (subsurface != nullptr) LookAtMedium(scene_.media[subsurface->medium]);
+    if (subsurface != nullptr) ExamineMedium(scene_.media[subsurface->medium]);
   }
 
-  void LookAtInstances() {
-    std::set<int32_t> objects_seen;
+  void ExamineInstances() {
+    std::set<int32_t> objects_examined;
     for (const ObjectInstance& instance : scene_.instances) {
       const ObjectDefinition& object = scene_.objects[instance.object];
-      Ask(Trait::kInstances, instance.location,
-          absl::StrCat("ObjectInstance \"", object.name, "\""));
+      Require(Trait::kInstances, instance.location,
+              absl::StrCat("ObjectInstance \"", object.name, "\""));
       if (instance.world_from_instance.IsAnimated() && ShutterIsOpen()) {
-        Ask(Trait::kMotion, instance.location,
+        Require(
+            Trait::kMotion, instance.location,
             absl::StrCat("ObjectInstance \"", object.name, "\" moves while the shutter is open"));
       }
-      if (!objects_seen.insert(instance.object).second) continue;
-      for (const int32_t shape : object.shapes) LookAtShape(scene_.shapes[shape], false);
+      if (!objects_examined.insert(instance.object).second) continue;
+      for (const int32_t shape : object.shapes) ExamineShape(scene_.shapes[shape], false);
     }
   }
 
-  void LookAtLight(const LightDescription& light) {
+  void ExamineLight(const LightDescription& light) {
     if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) {
-      Ask(Trait::kEnvironment, light.location, "LightSource \"infinite\"");
-      if (infinite->file.empty()) LookAtEmission(infinite->radiance, light.location);
+      Require(Trait::kEnvironment, light.location, "LightSource \"infinite\"");
+      if (infinite->file.empty()) ExamineEmission(infinite->radiance, light.location);
     } else if (const auto* distant = std::get_if<DistantLight>(&light.light)) {
-      Ask(Trait::kDeltaLights, light.location, "LightSource \"distant\"");
-      LookAtEmission(distant->radiance, light.location);
+      Require(Trait::kDeltaLights, light.location, "LightSource \"distant\"");
+      ExamineEmission(distant->radiance, light.location);
     } else if (const auto* point = std::get_if<PointLight>(&light.light)) {
-      Ask(Trait::kDeltaLights, light.location, "LightSource \"point\"");
-      LookAtEmission(point->intensity, light.location);
+      Require(Trait::kDeltaLights, light.location, "LightSource \"point\"");
+      ExamineEmission(point->intensity, light.location);
     } else if (const auto* spot = std::get_if<SpotLight>(&light.light)) {
-      Ask(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
-      LookAtEmission(spot->intensity, light.location);
+      Require(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
+      ExamineEmission(spot->intensity, light.location);
     } else if (const auto* goniometric = std::get_if<GoniometricLight>(&light.light)) {
-      Ask(Trait::kDeltaLights, light.location, "LightSource \"goniometric\"");
-      LookAtEmission(goniometric->intensity, light.location);
+      Require(Trait::kDeltaLights, light.location, "LightSource \"goniometric\"");
+      ExamineEmission(goniometric->intensity, light.location);
     } else {
-      Ask(Trait::kDeltaLights, light.location, "LightSource \"projection\"");
+      Require(Trait::kDeltaLights, light.location, "LightSource \"projection\"");
     }
   }
 
-  static bool IsGrey(const ColorSpec& color) {
+  static bool IsGray(const ColorSpec& color) {
     const Rgb rgb = color.rgb;
     return color.kind == ColorSpec::Kind::kRgb && !color.is_out_of_gamut && rgb.r == rgb.g &&
            rgb.g == rgb.b;
   }
 
-  static bool IsGrey(const std::vector<Rgb>& cells) {
+  static bool IsGray(const std::vector<Rgb>& cells) {
     return std::all_of(cells.begin(), cells.end(),
-                       [](Rgb cell) { return cell == Rgb::Grey(cell.r); });
+                       [](Rgb cell) { return cell == Rgb::Gray(cell.r); });
   }
 
-  void LookAtMedium(const MediumDescription& medium) {
-    const std::string what = medium.is_matter ? absl::StrCat("interior of ", medium.name)
-                                              : absl::StrCat("medium \"", medium.name, "\"");
-    const auto ask = [&](Trait trait) { Ask(trait, medium.location, what); };
-    ask(medium.is_matter ? Trait::kSubsurface : Trait::kMedia);
+  void ExamineMedium(const MediumDescription& medium) {
+    const std::string what = medium.is_subsurface ? absl::StrCat("interior of ", medium.name)
+                                                  : absl::StrCat("medium \"", medium.name, "\"");
+    const auto require = [&](Trait trait) { Require(trait, medium.location, what); };
+    require(medium.is_subsurface ? Trait::kSubsurface : Trait::kMedia);
     if (!medium.constant_grid.empty()) {
       notes_.push_back(absl::StrCat(FormatLocation(scene_, medium.location), ": ", what, ": ",
                                     medium.constant_grid));
     }
     const auto* grid = std::get_if<RgbGridMedium>(&medium.kind);
-    if (!medium.IsHomogeneous()) ask(Trait::kHeterogeneousMedia);
+    if (!medium.IsHomogeneous()) require(Trait::kHeterogeneousMedia);
     if (medium.Moves() && ShutterIsOpen()) {
-      Ask(Trait::kMotion, medium.location, absl::StrCat(what, " moves while the shutter is open"));
-      ask(Trait::kMovingVolumes);
+      Require(Trait::kMotion, medium.location,
+              absl::StrCat(what, " moves while the shutter is open"));
+      require(Trait::kMovingVolumes);
     }
-    const bool is_grey = grid != nullptr ? IsGrey(grid->sigma_a) && IsGrey(grid->sigma_s)
-                                         : IsGrey(medium.sigma_a) && IsGrey(medium.sigma_s);
-    const bool is_painted = medium.reflectance && medium.reflectance->texture != kNone;
-    if (!is_grey || is_painted) ask(Trait::kChromaticMedia);
-    if (medium.reflectance && !is_painted &&
+    const bool is_gray = grid != nullptr ? IsGray(grid->sigma_a) && IsGray(grid->sigma_s)
+                                         : IsGray(medium.sigma_a) && IsGray(medium.sigma_s);
+    const bool is_textured = medium.reflectance && medium.reflectance->texture != kNone;
+    if (!is_gray || is_textured) require(Trait::kChromaticMedia);
+    if (medium.reflectance && !is_textured &&
         !IsWithinSrgb(medium.reflectance->color, ColorRole::kReflectance)) {
-      ask(Trait::kSpectral);
+      require(Trait::kSpectral);
     }
     for (const ColorSpec* color : {&medium.sigma_a, &medium.sigma_s}) {
-      if (color->is_out_of_gamut) ask(Trait::kSpectral);
+      if (color->is_out_of_gamut) require(Trait::kSpectral);
     }
     const bool scatters = medium.scale > 0 && !medium.sigma_s.rgb.IsBlack();
-    something_scatters_ = something_scatters_ || scatters || grid != nullptr;
+    has_scattering_media_ = has_scattering_media_ || scatters || grid != nullptr;
     if (!medium.emits || medium.radiance_scale <= 0) return;
-    ask(Trait::kEmissiveMedia);
-    if (!IsWithinSrgb(medium.radiance, ColorRole::kIlluminant)) ask(Trait::kSpectral);
-    something_glows_ = true;
+    require(Trait::kEmissiveMedia);
+    if (!IsWithinSrgb(medium.radiance, ColorRole::kIlluminant)) require(Trait::kSpectral);
+    has_emissive_media_ = true;
   }
 
   static bool IsBlack(const MaterialDescription& description) {
@@ -317,9 +320,9 @@ class PlanMaker {
   void BoundDepth(int32_t max_depth, RenderPlan* plan) const {
     plan->max_depth = max_depth;
     if (max_depth == 0) return;
-    if (light_count_ == 0 && !something_glows_) {
+    if (light_count_ == 0 && !has_emissive_media_) {
       plan->depth_cause = "there is no light";
-    } else if (!something_scatters_) {
+    } else if (!has_scattering_media_) {
       plan->depth_cause = "every surface is black";
     } else {
       return;
@@ -349,10 +352,10 @@ class PlanMaker {
 
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
-  std::set<int32_t> materials_seen_, area_lights_seen_;
+  std::set<int32_t> materials_examined_, area_lights_examined_;
   std::vector<std::string> notes_;
   size_t light_count_ = 0;
-  bool something_scatters_ = false, something_glows_ = false;
+  bool has_scattering_media_ = false, has_emissive_media_ = false;
 };
 
 // "~ +12 %", or "?" if there is no measurement.

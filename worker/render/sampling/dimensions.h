@@ -33,16 +33,16 @@ constexpr uint32_t Slot(uint32_t depth, VertexSlot use) {
 }
 
 // Vertices in subsurface media do not count towards depth, and have their own slots: step i is
-// vertex kMatterVertex + i. No path is that deep.
-inline constexpr uint32_t kMatterVertex = 1u << 28;
+// vertex kSubsurfaceVertex + i. No path is that deep.
+inline constexpr uint32_t kSubsurfaceVertex = 1u << 28;
 
 // For line sampling on the segment that leads to a vertex, in its passes-th part: u, v on the
 // light; which light; position on the line. Beyond all vertices; vertices 2^18 apart share slots.
-constexpr uint32_t LineSlot(uint32_t vertex, uint32_t passes) {
-  return (7u << 28) + ((passes & 1023u) << 18) + (vertex & 0x3ffffu);
+constexpr uint32_t EquiangularSlot(uint32_t vertex, uint32_t crossings) {
+  return (7u << 28) + ((crossings & 1023u) << 18) + (vertex & 0x3ffffu);
 }
 
 // For sampling media emission from a vertex: a point of a cell; which cell.
-constexpr uint32_t GlowSlot(uint32_t vertex) { return (8u << 28) + (vertex & 0xfffffffu); }
+constexpr uint32_t EmissionSlot(uint32_t vertex) { return (8u << 28) + (vertex & 0xfffffffu); }
 
 }  // namespace sheaf::render

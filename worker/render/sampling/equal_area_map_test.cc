@@ -11,7 +11,7 @@
 namespace sheaf::render {
 namespace {
 
-TEST(EqualAreaMapTest, LandmarksAreWherePbrtHasThem) {
+TEST(EqualAreaMapTest, LandmarksMatchPbrt) {
   const struct {
     Vec2d st;
     Vec3d d;
@@ -23,7 +23,7 @@ TEST(EqualAreaMapTest, LandmarksAreWherePbrtHasThem) {
   }
 }
 
-TEST(EqualAreaMapTest, SquareToSphereAndBack) {
+TEST(EqualAreaMapTest, SquareToSphereRoundTrips) {
   constexpr int kSide = 257;
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
@@ -54,7 +54,7 @@ TEST(EqualAreaMapTest, AreasAreEqual) {
   }
 }
 
-TEST(EqualAreaMapTest, EveryDirectionHasAPlace) {
+TEST(EqualAreaMapTest, EveryDirectionHasAPoint) {
   for (const Vec3f& d : {Vec3f{0, 0, 1}, Vec3f{0, 0, -1}, Vec3f{1, 0, 0}, Vec3f{0, -1, 0},
                          Vec3f{1e-30f, 0, 1}, Vec3f{-0.f, -0.f, -1}, Vec3f{0.6f, 0, 0.8f}}) {
     const Vec2f st = EqualAreaSphereToSquare(d);

@@ -59,7 +59,7 @@ double Integral(double from, double to, const std::function<double(double)>& f) 
 class PixelFilterTest : public ::testing::TestWithParam<Kind> {};
 
 // The fraction of |f| up to each sampled position is the number it was sampled from.
-TEST_P(PixelFilterTest, PositionsInvertTheFiltersMagnitude) {
+TEST_P(PixelFilterTest, PositionsInvertTheFilterMagnitude) {
   constexpr double kRadius = 1.75;
   const auto filter = PixelFilter::Make(SceneWith(GetParam(), 1.75f, 0.5f));
   ASSERT_TRUE(filter.ok()) << filter.status();
@@ -73,7 +73,7 @@ TEST_P(PixelFilterTest, PositionsInvertTheFiltersMagnitude) {
 }
 
 // Weighted samples reproduce the filter's mean and moments, including negative lobes.
-TEST_P(PixelFilterTest, WeightedSamplesHaveTheFiltersMoments) {
+TEST_P(PixelFilterTest, WeightedSamplesHaveTheFilterMoments) {
   constexpr double kRadiusX = 2, kRadiusY = 1.5;
   const auto filter = PixelFilter::Make(SceneWith(GetParam(), 2, 1.5f));
   ASSERT_TRUE(filter.ok()) << filter.status();
@@ -122,7 +122,7 @@ INSTANTIATE_TEST_SUITE_P(AllKinds, PixelFilterTest,
                          ::testing::Values(Kind::kBox, Kind::kTriangle, Kind::kGaussian,
                                            Kind::kMitchell, Kind::kSinc));
 
-TEST(PixelFilterErrors, NameTheFilterAndWhatIsWrong) {
+TEST(PixelFilterErrors, NameFilterAndReason) {
   SceneDescription no_sigma = SceneWith(Kind::kGaussian, 2, 2);
   no_sigma.filter.sigma = 0;
   SceneDescription no_tau = SceneWith(Kind::kSinc, 4, 4);

@@ -27,7 +27,7 @@ std::vector<float> Random(int size) {
   return texels;
 }
 
-TEST(MapPartitionTest, AnEvenMapIsOneSquare) {
+TEST(MapPartitionTest, ConstantMapIsOneSquare) {
   const MapPartition partition(64, Even(64));
   EXPECT_EQ(partition.square_count(), 1u);
   EXPECT_EQ(partition.second_moment_ratio(), 1);
@@ -37,12 +37,12 @@ TEST(MapPartitionTest, AnEvenMapIsOneSquare) {
   EXPECT_EQ(choice.pdf, 1);
 }
 
-TEST(MapPartitionTest, ABlackMapHasNone) {
+TEST(MapPartitionTest, BlackMapIsEmpty) {
   EXPECT_TRUE(MapPartition(3, std::vector<float>(9)).empty());
   EXPECT_TRUE(MapPartition().empty());
 }
 
-TEST(MapPartitionTest, ThePdfIsOneInAllAndThatOfWhatIsChosen) {
+TEST(MapPartitionTest, PdfIsNormalizedAndMatchesSamples) {
   std::mt19937 engine(8);
   const auto next = [&] { return static_cast<float>(engine() >> 8) * 0x1p-24f; };
   for (const int size : {1, 2, 3, 7, 32, 50}) {
@@ -66,7 +66,7 @@ TEST(MapPartitionTest, ThePdfIsOneInAllAndThatOfWhatIsChosen) {
   }
 }
 
-TEST(MapPartitionTest, TheEndsOfUStayInTheMap) {
+TEST(MapPartitionTest, ExtremeRandomNumbersStayInTheMap) {
   const MapPartition partition(50, Random(50));
   constexpr float kLast = 1 - 0x1p-24f;
   for (const Vec2f u : {Vec2f{0, 0}, Vec2f{kLast, kLast}, Vec2f{0, kLast}, Vec2f{kLast, 0}}) {
@@ -76,7 +76,7 @@ TEST(MapPartitionTest, TheEndsOfUStayInTheMap) {
 }
 
 // A sun of one texel, far brighter than the sky: its tent is resolved, the sky is not.
-TEST(MapPartitionTest, ASmallSunIsResolved) {
+TEST(MapPartitionTest, SmallSunIsResolved) {
   constexpr int kSize = 256;
   std::vector<float> texels = Even(kSize);
   texels[100 * kSize + 70] = 1e6f;
@@ -86,7 +86,7 @@ TEST(MapPartitionTest, ASmallSunIsResolved) {
 }
 
 // White noise, half of it black: needs squares of quarter texels.
-TEST(MapPartitionTest, ASteepMapIsFollowed) {
+TEST(MapPartitionTest, SteepMapIsFollowed) {
   const MapPartition partition(128, Random(128));
   EXPECT_LT(partition.second_moment_ratio(), 1.3);
 }

@@ -11,7 +11,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/settings/render_settings.h"
-#include "worker/render/medium/line_choice.h"
+#include "worker/render/medium/equiangular_mode.h"
 #include "worker/render/plan/path_limits.h"
 #include "worker/render/plan/render_plan.h"
 
@@ -29,7 +29,7 @@ struct CompileLimits {
 struct CompileTechniques {
   bool choose_lights_evenly = false;  // Instead of by their contribution to a point.
   bool bound_media_once = false;      // A single bound per medium instead of local ones.
-  LinesInVarying lines_in_varying = LinesInVarying::kWhereItPays;
+  EquiangularMode equiangular_mode = EquiangularMode::kWhereEfficient;
   // Roulette may end paths on surfaces after more than this number of scattering events.
   uint32_t roulette_depth_min = kRouletteDepthMin;
   // Factor of density bounds. Below 1 they are wrong, which rendering must detect.

@@ -55,7 +55,7 @@ absl::Status BuildMedia(FileSource& files, int threads, const CompileTechniques&
       scene->description, scene->geometry, std::move(velocities), files,
       {Has(scene->plan.traits, Trait::kSpectral), threads, techniques.bound_media_once});
   if (!media.ok()) return media.status();
-  (*media)->ChooseLines(*scene->lights, techniques.lines_in_varying);
+  (*media)->ChooseEquiangular(*scene->lights, techniques.equiangular_mode);
   scene->media = *std::move(media);
   scene->majorant_factor = techniques.majorant_factor;
   const std::vector<std::string>& groups = scene->settings.outputs.light_groups;
@@ -145,7 +145,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (scene->interiors) {
     const Ray center =
         scene->camera.MakeRay<0>({settings.width_px / 2.0, settings.height_px / 2.0}, {}, 0);
-    scene->interiors->LookAround(scene->geometry, *scene->tracer, center.o);
+    scene->interiors->FindEnclosing(scene->geometry, *scene->tracer, center.o);
   }
   return CompiledScenePtr(scene.release());
 }

@@ -134,7 +134,7 @@ Emission EmitterList::EmissionOf(int32_t light, double area) const {
   }
   Emission mean;
   mean.spectrum_scale = ScaleOf(description, map->mean_luminance(), area);
-  mean.rgb = Rgb::Grey(static_cast<float>(map->mean_luminance()) * mean.spectrum_scale);
+  mean.rgb = Rgb::Gray(static_cast<float>(map->mean_luminance()) * mean.spectrum_scale);
   return mean;
 }
 
@@ -199,7 +199,7 @@ void EmitterList::AddFace(const BakedMesh& mesh, const uint32_t* t, TriangleEmit
       *vertices[c] = PointOfFace(emitter, corners[c]);
       part.uv[c] = UvOfFace(uvs, corners[c]);
     }
-    e.radiance.rgb = Rgb::Grey(static_cast<float>(MeanOfCell(map, part.uv)) * detail->map_scale);
+    e.radiance.rgb = Rgb::Gray(static_cast<float>(MeanOfCell(map, part.uv)) * detail->map_scale);
     add(e, &part);
   }
 }

@@ -95,17 +95,18 @@ absl::StatusOr<std::unique_ptr<InteriorTable>> InteriorTable::Build(
   }
   std::map<Key, uint16_t> ranks;
   for (const auto& [key, surface] : kinds) {
-    ranks[key] = static_cast<uint16_t>(table->matter_.size());
+    ranks[key] = static_cast<uint16_t>(table->interiors_.size());
     const auto& material = scene.materials[static_cast<size_t>(surface->material)];
     const RefractiveIndex eta = IndexOfMaterial(material);
-    Matter matter;
-    matter.eta = eta.mean;
-    matter.disperses = spectral && eta.Disperses();
-    if (matter.disperses) {
-      matter.index = SpectralColor::Tabulate([&](double nm) { return IndexAt(eta.spectrum, nm); });
+    Interior interior;
+    interior.eta = eta.mean;
+    interior.disperses = spectral && eta.Disperses();
+    if (interior.disperses) {
+      interior.index =
+          SpectralColor::Tabulate([&](double nm) { return IndexAt(eta.spectrum, nm); });
     }
-    matter.medium = std::get<4>(key);
-    table->matter_.push_back(std::move(matter));
+    interior.medium = std::get<4>(key);
+    table->interiors_.push_back(std::move(interior));
   }
   ForEachSurface(geometry, [&](Surface* surface) {
     if (priority_of(*surface).has_value()) surface->rank = ranks[key_of(*surface)];
@@ -126,8 +127,8 @@ void InteriorTable::MakeRows(const SceneDescription& scene, const MaterialTable&
     const Bsdf bsdf = materials.Evaluate<kAllTraits>(index, {}, 0);
     const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
     if (ggx.IsSmooth()) continue;
-    for (size_t other = 0; other < matter_.size(); ++other) {
-      const float eta = IndexOfMaterial(material).mean / matter_[other].eta;
+    for (size_t other = 0; other < interiors_.size(); ++other) {
+      const float eta = IndexOfMaterial(material).mean / interiors_[other].eta;
       if (eta == 1) continue;
       const auto [row, is_new] = known.try_emplace({ggx.alpha_x, ggx.alpha_y, eta});
       if (is_new) row->second = MakeDielectricEnergyRow(ggx, eta);
@@ -136,8 +137,8 @@ void InteriorTable::MakeRows(const SceneDescription& scene, const MaterialTable&
   }
 }
 
-void InteriorTable::LookAround(const SceneGeometry& geometry, const EmbreeScene& tracer,
-                               Vec3f camera_o) {
+void InteriorTable::FindEnclosing(const SceneGeometry& geometry, const EmbreeScene& tracer,
+                                  Vec3f camera_o) {
   // No two of them pass through the same edge of a right-angled body.
   constexpr std::array<Vec3f, 3> kDirections{
       {{0.267f, 0.845f, 0.463f}, {-0.813f, 0.229f, 0.535f}, {0.371f, -0.557f, -0.743f}}};

@@ -39,12 +39,12 @@ class InteriorTable {
                                                               SceneGeometry* geometry);
   // Finds the interiors that contain the camera, by the boundaries that a ray from there crosses;
   // of three rays, takes the result that two agree on. Space: render.
-  void LookAround(const SceneGeometry& geometry, const EmbreeScene& tracer, Vec3f camera_o);
+  void FindEnclosing(const SceneGeometry& geometry, const EmbreeScene& tracer, Vec3f camera_o);
 
   // The multiset of ranks of the shapes that contain the camera.
   const MediumSet& camera_interiors() const { return camera_interiors_; }
   // Index of the medium in the interiors of this rank, or kNone.
-  int32_t MediumOf(uint16_t rank) const { return matter_[rank].medium; }
+  int32_t MediumOf(uint16_t rank) const { return interiors_[rank].medium; }
 
   // Adapts bsdf, at a boundary of `rank`, to an interior of rank `other` (kNoRank: none) on its
   // outer side. Returns false if the boundary is invisible, because both indices are equal.
@@ -53,22 +53,22 @@ class InteriorTable {
                   BsdfOf<Color>* bsdf) const;
 
  private:
-  struct Matter {
+  struct Interior {
     float eta = 1;
     bool disperses = false;
     SpectralColor index;
     int32_t medium = kNone;
   };
   template <typename Color>
-  static float IndexOf(const Matter& matter, const WavelengthsOf<Color>& wavelengths) {
+  static float IndexOf(const Interior& interior, const WavelengthsOf<Color>& wavelengths) {
     if constexpr (std::is_same_v<Color, Spectral>) {
-      if (matter.disperses) return matter.index.At(wavelengths.hero_nm());
+      if (interior.disperses) return interior.index.At(wavelengths.hero_nm());
     }
-    return matter.eta;
+    return interior.eta;
   }
   void MakeRows(const SceneDescription& scene, const MaterialTable& materials);
 
-  std::vector<Matter> matter_;  // By rank.
+  std::vector<Interior> interiors_;  // By rank.
   MediumSet camera_interiors_;
   // Energy loss of rough boundaries, by material and the rank outside.
   std::map<std::pair<int32_t, uint16_t>, DielectricEnergyRow> rows_;
@@ -84,10 +84,10 @@ bool InteriorTable::SetOutside(const Surface& surface, uint16_t other,
                                const WavelengthsOf<Color>& wavelengths, BsdfOf<Color>* bsdf) const {
   // Relative indices closer to 1 are treated as specular, as in MaterialTable.
   constexpr float kIndexDifferenceMin = 1e-4f;
-  const Matter& inside = matter_[surface.rank];
+  const Interior& inside = interiors_[surface.rank];
   float outside_eta = 1;
   if (other != kNoRank) {
-    const Matter& outside = matter_[other];
+    const Interior& outside = interiors_[other];
     outside_eta = IndexOf<Color>(outside, wavelengths);
     bsdf->disperses = bsdf->disperses || (std::is_same_v<Color, Spectral> && outside.disperses);
     const auto row = rows_.find({surface.material, other});

@@ -23,7 +23,7 @@ SceneDescription SceneOfMesh(size_t triangles) {
   return scene;
 }
 
-TEST(MemoryEstimateTest, GrowsWithWhatIsPlaced) {
+TEST(MemoryEstimateTest, GrowsWithInstances) {
   TableFileSource files({});
   const MemoryEstimate once = EstimateMemory(SceneOfMesh(1000), files);
   EXPECT_EQ(once.triangle_count, 1000u);

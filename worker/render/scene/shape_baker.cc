@@ -136,8 +136,8 @@ Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
   surface.flips_normal = shape.reverse_orientation;
   surface.has_alpha = shape.has_alpha;
   if (shape.media.Separates()) surface.media = shape.media;
-  surface.encloses_matter = Has(needs.traits, Trait::kSubsurface);
-  surface.paints_matter = needs.paints_matter;
+  surface.encloses_subsurface = Has(needs.traits, Trait::kSubsurface);
+  surface.has_subsurface_texture = needs.has_subsurface_texture;
   surface.may_pass = needs.may_pass;
   surface.is_sphere = std::holds_alternative<SphereShape>(shape.shape);
   surface.needs_tangent = needs.anisotropic || needs.has_normal_map;

@@ -28,7 +28,7 @@ enum class Trait : uint32_t {
   kMeasured = 1u << 14,             // Measured reflection from files.
   kCurves = 1u << 15,               // Curves with a width.
   kNormalMaps = 1u << 16,           // Normal and bump maps.
-  kVaryingEmission = 1u << 17,      // Emissive shapes with an image or a cut-out.
+  kTexturedEmission = 1u << 17,     // Emissive shapes with an image or a cut-out.
   kOutputs = 1u << 18,              // Outputs besides the image: FilmOutputs.
   kMedia = 1u << 19,                // Participating media.
   kHeterogeneousMedia = 1u << 20,   // Heterogeneous media.

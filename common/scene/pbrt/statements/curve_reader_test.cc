@@ -41,7 +41,7 @@ class CurveReaderTest : public ::testing::Test {
   const std::string directory_ = testing::TemporaryPath("curves");
 };
 
-TEST_F(CurveReaderTest, BezierSegmentsShareTheirEnds) {
+TEST_F(CurveReaderTest, BezierSegmentsShareEndpoints) {
   const CurveSet curves = ReadOne(
       "Shape \"curve\" \"point3 P\" [0 0 0  1 0 0  2 1 0  3 1 0  4 1 0  5 2 0  6 2 0] "
       "\"float width0\" 4 \"float width1\" 2 \"string type\" \"cylinder\" \"integer splitdepth\" "
@@ -96,7 +96,7 @@ TEST_F(CurveReaderTest, RibbonsHaveUnitNormalsAtEachEnd) {
 }
 
 // Curves that differ only in their points become one shape; others do not.
-TEST_F(CurveReaderTest, CurvesAlikeAreKeptTogether) {
+TEST_F(CurveReaderTest, SimilarCurvesAreGrouped) {
   std::string world, other;
   for (int i = 0; i < 100; ++i) {
     const std::string points =
@@ -121,7 +121,7 @@ TEST_F(CurveReaderTest, CurvesAlikeAreKeptTogether) {
   EXPECT_EQ(result->scene.curve_sets.size(), 100u);
 }
 
-TEST_F(CurveReaderTest, WhatIsNoCurveIsRefused) {
+TEST_F(CurveReaderTest, InvalidCurvesAreRefused) {
   const std::string four = "\"point3 P\" [0 0 0  1 0 0  2 0 0  3 0 0] ";
   const struct {
     std::string shape, words;

@@ -14,7 +14,7 @@ namespace sheaf {
 namespace {
 
 // The default color of lights: the white of sRGB.
-ColorSpec White() { return RgbColor(Rgb::Grey(1)); }
+ColorSpec White() { return RgbColor(Rgb::Gray(1)); }
 
 LightScale GetScale(ParameterList& parameters, bool has_power) {
   LightScale scale;

@@ -14,7 +14,7 @@
 namespace sheaf {
 namespace {
 
-constexpr float kDefaultShareOfSheet = 0.25f;  // Reflected by and crossing a diffuse sheet.
+constexpr float kDefaultSheetFraction = 0.25f;  // Reflected by and crossing a diffuse sheet.
 constexpr float kDefaultIndex = 1.5f;
 
 ColorSpec NamedColor(const std::string& name) {
@@ -90,7 +90,7 @@ int32_t MaterialTable::Default() {
   default_ = static_cast<int32_t>(scene_->materials.size());
   MaterialDescription material;
   DiffuseMaterial diffuse;
-  diffuse.reflectance.value = RgbColor(Rgb::Grey(kDefaultReflectance));
+  diffuse.reflectance.value = RgbColor(Rgb::Gray(kDefaultReflectance));
   material.material = diffuse;
   scene_->materials.push_back(std::move(material));
   return default_;
@@ -118,7 +118,7 @@ bool MaterialTable::MakeDescribed(const std::string& type, ParameterList& parame
   struct Reader {
     void Reflectance(const char* name, ColorInput& input, float fallback) {
       input = table.textures_->GetColorInput(parameters, name, ColorRole::kReflectance,
-                                             RgbColor(Rgb::Grey(fallback)));
+                                             RgbColor(Rgb::Gray(fallback)));
     }
     void Roughness(RoughnessInput& input) { input = table.GetRoughness(parameters); }
     MaterialTable& table;
@@ -207,7 +207,7 @@ void MaterialTable::GetBumps(ParameterList& parameters, MaterialDescription* des
 
 DiffuseTransmissionMaterial MaterialTable::MakeDiffuseTransmission(ParameterList& parameters) {
   DiffuseTransmissionMaterial sheet;
-  const ColorSpec fallback = RgbColor(Rgb::Grey(kDefaultShareOfSheet));
+  const ColorSpec fallback = RgbColor(Rgb::Gray(kDefaultSheetFraction));
   sheet.reflectance =
       textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance, fallback);
   sheet.transmittance =
@@ -274,7 +274,7 @@ void MaterialTable::GetConductor(ParameterList& parameters, const std::string& p
                                     "; give one or the other"));
     }
     conductor->reflectance = textures_->GetColorInput(
-        parameters, "reflectance", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+        parameters, "reflectance", ColorRole::kReflectance, RgbColor(Rgb::Gray(1)));
     return;
   }
   conductor->eta =
@@ -291,7 +291,7 @@ RefractiveIndex MaterialTable::GetIndex(ParameterList& parameters, const std::st
     index.mean = parameters.GetFloat(name, kDefaultIndex);
   } else if (parameter->type == ParameterType::kSpectrum) {
     const ColorSpec eta = GetColor(parameters, name, ColorRole::kUnbounded,
-                                   RgbColor(Rgb::Grey(kDefaultIndex)), *files_);
+                                   RgbColor(Rgb::Gray(kDefaultIndex)), *files_);
     index.mean = MeanIndex(eta);
     if (VariesWithWavelength(eta)) index.spectrum = eta;
   } else {
@@ -330,7 +330,7 @@ CoatedDiffuseMaterial MaterialTable::MakeCoatedDiffuse(ParameterList& parameters
   CoatedDiffuseMaterial coated;
   coated.roughness = GetRoughness(parameters);
   coated.reflectance = textures_->GetColorInput(parameters, "reflectance", ColorRole::kReflectance,
-                                                RgbColor(Rgb::Grey(kDefaultReflectance)));
+                                                RgbColor(Rgb::Gray(kDefaultReflectance)));
   GetCoat(parameters, "eta", &coated);
   return coated;
 }
@@ -356,7 +356,7 @@ void MaterialTable::GetCoat(ParameterList& parameters, const std::string& eta_na
   coat->thickness = GetConstant(parameters, "thickness", 0.01f);
   coat->g = GetConstant(parameters, "g", 0);
   coat->albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,
-                                          RgbColor(Rgb::Grey(0)));
+                                          RgbColor(Rgb::Gray(0)));
   coat->max_depth = parameters.GetInteger("maxdepth", 10);
   coat->sample_count = parameters.GetInteger("nsamples", 1);
   if (coat->albedo.texture != kNone || !coat->albedo.value.rgb.IsBlack()) {
@@ -426,12 +426,12 @@ void MaterialTable::Finish() {
     for (const int32_t part : mix->material) {
       if (part == kNone) continue;
       const MaterialDescription& mixed = scene_->materials[static_cast<size_t>(part)];
-      const bool is_matter = std::holds_alternative<SubsurfaceMaterial>(mixed.material);
-      if (!is_matter && !mixed.priority.has_value()) continue;
+      const bool is_subsurface = std::holds_alternative<SubsurfaceMaterial>(mixed.material);
+      if (!is_subsurface && !mixed.priority.has_value()) continue;
       diagnostics_->Error(
           material.location,
           absl::StrCat("a mix cannot hold \"", mixed.name, "\", which ",
-                       is_matter ? "is subsurface" : "has a priority",
+                       is_subsurface ? "is subsurface" : "has a priority",
                        ": a path must leave an interior by the material through which it entered"));
     }
   }

@@ -36,7 +36,7 @@ class MaterialTable {
 
   // Interiors of subsurface materials, indexed by the material's `medium` until they are added to
   // the scene's media.
-  const std::vector<MediumDescription>& matter() const { return matter_; }
+  const std::vector<MediumDescription>& subsurface() const { return subsurface_; }
 
   // Reports undefined names and mixes that contain themselves. Call once, at the end.
   void Finish();
@@ -81,7 +81,7 @@ class MaterialTable {
   FileSource* files_;
   Diagnostics* diagnostics_;
   std::map<std::string, Slot> slots_;
-  std::vector<MediumDescription> matter_;
+  std::vector<MediumDescription> subsurface_;
   int32_t default_ = kNone;
 };
 

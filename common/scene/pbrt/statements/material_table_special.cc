@@ -24,11 +24,11 @@ HairMaterial MaterialTable::MakeHair(ParameterList& parameters) {
   if (parameters.Has("sigma_a")) {
     hair.pigment = HairMaterial::Pigment::kAbsorption;
     hair.color = textures_->GetColorInput(parameters, "sigma_a", ColorRole::kUnbounded,
-                                          RgbColor(Rgb::Grey(0)));
+                                          RgbColor(Rgb::Gray(0)));
   } else if (parameters.Has(reflectance)) {
     hair.pigment = HairMaterial::Pigment::kReflectance;
     hair.color = textures_->GetColorInput(parameters, reflectance, ColorRole::kReflectance,
-                                          RgbColor(Rgb::Grey(0.5f)));
+                                          RgbColor(Rgb::Gray(0.5f)));
   } else if (parameters.Has("eumelanin") || parameters.Has("pheomelanin")) {
     hair.eumelanin.value = 0;
     number("eumelanin", &hair.eumelanin, 0, HairMaterial::kConcentrationMax);

@@ -10,8 +10,8 @@
 #include "absl/strings/str_cat.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
 #include "common/scene/pbrt/statements/material_table.h"
-#include "common/scene/pbrt/statements/matter_reflectance.h"
 #include "common/scene/pbrt/statements/medium_parameters.h"
+#include "common/scene/pbrt/statements/subsurface_reflectance.h"
 
 namespace sheaf {
 namespace {
@@ -29,7 +29,7 @@ bool HasColor(ParameterList& parameters, const char* name) {
   return false;
 }
 
-void SetPreset(ParameterList& parameters, const std::string& name, MediumDescription* matter) {
+void SetPreset(ParameterList& parameters, const std::string& name, MediumDescription* subsurface) {
   const MeasuredMedium* measured = FindMeasuredMedium(name);
   if (measured == nullptr) {
     parameters.ErrorAt(*parameters.Find("name"),
@@ -37,12 +37,12 @@ void SetPreset(ParameterList& parameters, const std::string& name, MediumDescrip
                                     NearestNameHint(name, MeasuredMediumNames())));
     return;
   }
-  matter->sigma_a = RgbColor(measured->sigma_a);
-  matter->sigma_s = RgbColor(measured->sigma_s);
+  subsurface->sigma_a = RgbColor(measured->sigma_a);
+  subsurface->sigma_s = RgbColor(measured->sigma_s);
   for (const char* other : {"sigma_a", "sigma_s", "reflectance", "mfp", "g"}) {
     parameters.NoteWithoutEffect(other, "the named substance defines it");
   }
-  matter->g = 0;  // The measured values are reduced coefficients.
+  subsurface->g = 0;  // The measured values are reduced coefficients.
 }
 
 // Whether the spectrum consists of valid free paths. If it is sampled, its rgb alone does not show
@@ -57,24 +57,24 @@ bool IsFreePath(const ColorSpec& color, float scale) {
 
 // Coefficients from the interior's reflectance under uniform light and its mean free path.
 void GetReflectance(ParameterList& parameters, TextureTable& textures, FileSource& files, float eta,
-                    MediumDescription* matter) {
-  MatterReflectance reflectance;
+                    MediumDescription* subsurface) {
+  SubsurfaceReflectance reflectance;
   const ColorInput color = textures.GetColorInput(parameters, "reflectance",
-                                                  ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+                                                  ColorRole::kReflectance, RgbColor(Rgb::Gray(1)));
   reflectance.color = color.value;
   reflectance.texture = color.texture;
   reflectance.free_path =
       HasColor(parameters, "mfp")
-          ? GetColor(parameters, "mfp", ColorRole::kUnbounded, RgbColor(Rgb::Grey(1)), files)
-          : RgbColor(Rgb::Grey(1));
-  reflectance.scale = matter->scale;
+          ? GetColor(parameters, "mfp", ColorRole::kUnbounded, RgbColor(Rgb::Gray(1)), files)
+          : RgbColor(Rgb::Gray(1));
+  reflectance.scale = subsurface->scale;
   reflectance.eta = eta;
   if (!IsFreePath(reflectance.free_path, reflectance.scale)) {
     parameters.Error(absl::StrCat(parameters.owner(),
                                   ": mfp times scale must be finite and more than ", kFreePathMin));
     return;
   }
-  SetReflectance(reflectance, matter);
+  SetReflectance(reflectance, subsurface);
 }
 
 }  // namespace
@@ -86,28 +86,28 @@ SubsurfaceMaterial MaterialTable::MakeSubsurface(ParameterList& parameters) {
     material.eta = GetIndex(parameters);
   else
     material.eta.mean = kDefaultSubsurfaceIndex;
-  MediumDescription matter;
-  matter.name = parameters.owner();
-  matter.location = parameters.location();
-  matter.is_matter = true;
-  GetScaleAndPhase(parameters, &matter);
+  MediumDescription subsurface;
+  subsurface.name = parameters.owner();
+  subsurface.location = parameters.location();
+  subsurface.is_subsurface = true;
+  GetScaleAndPhase(parameters, &subsurface);
   const std::string name = parameters.GetString("name", "");
   const bool has_a = HasColor(parameters, "sigma_a"), has_s = HasColor(parameters, "sigma_s");
   const bool has_reflectance = parameters.Has("reflectance");
-  matter.sigma_a = RgbColor(kDefaultSigmaA);
-  matter.sigma_s = RgbColor(kDefaultSigmaS);
+  subsurface.sigma_a = RgbColor(kDefaultSigmaA);
+  subsurface.sigma_s = RgbColor(kDefaultSigmaS);
   if (!name.empty()) {
-    SetPreset(parameters, name, &matter);
+    SetPreset(parameters, name, &subsurface);
   } else if (has_a || has_s) {
     if (has_a != has_s) {
       parameters.Error(absl::StrCat(parameters.owner(), " needs both sigma_a and sigma_s"));
     }
-    matter.sigma_a =
-        GetColor(parameters, "sigma_a", ColorRole::kUnbounded, matter.sigma_a, *files_);
-    matter.sigma_s =
-        GetColor(parameters, "sigma_s", ColorRole::kUnbounded, matter.sigma_s, *files_);
-    RequireCoefficient(parameters, "sigma_a", &matter.sigma_a);
-    RequireCoefficient(parameters, "sigma_s", &matter.sigma_s);
+    subsurface.sigma_a =
+        GetColor(parameters, "sigma_a", ColorRole::kUnbounded, subsurface.sigma_a, *files_);
+    subsurface.sigma_s =
+        GetColor(parameters, "sigma_s", ColorRole::kUnbounded, subsurface.sigma_s, *files_);
+    RequireCoefficient(parameters, "sigma_a", &subsurface.sigma_a);
+    RequireCoefficient(parameters, "sigma_s", &subsurface.sigma_s);
     if (has_reflectance) {
       parameters.Error(absl::StrCat(parameters.owner(),
                                     ": reflectance excludes sigma_a and sigma_s; give one or the "
@@ -115,12 +115,12 @@ SubsurfaceMaterial MaterialTable::MakeSubsurface(ParameterList& parameters) {
     }
     parameters.NoteWithoutEffect("mfp", "sigma_a and sigma_s define it");
   } else if (has_reflectance) {
-    GetReflectance(parameters, *textures_, *files_, material.eta.mean, &matter);
+    GetReflectance(parameters, *textures_, *files_, material.eta.mean, &subsurface);
   } else {
     parameters.NoteWithoutEffect("mfp", "it goes with reflectance, which is not given");
   }
-  material.medium = static_cast<int32_t>(matter_.size());
-  matter_.push_back(std::move(matter));
+  material.medium = static_cast<int32_t>(subsurface_.size());
+  subsurface_.push_back(std::move(subsurface));
   return material;
 }
 

@@ -17,7 +17,7 @@ namespace sheaf {
 namespace {
 
 void GetCoefficients(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
-  const ColorSpec one = RgbColor(Rgb::Grey(1));
+  const ColorSpec one = RgbColor(Rgb::Gray(1));
   medium->sigma_a = GetColor(parameters, "sigma_a", ColorRole::kUnbounded, one, files);
   medium->sigma_s = GetColor(parameters, "sigma_s", ColorRole::kUnbounded, one, files);
   RequireCoefficient(parameters, "sigma_a", &medium->sigma_a);
@@ -189,7 +189,7 @@ void SetUniformGrid(ParameterList& parameters, FileSource& files, MediumDescript
 
 void SetRgbGrid(ParameterList& parameters, MediumDescription* medium) {
   RgbGridMedium grid;
-  medium->sigma_a = medium->sigma_s = RgbColor(Rgb::Grey(1));
+  medium->sigma_a = medium->sigma_s = RgbColor(Rgb::Gray(1));
   if (GetBox(parameters, &grid.box)) {
     grid.sigma_a = GetColorCells(parameters, "sigma_a", grid.box, ColorRole::kUnbounded);
     grid.sigma_s = GetColorCells(parameters, "sigma_s", grid.box, ColorRole::kUnbounded);
@@ -281,16 +281,16 @@ bool IsBlack(const std::vector<Rgb>& cells) {
 }
 
 // Removes, and reports by name, grids that have no effect or emit nowhere.
-void LeaveOutWhatDoesNothing(ParameterList& parameters, MediumDescription* medium) {
+void RemoveGridsWithoutEffect(ParameterList& parameters, MediumDescription* medium) {
   auto* grid = std::get_if<UniformGridMedium>(&medium->kind);
   if (grid != nullptr && !grid->temperature_k.empty()) {
     const auto [low, high] =
         std::minmax_element(grid->temperature_k.begin(), grid->temperature_k.end());
     // The scale may be negative.
     const float hottest = std::max(grid->emission.KelvinOf(*low), grid->emission.KelvinOf(*high));
-    if (!(hottest > kGlowTemperatureMinK)) {
+    if (!(hottest > kEmissionTemperatureMinK)) {
       parameters.NoteWithoutEffect(
-          "temperature", absl::StrCat("no cell is hotter than ", kGlowTemperatureMinK, " K"));
+          "temperature", absl::StrCat("no cell is hotter than ", kEmissionTemperatureMinK, " K"));
       grid->temperature_k.clear();
       medium->emits = false;
     }
@@ -339,7 +339,7 @@ bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, File
     return false;
   }
   GetScaleAndPhase(parameters, medium);
-  LeaveOutWhatDoesNothing(parameters, medium);
+  RemoveGridsWithoutEffect(parameters, medium);
   parameters.ReportUnused();
   return true;
 }

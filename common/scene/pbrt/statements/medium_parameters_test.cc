@@ -38,15 +38,15 @@ class MediumReaderTest : public ::testing::Test {
   std::string notes_;
 };
 
-TEST_F(MediumReaderTest, DefaultsArePbrts) {
+TEST_F(MediumReaderTest, DefaultsMatchPbrt) {
   const SceneDescription scene = ReadGood(
       "MakeNamedMedium \"m\" \"string type\" \"homogeneous\"\nMediumInterface \"\" \"m\"\n"
       "Camera \"perspective\"\nWorldBegin\n");
   ASSERT_EQ(scene.media.size(), 1u);
   const MediumDescription& medium = scene.media[0];
   EXPECT_TRUE(medium.IsHomogeneous());
-  EXPECT_EQ(medium.sigma_a.rgb, Rgb::Grey(1));
-  EXPECT_EQ(medium.sigma_s.rgb, Rgb::Grey(1));
+  EXPECT_EQ(medium.sigma_a.rgb, Rgb::Gray(1));
+  EXPECT_EQ(medium.sigma_s.rgb, Rgb::Gray(1));
   EXPECT_EQ(medium.scale, 1);
   EXPECT_EQ(medium.g, 0);
   EXPECT_FALSE(medium.emits);
@@ -54,7 +54,7 @@ TEST_F(MediumReaderTest, DefaultsArePbrts) {
   EXPECT_EQ(scene.camera.medium, 0);
 }
 
-TEST_F(MediumReaderTest, TheCameraIsInWhatIsOutsideWhereItStands) {
+TEST_F(MediumReaderTest, CameraIsInTheCurrentOutsideMedium) {
   const SceneDescription scene = ReadGood(
       "Camera \"perspective\"\nMediumInterface \"a\" \"b\"\nWorldBegin\n"
       "MakeNamedMedium \"a\" \"string type\" \"homogeneous\"\n"
@@ -72,7 +72,7 @@ TEST_F(MediumReaderTest, TheCameraIsInWhatIsOutsideWhereItStands) {
   EXPECT_FALSE(scene.shapes[3].media.Separates());
 }
 
-TEST_F(MediumReaderTest, EveryParameterIsRead) {
+TEST_F(MediumReaderTest, ReadsEveryParameter) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nTranslate 1 2 3\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\"\n"
       "\"rgb sigma_a\" [1 2 3] \"rgb sigma_s\" [4 5 6] \"float scale\" 2 \"float g\" -0.5\n"
@@ -92,7 +92,7 @@ TEST_F(MediumReaderTest, EveryParameterIsRead) {
   EXPECT_EQ(scene.media[1].sigma_a.rgb, (Rgb{0.061f, 0.97f, 1.45f}));
 }
 
-TEST_F(MediumReaderTest, GridsCloudsAndFiles) {
+TEST_F(MediumReaderTest, ReadsGridsCloudsAndFiles) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nMakeNamedMedium \"u\" \"string type\" \"uniformgrid\" \"integer nx\" 2\n"
       "\"float density\" [0 0.5] \"point3 p0\" [1 1 1] \"point3 p1\" [-1 0 3]\n"
@@ -119,7 +119,7 @@ TEST_F(MediumReaderTest, GridsCloudsAndFiles) {
   EXPECT_TRUE(std::get<VolumeFileMedium>(scene.media[4].kind).is_openvdb);
 }
 
-TEST_F(MediumReaderTest, GridsThatDoNothingAreNamedAndLeftOut) {
+TEST_F(MediumReaderTest, GridsWithoutEffectAreReportedAndIgnored) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nMakeNamedMedium \"u\" \"string type\" \"uniformgrid\" \"integer nx\" 2\n"
       "\"float density\" [0 0] \"rgb Le\" [1 1 1]\n"
@@ -142,7 +142,7 @@ TEST_F(MediumReaderTest, GridsThatDoNothingAreNamedAndLeftOut) {
             std::string::npos);
 }
 
-TEST_F(MediumReaderTest, VelocitiesAreReadWhereTheyAreAskedFor) {
+TEST_F(MediumReaderTest, VelocitiesAreReadOnRequest) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nMakeNamedMedium \"u\" \"string type\" \"uniformgrid\" \"integer nx\" 2\n"
       "\"float density\" [0 1] \"vector3 velocity\" [1 2 3 4 5 6] \"float velocityscale\" -2\n"
@@ -162,7 +162,7 @@ TEST_F(MediumReaderTest, VelocitiesAreReadWhereTheyAreAskedFor) {
                                            "has no effect: it is 0 in all cells"));
 }
 
-TEST_F(MediumReaderTest, WhatIsNoVelocityIsRefusedWithItsPlace) {
+TEST_F(MediumReaderTest, InvalidVelocitiesAreRefusedWithTheirLocation) {
   const auto message = [this](const std::string& parameters) {
     const absl::StatusOr<ReadSceneResult> result =
         Read("WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"uniformgrid\"\n  " + parameters +
@@ -180,7 +180,7 @@ TEST_F(MediumReaderTest, WhatIsNoVelocityIsRefusedWithItsPlace) {
               HasSubstr("main.pbrt:3:52: parameter \"velocityscale\": \"inf\" is not a number"));
 }
 
-TEST_F(MediumReaderTest, PathIgnoresMediaWithAWarning) {
+TEST_F(MediumReaderTest, PathIntegratorIgnoresMediaWithAWarning) {
   const SceneDescription scene = ReadGood(
       "Integrator \"path\"\nMakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\n"
       "MediumInterface \"\" \"fog\"\nCamera \"perspective\"\nWorldBegin\nShape \"sphere\"\n");
@@ -190,7 +190,7 @@ TEST_F(MediumReaderTest, PathIgnoresMediaWithAWarning) {
   EXPECT_THAT(notes_, ::testing::HasSubstr("main.pbrt:2:1: media have no effect"));
 }
 
-TEST_F(MediumReaderTest, MadeTwiceIsAnErrorWithBothPlaces) {
+TEST_F(MediumReaderTest, DuplicateNamesReportBothLocations) {
   const absl::StatusOr<ReadSceneResult> result = Read(
       "WorldBegin\nMakeNamedMedium \"m\" \"string type\" \"homogeneous\"\n"
       "MakeNamedMedium \"m\" \"string type\" \"homogeneous\"\n");

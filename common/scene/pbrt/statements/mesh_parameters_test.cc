@@ -38,7 +38,7 @@ class MeshParametersTest : public ::testing::Test {
   std::vector<SceneDiagnostic> notes_;
 };
 
-TEST_F(MeshParametersTest, DisplacementIsRead) {
+TEST_F(MeshParametersTest, ReadsDisplacement) {
   const SceneDescription scene = ReadGood(
       "Option \"float displacementedgescale\" 4\nWorldBegin\n"
       "Texture \"h\" \"float\" \"constant\" \"float value\" 0.5\n"
@@ -55,7 +55,7 @@ TEST_F(MeshParametersTest, DisplacementIsRead) {
   EXPECT_NE(notes_[0].text.find("parameter \"edgelength\" has no effect"), std::string::npos);
 }
 
-TEST_F(MeshParametersTest, StepsOfVerticesAreRead) {
+TEST_F(MeshParametersTest, ReadsVertexSteps) {
   const std::string header =
       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
       "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";

@@ -124,7 +124,7 @@ void GetAperture(ParameterList& parameters, FileSource& files, LensDescription* 
     lens->aperture = shape;
     return;
   }
-  lens->aperture = Aperture::kPicture;
+  lens->aperture = Aperture::kImage;
   lens->aperture_file = CanonicalFileName(aperture);
   if (const auto path = files.LocalPath(lens->aperture_file); !path.ok()) {
     parameters.ErrorAt(

@@ -158,7 +158,7 @@ ConstantTexture TextureTable::MakeConstant(ParameterList& parameters, bool is_co
   ConstantTexture constant;
   if (is_color) {
     constant.color =
-        GetColor(parameters, "value", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)), *files_);
+        GetColor(parameters, "value", ColorRole::kReflectance, RgbColor(Rgb::Gray(1)), *files_);
   } else {
     constant.value = parameters.GetFloat("value", 1);
   }
@@ -203,7 +203,7 @@ CheckerboardTexture TextureTable::MakeCheckerboard(ParameterList& parameters, bo
     const float fallback = i == 0 ? 1.f : 0.f;
     if (is_color) {
       board.color[i] =
-          GetColorInput(parameters, name, ColorRole::kReflectance, RgbColor(Rgb::Grey(fallback)));
+          GetColorInput(parameters, name, ColorRole::kReflectance, RgbColor(Rgb::Gray(fallback)));
     } else {
       board.value[i] = GetFloatInput(parameters, name, fallback);
     }
@@ -214,7 +214,7 @@ CheckerboardTexture TextureTable::MakeCheckerboard(ParameterList& parameters, bo
 ScaleTexture TextureTable::MakeScale(ParameterList& parameters, bool is_color) {
   ScaleTexture scale;
   if (is_color) {
-    scale.color = GetColorInput(parameters, "tex", ColorRole::kReflectance, RgbColor(Rgb::Grey(1)));
+    scale.color = GetColorInput(parameters, "tex", ColorRole::kReflectance, RgbColor(Rgb::Gray(1)));
   } else {
     scale.value = GetFloatInput(parameters, "tex", 1);
   }
@@ -229,7 +229,7 @@ MixTexture TextureTable::MakeMix(ParameterList& parameters, bool is_color) {
     const float fallback = i == 0 ? 0.f : 1.f;
     if (is_color) {
       mix.color[i] =
-          GetColorInput(parameters, name, ColorRole::kReflectance, RgbColor(Rgb::Grey(fallback)));
+          GetColorInput(parameters, name, ColorRole::kReflectance, RgbColor(Rgb::Gray(fallback)));
     } else {
       mix.value[i] = GetFloatInput(parameters, name, fallback);
     }

@@ -42,7 +42,7 @@ void Diagnostics::Note(SourceLocation location, std::string_view text) {
 
 void Diagnostics::AddOnce(SceneDiagnostic::Severity severity, SourceLocation location,
                           std::string_view text) {
-  if (told_.size() >= notes_max_ || !told_.emplace(text).second) return;
+  if (reported_.size() >= notes_max_ || !reported_.emplace(text).second) return;
   diagnostics_.push_back({severity, WithPlace(*scene_, location, text)});
 }
 

@@ -56,7 +56,7 @@ class Diagnostics {
   uint32_t error_count_ = 0;
   std::string explanation_;
   bool lacks_memory_ = false;
-  std::set<std::string, std::less<>> told_;
+  std::set<std::string, std::less<>> reported_;
   std::vector<SceneDiagnostic> diagnostics_;
 };
 

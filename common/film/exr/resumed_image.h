@@ -1,0 +1,70 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// ResumedImage: converts a delivered image back to parts with the same sum, so that a frame can
+// continue from it after its parts are gone (docs/adr/0039).
+//
+//     EXR > FrameImage > ResumedImage > FilmTile of each tile and block of [0, n)
+//
+// An image has means, counts and standard errors. Means times counts are the sums, except for the
+// last bits of a float. Replicates are lost: the parts have sixteen whose spread is the image's
+// standard error, a random half of them, drawn per pixel, above the mean and the others below.
+// Estimates from replicates then keep their expectation.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "common/film/film_tile.h"
+#include "common/film/frame_image.h"
+
+namespace sheaf {
+
+// Metadata keys that identify a delivered image.
+inline constexpr char kFrameDigestKey[] = "frameDigest";
+inline constexpr char kImageDigestKey[] = "pictureDigest";
+// "signed" if filters weight samples other than by 1: the sums then cannot be recovered.
+inline constexpr char kSampleWeightKey[] = "sampleWeight";
+
+// Thread safety: const members may be called concurrently.
+class ResumedImage {
+ public:
+  // The image, as ReadFrameImage returns it, of a frame with these outputs in this color.
+  // Errors: kInvalidArgument with the reason why no frame can continue from it: it was not
+  // delivered by Sheaf, its pixels were changed since, a channel is missing, a pixel has fewer than
+  // kReplicateCount samples, or sums cannot be recovered (signed filter weights, ids, directions of
+  // unit length).
+  static absl::StatusOr<ResumedImage> Make(FrameImage image, const FilmOutputs& outputs,
+                                           const ImageColor& color);
+
+  const FrameImage& image() const { return image_; }
+  // Samples of each pixel of a tile, including those that were not finite.
+  // Errors: kInvalidArgument if its pixels differ: the image was rendered in tiles of another size.
+  absl::StatusOr<uint64_t> SamplesOf(const PixelRect& tile) const;
+  // The tile's sums over [0, SamplesOf(tile)), in aligned blocks, ascending. Deterministic to the
+  // bit.
+  // Requires: SamplesOf is OK.
+  std::vector<FilmTile> PartsOf(const PixelRect& tile) const;
+
+ private:
+  struct Pixel;
+  ResumedImage(FrameImage image, const FilmOutputs& outputs, const ImageColor& color);
+  float At(size_t channel, size_t p) const;
+  float CountAt(size_t p) const;
+  Pixel PixelAt(int32_t x, int32_t y) const;
+  void AddPixel(const Pixel& pixel, size_t to, double sample_count, FilmTile* part) const;
+
+  FrameImage image_;
+  FilmOutputs outputs_;
+  std::vector<MeanChannel> mean_channels_;
+  bool color_is_srgb_ = true;
+  std::vector<size_t> planes_;  // Indices in the image's planes, by channel as they are read.
+  Matrix4 srgb_from_light_, srgb_from_albedo_;
+};
+
+// The aligned power-of-two blocks that partition [0, samples), ascending.
+std::vector<SampleBlock> PrefixBlocks(uint64_t samples);
+
+}  // namespace sheaf

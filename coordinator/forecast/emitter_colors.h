@@ -1,0 +1,37 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The emitters in a pilot's image of one sample a pixel: its layer `seen` (light_path_kind.h),
+// which holds the emission that the camera sees directly, and all light beside it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "common/film/frame_image.h"
+#include "common/film/tile_geometry.h"
+
+namespace sheaf::coordinator {
+
+class EmitterColors {
+ public:
+  using Color = std::array<double, 3>;  // R, G and B.
+
+  // Requires: the layers of light paths. The image outlives this.
+  explicit EmitterColors(const FrameImage& image);
+
+  // Filters with negative lobes give some samples a negative weight, and their pixel the value.
+  Color Seen(int32_t x, int32_t y) const { return ColorAt(seen_, x, y); }
+  Color All(int32_t x, int32_t y) const { return ColorAt(all_, x, y); }
+  const PixelRect& window() const { return window_; }
+
+ private:
+  using Planes = std::array<const std::vector<float>*, 3>;
+  Color ColorAt(const Planes& planes, int32_t x, int32_t y) const;
+
+  PixelRect window_;
+  Planes all_, seen_;
+};
+
+}  // namespace sheaf::coordinator

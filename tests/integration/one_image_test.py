@@ -1,0 +1,144 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""One image: its bits depend neither on the partition of a job nor on the workers.
+
+The same job on 1, 2 and 4 workers, with tiles of 16, 32 and 64 pixels, passes of 4, 16 and 64
+samples, leases of 1 and 8 passes, in one process and over gRPC, gives one SHA-256 of the pixels.
+SHEAF_SCENE selects another scene.
+"""
+import itertools
+import json
+import os
+import tempfile
+import unittest
+
+import farm
+
+SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroom.pbrt"))
+# 70 x 50 pixels and 76 samples: not a multiple of the tile size, and not a power of two.
+JOB = ("--crop", "270,150,340,200", "--samples", "76")
+OUTPUTS = ("--aov", "position,normal-geometric,normal-shading,uv,motion,object-id",
+           "--cryptomatte", "object,material,asset", "--light-groups")
+FOG = '''Film "rgb" "integer xresolution" 16 "integer yresolution" 12
+Sampler "zsobol" "integer pixelsamples" 4
+Integrator "volpath" "integer maxdepth" 50
+LookAt 0 0 -4  0 0 0  0 1 0
+Camera "perspective" "float fov" 30
+WorldBegin
+LightSource "infinite" "rgb L" [1 1 1]
+MakeNamedMedium "milk" "string type" "homogeneous" "rgb sigma_s" [9 8 7] "rgb sigma_a" [0 0.1 0.2]
+  "float g" 0.8
+Material "interface"
+MediumInterface "milk" ""
+Shape "sphere" "float radius" 1
+'''
+PARTITIONS = list(itertools.product((16, 32, 64), (4, 16, 64), (1, 8)))
+
+
+def partition_flags(tile, samples, passes):
+    return ("--tile-size", tile, "--pass-samples", samples, "--lease-passes", passes)
+
+
+class OneImageTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.expected = cls.rendered("reference")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def rendered(cls, name, *arguments):
+        path = os.path.join(cls.folder.name, name + ".exr")
+        farm.render(SCENE, path, *JOB, *arguments)
+        return farm.picture_digest(path)
+
+    def test_in_one_process(self):
+        for partition in PARTITIONS:
+            with self.subTest(partition=partition):
+                self.assertEqual(self.rendered("p", *partition_flags(*partition)), self.expected)
+
+    def test_threads_and_variant(self):
+        for arguments in (("--threads", 1), ("--threads", 3), ("--generic",)):
+            with self.subTest(arguments=arguments):
+                self.assertEqual(self.rendered("t", *arguments), self.expected)
+
+    def test_over_grpc(self):
+        for workers in (1, 2, 4):
+            with farm.Farm() as f:
+                for _ in range(workers):
+                    f.start_worker()
+                for partition in PARTITIONS:
+                    with self.subTest(workers=workers, partition=partition):
+                        output = f.path("out.exr")
+                        f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB,
+                                *partition_flags(*partition))
+                        self.assertEqual(farm.picture_digest(output), self.expected)
+                        os.remove(output)
+
+    def farmed(self, *flags):
+        """Digest of the image rendered by a new farm with two workers."""
+        with farm.Farm() as f:
+            f.start_worker()
+            f.start_worker()
+            output = f.path("out.exr")
+            f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags)
+            return farm.picture_digest(output)
+
+    def test_color_and_scattering_settings_are_transmitted(self):
+        for flags in (("--color", "spectral"), ("--single-scattering",), ("--one-sequence",)):
+            with self.subTest(flags=flags):
+                expected = self.rendered("c", *flags)
+                self.assertNotEqual(expected, self.expected)
+                self.assertEqual(self.rendered("c", *flags, "--generic"), expected)
+                self.assertEqual(self.farmed(*flags, *partition_flags(16, 4, 1)), expected)
+
+    def test_similarity_is_transmitted(self):
+        fog = os.path.join(self.folder.name, "fog.pbrt")
+        with open(fog, "w", encoding="utf-8") as f:
+            f.write(FOG)
+        images = {}
+        with farm.Farm() as f:
+            f.start_worker()
+            for after in (0, 1, 3):
+                path = os.path.join(self.folder.name, "fog.exr")
+                farm.render(fog, path, "--similarity", after)
+                images[after] = farm.picture_digest(path)
+                output = f.path("fog.exr")
+                f.sheaf("submit", fog, "--wait", "-o", output, "--similarity", after)
+                self.assertEqual(farm.picture_digest(output), images[after])
+        self.assertEqual(len(set(images.values())), 3)
+
+    def test_outputs(self):
+        expected = self.rendered("o", *OUTPUTS)
+        self.assertNotEqual(expected, self.expected)
+        for partition in ((16, 4, 1), (64, 64, 8)):
+            with self.subTest(partition=partition):
+                flags = OUTPUTS + partition_flags(*partition)
+                self.assertEqual(self.rendered("o", *flags), expected)
+        self.assertEqual(self.farmed(*OUTPUTS, *partition_flags(32, 16, 1)), expected)
+
+    def test_primaries(self):
+        flags = ("--primaries", "acescg", "--light-groups")
+        expected = self.rendered("a", *flags)
+        self.assertNotEqual(expected, self.rendered("g", "--light-groups"))
+        for partition in ((16, 4, 1), (64, 64, 8)):
+            with self.subTest(partition=partition):
+                self.assertEqual(self.rendered("a", *flags, *partition_flags(*partition)),
+                                 expected)
+        self.assertEqual(self.farmed(*flags, *partition_flags(32, 16, 1)), expected)
+        # The colors are equal: compare converts one image, and only rounding remains.
+        report = json.loads(farm.compare(os.path.join(self.folder.name, "reference.exr"),
+                                         os.path.join(self.folder.name, "a.exr")))
+        self.assertTrue(report["reference_converted"])
+        self.assertLess(report["relative_mse"], 1e-12)
+
+    def test_another_seed_gives_another_image(self):
+        self.assertNotEqual(self.rendered("s", "--seed", 1), self.expected)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
