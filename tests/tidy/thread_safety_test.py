@@ -18,7 +18,7 @@ import unittest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 SOURCE_FOLDERS = ("common/", "worker/", "coordinator/", "cli/")
-MUTEX = "common/base/mutex.h"
+MUTEX = "common/base/mutex.h"  # The one door to the standard library's.
 BIN = os.environ.get("SHEAF_BIN", os.path.join(ROOT, "build/dev/bin"))
 GENERATED = os.path.join(os.path.dirname(BIN), "proto", "gen")
 FLAGS = ["-std=c++20", "-march=x86-64-v3", "-fsyntax-only", "-Wno-everything", "-Wthread-safety",
@@ -33,21 +33,33 @@ def read(path):
         return f.read()
 
 
-def includes_mutex(path):
-    return f'#include "{MUTEX}"' in read(path)
+ANNOTATION = re.compile(r"\bMutexLock\b|ABSL_GUARDED_BY|ABSL_EXCLUSIVE_LOCKS_REQUIRED")
+
+
+def annotated_classes(text):
+    """Names of the classes that have guarded members, or functions that require locks."""
+    parts = re.split(r"^(?:class|struct)(?: ABSL_\w+)? (?=\w+[^;]*\{)", text, flags=re.M)[1:]
+    return {re.match(r"\w+", part).group() for part in parts if ANNOTATION.search(part)}
 
 
 def sources_with_mutexes():
-    """Those that include mutex.h, or the header of a class with a mutex that they are a part of:
-    sqlite_job_store_parts.cc is one of sqlite_job_store.h.
-    """
+    """Those that lock something, or that name an annotated class of their folder."""
     listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT,
                             capture_output=True, text=True, check=True).stdout.splitlines()
-    files = [f for f in listed if f.startswith(SOURCE_FOLDERS) and f.endswith((".h", ".cc"))
-             and os.path.exists(os.path.join(ROOT, f))]
-    stems = tuple(os.path.splitext(f)[0] for f in files if f.endswith(".h") and includes_mutex(f))
-    return sorted(f for f in files if f.endswith(".cc")
-                  and (includes_mutex(f) or f.startswith(stems) and not f.endswith("_test.cc")))
+    files = {f: read(f) for f in listed if f.startswith(SOURCE_FOLDERS)
+             and f.endswith((".h", ".cc")) and os.path.exists(os.path.join(ROOT, f))}
+    names = {}
+    for path, text in files.items():
+        if path.endswith(".h"):
+            names.setdefault(os.path.dirname(path), set()).update(annotated_classes(text))
+
+    def is_checked(path):
+        text = files[path] + files.get(os.path.splitext(path)[0] + ".h", "")
+        of_folder = names.get(os.path.dirname(path))
+        return bool(ANNOTATION.search(text) or not path.endswith("_test.cc") and of_folder
+                    and re.search(r"\b(" + "|".join(of_folder) + r")\b", text))
+
+    return sorted(f for f in files if f.endswith(".cc") and is_checked(f))
 
 
 def compile_joined(paths):
