@@ -55,6 +55,9 @@ def sources_with_mutexes():
 
     def is_checked(path):
         text = files[path] + files.get(os.path.splitext(path)[0] + ".h", "")
+        # clang 14 cannot compile coroutines of libstdc++ 12. Sources with coroutines hold no lock.
+        if "co_await" in text and not ANNOTATION.search(text):
+            return False
         of_folder = names.get(os.path.dirname(path))
         return bool(ANNOTATION.search(text) or not path.endswith("_test.cc") and of_folder
                     and re.search(r"\b(" + "|".join(of_folder) + r")\b", text))
