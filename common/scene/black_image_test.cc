@@ -9,16 +9,17 @@
 #include <string>
 
 #include "common/scene/pbrt/scene_reader.h"
+#include "tests/support/temporary_path.h"
 
 namespace sheaf {
 namespace {
 
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 std::string WhyBlackOf(const std::string& world) {
-  const std::string path = testing::TempDir() + "sheaf-black-picture.pbrt";
+  const std::string path = testing::TemporaryPath("room.pbrt");
   std::ofstream(path) << "Camera \"perspective\"\nWorldBegin\n" << world;
   TableFileSource files({{"room.pbrt", path}});
   const absl::StatusOr<ReadSceneResult> read = ReadScene("room.pbrt", files);

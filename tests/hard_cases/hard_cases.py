@@ -26,16 +26,16 @@ import page
 
 # Tests that take from a second to a minute, of rows that also have other tests.
 LONG = (
-    "BsdfChiSquareTest.*", "BsdfSampleTest.TheMeanWeight*", "MaterialStability.M2_CoatsOfPerfect*",
+    "BsdfChiSquareTest.*", "BsdfSampleTest.MeanWeight*", "MaterialStability.M2_CoatsOfPerfect*",
     "MaterialStability.M2_RoughGlass*", "MediumStability.V1HalfSpace*",
-    "PhaseChiSquareTest.Samples*", "SubsurfaceStability.V1AWalk*",
-    "SubsurfaceStability.V14Painted*", "SubsurfaceStability.V14ReflectanceAt*",
-    "SubsurfaceStability.V14ReflectanceIs*",
-    "TechniquesTest.L16LightMetAnd*", "TechniquesTest.L16SampledLightAndBoth",
+    "PhaseChiSquareTest.Samples*", "SubsurfaceStability.V1Walk*",
+    "SubsurfaceStability.V14TexturedSubsurface*", "SubsurfaceStability.V14ReflectanceAt*",
+    "SubsurfaceStability.V14ReflectanceMatches*", "TechniquesTest.L16HitLight*",
+    "TechniquesTest.L16SampledLightAndBoth",
     "TechniquesTest.V7*", "TechniquesTest.V10*", "TrackingTest.V10*",
     "TriangleStability.G3NoRayLeavesAClosedMesh*", "TriangleStability.G3NoRayLeavesAPlaced*",
-    "VaryingLinesTest.V7AConstantGrid*", "VaryingLinesTest.V12*", "VaryingMediaTest.V10Grids*",
-    "VaryingMediaTest.V12*")
+    "HeterogeneousEquiangularTest.V7ConstantGrid*", "HeterogeneousEquiangularTest.V12*",
+    "HeterogeneousMediaTest.V10EmissiveGrids*", "HeterogeneousMediaTest.V12*")
 PROGRAM_SECONDS_MAX = 1800
 LIST_SECONDS_MAX = 60
 # The same as kStandardErrorsMax of tests/support/hard_case.h.
