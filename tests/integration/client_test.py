@@ -547,8 +547,8 @@ class ClientTest(unittest.TestCase):
         were replaced.
         """
         scene = self.write("kind.pbrt", SCENE)
-        for output, words in (("-", "standard output"), ("a.jpg", "writes .exr or .png"),
-                              ("a.tif", "writes .exr or .png"), ("a", "writes .exr or .png")):
+        for output, words in (("-", "standard output"), ("a.jpg", "writes only .exr or .png"),
+                              ("a.tif", "writes only .exr or .png"), ("a", "writes .exr or .png")):
             done = self.expect(run("render", scene, "--samples", 1, "-o", output), USAGE)
             self.assertIn(words, done.stderr)
             self.assertFalse(os.path.exists(output))
