@@ -297,9 +297,11 @@ uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
 
 // Computes the hit's point in its group, and point->surface and emitter. placement: null in the
 // world.
+// Inline, as is FinishPoint: compilers would call them, since instances are a second caller.
 template <uint32_t kTraits>
-GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray, const RawHit& hit,
-                      const Placement* placement, SurfacePoint* point) {
+[[gnu::always_inline]] inline GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray,
+                                                    const RawHit& hit, const Placement* placement,
+                                                    SurfacePoint* point) {
   const auto wants_parameters = [](const Surface& surface) {
     return surface.needs_tangent || surface.reads_textures;
   };
@@ -347,8 +349,8 @@ GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray, const RawHit& 
 
 // Completes the shading properties of `on`, which is in render space with error `rounding`.
 template <uint32_t kTraits, typename Plane>
-void FinishPoint(const GroupPoint& on, Vec3d rounding, SurfacePoint* point,
-                 [[maybe_unused]] Plane* plane) {
+[[gnu::always_inline]] inline void FinishPoint(const GroupPoint& on, Vec3d rounding,
+                                               SurfacePoint* point, [[maybe_unused]] Plane* plane) {
   point->p = ToFloat(on.p);
   point->p_error = Gamma(1) * Abs(point->p) + ToFloat(rounding);
   point->ng = ToFloat(on.ng);
@@ -374,21 +376,19 @@ void FinishPoint(const GroupPoint& on, Vec3d rounding, SurfacePoint* point,
 
 // Out of line, so that unplaced geometry, the common case, does not pay for it.
 template <uint32_t kTraits, typename Plane>
-[[gnu::noinline]] SurfacePoint MakePlacedPoint(const SceneGeometry& geometry, const Ray& ray,
-                                               const RawHit& hit, Plane* plane) {
+[[gnu::noinline]] void MakePlacedPoint(const SceneGeometry& geometry, const Ray& ray,
+                                       const RawHit& hit, Plane* plane, SurfacePoint* point) {
   const size_t still_count = geometry.still.size();
   const PlacedGroup& placed = hit.id.placed < still_count
                                   ? geometry.still[hit.id.placed]
                                   : geometry.moving[hit.id.placed - still_count];
   const Placement placement{RenderFromGroupAt(geometry, placed, ray.time),
                             GroupFromRenderAt(geometry, placed, ray.time)};
-  SurfacePoint point;
-  point.id = hit.id;
-  GroupPoint on = PointOfHit<kTraits>(geometry.groups[placed.group], ray, hit, &placement, &point);
+  point->id = hit.id;
+  GroupPoint on = PointOfHit<kTraits>(geometry.groups[placed.group], ray, hit, &placement, point);
   Vec3d rounding = ToDouble(on.coordinate_max) * kDoubleRounding;
   PlacePoint(placement, &on, &rounding);
-  FinishPoint<kTraits>(on, rounding, &point, plane);
-  return point;
+  FinishPoint<kTraits>(on, rounding, point, plane);
 }
 
 }  // namespace internal
@@ -398,12 +398,13 @@ template <uint32_t kTraits, typename Plane>
 template <uint32_t kTraits, typename Plane = std::nullopt_t>
 SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
                               [[maybe_unused]] Plane* plane = nullptr) {
+  SurfacePoint point;  // Every return names it, so that no caller copies it.
   if constexpr (Has(kTraits, Trait::kInstances) || Has(kTraits, Trait::kMotion)) {
-    if (hit.id.placed != kNotPlaced) {
-      return internal::MakePlacedPoint<kTraits>(geometry, ray, hit, plane);
+    if (hit.id.placed != kNotPlaced) [[unlikely]] {
+      internal::MakePlacedPoint<kTraits>(geometry, ray, hit, plane, &point);
+      return point;
     }
   }
-  SurfacePoint point;
   point.id = hit.id;
   const internal::GroupPoint on =
       internal::PointOfHit<kTraits>(geometry.groups[0], ray, hit, nullptr, &point);
