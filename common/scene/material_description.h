@@ -110,7 +110,7 @@ struct HairMaterial {
   FloatInput beta_m{.value = 0.3f}, beta_n{.value = 0.3f};  // Roughness along and around, [0, 1].
   FloatInput alpha_degrees{.value = 2};                     // Tilt of the scales, [-90, 90].
 
-  // What constants must lie within.
+  // The range of constants.
   static constexpr float kIndexMin = 0.1f, kIndexMax = 10, kConcentrationMax = 1e6f;
 };
 struct MeasuredMaterial {

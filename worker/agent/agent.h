@@ -114,7 +114,7 @@ class Agent {
   bool news_ ABSL_GUARDED_BY(mutex_) = false;
   bool reachable_ ABSL_GUARDED_BY(mutex_) = true;      // Whether the last call was answered.
   bool uploads_taken_ ABSL_GUARDED_BY(mutex_) = true;  // Whether the last upload was.
-  // Of the last snapshot that was answered.
+  // The sequence of the last answered snapshot.
   uint64_t answered_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   Clock::time_point next_synchronize_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point last_synchronize_ ABSL_GUARDED_BY(mutex_);

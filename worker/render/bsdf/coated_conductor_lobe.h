@@ -56,7 +56,7 @@ struct CoatedConductorLobe : LobeBase {
   template <typename Color>
   static ConductorCoatAt MakeConductorCoatAt(const BsdfOf<Color>& bsdf, Vec3f wo);
 
-  // What the base and the way to it and back leave of light; cosines inside the coat.
+  // Fraction of light left by the base and the way to it and back; cosines inside the coat.
   template <typename Color>
   static Color KeptByBase(const BsdfOf<Color>& bsdf, float cos_half, float cos_o, float cos_i);
 
