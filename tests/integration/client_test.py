@@ -548,7 +548,7 @@ class ClientTest(unittest.TestCase):
         """
         scene = self.write("kind.pbrt", SCENE)
         for output, words in (("-", "standard output"), ("a.jpg", "writes only .exr or .png"),
-                              ("a.tif", "writes only .exr or .png"), ("a", "writes .exr or .png")):
+                              ("a.tif", "writes only .exr or .png"), ("a", "writes only .exr or .png")):
             done = self.expect(run("render", scene, "--samples", 1, "-o", output), USAGE)
             self.assertIn(words, done.stderr)
             self.assertFalse(os.path.exists(output))
