@@ -142,7 +142,7 @@ def vase(u, v):
 # Images ---------------------------------------------------------------------------------------
 
 
-def write_picture(file_path, pixels, pixel_type):
+def write_image(file_path, pixels, pixel_type):
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, pixel_type)
     spec.attribute("compression", "zip")
@@ -271,9 +271,9 @@ def main():
     grid_mesh(path("showroom", "cove.ply"), cove, 1, 72)
     grid_mesh(path("turntable", "rim.ply"), lathe(rim_profile), 180, 12)
     grid_mesh(path("turntable", "vase.ply"), vase, 192, 120)
-    write_picture(path("showroom", "wood.png"), wood(), oiio.UINT8)
-    write_picture(path("showroom", "globe.png"), globe(), oiio.UINT8)
-    write_picture(path("showroom", "studio.exr"), studio(), oiio.HALF)
+    write_image(path("showroom", "wood.png"), wood(), oiio.UINT8)
+    write_image(path("showroom", "globe.png"), globe(), oiio.UINT8)
+    write_image(path("showroom", "studio.exr"), studio(), oiio.HALF)
     write_turntable()
 
 

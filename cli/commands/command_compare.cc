@@ -63,12 +63,12 @@ class CompareCommand : public Command {
     command->add_flag("--tiles", tiles_, "Also list tiles that differ by more than noise");
     command
         ->add_option(
-            "--allow", limits_.mean_fraction_max,
+            "--tile-tolerance", limits_.mean_fraction_max,
             "With --tiles: allowed difference beyond noise, as a fraction of a tile's mean")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
     command
-        ->add_option("--sigmas", limits_.standard_errors_max,
+        ->add_option("--tile-sigmas", limits_.standard_errors_max,
                      "With --tiles: allowed difference in standard errors")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
@@ -169,7 +169,7 @@ class CompareCommand : public Command {
         {"reference_mean", Number(comparison.reference_mean)},
         {"image_mean", Number(comparison.image_mean)},
         {"mean_ratio", Json::array()},
-        {"share_differing", comparison.fraction_differing},
+        {"fraction_differing", comparison.fraction_differing},
         {"max_abs_difference", Number(comparison.max_abs_difference)},
         {"nonfinite_count", comparison.nonfinite_count},
         {"reference_digest", report.reference_digest},
@@ -186,7 +186,7 @@ class CompareCommand : public Command {
 
   static void AddTiles(const TileDeviations& tiles, Json* json) {
     (*json)["tile_count"] = tiles.tile_count;
-    (*json)["tiles_beyond"] = tiles.deviating_count;
+    (*json)["tiles_deviating"] = tiles.deviating_count;
     Json worst = Json::array();
     for (const TileDeviation& tile : tiles.worst) {
       worst.push_back({{"x0_px", tile.rect.x0},

@@ -77,15 +77,15 @@ class PlanCommand : public Command {
         continue;
       }
       json["effects"].push_back({{"name", effect.name},
-                                 {"without", effect.without},
+                                 {"ablation", effect.ablation},
                                  {"samples", effect.samples},
-                                 {"time_share", effect.TimeFraction()},
+                                 {"time_fraction", effect.TimeFraction()},
                                  {"time_ratio", effect.time_ratio.value},
                                  {"time_ratio_error", effect.time_ratio.error},
                                  {"variance_ratio", effect.variance_ratio},
                                  {"mean_change", effect.mean_change.value},
                                  {"mean_change_error", effect.mean_change.error},
-                                 {"rel_mse", effect.rel_mse}});
+                                 {"relative_mse", effect.relative_mse}});
     }
     return json;
   }

@@ -40,16 +40,17 @@ class QuoteCommand : public Command {
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();
     AddCoordinatorOption(command, &coordinator_);
-    command->add_flag("--here", here_, "Quote for this machine only, as sheaf render would use it");
+    command->add_flag("--local", here_,
+                      "Quote for this machine only, as sheaf render would use it");
     command
         ->add_option("--threads", farm_.worker.thread_count,
-                     "With --here: threads; 0: all processors")
+                     "With --local: threads; 0: all processors")
         ->check(CLI::Range(0, 4096));
     AddJsonFlag(command, &json_);
     command->footer(
         "Examples:\n"
         "  sheaf quote room.pbrt\n"
-        "  sheaf quote room.pbrt --here --targets 0.02,0.01\n"
+        "  sheaf quote room.pbrt --local --targets 0.02,0.01\n"
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
         "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
         "A pilot renders a few of the pixels, at no more than 3 % of the price of the loosest\n"

@@ -49,7 +49,7 @@ void PrintFrame(const v1::Frame& frame) {
       100 * FractionDone(frame.progress()),
       error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
       frame.flip() > 0 ? absl::StrFormat("%.4f", frame.flip()).c_str() : "-",
-      frame.complete() ? frame.picture_digest().substr(0, 16).c_str() : "-");
+      frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
 }
 
 void PrintJob(const v1::Job& job) {
@@ -74,7 +74,7 @@ void PrintFile(const std::string& path, const FrameImage& image, bool json) {
     const nlohmann::ordered_json object = {{"path", path},
                                            {"width_px", width},
                                            {"height_px", height},
-                                           {"picture_digest", ImageDigest(image)},
+                                           {"image_digest", ImageDigest(image)},
                                            {"channels", image.channel_names},
                                            {"metadata", image.metadata}};
     std::printf("%s\n", object.dump().c_str());
@@ -142,16 +142,16 @@ class ShowCommand : public FarmCommand {
     command->add_option("JOB", target_, "The job, as in jobs/7 or 7, or an image, as in room.exr")
         ->required();
     command
-        ->add_flag("--picture{auto}", graphics_name_,
-                   "Print the image even if standard output is not a terminal; --picture=kitty, "
+        ->add_flag("--image{auto}", graphics_name_,
+                   "Print the image even if standard output is not a terminal; --image=kitty, "
                    "iterm, blocks, blocks256 (without 24-bit colors) or none selects the method "
                    "(default: from TERM, TERM_PROGRAM, KITTY_WINDOW_ID and COLORTERM)")
         ->check(CLI::IsMember({kAuto, "kitty", "iterm", "blocks", "blocks256", "none"}));
     command
         ->add_option("--layer", layer_name_,
-                     "The layer to print: picture, or false colors of the relative error or of the "
+                     "The layer to print: image, or false colors of the relative error or of the "
                      "number of samples")
-        ->check(CLI::IsMember({"picture", "error", "samples"}))
+        ->check(CLI::IsMember({"image", "error", "samples"}))
         ->capture_default_str();
     command->add_option("--frame", frame_number_,
                         "The frame whose image is printed (default: the last finished frame)");
@@ -161,7 +161,7 @@ class ShowCommand : public FarmCommand {
         "  sheaf show jobs/7\n"
         "  sheaf show 7 --json\n"
         "  sheaf show room.exr --layer error\n"
-        "  sheaf show 7 --frame 12 --view \"ACES 1.0 SDR\" --picture=blocks | less -R");
+        "  sheaf show 7 --frame 12 --view \"ACES 1.0 SDR\" --image=blocks | less -R");
     return command;
   }
 
@@ -201,7 +201,7 @@ class ShowCommand : public FarmCommand {
     const absl::StatusOr<std::string> bytes =
         client->ReadFrameOutput(frame->name(), IsAsked() ? kAskedBytesMax : kUnaskedBytesMax);
     if (absl::IsOutOfRange(bytes.status())) {
-      PrintNote("the image is large; give --picture to show it");
+      PrintNote("the image is large; give --image to show it");
       return ExitCode::kOk;
     }
     if (!bytes.ok()) return ReportCallError(bytes.status());
@@ -258,7 +258,7 @@ class ShowCommand : public FarmCommand {
     return ExitCode::kOk;
   }
 
-  std::string target_, graphics_name_, layer_name_ = "picture";
+  std::string target_, graphics_name_, layer_name_ = "image";
   std::optional<int32_t> frame_number_;
   ViewArguments view_arguments_;
   ViewTransform view_;

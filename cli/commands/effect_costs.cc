@@ -17,12 +17,12 @@ v1::EffectCost ToWire(const render::EffectMeasurement& effect) {
   wire.set_problem(effect.problem);
   if (!effect.problem.empty()) return wire;
   const double ratio = effect.time_ratio.value;
-  wire.set_without(effect.without);
-  wire.set_time_share(effect.TimeFraction());
-  wire.set_time_share_error(effect.time_ratio.error / (ratio * ratio));
+  wire.set_ablation(effect.ablation);
+  wire.set_time_fraction(effect.TimeFraction());
+  wire.set_time_fraction_error(effect.time_ratio.error / (ratio * ratio));
   wire.set_mean_change(effect.mean_change.value);
   wire.set_mean_change_error(effect.mean_change.error);
-  wire.set_relative_mse(effect.rel_mse);
+  wire.set_relative_mse(effect.relative_mse);
   // 0: unknown, for example if there is no variance without the effect.
   wire.set_variance_ratio(std::isfinite(effect.variance_ratio) ? effect.variance_ratio : 0);
   return wire;

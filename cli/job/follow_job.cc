@@ -73,7 +73,7 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
     if (absl::Status status = WriteFileAtomically(path, *bytes); !status.ok()) return status;
     absl::StatusOr<FrameImage> read = ReadFrameImage(path);
     if (!read.ok()) return read.status();
-    if (ImageDigest(*read) != frame.picture_digest()) {
+    if (ImageDigest(*read) != frame.image_digest()) {
       return absl::DataLossError("it is not the image that the coordinator delivered");
     }
     image = *std::move(read);

@@ -49,7 +49,7 @@ class InputCheckTest : public testing::Test {
 TEST_F(InputCheckTest, DamageIsReportedAtTheReferenceInTheScene) {
   const std::string png = *EncodePng(64, 64, std::vector<Rgb8>(64 * 64, Rgb8{200, 100, 50}));
   Write("cut.png", png.substr(0, png.size() / 2));
-  Write("garbage.exr", "no picture");
+  Write("garbage.exr", "no image");
   Write("smoke.nvdb", "no volume");
   Write("whole.png", png);
   const absl::Status status = CheckScene(

@@ -139,9 +139,8 @@ Json FrameJson(const v1::Frame& frame) {
   AddSettings(frame.spec().settings(), SettingField::Shown::kWithShape, &json);
   AddSettings(frame.spec().settings(), SettingField::Shown::kWithSettings, &json);
   json.update(Json{
-      {"resumed_picture", frame.spec().has_resumed_picture()
-                              ? Json(frame.spec().resumed_picture().sha256_hex())
-                              : Json()},
+      {"resumed_image",
+       frame.spec().has_resumed_image() ? Json(frame.spec().resumed_image().sha256_hex()) : Json()},
       {"stop", StopJson(frame.spec().stop())},
       {"stop_reason", frame.complete() ? StopReasonName(frame.stop_reason()) : ""},
       {"rounds", RoundsJson(frame)},
@@ -149,7 +148,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"unreliable_tile_count", frame.unreliable_tile_count()},
       {"unreliable_layers", LayersJson(frame)},
       {"complete", frame.complete()},
-      {"picture_digest", frame.picture_digest()},
+      {"image_digest", frame.image_digest()},
       {"flip", frame.flip() > 0 ? Json(frame.flip()) : Json()},
       {"one_sequence_gain",
        frame.one_sequence_gain() > 0 ? Json(frame.one_sequence_gain()) : Json()},
@@ -185,9 +184,9 @@ std::string JobJson(const v1::Job& job) {
   for (const v1::EffectCost& effect : job.effect_costs()) {
     json["effect_costs"].push_back({{"name", effect.name()},
                                     {"problem", effect.problem()},
-                                    {"without", effect.without()},
-                                    {"time_share", effect.time_share()},
-                                    {"time_share_error", effect.time_share_error()},
+                                    {"ablation", effect.ablation()},
+                                    {"time_fraction", effect.time_fraction()},
+                                    {"time_fraction_error", effect.time_fraction_error()},
                                     {"mean_change", effect.mean_change()},
                                     {"mean_change_error", effect.mean_change_error()},
                                     {"relative_mse", effect.relative_mse()},

@@ -76,7 +76,7 @@ TEST_F(OutputFilesTest, UnwritableOutputsAreSavedElsewhere) {
   const std::string wanted = Path("gone/room.exr");
   ::setenv("TMPDIR", directory_.c_str(), 1);
   const absl::Status status = WriteOrKeep(
-      wanted, [](const std::string& path) { return WriteFileAtomically(path, "picture"); });
+      wanted, [](const std::string& path) { return WriteFileAtomically(path, "image"); });
   ::unsetenv("TMPDIR");
   EXPECT_TRUE(absl::IsFailedPrecondition(status));
   const std::string text(status.message());
@@ -84,7 +84,7 @@ TEST_F(OutputFilesTest, UnwritableOutputsAreSavedElsewhere) {
   ASSERT_NE(at, std::string::npos) << text;
   const std::string kept = text.substr(at + 14);
   EXPECT_THAT(kept, testing::StartsWith(directory_));
-  EXPECT_EQ(*ReadWholeFile(kept), "picture");
+  EXPECT_EQ(*ReadWholeFile(kept), "image");
 }
 
 TEST_F(OutputFilesTest, CopyCommandsAreShellQuoted) {

@@ -246,8 +246,8 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
     spec->mutable_scene()->set_size_bytes(frame.manifest.size_bytes);
     *spec->mutable_settings() = ToWire(frame.settings);
     if (!frame.resumed.sha256_hex.empty()) {
-      spec->mutable_resumed_picture()->set_sha256_hex(frame.resumed.sha256_hex);
-      spec->mutable_resumed_picture()->set_size_bytes(frame.resumed.size_bytes);
+      spec->mutable_resumed_image()->set_sha256_hex(frame.resumed.sha256_hex);
+      spec->mutable_resumed_image()->set_size_bytes(frame.resumed.size_bytes);
     }
     if (arguments.stop.IsActive())
       *spec->mutable_stop() = StopRuleOf(arguments.stop, static_cast<int>(job.frames.size()));

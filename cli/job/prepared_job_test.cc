@@ -32,7 +32,7 @@ class PreparedJobTest : public testing::Test {
     Write(
         name,
         "Film \"rgb\" \"integer xresolution\" [8] \"integer yresolution\" [4] \"string filename\" "
-        "\"../elsewhere/picture.png\"\nCamera \"perspective\"\nWorldBegin\n"
+        "\"../elsewhere/image.png\"\nCamera \"perspective\"\nWorldBegin\n"
         "Include \"shared.pbrt\"\nShape \"sphere\" \"float radius\" [" +
             radius + "]\n");
   }
@@ -66,12 +66,12 @@ TEST_F(PreparedJobTest, ResumedImageIsUploaded) {
   WriteFrame("one.pbrt", "1");
   JobArguments arguments;
   arguments.scene = directory_ + "/one.pbrt";
-  arguments.resume_from = Write("before.exr", "a picture");
+  arguments.resume_from = Write("before.exr", "an image");
   const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
   ASSERT_TRUE(job.ok()) << job.status();
   const v1::CreateJobRequest request = MakeCreateJobRequest(arguments, *job);
-  const std::string digest = request.frames(0).resumed_picture().sha256_hex();
-  EXPECT_EQ(request.frames(0).resumed_picture().size_bytes(), 9u);
+  const std::string digest = request.frames(0).resumed_image().sha256_hex();
+  EXPECT_EQ(request.frames(0).resumed_image().size_bytes(), 9u);
   ASSERT_TRUE(job->blobs.contains(digest));
   EXPECT_EQ(job->blobs.at(digest).path, arguments.resume_from);
   arguments.scene = "shot.####.pbrt";
@@ -103,10 +103,10 @@ TEST_F(PreparedJobTest, RefusesConflictingArguments) {
 
 TEST_F(PreparedJobTest, ChoosesOutputPaths) {
   PreparedJob job;
-  job.frames = {{1, {}, {}, "../elsewhere/picture.png"}};
+  job.frames = {{1, {}, {}, "../elsewhere/image.png"}};
   JobArguments arguments;
   arguments.scene = "scenes/room.pbrt";
-  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "picture.exr");  // Never outside this folder.
+  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "image.exr");  // Never outside this folder.
   job.frames[0].film_filename.clear();
   EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "room.exr");
   EXPECT_EQ(OutputPaths(arguments, job)[0].png, "");

@@ -33,7 +33,7 @@ std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered
 }
 
 // Whether all of its samples were rendered by this job, and none came with an image.
-bool IsRendered(const v1::Frame& frame) { return !frame.spec().has_resumed_picture(); }
+bool IsRendered(const v1::Frame& frame) { return !frame.spec().has_resumed_image(); }
 
 std::string FormatSamples(const v1::Frame& frame) {
   const v1::FrameSettings& settings = frame.spec().settings();

@@ -38,7 +38,7 @@ TEST(SummaryTest, ReportsPathAndCost) {
 
 TEST(SummaryTest, ResumedSamplesHaveNoRate) {
   v1::Frame frame = DeliveredFrame();
-  frame.mutable_spec()->mutable_resumed_picture()->set_size_bytes(7);
+  frame.mutable_spec()->mutable_resumed_image()->set_size_bytes(7);
   EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}).find("128 samples, 12.3 s, 6.1 M rays/s"),
             std::string::npos);
   v1::Job job;

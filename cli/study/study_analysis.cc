@@ -177,8 +177,8 @@ void MarkFront(std::vector<StudyCurve>* curves) {
   });
   double least = 0;
   for (StudyPoint* point : points) {
-    point->on_front = least == 0 || point->relative_mse.value < least;
-    if (point->on_front) least = point->relative_mse.value;
+    point->on_pareto_front = least == 0 || point->relative_mse.value < least;
+    if (point->on_pareto_front) least = point->relative_mse.value;
   }
 }
 

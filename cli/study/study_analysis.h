@@ -44,7 +44,7 @@ struct Estimate {
 struct StudyPoint {
   double samples = 0, cpu_seconds = 0;
   Estimate relative_mse;
-  bool on_front = false;  // No other point has a smaller error in less time.
+  bool on_pareto_front = false;  // No other point has a smaller error in less time.
 };
 
 struct StudyCurve {

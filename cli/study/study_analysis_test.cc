@@ -86,11 +86,11 @@ TEST(StudyAnalysisTest, TimeUncertaintyFollowsTheSpreadOfRatios) {
 TEST(StudyAnalysisTest, FrontHoldsNonDominatedSettings) {
   const auto curves = Analyze({MakeMeasurement(1, 0, 1, 1, 11), MakeMeasurement(1.5, 0, 1, 2, 12),
                                MakeMeasurement(1, 0.05, 1, 0.1, 13)});
-  for (const StudyPoint& point : curves[1].points) EXPECT_FALSE(point.on_front);
+  for (const StudyPoint& point : curves[1].points) EXPECT_FALSE(point.on_pareto_front);
   // A fast biased setting is on the front at first, a slow unbiased one in the end.
-  EXPECT_TRUE(curves[2].points.front().on_front);
-  EXPECT_TRUE(curves[0].points.back().on_front);
-  EXPECT_FALSE(curves[0].points.front().on_front);
+  EXPECT_TRUE(curves[2].points.front().on_pareto_front);
+  EXPECT_TRUE(curves[0].points.back().on_pareto_front);
+  EXPECT_FALSE(curves[0].points.front().on_pareto_front);
 }
 
 TEST(StudyWordsTest, ReportFasterAndBiasedSettings) {

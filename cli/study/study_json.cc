@@ -25,7 +25,7 @@ Json CurveJson(const StudyCurve& curve) {
                       {"cpu_seconds", point.cpu_seconds},
                       {"relative_mse", Number(point.relative_mse.value)},
                       {"relative_mse_error", Number(point.relative_mse.error)},
-                      {"on_front", point.on_front}});
+                      {"on_pareto_front", point.on_pareto_front}});
   }
   Json json = {{"name", curve.setting.name},
                {"how", curve.setting.how},
@@ -48,14 +48,14 @@ Json CurveJson(const StudyCurve& curve) {
 Json EffectJson(const render::EffectMeasurement& effect) {
   if (!effect.problem.empty()) return {{"name", effect.name}, {"problem", effect.problem}};
   return {{"name", effect.name},
-          {"without", effect.without},
-          {"time_share", Number(effect.TimeFraction())},
+          {"ablation", effect.ablation},
+          {"time_fraction", Number(effect.TimeFraction())},
           {"time_ratio", Number(effect.time_ratio.value)},
           {"time_ratio_error", Number(effect.time_ratio.error)},
           {"variance_ratio", Number(effect.variance_ratio)},
           {"mean_change", Number(effect.mean_change.value)},
           {"mean_change_error", Number(effect.mean_change.error)},
-          {"rel_mse", Number(effect.rel_mse)},
+          {"relative_mse", Number(effect.relative_mse)},
           {"problem", Json()}};
 }
 
@@ -88,9 +88,9 @@ std::string StudyJson(const StudyResult& result) {
   for (const StudyPath& path : result.paths) {
     json["paths"].push_back({{"name", NameOf(path.kind)},
                              {"meaning", kLightPathNames[static_cast<size_t>(path.kind)].meaning},
-                             {"light_share", Number(path.fractions.light)},
-                             {"noise_share", Number(path.fractions.variance)},
-                             {"rare_share", Number(path.fractions.one_replicate)}});
+                             {"light_fraction", Number(path.fractions.light)},
+                             {"noise_fraction", Number(path.fractions.variance)},
+                             {"largest_replicate_fraction", Number(path.fractions.one_replicate)}});
   }
   for (const UnreliableTile& tile : result.unreliable_tiles) {
     json["unreliable_tiles"].push_back({{"x0", tile.rect.x0},
@@ -98,7 +98,7 @@ std::string StudyJson(const StudyResult& result) {
                                         {"x1", tile.rect.x1},
                                         {"y1", tile.rect.y1},
                                         {"path", NameOf(tile.kind)},
-                                        {"share", Number(tile.variance_fraction)}});
+                                        {"fraction", Number(tile.variance_fraction)}});
   }
   // File names may contain any bytes.
   return json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace);

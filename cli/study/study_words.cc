@@ -121,7 +121,7 @@ void AddEffects(const StudyResult& result, std::vector<std::string>* lines) {
   const double error = result.curves.front().points.back().relative_mse.value;
   for (const render::EffectMeasurement& effect : result.effects.effects) {
     if (!effect.problem.empty() || effect.TimeFraction() < kEffectTimeMin) continue;
-    const double loss = std::max(0.0, effect.rel_mse);
+    const double loss = std::max(0.0, effect.relative_mse);
     lines->push_back(absl::StrFormat(
         "%.0f %% of the time is spent on \"%s\". Without it, the image differs by relMSE %.2g, %s "
         "than the remaining error.",

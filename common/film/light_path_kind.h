@@ -14,15 +14,15 @@
 namespace sheaf {
 
 enum class LightPathKind : uint8_t {
-  kSeen,            // E L
-  kMirrored,        // E S+ L
-  kDirect,          // E S* D L
-  kIndirect,        // E (S | D)* D L with two D or more
-  kCaustic,         // E (S | D)* D S+ L
-  kFogOnce,         // As kDirect, scattered by a medium instead of a surface.
-  kFog,             // All other light scattered by a medium.
-  kBeneath,         // Through the interior beneath a surface.
-  kVolumeEmission,  // Emitted by media, along any path.
+  kEmission,          // E L
+  kSpecularEmission,  // E S+ L
+  kDirect,            // E S* D L
+  kIndirect,          // E (S | D)* D L with two D or more
+  kCaustic,           // E (S | D)* D S+ L
+  kVolumeSingle,      // As kDirect, scattered by a medium instead of a surface.
+  kVolumeMultiple,    // All other light scattered by a medium.
+  kSubsurface,        // Through the interior beneath a surface.
+  kVolumeEmission,    // Emitted by media, along any path.
   kCount
 };
 inline constexpr size_t kLightPathKindCount = static_cast<size_t>(LightPathKind::kCount);
@@ -32,15 +32,15 @@ struct LightPathName {
   const char* meaning;
 };
 inline constexpr std::array<LightPathName, kLightPathKindCount> kLightPathNames{{
-    {"seen", "lights and sky that the camera sees"},
-    {"mirrored", "lights and sky seen in mirrors and through smooth glass"},
+    {"emission", "lights and sky that the camera sees"},
+    {"specular-emission", "lights and sky seen in mirrors and through smooth glass"},
     {"direct", "light scattered by one rough surface"},
     {"indirect", "light scattered several times by rough surfaces"},
     {"caustic", "light cast by mirrors or smooth glass onto a rough surface"},
-    {"fog-once", "light scattered once by a medium"},
-    {"fog", "light scattered several times by media, or by media and surfaces"},
-    {"beneath", "light scattered beneath a surface"},
-    {"glow", "emission of media"},
+    {"volume-single", "light scattered once by a medium"},
+    {"volume-multiple", "light scattered several times by media, or by media and surfaces"},
+    {"subsurface", "light scattered beneath a surface"},
+    {"volume-emission", "emission of media"},
 }};
 
 }  // namespace sheaf

@@ -72,7 +72,7 @@ TEST(ImageIoTest, FloatValuesRoundTrip) {
 
 TEST(ImageIoTest, ErrorsNameThePath) {
   const std::string text = TemporaryPath("text.png");
-  std::ofstream(text) << "this is no picture";
+  std::ofstream(text) << "this is no image";
   const absl::StatusOr<std::string> whole =
       EncodePng(64, 64, std::vector<Rgb8>(64 * 64, Rgb8{200, 100, 50}));
   const std::string cut = TemporaryPath("cut.png");

@@ -43,8 +43,8 @@ struct FrameSpec {
 
 // The cost and the gain of an effect of a scene, as v1::EffectCost says; the submitter measured it.
 struct EffectCost {
-  std::string name, problem, without;
-  double time_share = 0, time_share_error = 0;
+  std::string name, problem, ablation;
+  double time_fraction = 0, time_fraction_error = 0;
   double mean_change = 0, mean_change_error = 0;
   double relative_mse = 0, variance_ratio = 0;
   friend bool operator==(const EffectCost&, const EffectCost&) = default;
@@ -156,7 +156,7 @@ struct WorkerReport {
   int32_t thread_count = 1;
   std::vector<LeaseReport> leases;
   std::vector<LeaseFailure> failures;
-  int32_t lease_count_wanted = 0;
+  int32_t requested_lease_count = 0;
   bool draining = false;
   std::vector<std::string> warm_scenes;  // Hex digests.
   uint64_t scene_memory_bytes = 0;       // Their memory; 0: not reported.

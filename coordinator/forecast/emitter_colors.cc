@@ -12,7 +12,7 @@ namespace sheaf::coordinator {
 
 EmitterColors::EmitterColors(const FrameImage& image) : window_(image.window) {
   const std::string seen =
-      kLightPathNames[static_cast<size_t>(LightPathKind::kSeen)].name + std::string(".");
+      kLightPathNames[static_cast<size_t>(LightPathKind::kEmission)].name + std::string(".");
   for (size_t i = 0; i < 3; ++i) {
     all_[i] = image.Find(std::string(1, "RGB"[i]));
     seen_[i] = image.Find(seen + "RGB"[i]);

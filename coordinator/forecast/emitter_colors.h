@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The emitters in a pilot's image of one sample a pixel: its layer `seen` (light_path_kind.h),
+// The emitters in a pilot's image of one sample a pixel: its layer `emission` (light_path_kind.h),
 // which holds the emission that the camera sees directly, and all light beside it.
 #pragma once
 

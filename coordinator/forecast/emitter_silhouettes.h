@@ -3,7 +3,7 @@
 //
 // EmitterSilhouettes: the part of the bound of a target (RareHits, error_planes.h) that the
 // silhouettes of emitters in view will add. Silhouettes are lines, and a pilot's sparse blocks meet
-// next to none of their pixels. The pilot's small image crosses them: its layer `seen`
+// next to none of their pixels. The pilot's small image crosses them: its layer `emission`
 // (light_path_kind.h) holds the emission that the camera sees directly, and rows and columns a
 // distance s apart that change between emitter and none C times have crossed silhouettes of a
 // length of pi / 4 s C (Cauchy and Crofton). The number of pixels along a silhouette that meet the

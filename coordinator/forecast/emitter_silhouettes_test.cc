@@ -84,7 +84,7 @@ FrameImage RenderSeenLayer(const PixelRect& window, double pixel_px, double radi
           Radiance(pixel_px * (x + unit(random)), pixel_px * (y + unit(random)), radius_px));
       for (const std::string channel : {"R", "G", "B"}) {
         (*seen.Find(channel))[window.IndexOf(x, y)] = value;
-        (*seen.Find("seen." + channel))[window.IndexOf(x, y)] = value == kEmitter ? value : 0;
+        (*seen.Find("emission." + channel))[window.IndexOf(x, y)] = value == kEmitter ? value : 0;
       }
     }
   }
@@ -126,7 +126,7 @@ TEST(EmitterSilhouettesTest, EmptyWithoutBrightEmitters) {
   }
   EXPECT_TRUE(EmitterSilhouettes(small, kShrink, {}, kEmitter, {}, kFrame, TileOf).empty());
   for (const std::string channel : {"R", "G", "B"}) {
-    for (float& value : *small.Find("seen." + channel)) value = 0;
+    for (float& value : *small.Find("emission." + channel)) value = 0;
   }
   EXPECT_TRUE(EmitterSilhouettes(small, kShrink, {}, kEmitter, {}, kFrame, TileOf).empty());
 }

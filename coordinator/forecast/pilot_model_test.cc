@@ -101,7 +101,7 @@ TEST(PilotModelTest, FurtherPilotsUseNewBlocks) {
     }
     before.insert(before.end(), more.begin(), more.end());
   }
-  FAIL() << "there are no more blocks than the picture has";
+  FAIL() << "there are no more blocks than the image has";
 }
 
 TEST(PilotModelTest, FitsErrorRateAndCost) {
@@ -181,7 +181,7 @@ TEST(PilotModelTest, EmitterSilhouettesRaiseTheCost) {
       for (int32_t y = 3; y < 9; ++y) {
         const size_t p = small.window.IndexOf(7, y);
         (*small.Find(channel))[p] = 500;
-        (*small.Find(std::string("seen.") + channel))[p] = seen;
+        (*small.Find(std::string("emission.") + channel))[p] = seen;
       }
     }
     const ErrorModel model = FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {}, {});

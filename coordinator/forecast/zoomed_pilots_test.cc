@@ -32,7 +32,7 @@ ZoomedPilot ZoomedPilotOf(double x, double y, double radius_px, const PixelRect&
       const bool is_emitter = std::hypot((u + 0.5) / scale - x, (v + 0.5) / scale - y) < radius_px;
       for (const std::string channel : {"R", "G", "B"}) {
         (*zoomed_pilot.image.Find(channel))[window.IndexOf(u, v)] = is_emitter ? kEmitter : kWall;
-        (*zoomed_pilot.image.Find("seen." + channel))[window.IndexOf(u, v)] =
+        (*zoomed_pilot.image.Find("emission." + channel))[window.IndexOf(u, v)] =
             is_emitter ? kEmitter : 0;
       }
     }

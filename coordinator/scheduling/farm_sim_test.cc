@@ -158,7 +158,7 @@ class FarmSim {
     WorkerReport report;
     report.worker_id = report.host = worker->id;
     report.numeric_profile = kProfile;
-    report.lease_count_wanted = 2;
+    report.requested_lease_count = 2;
     if (!worker->held.empty()) RenderOrFail(worker, &report);
     for (const Lease& lease : worker->held) {
       report.leases.push_back({lease.lease_id, LeasePhase::kRendering});
@@ -405,7 +405,7 @@ TEST(FarmSimTest, TenThousandWorkersRenderAHundredThousandTasks) {
       WorkerReport report;
       report.worker_id = absl::StrCat("w", w);
       report.numeric_profile = kProfile;
-      report.lease_count_wanted = 2;
+      report.requested_lease_count = 2;
       const auto answer = scheduler.Synchronize(report, now);
       ASSERT_TRUE(answer.ok());
       for (const Lease& lease : answer->leases) {

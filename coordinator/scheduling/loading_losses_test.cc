@@ -54,7 +54,7 @@ class LoadingSchedulerTest : public testing::Test {
     WorkerReport report;
     report.worker_id = report.host = id;
     report.numeric_profile = "profile";
-    report.lease_count_wanted = wanted;
+    report.requested_lease_count = wanted;
     report.leases = held;
     return scheduler_->Synchronize(report, now_)->leases;
   }

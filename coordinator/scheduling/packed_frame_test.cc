@@ -27,7 +27,7 @@ FrameSpec FrameOf(int32_t number) {
   frame.settings.window = {0, 0, 512, 512};
   frame.settings.outputs.light_groups = {"key", "rim"};
   frame.stop.target_error = 0.01;
-  frame.resumed = {Sha256Hex("picture"), 5};
+  frame.resumed = {Sha256Hex("image"), 5};
   return frame;
 }
 

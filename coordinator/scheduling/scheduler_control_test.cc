@@ -42,7 +42,7 @@ class SchedulerControlTest : public testing::Test {
     WorkerReport report;
     report.worker_id = report.host = id;
     report.numeric_profile = "profile";
-    report.lease_count_wanted = wanted;
+    report.requested_lease_count = wanted;
     const absl::StatusOr<Scheduler::SynchronizeAnswer> answer =
         scheduler_.Synchronize(report, now_);
     EXPECT_TRUE(answer.ok());

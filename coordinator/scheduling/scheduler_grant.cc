@@ -28,8 +28,8 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   for (const uint64_t id : worker->leases) {
     worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).packed.scene().Hex());
   }
-  const size_t wanted =
-      static_cast<size_t>(std::clamp(report.lease_count_wanted, 0, limits_.leases_per_worker_max));
+  const size_t wanted = static_cast<size_t>(
+      std::clamp(report.requested_lease_count, 0, limits_.leases_per_worker_max));
   if (!worker->draining && now >= worker->no_work_before) {
     while (worker->leases.size() < wanted && Grant(worker, now)) {
     }
@@ -168,7 +168,7 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
   if (rate <= 0) return pass;
   // A worker that asks for fewer leases than it has threads renders one lease with several.
   const int threads_per_lease =
-      std::max(1, worker.thread_count / std::max(1, worker.lease_count_wanted));
+      std::max(1, worker.thread_count / std::max(1, worker.requested_lease_count));
   const double pixels = static_cast<double>(pixel_count);
   const double seconds =
       first == 0 ? limits_.first_lease_target_seconds : limits_.lease_target_seconds;

@@ -45,7 +45,7 @@ class SchedulerStopTest : public testing::Test {
   // The worker's only lease.
   Lease Work(const std::string& id) {
     WorkerReport report = Report(id);
-    report.lease_count_wanted = 1;
+    report.requested_lease_count = 1;
     return Sync(report).at(0);
   }
   const WorkerRecord& Worker(const std::string& id) {

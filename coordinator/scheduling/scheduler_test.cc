@@ -58,7 +58,7 @@ class SchedulerTest : public testing::Test {
     WorkerReport report;
     report.worker_id = report.host = id;
     report.numeric_profile = kProfile;
-    report.lease_count_wanted = wanted;
+    report.requested_lease_count = wanted;
     for (const Lease& lease : held_[id]) {
       const bool first = report.leases.empty();
       report.leases.push_back(
@@ -215,7 +215,7 @@ TEST_F(SchedulerTest, OtherProfilesGetNoLeases) {
   WorkerReport report;
   report.worker_id = "a";
   report.numeric_profile = "other";
-  report.lease_count_wanted = 2;
+  report.requested_lease_count = 2;
   const auto answer = scheduler_.Synchronize(report, now_);
   ASSERT_TRUE(answer.ok());
   EXPECT_TRUE(answer->leases.empty());

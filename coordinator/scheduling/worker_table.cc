@@ -44,7 +44,7 @@ WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
   worker.host = report.host;
   worker.numeric_profile = report.numeric_profile;
   worker.thread_count = report.thread_count;
-  worker.lease_count_wanted = report.lease_count_wanted;
+  worker.requested_lease_count = report.requested_lease_count;
   worker.draining = report.draining;
   worker.scene_memory_bytes = report.scene_memory_bytes;
   worker.lost = false;

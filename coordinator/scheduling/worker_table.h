@@ -21,7 +21,7 @@ namespace sheaf::coordinator {
 struct WorkerRecord {
   std::string worker_id, host, numeric_profile;
   int32_t thread_count = 1;
-  int32_t lease_count_wanted = 0;
+  int32_t requested_lease_count = 0;
   bool draining = false;
   bool lost = false;
   std::string quarantine_reason;      // Empty while it is trusted.

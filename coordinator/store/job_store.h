@@ -37,7 +37,7 @@ struct PartRow {
 
 // The properties of a frame whose EXR is written.
 struct DeliveredFrame {
-  std::string picture_digest;
+  std::string image_digest;
   double relative_mse = 0;
   double flip = 0;                // Estimated mean (flip_estimate.h); 0 where it cannot be told.
   double one_sequence_gain = 0;   // OneSequenceGain, of frames without a stop rule.

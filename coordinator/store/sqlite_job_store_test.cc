@@ -109,20 +109,21 @@ TEST_F(SqliteJobStoreTest, FailuresSurviveAReopen) {
 
 TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   const uint64_t job = CreateJob();
-  ASSERT_TRUE(store_
-                  ->DeliverFrame({job, 7}, {.picture_digest = "digest",
-                                            .relative_mse = 0.5,
-                                            .flip = 0.0625,
-                                            .one_sequence_gain = 1.5,
-                                            .relative_mse_upper = 0.75,
-                                            .stop_reason = StopReason::kTime,
-                                            .sample_count = 1234,
-                                            .tile_count = 12,
-                                            .unreliable_tile_count = 3,
-                                            .unreliable_layers = {{"caustic", 7}, {"fog-once", 2}},
-                                            .wall_duration = absl::Seconds(3),
-                                            .cost = {1, 2, absl::Seconds(4), 5}})
-                  .ok());
+  ASSERT_TRUE(
+      store_
+          ->DeliverFrame({job, 7}, {.image_digest = "digest",
+                                    .relative_mse = 0.5,
+                                    .flip = 0.0625,
+                                    .one_sequence_gain = 1.5,
+                                    .relative_mse_upper = 0.75,
+                                    .stop_reason = StopReason::kTime,
+                                    .sample_count = 1234,
+                                    .tile_count = 12,
+                                    .unreliable_tile_count = 3,
+                                    .unreliable_layers = {{"caustic", 7}, {"volume-single", 2}},
+                                    .wall_duration = absl::Seconds(3),
+                                    .cost = {1, 2, absl::Seconds(4), 5}})
+          .ok());
   ASSERT_TRUE(store_->EndJob(job, JobPhase::kFailed, "why", absl::FromUnixSeconds(200), {}).ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
@@ -162,7 +163,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(delivered.flip, 0.0625);
   EXPECT_EQ(delivered.one_sequence_gain, 1.5);
   EXPECT_EQ(delivered.unreliable_layers,
-            (std::vector<LayerCount>{{"caustic", 7}, {"fog-once", 2}}));
+            (std::vector<LayerCount>{{"caustic", 7}, {"volume-single", 2}}));
   EXPECT_EQ(delivered.sample_count, 1234u);
   EXPECT_EQ(delivered.tile_count, 12u);
   EXPECT_EQ(delivered.unreliable_tile_count, 3u);
@@ -385,6 +386,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
                     "ALTER TABLE frames DROP COLUMN part_bytes;"
                     "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
                     "ALTER TABLE frames DROP COLUMN stop_reason;"
+                    "ALTER TABLE frames RENAME COLUMN image_digest TO picture_digest;"
                     "DROP TABLE rounds;DROP TABLE effects;DROP TABLE failures;"
                     "ALTER TABLE jobs DROP COLUMN failure_count;"
                     "ALTER TABLE jobs DROP COLUMN cell_size_px;"

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 15;
+constexpr int64_t kSchemaVersion = 16;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -127,6 +127,12 @@ ALTER TABLE jobs ADD COLUMN wall_ns INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN sensor TEXT NOT NULL DEFAULT '';
 ALTER TABLE frames ADD COLUMN max_component_value REAL NOT NULL DEFAULT 0;
 )sql";
+constexpr char kAddedBy16[] = R"sql(
+ALTER TABLE frames RENAME COLUMN picture_digest TO image_digest;
+ALTER TABLE effects RENAME COLUMN without TO ablation;
+ALTER TABLE effects RENAME COLUMN time_share TO time_fraction;
+ALTER TABLE effects RENAME COLUMN time_share_error TO time_fraction_error;
+)sql";
 
 }  // namespace
 
@@ -147,7 +153,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
   const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
                                kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
-                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15};
+                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -90,7 +90,7 @@ struct DeliveredRow {
 template <RowOf<DeliveredRow> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {
   visit("delivered", row.delivered);
-  visit("picture_digest", row.frame.picture_digest);
+  visit("image_digest", row.frame.image_digest);
   visit("relative_mse", row.frame.relative_mse);
   visit("wall_ns", row.frame.wall_duration);
   visit("ray_count", row.frame.cost.ray_count);
@@ -216,9 +216,9 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("position", row.position);
   visit("name", row.cost.name);
   visit("problem", row.cost.problem);
-  visit("without", row.cost.without);
-  visit("time_share", row.cost.time_share);
-  visit("time_share_error", row.cost.time_share_error);
+  visit("ablation", row.cost.without);
+  visit("time_fraction", row.cost.time_fraction);
+  visit("time_fraction_error", row.cost.time_fraction_error);
   visit("mean_change", row.cost.mean_change);
   visit("mean_change_error", row.cost.mean_change_error);
   visit("relative_mse", row.cost.relative_mse);

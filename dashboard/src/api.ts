@@ -36,7 +36,7 @@ export interface Job {
   frame_count: number;
   frame_complete_count: number;
   // The most active frame; null if no frame has an image yet.
-  pictured_frame: PreviewFrame|null;
+  preview_frame: PreviewFrame|null;
   progress: Progress;
 }
 
@@ -67,7 +67,7 @@ export interface Frame {
   // mean squared error, null for none.
   stop?: {target_error: number|null};
   // Digest of the EXR that provided its first samples; null for none.
-  resumed_picture?: string|null;
+  resumed_image?: string|null;
   // The state of the frame at the end of each round, if it is rendered in rounds.
   rounds?: Round[];
   // For a complete frame: the tiles with unreliable error estimates, the layers that cause them
@@ -147,10 +147,10 @@ export interface EffectCost {
   // Why nothing was measured; empty otherwise.
   problem: string;
   // The ablation that was measured.
-  without: string;
+  ablation: string;
   // Fraction of the processor time; negative if the ablated scene takes longer.
-  time_share: number;
-  time_share_error: number;
+  time_fraction: number;
+  time_fraction_error: number;
   // Change of the image's mean without the effect.
   mean_change: number;
   mean_change_error: number;
@@ -190,7 +190,7 @@ export interface JobWithFrames extends Job {
 }
 
 // Layers of an image, named as by the coordinator. "light" is the image before exposure.
-export type Layer = 'picture'|'light'|'error'|'samples'|'time';
+export type Layer = 'image'|'light'|'error'|'samples'|'time';
 
 // The values at the ends of the false-color scale; both are 0 while unknown.
 export interface LayerRange {

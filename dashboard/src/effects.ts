@@ -34,8 +34,8 @@ function makeRow(effect: EffectCost): HTMLElement {
             el('div', {class: 'effect-error'})),
          el('span', {class: 'effect-words'}));
   setText(child(row, 0), effect.name);
-  row.title = effect.problem || 'Ablated scene: ' + effect.without;
-  const {time_share: share, time_share_error: error} = effect;
+  row.title = effect.problem || 'Ablated scene: ' + effect.ablation;
+  const {time_fraction: share, time_fraction_error: error} = effect;
   const bar = child(row, 1);
   child(bar, 0).style.width = percentOf(share);
   child(bar, 1).style.left = percentOf(share - error);
@@ -53,7 +53,7 @@ function wordsOf(effect: EffectCost): string {
   const ratio = effect.variance_ratio;
   const noise = ratio > 0 ? '; variance × ' + Number(ratio.toPrecision(2)) : '';
   const light = withError(-effect.mean_change, effect.mean_change_error);
-  return withError(effect.time_share, effect.time_share_error) + ' of the time; ' + light +
+  return withError(effect.time_fraction, effect.time_fraction_error) + ' of the time; ' + light +
       ' of the light' + noise;
 }
 

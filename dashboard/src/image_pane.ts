@@ -32,7 +32,7 @@ export interface Wanted {
 }
 
 export interface PaneOptions {
-  // Prefix of the element ids: "picture" stands for "picture-box", "picture" and "picture-note".
+  // Prefix of the element ids: "image" stands for "image-box", "image" and "image-note".
   name: string;
   wanted: () => Wanted;
   onView: () => void;
@@ -55,16 +55,16 @@ export class ImagePane {
     const {name} = options;
     this.box = byId(name + '-box');
     this.note = byId(name + '-note');
-    const what = name === 'picture' ? 'the image' : 'the compared image';
+    const what = name === 'image' ? 'the image' : 'the compared image';
     this.attempt = 'loading ' + what;
     this.viewport = new ImageViewport(this.box, byId(name), options.onView);
     const attempt = 'exposing ' + what;
-    this.exposure = new Exposure((key, picture) => {
+    this.exposure = new Exposure((key, image) => {
       this.store.note(attempt, null);
       if (key === this.shown)
-        this.setImage(picture);
+        this.setImage(image);
       else
-        picture.close();
+        image.close();
     }, (failure) => this.store.note(attempt, failure));
   }
 
@@ -84,7 +84,7 @@ export class ImagePane {
     this.shown = '';
     this.isEmpty = true;
     this.viewport.setImage(null);
-    this.options.onRange('picture', null);
+    this.options.onRange('image', null);
   }
 
   // Another layer or round does not wait for the next version; another exposure of light that is
@@ -114,7 +114,7 @@ export class ImagePane {
     if (!frame) return;
     const width = frame.window.x1_px - frame.window.x0_px;
     const height = frame.window.y1_px - frame.window.y0_px;
-    this.box.style.setProperty('--picture-shape', width + ' / ' + height);
+    this.box.style.setProperty('--image-shape', width + ' / ' + height);
     byId(this.options.name)
         .setAttribute(
             'aria-label',

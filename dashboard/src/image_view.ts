@@ -25,7 +25,7 @@ export class ImageView {
 
   constructor(private readonly store: Store) {
     this.pane = new ImagePane(store, {
-      name: 'picture',
+      name: 'image',
       wanted: () => this.wanted(store.frame, noteOf(store.job, store.frame), this.rounds.round),
       onView: () => this.controls.drawZoom(),
       onRange: (layer, range) => this.onRange(layer, range),
@@ -61,7 +61,7 @@ export class ImageView {
 
   private readonly drawBeside = () => {
     const {beside} = this.store;
-    byId('pictures').dataset.compare = beside ? 'yes' : 'no';
+    byId('images').dataset.compare = beside ? 'yes' : 'no';
     byId('beside-box').hidden = !beside;
     this.choice.draw();
     this.beside.draw();
@@ -86,8 +86,8 @@ export class ImageView {
     const {frame, beside} = this.store;
     const name = (of: Frame|undefined, range: string) =>
         of ? this.titleOf(of) + (range ? ' · ' + range : '') : '';
-    byId('picture-name').hidden = !beside;
-    setText(byId('picture-name'), name(frame, this.rangeWords));
+    byId('image-name').hidden = !beside;
+    setText(byId('image-name'), name(frame, this.rangeWords));
     setText(byId('beside-name'), name(beside, this.besideWords));
   }
 

@@ -54,7 +54,7 @@ function emptyWordsOf(store: Store): string {
 // Samples that came with an image took no time here.
 function sampleRateOf(progress: Progress, frame: Frame|undefined): string {
   const wall = progress.wall_duration_seconds;
-  if (!(wall > 0) || frame?.resumed_picture) return '–';
+  if (!(wall > 0) || frame?.resumed_image) return '–';
   return format.count(progress.sample_count_done / wall);
 }
 

@@ -43,7 +43,7 @@ export class JobsView {
   };
 
   private updateRow(row: HTMLElement, job: Job) {
-    this.thumbnails.show(child(child(row, 0), 0) as HTMLImageElement, job.pictured_frame);
+    this.thumbnails.show(child(child(row, 0), 0) as HTMLImageElement, job.preview_frame);
     const words = child(row, 1);
     const [top, bar, bottom] = [child(words, 0), child(words, 1), child(words, 2)];
     setText(child(top, 0), job.title || job.name);
@@ -60,7 +60,7 @@ const matches = (job: Job, words: string) =>
 
 function makeRow(): HTMLElement {
   return el(
-      'div', {class: 'job-row'}, el('div', {class: 'job-picture'}, Thumbnails.make()),
+      'div', {class: 'job-row'}, el('div', {class: 'job-image'}, Thumbnails.make()),
       el('div', {class: 'job-words'},
          el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('queued')),
          progressBar('Progress'),

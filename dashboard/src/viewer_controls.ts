@@ -16,7 +16,7 @@ const ZOOM_STEP = 2;
 const PAN_SHARE = 0.125;
 
 const LEGENDS: Record<Layer, string> = {
-  picture: '',
+  image: '',
   light: '',
   error: 'Standard error of a pixel, relative to its value; logarithmic. Gray: not known yet.',
   samples: 'Samples of a pixel. Gray: none yet.',
@@ -39,7 +39,7 @@ export class ViewerControls {
     byId('zoom-in').addEventListener('click', () => this.zoomBy(ZOOM_STEP));
     byId('zoom-out').addEventListener('click', () => this.zoomBy(1 / ZOOM_STEP));
     byId('zoom-fit').addEventListener('click', () => viewport.fit());
-    byId('picture-zoom').addEventListener('click', () => viewport.zoomTo(1));
+    byId('image-zoom').addEventListener('click', () => viewport.zoomTo(1));
     byId('viewer').addEventListener('keydown', (event) => this.onKey(event));
     this.drawExposure();
   }
@@ -51,7 +51,7 @@ export class ViewerControls {
   // The layer to fetch: another exposure needs the linear light instead of the finished image.
   get layer(): Layer {
     const chosen = this.layerSelect.value as Layer;
-    return chosen === 'picture' && this.stops !== 0 ? 'light' : chosen;
+    return chosen === 'image' && this.stops !== 0 ? 'light' : chosen;
   }
 
   // Updates the zoom controls from the viewport.
@@ -59,7 +59,7 @@ export class ViewerControls {
     const {scale, isFitted} = this.viewport;
     setText(byId('zoom-level'), format.zoom(scale));
     byId('zoom-fit').setAttribute('aria-pressed', String(isFitted));
-    byId('picture-zoom').setAttribute('aria-pressed', String(scale === 1));
+    byId('image-zoom').setAttribute('aria-pressed', String(scale === 1));
   }
 
   // Draws the color scale of the shown layer.
@@ -84,7 +84,7 @@ export class ViewerControls {
   }
 
   private drawExposure() {
-    const usable = this.layerSelect.value === 'picture';
+    const usable = this.layerSelect.value === 'image';
     setText(byId('exposure-value'), format.signed(this.stops));
     this.exposure.setAttribute('aria-valuetext', format.signed(this.stops) + ' stops');
     this.exposure.disabled = !usable;
@@ -104,7 +104,7 @@ export class ViewerControls {
   private onKey(event: KeyboardEvent) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const act = this.actionOf(event.key) ??
-        ((event.target as Element).classList.contains('picture-box') ? this.panOf(event.key) :
+        ((event.target as Element).classList.contains('image-box') ? this.panOf(event.key) :
                                                                        undefined);
     if (!act) return;
     event.preventDefault();

@@ -4,7 +4,7 @@
 """Upper bound on the gain of distributing samples over the parts of an image.
 
     SHEAF_BIN=build/dev/bin tests/accuracy/allocation_bound.py SCENE... [--samples 64]
-        [--pictures 4] [--cells 8,16,32] [--reference-samples 4096] [--references FOLDER]
+        [--images 4] [--cells 8,16,32] [--reference-samples 4096] [--references FOLDER]
         [--crop X0,Y0,X1,Y1]
 
 Let k be the squared error of a cell of pixels at one sample, and c the cost of a sample in it. A
@@ -129,7 +129,7 @@ def savings(images, size):
 def main():
     parser = target_error.make_parser(__doc__, target_error.REFERENCE_SAMPLES_MIN)
     parser.add_argument("--samples", type=int, default=64)
-    parser.add_argument("--pictures", type=int, default=4)
+    parser.add_argument("--images", type=int, default=4)
     parser.add_argument("--cells", default="8,16,32")
     options = parser.parse_args()
     options.cells = [int(size) for size in options.cells.split(",")]

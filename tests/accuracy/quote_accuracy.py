@@ -42,7 +42,7 @@ def measure(scene, options):
     happened = {target: spend(scene, flags, target, 1) for target in targets}
     rows, text = [], {target: [] for target in targets}
     for seed in range(101, 101 + options.quotes):
-        quote = json.loads(target_error.run("quote", scene, "--here", "--json", "--seed", seed,
+        quote = json.loads(target_error.run("quote", scene, "--local", "--json", "--seed", seed,
                                             "--targets", ",".join(map(str, targets)), *flags))
         price = quote["pilot_cpu_hours"] / happened[targets[0]][0]
         for row in quote["rows"]:

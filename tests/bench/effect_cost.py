@@ -76,11 +76,11 @@ SCENES = {
     "layered materials": boxed('Material "coateddiffuse" "float roughness" [0.1]\n'),
     "microfacets": boxed('Material "conductor" "rgb reflectance" [0.9 0.7 0.5] '
                          '"float roughness" [0.1]\n'),
-    "cut-outs and mixes": boxed(DIFFUSE).replace(
+    "alpha and mixes": boxed(DIFFUSE).replace(
         BOX, BOX.strip() + ' "float alpha" [0.5]\n'),
     "instances": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE + 'ObjectBegin "box"\n' + BOX +
                  'ObjectEnd\nObjectInstance "box"\n',
-    "curved shapes": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
+    "quadrics": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
                      'AttributeBegin\nTranslate 0 0.7 0\nShape "sphere" "float radius" [0.7]\n'
                      "AttributeEnd\n",
     "hair": CAMERA + "WorldBegin\n" + FLOOR + LAMP + 'Material "hair" "float eumelanin" [1]\n'
@@ -90,12 +90,12 @@ SCENES = {
               'Shape "curve" "point3 P" [-1 0.1 0  -0.5 1.5 0  0.5 0.1 0  1 1.2 0] '
               '"float width" [0.2]\n',
     "normal and bump maps": CAMERA + "WorldBegin\n" + LAMP + FLOOR.replace(
-        'Material "diffuse"', 'Material "diffuse" "string normalmap" "picture.pfm"') +
+        'Material "diffuse"', 'Material "diffuse" "string normalmap" "image.pfm"') +
         DIFFUSE + BOX,
-    "varying emission": CAMERA + "WorldBegin\n" + FLOOR + LAMP.replace(
-        '"rgb L" [9 8 7]', '"string filename" "picture.pfm" "float scale" [9]') + DIFFUSE + BOX,
+    "textured emission": CAMERA + "WorldBegin\n" + FLOOR + LAMP.replace(
+        '"rgb L" [9 8 7]', '"string filename" "image.pfm" "float scale" [9]') + DIFFUSE + BOX,
     "media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1]'),
-    "colored media": hazed('"rgb sigma_a" [0.02 0.05 0.1] "rgb sigma_s" [0.05 0.1 0.2]'),
+    "chromatic media": hazed('"rgb sigma_a" [0.02 0.05 0.1] "rgb sigma_s" [0.05 0.1 0.2]'),
     "emissive media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1] '
                            '"rgb Le" [0.2 0.1 0.05]'),
     "heterogeneous media": boxed(DIFFUSE).replace("WorldBegin\n", UNEVEN),
@@ -105,7 +105,7 @@ SCENES = {
     "subsurface": boxed('Material "subsurface" "rgb reflectance" [0.8 0.5 0.3] '
                         '"rgb mfp" [0.05 0.05 0.05]'),
     "nested dielectrics": boxed('Material "dielectric" "integer priority" 1\n'),
-    "wavelengths": boxed('Material "dielectric" "spectrum eta" "glass-BK7"\n'),
+    "spectral transport": boxed('Material "dielectric" "spectrum eta" "glass-BK7"\n'),
 }
 
 
@@ -113,7 +113,7 @@ def write_image(folder):
     """Writes 16 x 16 pixels that serve as a normal map and as an image texture."""
     rows = [(0.5 + 0.2 * math.sin(x), 0.5 + 0.2 * math.cos(x * y), 0.9)
             for y in range(16) for x in range(16)]
-    with open(os.path.join(folder, "picture.pfm"), "wb") as image:
+    with open(os.path.join(folder, "image.pfm"), "wb") as image:
         image.write(b"PF\n16 16\n-1.0\n")
         for pixel in rows:
             image.write(struct.pack("<3f", *pixel))

@@ -39,12 +39,12 @@ def main():
                 over_farm = timed(lambda: f.sheaf(
                     "submit", scene, "--wait", "-o", f.path("out.exr"), "--samples", samples,
                     seconds=3600))
-                farm_digest = farm.picture_digest(f.path("out.exr"))
+                farm_digest = farm.image_digest(f.path("out.exr"))
             alone_path = os.path.join(folder, "alone.exr")
             alone = timed(lambda: farm.render(scene, alone_path, "--samples", samples,
                                               "--threads", 2, seconds=3600))
-            if farm.picture_digest(alone_path) != farm_digest:
-                sys.exit("the pictures differ")
+            if farm.image_digest(alone_path) != farm_digest:
+                sys.exit("the images differ")
             ratios.append(over_farm / alone)
             print(f"pair {pair + 1}: farm {over_farm:.2f} s, one process {alone:.2f} s, "
                   f"ratio {ratios[-1]:.4f}", flush=True)

@@ -94,7 +94,7 @@ int Run(double gigabytes, double limit_mb) {
   }
   const double grown = largest - before, allowed = limit_mb * 1048576 + kDecodingBytes;
   std::printf(
-      "%d pictures, %.1f GB decoded: grew by %.0f MB (limit %.0f MB, allowed %.0f MB); opened in "
+      "%d images, %.1f GB decoded: grew by %.0f MB (limit %.0f MB, allowed %.0f MB); opened in "
       "%.0f s, read in %.0f s of CPU; texels %s\n",
       count, count * kImageBytes * 1e-9, grown / 1048576, limit_mb, allowed / 1048576,
       opened - begin, ProcessCpuSeconds() - opened, is_right ? "right" : "WRONG");

@@ -78,7 +78,7 @@ std::optional<Result> MeasureFile(const std::filesystem::path& path) {
       const Result result = Measure(**scene);
       std::printf("%-36s %-34s ratio %.3f%s\n", path.filename().c_str(),
                   (*scene)->plan.variant_name.c_str(), result.ratio,
-                  result.equal ? "" : ", PICTURES DIFFER");
+                  result.equal ? "" : ", IMAGES DIFFER");
       std::fflush(stdout);
       return result;
     }
@@ -107,7 +107,7 @@ int Run(const std::string& folder, double median_min) {
     return 0;
   }
   const double median = MedianOf(ratios);
-  std::printf("%zu scenes, median ratio %.3f, pictures %s\n", ratios.size(), median,
+  std::printf("%zu scenes, median ratio %.3f, images %s\n", ratios.size(), median,
               all_equal ? "equal" : "DIFFER");
   return all_equal && median >= median_min ? 0 : 1;
 }

@@ -109,7 +109,7 @@ std::vector<Case> Cases() {
       {"layered materials", glass_and_point_light},
       {"microfacets", glass_and_point_light},
       {"instances", glass_and_point_light},
-      {"curved shapes",
+      {"quadrics",
        [](TestScene* t) {
          AddSceneLight(t);
          AddInstances(t);

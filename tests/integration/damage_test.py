@@ -86,7 +86,7 @@ class DamageTest(unittest.TestCase):
         write_png(self.texture)
         expected = os.path.join(folder.name, "expected.exr")
         farm.render(self.scene, expected, *JOB, "--samples", 64)
-        self.expected = farm.picture_digest(expected)
+        self.expected = farm.image_digest(expected)
 
     def submit(self, f, samples=64):
         done = f.sheaf("submit", self.scene, *JOB, "--json", "--samples", samples)
@@ -98,8 +98,8 @@ class DamageTest(unittest.TestCase):
 
         def saved():
             return f.sheaf("watch", job, "-o", output, check=False).returncode == 0
-        farm.wait_until(saved, 60, f"the picture of {job}")
-        return farm.picture_digest(output)
+        farm.wait_until(saved, 60, f"the image of {job}")
+        return farm.image_digest(output)
 
     def failures(self, f, job):
         from urllib.request import urlopen
@@ -126,7 +126,7 @@ class DamageTest(unittest.TestCase):
             alter(blob_path(f.path("cache", "blobs"), os.path.getsize(self.texture)), whole=True)
             expected = f.path("expected.exr")
             farm.render(self.scene, expected, *JOB, "--samples", 4096)
-            self.assertEqual(self.image(f, job), farm.picture_digest(expected))
+            self.assertEqual(self.image(f, job), farm.image_digest(expected))
             self.assertIn("wood.png", json.dumps(self.failures(f, job)))
 
     def test_blob_altered_in_the_coordinator_store(self):
@@ -175,7 +175,7 @@ class DamageTest(unittest.TestCase):
                 self.assertIn("being recreated", said.stderr)
                 self.assertEqual(self.image(f, job), self.expected)
                 self.assertEqual(farm.read_bytes(delivered[0]), whole, "to the bit")
-            self.assertEqual(f.metrics()["sheaf_pictures_damaged_total"], 2)
+            self.assertEqual(f.metrics()["sheaf_images_damaged_total"], 2)
 
 
 if __name__ == "__main__":

@@ -173,7 +173,7 @@ def local(*arguments):
                           timeout=JOB_SECONDS_MAX * TIME_SCALE).stdout
 
 
-def picture_digest(path):
+def image_digest(path):
     """SHA-256 of the pixels, as printed by `sheaf compare`."""
     return json.loads(compare(path, path))["image_digest"]
 

@@ -32,7 +32,7 @@ class KillTest(unittest.TestCase):
         self.addCleanup(self.folder.cleanup)
         expected = os.path.join(self.folder.name, "expected.exr")
         farm.render(SCENE, expected, *JOB)
-        self.expected = farm.picture_digest(expected)
+        self.expected = farm.image_digest(expected)
         self.expected_file = farm.read_bytes(expected)
 
     def acknowledged(self, f):
@@ -60,9 +60,9 @@ class KillTest(unittest.TestCase):
                 self.assertLessEqual(before, self.acknowledged(f), "an acknowledged result is gone")
             output = f.path("out.exr")
             f.sheaf("watch", job, "-o", output)
-            self.assertEqual(farm.picture_digest(output), self.expected)
+            self.assertEqual(farm.image_digest(output), self.expected)
             self.assertEqual(farm.read_bytes(output), self.expected_file,
-                             "equal pictures in files that are not")
+                             "equal images in files that are not")
             self.check_nothing_was_done_twice(f)
 
     def check_nothing_was_done_twice(self, f):

@@ -62,7 +62,7 @@ class NetworkTest(unittest.TestCase):
             self.assertEqual(len(f.sheaf("workers", "--json").stdout.splitlines()), 1)
             self.assertNotIn("trying again", f.log("worker1"), round_trip_ms)
             self.assertGreaterEqual(link.connections, 5)
-            return farm.picture_digest(f.path("out.exr"))
+            return farm.image_digest(f.path("out.exr"))
 
     def test_results_on_a_thin_link_delay_no_heartbeat(self):
         with farm.Farm(["--lease-seconds", "4"]) as f, \

@@ -54,7 +54,7 @@ class OneImageTest(unittest.TestCase):
     def rendered(cls, name, *arguments):
         path = os.path.join(cls.folder.name, name + ".exr")
         farm.render(SCENE, path, *JOB, *arguments)
-        return farm.picture_digest(path)
+        return farm.image_digest(path)
 
     def test_in_one_process(self):
         for partition in PARTITIONS:
@@ -76,7 +76,7 @@ class OneImageTest(unittest.TestCase):
                         output = f.path("out.exr")
                         f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB,
                                 *partition_flags(*partition))
-                        self.assertEqual(farm.picture_digest(output), self.expected)
+                        self.assertEqual(farm.image_digest(output), self.expected)
                         os.remove(output)
 
     def farmed(self, *flags):
@@ -86,7 +86,7 @@ class OneImageTest(unittest.TestCase):
             f.start_worker()
             output = f.path("out.exr")
             f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags)
-            return farm.picture_digest(output)
+            return farm.image_digest(output)
 
     def test_color_and_scattering_settings_are_transmitted(self):
         for flags in (("--color", "spectral"), ("--single-scattering",), ("--one-sequence",)):
@@ -106,10 +106,10 @@ class OneImageTest(unittest.TestCase):
             for after in (0, 1, 3):
                 path = os.path.join(self.folder.name, "fog.exr")
                 farm.render(fog, path, "--similarity", after)
-                images[after] = farm.picture_digest(path)
+                images[after] = farm.image_digest(path)
                 output = f.path("fog.exr")
                 f.sheaf("submit", fog, "--wait", "-o", output, "--similarity", after)
-                self.assertEqual(farm.picture_digest(output), images[after])
+                self.assertEqual(farm.image_digest(output), images[after])
         self.assertEqual(len(set(images.values())), 3)
 
     def test_outputs(self):

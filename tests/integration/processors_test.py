@@ -37,12 +37,12 @@ class ProcessorsTest(unittest.TestCase):
             with self.subTest(name), tempfile.TemporaryDirectory() as folder:
                 digests = []
                 for runner in ([], [QEMU, "-cpu", "max"]):
-                    path = os.path.join(folder, f"picture{len(digests)}.exr")
+                    path = os.path.join(folder, f"image{len(digests)}.exr")
                     subprocess.run([*runner, program, "render",
                                     os.path.join(farm.ROOT, "scenes", name + ".pbrt"), "--samples",
                                     "4", "--crop", crop, "-o", path], check=True,
                                    capture_output=True, timeout=120 * farm.TIME_SCALE)
-                    digests.append(farm.picture_digest(path))
+                    digests.append(farm.image_digest(path))
                 self.assertEqual(*digests)
 
 

@@ -43,7 +43,7 @@ def quote_rows(text):
 class QuoteHereTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.quote, cls.rows = quote_rows(farm.local("quote", ROOM, "--here", "--json"))
+        cls.quote, cls.rows = quote_rows(farm.local("quote", ROOM, "--local", "--json"))
 
     def test_quote_is_cheap_and_reports_its_cost(self):
         cheapest = min(row["cpu_hours"]["value"] for row in self.rows.values())
@@ -77,7 +77,7 @@ class QuoteHereTest(unittest.TestCase):
                 self.assertGreater(ratio, 1 / FACTOR_MAX, target)
 
     def test_sample_count_has_a_row(self):
-        _, rows = quote_rows(farm.local("quote", ROOM, "--here", "--json", "--samples", 64,
+        _, rows = quote_rows(farm.local("quote", ROOM, "--local", "--json", "--samples", 64,
                                    "--targets", 0.5))
         row = rows[None]
         self.assertEqual(row["sample_count"], 64)

@@ -62,7 +62,7 @@ class RefinePriceTest(unittest.TestCase):
         job = self.show(self.rendered("--target-error", 0.05))
         by_http = self.http(job["name"])
         self.expect_same(job, by_http, ("failure_count", "frame_count", "frame_complete_count",
-                                        "pictured_frame", "next_page_token"))
+                                        "preview_frame", "next_page_token"))
         [frame], [frame_by_http] = job["frames"], by_http["frames"]
         self.expect_same(frame, frame_by_http, ("preview_version",))
         self.assertEqual(len(frame["rounds"]), len(frame_by_http["rounds"]))
@@ -175,8 +175,8 @@ class RefinePriceTest(unittest.TestCase):
         effects = {effect["name"]: effect for effect in self.show(job)["effect_costs"]}
         indirect = effects["indirect light"]
         self.assertEqual(indirect["problem"], "")
-        self.assertTrue(0.05 < indirect["time_share"] < 1, indirect)
-        self.assertGreater(indirect["time_share_error"], 0)
+        self.assertTrue(0.05 < indirect["time_fraction"] < 1, indirect)
+        self.assertGreater(indirect["time_fraction_error"], 0)
         self.assertLess(indirect["mean_change"], 0, "without it the room is darker")
         self.assertEqual(self.show(self.rendered("--samples", 1))["effect_costs"], [])
         by_http = self.http(job)["effect_costs"]

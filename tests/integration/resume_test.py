@@ -76,7 +76,7 @@ class ResumeTest(unittest.TestCase):
     def test_cost_counts_missing_samples(self):
         """Compares the quote with one run; its band contains only 8 of 10 runs."""
         def quote(*arguments):
-            return json.loads(farm.local("quote", SCENE, *WINDOW, "--here", "--json", *arguments))
+            return json.loads(farm.local("quote", SCENE, *WINDOW, "--local", "--json", *arguments))
 
         stopped = render(self.path("stopped.exr"), "--target-error", 0.02)
         asked = ("--targets", "0.02,0.004", "--resume-from", self.path("stopped.exr"))
@@ -101,7 +101,7 @@ class ResumeTest(unittest.TestCase):
             self.assertIn("additional CPU time", done.stderr)
             self.assertIn("64.0 samples exist already", done.stderr)
             job = json.loads(f.sheaf("show", done.stdout.strip(), "--json").stdout)
-            self.assertRegex(job["frames"][0]["resumed_picture"], "^[0-9a-f]{64}$")
+            self.assertRegex(job["frames"][0]["resumed_image"], "^[0-9a-f]{64}$")
 
     def test_killed_second_coordinator(self):
         with farm.Farm() as f:
@@ -147,7 +147,7 @@ class ResumeTest(unittest.TestCase):
                       refused(*WINDOW, "--samples", 128, "--cryptomatte", "object"))
         self.assertIn("from the image", refused("--samples", 128, scene=OTHER))
         done = subprocess.run(
-            [os.path.join(farm.programs(), "sheaf"), "quote", OTHER, "--here", "--resume-from",
+            [os.path.join(farm.programs(), "sheaf"), "quote", OTHER, "--local", "--resume-from",
              self.path("first.exr")], capture_output=True, text=True,
             timeout=60 * farm.TIME_SCALE)
         self.assertNotEqual(done.returncode, 0)

@@ -31,7 +31,7 @@ class RoundsTest(unittest.TestCase):
         path = os.path.join(cls.folder.name, "expected.exr")
         done = farm.render(SCENE, path, *JOB, "--json")
         cls.frame = last_json(done.stdout)["frames"][0]
-        cls.expected = farm.picture_digest(path)
+        cls.expected = farm.image_digest(path)
         cls.expected_file = farm.read_bytes(path)
         cls.metadata = last_json(farm.local("show", path, "--json"))["metadata"]
 
@@ -72,7 +72,7 @@ class RoundsTest(unittest.TestCase):
                       ("--pass-samples", 64)):
             with self.subTest(flags=flags):
                 farm.render(SCENE, self.path("cut.exr"), *JOB, *flags)
-                self.assertEqual(farm.picture_digest(self.path("cut.exr")), self.expected)
+                self.assertEqual(farm.image_digest(self.path("cut.exr")), self.expected)
 
     def test_one_worker_and_four_with_kills(self):
         seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
@@ -81,7 +81,7 @@ class RoundsTest(unittest.TestCase):
         with farm.Farm() as f:
             f.start_worker()
             f.sheaf("submit", SCENE, "--wait", "-o", f.path("one.exr"), *JOB)
-            self.assertEqual(farm.picture_digest(f.path("one.exr")), self.expected)
+            self.assertEqual(farm.image_digest(f.path("one.exr")), self.expected)
         with farm.Farm(["--lease-seconds", "2"]) as f:
             for _ in range(4):
                 f.start_worker()
@@ -95,9 +95,9 @@ class RoundsTest(unittest.TestCase):
                 f.kill(f.coordinator)
                 f.start_coordinator()
             watched = f.sheaf("watch", job, "-o", f.path("four.exr"), "--json").stdout
-            self.assertEqual(farm.picture_digest(f.path("four.exr")), self.expected)
+            self.assertEqual(farm.image_digest(f.path("four.exr")), self.expected)
             self.assertEqual(farm.read_bytes(f.path("four.exr")), self.expected_file,
-                             "equal pictures in files that are not")
+                             "equal images in files that are not")
             rounds = last_json(watched)["frames"][0]["rounds"]
             self.assertEqual([r["sample_count"] for r in rounds],
                              [r["sample_count"] for r in self.frame["rounds"]])
@@ -110,8 +110,8 @@ class RoundsTest(unittest.TestCase):
         self.assertEqual(frame["stop_reason"], "samples")
         self.assertIn("before the target", done.stderr)
         farm.render(SCENE, self.path("forty.exr"), *WINDOW, "--samples", 40)
-        self.assertEqual(farm.picture_digest(self.path("few.exr")),
-                         farm.picture_digest(self.path("forty.exr")))
+        self.assertEqual(farm.image_digest(self.path("few.exr")),
+                         farm.image_digest(self.path("forty.exr")))
 
     def test_time_and_budget_end_a_frame(self):
         done = farm.render(SCENE, self.path("time.exr"), *WINDOW, "--time", "3s", "--json")
@@ -132,13 +132,13 @@ class RoundsTest(unittest.TestCase):
             f.start_worker()
             f.sheaf("submit", SCENE, "--wait", "-o", f.path("first.exr"), *WINDOW, *first)
             refined = f.sheaf("refine", "jobs/1", *then, "-o", f.path("then.exr"), "--json").stdout
-            return last_json(refined)["frames"][0], farm.picture_digest(f.path("then.exr"))
+            return last_json(refined)["frames"][0], farm.image_digest(f.path("then.exr"))
 
     def test_refining_matches_an_uninterrupted_run(self):
         done = farm.render(SCENE, self.path("many.exr"), *WINDOW, "--samples", 192, "--json")
         at_once = last_json(done.stdout)["frames"][0]
         frame, digest = self.refined(("--samples", 48), ("--samples", 192))
-        self.assertEqual(digest, farm.picture_digest(self.path("many.exr")))
+        self.assertEqual(digest, farm.image_digest(self.path("many.exr")))
         # Existing samples were not rendered again: the ray count equals that of a single run.
         self.assertEqual(frame["progress"]["ray_count"], at_once["progress"]["ray_count"])
         frame, digest = self.refined(("--target-error", 4 * TARGET), ("--target-error", TARGET))
@@ -189,7 +189,7 @@ class RoundsTest(unittest.TestCase):
             f.kill(f.workers[0])
             f.start_worker()
             f.sheaf("watch", "jobs/1", "-o", f.path("then.exr"))
-            self.assertEqual(farm.picture_digest(f.path("then.exr")), self.expected)
+            self.assertEqual(farm.image_digest(f.path("then.exr")), self.expected)
 
     def test_invalid_arguments_are_refused(self):
         for flags in (("--target-error", 0), ("--target-error", "nan"), ("--time", "10"),

@@ -32,7 +32,7 @@ def check_clicks(browser):
     nearer = zoom_percent(browser)
     browser.click("zoom-out")
     wait_until(lambda: zoom_percent(browser) < nearer, CHANGE_SECONDS_MAX, "zooming out")
-    browser.click("picture-zoom")
+    browser.click("image-zoom")
     wait_for_zoom(browser, 100)
     browser.click("zoom-fit")
     wait_for_zoom(browser, fitted)
@@ -56,7 +56,7 @@ def check_more_frames(browser, url):
     wait_until(lambda: not browser.run(HIDDEN, "frames-more"), CHANGE_SECONDS_MAX, "the button")
     assert browser.run(TEXT, "frames-count").endswith("of the first 1000")
     # The image is above the button and moves it when it arrives.
-    wait_until(lambda: browser.run(PIXELS), CHANGE_SECONDS_MAX, "the picture")
+    wait_until(lambda: browser.run(PIXELS), CHANGE_SECONDS_MAX, "the image")
     browser.run("document.getElementById('frames-more').scrollIntoView()")
     browser.click("frames-more")
     wait_until(lambda: browser.run(TEXT, "frames-count").endswith(f"of {MORE_FRAMES} complete"),

@@ -7,7 +7,7 @@ from farm import wait_until
 from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, zoom_percent
 
 CHANGE_SECONDS_MAX = 20
-BESIDE = PIXELS.replace('"picture"', '"beside"')
+BESIDE = PIXELS.replace('"image"', '"beside"')
 assert BESIDE != PIXELS
 # Chooses an option as a person does: the list is fetched when the select gets the focus.
 CHOOSE = """
@@ -29,10 +29,10 @@ def check_compare(browser, screenshot):
     """The shown job is delivered and has rounds; jobs/1 is another image of the Cornell box."""
     assert browser.run(HIDDEN, "beside-box")
     assert browser.run(CHOOSE, "beside-job", "jobs/1") == "jobs/1", "jobs/1 is not offered"
-    wait_until(lambda: all(both(browser)), CHANGE_SECONDS_MAX, "two pictures")
+    wait_until(lambda: all(both(browser)), CHANGE_SECONDS_MAX, "two images")
     assert re.match(r"cornell-box\.pbrt \(jobs/1\), frame 1$", browser.run(TEXT, "beside-name"))
     fitted = both(browser)
-    assert fitted[0] != fitted[1], "two jobs, one picture"
+    assert fitted[0] != fitted[1], "two jobs, one image"
 
     def changed(before, what):
         def differ():
@@ -40,7 +40,7 @@ def check_compare(browser, screenshot):
             return now if now[0] != before[0] and now[1] != before[1] else None
         return wait_until(differ, CHANGE_SECONDS_MAX, what)
 
-    browser.run(FOCUS, "picture-box")
+    browser.run(FOCUS, "image-box")
     browser.press("1")
     zoomed = changed(fitted, "zooming both")
     browser.run(FOCUS, "beside-box")
@@ -62,8 +62,8 @@ def check_compare(browser, screenshot):
     wait_until(lambda: re.search(r"frame 1 · [\d.]+ % to [\d.]+ %$",
                                  browser.run(TEXT, "beside-name")), CHANGE_SECONDS_MAX, "a range")
     screenshot("page-compare.png")
-    browser.run(CHOOSE, "layer", "picture")
-    wait_until(lambda: both(browser) == fitted, CHANGE_SECONDS_MAX, "both pictures")
+    browser.run(CHOOSE, "layer", "image")
+    wait_until(lambda: both(browser) == fitted, CHANGE_SECONDS_MAX, "both images")
     # A frame of a range.
     job = browser.run("""
       return [...document.getElementById("beside-job").options].find(
@@ -75,5 +75,5 @@ def check_compare(browser, screenshot):
                "the frame beside")
     zoom = zoom_percent(browser)
     browser.run(CHOOSE, "beside-job", "")
-    wait_until(lambda: browser.run(HIDDEN, "beside-box"), CHANGE_SECONDS_MAX, "one picture")
+    wait_until(lambda: browser.run(HIDDEN, "beside-box"), CHANGE_SECONDS_MAX, "one image")
     wait_until(lambda: zoom_percent(browser) >= zoom, CHANGE_SECONDS_MAX, "all the room")

@@ -146,7 +146,7 @@ def check_refine(browser, farm, screenshot):
     browser.press(ENTER)
     wait_until(lambda: show(farm, job)["progress"]["sample_count_done"] >
                before["sample_count_done"] and show(farm, job)["state"] == "succeeded",
-               JOB_SECONDS_MAX, "the refined picture")
+               JOB_SECONDS_MAX, "the refined image")
     wait_for_state(browser, "succeeded")
     after = show(farm, job)["progress"]
     assert after["relative_mse"] <= target * 1.01, (after, target)

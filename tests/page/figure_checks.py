@@ -21,18 +21,18 @@ JOB_SECONDS_MAX = 60
 ATTEMPT_COUNT_MAX = 3
 # Records the wall-clock time when each new image is drawn in the viewer.
 NOTE_IMAGES = """
-  window.pictureTimes = [];
+  window.imageTimes = [];
   const seen = new WeakSet();
   const draw = CanvasRenderingContext2D.prototype.drawImage;
   CanvasRenderingContext2D.prototype.drawImage = function(image, ...rest) {
-    if (this.canvas.id === "picture" && !seen.has(image)) {
+    if (this.canvas.id === "image" && !seen.has(image)) {
       seen.add(image);
-      window.pictureTimes.push(Date.now() / 1000);
+      window.imageTimes.push(Date.now() / 1000);
     }
     return draw.call(this, image, ...rest);
   };
 """
-IMAGE_TIMES = "return window.pictureTimes"
+IMAGE_TIMES = "return window.imageTimes"
 
 
 def large_scene(farm):
@@ -67,7 +67,7 @@ def measure(browser, farm):
         landed = first_part_time(farm, job)
         # The previous job may be shown until then: its image does not count.
         times = wait_until(lambda: [t for t in browser.run(IMAGE_TIMES) if t > landed - 0.05],
-                           JOB_SECONDS_MAX, "a picture")
+                           JOB_SECONDS_MAX, "an image")
         browser.run(TAKE_LONG_TASKS)
         time.sleep(WATCH_SECONDS)
         later = [t for t in browser.run(IMAGE_TIMES) if times[0] < t <= times[0] + WATCH_SECONDS]
@@ -84,7 +84,7 @@ def check_large_image(browser, farm):
         busy = busy_factor(browser)
         first, rate, longest_ms = measure(browser, farm)
         busy = max(busy, busy_factor(browser))
-        texts.append(f"first picture {first:.2f} s after the first part, {rate:.1f} pictures a "
+        texts.append(f"first image {first:.2f} s after the first part, {rate:.1f} images a "
                      f"second, longest task {longest_ms:.0f} ms (busy {busy:.1f})")
         if first <= FIRST_SECONDS_MAX * busy and rate >= UPDATES_PER_SECOND_MIN / busy:
             print("  3840 x 2160: " + "; ".join(texts))

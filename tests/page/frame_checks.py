@@ -16,8 +16,8 @@ HASH = "return location.hash"
 # The title of each cell, and whether its image is loaded.
 CELLS = """
   return [...document.querySelectorAll("#frames .vlist-row")].map((cell) => {
-    const picture = cell.querySelector("img");
-    return [cell.title, !picture.hidden && picture.naturalWidth > 1];
+    const image = cell.querySelector("img");
+    return [cell.title, !image.hidden && image.naturalWidth > 1];
   });
 """
 CLICK_SECOND = "document.querySelectorAll('#frames .vlist-row')[1].click()"
@@ -30,7 +30,7 @@ def check_frame_grid(browser, farm):
     done = f"{FRAME_COUNT} of {FRAME_COUNT} complete"
     wait_until(lambda: browser.run(TEXT, "frames-count") == done, CHANGE_SECONDS_MAX, done)
     wait_until(lambda: all(shown for _, shown in browser.run(CELLS)), CHANGE_SECONDS_MAX,
-               "a picture of every frame")
+               "an image of every frame")
     assert [title for title, _ in browser.run(CELLS)] == [
         f"Frame {i}, complete" for i in range(1, FRAME_COUNT + 1)], browser.run(CELLS)
     browser.run(FOCUS, "frames")
@@ -60,12 +60,12 @@ def check_many_frames(browser, url):
     wait_until(lambda: browser.run(TEXT, "frames-count").endswith(f"of {MANY_FRAMES} complete"),
                CHANGE_SECONDS_MAX, "the frames")
     wait_until(lambda: any(shown for _, shown in browser.run(CELLS)), CHANGE_SECONDS_MAX,
-               "a picture of a frame")
+               "an image of a frame")
     cells = len(browser.run(CELLS))
     assert 0 < cells < CELL_COUNT_MAX, f"{cells} cells in the document"
     worst_ms(browser)
     check_is_quick(browser, "longest task while scrolling frames", TASK_MS_MAX, scroll)
-    check_is_quick(browser, "longest wait for a picture while scrolling frames", FRAME_MS_MAX,
+    check_is_quick(browser, "longest wait for an image while scrolling frames", FRAME_MS_MAX,
                    lambda: browser.run(SCROLL_ALL, "frames"))
     browser.run(FOCUS, "frames")
     browser.press(END)

@@ -102,5 +102,5 @@ def check_lists(browser, reload):
         assert 0 < rows < ROW_COUNT_MAX, f"{rows} rows of {name} in the document"
         check_is_quick(browser, f"longest task while scrolling {name}", TASK_MS_MAX,
                        lambda: scroll(name))
-        check_is_quick(browser, f"longest wait for a picture while scrolling {name}", FRAME_MS_MAX,
+        check_is_quick(browser, f"longest wait for an image while scrolling {name}", FRAME_MS_MAX,
                        lambda: browser.run(SCROLL_ALL, name))

@@ -75,7 +75,7 @@ JobView MakeJob(int number, absl::Time create_time) {
   job.progress.sample_count_done = job.progress.sample_count_total;
   job.progress.relative_mse = 1.3e-3;
   job.progress.wall_seconds = 95;
-  if (job.state == JobState::kSucceeded) job.pictured_frame = {1, 1, true};
+  if (job.state == JobState::kSucceeded) job.preview_frame = {1, 1, true};
   return job;
 }
 
@@ -84,7 +84,7 @@ JobView MakeRunningJob(int number, int frame_count) {
   JobView job = MakeJob(number, absl::Now());
   job.title = absl::StrCat("turntable, ", frame_count, " frames");
   job.state = JobState::kRunning;
-  job.pictured_frame.reset();
+  job.preview_frame.reset();
   job.failure.clear();
   job.failure_count = 0;
   job.end_time = absl::InfiniteFuture();
@@ -131,7 +131,7 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
   ProgressView& sum = job.progress;
   sum.sample_count_done = 0;
   job.frame_complete_count = 0;
-  job.pictured_frame.reset();
+  job.preview_frame.reset();
   for (int i = 0; i < job.frame_count; ++i) {
     FrameView& frame = job.frames[static_cast<size_t>(i)];
     const double own = std::clamp(fraction * 6 - i * 5.0 / job.frame_count, 0.0, 1.0);

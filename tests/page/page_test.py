@@ -43,7 +43,7 @@ ARROW_DOWN, ENTER, ESCAPE = "\ue015", "\ue007", "\ue00c"
 DIALOG_IS_OPEN = "return document.getElementById('confirm').open"
 TAB_STOP_COUNT_MAX = 30
 TAB_STOPS = {"skip", "theme", "job-filter", "jobs", "layer", "exposure", "zoom-out", "zoom-in",
-             "zoom-fit", "picture-zoom", "picture-box", "frames", "abscissa", "workers",
+             "zoom-fit", "image-zoom", "image-box", "frames", "abscissa", "workers",
              "beside-job"}
 # Name of the focused element, and whether an outline shows the focus; a switch shows it on its
 # label.
@@ -60,8 +60,8 @@ NO_SIDEWAYS = "return document.documentElement.scrollWidth <= window.innerWidth"
 
 # Source of the newest job's thumbnail; empty while none is shown.
 LISTED_IMAGE = """
-  const picture = document.querySelector("#jobs .job-row img");
-  return picture && !picture.hidden && picture.naturalWidth > 0 ? picture.src : "";"""
+  const image = document.querySelector("#jobs .job-row img");
+  return image && !image.hidden && image.naturalWidth > 0 ? image.src : "";"""
 
 
 def artefact(name):
@@ -88,8 +88,8 @@ def check_page_follows_a_job(browser, farm):
                 browser.screenshot(artefact("page-first.png"))
         return len(seen) >= 3
 
-    wait_until(image_changed, IMAGE_SECONDS_MAX, "two changes of the picture")
-    wait_until(lambda: browser.run(LISTED_IMAGE), PAGE_SECONDS_MAX, "a picture in the list")
+    wait_until(image_changed, IMAGE_SECONDS_MAX, "two changes of the image")
+    wait_until(lambda: browser.run(LISTED_IMAGE), PAGE_SECONDS_MAX, "an image in the list")
     early = browser.run(LISTED_IMAGE)
     assert browser.run(TEXT, "worker-count") == "1", browser.run(TEXT, "worker-count")
     assert "cornell" in browser.run(TEXT, "job-title").lower()
@@ -98,7 +98,7 @@ def check_page_follows_a_job(browser, farm):
                PAGE_SECONDS_MAX, "the download")
     assert browser.run("return document.getElementById('cancel').hidden"), "nothing to cancel"
     wait_until(lambda: browser.run(LISTED_IMAGE) not in ("", early), PAGE_SECONDS_MAX,
-               "the last picture in the list")
+               "the last image in the list")
     browser.screenshot(artefact("page-done.png"))
 
 
@@ -177,7 +177,7 @@ def check_layers_of_a_real_image(browser, farm):
         if (!response.ok) throw new Error(layer + ": " + response.status);
         return response.headers.get("X-Sheaf-Range");
       });
-      return Promise.all(["picture", "light", "error", "samples", "time"].map(range));""")
+      return Promise.all(["image", "light", "error", "samples", "time"].map(range));""")
     assert ranges[:2] == [None, None] and ranges[3] == "64 64", ranges
     for layer in (2, 4):
         low, high = map(float, ranges[layer].split())
@@ -238,7 +238,7 @@ def check_the_chart(browser, server):
     browser.run_before_pages(NOTE_LONG_TASKS)
     browser.run_before_pages(ADD_TARGETS)
     open_made_up(browser, server)
-    wait_until(lambda: browser.run(PIXELS), PAGE_SECONDS_MAX, "a picture")
+    wait_until(lambda: browser.run(PIXELS), PAGE_SECONDS_MAX, "an image")
     check_chart(browser)
     browser.screenshot(artefact("page-light.png"))
 

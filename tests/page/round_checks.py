@@ -40,17 +40,17 @@ def check_rounds(browser, farm):
     now, (_, samples, error), zoom = browser.run(PIXELS), words(browser), zoom_percent(browser)
     browser.run(FOCUS, "round")
     browser.press(HOME)
-    first = wait_for_new_pixels(browser, now, "the first round's picture")
+    first = wait_for_new_pixels(browser, now, "the first round's image")
     what, first_samples, first_error = words(browser)
     assert what.startswith("Round 1 of ") and first_samples == 16, words(browser)
     assert first_samples < samples and first_error > error, (words(browser), samples, error)
-    assert zoom_percent(browser) == zoom, "the picture jumps between rounds"
+    assert zoom_percent(browser) == zoom, "the image jumps between rounds"
     # Another exposure and another layer also use the round.
     browser.run("const e = document.getElementById('exposure'); e.value = -2;"
                 "e.dispatchEvent(new Event('input'))")
     darker = wait_for_new_pixels(browser, first, "the round's light")
     browser.run("document.getElementById('exposure-reset').click()")
-    wait_until(lambda: browser.run(PIXELS) == first, CHANGE_SECONDS_MAX, "the round's picture")
+    wait_until(lambda: browser.run(PIXELS) == first, CHANGE_SECONDS_MAX, "the round's image")
     assert darker != now
     browser.run(FOCUS, "layer")
     browser.press(ARROW_DOWN)

@@ -25,7 +25,7 @@ TILE_PX = 16
 
 def entry(name, how, seconds, error, floor, rate):
     points = [{"samples": n, "cpu_seconds": seconds * n, "relative_mse": error / n**rate + floor,
-               "relative_mse_error": 0.03 * (error / n**rate + floor), "on_front": False}
+               "relative_mse_error": 0.03 * (error / n**rate + floor), "on_pareto_front": False}
               for n in SAMPLES]
     return {"name": name, "how": how, "flag": "--max-depth 4" if name == "depth 4" else "",
             "is_base": name == "as given", "is_unbiased": floor == 0, "points": points,
@@ -38,7 +38,7 @@ def entry(name, how, seconds, error, floor, rate):
 def mark_front(entries):
     points = [point for e in entries for point in e["points"]]
     for point in points:
-        point["on_front"] = not any(
+        point["on_pareto_front"] = not any(
             other["cpu_seconds"] < point["cpu_seconds"]
             and other["relative_mse"] < point["relative_mse"] for other in points)
 
@@ -52,20 +52,20 @@ def whole_study():
     del entries[0]["gain"]
     entries[-1].update(rate=None, rate_error=None, bias_floor=None, gain=None)
     effects = [
-        {"name": "lens", "without": "a pinhole", "time_share": 0.1, "time_ratio": 1.11,
+        {"name": "lens", "ablation": "a pinhole", "time_fraction": 0.1, "time_ratio": 1.11,
          "time_ratio_error": 0.01, "variance_ratio": 1.3, "mean_change": -0.01,
-         "mean_change_error": 0.001, "rel_mse": 0.01, "problem": None},
-        {"name": "indirect light", "without": "the first scattering alone", "time_share": 0.55,
+         "mean_change_error": 0.001, "relative_mse": 0.01, "problem": None},
+        {"name": "indirect light", "ablation": "the first scattering alone", "time_fraction": 0.55,
          "time_ratio": 2.22, "time_ratio_error": 0.03, "variance_ratio": 2.6, "mean_change": -0.31,
-         "mean_change_error": 0.002, "rel_mse": 0.14, "problem": None},
-        {"name": "bump maps", "without": "smooth surfaces", "time_share": -0.01,
+         "mean_change_error": 0.002, "relative_mse": 0.14, "problem": None},
+        {"name": "bump maps", "ablation": "smooth surfaces", "time_fraction": -0.01,
          "time_ratio": 0.99, "time_ratio_error": 0.02, "variance_ratio": 0.97,
-         "mean_change": 0.0004, "mean_change_error": 0.001, "rel_mse": -1e-6, "problem": None},
+         "mean_change": 0.0004, "mean_change_error": 0.001, "relative_mse": -1e-6, "problem": None},
         {"name": "motion", "problem": "no time was left"}]
-    paths = [{"name": name, "meaning": meaning, "light_share": light, "noise_share": noise,
-              "rare_share": rare} for name, meaning, light, noise, rare in PATHS]
+    paths = [{"name": name, "meaning": meaning, "light_fraction": light, "noise_fraction": noise,
+              "largest_replicate_fraction": rare} for name, meaning, light, noise, rare in PATHS]
     tiles = [{"x0": x, "y0": y, "x1": x + TILE_PX, "y1": y + TILE_PX,
-              "path": "volume" if x < 200 else "caustic", "share": 0.5 + 0.49 * (x % 7) / 7}
+              "path": "volume" if x < 200 else "caustic", "fraction": 0.5 + 0.49 * (x % 7) / 7}
              for y in range(320, 480, TILE_PX) for x in range(96, 640, 2 * TILE_PX)]
     return {"format": 1, "scene": "scenes/glass-and-water.pbrt", "width_px": 800,
             "height_px": 600, "pixels": 51200, "seconds": 612.0, "threads": 2,
@@ -92,9 +92,9 @@ def bare_study():
     study["entries"] = [{
         "name": "as given", "how": "", "is_base": True, "is_unbiased": True,
         "points": [{"samples": 1, "cpu_seconds": 0.002, "relative_mse": 0.5,
-                    "relative_mse_error": None, "on_front": True},
+                    "relative_mse_error": None, "on_pareto_front": True},
                    {"samples": 4, "cpu_seconds": None, "relative_mse": None,
-                    "relative_mse_error": None, "on_front": False}],
+                    "relative_mse_error": None, "on_pareto_front": False}],
         "rate": None, "rate_error": None,
         "bias_floor": {"relative_mse": -1e-4, "error": 0.01, "is_significant": False},
         "gain": {"value": 1, "error": None}}]

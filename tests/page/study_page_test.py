@@ -87,7 +87,7 @@ def check_words_and_names(browser, _):
 def check_front_and_floors(browser, _):
     """The Pareto front is drawn, and a dashed line for each significant floor."""
     study = whole_study()
-    front = sum(point["on_front"] for entry in study["entries"] for point in entry["points"])
+    front = sum(point["on_pareto_front"] for entry in study["entries"] for point in entry["points"])
     count = "return document.querySelectorAll('#chart-error ' + arguments[0]).length"
     assert browser.run(count, ".front") == 1
     assert browser.run(count, ".on-front") == front

@@ -91,7 +91,7 @@ def check_generic_variant_costs_time_alone(_, study):
 
 
 def check_shares_add_up(_, study):
-    for share in ("light_share", "noise_share"):
+    for share in ("light_fraction", "noise_fraction"):
         total = math.fsum(path[share] for path in study.data["paths"])
         assert abs(total - 1) < 1e-6, total
 

@@ -19,7 +19,7 @@ HIDDEN = "return document.getElementById(arguments[0]).hidden"
 PRESSED = "return document.getElementById(arguments[0]).getAttribute('aria-pressed') === 'true'"
 # The pixels of the canvas, reduced to 16 x 16, as text; and the pixel in its middle.
 PIXELS = """
-  const image = document.getElementById("picture");
+  const image = document.getElementById("image");
   if (image.hidden || !image.width) return "";
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 16;
@@ -28,13 +28,13 @@ PIXELS = """
   return Array.from(context.getImageData(0, 0, 16, 16).data).join();
 """
 MIDDLE = """
-  const image = document.getElementById("picture");
+  const image = document.getElementById("image");
   const [x, y] = [Math.floor(image.width / 2), Math.floor(image.height / 2)];
   return Array.from(image.getContext("2d").getImageData(x, y, 1, 1).data);
 """
 # The lengths of the runs of equal pixels in the canvas's middle row.
 RUNS = """
-  const image = document.getElementById("picture");
+  const image = document.getElementById("image");
   const y = Math.floor(image.height / 2);
   const row = image.getContext("2d").getImageData(0, y, image.width, 1).data;
   const runs = [];
@@ -64,7 +64,7 @@ def wait_for_new_pixels(browser, before, what):
 
 def check_zoom_and_pan(browser, _):
     """Keys, buttons and wheel zoom until pixels are squares; arrow keys and dragging pan."""
-    browser.run(FOCUS, "picture-box")
+    browser.run(FOCUS, "image-box")
     fitted = zoom_percent(browser)
     whole = browser.run(PIXELS)
     browser.press("+")
@@ -76,13 +76,13 @@ def check_zoom_and_pan(browser, _):
     for _ in range(4):
         browser.press("+")
     wait_for_zoom(browser, 1600)
-    wait_for_new_pixels(browser, whole, "the zoomed picture")
+    wait_for_new_pixels(browser, whole, "the zoomed image")
     runs = browser.run(RUNS)
     assert runs and all(run % 16 == 0 for run in runs), f"pixels are no squares of 16: {runs}"
     before = browser.run(PIXELS)
     browser.press(ARROW_RIGHT)
     before = wait_for_new_pixels(browser, before, "panning by an arrow")
-    x, y = browser.middle_of("picture-box")
+    x, y = browser.middle_of("image-box")
     browser.drag((x, y), (x + 90, y - 40))
     wait_for_new_pixels(browser, before, "panning by dragging")
     browser.turn_wheel((x, y), 300)
@@ -92,7 +92,7 @@ def check_zoom_and_pan(browser, _):
     browser.press("0")
     wait_for_zoom(browser, fitted)
     assert browser.run(PRESSED, "zoom-fit")
-    wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the whole picture again")
+    wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the whole image again")
 
 
 def wait_for_still_image(browser):
@@ -106,7 +106,7 @@ def wait_for_still_image(browser):
         same, before = now == before, now
         return same and now
 
-    wait_until(is_still, CHANGE_SECONDS_MAX, "a picture that stands still")
+    wait_until(is_still, CHANGE_SECONDS_MAX, "an image that stands still")
 
 
 def light_of_level(level):
@@ -117,16 +117,16 @@ def light_of_level(level):
 
 def check_exposure(browser, _):
     """One stop less halves the light, including light brighter than the screen's white."""
-    browser.run(FOCUS, "picture-box")
+    browser.run(FOCUS, "image-box")
     fitted = browser.run(PIXELS)
     browser.press("1")
-    wait_for_new_pixels(browser, fitted, "the picture at 100 %")
+    wait_for_new_pixels(browser, fitted, "the image at 100 %")
     whole = browser.run(PIXELS)
     before = browser.run(MIDDLE)
     for _ in range(4):
         browser.press("[")
     assert browser.run(TEXT, "exposure-value") == "\u22122", browser.run(TEXT, "exposure-value")
-    wait_for_new_pixels(browser, whole, "the darker picture")
+    wait_for_new_pixels(browser, whole, "the darker image")
     after = browser.run(MIDDLE)
     for old, new in zip(before[:3], after[:3]):
         assert old == 255 or abs(light_of_level(new) * 4 - light_of_level(old)) < 0.03, (before,
@@ -135,18 +135,18 @@ def check_exposure(browser, _):
                 "e.dispatchEvent(new Event('input'))")
     assert browser.run(TEXT, "exposure-value") == "+1"
     browser.run("document.getElementById('exposure-reset').click()")
-    wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the picture as it was")
+    wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the image as it was")
     browser.press("0")
-    wait_until(lambda: browser.run(PIXELS) == fitted, CHANGE_SECONDS_MAX, "the whole picture")
+    wait_until(lambda: browser.run(PIXELS) == fitted, CHANGE_SECONDS_MAX, "the whole image")
 
 
 def check_layers(browser, screenshot):
     """Selected by keyboard; a legend states the range of the colors."""
     browser.run(FOCUS, "layer")
-    picture = browser.run(PIXELS)
+    image = browser.run(PIXELS)
     assert browser.run(HIDDEN, "legend"), "a legend without false colours"
     browser.press(ARROW_DOWN)
-    error = wait_for_new_pixels(browser, picture, "the standard error")
+    error = wait_for_new_pixels(browser, image, "the standard error")
     low, high = (browser.run(TEXT, name) for name in ("legend-low", "legend-high"))
     assert 0 < float(low.rstrip("% ")) < float(high.rstrip("% ")), (low, high)
     assert "Standard error" in browser.run(TEXT, "legend-words")
@@ -164,7 +164,7 @@ def check_layers(browser, screenshot):
     assert browser.run(TEXT, "legend-high").endswith("ms"), browser.run(TEXT, "legend-high")
     for _ in range(3):
         browser.press("\ue013")
-    wait_until(lambda: browser.run(PIXELS) == picture, CHANGE_SECONDS_MAX, "the picture again")
+    wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")
     assert browser.run(HIDDEN, "legend")
 
 

@@ -185,7 +185,7 @@ TEST_P(HeavyTailTest, HeavyTailsAreReportedUnreliable) {
     }
     if (!is_reliable) ++flagged;
   }
-  std::printf("%-12s %zu of %zu pictures called unreliable\n", GetParam().name.c_str(),
+  std::printf("%-12s %zu of %zu images called unreliable\n", GetParam().name.c_str(),
               size_t{flagged}, size_t{run_count});
   EXPECT_EQ(flagged, run_count);
 }

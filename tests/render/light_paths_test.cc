@@ -80,10 +80,11 @@ double GreenOfDepthOne(const SceneDescription& scene) {
 TEST(LightPathsTest, RoughRoomHasSeenDirectAndIndirectLight) {
   const TestScene t = LitRoom(1);
   std::map<std::string, double> kinds = KindsOf(t.scene, 5);
-  const double first = kinds["seen"] + kinds["direct"];
+  const double first = kinds["emission"] + kinds["direct"];
   EXPECT_NEAR(first, GreenOfDepthOne(t.scene), 1e-4 * first);
   EXPECT_GT(kinds["indirect"], 0.05 * first);
-  for (const char* none : {"mirrored", "caustic", "fog-once", "fog", "beneath", "glow"}) {
+  for (const char* none : {"specular-emission", "caustic", "volume-single", "volume-multiple",
+                           "subsurface", "volume-emission"}) {
     EXPECT_EQ(kinds[none], 0) << none;
   }
   EXPECT_EQ(KindsOf(t.scene, 1)["indirect"], 0);
@@ -92,38 +93,38 @@ TEST(LightPathsTest, RoughRoomHasSeenDirectAndIndirectLight) {
 TEST(LightPathsTest, GlassCausesCausticsAndShowsEmitters) {
   std::map<std::string, double> kinds = KindsOf(RoomWithGlass().scene, 8);
   EXPECT_GT(kinds["caustic"], 0);
-  EXPECT_GT(kinds["mirrored"], 0);
-  EXPECT_EQ(kinds["fog"], 0);
+  EXPECT_GT(kinds["specular-emission"], 0);
+  EXPECT_EQ(kinds["volume-multiple"], 0);
 }
 
 TEST(LightPathsTest, FogScattersOnceAndRepeatedly) {
   const TestScene t = Foggy(Tint{1});
   std::map<std::string, double> kinds = KindsOf(t.scene, 5);
-  const double first = kinds["seen"] + kinds["direct"] + kinds["fog-once"];
+  const double first = kinds["emission"] + kinds["direct"] + kinds["volume-single"];
   EXPECT_NEAR(first, GreenOfDepthOne(t.scene), 1e-4 * first);
-  EXPECT_GT(kinds["fog-once"], 0);
-  EXPECT_GT(kinds["fog"], 0);
+  EXPECT_GT(kinds["volume-single"], 0);
+  EXPECT_GT(kinds["volume-multiple"], 0);
 }
 
 TEST(LightPathsTest, VolumeEmissionComesFromMedia) {
   std::map<std::string, double> kinds = KindsOf(Burning(Tint{1}).scene, 5);
-  EXPECT_GT(kinds["glow"], 0);
+  EXPECT_GT(kinds["volume-emission"], 0);
 }
 
 TEST(LightPathsTest, HistoryDistinguishesKinds) {
   PathHistory seen;
-  EXPECT_EQ(seen.KindAtHit(), LightPathKind::kSeen);
+  EXPECT_EQ(seen.KindAtHit(), LightPathKind::kEmission);
   EXPECT_EQ(seen.KindFromSurface(), LightPathKind::kDirect);
-  EXPECT_EQ(seen.KindFromMedium(), LightPathKind::kFogOnce);
+  EXPECT_EQ(seen.KindFromMedium(), LightPathKind::kVolumeSingle);
   PathHistory mirrored = seen;
   mirrored.AddSurface(true);
-  EXPECT_EQ(mirrored.KindAtHit(), LightPathKind::kMirrored);
+  EXPECT_EQ(mirrored.KindAtHit(), LightPathKind::kSpecularEmission);
   EXPECT_EQ(mirrored.KindFromSurface(), LightPathKind::kDirect);
   PathHistory rough = mirrored;
   rough.AddSurface(false);
   EXPECT_EQ(rough.KindAtHit(), LightPathKind::kDirect);
   EXPECT_EQ(rough.KindFromSurface(), LightPathKind::kIndirect);
-  EXPECT_EQ(rough.KindFromMedium(), LightPathKind::kFog);
+  EXPECT_EQ(rough.KindFromMedium(), LightPathKind::kVolumeMultiple);
   PathHistory caustic = rough;
   caustic.AddSurface(true);
   EXPECT_EQ(caustic.KindAtHit(), LightPathKind::kCaustic);
@@ -131,7 +132,7 @@ TEST(LightPathsTest, HistoryDistinguishesKinds) {
   PathHistory beneath = rough;
   beneath.AddMedium(true);
   beneath.AddSurface(false);
-  EXPECT_EQ(beneath.KindAtHit(), LightPathKind::kBeneath);
+  EXPECT_EQ(beneath.KindAtHit(), LightPathKind::kSubsurface);
 }
 
 TEST(LightPathsTest, GroupsAndPathsExcludeEachOther) {

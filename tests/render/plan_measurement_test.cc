@@ -165,12 +165,12 @@ TEST(PlanMeasurementTest, KnownLossesAreMeasured) {
   const EffectMeasurement& sky = Find(*measured, "environment");
   EXPECT_EQ(sky.problem, "");
   EXPECT_NEAR(sky.mean_change.value, -1, 1e-9);
-  EXPECT_GT(sky.rel_mse, 0.5);
+  EXPECT_GT(sky.relative_mse, 0.5);
   EXPECT_GT(sky.time_ratio.value, 1);
   // A single plane cannot scatter light twice.
   const EffectMeasurement& indirect = Find(*measured, "indirect light");
   EXPECT_EQ(indirect.mean_change.value, 0);
-  EXPECT_EQ(indirect.rel_mse, 0);
+  EXPECT_EQ(indirect.relative_mse, 0);
 }
 
 TEST(PlanMeasurementTest, EffectsWithoutTimeAreMarked) {
@@ -193,7 +193,7 @@ TEST(PlanMeasurementTest, InsignificantValuesAreNotPrinted) {
   light.name = "lamp";
   light.time_ratio = {1.81, 0.02};
   light.variance_ratio = std::numeric_limits<double>::infinity();
-  light.rel_mse = -0.0016;
+  light.relative_mse = -0.0016;
   EffectMeasurement choice;
   choice.name = "choice";
   choice.time_ratio = {0.4, 0.01};

@@ -48,7 +48,7 @@ LightDescription Projection(float fov_degrees = 90) {
 class ImageLightStabilityTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ = sheaf::testing::TemporaryPath("pictures");
+    directory_ = sheaf::testing::TemporaryPath("images");
     std::filesystem::create_directories(directory_);
   }
   void TearDown() override { std::filesystem::remove_all(directory_); }

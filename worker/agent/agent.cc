@@ -118,7 +118,7 @@ WorkerState Agent::MakeState(const LeaseLedger::Snapshot& snapshot) const {
   state.scene_memory_bytes = scenes_.MemoryBytes();
   // Parts in upload still hold their leases, but keep no thread busy.
   if (!state.draining) {
-    state.lease_count_wanted =
+    state.requested_lease_count =
         options_.thread_count + options_.leases_ahead + ledger_.CountHeld(LeasePhase::kUploading);
   }
   return state;

@@ -121,7 +121,7 @@ class FakeCoordinator : public CoordinatorLink {
       if (failure.kind == FailureKind::kReleased) open_.insert(it->second);
       leased_.erase(it);
     }
-    while (!open_.empty() && static_cast<int32_t>(leased_.size()) < state.lease_count_wanted) {
+    while (!open_.empty() && static_cast<int32_t>(leased_.size()) < state.requested_lease_count) {
       leased_[++last_lease_id_] = *open_.begin();
       open_.erase(open_.begin());
     }

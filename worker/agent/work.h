@@ -51,7 +51,7 @@ struct WorkerState {
   int32_t thread_count = 0;
   std::vector<LeaseReport> leases;
   std::vector<LeaseFailure> failures;
-  int32_t lease_count_wanted = 0;
+  int32_t requested_lease_count = 0;
   bool draining = false;
   std::vector<std::string> warm_scenes;
   uint64_t scene_memory_bytes = 0;  // Total size of those.

@@ -55,7 +55,7 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--texture-memory-max", worker.texture_memory_bytes_max,
                   "Limit of memory for texture tiles, e.g. 512M (default 512M)")
       ->transform(CLI::AsSizeValue(false));
-  app->add_option("--leases-ahead", worker.leases_ahead,
+  app->add_option("--queued-leases-max", worker.leases_ahead,
                   "Tasks to queue while all threads are busy")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -110,7 +110,7 @@ v1::SynchronizeRequest ToWire(const WorkerState& state) {
     message->set_kind(ToWire(failure.kind));
     message->set_message(failure.message);
   }
-  request.set_lease_count_wanted(state.lease_count_wanted);
+  request.set_requested_lease_count(state.requested_lease_count);
   request.set_draining(state.draining);
   for (const std::string& scene : state.warm_scenes) request.add_warm_scenes(scene);
   request.set_scene_memory_bytes(state.scene_memory_bytes);

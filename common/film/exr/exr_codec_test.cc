@@ -287,7 +287,7 @@ TEST_F(ExrCodecFileTest, ImagesRoundTripExactly) {
     for (float& v : plane) v = value(bits);
   }
   image.metadata = {{"sceneDigest", std::string(64, 'c')}, {"samples", "64"}, {"note", ""}};
-  const std::string path = directory_ + "/a picture.exr";
+  const std::string path = directory_ + "/an image.exr";
   ASSERT_TRUE(WriteFrameImage(image, path).ok());
   const absl::StatusOr<FrameImage> read = ReadFrameImage(path);
   ASSERT_TRUE(read.ok()) << read.status();

@@ -115,7 +115,7 @@ absl::StatusOr<ResumedImage> ResumedImage::Make(FrameImage image, const FilmOutp
   const auto digest = image.metadata.find(kImageDigestKey);
   if (digest == image.metadata.end() || !image.metadata.contains(kFrameDigestKey)) {
     return Refuse(
-        "it does not identify its frame (sheaf:frameDigest, sheaf:pictureDigest): only an EXR "
+        "it does not identify its frame (sheaf:frameDigest, sheaf:imageDigest): only an EXR "
         "delivered by this version of Sheaf can be resumed");
   }
   if (absl::Status status = CheckOutputs(outputs); !status.ok()) return status;
@@ -137,7 +137,7 @@ absl::StatusOr<ResumedImage> ResumedImage::Make(FrameImage image, const FilmOutp
     resumed.planes_.push_back(static_cast<size_t>(found - all.begin()));
   }
   if (ImageDigest(resumed.image_) != resumed.image_.metadata.at(kImageDigestKey)) {
-    return Refuse("its pixels were changed after it was delivered (sheaf:pictureDigest differs)");
+    return Refuse("its pixels were changed after it was delivered (sheaf:imageDigest differs)");
   }
   for (size_t p = 0; p < resumed.image_.planes[0].size(); ++p) {
     const float count = resumed.CountAt(p);

@@ -24,7 +24,7 @@ namespace sheaf {
 
 // Metadata keys that identify a delivered image.
 inline constexpr char kFrameDigestKey[] = "frameDigest";
-inline constexpr char kImageDigestKey[] = "pictureDigest";
+inline constexpr char kImageDigestKey[] = "imageDigest";
 // "signed" if filters weight samples other than by 1: the sums then cannot be recovered.
 inline constexpr char kSampleWeightKey[] = "sampleWeight";
 

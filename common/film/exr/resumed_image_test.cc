@@ -156,7 +156,7 @@ TEST(ResumedImageTest, ExplainsWhyAnImageCannotBeResumed) {
   };
   FrameImage image = Deliver(16);
   image.metadata.erase(kImageDigestKey);
-  EXPECT_THAT(why(image), HasSubstr("sheaf:pictureDigest"));
+  EXPECT_THAT(why(image), HasSubstr("sheaf:imageDigest"));
   image = Deliver(16);
   image.planes[0][7] += 1;
   EXPECT_THAT(why(image), HasSubstr("changed after"));

@@ -25,7 +25,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "common/content/blob_store.h"
-#include "coordinator/service/farm/delivered_pictures.h"
+#include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/delivery_queue.h"
 #include "coordinator/service/farm/disk_state.h"
 #include "coordinator/service/farm/farm_metrics.h"

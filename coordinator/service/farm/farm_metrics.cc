@@ -138,7 +138,7 @@ std::vector<MetricView> FarmMetrics::List() const {
                          "job", absl::StrCat("jobs/", id), metric.value(curve)});
     }
   }
-  metrics.push_back({"sheaf_pictures_damaged_total",
+  metrics.push_back({"sheaf_images_damaged_total",
                      "Delivered EXRs that were altered or removed on disk and are recreated.",
                      MetricView::Kind::kCounter, "", "",
                      static_cast<double>(images_.DamagedCount())});

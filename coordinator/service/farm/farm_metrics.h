@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "coordinator/service/farm/delivered_pictures.h"
+#include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/store/job_store.h"

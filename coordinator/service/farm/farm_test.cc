@@ -187,7 +187,7 @@ class FarmTest : public testing::Test {
     WorkerReport report;
     report.worker_id = report.host = "w";
     report.numeric_profile = NumericProfile();
-    report.lease_count_wanted = 1;
+    report.requested_lease_count = 1;
     const auto answer = farm_->Synchronize(report);
     ASSERT_TRUE(answer.ok()) << answer.status();
     absl::SleepFor(time_min);

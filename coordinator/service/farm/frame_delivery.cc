@@ -63,7 +63,7 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
 
 // Adds the values that are found on delivery. Estimates that do not exist are left out.
 void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FrameImage* image) {
-  image->metadata[kImageDigestKey] = delivered.picture_digest;
+  image->metadata[kImageDigestKey] = delivered.image_digest;
   if (merge.signed_weights()) image->metadata[kSampleWeightKey] = "signed";
   if (delivered.relative_mse > 0) {
     image->metadata["relativeMse"] = absl::StrFormat("%.6g", delivered.relative_mse);
@@ -141,7 +141,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
     tables_.open_frames.erase(id);
   }
   LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, image ",
-                       delivered.picture_digest.substr(0, 12)));
+                       delivered.image_digest.substr(0, 12)));
   lifecycle_.LimitKeptParts();
   lifecycle_.SettleEnded();
   signals_.Changed();
@@ -191,7 +191,7 @@ DeliveredFrame FrameDelivery::Account(const FrameId& id, const OpenFrame& frame)
   delivered.tile_count = merge.tile_count();
   delivered.unreliable_tile_count = merge.unreliable_count();
   delivered.unreliable_layers = RareLayers(image, merge.UnreliableTiles());
-  delivered.picture_digest = ImageDigest(image);
+  delivered.image_digest = ImageDigest(image);
   delivered.relative_mse = EstimateError(image).relative_mse;
   delivered.one_sequence_gain = PriceOfErrorBars(id, frame.spec);
   if (merge.error_sample() != nullptr) {

@@ -10,7 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "coordinator/service/farm/delivered_pictures.h"
+#include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/delivery_queue.h"
 #include "coordinator/service/farm/disk_state.h"
 #include "coordinator/service/farm/farm_signals.h"

@@ -169,7 +169,7 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
   progress.cpu_seconds = Seconds(frame.cost.cpu_duration);
   if (view.complete) {
     const DeliveredFrame& delivered = tables_.accounts.at(id.job_id).delivered.at(id.frame_number);
-    view.picture_digest = delivered.picture_digest;
+    view.image_digest = delivered.image_digest;
     view.output_path =
         absl::StrCat(state_directory_, "/outputs/", id.job_id, "/", id.frame_number, ".exr");
     view.preview_version = kDeliveredPreviewVersion;

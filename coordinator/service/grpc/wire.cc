@@ -132,7 +132,7 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   *wire.mutable_spec()->mutable_settings() = ToWire(view.settings);
   if (view.stop.IsActive()) *wire.mutable_spec()->mutable_stop() = ToWire(view.stop);
   if (!view.resumed.sha256_hex.empty()) {
-    *wire.mutable_spec()->mutable_resumed_picture() = coordinator::ToWire(view.resumed);
+    *wire.mutable_spec()->mutable_resumed_image() = coordinator::ToWire(view.resumed);
   }
   for (const RoundView& round : view.rounds) *wire.add_rounds() = ToWire(round);
   wire.set_stop_reason(static_cast<v1::StopReason>(view.stop_reason));
@@ -148,7 +148,7 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   wire.set_frame_digest(view.frame_digest);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);
-  wire.set_picture_digest(view.picture_digest);
+  wire.set_image_digest(view.image_digest);
   return wire;
 }
 
@@ -269,10 +269,10 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     absl::StatusOr<StopRule> stop = FromWire(wire.stop());
     if (!stop.ok()) return stop.status();
     FrameSpec frame;
-    if (wire.has_resumed_picture()) {
-      absl::StatusOr<BlobDigest> resumed = FromWire(wire.resumed_picture());
+    if (wire.has_resumed_image()) {
+      absl::StatusOr<BlobDigest> resumed = FromWire(wire.resumed_image());
       if (!resumed.ok()) {
-        return Invalid("frames.resumed_picture", std::string(resumed.status().message()));
+        return Invalid("frames.resumed_image", std::string(resumed.status().message()));
       }
       frame.resumed = *std::move(resumed);
     }
@@ -315,7 +315,7 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
   report.host = request.host();
   report.numeric_profile = request.numeric_profile();
   report.thread_count = request.thread_count();
-  report.lease_count_wanted = request.lease_count_wanted();
+  report.requested_lease_count = request.requested_lease_count();
   report.draining = request.draining();
   for (const std::string& scene : request.warm_scenes()) {
     if (!IsSha256Hex(scene)) return Invalid("warm_scenes", "has an entry that is not a SHA-256");

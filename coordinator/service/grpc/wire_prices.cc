@@ -23,29 +23,30 @@ v1::Estimate ToWire(const Estimate& estimate) {
 
 absl::StatusOr<EffectCost> FromWire(const v1::EffectCost& wire) {
   if (wire.name().empty()) return absl::InvalidArgumentError("effect_costs.name: is empty");
-  for (const std::string& text : {wire.name(), wire.problem(), wire.without()}) {
+  for (const std::string& text : {wire.name(), wire.problem(), wire.ablation()}) {
     if (text.size() <= kEffectTextBytesMax) continue;
     return absl::InvalidArgumentError(
         absl::StrCat("effect_costs: a text is longer than ", kEffectTextBytesMax, " bytes"));
   }
   for (const double number :
-       {wire.time_share(), wire.time_share_error(), wire.mean_change(), wire.mean_change_error(),
-        wire.relative_mse(), wire.variance_ratio()}) {
+       {wire.time_fraction(), wire.time_fraction_error(), wire.mean_change(),
+        wire.mean_change_error(), wire.relative_mse(), wire.variance_ratio()}) {
     if (!std::isfinite(number))
       return absl::InvalidArgumentError("effect_costs: a number is not finite");
   }
-  return EffectCost{Printable(wire.name()),   Printable(wire.problem()), Printable(wire.without()),
-                    wire.time_share(),        wire.time_share_error(),   wire.mean_change(),
-                    wire.mean_change_error(), wire.relative_mse(),       wire.variance_ratio()};
+  return EffectCost{
+      Printable(wire.name()),   Printable(wire.problem()),  Printable(wire.ablation()),
+      wire.time_fraction(),     wire.time_fraction_error(), wire.mean_change(),
+      wire.mean_change_error(), wire.relative_mse(),        wire.variance_ratio()};
 }
 
 v1::EffectCost ToWire(const EffectCost& effect) {
   v1::EffectCost wire;
   wire.set_name(effect.name);
   wire.set_problem(effect.problem);
-  wire.set_without(effect.without);
-  wire.set_time_share(effect.time_share);
-  wire.set_time_share_error(effect.time_share_error);
+  wire.set_ablation(effect.ablation);
+  wire.set_time_fraction(effect.time_fraction);
+  wire.set_time_fraction_error(effect.time_fraction_error);
   wire.set_mean_change(effect.mean_change);
   wire.set_mean_change_error(effect.mean_change_error);
   wire.set_relative_mse(effect.relative_mse);

@@ -85,12 +85,12 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   const std::optional<ImageLayer> layer = ImageLayerFromName(name);
   if (!layer) {
     return absl::InvalidArgumentError(
-        absl::StrCat("layer \"", name, "\" is not one of picture, light, error, samples, time"));
+        absl::StrCat("layer \"", name, "\" is not one of image, light, error, samples, time"));
   }
   const std::string size = QueryValue(request, "size");
   const bool thumbnail = size == "thumbnail";
   if (!size.empty() && (!thumbnail || *layer != ImageLayer::kImage)) {
-    return absl::InvalidArgumentError("the only other size is thumbnail, for layer picture only");
+    return absl::InvalidArgumentError("the only other size is thumbnail, for layer image only");
   }
   PreviewChoice choice{*layer, thumbnail, std::nullopt};
   const std::string round = QueryValue(request, "round");
@@ -321,7 +321,7 @@ HttpResponse HttpApi::GetOutput(const HttpRequest& request) const {
     return HttpErrorFromStatus(absl::FailedPreconditionError(
         absl::StrCat("frame ", frame->frame_number, " is not complete yet; see preview.png")));
   }
-  const std::string etag = absl::StrCat("\"", frame->picture_digest, "\"");
+  const std::string etag = absl::StrCat("\"", frame->image_digest, "\"");
   if (ClientHas(request, etag)) return NotModified(etag);
   const absl::StatusOr<JobView> job = farm_.FindJob(request.path_parameters[0]);
   if (!job.ok()) return HttpErrorFromStatus(job.status());

@@ -116,12 +116,12 @@ TEST_F(HttpApiTest, JobTimesAreIsoOrNull) {
 }
 
 TEST_F(HttpApiTest, JobsNameTheMostActiveFrame) {
-  const json shown = Get("/api/v1/jobs")["jobs"][0]["pictured_frame"];
+  const json shown = Get("/api/v1/jobs")["jobs"][0]["preview_frame"];
   EXPECT_EQ(shown["name"], "jobs/3/frames/1");
   EXPECT_EQ(shown["preview_version"], 3);
   EXPECT_EQ(shown["complete"], false);
-  farm_.jobs[0].pictured_frame.reset();
-  EXPECT_TRUE(Get("/api/v1/jobs")["jobs"][0]["pictured_frame"].is_null());
+  farm_.jobs[0].preview_frame.reset();
+  EXPECT_TRUE(Get("/api/v1/jobs")["jobs"][0]["preview_frame"].is_null());
   // The first that is begun and not complete, or else the last complete one.
   FrameView frame;
   const auto shown_after = [&](int32_t number, uint64_t version, bool complete) {
@@ -129,7 +129,7 @@ TEST_F(HttpApiTest, JobsNameTheMostActiveFrame) {
     frame.preview_version = version;
     frame.complete = complete;
     NotePreviewFrame(frame, &farm_.jobs[0]);
-    return farm_.jobs[0].pictured_frame.value_or(PreviewFrame()).frame_number;
+    return farm_.jobs[0].preview_frame.value_or(PreviewFrame()).frame_number;
   };
   EXPECT_EQ(shown_after(1, 0, false), 0);
   EXPECT_EQ(shown_after(2, 9, true), 2);
@@ -245,7 +245,7 @@ TEST_F(HttpApiTest, OnlySingleJobsIncludeEffects) {
   farm_.jobs[0].effect_costs = {{"lens", "", "a pinhole", 0.25, 0.01, -0.5, 0.03, 1e-4, 1.5}};
   const json effect = Get("/api/v1/jobs/3")["effect_costs"][0];
   EXPECT_EQ(effect["name"], "lens");
-  EXPECT_EQ(effect["time_share"], 0.25);
+  EXPECT_EQ(effect["time_fraction"], 0.25);
   EXPECT_EQ(effect["mean_change"], -0.5);
   EXPECT_EQ(effect["variance_ratio"], 1.5);
   EXPECT_TRUE(Get("/api/v1/jobs/2")["effect_costs"].empty());
@@ -302,14 +302,14 @@ TEST_F(HttpApiTest, PreviewIsACachedPng) {
 
 TEST_F(HttpApiTest, PreviewLayersHaveRanges) {
   const std::string path = "/api/v1/jobs/1/frames/1/preview.png";
-  EXPECT_EQ(Header(Send("GET", path + "?layer=picture"), "X-Sheaf-Range"), "");
+  EXPECT_EQ(Header(Send("GET", path + "?layer=image"), "X-Sheaf-Range"), "");
   EXPECT_EQ(Header(Send("GET", path + "?layer=samples"), "X-Sheaf-Range"), "16 16");
   const HttpResponse error = Send("GET", path + "?version=3&layer=error");
   EXPECT_EQ(error.body.substr(1, 3), "PNG");
   EXPECT_EQ(Header(error, "X-Sheaf-Range"), "0.05 0.1");
   const HttpResponse unknown = Send("GET", path + "?layer=depth");
   EXPECT_EQ(unknown.status, 400);
-  EXPECT_THAT(unknown.body, HasSubstr("not one of picture, light, error, samples"));
+  EXPECT_THAT(unknown.body, HasSubstr("not one of image, light, error, samples"));
   EXPECT_EQ(Send("GET", "/api/v1/false-color.png").content_type, "image/png");
 }
 
@@ -360,7 +360,7 @@ TEST_F(HttpApiTest, OutputIsAvailableOnceComplete) {
   FrameView& frame = farm_.jobs[2].frames[0];
   frame.complete = true;
   frame.output_path = "/state/out.exr";
-  frame.picture_digest = "abc";
+  frame.image_digest = "abc";
   farm_.jobs[2].title = "../a \"b\"\r\n";
   const HttpResponse response = Send("GET", path);
   EXPECT_EQ(response.file_path, "/state/out.exr");

@@ -108,9 +108,9 @@ Json EffectsJson(const std::vector<EffectCost>& effects) {
     json.push_back({
         {"name", effect.name},
         {"problem", effect.problem},
-        {"without", effect.without},
-        {"time_share", effect.time_share},
-        {"time_share_error", effect.time_share_error},
+        {"ablation", effect.ablation},
+        {"time_fraction", effect.time_fraction},
+        {"time_fraction_error", effect.time_fraction_error},
         {"mean_change", effect.mean_change},
         {"mean_change_error", effect.mean_change_error},
         {"relative_mse", effect.relative_mse},
@@ -121,8 +121,8 @@ Json EffectsJson(const std::vector<EffectCost>& effects) {
 }
 
 Json PreviewFrameJson(const JobView& job) {
-  if (!job.pictured_frame) return nullptr;
-  const PreviewFrame& frame = *job.pictured_frame;
+  if (!job.preview_frame) return nullptr;
+  const PreviewFrame& frame = *job.preview_frame;
   return {{"name", FrameName(job.job_id, frame.frame_number)},
           {"preview_version", frame.preview_version},
           {"complete", frame.complete}};
@@ -143,7 +143,7 @@ Json JobObject(const JobView& job) {
       {"end_time", TimeJson(job.end_time)},
       {"frame_count", job.frame_count},
       {"frame_complete_count", job.frame_complete_count},
-      {"pictured_frame", PreviewFrameJson(job)},
+      {"preview_frame", PreviewFrameJson(job)},
       {"progress", ProgressJson(job.progress)},
   };
 }
@@ -169,8 +169,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
   };
   AddSettings(frame.settings, SettingField::Shown::kWithShape, &json);
   json.update(Json{
-      {"resumed_picture",
-       frame.resumed.sha256_hex.empty() ? Json() : Json(frame.resumed.sha256_hex)},
+      {"resumed_image", frame.resumed.sha256_hex.empty() ? Json() : Json(frame.resumed.sha256_hex)},
       {"stop", StopJson(frame.stop)},
       {"stop_reason", frame.complete ? StopReasonName(frame.stop_reason) : ""},
       {"rounds", RoundsJson(frame.rounds)},
@@ -183,7 +182,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
   AddSettings(frame.settings, SettingField::Shown::kWithSettings, &json);
   json.update(Json{
       {"complete", frame.complete},
-      {"picture_digest", frame.picture_digest},
+      {"image_digest", frame.image_digest},
       {"preview_version", frame.preview_version},
       {"progress", ProgressJson(frame.progress)},
   });

@@ -17,7 +17,7 @@ namespace sheaf::coordinator {
 namespace {
 
 std::string Mark(const JobView& job) {
-  const PreviewFrame preview_frame = job.pictured_frame.value_or(PreviewFrame());
+  const PreviewFrame preview_frame = job.preview_frame.value_or(PreviewFrame());
   return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
                       job.progress.sample_count_done, " ", job.frame_complete_count, " ",
                       preview_frame.frame_number, " ", preview_frame.preview_version, " ",

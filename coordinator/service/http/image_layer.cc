@@ -224,7 +224,7 @@ void FillTime(const Source& source, DisplayImage* display) {
 }  // namespace
 
 std::optional<ImageLayer> ImageLayerFromName(const std::string& name) {
-  if (name.empty() || name == "picture") return ImageLayer::kImage;
+  if (name.empty() || name == "image") return ImageLayer::kImage;
   if (name == "light") return ImageLayer::kLight;
   if (name == "error") return ImageLayer::kError;
   if (name == "samples") return ImageLayer::kSamples;

@@ -34,11 +34,11 @@ TEST(FalseColorTest, FollowsViridis) {
 
 TEST(ImageLayerTest, LayersHaveNames) {
   EXPECT_EQ(ImageLayerFromName(""), ImageLayer::kImage);
-  EXPECT_EQ(ImageLayerFromName("picture"), ImageLayer::kImage);
+  EXPECT_EQ(ImageLayerFromName("image"), ImageLayer::kImage);
   EXPECT_EQ(ImageLayerFromName("light"), ImageLayer::kLight);
   EXPECT_EQ(ImageLayerFromName("error"), ImageLayer::kError);
   EXPECT_EQ(ImageLayerFromName("samples"), ImageLayer::kSamples);
-  EXPECT_FALSE(ImageLayerFromName("Picture").has_value());
+  EXPECT_FALSE(ImageLayerFromName("Image").has_value());
 }
 
 TEST(ImageLayerTest, ImageAppliesTheSrgbCurveAndClamps) {

@@ -43,7 +43,7 @@ TEST_F(CoordinatorServerTest, PausedJobsStayPausedOverARestart) {
   EXPECT_EQ(Control<v1::ResumeJobRequest>(&v1::JobService::Stub::ResumeJob, name).state(),
             v1::Job::STATE_RUNNING);
   ASSERT_TRUE(other.RenderAll().ok());
-  EXPECT_EQ(Watch(name).frames(0).picture_digest(), ExpectedDigest(64));
+  EXPECT_EQ(Watch(name).frames(0).image_digest(), ExpectedDigest(64));
 }
 
 TEST_F(CoordinatorServerTest, EndedJobsRefuseControl) {

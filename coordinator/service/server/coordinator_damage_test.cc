@@ -96,7 +96,7 @@ TEST_F(DamageTest, JobsWaitForLostBlobsAndContinue) {
   Create(Request(/*samples=*/64, "request-2"));  // Brings the scene.
   ASSERT_TRUE(Eventually([&] { return Reason(job).empty(); }));
   ASSERT_TRUE(worker.RenderAll().ok());
-  EXPECT_EQ(Watch(job.name()).frames(0).picture_digest(), ExpectedDigest(64));
+  EXPECT_EQ(Watch(job.name()).frames(0).image_digest(), ExpectedDigest(64));
 }
 
 TEST_F(DamageTest, BlobsLostBeforeARestartAreReported) {
@@ -133,7 +133,7 @@ TEST_F(DamageTest, AlteredImagesAreRemadeFromParts) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("being recreated"));
   EXPECT_EQ(Remade(), ExpectedDigest(64));
   EXPECT_EQ(Counter("sheaf_results_accepted_total"), accepted) << "its parts are there";
-  EXPECT_EQ(Counter("sheaf_pictures_damaged_total"), 1);
+  EXPECT_EQ(Counter("sheaf_images_damaged_total"), 1);
   EXPECT_TRUE(std::filesystem::exists(directory_ + "/damaged/job-1-frame-1.exr"));
   EXPECT_EQ(Watch(job.name()).state(), v1::Job::STATE_SUCCEEDED);
 }

@@ -48,7 +48,7 @@ TEST_F(CoordinatorServerTest, EveryPartitionGivesTheSameImage) {
         ASSERT_TRUE(accepted.ok()) << accepted.status();
         const v1::Job after = Watch(job.name());
         ASSERT_EQ(after.state(), v1::Job::STATE_SUCCEEDED) << after.DebugString();
-        EXPECT_EQ(after.frames(0).picture_digest(), expected)
+        EXPECT_EQ(after.frames(0).image_digest(), expected)
             << "tile " << tile << ", pass " << pass << ", lease " << lease;
         EXPECT_EQ(after.progress().sample_count_done(), 24u * 5u * 19u);
       }
@@ -64,7 +64,7 @@ TEST_F(CoordinatorServerTest, MergingFromDiskGivesTheSameImage) {
   request.mutable_partition()->set_pass_sample_count(4);
   const v1::Job job = Create(request);
   ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
-  EXPECT_EQ(Watch(job.name()).frames(0).picture_digest(), ExpectedDigest(100));
+  EXPECT_EQ(Watch(job.name()).frames(0).image_digest(), ExpectedDigest(100));
 }
 
 TEST_F(CoordinatorServerTest, ConcurrentWorkersGiveTheSameImage) {
@@ -83,7 +83,7 @@ TEST_F(CoordinatorServerTest, ConcurrentWorkersGiveTheSameImage) {
   for (std::thread& thread : threads) thread.join();
   const v1::Job after = Watch(job.name());
   EXPECT_EQ(after.state(), v1::Job::STATE_SUCCEEDED) << after.DebugString();
-  EXPECT_EQ(after.frames(0).picture_digest(), ExpectedDigest(100));
+  EXPECT_EQ(after.frames(0).image_digest(), ExpectedDigest(100));
 }
 
 TEST_F(CoordinatorServerTest, DeliveredFilesHoldImageAndProvenance) {
@@ -146,7 +146,7 @@ TEST_F(CoordinatorServerTest, RestartKeepsAcknowledgedResults) {
   const absl::StatusOr<int> rest = MakeWorker("last").RenderAll();
   ASSERT_TRUE(rest.ok());
   const v1::Job after = Watch(name);
-  EXPECT_EQ(after.frames(0).picture_digest(), ExpectedDigest(100));
+  EXPECT_EQ(after.frames(0).image_digest(), ExpectedDigest(100));
   EXPECT_EQ(Counter("sheaf_duplicate_equal_total") + Counter("sheaf_superseded_total"), 0);
 }
 
@@ -184,7 +184,7 @@ TEST_F(CoordinatorServerTest, DamagedPartsAreRenderedAgain) {
     absl::SleepFor(absl::Milliseconds(20));
   }
   EXPECT_EQ(Counter("sheaf_parts_revoked_total"), 2);
-  EXPECT_EQ(Watch(name).frames(0).picture_digest(), ExpectedDigest(100));
+  EXPECT_EQ(Watch(name).frames(0).image_digest(), ExpectedDigest(100));
 }
 
 TEST_F(CoordinatorServerTest, UnstoredResultsAreNotAcknowledged) {

@@ -45,7 +45,7 @@ class CoordinatorResumeTest : public CoordinatorServerTest {
     v1::CreateJobRequest request = Request(samples, request_id);
     const absl::StatusOr<BlobDigest> blob = server_->farm().blobs().Put(exr);
     EXPECT_TRUE(blob.ok()) << blob.status();
-    v1::Digest* digest = request.mutable_frames(0)->mutable_resumed_picture();
+    v1::Digest* digest = request.mutable_frames(0)->mutable_resumed_image();
     digest->set_sha256_hex(blob->sha256_hex);
     digest->set_size_bytes(blob->size_bytes);
     return request;
@@ -168,14 +168,14 @@ TEST_F(CoordinatorResumeTest, MismatchedImagesAreRefused) {
   request = ContinueRequest(first, 64, "settings");
   request.mutable_frames(0)->mutable_settings()->set_one_sequence(true);
   EXPECT_THAT(WhyNot(request), HasSubstr("with other settings"));
-  EXPECT_THAT(WhyNot(ContinueRequest("no picture", 64, "none")),
+  EXPECT_THAT(WhyNot(ContinueRequest("no image", 64, "none")),
               HasSubstr("cannot continue from the image"));
   FrameImage changed = *DecodeFrameImage(first);
   changed.planes[0][5] *= 2;
   EXPECT_THAT(WhyNot(ContinueRequest(EncodeFrameImage(changed), 64, "changed")),
               HasSubstr("were changed"));
   request = ContinueRequest(first, 64, "missing");
-  request.mutable_frames(0)->mutable_resumed_picture()->set_sha256_hex(std::string(64, 'a'));
+  request.mutable_frames(0)->mutable_resumed_image()->set_sha256_hex(std::string(64, 'a'));
   v1::Job job;
   const grpc::Status status = TryCreate(request, &job);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);

@@ -58,7 +58,7 @@ void AddOptions(CommandLine* line, CLI::App* app) {
                   "A worker that is silent for longer counts as lost; its work goes to others")
       ->check(CLI::Range(0.5, 86400.0))
       ->capture_default_str();
-  app->add_option("--merge-bytes", farm.merge_bytes_max, "Memory for unfinished tiles")
+  app->add_option("--merge-memory-max", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();
   app->add_option("--kept-parts-max", farm.kept_parts_bytes_max,
                   "Disk space for parts, e.g. 20G: parts of delivered frames are kept within it "

@@ -64,13 +64,13 @@ SyntheticWorker::SyntheticWorker(std::shared_ptr<grpc::Channel> channel, std::st
       worker_id_(std::move(worker_id)),
       numeric_profile_(NumericProfile()) {}
 
-absl::Status SyntheticWorker::Synchronize(int lease_count_wanted) {
+absl::Status SyntheticWorker::Synchronize(int requested_lease_count) {
   v1::SynchronizeRequest request;
   request.set_worker_id(worker_id_);
   request.set_host("test");
   request.set_numeric_profile(numeric_profile_);
   request.set_thread_count(1);
-  request.set_lease_count_wanted(lease_count_wanted);
+  request.set_requested_lease_count(requested_lease_count);
   for (const v1::Lease& lease : leases_) {
     v1::LeaseState* state = request.add_leases();
     state->set_lease_id(lease.lease_id());

@@ -29,7 +29,7 @@ class SyntheticWorker {
   SyntheticWorker(std::shared_ptr<grpc::Channel> channel, std::string worker_id);
 
   // One Synchronize with everything it holds; keeps the answer.
-  absl::Status Synchronize(int lease_count_wanted);
+  absl::Status Synchronize(int requested_lease_count);
   // Renders and uploads one held lease. Errors: those of the call.
   absl::StatusOr<v1::UploadResultsResponse::Outcome> RenderOne();
   // Renders until there is nothing to do; returns how many results were accepted.

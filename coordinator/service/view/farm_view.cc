@@ -28,7 +28,7 @@ bool HasEnded(JobState state) {
 }
 
 void NotePreviewFrame(const FrameView& frame, JobView* job) {
-  std::optional<PreviewFrame>& preview_frame = job->pictured_frame;
+  std::optional<PreviewFrame>& preview_frame = job->preview_frame;
   if (frame.preview_version == 0 || (preview_frame && !preview_frame->complete)) return;
   preview_frame = {frame.frame_number, frame.preview_version, frame.complete};
 }

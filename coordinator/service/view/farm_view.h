@@ -76,7 +76,7 @@ struct FrameView {
   double one_sequence_gain = 0;               // OneSequenceGain, for frames without a stop rule.
   std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
   bool complete = false;          // The EXR is delivered.
-  std::string picture_digest;     // Hex; empty until complete.
+  std::string image_digest;       // Hex; empty until complete.
   std::string output_path;        // The delivered EXR; empty until complete.
   uint64_t preview_version = 0;   // Grows whenever Preview() would show something new.
   ProgressView progress;
@@ -114,7 +114,7 @@ struct JobView {
   ProgressView progress;                 // Sums over the frames.
   // That shows most life: the first that is begun and not complete, or the last complete one. None
   // while there is nothing to see.
-  std::optional<PreviewFrame> pictured_frame;
+  std::optional<PreviewFrame> preview_frame;
   std::vector<FrameView> frames;  // Ascending by number; empty in ListJobs.
 };
 // Frames are told in ascending order.

@@ -41,7 +41,7 @@ export function errorSection(study: Study): HTMLElement {
           (point) =>
               [name, numbers.samples(point.samples), numbers.time(point.cpu_seconds),
                numbers.plain(point.relative_mse), numbers.plain(point.relative_mse_error),
-               numbers.typicalError(point.relative_mse), yes(point.on_front)]));
+               numbers.typicalError(point.relative_mse), yes(point.on_pareto_front)]));
   const floors = study.entries.filter(({bias_floor: floor}) => floor?.is_significant).length;
   return section(
       'error', 'Error against processor time',

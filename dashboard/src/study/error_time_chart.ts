@@ -229,7 +229,7 @@ function drawPromise(lines: Line[], plot: Plot): SVGElement {
 // The smallest error for each time, as a step function that falls only at points. It covers all
 // entries: hiding one does not make another the best.
 function drawFront(lines: Line[], plot: Plot): SVGElement {
-  const front = lines.flatMap(({points}) => points.filter((point) => point.on_front));
+  const front = lines.flatMap(({points}) => points.filter((point) => point.on_pareto_front));
   front.sort((a, b) => a.cpu_seconds - b.cpu_seconds);
   if (!front.length) return svg('g');
   const places = front.flatMap((point, i): [number, number][] => {
@@ -272,8 +272,8 @@ function drawLine({entry, series, points, isShown}: Line, plot: Plot): SVGElemen
           {class: 'spread', x1: x, x2: x, y1: plot.y(error + spread), y2: plot.y(error - spread)}));
     }
     group.append(svg('path', {
-      class: point.on_front ? 'point on-front' : 'point',
-      d: series.shape((point.on_front ? 0.38 : 0.28) * plot.rem),
+      class: point.on_pareto_front ? 'point on-front' : 'point',
+      d: series.shape((point.on_pareto_front ? 0.38 : 0.28) * plot.rem),
       transform: `translate(${x.toFixed(2)},${y.toFixed(2)})`,
     }));
   });
@@ -290,6 +290,8 @@ const tipsOf = ({entry, points}: Line, plot: Plot): Tip[] => points.map(
         numbers.time(point.cpu_seconds) + ' of processor time',
         'relMSE ' + numbers.measured(point.relative_mse, point.relative_mse_error),
         'typical error of a pixel: ' + numbers.typicalError(point.relative_mse),
-        ...(point.on_front ? ['on the front: no other point is both cheaper and better'] : []),
+        ...(point.on_pareto_front ?
+              ['on the front: no other point is both cheaper and better'] :
+              []),
       ],
     }));

@@ -24,7 +24,7 @@ export function effectsSection(study: Study): HTMLElement {
   const columns: Column[] = [
     {
       heading: 'Fraction of the time',
-      scale: linearScale(effects.map((effect) => effect.time_share), numbers.roundShare),
+      scale: linearScale(effects.map((effect) => effect.time_fraction), numbers.roundShare),
       origin: 0,
       marks: [0],
     },
@@ -36,7 +36,7 @@ export function effectsSection(study: Study): HTMLElement {
     },
     {
       heading: 'relMSE of the image without',
-      scale: logScale(effects.map((effect) => effect.rel_mse), numbers.powerTick),
+      scale: logScale(effects.map((effect) => effect.relative_mse), numbers.powerTick),
       origin: null,
       marks: [],
     },
@@ -45,14 +45,14 @@ export function effectsSection(study: Study): HTMLElement {
       (effect): Row => ({
         name: effect.name,
         note: effect.problem ? 'not measured: ' + effect.problem :
-                               'ablated scene: ' + effect.without,
+                               'ablated scene: ' + effect.ablation,
         series: null,
         cells: effect.problem ?
             [] :
             [
-              {value: effect.time_share, words: numbers.share(effect.time_share)},
+              {value: effect.time_fraction, words: numbers.share(effect.time_fraction)},
               {value: effect.variance_ratio, words: numbers.times(effect.variance_ratio)},
-              {value: effect.rel_mse, words: numbers.plain(effect.rel_mse)},
+              {value: effect.relative_mse, words: numbers.plain(effect.relative_mse)},
             ],
       }));
   return section(
@@ -75,18 +75,18 @@ export function effectsSection(study: Study): HTMLElement {
           ],
           effects.map(
               (effect) =>
-                  [effect.name, effect.without, numbers.share(effect.time_share),
+                  [effect.name, effect.ablation, numbers.share(effect.time_fraction),
                    numbers.measured(effect.time_ratio, effect.time_ratio_error),
                    numbers.plain(effect.variance_ratio),
                    numbers.measuredShare(effect.mean_change, effect.mean_change_error),
-                   numbers.plain(effect.rel_mse), effect.problem ?? '']),
+                   numbers.plain(effect.relative_mse), effect.problem ?? '']),
           2));
 }
 
 export function pathsSection(study: Study): HTMLElement {
   const {paths} = study;
   const names = kindNames(study);
-  const top = paths.flatMap((path) => [path.light_share, path.noise_share]).filter(isKnown);
+  const top = paths.flatMap((path) => [path.light_fraction, path.noise_fraction]).filter(isKnown);
   const scale = linearBetween(0, Math.max(0.1, ...top), numbers.roundShare);
   const columns: Column[] = [
     {heading: 'Fraction of the light', scale, origin: 0, marks: [0]},
@@ -104,12 +104,13 @@ export function pathsSection(study: Study): HTMLElement {
                   note: path.meaning,
                   series: seriesAt(names.indexOf(path.name)),
                   cells: [
-                    {value: path.light_share, words: numbers.share(path.light_share)},
-                    {value: path.noise_share, words: numbers.share(path.noise_share)},
+                    {value: path.light_fraction, words: numbers.share(path.light_fraction)},
+                    {value: path.noise_fraction, words: numbers.share(path.noise_fraction)},
                     {
-                      value: path.rare_share,
-                      words: numbers.share(path.rare_share),
-                      isAlarming: isKnown(path.rare_share) && path.rare_share > RARE_SHARE_MAX,
+                      value: path.largest_replicate_fraction,
+                      words: numbers.share(path.largest_replicate_fraction),
+                      isAlarming: isKnown(path.largest_replicate_fraction) &&
+                          path.largest_replicate_fraction > RARE_SHARE_MAX,
                     },
                   ],
                 }));
@@ -131,8 +132,9 @@ export function pathsSection(study: Study): HTMLElement {
           ],
           paths.map(
               (path) =>
-                  [path.name, path.meaning, numbers.share(path.light_share),
-                   numbers.share(path.noise_share), numbers.share(path.rare_share)]),
+                  [path.name, path.meaning, numbers.share(path.light_fraction),
+                   numbers.share(path.noise_fraction),
+                   numbers.share(path.largest_replicate_fraction)]),
           2));
 }
 

@@ -13,7 +13,7 @@ export interface Point {
   relative_mse: number|null;
   relative_mse_error: number|null;
   // Whether no other point has both a lower cost and a smaller error.
-  on_front: boolean;
+  on_pareto_front: boolean;
 }
 
 export interface Entry {
@@ -38,8 +38,8 @@ export interface Entry {
 export interface Effect {
   name: string;
   // The ablation: "a pinhole".
-  without: string;
-  time_share: number|null;
+  ablation: string;
+  time_fraction: number|null;
   // CPU time and variance per sample with the effect over those without.
   time_ratio: number|null;
   time_ratio_error: number|null;
@@ -47,7 +47,7 @@ export interface Effect {
   // Relative change of the image's mean without the effect.
   mean_change: number|null;
   mean_change_error: number|null;
-  rel_mse: number|null;
+  relative_mse: number|null;
   // Why nothing was measured.
   problem: string|null;
 }
@@ -55,10 +55,10 @@ export interface Effect {
 export interface PathKind {
   name: string;
   meaning: string;
-  light_share: number|null;
-  noise_share: number|null;
+  light_fraction: number|null;
+  noise_fraction: number|null;
   // Mean fraction of the kind's variance that comes from a single replicate.
-  rare_share: number|null;
+  largest_replicate_fraction: number|null;
 }
 
 export interface Tile {
@@ -105,7 +105,7 @@ export function readStudy(json: string): Study {
     reference: read.reference ?? null,
     entries: (read.entries ?? []).map((entry) => ({...entry, points: entry.points ?? []})),
     // An effect that was not measured has only a name and a problem.
-    effects: (read.effects ?? []).map((effect) => ({...effect, without: effect.without ?? ''})),
+    effects: (read.effects ?? []).map((effect) => ({...effect, ablation: effect.ablation ?? ''})),
     paths: read.paths ?? [],
     unreliable_tiles: read.unreliable_tiles ?? [],
     recommendation: read.recommendation ?? [],

@@ -29,7 +29,7 @@ export function tileMap(study: Study): HTMLElement {
     return el('p', {id, class: 'empty', 'data-count': '0'}, words);
   }
   const names = kindNames(study);
-  const picture =
+  const map =
       svg('svg', {viewBox: [0, 0, width, height].join(' '), preserveAspectRatio: 'none'},
           ...tiles.map((tile) => rectOf(tile, names)));
   const plot =
@@ -40,7 +40,7 @@ export function tileMap(study: Study): HTMLElement {
             ' unreliable tiles; arrow keys move ' +
             'from one to the next',
       },
-         picture);
+         map);
   plot.style.aspectRatio = width + ' / ' + height;
   plot.style.setProperty('--aspect', String(width / height));
   const tips = new Tips(plot);

@@ -242,7 +242,7 @@ class Measurer {
   absl::Status MeasureOne(const Omission& omission, double until, EffectMeasurement* effect) {
     absl::StatusOr<AblatedScene> without = omission.make();
     if (!without.ok()) return without.status();
-    effect->without = without->how;
+    effect->ablation = without->how;
     const absl::StatusOr<CompiledScenePtr> compiled =
         CompileScene(std::move(without->scene), without->settings, files_, {}, omission.techniques);
     if (!compiled.ok()) return compiled.status();
@@ -270,7 +270,7 @@ class Measurer {
     effect->time_ratio = RatioOf(seconds[0], seconds[1]);
     effect->mean_change = RatioOf(sums[1], sums[0]);
     effect->mean_change.value -= 1;
-    effect->rel_mse = RelMse(with, less, turns);
+    effect->relative_mse = RelMse(with, less, turns);
     effect->variance_ratio = VarianceOf(with, turns) / VarianceOf(less, turns);
     double total = 0;
     for (const double s : seconds[0]) total += s;
@@ -340,7 +340,8 @@ std::string FormatPlanMeasurement(const PlanMeasurement& measurement) {
         TimeText(effect.time_ratio), effect.time_ratio.value, effect.time_ratio.error,
         VarianceText(effect.variance_ratio), 100 * effect.mean_change.value,
         100 * effect.mean_change.error,
-        effect.rel_mse > 0 ? absl::StrFormat("%.2g", effect.rel_mse) : "none seen", effect.without);
+        effect.relative_mse > 0 ? absl::StrFormat("%.2g", effect.relative_mse) : "none seen",
+        effect.ablation);
   }
   absl::StrAppendFormat(&text, "%.2f us per sample, %d pixels, %.1f s\n",
                         measurement.microseconds_per_sample, measurement.pixels,

@@ -25,15 +25,15 @@ struct Measured {
 };
 
 struct EffectMeasurement {
-  std::string name;     // "lens", as in the plan; or "indirect light", "choice of lights".
-  std::string without;  // How the effect was ablated.
-  std::string problem;  // Why there is no measurement; else empty.
-  Measured time_ratio;  // CPU time per sample with the effect over the time without.
+  std::string name;      // "lens", as in the plan; or "indirect light", "choice of lights".
+  std::string ablation;  // How the effect was ablated.
+  std::string problem;   // Why there is no measurement; else empty.
+  Measured time_ratio;   // CPU time per sample with the effect over the time without.
   // Image without the effect over the image with it, minus 1: the mean of all channels.
   Measured mean_change;
   // Squared difference of the images, relative to the squared mean, with the effect, of the tile
   // around the pixel. Its expectation is that of noise-free images, so it may be below 0.
-  double rel_mse = 0;
+  double relative_mse = 0;
   // Variance of a sample with the effect over the variance without, pixel by pixel.
   double variance_ratio = 1;
   uint64_t samples = 0;  // Per rendered pixel.

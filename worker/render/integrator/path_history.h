@@ -32,12 +32,13 @@ class PathHistory {
   }
   // The kind of light that the path's ray hits.
   LightPathKind KindAtHit() const {
-    if (subsurface_) return LightPathKind::kBeneath;
+    if (subsurface_) return LightPathKind::kSubsurface;
     if (media_ > 0) {
       const bool once = media_ == 1 && rough_ == 0 && !specular_last_;
-      return once ? LightPathKind::kFogOnce : LightPathKind::kFog;
+      return once ? LightPathKind::kVolumeSingle : LightPathKind::kVolumeMultiple;
     }
-    if (rough_ == 0) return has_specular_ ? LightPathKind::kMirrored : LightPathKind::kSeen;
+    if (rough_ == 0)
+      return has_specular_ ? LightPathKind::kSpecularEmission : LightPathKind::kEmission;
     if (specular_last_) return LightPathKind::kCaustic;
     return rough_ == 1 ? LightPathKind::kDirect : LightPathKind::kIndirect;
   }

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "coordinator/service/farm/delivered_pictures.h"
+#include "coordinator/service/farm/delivered_images.h"
 
 #include <map>
 #include <optional>
@@ -77,7 +77,7 @@ absl::Status DeliveredImages::Check(const FrameId& id, const std::string& path) 
     const auto& delivered = tables_.accounts.at(id.job_id).delivered;
     const auto frame = delivered.find(id.frame_number);
     if (frame == delivered.end()) return absl::OkStatus();  // It is being made.
-    expected = frame->second.picture_digest;
+    expected = frame->second.image_digest;
   }
   if (state) {
     const absl::StatusOr<FrameImage> image = ReadFrameImage(path);
