@@ -216,7 +216,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("position", row.position);
   visit("name", row.cost.name);
   visit("problem", row.cost.problem);
-  visit("ablation", row.cost.without);
+  visit("ablation", row.cost.ablation);
   visit("time_fraction", row.cost.time_fraction);
   visit("time_fraction_error", row.cost.time_fraction_error);
   visit("mean_change", row.cost.mean_change);
