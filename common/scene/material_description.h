@@ -88,7 +88,7 @@ struct ThinDielectricMaterial {
 struct ClearCoat {
   float eta = 1.5f;
   float thickness = 0.01f;  // In mean free paths of a purely absorbing coat, as in pbrt-v4.
-  ColorInput albedo;        // Of the coat's medium; non-zero is not supported yet.
+  ColorInput albedo;        // Albedo of the coat's medium; non-zero is not supported yet.
   float g = 0;
   int32_t max_depth = 10, sample_count = 1;
 };
@@ -97,7 +97,7 @@ struct CoatedDiffuseMaterial : ClearCoat {
   ColorInput reflectance;
 };
 struct CoatedConductorMaterial : ClearCoat {
-  RoughnessInput roughness;     // Of the coat's interface. Neither roughness is a texture.
+  RoughnessInput roughness;  // Roughness of the coat's interface. Neither roughness is a texture.
   ConductorMaterial conductor;  // Its index is against vacuum, as measured ones are.
 };
 // A fibre along dp/du; v goes across it, from one edge as seen to the other.

@@ -111,7 +111,7 @@ struct Lease {
   SteadyTime grant_time;
 };
 
-// Why a lease came to nothing; each class has its own budget (limits.h).
+// Why a lease gave no result; each class has its own budget (limits.h).
 // Stored as numbers: new ones go to the end. kLost and kLoading: the worker vanished while it
 // rendered, or loaded the scene.
 enum class FailureKind { kReleased, kInfrastructure, kScene, kMemory, kInternal, kLost, kLoading };

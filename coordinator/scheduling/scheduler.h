@@ -94,7 +94,7 @@ struct JobRecord {
   JobPhase phase = JobPhase::kLive;
   std::string failure;
   std::vector<FrameRecord> frames;  // Ascending by number.
-  FrameShapes shapes;               // The frames point into it.
+  FrameShapes shapes;               // The frames refer to its entries.
   PendingFrames pending;
   using FrameSet = std::set<uint32_t>;  // Indices into frames.
   FrameSet ready;                       // Open with something to lease.

@@ -202,7 +202,7 @@ TEST(HeterogeneousMediaTest, V10EmissiveGridsMatchHomogeneousMedia) {
     grid_of(&heat, hot).temperature_k = std::vector<float>(even.size(), 31);
     grid_of(&heat, hot).emission = {1, 100};
     heat.Fill(0.8f, emissive(&heat, hot, {}, 0.5f / luminance));
-    // Half of the absorption, in fog, emits twice as much; the other half is in a grid.
+    // Fog has half of the absorption and emits twice as much; a grid has the other half.
     dimmed.Fill(0.8f, emissive(&dimmed, dimmed.AddFog(sigma_a * 0.5f, sigma_s * 0.5f), warm, 1));
     dimmed.Fill(0.8001f, dimmed.AddGrid(even, sigma_a * 0.5f, sigma_s * 0.5f));
     // The same with emission in the grid.

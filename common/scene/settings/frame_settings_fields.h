@@ -29,9 +29,9 @@ struct SettingField {
   DigestLine digest = {};
 };
 
-// Calls visit(field, member) for every field. Settings: FrameSettings or const FrameSettings. Of
-// the lattice only the stride is a field: its seed is the frame's (LatticeOf). The digest's lines
-// of size and window are FrameDigestText's own.
+// Calls visit(field, member) for every field. Settings: FrameSettings or const FrameSettings. The
+// lattice has one field, its stride: its seed is the frame's (LatticeOf). FrameDigestText itself
+// writes the digest's lines of size and window.
 template <typename Settings, typename Visitor>
 void VisitFrameSettings(Settings& settings, const Visitor& visit) {
   using Field = SettingField;

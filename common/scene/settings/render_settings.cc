@@ -74,7 +74,7 @@ absl::Status CheckCounts(const FrameSettings& settings) {
   if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
     return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
                                                    " scatterings is outside [0, ",
-                                                   kSimilarityAfterMax, "]; 0 is without"));
+                                                   kSimilarityAfterMax, "]; 0 turns it off"));
   }
   return absl::OkStatus();
 }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Compares marks (short texts over the fields that people see) rather than whole objects, and makes
-// JSON only of what differs.
+// Each object has a short text of its visible fields. Watches compare these texts, and JSON is made
+// only for objects whose text changed.
 #include "coordinator/service/http/http_watch.h"
 
 #include <algorithm>

@@ -25,10 +25,9 @@ enum class ImageLayer {
   // three channels, a component is level * 2^(e - 136), and 0 where e is 0.
   // Source: Ward 1991, "Real Pixels", Graphics Gems II (the RGBE format), without its half level.
   kLight,
-  // Relative standard error, on a logarithmic scale: the root of the mean over R, G, B and the
-  // shown
-  // pixel's square of stderr^2 / (value^2 + (0.1 m)^2), m the image's mean. The mean square of
-  // this layer is the relative mean squared error that a frame tells
+  // Relative standard error, on a logarithmic scale: the root of the mean, over R, G, B and the
+  // pixels of the square that is shown, of stderr^2 / (value^2 + (0.1 m)^2), m the image's mean.
+  // The mean square of this layer is the relative mean squared error of the frame
   // (common/film/error/error_estimate.h).
   kError,
   // Samples of a pixel, on a linear scale.

@@ -60,7 +60,7 @@ struct BsdfValueOf {
 // Where a ray meets a fibre, and how the fibre's scales stand.
 struct HairFiber {
   float offset;    // Across the fibre, [-1, 1].
-  float sin_tilt;  // Of the scales' angle.
+  float sin_tilt;  // Sine of the angle of the scales.
 };
 
 // Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the

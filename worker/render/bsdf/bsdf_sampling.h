@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the scattering models share: cosine-distributed directions, blended loss lobes, and the step
-// from a chosen direction to a sample.
+// Functions of several scattering models: cosine-distributed directions, blended loss lobes, and
+// the step from a chosen direction to a sample.
 #pragma once
 
 #include <algorithm>

@@ -3,8 +3,9 @@
 //
 // A conductor under a clear coat (conductor_coat_table.h): the interface's reflection, a delta lobe
 // or GGX, the base's highlight, and the rest. Where both layers are mirrors all is one delta lobe,
-// in closed form. Directions come with wo.z > 0. Of the Bsdf, alpha_x and alpha_y are the
-// interface's, conductor_eta and conductor_k against the coat, color the tint of the rest.
+// in closed form. Directions come with wo.z > 0. The
+// Bsdf's alpha_x and alpha_y belong to the interface, conductor_eta and conductor_k are relative to
+// the coat, and color is the tint of the rest.
 #pragma once
 
 #include <algorithm>

@@ -29,8 +29,8 @@ namespace sheaf::render {
 
 // R, TT, TRT and all others, which have no direction of their own around the fibre.
 inline constexpr size_t kHairLobeCount = 4;
-// Of beta_m and beta_n: narrower fibres would be delta lobes to floats. The same floor as
-// pbrt-v4's.
+// The least beta_m and beta_n: lobes of lower roughness would be delta lobes to floats. pbrt-v4
+// has the same floor.
 inline constexpr float kHairBetaMin = 0.01f;
 
 // Variance along the fibre of the first lobe, for beta_m in [0, 1]. Source: Chiang et al., eq. 7.
@@ -80,7 +80,7 @@ inline float ScaledBesselI0(float x) {
 
 // One way of light through the fibre, for a given wo.
 struct FiberLobe {
-  float sin_o, cos_o;  // Of wo's angle to the cross-section as this lobe's scales turn it.
+  float sin_o, cos_o;  // The angle of wo to the cross-section, turned by this lobe's scales.
   float variance;
   float phi;  // Where around the fibre, from wo, light leaves that is not spread.
 
@@ -96,7 +96,7 @@ struct FiberLobe {
 };
 
 // The logistic distribution on [-pi, pi]; scale > 0.
-inline float TrimmedLogisticMass(float scale) {  // Of the whole one: tanh(pi / (2 scale)).
+inline float TrimmedLogisticMass(float scale) {  // tanh(pi / (2 scale))
   const float e = -static_cast<float>(kPi) / scale;
   return -Expm1(e) / (1 + Exp(e));
 }
@@ -118,14 +118,14 @@ inline float WrapAngle(float x) {
   return x - two_pi * std::floor(x / two_pi + 0.5f);
 }
 
-// What a fibre does to light that leaves along wo.
+// The scattering of light by a fibre towards wo.
 template <typename Color>
 struct HairPaths {
   std::array<FiberLobe, kHairLobeCount> lobes;
   std::array<Color, kHairLobeCount> energy;       // Sums to 1 without absorption.
   std::array<float, kHairLobeCount> probability;  // With which lobes are sampled.
   float phi_o = 0;
-  float scale = 0;  // Of the logistic distribution.
+  float scale = 0;  // Scale of the logistic distribution.
 
   BsdfValueOf<Color> Eval(Vec3f wi) const {
     const float cos_i = std::sqrt(wi.y * wi.y + wi.z * wi.z);
@@ -146,7 +146,7 @@ struct HairPaths {
 // Sines and cosines of wo's angle as each lobe's scales turn it: by -2, 1 and 4 times the tilt.
 inline void SetHairTilts(float sin_o, float cos_o, float sin_tilt,
                          std::array<FiberLobe, kHairLobeCount>* lobes) {
-  std::array<float, 3> s, c;  // Of the tilt, twice and four times the tilt.
+  std::array<float, 3> s, c;  // Sines and cosines of 1, 2 and 4 times the tilt.
   s[0] = sin_tilt;
   c[0] = std::sqrt(std::fmax(0.0f, (1 - sin_tilt) * (1 + sin_tilt)));
   for (size_t i = 1; i < 3; ++i) {

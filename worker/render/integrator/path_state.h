@@ -77,9 +77,9 @@ struct PathState {
   uint32_t depth = 0;                 // Number of scattering events so far.
   bool secondary_terminated = false;  // Spectral: the path carries the primary wavelength alone.
   bool specular = true;               // Light sampling cannot find what the ray hits.
-  float pdf = 0;                      // Of the ray's direction, per solid angle; not if specular.
-  Vec3f from, from_n;                 // The last vertex, and its normal for light sampling.
-  EnvironmentMap::Place sky_place;    // Of the ray's direction, after the first scattering.
+  float pdf = 0;       // Density of the direction, per solid angle; unused if specular.
+  Vec3f from, from_n;  // The last vertex, and its normal for light sampling.
+  EnvironmentMap::Place sky_place;  // Where the direction points, after the first scattering.
   [[no_unique_address]] StateIf<C::kMedia, MediumState<C>> media;
   [[no_unique_address]] StateIf<C::kSubsurface, SubsurfaceState> subsurface;
   [[no_unique_address]] std::conditional_t<C::kOutputs, PathHistory, NoHistory> history;

@@ -199,7 +199,7 @@ void MaterialTable::GetBumps(ParameterList& parameters, MaterialDescription* des
   }
   description->normal_map = textures_->GetNormalMap(parameters);
   if (description->normal_map != kNone) {
-    parameters.NoteWithoutEffect("displacement", "the normal map takes its place");
+    parameters.NoteWithoutEffect("displacement", "the normal map replaces it");
     return;
   }
   description->displacement = textures_->GetFloatInput(parameters, "displacement", 0);
