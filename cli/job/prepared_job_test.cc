@@ -71,7 +71,7 @@ TEST_F(PreparedJobTest, ResumedImageIsUploaded) {
   ASSERT_TRUE(job.ok()) << job.status();
   const v1::CreateJobRequest request = MakeCreateJobRequest(arguments, *job);
   const std::string digest = request.frames(0).resumed_image().sha256_hex();
-  EXPECT_EQ(request.frames(0).resumed_image().size_bytes(), 9u);
+  EXPECT_EQ(request.frames(0).resumed_image().size_bytes(), 8u);
   ASSERT_TRUE(job->blobs.contains(digest));
   EXPECT_EQ(job->blobs.at(digest).path, arguments.resume_from);
   arguments.scene = "shot.####.pbrt";
