@@ -4,6 +4,8 @@
 
 #include <sqlite3.h>
 
+#include <cerrno>
+#include <cstring>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -23,8 +25,8 @@ absl::Status StatusFromSqlite(int result, sqlite3* database) {
   const std::string message =
       absl::StrCat(path == nullptr ? "database" : path, ": ", sqlite3_errmsg(database));
   switch (result & 0xff) {
-    case SQLITE_FULL:
-      return absl::ResourceExhaustedError(message);
+    case SQLITE_FULL:  // In the words of the system, as for files.
+      return absl::ResourceExhaustedError(absl::StrCat(message, ": ", std::strerror(ENOSPC)));
     case SQLITE_CONSTRAINT: {
       const bool of_key = result == SQLITE_CONSTRAINT_PRIMARYKEY ||
                           result == SQLITE_CONSTRAINT_UNIQUE || result == SQLITE_CONSTRAINT_ROWID;
