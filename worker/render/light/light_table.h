@@ -212,8 +212,8 @@ class LightTable {
     return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place});
   }
 
-  // --- For line sampling in media, which may reach a point on another path than Sample's. All in
-  // free space (Sample's n is zero).
+  // --- For equiangular sampling in media, which may reach a point on another path than Sample's.
+  // All functions are for receivers in free space (Sample's n is zero).
 
   // Chooses a light by its weight at p, none where no light reaches p. u: independent of u_select.
   std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;
