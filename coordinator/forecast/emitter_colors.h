@@ -22,8 +22,8 @@ class EmitterColors {
   // Requires: an image with the layers of light paths. It must outlive this object.
   explicit EmitterColors(const FrameImage& image);
 
-  // Color of the directly visible emission (Seen) or of all light (All) in a pixel. A filter with
-  // negative lobes gives some samples a negative weight; their pixel keeps the color of the sample.
+  // Color in a pixel of the directly visible emission (Seen) or of all light (All). Components are
+  // absolute values, since filters with negative lobes give some samples a negative weight.
   Color Seen(int32_t x, int32_t y) const { return ColorAt(seen_, x, y); }
   Color All(int32_t x, int32_t y) const { return ColorAt(all_, x, y); }
   const PixelRect& window() const { return window_; }
