@@ -34,7 +34,7 @@ TriangleMesh Displaced(const TriangleMesh& mesh, double edge_length, const Heigh
   EXPECT_TRUE(displaced.ok()) << displaced.status();
   return displaced.ok() ? *std::move(displaced) : TriangleMesh{};
 }
-// Jumps at every edge of a mesh without uvs, and between its triangles.
+// A displacement that jumps at every edge of a mesh without uvs, and between its triangles.
 float Rugged(Vec2f uv, Vec3d p) {
   return 0.15f * std::sin(37 * uv.x + 11 * uv.y) + 0.1f * static_cast<float>(std::sin(9 * p.x));
 }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The film's rows of the catalogue of hard cases, in which float accumulation breaks.
+// The film's rows of the catalogue of hard cases, which break float accumulation.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -149,8 +149,8 @@ TEST(FilmStabilityTest, C3ABillionSamplesKeepTheirMean) {
   }
 }
 
-// The same with actual samples: 2^24 random ones, where float sums stall, against a long double
-// sum.
+// The same with actual samples: the mean of 2^24 random ones, for which float sums stall, is
+// compared with a long double sum.
 TEST(FilmStabilityTest, C3SixteenMillionRandomSamplesKeepTheirMean) {
   constexpr uint64_t kCount = 1 << 24;
   FilmTile tile(kOnePixel, {0, kCount});

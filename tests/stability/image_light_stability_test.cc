@@ -316,7 +316,7 @@ TEST_F(ImageLightStabilityTest, L5ImageLightsFollowTheirTransform) {
   EXPECT_FALSE((*table)->Sample<kAllTraits>({4, 3, 4}, {}, 0, {0, 0}));
 }
 
-// Spectral transport sees the same image with the spectra of its colors.
+// In spectral transport the image has the spectra of its colors.
 TEST_F(ImageLightStabilityTest, L5ImagesHaveSpectra) {
   const Rgb orange{2, 1, 0.25f};
   LightTableInput input;

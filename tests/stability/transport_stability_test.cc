@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of light transport, by the names of the catalogue (A1 to A5, L7, L8, M5, R6 to
-// R8, C2).
+// Hard cases of light transport, named as in the catalogue (A1 to A5, L7, L8, M5, R6 to R8, C2).
 #include <algorithm>
 #include <array>
 #include <cmath>
