@@ -198,7 +198,8 @@ TEST(TechniquesTest, L16SampledAndHitLight) {
 
 // The same scene several times, for statistical power.
 std::vector<TestScene> FoggyScenes() { return std::vector<TestScene>(4, Foggy(kColored)); }
-// In fog: equiangular line samples, distance samples with light sampling at their ends, and both.
+// Compares, in fog, equiangular samples, distance samples with light sampling at their ends, and
+// both.
 TEST(TechniquesTest, V7EquiangularAndAllTechniques) {
   ExpectAgreement(
       "all against lines", 1.5 * Bias(),
@@ -209,7 +210,7 @@ TEST(TechniquesTest, V7DistanceSamplingAndAllTechniques) {
                   TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kBySampling}, 700));
 }
 
-// The same in heterogeneous media, also with the decision for each line whether it is sampled.
+// The same in heterogeneous media, also with the decision per segment whether it is sampled.
 constexpr EquiangularMode kAlways = EquiangularMode::kAlways, kNever = EquiangularMode::kNever;
 std::vector<TestScene> CloudyScenes() { return std::vector<TestScene>(2, Cloudy(kColored)); }
 TEST(TechniquesTest, V7EquiangularInCloudsAndAllTechniques) {
