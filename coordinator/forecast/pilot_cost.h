@@ -18,7 +18,8 @@ inline constexpr double kSparseCost = 1.06, kSparseLogDeviation = 0.06;
 
 struct CpuModel {
   std::vector<double> seconds;  // For one sample of a pixel, by cell.
-  double log_deviation = 0;  // Of the frame's cost; due to the choice of blocks and to kSparseCost.
+  // Deviation of the frame's cost, due to the choice of blocks and to kSparseCost.
+  double log_deviation = 0;
 };
 
 // Fits the model to images of lattices only. The small image is ignored, as it is rendered first,

@@ -35,7 +35,7 @@ struct FinishedFrame {
   // CPU time of all samples of each cell. Empty if the frame's parts are deleted, so that all
   // samples must be rendered again.
   std::vector<double> cpu_seconds_of_cells;
-  double cpu_seconds = 0;  // Of the whole frame.
+  double cpu_seconds = 0;  // CPU time of the whole frame.
 };
 
 struct RefinementPrice {

@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Techniques that must have the same expectation: light found by light sampling, by BSDF sampling,
-// and by both; lights chosen by the light tree and uniformly; RGB and spectral transport of gray
-// scenes. Each scene is rendered by two techniques from independent seeds and compared tile by
-// tile. Pixels and replicates are independent, so the 16 replicates of a tile are 16 draws for
+// Tests techniques that must have the same expectation: light found by light sampling, by BSDF
+// sampling, and by both; lights chosen by the light tree and uniformly; RGB and spectral transport
+// of gray scenes. Each scene is rendered by two techniques from independent seeds and compared tile
+// by tile. Pixels and replicates are independent, so the 16 replicates of a tile are 16 draws for
 // Welch's t-test, and the p-values of all tiles of all scenes must be uniform.
 //
 // Significance: kSignificance for each pair of techniques, for the Kolmogorov-Smirnov test and for
 // the most deviating tile (the seeds are fixed: a test that passes once always passes). Power: a
-// bias of Bias() must be detected with probability kPowerMin at that significance, redrawn with the
-// variances of the actual renderings; and it must be detected when it is added to them.
+// bias of Bias() must be detected with probability kPowerMin at that significance, in draws with
+// the variances of the actual renderings, and when it is added to the renderings themselves.
 #include <gtest/gtest.h>
 
 #include <cmath>

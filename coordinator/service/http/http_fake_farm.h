@@ -24,8 +24,8 @@ class FakeFarm : public FarmView {
   std::vector<JobView> jobs;  // With their frames.
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
-  std::vector<FailureView> failures;  // Of every job.
-  RefinementPrices prices;            // Of every job; the targets are those of the call.
+  std::vector<FailureView> failures;  // Returned for every job.
+  RefinementPrices prices;            // Returned for every job, with the targets of the call.
   absl::Status ready;
   PreviewView preview;        // The same for every frame.
   PreviewView round_preview;  // The same for every round that has a version.

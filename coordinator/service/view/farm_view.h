@@ -63,7 +63,7 @@ struct RoundView {
 struct FrameView {
   int32_t frame_number = 0;
   std::string scene_digest;       // Hex, of the manifest blob.
-  uint64_t scene_size_bytes = 0;  // Of the manifest blob.
+  uint64_t scene_size_bytes = 0;  // Size of the manifest blob.
   std::string frame_digest;       // Hex.
   FrameSettings settings;
   StopRule stop;
