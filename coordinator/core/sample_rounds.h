@@ -42,7 +42,8 @@ namespace sheaf::coordinator {
 
 // A round gives a cell at most this many times its present samples.
 inline constexpr uint64_t kRoundGrowthMax = 4;
-// A round adds at least this fraction of the frame's samples, which bounds the number of rounds.
+// A round adds at least this fraction of the frame's present samples, which limits the number of
+// rounds.
 inline constexpr double kRoundGrowthMin = 1.0 / 16;
 // The prior of b, the rate at which errors fall, over scenes of all kinds.
 inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;

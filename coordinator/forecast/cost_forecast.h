@@ -58,9 +58,9 @@ struct Estimate {
 Estimate WithBand(double value, double low, double high, double log_deviation);
 
 // Forecasts a frame that starts with its first round. In that round each cell gets
-// rule.first_round_samples, or its samples_kept if they are more. deviations: the errors are taken
-// to be this many of the model's standard deviations too high. Requires: cells with samples; a
-// target.
+// rule.first_round_samples, or its samples_kept if they are more. deviations: the distance of the
+// assumed errors from the model's, in its standard deviations; positive means larger errors.
+// Requires: cells with samples; a target.
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations = 0);
 // The state from which a frame continues: the samples of each cell in the next round, the number of

@@ -33,9 +33,8 @@
 
 namespace sheaf::coordinator {
 
-// The pixels along a straight silhouette, averaged over its directions, of whose filter the
-// fraction `emitter` lies beyond the silhouette. width_px: the number of these pixels per pixel of
-// length.
+// Pixels along a straight silhouette, averaged over its directions: those whose filter lies beyond
+// the silhouette by the fraction `emitter`. width_px: their number per pixel of length.
 struct SilhouetteFraction {
   double width_px = 0;
   double emitter = 0;
@@ -58,9 +57,9 @@ class EmitterSilhouettes {
   double LengthPx() const;
   // Adds the errors of silhouettes to those of cells with the given samples per pixel: their
   // variances, and the fraction of their estimated errors that a cell does not share with its tile
-  // (cell_errors.h). deviations: the length is taken to be this many of its standard deviations too
-  // high. random: draws the number of pixels with one hit; null: uses the expected number.
-  // Requires: samples that are multiples of kReplicateCount.
+  // (cell_errors.h). deviations: the distance of the assumed length from its estimate, in its
+  // standard deviations; positive means longer. random: draws the number of pixels with one hit;
+  // null: uses the expected number. Requires: samples that are multiples of kReplicateCount.
   void AddErrors(std::span<const uint64_t> samples, double deviations, std::mt19937_64* random,
                  std::vector<ErrorSums>* cells) const;
 

@@ -50,12 +50,12 @@ struct PilotImage {
   std::vector<double> cpu_seconds_of_tiles;  // Only for images of lattices.
 };
 
-// Plans the next levels of a pilot that costs at most `samples_per_pixel` samples per pixel of the
-// frame, including the levels of `before`, which are rendered already. The first call includes the
-// small image. Large frames get relatively fewer blocks, as they do not need as many pixels. A pair
-// (the same blocks with more samples) is included if it tells more about the rate than the prior
-// over all scenes does. Returns an empty list if further levels would not improve the estimate.
-// frame_seed: that of the frame's settings, for PixelLattice.
+// Plans the next levels of a pilot, at a cost of at most `samples_per_pixel` samples per pixel of
+// the frame. before: the levels that are rendered already; if there are none, the new ones include
+// the small image. Large frames get relatively fewer blocks, as they do not need as many pixels. A
+// pair (the same blocks with more samples) is included if it tells more about the rate than the
+// prior over all scenes does. Returns an empty list if further levels would not improve the
+// estimate. frame_seed: that of the frame's settings, for PixelLattice.
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
                                     uint64_t frame_seed, std::span<const PilotLevel> before);
 

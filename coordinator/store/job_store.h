@@ -70,7 +70,7 @@ struct StoredJob {
   FailureLog failures;
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
-  absl::Duration wall_duration;        // When it last ended; 0 if it has not ended, or if unknown.
+  absl::Duration wall_duration;        // At its last end; 0 if it has not ended, or if unknown.
   std::vector<StoredFrame> delivered;  // Ascending by number.
 };
 

@@ -198,9 +198,9 @@ TEST(CurveStability, StraightCurvesCoverAsCylinders) {
   }
 }
 
-// A curve of type cylinder is lit like one: a light from above lights its upper half. Uniformly
-// across the width (v), the normal turns by v's angle, so the mean over the width is that of cos
-// over [0, pi/2] in even steps of angle, 2/pi, times one half.
+// A curve of type cylinder is lit like a cylinder: a light from above lights its upper half. The
+// normal turns uniformly with v across the width, so the mean over the upper half is that of cos
+// over [0, pi/2], 2/pi.
 TEST(CurveStability, CylinderCurvesShadeAsRound) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   t.scene.camera.kind = CameraDescription::Kind::kOrthographic;

@@ -39,8 +39,8 @@ float Rugged(Vec2f uv, Vec3d p) {
   return 0.15f * std::sin(37 * uv.x + 11 * uv.y) + 0.1f * static_cast<float>(std::sin(9 * p.x));
 }
 
-// Every edge is used equally often in both directions, by positions: there are no cracks, whatever
-// the displacement on the two sides of an edge.
+// Edges, identified by the positions of their ends, are used equally often in both directions:
+// there are no cracks, whatever the displacement on the two sides of an edge.
 TEST(DisplacementStability, ClosedMeshesStayClosed) {
   for (const auto& [rings, sectors] : {std::pair{4, 7}, std::pair{12, 24}, std::pair{3, 90}}) {
     const TriangleMesh globe = MeshOf(Globe({0.3, -0.2, 0.1}, rings, sectors));

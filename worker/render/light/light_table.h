@@ -33,12 +33,14 @@ struct LightSampleOf {
   Vec3f n_light;        // Geometric normal of area lights, zero otherwise.
   Color radiance;       // Arriving, unoccluded; for delta lights intensity / distance^2.
   float pdf =
-      0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
+      // Per solid angle, times the choice probability of this light; for delta lights only the
+      // latter.
+      0;
   bool is_delta = false;  // A point or distant light, or one that rays cannot hit: no MIS.
   bool is_infinite = false;
   uint32_t light = 0;  // Index in the table; for infinite lights that of any one of them.
-  // Only where emission varies: the shape (of SceneDescription) whose alpha cut-out the caller must
-  // still apply, and the texture coordinates at which to evaluate it.
+  // Set only if emission varies: the shape (of SceneDescription) whose alpha cut-out the caller
+  // must still apply, and the texture coordinates at which to evaluate it.
   int32_t cut_out = kNone;
   Vec2f uv;
 };
