@@ -131,7 +131,8 @@ TEST(CryptomatteTest, FullListsLoseNoWeight) {
     EXPECT_EQ(list[0].id, kNoId);
     double sum = 0;
     for (const IdWeight& entry : list) sum += entry.weight;
-    // At a surface alpha is 1, so the ids' weights add up to alpha's sum, here of floats.
+    // At a surface alpha is 1, so the ids' weights add up to the sum of alpha, which is a sum of
+    // floats.
     EXPECT_NEAR(sum, static_cast<double>(tile.channel(FilmChannel::kAlpha)[p]), 1e-3);
   }
   const FrameImage image = Develop(tile);

@@ -81,7 +81,8 @@ TEST(DisplacementStability, NoRayLeavesADisplacedGlobe) {
 
 // A sphere displaced by a constant is a larger sphere, except for the initial deviation of its
 // triangles: an edge of length h is at most h^2 / 8 below the sphere. The longest edge of this
-// globe is the diagonal of pi/64 squared, 0.0694: 0.0006. The same holds for its normals.
+// globe is the diagonal of a square of side pi/64, 0.0694, so it is at most 0.0006 below. The same
+// holds for the normals.
 TEST(DisplacementStability, ConstantDisplacementOfASphereIsALargerSphere) {
   for (const bool has_normals : {false, true}) {
     TriangleMesh globe = MeshOf(Globe({0, 0, 0}, 64, 128));

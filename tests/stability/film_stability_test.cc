@@ -233,7 +233,7 @@ TEST(FilmStabilityTest, C5WindowsSeventyThousandPixelsLong) {
   }
 }
 
-// Hosts finish in any order and with passes of any size; the frame is the same to the bit.
+// Hosts may finish in any order and with passes of any size; the frame is the same to the bit.
 TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
   constexpr PixelRect kWindow{0, 0, 24, 16};
   constexpr uint64_t kSamples = 40;

@@ -91,7 +91,8 @@ TEST(MovingVolumeStability, G2SlowestMotionIsCloseToStatic) {
   }
 }
 
-// V13: rotated as a whole about the camera's axis, with its velocities.
+// V13: the image does not change if the smoke and its velocities are rotated about the camera's
+// axis.
 TEST(MovingVolumeStability, V13MovingSmokeIsRotationInvariant) {
   const auto rendered = [](double degrees) {
     const Matrix4 turn = RotateMatrix(degrees, {0, 0, 1});
