@@ -91,8 +91,8 @@ TEST(MovingVolumeStability, G2SlowestMotionIsCloseToStatic) {
   }
 }
 
-// V13: the image does not change if the smoke and its velocities are rotated about the camera's
-// axis.
+// V13: the image does not change if the whole scene is rotated about the camera's axis, including
+// the smoke and its velocities.
 TEST(MovingVolumeStability, V13MovingSmokeIsRotationInvariant) {
   const auto rendered = [](double degrees) {
     const Matrix4 turn = RotateMatrix(degrees, {0, 0, 1});
