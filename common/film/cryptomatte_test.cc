@@ -34,7 +34,7 @@ FilmOutputs ObjectsAndAssets() {
   return outputs;
 }
 
-// Few ids are frequent and many rare; none without a hit.
+// A few ids are frequent and many are rare; a sample that hits nothing has none.
 OutputSample TestIds(const FilmOutputs& outputs, int32_t x, int32_t y, uint64_t n, float alpha,
                      uint32_t id_count) {
   OutputSample sample(outputs);
@@ -100,8 +100,8 @@ FrameImage Develop(const FilmTile& tile) {
   return image;
 }
 
-// 12 ids fit in a pixel's list; 3000 do not, and then the dropped ids must not depend on the cut
-// either.
+// 12 ids fit in a pixel's list. 3000 do not, and then the dropped ids must not depend on the
+// partition either.
 TEST(CryptomatteTest, AnyPartitionGivesTheSameBits) {
   std::mt19937 random(3);
   for (const uint32_t id_count : {12u, 3000u}) {
@@ -131,7 +131,8 @@ TEST(CryptomatteTest, FullListsLoseNoWeight) {
     EXPECT_EQ(list[0].id, kNoId);
     double sum = 0;
     for (const IdWeight& entry : list) sum += entry.weight;
-    // At a surface alpha is 1, so the ids' weights add up to alpha's sum, here of floats.
+    // At a surface alpha is 1, so the ids' weights add up to the sum of alpha, which is a sum of
+    // floats.
     EXPECT_NEAR(sum, static_cast<double>(tile.channel(FilmChannel::kAlpha)[p]), 1e-3);
   }
   const FrameImage image = Develop(tile);

@@ -17,7 +17,7 @@
 namespace sheaf {
 namespace {
 
-// A tile of one pixel row whose samples come from a function of (x, n).
+// A tile with one row of pixels whose samples are given by a function of (x, n).
 template <typename Sample>
 FilmTile MakeTile(int32_t width, uint64_t count, const Sample& sample) {
   FilmTile tile({0, 0, width, 1}, {0, count});

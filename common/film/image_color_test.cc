@@ -139,9 +139,9 @@ TEST(ImageColorTest, DevelopedColorsAreConvertedSrgb) {
   }
 }
 
-// R, G and B of a sample are correlated. Here they are the same number: the standard error of its
-// multiple is the multiple of its standard error, which no sum of squares over the three errors
-// gives.
+// R, G and B of a sample are correlated. Here they are equal, so the standard error of a multiple
+// is the multiple of the standard error. Adding the squares of the three errors would give another
+// value.
 TEST(ImageColorTest, StandardErrorsComeFromConvertedReplicates) {
   FilmTile tile({0, 0, 1, 1}, {0, 256});
   PixelAccumulator accumulator(&tile);

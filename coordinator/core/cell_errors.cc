@@ -7,7 +7,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Where the values together are less than `total`, what is missing is that of all pixels alike.
+// Adjusts the cells' values to the sum `total`: scales them down if their sum is larger, otherwise
+// distributes the difference evenly over all pixels.
 template <typename ValueOf>
 void RestoreTotal(std::span<ErrorSums> cells, double total, const ValueOf& value_of) {
   double sum = 0, pixel_count = 0;

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// 64 pixels with the same error, but for one with the error `outlier`.
+// 64 pixels with the same error, except one with the error `outlier`.
 ErrorSums CellOf(double error, double outlier) {
   return {64, 63 * error + outlier, 63 * error * error + outlier * outlier};
 }
@@ -21,13 +21,14 @@ TEST(CellErrorsTest, CellsWithFewErrorsUseTheirTile) {
   errors[20] = CellOf(3, 3);
   const std::vector<ErrorSums> before = errors;
   LeanOnTiles(grid, &errors);
-  // The bright pixel is believed by a third; others of its tile may meet it, too.
+  // The cell keeps a third of the bright pixel's error, as other cells of its tile may meet it,
+  // too.
   EXPECT_NEAR(errors[5].sum, 0.47 * before[5].sum, 0.01 * before[5].sum);
   EXPECT_NEAR(errors[6].sum, 1.6 * before[6].sum, 0.05 * before[6].sum);
-  // Errors of many pixels are taken as they are, and tiles do not influence each other.
+  // Cells with many contributing pixels hardly change, and tiles do not affect each other.
   EXPECT_NEAR(errors[20].sum, before[20].sum, 0.03 * before[20].sum);
   EXPECT_NEAR(errors[21].sum, before[21].sum, 0.03 * before[21].sum);
-  for (const size_t first : {0, 16}) {  // Cell of each tile.
+  for (const size_t first : {0, 16}) {  // The first cell of each tile.
     ErrorSums leaning, plain;
     for (size_t i = first; i < first + 16; ++i) {
       leaning.Add(errors[i]);
@@ -42,7 +43,7 @@ TEST(CellErrorsTest, CellsWithoutErrorsKeepNone) {
   std::vector<ErrorSums> errors(4, ErrorSums{64, 0, 0});
   LeanOnTiles(CellGrid({0, 0, 16, 16}, 16, 8), &errors);
   for (const ErrorSums& error : errors) EXPECT_EQ(error.sum, 0);
-  // Nor do tiles of one cell change.
+  // Tiles of one cell do not change either.
   errors = {CellOf(1, 1000), CellOf(1, 1), CellOf(2, 5), CellOf(0, 0)};
   const std::vector<ErrorSums> before = errors;
   LeanOnTiles(CellGrid({0, 0, 16, 16}, 8, 8), &errors);

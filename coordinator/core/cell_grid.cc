@@ -20,7 +20,7 @@ int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px) {
 }
 
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
-  // The image that a frame resumes may have had cells in its tiles.
+  // If a frame resumes an image, the tiles of that image may have been divided into cells.
   const bool distributes = frame.stop.IsActive() || !frame.resumed.sha256_hex.empty();
   return distributes && partition.cell_size_px != 0 ? partition.cell_size_px
                                                     : partition.tile_size_px;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CellGrid: a frame's tiles and their cells (tile_cells.h). A tile is what a worker renders, a cell
-// what has a count of samples of its own: where samples go where they are needed, small cells need
-// fewer, and tiles as small would drown the farm in parts (docs/adr/0042). In other frames each
-// tile is one cell.
+// CellGrid: a frame's tiles and their cells (tile_cells.h). A tile is the unit that a worker
+// renders; a cell is the unit that has its own number of samples. If samples are distributed by
+// error, small cells need fewer samples in total, but tiles of that size would produce too many
+// parts (docs/adr/0042). In other frames each tile is one cell.
 #pragma once
 
 #include <cstdint>
@@ -17,26 +17,27 @@
 
 namespace sheaf::coordinator {
 
-// Cells are as small as this, and larger in frames that would have more than so many.
+// The smallest edge of cells; cells are larger in frames that would have more than kCellsEnough.
 inline constexpr int32_t kCellSizePxMin = 4;
 inline constexpr int64_t kCellsEnough = 4096;
 
-// Whether a tile can be divided into squares of that edge.
+// Whether a tile can be divided into squares of this edge.
 constexpr bool DividesIntoCells(int32_t tile_size_px, int32_t cell_size_px) {
   if (cell_size_px < 1 || tile_size_px % cell_size_px != 0) return false;
   const int64_t edge = tile_size_px / cell_size_px;
   return edge * edge <= kTileCellsMax;
 }
-// The edge of cells in a frame that gets samples where they are needed: tile_size_px, or a part of
-// it, a multiple of kCellSizePxMin. A function of its arguments, so that the image is one.
+// Chooses the edge of cells for a frame whose samples are distributed by error: tile_size_px, or a
+// multiple of kCellSizePxMin that divides it. Depends only on its arguments, so that the image is
+// reproducible.
 int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px);
-// The size of a frame's cells: the tile's where its samples are not distributed among cells.
+// The edge of a frame's cells; that of its tiles if its samples are not distributed by error.
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition);
 
 class CellGrid {
  public:
-  // Requires: window not empty; tile_size_px a multiple of cell_size_px, which makes at most
-  // kTileCellsMax cells of a tile.
+  // Requires: window not empty; tile_size_px a multiple of cell_size_px, with at most kTileCellsMax
+  // cells in a tile.
   CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px);
   CellGrid(const FrameSpec& frame, const Partition& partition)
       : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition)) {}
@@ -44,28 +45,29 @@ class CellGrid {
   int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }
   const std::vector<PixelRect>& tiles() const { return tiles_; }
-  // Tile after tile, within a tile row by row.
+  // Ordered by tile, and row by row within a tile.
   const std::vector<PixelRect>& cells() const { return cells_; }
-  // A tile's cells have numbers from first_cell on.
+  // The number of a tile's first cell; the cells of a tile are numbered consecutively.
   uint32_t first_cell(uint32_t tile) const { return first_cells_[tile]; }
   uint32_t cell_count(uint32_t tile) const { return first_cells_[tile + 1] - first_cells_[tile]; }
   uint32_t TileOf(uint32_t cell) const;
-  // The mask of all of them.
+  // The mask of all cells of a tile.
   uint64_t AllOf(uint32_t tile) const { return ~uint64_t{0} >> (64 - cell_count(tile)); }
 
   std::optional<uint32_t> FindTile(const PixelRect& rect) const;
-  // None where the grid has no such cells.
+  // Returns the mask of these cells of the tile; none if the grid does not have such cells.
   std::optional<uint64_t> MaskOf(uint32_t tile, const TileCells& cells) const;
-  // The same as others name it. Requires: mask has bits, and no others than AllOf.
+  // Inverse of MaskOf. Requires: a mask that is not empty and has no bits outside AllOf.
   TileCells CellsOf(uint32_t tile, uint64_t mask) const;
-  // Distributes each tile's value among its cells by their weights. Requires: weights above 0.
+  // Distributes each tile's value among its cells in proportion to their weights. Requires: weights
+  // above 0.
   std::vector<double> Distribute(std::span<const double> of_tiles,
                                  std::span<const double> weights) const;
 
  private:
   int32_t tile_size_px_, cell_size_px_;
   std::vector<PixelRect> tiles_, cells_;  // Tiles row by row.
-  std::vector<uint32_t> first_cells_;     // One more than tiles.
+  std::vector<uint32_t> first_cells_;     // One more than there are tiles.
 };
 
 }  // namespace sheaf::coordinator

@@ -13,7 +13,7 @@ TEST(CellGridTest, CellSizeGrowsWithTheFrame) {
   EXPECT_EQ(ChooseCellSize({0, 0, 260, 256}, 32), 8);
   EXPECT_EQ(ChooseCellSize({0, 0, 1024, 576}, 32), 16);
   EXPECT_EQ(ChooseCellSize({0, 0, 1920, 1080}, 32), 32);
-  // Cells divide tiles, at most 8 times.
+  // A cell size must divide the tile size, with at most 8 cells along an edge.
   EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 41), 41);
   EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 128), 16);
   EXPECT_EQ(ChooseCellSize({0, 0, 100, 100}, 4), 4);

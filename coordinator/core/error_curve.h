@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ErrorCurve: how an image's error fell, as its file tells it (docs/outputs.md). Without times: a
-// image's file is the same whoever rendered it, and however fast.
+// ErrorCurve: the course of an image's error over its samples, as text in the image's metadata
+// (docs/outputs.md). It contains no times, so that the image's file does not depend on the workers
+// or their speed.
 #pragma once
 
 #include <cstdint>
@@ -20,12 +21,12 @@ inline constexpr char kErrorCurveKey[] = "errorCurve";  // In an image's metadat
 struct ErrorPoint {
   double samples = 0;  // Per pixel, on average.
   double relative_mse = 0;
-  double relative_mse_upper = 0;  // RoundDecision's.
+  double relative_mse_upper = 0;  // See RoundDecision.
 };
 
-// "SAMPLES ERROR UPPER, ..." of the rounds, with six digits.
+// Formats the rounds as "SAMPLES ERROR UPPER, ...", with six digits.
 std::string FormatErrorCurve(std::span<const RoundRecord> rounds, int64_t pixel_count);
-// The points of such a text, to six digits; empty where the text is no such curve.
+// Parses such a text into points with six digits. Returns an empty list if the text is malformed.
 std::vector<ErrorPoint> ParseErrorCurve(absl::string_view text);
 
 }  // namespace sheaf::coordinator

@@ -14,12 +14,12 @@
 namespace sheaf::coordinator {
 namespace {
 
-// As one word of a shell.
+// Quotes the text as one word for a shell.
 std::string Quoted(const std::string& text) {
   const auto is_plain = [](char c) {
     return absl::ascii_isalnum(static_cast<unsigned char>(c)) || absl::StrContains("._/-+#", c);
   };
-  // A name that begins with "-" would be an option, one that begins with "#" a comment.
+  // A name that begins with "-" would be read as an option, one that begins with "#" as a comment.
   const bool plain_start = !text.empty() && text[0] != '-' && text[0] != '#';
   if (plain_start && std::all_of(text.begin(), text.end(), is_plain)) return text;
   const std::string path = absl::StartsWith(text, "-") ? absl::StrCat("./", text) : text;

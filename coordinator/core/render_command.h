@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The command line that renders one tile of a frame again, alone and on one machine: for looking
-// into what failed.
+// The command line that renders one tile of a frame again, on one machine, to investigate a
+// failure.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +13,9 @@
 
 namespace sheaf::coordinator {
 
-// "sheaf render room.pbrt --crop 0,0,32,32 --samples 16 ...": samples [0, sample_count) of the
-// tile, with all that decides its pixels. `scene`: a path as a shell reads it; it is quoted where
-// it has to be.
+// Returns "sheaf render room.pbrt --crop 0,0,32,32 --samples 16 ...", which renders samples
+// [0, sample_count) of the tile with all settings that affect its pixels. scene: the scene's path,
+// unquoted; it is quoted in the result if a shell requires that.
 std::string RenderCommand(const std::string& scene, const FrameSettings& settings,
                           const PixelRect& tile, uint64_t sample_count);
 

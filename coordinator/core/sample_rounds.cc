@@ -14,30 +14,32 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Errors fall at least as those of independent samples do, and no cell is smooth enough for more.
+// The exponent b is at least that of independent samples; no cell is smooth enough for more than
+// kRateMax.
 constexpr double kRateMin = 1, kRateMax = 2;
-// The rate is measured where the round should have lowered the error by this.
+// The rate is measured if the round should have reduced the error by at least this factor.
 constexpr double kRateDropMin = 1.3;
-// A cell's error is taken for at least this share of the frame's: what rarely happens may not have
-// happened in it yet.
+// A cell's error counts as at least this fraction of the frame's, as rare bright samples may not
+// have occurred in it yet.
 constexpr double kCellFractionMin = 0.01;
-// A round aims at this fraction of the target, so that the next look is likely the last.
+// A round aims at this fraction of the target, so that it is likely the last.
 constexpr double kAimFraction = 0.98;
 constexpr int kBisectionSteps = 60;
-// Samples come in steps of one for each replicate, and larger ones where those are small beside
-// what there is: what finer steps save in samples, parts of so many counts cost (docs/adr/0042).
-// First half of the power of two below, up to kStepEnough, and later kStepFraction of it.
+// Samples are added in steps of one per replicate, or in larger steps if that is small relative to
+// the samples: finer steps save less time than the additional parts cost (docs/adr/0042). With the
+// largest power of two not above the number of samples, a step is half of it, up to kStepEnough,
+// and beyond that kStepFraction of it.
 constexpr double kStepEnough = 4 * kReplicateCount, kStepFraction = 1.0 / 8;
 
-// Standard deviations above the estimate for the confidence of a look: the normal distribution has
-// the look's share beyond them.
+// Standard deviations between the estimate and the upper bound in the test after a round: a normal
+// value exceeds them with the probability of a miss in this test.
 double DeviationsOf(int round) {
   const double look = round + 1;
   const double miss = kMissProbability * 6 / (std::numbers::pi * std::numbers::pi * look * look);
   return -NormalQuantile(miss);
 }
 
-// The upper bound of the frame's error, at the confidence of DeviationsOf some round.
+// The upper bound of the frame's error. deviations: from DeviationsOf.
 double UpperBound(const ErrorSums& frame, double deviations) {
   return frame.RelativeMse() + deviations * frame.Deviation();
 }
@@ -48,16 +50,16 @@ double StepAt(double samples) {
       {double{kReplicateCount}, std::min(power / 2, kStepEnough), kStepFraction * power});
 }
 
-// Added to cell i before it is rounded down to steps; in units of a step, in [0, 1). So among equal
-// cells the right number is rounded up.
+// Added to the number of steps of cell i, in [0, 1), before it is rounded down, so that among equal
+// cells the right fraction is rounded up.
 double Dither(size_t i) { return GoldenFraction(i); }
 
-// How samples are shared out, for any number of them.
+// The distribution of samples among cells, as a function of a scale.
 class Allocation {
  public:
   Allocation(std::span<const CellRound> cells, uint64_t samples_max, double rate)
       : cells_(cells), samples_max_(samples_max), rate_(rate) {
-    // Errors of a pixel at one sample, at which they can be compared.
+    // Errors of a pixel at one sample, so that cells are comparable.
     double sum = 0;
     for (const CellRound& cell : cells) {
       weights_.push_back(cell.error.RelativeMse() *
@@ -70,7 +72,7 @@ class Allocation {
     }
   }
 
-  // The samples that pixels of cell i shall have, in steps.
+  // The final samples per pixel of cell i, rounded to steps.
   double Ideal(size_t i, double scale) const {
     const auto now = static_cast<double>(cells_[i].samples);
     const double ideal = scale * weights_[i];
@@ -80,7 +82,7 @@ class Allocation {
     const double step = StepAt(ideal);
     return std::clamp(std::floor(ideal / step + Dither(i)) * step, now, most);
   }
-  // As many as it takes, in however many rounds.
+  // Pixel samples of the frame at their final number, regardless of the limits of a round.
   double IdealPixelSamples(double scale) const {
     double sum = 0;
     for (size_t i = 0; i < cells_.size(); ++i) {
@@ -88,13 +90,13 @@ class Allocation {
     }
     return sum;
   }
-  // The frame's error when all cells have that.
+  // The frame's predicted error with the final samples.
   ErrorSums Foreseen(double scale) const {
     ErrorSums sum;
     for (size_t i = 0; i < cells_.size(); ++i) sum.Add(ErrorAt(i, Ideal(i, scale)));
     return sum;
   }
-  // Within a round.
+  // The samples per pixel of cell i after the next round.
   uint64_t Samples(size_t i, double scale) const {
     return std::min(static_cast<uint64_t>(Ideal(i, scale)), kRoundGrowthMax * cells_[i].samples);
   }
@@ -109,7 +111,7 @@ class Allocation {
   ErrorSums ErrorAt(size_t i, double samples) const {
     return ForeseeError(cells_[i], samples, rate_);
   }
-  // The scale beyond which no cell can get more.
+  // The scale at which all cells have samples_max.
   double ScaleMax() const {
     double scale = 0;
     for (const double weight : weights_) {
@@ -125,9 +127,10 @@ class Allocation {
   std::vector<double> weights_;
 };
 
-// Where `fits`, true up to some scale in [0, high] and false above, changes: the largest scale for
-// which it holds, 0 where it holds for none, and the smallest for which it does not, `high` where
-// it holds for all. Samples come in steps, so errors of the two may differ.
+// Bisection for the scale at which `fits`, which is true up to some scale in [0, high] and false
+// above, changes. largest: the largest scale at which it is true; 0 if there is none. next: the
+// smallest at which it is false; `high` if there is none. Samples are rounded to steps, so errors
+// at the two scales may differ.
 struct Scales {
   double largest = 0, next = 0;
 };
@@ -227,7 +230,7 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
     scale =
         FindScales(scale, [&](double s) { return allocation.PixelSamples(s) <= allowed; }).largest;
   }
-  if (allocation.PixelSamples(scale) <= now) return decision;  // All have samples_max.
+  if (allocation.PixelSamples(scale) <= now) return decision;  // All cells have samples_max.
   ErrorSums next;
   for (size_t i = 0; i < cells.size(); ++i) {
     decision.samples.push_back(allocation.Samples(i, scale));

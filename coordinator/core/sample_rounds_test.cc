@@ -13,7 +13,7 @@ namespace {
 constexpr int64_t kTilePixels = 256;
 constexpr uint64_t kSamplesMax = 1 << 20;
 
-// A cell whose pixels all err by k / n^rate.
+// A cell in which every pixel has the error k / n^rate.
 CellRound CellAt(double k, uint64_t samples, double rate = 1) {
   const double error = k * std::pow(static_cast<double>(samples), -rate);
   const auto count = static_cast<double>(kTilePixels);
@@ -29,7 +29,7 @@ struct Course {
   std::vector<RoundRecord> records;
   int round_count = 0;
 };
-// Renders cells of these errors at one sample until they are done.
+// Renders cells until they are done. ks: their errors at one sample.
 Course RunToTheEnd(const StopRule& rule, const std::vector<double>& ks, double rate = 1,
                    uint64_t samples_max = kSamplesMax) {
   Course run;
@@ -67,7 +67,7 @@ double BoundOverError(const Course& run) {
 }
 
 TEST(SampleRoundsTest, ReachesTheTargetWithFewExtraSamples) {
-  // 1 / n = 0.001 at 1000 samples; what the bound keeps from the estimate comes on top.
+  // 1 / n = 0.001 at 1000 samples, plus some for the confidence.
   const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
   EXPECT_LE(run.last.relative_mse_upper, 1e-3);
@@ -77,7 +77,7 @@ TEST(SampleRoundsTest, ReachesTheTargetWithFewExtraSamples) {
   EXPECT_LE(run.round_count, 5);
 }
 
-// After the first round.
+// Cells after the first round.
 std::vector<CellRound> UnequalCells() {
   std::vector<CellRound> cells;
   for (int i = 0; i < 1000; ++i) {
@@ -86,8 +86,8 @@ std::vector<CellRound> UnequalCells() {
   return cells;
 }
 
-// Samples come in steps of 16; few cells take the next one where little more is needed, and not all
-// that need one sample more.
+// Samples come in steps of 16. If little more is needed, few cells take another step, instead of
+// all of them.
 TEST(SampleRoundsTest, RoundsDoNotOvershoot) {
   const std::vector<CellRound> cells = UnequalCells();
   const double error = SumOf(cells).RelativeMse();
@@ -99,7 +99,7 @@ TEST(SampleRoundsTest, RoundsDoNotOvershoot) {
   }
 }
 
-// Errors of equal cells fall as foretold, so the first look knows where it will end.
+// The errors of equal cells fall as predicted, so the first decision predicts the total.
 TEST(SampleRoundsTest, FirstRoundPredictsTheTotal) {
   const Course course = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0), kRatePrior);
   const double pixel_count = 1000.0 * kTilePixels;
@@ -108,14 +108,14 @@ TEST(SampleRoundsTest, FirstRoundPredictsTheTotal) {
   EXPECT_NEAR(expected / MeanSamples(course), 1, 0.05);
   EXPECT_EQ(static_cast<double>(course.records.back().sample_count_expected) / pixel_count,
             MeanSamples(course));
-  // And the second look does where they fall by a rate of their own.
+  // With another rate, the second decision predicts the total.
   const Course slower = RunToTheEnd(Target(1e-3), std::vector<double>(1000, 1.0));
   const double second = static_cast<double>(slower.records[1].sample_count_expected) / pixel_count;
   EXPECT_NEAR(second / MeanSamples(slower), 1, 0.05);
 }
 
-// At a first look the bound may be far above the estimate for what a few pixels may be. With more
-// samples it comes closer, and a round that aimed at the distance of now would go far too far.
+// In the first test, a few pixels of uncertain error may put the bound far above the estimate. With
+// more samples it comes closer. A round that aimed at the present distance would overshoot by far.
 TEST(SampleRoundsTest, PredictsTheShrinkingBound) {
   std::vector<CellRound> cells = UnequalCells();
   for (CellRound& cell : cells) cell.error.square_sum *= 2000;
@@ -126,7 +126,7 @@ TEST(SampleRoundsTest, PredictsTheShrinkingBound) {
   EXPECT_GT(decision.predicted_relative_mse, 0.78 * target);
 }
 
-// The distance of normal noise does not shrink.
+// With normal noise the distance between bound and estimate does not shrink.
 TEST(SampleRoundsTest, EqualPixelsKeepTheirDeviation) {
   const CellRound now = CellAt(1, kReplicateCount);
   const ErrorSums next = ForeseeError(now, 4 * kReplicateCount, 1.2);
@@ -136,14 +136,14 @@ TEST(SampleRoundsTest, EqualPixelsKeepTheirDeviation) {
 }
 
 TEST(SampleRoundsTest, FasterRatesAreMeasured) {
-  // 1 / n^1.5 = 1e-4 at 464 samples; taken for 1 / n it would continue to 1000 and more.
+  // 1 / n^1.5 = 1e-4 at 464 samples; with a rate of 1 the frame would get 1000 and more.
   const Course run = RunToTheEnd(Target(1e-4), std::vector<double>(1000, 1.0), 1.5);
   EXPECT_EQ(run.last.reason, StopReason::kTargetError);
   EXPECT_GE(MeanSamples(run), 464);
   EXPECT_LE(MeanSamples(run), 530);
 }
 
-// The least sum of samples for an error E is (sum sqrt(k))^2 / E over the cells' mean error k / n.
+// For an error E, the least sum of samples is (sum sqrt(k))^2 / E over cells with the error k / n.
 TEST(SampleRoundsTest, SamplesGoToTheLargestGain) {
   std::vector<double> ks;
   for (int i = 0; i < 500; ++i) {
@@ -155,7 +155,7 @@ TEST(SampleRoundsTest, SamplesGoToTheLargestGain) {
   const double evenly = (16.0 + 1.0) / 2 / kTarget;
   EXPECT_NEAR(MeanSamples(run) / BoundOverError(run) / least, 1.05, 0.05);
   EXPECT_LT(MeanSamples(run), evenly / 1.2);
-  double sums[2] = {};  // By kind: each cell is within a step of its share.
+  double sums[2] = {};  // By kind; each cell is within a step of its ideal number.
   for (size_t i = 0; i < ks.size(); ++i) sums[i % 2] += static_cast<double>(run.samples[i]);
   EXPECT_NEAR(sums[0] / sums[1], 4, 0.3);
 }
@@ -164,7 +164,8 @@ TEST(SampleRoundsTest, ConvergedTilesKeepBeingSampled) {
   std::vector<double> ks(100, 1.0);
   ks[7] = 0;
   const Course run = RunToTheEnd(Target(1e-3), ks);
-  EXPECT_GE(run.samples[7], 80u);  // A tenth of the others' samples: a hundredth of their error.
+  // A tenth of the others' samples, for a hundredth of their error.
+  EXPECT_GE(run.samples[7], 80u);
   EXPECT_LE(run.samples[7], 130u);
 }
 
@@ -187,7 +188,7 @@ TEST(SampleRoundsTest, StopsAtTheSampleLimit) {
   EXPECT_GT(run.last.relative_mse_upper, 1e-9);
 }
 
-// A single pixel that makes the whole error may be luck, so the bound is far above the estimate.
+// A single pixel with all of the error may be luck, so the bound is far above the estimate.
 TEST(SampleRoundsTest, ErrorsOfFewPixelsAreNotTrusted) {
   std::vector<CellRound> cells(100, CellAt(1e-6, 64));
   cells[3].error = {kTilePixels, 1.0, 1.0};
@@ -208,7 +209,7 @@ TEST(SampleRoundsTest, EveryRoundTestsMoreStrictly) {
   }
 }
 
-// A finished frame continues as if the smaller error had been asked for from the beginning.
+// A finished frame continues as if the smaller target had been set from the beginning.
 TEST(SampleRoundsTest, RefinementMatchesAnUninterruptedRun) {
   std::vector<double> ks;
   for (int i = 0; i < 200; ++i) ks.push_back(1 + i % 7);

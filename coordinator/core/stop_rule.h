@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// StopRule: when a frame is good enough.
+// StopRule: the conditions under which a frame is done.
 #pragma once
 
 #include <cstdint>
@@ -12,14 +12,14 @@
 
 namespace sheaf::coordinator {
 
-// Without any of these a frame has FrameSettings::samples in each pixel; with one, at most as many.
-// The limit that is reached first ends the frame.
+// If no limit is set, each pixel gets FrameSettings::samples; otherwise that is the maximum. The
+// frame ends at the first limit that it reaches.
 struct StopRule {
-  double target_error = 0;  // relMSE (FrameError) that the frame shall not exceed; 0: none.
+  double target_error = 0;                             // relMSE (FrameError) to reach; 0: none.
   absl::Duration time_max = absl::InfiniteDuration();  // Wall time, from the frame's first lease.
-  absl::Duration cpu_max = absl::InfiniteDuration();   // CPU time of workers, for the frame.
-  // Samples of a pixel in the first round; more than the usual where a frame without rounds is
-  // refined.
+  absl::Duration cpu_max = absl::InfiniteDuration();   // CPU time of workers for the frame.
+  // Samples per pixel in the first round; more than the default if a frame that was rendered
+  // without rounds is refined.
   uint64_t first_round_samples = kReplicateCount;
 
   // Whether the frame is rendered in rounds (sample_rounds.h).
@@ -30,18 +30,18 @@ struct StopRule {
   friend bool operator==(const StopRule&, const StopRule&) = default;
 };
 
-// The largest target error that is taken.
+// The largest target error that is accepted.
 inline constexpr double kTargetErrorMax = 1e6;
-// The samples that a pixel may get at most where a rule decides and nobody gives a number.
+// The default of the maximum samples per pixel in frames with a rule.
 inline constexpr uint64_t kStoppedSamplesMax = uint64_t{1} << 16;
 
 // How a finished job continues.
 struct Refinement {
   StopRule stop;
-  uint64_t samples = 0;  // Per pixel, at most where there is a rule; 0: as many as before.
+  uint64_t samples = 0;  // Per pixel; the maximum if there is a rule; 0: as before.
 };
 
-// Why a frame has the samples that it has.
+// The limit that ended a frame.
 enum class StopReason { kSamples, kTargetError, kTime, kCpu };
 inline constexpr int kStopReasonCount = 4;
 // Returns "samples", "target-error", "time" or "cpu".

@@ -13,16 +13,16 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Where chance decides, a frame's rounds are played so many times.
+// Number of simulations of a frame's rounds if silhouettes make them random.
 constexpr uint64_t kPlays = 9;
 
-// The errors of a cell as the model has it at `samples`, without those of silhouettes.
+// The model's errors of a cell at `samples`, without those of silhouettes.
 ErrorSums ErrorAt(const ErrorModel& model, const ForecastCell& cell, uint64_t samples,
                   double deviations) {
   const CellRound& measured = cell.measured;
   const double log_growth =
       std::log(static_cast<double>(samples) / static_cast<double>(measured.samples));
-  // Independent: the error where it was measured, and how it falls from there.
+  // Two independent uncertainties: the measured error, and how it falls from there.
   const double log_error = std::hypot(model.log_error_deviation, log_growth * model.rate_deviation);
   const double factor = std::exp(deviations * log_error);
   ErrorSums error = ForeseeError(measured, static_cast<double>(samples), model.rate);
@@ -95,8 +95,8 @@ Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t sa
   if (model.silhouettes.empty()) {
     return PlayRounds(model, rule, samples_max, std::move(start), deviations, nullptr);
   }
-  // Which pixels at silhouettes a round meets is a matter of chance, and a frame stops at the first
-  // round that is lucky, so what is expected of each round does not tell when that is.
+  // Each round meets random pixels of the silhouettes, and a frame stops at the first round that is
+  // lucky, so the expected errors of rounds do not predict when it stops.
   std::vector<Forecast> plays;
   for (uint64_t seed = 0; seed < kPlays; ++seed) {
     std::mt19937_64 random(seed);

@@ -1,14 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CostForecast: what a frame will cost by the time that its error is at a target, from what is
-// known of its cells. It plays the frame's rounds through (sample_rounds.h) with errors as a model
-// gives them, so that what rounds add, their margins and their last steps, is in the price:
+// CostForecast: forecasts the samples and the CPU time that a frame takes to reach a target error,
+// given the measured errors and costs of its cells. It simulates the frame's rounds
+// (sample_rounds.h) with errors from a model, so that the price includes the overhead of rounds:
+// their safety margins and the last, shortened step:
 //
-//     cells, their errors and CPU time > model > DecideRound, again and again > Forecast
+//     errors and CPU time of cells > ErrorModel > DecideRound, repeated > Forecast
 //
-// The model: a cell's squared error falls as 1 / n^b from what it was measured at, with one b for
-// the frame, and a sample of a cell costs what those before it did.
+// The model: a cell's squared error falls as 1 / n^b from its measured value, with one exponent b
+// for the frame, and each further sample of a cell costs as much as its earlier samples.
 #pragma once
 
 #include <cstdint>
@@ -23,53 +24,56 @@ namespace sheaf::coordinator {
 struct ForecastCell {
   CellRound measured;
   double cpu_seconds_per_sample = 0;  // For one sample of each of the cell's pixels.
-  uint64_t samples_kept = 0;          // Per pixel; they exist already and cost nothing.
+  uint64_t samples_kept = 0;          // Per pixel; these samples exist and cost nothing.
 };
 
 struct ErrorModel {
   std::vector<ForecastCell> cells;
   double rate = 1;  // b.
-  // log-normal standard deviation of the frame's error as measured, and of b: what is not known.
+  // Uncertainty of the model: the log-normal standard deviation of the frame's measured error, and
+  // the standard deviation of b.
   double log_error_deviation = 0, rate_deviation = 0;
-  double log_cpu_deviation = 0;         // Deviation of CPU time, for the same samples.
-  EmitterSilhouettes silhouettes = {};  // Their additions to the cells' errors.
+  double log_cpu_deviation = 0;         // Log-normal deviation of the CPU time of given samples.
+  EmitterSilhouettes silhouettes = {};  // Their additional errors, by cell.
 };
 
 struct Forecast {
   double target_error = 0;
-  bool reached = false;  // Before samples_max.
+  bool reached = false;  // Whether the target is reached with at most samples_max.
   double relative_mse = 0;
   double samples = 0;      // Per pixel, on average.
-  double cpu_seconds = 0;  // Beyond what is kept.
+  double cpu_seconds = 0;  // Excludes the samples that are kept.
   int round_count = 0;
 };
 
-// Deviations from the mean within which 8 of 10 values of a normal distribution lie.
+// A normal value lies within this many standard deviations of its mean in 8 of 10 cases.
 inline constexpr double kBandDeviations = 1.2816;
-// A value and its band, in which 8 of 10 lie.
+// A value, and a band that contains the true value in 8 of 10 cases.
 struct Estimate {
   double value = 0, low = 0, high = 0;
 };
-// low and high: as forecast so many deviations below and above. They are spread further by an
-// independent log-normal deviation of the value itself. 0 where the value is.
+// Returns the value with a band. low, high: forecasts at kBandDeviations below and above the value.
+// The band is widened by an independent log-normal deviation of the value itself. All are 0 if the
+// value is 0.
 Estimate WithBand(double value, double low, double high, double log_deviation);
 
-// From the first round on, which has the samples that are kept where these are more. `deviations`:
-// how many of the model's standard deviations the errors lie
-// above it. Requires: cells, with samples, and a target.
+// Forecasts a frame that starts with its first round. In that round each cell gets
+// rule.first_round_samples, or its samples_kept if they are more. deviations: the distance of the
+// assumed errors from the model's, in its standard deviations; positive means larger errors.
+// Requires: cells with samples; a target.
 Forecast ForecastTarget(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                         double deviations = 0);
-// Where a frame continues: the samples of each cell in the round that comes next, that round's
-// number and how the cells were at the end of the one before.
+// The state from which a frame continues: the samples of each cell in the next round, the number of
+// that round, and the state of the cells at the end of the round before it.
 struct ForecastStart {
   int round = 0;
   std::vector<uint64_t> samples;
   std::vector<CellRound> before;
 };
-// The same from there on.
+// Forecasts a frame that continues from `start`; otherwise like ForecastTarget.
 Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,
                       ForecastStart start, double deviations = 0);
-// With so many samples in every pixel.
+// Forecasts a frame with the same number of samples in every pixel, without rounds.
 Forecast ForecastSamples(const ErrorModel& model, uint64_t samples, double deviations = 0);
 
 }  // namespace sheaf::coordinator

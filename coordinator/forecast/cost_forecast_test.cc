@@ -12,7 +12,7 @@ namespace {
 constexpr int64_t kTilePixels = 1024;
 constexpr uint64_t kSamplesMax = 1 << 20;
 
-// Measured at 16 samples, where every pixel errs by `error`.
+// A cell measured at 16 samples, with the same error in every pixel.
 ForecastCell CellOf(double error, double cpu_seconds_per_sample = 1e-3) {
   const auto count = static_cast<double>(kTilePixels);
   return {{kReplicateCount, {kTilePixels, count * error, count * error * error}},
@@ -29,7 +29,7 @@ TEST(CostForecastTest, EasyTargetsCostTheFirstRound) {
   EXPECT_DOUBLE_EQ(forecast.relative_mse, 1.5e-3);
 }
 
-// Errors of 0.16 / (n / 16)^b are at 0.01 with 16^(1 / b) times the samples, and some more for the
+// An error of 0.16 / (n / 16)^b reaches 0.01 with 16^(1 / b) times the samples, plus some for the
 // confidence.
 TEST(CostForecastTest, EqualTilesFollowTheRate) {
   for (const double rate : {1.0, 1.3}) {
@@ -45,7 +45,7 @@ TEST(CostForecastTest, EqualTilesFollowTheRate) {
 }
 
 TEST(CostForecastTest, CostCountsTheSampledTiles) {
-  // Half of the cells are done at once and cost ten times as much a sample.
+  // Half of the cells are done after the first round; their samples cost ten times as much.
   ErrorModel model;
   for (int i = 0; i < 50; ++i) {
     model.cells.push_back(CellOf(1e-6, 1e-2));
@@ -57,14 +57,15 @@ TEST(CostForecastTest, CostCountsTheSampledTiles) {
 }
 
 TEST(CostForecastTest, DeviationsBoundTheCost) {
-  // Unequal, or all would take the next step of sixteen samples at once.
+  // The cells are unequal, since equal ones would all take the next step of sixteen samples at
+  // once.
   ErrorModel model{{}, 1.0, 0.2, 0.05};
   for (int i = 0; i < 100; ++i) model.cells.push_back(CellOf(0.16 * std::exp(0.3 * std::sin(i))));
   const StopRule rule{.target_error = 0.01};
   const double low = ForecastTarget(model, rule, kSamplesMax, -1.28).cpu_seconds;
   const double middle = ForecastTarget(model, rule, kSamplesMax).cpu_seconds;
   const double high = ForecastTarget(model, rule, kSamplesMax, 1.28).cpu_seconds;
-  // At 16 times the samples b adds ln 16 * 0.05 = 0.14 to the 0.2.
+  // At 16 times the samples, the deviation of b contributes ln 16 * 0.05 = 0.14 beside the 0.2.
   EXPECT_NEAR(std::log(high / middle), 1.28 * std::hypot(0.2, 0.139), 0.06);
   EXPECT_NEAR(std::log(middle / low), 1.28 * std::hypot(0.2, 0.139), 0.06);
 }

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The emitters in a pilot's image of one sample a pixel: its layer `emission` (light_path_kind.h),
-// which holds the emission that the camera sees directly, and all light beside it.
+// EmitterColors: separates emitters from their surroundings in a pilot's image with one sample per
+// pixel, using the image's layer `emission` (light_path_kind.h), which holds the emission that the
+// camera sees directly.
 #pragma once
 
 #include <array>
@@ -18,10 +19,11 @@ class EmitterColors {
  public:
   using Color = std::array<double, 3>;  // R, G and B.
 
-  // Requires: the layers of light paths. The image outlives this.
+  // Requires: an image with the layers of light paths. It must outlive this object.
   explicit EmitterColors(const FrameImage& image);
 
-  // Filters with negative lobes give some samples a negative weight, and their pixel the value.
+  // Color in a pixel of the directly visible emission (Seen) or of all light (All). Components are
+  // absolute values, since filters with negative lobes give some samples a negative weight.
   Color Seen(int32_t x, int32_t y) const { return ColorAt(seen_, x, y); }
   Color All(int32_t x, int32_t y) const { return ColorAt(all_, x, y); }
   const PixelRect& window() const { return window_; }

@@ -16,24 +16,27 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The lone hit of a pixel of which the deviation is at least so much is four times what is beside.
+// If a single hit makes at least the fraction kOneHitDeviationMin of a pixel's value, it adds at
+// least this many times (4) the value of the surroundings.
 constexpr double kHitOverBeside = kOneHitDeviationMin / (1 - kOneHitDeviationMin);
-// Pixels of the small image up to this distance that show no emitter are beside a silhouette.
+// Pixels of the small image count as surroundings of a silhouette up to this distance, if they show
+// no emitter.
 constexpr int32_t kBesidePx = 2;
-// Directions of silhouettes, over a quarter turn, and points of the filter across each axis.
+// Number of directions of silhouettes, over a quarter turn, and of filter points along each axis.
 constexpr int kDirectionCount = 8, kFilterPoints = 64;
 constexpr double kOctaveParts = 8;
-// Deviation of a silhouette's length: silhouettes may be curved, and emitters small.
+// Log-normal deviation of a silhouette's length: silhouettes may be curved, and emitters small.
 constexpr double kLengthLogDeviation = 0.2;
-// The fraction of a pixel's error that is believed when it dominates its cell's and samples are
-// distributed.
+// The fraction of a pixel's error that its cell retains if the pixel dominates the cell's error and
+// samples are distributed (cell_errors.h).
 constexpr double kBelievedFraction = 1 / (1 + kLeanPixels);
 
 using Color = EmitterColors::Color;
 
 double Brightest(const Color& color) { return std::ranges::max(color); }
 
-// Mean of the pixels about one that show no emitter of a brightness near that of `lamp`.
+// Mean of the pixels around (x, y) whose emission is much darker than `emitter`; none if there are
+// no such pixels.
 std::optional<Color> Beside(const EmitterColors& seen, int32_t x, int32_t y, const Color& emitter) {
   const PixelRect about = Intersect(
       {x - kBesidePx, y - kBesidePx, x + kBesidePx + 1, y + kBesidePx + 1}, seen.window());
@@ -52,13 +55,13 @@ std::optional<Color> Beside(const EmitterColors& seen, int32_t x, int32_t y, con
   return sum;
 }
 
-// Whether a first round's pixels in which one replicate alone meets an emitter are told apart.
+// Whether a single replicate that meets the emitter stands out in the pixels of a first round.
 bool IsLoneHit(double emitter, double beside) {
   return (emitter - beside) / kReplicateCount > kHitOverBeside * beside;
 }
 
-// The probability that exactly one replicate of a pixel, of so many samples each, meets an emitter
-// that the fraction `lamp` of the pixel's filter sees.
+// The probability that exactly one replicate of a pixel meets an emitter that covers the fraction
+// `emitter` of the pixel's filter.
 double OneHit(double emitter, double samples_of_replicate) {
   const double miss = std::pow(1 - emitter, samples_of_replicate);
   return kReplicateCount * (1 - miss) * std::pow(miss, kReplicateCount - 1);
@@ -66,13 +69,14 @@ double OneHit(double emitter, double samples_of_replicate) {
 
 }  // namespace
 
-// Points of the filter by how far along a direction they lie; what is beyond each is the share of a
-// pixel whose silhouette is there.
+// Sorts the points of the filter by their distance along a direction. The weight beyond a point is
+// the fraction of a pixel whose silhouette passes through that point.
 std::vector<SilhouetteFraction> FractionsBeyondSilhouettes(const FilterDescription& filter) {
   struct Point {
     double distance_px, weight;
   };
-  std::map<int, SilhouetteFraction> fractions;  // By octaves of the share, cut in kOctaveParts.
+  // By octaves of the fraction, each divided into kOctaveParts.
+  std::map<int, SilhouetteFraction> fractions;
   for (int direction = 0; direction < kDirectionCount; ++direction) {
     const double angle = std::numbers::pi / 2 * (direction + 0.5) / kDirectionCount;
     std::vector<Point> points;
@@ -128,7 +132,7 @@ void EmitterSilhouettes::AddStretches(const EmitterColors& image, int32_t shrink
                                       std::span<const ZoomedPilot> zoomed_pilots,
                                       const std::function<size_t(int32_t x, int32_t y)>& cell_of) {
   const PixelRect& window = image.window();
-  // Zoomed pilots tell better.
+  // Zoomed pilots are more accurate where they exist.
   const auto is_close = [&](int32_t x, int32_t y) {
     const PixelRect pixel{x * shrink, y * shrink, (x + 1) * shrink, (y + 1) * shrink};
     return std::ranges::any_of(zoomed_pilots, [&](const ZoomedPilot& zoomed_pilot) {
@@ -181,7 +185,7 @@ void EmitterSilhouettes::AddHits(const Place& place, uint64_t samples, double pi
     const double beside = place.beside[i];
     const double hit = (place.emitter[i] - beside) / static_cast<double>(samples);
     if (!(hit > kHitOverBeside * beside)) continue;
-    // As AddChannelErrors has it where the pixels about are emitter and wall.
+    // As in AddChannelErrors if the neighborhood consists of emitter and background.
     const double value = beside + hit, least = beside * beside + floor_ * floor_;
     const double square = std::max(value * value - hit * hit, 0.25 * value * value);
     error.rare += hit * hit / (square + floor_ * floor_) / 3;

@@ -1,17 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EmitterSilhouettes: the part of the bound of a target (RareHits, error_planes.h) that the
-// silhouettes of emitters in view will add. Silhouettes are lines, and a pilot's sparse blocks meet
-// next to none of their pixels. The pilot's small image crosses them: its layer `emission`
-// (light_path_kind.h) holds the emission that the camera sees directly, and rows and columns a
-// distance s apart that change between emitter and none C times have crossed silhouettes of a
-// length of pi / 4 s C (Cauchy and Crofton). The number of pixels along a silhouette that meet the
-// emitter in one replicate alone follows from the pixel filter:
+// EmitterSilhouettes: predicts the part of a target's upper bound (RareHits, error_planes.h) that
+// is due to the silhouettes of visible emitters. Silhouettes are curves, and a pilot's sparse
+// blocks contain almost none of their pixels. The pilot's small image crosses them: its layer
+// `emission` (light_path_kind.h) holds the emission that the camera sees directly. If rows and
+// columns at a distance s change C times between emitter and background, the silhouettes have a
+// length of pi / 4 s C (Cauchy and Crofton). The pixel filter determines how many pixels along a
+// silhouette meet the emitter in exactly one replicate:
 //
 //     small image > crossings > stretches of silhouette
-//     zoomed pilots of emitters that it may miss (zoomed_pilots.h) > pixels, fraction met
-//     both, samples of their cells > pixels with one hit, its part of their error > RareHits
+//     zoomed pilots of emitters that the small image may miss (zoomed_pilots.h) > pixels, fractions
+//     stretches, pixels, samples of their cells > pixels with one hit and their errors > RareHits
 //
 // Source: Santaló 1976, Integral Geometry and Geometric Probability, chapter I.3.
 #pragma once
@@ -33,8 +33,8 @@
 
 namespace sheaf::coordinator {
 
-// Along a straight silhouette of any direction: the number of pixels, per pixel of its length,
-// whose filter has this fraction beyond it.
+// Pixels along a straight silhouette, averaged over its directions: those whose filter lies beyond
+// the silhouette by the fraction `emitter`. width_px: their number per pixel of length.
 struct SilhouetteFraction {
   double width_px = 0;
   double emitter = 0;
@@ -43,21 +43,23 @@ std::vector<SilhouetteFraction> FractionsBeyondSilhouettes(const FilterDescripti
 
 class EmitterSilhouettes {
  public:
-  EmitterSilhouettes() = default;  // There are none.
-  // small: of one sample a pixel, with the layers of light paths; of the frame made `shrink` times
-  // smaller. mean: the frame's, of R, G and B. window: the frame's. cell_of: of a pixel of the
-  // frame, or a little outside.
+  EmitterSilhouettes() = default;  // No silhouettes.
+  // small: the frame made `shrink` times smaller, with one sample per pixel and the layers of light
+  // paths. mean: the mean of R, G and B over the frame. window: that of the frame. cell_of: returns
+  // the cell of a pixel of the frame, also for pixels slightly outside it.
   EmitterSilhouettes(const FrameImage& small, int32_t shrink,
                      std::span<const ZoomedPilot> zoomed_pilots, double mean,
                      const FilterDescription& filter, const PixelRect& window,
                      const std::function<size_t(int32_t x, int32_t y)>& cell_of);
 
   bool empty() const { return stretches_.empty() && pixels_.empty(); }
-  double LengthPx() const;  // All silhouettes in the small image together.
-  // To the errors of cells that have so many samples: their variances, and of what those pixels are
-  // seen to err by as much as a cell keeps to itself (cell_errors.h). deviations: how many of its
-  // standard deviations the length lies above what is known. random: where given, pixels are met by
-  // chance, otherwise as many as are expected. Requires: multiples of kReplicateCount.
+  // Total length of the silhouettes in the small image, in pixels of the frame.
+  double LengthPx() const;
+  // Adds the errors of silhouettes to those of cells with the given samples per pixel: their
+  // variances, and the fraction of their estimated errors that a cell does not share with its tile
+  // (cell_errors.h). deviations: the distance of the assumed length from its estimate, in its
+  // standard deviations; positive means longer. random: draws the number of pixels with one hit;
+  // null: uses the expected number. Requires: samples that are multiples of kReplicateCount.
   void AddErrors(std::span<const uint64_t> samples, double deviations, std::mt19937_64* random,
                  std::vector<ErrorSums>* cells) const;
 
@@ -73,17 +75,17 @@ class EmitterSilhouettes {
   void AddStretches(const EmitterColors& image, int32_t shrink,
                     std::span<const ZoomedPilot> zoomed_pilots,
                     const std::function<size_t(int32_t x, int32_t y)>& cell_of);
-  // Adds so many pixels that are like one with one hit among so many samples.
+  // Adds the errors of `pixels` pixels in which one of `samples` samples hits the emitter.
   void AddHits(const Place& place, uint64_t samples, double pixels, RareHits* hits,
                std::vector<ErrorSums>* cells) const;
-  // Pixels for each pixel of length in whose samples one replicate alone meets the emitter.
+  // The pixels per pixel of length in which exactly one replicate meets the emitter.
   double OneHitPixels(uint64_t samples) const;
 
   std::vector<Place> stretches_;
-  double stretch_px_ = 0;      // The length of each.
-  std::vector<Pixel> pixels_;  // Those of zoomed pilots.
+  double stretch_px_ = 0;      // Length of each stretch.
+  std::vector<Pixel> pixels_;  // From zoomed pilots.
   std::vector<SilhouetteFraction> fractions_;
-  double floor_ = 0;  // In the denominator of relative errors.
+  double floor_ = 0;  // Added in the denominator of relative errors.
   double log_length_deviation_ = 0;
 };
 

@@ -27,7 +27,7 @@ FilterDescription FilterOf(FilterDescription::Kind kind) {
   return filter;
 }
 
-// A round emitter before a wall, seen at a point of the frame, in pixels.
+// A round emitter in front of a wall, evaluated at a point of the frame, in pixels.
 double Radiance(double x, double y, double radius_px) {
   return std::hypot(x - kEmitterX, y - kEmitterY) < radius_px ? kEmitter : kWall;
 }
@@ -69,7 +69,8 @@ FrameImage Render(const FilterDescription& filter, double radius_px, uint64_t sa
   return image;
 }
 
-// One sample a pixel, of a window; a pixel has so many of the frame's along each side.
+// An image with one sample per pixel of a window; its pixels have an edge of pixel_px pixels of the
+// frame.
 FrameImage RenderSeenLayer(const PixelRect& window, double pixel_px, double radius_px,
                            uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -94,7 +95,7 @@ FrameImage RenderSmall(double radius_px, uint64_t seed) {
   return RenderSeenLayer({0, 0, kSidePx / kShrink, kSidePx / kShrink}, kShrink, radius_px, seed);
 }
 
-// With a zoomed pilot of small emitters.
+// Includes a zoomed pilot if the emitter is small.
 EmitterSilhouettes SilhouettesOf(const FilterDescription& filter, double radius_px, uint64_t seed) {
   const double fraction = std::numbers::pi * radius_px * radius_px / kSidePx / kSidePx;
   std::vector<ZoomedPilot> zoomed_pilots;
@@ -131,8 +132,8 @@ TEST(EmitterSilhouettesTest, EmptyWithoutBrightEmitters) {
   EXPECT_TRUE(EmitterSilhouettes(small, kShrink, {}, kEmitter, {}, kFrame, TileOf).empty());
 }
 
-// The widths that a box's shadow has, over directions: the mean of |cos| + |sin|, 4 / pi. Half of
-// them see more emitter than wall.
+// The widths of a box's shadow, averaged over directions: the mean of |cos| + |sin|, 4 / pi. Half
+// of the pixels contain more emitter than wall.
 TEST(EmitterSilhouettesTest, FractionsMatchAnEdgeAcrossTheFilter) {
   const FilterDescription box = FilterOf(FilterDescription::Kind::kBox);
   double width_px = 0, emitter_px = 0;
@@ -146,7 +147,7 @@ TEST(EmitterSilhouettesTest, FractionsMatchAnEdgeAcrossTheFilter) {
   EXPECT_NEAR(emitter_px, width_px / 2, 0.03);
 }
 
-// The forecast from few samples against the images at full size.
+// Compares the forecast from few samples with images at full size.
 struct ForeseenCase {
   FilterDescription::Kind filter;
   double radius_px;

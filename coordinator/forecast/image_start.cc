@@ -12,14 +12,14 @@
 namespace sheaf::coordinator {
 namespace {
 
-// A statement of an image about itself, and the same as it would be for an image of the frame.
+// A property that an image states in its metadata, and its value in images of the frame.
 struct Claim {
   const char* key;
   std::string wanted;
   const char* what;
 };
 
-// Empty where it is an image of the frame.
+// Empty if the image belongs to the frame.
 std::string WhyNotOf(const FrameSpec& spec, const std::string& numeric_profile,
                      const FrameImage& image) {
   const auto text_of = [&](const char* key) {
@@ -55,7 +55,7 @@ absl::StatusOr<ResumedImage> ResumeImage(FrameImage image, const FrameSpec& spec
   const std::string why_not = WhyNotOf(spec, numeric_profile, image);
   absl::StatusOr<ResumedImage> resumed = ResumedImage::Make(
       std::move(image), s.outputs, ImageColorOf(s.primaries, s.white_balance_k, s.sensor));
-  // Errors of the image itself go first.
+  // Errors in the image itself are reported first.
   if (!why_not.empty() && resumed.ok()) return absl::InvalidArgumentError(why_not);
   return resumed;
 }

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A frame that resumes a delivered image (resumed_image.h): whether the image is of the
-// frame, and what it tells of the frame, for the cost of continuing:
+// A frame that resumes a delivered image (resumed_image.h): checks that the image belongs to the
+// frame, and derives the model for the cost of continuing from the samples and errors in the image:
 //
-//     FrameImage > ResumeImage > ImageStartOf > ErrorModel, whose costs and rate a pilot told
+//     FrameImage > ResumeImage > ImageStartOf > ErrorModel, with costs and rate from a pilot
 #pragma once
 
 #include <string>
@@ -18,18 +18,19 @@
 
 namespace sheaf::coordinator {
 
-// spec: with its frame digest. Errors: kInvalidArgument, which say why a frame of this spec and
-// build cannot resume the image.
+// Prepares the image for continuing. spec: includes the frame digest. Errors: kInvalidArgument,
+// with the reason why a frame of this spec and build cannot resume the image.
 absl::StatusOr<ResumedImage> ResumeImage(FrameImage image, const FrameSpec& spec,
                                          const std::string& numeric_profile);
 
-// The samples and errors of the grid's cells. Errors: kInvalidArgument where pixels of a cell have
-// unequal samples: the image was rendered in tiles or cells of another size.
+// Returns the samples and errors of the grid's cells. Errors: kInvalidArgument if the pixels of a
+// cell have unequal samples, as in an image rendered with other tile or cell sizes.
 absl::StatusOr<std::vector<CellRound>> ImageStartOf(const ResumedImage& resumed,
                                                     const CellGrid& grid);
 
-// The model of the frame from there on: all its pixels are known, emitters and their silhouettes
-// with them. Its costs and its rate stay. Requires: as many cells as the model has.
+// Replaces the errors and samples of the model by those of the image's cells. Errors of emitter
+// silhouettes are removed, as the image includes them. Costs and the rate are kept. Requires: as
+// many cells as the model has.
 void ContinueFrom(const std::vector<CellRound>& cells, ErrorModel* model);
 
 }  // namespace sheaf::coordinator

@@ -23,8 +23,8 @@ FrameSpec MakeSpec() {
   return spec;
 }
 
-// Every pixel is 1 with a standard error of 0.1; its right half has four times the samples, and
-// half the error.
+// Every pixel is 1 with a standard error of 0.1; the right half has four times the samples and half
+// the standard error.
 FrameImage MakeImage() {
   FrameImage image = MakeFrameImage(kWindow, 16, 8);
   const auto set = [&](const std::string& name, auto value_at) {
@@ -55,7 +55,7 @@ TEST(ImageStartTest, CellsHaveTheImagesSamplesAndErrors) {
   ASSERT_EQ(cells->size(), 2u);
   EXPECT_EQ((*cells)[0].samples, 16u);
   EXPECT_EQ((*cells)[1].samples, 64u);
-  // The values' squares are estimated, as are floors of dark pixels: a few hundredths.
+  // The squared values and the floor of dark pixels are estimates, accurate to a few hundredths.
   EXPECT_NEAR((*cells)[0].error.RelativeMse(), 0.01, 0.001);
   EXPECT_NEAR((*cells)[1].error.RelativeMse(), 0.0025, 0.00025);
 }
@@ -75,7 +75,7 @@ TEST(ImageStartTest, CostCountsOnlyMissingSamples) {
   const Forecast more = ForecastTarget(model, {.target_error = 1e-3}, 1 << 16);
   EXPECT_TRUE(more.reached);
   EXPECT_NEAR(more.cpu_seconds, 64e-3 * (2 * more.samples - 16 - 64), 1e-9);
-  // Errors of 0.0063 with 40 samples are at 0.001 with some 240, and some more for the confidence.
+  // An error of 0.0063 at 40 samples reaches 0.001 at some 240, plus some for the confidence.
   EXPECT_GT(more.samples, 150);
   EXPECT_LT(more.samples, 500);
 }

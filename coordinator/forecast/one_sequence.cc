@@ -9,9 +9,10 @@
 namespace sheaf::coordinator {
 namespace {
 
-// By how much errors would have fallen, were they independent, from the point that the last is held
-// against: at least, as from less than a doubling no rate is told; and at most where there is a
-// choice, as rates of short sequences are others.
+// Limits of the factor by which errors of independent samples would have fallen from the earlier
+// point to the last one. The minimum: less than a doubling of samples does not determine a rate.
+// The maximum, which applies if there is a choice: the rates of short sequences differ from those
+// of long ones.
 constexpr double kDropMin = 1.8, kDropMax = 8.5;
 
 double DropOfIndependent(const RoundRecord& before, const RoundRecord& last) {
@@ -28,7 +29,7 @@ double LogDeviation(const ErrorSums& sum) { return sum.Deviation() / sum.Relativ
 
 double GainAt(double rate) { return std::pow(kReplicateCount, rate - 1); }
 
-// The point that the last one is compared with; null where there is none.
+// The point that the last one is compared with; null if there is none.
 const RoundRecord* PointBefore(std::span<const RoundRecord> points) {
   const RoundRecord* before = nullptr;
   for (const RoundRecord& point : points) {

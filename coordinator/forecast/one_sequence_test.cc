@@ -10,8 +10,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-// A point of a curve: errors of cells of 500 pixels each, after so many samples in each cell, that
-// fall at the rate, and are known within a relative standard deviation.
+// A point of an error curve: cells of 500 pixels each, with the given samples. Their errors fall at
+// `rate` and have the relative standard deviation `deviation`.
 RoundRecord Point(const std::vector<uint64_t>& samples, double rate, double deviation) {
   RoundRecord point;
   double noise = 1;
@@ -24,7 +24,7 @@ RoundRecord Point(const std::vector<uint64_t>& samples, double rate, double devi
   return point;
 }
 
-// Doublings to so many samples.
+// A curve of doublings up to `samples`.
 std::vector<RoundRecord> Curve(uint64_t samples, double rate, double deviation) {
   std::vector<RoundRecord> points;
   for (uint64_t n = 16; n <= samples; n *= 2) points.push_back(Point({n, n}, rate, deviation));
@@ -61,7 +61,8 @@ TEST(OneSequenceTest, UsesEarlyPointsIfNeeded) {
 }
 
 TEST(OneSequenceTest, AccountsForCellsThatWereAhead) {
-  // On the way, one cell had all of its samples and the other, with most of the error, few.
+  // At the intermediate point one cell had all of its samples, and the other, with most of the
+  // error, few.
   for (const double rate : {1.0, 1.25}) {
     const std::vector<RoundRecord> points{Point({256, 64}, rate, 0.01),
                                           Point({256, 256}, rate, 0.01)};

@@ -12,27 +12,27 @@
 namespace sheaf::coordinator {
 namespace {
 
-// CPU seconds that a pixel costs without any sample, for the film: as known before, and how well.
+// Prior of the CPU seconds that a pixel costs without samples, for the film, and its deviation.
 constexpr double kIdleSeconds = 5e-8, kIdleDeviation = 3e-8;
-// The frame's mean says as much of a sample's cost in a tile as so many blocks there: costs differ
-// more from tile to tile than within one.
+// The weight, in blocks, of the frame's mean cost in the estimate of a tile's cost. It is small, as
+// costs differ more between tiles than within a tile.
 constexpr double kCostBlocks = 0.4;
-// The weight, in squares of logarithms of errors, of the prior that costs do not grow with errors;
-// and an error that counts as none.
+// The weight, in squared logarithms of errors, of the prior that costs do not depend on errors; and
+// the smallest error of a tile, for its logarithm.
 constexpr double kSlopeSquares = 5, kErrorMin = 1e-30;
 
-// CPU time of images, and their samples.
+// Pixels, samples and CPU time of images.
 struct Cost {
   double pixel_count = 0, samples = 0, cpu_seconds = 0;
 };
 
-// CPU seconds that each pixel of an image costs besides its samples, from one image alone: what
-// a sample's time grows by with the pixels there are to each, which tiles differ in. Drawn to what
-// is known before, as tiles' costs differ too. Source: Draper and Smith 1998, Applied Regression
-// Analysis, chapters 1 and 9.
+// Estimates the CPU seconds per pixel that do not depend on its samples from single images of
+// lattices: the slope of the CPU time per sample over the number of pixels per sample, which
+// differs between tiles. The estimate is drawn toward the prior, as tiles also differ for other
+// reasons. Source: Draper and Smith 1998, Applied Regression Analysis, chapters 1 and 9.
 double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotImage> pilot) {
   struct Point {
-    double weight, x, y;  // Samples, pixels of each and seconds of each.
+    double weight, x, y;  // Samples; pixels per sample; seconds per sample.
   };
   std::vector<Point> points;
   double weight = 0, x_mean = 0, y_mean = 0;
@@ -68,8 +68,9 @@ double IdleCostOfTiles(std::span<const PixelRect> tiles, std::span<const PilotIm
   return std::max(0.0, (slope * precision + kIdleSeconds * prior) / (precision + prior));
 }
 
-// The same, whether a pixel has samples or not: for the film and for what goes with a part. It is
-// little in an image and much in a pilot. The two of a pair have the same, and tell it best.
+// Estimates the CPU seconds that each pixel costs, with or without samples, for the film and for
+// the overhead of parts. They matter little in an image, but much in a pilot. The two images of a
+// pair have the same overhead, so they determine it best.
 double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotImage> pilot) {
   std::map<int32_t, std::map<uint64_t, Cost>> levels;  // By stride and samples.
   for (const PilotImage& image : pilot) {
@@ -93,10 +94,11 @@ double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotImage>
                           : std::max(0.0, idle_seconds) / pixel_count;
 }
 
-// CPU seconds of a sample of a pixel in each cell, of which pilots tell the mean over a tile. Where
-// tiles that err more take longer, as where there is smoke in some and nothing in others, so do
-// cells: with the power of the error that the regression over tiles has, drawn to none where they
-// tell little. Source: Draper and Smith 1998, Applied Regression Analysis, chapter 1.
+// Distributes the mean cost of a sample in each tile, which pilots measure, among the tile's cells.
+// If tiles with larger errors are slower, for example those that contain smoke, so are cells: the
+// cost is taken to be a power of the error. The exponent follows from a regression over tiles and
+// is drawn toward 0 if tiles tell little. Source: Draper and Smith 1998, Applied Regression
+// Analysis, chapter 1.
 std::vector<double> CpuOfCells(const CellGrid& grid, std::span<const double> seconds_of_tiles,
                                std::span<const double> errors) {
   const auto tile_count = static_cast<uint32_t>(grid.tiles().size());

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The cost of a sample of a frame, from the CPU time of a pilot's images.
+// Estimates the CPU time of a frame's samples from the CPU time of a pilot's images.
 #pragma once
 
 #include <span>
@@ -11,18 +11,20 @@
 
 namespace sheaf::coordinator {
 
-// The time of a sample of sparse blocks over that of one of an image, for which neighbors have
-// filled the caches: the median of eight scenes; 1 to 20 % more by scene.
+// The CPU time of a sample in sparse blocks over that of a sample in a full image, where
+// neighboring pixels have filled the caches: the median of eight scenes, which range from 1 to 20 %
+// more.
 inline constexpr double kSparseCost = 1.06, kSparseLogDeviation = 0.06;
 
 struct CpuModel {
   std::vector<double> seconds;  // For one sample of a pixel, by cell.
-  double log_deviation = 0;     // The frame's cost, for the choice of blocks and kSparseCost.
+  // Deviation of the frame's cost, due to the choice of blocks and to kSparseCost.
+  double log_deviation = 0;
 };
 
-// By images of lattices alone: the small one comes first, and threads take longer in their first
-// milliseconds, with cold caches. errors: relMSE of each cell, as far as it is known. Requires: as
-// FitErrorModel.
+// Fits the model to images of lattices only. The small image is ignored, as it is rendered first,
+// and threads are slower in their first milliseconds, with cold caches. errors: the estimated
+// relMSE of each cell. Requires: as for FitErrorModel.
 CpuModel FitCpu(const CellGrid& grid, std::span<const PilotImage> pilot,
                 std::span<const double> errors);
 

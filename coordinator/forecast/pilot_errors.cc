@@ -11,18 +11,18 @@
 namespace sheaf::coordinator {
 namespace {
 
-// How logarithms of errors of blocks vary, known before, as is the share of it that is within a
-// cell; and how many blocks that knowledge is worth.
+// Prior variance of the logarithms of blocks' errors, and the weight of this prior and of
+// WithinFraction in blocks.
 constexpr double kBlockLogVariance = 1.4, kVarianceFreedom = 10;
-// That fraction: .04 to .5 in squares of 8 pixels, .14 to .61 in 16, .31 to .74 in 32 (eight
-// scenes).
+// Prior of the fraction of that variance within squares of this size: .04 to .5 for 8 pixels, .14
+// to .61 for 16, .31 to .74 for 32 (eight scenes).
 double WithinFraction(int32_t size_px) {
   return std::min(0.8, 0.55 * std::pow(size_px / 32.0, 0.57));
 }
-// A cell's error is taken for at least this share of the frame's.
+// A block's error counts as at least this fraction of the mean error.
 constexpr double kPilotCellFractionMin = 0.05;
 
-// The i-th of a sequence whose members, any number of them, have a normal distribution.
+// The i-th value of a sequence of which any number of values are normally distributed.
 double NormalValue(size_t i) { return NormalQuantile(GoldenFraction(i)); }
 
 // Sums of the logarithms of blocks' errors.
@@ -41,7 +41,7 @@ struct LogSums {
 struct Variances {
   double in_cell = 0, of_cells = 0, of_tiles = 0;
 };
-// Sources of variance by the nested analysis; Searle 1971, Linear Models, chapter 10.
+// Estimates the components of variance by nested analysis; Searle 1971, Linear Models, chapter 10.
 Variances FitVariances(const CellGrid& grid, const std::vector<LogSums>& cells,
                        const std::vector<LogSums>& tiles, const LogSums& all) {
   const double total = (all.Squares() + kVarianceFreedom * kBlockLogVariance) /
@@ -62,8 +62,9 @@ Variances FitVariances(const CellGrid& grid, const std::vector<LogSums>& cells,
   return variances;
 }
 
-// Logarithms of cells over the mean of all, up to a constant: what is expected of a tile, and of a
-// cell in it, from the blocks that they have, and a draw of what is not known of each.
+// Logarithms of the cells' errors relative to the mean, up to a constant: the expected values of
+// tiles and of cells within them, given their blocks, plus a random draw of the remaining
+// uncertainty.
 // Source: Henderson 1975, "Best Linear Unbiased Estimation and Prediction under a Selection Model".
 std::vector<double> PredictLogs(const CellGrid& grid, const std::vector<LogSums>& cells,
                                 const Variances& variances, double mean) {
@@ -98,7 +99,7 @@ PilotErrors FitCellErrors(const CellGrid& grid, std::span<const PilotBlock> bloc
   for (const PilotBlock& block : blocks) all.Add(block.error);
   const double least = kPilotCellFractionMin * all.RelativeMse();
   std::vector<LogSums> log_cells(cells.size()), log_tiles(grid.tiles().size());
-  std::vector<double> pixel_counts(cells.size());  // That blocks have.
+  std::vector<double> pixel_counts(cells.size());  // Pixels of the blocks in each cell.
   LogSums log_all;
   for (const PilotBlock& block : blocks) {
     const double value = std::log(std::max(block.error.RelativeMse(), least));

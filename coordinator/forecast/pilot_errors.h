@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Errors of cells from the few blocks that a pilot has (pilot_model.h), most cells without any.
+// Estimates the errors of all cells from the few blocks of a pilot (pilot_model.h); most cells
+// contain no block.
 #pragma once
 
 #include <cstddef>
@@ -14,19 +15,20 @@
 namespace sheaf::coordinator {
 
 struct PilotBlock {
-  size_t cell = 0;  // That its middle lies in.
+  size_t cell = 0;  // The cell that contains the block's center.
   ErrorSums error;
 };
 
 struct PilotErrors {
-  std::vector<double> of_cells;  // Squared and relative, of a pixel of each, on average.
-  // Mean square of a pixel's error over the square of its cell's mean.
+  std::vector<double> of_cells;  // Mean relative squared error of a pixel, by cell.
+  // Mean square of a pixel's error over the square of its cell's mean error.
   double square_ratio = 1;
 };
 
-// The cells have the mean of all blocks, and what rounds save by giving samples where they are
-// needed depends on how unequal they are. So where little is known of a cell it does not get the
-// mean of all, nor its tile's, but is drawn from what it may be. Requires: blocks with pixels.
+// Estimates the errors of cells, scaled so that their mean is the mean over all blocks. The savings
+// of rounds, which give more samples to cells with larger errors, depend on how unequal the errors
+// are. So a cell with few blocks is not assigned the mean of all cells or of its tile, but a draw
+// from the distribution of its possible errors. Requires: blocks with pixels.
 PilotErrors FitCellErrors(const CellGrid& grid, std::span<const PilotBlock> blocks);
 
 }  // namespace sheaf::coordinator

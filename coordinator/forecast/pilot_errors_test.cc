@@ -24,7 +24,7 @@ double MeanOf(const std::vector<double>& errors, uint32_t first, uint32_t count)
   return sum / count;
 }
 
-// Two cells of each tile have a block, of the error of the tile.
+// Two cells of each tile have a block with the tile's error.
 std::vector<PilotBlock> BlocksOf(const std::vector<double>& errors_of_tiles) {
   std::vector<PilotBlock> blocks;
   for (uint32_t tile = 0; tile < errors_of_tiles.size(); ++tile) {
@@ -35,7 +35,7 @@ std::vector<PilotBlock> BlocksOf(const std::vector<double>& errors_of_tiles) {
   return blocks;
 }
 
-// Most cells have no block; what costs more there, or less, goes with what the tile has.
+// Most cells have no block; their errors must follow those of their tile.
 TEST(PilotErrorsTest, CellsWithoutBlocksUseTheirTile) {
   std::vector<double> tiles(Grid().tiles().size());
   for (size_t i = 0; i < tiles.size(); ++i) tiles[i] = i % 3 == 0 ? 0.2 : 0.02;
@@ -62,9 +62,9 @@ TEST(PilotErrorsTest, FrameErrorIsTheBlockMean) {
   EXPECT_NEAR(MeanOf(errors.of_cells, 0, 1024), sum / static_cast<double>(blocks.size()), 1e-12);
 }
 
-// Where half of a frame has no error, as a sky, the other half's cells are not taken to be of many
-// orders of magnitude: by how much samples can be shared out goes with the mean of roots, here
-// .71 of the root of the mean.
+// If half of a frame has no error, such as a sky, the cells of the other half must not be assumed
+// to vary by many orders of magnitude. The saving of distributed samples depends on the mean of the
+// square roots of errors, here .71 of the root of the mean.
 TEST(PilotErrorsTest, ErrorFreeBlocksDoNotAddSpread) {
   std::vector<double> tiles(Grid().tiles().size());
   for (size_t i = 0; i < tiles.size(); ++i) tiles[i] = i < 32 ? 0 : 0.1;

@@ -19,24 +19,24 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The samples per pixel at which errors of all blocks are stated.
+// The errors of all blocks are converted to this number of samples per pixel.
 constexpr uint64_t kBaseSamples = kReplicateCount;
 constexpr uint64_t kPairSamples = kPilotSamplesMax;
 static_assert(kPilotSamples <= kReplicateCount);
-// The fraction of the price that goes into the small image, and the most pixels that it has.
+// The fraction of the pilot's samples for the small image, and its maximum number of pixels.
 constexpr double kMeanFraction = 0.1, kMeanPixelsMax = 1 << 14;
-// The fraction of the rest that goes into a pair, if it has so many blocks: fewer tell less of the
-// rate than is known before.
+// The fraction of the remaining samples for a pair, if they suffice for kPairBlocksMin blocks;
+// fewer blocks tell less about the rate than its prior does.
 constexpr double kPairFraction = 0.5, kPairBlocksMin = 200;
-// More blocks than these tell nothing that matters.
+// More blocks than this do not improve the estimate noticeably.
 constexpr double kBlocksEnough = 1 << 12;
 constexpr double kPilotRateMin = 0.9, kPilotRateMax = 1.8;
-// Square of what blocks deviate by from their mean, over it, as known before; and how many blocks
-// that is worth. Where few pixels have most of the error, few blocks show none of them.
+// Prior of the squared relative deviation of blocks from their mean, and its weight in blocks. If
+// few pixels have most of the error, a few blocks may contain none of them.
 constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
 constexpr int kBootstrapCount = 200;
 
-// The samples of all of a block's pixels together.
+// Number of samples of all pixels of a block.
 double BlockSamples(uint64_t samples) {
   const PixelLattice lattice{kPixelStrideMin};
   return lattice.SamplesPerPixel(samples) * lattice.stride_px * lattice.stride_px;
@@ -55,7 +55,7 @@ class CellFinder {
     for (size_t i = 0; i < cells.size(); ++i) by_corner_[{cells[i].y0, cells[i].x0}] = i;
   }
   size_t Find(int32_t x, int32_t y) const {
-    // Cells are rows of equal height, cut alike.
+    // Cells form rows of equal height, all divided alike.
     auto row = by_corner_.upper_bound({y, std::numeric_limits<int32_t>::max()});
     SHEAF_CHECK(row != by_corner_.begin());
     const int32_t y0 = std::prev(row)->first.first;
@@ -64,7 +64,7 @@ class CellFinder {
     return cell->second;
   }
 
-  // Also of pixels a little outside of the frame.
+  // Also accepts pixels slightly outside the frame.
   size_t Nearest(int32_t x, int32_t y) const {
     const PixelRect all = window();
     return Find(std::clamp(x, all.x0, all.x1 - 1), std::clamp(y, all.y0, all.y1 - 1));
@@ -78,7 +78,7 @@ class CellFinder {
   std::map<std::pair<int32_t, int32_t>, size_t> by_corner_;
 };
 
-// Cores of a lattice's blocks, as far as they are in the window; row by row.
+// The parts within the window of the cores of a lattice's blocks, row by row.
 std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& window) {
   const int32_t stride = lattice.stride_px;
   std::vector<PixelRect> cores;
@@ -94,9 +94,9 @@ std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& win
   return cores;
 }
 
-// The frame's mean, of places that are independent: pixels of the small image, and blocks. Held
-// against the mean of the blocks alone, where an emitter is in view and no block shows it, errors
-// are ten times those of the image.
+// The frame's mean, over independent places: the pixels of the small image, and the blocks. With
+// the mean of the blocks alone, errors would be ten times too large if an emitter is visible but in
+// no block.
 double FitMean(std::span<const PilotImage> pilot) {
   double sum = 0, places = 0;
   for (const PilotImage& image : pilot) {
@@ -113,8 +113,8 @@ double FitMean(std::span<const PilotImage> pilot) {
 std::vector<PilotBlock> BlocksOf(const PilotImage& pilot, const CellFinder& cells, double mean) {
   const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.image.window);
   const ErrorPlanes planes(pilot.image);
-  RareHits ignored;  // Few of the frame's; EmitterSilhouettes has them.
-  // Up to one sample in each replicate they are independent.
+  RareHits ignored;  // Only those of blocks; EmitterSilhouettes predicts the frame's.
+  // Up to one sample per replicate, samples are independent.
   const double growth =
       static_cast<double>(std::min(pilot.level.samples, kBaseSamples)) / kBaseSamples;
   std::vector<PilotBlock> blocks;
@@ -127,8 +127,8 @@ std::vector<PilotBlock> BlocksOf(const PilotImage& pilot, const CellFinder& cell
   return blocks;
 }
 
-// Relative, of the mean error over all pixels: a ratio over blocks of unequal sizes.
-// Source: Cochran 1977, Sampling Techniques, sec. 9A.2.
+// Relative deviation of the mean error over all pixels: that of a ratio over blocks of unequal
+// sizes. Source: Cochran 1977, Sampling Techniques, sec. 9A.2.
 double LogDeviationOf(const std::vector<PilotBlock>& blocks) {
   ErrorSums all;
   for (const PilotBlock& block : blocks) all.Add(block.error);
@@ -148,7 +148,7 @@ struct Rate {
   double value = kRatePrior, deviation = kRatePriorDeviation;
 };
 
-// pairs: summed errors of a block, as at kBaseSamples and at kPairSamples.
+// pairs: the error sums of each block at kBaseSamples and at kPairSamples.
 Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
   const double log_growth = std::log(static_cast<double>(kPairSamples) / kBaseSamples);
   const auto rate_of = [&](const auto& index_of) {
@@ -160,7 +160,7 @@ Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
     return low > 0 && high > 0 ? std::log(low / high) / log_growth : kRatePrior;
   };
   if (pairs.size() < 8) return {};
-  // Efron 1979, "Bootstrap Methods: Another Look at the Jackknife".
+  // Bootstrap: Efron 1979, "Bootstrap Methods: Another Look at the Jackknife".
   std::mt19937_64 random(pairs.size());
   double sum = 0, square_sum = 0;
   for (int i = 0; i < kBootstrapCount; ++i) {
@@ -204,7 +204,7 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
       left -= levels.back().SamplesPerPixel();
     }
   }
-  // Images of one lattice and one number of samples would be the same.
+  // Two images of the same lattice with the same samples would be equal.
   PixelLattice single{StrideFor(BlockSamples(kPilotSamples), left, frame_pixel_count), frame_seed};
   if (levels.size() > 1 && single.stride_px == lattice.stride_px) ++single.stride_px;
   if (single.stride_px < finest) levels.push_back({single, kPilotSamples});
@@ -259,8 +259,8 @@ ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotImage> pilot
   model.rate = rate.value;
   model.rate_deviation = rate.deviation;
   model.log_error_deviation = LogDeviationOf(blocks);
-  // Means over few blocks of unequal error are more often below the true mean than above it: by so
-  // much in the median, if their logarithms have a normal distribution.
+  // The mean over a few blocks of unequal error is usually below the true mean. If logarithms of
+  // errors are normal, the median is below it by this factor.
   const double skew = std::exp(model.log_error_deviation * model.log_error_deviation / 2);
   const CpuModel cpu = FitCpu(grid, pilot, errors.of_cells);
   model.log_cpu_deviation = cpu.log_deviation;

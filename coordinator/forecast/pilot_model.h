@@ -1,14 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// From a pilot to an ErrorModel. A pilot is a frame rendered at few of its pixels (PixelLattice) at
-// the samples of a first round, some of them with more, so that it can be told how their errors
-// fall; and the whole frame made small, for its mean, against which dark pixels' errors are held,
-// and for the silhouettes of emitters, which blocks do not meet:
+// Fits an ErrorModel to a pilot. A pilot renders a few pixels of a frame (PixelLattice) with the
+// samples of a first round, and some of them with more samples, which shows how fast errors fall.
+// It also renders the whole frame at a small size. The small image gives the mean, which bounds the
+// relative errors of dark pixels, and the silhouettes of emitters, which blocks miss:
 //
-//     images of the pilot > errors of their blocks > errors of cells, rate b > ErrorModel
-//     the small image > mean, EmitterSilhouettes                                       >
-//     zoomed pilots of small emitters > EmitterSilhouettes                               >
+//     images of lattices > errors of blocks > errors of cells, rate b > ErrorModel
+//     small image > mean, EmitterSilhouettes                                     >
+//     zoomed pilots of small emitters > EmitterSilhouettes                       >
 #pragma once
 
 #include <map>
@@ -26,19 +26,20 @@
 
 namespace sheaf::coordinator {
 
-// Samples per pixel of a pilot: in most blocks, and at most; powers of two. Errors of 8 samples,
-// one in each of 8 replicates, are twice those of the 16 of a first round, and twice as many pixels
-// tell more. Errors of 4 samples are 1.1 times too high in two of seven scenes, those of 2 up to
-// twice: too little is known then of the pixels' true values.
+// Samples per pixel in most of a pilot's blocks, and the maximum; powers of two. Errors at 8
+// samples, one in each of 8 replicates, are twice those at the 16 samples of a first round, but
+// twice as many pixels give a better estimate. Errors at 4 samples are overestimated by 1.1 times
+// in two of seven scenes, those at 2 samples by up to 2 times: the true values of pixels are then
+// too uncertain.
 inline constexpr uint64_t kPilotSamples = 8;
 inline constexpr uint64_t kPilotSamplesMax = 4 * uint64_t{kReplicateCount};
 
 // One image of a pilot.
 struct PilotLevel {
   PixelLattice lattice;
-  uint64_t samples = kPilotSamples;  // Per pixel that is rendered.
-  int32_t shrink = 1;  // More: all pixels of the frame made so many times smaller, and no lattice.
-  // Its samples, spread over all pixels of the frame.
+  uint64_t samples = kPilotSamples;  // Per rendered pixel.
+  int32_t shrink = 1;  // Above 1: the whole frame, this many times smaller, without a lattice.
+  // The level's samples divided by the pixels of the frame.
   double SamplesPerPixel() const {
     return lattice.SamplesPerPixel(samples) / (1.0 * shrink * shrink);
   }
@@ -46,25 +47,27 @@ struct PilotLevel {
 struct PilotImage {
   PilotLevel level;
   FrameImage image;
-  std::vector<double> cpu_seconds_of_tiles;  // Only where the image is of a lattice.
+  std::vector<double> cpu_seconds_of_tiles;  // Only for images of lattices.
 };
 
-// The levels of a pilot that costs at most `samples_per_pixel` of all of a frame's pixels, where
-// those of `before` are there. The first has the small image. Blocks are fewer in large frames,
-// which do not need so many pixels; a pair, of the same blocks with more samples, is there where it
-// tells more than what is known of all scenes. Empty where more would not tell more. frame_seed: of
-// the frame's settings, as PixelLattice has it.
+// Plans the next levels of a pilot, at a cost of at most `samples_per_pixel` samples per pixel of
+// the frame. before: the levels that are rendered already; if there are none, the new ones include
+// the small image. Large frames get relatively fewer blocks, as they do not need as many pixels. A
+// pair (the same blocks with more samples) is included if it tells more about the rate than the
+// prior over all scenes does. Returns an empty list if further levels would not improve the
+// estimate. frame_seed: that of the frame's settings, for PixelLattice.
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
                                     uint64_t frame_seed, std::span<const PilotLevel> before);
 
-// The CPU time of each of the frame's tiles, from a pilot's metadata. Errors: kDataLoss where they
-// have another number of tiles.
+// Reads the CPU time of each of the frame's tiles from a pilot's metadata. Errors: kDataLoss if the
+// number of tiles differs.
 absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
     const std::map<std::string, std::string>& metadata, size_t tile_count);
 
-// filter: the scene's. zoomed_pilots: of emitters that the small image may miss. Requires: images
-// of one frame, one of a lattice with the least samples among them; those of lattices with the CPU
-// time of all tiles; pairs of one lattice; the small one with the layers of light paths.
+// Fits the model. filter: that of the scene. zoomed_pilots: those of emitters that the small image
+// may miss. Requires: images of the same frame, at least one of them of a lattice with the fewest
+// samples; the CPU time of all tiles in images of lattices; pairs with equal lattices; the layers
+// of light paths in the small image.
 ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotImage> pilot,
                          std::span<const ZoomedPilot> zoomed_pilots,
                          const FilterDescription& filter);

@@ -14,7 +14,7 @@ namespace {
 constexpr PixelRect kWindow{0, 0, 320, 256};
 constexpr int32_t kTileSizePx = 32;
 
-// The frame made small, of this mean.
+// The small image of a frame, with this mean.
 PilotImage MakeSmall(const PilotLevel& level, float mean) {
   const int32_t width = kWindow.x1 / level.shrink, height = kWindow.y1 / level.shrink;
   FilmOutputs outputs;
@@ -26,8 +26,8 @@ PilotImage MakeSmall(const PilotLevel& level, float mean) {
   return pilot;
 }
 
-// Pixels of value 1 whose variances at 16 samples are as `variance` says, fall as 1 / n^rate from
-// there on and as 1 / n before, and are estimated with 15 degrees of freedom.
+// Pixels have the value 1 and the variance `variance` at 16 samples. Variances fall as 1 / n^rate
+// above 16 samples and as 1 / n below, and are estimated with 15 degrees of freedom.
 template <typename Variance>
 PilotImage MakePilot(const PilotLevel& level, double rate, uint64_t seed,
                      const Variance& variance) {
@@ -51,7 +51,7 @@ PilotImage MakePilot(const PilotLevel& level, double rate, uint64_t seed,
     }
   }
   for (const PixelRect& tile : CutTiles(kWindow, kTileSizePx)) {
-    // 10 us a sample, more where it is alone, and 1 ms a part.
+    // 10 us per sample, more for an isolated one, and 1 ms per part.
     pilot.cpu_seconds_of_tiles.push_back(
         1e-3 +
         1e-5 * kSparseCost * static_cast<double>(level.lattice.SampleCountIn(tile, level.samples)));
@@ -106,32 +106,31 @@ TEST(PilotModelTest, FurtherPilotsUseNewBlocks) {
 
 TEST(PilotModelTest, FitsErrorRateAndCost) {
   for (const double rate : {1.0, 1.25}) {
-    // A part of so high a price goes into a pair.
+    // A pilot of this size spends a part of its samples on a pair.
     const ErrorModel model = FitOf(
         rate, [](int32_t, int32_t) { return 0.04; }, 8);
     EXPECT_NEAR(model.rate, rate, 3 * model.rate_deviation);
     EXPECT_LT(model.rate_deviation, 0.05);
     // 0.04 / (1 + 0.1^2) at 16 samples.
     EXPECT_NEAR(ForecastSamples(model, 16).relative_mse, 0.0396, 3 * 0.0396 * 0.05);
-    // Without what parts cost besides.
+    // Excludes the overhead of parts.
     EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.1);
   }
-  // No part of a low one does.
+  // A small pilot has no pair.
   EXPECT_GT(FitOf(
                 1.0, [](int32_t, int32_t) { return 0.04; }, 0.4)
                 .rate_deviation,
             0.05);
 }
 
-// A pilot of a small frame has no pair, and its parts cost a fifth of what they take besides
-// samples.
+// A pilot of a small frame has no pair, and the overhead of its parts is a fifth of its cost.
 TEST(PilotModelTest, FitsThePerTileCost) {
   const ErrorModel model = FitOf(
       1, [](int32_t, int32_t) { return 0.04; }, 0.4);
   EXPECT_NEAR(ForecastSamples(model, 100).cpu_seconds / (1e-3 * 320 * 256), 1, 0.05);
 }
 
-// More means of few unequal blocks are below the true mean than above; quotes are not.
+// The mean of a few unequal blocks is usually below the true mean, but quotes must not be.
 TEST(PilotModelTest, QuotesAreMedianUnbiased) {
   int low = 0;
   constexpr int kFrames = 200;
@@ -153,8 +152,9 @@ TEST(PilotModelTest, QuotesAreMedianUnbiased) {
   EXPECT_NEAR(low, kFrames / 2, 20);
 }
 
-// An emitter that no block shows makes the frame's mean ten times theirs, and errors of dark pixels
-// are held against a tenth of it: all of 1 + 1^2, not of 1 + 0.1^2.
+// An emitter that is in no block makes the frame's mean ten times that of the blocks. The
+// denominator of dark pixels' errors includes a tenth of the frame's mean: it is 1 + 1^2 instead of
+// 1 + 0.1^2.
 TEST(PilotModelTest, DarkPixelsUseTheFrameMean) {
   const auto error = [](float mean) {
     const ErrorModel model = FitOf(
@@ -164,8 +164,7 @@ TEST(PilotModelTest, DarkPixelsUseTheFrameMean) {
   EXPECT_NEAR(error(10) / error(1), 1.01 / 2, 0.1);
 }
 
-// Between images that differ in what is said of their light alone: emitters in view, or bright
-// walls.
+// Compares images that differ only in the source of their light: visible emitters, or bright walls.
 TEST(PilotModelTest, EmitterSilhouettesRaiseTheCost) {
   const auto variance = [](int32_t, int32_t) { return 0.01; };
   std::vector<PilotImage> pilot;
@@ -195,22 +194,22 @@ TEST(PilotModelTest, EmitterSilhouettesRaiseTheCost) {
 }
 
 TEST(PilotModelTest, FitsDifferentTiles) {
-  // So many that every tile has a block.
+  // Enough blocks that every tile contains one.
   const ErrorModel model = FitOf(
       1, [](int32_t x, int32_t) { return x < 160 ? 0.001 : 0.1; }, 2.0);
   const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
   for (size_t i = 0; i < tiles.size(); ++i) {
     const double error = model.cells[i].measured.error.RelativeMse();
     if (tiles[i].x1 <= 160) {
-      EXPECT_LT(error, 0.04) << i;  // Blocks may reach into a neighbour by a third.
+      EXPECT_LT(error, 0.04) << i;  // A block may extend into a neighbor by a third.
     } else {
       EXPECT_NEAR(error, 0.099, 0.05) << i;
     }
   }
 }
 
-// Rounds save by giving samples where they are needed: with tiles all alike, those would seem to
-// cost what even samples do.
+// Rounds save time by giving more samples to tiles with larger errors. If all tiles were assumed to
+// be alike, rounds would seem to cost as much as equal samples for all.
 TEST(PilotModelTest, UncertainTilesDiffer) {
   const ErrorModel model = FitOf(
       1,
@@ -228,7 +227,7 @@ TEST(PilotModelTest, UncertainTilesDiffer) {
   EXPECT_NEAR(std::sqrt(square_sum / count - sum * sum / count / count), 0.9, 0.3);
 }
 
-// A mean over hundreds of estimates with 15 degrees of freedom has 2 / 15 of variance each.
+// The mean of hundreds of estimates, each with 15 degrees of freedom and so a variance of 2 / 15.
 TEST(PilotModelTest, ReportsItsUncertainty) {
   const ErrorModel even = FitOf(1, [](int32_t, int32_t) { return 0.04; });
   EXPECT_LT(even.log_error_deviation, 0.08);
@@ -246,7 +245,7 @@ TEST(PilotModelTest, CpuTimesCoverAllTilesOrNone) {
   for (const char* text : {"", "0.5 2", "0.5 2 1 1", "0.5 x 1"}) {
     EXPECT_TRUE(absl::IsDataLoss(times(text).status())) << text;
   }
-  EXPECT_TRUE(absl::IsDataLoss(TileCpuSecondsOf({}, 3).status()));  // From an older coordinator.
+  EXPECT_TRUE(absl::IsDataLoss(TileCpuSecondsOf({}, 3).status()));  // As from an older coordinator.
 }
 
 }  // namespace

@@ -13,15 +13,16 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Log-normal deviation of CPU time for the same work: processors share caches, memory and clocks.
+// Log-normal deviation of the CPU time for the same work: processors share caches, memory and
+// clocks.
 constexpr double kCpuLogDeviation = 0.1;
-// Decisions that differ by less than this share of all samples are the same for the price.
+// Decisions that differ by less than this fraction of all samples count as the same.
 constexpr double kSameFraction = 0.05;
 
-// Which cells are priced as one, by index; each has one at least.
+// The indices of the cells in each group, which are priced together; no group is empty.
 using Groups = std::vector<std::vector<size_t>>;
 
-// Cells with the same samples and errors stand together.
+// Puts cells with the same samples and errors into one group.
 Groups GroupCells(const std::vector<CellRound>& cells) {
   std::vector<size_t> order(cells.size());
   std::iota(order.begin(), order.end(), size_t{0});
@@ -62,7 +63,7 @@ RoundRecord Grouped(const RoundRecord& round, const Groups& groups) {
   return grouped;
 }
 
-// The frame with groups for cells.
+// The same frame with groups in place of cells.
 FinishedFrame Grouped(const FinishedFrame& frame) {
   const Groups groups = GroupCells(frame.rounds.back().cells);
   FinishedFrame grouped{frame.had_rule, frame.first_round_samples, {}, {}, frame.cpu_seconds};
@@ -77,7 +78,8 @@ FinishedFrame Grouped(const FinishedFrame& frame) {
   return grouped;
 }
 
-// b as it was seen between the first and the last round, and as it is expected, by what each tells.
+// Combines the rate b measured between the first and the last round with its prior, by their
+// precisions.
 void FitRate(const std::vector<RoundRecord>& rounds, ErrorModel* model) {
   model->rate = kRatePrior;
   model->rate_deviation = kRatePriorDeviation;
@@ -125,7 +127,7 @@ bool NearlySame(const std::vector<uint64_t>& samples, const RoundRecord& round) 
   return difference <= kSameFraction * sum;
 }
 
-// Where the frame continues; none where it is good enough.
+// The state from which the frame continues; none if it has reached the target.
 std::optional<ForecastStart> StartOf(const FinishedFrame& frame, const StopRule& rule,
                                      uint64_t samples_max) {
   const size_t first = frame.had_rule ? 0 : frame.rounds.size() - 1;
@@ -143,7 +145,7 @@ std::optional<ForecastStart> StartOf(const FinishedFrame& frame, const StopRule&
   return std::nullopt;
 }
 
-// The forecast of one frame as it is.
+// The forecast for a frame that needs no more samples.
 Forecast AsItIs(const FinishedFrame& frame, double target_error) {
   const std::vector<CellRound>& last = frame.rounds.back().cells;
   const ErrorSums sum = SumOf(last);
@@ -154,7 +156,7 @@ Forecast AsItIs(const FinishedFrame& frame, double target_error) {
   return forecast;
 }
 
-// Pixel samples beyond those that are kept.
+// Pixel samples to render, in addition to the existing ones.
 double SamplesMore(const FinishedFrame& frame, const Forecast& forecast) {
   if (forecast.cpu_seconds <= 0) return 0;
   const std::vector<CellRound>& last = frame.rounds.back().cells;
@@ -162,13 +164,13 @@ double SamplesMore(const FinishedFrame& frame, const Forecast& forecast) {
   return forecast.samples * static_cast<double>(SumOf(last).pixel_count) - kept;
 }
 
-// Frames of groups, with their models.
+// A frame of groups, and its model.
 using ModelledFrame = std::pair<FinishedFrame, ErrorModel>;
 
 RefinementPrice PriceOf(const std::vector<ModelledFrame>& frames, size_t frame_count,
                         double target_error, uint64_t samples_max, int32_t priority,
                         const FarmLoad& load) {
-  // At the band's ends and in its middle: low, value, high.
+  // The ends of the band and its middle, in the order low, value, high.
   constexpr double kDeviations[] = {-kBandDeviations, 0, kBandDeviations};
   double errors[3] = {}, samples[3] = {}, cpu_seconds[3] = {};
   double samples_more = 0;  // Summed over all pixels.

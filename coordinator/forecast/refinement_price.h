@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The cost of refining a finished frame until its error is at a target. Its rounds tell what a
-// pilot would (pilot_model.h), but of all pixels: the errors of its cells, how they fell, and the
-// cost of a sample of each cell. The frame continues where ReplayRounds would let it, and from
-// there its rounds are played through:
+// Estimates the cost of refining a finished frame until its error reaches a target. The frame's
+// rounds contain the data that a pilot would provide (pilot_model.h), but for all pixels: the
+// errors of its cells, how they fell, and the cost of a sample of each cell. The frame continues at
+// the point that ReplayRounds chooses, and its rounds are simulated from there:
 //
-//     rounds, CPU time of cells > where the new rule differs > ErrorModel > ForecastFrom > price
+//     rounds, CPU time of cells > first differing decision > ErrorModel > ForecastFrom > price
 #pragma once
 
 #include <cstdint>
@@ -18,37 +18,38 @@
 
 namespace sheaf::coordinator {
 
-// Cells of more are priced in groups of cells that are alike.
+// Frames with more cells are priced in groups of similar cells.
 inline constexpr size_t kPriceGroupsMax = 64;
-// Frames of a job that are priced, evenly over its range.
+// At most this many frames of a job are priced, evenly spaced over its range.
 inline constexpr size_t kPricedFramesMax = 3;
-// Targets of one call.
+// Largest number of targets in one call.
 inline constexpr size_t kPricedTargetsMax = 32;
 
-// A frame that is delivered.
+// A delivered frame.
 struct FinishedFrame {
-  // Whether `rounds` were decided by a rule; else they are points of its curve, and it goes on from
-  // the last.
+  // Whether a stop rule decided `rounds`. Otherwise they are the points of the frame's error curve,
+  // and the frame continues from the last of them.
   bool had_rule = false;
-  uint64_t first_round_samples = kReplicateCount;  // As its rule has it.
+  uint64_t first_round_samples = kReplicateCount;  // That of its stop rule.
   std::vector<RoundRecord> rounds;                 // With cells; at least one.
-  // CPU time of all samples of each cell; empty where its parts are not kept, and all of them must
-  // be rendered again.
+  // CPU time of all samples of each cell. Empty if the frame's parts are deleted, so that all
+  // samples must be rendered again.
   std::vector<double> cpu_seconds_of_cells;
-  double cpu_seconds = 0;  // For the frame.
+  double cpu_seconds = 0;  // CPU time of the whole frame.
 };
 
 struct RefinementPrice {
   double target_error = 0;
-  bool reached = false;        // With the samples that are allowed.
-  Estimate relative_mse;       // In the end; this and the next as means over frames.
-  Estimate samples_per_pixel;  // In the end, those included that are there.
-  Estimate cpu_seconds;        // For all frames, beyond the samples that exist.
-  Estimate wall_seconds;       // With the farm's other jobs; 0 where there are no threads.
+  bool reached = false;        // Whether the allowed samples suffice.
+  Estimate relative_mse;       // Final; this and the next are means over frames.
+  Estimate samples_per_pixel;  // Final, including existing samples.
+  Estimate cpu_seconds;        // For all frames; excludes existing samples.
+  Estimate wall_seconds;       // Includes the farm's other jobs; 0 if there are no threads.
 };
 
-// frames: some of a job's frame_count, evenly over its range. samples_max: of a pixel. priority:
-// the job's. Requires: frames, and targets above 0.
+// Prices the refinement of a job for each target. frames: some of the job's frame_count frames,
+// evenly spaced over its range. samples_max: per pixel. priority: that of the job. Requires: at
+// least one frame; targets above 0.
 std::vector<RefinementPrice> PriceRefinement(std::span<const FinishedFrame> frames,
                                              size_t frame_count,
                                              std::span<const double> target_errors,

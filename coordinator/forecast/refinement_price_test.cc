@@ -13,7 +13,7 @@ constexpr uint64_t kSamplesMax = uint64_t{1} << 20;
 constexpr double kSecondsPerPixelSample = 1e-6;
 constexpr int64_t kTilePixels = 1024;
 
-// Cell i of a frame whose errors fall as 1 / n, unequally noisy.
+// Cell i of a frame with unequal errors that fall as 1 / n.
 CellRound CellAt(size_t i, uint64_t samples) {
   const double error = (0.1 + 0.2 * static_cast<double>(i % 10)) / static_cast<double>(samples);
   const auto pixels = static_cast<double>(kTilePixels);
@@ -24,7 +24,7 @@ double SecondsOf(const std::vector<CellRound>& cells) {
   return kSecondsPerPixelSample * PixelSamples(cells);
 }
 
-// The frame rendered in rounds, as Farm does.
+// Renders the frame in rounds, as Farm does.
 FinishedFrame RenderTo(double target, size_t cell_count) {
   FinishedFrame frame;
   frame.had_rule = true;
@@ -66,7 +66,7 @@ TEST_P(RefinementPriceTest, IsTheFullCostMinusExistingSamples) {
   }
 }
 
-// In groups of cells where there are many.
+// The larger number of cells is priced in groups.
 INSTANTIATE_TEST_SUITE_P(Cells, RefinementPriceTest, ::testing::Values(24, 1000));
 
 TEST(RefinementPriceOfOneTest, IsZeroForConvergedFrames) {
@@ -93,7 +93,7 @@ TEST(RefinementPriceOfOneTest, ContinuesFrameWithoutRounds) {
   for (const CellRound& cell : end.cells) frame.cpu_seconds_of_cells.push_back(SecondsOf({cell}));
   const double beyond = RenderTo(1e-3, 24).cpu_seconds - frame.cpu_seconds;
   const RefinementPrice price = PriceOf(frame, 1e-3, 0);
-  // Errors are expected to fall a little faster than these do.
+  // The prior expects errors to fall a little faster than these do.
   EXPECT_NEAR(price.cpu_seconds.value, beyond, 0.3 * beyond);
   EXPECT_GT(price.cpu_seconds.high, beyond);
   EXPECT_EQ(price.wall_seconds.value, 0);

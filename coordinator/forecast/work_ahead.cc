@@ -36,7 +36,7 @@ double WorkAhead::CpuSeconds(const WorkLeft& own) const {
   const auto index_of = [&](const WorkLeft& job) {
     return std::upper_bound(jobs_.begin(), jobs_.end(), job, Before) - jobs_.begin();
   };
-  // Those before `done` are done first; those from there to `end` get as many samples as `own`.
+  // Jobs before `done` are completed first; those from there to `end` get as many samples as `own`.
   const Sums& done = before_[index_of(own)];
   WorkLeft last_equal = own;
   last_equal.sample_count = std::numeric_limits<double>::infinity();

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// WorkAhead: what a farm does before a job is done. The scheduler serves jobs of higher priority
-// first, and gives those of equal priority equal numbers of pixel samples (scheduler.h). So all of
-// the first kind is done before the job is, and of each of the second kind as many samples as the
-// job has itself, where it has as many:
+// WorkAhead: the CPU time that a farm spends on other jobs before a given job is done. The
+// scheduler serves jobs of higher priority first, and gives jobs of equal priority equal numbers of
+// pixel samples (scheduler.h). So jobs of higher priority are completed before the job is, and each
+// job of equal priority gets as many samples as the job itself, or all that it has left:
 //
 //     WorkLeft of live jobs > WorkAhead > CpuSeconds / threads that are used = wall time
 #pragma once
@@ -20,16 +20,16 @@ namespace sheaf::coordinator {
 class WorkAhead {
  public:
   WorkAhead() = default;
-  // jobs: live ones that do not wait for a person, in any order.
+  // jobs: the live jobs that do not wait for a user, in any order.
   explicit WorkAhead(std::vector<WorkLeft> jobs);
 
-  // CPU time, seconds, that goes into the jobs by the time that `own` is done. It may be one of
-  // them, or a part of one, and is then counted. Samples of unknown cost are taken to cost what
-  // those of `own` do.
+  // Returns the CPU time, in seconds, that the farm spends on `jobs` until `own` is done. `own` may
+  // be one of them, or a part of one, and is then included. Samples of unknown cost are assumed to
+  // cost as much as those of `own`.
   double CpuSeconds(const WorkLeft& own) const;
 
  private:
-  // Sums over the jobs up to one.
+  // Sums over the first jobs of `jobs_`.
   struct Sums {
     double cpu_seconds = 0;             // For all their samples.
     double cpu_seconds_per_sample = 0;  // For one sample of each.
@@ -38,17 +38,17 @@ class WorkAhead {
   };
 
   std::vector<WorkLeft> jobs_;  // By descending priority, then by ascending sample_count.
-  std::vector<Sums> before_;    // Sums over the jobs before each, and over all.
+  std::vector<Sums> before_;    // Sums over the jobs before each one, and last over all jobs.
 };
 
-// A farm for those who ask when a job would be done on it.
+// The load of a farm, for estimates of when a job would be done.
 struct FarmLoad {
-  double threads_used = 0;  // Sum over threads of the share of their time that samples get.
+  double threads_used = 0;  // Sum over threads of the fraction of time spent on samples.
   WorkAhead ahead;
 };
 
-// The wall time of work that is none of the farm's jobs yet; 0 where there are no threads or
-// nothing is to be done.
+// Returns the wall time of work that has not been submitted to the farm; 0 if there are no threads
+// or there is no work.
 Estimate WallSeconds(const Estimate& cpu_seconds, double sample_count, int32_t priority,
                      const FarmLoad& load);
 

@@ -34,7 +34,7 @@ TEST(WorkAheadTest, UnknownCostsAreAssumedEqual) {
   EXPECT_DOUBLE_EQ(WorkAhead({{3, 20, 0}, {0, 1000, 0}, {0, 4, 0}}).CpuSeconds(kOwn), 10 + 50 + 2);
 }
 
-// The sums are those of a loop over all jobs.
+// Compares the sums with those of a loop over all jobs.
 TEST(WorkAheadTest, ManyJobsAreSummed) {
   std::mt19937 random(5);
   const auto draw = [&](int values) { return static_cast<int>(random() % values); };

@@ -13,13 +13,14 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Pixels of a zoomed pilot that are this fraction of its brightest or more show the emitter.
+// Pixels of a zoomed pilot show the emitter if they have at least this fraction of the brightest
+// pixel's value.
 constexpr double kEmitterFraction = 0.5;
-// A zoomed pilot has at least this many pixels across the bounds of an emitter, if it need not be
-// enlarged beyond the limit.
+// Minimum number of pixels of a zoomed pilot across the bounds of an emitter, unless this exceeds
+// kZoomedPilotScaleMax.
 constexpr int32_t kAcrossPx = 16;
 
-// Pixels of the frame whose middle is less than the filter's radius from a point.
+// The pixels of the frame whose center is within the filter's radius of a point.
 PixelRect ReachOf(double x, double y, const FilterDescription& filter) {
   const auto first = [](double from) { return static_cast<int32_t>(std::ceil(from - 0.5)); };
   const auto rx = static_cast<double>(filter.radius_x_px);
@@ -34,7 +35,7 @@ double WeightAt(const FilterDescription& filter, double x_px, double y_px) {
                    FilterValue(filter, std::fabs(y_px) / ry, ry));
 }
 
-// The sum over all points of a zoomed pilot's grid that a pixel's filter reaches.
+// The filter's sum over all points of a zoomed pilot's grid that it reaches.
 double WeightSum(const FilterDescription& filter, int32_t scale) {
   const auto count = [&](float radius_px) {
     return static_cast<int32_t>(std::ceil(radius_px)) * scale;
@@ -71,7 +72,7 @@ std::vector<ZoomedRegion> ChooseZoomedRegions(std::span<const PixelRect> emitter
   std::vector<ZoomedRegion> chosen;
   double samples = 0;
   for (const ZoomedRegion& place : places) {
-    // Another emitter close by is seen in the same image.
+    // An image that is chosen already may include this emitter.
     const bool is_seen = std::ranges::any_of(chosen, [&](const ZoomedRegion& other) {
       return !Intersect(place.rect, other.rect).IsEmpty();
     });

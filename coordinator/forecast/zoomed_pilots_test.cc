@@ -17,7 +17,7 @@ using testing::ElementsAre;
 constexpr PixelRect kFrame{0, 0, 100, 80};
 constexpr float kEmitter = 500, kWall = 0.5F;
 
-// A round emitter before a wall.
+// A round emitter in front of a wall.
 ZoomedPilot ZoomedPilotOf(double x, double y, double radius_px, const PixelRect& rect,
                           int32_t scale = 4) {
   FilmOutputs outputs;
@@ -51,7 +51,7 @@ TEST(ZoomedPilotsTest, SmallestEmittersComeFirstWithinTheBudget) {
   EXPECT_THAT(ChooseZoomedRegions(emitters, kFrame, 8, all - 1), ElementsAre(corner, middle));
 }
 
-// As those of the two triangles of a square.
+// Like the emitters of the two triangles of a square.
 TEST(ZoomedPilotsTest, AdjacentEmittersShareARegion) {
   const std::vector<PixelRect> emitters = {{50, 50, 52, 52}, {50, 50, 52, 52}, {52, 50, 54, 52}};
   EXPECT_THAT(ChooseZoomedRegions(emitters, kFrame, 8, 1e9),
@@ -65,7 +65,7 @@ TEST(ZoomedPilotsTest, RegionCountIsLimited) {
   EXPECT_EQ(ChooseZoomedRegions(emitters, kFrame, 8, 1e9).size(), kZoomedPilotsMax);
 }
 
-// Filters add up to 1 over the pixels that see a point, so shares do to the emitter's area.
+// The filters that reach a point add up to 1, so the fractions add up to the emitter's area.
 TEST(ZoomedPilotsTest, FractionsSumToTheEmitterArea) {
   const double radius_px = 1.2;
   const ZoomedPilot zoomed_pilot = ZoomedPilotOf(40.3, 30.6, radius_px, {38, 28, 43, 33});

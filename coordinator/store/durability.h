@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Durability: how long what a store has lasts. Also when the machine loses its power, or, where
-// nobody will come back for it (a farm of one in a temporary folder), as long as the process, which
-// spares what disks wait for.
+// Durability: whether a store's data survives a loss of power, or only lasts as long as the
+// process. The latter avoids waiting for disk flushes where the data is not needed later, as in a
+// single-machine farm in a temporary folder.
 #pragma once
 
 namespace sheaf::coordinator {

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// JobStore: the coordinator's durable state. A change for which a call returned OK survives kill -9
-// and power loss (in a store that is Durability::kPowerLoss), so that an acknowledgement sent after
-// it is true.
+// JobStore: the coordinator's durable state. Once a call has returned OK, its change survives kill
+// -9 and, in a store of Durability::kPowerLoss, power loss. So an acknowledgement that is sent
+// afterwards holds.
 #pragma once
 
 #include <cstdint>
@@ -39,13 +39,13 @@ struct PartRow {
 struct DeliveredFrame {
   std::string image_digest;
   double relative_mse = 0;
-  double flip = 0;                // Estimated mean (flip_estimate.h); 0 where it cannot be told.
-  double one_sequence_gain = 0;   // OneSequenceGain, of frames without a stop rule.
-  double relative_mse_upper = 0;  // RoundDecision's; 0 where the frame was not rendered in rounds.
+  double flip = 0;                // Estimated mean (flip_estimate.h); 0 if it is unknown.
+  double one_sequence_gain = 0;   // See OneSequenceGain; for frames without a stop rule.
+  double relative_mse_upper = 0;  // See RoundDecision; 0 if the frame was not rendered in rounds.
   StopReason stop_reason = StopReason::kSamples;
   uint64_t sample_count = 0;  // Pixel samples.
   uint32_t tile_count = 0;
-  uint32_t unreliable_tile_count = 0;         // Tiles with errors that are not reliable.
+  uint32_t unreliable_tile_count = 0;         // Tiles with unreliable error estimates.
   std::vector<LayerCount> unreliable_layers;  // The causes (rare_layers.h).
   absl::Duration wall_duration;
   ResultCost cost;  // Sums over its parts.
@@ -65,33 +65,33 @@ struct StoredJob {
   JobSpec spec;
   std::string request_id;
   JobPhase phase = JobPhase::kLive;
-  bool paused = false;  // Only live jobs are.
+  bool paused = false;  // Only a live job can be paused.
   std::string failure;
   FailureLog failures;
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
-  absl::Duration wall_duration;        // As it last ended; 0 where it has not, or is not known.
+  absl::Duration wall_duration;        // At its last end; 0 if it has not ended, or if unknown.
   std::vector<StoredFrame> delivered;  // Ascending by number.
 };
 
 // Thread safety: all members may be called concurrently.
-// Errors of every writing call: kResourceExhausted (disk full), kUnavailable (other trouble of the
-// disk); then nothing has changed.
+// Errors of every writing call: kResourceExhausted (disk full), kUnavailable (other disk errors).
+// After an error nothing has changed.
 class JobStore {
  public:
   virtual ~JobStore() = default;
 
   // All jobs, ascending by id.
   virtual absl::StatusOr<std::vector<StoredJob>> LoadJobs() = 0;
-  // The parts of a job, of which each has its bytes on disk. Rows without bytes are removed and
-  // counted in rows_lost; bytes without row are removed silently, for nobody was told of them.
+  // Returns the parts of a job whose bytes are on disk. Rows without bytes are removed and counted
+  // in rows_lost. Bytes without a row are removed silently, as no call has acknowledged them.
   struct LoadedParts {
     std::vector<PartRow> rows;
     int64_t rows_lost = 0;
   };
   virtual absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) = 0;
 
-  // Stores a job under a new id, or finds the one that has the request_id already.
+  // Stores a job under a new id, or finds the existing job with this request_id.
   struct CreatedJob {
     uint64_t job_id = 0;
     bool is_new = false;
@@ -101,25 +101,25 @@ class JobStore {
   virtual absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) = 0;
   virtual absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                               absl::Time end_time, absl::Duration wall) = 0;
-  // Replaces what is stored of the job's failures.
+  // Replaces the job's stored failures.
   virtual absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) = 0;
-  // Ending a job ends its pause too.
+  // A job that ends is no longer paused.
   virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
   virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;
 
-  // Writes the bytes, then the row. Errors: kAlreadyExists where the key has a row.
+  // Writes the bytes, then the row. Errors: kAlreadyExists if the key has a row.
   virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
   virtual absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) = 0;
   // The rows of one tile, ascending by first sample.
   virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                              const PixelRect& tile) = 0;
-  // The CPU time of a tile's parts that are kept.
+  // CPU time of the stored parts of a tile.
   struct TileCost {
     PixelRect tile;
     absl::Duration cpu_duration;
   };
   virtual absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) = 0;
-  // Errors: kNotFound; kDataLoss where the bytes do not have the row's digest.
+  // Errors: kNotFound; kDataLoss if the bytes do not match the row's digest.
   virtual absl::StatusOr<std::string> ReadPart(const PartRow& row) = 0;
   virtual absl::Status RemovePart(const PartRow& row) = 0;
   // Removes rows, then bytes.
@@ -129,16 +129,16 @@ class JobStore {
   virtual absl::StatusOr<std::string> OutputPath(const FrameId& frame) = 0;
   virtual absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) = 0;
 
-  // Writes down what a round decided, before anybody works on the next one. Nothing happens where
-  // the frame has the round already.
+  // Stores the decision at the end of a round, before any work on the next round starts. Does
+  // nothing if the frame already has this round.
   virtual absl::Status AddRound(const FrameId& frame, const RoundRecord& round) = 0;
-  // The rounds of all frames of a job, ascending by frame and round.
-  // Without cells, `cells` and samples_next are empty.
+  // The rounds of all frames of a job, ascending by frame and round. If !with_cells, `cells` and
+  // samples_next are empty.
   virtual absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) = 0;
   // The rounds of one frame, with cells.
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
-  // Continues a job that has ended: these frames of it are no longer delivered, and have new rules,
+  // Continues a job that has ended: marks these frames as not delivered, and replaces their rules,
   // samples and rounds.
   struct ReopenedFrame {
     FrameSpec spec;
@@ -146,15 +146,15 @@ class JobStore {
   };
   virtual absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) = 0;
 
-  // The frame that has been delivered for longest and still has parts; none where there is none.
+  // The frame that was delivered first among those that still have parts; none if there is none.
   virtual absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() = 0;
 
-  // Writes what is of no use, and removes it, to find out whether the disk takes writes (again).
+  // Writes and removes some dummy data, to test whether the disk accepts writes (again).
   virtual absl::Status Probe() = 0;
 
-  // Bytes of all parts on disk.
+  // Size of all parts on disk, in bytes.
   virtual uint64_t PartsBytes() const = 0;
-  // The first lease id of this life; no earlier life has used it or a later one.
+  // The first lease id of this run of the coordinator; no earlier run has used it or a larger one.
   virtual uint64_t FirstLeaseId() const = 0;
 };
 

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// All that the layers of the page are made from.
+// The channels from which the layers of the web page are computed.
 const std::vector<std::string>& Channels() {
   static const std::vector<std::string> channels = {"R",        "G",        "B",      "stderr.R",
                                                     "stderr.G", "stderr.B", "samples"};
@@ -90,9 +90,9 @@ void RoundPreviews::Add(const Name& name, uint64_t size_bytes) {
 
 void RoundPreviews::Remove(const Name& name) {
   const auto entry = entries_.find(name);
-  std::error_code ignored;  // A file that stays is found again at the next start.
+  std::error_code ignored;  // A file that cannot be removed is found again at the next start.
   fs::remove(PathOf(name), ignored);
-  fs::remove(FolderOf(name.first), ignored);  // Where it is empty now.
+  fs::remove(FolderOf(name.first), ignored);  // Succeeds if it is empty.
   size_bytes_ -= entry->second.size_bytes;
   by_version_.erase(entry->second.version);
   entries_.erase(entry);
@@ -107,7 +107,7 @@ std::set<int32_t> RoundPreviews::RoundsOf(const FrameId& frame) const {
   return rounds;
 }
 
-// The first and the last stay.
+// Removes every other preview except the first and the last.
 void RoundPreviews::ThinOut(const FrameId& frame) {
   const std::set<int32_t> rounds = RoundsOf(frame);
   if (rounds.size() <= limits_.rounds_max) return;

@@ -1,11 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// RoundPreviews: the image as it was at the end of each round, small, for looking back. A folder:
+// RoundPreviews: small copies of a frame's image at the end of each round, so that users can review
+// the progress. Stored in a folder:
 //
 //     DIR/JOB/FRAME/ROUND.exr     R, G, B, stderr.{R,G,B} and samples
 //
-// They are for people alone: what is lost of them is lost, and beyond the limits the oldest go.
+// Rendering does not depend on them: lost previews are not restored, and beyond the limits the
+// oldest are removed.
 #pragma once
 
 #include <cstdint>
@@ -22,26 +24,26 @@
 namespace sheaf::coordinator {
 
 struct RoundPreviewLimits {
-  int64_t pixels_max = int64_t{1} << 17;   // Pixels of one preview.
-  size_t rounds_max = 24;                  // Rounds of a frame; beyond it every other one goes.
+  int64_t pixels_max = int64_t{1} << 17;  // Pixels of one preview.
+  size_t rounds_max = 24;  // Rounds of a frame; beyond the limit every other one is removed.
   uint64_t bytes_max = uint64_t{2} << 30;  // All previews together; 0: none are kept.
 };
 
 // Thread safety: all members may be called concurrently.
 class RoundPreviews {
  public:
-  // Finds what earlier starts left; makes the directory where it is missing.
+  // Finds the previews of earlier runs. Creates the directory if it does not exist.
   static absl::StatusOr<std::unique_ptr<RoundPreviews>> Open(const std::string& directory,
                                                              const RoundPreviewLimits& limits);
 
-  // Keeps a copy of the image, in the place of one of the same round.
-  // Errors: those of the disk; then it is not kept.
+  // Stores a copy of the image, replacing one of the same round. Errors: those of the disk; the
+  // preview is then not stored.
   absl::Status Keep(const FrameId& frame, int32_t round, const FrameImage& image);
-  // Grows with each Keep of this start; 0 where none is kept.
+  // Increases with each Keep of this run; 0 if there is no preview.
   uint64_t VersionOf(const FrameId& frame, int32_t round) const;
-  // Errors: kNotFound (none is kept), those of ReadFrameImage.
+  // Errors: kNotFound (no preview), those of ReadFrameImage.
   absl::StatusOr<FrameImage> Read(const FrameId& frame, int32_t round) const;
-  // Forgets the rounds of a frame from this one on.
+  // Removes the previews of a frame from this round on.
   void RemoveFrom(const FrameId& frame, int32_t round);
 
  private:
@@ -65,7 +67,7 @@ class RoundPreviews {
   const RoundPreviewLimits limits_;
   mutable Mutex mutex_;
   std::map<Name, Entry> entries_ ABSL_GUARDED_BY(mutex_);
-  std::map<uint64_t, Name> by_version_ ABSL_GUARDED_BY(mutex_);  // The oldest first.
+  std::map<uint64_t, Name> by_version_ ABSL_GUARDED_BY(mutex_);  // Oldest first.
   uint64_t size_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   uint64_t last_version_ ABSL_GUARDED_BY(mutex_) = 0;
 };

@@ -26,7 +26,7 @@ class RoundPreviewsTest : public testing::Test {
     SHEAF_CHECK(opened.ok());
     previews_ = *std::move(opened);
   }
-  // Light everywhere as bright as the round's number.
+  // Stores an image whose pixels all have the round's number as their value.
   void Keep(const FrameId& frame, int32_t round) {
     FrameImage image = MakeFrameImage({0, 0, 64, 32}, 64, 32);
     *image.Find("R") = std::vector<float>(64 * 32, static_cast<float>(round));

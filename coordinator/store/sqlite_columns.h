@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows as lists of named columns. A type of row has one function that names its columns and the
-// members that they hold:
+// Rows as lists of named columns. For each row type one function lists its columns and the members
+// that they store:
 //
 //     template <RowOf<TileCost> Row, typename Visitor>   // Row: TileCost or const TileCost.
 //     void VisitColumns(Row& row, const Visitor& visit) {
@@ -10,8 +10,8 @@
 //       visit("cpu_ns", row.cpu_duration);
 //     }
 //
-// The text of SELECT, INSERT and UPDATE and the code that binds and reads rows all follow from it,
-// so columns have no numbers.
+// The text of SELECT, INSERT and UPDATE and the code that binds and reads rows are derived from it,
+// so no code refers to columns by number.
 #pragma once
 
 #include <concepts>
@@ -31,12 +31,12 @@
 
 namespace sheaf::coordinator {
 
-// A value that is stored as bytes, not as text.
+// A value that is stored as bytes instead of text.
 struct StoredBytes {
   std::string bytes;
 };
 
-// "caustic 12 direct 3": names of layers have no spaces.
+// "caustic 12 direct 3"; layer names contain no spaces.
 std::string FormatLayers(const std::vector<LayerCount>& counts);
 std::vector<LayerCount> ParseLayers(const std::string& text);
 
@@ -67,7 +67,7 @@ inline void BindValue(const std::vector<LayerCount>& value, SqliteStatement* sta
   statement->Bind(FormatLayers(value));
 }
 
-// Reads a member from a column of the row at which the statement stands. Errors: kDataLoss.
+// Reads a member from a column of the statement's current row. Errors: kDataLoss.
 template <typename T>
 requires std::integral<T> || std::is_enum_v<T> absl::Status ReadValue(const SqliteStatement& row,
                                                                       int column, T* value) {
@@ -139,7 +139,7 @@ SqliteStatement& BindRow(const Row& row, SqliteStatement* statement) {
   return *statement;
 }
 
-// Reads the row at which a statement of SelectFrom<Row> stands. Errors: kDataLoss.
+// Reads the current row of a statement from SelectFrom<Row>. Errors: kDataLoss.
 template <typename Row>
 absl::Status ReadRow(const SqliteStatement& statement, Row* row) {
   absl::Status status;
@@ -150,8 +150,8 @@ absl::Status ReadRow(const SqliteStatement& statement, Row* row) {
   return status;
 }
 
-// Gives every row of the statement to take(row), which may fail. Errors: those of Step, kDataLoss,
-// those of take.
+// Passes every row of the statement to take(row), which returns a status. Errors: those of Step,
+// kDataLoss, those of `take`.
 template <typename Row, typename Take>
 absl::Status ReadRows(SqliteStatement* statement, const Take& take) {
   while (true) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Databases that are damaged, before a start or while they are used: errors with words on what to
-// do, never the end of the process.
+// Databases that are damaged before a start or during use must produce errors that say what to do,
+// and never end the process.
 #include <atomic>
 #include <filesystem>
 #include <fstream>
@@ -58,7 +58,7 @@ class SqliteDamageTest : public testing::Test {
     const auto found = store_->FindPart(RowAt(x).key);
     return found.ok() && found->has_value();
   }
-  // All that a start reads.
+  // Reads everything that a start reads.
   absl::Status Start() {
     store_.reset();
     auto store = SqliteJobStore::Open(directory_, Durability::kProcess);
@@ -86,7 +86,7 @@ TEST_F(SqliteDamageTest, StatementErrorsFailTheCall) {
   EXPECT_TRUE(store_->LoadJobs().ok());
 }
 
-// A statement that fails for want of space may end the transaction of all that share it.
+// A statement that fails for lack of space may end the transaction that several calls share.
 TEST_F(SqliteDamageTest, FailedCommitsStoreNothing) {
   ASSERT_TRUE((*SqliteDatabase::Open(database_))
                   ->Execute("CREATE TRIGGER full BEFORE INSERT ON parts WHEN NEW.x0 % 7 = 0 "
@@ -129,7 +129,7 @@ TEST_F(SqliteDamageTest, EmptiedDatabasesAreNotRecreated) {
   std::filesystem::resize_file(database_, 0);
   EXPECT_EQ(Start().code(), absl::StatusCode::kDataLoss);
   EXPECT_EQ(std::filesystem::file_size(database_), 0u);
-  std::filesystem::remove(database_);  // A missing database is a person's decision.
+  std::filesystem::remove(database_);  // Only a user may decide to start anew.
   EXPECT_TRUE(Start().ok());
 }
 

@@ -17,7 +17,8 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr int kBusyTimeoutMs = 5000;
-// Steps of SQLite's machine between two looks at the clock: well below a millisecond.
+// SQLite's virtual machine runs this many steps between checks of the time: well below a
+// millisecond.
 constexpr int kCheckSteps = 1000;
 
 absl::Status StatusFromSqlite(int result, sqlite3* database) {
@@ -68,7 +69,7 @@ void SqliteStatement::Rewind() {
 }
 
 void SqliteStatement::NoteBound(int result) {
-  // A parameter that the statement does not have is our own mistake.
+  // Binding a parameter that the statement does not have is a programming error.
   SHEAF_CHECK(result != SQLITE_RANGE);
   if (result != SQLITE_OK && status_.ok()) {
     status_ = StatusFromSqlite(result, database_);
@@ -197,6 +198,5 @@ absl::Status SqliteDatabase::Check(absl::Duration time_max) {
   return found == "ok" ? absl::OkStatus()
                        : absl::DataLossError(absl::StrReplaceAll(found, {{"\n", " "}}));
 }
-
 
 }  // namespace sheaf::coordinator

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SQLite as values and statuses. The only door to sqlite3.
+// SQLite with C++ values and statuses. All access to sqlite3 goes through this file.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,12 @@ struct sqlite3_stmt;
 
 namespace sheaf::coordinator {
 
-// A prepared statement. Binding and reading are by position: parameters from 1, columns from 0.
-// A statement that could not be prepared or bound is an error of Step.
-// Thread safety: as of its database, one thread at a time.
+// A prepared statement. Parameters and columns are addressed by position: parameters from 1,
+// columns from 0. Errors in preparing and binding are returned by Step. Thread safety: as for its
+// database, one thread at a time.
 class SqliteStatement {
  public:
-  // statement: null where `prepared` is an error.
+  // statement: null if `prepared` is an error.
   SqliteStatement(sqlite3* database, sqlite3_stmt* statement, absl::Status prepared);
   ~SqliteStatement();
   SqliteStatement(SqliteStatement&& other) noexcept;
@@ -37,9 +37,8 @@ class SqliteStatement {
   SqliteStatement& Bind(const std::string& value);
   SqliteStatement& BindBytes(std::string_view bytes);
 
-  // Returns true where a row is there, false at the end.
-  // Errors: kAlreadyExists (a key is there already), kResourceExhausted (disk full), kDataLoss (the
-  // database is damaged), kUnavailable.
+  // Returns true if there is a row, false at the end. Errors: kAlreadyExists (a key exists
+  // already), kResourceExhausted (disk full), kDataLoss (the database is damaged), kUnavailable.
   absl::StatusOr<bool> Step();
   // Steps to the end and ignores rows.
   absl::Status Run();
@@ -63,8 +62,8 @@ class SqliteStatement {
 // Thread safety: one thread at a time.
 class SqliteDatabase {
  public:
-  // Opens or makes the file, in WAL mode.
-  // Errors: kUnavailable, kPermissionDenied, kResourceExhausted, with the path; kDataLoss.
+  // Opens or creates the file, in WAL mode. Errors: kUnavailable, kPermissionDenied,
+  // kResourceExhausted, with the path; kDataLoss.
   static absl::StatusOr<std::unique_ptr<SqliteDatabase>> Open(
       const std::string& path, Durability durability = Durability::kPowerLoss);
   ~SqliteDatabase();
@@ -74,8 +73,8 @@ class SqliteDatabase {
   // Runs statements separated by semicolons.
   absl::Status Execute(const std::string& sql);
   SqliteStatement Prepare(const std::string& sql);
-  // Whether the file is whole, as far as that can be told in the time; a large one is looked at in
-  // part. Errors: kDataLoss.
+  // Checks the integrity of the file within the given time; a large file is only checked in part.
+  // Errors: kDataLoss.
   absl::Status Check(absl::Duration time_max);
 
  private:

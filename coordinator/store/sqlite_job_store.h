@@ -1,16 +1,18 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SqliteJobStore: the JobStore of one machine. A directory:
+// SqliteJobStore: a JobStore in a directory of one machine:
 //
-//     DIR/lock                               held as long as a coordinator uses the directory
-//     DIR/farm.db                            SQLite, WAL, synchronous=FULL: jobs, frames, parts
-//     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr   parts, until their frame is
-//     delivered DIR/outputs/JOB/FRAME.exr              delivered images
-//     DIR/outputs/JOB/FRAME.thumbnail.exr    the same, small, for looking at many
+//     DIR/lock                             locked while a coordinator uses the directory
+//     DIR/farm.db                          SQLite, WAL, synchronous=FULL: jobs, frames, parts
+//     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr
+//                                          parts, until their frame is delivered
+//     DIR/outputs/JOB/FRAME.exr            delivered images
+//     DIR/outputs/JOB/FRAME.thumbnail.exr  small copies of them, for overviews
 //
-// A part's file comes before its row, so a crash between them leaves a file that nobody was told
-// of. Rows of concurrent calls are committed together, so that many results share one disk flush.
+// A part's file is written before its row, so a crash in between leaves only a file that was never
+// acknowledged. Rows of concurrent calls are committed together, so that many results share one
+// disk flush.
 #pragma once
 
 #include <atomic>
@@ -29,9 +31,9 @@ namespace sheaf::coordinator {
 
 class SqliteJobStore : public JobStore {
  public:
-  // Makes the directory where it is missing.
-  // Errors: kFailedPrecondition (another coordinator uses it; its schema is of a later version);
-  // kPermissionDenied, kResourceExhausted, kUnavailable, kDataLoss, with the path.
+  // Creates the directory if it does not exist. Errors: kFailedPrecondition (another coordinator
+  // uses it, or its schema is of a later version); kPermissionDenied, kResourceExhausted,
+  // kUnavailable, kDataLoss, with the path.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> Open(
       const std::string& directory, Durability durability = Durability::kPowerLoss);
   ~SqliteJobStore() override;
@@ -65,7 +67,7 @@ class SqliteJobStore : public JobStore {
   uint64_t PartsBytes() const override { return parts_bytes_; }
   uint64_t FirstLeaseId() const override { return first_lease_id_; }
 
-  // Where a part's bytes are; for tests and diagnosis.
+  // The path of a part's bytes; for tests and diagnosis.
   std::string PartPath(const PartRow& row) const;
 
  private:
@@ -81,7 +83,7 @@ class SqliteJobStore : public JobStore {
   absl::Status Initialize();
   absl::Status RefuseEmptied() const;
   std::string DatabasePath() const { return directory_ + "/farm.db"; }
-  // Says of kDataLoss how to recover from it.
+  // Adds to a kDataLoss error how to recover from it.
   absl::Status Explained(const absl::Status& status) const;
   absl::StatusOr<std::vector<StoredJob>> ReadJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status CommitRow(const PartRow& row);
@@ -96,7 +98,7 @@ class SqliteJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Both add to the jobs, which are given by their ids; rows of no job are left out.
+  // Both add to the jobs in the map, which is keyed by job id, and ignore rows of other jobs.
   absl::Status LoadEffects(const std::map<uint64_t, StoredJob*>& jobs)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status LoadFailures(const std::map<uint64_t, StoredJob*>& jobs)

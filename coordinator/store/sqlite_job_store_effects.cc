@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqliteJobStore that keeps what the effects of scenes cost.
+// The part of SqliteJobStore that stores the costs of effects in scenes.
 #include <utility>
 
 #include "absl/strings/str_cat.h"

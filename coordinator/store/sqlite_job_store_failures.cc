@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqliteJobStore that keeps the leases that came to nothing, for people to look at.
+// The part of SqliteJobStore that stores failed leases, for display.
 #include <utility>
 
 #include "absl/strings/str_cat.h"

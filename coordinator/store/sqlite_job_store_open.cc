@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqliteJobStore that begins a life: lock, look for damage, schema; and that tries
-// whether the disk takes writes.
+// The part of SqliteJobStore that opens it: lock, integrity check, schema; and that tests whether
+// the disk accepts writes.
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -23,13 +23,13 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Lease ids of one life lie below those of the next; no life grants so many.
+// Lease ids of one run are below those of the next; no run grants more leases than this many bits
+// count.
 constexpr int kLeaseIdBitsPerLife = 40;
-// How long a start may look for damage in the database: of hundreds of megabytes it sees all.
+// Time limit for checking the database at a start; it suffices for hundreds of megabytes.
 constexpr absl::Duration kCheckTimeMax = absl::Seconds(2);
 
-// Takes the lock that keeps a second coordinator away. The system releases it when the process
-// ends.
+// Takes the lock that excludes a second coordinator. The system releases it when the process ends.
 absl::StatusOr<int> LockDirectory(const std::string& directory) {
   const std::string path = directory + "/lock";
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
@@ -42,7 +42,7 @@ absl::StatusOr<int> LockDirectory(const std::string& directory) {
       directory + ": another coordinator uses this state directory; stop it or choose another one");
 }
 
-// Bytes that a disk must take to be tried again: more than a row, less than most parts.
+// The size of a test write: more than a row, less than most parts.
 constexpr size_t kProbeBytes = size_t{1} << 20;
 
 }  // namespace
@@ -81,7 +81,7 @@ absl::Status SqliteJobStore::Explained(const absl::Status& status) const {
       "another --state-dir; finished images are in ", directory_, "/outputs in any case"));
 }
 
-// SQLite makes a new database of one that became empty.
+// If the file is empty, SQLite would silently create a new database in it.
 absl::Status SqliteJobStore::RefuseEmptied() const {
   std::error_code error;
   const bool emptied = std::filesystem::file_size(DatabasePath(), error) == 0 && !error;

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqliteJobStore that keeps parts: bytes first, then the row, then OK.
+// The part of SqliteJobStore that stores parts: first the bytes, then the row, then the call
+// returns OK.
 #include <filesystem>
 #include <system_error>
 #include <utility>
@@ -29,7 +30,8 @@ absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& by
     parts_bytes_ += bytes.size();
     return status;
   }
-  // When two equal parts come at the same time, one finds the other's row, and the file is shared.
+  // If two equal parts arrive at the same time, one call finds the other's row, and they share the
+  // file.
   if (!absl::IsAlreadyExists(status)) {
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
@@ -37,7 +39,8 @@ absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& by
   return status;
 }
 
-// The first caller commits for all that wait; the others that come meanwhile form the next commit.
+// The first caller commits the rows of all waiting calls; calls that arrive meanwhile form the next
+// commit.
 absl::Status SqliteJobStore::CommitRow(const PartRow& row) {
   PendingRow mine;
   mine.row = &row;
@@ -68,8 +71,8 @@ void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
   if (shared.ok()) {
     for (PendingRow* pending : rows) {
       pending->status = InsertRow(*pending->row);
-      // A key that is there already concerns nobody else. Other errors may have ended the
-      // transaction, and rows after that would be there without it.
+      // A key that exists already affects only its own row. Other errors may have ended the
+      // transaction, and later rows would then be inserted outside it.
       if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) {
         shared = pending->status;
         break;

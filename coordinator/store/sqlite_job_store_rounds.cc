@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqliteJobStore that keeps rounds.
+// The part of SqliteJobStore that stores rounds.
 #include <array>
 #include <cstring>
 #include <utility>
@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// A cell in the column `tiles`, in the byte order of x86-64, the one instruction set there is.
+// A cell in the column `tiles`, in the byte order of x86-64, the only supported instruction set.
 struct PackedCell {
   uint64_t samples, samples_next;
   int64_t pixel_count;

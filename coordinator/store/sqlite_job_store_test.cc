@@ -202,7 +202,7 @@ TEST_F(SqliteJobStoreTest, RoundsSurviveAReopen) {
   ASSERT_TRUE(store_->AddRound({job, 7}, last).ok());
   ASSERT_TRUE(store_->AddRound({job, 7}, round).ok());
   RoundRecord again = round;
-  again.relative_mse = 0.75;  // A decision is never taken back.
+  again.relative_mse = 0.75;  // A stored decision is never changed.
   ASSERT_TRUE(store_->AddRound({job, 7}, again).ok());
   Reopen();
   const auto rounds = store_->LoadRounds(job, /*with_cells=*/true);
@@ -256,7 +256,7 @@ TEST_F(SqliteJobStoreTest, PartsSurviveAReopen) {
 }
 
 TEST_F(SqliteJobStoreTest, PartsAreKeyedByCells) {
-  Reopen(Durability::kProcess);  // As in a farm of one.
+  Reopen(Durability::kProcess);  // As in a single-machine farm.
   const uint64_t job = CreateJob();
   std::vector<PartRow> rows;
   for (const TileCells& cells : {TileCells{}, {8, 5}, {8, uint64_t{1} << 63}}) {
@@ -281,7 +281,7 @@ TEST_F(SqliteJobStoreTest, FilesWithoutRowsAreRemoved) {
   const uint64_t job = CreateJob();
   const PartRow kept = MakePart(job, 0, "kept");
   ASSERT_TRUE(store_->WritePart(kept, "kept").ok());
-  // A kill leaves behind the file of a part without its row, and a half-written one.
+  // A killed process leaves behind a part's file without its row, and a half-written file.
   const PartRow orphan = MakePart(job, 16, "orphan");
   std::ofstream(store_->PartPath(orphan)) << "orphan";
   std::ofstream(store_->PartPath(orphan) + ".tmp-1-1") << "orp";

@@ -37,7 +37,8 @@ CREATE TABLE parts(
   PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
 )sql";
 
-// The additions of each version: earlier frames were rendered with the present defaults.
+// The additions of each version. Defaults of new columns describe frames of earlier versions: those
+// were rendered with the present defaults.
 constexpr char kAddedBy2[] = R"sql(
 ALTER TABLE frames ADD COLUMN color INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE frames ADD COLUMN single_scattering INTEGER NOT NULL DEFAULT 0;
@@ -104,7 +105,7 @@ CREATE TABLE failures(
   message TEXT NOT NULL, time_ns INTEGER NOT NULL, PRIMARY KEY(job_id, position)) WITHOUT ROWID;
 )sql";
 
-// A tile's block may have parts of several choices of cells.
+// The same tile and block may have several parts, of different cells.
 constexpr char kAddedBy13[] = R"sql(
 ALTER TABLE jobs ADD COLUMN cell_size_px INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE parts RENAME TO parts_of_tiles;

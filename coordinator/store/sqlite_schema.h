@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The tables of farm.db, and what each version of Sheaf added to them.
+// The tables of farm.db, and the changes to them in each version of Sheaf.
 #pragma once
 
 #include <string>
@@ -11,8 +11,8 @@
 
 namespace sheaf::coordinator {
 
-// Makes the tables of a new database, or brings those of an earlier version up to date.
-// Errors: kFailedPrecondition, naming the path: it was written by a later version.
+// Creates the tables of a new database, or updates those of an earlier version. Errors:
+// kFailedPrecondition, with the path, if a later version wrote it.
 absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path);
 
 }  // namespace sheaf::coordinator

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The rows of the job store's tables: for each the columns and the members that they hold
-// (sqlite_columns.h). sqlite_schema.cc makes the tables.
+// The rows of the job store's tables: the columns of each and the members that they store
+// (sqlite_columns.h). sqlite_schema.cc creates the tables.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@
 
 namespace sheaf::coordinator {
 
-// A row type or the same as const: one function visits rows that are bound and rows that are read.
+// The row type or its const version: one function visits rows to bind and rows to read.
 template <typename T, typename Row>
 concept RowOf = std::is_same_v<std::remove_const_t<T>, Row>;
 
@@ -84,7 +84,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
 
 // How a frame was delivered, in the table `frames`.
 struct DeliveredRow {
-  bool delivered = false;  // Otherwise the other columns hold what was delivered last, if anything.
+  bool delivered = false;  // If false, the other columns describe the last delivery, if any.
   DeliveredFrame frame;
 };
 template <RowOf<DeliveredRow> Row, typename Visitor>
@@ -107,7 +107,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("one_sequence_gain", row.frame.one_sequence_gain);
 }
 
-// A frame that is rendered further, in the table `frames`.
+// A frame of a job that continues, in the table `frames`.
 struct ReopenedRow {
   bool delivered = false;
   uint64_t samples = 0;
@@ -120,7 +120,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   VisitColumns(row.stop, visit);
 }
 
-// All of a row of `frames`.
+// A complete row of the table `frames`.
 struct FrameRow {
   FrameSpecRow wanted;
   DeliveredRow delivered;
@@ -152,7 +152,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("cells", row.key.cells.mask);
 }
 
-// All rows of a statement of SelectFrom<PartRow>. Errors: those of Step.
+// Reads all rows of a statement from SelectFrom<PartRow>. Errors: those of Step.
 inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(SqliteStatement* query) {
   std::vector<PartRow> parts;
   absl::Status read = ReadRows<PartRow>(query, [&parts](PartRow part) {
@@ -164,7 +164,7 @@ inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(SqliteStatement* query)
   return parts;
 }
 
-// A tile's parts, in the table `parts`, grouped by tile.
+// The cost of a tile's parts, in the table `parts`, grouped by tile.
 template <RowOf<JobStore::TileCost> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {
   visit("x0", row.tile.x0);
@@ -174,7 +174,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("SUM(cpu_ns)", row.cpu_duration);
 }
 
-// The table `rounds`, without what it knows of cells.
+// The table `rounds`, without its column of cells.
 template <RowOf<StoredRound> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {
   visit("frame_number", row.frame_number);
@@ -191,7 +191,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("part_bytes", row.record.cost.part_bytes);
   visit("stop_reason", row.record.stop_reason);
 }
-// With the cells as they are packed.
+// The same row with the column of packed cells.
 struct CellRoundRow {
   uint64_t job_id = 0;
   StoredRound round;

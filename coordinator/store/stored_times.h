@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Times and durations as SqliteJobStore keeps them: nanoseconds, the largest number for what has no
-// end.
+// Times and durations as SqliteJobStore stores them: nanoseconds; infinite values are stored as the
+// largest number.
 #pragma once
 
 #include <cstdint>

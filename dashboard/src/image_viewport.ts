@@ -69,7 +69,7 @@ export class ImageViewport {
     this.redraw();
   }
 
-  // Called after a change by a person.
+  // Called when the user changes the view.
   private moved() {
     this.redraw();
     this.lead();

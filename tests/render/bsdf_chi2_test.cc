@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every Bsdf's sampler against its pdf, for normal to grazing directions and from both sides; and
-// the identities that relate weight, value and pdf.
+// Tests every Bsdf's sampler against its pdf, for normal to grazing directions and from both sides;
+// and the identities between weight, value and pdf.
 #include <algorithm>
 #include <cmath>
 #include <optional>

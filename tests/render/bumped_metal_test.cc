@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Metal with a bump map must be as bright as the grooves that the map represents, modeled as
-// triangles, under a constant sky. Mirror reflection about a perturbed normal sends much of the
+// A metal with a bump map must be as bright under a constant sky as the grooves that the map
+// represents, modeled as triangles. Mirror reflection about a perturbed normal sends much of the
 // light below the surface. pbrt-v4 discards that light, so that gold with strong maps is darker
 // than its grooves.
 #include <cmath>
@@ -29,7 +29,7 @@ int32_t AddGold(TestScene* t) {
   metal.reflectance.value.rgb = kGold;
   return t->AddMaterial(metal);
 }
-// From the side, on the center of a field so wide that its borders are not visible.
+// A view from the side of the center of a field so wide that its borders are not visible.
 TestScene ViewAt(double degrees) {
   const double angle = degrees * std::numbers::pi / 180;
   TestScene t({40 * std::sin(angle), 0.01, 40 * std::cos(angle)}, {0, 0, 0}, 4, {0, 1, 0});

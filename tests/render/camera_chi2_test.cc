@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Samples of cameras against their densities, by Pearson's chi-square with 10^6 samples each:
+// Tests samples of cameras against their densities, by Pearson's chi-square with 10^6 samples each:
 // points of an aperture with blades, times of a shutter, points of an exit pupil. The densities are
 // integrated over cells exactly; cells with fewer than 5 expected samples are pooled. The
-// false-alarm probability of all 20 tests together is 10^-4 (Sidak), and the seeds are fixed; a
+// false-alarm probability of all 20 tests together is 10^-4 (Sidak), and the seeds are fixed. A
 // density that is off by 2 % in a tenth of the cells raises the statistic by 40 above its mean and
 // is detected.
 #include <gtest/gtest.h>
@@ -186,7 +186,7 @@ TEST(CameraChi2Test, ShutterTimesAscendAndShapesAreChecked) {
   }
 }
 
-// Points in the pupil's plane, relative to the axis of the film point, against Pdf.
+// Compares points in the pupil's plane, relative to the axis of the film point, with Pdf.
 TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
   const LensSystem lens = testing::MakeLens(testing::DoubleGauss());
   const ExitPupil pupil(lens, 22);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Grids of one value in scene files: the plan treats them as homogeneous media, and their images
-// equal those of homogeneous media to the bit.
+// Grids with a single value, in scene files: the plan treats them as homogeneous media, and their
+// images equal those of homogeneous media to the bit.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -63,8 +63,8 @@ TEST(ConstantGridTest, ImageMatchesTheHomogeneousMedium) {
   }
 }
 
-// A grid that stays a grid shows the same medium up to its outermost values: tracking and the
-// homogeneous medium have the same mean.
+// Within its outermost values, a constant grid that stays a grid equals the homogeneous medium:
+// tracking gives the same mean.
 TEST(ConstantGridTest, TrackingHasTheSameMean) {
   SceneDescription tracked = Read(Grid(4, kColored));
   UniformGridMedium one;

@@ -3,8 +3,9 @@
 //
 // Tests whether 95 % confidence intervals contain the true mean in 95 of 100 images: for frames and
 // for their tiles, over many seeds, on small scenes with different kinds of light transport. The
-// truth is an image of another seed with thousands of times the samples, whose own standard error
-// must be small in comparison. SHEAF_LONG_TESTS=1 uses enough seeds to distinguish 95 % from 93.
+// true mean is that of an image with another seed and thousands of times the samples, whose own
+// standard error must be small in comparison. SHEAF_LONG_TESTS=1 uses enough seeds to distinguish
+// 95 % from 93 %.
 #include <gtest/gtest.h>
 
 #include <array>

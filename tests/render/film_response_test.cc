@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images of camera sensors against pbrt-v4's documented model, and clamped samples.
+// Tests images of camera sensors against pbrt-v4's documented model, and clamped samples.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -86,7 +86,7 @@ TEST(FilmResponseTest, SensorsUseSpectralTransportByDefault) {
   asked.color = ColorTransport::kRgb;
   EXPECT_THAT(FormatRenderPlan(MakeRenderPlan(scene, *ResolveSettings(scene, asked))),
               HasSubstr("sensor: rgb transport has no wavelengths for nikon_d850; colors are"));
-  // The light chosen as white is still white, up to the error of the sensor model.
+  // The light that is chosen as white remains white, up to the error of the sensor model.
   const Vec3d white = Delivered(scene, asked);
   for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(white[i], 1, 0.05) << i;
 }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The hair BSDF's sampler against its pdf, across the fiber, along it and at its edges.
+// Tests the hair BSDF's sampler against its pdf, across the fiber, along it and at its edges.
 #include <array>
 #include <optional>
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Equiangular line sampling in heterogeneous media: against quadrature, against homogeneous media,
-// in a furnace, with all variants and tile by tile. techniques_test.cc tests the agreement of
+// Equiangular sampling in heterogeneous media: against quadrature, against homogeneous media, in a
+// furnace, with all variants and tile by tile. techniques_test.cc tests the agreement of
 // techniques. The tolerance of means is ExpectMean's 5 standard errors, or 5 standard errors of the
 // difference of two images.
 #include <algorithm>
@@ -197,7 +197,8 @@ TEST(HeterogeneousEquiangularTest, EveryVariantAndTileGivesTheSameBits) {
   }
 }
 
-// If it does not pay, no lines are sampled: dense media lit from afar, and lights at infinity.
+// Segments are not sampled if it does not pay off: in dense media lit from afar, and for lights at
+// infinity.
 TEST(HeterogeneousEquiangularTest, InefficientSegmentsUseDistanceSamplingOnly) {
   const FrameSettings settings = SquareSettings(16, 4, 6);
   TestScene sky({0.2, 0.6, -2.5}, {0, 0, 0}, 40);

@@ -48,8 +48,9 @@ LightTableInput UnitSquareAt(float height, bool two_sided) {
   return input;
 }
 
-// Centered above the receiver. Source: radiometry of a rectangle seen from its axis: four times the
-// corner factor 1/(2 pi) (x/sqrt(1+x^2) atan(y/sqrt(1+x^2)) + the same with x and y exchanged).
+// Irradiance of a square centered above the receiver. Source: radiometry of a rectangle seen from
+// its axis: four times the corner factor 1/(2 pi) (x/sqrt(1+x^2) atan(y/sqrt(1+x^2)) + the same
+// with x and y exchanged).
 double SquareIrradiance(double h) {
   const double x = 0.5 / h;
   const double root = std::sqrt(1 + x * x);

@@ -1,13 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every light sampler against its own pdf by Pearson's chi-square: samples are counted in cells of
-// a smooth map of the shape's surface (of the square, for environment maps), and the pdf,
+// Tests every light sampler against its own pdf by Pearson's chi-square: samples are counted in
+// cells of a smooth map of the shape's surface (of the square, for environment maps), and the pdf,
 // transformed to that map by the exact Jacobian, is integrated over each cell. Cells with fewer
 // than 5 expected samples are pooled. The statistic is converted to a normal deviate (Wilson and
-// Hilferty 1931); with about 40 tests and the bound 5 a correct sampler fails for one seed in
-// 80000, and the seeds are fixed. The same run checks that the pdfs of Sample and of PdfEmitter are
-// equal to the bit, and that the mean of 1/pdf is the solid angle.
+// Hilferty 1931); with about 40 tests and a bound of 5 a correct sampler fails for one seed in
+// 80000, and the seeds are fixed. The tests also check that the pdfs of Sample and of PdfEmitter
+// are equal to the bit, and that the mean of 1/pdf is the solid angle.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -167,8 +167,8 @@ TEST(LightChi2Test, Triangles) {
   }
 }
 
-// The part of a sphere's surface visible from p (all of it from inside), in polar coordinates about
-// the point nearest to p, where cells are densest.
+// The part of a sphere's surface visible from p (all of it if p is inside), in polar coordinates
+// about the point nearest to p, where cells are densest.
 Surface SphereSurface(const SphereEmitter& s, Vec3d p) {
   const Vec3d to_p = p - s.center;
   const double d = Length(to_p);

@@ -69,7 +69,7 @@ void MapNormals(TestScene* t) {
   }
 }
 
-// Strongly tilted normals, each in another direction.
+// Strongly perturbed normals, each in another direction.
 const std::vector<Rgb> kStrongNormals = {
     {0.95f, 0.5f, 0.6f}, {0.1f, 0.2f, 0.7f}, {0.5f, 0.02f, 0.55f}, {0.6f, 0.9f, 0.4f}};
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rendered media that move by velocities while the shutter is open: against the mean of images of
-// still media, strip by strip; in files; and with the shutter closed. Means are compared with a
+// Renders media that move by velocities while the shutter is open: compared with the mean of images
+// of still media, strip by strip; in files; and with the shutter closed. Means are compared with a
 // tolerance of 5 standard errors of the difference, from 16 replicates each: a correct mean fails
 // with a probability of at most 2e-5 (Student's t with 30 degrees of freedom), and there are fewer
 // than a hundred comparisons.
@@ -148,7 +148,7 @@ double LargestZ(const Strips& a, const Strips& b) {
   return largest;
 }
 
-// The moving medium matches the mean of the still ones, and neither the first nor the last moment.
+// The moving medium matches the mean of the still ones, and neither the first nor the last of them.
 void ExpectBlur(const PuffScene& t, Vec3d way, int samples, ColorTransport color,
                 FileSource& files) {
   const Strips moving = Render(t, samples, color, files);
@@ -263,7 +263,7 @@ TEST(MovingVolumesTest, PlanNamesTheMovingVolume) {
     const uint32_t rest = MakeRenderPlan(without->scene, without->settings).traits;
     EXPECT_EQ(rest, plan.traits & ~TraitSet(Trait::kMovingVolumes, Trait::kMotion));
   }
-  // Variants for scenes without it do not contain it.
+  // The variants for scenes without motion do not contain it.
   t.medium().RemoveMotion();
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, settings).variant_traits, Trait::kMovingVolumes));
 }

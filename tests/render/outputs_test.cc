@@ -95,7 +95,7 @@ TEST(OutputsTest, MotionOfSurfaceAndCamera) {
   FrameImage image = RenderImage(t.scene, settings);
   EXPECT_NEAR(At(image, "motion.X", 4, 9), 2, 1e-4);
   EXPECT_NEAR(At(image, "motion.Y", 4, 9), -1, 1e-4);
-  // For a camera that moves with it, nothing moves.
+  // If the camera moves with the wall, there is no motion in the image.
   t.scene.camera.world_from_camera.end =
       TranslateMatrix({0.5, 0.25, 0}) * t.scene.camera.world_from_camera.start;
   image = RenderImage(t.scene, settings);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The sampler of BSDFs with perturbed normals against its pdf.
+// Tests the sampler of BSDFs with perturbed normals against its pdf.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -21,8 +21,8 @@ using sheaf::testing::ChiSquareTest;
 using testing::FromAngles;
 using testing::PerturbedSurface;
 
-// One test for each fixture and tilt: 1e6 draws against the pdf, at a significance of 1 % for all
-// of them together.
+// One test for each fixture and perturbation: 1e6 draws against the pdf, at a significance of 1 %
+// for all of them together.
 TEST(PerturbedNormalChiSquareTest, SamplesFollowThePdf) {
   constexpr uint64_t kSamples = 1000000;
   const BsdfFixture fixtures[] = {

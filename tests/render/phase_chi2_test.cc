@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Phase functions and distance samples in media against their densities (M11, V1, V2).
+// Tests phase functions and distance samples in media against their densities (M11, V1, V2).
 #include <algorithm>
 #include <array>
 #include <cmath>

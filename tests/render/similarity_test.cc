@@ -4,7 +4,7 @@
 // Similarity (docs/adr/0031): it changes nothing if it is off or has nothing to reduce, follows its
 // rule exactly, conserves energy, gives the same result with all techniques, and has a small bias
 // in a thick slab. The tolerance of means is ExpectMean's 5 standard errors, or 5 standard errors
-// of the difference of two.
+// of the difference of two means.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Spectral transport against quadrature, and against RGB where the two must agree. The tolerance of
-// every mean is ExpectMean's: 5 standard errors.
+// Compares spectral transport with quadrature, and with RGB transport where the two must agree. The
+// tolerance of every mean is ExpectMean's: 5 standard errors.
 #include <gtest/gtest.h>
 
 #include "common/scene/spectrum/spectrum.h"
@@ -75,7 +75,8 @@ TEST(SpectralTransportTest, MetalsReflectTheirMeasuredSpectrum) {
   ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 4))), expected);
 }
 
-// Under a coat it does so relative to the coat's index, between reflections at the interface.
+// Under a coat, a measured metal reflects each wavelength by its index relative to the coat's, with
+// interreflections below the interface.
 TEST(SpectralTransportTest, CoatedMetalsReflectTheirMeasuredSpectrum) {
   TestScene t({0, 0, -1}, {0, 0, 0}, 4);
   t.ConstantEnvironment(Rgb::Gray(1));

@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Techniques that must have the same expectation: light found by light sampling, by BSDF sampling,
-// and by both; lights chosen by the light tree and uniformly; RGB and spectral transport of gray
-// scenes. Each scene is rendered by two techniques from independent seeds and compared tile by
-// tile. Pixels and replicates are independent, so the 16 replicates of a tile are 16 draws for
+// Tests techniques that must have the same expectation: light found by light sampling, by BSDF
+// sampling, and by both; lights chosen by the light tree and uniformly; RGB and spectral transport
+// of gray scenes. Each scene is rendered by two techniques from independent seeds and compared tile
+// by tile. Pixels and replicates are independent, so the 16 replicates of a tile are 16 draws for
 // Welch's t-test, and the p-values of all tiles of all scenes must be uniform.
 //
 // Significance: kSignificance for each pair of techniques, for the Kolmogorov-Smirnov test and for
 // the most deviating tile (the seeds are fixed: a test that passes once always passes). Power: a
-// bias of Bias() must be detected with probability kPowerMin at that significance, redrawn with the
-// variances of the actual renderings; and it must be detected when it is added to them.
+// bias of Bias() must be detected with probability kPowerMin at that significance, in draws with
+// the variances of the actual renderings, and when it is added to the renderings themselves.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -198,7 +198,8 @@ TEST(TechniquesTest, L16SampledAndHitLight) {
 
 // The same scene several times, for statistical power.
 std::vector<TestScene> FoggyScenes() { return std::vector<TestScene>(4, Foggy(kColored)); }
-// In fog: equiangular line samples, distance samples with light sampling at their ends, and both.
+// Compares, in fog, equiangular samples, distance samples with light sampling at their ends, and
+// both.
 TEST(TechniquesTest, V7EquiangularAndAllTechniques) {
   ExpectAgreement(
       "all against lines", 1.5 * Bias(),
@@ -209,7 +210,7 @@ TEST(TechniquesTest, V7DistanceSamplingAndAllTechniques) {
                   TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kBySampling}, 700));
 }
 
-// The same in heterogeneous media, also with the decision for each line whether it is sampled.
+// The same in heterogeneous media, also with the decision per segment whether it is sampled.
 constexpr EquiangularMode kAlways = EquiangularMode::kAlways, kNever = EquiangularMode::kNever;
 std::vector<TestScene> CloudyScenes() { return std::vector<TestScene>(2, Cloudy(kColored)); }
 TEST(TechniquesTest, V7EquiangularInCloudsAndAllTechniques) {

@@ -3,7 +3,7 @@
 //
 // Delta and residual ratio tracking against quadrature, through a lumpy grid; and the hard cases of
 // tracking by name (V3, V4, V5, V11, V15). The limits are z below 4.7 and p above 1e-6, so that
-// some 100 tests fail by chance with a probability of 1e-4; with 2e5 walks a bias of 1 % of the
+// some 100 tests fail by chance with a probability of 1e-4. With 2e5 walks a bias of 1 % of the
 // standard deviation of one walk is detected.
 #include "worker/render/medium/delta_tracking.h"
 
@@ -190,7 +190,7 @@ TEST(TrackingTest, V10EmissionIsUnbiasedAtAnyThickness) {
     const double expected = thickness > 0 ? taken / double{sigma} : whole;
     EXPECT_LT(measured.Z(expected), kZMax) << measured.mean() << " for " << expected;
     EXPECT_EQ(tally.violation_count, 0u);
-    // One walk is already informative, thin or not.
+    // A single walk is already informative, unless the medium is thick.
     if (thickness < 2) {
       EXPECT_LT(measured.variance() * count, 0.5 * expected * expected);
     }

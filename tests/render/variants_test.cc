@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every compiled variant that supports a scene's effects gives the image of the generic variant to
-// the bit; and the plan chooses the smallest.
+// Every compiled variant that supports a scene's effects gives the same image as the generic
+// variant, to the bit; and the plan chooses the smallest such variant.
 #include <gtest/gtest.h>
 
 #include <bit>

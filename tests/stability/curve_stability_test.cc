@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of curves, by the names of the catalogue. Those of a single ray and segment are in
+// Hard cases of curves, named as in the catalogue. Cases with a single ray and segment are in
 // worker/render/geometry/curve_test.cc.
 #include <algorithm>
 #include <array>
@@ -198,9 +198,9 @@ TEST(CurveStability, StraightCurvesCoverAsCylinders) {
   }
 }
 
-// A curve of type cylinder is lit like one: a light from above lights its upper half. Uniformly
-// across the width (v), the normal turns by v's angle, so the mean over the width is that of cos
-// over [0, pi/2] in even steps of angle, 2/pi, times one half.
+// A curve of type cylinder is lit like a cylinder: a light from above lights its upper half. The
+// normal turns uniformly with v across the width, so the mean over the upper half is that of cos
+// over [0, pi/2], 2/pi.
 TEST(CurveStability, CylinderCurvesShadeAsRound) {
   TestScene t({0, 0, -5}, {0, 0, 0}, 60);
   t.scene.camera.kind = CameraDescription::Kind::kOrthographic;
@@ -224,7 +224,7 @@ TEST(CurveStability, CylinderCurvesShadeAsRound) {
   EXPECT_EQ(lower, 0);
 }
 
-// G7: in the world, mirrored, in an object definition and moving, it is the same curve.
+// G7: a curve in the world, mirrored, in an object definition and moving has the same shape.
 TEST(CurveStability, G7PlacedCurvesAreTheSame) {
   for (const Kind kind : kKinds) {
     for (const bool mirrors : {false, true}) {
@@ -254,7 +254,7 @@ TEST(CurveStability, G7PlacedCurvesAreTheSame) {
         const Vec3f to = ToFloat(TransformPoint(place, ToDouble(random.Direction()) * 0.6));
         SurfacePoint p[3];
         const bool hit = HitTowards(*a, from, to, &p[0]);
-        // A rounded ray may pass the silhouette on the other side.
+        // A rounded ray may pass on the other side of the silhouette.
         if (hit != HitTowards(*b, from, to, &p[1]) || hit != HitTowards(*c, from, to, &p[2])) {
           ++differing;
           continue;
@@ -304,7 +304,7 @@ TEST(CurveStability, G13CurvesMove) {
   }
 }
 
-// The plan names curves, and without them none of their code is run.
+// The plan has a trait for curves; without it none of their code runs.
 TEST(CurveStability, CurvesHaveATrait) {
   TestScene with = LitRoom(1);
   with.AddShape(AddCurves(&with, Tangle(Kind::kFlat, 3, 0.01, 1)), 0).location = {0, 5, 1};

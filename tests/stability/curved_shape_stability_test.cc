@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of cylinders and bilinear patches, by the names of the catalogue (G1 to G11). Those of
+// Hard cases of cylinders and bilinear patches, named as in the catalogue (G1 to G11). Those of
 // spheres and triangles are in geometry_stability_test.cc.
 #include <algorithm>
 #include <array>

@@ -26,7 +26,7 @@ TestScene OpenShutter(Vec3d eye = {0, 0, 0}) {
   t.scene.camera.shutter_close = 1;
   return t;
 }
-// Equal positions move alike.
+// Vertices at equal positions move alike.
 Vec3f Wobbled(Vec3f p, int step, float amount) {
   const Vec3d q = ToDouble(p) * 17.0 + Vec3d{1.0, 2.0, 3.0} * static_cast<double>(step);
   return p + Vec3f{static_cast<float>(std::sin(q.x + q.y)), static_cast<float>(std::sin(q.y - q.z)),
@@ -81,8 +81,8 @@ TEST(DeformationStability, NoRayLeavesADeformingRoom) {
   }
 }
 
-// A position in a scene far from the camera: the tracer's corners deviate by more than the distance
-// between triangles and rays, and still there are no leaks.
+// In a position far from the camera, the tracer's corners deviate by more than the distance between
+// triangles and rays, but there are still no leaks.
 TEST(DeformationStability, NoRayLeavesADistantDeformingRoom) {
   const Vec3d center{3000, 200, -1000};
   const Triangles globe = Globe(center, 20, 40);

@@ -34,13 +34,13 @@ TriangleMesh Displaced(const TriangleMesh& mesh, double edge_length, const Heigh
   EXPECT_TRUE(displaced.ok()) << displaced.status();
   return displaced.ok() ? *std::move(displaced) : TriangleMesh{};
 }
-// Jumps at every edge of a mesh without uvs, and between its triangles.
+// A displacement that jumps at every edge of a mesh without uvs, and between its triangles.
 float Rugged(Vec2f uv, Vec3d p) {
   return 0.15f * std::sin(37 * uv.x + 11 * uv.y) + 0.1f * static_cast<float>(std::sin(9 * p.x));
 }
 
-// Every edge is used equally often in both directions, by positions: there are no cracks, whatever
-// the displacement on the two sides of an edge.
+// Edges, identified by the positions of their ends, are used equally often in both directions:
+// there are no cracks, whatever the displacement on the two sides of an edge.
 TEST(DisplacementStability, ClosedMeshesStayClosed) {
   for (const auto& [rings, sectors] : {std::pair{4, 7}, std::pair{12, 24}, std::pair{3, 90}}) {
     const TriangleMesh globe = MeshOf(Globe({0.3, -0.2, 0.1}, rings, sectors));
@@ -81,7 +81,8 @@ TEST(DisplacementStability, NoRayLeavesADisplacedGlobe) {
 
 // A sphere displaced by a constant is a larger sphere, except for the initial deviation of its
 // triangles: an edge of length h is at most h^2 / 8 below the sphere. The longest edge of this
-// globe is the diagonal of pi/64 squared, 0.0694: 0.0006. The same holds for its normals.
+// globe is the diagonal of a square of side pi/64, 0.0694, so it is at most 0.0006 below. The same
+// holds for the normals.
 TEST(DisplacementStability, ConstantDisplacementOfASphereIsALargerSphere) {
   for (const bool has_normals : {false, true}) {
     TriangleMesh globe = MeshOf(Globe({0, 0, 0}, 64, 128));

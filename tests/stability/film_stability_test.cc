@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The film's rows of the catalogue of hard cases, in which float accumulation breaks.
+// The film's rows of the catalogue of hard cases, which break float accumulation.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -149,8 +149,8 @@ TEST(FilmStabilityTest, C3ABillionSamplesKeepTheirMean) {
   }
 }
 
-// The same with actual samples: 2^24 random ones, where float sums stall, against a long double
-// sum.
+// The same with actual samples: the mean of 2^24 random ones, for which float sums stall, is
+// compared with a long double sum.
 TEST(FilmStabilityTest, C3SixteenMillionRandomSamplesKeepTheirMean) {
   constexpr uint64_t kCount = 1 << 24;
   FilmTile tile(kOnePixel, {0, kCount});
@@ -233,7 +233,7 @@ TEST(FilmStabilityTest, C5WindowsSeventyThousandPixelsLong) {
   }
 }
 
-// Hosts finish in any order and with passes of any size; the frame is the same to the bit.
+// Hosts may finish in any order and with passes of any size; the frame is the same to the bit.
 TEST(FilmStabilityTest, C6HostsMayFinishInAnyOrder) {
   constexpr PixelRect kWindow{0, 0, 24, 16};
   constexpr uint64_t kSamples = 40;

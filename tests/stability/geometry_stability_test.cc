@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of geometry and rays, by the names of the catalogue (G1 to G11; G3 in
+// Hard cases of geometry and rays, named as in the catalogue (G1 to G11; G3 is in
 // triangle_stability_test.cc, G4 in needle_stability_test.cc).
 #include <algorithm>
 #include <array>
@@ -316,14 +316,14 @@ TEST(GeometryStability, G8NormalsBelowTheFloorAreLitAsTheFloor) {
       t.AddShape(MeshShape{FloorWithNormals(normal, &t)}, t.Diffuse(Rgb::Gray(0.5f)));
       const double lit = 0.5 / kPi * 4 / 5 * (2 / std::sqrt(5.0));
       const TileMean mean = RenderMean(t.scene, SquareSettings(4, 16, 3));
-      // With normals that rounding or the file tilts slightly out of the floor.
+      // The vertex normals are below the floor by rounding, or as written in the file.
       EXPECT_NEAR(mean.mean.g, below ? 0 : lit, 5e-3 * lit);
       EXPECT_EQ(below, mean.mean.g == 0);
     }
   }
 }
 
-// No tilt of vertex normals loses more than a tilt of 60 degrees.
+// No deviation of vertex normals loses more light than a deviation of 60 degrees.
 TEST(GeometryStability, G8SteepNormalsLoseAQuarterAtMost) {
   for (const double degrees : {50.0, 60.0, 70.0, 80.0, 85.0, 89.0, 91.0}) {
     SCOPED_TRACE(degrees);

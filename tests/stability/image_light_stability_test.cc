@@ -290,8 +290,8 @@ TEST_F(ImageLightStabilityTest, L5ProjectionPowerIsTheIntegral) {
     const double intensity = 60 / (4 * kPi / 6);
     EXPECT_NEAR(IntensityTowards(**table, Normalize(Vec3d{0.9, -0.8, 1})).r, intensity, 1e-5);
   }
-  // A quarter of the image, by symmetry a quarter of the power; for a narrow angle the solid angle
-  // is flat.
+  // A quarter of the image has, by symmetry, a quarter of the power. For a narrow angle the solid
+  // angle equals the area at unit distance.
   LightDescription light = Projection(0.01f);
   light.scale.power_w = 1;
   const auto table = Build(2, {Rgb{}, kWhite, Rgb{}, Rgb{}}, {light});
@@ -316,7 +316,7 @@ TEST_F(ImageLightStabilityTest, L5ImageLightsFollowTheirTransform) {
   EXPECT_FALSE((*table)->Sample<kAllTraits>({4, 3, 4}, {}, 0, {0, 0}));
 }
 
-// Spectral transport sees the same image with the spectra of its colors.
+// In spectral transport the image has the spectra of its colors.
 TEST_F(ImageLightStabilityTest, L5ImagesHaveSpectra) {
   const Rgb orange{2, 1, 0.25f};
   LightTableInput input;

@@ -21,8 +21,9 @@ using testing::Lens;
 using testing::MakeLens;
 
 // An aplanatic meniscus images one point without error for all angles: its rear surface is centered
-// at the point, and the front one, of radius R and index n, has it R / n behind its center. All
-// rays leave as if from n R behind that center. (Born and Wolf, sec. 4.2.3.)
+// at the point; its front surface, of radius R and index n, has its center R / n in front of the
+// point. All rays leave as if they came from a point n R behind that center. (Born and Wolf, sec.
+// 4.2.3.)
 TEST(LensStability, AplanaticPointsAreImagedExactlyAtAllAngles) {
   constexpr double kN = 1.5, kR = 30, kRear = 40;
   const LensSystem lens =

@@ -119,7 +119,7 @@ TEST(LightStabilityTest, L2OutwardSphereIsDarkInsideAndInwardSphereOutside) {
 
 // --- L3: triangles -----------------------------------------------------------------------------
 
-// Exact far field and near field of solid angles: the octant of a sphere and related shapes.
+// Exact far and near fields of solid angles: an octant of the sphere and related shapes.
 TEST(LightStabilityTest, L3SolidAngleIsAccurateAtEveryDistance) {
   // Corner triangle (d,0,0), (0,d,0), (0,0,d) seen from the origin: an octant, pi/2, at any scale.
   for (float d : {1e-10f, 1e-3f, 1.f, 1e3f, 1e12f}) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The hard cases of materials, by their names: M1 to M13. Expected values are closed forms or
-// high-precision quadrature.
+// Hard cases of materials, named as in the catalogue: M1 to M13. Expected values are closed forms
+// or high-precision quadrature.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// G12, the assignment of media to the sides of a surface: the second name of a MediumInterface is
-// on the side of the normal, the first behind it, for both windings and both orders of the names,
-// against Beer and Lambert. If the names contradict each other, pbrt-v4's rule applies: a ray is in
-// the medium that the surface it leaves has on that side.
+// G12, the assignment of media to the sides of a surface: the second name of a MediumInterface
+// applies to the side of the normal, the first to the side behind it. Tests both windings and both
+// orders of the names against Beer and Lambert's law. If the names of surfaces contradict each
+// other, pbrt-v4's rule applies: a ray is in the medium that the surface it leaves specifies for
+// that side.
 #include <cmath>
 #include <utility>
 #include <vector>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of participating media, by the names of the catalogue (V1, V2, V6, V8 to V13, G12).
-// The tolerance of means is ExpectMean's 5 standard errors unless stated otherwise.
+// Hard cases of participating media, named as in the catalogue (V1, V2, V6, V8 to V13, G12). The
+// tolerance of means is ExpectMean's 5 standard errors unless stated otherwise.
 #include <array>
 #include <cmath>
 #include <string>
@@ -92,8 +92,8 @@ TEST(MediumStability, V1AlbedoDoesNotDependOnDensity) {
   }
 }
 
-// V2: the light behind a thin slab that the slab absorbs (DistanceSamplingStability tests the
-// scattered light).
+// V2: the fraction of the light behind a thin slab that the slab absorbs (DistanceSamplingStability
+// tests the scattered light).
 TEST(MediumStability, V2ThinMediaAbsorbLittle) {
   for (const float thickness : {1e-8f, 1e-6f, 1e-4f, 1e-2f}) {
     SCOPED_TRACE(thickness);
@@ -279,8 +279,8 @@ TEST(MediumStability, G12NestedBoxes) {
                   .naive_by = "the exit missed, the medium kept"});
 }
 
-// Closed volumes that declare an infinite medium which they bound: paths end there, and are
-// counted.
+// Closed volumes whose surfaces declare an infinite medium inside them: paths that reach it end,
+// and are counted.
 TEST(MediumStability, G12BrokenNestingIsCounted) {
   FogScene t({0, 0, -4}, {0, 0, 0}, 0.01f);
   t.ConstantEnvironment(Rgb::Gray(1));

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of motion (G13, G14) and of the camera (C1), by the names of the catalogue.
+// Hard cases of motion (G13, G14) and of the camera (C1), named as in the catalogue.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of smoke that moves while the shutter is open, by the names of the catalogue (G2, V5,
+// Hard cases of smoke that moves while the shutter is open, named as in the catalogue (G2, V5,
 // V13): very slow and very fast, scaled by millions, rotated. The tolerance of means is 5 standard
 // errors of the difference.
 #include <cmath>
@@ -91,7 +91,8 @@ TEST(MovingVolumeStability, G2SlowestMotionIsCloseToStatic) {
   }
 }
 
-// V13: rotated as a whole about the camera's axis, with its velocities.
+// V13: the image does not change if the whole scene is rotated about the camera's axis, including
+// the smoke and its velocities.
 TEST(MovingVolumeStability, V13MovingSmokeIsRotationInvariant) {
   const auto rendered = [](double degrees) {
     const Matrix4 turn = RotateMatrix(degrees, {0, 0, 1});

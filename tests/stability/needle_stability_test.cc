@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of triangle intersection, by the names of the catalogue: G4 (false hits on skinny
+// Hard cases of triangle intersection, named as in the catalogue: G4 (false hits on skinny
 // triangles that are hit nearly edge-on).
 #include <algorithm>
 #include <cmath>
@@ -36,7 +36,7 @@ Needle MakeNeedle(Random* random) {
                      random->Direction() * (scale * slimness);
   return {{base, tip, side}};
 }
-// From and to points close to the needle's plane: most rays nearly lie in it.
+// The ray's origin and target are close to the needle's plane, so most rays nearly lie in it.
 Ray RayAlong(const Needle& needle, Random* random) {
   const Vec3f* p = needle.p;
   const float length = Length(p[1] - p[0]);
@@ -122,13 +122,13 @@ double SlimnessOf(const Needle& needle) {
   return Length(NormalOf(needle)) / longest_square;
 }
 
-// Relative to the scale. On the edge, neither answer is wrong.
+// Distance to an edge, relative to the scale, at which both answers are acceptable.
 constexpr Real kOnEdge = 0x1p-19L;
 // The tracer's first test, in single precision, may miss a needle if the ray passes its edge closer
 // than this and almost parallel to it.
 constexpr Real kMissed = 0x1p-14L;
-// Triangles that are no needles are not tested again. If a ray hits them less flatly than this,
-// their hits are accurate to kStoutError.
+// Triangles that are not needles are not tested again. If the cosine between ray and normal is
+// above kFlat, their hits are accurate to kStoutError.
 constexpr double kFlat = 1e-3;
 constexpr Real kStoutError = 0x1p-13L;
 

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of overlapping interiors, by the names of the catalogue (V8, V9, V12, G12). The
-// tolerance of means is 5 standard errors of the difference (ExpectSameMean) unless stated
-// otherwise.
+// Hard cases of overlapping interiors, named as in the catalogue (V8, V9, V12, G12). The tolerance
+// of means is 5 standard errors of the difference (ExpectSameMean) unless stated otherwise.
 #include <algorithm>
 #include <optional>
 #include <vector>

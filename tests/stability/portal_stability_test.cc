@@ -68,7 +68,7 @@ class PortalStabilityTest : public ::testing::Test {
   }
 };
 
-// By rays to the sky in all directions of the hemisphere.
+// Estimated by rays to the sky in all directions of the hemisphere.
 Estimate EscapedIrradiance(const LightTable& table, Vec3f p, uint64_t points_per_replicate) {
   return EstimateMean(points_per_replicate, [&](const std::array<float, 4>& u) {
     const double z = static_cast<double>(u[0]), r = std::sqrt(1 - z * z);
@@ -136,13 +136,14 @@ TEST_F(PortalStabilityTest, NoLightInOrBehindThePlane) {
       EXPECT_EQ(table->PdfEnvironment<kAllTraits>(p, {}, d), 0);
     }
   }
-  // Straight through, beside it, and away from it.
+  // Rays straight through the portal, beside it, and away from it.
   EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, kUp).r, 1);
   EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({0.6f, 0, 0}, kUp).r, 0);
   EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, -kUp).r, 0);
 }
 
-// The closer to the plane and the farther to its side, the flatter the view, down to an empty one.
+// The closer a point is to the plane and the farther to the side, the smaller the solid angle of
+// the portal, down to zero.
 TEST_F(PortalStabilityTest, GrazingSamplesAreFiniteAndInTheWindow) {
   const SkyPortal portal(kCorners, 256, 1 + 1e-3, LightAndSky);
   RandomPoints random(5);

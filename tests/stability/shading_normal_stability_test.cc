@@ -137,7 +137,7 @@ TEST(ShadingNormalTest, ScatteringVanishesTowardTheHorizon) {
   const BsdfFixture white = sheaf::testing::MakeDiffuseFixture(Rgb::Gray(1));
   for (const double tilt : {5.0, 30.0, 60.0}) {
     for (double phi = 0; phi < 360; phi += 7) {
-      // Over the random numbers of the tilt, as in an image.
+      // Averages over the random numbers of the perturbed normal, as an image does.
       double level = 0, higher = 0;
       constexpr int kDraws = 512;
       for (int i = 0; i < kDraws; ++i) {

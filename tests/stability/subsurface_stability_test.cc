@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of subsurface scattering, by the names of the catalogue (V1, V11, V12, V14, G2, G12).
-// The tolerance of means is ExpectMean's 5 standard errors unless stated otherwise.
+// Hard cases of subsurface scattering, named as in the catalogue (V1, V11, V12, V14, G2, G12). The
+// tolerance of means is ExpectMean's 5 standard errors unless stated otherwise.
 #include <array>
 #include <cmath>
 #include <string>

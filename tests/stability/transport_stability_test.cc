@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of light transport, by the names of the catalogue (A1 to A5, L7, L8, M5, R6 to
-// R8, C2).
+// Hard cases of light transport, named as in the catalogue (A1 to A5, L7, L8, M5, R6 to R8, C2).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -118,8 +117,9 @@ TileMean MeanOfWall(const Wall& wall) {
   return RenderMean(t.scene, SquareSettings(8, 1024, 1 << 20));
 }
 
-// Radiosities of six uniformly lit walls: B = M + rho F B, by iteration. Form factors of a cube's
-// opposite and adjacent faces, which sum to 1 with four of the latter.
+// Radiosities of six uniformly lit walls: B = M + rho F B, by iteration. F consists of the form
+// factors of a cube's opposite and adjacent faces; one of the former and four of the latter sum to
+// 1.
 std::array<double, 6> EvenRadiosities() {
   constexpr double kOpposite = 0.1998248957, kAdjacent = 0.2000437761;
   std::array<double, 6> radiosity{};

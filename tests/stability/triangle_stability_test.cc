@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Hard cases of triangle intersection, by the names of the catalogue: G3 (no ray leaves a closed
-// mesh).
+// Hard cases of triangle intersection, named as in the catalogue: G3 (no ray leaves a closed mesh).
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -114,9 +113,9 @@ double NaiveEscapes(const Triangles& globe) {
 
 constexpr int kRings = 200, kSectors = 400;
 
-// G3, whose expected value is 0 misses of 10^7 rays to vertices, middles of edges and random
-// points. Rays are inside a closed mesh around the camera. Without the guard 2 % of those to
-// vertices escape.
+// G3. Expected by the catalogue: 0 misses among 10^7 rays to vertices, middles of edges and random
+// points. Rays start inside a closed mesh around the camera. Without the second test 2 % of the
+// rays to vertices escape.
 TEST(TriangleStability, G3NoRayLeavesAClosedRoom) {
   const Triangles globe = Globe({0, 0, 0}, kRings, kSectors);
   TestScene t({0, 0, 0}, {0, 0, 1}, 60);

@@ -68,7 +68,7 @@ TEST(CompareTest, NonFiniteValuesAreCountedSeparately) {
   EXPECT_EQ(c->fraction_differing, 2.0 / 16);
 }
 
-// The same color in other primaries is distinguished from another color.
+// The error message distinguishes the same color in other primaries from a different color.
 TEST(CompareTest, DifferentPrimariesMustBeConverted) {
   FrameImage reference = MakeImage({0, 0, 2, 2}, 0.5f, 0), image = reference;
   ASSERT_TRUE(ConvertColor(ChromaticitiesOf(Primaries::kAcesCg), &image).ok());

@@ -24,8 +24,8 @@ struct ErrorPlanes {
 
 struct PixelError {
   double value = 0;  // Expected: mean over R, G, B of stderr^2 / (truth^2 + floor^2).
-  // The part of `value` that one bright hit makes, and the maximum that it may really be
-  // (RareHits).
+  // The part of `value` that is due to a single bright hit, and the largest value that its true
+  // error may have (RareHits).
   double rare = 0, rare_max = 0;
 };
 

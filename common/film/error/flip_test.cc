@@ -83,7 +83,7 @@ TEST(FlipTest, IsSymmetricAndIgnoresUndisplayableValues) {
   EXPECT_EQ(Mean(bright, Flat({1, 1, 1})), 0);
 }
 
-// Any free thread processes the next band.
+// The next free thread processes the next band, so bands are finished in any order.
 TEST(FlipTest, BandsAreSeamless) {
   const auto tall = [](bool changed) {
     return Draw(24, 400, [changed](int32_t x, int32_t y) {
@@ -93,7 +93,7 @@ TEST(FlipTest, BandsAreSeamless) {
   };
   const Planes reference = tall(false), image = tall(true);
   const std::vector<float> map = FlipMap(reference.Image(), image.Image());
-  // Rows repeat every four, except at the ends.
+  // The pattern repeats every four rows, except near the top and bottom.
   for (size_t y = 16; y < 380; ++y) {
     for (size_t x = 0; x < 24; ++x) ASSERT_EQ(map[y * 24 + x], map[(y - 4) * 24 + x]) << y;
   }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Coalesces events by key and bounds what a slow reader can hold back.
+// Combines events by key and bounds the queue of a slow reader.
 #include "coordinator/service/http/event_stream.h"
 
 #include "absl/strings/str_cat.h"
@@ -14,8 +14,8 @@ std::string EncodeEvent(const ServerEvent& event) {
 
 void EventQueue::Push(const ServerEvent& event) {
   const MutexLock lock(&mutex_);
-  // After a reset the reader fetches everything anew, so what happens before it has read that
-  // message needs no event of its own.
+  // After a reset the reader fetches everything again, so events before it has received the reset
+  // are unnecessary.
   if (reset_) return;
   const std::string id = absl::StrCat(event.type, "\n", event.key);
   const auto found = where_.find(id);

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Server-sent events without an unbounded queue. Every event states what is, under a key; for a
-// slow reader a newer event of the same key replaces the older one, and a reader that falls behind
-// by more than the limit is told once to look at everything again. So nothing a reader does costs
-// more than a fixed amount of memory, and no reader ends with a stale view. Source: HTML Standard,
-// sec. 9.2 "Server-sent events".
+// Server-sent events with bounded queues. Each event states the present state of the object named
+// by its key. For a slow reader, a newer event replaces an unsent older one with the same key; a
+// reader that falls behind by more than the limit gets one event that tells it to fetch everything
+// again. So a reader costs a fixed amount of memory and never ends with an outdated view. Source:
+// HTML Standard, sec. 9.2 "Server-sent events".
 #pragma once
 
 #include <cstddef>
@@ -20,11 +20,11 @@
 
 namespace sheaf::coordinator {
 
-// Events a reader may be behind before its queue is replaced by one "reset" event.
+// Maximum number of unsent events of a reader; beyond it they are replaced by one "reset" event.
 inline constexpr size_t kEventQueueCountMax = 1024;
-// Readers at once; more are refused.
+// Maximum number of simultaneous readers; more are refused.
 inline constexpr size_t kEventReaderCountMax = 256;
-// Bytes handed to a socket at once, beyond which the rest waits in the queue.
+// Maximum number of bytes passed to a socket at once; the rest waits in the queue.
 inline constexpr size_t kEventBatchBytesMax = size_t{1} << 18;
 
 struct ServerEvent {
@@ -36,12 +36,13 @@ struct ServerEvent {
   std::string json;
 };
 
-// The events that one reader has not been sent yet.
+// The events that have not yet been sent to one reader.
 // Thread safety: every method may be called from any thread.
 class EventQueue {
  public:
   void Push(const ServerEvent& event);
-  // Returns the next events in wire form, at most about kEventBatchBytesMax, or "" where none wait.
+  // Returns the next events in wire format, at most about kEventBatchBytesMax, or "" if there are
+  // none.
   std::string Take();
 
  private:
@@ -52,16 +53,17 @@ class EventQueue {
   bool reset_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
-// Gives every event to every reader.
+// Distributes every event to every reader.
 // Thread safety: every method may be called from any thread.
 class EventHub {
  public:
-  // Returns a queue that lives while the caller holds it, or null beyond kEventReaderCountMax.
+  // Returns a queue that is active while the caller holds it, or null beyond kEventReaderCountMax.
   std::shared_ptr<EventQueue> Subscribe();
   void Publish(const ServerEvent& event);
   size_t ReaderCount() const;
-  // Called after events were published, on the publisher's thread; it must be quick. An empty
-  // function ends it; no call is under way once SetWake has returned.
+  // Sets the function that is called after events are published, on the publisher's thread; it must
+  // be quick. An empty function removes it. When SetWake returns, no call of the old function is
+  // running.
   void SetWake(std::function<void()> wake);
 
  private:

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// By channel, from the highest power to the constant.
+// Coefficients by channel, from the highest power to the constant.
 constexpr std::array<std::array<double, 7>, 3> kViridis = {{
     {-5.435455855934631, 4.776384997670288, 6.228269936347081, -4.634230498983486,
      -0.3308618287255563, 0.1050930431085774, 0.2777273272234177},

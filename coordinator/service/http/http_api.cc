@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// One function an endpoint, over FarmView.
+// One function per endpoint, over FarmView.
 #include "coordinator/service/http/http_api.h"
 
 #include <algorithm>
@@ -40,7 +40,7 @@ int HttpStatusFromCode(absl::StatusCode code) {
   }
 }
 
-// The page size that a request asks for. Errors: kInvalidArgument.
+// The page size that a request specifies. Errors: kInvalidArgument.
 absl::StatusOr<int> PageSize(const HttpRequest& request, int default_size) {
   const std::string text = QueryValue(request, "page_size");
   if (text.empty()) return default_size;
@@ -57,7 +57,7 @@ absl::Status UnknownPageToken(const std::string& token) {
       absl::StrCat("page_token \"", token, "\" is unknown; start again without one"));
 }
 
-// A name for a download: letters, digits, dots and hyphens of the title.
+// The name of a downloaded file: letters, digits, dots and hyphens of the title.
 std::string DownloadName(const std::string& title, int32_t frame_number) {
   std::string name;
   for (const char c : title.substr(0, 80)) {
@@ -67,7 +67,7 @@ std::string DownloadName(const std::string& title, int32_t frame_number) {
   return absl::StrFormat("%s.%04d.exr", name.empty() ? "sheaf" : name, frame_number);
 }
 
-// Whether the client has this version already.
+// Whether the client already has this version.
 bool ClientHas(const HttpRequest& request, const std::string& etag) {
   return HeaderValue(request, "If-None-Match") == etag;
 }
@@ -179,7 +179,8 @@ HttpResponse HttpApi::ListJobs(const HttpRequest& request) const {
   if (!size.ok()) return HttpErrorFromStatus(size.status());
   const std::vector<JobView> jobs = farm_.ListJobs();
   auto job = jobs.begin();
-  // A token is the last job of the page before: new jobs come first and shift no later page.
+  // A token is the last job of the previous page. New jobs come first, so they do not shift later
+  // pages.
   const std::string token = QueryValue(request, "page_token");
   if (!token.empty()) {
     job = std::find_if(jobs.begin(), jobs.end(),
@@ -284,8 +285,8 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   HttpResponse response;
   const bool may_lack = !frame->complete || choice->thumbnail || choice->layer == ImageLayer::kTime;
   if (absl::IsUnavailable(preview.status()) && may_lack) {
-    // No failure: a job may end between the event that names an image and the request for it,
-    // frames of earlier versions have no thumbnail, and those without parts no times.
+    // This is not an error: a job may end between the event that announces an image and the request
+    // for it, frames of earlier versions have no thumbnail, and frames without parts have no times.
     response.status = 204;
     response.headers = {{"Cache-Control", "no-store"}};
     return response;
@@ -339,7 +340,7 @@ HttpResponse HttpApi::GetOutput(const HttpRequest& request) const {
 HttpResponse HttpApi::ListWorkers(const HttpRequest& request) const {
   const absl::StatusOr<int> size = PageSize(request, std::numeric_limits<int>::max());
   if (!size.ok()) return HttpErrorFromStatus(size.status());
-  // A token is the last worker of the page before, whether it is still there or not.
+  // A token is the last worker of the previous page, whether or not it still exists.
   const std::string token = QueryValue(request, "page_token");
   std::vector<std::string> page;
   std::string last;

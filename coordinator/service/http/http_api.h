@@ -1,41 +1,42 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The HTTP side's answers: health, metrics, and the farm as JSON and images.
+// The responses of the HTTP port: health, metrics, and the farm's state as JSON and images.
 //
 //   GET  /healthz                                   200 while the process serves
-//   GET  /readyz                                    200 where work is accepted, else 503 and why
+//   GET  /readyz                                    200 if work is accepted, else 503 and why
 //   GET  /metrics                                   Prometheus text
 //   GET  /api/v1/jobs?page_size&page_token          jobs, newest first, without frames
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
-//   GET  /api/v1/jobs/ID/failures                   leases that came to nothing, the last ones,
-//        newest first, each with the command that renders its tile again on one machine
-//   POST /api/v1/jobs/ID:cancel                     cancels; repeating it changes nothing
-//   POST /api/v1/jobs/ID:pause, ID:resume           no new leases, or leases again; likewise
-//   POST /api/v1/jobs/ID:priority?value=N           higher goes first, from -1000 to 1000; likewise
+//   GET  /api/v1/jobs/ID/failures                   the last failed leases, newest first, each with
+//        the command that renders its tile again on one machine
+//   POST /api/v1/jobs/ID:cancel                     cancels the job; idempotent
+//   POST /api/v1/jobs/ID:pause, ID:resume           stops or resumes granting leases; idempotent
+//   POST /api/v1/jobs/ID:priority?value=N           sets the priority, from -1000 to 1000; jobs of
+//        higher priority go first; idempotent
 //   POST /api/v1/jobs/ID:refine?target_error=E&samples=N
 //        refines a job that succeeded until its frames' relMSE is at most E, with at most N
-//        samples a pixel; without E, with N samples; repeating it changes nothing
+//        samples per pixel; without E, with N samples; idempotent
 //   GET  /api/v1/jobs/ID/refine-price?target_error=E,E,...
-//        what that costs beyond what is there, by the farm as it is now, for up to 32 errors
+//        the cost of such a refinement, beyond existing samples, for up to 32 values of E
 //   GET  /api/v1/jobs/ID/frames/N                   one frame
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
-//        the image so far; 204 where there is none. Layers: image, light, error, samples and
-//        time, see image_layer.h; the last three come with X-Sheaf-Range: LOW HIGH, the ends of
-//        their colors
+//        the image so far; 204 if there is none. Layers: image, light, error, samples and time
+//        (image_layer.h); the last three have a header X-Sheaf-Range: LOW HIGH, the values at the
+//        ends of their false colors
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?size=thumbnail
-//        the image so far, small; 204 where there is none
+//        a small copy of the image so far; 204 if there is none
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&round=R
-//        a layer as it was at the end of a round, from 0, small; 404 where that is not kept, as the
-//        frame's rounds[R].preview_version tells by 0
+//        a small copy of a layer at the end of a round (from 0); 404 if it is not kept: the frame's
+//        rounds[R].preview_version is then 0
 //   GET  /api/v1/false-color.png                    the false colors from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered image
-//   GET  /api/v1/workers?page_size&page_token       workers; all where no size is given
+//   GET  /api/v1/workers?page_size&page_token       workers; all of them without page_size
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON
-//   GET  /api/v1/events                             what changes, as server-sent events: types job,
-//        frame and worker carry the objects of the calls above, and reset says that some were left
-//        out and everything should be fetched anew. Last-Event-ID is ignored: events state what is,
-//        so a reader that reconnects fetches and continues.
+//   GET  /api/v1/events                             changes, as server-sent events. Events of type
+//        job, frame and worker carry the objects of the calls above; reset says that events were
+//        dropped and everything must be fetched again. Last-Event-ID is ignored: events carry the
+//        present state, so a reader that reconnects fetches everything and continues.
 #pragma once
 
 #include <functional>
@@ -50,31 +51,32 @@
 
 namespace sheaf::coordinator {
 
-// The header that tells the range of a layer in false color: two numbers.
+// The header with the range of a layer in false color: two numbers.
 inline constexpr char kRangeHeader[] = "X-Sheaf-Range";
 // Objects on a page of a list.
 inline constexpr int kPageSizeDefault = 100;
 inline constexpr int kPageSizeMax = 1000;
 
-// The actions that the page offers on the farm.
+// Actions on the farm that the page offers.
 struct FarmActions {
-  // Cancels a job. Errors: kNotFound; kFailedPrecondition (it has ended).
+  // Cancels a job. Errors: kNotFound; kFailedPrecondition (the job has ended).
   std::function<absl::Status(const std::string& job_id)> cancel_job;
-  // The same of its pause, and of its priority, where kInvalidArgument is an error too.
+  // Pause, resume, or set the priority of a job. Errors: as for cancel_job; for the priority also
+  // kInvalidArgument.
   std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;
   std::function<absl::Status(const std::string& job_id, int32_t priority)> set_job_priority;
-  // Goes on with a job that succeeded. Errors: those of Farm::RefineJob.
+  // Continues a job that succeeded. Errors: those of Farm::RefineJob.
   std::function<absl::Status(const std::string& job_id, const Refinement& refinement)> refine_job;
 };
 
 class HttpApi {
  public:
-  // `farm` must outlive the object. `instance` tells this run of the coordinator from others, so
-  // that a browser never takes an image of an earlier run for a present one.
+  // `farm` must outlive this object. `instance` identifies this run of the coordinator, so that
+  // browsers do not use cached images of an earlier run.
   HttpApi(const FarmView& farm, FarmActions actions, std::string instance);
 
-  // The table above, but for the event stream, which the server itself serves.
-  // The functions refer to this object. Thread safety: from one thread at a time.
+  // The table above without the event stream, which the server itself provides. The functions refer
+  // to this object. Thread safety: one thread at a time.
   std::vector<HttpRoute> Routes();
 
  private:
@@ -82,7 +84,7 @@ class HttpApi {
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
   HttpResponse ListFailures(const HttpRequest& request) const;
-  // Acts on the job that the path names and answers with the job as it is then.
+  // Calls `act` for the job in the path and responds with the job's new state.
   HttpResponse ChangeJob(const HttpRequest& request,
                          const std::function<absl::Status(const std::string&)>& act) const;
   HttpResponse SetPriority(const HttpRequest& request) const;
@@ -94,7 +96,7 @@ class HttpApi {
   HttpResponse GetOutput(const HttpRequest& request) const;
   HttpResponse ListWorkers(const HttpRequest& request) const;
   HttpResponse ListCounters() const;
-  // The job and frame that the path names. Errors: kNotFound, kInvalidArgument.
+  // Finds the job and frame in the path. Errors: kNotFound, kInvalidArgument.
   absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
 
   const FarmView& farm_;
@@ -104,7 +106,7 @@ class HttpApi {
 };
 
 HttpResponse JsonResponse(std::string json);
-// The response that tells of a status. Requires: !status.ok().
+// Converts an error to a response. Requires: !status.ok().
 HttpResponse HttpErrorFromStatus(const absl::Status& status);
 
 }  // namespace sheaf::coordinator

@@ -62,7 +62,7 @@ class HttpApiTest : public testing::Test {
   json Get(const std::string& target) { return json::parse(Send("GET", target).body); }
 
   FakeFarm farm_;
-  Refinement refinement_;  // That was asked for last.
+  Refinement refinement_;  // The last requested one.
   HttpApi api_;
   HttpRouter router_;
 };
@@ -122,7 +122,8 @@ TEST_F(HttpApiTest, JobsNameTheMostActiveFrame) {
   EXPECT_EQ(shown["complete"], false);
   farm_.jobs[0].preview_frame.reset();
   EXPECT_TRUE(Get("/api/v1/jobs")["jobs"][0]["preview_frame"].is_null());
-  // The first that is begun and not complete, or else the last complete one.
+  // The preview frame is the first one that is started but not complete, or else the last complete
+  // one.
   FrameView frame;
   const auto shown_after = [&](int32_t number, uint64_t version, bool complete) {
     frame.frame_number = number;
@@ -349,7 +350,7 @@ TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmpty) {
   const HttpResponse response = Send("GET", "/api/v1/jobs/1/frames/1/preview.png");
   EXPECT_EQ(response.status, 204);
   EXPECT_EQ(response.body, "");
-  // That an image which is there cannot be had is an error.
+  // If an existing image cannot be delivered, the response is an error.
   farm_.jobs[2].frames[0].complete = true;
   EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/1/preview.png").status, 503);
 }
@@ -396,7 +397,7 @@ TEST_F(HttpApiTest, PageIsSelfContained) {
   const HttpResponse index = page.Route(request);
   ASSERT_EQ(index.status, 200);
   EXPECT_EQ(index.content_type, "text/html; charset=utf-8");
-  // Everything that the document names must be among the files, under its type.
+  // Every file that the document refers to must exist, with the right type.
   const std::regex reference("(?:src|href)=\"(\\./[^\"]+)\"");
   std::set<std::string> types;
   for (std::sregex_iterator at(index.body.begin(), index.body.end(), reference), end; at != end;
@@ -404,7 +405,7 @@ TEST_F(HttpApiTest, PageIsSelfContained) {
     EXPECT_EQ(type_of.count((*at)[1]), 1u) << "the page names " << (*at)[1];
     types.insert(type_of[(*at)[1]]);
   }
-  // And so must what the scripts load.
+  // So must the files that the scripts load.
   const std::regex script("\\./([a-z_]+\\.js)|\"([a-z_]+\\.js)\"");
   int script_count = 0;
   for (const PageFile& file : PageFiles()) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A client's connection to the HTTP port and the list it waits in, so that those that keep a place
-// and ask for nothing can be told from others. For http_server.cc alone.
+// Connections of clients to the HTTP port, in lists by state, so that connections without a request
+// in progress can be closed when places run out. Internal to http_server.cc.
 #pragma once
 
 #include <utility>  // Before asio of Boost 1.74, which uses std::exchange unasked.
@@ -20,10 +20,10 @@ using asio::ip::tcp;
 using boost::system::error_code;
 
 struct Connection;
-// Connections in one state, those that are in it for longest first.
+// Connections in the same state, those that have been in it longest first.
 using ConnectionList = std::list<Connection*>;
 
-// A client's socket while its coroutine lives, and what it waits for. Socket thread only.
+// A client's socket while its coroutine lives, and its place in a list. Socket thread only.
 struct Connection {
   Connection(tcp::socket socket, size_t* all) : stream(std::move(socket)), count(all) {
     error_code ignored;
@@ -37,7 +37,7 @@ struct Connection {
   }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
-  // Leaves the list it is in; null: for none.
+  // Moves the connection from its list to the end of `next`; null: to none.
   void MoveTo(ConnectionList* next) {
     if (list != nullptr) list->erase(place);
     list = next;
@@ -51,7 +51,8 @@ struct Connection {
   ConnectionList::iterator place;
 };
 
-// Closes the first of the list, which wakes and ends its coroutine; false where the list is empty.
+// Closes the first connection of the list, which ends its coroutine. Returns false if the list is
+// empty.
 inline bool DropOldest(const ConnectionList& list) {
   if (list.empty()) return false;
   Connection* const oldest = list.front();

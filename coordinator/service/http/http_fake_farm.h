@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A FarmView whose contents a test sets, for trying the HTTP side without a farm. Tests only.
+// A FarmView whose contents a test sets, to test the HTTP port without a farm. Tests only.
 #pragma once
 
 #include <chrono>
@@ -18,19 +18,19 @@
 
 namespace sheaf::coordinator {
 
-// Thread safety: as FarmView asks.
+// Thread safety: as for FarmView.
 class FakeFarm : public FarmView {
  public:
   std::vector<JobView> jobs;  // With their frames.
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
-  std::vector<FailureView> failures;  // Those of every job.
-  RefinementPrices prices;            // Those of every job; their targets are as asked for.
+  std::vector<FailureView> failures;  // Returned for every job.
+  RefinementPrices prices;            // Returned for every job, with the targets of the call.
   absl::Status ready;
   PreviewView preview;        // The same for every frame.
   PreviewView round_preview;  // The same for every round that has a version.
 
-  // Applies a change under the lock and wakes all that wait.
+  // Applies a change under the lock and wakes all waiting calls.
   template <class Change>
   void Update(Change change) {
     {
@@ -67,7 +67,7 @@ class FakeFarm : public FarmView {
     for (const double target : target_errors) {
       RefinementPrice& price = priced.prices.emplace_back();
       price.target_error = target;
-      // A thousandth of relMSE costs a second of CPU time, half of it one of 0.002.
+      // A relMSE of 0.001 costs one second of CPU time, 0.002 half a second.
       const double seconds = 1e-3 / target;
       price.reached = true;
       price.relative_mse = {target, 0.9 * target, target};
@@ -165,8 +165,8 @@ inline JobView MakeFakeJob(const std::string& job_id) {
   return job;
 }
 
-// An image of one color, with 16 samples in every pixel, standard errors of a tenth of it and a
-// millisecond of CPU time.
+// An image of one color, with 16 samples in every pixel, a standard error of a tenth of the value,
+// and one millisecond of CPU time per pixel.
 inline FrameImage MakeFakeImage(int32_t width_px, int32_t height_px, float level) {
   FrameImage image;
   image.window = {0, 0, width_px, height_px};

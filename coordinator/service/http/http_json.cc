@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Field by field, from the plain values of FarmView.
+// Converts the plain values of FarmView field by field.
 #include "coordinator/service/http/http_json.h"
 
 #include <cmath>
@@ -16,12 +16,12 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Text from people may be no UTF-8; it is shown with replacement characters.
+// User-supplied text may not be valid UTF-8; it is shown with replacement characters.
 std::string Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-// Milliseconds are what a person watching can tell apart.
+// Milliseconds suffice for display.
 Json TimeJson(absl::Time time) {
   if (time == absl::InfiniteFuture() || time == absl::InfinitePast()) return nullptr;
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
@@ -45,7 +45,7 @@ Json SettingJson(const FilmOutputs& value) { return FormatOutputs(value); }
 Json SettingJson(ColorTransport value) { return ColorTransportName(value); }
 Json SettingJson(Primaries value) { return PrimariesName(value); }
 
-// Adds the settings that JSON shows there.
+// Adds the settings that are shown in this JSON object.
 void AddSettings(const FrameSettings& settings, SettingField::Shown shown, Json* json) {
   VisitFrameSettings(settings, [&](const SettingField& field, const auto& value) {
     if (field.shown == shown) (*json)[field.name] = SettingJson(value);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The views of the farm as JSON text. Fields are named as in the protos; times are ISO 8601 in
-// UTC, durations are seconds, and null stands for what cannot be told yet.
+// The views of the farm as JSON text. Field names are those of the protos; times are ISO 8601 in
+// UTC, durations are in seconds, and null stands for unknown values.
 #pragma once
 
 #include <string>

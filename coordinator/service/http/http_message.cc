@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Look-ups in a request, and the one form in which errors are told.
+// Look-ups in a request, and the format of errors.
 #include "coordinator/service/http/http_message.h"
 
 #include <nlohmann/json.hpp>
@@ -30,7 +30,7 @@ HttpResponse HttpError(int status, const std::string& code, const std::string& m
   response.status = status;
   response.content_type = "application/json";
   response.headers = {{"Cache-Control", "no-store"}};
-  // Text from a client may be no UTF-8; replace what is not rather than throw.
+  // Text from a client may not be valid UTF-8; invalid bytes are replaced, as dump would throw.
   response.body = error.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return response;
 }

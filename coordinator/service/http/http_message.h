@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A request and a response as plain values. The socket side (http_server) fills and sends them;
-// what answers them (http_router, http_api) sees nothing else and is tested without a socket.
+// Requests and responses as plain values. The socket side (http_server) reads and writes them; the
+// code that answers them (http_router, http_api) depends on nothing else and is tested without
+// sockets.
 #pragma once
 
 #include <string>
@@ -12,11 +13,11 @@
 namespace sheaf::coordinator {
 
 struct HttpRequest {
-  // "GET", "POST" and so on. HEAD reaches the router as "GET"; the server leaves out the body.
+  // "GET", "POST" and so on. HEAD reaches the router as "GET"; the server omits the body.
   std::string method;
-  // Path and query as the client sent them: "/api/v1/jobs?page_size=10".
+  // Path and query as sent by the client: "/api/v1/jobs?page_size=10".
   std::string target;
-  // In the order sent. Look them up with HeaderValue.
+  // In the order sent. Use HeaderValue to find one.
   std::vector<std::pair<std::string, std::string>> headers;
   std::string body;
 
@@ -28,17 +29,17 @@ struct HttpRequest {
 struct HttpResponse {
   int status = 200;
   std::string content_type = "text/plain; charset=utf-8";
-  // Beside Content-Type, Content-Length and the security headers that the server adds itself.
+  // In addition to Content-Type, Content-Length and the security headers, which the server adds.
   std::vector<std::pair<std::string, std::string>> headers;
   std::string body;
-  // Where not empty, the body is this file, streamed in pieces, and `body` is ignored.
+  // If not empty, the body is this file, sent in pieces, and `body` is ignored.
   std::string file_path;
 };
 
-// The value of a header, matched without regard to case, or "" where it is absent.
+// The value of a header, ignoring case in its name; "" if it is absent.
 std::string HeaderValue(const HttpRequest& request, const std::string& name);
 
-// The value of a query parameter, or "" where it is absent.
+// The value of a query parameter; "" if it is absent.
 std::string QueryValue(const HttpRequest& request, const std::string& name);
 
 // A JSON error: {"error": {"code": "NOT_FOUND", "message": "..."}}.

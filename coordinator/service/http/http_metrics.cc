@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// HELP and TYPE once a name, then one line a value, with the escapes that the format asks for.
+// HELP and TYPE once per name, then one line per value, with the escapes of the format.
 #include "coordinator/service/http/http_metrics.h"
 
 #include <cmath>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Counters and gauges in the text that Prometheus scrapes.
-// Source: Prometheus documentation, "Exposition formats", text format 0.0.4.
+// Formats counters and gauges as text for Prometheus. Source: Prometheus documentation, "Exposition
+// formats", text format 0.0.4.
 #pragma once
 
 #include <string>

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Serves the embedded files; a browser that has a file asks again and is told 304.
+// Serves the embedded files. Browsers revalidate files that they have, and get 304.
 #include "coordinator/service/http/http_page.h"
 
 #include "absl/strings/str_cat.h"

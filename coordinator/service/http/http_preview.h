@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The image as merged so far, as a PNG for a screen, in the layers of image_layer.h. Encoded
-// images are kept, as several browsers ask for the same one.
+// Encodes the image so far as PNG, in the layers of image_layer.h, and caches encoded images, as
+// several browsers request the same one.
 #pragma once
 
 #include <cstdint>
@@ -16,20 +16,20 @@
 
 namespace sheaf::coordinator {
 
-// Encoded images kept, the longest unused dropped first.
+// Maximum number of cached images; the least recently used are dropped.
 inline constexpr size_t kPreviewCacheCountMax = 8;
 inline constexpr size_t kThumbnailCacheCountMax = 1024;
 
-// Which image of a frame is wanted.
+// Selects an image of a frame.
 struct PreviewChoice {
   ImageLayer layer = ImageLayer::kImage;
-  bool thumbnail = false;        // Small; of the image alone.
-  std::optional<int32_t> round;  // As it was at this round's end; otherwise as it is.
+  bool thumbnail = false;        // A small copy; only of ImageLayer::kImage.
+  std::optional<int32_t> round;  // The image at the end of this round; none: the present image.
   friend bool operator==(const PreviewChoice&, const PreviewChoice&) = default;
 };
 
 struct EncodedPreview {
-  // FrameView::preview_version that it shows.
+  // The FrameView::preview_version of the image.
   uint64_t version = 0;
   std::string png;
   std::optional<LayerRange> range;  // Only for layers in false color.
@@ -39,12 +39,11 @@ class PreviewCache {
  public:
   explicit PreviewCache(size_t count_max = kPreviewCacheCountMax) : count_max_(count_max) {}
 
-  // The version of the image that is chosen; 0 where there is none.
+  // The version of the selected image; 0 if there is none.
   static uint64_t VersionOf(const FrameView& frame, const PreviewChoice& choice);
 
-  // The PNG of a frame's image.
-  // Errors: as FarmView::Preview and MakeDisplayImage, and those of the PNG encoder.
-  // Thread safety: from one thread at a time.
+  // Returns the selected image of a frame. Errors: as for FarmView::Preview and MakeDisplayImage,
+  // and those of the PNG encoder. Thread safety: one thread at a time.
   absl::StatusOr<EncodedPreview> Find(const FarmView& farm, const std::string& job_id,
                                       const FrameView& frame, const PreviewChoice& choice);
 

@@ -28,7 +28,7 @@ TEST(HttpPreviewTest, EncodesOncePerVersionAndLayer) {
   EXPECT_EQ(first->version, 3u);
   EXPECT_EQ(first->png.substr(1, 3), "PNG");
   EXPECT_FALSE(first->range.has_value());
-  // The farm moves on; the kept image still answers for its own version and layer.
+  // The farm continues, but the cached image still answers requests for its version and layer.
   farm.preview.version = 4;
   farm.preview.image = MakeFakeImage(4, 2, 0.1f);
   EXPECT_EQ(png(ImageLayer::kImage), first->png);

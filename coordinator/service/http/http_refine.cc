@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of HttpApi that refines finished jobs, and tells the cost of that before.
+// The part of HttpApi that refines finished jobs and estimates the cost.
 #include <algorithm>
 
 #include "absl/strings/numbers.h"

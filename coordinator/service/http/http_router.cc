@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Splits the target, matches patterns segment by segment, and refuses what another site may have
-// sent.
+// Splits the target, matches patterns segment by segment, and refuses requests that another site
+// may have sent.
 #include "coordinator/service/http/http_router.h"
 
 #include <algorithm>
@@ -23,7 +23,7 @@ int HexValue(char c) {
   return -1;
 }
 
-// Percent-decodes; absent where an escape is cut short or holds no hexadecimal digits.
+// Percent-decodes; none if an escape is incomplete or has no hexadecimal digits.
 std::optional<std::string> PercentDecode(const std::string& text) {
   std::string decoded;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -41,7 +41,7 @@ std::optional<std::string> PercentDecode(const std::string& text) {
   return decoded;
 }
 
-// Cuts "a=1&b=2" into pairs. False where an escape is malformed.
+// Splits "a=1&b=2" into pairs. Returns false if an escape is malformed.
 bool ParseQuery(const std::string& text, HttpRequest* request) {
   const std::vector<std::string> pairs = absl::StrSplit(text, '&', absl::SkipEmpty());
   for (const std::string& pair : pairs) {
@@ -55,7 +55,8 @@ bool ParseQuery(const std::string& text, HttpRequest* request) {
   return true;
 }
 
-// Whether one segment fits; "{}" and what follows it in the pattern take one segment's text.
+// Whether a segment matches its pattern; a "{}" in the pattern matches any text before the rest of
+// the pattern's segment.
 bool SegmentMatches(const std::string& pattern, const std::string& segment,
                     std::vector<std::string>* parameters) {
   if (!absl::StartsWith(pattern, "{}")) return pattern == segment;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Finds the function that answers a request, after the checks that keep other web sites out. A page
-// of another site can make a browser send requests to a loopback port, by DNS rebinding or plainly;
-// so the Host must be one of ours, and whatever changes something needs a header that a foreign
-// page cannot set without asking first.
+// HttpRouter: finds the function that answers a request, after checks against other web sites. A
+// page of another site can make a browser send requests to a loopback port, directly or by DNS
+// rebinding. So the Host header must be one of ours, and requests that change something need a
+// header that a page of another site cannot set without a preflight request.
 #pragma once
 
 #include <functional>
@@ -16,10 +16,10 @@
 
 namespace sheaf::coordinator {
 
-// Answers one request. Runs on the server's only thread: it must not wait.
+// Answers one request. Runs on the server's only handler thread, so it must not block.
 using HttpFunction = std::function<HttpResponse(const HttpRequest&)>;
 
-// One row of the table. A segment of `pattern` is literal text, or "{}" with literal text after it:
+// One route. A segment of `pattern` is literal text, or "{}" followed by literal text:
 // "/api/v1/jobs/{}:cancel" matches "/api/v1/jobs/7:cancel" with the path parameter "7".
 struct HttpRoute {
   std::string method;
@@ -29,16 +29,16 @@ struct HttpRoute {
 
 class HttpRouter {
  public:
-  // `allowed_hosts` are names under which clients may reach the server, beside "localhost" and
-  // addresses written as numbers (which no DNS answer can forge).
+  // allowed_hosts: names under which clients may reach the server, in addition to "localhost" and
+  // numeric addresses (which no DNS answer can forge).
   HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts);
 
-  // Never fails: refusals and unknown paths are responses.
-  // Thread safety: const, as long as the functions of the table are.
+  // Always returns a response, also for refused requests and unknown paths. Thread safety: const,
+  // as long as the functions of the routes are.
   HttpResponse Route(HttpRequest request) const;
 
-  // The refusal where Host, Origin or the header for changing requests forbid an answer.
-  // Returns: true and leaves `refusal` alone where the request may be answered.
+  // Returns whether the Host, Origin and kRequestHeader headers permit the request. If not,
+  // *refusal is the response; otherwise it is not changed.
   bool Admits(const HttpRequest& request, HttpResponse* refusal) const;
 
  private:
@@ -48,7 +48,7 @@ class HttpRouter {
   std::vector<std::string> allowed_hosts_;
 };
 
-// The header that every changing request must carry, with any value.
+// The header, with any value, that every changing request must have.
 inline constexpr char kRequestHeader[] = "X-Sheaf-Request";
 
 }  // namespace sheaf::coordinator

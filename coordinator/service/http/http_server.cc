@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Each connection is one coroutine on the socket thread: read a request within the limits, let the
-// router answer it on the other thread, write, repeat. An event stream is a coroutine that sleeps
-// on a timer which the hub's wake-up cancels.
+// Each connection is a coroutine on the socket thread that repeats three steps: read a request
+// within the limits, let the router answer it on the other thread, and write the response. An event
+// stream is a coroutine that sleeps on a timer, which the hub cancels to wake it.
 #include "coordinator/service/http/http_server.h"
 
 #include <utility>  // Before asio/awaitable.hpp of Boost 1.74, which uses std::exchange unasked.
@@ -37,10 +37,11 @@ namespace {
 
 namespace http = boost::beast::http;
 
-// Pause after accept failed, for example for want of file descriptors.
+// Pause after accept fails, for example for lack of file descriptors.
 constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 
-// Sent with every response: no guessing of types, no framing, nothing from elsewhere.
+// Sent with every response: content types are not guessed, the page may not be framed, and it loads
+// nothing from other origins.
 constexpr std::pair<const char*, const char*> kSecurityHeaders[] = {
     {"X-Content-Type-Options", "nosniff"},
     {"X-Frame-Options", "DENY"},
@@ -63,7 +64,7 @@ HttpRequest ToRequest(const http::request<http::string_body>& message) {
   return request;
 }
 
-// Everything of the response but its body.
+// The response without its body.
 template <class Body>
 void SetHead(const HttpResponse& response, bool keep_alive, http::response<Body>* message) {
   message->version(11);
@@ -74,7 +75,7 @@ void SetHead(const HttpResponse& response, bool keep_alive, http::response<Body>
   message->keep_alive(keep_alive);
 }
 
-// The response to a request that could not be read, or nothing where the client just went away.
+// The response to a request that could not be read; none if the client closed the connection.
 std::optional<HttpResponse> ReadRefusal(const error_code& error) {
   if (error == http::error::header_limit || error == http::error::buffer_overflow) {
     return HttpError(
@@ -109,7 +110,7 @@ class HttpServer::Impl {
  private:
   asio::awaitable<void> Accept();
   asio::awaitable<void> Serve(tcp::socket socket);
-  // Counts the connection as half open, and closes the oldest of too many of its address.
+  // Counts the connection as half open, and closes the oldest one if its address has too many.
   void AwaitRequest(Connection* connection);
   // Reads the first request of a connection, or a later one, within its deadlines.
   asio::awaitable<error_code> ReadRequest(Connection* connection, beast::flat_buffer* buffer,
@@ -122,7 +123,7 @@ class HttpServer::Impl {
                              bool head_only);
   asio::awaitable<bool> SendFile(beast::tcp_stream* stream, HttpResponse response, bool keep_alive);
   asio::awaitable<void> StreamEvents(beast::tcp_stream* stream);
-  // Waits until the queue has something or the heartbeat is due.
+  // Waits until the queue has events or the heartbeat is due.
   asio::awaitable<std::string> NextEvents(EventQueue* queue, asio::steady_timer* timer);
   asio::awaitable<bool> SendText(beast::tcp_stream* stream, std::string text);
   void WakeReaders();
@@ -133,11 +134,11 @@ class HttpServer::Impl {
   uint16_t port_ = 0;
   // Socket thread only.
   size_t connection_count_ = 0;
-  ConnectionList half_open_;  // Have not sent a whole request yet.
+  ConnectionList half_open_;  // Without a complete request so far.
   ConnectionList idle_;       // Between two requests.
   std::set<asio::steady_timer*> sleeping_;
   std::atomic<bool> wake_posted_ = false;
-  // Destroyed in reverse order: the coroutines that io_ owns use everything above.
+  // Destroyed in reverse order, as the coroutines that io_ owns use all members above it.
   asio::thread_pool answering_;
   asio::io_context io_;
   tcp::acceptor acceptor_;
@@ -207,13 +208,13 @@ asio::awaitable<void> HttpServer::Impl::Accept() {
       co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, error));
       continue;
     }
-    // Over the limit the socket closes here: a queue of clients would only wait longer.
+    // At the limit the socket is closed here, as queued clients would only wait longer.
     if (connection_count_ >= kHttpConnectionCountMax && !DropOldest(half_open_) &&
         !DropOldest(idle_)) {
       continue;
     }
     asio::co_spawn(io_, Serve(std::move(socket)), [](std::exception_ptr failure) {
-      // Exceptions of Beast (besides lack of memory) concern one connection, which is closed by
+      // Exceptions of Beast, except for lack of memory, concern one connection, which is closed by
       // now.
       if (failure) LogWarning("an HTTP connection was closed because of an unexpected error");
     });
@@ -306,7 +307,7 @@ asio::awaitable<bool> HttpServer::Impl::Send(beast::tcp_stream* stream, HttpResp
   error_code error;
   http::response<http::string_body> message;
   SetHead(response, keep_alive, &message);
-  // 204 and 304 have no body and no length; HEAD names the length of the body it leaves out.
+  // 204 and 304 have no body and no length; for HEAD the length is that of the omitted body.
   const bool bodiless = response.status == 204 || response.status == 304;
   if (!bodiless && response.file_path.empty()) message.content_length(response.body.size());
   if (!bodiless && !head_only) message.body() = std::move(response.body);

@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The HTTP port: sockets in, HttpRequest to the router, HttpResponse out, and server-sent events
-// for as many readers as like to watch. One thread does all sockets, so a reader costs memory, not
-// a thread; the router's functions run on one other thread, so that encoding an image stops no
-// stream. The only door to Boost.Beast and Boost.Asio (in http_server.cc and http_connection.h).
+// The HTTP port: reads requests from sockets, passes them to the router, writes its responses, and
+// sends server-sent events to many readers. One thread handles all sockets, so a reader costs
+// memory but no thread. The router's functions run on a second thread, so that encoding an image
+// does not block a stream. Only http_server.cc and http_connection.h use Boost.Beast and
+// Boost.Asio.
 #pragma once
 
 #include <chrono>
@@ -19,51 +20,51 @@
 
 namespace sheaf::coordinator {
 
-// Limits of the port. A request or client beyond one is refused, never queued.
+// Limits of the port. Requests and clients beyond a limit are refused, never queued.
 inline constexpr size_t kHttpConnectionCountMax = 512;
-// Connections of one address that have not sent a whole request. One more costs the oldest of them
-// its place; so does a new connection that finds all places taken, if need be that of one that is
-// idle between requests. A connection with a request in progress keeps its place.
+// Maximum number of connections from one address that have not sent a complete request. One more
+// closes the oldest of them. A new connection when all places are taken also closes the oldest of
+// them, or else the connection that has been idle between requests for longest. A connection with a
+// request in progress is never closed for this reason.
 inline constexpr size_t kHttpHalfOpenCountMax = 64;
 inline constexpr uint32_t kHttpHeaderBytesMax = 16 * 1024;
 inline constexpr uint64_t kHttpBodyBytesMax = 64 * 1024;
-// From the end of one request to the first byte of the next.
+// From the end of one request to the first byte of the next one.
 inline constexpr std::chrono::seconds kHttpIdleTimeout{60};
-// From a connection's begin, or a later request's first byte, to the end of the request's head; and
-// from there to its last byte.
+// From the start of a connection, or from the first byte of a later request, to the end of the
+// request's head; and from there to the end of its body.
 inline constexpr std::chrono::seconds kHttpHeadTimeout{5};
 inline constexpr std::chrono::seconds kHttpBodyTimeout{10};
-// In which a client must take some bytes of what is sent to it.
+// Maximum time in which a client must accept some of the bytes sent to it.
 inline constexpr std::chrono::seconds kHttpWriteTimeout{30};
-// A comment line keeps an event stream open and finds readers that went away.
+// Interval of comment lines that keep an event stream open and detect closed connections.
 inline constexpr std::chrono::seconds kEventHeartbeat{15};
-// Between two batches of events to one reader; what changes faster is coalesced.
+// Minimum time between two batches of events to a reader; changes in between are combined.
 inline constexpr std::chrono::milliseconds kEventInterval{100};
 
 struct HttpServerOptions {
-  // An address in numbers.
+  // A numeric address.
   std::string address = "127.0.0.1";
-  // 0 takes any free port.
+  // 0: any free port.
   uint16_t port = 0;
-  // Listening on an address that other machines can reach must be asked for: the port has no
-  // authentication.
+  // Whether an address that other machines can reach is permitted. The port has no authentication.
   bool allow_remote = false;
-  // Where the event stream is found.
+  // Path of the event stream.
   std::string event_path = "/api/v1/events";
 };
 
 class HttpServer {
  public:
-  // Listens and serves until destroyed. `router` and `hub` must outlive the server.
-  // Errors: kInvalidArgument (malformed address), kFailedPrecondition (not loopback and not
-  // allowed), kUnavailable (the address cannot be listened on, for example because the port is
-  // taken).
+  // Listens and serves until destroyed. `router` and `hub` must outlive the server. Errors:
+  // kInvalidArgument (malformed address), kFailedPrecondition (not a loopback address, and
+  // !allow_remote), kUnavailable (the server cannot listen on the address, for example because the
+  // port is in use).
   static absl::StatusOr<std::unique_ptr<HttpServer>> Start(const HttpServerOptions& options,
                                                            const HttpRouter& router, EventHub* hub);
   // Closes every connection and waits for both threads.
   ~HttpServer();
 
-  // The port that is listened on.
+  // The port on which the server listens.
   uint16_t port() const;
   // "http://127.0.0.1:8080".
   std::string Url() const;

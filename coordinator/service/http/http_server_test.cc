@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Over real loopback sockets, by plain POSIX calls, so that nothing of the server tests itself.
+// Uses real loopback sockets through plain POSIX calls, so that the test shares no code with the
+// server.
 #include "coordinator/service/http/http_server.h"
 
 #include <arpa/inet.h>
@@ -176,12 +177,12 @@ TEST_F(HttpServerTest, HalfOpenRequestsDoNotBlockOthers) {
   other.Send(Get("/hello"));
   EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
   EXPECT_LT(absl::Now() - start, absl::Seconds(1));
-  // Those that were there before have kept their places.
+  // Earlier connections have kept their places.
   idle.Send(Get("/hello"));
   EXPECT_THAT(idle.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
   hub_.Publish({"job", "jobs/1", "{}"});
   EXPECT_EQ(reader.ReadUntil("\n\n"), "event: job\ndata: {}\n\n");
-  // Half-open ones end soon, the newest by its deadline.
+  // Half-open connections end soon, the newest by its deadline.
   EXPECT_EQ(half_open.front()->ReadToClose(), "");
   EXPECT_EQ(half_open.back()->ReadToClose(), "");
   EXPECT_LT(absl::Now() - start, 2 * absl::FromChrono(kHttpHeadTimeout));

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Puts the parts of the HTTP side together.
+// Combines the parts of the HTTP port.
 #include "coordinator/service/http/http_service.h"
 
 #include "absl/strings/str_cat.h"

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The whole HTTP side in one object: API, page, events and port over a FarmView.
+// The complete HTTP port in one object: API, page, events and server, for a FarmView.
 #pragma once
 
 #include <cstdint>
@@ -18,27 +18,26 @@
 namespace sheaf::coordinator {
 
 struct HttpServiceOptions {
-  // Where to listen.
+  // Address and port.
   HttpServerOptions server;
-  // Names, beside localhost and addresses, under which clients reach the port.
+  // Names under which clients reach the port, in addition to localhost and numeric addresses.
   std::vector<std::string> allowed_hosts;
 };
 
 class HttpService {
  public:
-  // Serves until destroyed. `farm` must outlive the service.
-  // Errors: as HttpServer::Start.
+  // Serves until destroyed. `farm` must outlive the service. Errors: as for HttpServer::Start.
   static absl::StatusOr<std::unique_ptr<HttpService>> Start(const HttpServiceOptions& options,
                                                             const FarmView& farm,
                                                             FarmActions actions);
-  // "http://127.0.0.1:8080": the page's address.
+  // The address of the page: "http://127.0.0.1:8080".
   std::string Url() const { return server_->Url(); }
   uint16_t port() const { return server_->port(); }
 
  private:
   HttpService(const HttpServiceOptions& options, const FarmView& farm, FarmActions actions);
 
-  // In order of use; destroyed from the port down.
+  // Each member uses those above it; they are destroyed from the server up.
   EventHub hub_;
   HttpApi api_;
   HttpRouter router_;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Each object has a short text of its visible fields. Watches compare these texts, and JSON is made
-// only for objects whose text changed.
+// Each object has a short text of its visible fields. Only these texts are compared, and JSON is
+// generated only for objects whose text has changed.
 #include "coordinator/service/http/http_watch.h"
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::string Mark(const WorkerView& worker) {
                       worker.reason);
 }
 
-// Notes the mark; returns whether it differs from the one noted before.
+// Stores the mark; returns whether it differs from the stored one.
 bool Differs(std::map<std::string, std::string>* marks, const std::string& key, std::string mark) {
   std::string& noted = (*marks)[key];
   if (noted == mark) return false;
@@ -53,7 +53,7 @@ bool Differs(std::map<std::string, std::string>* marks, const std::string& key, 
 
 void FarmDifference::Publish(const FarmView& farm) {
   const bool watched = hub_->ReaderCount() > 0;
-  // Frames are watched for viewers only. Later viewers fetch them after subscribing.
+  // Frames are compared only while there are viewers. Later viewers fetch them after subscribing.
   if (!watched) frames_.clear();
   for (const JobView& job : farm.ListJobs()) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
@@ -69,7 +69,7 @@ void FarmDifference::Publish(const FarmView& farm) {
 
 void FarmDifference::PublishFrames(const FarmView& farm, const std::string& job_id) {
   const absl::StatusOr<JobView> job = farm.FindJob(job_id);
-  if (!job.ok()) return;  // Deleted since it was listed: nothing to tell.
+  if (!job.ok()) return;  // Deleted since it was listed: there is no change to publish.
   Marks& marks = frames_[job_id];
   const std::string untouched = Mark(FrameView());
   for (const FrameView& frame : job->frames) {
@@ -94,7 +94,7 @@ void FarmWatcher::Run() {
   while (!stopping_) {
     const uint64_t now = farm_.WaitForChange(seen, absl::FromChrono(kWatchWait));
     if (now == seen) continue;
-    // Read before looking: a change during the look leads to another look.
+    // Read before the comparison, so that a change during it leads to another one.
     seen = now;
     const double start_seconds = ThreadCpuSeconds();
     difference_.Publish(farm_);

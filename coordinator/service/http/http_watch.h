@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Turns "something changed" into events about what changed: compares the farm with how it looked
-// before and publishes each job, frame and worker that differs.
+// Watches a farm and publishes its changes as events: compares its state with the previous one, and
+// publishes each job, frame and worker that differs.
 #pragma once
 
 #include <atomic>
@@ -17,37 +17,36 @@
 
 namespace sheaf::coordinator {
 
-// Looks at the farm at most this often, and rests four times the CPU time that a look took, so that
-// a farm with very many jobs gives at most a fifth of one processor to being watched.
+// Minimum time between two comparisons. After each one the watcher also pauses for four times its
+// CPU time, so that even for very many jobs it uses at most a fifth of one processor.
 inline constexpr std::chrono::milliseconds kWatchInterval{200};
 inline constexpr int kWatchRestFactor = 4;
-// How long a stop may have to wait.
+// Maximum time that stopping the watcher takes.
 inline constexpr std::chrono::milliseconds kWatchWait{250};
 
-// The comparison alone; time and threads are FarmWatcher's business.
-// Thread safety: from one thread at a time.
+// The comparison, without threads and timing. Thread safety: one thread at a time.
 class FarmDifference {
  public:
   explicit FarmDifference(EventHub* hub) : hub_(hub) {}
-  // Publishes what differs from the last call. The first call publishes everything that is there.
+  // Publishes the differences from the last call. The first call publishes everything.
   void Publish(const FarmView& farm);
 
  private:
-  // The properties of an object whose changes viewers are told of, as text.
+  // Keys of objects and, as text, the properties whose changes are published.
   using Marks = std::map<std::string, std::string>;
   void PublishFrames(const FarmView& farm, const std::string& job_id);
 
   EventHub* const hub_;
   Marks jobs_;
   Marks workers_;
-  // By job, for jobs that have changed since somebody watches.
+  // By job, for jobs that have changed since there are readers.
   std::map<std::string, Marks> frames_;
 };
 
-// Runs FarmDifference on a thread of its own until destroyed.
+// Runs FarmDifference in its own thread until destroyed.
 class FarmWatcher {
  public:
-  // `farm` and `hub` must outlive the object.
+  // `farm` and `hub` must outlive this object.
   FarmWatcher(const FarmView& farm, EventHub* hub);
   ~FarmWatcher();
   FarmWatcher(const FarmWatcher&) = delete;

@@ -58,7 +58,7 @@ TEST_F(HttpWatchTest, WatcherDetectsChanges) {
   const auto reader = hub_.Subscribe();
   const FarmWatcher watcher(farm_, &hub_);
   std::string events;
-  // The first look publishes what is there; then a change must come through.
+  // The first comparison publishes the present state; then a change must be published.
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
   const auto wait_for = [&](const std::string& text) {
     while (events.find(text) == std::string::npos && std::chrono::steady_clock::now() < deadline) {

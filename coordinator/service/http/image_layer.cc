@@ -18,7 +18,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Shares of the pixels that may lie below and above the false colors of the error.
+// The fractions of pixels at which the false colors of the error begin and end.
 constexpr double kRangeLowFraction = 0.01, kRangeHighFraction = 0.99;
 // The fraction of the image's mean in the denominator of relative errors, as in
 // common/film/error/error_estimate.h.
@@ -27,7 +27,7 @@ constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 using Planes = std::vector<const std::vector<float>*>;
 
-// An image as it is shown: its planes, and which square of pixels each shown pixel stands for.
+// The source of a displayed image: its planes, and the squares of pixels that become one pixel.
 struct Source {
   Planes planes;
   int32_t width_px = 0;
@@ -36,8 +36,7 @@ struct Source {
   int32_t shown_height_px = 0;
 };
 
-// Mean over a shown pixel's square of value(index), leaving out those that are NaN; NaN where all
-// are.
+// Mean of value(index) over the square of a displayed pixel, ignoring NaN; NaN if all values are.
 template <class Value>
 float MeanOfSquare(const Source& source, int32_t shown_x, int32_t shown_y, const Value& value) {
   double sum = 0;
@@ -54,7 +53,7 @@ float MeanOfSquare(const Source& source, int32_t shown_x, int32_t shown_y, const
   return count > 0 ? static_cast<float>(sum / count) : kUnknown;
 }
 
-// Calls shade(x, y) for each shown pixel in order.
+// Calls shade(x, y) for each displayed pixel in order.
 template <class Shade>
 void ForEachShown(const Source& source, const Shade& shade) {
   for (int32_t y = 0; y < source.shown_height_px; ++y) {
@@ -79,15 +78,15 @@ void FillImage(const Source& source, DisplayImage* display) {
   });
 }
 
-// The mantissas of a color; `exponent` becomes the level that goes with them.
+// Returns the mantissas of a color; `exponent` becomes the corresponding level.
 Rgb8 EncodeLight(std::array<float, 3> color, uint8_t* exponent) {
-  // Beyond it the exponent has no level; NaN and what is negative become 0.
+  // Above this value the exponent has no level. NaN and negative values become 0.
   constexpr float kLightMax = 0x1p126f;
   for (float& component : color) component = component > 0 ? std::min(component, kLightMax) : 0;
   const float largest = *std::max_element(color.begin(), color.end());
   int power = 0;
   std::frexp(largest, &power);  // largest is in [2^(power - 1), 2^power).
-  // Too dark for any exposure that can be chosen.
+  // Too dark for any exposure that a viewer can choose.
   if (largest == 0 || power <= -128) {
     *exponent = 0;
     return {0, 0, 0};
@@ -111,11 +110,11 @@ void FillLight(const Source& source, DisplayImage* display) {
 }
 
 // The largest of 1, 2 and 5 times powers of ten that is not above `value`, or the smallest that is
-// not below it: ranges that people can read, and that do not change with every version.
+// not below it. Such ranges are readable, and do not change with every version.
 double RoundNumber(double value, bool up) {
   const double power = std::pow(10.0, std::floor(std::log10(value)));
   constexpr double kSteps[] = {1, 2, 5, 10};
-  constexpr double kSlack = 1e-6;  // For the rounding of the powers.
+  constexpr double kSlack = 1e-6;  // Allows for the rounding of the powers.
   double below = power;
   for (const double step : kSteps) {
     if (up && step * power >= value * (1 - kSlack)) return step * power;
@@ -124,7 +123,7 @@ double RoundNumber(double value, bool up) {
   return below;
 }
 
-// The value below which `share` of them lie. Requires: values is not empty.
+// The value below which this fraction of the values lies. Requires: values is not empty.
 float Quantile(std::vector<float>* values, double fraction) {
   const auto index = static_cast<size_t>(fraction * static_cast<double>(values->size() - 1));
   const auto at = values->begin() + static_cast<std::ptrdiff_t>(index);
@@ -132,7 +131,7 @@ float Quantile(std::vector<float>* values, double fraction) {
   return *at;
 }
 
-// Between round numbers, without the few that lie far from the others.
+// A range between round numbers, without the few values that are far from the others.
 LayerRange LogarithmicRange(const std::vector<float>& values) {
   std::vector<float> known;
   for (const float value : values) {
@@ -154,7 +153,7 @@ LayerRange SampleRange(const std::vector<float>& counts) {
   return range.high > 0 ? range : LayerRange();
 }
 
-// NaN is what is not known.
+// Unknown values are NaN.
 void FillLogarithmic(const std::vector<float>& values, DisplayImage* display) {
   const LayerRange range = LogarithmicRange(values);
   display->range = range;
@@ -249,7 +248,7 @@ std::vector<std::string> ChannelsOf(ImageLayer layer) {
 
 absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLayer layer) {
   const bool is_color = layer == ImageLayer::kImage || layer == ImageLayer::kLight;
-  // Errors are relative in the image's own primaries: standard errors are not converted.
+  // Errors are computed in the image's own primaries, as standard errors are not converted.
   if (is_color && !(image.color.chromaticities == Chromaticities())) {
     FrameImage shown = image;
     if (absl::Status status = ConvertColor(Chromaticities(), &shown); !status.ok()) return status;

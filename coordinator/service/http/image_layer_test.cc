@@ -91,7 +91,7 @@ TEST(ImageLayerTest, LightKeepsItsRange) {
       EXPECT_NEAR(shown, value > 0 ? value : 0, largest / 128) << x << " " << c;
     }
   }
-  EXPECT_EQ(display->pixels[5].r, 128);  // Infinite: as large as can be told.
+  EXPECT_EQ(display->pixels[5].r, 128);  // Infinite: shown as the largest value.
   EXPECT_EQ(display->pixels[7 + 5].r, 255);
 }
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FarmView: the farm's present state as plain values, for code that shows it to people (the HTTP
-// side). It hides gRPC, protobuf and locks; every call returns a consistent copy.
+// FarmView: the farm's present state as plain values, for code that displays it (the HTTP port). It
+// hides gRPC, protobuf and locks; every call returns a consistent copy.
 #pragma once
 
 #include <cstddef>
@@ -22,74 +22,74 @@
 
 namespace sheaf::coordinator {
 
-// Pixels of a preview at most; larger images are averaged over squares of 2x2, 3x3 and so on.
+// Maximum pixels of a preview; larger images are averaged over squares of 2 x 2, 3 x 3 and so on.
 inline constexpr int64_t kPreviewPixelCountMax = int64_t{1} << 21;
-// Pixels of a frame's image among many.
+// Maximum pixels of a thumbnail.
 inline constexpr int64_t kThumbnailPixelCountMax = int64_t{1} << 14;
-// A channel of previews that images do not have: CPU time that a pixel took, seconds, the mean
-// over its tile; 0 where nothing is known.
+// An additional channel of previews: CPU time per pixel in seconds, averaged over the tile; 0 if
+// unknown.
 inline constexpr char kCpuChannel[] = "cpu";
-// The most leases and scenes of one worker that are shown.
+// Maximum number of leases and of scenes that are listed for one worker.
 inline constexpr size_t kWorkerLeasesShownMax = 4;
 inline constexpr size_t kWorkerScenesShownMax = 8;
 
-// How far something is and what it took.
+// Progress of a frame or a job, and its cost.
 struct ProgressView {
   uint64_t sample_count_done = 0;   // Pixel samples merged and durable.
-  uint64_t sample_count_total = 0;  // As many as are expected, where a frame stops by itself.
-  double relative_mse = 0;          // Estimated; 0 until it can be told.
+  uint64_t sample_count_total = 0;  // The expected total if a rule ends the frame.
+  double relative_mse = 0;          // Estimated; 0 while unknown.
   uint64_t nonfinite_count = 0;
   uint64_t ray_count = 0;
-  double cpu_seconds = 0;   // CPU time of workers, on accepted results.
-  double wall_seconds = 0;  // Since the first lease, refinements included.
-  // With what the farm's other jobs take until then; negative until it can be told.
+  double cpu_seconds = 0;   // CPU time of workers for accepted results.
+  double wall_seconds = 0;  // Since the first lease, including refinements.
+  // Takes the farm's other jobs into account; negative while unknown.
   double remaining_seconds = -1;
 };
 
-// A point of a frame's curve: how it stood at the end of a round (sample_rounds.h), or on the way
-// of a frame without rounds.
+// A point of a frame's error curve: its state at the end of a round (sample_rounds.h), or in
+// between for a frame without rounds.
 struct RoundView {
   double relative_mse = 0;
   double relative_mse_upper = 0;      // Its upper confidence bound.
-  double predicted_relative_mse = 0;  // For the next round, as foretold; 0 at the last.
-  double prediction_ratio = 0;        // relative_mse over what was foretold; 0 at the first.
+  double predicted_relative_mse = 0;  // For the next round; 0 in the last one.
+  double prediction_ratio = 0;        // relative_mse over its prediction; 0 in the first round.
   uint64_t sample_count = 0;          // Pixel samples so far; this and the following are sums.
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;
   uint64_t part_bytes = 0;
-  uint64_t preview_version = 0;  // The version that RoundPreview() shows; 0: none is kept.
+  uint64_t preview_version = 0;  // The version of RoundPreview(); 0: not kept.
 };
 
 struct FrameView {
   int32_t frame_number = 0;
   std::string scene_digest;       // Hex, of the manifest blob.
-  uint64_t scene_size_bytes = 0;  // The manifest blob's.
+  uint64_t scene_size_bytes = 0;  // Size of the manifest blob.
   std::string frame_digest;       // Hex.
   FrameSettings settings;
   StopRule stop;
-  BlobDigest resumed;  // The EXR that it resumes; empty where there is none.
-  StopReason stop_reason = StopReason::kSamples;  // Once complete; this and the next five.
+  BlobDigest resumed;                             // The EXR that the frame resumes; empty if none.
+  StopReason stop_reason = StopReason::kSamples;  // Valid once complete, as are the next five.
   uint32_t tile_count = 0;
-  uint32_t unreliable_tile_count = 0;         // With errors that are not to be trusted.
-  std::vector<LayerCount> unreliable_layers;  // The causes, where the frame has layers.
-  double flip = 0;                            // As delivered; 0 where it cannot be told.
-  double one_sequence_gain = 0;               // OneSequenceGain, for frames without a stop rule.
-  std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
-  bool complete = false;          // The EXR is delivered.
+  uint32_t unreliable_tile_count = 0;         // Tiles with unreliable error estimates.
+  std::vector<LayerCount> unreliable_layers;  // The causes, if the frame has layers.
+  double flip = 0;                            // At delivery; 0 if unknown.
+  double one_sequence_gain = 0;   // See OneSequenceGain; for frames without a stop rule.
+  std::vector<RoundView> rounds;  // Ascending; empty without rounds, and in ListJobs.
+  bool complete = false;          // Whether the EXR is delivered.
   std::string image_digest;       // Hex; empty until complete.
   std::string output_path;        // The delivered EXR; empty until complete.
-  uint64_t preview_version = 0;   // Grows whenever Preview() would show something new.
+  uint64_t preview_version = 0;   // Increases whenever Preview() changes.
   ProgressView progress;
 };
 
-// A frame that has an image to show.
+// A frame with an image to show.
 struct PreviewFrame {
   int32_t frame_number = 0;
   uint64_t preview_version = 0;
   bool complete = false;
 };
 
-// The states of proto Job.State, by the same names without prefix.
+// The states of the proto Job.State; names without its prefix.
 enum class JobState { kQueued, kRunning, kPaused, kSucceeded, kFailed, kCancelled };
 // Returns "queued", "running", "paused", "succeeded", "failed" or "cancelled".
 const char* JobStateName(JobState state);
@@ -103,24 +103,24 @@ struct JobView {
   int32_t priority = 0;
   std::string numeric_profile;
   Partition partition;
-  std::string failure;         // Why it failed; empty otherwise.
-  std::string waiting_reason;  // Why nothing happens; empty otherwise.
-  int64_t failure_count = 0;   // Leases that came to nothing.
+  std::string failure;         // Reason for the failure; empty otherwise.
+  std::string waiting_reason;  // Why the job makes no progress; empty otherwise.
+  int64_t failure_count = 0;   // Number of failed leases.
   absl::Time create_time;
-  absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
+  absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture while it has not ended.
   int32_t frame_count = 0;
   int32_t frame_complete_count = 0;
-  std::vector<EffectCost> effect_costs;  // Empty where nobody measured them, and in ListJobs.
+  std::vector<EffectCost> effect_costs;  // Empty unless measured, and in ListJobs.
   ProgressView progress;                 // Sums over the frames.
-  // That shows most life: the first that is begun and not complete, or the last complete one. None
-  // while there is nothing to see.
+  // The frame with most activity: the first one that is started but not complete, or else the last
+  // complete one. None while no frame has an image.
   std::optional<PreviewFrame> preview_frame;
   std::vector<FrameView> frames;  // Ascending by number; empty in ListJobs.
 };
-// Frames are told in ascending order.
+// Updates job->preview_frame. Call for all frames in ascending order.
 void NotePreviewFrame(const FrameView& frame, JobView* job);
 
-// The states of proto Worker.State.
+// The states of the proto Worker.State.
 enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined, kStopped };
 inline constexpr size_t kWorkerStateCount = 6;
 // Returns "idle", "busy", "draining", "lost", "quarantined" or "stopped".
@@ -147,90 +147,90 @@ struct WorkerView {
   uint64_t result_count = 0;
   double samples_per_second = 0;
   absl::Time last_seen_time;
-  std::string reason;  // Why it is quarantined; empty otherwise.
-  // At most kWorkerLeasesShownMax, what is rendered first.
+  std::string reason;  // Reason for the quarantine; empty otherwise.
+  // At most kWorkerLeasesShownMax, in the order in which they are rendered.
   std::vector<LeaseView> leases;
-  // File names of the scenes in its memory, at most kWorkerScenesShownMax of warm_scene_count.
+  // File names of scenes in memory, at most kWorkerScenesShownMax of warm_scene_count.
   std::vector<std::string> warm_scenes;
   int32_t warm_scene_count = 0;
-  uint64_t scene_memory_bytes = 0;  // 0: not known.
+  uint64_t scene_memory_bytes = 0;  // 0: unknown.
 };
 
-// The cost of refining a job, on the farm as it is now.
+// The cost of refining a job on the farm in its present state.
 struct RefinementPrices {
   std::vector<RefinementPrice> prices;  // In the order of the targets.
-  int32_t thread_count = 0;             // Threads of workers that would render it.
-  int32_t jobs_before_count = 0;        // Not finished, and of no lower priority.
+  int32_t thread_count = 0;             // Threads of the workers that could render it.
+  int32_t jobs_before_count = 0;        // Unfinished jobs of equal or higher priority.
 };
 
-// A lease of a job that came to nothing.
+// A failed lease of a job.
 struct FailureView {
   FailureRecord failure;
-  std::string command;  // Renders the tile again on one machine.
+  std::string command;  // The command that renders the tile again on one machine.
 };
 
-// One number for /metrics, in Prometheus' terms.
+// One value for /metrics, in Prometheus' terms.
 struct MetricView {
   enum class Kind { kCounter, kGauge };
   std::string name;  // "sheaf_results_accepted_total".
   std::string help;  // One sentence.
   Kind kind = Kind::kCounter;
-  std::string label_name, label_value;  // Both empty where the metric has no label.
+  std::string label_name, label_value;  // Both empty if the metric has no label.
   double value = 0;
 };
 
 // The image so far.
 struct PreviewView {
-  uint64_t version = 0;  // FrameView::preview_version that it shows.
-  // The channels that were asked for, linear; pixels without samples are 0. The display transform
-  // is the viewer's business.
+  uint64_t version = 0;  // The FrameView::preview_version of the image.
+  // The requested channels, linear; pixels without samples are 0. The viewer applies the display
+  // transform.
   FrameImage image;
   bool complete = false;
 };
 
-// Thread safety: all functions may be called from any thread. None waits longer than for a short
-// lock but WaitForChange, Preview (which copies planes of an image) and PriceRefinement.
+// Thread safety: all functions may be called from any thread. They wait for short locks only,
+// except WaitForChange, Preview (which copies planes of an image) and PriceRefinement.
 class FarmView {
  public:
   virtual ~FarmView() = default;
 
-  // Newest first, without their frames and without pilots.
+  // Newest first, without frames; excludes pilots.
   virtual std::vector<JobView> ListJobs() const = 0;
-  // With its frames. Errors: kNotFound.
+  // With frames. Errors: kNotFound.
   virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;
   // The last failures of a job, newest first. Errors: kNotFound.
   virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
       const std::string& job_id) const = 0;
-  // The cost of refining a job until its frames are at each of these errors. Takes up to some
-  // tenths of a second. Errors: kNotFound; kFailedPrecondition (it has not succeeded);
+  // Estimates the cost of refining a job until its frames reach each of these errors. Takes up to
+  // some tenths of a second. Errors: kNotFound; kFailedPrecondition (the job has not succeeded);
   // kInvalidArgument (no target, more than kPricedTargetsMax, or one out of range).
   virtual absl::StatusOr<RefinementPrices> PriceRefinement(
       const std::string& job_id, const std::vector<double>& target_errors) const = 0;
   // Ascending by id.
   virtual std::vector<WorkerView> ListWorkers() const = 0;
-  // All counters and gauges; those of one name are adjacent.
+  // All counters and gauges; values of the same name are adjacent.
   virtual std::vector<MetricView> Metrics() const = 0;
-  // The image so far in the given channels of FrameImage alone: copying all would take long.
-  // kCpuChannel comes alone, as far as parts of the frame are kept.
-  // Errors: kNotFound (no such frame); kUnavailable (no sample is there yet, or no part is kept);
-  // kInternal (no such channel).
+  // The image so far, in the given channels of FrameImage only, as copying all would take long.
+  // kCpuChannel must be requested alone; it covers the stored parts of the frame. Errors: kNotFound
+  // (no such frame); kUnavailable (no samples yet, or no stored parts); kInternal (no such
+  // channel).
   virtual absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                               const std::vector<std::string>& channels) const = 0;
   // R, G and B of the image so far, shrunk to kThumbnailPixelCountMax. Errors: kNotFound;
-  // kUnavailable (no sample is there yet, or none was kept).
+  // kUnavailable (no samples yet, or no stored thumbnail).
   virtual absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
                                                 int32_t frame_number) const = 0;
-  // The image as it was at the end of a round, from 0, shrunk; with the channels of all layers.
-  // Errors: kNotFound (no such frame, or none is kept).
+  // A small copy of the image at the end of a round (from 0), with the channels of all layers.
+  // Errors: kNotFound (no such frame, or no stored preview).
   virtual absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
                                                    int32_t round) const = 0;
-  // Whether the coordinator accepts work: state is loaded and the disk takes writes. Otherwise why
-  // not (kUnavailable or kResourceExhausted).
+  // OK if the coordinator accepts work: its state is loaded and the disk accepts writes. Otherwise
+  // the reason, as kUnavailable or kResourceExhausted.
   virtual absl::Status Ready() const = 0;
 
-  // Grows whenever anything above changes.
+  // Increases whenever anything above changes.
   virtual uint64_t ChangeCount() const = 0;
-  // Returns ChangeCount() as soon as it differs from `seen`, at the latest after `timeout`.
+  // Returns ChangeCount() as soon as it differs from `seen`, or after `timeout`.
   virtual uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const = 0;
 };
 

@@ -18,9 +18,9 @@ namespace sheaf::render {
 namespace {
 
 // Scattered rays sample the diffuse part of the sky better than light sampling does, so places are
-// chosen by the luminance above the mean, plus this fraction of the whole, without which only
-// scattered rays could sample the rest. Source: Karlik et al. 2019, "MIS Compensation: Optimizing
-// Sampling Techniques in Multiple Importance Sampling".
+// chosen by the luminance above the mean. This fraction of the whole luminance is added; without it
+// only scattered rays could sample the rest. Source: Karlik et al. 2019, "MIS Compensation:
+// Optimizing Sampling Techniques in Multiple Importance Sampling".
 constexpr float kLeastPart = 1.0f / 16;
 
 bool IsUsable(Rgb c) { return IsFinite(c) && c.r >= 0 && c.g >= 0 && c.b >= 0; }

@@ -24,9 +24,9 @@ namespace sheaf::render {
 
 class EquiangularDistances {
  public:
-  // For the span [t0, t1] of the ray o + t d; t1 may be infinite. d: unit. light, radius: a
-  // bounding sphere of the light. None where the span is empty or otherwise not finite, and where
-  // it passes through a light without size.
+  // Distances in the span [t0, t1] of the ray o + t d; t1 may be infinite. d: unit. light, radius:
+  // a bounding sphere of the light. None if the span is empty, if another value is not finite, or
+  // if the span contains a light without size.
   static std::optional<EquiangularDistances> Make(Vec3d o, Vec3d d, double t0, double t1,
                                                   Vec3d light, double radius) {
     const Vec3d to_light = light - o;
@@ -72,22 +72,22 @@ class EquiangularDistances {
   double closest_ = 0;          // Distance along the ray of its closest point to the light.
   double height_ = 0;           // Height of the light above the ray.
   double begin_ = 0, end_ = 0;  // Ends of the span, relative to the closest point.
-  double angle_ = 0;            // Angle of the span as seen from the light. 0: see Make.
+  double angle_ = 0;            // The span seen from the light; 0 if the ray passes through it.
 };
 
-// For the part of the ray o + t d, t in [begin, end], that the light illuminates; end may be
-// infinite. d: unit. None where it illuminates no part, and for infinite lights. Space: render.
+// Distances for the part of the ray o + t d, t in [begin, end], that the light illuminates; end may
+// be infinite. d: unit. None if it illuminates no part, and for infinite lights. Space: render.
 std::optional<EquiangularDistances> DistancesTo(const LightBounds& light, Vec3d o, Vec3d d,
                                                 double begin, double end);
 
-// Approximate variance of distance sampling for this light: the mean square of its contribution
-// over its squared mean, in a medium of that extinction between begin and end, if light is sampled
-// where paths are scattered. Large where scattering is rare, and where the ray passes near the
+// Approximate variance of distance sampling for this light, if light is sampled where paths are
+// scattered: the mean square of its contribution over the squared mean, in a medium of the given
+// extinction between begin and end. Large if scattering is rare, or if the ray passes near the
 // light. Requires: begin < end, and the light has a position.
 double DistanceSamplingSpread(const LightBounds& light, Vec3d o, Vec3d d, double begin, double end,
                               double extinction);
-// From this value on a line through heterogeneous media gathers light: below, gathering costs more
-// time than the noise it removes is worth (tests/bench/fog_light_bench).
+// A ray through heterogeneous media gathers light if its spread is at least this. Below, gathering
+// costs more time than the reduction of noise is worth (tests/bench/fog_light_bench).
 inline constexpr double kSpreadGathered = 2;
 
 }  // namespace sheaf::render

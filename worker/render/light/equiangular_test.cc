@@ -26,7 +26,7 @@ EquiangularDistances Along(double height, double begin, double end, double radiu
 struct Span {
   double height, begin, end;
 };
-// Lights at any height above the ray; spans of any length, far from the light on either side.
+// Lights at any height above the ray, and spans of any length, far from the light on either side.
 const std::vector<Span> kSpans = {{1, -1, 1},        {1, 0, 1e6},         {1, 1e2, 1e2 + 1},
                                   {1, 1e4, 1e4 + 1}, {1, -1e6 - 1, -1e6}, {1e-6, 0.5, 2},
                                   {1e-12, 0.5, 2},   {0, 0.5, 2},         {0, -7, -0.1},

@@ -148,7 +148,8 @@ inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
   return w;
 }
 
-// Proportional to the irradiance each group may give at p.
+// The probability of choosing an infinite light: proportional to the irradiance that each of the
+// two groups may give at p.
 double LightChoice::InfiniteProbability(Vec3f p, Vec3f n) const {
   if (infinite_lights_.empty()) return 0;
   const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n);

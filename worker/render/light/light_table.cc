@@ -69,7 +69,7 @@ EnvironmentMap::Place PlaceOf(const InfiniteEmitter& light, Vec3f d) {
   return light.map->Locate(Rotate(light.light_from_render, d));
 }
 
-// place: where the direction lies in the map, if there is one.
+// place: the direction's place in the map, if there is a map.
 template <typename Color>
 Color RadianceAt(const LightTable::Impl& impl, const InfiniteEmitter& light,
                  EnvironmentMap::Place place, const WavelengthsOf<Color>& wavelengths) {
@@ -78,7 +78,7 @@ Color RadianceAt(const LightTable::Impl& impl, const InfiniteEmitter& light,
   return ColorOfRgb<Color>(radiance, ColorRole::kIlluminant, wavelengths);
 }
 
-// As seen from p along the unit direction d.
+// Radiance as seen from p along the unit direction d.
 template <typename Color>
 Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, Vec3f p, Vec3f d,
                    const WavelengthsOf<Color>& wavelengths) {
@@ -86,7 +86,7 @@ Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, V
   return RadianceAt<Color>(impl, light, PlaceOf(light, d), wavelengths);
 }
 
-// Measure: solid angle.
+// The pdf of the direction, per solid angle.
 double PdfAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
   return light.map ? static_cast<double>(light.map->Pdf(place)) : 1 / (4 * kPi);
 }

@@ -33,12 +33,14 @@ struct LightSampleOf {
   Vec3f n_light;        // Geometric normal of area lights, zero otherwise.
   Color radiance;       // Arriving, unoccluded; for delta lights intensity / distance^2.
   float pdf =
-      0;  // Solid angle, times the probability of choosing this light; choice alone for delta.
+      // Per solid angle, times the choice probability of this light; for delta lights only the
+      // latter.
+      0;
   bool is_delta = false;  // A point or distant light, or one that rays cannot hit: no MIS.
   bool is_infinite = false;
   uint32_t light = 0;  // Index in the table; for infinite lights that of any one of them.
-  // Only where emission varies: the shape (of SceneDescription) whose alpha cut-out the caller must
-  // still apply, and the texture coordinates at which to evaluate it.
+  // Set only if emission varies: the shape (of SceneDescription) whose alpha cut-out the caller
+  // must still apply, and the texture coordinates at which to evaluate it.
   int32_t cut_out = kNone;
   Vec2f uv;
 };
@@ -212,8 +214,8 @@ class LightTable {
     return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place});
   }
 
-  // --- For line sampling in media, which may reach a point on another path than Sample's. All in
-  // free space (Sample's n is zero).
+  // --- For equiangular sampling in media, which may reach a point on another path than Sample's.
+  // All functions are for receivers in free space (Sample's n is zero).
 
   // Chooses a light by its weight at p, none where no light reaches p. u: independent of u_select.
   std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;

@@ -22,7 +22,8 @@
 namespace sheaf::render {
 namespace {
 
-// Below this level nodes are split by number alone: eight equal parts a level hold 2^36 lights.
+// Below this level nodes are split into eight parts of equal number, which suffices for 2^36
+// lights.
 constexpr int kLevelsByCostMax = LightTree::kDepthMax - 12;
 // Number of intervals along each axis; candidate splits lie between them.
 constexpr size_t kIntervalCount = 12;
@@ -56,7 +57,7 @@ struct Intervals {
   float lower, scale;
 };
 
-// Returns false for an excluded light. The intensity is in the unit of the lights.
+// Returns false for an excluded light. *intensity: in the unit of the input.
 bool MakeEntry(const LightBounds& light, uint32_t index, LightEntry* entry, double* intensity) {
   entry->center = light.center;
   entry->half = {light.radius, light.radius, light.radius};

@@ -206,7 +206,7 @@ DistanceSample<Color> SampleDistance(const MediumProperties<Color>& properties, 
 }
 
 // The density, per scene unit, with which SampleDistance with the same throughput scatters a path
-// at `distance`. Requires: mix scatters.
+// at `distance`. Requires: properties.scatters.
 template <bool kChromatic, typename Color>
 double DistancePdf(const MediumProperties<Color>& properties, double distance,
                    [[maybe_unused]] const Color& throughput) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EmissiveVolumeSampler against its own pdf: the pdf integrates to 1 over all directions, and
+// Tests EmissiveVolumeSampler against its own pdf: the pdf integrates to 1 over all directions, and
 // samples follow it, by Pearson's chi-square in cells of the sphere (converted to a normal deviate,
 // Wilson and Hilferty 1931; at most 5).
 #include "worker/render/medium/emissive_volume_sampler.h"

@@ -17,9 +17,9 @@ struct EquiangularSegment {
   double begin = 0, length = 0;  // Distances from o that limit the gathering.
   // Mean extinction of heterogeneous media if they alone decide whether gathering pays off; else 0.
   double extinction = 0;
-  Vec3f choice_point;  // A point of the line, for which its light is chosen.
-  Color carried;       // The path's throughput at the line's start.
-  // Set if a gathering medium scattered the path on this line:
+  Vec3f choice_point;  // A point of the segment, for which the light is chosen.
+  Color carried;       // The path's throughput at the start of the segment.
+  // Valid if a gathering medium scattered the path on this segment:
   bool has_scattered = false;
   double t = 0;        // The distance of the scattering.
   double density = 0;  // As DistancePdf; in heterogeneous media MeanExtinction.

@@ -98,7 +98,7 @@ class HeterogeneousMedium {
   double DensityAt(Vec3d p) const;
   double DensityAt(Vec3d p, NoTime) const { return DensityAt(p); }
   double DensityAt(Vec3d p, double time) const;
-  // Position at shutter open, in render space, of the matter that is at p at that time.
+  // Position at shutter open, in render space, of the material that is at p at the given time.
   Vec3d OriginOf(Vec3d p, NoTime) const { return p; }
   Vec3d OriginOf(Vec3d p, double time) const;
 

@@ -76,7 +76,7 @@ TEST(HeterogeneousMediumTest, InvalidDensitiesAreRefused) {
   EXPECT_THAT(std::string(flat.status().message()), ::testing::HasSubstr("singular"));
 }
 
-// Tracking through the cloud against quadrature.
+// Compares tracking through the cloud with quadrature.
 TEST(HeterogeneousMediumTest, CloudTransmittanceMatchesQuadrature) {
   const CloudDensity cloud({.density = 1, .frequency = 3});
   const auto medium =

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // MajorantGrid: bounds of a medium's density over the cells of a tree, fine where the density
-// is_heterogeneous enough to justify it and coarse elsewhere; and MajorantWalk, which follows a ray
-// through the cells. Bounds are exact: a trilinear lookup at a point of a cell never lies outside
-// them, even if rounding moves the point by up to one voxel.
+// varies enough to justify it and coarse elsewhere; and MajorantWalk, which follows a ray through
+// the cells. Bounds are exact: a trilinear lookup at a point of a cell never lies outside them,
+// even if rounding moves the point by up to one voxel.
 //
 // The tree branches by 4 on each axis. Its finest cells have 2 voxels a side. Cells are divided by
 // the expected cost of a ray: steps from cell to cell against wasted lookups under a loose

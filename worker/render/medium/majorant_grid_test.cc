@@ -197,7 +197,7 @@ TEST(MajorantGridTest, ThreadCountDoesNotMatter) {
   EXPECT_GT(lumpy_count, 10000);
 }
 
-// Regions of all sizes, inside and outside the box, against the voxels themselves.
+// Compares regions of all sizes, inside and outside the box, with the voxels themselves.
 TEST(MajorantGridTest, BoundsOverRegionsHoldAndAreTight) {
   const VolumeGrid grid = SparseGrid({40, 44, 300}, {9, 12, 200}, 19);
   // Dense enough that every cell is divided where it can be.

@@ -50,15 +50,15 @@ class MediumTable {
   // The media that surround the camera.
   const MediumSet& camera_media() const { return camera_media_; }
 
-  // Thread safety: any number of threads at once. Properties of the homogeneous media;
-  // MediumProperties::varies says that there are heterogeneous ones. texture_value: fraction of the
-  // subsurface scattering that is left, the rest is absorbed; null: all.
+  // Properties of the homogeneous media; MediumProperties::is_heterogeneous says that there are
+  // others. texture_value: the fraction of the subsurface scattering that remains, the rest being
+  // absorbed; null: all of it. Thread safety: any number of threads at once.
   template <typename Color>
   MediumProperties<Color> PropertiesOf(const MediumSet& media,
                                        const WavelengthsOf<Color>& wavelengths, MediumForm form,
                                        const Color* texture_value = nullptr) const;
-  // Requires: mix is PropertiesOf the same arguments, and scatters. throughput weights the media
-  // that overlap.
+  // Requires: `properties` are PropertiesOf the same arguments, and scatter. throughput weights the
+  // media that overlap.
   template <typename Color>
   PhaseMixture<Color> PhaseOf(const MediumSet& media, const MediumProperties<Color>& properties,
                               const Color& throughput, const WavelengthsOf<Color>& wavelengths,
@@ -113,9 +113,9 @@ class MediumTable {
                                      MediumForm form) const;
   float PhaseAsymmetryOf(uint16_t index, MediumForm form) const { return media_[index].In(form).g; }
 
-  // --- Line sampling in heterogeneous media: medium_equiangular.cc. Decides for each such medium
-  // whether mode through it gather light; none does by default. Call once, before the table is
-  // used.
+  // --- Equiangular sampling in heterogeneous media: medium_equiangular.cc. Decides for each such
+  // medium whether rays through it gather light; none does by default. Call once, before the table
+  // is used.
   void ChooseEquiangular(const LightTable& lights, EquiangularMode mode);
   bool Gathers(uint16_t medium) const { return media_[medium].gathers; }
   bool gathers_always() const { return gathers_always_; }  // Whether or not it pays off.

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Selects the heterogeneous media through which lines gather light, and the part of a line in them.
-// The selection excludes dense media that are lit from outside, which saves the test of every
-// segment; in the others each line decides for itself (DistanceSamplingSpread).
+// Selects the heterogeneous media through which rays gather light, and the part of a ray in them.
+// The selection excludes dense media that are lit from outside, which saves a test per segment; in
+// the other media the decision is made per segment (DistanceSamplingSpread).
 #include <algorithm>
 #include <cmath>
 

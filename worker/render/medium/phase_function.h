@@ -69,7 +69,7 @@ class PhaseMixture {
   };
 
   // Call in order of g, so that equal lobes merge. part: fraction of the scattering, per component;
-  // the parts sum to 1. probability: probability of choosing the lobe; the shares sum to 1.
+  // the parts sum to 1. probability: probability of choosing the lobe; the probabilities sum to 1.
   void Add(float g, const Color& part, float probability) {
     if (count_ > 0 && lobes_[count_ - 1].g == g) {
       lobes_[count_ - 1].part += part;

@@ -15,7 +15,7 @@ namespace {
 // Regions are divided where that narrows the displacement bounds by about this many voxels.
 constexpr double kFineDisplacement = 0.125;
 
-// Positions at shutter open of everything that may be in the region at any time.
+// Positions at shutter open of all material that may be in the region at any time.
 IndexBox Origins(const IndexBox& region, const IndexBox& displacements) {
   IndexBox origins;
   for (size_t a = 0; a < 3; ++a) {
@@ -118,7 +118,7 @@ IndexBox MovingDensitySource::Box() const {
   std::array<DensityBounds, 3> all;
   for (size_t c = 0; c < 3; ++c) all[c] = velocities_[c].bounds();
   const IndexBox displacements = DisplacementsOf(all);
-  // The matter at x comes from x - d, so the box's matter reaches all x in box + d.
+  // The material at x comes from x - d, so the material of the box reaches all x in box + d.
   IndexBox grown;
   for (size_t a = 0; a < 3; ++a) {
     grown.lo[a] = box.lo[a] + std::min(displacements.lo[a], 0.0);

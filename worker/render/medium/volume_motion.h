@@ -41,7 +41,7 @@ class VolumeMotion {
                                            double duration, const VolumeGrid& moving);
 
   VolumeGrid::Cursor MakeCursor() const { return VolumeGrid::Cursor(velocities_); }
-  // Displacement since shutter open of the matter that is at p at shutter close. Space: index.
+  // Displacement since shutter open of the material that is at p at shutter close. Space: index.
   Vec3d DisplacementAt(Vec3d p, VolumeGrid::Cursor* cursor) const {
     const Vec3d at = velocity_index_from_index_.Point(p);
     if (!Contains(box_, at)) return {};
@@ -65,7 +65,7 @@ class MovingDensitySource : public DensitySource {
  public:
   MovingDensitySource(const MajorantGrid& still, const VolumeMotion& motion, int thread_count);
 
-  // The still box, extended by the displacements.
+  // The box of the static grid, extended by the displacements.
   IndexBox Box() const override;
   DensityBounds Bounds() const override;
   std::optional<float> UniformValue(Index3 lo, Index3 hi) const override;

@@ -52,7 +52,7 @@ VolumeGrid Wind(Vec3f v) {
   return Grid<Vec3f>("vel", 4, {-400, -400, -400}, {400, 400, 400},
                      std::function<Vec3f(Vec3d)>([v](Vec3d) { return v; }));
 }
-// Coarser than the density, and offset from it.
+// The velocity grid is coarser than the density, and offset from it.
 VolumeGrid Swirls(float speed) {
   EventStream random({6, 0, 0, 0});
   const auto any = [&random, speed] { return speed * static_cast<float>(random.Uniform() - 0.5); };
