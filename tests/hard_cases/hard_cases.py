@@ -222,7 +222,8 @@ def summary_line(summary):
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--build", default=os.path.join(catalogue.ROOT, "build", "dev"),
+    parser.add_argument("--build", type=os.path.abspath,
+                        default=os.path.join(catalogue.ROOT, "build", "dev"),
                         help="the build folder, whose bin has the test programs")
     parser.add_argument("--out", help="where to write; default: hard_cases in the build folder")
     parser.add_argument("--short", action="store_true", help="leave out the longest tests")
