@@ -52,6 +52,19 @@ void SetLogName(const std::string& name) {
   Logger().set_pattern("%Y-%m-%dT%H:%M:%S.%e%z " + name + " %^%l%$ %v");
 }
 
+void SetLogForRelay() { Logger().set_pattern("%l %v"); }
+
+void RelayLog(std::string_view line) {
+  const size_t space = line.find(' ');
+  const std::string_view text =
+      space == std::string_view::npos ? std::string_view() : line.substr(space + 1);
+  const std::string_view level = line.substr(0, space);
+  if (level == "debug") return LogDebug(text);
+  if (level == "info") return LogInfo(text);
+  if (level == "warning") return LogWarning(text);
+  LogError(level == "error" ? text : line);
+}
+
 void LogDebug(std::string_view text) { Logger().debug("{}", Printable(text)); }
 void LogInfo(std::string_view text) { Logger().info("{}", Printable(text)); }
 void LogWarning(std::string_view text) { Logger().warn("{}", Printable(text)); }

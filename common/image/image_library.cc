@@ -34,13 +34,20 @@ absl::StatusOr<const ImageLibrary*> LoadImageLibraryFrom(const std::vector<std::
   return CannotLoad(absl::StrCat(kImageLibraryFile, " is not in ", absl::StrJoin(folders, " or ")));
 }
 
-absl::StatusOr<const ImageLibrary*> LoadImageLibrary() {
-  static const absl::StatusOr<const ImageLibrary*> library = [] {
+const std::vector<std::string>& ImageLibraryFolders() {
+  static const std::vector<std::string> folders = [] {
     std::error_code code;
     const std::filesystem::path folder =
         std::filesystem::read_symlink("/proc/self/exe", code).parent_path();
-    return LoadImageLibraryFrom({folder.string(), (folder / "../lib/sheaf").string()});
+    return std::vector<std::string>{folder.string(),
+                                    (folder / "../lib/sheaf").lexically_normal().string()};
   }();
+  return folders;
+}
+
+absl::StatusOr<const ImageLibrary*> LoadImageLibrary() {
+  static const absl::StatusOr<const ImageLibrary*> library =
+      LoadImageLibraryFrom(ImageLibraryFolders());
   return library;
 }
 

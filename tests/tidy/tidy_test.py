@@ -42,6 +42,7 @@ LAYERS = {
                       "common/scene", "common/volume"),
     "worker/agent": ("common/base", "common/film", "common/scene", "common/content",
                      "worker/render"),
+    "worker/sandbox": ("common/", "worker/agent", "worker/render"),
     "worker/service": ("common/", "worker/"),
     "coordinator/core": ("common/base", "common/math", "common/film", "common/scene",
                          "common/content"),
@@ -82,13 +83,14 @@ DOORS = {
     r"zstd\.h": r"^common/content/",
     r"embree\d/": r"^worker/render/accel/embree_door\.h$",
     r"worker/render/accel/embree_(door|callbacks)\.h": r"^worker/render/accel/",
+    r"seccomp\.h": r"^worker/sandbox/system_call_filter\.cc$",
     r"sqlite3\.h": r"^coordinator/store/",
     r"boost/math/": r"^common/math/normal_distribution",
     r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
     r"nlohmann/": r"^(cli/|coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
-        r"^(common/rpc/|worker/service/|coordinator/service/(grpc|server)/|cli/)",
+        r"^(common/rpc/|worker/(sandbox|service)/|coordinator/service/(grpc|server)/|cli/)",
 }
 
 LEFT_OVERS = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b|not (yet )?implemented|for now\b", re.I)

@@ -219,13 +219,13 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   const absl::Status in_memory =
       CatchOutOfMemory("rendering", [&] { part = loaded.scene->Render(task.lease, task.stop); });
   const absl::Status status = in_memory.ok() ? part.status() : in_memory;
-  if (absl::IsDataLoss(status)) scenes_.Drop(task.lease, loaded.scene);
+  if (!status.ok() && !absl::IsCancelled(status)) scenes_.Drop(task.lease, loaded.scene);
   const MutexLock lock(&mutex_);
   if (!status.ok()) {
     Fail(id,
-         !in_memory.ok()            ? FailureKind::kMemory
-         : absl::IsDataLoss(status) ? FailureKind::kInfrastructure
-                                    : FailureKind::kInternal,
+         absl::IsResourceExhausted(status) ? FailureKind::kMemory
+         : absl::IsDataLoss(status)        ? FailureKind::kInfrastructure
+                                           : FailureKind::kInternal,
          status);
     return;
   }

@@ -360,21 +360,27 @@ TEST(AgentTest, OutOfMemoryFailsOnlyTheTask) {
   }
 }
 
-TEST(AgentTest, ScenesWithAlteredFilesAreReloaded) {
-  FakeCoordinator coordinator(2);
-  FakeRenderer renderer;
-  std::atomic<int> loads{0};
-  renderer.on_load = [&] { ++loads; };
-  renderer.render_status = absl::DataLossError("file a.png was altered");
-  AgentOptions options = FastOptions();
-  options.thread_count = 1;
-  Running running(options, &coordinator, &renderer);
-  EXPECT_TRUE(Eventually(
-      [&] { return coordinator.failures().size() == 1 && coordinator.done_count() == 1; }));
-  EXPECT_EQ(coordinator.failures()[0].kind, FailureKind::kInfrastructure);
-  EXPECT_THAT(coordinator.failures()[0].message, testing::HasSubstr("a.png"));
-  EXPECT_EQ(loads, 2);
-  EXPECT_TRUE(running.Stop().ok());
+TEST(AgentTest, ScenesThatFailAreReloaded) {
+  const std::pair<absl::Status, FailureKind> failures[] = {
+      {absl::DataLossError("file a.png was altered"), FailureKind::kInfrastructure},
+      {absl::ResourceExhaustedError("its process was killed"), FailureKind::kMemory},
+      {absl::InternalError("its process crashed"), FailureKind::kInternal}};
+  for (const auto& [status, kind] : failures) {
+    FakeCoordinator coordinator(2);
+    FakeRenderer renderer;
+    std::atomic<int> loads{0};
+    renderer.on_load = [&] { ++loads; };
+    renderer.render_status = status;
+    AgentOptions options = FastOptions();
+    options.thread_count = 1;
+    Running running(options, &coordinator, &renderer);
+    EXPECT_TRUE(Eventually(
+        [&] { return coordinator.failures().size() == 1 && coordinator.done_count() == 1; }));
+    EXPECT_EQ(coordinator.failures()[0].kind, kind);
+    EXPECT_EQ(coordinator.failures()[0].message, status.message());
+    EXPECT_EQ(loads, 2);
+    EXPECT_TRUE(running.Stop().ok());
+  }
 }
 
 TEST(AgentTest, LoadsAreReportedBeforeTheyBegin) {

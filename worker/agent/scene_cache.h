@@ -51,7 +51,7 @@ class SceneCache {
   // Whether Get would load the lease's scene, or wait for its load.
   bool MustLoad(const Lease& lease) const;
 
-  // Drops a scene whose files changed: the next request loads it again.
+  // Drops a scene that failed: the next request loads it again.
   void Drop(const Lease& lease, const SharedScene& scene);
 
   // Digests of the manifests of the scenes in memory, in ascending order.

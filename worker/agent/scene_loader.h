@@ -21,8 +21,9 @@ class LoadedScene {
   virtual ~LoadedScene() = default;
   virtual uint64_t memory_bytes() const = 0;
   // Renders the lease's task and encodes the part. Errors: kCancelled when stop was requested;
-  // kDataLoss if files of the scene were changed on disk since it was loaded, so that it must be
-  // loaded again; any other is a defect of the renderer.
+  // kDataLoss if files of the scene were changed on disk since it was loaded; kResourceExhausted if
+  // memory ran out; any other is a defect of the renderer. After any but kCancelled the scene must
+  // be loaded again.
   virtual absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const = 0;
 };
 

@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/settings/render_settings.h"
+#include "worker/sandbox/direct_scenes.h"
 
 namespace sheaf::worker {
 namespace {
@@ -36,6 +37,11 @@ AgentOptions MakeAgentOptions(const WorkerOptions& options) {
   agent.grace = options.grace;
   agent.exit_when_idle = options.exit_when_idle;
   return agent;
+}
+
+absl::StatusOr<std::unique_ptr<SceneOpener>> MakeScenes(const SandboxOptions& options) {
+  if (options.mode == SandboxMode::kNone) return std::make_unique<DirectScenes>();
+  return SandboxedScenes::Make(options);
 }
 
 }  // namespace
@@ -62,19 +68,28 @@ absl::StatusOr<std::unique_ptr<EmbeddedWorker>> EmbeddedWorker::Open(
     const WorkerOptions& options) {
   absl::StatusOr<std::unique_ptr<ContentCache>> cache =
       ContentCache::Open(options.cache_directory, {options.cache_bytes_max});
-  if (!cache.ok()) return cache.status();
-  return std::unique_ptr<EmbeddedWorker>(
-      new EmbeddedWorker(control, data, *std::move(cache), options, MakeAgentOptions(options)));
+  if (!cache.ok()) {
+    return absl::Status(cache.status().code(),
+                        absl::StrCat(std::string(cache.status().message()),
+                                     "; choose another directory with --cache-dir"));
+  }
+  absl::StatusOr<std::unique_ptr<SceneOpener>> scenes = MakeScenes(options.sandbox);
+  if (!scenes.ok()) return scenes.status();
+  return std::unique_ptr<EmbeddedWorker>(new EmbeddedWorker(
+      control, data, *std::move(cache), *std::move(scenes), options, MakeAgentOptions(options)));
 }
 
 EmbeddedWorker::EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
                                const std::shared_ptr<grpc::Channel>& data,
-                               std::unique_ptr<ContentCache> cache, const WorkerOptions& options,
+                               std::unique_ptr<ContentCache> cache,
+                               std::unique_ptr<SceneOpener> scenes, const WorkerOptions& options,
                                const AgentOptions& agent_options)
     : worker_id_(agent_options.worker_id),
       cache_(std::move(cache)),
-      loader_(data, cache_.get(),
+      scenes_(std::move(scenes)),
+      loader_(data, cache_.get(), scenes_.get(),
               {options.scene_memory_bytes_max, options.texture_memory_bytes_max,
+               static_cast<uint32_t>(agent_options.thread_count),
                static_cast<uint32_t>(agent_options.thread_count)}),
       link_(control, data, options.coordinator),
       agent_(agent_options, &link_, &loader_) {}

@@ -16,6 +16,8 @@
 #include "absl/status/statusor.h"
 #include "common/content/content_cache.h"
 #include "worker/agent/agent.h"
+#include "worker/sandbox/sandboxed_scenes.h"
+#include "worker/sandbox/scene_opener.h"
 #include "worker/service/frame_loader.h"
 #include "worker/service/grpc_coordinator_link.h"
 
@@ -31,6 +33,7 @@ struct WorkerOptions {
   int32_t leases_ahead = 2;
   std::chrono::milliseconds grace{10'000};
   std::chrono::milliseconds exit_when_idle{0};
+  SandboxOptions sandbox;  // By default scenes render in this process: they are the user's own.
 };
 
 // Number of processors that this process may use.
@@ -42,7 +45,7 @@ std::string DefaultCacheDirectory();
 class EmbeddedWorker {
  public:
   // Scenes and results use the channel data, so that no heartbeat waits behind them on a slow link.
-  // Errors: those of ContentCache::Open.
+  // Errors: those of ContentCache::Open and SandboxedScenes::Make.
   static absl::StatusOr<std::unique_ptr<EmbeddedWorker>> Open(
       const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& data,
       const WorkerOptions& options);
@@ -55,10 +58,12 @@ class EmbeddedWorker {
  private:
   EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
                  const std::shared_ptr<grpc::Channel>& data, std::unique_ptr<ContentCache> cache,
-                 const WorkerOptions& options, const AgentOptions& agent_options);
+                 std::unique_ptr<SceneOpener> scenes, const WorkerOptions& options,
+                 const AgentOptions& agent_options);
 
   const std::string worker_id_;
   const std::unique_ptr<ContentCache> cache_;
+  const std::unique_ptr<SceneOpener> scenes_;
   FrameLoader loader_;
   GrpcCoordinatorLink link_;
   Agent agent_;

@@ -8,6 +8,7 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
@@ -15,21 +16,47 @@
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"
+#include "worker/sandbox/direct_scenes.h"
+#include "worker/sandbox/scene_server.h"
+#include "worker/sandbox/starting_room.h"
 #include "worker/service/embedded_worker.h"
 #include "worker/service/stop_signals.h"
 
 namespace sheaf::worker {
 namespace {
 
-constexpr int kExitCacheUnusable = 1;
+constexpr int kExitCannotStart = 1;
 constexpr double kSecondsMax = 1e6;
+// Makes this program the process of one scene; for the worker itself only.
+constexpr char kSceneProcess[] = "--scene-process";
 
 struct Arguments {
   WorkerOptions worker;
   std::string log_level = "info";
   double grace_seconds = 10;
   double exit_when_idle_seconds = 0;
+  std::string sandbox = "best";
+  double load_seconds_max = 3600;
+  double task_seconds_max = 3600;
 };
+
+void AddSandboxOptions(CLI::App* app, Arguments* arguments) {
+  app->add_option("--sandbox", arguments->sandbox,
+                  "Each scene renders in a process of its own, without network, that sees no\n"
+                  "files but the scene's. required: with all protections, or not at all;\n"
+                  "best: with those that this system permits, which the log names;\n"
+                  "none: in the worker's process, only for scenes that you trust")
+      ->check(CLI::IsMember({"required", "best", "none"}))
+      ->capture_default_str();
+  app->add_option("--load-seconds-max", arguments->load_seconds_max,
+                  "Time to load a scene, after which its process is killed")
+      ->check(CLI::Range(1.0, kSecondsMax))
+      ->capture_default_str();
+  app->add_option("--task-seconds-max", arguments->task_seconds_max,
+                  "Time to render a task, after which its scene's process is killed")
+      ->check(CLI::Range(1.0, kSecondsMax))
+      ->capture_default_str();
+}
 
 void AddOptions(CLI::App* app, Arguments* arguments) {
   WorkerOptions& worker = arguments->worker;
@@ -91,9 +118,11 @@ int Work(const Arguments& arguments) {
       EmbeddedWorker::Open(MakeChannel(arguments.worker.coordinator),
                            MakeChannel(arguments.worker.coordinator), arguments.worker);
   if (!worker.ok()) {
-    LogError(absl::StrCat(std::string(worker.status().message()),
-                          "; choose another directory with --cache-dir"));
-    return kExitCacheUnusable;
+    LogError(std::string(worker.status().message()));
+    return kExitCannotStart;
+  }
+  if (arguments.worker.sandbox.mode == SandboxMode::kNone) {
+    LogInfo("scenes render in this process, unprotected (--sandbox=none)");
   }
   LogInfo(absl::StrCat((*worker)->worker_id(), " works for ", arguments.worker.coordinator));
   const absl::Status status = (*worker)->Run(stop.get_token());
@@ -105,7 +134,15 @@ int Work(const Arguments& arguments) {
   return 0;
 }
 
+// In the process of one scene.
+int RenderScene() {
+  const StartingRoom room;
+  DirectScenes scenes([&room] { return room.Left(); });
+  return RunSceneProcess(&scenes);
+}
+
 int Main(int argc, char** argv) {
+  if (argc == 2 && std::string_view(argv[1]) == kSceneProcess) return RenderScene();
   Arguments arguments;
   arguments.worker.coordinator = kCoordinatorAddress;
   arguments.worker.cache_directory = DefaultCacheDirectory();
@@ -116,6 +153,7 @@ int Main(int argc, char** argv) {
   app.footer("Example:\n  sheaf-worker --coordinator farm.example.org:7400 --threads 16");
   app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);
   AddOptions(&app, &arguments);
+  AddSandboxOptions(&app, &arguments);
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-worker: %s\n", text.c_str());
   };
@@ -127,6 +165,11 @@ int Main(int argc, char** argv) {
   RaiseOpenFileLimit();
   arguments.worker.grace = Milliseconds(arguments.grace_seconds);
   arguments.worker.exit_when_idle = Milliseconds(arguments.exit_when_idle_seconds);
+  SandboxOptions& sandbox = arguments.worker.sandbox;
+  sandbox.mode = SandboxModeFromName(arguments.sandbox).value();
+  sandbox.program.arguments = {"sheaf-worker", kSceneProcess};
+  sandbox.load_time_max = absl::Seconds(arguments.load_seconds_max);
+  sandbox.task_time_max = absl::Seconds(arguments.task_seconds_max);
   return Work(arguments);
 }
 

@@ -1,0 +1,69 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// ChildProcess: starts a program with a socket as its only link to this process, and says how it
+// ended.
+#pragma once
+
+#include <sys/types.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/base/mutex.h"
+#include "common/content/file_descriptor.h"
+
+namespace sheaf::worker {
+
+// How a process ended: by a signal, or with an exit code. A shell's code for a signal (128 + N)
+// counts as the signal N.
+struct ProcessEnd {
+  int signal = 0;
+  int exit_code = 0;
+};
+
+// Thread safety: Kill may be called by any thread; the others by one.
+class ChildProcess {
+ public:
+  // Starts the program, whose descriptor kSceneSocket is the other end of socket(), and which
+  // writes its standard output and error into output(). Of the environment it gets only what
+  // libraries need to load: the rest may hold secrets.
+  // The process should die with the thread that calls this (see EndWithParent), so that thread
+  // must live as long.
+  // kill_signal: what Kill sends. Errors: kUnavailable and similar.
+  static absl::StatusOr<std::unique_ptr<ChildProcess>> Start(
+      const std::string& program, const std::vector<std::string>& arguments, int kill_signal);
+  // Kills the process with SIGKILL if it still runs.
+  ~ChildProcess();
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+
+  const FileDescriptor& output() const { return output_; }
+  // The socket, once.
+  FileDescriptor TakeSocket() { return std::move(socket_); }
+
+  void Kill();
+  // Waits for the end at most so long, then kills the process with SIGKILL. Call once.
+  ProcessEnd Wait(absl::Duration patience);
+
+ private:
+  ChildProcess(pid_t pid, int kill_signal, FileDescriptor socket, FileDescriptor output)
+      : pid_(pid),
+        kill_signal_(kill_signal),
+        socket_(std::move(socket)),
+        output_(std::move(output)) {}
+  void Signal(int number);
+
+  const pid_t pid_;
+  const int kill_signal_;
+  FileDescriptor socket_;
+  const FileDescriptor output_;
+  Mutex mutex_;
+  bool ended_ ABSL_GUARDED_BY(mutex_) = false;  // Its id may belong to another process.
+};
+
+}  // namespace sheaf::worker

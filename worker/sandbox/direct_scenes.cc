@@ -1,0 +1,181 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/sandbox/direct_scenes.h"
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "common/film/exr/exr_codec.h"
+#include "common/scene/file_source.h"
+#include "common/scene/pbrt/scene_reader.h"
+#include "worker/render/scene/memory_estimate.h"
+#include "worker/render/tile_pass.h"
+
+namespace sheaf::worker {
+namespace {
+
+OpenResult Failed(FailureKind kind, const absl::Status& status) { return {nullptr, status, kind}; }
+
+// Classifies the cause of an error while reading or compiling a scene.
+FailureKind KindOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kUnimplemented:
+      return FailureKind::kScene;
+    case absl::StatusCode::kResourceExhausted:
+      return FailureKind::kMemory;
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kDataLoss:
+    case absl::StatusCode::kPermissionDenied:
+      return FailureKind::kInfrastructure;
+    default:
+      return FailureKind::kInternal;
+  }
+}
+
+void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
+  stats->samples += more.samples;
+  stats->rays += more.rays;
+  stats->shadow_rays += more.shadow_rays;
+  stats->broken_nestings += more.broken_nestings;
+  if (stats->broken_at.empty()) stats->broken_at = more.broken_at;
+  stats->long_walks += more.long_walks;
+  stats->broken_majorants += more.broken_majorants;
+  stats->raised_majorants += more.raised_majorants;
+  stats->cpu_seconds += more.cpu_seconds;
+  stats->non_finite.insert(stats->non_finite.end(), more.non_finite.begin(), more.non_finite.end());
+}
+
+// Checks that the memory for compiling the scene is available.
+absl::Status CheckEstimate(const SceneDescription& scene, FileSource& files,
+                           const MemoryRoom& room) {
+  const render::MemoryEstimate estimate = render::EstimateMemory(scene, files);
+  if (estimate.TotalBytes() <= room.bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat(
+      FormatLocation(scene, estimate.largest), ": the scene takes about ",
+      render::FormatMemoryEstimate(estimate), ", of which ", FormatMemory(estimate.largest_bytes),
+      " for this shape; available are ", FormatMemory(room.bytes), ", ", room.limit,
+      "; make it smaller (fewer levels, coarser meshes), or render it on a machine with more "
+      "memory"));
+}
+
+void LogStats(const std::string& frame_name, const render::RenderStats& stats) {
+  for (const PixelAccumulator::NonFinite& sample : stats.non_finite) {
+    LogError(absl::StrCat(frame_name, ": sample ", sample.sample_index, " of pixel ", sample.x, ",",
+                          sample.y, " is not finite"));
+  }
+  if (stats.broken_nestings > 0) {
+    LogWarning(absl::StrCat(
+        frame_name, ": ", stats.broken_at, stats.broken_at.empty() ? "" : ": ",
+        stats.broken_nestings,
+        " times a path met a surface in another medium than the surface has on that ",
+        "side; it continued in the medium of the other side, as in pbrt-v4, or ended. ",
+        "Close the shapes that bound media, and name in each MediumInterface the inside medium, "
+        "then the outside one (where the normal points)"));
+  }
+  if (stats.raised_majorants > 0) {
+    LogWarning(absl::StrCat(frame_name, ": densities of a medium exceed their bounds; a ",
+                            "block was rendered ", stats.raised_majorants,
+                            " more times, with higher bounds"));
+  }
+  if (stats.broken_majorants > 0) {
+    LogError(absl::StrCat(frame_name, ": ", stats.broken_majorants,
+                          " densities of a medium exceed their bounds: the image is biased"));
+  }
+  if (stats.long_walks > 0) {
+    LogWarning(absl::StrCat(frame_name, ": ", stats.long_walks,
+                            " paths ended because they scattered too often beneath a surface, "
+                            "which darkens it: raise sigma_a or lower sigma_s"));
+  }
+}
+
+// A compiled scene with the table of its textures' files.
+class DirectScene : public OpenScene {
+ public:
+  DirectScene(std::unique_ptr<TableFileSource> source, render::CompiledScenePtr scene)
+      : source_(std::move(source)), scene_(std::move(scene)) {}
+
+  uint64_t memory_bytes() const override { return render::MemoryBytesOf(*scene_); }
+
+  absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
+    render::RenderStats stats;
+    const absl::StatusOr<FilmTile> tile = RenderCells(lease, stop, &stats);
+    if (!tile.ok()) return tile.status();
+    LogStats(lease.frame_name, stats);
+    return RenderedPart{EncodePart(*tile, {lease.frame_digest, NumericProfile(),
+                                           lease.settings.lattice, lease.cells}),
+                        stats.rays, stats.cpu_seconds};
+  }
+
+ private:
+  // The pixels of the lease, as one tile; other pixels are empty.
+  absl::StatusOr<FilmTile> RenderCells(const Lease& lease, const std::stop_token& stop,
+                                       render::RenderStats* stats) const {
+    if (lease.cells.All()) {
+      return render::RenderTilePass(*scene_, lease.tile, lease.block, stop, stats);
+    }
+    FilmTile tile(lease.tile, lease.block, lease.settings.outputs);
+    for (const PixelRect& rect : RectsOf(lease.tile, lease.cells)) {
+      render::RenderStats of_cell;
+      const absl::StatusOr<FilmTile> cell =
+          render::RenderTilePass(*scene_, rect, lease.block, stop, &of_cell);
+      if (!cell.ok()) return cell.status();
+      Paste(*cell, &tile);
+      AddStats(of_cell, stats);
+    }
+    return tile;
+  }
+
+  std::unique_ptr<TableFileSource> source_;
+  render::CompiledScenePtr scene_;
+};
+
+}  // namespace
+
+MemoryRoom DirectScenes::RoomForScene(const SceneLimits& limits) const {
+  const MemoryRoom room = room_now_();
+  if (room.bytes < limits.scene_memory_bytes_max) {
+    return {room.bytes, absl::StrCat("the remainder of ", room.limit)};
+  }
+  return {limits.scene_memory_bytes_max,
+          absl::StrCat("this worker's limit for scenes (--scene-memory-max ",
+                       FormatMemory(limits.scene_memory_bytes_max), ")")};
+}
+
+OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
+  auto source = std::make_unique<TableFileSource>(inputs.local_paths);
+  const SceneLimits& scene_limits = inputs.limits;
+  const MemoryRoom room = RoomForScene(scene_limits);
+  SceneReaderLimits reader_limits;
+  reader_limits.memory_bytes_max = room.bytes;
+  reader_limits.memory_limit = room.limit;
+  absl::StatusOr<ReadSceneResult> read = ReadScene(inputs.main_file, *source, reader_limits);
+  if (!read.ok()) return Failed(KindOf(read.status()), read.status());
+  if (stop.stop_requested()) {
+    return Failed(FailureKind::kReleased, absl::CancelledError("stopped while its scene was read"));
+  }
+  const absl::Status fits = CheckEstimate(read->scene, *source, RoomForScene(scene_limits));
+  if (!fits.ok()) return Failed(FailureKind::kMemory, fits);
+  render::CompileLimits limits;
+  limits.texture_cache_bytes_max = scene_limits.texture_memory_bytes_max;
+  limits.build_threads = scene_limits.build_threads;
+  absl::StatusOr<render::CompiledScenePtr> compiled =
+      render::CompileScene(std::move(read->scene), inputs.settings, *source, limits);
+  if (!compiled.ok()) return Failed(KindOf(compiled.status()), compiled.status());
+  const uint64_t memory_bytes = render::MemoryBytesOf(**compiled);
+  if (memory_bytes > scene_limits.scene_memory_bytes_max) {
+    return Failed(
+        FailureKind::kMemory,
+        absl::ResourceExhaustedError(absl::StrCat(
+            inputs.main_file, ": the compiled scene has ", memory_bytes, " bytes, the limit is ",
+            scene_limits.scene_memory_bytes_max, "; raise it (--scene-memory-max)")));
+  }
+  return {std::make_unique<DirectScene>(std::move(source), *std::move(compiled)), absl::OkStatus(),
+          FailureKind::kInternal};
+}
+
+}  // namespace sheaf::worker

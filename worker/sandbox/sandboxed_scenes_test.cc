@@ -1,0 +1,363 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Scenes that attack: the process of a scene runs this program with a renderer that does what the
+// name of its main file says.
+#include "worker/sandbox/sandboxed_scenes.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/ptrace.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/base/log.h"
+#include "worker/sandbox/scene_messages.h"
+#include "worker/sandbox/scene_server.h"
+
+namespace sheaf::worker {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr char kSceneProcess[] = "--scene-process";
+
+std::string TakeMemory() {
+  std::vector<std::unique_ptr<char[]>> taken;
+  while (true) {
+    taken.push_back(std::make_unique<char[]>(size_t{16} << 20));
+    for (size_t i = 0; i < size_t{16} << 20; i += 4'096) taken.back()[i] = 1;
+  }
+}
+
+void WriteNowhere() {
+  volatile int* volatile nowhere = nullptr;
+  *nowhere = 1;
+}
+
+[[noreturn]] void Loop() {
+  std::atomic<uint64_t> turns{0};
+  while (true) ++turns;
+}
+
+std::string Open(const std::string& path, int flags) {
+  const int file = ::open(path.c_str(), flags, 0600);
+  const std::string result = file < 0 ? ::strerrorname_np(errno) : "opened";
+  if (file >= 0) ::close(file);
+  return result;
+}
+
+std::string Waits(const std::stop_token& stop) {
+  while (!stop.stop_requested()) ::usleep(1'000);
+  return "stopped";
+}
+
+// Does what the name says, and returns what it sees.
+std::string Act(const std::string& what, const std::stop_token& stop) {
+  if (what == "crash") WriteNowhere();
+  if (what == "check") SHEAF_CHECK(what.empty());
+  if (what == "memory") return TakeMemory();
+  if (what == "loop") Loop();
+  if (what == "wait") return Waits(stop);
+  if (what == "socket") return absl::StrCat(::socket(AF_INET, SOCK_STREAM, 0));
+  if (what == "fork") return absl::StrCat(::fork());
+  if (what == "exec") return absl::StrCat(::execl("/bin/true", "true", nullptr));
+  if (what == "trace") return absl::StrCat(::ptrace(PTRACE_ATTACH, ::getppid(), 0, 0));
+  if (what == "exit") ::_exit(7);
+  if (what == "pid") return absl::StrCat(::getpid());
+  if (what == "write") return Open("/tmp/written-by-a-scene", O_WRONLY | O_CREAT);
+  if (what == "environment") return std::getenv("SHEAF_SECRET") == nullptr ? "none" : "leaked";
+  if (what == "garbage") return absl::StrCat(::write(kSceneSocket, "\xff\xff\xff\xff\0\0\0\0", 8));
+  if (what == "noise") {
+    for (int i = 0; i < 3 * kOutputLinesMax; ++i) LogWarning("noise");
+  }
+  if (absl::StartsWith(what, "open ")) return Open(what.substr(5), O_RDONLY);
+  return "rendered " + what;
+}
+
+class ActingScene : public OpenScene {
+ public:
+  explicit ActingScene(std::string what) : what_(std::move(what)) {}
+  uint64_t memory_bytes() const override { return 1'000; }
+  absl::StatusOr<RenderedPart> Render(const Lease&, std::stop_token stop) const override {
+    if (what_ == "pretend to be cancelled") return absl::CancelledError("stopped");
+    RenderedPart part{Act(what_, stop), 5, 1e9};
+    if (stop.stop_requested()) return absl::CancelledError("stopped");
+    return part;
+  }
+
+ private:
+  const std::string what_;
+};
+
+// "crash" acts while it loads, "render crash" while it renders; "read NAME" opens a file of the
+// scene.
+class ActingScenes : public SceneOpener {
+ public:
+  OpenResult Open(const SceneInputs& inputs, std::stop_token stop) override {
+    const std::string& what = inputs.main_file;
+    if (absl::StartsWith(what, "render ")) {
+      return {std::make_unique<ActingScene>(what.substr(7)), absl::OkStatus(), {}};
+    }
+    if (absl::StartsWith(what, "read ")) {
+      std::ifstream file(inputs.local_paths.at(what.substr(5)));
+      std::string text;
+      std::getline(file, text);
+      return {nullptr, absl::InvalidArgumentError(text), FailureKind::kScene};
+    }
+    return {nullptr, absl::InvalidArgumentError(Act(what, stop)), FailureKind::kScene};
+  }
+};
+
+Protections Only(std::initializer_list<Protection> some) {
+  Protections protections;
+  for (const Protection protection : some) protections.Add(protection);
+  return protections;
+}
+
+// With all protections that this system has, and without namespaces, as in many containers.
+class SandboxedScenesTest : public testing::TestWithParam<Protections> {
+ protected:
+  void SetUp() override {
+    ::setenv("SHEAF_SECRET", "1", 1);
+    options_.mode = SandboxMode::kBest;
+    options_.program.arguments = {"test", kSceneProcess};
+    options_.protections = GetParam();
+    options_.load_time_max = absl::Seconds(60);
+    options_.task_time_max = absl::Seconds(60);
+    inputs_.limits = {uint64_t{16} << 20, 0, 1, 2};
+  }
+
+  OpenResult Open(const std::string& main_file) {
+    if (scenes_ == nullptr) scenes_ = *SandboxedScenes::Make(options_);
+    inputs_.main_file = main_file;
+    return scenes_->Open(inputs_, {});
+  }
+  absl::StatusOr<RenderedPart> Render(const std::string& what, std::stop_token stop = {}) {
+    const OpenResult opened = Open("render " + what);
+    if (opened.scene == nullptr) return opened.status;
+    return opened.scene->Render({}, stop);
+  }
+  std::string SeenByScene(const std::string& what) {
+    const absl::StatusOr<RenderedPart> part = Render(what);
+    return part.ok() ? part->exr_bytes : std::string(part.status().message());
+  }
+  bool Has(Protection protection) {
+    Open("render nothing");
+    return scenes_->protections().Has(protection);
+  }
+
+  SandboxOptions options_;
+  SceneInputs inputs_;
+  std::unique_ptr<SandboxedScenes> scenes_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Each, SandboxedScenesTest,
+                         testing::Values(Protections::All(),
+                                         Only({Protection::kFileAccess, Protection::kSystemCalls}),
+                                         Only({Protection::kSystemCalls}), Protections()));
+
+TEST_P(SandboxedScenesTest, RendersSeveralTasksAtOnce) {
+  const OpenResult opened = Open("render image");
+  ASSERT_NE(opened.scene, nullptr) << opened.status;
+  EXPECT_EQ(opened.scene->memory_bytes(), 1'000u);
+  std::atomic<int> rendered{0};
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < 8; ++i) {
+    threads.emplace_back([&] {
+      const absl::StatusOr<RenderedPart> part = opened.scene->Render({}, {});
+      rendered += part.ok() && part->exr_bytes == "rendered image" && part->ray_count == 5;
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(rendered, 8);
+}
+
+TEST_P(SandboxedScenesTest, CostsAtMostTheTimeThatHasPassed) {
+  const absl::StatusOr<RenderedPart> part = Render("image");
+  ASSERT_TRUE(part.ok());
+  EXPECT_LT(part->cpu_seconds, 60) << "the process claims 1e9 s";
+}
+
+TEST_P(SandboxedScenesTest, ReadsItsOwnFiles) {
+  const std::string path = testing::TempDir() + "/file-of-a-scene.txt";
+  std::ofstream(path) << "its text\n";
+  inputs_.local_paths["a/name"] = path;
+  const OpenResult opened = Open("read a/name");
+  EXPECT_EQ(opened.failure_kind, FailureKind::kScene);
+  EXPECT_EQ(opened.status.message(), "its text");
+}
+
+TEST_P(SandboxedScenesTest, SeesNoOtherFile) {
+  const std::string seen = SeenByScene("open /etc/passwd");
+  if (Has(Protection::kNamespaces)) {
+    EXPECT_EQ(seen, "ENOENT");
+  } else if (Has(Protection::kFileAccess)) {
+    EXPECT_EQ(seen, "EACCES");
+  } else {
+    GTEST_SKIP() << "needs namespaces or file access rules";
+  }
+}
+
+TEST_P(SandboxedScenesTest, WritesNoFile) {
+  Open("render nothing");
+  if (scenes_->protections().empty()) GTEST_SKIP() << "needs a protection";
+  EXPECT_NE(SeenByScene("write"), "opened");
+}
+
+TEST_P(SandboxedScenesTest, KnowsNoSecretsOfTheEnvironment) {
+  EXPECT_EQ(SeenByScene("environment"), "none");
+}
+
+TEST_P(SandboxedScenesTest, ForbiddenCallsEndTheProcess) {
+  if (!Has(Protection::kSystemCalls)) GTEST_SKIP() << "needs the filter";
+  for (const char* what : {"socket", "fork", "exec", "trace"}) {
+    const absl::Status status = Render(what).status();
+    EXPECT_TRUE(absl::IsInternal(status)) << what << ": " << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("SIGSYS")) << what;
+  }
+}
+
+TEST_P(SandboxedScenesTest, ACrashWhileLoadingFailsTheLoad) {
+  const OpenResult opened = Open("crash");
+  EXPECT_EQ(opened.scene, nullptr);
+  EXPECT_EQ(opened.failure_kind, FailureKind::kInternal);
+  EXPECT_THAT(std::string(opened.status.message()), HasSubstr("loading the scene"));
+  EXPECT_THAT(std::string(opened.status.message()), HasSubstr("SIGSEGV"));
+}
+
+TEST_P(SandboxedScenesTest, ACrashWhileRenderingFailsTheTask) {
+  const absl::Status status = Render("crash").status();
+  EXPECT_THAT(std::string(status.message()), HasSubstr("rendering"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("SIGSEGV"));
+  EXPECT_EQ(SeenByScene("image"), "rendered image") << "the next process renders";
+}
+
+TEST_P(SandboxedScenesTest, AFailedCheckIsQuoted) {
+  const absl::Status status = Render("check").status();
+  EXPECT_THAT(std::string(status.message()), HasSubstr("SIGABRT"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("check failed: what.empty()"));
+}
+
+TEST_P(SandboxedScenesTest, AnExitIsAFailure) {
+  EXPECT_THAT(std::string(Render("exit").status().message()), HasSubstr("code 7"));
+}
+
+TEST_P(SandboxedScenesTest, LackOfMemoryIsOne) {
+  EXPECT_EQ(Open("memory").failure_kind, FailureKind::kMemory);
+  EXPECT_TRUE(absl::IsResourceExhausted(Render("memory").status()));
+}
+
+TEST_P(SandboxedScenesTest, EndlessWorkIsStopped) {
+  options_.load_time_max = options_.task_time_max = absl::Milliseconds(300);
+  const OpenResult opened = Open("loop");
+  EXPECT_EQ(opened.failure_kind, FailureKind::kInternal);
+  EXPECT_THAT(std::string(opened.status.message()), HasSubstr("did not finish within 300ms"));
+  EXPECT_THAT(std::string(Render("loop").status().message()), HasSubstr("did not finish"));
+}
+
+TEST_P(SandboxedScenesTest, ATaskCanBeCancelled) {
+  std::stop_source stop;
+  const OpenResult opened = Open("render wait");
+  ASSERT_NE(opened.scene, nullptr);
+  std::jthread stopper([&] { stop.request_stop(); });
+  EXPECT_TRUE(absl::IsCancelled(opened.scene->Render({}, stop.get_token()).status()));
+}
+
+TEST_P(SandboxedScenesTest, ALoadCanBeCancelled) {
+  std::stop_source stop;
+  Open("render nothing");
+  inputs_.main_file = "loop";
+  std::jthread stopper([&] { stop.request_stop(); });
+  EXPECT_TRUE(absl::IsCancelled(scenes_->Open(inputs_, stop.get_token()).status));
+}
+
+TEST_P(SandboxedScenesTest, OnlyTheWorkerCancels) {
+  EXPECT_TRUE(absl::IsInternal(Render("pretend to be cancelled").status()));
+}
+
+TEST_P(SandboxedScenesTest, GarbageEndsTheProcess) {
+  EXPECT_THAT(std::string(Render("garbage").status().message()), HasSubstr("it sent"));
+}
+
+TEST_P(SandboxedScenesTest, NoiseIsCut) {
+  testing::internal::CaptureStderr();
+  Render("noise").IgnoreError();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_THAT(log, HasSubstr("further ones are not shown"));
+  size_t lines = 0;
+  for (const char c : log) lines += c == '\n';
+  EXPECT_LT(lines, static_cast<size_t>(kOutputLinesMax) + 10);
+}
+
+TEST_P(SandboxedScenesTest, EndsWithItsScene) {
+  OpenResult opened = Open("render pid");
+  ASSERT_NE(opened.scene, nullptr);
+  const absl::StatusOr<RenderedPart> part = opened.scene->Render({}, {});
+  ASSERT_TRUE(part.ok());
+  if (Has(Protection::kNamespaces)) {
+    EXPECT_EQ(part->exr_bytes, "1");
+  }
+  opened.scene.reset();
+  EXPECT_EQ(::waitpid(-1, nullptr, WNOHANG), -1) << "a process is left";
+  EXPECT_EQ(errno, ECHILD);
+}
+
+TEST(SandboxModeTest, RequiredMeansAllProtections) {
+  SandboxOptions options;
+  options.mode = SandboxMode::kBest;
+  options.program.arguments = {"test", kSceneProcess};
+  const Protections best = (*SandboxedScenes::Make(options))->protections();
+  options.mode = SandboxMode::kRequired;
+  const absl::Status status = SandboxedScenes::Make(options).status();
+  EXPECT_EQ(status.ok(), best == Protections::All()) << status;
+  if (!status.ok()) {
+    EXPECT_THAT(std::string(status.message()), HasSubstr("--sandbox=best"));
+  }
+}
+
+TEST(SandboxModeTest, AProgramThatIsMissingIsAnError) {
+  SandboxOptions options;
+  options.mode = SandboxMode::kBest;
+  options.program.path = "/no/such/program";
+  EXPECT_THAT(std::string(SandboxedScenes::Make(options).status().message()),
+              HasSubstr("starting a process"));
+}
+
+TEST(SandboxModeTest, HasNames) {
+  EXPECT_EQ(SandboxModeFromName("best"), SandboxMode::kBest);
+  EXPECT_EQ(SandboxModeFromName("no"), std::nullopt);
+  EXPECT_EQ(NamesOf(Protections::All()), "namespaces, file access rules, system call filter");
+  EXPECT_EQ(NamesOf({}), "none");
+}
+
+}  // namespace
+
+int RenderActingScene() {
+  ActingScenes scenes;
+  return RunSceneProcess(&scenes);
+}
+
+}  // namespace sheaf::worker
+
+int main(int argc, char** argv) {
+  if (argc == 2 && std::string(argv[1]) == sheaf::worker::kSceneProcess) {
+    return sheaf::worker::RenderActingScene();
+  }
+  ::signal(SIGPIPE, SIG_IGN);
+  testing::InitGoogleMock(&argc, argv);
+  return RUN_ALL_TESTS();
+}

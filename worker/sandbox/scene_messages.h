@@ -1,0 +1,53 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Conversion between plain values and the messages of proto/sheaf/v1/sandbox.proto, and their
+// limits.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "sheaf/v1/sandbox.pb.h"
+#include "worker/agent/work.h"
+#include "worker/sandbox/confinement.h"
+#include "worker/sandbox/message_channel.h"
+#include "worker/sandbox/scene_opener.h"
+
+namespace sheaf::worker {
+
+// The exit code of a process that waited for another one, which was ended by signal N, or that
+// handles the signal itself, is this + N, as with shells.
+inline constexpr int kExitBySignal = 128;
+
+// The descriptor by which a scene's process talks with its worker.
+inline constexpr int kSceneSocket = 3;
+
+// What a process accepts from its worker: the names of all files of a scene come in one message.
+inline constexpr MessageLimits kRequestLimits{uint32_t{1} << 30, 0};
+// What a worker accepts from a process. The coordinator refuses larger parts, too.
+inline constexpr MessageLimits kReplyLimits{uint32_t{64} << 10, uint32_t{256} << 20};
+// Of a message to people. Longer ones are cut, by both ends.
+inline constexpr size_t kReplyTextBytesMax = 4'096;
+
+v1::LoadSceneRequest LoadRequestOf(const SceneInputs& inputs);
+// Without local_paths. Errors: kInvalidArgument.
+absl::StatusOr<SceneInputs> FromWire(const v1::LoadSceneRequest& message);
+
+v1::RenderTaskRequest RenderRequestOf(const Lease& lease);
+// A lease with all that rendering needs. Errors: kInvalidArgument.
+absl::StatusOr<Lease> FromWire(const v1::RenderTaskRequest& message);
+
+// Puts a failure into a reply.
+void SetStatus(const absl::Status& status, v1::SandboxReply* reply);
+// The status of a reply, whose numbers and text are untrusted.
+absl::Status StatusOf(const v1::SandboxReply& reply);
+
+v1::LeaseFailure::Kind KindToWire(FailureKind kind);
+// kInternal for what a process cannot know or does not exist.
+FailureKind KindFromWire(v1::LeaseFailure::Kind kind);
+
+}  // namespace sheaf::worker

@@ -1,0 +1,17 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// RunSceneProcess: the other end of SceneProcess, in the process of one scene.
+//
+//     ConfineRequest, once > LoadSceneRequest, once > RenderTaskRequest, any number
+#pragma once
+
+#include "worker/sandbox/scene_opener.h"
+
+namespace sheaf::worker {
+
+// The whole program of a scene's process: serves the requests that come over kSceneSocket until the
+// worker closes it, and returns the exit code. Requires: one thread.
+int RunSceneProcess(SceneOpener* scenes);
+
+}  // namespace sheaf::worker

@@ -1,0 +1,19 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FilterSystemCalls: seccomp, by which a process gives up system calls. The door to libseccomp.
+#pragma once
+
+#include "absl/status/status.h"
+
+namespace sheaf::worker {
+
+// From now on, this process and its threads to come have only the system calls of rendering:
+// reading files, memory, threads, clocks. Calls that only an intruder makes (sockets, programs,
+// other processes, mounts, tracing) kill the process with SIGSYS; all others fail with EPERM, so
+// that libraries do without them.
+// Requires: no new privileges (PR_SET_NO_NEW_PRIVS); one thread.
+// Errors: kUnavailable if the kernel has no seccomp filters.
+absl::Status FilterSystemCalls();
+
+}  // namespace sheaf::worker
