@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/sim/checks.h"
 
+#include <algorithm>
 #include <map>
 #include <set>
 #include <utility>
@@ -191,7 +192,14 @@ void Checks::CheckLimits(Farm& farm, const coordinator::FarmOptions& options) {
       }
     }
   }
-  expect(static_cast<int64_t>(tables.open_frames.size()) <= open_frames, "frames in memory");
+  int64_t in_memory = 0;
+  for (const auto& [id, frame] : tables.open_frames) {
+    // Until its end is written down, a job that has ended keeps its frames.
+    const auto& unsettled = tables.unsettled_jobs;
+    const bool ends = std::find(unsettled.begin(), unsettled.end(), id.job_id) != unsettled.end();
+    in_memory += ends ? 0 : 1;
+  }
+  expect(in_memory <= open_frames, "frames in memory");
 }
 
 bool Checks::CheckEnd(Farm& farm) {

@@ -13,6 +13,7 @@ namespace sheaf::sim {
 namespace {
 
 constexpr char kStateDirectory[] = "/sim/state";
+constexpr char kDatabase[] = "/sim/state/farm.db";
 // How long the coordinator's background thread sleeps, with what its machine adds to it.
 constexpr absl::Duration kWorkIntervalMin = absl::Milliseconds(100);
 constexpr absl::Duration kWorkIntervalMax = absl::Milliseconds(400);
@@ -32,6 +33,25 @@ void CollectImages(const SimDisk::NodePtr& folder, std::vector<SimDisk::NodePtr>
   }
 }
 
+// The bytes of a database that a first life has just made, which takes longer than all that follows
+// in a small simulation. Requires: the machine's disk is empty; it is not any more.
+std::string MakeDatabase(SimDisk* disk) {
+  SHEAF_CHECK(coordinator::SqliteJobStore::Open(kStateDirectory).ok());  // Closed at once.
+  SimDisk::NodePtr node;
+  SHEAF_CHECK(disk->Find(kDatabase, &node) == 0);
+  return node->bytes;
+}
+
+// Puts such a database on the disk.
+void PrepareDatabase(SimDisk* disk) {
+  static const auto& bytes = *new std::string(MakeDatabase(disk));
+  SimDisk::NodePtr node;
+  const int made = disk->MakeFolder(kStateDirectory);
+  SHEAF_CHECK(made == 0 || made == EEXIST);
+  SHEAF_CHECK(disk->Open(kDatabase, /*create=*/true, /*truncate=*/true, false, &node) == 0);
+  SHEAF_CHECK(disk->Write(node, 0, bytes) == 0 && disk->Sync(node) == 0);
+}
+
 }  // namespace
 
 CoordinatorHost::CoordinatorHost(World* world, Promises* promises)
@@ -44,6 +64,7 @@ CoordinatorHost::CoordinatorHost(World* world, Promises* promises)
   if (random.Chance(0.3)) options_.merge_bytes_max = 0;
   if (random.Chance(0.3)) options_.kept_parts_bytes_max = uint64_t{1} << 17;
   if (random.Chance(0.5)) options_.round_previews_bytes_max = 0;
+  if (random.Chance(0.9)) PrepareDatabase(&world_.machine.disk());
   world_.machine.disk().set_gate([this](SimDisk::Operation operation, const std::string& path,
                                         bool grows) { return Gate(operation, path, grows); });
 }

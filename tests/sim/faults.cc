@@ -16,16 +16,16 @@ struct FaultKind {
 // In the order of Fault.
 constexpr FaultKind kKinds[kFaultCount] = {
     {"request-lost", 0.2},      {"reply-lost", 0.2},
-    {"doubled", 0.2},           {"late", 0.2},
-    {"upload-cut", 0.2},        {"process-killed", 0.03},
-    {"power-lost", 0.03},       {"stopped", 0.02},
-    {"write-failed", 0.02},     {"sync-failed", 0.03},
-    {"disk-full", 0.01},        {"file-damaged", 0.05},
-    {"wall-clock-jumped", 0.1}, {"interleaved", 0.3},
-    {"worker-killed", 0.02},    {"worker-frozen", 0.03},
-    {"worker-slow", 0.1},       {"task-failed", 0.05},
-    {"worker-lies", 0.05},      {"false-pixels", 0.01},
-    {"stranger", 0.1},
+    {"doubled", 0.3},           {"late", 0.2},
+    {"upload-cut", 0.4},        {"process-killed", 0.05},
+    {"power-lost", 0.05},       {"stopped", 0.03},
+    {"write-failed", 0.03},     {"sync-failed", 0.05},
+    {"disk-full", 0.02},        {"file-damaged", 0.05},
+    {"wall-clock-jumped", 0.1}, {"interleaved", 0.6},
+    {"worker-killed", 0.04},    {"worker-frozen", 0.03},
+    {"worker-slow", 0.3},       {"task-failed", 0.1},
+    {"worker-lies", 0.5},       {"false-pixels", 0.03},
+    {"stranger", 0.2},
 };
 
 // How many of all seeds have a kind.

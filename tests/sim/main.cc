@@ -102,11 +102,12 @@ void PrintSummary(const Totals& totals, double seconds) {
                     totals.faults[kind]);
   }
   absl::PrintF(
-      "%d seeds, %d steps in %.1f s (%.0f steps/s), %d failed; jobs: %d succeeded, %d failed, %d "
+      "%d seeds, %d steps in %.1f s, %.1f s of CPU time (%.0f steps a CPU second), %d failed; "
+      "jobs: %d succeeded, %d failed, %d "
       "cancelled; %d lives of coordinators; faults: %s\n",
-      totals.seed_count, totals.step_count, seconds,
-      static_cast<double>(totals.step_count) / seconds, totals.failed.size(), totals.jobs_succeeded,
-      totals.jobs_failed, totals.jobs_cancelled, totals.lives, faults);
+      totals.seed_count, totals.step_count, seconds, totals.cpu_seconds,
+      static_cast<double>(totals.step_count) / totals.cpu_seconds, totals.failed.size(),
+      totals.jobs_succeeded, totals.jobs_failed, totals.jobs_cancelled, totals.lives, faults);
 }
 
 int UsageError(const std::string& text) {

@@ -4,6 +4,8 @@
 
 #include <signal.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -20,7 +22,7 @@
 namespace sheaf::sim {
 namespace {
 
-constexpr unsigned kSeedSecondsMax = 120;  // A simulation that takes longer hangs.
+constexpr time_t kSeedSecondsMax = 30;  // Of CPU time. A simulation that takes longer hangs.
 constexpr size_t kBrokenBytesMax = 500;
 constexpr char kBrokenMark[] = "BROKEN-SEED: ";
 constexpr uint64_t kNoSeed = UINT64_MAX;
@@ -38,6 +40,13 @@ struct Shared {
   std::array<Failed, kFailedSeedsMax> failed;
   std::array<std::atomic<uint64_t>, 64> seed_of_process;
 };
+
+// Ends this process where it takes more CPU time than a simulation may.
+void LimitSeedTime() {
+  itimerval limit{};
+  limit.it_value.tv_sec = kSeedSecondsMax;
+  ::setitimer(ITIMER_PROF, &limit, nullptr);
+}
 
 void NoteFailed(Shared* shared, uint64_t seed, const std::string& broken) {
   const size_t index = shared->failed_count.fetch_add(1);
@@ -63,7 +72,7 @@ void NoteResult(Shared* shared, uint64_t seed, const SimulationResult& result) {
     options.seed = shared->next_seed++;
     if (options.seed > last) break;
     shared->seed_of_process[process] = options.seed;
-    ::alarm(kSeedSecondsMax);
+    LimitSeedTime();
     NoteResult(shared, options.seed, Simulation(options).Run());
     shared->seed_of_process[process] = kNoSeed;
   }
@@ -71,8 +80,8 @@ void NoteResult(Shared* shared, uint64_t seed, const SimulationResult& result) {
 }
 
 std::string WhyEnded(int status) {
-  if (WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM) {
-    return absl::StrCat("the simulation takes longer than ", kSeedSecondsMax, " s");
+  if (WIFSIGNALED(status) && WTERMSIG(status) == SIGPROF) {
+    return absl::StrCat("the simulation takes longer than ", kSeedSecondsMax, " s of CPU time");
   }
   if (WIFSIGNALED(status)) return absl::StrCat("the process ended by signal ", WTERMSIG(status));
   return absl::StrCat("the process ended with exit code ", WEXITSTATUS(status));
@@ -137,6 +146,10 @@ Totals RunSeeds(uint64_t first, uint64_t last, int process_count, size_t failed_
     start(process);
   }
   Totals totals = ToTotals(*shared);
+  rusage used{};
+  ::getrusage(RUSAGE_CHILDREN, &used);
+  totals.cpu_seconds = static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
+                       1e-6 * static_cast<double>(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
   ::munmap(memory, sizeof(Shared));
   return totals;
 }
@@ -150,7 +163,7 @@ IsolatedRun RunIsolated(const SimulationOptions& options) {
   if (child == 0) {
     ::dup2(ends[1], STDERR_FILENO);
     ::close(ends[0]);
-    ::alarm(kSeedSecondsMax);
+    LimitSeedTime();
     const SimulationResult result = Simulation(options).Run();
     if (!result.broken.empty()) {
       std::fprintf(stderr, "%s%s\n", kBrokenMark, result.broken.c_str());

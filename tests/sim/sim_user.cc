@@ -46,14 +46,13 @@ JobSpec SimUser::MakeJob() {
   for (uint64_t i = 0; i < frame_count; ++i) {
     FrameSpec frame;
     frame.frame_number = static_cast<int32_t>(i);
-    const uint64_t scene = poisoned ? 99 : random_.Below(3);
+    const uint64_t scene = poisoned ? 99 : random_.Below(2);
     frame.scene = {SceneDigest(scene), 7};
     if (poisoned) world_.poisoned_scenes.insert(frame.scene.sha256_hex);
     frame.settings.width_px = 16;
     frame.settings.height_px = kTilePx;
     frame.settings.window = {0, 0, random_.Chance(0.5) ? 16 : 12, kTilePx};
     frame.settings.samples = kSampleCounts[random_.Below(std::size(kSampleCounts))];
-    frame.settings.seed = random_.Below(2);
     if (random_.Chance(0.4)) {
       frame.stop.target_error = kTargetErrors[random_.Below(std::size(kTargetErrors))];
       frame.settings.samples = 128;

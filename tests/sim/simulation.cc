@@ -43,7 +43,7 @@ void Simulation::AddWorker(bool may_lie) {
   SimWorker::Habits habits;
   habits.thread_count = static_cast<int32_t>(1 + world_.random.Below(2));
   if (world_.faults.Happens(Fault::kWorkerSlow)) habits.slowness = 30;
-  habits.lies = may_lie && world_.random.Chance(0.3);
+  habits.lies = may_lie && world_.random.Chance(0.4);
   workers_.push_back(std::make_shared<SimWorker>(&world_, &network_, &promises_,
                                                  absl::StrCat("w", ++worker_count_), habits));
   world_.Trace(workers_.back()->id(), " starts");
