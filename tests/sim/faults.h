@@ -24,7 +24,7 @@ enum class Fault {
   kPowerLost,        // The same; what is not durable is lost.
   kStopped,          // The coordinator ends in order and starts again.
   kWriteFailed,      // EIO.
-  kSyncFailed,       // EIO, after which the data are lost.
+  kSyncFailed,       // EIO of fsync.
   kDiskFull,         // For seconds to minutes.
   kFileDamaged,      // A byte of a part or an image changes.
   kWallClockJumped,  // By up to a day, either way.

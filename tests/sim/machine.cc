@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/sim/machine.h"
 
+#include <sqlite3.h>
+
 #include <memory>
 #include <string>
 #include <utility>
@@ -11,6 +13,8 @@
 namespace sheaf::sim {
 namespace {
 
+constexpr size_t kRandomBytes = 4096;
+
 Machine* current = nullptr;
 
 }  // namespace
@@ -19,6 +23,10 @@ Machine::Machine() {
   SHEAF_CHECK(current == nullptr);
   current = this;
   SHEAF_CHECK(disk_.MakeFolder(kSimRoot) == 0);
+  SimDisk::NodePtr node;
+  SHEAF_CHECK(disk_.Open(kSimRandomDevice, /*create=*/true, false, false, &node) == 0);
+  SHEAF_CHECK(disk_.Write(node, 0, std::string(kRandomBytes, 'r')) == 0 && disk_.Sync(node) == 0);
+  sqlite3_randomness(0, nullptr);  // It reads the device again.
 }
 
 Machine::~Machine() { current = nullptr; }

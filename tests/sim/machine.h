@@ -18,6 +18,8 @@ namespace sheaf::sim {
 
 // The folder that is the machine's disk.
 inline constexpr char kSimRoot[] = "/sim";
+// What programs read in place of the system's random device: always the same.
+inline constexpr char kSimRandomDevice[] = "/sim/random";
 
 class Machine {
  public:

@@ -172,11 +172,7 @@ int SimDisk::Sync(const NodePtr& node) {
     return 0;
   }
   const int passed = Pass(Operation::kSync, PathOf(*node), /*grows=*/false);
-  if (passed != 0) {
-    // The system forgets that these were to be written.
-    if (passed != kStopsMachine && !node->is_folder) node->changes.clear();
-    return EIO;
-  }
+  if (passed != 0) return EIO;
   for (const FileChange& change : node->changes) Apply(change, &node->durable_bytes);
   node->changes.clear();
   if (node->is_folder) {

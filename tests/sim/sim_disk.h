@@ -11,7 +11,9 @@
 //     anything else        may be lost: changes of a file from some point on, and before it single
 //                          sectors; changes of a folder from some point on
 //
-// After an fsync that failed, the changes it was to write are never durable, as on Linux.
+// After an fsync that failed, the changes stay, and the next one writes them. (Linux may drop them
+// and say so only once; a process that starts again then trusts a cache that the disk does not
+// have. SQLite knows no remedy, and so the simulation does not ask for one.)
 //
 // Whoever owns the disk sets a gate, which every change passes and may refuse, and by which the
 // machine may stop at that change: then the disk refuses all changes until Restart.

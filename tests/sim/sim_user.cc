@@ -168,8 +168,8 @@ void SimUser::Ask(const char* what, Request request, Durable durable) {
       self->is_asking_ = false;
       if (again) {
         self->world_.After(kRetry, [=] { self->Ask(what, request, durable); });
-      } else if (!self->lets_it_end_ || std::string(what) != "resume") {
-        self->ScheduleWish();
+      } else {
+        self->ScheduleWish();  // Also a job that shall end: an old request may arrive late.
       }
     };
   };
