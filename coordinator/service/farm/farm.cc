@@ -24,6 +24,16 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options) {
 
 absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options,
                                                  std::unique_ptr<JobStore> store) {
+  absl::StatusOr<std::unique_ptr<Farm>> farm = OpenWithoutThread(options, std::move(store));
+  if (!farm.ok()) return farm;
+  (*farm)->background_ = std::thread([f = farm->get()] {
+    while (f->queue_.Wait(kBackgroundInterval)) f->RunOnce();
+  });
+  return farm;
+}
+
+absl::StatusOr<std::unique_ptr<Farm>> Farm::OpenWithoutThread(const FarmOptions& options,
+                                                              std::unique_ptr<JobStore> store) {
   absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
       BlobStore::Open(options.state_directory + "/content");
   if (!blobs.ok()) return blobs.status();
@@ -33,7 +43,6 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options,
   std::unique_ptr<Farm> farm(
       new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews)));
   if (absl::Status status = farm->lifecycle_.Load(); !status.ok()) return status;
-  farm->background_ = std::thread([f = farm.get()] { f->RunBackground(); });
   return farm;
 }
 
@@ -67,22 +76,19 @@ Farm::~Farm() {
   lifecycle_.SaveFailures();
 }
 
-void Farm::RunBackground() {
-  SteadyTime next_delivery = SteadyTime::InfinitePast();
-  while (queue_.Wait(kBackgroundInterval)) {
-    if (lifecycle_.Tick()) signals_.Changed();
-    const bool disk_fine = disk_.Last().ok();
-    if (disk_fine || SteadyTime::Now() >= next_delivery) {
-      next_delivery = SteadyTime::Now() + kDeliveryRetryInterval;
-      lifecycle_.SettleEnded();
-      // Nobody else may write meanwhile, and so notice that there is space again.
-      if (!disk_fine) disk_.Note(store_->Probe());
-      images_.Heal(&lifecycle_);
-      delivery_.DeliverFrames();
-    }
-    lost_scenes_.Update();
-    delivery_.RefreshFrames();
+void Farm::RunOnce() {
+  if (lifecycle_.Tick()) signals_.Changed();
+  const bool disk_fine = disk_.Last().ok();
+  if (disk_fine || SteadyTime::Now() >= next_delivery_) {
+    next_delivery_ = SteadyTime::Now() + kDeliveryRetryInterval;
+    lifecycle_.SettleEnded();
+    // Nobody else may write meanwhile, and so notice that there is space again.
+    if (!disk_fine) disk_.Note(store_->Probe());
+    images_.Heal(&lifecycle_);
+    delivery_.DeliverFrames();
   }
+  lost_scenes_.Update();
+  delivery_.RefreshFrames();
 }
 
 absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& report) {

@@ -24,6 +24,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
 #include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/delivery_queue.h"
@@ -66,10 +67,19 @@ class Farm : public FarmView {
   // The same with a store of another kind.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options,
                                                     std::unique_ptr<JobStore> store);
+  // The same without the background thread: its work is done where the caller calls RunOnce. For
+  // simulations, which have one thread.
+  static absl::StatusOr<std::unique_ptr<Farm>> OpenWithoutThread(const FarmOptions& options,
+                                                                 std::unique_ptr<JobStore> store);
   ~Farm() override;
+
+  // What the background thread does each time that it wakes. One thread at a time.
+  void RunOnce();
 
   BlobStore& blobs() { return *blobs_; }
   const FarmOptions& options() const { return options_; }
+  // For simulations, which look whether the tables agree with each other.
+  FarmTables& tables() { return tables_; }
 
   // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns
   // the id, also of the job that an equal request_id made before. Errors: those of
@@ -170,7 +180,6 @@ class Farm : public FarmView {
  private:
   Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
        std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews);
-  void RunBackground();
 
   const FarmOptions options_;
   const std::unique_ptr<JobStore> store_;
@@ -186,9 +195,10 @@ class Farm : public FarmView {
   FrameRounds rounds_;
   DeliveredImages images_;
   ResultIntake intake_;
-  // The background thread's alone.
+  // RunOnce's alone.
   FrameDelivery delivery_;
   LostScenes lost_scenes_;
+  SteadyTime next_delivery_ = SteadyTime::InfinitePast();
 
   FramePreviews previews_;
   JobViews job_views_;

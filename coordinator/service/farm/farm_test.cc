@@ -50,10 +50,12 @@ class GatedJobStore : public JobStore {
     return store_->WriteFailures(job_id, failures);
   }
   absl::Status SetPaused(uint64_t job_id, bool paused) override {
-    return store_->SetPaused(job_id, paused);
+    ++control_writes_;
+    return full_ ? Full() : store_->SetPaused(job_id, paused);
   }
   absl::Status SetPriority(uint64_t job_id, int32_t priority) override {
-    return store_->SetPriority(job_id, priority);
+    ++control_writes_;
+    return full_ ? Full() : store_->SetPriority(job_id, priority);
   }
   absl::StatusOr<std::vector<StoredJob>> LoadJobs() override { return store_->LoadJobs(); }
   absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) override {
@@ -112,7 +114,8 @@ class GatedJobStore : public JobStore {
   uint64_t PartsBytes() const override { return store_->PartsBytes(); }
   uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
 
-  std::atomic<bool> full_ = false;  // Whether the disk takes no parts.
+  std::atomic<bool> full_ = false;       // Whether the disk takes no parts, pauses and priorities.
+  std::atomic<int> control_writes_ = 0;  // Pauses and priorities, also those that failed.
 
  private:
   static absl::Status Full() { return absl::ResourceExhaustedError("writing x: no space left"); }
@@ -242,6 +245,20 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   EXPECT_EQ(farm_->FindJob(job)->waiting_reason, "");
   while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) Work();
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+}
+
+// A write that failed may be on disk all the same, and come back with the next start. The opposite
+// is therefore written, although the job is as it shall be.
+TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {
+  store_->Open();
+  const uint64_t job = MakeJob({});
+  store_->full_ = true;
+  EXPECT_TRUE(absl::IsResourceExhausted(farm_->PauseJob(job)));
+  EXPECT_TRUE(absl::IsResourceExhausted(farm_->SetJobPriority(job, 5)));
+  store_->full_ = false;
+  EXPECT_TRUE(farm_->ResumeJob(job).ok());
+  EXPECT_TRUE(farm_->SetJobPriority(job, 0).ok());
+  EXPECT_EQ(store_->control_writes_, 4);
 }
 
 // A second call to cancel a job is not answered before the first is durable: after a power cut the

@@ -96,8 +96,9 @@ absl::Status JobLifecycle::SetPaused(uint64_t job_id, bool paused) {
     if (!job.ok()) return job.status();
     absl::Status live = RequireUnfinished(**job, paused ? "be paused" : "be resumed");
     if (!live.ok()) return live;
-    if ((*job)->Paused() == paused) return absl::OkStatus();
   }
+  // Also where the job is as it shall be: a write before this one that failed may come back to life
+  // after a power cut.
   absl::Status written = store_.SetPaused(job_id, paused);
   disk_.Note(written);
   if (!written.ok()) return written;
@@ -124,8 +125,8 @@ absl::Status JobLifecycle::SetPriority(uint64_t job_id, int32_t priority) {
       return status;
     absl::Status live = RequireUnfinished(**job, "change its priority");
     if (!live.ok()) return live;
-    if ((*job)->spec.priority == priority) return absl::OkStatus();
   }
+  // Also where it has the priority, as in SetPaused.
   absl::Status written = store_.SetPriority(job_id, priority);
   disk_.Note(written);
   if (!written.ok()) return written;

@@ -1,0 +1,49 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Checks: what must hold whenever no call is under way at the coordinator.
+//
+//     leases      each belongs to a live job and to a worker that may hold it; none is held twice
+//                 by one worker; each sample of an open frame is done, leased or ready to lease
+//     workers     one is lost exactly where it was silent for longer than the lease duration
+//     jobs        what is delivered and what has ended agrees with the phases of frames and jobs
+//     promises    the phases, pauses and priorities are those that were promised
+//     limits      tables are within their limits
+//     counters    results and samples are as many as were acknowledged
+//
+// and at the end of a simulation: every job has ended, images are those of one process, and nothing
+// is left of leases.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "coordinator/service/farm/farm.h"
+#include "tests/sim/promises.h"
+#include "tests/sim/world.h"
+
+namespace sheaf::sim {
+
+class Checks {
+ public:
+  Checks(World* world, const Promises* promises) : world_(*world), promises_(*promises) {}
+
+  // After each call.
+  void Check(coordinator::Farm& farm, const coordinator::FarmOptions& options);
+  // At the end. Returns false where an image is damaged and being made again: ask later.
+  bool CheckEnd(coordinator::Farm& farm);
+
+ private:
+  void CheckLeases(const coordinator::Scheduler& scheduler);
+  void CheckFrame(const coordinator::Scheduler& scheduler, const coordinator::FrameId& id,
+                  const coordinator::FrameRecord& frame, uint64_t leased);
+  void CheckJobs(coordinator::Farm& farm);
+  void CheckWorkers(const coordinator::Scheduler& scheduler, const coordinator::Limits& limits);
+  void CheckLimits(coordinator::Farm& farm, const coordinator::FarmOptions& options);
+  bool CheckImages(coordinator::Farm& farm, uint64_t job_id);
+
+  World& world_;
+  const Promises& promises_;
+};
+
+}  // namespace sheaf::sim

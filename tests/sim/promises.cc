@@ -1,0 +1,183 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/sim/promises.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace sheaf::sim {
+namespace {
+
+using coordinator::FrameId;
+using coordinator::JobPhase;
+using coordinator::PartKey;
+using coordinator::PartRow;
+using coordinator::StoredJob;
+
+template <typename Value>
+void Note(bool certain, Value value, Possibly<Value>* possibly) {
+  if (certain) {
+    possibly->Set(std::move(value));
+  } else {
+    possibly->MaySet(std::move(value));
+  }
+}
+
+// Compares a value that a life found with what it may be. Returns whether it is right.
+template <typename Value>
+bool Adopt(const Value& found, Possibly<Value>* possibly) {
+  const bool right = possibly->MayBe(found);
+  possibly->Set(found);
+  return right;
+}
+
+}  // namespace
+
+std::string Promises::NameOf(const PartKey& key) {
+  return absl::StrCat(key.tile.x0, "_", key.tile.y0, "-", key.block.first, "-", key.block.count,
+                      "-", key.cells.mask);
+}
+
+void Promises::Created(uint64_t job_id, const coordinator::JobSpec& spec, bool certain) {
+  if (!certain) return;  // Its id is not known.
+  PromisedJob& job = jobs_[job_id];
+  job.phase.Set(static_cast<int>(JobPhase::kLive));
+  job.paused.Set(false);
+  job.priority.Set(spec.priority);
+  for (const coordinator::FrameSpec& frame : spec.frames) job.delivered[frame.frame_number];
+}
+
+void Promises::Ended(uint64_t job_id, JobPhase phase, bool certain) {
+  Note(certain, static_cast<int>(phase), &jobs_[job_id].phase);
+  Note(certain, false, &jobs_[job_id].paused);
+}
+
+void Promises::Paused(uint64_t job_id, bool paused, bool certain) {
+  Note(certain, paused, &jobs_[job_id].paused);
+}
+
+void Promises::Prioritized(uint64_t job_id, int32_t priority, bool certain) {
+  Note(certain, priority, &jobs_[job_id].priority);
+}
+
+void Promises::Reopened(uint64_t job_id, const std::vector<int32_t>& frames, bool certain) {
+  PromisedJob& job = jobs_[job_id];
+  Note(certain, static_cast<int>(JobPhase::kLive), &job.phase);
+  for (const int32_t frame : frames) Note(certain, std::string(), &job.delivered[frame]);
+}
+
+void Promises::Delivered(const FrameId& frame, const std::string& digest, bool certain) {
+  Note(certain, digest, &jobs_[frame.job_id].delivered[frame.frame_number]);
+}
+
+void Promises::Written(const PartRow& row, bool certain) {
+  PromisedPart& part = parts_[row.key.frame][NameOf(row.key)];
+  if (part.certain && !certain) return;  // It was there.
+  part = {row, certain};
+}
+
+void Promises::Removed(const PartRow& row, bool certain) {
+  auto& parts = parts_[row.key.frame];
+  const auto part = parts.find(NameOf(row.key));
+  if (part == parts.end()) return;
+  part->second.certain = false;
+  if (certain) parts.erase(part);
+}
+
+void Promises::FrameRemoved(const FrameId& frame, bool certain) {
+  for (auto& [name, part] : parts_[frame]) part.certain = false;
+  if (certain) parts_.erase(frame);
+}
+
+void Promises::CheckJobs(const std::vector<StoredJob>& jobs) {
+  std::set<uint64_t> found;
+  for (const StoredJob& job : jobs) {
+    found.insert(job.spec.job_id);
+    CheckJob(job);
+  }
+  for (const auto& [id, job] : jobs_) {
+    if (!found.contains(id)) broken_(absl::StrCat("job ", id, " is gone after a restart"));
+  }
+}
+
+void Promises::CheckJob(const StoredJob& stored) {
+  const uint64_t id = stored.spec.job_id;
+  const bool known = jobs_.contains(id);
+  if (!known) Created(id, stored.spec, /*certain=*/true);  // Its caller heard of no id.
+  PromisedJob& job = jobs_[id];
+  if (!Adopt(static_cast<int>(stored.phase), &job.phase)) {
+    broken_(absl::StrCat("job ", id, " has phase ", static_cast<int>(stored.phase),
+                         " after a restart, which was never promised"));
+  }
+  if (!Adopt(stored.paused, &job.paused)) {
+    broken_(absl::StrCat("job ", id, " is ", stored.paused ? "" : "not ",
+                         "paused after a restart, which was never promised"));
+  }
+  if (!Adopt(stored.spec.priority, &job.priority)) {
+    broken_(absl::StrCat("job ", id, " has priority ", stored.spec.priority,
+                         " after a restart, which was never promised"));
+  }
+  std::map<int32_t, std::string> delivered;
+  for (const auto& [number, digest] : job.delivered) delivered[number];
+  for (const auto& frame : stored.delivered) {
+    delivered[frame.frame_number] = frame.delivered.image_digest;
+  }
+  for (const auto& [number, digest] : delivered) {
+    if (Adopt(digest, &job.delivered[number])) continue;
+    broken_(absl::StrCat("job ", id, ": frame ", number, " has image \"", digest.substr(0, 12),
+                         "\" after a restart, which was never promised"));
+  }
+}
+
+void Promises::CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedParts& parts) {
+  std::map<FrameId, std::map<std::string, PromisedPart>> found;
+  for (const PartRow& row : parts.rows) {
+    found[row.key.frame][NameOf(row.key)] = {row, /*certain=*/true};
+    const auto frame = parts_.find(row.key.frame);
+    const bool known = frame != parts_.end() && frame->second.contains(NameOf(row.key));
+    if (!known) {
+      broken_(absl::StrCat("job ", job_id, ": part ", NameOf(row.key), " came from nowhere"));
+    }
+  }
+  if (parts.rows_lost > damaged_count_) {
+    broken_(absl::StrCat("job ", job_id, ": ", parts.rows_lost, " rows have no bytes"));
+  }
+  const auto begin = parts_.lower_bound({job_id, INT32_MIN});
+  const auto end = parts_.upper_bound({job_id, INT32_MAX});
+  int64_t missing = 0;
+  std::string first_missing;
+  for (auto frame = begin; frame != end; ++frame) {
+    for (const auto& [name, part] : frame->second) {
+      const auto of_frame = found.find(frame->first);
+      const bool is_there = of_frame != found.end() && of_frame->second.contains(name);
+      if (!part.certain || is_there) continue;
+      if (missing++ == 0) first_missing = name;
+    }
+  }
+  if (missing > damaged_count_) {
+    broken_(absl::StrCat("job ", job_id, ": ", missing, " acknowledged parts are gone after a ",
+                         "restart, such as ", first_missing));
+  }
+  parts_.erase(begin, end);
+  parts_.merge(found);
+}
+
+bool Promises::HasPart(const std::string& sha256_hex) const {
+  for (const auto& [frame, parts] : parts_) {
+    for (const auto& [name, part] : parts) {
+      if (part.certain && part.row.digest.sha256_hex == sha256_hex) return true;
+    }
+  }
+  return false;
+}
+
+uint64_t Promises::PartsBytes() const {
+  uint64_t bytes = 0;
+  for (const auto& [frame, parts] : parts_) {
+    for (const auto& [name, part] : parts) bytes += part.row.digest.size_bytes;
+  }
+  return bytes;
+}
+
+}  // namespace sheaf::sim

@@ -1,0 +1,85 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Promises: what the job store has said to be durable, over all lives of the coordinator. A call
+// that returned OK is a promise. A call that failed, or during which the machine stopped, may have
+// had its effect or not: then either is right, and the next life shows which.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::sim {
+
+// A value that is known, or is one of several.
+template <typename Value>
+class Possibly {
+ public:
+  void Set(Value value) { values_ = {std::move(value)}; }
+  void MaySet(Value value) { values_.insert(std::move(value)); }
+  bool IsCertainly(const Value& value) const {
+    return values_.size() == 1 && values_.contains(value);
+  }
+  bool MayBe(const Value& value) const { return values_.contains(value); }
+
+ private:
+  std::set<Value> values_{Value{}};
+};
+
+struct PromisedJob {
+  Possibly<int> phase;  // JobPhase.
+  Possibly<bool> paused;
+  Possibly<int32_t> priority;
+  std::map<int32_t, Possibly<std::string>> delivered;  // By frame: digests of images; "": none.
+};
+
+class Promises {
+ public:
+  // Called with what is broken.
+  explicit Promises(std::function<void(const std::string&)> broken) : broken_(std::move(broken)) {}
+
+  // certain: the call returned OK and the machine did not stop during it.
+  void Created(uint64_t job_id, const coordinator::JobSpec& spec, bool certain);
+  void Ended(uint64_t job_id, coordinator::JobPhase phase, bool certain);
+  void Paused(uint64_t job_id, bool paused, bool certain);
+  void Prioritized(uint64_t job_id, int32_t priority, bool certain);
+  void Reopened(uint64_t job_id, const std::vector<int32_t>& frames, bool certain);
+  void Delivered(const coordinator::FrameId& frame, const std::string& digest, bool certain);
+  void Written(const coordinator::PartRow& row, bool certain);
+  void Removed(const coordinator::PartRow& row, bool certain);
+  void FrameRemoved(const coordinator::FrameId& frame, bool certain);
+  // A file was damaged on purpose: its row may be lost.
+  void Damaged() { ++damaged_count_; }
+
+  // Compares with what a new life found.
+  void CheckJobs(const std::vector<coordinator::StoredJob>& jobs);
+  void CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedParts& parts);
+
+  // Whether a part of these bytes is durable.
+  bool HasPart(const std::string& sha256_hex) const;
+  const std::map<uint64_t, PromisedJob>& jobs() const { return jobs_; }
+  uint64_t PartsBytes() const;
+
+ private:
+  struct PromisedPart {
+    coordinator::PartRow row;
+    bool certain = false;
+  };
+  static std::string NameOf(const coordinator::PartKey& key);
+  void CheckJob(const coordinator::StoredJob& job);
+
+  std::function<void(const std::string&)> broken_;
+  std::map<uint64_t, PromisedJob> jobs_;
+  std::map<coordinator::FrameId, std::map<std::string, PromisedPart>> parts_;
+  int64_t damaged_count_ = 0;
+};
+
+}  // namespace sheaf::sim

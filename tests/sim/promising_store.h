@@ -1,0 +1,142 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PromisingStore: the coordinator's real store on the simulated disk; it notes what each call
+// promised, and has the promises checked by what a new life reads.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "coordinator/store/sqlite_job_store.h"
+#include "tests/sim/machine.h"
+#include "tests/sim/promises.h"
+
+namespace sheaf::sim {
+
+class PromisingStore : public coordinator::JobStore {
+ public:
+  using FrameId = coordinator::FrameId;
+  using PartRow = coordinator::PartRow;
+
+  PromisingStore(std::unique_ptr<coordinator::SqliteJobStore> store, Machine* machine,
+                 Promises* promises)
+      : store_(std::move(store)), machine_(*machine), promises_(*promises) {}
+
+  std::string PartPath(const PartRow& row) const { return store_->PartPath(row); }
+
+  absl::StatusOr<std::vector<coordinator::StoredJob>> LoadJobs() override {
+    auto jobs = store_->LoadJobs();
+    if (jobs.ok()) promises_.CheckJobs(*jobs);
+    return jobs;
+  }
+  absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) override {
+    auto parts = store_->LoadParts(job_id);
+    if (parts.ok()) promises_.CheckParts(job_id, *parts);
+    return parts;
+  }
+  absl::StatusOr<CreatedJob> CreateJob(const coordinator::JobSpec& spec,
+                                       const std::string& request_id,
+                                       absl::Time create_time) override {
+    auto created = store_->CreateJob(spec, request_id, create_time);
+    if (created.ok() && created->is_new) promises_.Created(created->job_id, spec, Certain());
+    return created;
+  }
+  absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) override {
+    return store_->FindRequest(request_id);
+  }
+  absl::Status EndJob(uint64_t job_id, coordinator::JobPhase phase, const std::string& failure,
+                      absl::Time end_time, absl::Duration wall) override {
+    absl::Status status = store_->EndJob(job_id, phase, failure, end_time, wall);
+    promises_.Ended(job_id, phase, Certain(status));
+    return status;
+  }
+  absl::Status WriteFailures(uint64_t job_id, const coordinator::FailureLog& failures) override {
+    return store_->WriteFailures(job_id, failures);
+  }
+  absl::Status SetPaused(uint64_t job_id, bool paused) override {
+    absl::Status status = store_->SetPaused(job_id, paused);
+    promises_.Paused(job_id, paused, Certain(status));
+    return status;
+  }
+  absl::Status SetPriority(uint64_t job_id, int32_t priority) override {
+    absl::Status status = store_->SetPriority(job_id, priority);
+    promises_.Prioritized(job_id, priority, Certain(status));
+    return status;
+  }
+  absl::Status WritePart(const PartRow& row, const std::string& bytes) override {
+    absl::Status status = store_->WritePart(row, bytes);
+    if (!absl::IsAlreadyExists(status)) promises_.Written(row, Certain(status));
+    return status;
+  }
+  absl::StatusOr<std::optional<PartRow>> FindPart(const coordinator::PartKey& key) override {
+    return store_->FindPart(key);
+  }
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
+                                                     const PixelRect& tile) override {
+    return store_->FindTileParts(frame, tile);
+  }
+  absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
+    return store_->TileCosts(frame);
+  }
+  absl::StatusOr<std::string> ReadPart(const PartRow& row) override {
+    return store_->ReadPart(row);
+  }
+  absl::Status RemovePart(const PartRow& row) override {
+    absl::Status status = store_->RemovePart(row);
+    promises_.Removed(row, Certain(status));
+    return status;
+  }
+  absl::Status RemoveFrameParts(const FrameId& frame) override {
+    absl::Status status = store_->RemoveFrameParts(frame);
+    promises_.FrameRemoved(frame, Certain(status));
+    return status;
+  }
+  absl::StatusOr<std::string> OutputPath(const FrameId& frame) override {
+    return store_->OutputPath(frame);
+  }
+  absl::Status DeliverFrame(const FrameId& frame,
+                            const coordinator::DeliveredFrame& delivered) override {
+    absl::Status status = store_->DeliverFrame(frame, delivered);
+    promises_.Delivered(frame, delivered.image_digest, Certain(status));
+    return status;
+  }
+  absl::Status AddRound(const FrameId& frame, const coordinator::RoundRecord& round) override {
+    return store_->AddRound(frame, round);
+  }
+  absl::StatusOr<std::vector<coordinator::StoredRound>> LoadRounds(uint64_t job_id,
+                                                                   bool with_cells) override {
+    return store_->LoadRounds(job_id, with_cells);
+  }
+  absl::StatusOr<std::vector<coordinator::RoundRecord>> LoadFrameRounds(
+      const FrameId& frame) override {
+    return store_->LoadFrameRounds(frame);
+  }
+  absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override {
+    absl::Status status = store_->ReopenJob(job_id, frames);
+    std::vector<int32_t> numbers;
+    for (const ReopenedFrame& frame : frames) numbers.push_back(frame.spec.frame_number);
+    promises_.Reopened(job_id, numbers, Certain(status));
+    return status;
+  }
+  absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() override {
+    return store_->OldestDeliveredWithParts();
+  }
+  absl::Status Probe() override { return store_->Probe(); }
+  uint64_t PartsBytes() const override { return store_->PartsBytes(); }
+  uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
+
+ private:
+  bool Certain(const absl::Status& status = absl::OkStatus()) const {
+    return status.ok() && !machine_.disk().stopped();
+  }
+
+  const std::unique_ptr<coordinator::SqliteJobStore> store_;
+  Machine& machine_;
+  Promises& promises_;
+};
+
+}  // namespace sheaf::sim

@@ -1,0 +1,119 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/sim/stranger.h"
+
+#include <vector>
+
+#include "common/base/digest.h"
+
+namespace sheaf::sim {
+namespace {
+
+using coordinator::Farm;
+
+constexpr uint64_t kNumbers[] = {0, 1, 2, 3, 8, 16, 64, uint64_t{1} << 32, UINT64_MAX};
+
+}  // namespace
+
+void Stranger::Send() {
+  const uint64_t kind = random_.Below(4);
+  const auto serve = [this, kind](Farm& farm) -> Network::Reply {
+    world_.Trace("a stranger sends message ", kind);
+    if (kind == 0) SendReport(farm);
+    if (kind == 1) SendResult(farm);
+    if (kind == 2) SendJob(farm);
+    if (kind == 3) SendRequest(farm);
+    return [] {};
+  };
+  network_.Call("stranger", serve, [] {});
+}
+
+uint64_t Stranger::SomeLease(Farm& farm) {
+  const MutexLock lock(&farm.tables().mutex);
+  std::vector<uint64_t> ids{0, random_.Bits()};
+  for (const auto& [id, worker] : farm.tables().scheduler.workers().workers()) {
+    ids.insert(ids.end(), worker.leases.begin(), worker.leases.end());
+  }
+  return ids[random_.Below(ids.size())];
+}
+
+std::string Stranger::SomeWorker(Farm& farm) {
+  const MutexLock lock(&farm.tables().mutex);
+  std::vector<std::string> ids{absl::StrCat("stranger", random_.Below(2))};
+  for (const auto& [id, worker] : farm.tables().scheduler.workers().workers()) ids.push_back(id);
+  return ids[random_.Below(ids.size())];
+}
+
+std::string Stranger::SomeFrameDigest(Farm& farm) {
+  const MutexLock lock(&farm.tables().mutex);
+  std::vector<std::string> digests{Sha256Hex("unknown")};
+  for (const auto& [id, job] : farm.tables().scheduler.jobs()) {
+    for (const auto& frame : job.frames) digests.push_back(frame.Spec().frame_digest);
+  }
+  return digests[random_.Below(digests.size())];
+}
+
+void Stranger::SendReport(Farm& farm) {
+  coordinator::WorkerReport report;
+  report.worker_id = SomeWorker(farm);
+  report.host = "elsewhere";
+  report.numeric_profile = random_.Chance(0.5) ? NumericProfile() : "another";
+  report.thread_count = static_cast<int32_t>(1 + random_.Below(1000));
+  report.requested_lease_count = static_cast<int32_t>(random_.Between(-2, 4));
+  report.draining = random_.Chance(0.1);
+  for (uint64_t i = random_.Below(3); i > 0; --i) {
+    report.leases.push_back(
+        {SomeLease(farm), static_cast<coordinator::LeasePhase>(random_.Below(4))});
+  }
+  if (random_.Chance(0.2)) {
+    report.failures.push_back(
+        {SomeLease(farm), static_cast<coordinator::FailureKind>(random_.Below(5)), "made up"});
+  }
+  report.warm_scenes = {Sha256Hex("scene 0")};
+  world_.heard[report.worker_id] = world_.now();
+  farm.Synchronize(report).status().IgnoreError();
+}
+
+void Stranger::SendResult(Farm& farm) {
+  coordinator::ResultReport report;
+  report.frame_digest = SomeFrameDigest(farm);
+  report.worker_id = SomeWorker(farm);
+  report.lease_id = SomeLease(farm);
+  report.tile = {0, 0, random_.Chance(0.5) ? 8 : 16, 8};
+  report.block = {16 * random_.Below(4), uint64_t{16} << random_.Below(3)};
+  if (random_.Chance(0.3)) report.cells = {4, 1 + random_.Below(15)};
+  const std::string bytes = random_.Chance(0.5) ? "" : std::string(random_.Below(500), 'x');
+  report.digest = {Sha256Hex(bytes), random_.Chance(0.1) ? 7 : bytes.size()};
+  const auto outcome = farm.AddResult(report, bytes);
+  if (outcome.ok() && *outcome == coordinator::ResultOutcome::kAccepted) {
+    world_.Broken("a stranger's bytes are accepted as a part");
+  }
+}
+
+void Stranger::SendJob(Farm& farm) {
+  coordinator::JobSpec spec;
+  spec.title = "impossible";
+  spec.partition.tile_size_px = static_cast<int32_t>(kNumbers[random_.Below(5)]);
+  spec.partition.pass_sample_count = kNumbers[random_.Below(std::size(kNumbers))];
+  spec.partition.cell_size_px = 5;
+  spec.frames.resize(random_.Below(3));
+  for (coordinator::FrameSpec& frame : spec.frames) {
+    frame.scene = {Sha256Hex("scene 0"), 7};
+    frame.settings.window = {0, 0, 16, 16};
+    frame.settings.samples = kNumbers[random_.Below(std::size(kNumbers))];
+  }
+  if (farm.CreateJob(spec, absl::StrCat("stranger ", random_.Below(3))).ok()) {
+    world_.Broken("a job that cannot be rendered is taken");
+  }
+}
+
+void Stranger::SendRequest(Farm& farm) {
+  const uint64_t id = 1000 + random_.Below(3);
+  if (farm.CancelJob(id).ok() || farm.PauseJob(id).ok() || farm.ResumeJob(id).ok() ||
+      farm.SetJobPriority(id, INT32_MIN).ok() || farm.RefineJob(id, {{}, UINT64_MAX}).ok() ||
+      farm.FindOutput(id, 0).ok()) {
+    world_.Broken("a request about a job that does not exist succeeds");
+  }
+}
+
+}  // namespace sheaf::sim

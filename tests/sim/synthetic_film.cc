@@ -1,0 +1,141 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/sim/synthetic_film.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/film/exr/exr_codec.h"
+#include "common/math/mix_bits.h"
+#include "coordinator/core/cell_errors.h"
+#include "coordinator/core/frame_merge.h"
+#include "coordinator/core/sample_rounds.h"
+
+namespace sheaf::sim {
+namespace {
+
+using coordinator::CellGrid;
+using coordinator::CellRound;
+using coordinator::FrameMerge;
+using coordinator::FrameSpec;
+
+float Unit(uint64_t bits) { return static_cast<float>(bits & 0xffffff) * 0x1p-24f; }
+
+uint64_t SeedOf(const std::string& frame_digest) {
+  uint64_t seed = 0;
+  for (const char c : frame_digest.substr(0, 16)) {
+    seed = seed * 16 + static_cast<uint64_t>(c <= '9' ? c - '0' : c - 'a' + 10);
+  }
+  return seed;
+}
+
+FilmSample SampleOf(uint64_t seed, int32_t x, int32_t y, uint64_t index) {
+  const uint64_t pixel = static_cast<uint64_t>(y) * 65536 + static_cast<uint64_t>(x);
+  const uint64_t bits = MixBits(MixBits(MixBits(seed + 1) + pixel) + index);
+  FilmSample sample;
+  // Magnitudes far apart, so that another order of additions gives other bits, and more of them in
+  // some pixels, so that cells get different numbers of samples.
+  const float scale = (bits >> 60) < pixel % 3 ? 300.0f : 1.0f;
+  sample.radiance = {Unit(bits) * scale, Unit(bits >> 8) * scale, Unit(bits >> 16)};
+  sample.alpha = 1;
+  sample.depth = 1 + Unit(bits >> 3);
+  return sample;
+}
+
+FilmTile MakePart(uint64_t seed, const PixelRect& rect, SampleBlock block, const TileCells& cells) {
+  FilmTile tile(rect, block);
+  PixelAccumulator accumulator(&tile);
+  for (const PixelRect& cell : RectsOf(rect, cells)) {
+    for (int32_t y = cell.y0; y < cell.y1; ++y) {
+      for (int32_t x = cell.x0; x < cell.x1; ++x) {
+        accumulator.Begin(x, y);
+        for (uint64_t i = block.first; i < block.End(); ++i) {
+          accumulator.Add(i, SampleOf(seed, x, y, i));
+        }
+        accumulator.End();
+      }
+    }
+  }
+  return tile;
+}
+
+std::string Encoded(uint64_t seed, const worker::Lease& lease) {
+  return EncodePart(MakePart(seed, lease.tile, lease.block, lease.cells),
+                    {lease.frame_digest, NumericProfile(), {}, lease.cells});
+}
+
+// Adds samples [from, to) of a cell to the merge.
+void AddSamples(const FrameSpec& frame, uint32_t cell, uint64_t from, uint64_t to,
+                FrameMerge* merge) {
+  const CellGrid& grid = merge->grid();
+  const uint32_t tile = grid.TileOf(cell);
+  const uint64_t mask = uint64_t{1} << (cell - grid.first_cell(tile));
+  const TileCells cells = grid.CellsOf(tile, mask);
+  for (const SampleBlock& block : CutSamples(from, to - from, uint64_t{1} << 40)) {
+    FilmTile part = MakePart(SeedOf(frame.frame_digest), grid.tiles()[tile], block, cells);
+    const auto decoded =
+        DecodePart(EncodePart(part, {frame.frame_digest, NumericProfile(), {}, cells}));
+    SHEAF_CHECK(decoded.ok());
+    merge->Insert(tile, {decoded->tile, mask});
+  }
+}
+
+std::string RenderAlone(const FrameSpec& frame, const coordinator::Partition& partition) {
+  coordinator::MergeBudget budget(uint64_t{1} << 40);
+  const bool in_rounds = frame.stop.IsActive();
+  const uint64_t first = in_rounds
+                             ? std::min(frame.settings.samples, frame.stop.first_round_samples)
+                             : frame.settings.samples;
+  CellGrid grid(frame, partition);
+  std::vector<uint64_t> samples(grid.cells().size(), first);
+  std::vector<uint64_t> have(samples.size(), 0);
+  FrameMerge merge(frame, grid, samples, &budget);
+  std::vector<CellRound> before;
+  for (int round = 0; !samples.empty(); ++round) {
+    for (uint32_t cell = 0; cell < samples.size(); ++cell) merge.Grow(cell, samples[cell]);
+    for (uint32_t cell = 0; cell < samples.size(); ++cell) {
+      if (have[cell] < samples[cell]) AddSamples(frame, cell, have[cell], samples[cell], &merge);
+    }
+    merge.Refresh();
+    SHEAF_CHECK(merge.AllDeveloped());
+    have = samples;
+    if (!in_rounds) break;
+    const std::vector<ErrorSums> errors = EstimateCellErrors(merge.image(), grid);
+    std::vector<CellRound> cells;
+    for (size_t i = 0; i < have.size(); ++i) cells.push_back({have[i], errors[i]});
+    samples = DecideRound(frame.stop, frame.settings.samples, round, cells, before, {}).samples;
+    before = std::move(cells);
+  }
+  return ImageDigest(merge.image());
+}
+
+}  // namespace
+
+const std::string& TruePart(const worker::Lease& lease) {
+  static auto& parts = *new std::map<std::string, std::string>();
+  std::string& bytes =
+      parts[absl::StrCat(lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ",
+                         lease.block.first, " ", lease.block.count, " ", lease.cells.mask)];
+  if (bytes.empty()) bytes = Encoded(SeedOf(lease.frame_digest), lease);
+  return bytes;
+}
+
+std::string FalsePart(const worker::Lease& lease) {
+  return Encoded(SeedOf(lease.frame_digest) + 1, lease);
+}
+
+const std::string& OneProcessImage(const FrameSpec& frame,
+                                   const coordinator::Partition& partition) {
+  static auto& images = *new std::map<std::string, std::string>();
+  std::string& digest = images[absl::StrCat(
+      frame.frame_digest, " ", frame.settings.samples, " ", frame.stop.target_error, " ",
+      frame.stop.first_round_samples, " ", partition.tile_size_px, " ", partition.cell_size_px)];
+  if (digest.empty()) digest = RenderAlone(frame, partition);
+  return digest;
+}
+
+}  // namespace sheaf::sim

@@ -1,0 +1,25 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Parts and images without a renderer: the value of a sample is a function of frame digest, pixel
+// and sample index. Parts and images are kept in memory, for seeds ask for the same ones.
+#pragma once
+
+#include <string>
+
+#include "coordinator/core/job.h"
+#include "worker/agent/work.h"
+
+namespace sheaf::sim {
+
+// The true part of a lease's task. The reference is valid as long as the program runs.
+const std::string& TruePart(const worker::Lease& lease);
+// The same of other values, as a broken processor would make it.
+std::string FalsePart(const worker::Lease& lease);
+
+// The digest of the image that one process renders of the frame, all its rounds included. Requires:
+// no rule of the frame reads clocks.
+const std::string& OneProcessImage(const coordinator::FrameSpec& frame,
+                                   const coordinator::Partition& partition);
+
+}  // namespace sheaf::sim

@@ -1,0 +1,440 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The functions of the C library that read clocks and work on files, as this program defines them:
+// for paths and descriptors of the simulated machine they are its own, for all others the system's.
+// A program's definitions come before the C library's, also for the libraries that it uses.
+#include <dirent.h>
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdarg>
+#include <cstring>
+#include <ctime>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "tests/sim/machine.h"
+
+namespace {
+
+using sheaf::sim::kSimRoot;
+using sheaf::sim::Machine;
+using sheaf::sim::SimDisk;
+
+bool IsOurs(const char* path) {
+  if (path == nullptr || Machine::Current() == nullptr) return false;
+  const size_t length = std::strlen(kSimRoot);
+  const bool begins = std::strncmp(path, kSimRoot, length) == 0;
+  return begins && (path[length] == '/' || path[length] == '\0');
+}
+bool IsOurs(int descriptor) { return descriptor >= Machine::kFirstDescriptor; }
+
+// 0 becomes 0, an errno becomes -1.
+int Done(int error) {
+  if (error == 0) return 0;
+  errno = error;
+  return -1;
+}
+
+Machine::OpenFile* Opened(int descriptor) {
+  Machine* machine = Machine::Current();
+  return machine == nullptr ? nullptr : machine->FindDescriptor(descriptor);
+}
+
+int OpenOurs(const std::string& path, int flags) {
+  Machine& machine = *Machine::Current();
+  SimDisk::NodePtr node;
+  const int error = machine.disk().Open(path, (flags & O_CREAT) != 0, (flags & O_TRUNC) != 0,
+                                        (flags & O_EXCL) != 0, &node);
+  if (error != 0) return Done(error);
+  if ((flags & O_DIRECTORY) != 0 && !node->is_folder) return Done(ENOTDIR);
+  return machine.AddDescriptor({node, 0, (flags & O_APPEND) != 0});
+}
+
+template <typename Stat>
+int FillStat(const SimDisk::Node& node, Stat* info) {
+  *info = {};
+  info->st_dev = 1;
+  info->st_ino = node.inode;
+  info->st_nlink = 1;
+  info->st_mode = node.is_folder ? S_IFDIR | 0755 : S_IFREG | 0644;
+  info->st_size = static_cast<off_t>(node.bytes.size());
+  info->st_blksize = 4096;
+  info->st_mtim.tv_sec = info->st_ctim.tv_sec = static_cast<time_t>(node.version);
+  return 0;
+}
+template <typename Stat>
+int StatOurs(const std::string& path, Stat* info) {
+  SimDisk::NodePtr node;
+  const int error = Machine::Current()->disk().Find(path, &node);
+  return error != 0 ? Done(error) : FillStat(*node, info);
+}
+template <typename Stat>
+int StatOpened(int descriptor, Stat* info) {
+  const Machine::OpenFile* file = Opened(descriptor);
+  return file == nullptr ? Done(EBADF) : FillStat(*file->node, info);
+}
+
+ssize_t ReadOurs(int descriptor, void* buffer, size_t count, uint64_t offset) {
+  const Machine::OpenFile* file = Opened(descriptor);
+  if (file == nullptr || file->node->is_folder) return Done(EBADF);
+  const std::string& bytes = file->node->bytes;
+  if (offset >= bytes.size()) return 0;
+  const size_t read = std::min<size_t>(count, bytes.size() - offset);
+  std::memcpy(buffer, bytes.data() + offset, read);
+  return static_cast<ssize_t>(read);
+}
+ssize_t WriteOurs(int descriptor, const void* bytes, size_t count, uint64_t offset) {
+  const Machine::OpenFile* file = Opened(descriptor);
+  if (file == nullptr) return Done(EBADF);
+  const int error = Machine::Current()->disk().Write(file->node, offset,
+                                                     {static_cast<const char*>(bytes), count});
+  return error != 0 ? Done(error) : static_cast<ssize_t>(count);
+}
+
+int SyncOurs(int descriptor) {
+  const Machine::OpenFile* file = Opened(descriptor);
+  return Done(file == nullptr ? EBADF : Machine::Current()->disk().Sync(file->node));
+}
+int TruncateOurs(int descriptor, off64_t size) {
+  const Machine::OpenFile* file = Opened(descriptor);
+  return Done(file == nullptr
+                  ? EBADF
+                  : Machine::Current()->disk().Truncate(file->node, static_cast<uint64_t>(size)));
+}
+
+// The path of a name that may be relative to an open folder.
+std::string PathAt(int folder, const char* path) {
+  const Machine::OpenFile* file = Opened(folder);
+  if (path[0] == '/' || file == nullptr) return path;
+  return SimDisk::PathOf(*file->node) + "/" + path;
+}
+bool IsOursAt(int folder, const char* path) {
+  return IsOurs(path) || (IsOurs(folder) && path[0] != '/');
+}
+
+// A folder that is being listed, in place of DIR.
+struct Listing {
+  int descriptor = -1;
+  std::vector<dirent> entries;
+  size_t next = 0;
+};
+std::set<Listing*>& Listings() {
+  static auto& listings = *new std::set<Listing*>();
+  return listings;
+}
+bool IsOurs(DIR* folder) { return Listings().contains(reinterpret_cast<Listing*>(folder)); }
+
+DIR* ListOurs(int descriptor) {
+  const Machine::OpenFile* file = Opened(descriptor);
+  if (file == nullptr || !file->node->is_folder) {
+    errno = ENOTDIR;
+    return nullptr;
+  }
+  auto* listing = new Listing{descriptor, {}, 0};
+  for (const auto& [name, node] : file->node->entries) {
+    dirent entry{};
+    entry.d_ino = node->inode;
+    entry.d_type = node->is_folder ? DT_DIR : DT_REG;
+    name.copy(entry.d_name, sizeof entry.d_name - 1);
+    listing->entries.push_back(entry);
+  }
+  Listings().insert(listing);
+  return reinterpret_cast<DIR*>(listing);
+}
+
+int RemoveOurs(const std::string& path, bool folder) {
+  return Done(Machine::Current()->disk().Remove(path, folder));
+}
+
+// The C library's own function.
+template <typename Function>
+Function* Next(const char* name) {
+  return reinterpret_cast<Function*>(::dlsym(RTLD_NEXT, name));
+}
+
+// 0 where the flags say that open has no such argument.
+mode_t ModeOf(int flags, va_list arguments) {
+  return (flags & O_CREAT) != 0 ? va_arg(arguments, mode_t) : 0;
+}
+
+}  // namespace
+
+extern "C" {
+
+int clock_gettime(clockid_t clock, timespec* time) noexcept {
+  const Machine* machine = Machine::Current();
+  if (machine == nullptr) return static_cast<int>(::syscall(SYS_clock_gettime, clock, time));
+  switch (clock) {
+    case CLOCK_REALTIME:
+    case CLOCK_REALTIME_COARSE:
+      *time = absl::ToTimespec(machine->wall());
+      return 0;
+    case CLOCK_THREAD_CPUTIME_ID:
+    case CLOCK_PROCESS_CPUTIME_ID:
+      *time = {};  // Work takes no time.
+      return 0;
+    default:
+      *time = absl::ToTimespec(machine->steady());
+      return 0;
+  }
+}
+
+int gettimeofday(timeval* time, void* /*zone*/) noexcept {
+  timespec now{};
+  if (clock_gettime(CLOCK_REALTIME, &now) != 0) return -1;
+  *time = {now.tv_sec, now.tv_nsec / 1000};
+  return 0;
+}
+
+int open(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = ModeOf(flags, arguments);
+  va_end(arguments);
+  if (IsOurs(path)) return OpenOurs(path, flags);
+  const bool is_random = Machine::Current() != nullptr && std::strcmp(path, "/dev/urandom") == 0;
+  if (is_random) return OpenOurs(sheaf::sim::kSimRandomDevice, O_RDONLY);
+  return static_cast<int>(::syscall(SYS_openat, AT_FDCWD, path, flags, mode));
+}
+
+int open64(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = ModeOf(flags, arguments);
+  va_end(arguments);
+  return open(path, flags, mode);
+}
+
+int openat(int folder, const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = ModeOf(flags, arguments);
+  va_end(arguments);
+  if (IsOursAt(folder, path)) return OpenOurs(PathAt(folder, path), flags);
+  return static_cast<int>(::syscall(SYS_openat, folder, path, flags, mode));
+}
+
+int close(int descriptor) {
+  if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_close, descriptor));
+  if (Machine* machine = Machine::Current()) machine->RemoveDescriptor(descriptor);
+  return 0;
+}
+
+ssize_t read(int descriptor, void* buffer, size_t count) {
+  if (!IsOurs(descriptor)) return ::syscall(SYS_read, descriptor, buffer, count);
+  Machine::OpenFile* file = Opened(descriptor);
+  if (file == nullptr) return Done(EBADF);
+  const ssize_t n = ReadOurs(descriptor, buffer, count, file->offset);
+  if (n > 0) file->offset += static_cast<uint64_t>(n);
+  return n;
+}
+
+ssize_t write(int descriptor, const void* bytes, size_t count) {
+  if (!IsOurs(descriptor)) return ::syscall(SYS_write, descriptor, bytes, count);
+  Machine::OpenFile* file = Opened(descriptor);
+  if (file == nullptr) return Done(EBADF);
+  if (file->appends) file->offset = file->node->bytes.size();
+  const ssize_t n = WriteOurs(descriptor, bytes, count, file->offset);
+  if (n > 0) file->offset += static_cast<uint64_t>(n);
+  return n;
+}
+
+ssize_t pread64(int descriptor, void* buffer, size_t count, off64_t offset) {
+  if (!IsOurs(descriptor)) return ::syscall(SYS_pread64, descriptor, buffer, count, offset);
+  return ReadOurs(descriptor, buffer, count, static_cast<uint64_t>(offset));
+}
+ssize_t pread(int descriptor, void* buffer, size_t count, off_t offset) {
+  return pread64(descriptor, buffer, count, offset);
+}
+
+ssize_t pwrite64(int descriptor, const void* bytes, size_t count, off64_t offset) {
+  if (!IsOurs(descriptor)) return ::syscall(SYS_pwrite64, descriptor, bytes, count, offset);
+  return WriteOurs(descriptor, bytes, count, static_cast<uint64_t>(offset));
+}
+ssize_t pwrite(int descriptor, const void* bytes, size_t count, off_t offset) {
+  return pwrite64(descriptor, bytes, count, offset);
+}
+
+off64_t lseek64(int descriptor, off64_t offset, int whence) noexcept {
+  if (!IsOurs(descriptor)) return ::syscall(SYS_lseek, descriptor, offset, whence);
+  Machine::OpenFile* file = Opened(descriptor);
+  if (file == nullptr) return Done(EBADF);
+  const auto size = static_cast<off64_t>(file->node->bytes.size());
+  const auto at = static_cast<off64_t>(file->offset);
+  const off64_t base = whence == SEEK_SET ? 0 : whence == SEEK_CUR ? at : size;
+  file->offset = static_cast<uint64_t>(base + offset);
+  return base + offset;
+}
+off_t lseek(int descriptor, off_t offset, int whence) noexcept {
+  return lseek64(descriptor, offset, whence);
+}
+
+int fsync(int descriptor) {
+  if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_fsync, descriptor));
+  return SyncOurs(descriptor);
+}
+int fdatasync(int descriptor) {
+  if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_fdatasync, descriptor));
+  return SyncOurs(descriptor);
+}
+
+int ftruncate64(int descriptor, off64_t size) noexcept {
+  if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_ftruncate, descriptor, size));
+  return TruncateOurs(descriptor, size);
+}
+int ftruncate(int descriptor, off_t size) noexcept { return ftruncate64(descriptor, size); }
+
+int stat(const char* path, struct stat* info) noexcept {
+  if (IsOurs(path)) return StatOurs(path, info);
+  return static_cast<int>(::syscall(SYS_newfstatat, AT_FDCWD, path, info, 0));
+}
+int stat64(const char* path, struct stat64* info) noexcept {
+  if (IsOurs(path)) return StatOurs(path, info);
+  return static_cast<int>(::syscall(SYS_newfstatat, AT_FDCWD, path, info, 0));
+}
+int lstat(const char* path, struct stat* info) noexcept {
+  if (IsOurs(path)) return StatOurs(path, info);
+  return static_cast<int>(::syscall(SYS_newfstatat, AT_FDCWD, path, info, AT_SYMLINK_NOFOLLOW));
+}
+int lstat64(const char* path, struct stat64* info) noexcept {
+  if (IsOurs(path)) return StatOurs(path, info);
+  return static_cast<int>(::syscall(SYS_newfstatat, AT_FDCWD, path, info, AT_SYMLINK_NOFOLLOW));
+}
+int fstat(int descriptor, struct stat* info) noexcept {
+  if (IsOurs(descriptor)) return StatOpened(descriptor, info);
+  return static_cast<int>(::syscall(SYS_fstat, descriptor, info));
+}
+int fstat64(int descriptor, struct stat64* info) noexcept {
+  if (IsOurs(descriptor)) return StatOpened(descriptor, info);
+  return static_cast<int>(::syscall(SYS_fstat, descriptor, info));
+}
+
+int access(const char* path, int mode) noexcept {
+  if (!IsOurs(path)) return static_cast<int>(::syscall(SYS_faccessat, AT_FDCWD, path, mode));
+  SimDisk::NodePtr node;
+  return Done(Machine::Current()->disk().Find(path, &node));
+}
+
+ssize_t readlink(const char* path, char* buffer, size_t size) noexcept {
+  if (!IsOurs(path)) return ::syscall(SYS_readlinkat, AT_FDCWD, path, buffer, size);
+  return Done(EINVAL);  // There are no links.
+}
+
+int mkdir(const char* path, mode_t mode) noexcept {
+  if (!IsOurs(path)) return static_cast<int>(::syscall(SYS_mkdirat, AT_FDCWD, path, mode));
+  return Done(Machine::Current()->disk().MakeFolder(path));
+}
+int rmdir(const char* path) noexcept {
+  if (!IsOurs(path)) {
+    return static_cast<int>(::syscall(SYS_unlinkat, AT_FDCWD, path, AT_REMOVEDIR));
+  }
+  return RemoveOurs(path, /*folder=*/true);
+}
+int unlink(const char* path) noexcept {
+  if (!IsOurs(path)) return static_cast<int>(::syscall(SYS_unlinkat, AT_FDCWD, path, 0));
+  return RemoveOurs(path, /*folder=*/false);
+}
+int unlinkat(int folder, const char* path, int flags) noexcept {
+  if (!IsOursAt(folder, path)) {
+    return static_cast<int>(::syscall(SYS_unlinkat, folder, path, flags));
+  }
+  return RemoveOurs(PathAt(folder, path), (flags & AT_REMOVEDIR) != 0);
+}
+int remove(const char* path) noexcept {
+  if (unlink(path) == 0) return 0;
+  return errno == EISDIR ? rmdir(path) : -1;
+}
+int rename(const char* from, const char* to) noexcept {
+  if (!IsOurs(from)) {
+    return static_cast<int>(::syscall(SYS_renameat, AT_FDCWD, from, AT_FDCWD, to));
+  }
+  return Done(Machine::Current()->disk().Rename(from, to));
+}
+
+int fchmod(int descriptor, mode_t mode) noexcept {
+  return IsOurs(descriptor) ? 0 : static_cast<int>(::syscall(SYS_fchmod, descriptor, mode));
+}
+int fchown(int descriptor, uid_t user, gid_t group) noexcept {
+  return IsOurs(descriptor) ? 0 : static_cast<int>(::syscall(SYS_fchown, descriptor, user, group));
+}
+
+// Locks: there is one process.
+int flock(int descriptor, int operation) noexcept {
+  return IsOurs(descriptor) ? 0 : static_cast<int>(::syscall(SYS_flock, descriptor, operation));
+}
+int fcntl64(int descriptor, int command, ...) {
+  va_list arguments;
+  va_start(arguments, command);
+  void* argument = va_arg(arguments, void*);
+  va_end(arguments);
+  if (!IsOurs(descriptor)) {
+    return static_cast<int>(::syscall(SYS_fcntl, descriptor, command, argument));
+  }
+  if (command == F_GETLK) static_cast<struct flock*>(argument)->l_type = F_UNLCK;
+  return 0;
+}
+int fcntl(int descriptor, int command, ...) {
+  va_list arguments;
+  va_start(arguments, command);
+  void* argument = va_arg(arguments, void*);
+  va_end(arguments);
+  return fcntl64(descriptor, command, argument);
+}
+
+void* mmap64(void* address, size_t size, int protection, int flags, int descriptor,
+             off64_t offset) noexcept {
+  Machine::OpenFile* file = IsOurs(descriptor) ? Opened(descriptor) : nullptr;
+  if (file != nullptr) {
+    return Machine::Current()->Map(file->node, static_cast<uint64_t>(offset), size);
+  }
+  return reinterpret_cast<void*>(
+      ::syscall(SYS_mmap, address, size, protection, flags, descriptor, offset));
+}
+void* mmap(void* address, size_t size, int protection, int flags, int descriptor,
+           off_t offset) noexcept {
+  return mmap64(address, size, protection, flags, descriptor, offset);
+}
+int munmap(void* address, size_t size) noexcept {
+  Machine* machine = Machine::Current();
+  if (machine != nullptr && machine->Unmap(address)) return 0;
+  return static_cast<int>(::syscall(SYS_munmap, address, size));
+}
+
+DIR* fdopendir(int descriptor) {
+  return IsOurs(descriptor) ? ListOurs(descriptor) : Next<DIR*(int)>("fdopendir")(descriptor);
+}
+DIR* opendir(const char* path) {
+  if (!IsOurs(path)) return Next<DIR*(const char*)>("opendir")(path);
+  const int descriptor = OpenOurs(path, O_RDONLY | O_DIRECTORY);
+  return descriptor < 0 ? nullptr : ListOurs(descriptor);
+}
+dirent* readdir(DIR* folder) {
+  if (!IsOurs(folder)) return Next<dirent*(DIR*)>("readdir")(folder);
+  auto* listing = reinterpret_cast<Listing*>(folder);
+  return listing->next < listing->entries.size() ? &listing->entries[listing->next++] : nullptr;
+}
+int dirfd(DIR* folder) noexcept {
+  if (!IsOurs(folder)) return Next<int(DIR*)>("dirfd")(folder);
+  return reinterpret_cast<Listing*>(folder)->descriptor;
+}
+int closedir(DIR* folder) {
+  if (!IsOurs(folder)) return Next<int(DIR*)>("closedir")(folder);
+  const std::unique_ptr<Listing> listing(reinterpret_cast<Listing*>(folder));
+  Listings().erase(listing.get());
+  return close(listing->descriptor);
+}
+
+}  // extern "C"
