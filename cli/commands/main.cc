@@ -37,6 +37,7 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakePlanCommand());
   commands.push_back(MakeStudyCommand());
   commands.push_back(MakeCompareCommand());
+  commands.push_back(MakeLoginCommand());
   commands.push_back(MakeCompletionCommand());
   return commands;
 }

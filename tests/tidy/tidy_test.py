@@ -31,13 +31,14 @@ ROOMS = {
 LAYERS = {
     "common/base": (),
     "common/command_line": ("common/base",),
+    "common/tls": ("common/base",),
     "common/math": ("common/base",),
     "common/film": ("common/base", "common/math"),
     "common/image": ("common/base", "common/math"),
     "common/volume": ("common/base", "common/math"),
     "common/scene": ("common/base", "common/math", "common/film"),
     "common/content": ("common/base",),
-    "common/rpc": ("common/base", "common/content", "common/film", "common/scene"),
+    "common/rpc": ("common/base", "common/content", "common/film", "common/scene", "common/tls"),
     "worker/render": ("common/base", "common/math", "common/film", "common/image",
                       "common/scene", "common/volume"),
     "worker/agent": ("common/base", "common/film", "common/scene", "common/content",
@@ -50,6 +51,7 @@ LAYERS = {
                              "coordinator/core"),
     "coordinator/store": ("common/base", "common/film", "common/scene", "common/content",
                           "coordinator/core"),
+    "coordinator/access": ("common/base", "common/tls", "coordinator/store"),
     "coordinator/service/view": ("common/base", "common/film", "common/scene",
                                  "coordinator/core", "coordinator/forecast"),
     "coordinator/service/farm": ("common/", "coordinator/core", "coordinator/scheduling",
@@ -58,9 +60,9 @@ LAYERS = {
     "coordinator/service/http": ("common/base", "common/film", "common/image", "common/scene",
                                  "coordinator/core", "coordinator/forecast",
                                  "coordinator/service/view"),
-    "coordinator/service/grpc": ("common/", "coordinator/core", "coordinator/scheduling",
-                                 "coordinator/forecast", "coordinator/service/view",
-                                 "coordinator/service/farm"),
+    "coordinator/service/grpc": ("common/", "coordinator/access", "coordinator/core",
+                                 "coordinator/scheduling", "coordinator/forecast",
+                                 "coordinator/service/view", "coordinator/service/farm"),
     "coordinator/service/server": ("common/", "coordinator/"),
     "cli": ("common/", "worker/", "coordinator/"),
 }
@@ -69,7 +71,7 @@ FOLDER_SOURCES_MAX = 45
 # Third-party headers and the files that may include them.
 DOORS = {
     r"Imf\w+\.h|OpenEXR/|Imath": r"^common/film/exr/exr_",
-    r"openssl/": r"^common/base/digest\.cc$",
+    r"openssl/": r"^common/(base/digest|tls/certificate)\.cc$",
     r"spdlog/": r"^common/base/log\.cc$",
     r"OpenImageIO/": r"^common/image/openimageio/",
     r"png\.h": r"^common/image/png\.cc",
@@ -86,7 +88,7 @@ DOORS = {
     r"boost/math/": r"^common/math/normal_distribution",
     r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
-    r"nlohmann/": r"^(cli/|coordinator/service/http/)",
+    r"nlohmann/": r"^(cli/|coordinator/access/audit_log\.cc$|coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
         r"^(common/rpc/|worker/service/|coordinator/service/(grpc|server)/|cli/)",
 }
