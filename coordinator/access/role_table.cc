@@ -37,6 +37,7 @@ const std::vector<OperationRule>& RoleTable() {
   static const std::vector<OperationRule>* const kTable = new std::vector<OperationRule>{
       {"/sheaf.v1.AccessService/Enroll", kNothing},
       {"/sheaf.v1.AccessService/RenewCertificate", kIdentity},
+      {"/sheaf.v1.AccessService/IssuePageToken", kView},
 
       {"/sheaf.v1.JobService/GetJob", kView},
       {"/sheaf.v1.JobService/ListJobs", kView},
@@ -63,6 +64,40 @@ const std::vector<OperationRule>& RoleTable() {
       {"/grpc.health.v1.Health/Check", kIdentity},
       {"/grpc.health.v1.Health/Watch", kIdentity},
       {"/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", kView},
+
+      {"GET /login", kNothing},
+      {"POST /login", kNothing},
+      {"POST /logout", kNothing},
+      {"GET /login.html", kNothing},
+      {"GET /style.css", kNothing},
+      {"GET /favicon.svg", kNothing},
+      {"GET /licences.txt", kNothing},
+      {"GET /", kView},
+      {"GET /index.html", kView},
+      {"GET /app.js", kView},
+      {"GET /error_chart.js", kView},
+      {"GET /exposure_worker.js", kView},
+
+      {"GET /healthz", kNothing},
+      {"GET /readyz", kNothing},
+      {"GET /metrics", kView},
+      {"GET /api/v1/events", kView},
+      {"GET /api/v1/jobs", kView},
+      {"GET /api/v1/jobs/{}", kView},
+      {"GET /api/v1/jobs/{}/failures", kView},
+      {"GET /api/v1/jobs/{}/refine-price", kView},
+      {"GET /api/v1/jobs/{}/frames/{}", kView},
+      {"GET /api/v1/jobs/{}/frames/{}/preview.png", kView},
+      {"GET /api/v1/jobs/{}/frames/{}/output.exr", kView},
+      {"GET /api/v1/false-color.png", kView},
+      {"GET /api/v1/workers", kView},
+      {"GET /api/v1/counters", kView},
+      // As for gRPC, with the role submit only one's own jobs.
+      {"POST /api/v1/jobs/{}:cancel", kSubmit},
+      {"POST /api/v1/jobs/{}:pause", kSubmit},
+      {"POST /api/v1/jobs/{}:resume", kSubmit},
+      {"POST /api/v1/jobs/{}:priority", kSubmit},
+      {"POST /api/v1/jobs/{}:refine", kSubmit},
   };
   return *kTable;
 }

@@ -2,8 +2,11 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """A farm with certificates, from init to revocation, of real processes on loopback."""
+import glob
+import http.client
 import json
 import os
+import ssl
 import stat
 import subprocess
 import unittest
@@ -15,13 +18,51 @@ from farm import Farm, programs, wait_until
 FEW, MANY = ("--samples", 4), ("--samples", 1 << 20)
 
 
+class TwoMachines:
+    """Two network namespaces with a link between them."""
+    COORDINATOR, WORKER = "10.213.7.1", "10.213.7.2"
+
+    def __init__(self):
+        self.names = [f"sheaf-{os.getpid()}-{side}" for side in "ab"]
+
+    def __enter__(self):
+        first, second = self.names
+        try:
+            for name in self.names:
+                self.run("netns", "add", name)
+            self.run("-n", first, "link", "add", "veth0", "type", "veth", "peer", "name", "veth0",
+                     "netns", second)
+            for name, address in zip(self.names, (self.COORDINATOR, self.WORKER)):
+                self.run("-n", name, "address", "add", address + "/24", "dev", "veth0")
+                self.run("-n", name, "link", "set", "veth0", "up")
+                self.run("-n", name, "link", "set", "lo", "up")
+        except (OSError, subprocess.CalledProcessError) as error:
+            self.__exit__()
+            raise unittest.SkipTest("no network namespaces here") from error
+        return self
+
+    def __exit__(self, *_):
+        for name in self.names:
+            if os.path.exists("/run/netns/" + name):
+                self.run("netns", "delete", name)
+
+    @staticmethod
+    def run(*arguments):
+        subprocess.run(["ip", *arguments], check=True, capture_output=True, timeout=60)
+
+
 class SecureFarm(Farm):
     """After init; each person has a home of their own."""
 
-    def __init__(self):
+    def __init__(self, machines=None):
         super().__init__()
         self.environment["XDG_CONFIG_HOME"] = self.path("admin")
-        self.administer("init", "--name", "127.0.0.1")
+        if machines:
+            here, there = (["ip", "netns", "exec", name] for name in machines.names)
+            self.coordinator_prefix, self.client_prefix = here, there
+            self.host = machines.COORDINATOR
+            self.address = self.http = self.host + ":0"
+        self.administer("init", "--name", self.host)
         self.scene = self.path("scene.pbrt")
         with open(self.scene, "w", encoding="utf-8") as file:
             file.write(SCENE)
@@ -58,6 +99,34 @@ class SecureFarm(Farm):
     def audit(self):
         with open(self.path("state", "audit.log"), encoding="utf-8") as file:
             return [json.loads(line) for line in file]
+
+
+class Browser:
+    """Requests to the page over HTTPS, which trust the farm's authority only."""
+
+    def __init__(self, farm):
+        host, self.port = farm.http.rsplit(":", 1)
+        authority, = glob.glob(farm.path("admin", "sheaf", "coordinators", "*", "authority.pem"))
+        self.host = host
+        self.context = ssl.create_default_context(cafile=authority)
+        self.cookie = ""
+
+    def send(self, method, path, body=None, headers=()):
+        connection = http.client.HTTPSConnection(self.host, self.port, context=self.context,
+                                                 timeout=30)
+        try:
+            connection.request(method, path, body, {"Cookie": self.cookie, **dict(headers)})
+            response = connection.getresponse()
+            response.text = response.read().decode(errors="replace")
+            return response
+        finally:
+            connection.close()
+
+    def sign_in(self, token):
+        response = self.send("POST", "/login", "token=" + token,
+                             {"Content-Type": "application/x-www-form-urlencoded"})
+        self.cookie = response.getheader("Set-Cookie", "").split(";")[0]
+        return response
 
 
 class SecureFarmTest(unittest.TestCase):
@@ -137,6 +206,37 @@ class SecureFarmTest(unittest.TestCase):
             farm.start_worker("--identity-dir", farm.path("identity-node7"))
             farm.person("anna", "submit", farm.scene, *FEW, "--wait", "-o", farm.path("image.exr"))
 
+    def test_the_page_over_https(self):
+        with SecureFarm() as farm:
+            farm.log_in("anna", "submit")
+            farm.log_in("ben", "submit")
+            job = farm.person("anna", "submit", farm.scene, *MANY).stdout.strip()
+            browser = Browser(farm)
+            self.assertEqual(browser.send("GET", "/healthz").status, 200)
+            self.assertEqual(browser.send("GET", "/api/v1/jobs").status, 401)
+            self.assertEqual(browser.send("GET", "/").getheader("Location"), "/login")
+            self.assertIn('action="/login"', browser.send("GET", "/login").text)
+            address, token = farm.person("anna", "page").stdout.split()
+            self.assertEqual(address, f"https://{farm.http}/login")
+            self.assertEqual(browser.sign_in(token).getheader("Location"), "/")
+            self.assertIn("<title>Sheaf</title>", browser.send("GET", "/").text)
+            jobs = json.loads(browser.send("GET", "/api/v1/jobs").text)["jobs"]
+            self.assertEqual([listed["owner"] for listed in jobs], ["anna"])
+            self.assertEqual(Browser(farm).sign_in(token).getheader("Location"), "/login#refused")
+            self.control_jobs_by_page(farm, browser, f"/api/v1/{job}:cancel")
+
+    def control_jobs_by_page(self, farm, anna, cancel):
+        ben = Browser(farm)
+        ben.sign_in(farm.person("ben", "page").stdout.split()[1])
+        changes = {"X-Sheaf-Request": "1"}
+        self.assertEqual(ben.send("POST", cancel, headers=changes).status, 403)
+        self.assertEqual(anna.send("POST", cancel).status, 403, "without the header")
+        self.assertEqual(anna.send("POST", cancel, headers=changes).status, 200)
+        farm.administer("revoke", "user", "anna")
+        self.assertEqual(anna.send("GET", "/api/v1/jobs").status, 401)
+        self.assertEqual(ben.send("POST", "/logout", headers=changes).status, 303)
+        self.assertEqual(ben.send("GET", "/api/v1/jobs").status, 401)
+
     def test_without_a_certificate_no_worker_works(self):
         with SecureFarm() as farm:
             farm.start_worker("--identity-dir", farm.path("identity-none"))
@@ -144,6 +244,16 @@ class SecureFarmTest(unittest.TestCase):
             wait_until(lambda: "no coordinator answers" in farm.log("worker1"), 30,
                        "the worker's message")
             self.assertEqual(farm.person("anna", "workers", "--json").stdout, "")
+
+    def test_a_farm_of_two_machines(self):
+        """Two network namespaces stand for the machines; needs root."""
+        with TwoMachines() as machines, SecureFarm(machines) as farm:
+            farm.log_in("anna", "submit")
+            farm.enrol_worker("node7")
+            image, alone = farm.path("image.exr"), farm.path("alone.exr")
+            farm.person("anna", "submit", farm.scene, *FEW, "--wait", "-o", image)
+            farms.render(farm.scene, alone, *FEW)
+            self.assertEqual(farms.image_digest(image), farms.image_digest(alone))
 
     def test_no_certificates_no_other_addresses(self):
         with Farm() as farm:

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -162,6 +163,8 @@ int Main(int argc, char** argv) {
   LogLevelFromName(arguments.log_level, &level);
   SetLogLevel(level);
   SetLogName("sheaf-worker");
+  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   RaiseOpenFileLimit();
   arguments.worker.grace = Milliseconds(arguments.grace_seconds);
   arguments.worker.exit_when_idle = Milliseconds(arguments.exit_when_idle_seconds);

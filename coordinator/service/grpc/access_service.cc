@@ -36,23 +36,41 @@ grpc::Status AccessService::Enroll(grpc::ServerContext* context, const v1::Enrol
   return grpc::Status::OK;
 }
 
+absl::StatusOr<Caller> AccessService::IdentifiedCaller(const grpc::ServerContext& context) const {
+  absl::StatusOr<Caller> caller = CallerOf(context, access_);
+  if (caller.ok() && !caller->identity) {
+    return absl::UnauthenticatedError("the caller shows no certificate");
+  }
+  return caller;
+}
+
 grpc::Status AccessService::RenewCertificate(grpc::ServerContext* context,
                                              const v1::RenewCertificateRequest* request,
                                              v1::RenewCertificateResponse* response) {
   const absl::Time now = absl::Now();
-  const absl::StatusOr<Caller> caller = CallerOf(*context, access_);
+  const absl::StatusOr<Caller> caller = IdentifiedCaller(*context);
   if (!caller.ok()) return ToGrpcStatus(caller.status());
-  if (!caller->identity) {
-    return ToGrpcStatus(
-        absl::UnauthenticatedError("a caller without a certificate has none to "
-                                   "renew"));
-  }
   const absl::StatusOr<AccessControl::IssuedCertificate> issued =
       access_->Renew(*caller, request->certificate_request_pem(), now);
   NoteInAudit(*context, access_, "RenewCertificate", caller->Name(), issued.status());
   if (!issued.ok()) return ToGrpcStatus(issued.status());
   response->set_certificate_pem(issued->certificate_pem);
   SetTime(now, response->mutable_coordinator_time());
+  return grpc::Status::OK;
+}
+
+grpc::Status AccessService::IssuePageToken(grpc::ServerContext* context,
+                                           const v1::IssuePageTokenRequest* /*request*/,
+                                           v1::IssuePageTokenResponse* response) {
+  if (http_port_ == 0) {
+    return ToGrpcStatus(
+        absl::FailedPreconditionError("the coordinator serves no page; start it with --http"));
+  }
+  const absl::StatusOr<Caller> caller = IdentifiedCaller(*context);
+  if (!caller.ok()) return ToGrpcStatus(caller.status());
+  NoteInAudit(*context, access_, "IssuePageToken", caller->Name(), absl::OkStatus());
+  response->set_token(access_->IssuePageToken(*caller, absl::Now()));
+  response->set_http_port(http_port_);
   return grpc::Status::OK;
 }
 

@@ -84,10 +84,8 @@ FarmActions ActionsOn(Farm* farm) {
 absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
     const CoordinatorOptions& options) {
   const bool certified = AccessControl::Exists(options.farm.state_directory);
-  std::vector<std::string> unprotected = {options.http_address};
-  if (!certified) unprotected.push_back(options.listen_address);
-  for (const std::string& address : unprotected) {
-    if (address.empty()) continue;
+  for (const std::string& address : {options.listen_address, options.http_address}) {
+    if (address.empty() || certified) continue;
     absl::Status safe = RequireSafeAddress(address, options.insecure_remote_allowed);
     if (!safe.ok()) return safe;
     WarnOfInsecureAddress(address);
@@ -99,8 +97,8 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
   if (certified) {
     if (absl::Status status = server->OpenAccess(options); !status.ok()) return status;
   }
-  if (absl::Status status = server->StartGrpc(options); !status.ok()) return status;
   if (absl::Status status = server->StartHttp(options); !status.ok()) return status;
+  if (absl::Status status = server->StartGrpc(options); !status.ok()) return status;
   return server;
 }
 
@@ -144,7 +142,7 @@ absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   ApplyServerLimits(&builder);
   AddListeningPort(options, &builder);
   if (access_ != nullptr) {
-    access_service_ = std::make_unique<AccessService>(access_.get());
+    access_service_ = std::make_unique<AccessService>(access_.get(), http_port());
     builder.RegisterService(access_service_.get());
   }
   builder.RegisterService(job_service_.get());
@@ -164,7 +162,15 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
   http.server.address = address->host == "localhost" ? "127.0.0.1" : address->host;
   http.server.port = address->port;
   http.allowed_hosts = options.allowed_hosts;
-  http.server.allow_remote = options.insecure_remote_allowed;
+  http.server.allow_remote = options.insecure_remote_allowed || access_ != nullptr;
+  if (access_ != nullptr) {
+    http.access = access_.get();
+    http.server.tls = access_->authority().server_files();
+    // Browsers reach the page under the names that the certificate states.
+    const absl::StatusOr<std::vector<std::string>> hosts = access_->authority().Hosts();
+    if (!hosts.ok()) return hosts.status();
+    http.allowed_hosts.insert(http.allowed_hosts.end(), hosts->begin(), hosts->end());
+  }
   absl::StatusOr<std::unique_ptr<HttpService>> service =
       HttpService::Start(http, *farm_, ActionsOn(farm_.get()));
   if (!service.ok()) return service.status();

@@ -42,8 +42,8 @@ struct CoordinatorOptions {
   std::string http_address;
   // Names, beside localhost and addresses, under which browsers may reach HTTP.
   std::vector<std::string> allowed_hosts;
-  // Listen without encryption where other machines can connect. gRPC is encrypted in any case
-  // where the state directory has a certificate authority.
+  // Listen without encryption where other machines can connect. gRPC and HTTP are encrypted in
+  // any case where the state directory has a certificate authority.
   bool insecure_remote_allowed = false;
 };
 
@@ -64,7 +64,7 @@ class CoordinatorServer {
   int port() const { return port_; }
   // HTTP's port; 0 where there is none.
   int http_port() const { return http_ == nullptr ? 0 : http_->port(); }
-  // "http://127.0.0.1:7480"; empty where there is none.
+  // "http://127.0.0.1:7480" or "https://..."; empty where there is none.
   std::string http_url() const { return http_ == nullptr ? "" : http_->Url(); }
   // A channel that reaches this server without a socket.
   std::shared_ptr<grpc::Channel> InProcessChannel();
