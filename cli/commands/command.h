@@ -36,6 +36,8 @@ std::unique_ptr<Command> MakeWorkersCommand();
 std::unique_ptr<Command> MakePlanCommand();
 std::unique_ptr<Command> MakeStudyCommand();
 std::unique_ptr<Command> MakeCompareCommand();
+std::unique_ptr<Command> MakeLoginCommand();
+std::unique_ptr<Command> MakePageCommand();
 std::unique_ptr<Command> MakeCompletionCommand();
 
 }  // namespace sheaf::cli

@@ -10,12 +10,12 @@
 
 #include "cli/commands/command.h"
 #include "cli/commands/completion_script.h"
-#include "cli/job/farm_client.h"
 #include "cli/commands/options.h"
+#include "cli/job/farm_channel.h"
+#include "cli/job/farm_client.h"
 #include "common/base/mutex.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
-#include "common/rpc/channel.h"
 
 namespace sheaf::cli {
 namespace {
@@ -81,7 +81,9 @@ class CompletionCommandLine : public Command {
       SleepUnlessStopped(absl::FromChrono(kJobNamesWait), done);
       stop.request_stop();
     });
-    FarmClient client(MakeChannel(coordinator_), coordinator_, stop.get_token());
+    const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
+    if (!channel.ok()) return ReportCallError(channel.status());
+    FarmClient client(*channel, coordinator_, stop.get_token());
     const absl::StatusOr<std::vector<v1::Job>> jobs = client.ListJobs(kJobNamesMax);
     if (!jobs.ok()) return ReportCallError(jobs.status());
     for (const v1::Job& job : *jobs) std::printf("%s\n", job.name().c_str());

@@ -69,17 +69,18 @@ class ListCommand : public FarmCommand {
         client->ListJobs(static_cast<size_t>(limit_), all_);
     if (!jobs.ok()) return ReportCallError(jobs.status());
     if (!json())
-      std::printf("%-12s %-10s %7s  %-10s %s\n", "JOB", "STATE", "DONE", "ERROR", "TITLE");
+      std::printf("%-12s %-10s %7s  %-10s %-12s %s\n", "JOB", "STATE", "DONE", "ERROR", "OWNER",
+                  "TITLE");
     for (const v1::Job& job : *jobs) {
       if (json()) {
         std::printf("%s\n", JobJson(job).c_str());
         continue;
       }
       const double error = job.progress().relative_mse();
-      std::printf("%-12s %-10s %6.1f%%  %-10s %s\n", job.name().c_str(),
+      std::printf("%-12s %-10s %6.1f%%  %-10s %-12s %s\n", job.name().c_str(),
                   JobStateName(job.state()).c_str(), 100 * FractionDone(job.progress()),
                   error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
-                  Printable(job.title()).c_str());
+                  Printable(job.owner()).c_str(), Printable(job.title()).c_str());
     }
     return ExitCode::kOk;
   }

@@ -11,12 +11,12 @@
 #include "cli/commands/local_farm.h"
 #include "cli/commands/options.h"
 #include "cli/interruption.h"
+#include "cli/job/farm_channel.h"
 #include "cli/job/follow_job.h"
 #include "cli/message.h"
 #include "cli/quote/quote.h"
 #include "common/base/log.h"
 #include "common/rpc/address.h"
-#include "common/rpc/channel.h"
 
 namespace sheaf::cli {
 namespace {
@@ -69,7 +69,9 @@ class QuoteCommand : public Command {
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);
     if (!here_) {
-      FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+      const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
+      if (!channel.ok()) return ReportCallError(channel.status());
+      FarmClient client(*channel, coordinator_, interruption.token());
       return QuoteOn(&client, *job);
     }
     SetLogName("sheaf quote");

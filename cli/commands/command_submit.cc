@@ -11,12 +11,12 @@
 #include "cli/commands/effect_costs.h"
 #include "cli/commands/options.h"
 #include "cli/interruption.h"
+#include "cli/job/farm_channel.h"
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
 #include "cli/message.h"
 #include "cli/quote/quote.h"
 #include "common/rpc/address.h"
-#include "common/rpc/channel.h"
 #include "worker/render/ablation/plan_measurement.h"
 
 namespace sheaf::cli {
@@ -74,7 +74,9 @@ class SubmitCommand : public Command {
     const absl::StatusOr<Delivery> delivery =
         wait_ || is_named ? MakeDelivery(arguments_, *job, *view) : Delivery{};
     if (!delivery.ok()) return ReportOutputError(delivery.status());
-    FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+    const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
+    if (!channel.ok()) return ReportCallError(channel.status());
+    FarmClient client(*channel, coordinator_, interruption.token());
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
     }

@@ -9,9 +9,9 @@
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
 #include "cli/interruption.h"
+#include "cli/job/farm_channel.h"
 #include "cli/job/farm_client.h"
 #include "common/rpc/address.h"
-#include "common/rpc/channel.h"
 
 namespace sheaf::cli {
 
@@ -20,7 +20,9 @@ class FarmCommand : public Command {
  public:
   ExitCode Run() override {
     const Interruption interruption;
-    FarmClient client(MakeChannel(coordinator_), coordinator_, interruption.token());
+    const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
+    if (!channel.ok()) return ReportCallError(channel.status());
+    FarmClient client(*channel, coordinator_, interruption.token());
     return RunWith(&client);
   }
 

@@ -3,6 +3,7 @@
 //
 // sheaf: the command line client for all operations of the farm.
 #include <algorithm>
+#include <cstdlib>
 #include <memory>
 #include <optional>
 #include <string>
@@ -37,6 +38,8 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakePlanCommand());
   commands.push_back(MakeStudyCommand());
   commands.push_back(MakeCompareCommand());
+  commands.push_back(MakeLoginCommand());
+  commands.push_back(MakePageCommand());
   commands.push_back(MakeCompletionCommand());
   return commands;
 }
@@ -48,6 +51,8 @@ bool RequestsJson(int argc, char** argv) {
 }
 
 ExitCode Main(int argc, char** argv) {
+  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf");
   RaiseOpenFileLimit();
   CLI::App app("Renders scenes with one path tracer on any number of machines.", "sheaf");

@@ -169,6 +169,7 @@ std::string JobJson(const v1::Job& job) {
   Json json = {
       {"name", job.name()},
       {"title", job.title()},
+      {"owner", job.owner()},
       {"pilot", job.pilot()},
       {"state", JobStateName(job.state())},
       {"priority", job.priority()},

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SHA-256, which names everything that is stored. The only file that uses OpenSSL.
+// SHA-256, which names everything that is stored.
 #pragma once
 
 #include <cstddef>

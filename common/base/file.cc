@@ -18,6 +18,7 @@ namespace sheaf {
 namespace {
 
 constexpr int kLinksMax = 40;  // The limit of Linux.
+constexpr mode_t kPublicMode = 0644, kSecretMode = 0600;
 
 class Descriptor {
  public:
@@ -45,8 +46,8 @@ absl::Status WriteAll(int fd, std::string_view bytes, const std::string& path) {
   return absl::OkStatus();
 }
 
-absl::Status WriteNewFile(const std::string& path, std::string_view bytes, bool sync) {
-  Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+absl::Status WriteNewFile(const std::string& path, std::string_view bytes, bool sync, mode_t mode) {
+  Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
   if (file.get() < 0) return StatusFromErrno(errno, absl::StrCat("creating ", path));
   if (absl::Status status = WriteAll(file.get(), bytes, path); !status.ok()) return status;
   if (sync && ::fsync(file.get()) != 0) {
@@ -60,10 +61,32 @@ std::string TemporaryName(const std::string& path) {
   return absl::StrCat(path, ".tmp-", ::getpid(), "-", counter.fetch_add(1));
 }
 
+absl::Status ReplaceFile(const std::string& path, std::string_view bytes, mode_t mode) {
+  const absl::StatusOr<std::string> file = FollowToFile(path);
+  if (!file.ok()) return file.status();
+  const std::string temporary = TemporaryName(*file);
+  if (absl::Status status = WriteNewFile(temporary, bytes, /*sync=*/true, mode); !status.ok()) {
+    ::unlink(temporary.c_str());
+    return status;
+  }
+  if (::rename(temporary.c_str(), file->c_str()) != 0) {
+    const int error = errno;
+    ::unlink(temporary.c_str());
+    return StatusFromErrno(error, absl::StrCat("renaming to ", path));
+  }
+  std::string directory = std::filesystem::path(*file).parent_path().string();
+  if (directory.empty()) directory = ".";
+  Descriptor handle(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (handle.get() < 0 || ::fsync(handle.get()) != 0) {
+    return StatusFromErrno(errno, absl::StrCat("fsync of directory ", directory));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status WriteFileOnce(const std::string& path, std::string_view bytes) {
-  return WriteNewFile(path, bytes, /*sync=*/false);
+  return WriteNewFile(path, bytes, /*sync=*/false, kPublicMode);
 }
 
 absl::StatusOr<std::string> FollowToFile(const std::string& path) {
@@ -102,25 +125,11 @@ absl::Status CheckWritable(const std::string& path) {
 }
 
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
-  const absl::StatusOr<std::string> file = FollowToFile(path);
-  if (!file.ok()) return file.status();
-  const std::string temporary = TemporaryName(*file);
-  if (absl::Status status = WriteNewFile(temporary, bytes, /*sync=*/true); !status.ok()) {
-    ::unlink(temporary.c_str());
-    return status;
-  }
-  if (::rename(temporary.c_str(), file->c_str()) != 0) {
-    const int error = errno;
-    ::unlink(temporary.c_str());
-    return StatusFromErrno(error, absl::StrCat("renaming to ", path));
-  }
-  std::string directory = std::filesystem::path(*file).parent_path().string();
-  if (directory.empty()) directory = ".";
-  Descriptor handle(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (handle.get() < 0 || ::fsync(handle.get()) != 0) {
-    return StatusFromErrno(errno, absl::StrCat("fsync of directory ", directory));
-  }
-  return absl::OkStatus();
+  return ReplaceFile(path, bytes, kPublicMode);
+}
+
+absl::Status WriteSecretAtomically(const std::string& path, std::string_view bytes) {
+  return ReplaceFile(path, bytes, kSecretMode);
 }
 
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path, uint64_t size_bytes_max) {
@@ -151,6 +160,14 @@ absl::Status MakeDirectories(const std::string& path) {
   std::error_code error;
   std::filesystem::create_directories(path, error);
   if (error) return StatusFromErrno(error.value(), absl::StrCat("creating directory ", path));
+  return absl::OkStatus();
+}
+
+absl::Status MakePrivateDirectory(const std::string& path) {
+  if (absl::Status status = MakeDirectories(path); !status.ok()) return status;
+  if (::chmod(path.c_str(), 0700) != 0) {
+    return StatusFromErrno(errno, absl::StrCat("closing ", path, " to others"));
+  }
   return absl::OkStatus();
 }
 

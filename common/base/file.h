@@ -21,6 +21,8 @@ absl::StatusOr<std::string> FollowToFile(const std::string& path);
 // fsyncs the directory.
 // Errors: also those of FollowToFile.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
+// The same for a file that only its owner may read.
+absl::Status WriteSecretAtomically(const std::string& path, std::string_view bytes);
 // OK if WriteFileAtomically could start now: creates and removes an empty file beside path.
 absl::Status CheckWritable(const std::string& path);
 // Creates or replaces the file. May leave a partial file if it fails or the machine stops.
@@ -29,5 +31,7 @@ absl::Status WriteFileOnce(const std::string& path, std::string_view bytes);
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
                                           uint64_t size_bytes_max = uint64_t{1} << 34);
 absl::Status MakeDirectories(const std::string& path);
+// Makes a directory that only its owner may enter, or closes an existing one to others.
+absl::Status MakePrivateDirectory(const std::string& path);
 
 }  // namespace sheaf

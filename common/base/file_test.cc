@@ -44,6 +44,18 @@ TEST_F(FileTest, WritesReadsAndReplaces) {
   EXPECT_EQ(CountEntries(), 1u) << "a temporary file was left";
 }
 
+TEST_F(FileTest, OnlyTheOwnerReadsSecrets) {
+  const std::string folder = directory_ + "/secrets", path = folder + "/key";
+  ASSERT_TRUE(MakeDirectories(folder).ok());
+  ASSERT_TRUE(MakePrivateDirectory(folder).ok());
+  ASSERT_TRUE(WriteSecretAtomically(path, "secret").ok());
+  struct stat info {};
+  ASSERT_EQ(::stat(path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0600u);
+  ASSERT_EQ(::stat(folder.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0700u);
+}
+
 TEST_F(FileTest, SymbolicLinksAreFollowedAndKept) {
   const std::string file = directory_ + "/real", link = directory_ + "/link";
   std::filesystem::create_symlink("real", link);

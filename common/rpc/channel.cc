@@ -3,7 +3,6 @@
 #include "common/rpc/channel.h"
 
 #include <grpcpp/create_channel.h>
-#include <grpcpp/security/credentials.h>
 #include <grpcpp/support/channel_arguments.h>
 
 #include "absl/strings/str_cat.h"
@@ -22,7 +21,8 @@ int Milliseconds(absl::Duration duration) {
 
 }  // namespace
 
-std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address) {
+std::shared_ptr<grpc::Channel> MakeChannel(
+    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMessageBytesMax);
   arguments.SetMaxSendMessageSize(kMessageBytesMax);
@@ -36,7 +36,9 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address) {
   // Channels of one process do not share connections: a worker's upload must not delay its
   // heartbeat.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(
+      address, credentials != nullptr ? credentials : grpc::InsecureChannelCredentials(),
+      arguments);
 }
 
 void SetDeadline(grpc::ClientContext* context, absl::Duration duration) {
@@ -60,7 +62,8 @@ absl::Status RequireSafeAddress(const std::string& address, bool insecure_remote
   return absl::FailedPreconditionError(absl::StrCat(
       "will not listen on ", address,
       ": connections are neither encrypted nor authenticated, and other machines could reach it; "
-      "listen on 127.0.0.1, or give --insecure-allow-remote on a network you trust"));
+      "run sheaf-coordinator init once, which makes certificates, or listen on 127.0.0.1 (for "
+      "experiments on a network you trust: --insecure-allow-remote)"));
 }
 
 }  // namespace sheaf

@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // gRPC channels and servers of all Sheaf programs, with the same message limits and keepalive on
-// both sides. Credentials are insecure; a server therefore listens on loopback unless told
-// otherwise (RequireSafeAddress).
+// both sides. Connections are encrypted where both sides have certificates (tls_credentials.h); a
+// server without one listens on loopback unless told otherwise (RequireSafeAddress).
 #pragma once
 
 #include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
+#include <grpcpp/security/credentials.h>
 #include <grpcpp/server_builder.h>
 
 #include <memory>
@@ -34,8 +35,11 @@ inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(60);
 inline constexpr absl::Duration kStreamDeadline = absl::Hours(1);
 
 // Returns a channel to "host:port". It connects at the first call and again whenever the connection
-// is lost, after at most two seconds.
-std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address);
+// is lost, after at most two seconds. Without credentials it is neither encrypted nor
+// authenticated.
+std::shared_ptr<grpc::Channel> MakeChannel(
+    const std::string& address,
+    const std::shared_ptr<grpc::ChannelCredentials>& credentials = nullptr);
 
 // Sets the deadline of a call. Every call has one, except watches that last as long as a job.
 void SetDeadline(grpc::ClientContext* context, absl::Duration duration);

@@ -54,6 +54,7 @@ struct JobSpec {
   uint64_t job_id = 0;  // Given by the store, ascending.
   bool pilot = false;   // Rendered for a quote; has an id among those of pilots (IsPilot).
   std::string title;
+  std::string owner = "local";  // The user's name; "local" without certificates.
   int32_t priority = 0;
   Partition partition;
   std::string numeric_profile;

@@ -87,6 +87,7 @@ void Scheduler::AddJob(const JobSpec& spec) {
   job.spec = {.job_id = spec.job_id,
               .pilot = spec.pilot,
               .title = spec.title,
+              .owner = spec.owner,
               .priority = spec.priority,
               .partition = spec.partition,
               .numeric_profile = spec.numeric_profile,

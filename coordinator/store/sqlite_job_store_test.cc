@@ -396,6 +396,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
                     "sha256, size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns,"
                     "PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;"
                     "INSERT INTO parts VALUES(1,7,32,64,16,4,48,96,'ab',9,'w',1,2,3);"
+                    "ALTER TABLE jobs DROP COLUMN owner;"
                     "ALTER TABLE frames DROP COLUMN unreliable_layers;"
                     "ALTER TABLE frames DROP COLUMN one_sequence_gain;"
                     "ALTER TABLE frames DROP COLUMN resumed_sha256;"
@@ -413,6 +414,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.similarity_after, 0);
   EXPECT_FALSE((*jobs)[0].spec.frames[0].stop.IsActive());
   EXPECT_FALSE((*jobs)[0].paused);
+  EXPECT_EQ((*jobs)[0].spec.owner, "local");
   ASSERT_EQ((*jobs)[0].delivered.size(), 1u);
   EXPECT_EQ((*jobs)[0].delivered[0].delivered.sample_count, 2u * 2u * 77u);
   EXPECT_EQ((*jobs)[0].spec.partition.cell_size_px, 0);

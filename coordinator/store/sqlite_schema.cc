@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 16;
+constexpr int64_t kSchemaVersion = 18;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -135,6 +135,12 @@ ALTER TABLE effects RENAME COLUMN time_share TO time_fraction;
 ALTER TABLE effects RENAME COLUMN time_share_error TO time_fraction_error;
 )sql";
 
+// Version 17 adds nothing to the tables.
+constexpr char kAddedBy17[] = "";
+constexpr char kAddedBy18[] = R"sql(
+ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT 'local';
+)sql";
+
 }  // namespace
 
 absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
@@ -154,7 +160,8 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
   const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
                                kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
-                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16};
+                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
+                               kAddedBy17, kAddedBy18};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -28,6 +28,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("job_id", row.spec.job_id);
   visit("request_id", row.request_id);
   visit("title", row.spec.title);
+  visit("owner", row.spec.owner);
   visit("priority", row.spec.priority);
   visit("numeric_profile", row.spec.numeric_profile);
   visit("tile_size_px", row.spec.partition.tile_size_px);

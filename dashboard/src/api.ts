@@ -226,6 +226,8 @@ async function errorOf(response: Response): Promise<ApiError> {
 
 async function request<Answer>(path: string, options: RequestInit = {}): Promise<Answer> {
   const response = await fetch(path, {cache: 'no-store', ...options});
+  // The session has ended, or the farm has got certificates since the page was loaded.
+  if (response.status === 401) location.assign('/login');
   if (!response.ok) throw await errorOf(response);
   return await response.json() as Answer;
 }

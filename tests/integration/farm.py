@@ -55,8 +55,10 @@ class Farm:
         self.coordinator_arguments = list(coordinator_arguments)
         self.coordinator = None
         self.workers = []
-        self.address = "127.0.0.1:0"
-        self.http = "127.0.0.1:0"
+        self.host = "127.0.0.1"
+        self.address = self.http = self.host + ":0"
+        self.coordinator_prefix = []  # Commands that run the programs, as "ip netns exec NAME".
+        self.client_prefix = []
         self.worker_count = 0
         self.environment = dict(os.environ)  # For all programs.
 
@@ -98,9 +100,9 @@ class Farm:
         if os.path.exists(port_file):
             os.remove(port_file)
         self.coordinator = self._start("coordinator", [
-            os.path.join(programs(), "sheaf-coordinator"), "--listen", self.address,
-            "--http", self.http, "--state-dir", self.path("state"), "--port-file", port_file,
-            *self.coordinator_arguments])
+            *self.coordinator_prefix, os.path.join(programs(), "sheaf-coordinator"),
+            "--listen", self.address, "--http", self.http, "--state-dir", self.path("state"),
+            "--port-file", port_file, *self.coordinator_arguments])
 
         def ports():
             if self.coordinator.poll() is not None:
@@ -113,14 +115,15 @@ class Farm:
             return found if len(found) == 2 else None
 
         found = wait_until(ports, START_SECONDS_MAX, "coordinator's port file")
-        self.address = "127.0.0.1:" + found["grpc"]
-        self.http = "127.0.0.1:" + found["http"]
+        self.address = f"{self.host}:{found['grpc']}"
+        self.http = f"{self.host}:{found['http']}"
 
     def start_worker(self, *arguments, threads=1):
         self.worker_count += 1
         process = self._start(f"worker{self.worker_count}", [
-            os.path.join(programs(), "sheaf-worker"), "--coordinator", self.address,
-            "--threads", str(threads), "--cache-dir", self.path("cache"), *arguments])
+            *self.client_prefix, os.path.join(programs(), "sheaf-worker"),
+            "--coordinator", self.address, "--threads", str(threads),
+            "--cache-dir", self.path("cache"), *arguments])
         self.workers.append(process)
         return process
 
@@ -134,9 +137,9 @@ class Farm:
         """quote: whether a submission quotes its price, which creates pilot jobs."""
         environment = dict(self.environment, SHEAF_COORDINATOR=self.address,
                            SHEAF_NO_QUOTE="0" if quote else "1")
-        done = subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
-                              env=environment, stdin=subprocess.DEVNULL, capture_output=True,
-                              text=True, timeout=seconds * TIME_SCALE)
+        command = [*self.client_prefix, os.path.join(programs(), "sheaf"), *map(str, arguments)]
+        done = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL,
+                              capture_output=True, text=True, timeout=seconds * TIME_SCALE)
         if check and done.returncode != 0:
             raise AssertionError(f"sheaf {' '.join(map(str, arguments))}: exit code "
                                  f"{done.returncode}\n{done.stdout}{done.stderr}\n"

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -15,7 +16,9 @@
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
-#include "common/rpc/channel.h"
+#include "common/rpc/certificate_renewal.h"
+#include "common/rpc/enrolment.h"
+#include "common/rpc/farm_connection.h"
 #include "worker/sandbox/direct_scenes.h"
 #include "worker/sandbox/scene_server.h"
 #include "worker/sandbox/starting_room.h"
@@ -32,6 +35,8 @@ constexpr char kSceneProcess[] = "--scene-process";
 
 struct Arguments {
   WorkerOptions worker;
+  std::string token_file;
+  std::string identity_directory = CredentialStore::WorkerDirectory();
   std::string log_level = "info";
   double grace_seconds = 10;
   double exit_when_idle_seconds = 0;
@@ -65,6 +70,15 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
                                kCoordinatorPort, ")"))
       ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
+      ->capture_default_str();
+  app->add_option("--token", arguments->token_file,
+                  "File with the token that sheaf-coordinator enroll worker NAME printed; -: "
+                  "standard input. Needed once: later starts use the certificate that it gives")
+      ->envname("SHEAF_TOKEN_FILE")
+      ->type_name("FILE");
+  app->add_option("--identity-dir", arguments->identity_directory,
+                  "Directory of this machine's key and certificate, shared by its workers")
+      ->type_name("DIR")
       ->capture_default_str();
   app->add_option("--threads", worker.thread_count, "Threads that render; 0: all processors")
       ->check(CLI::Range(0, 4096))
@@ -103,6 +117,21 @@ std::chrono::milliseconds Milliseconds(double seconds) {
   return std::chrono::milliseconds(static_cast<int64_t>(seconds * 1000));
 }
 
+// The way to the coordinator: enrolled earlier, enrolled now with the token, or without
+// credentials.
+absl::StatusOr<FarmConnection> Connect(const Arguments& arguments) {
+  const std::string& address = arguments.worker.coordinator;
+  const CredentialStore store(arguments.identity_directory);
+  if (!arguments.token_file.empty() && !HasValidCertificate(store.Find(address))) {
+    const absl::StatusOr<EnrolmentToken> token = ReadTokenFile(arguments.token_file);
+    if (!token.ok()) return token.status();
+    const absl::StatusOr<Enrolment> enrolled = Enroll(address, *token, store);
+    if (!enrolled.ok()) return enrolled.status();
+    LogInfo(absl::StrCat("enrolled as ", enrolled->identity, " at ", address));
+  }
+  return ConnectionTo(address, store);
+}
+
 int Work(const Arguments& arguments) {
   std::stop_source stop;
   // Before any thread exists, so that all threads block these signals.
@@ -114,9 +143,15 @@ int Work(const Arguments& arguments) {
     }
     stop.request_stop();
   });
+  const absl::StatusOr<FarmConnection> connection = Connect(arguments);
+  if (!connection.ok()) {
+    LogError(std::string(connection.status().message()));
+    return kExitCannotStart;
+  }
+  std::optional<CertificateRenewal> renewal;
+  if (connection->files) renewal.emplace(connection->address, *connection->files);
   const absl::StatusOr<std::unique_ptr<EmbeddedWorker>> worker =
-      EmbeddedWorker::Open(MakeChannel(arguments.worker.coordinator),
-                           MakeChannel(arguments.worker.coordinator), arguments.worker);
+      EmbeddedWorker::Open(connection->Open(), connection->Open(), arguments.worker);
   if (!worker.ok()) {
     LogError(std::string(worker.status().message()));
     return kExitCannotStart;
@@ -150,7 +185,10 @@ int Main(int argc, char** argv) {
       "Renders tasks of a Sheaf coordinator. Start any number of workers, on any machine, at any\n"
       "time; on SIGTERM a worker finishes its tasks or returns them.",
       "sheaf-worker");
-  app.footer("Example:\n  sheaf-worker --coordinator farm.example.org:7400 --threads 16");
+  app.footer(
+      "Examples:\n"
+      "  sheaf-worker --coordinator farm.example.org:7400 --threads 16\n"
+      "  sheaf-worker --coordinator farm.example.org --token token");
   app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);
   AddOptions(&app, &arguments);
   AddSandboxOptions(&app, &arguments);
@@ -162,6 +200,8 @@ int Main(int argc, char** argv) {
   LogLevelFromName(arguments.log_level, &level);
   SetLogLevel(level);
   SetLogName("sheaf-worker");
+  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   RaiseOpenFileLimit();
   arguments.worker.grace = Milliseconds(arguments.grace_seconds);
   arguments.worker.exit_when_idle = Milliseconds(arguments.exit_when_idle_seconds);

@@ -104,6 +104,7 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   view.job_id = absl::StrCat(job.spec.job_id);
   view.pilot = IsPilot(job.spec.job_id);
   view.title = job.spec.title;
+  view.owner = job.spec.owner;
   view.priority = job.spec.priority;
   view.numeric_profile = job.spec.numeric_profile;
   view.partition = job.spec.partition;

@@ -16,9 +16,16 @@
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/manifest_codec.h"
+#include "coordinator/service/grpc/caller.h"
 #include "coordinator/service/grpc/wire.h"
 
 namespace sheaf::coordinator {
+namespace {
+
+std::string JobNameOf(const JobView& job) { return absl::StrCat("jobs/", job.job_id); }
+
+}  // namespace
+
 absl::StatusOr<JobView> JobService::Find(const std::string& name) const {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
@@ -75,14 +82,22 @@ absl::Status JobService::RequireBlobs(const JobSpec& spec) const {
   return absl::OkStatus();
 }
 
-grpc::Status JobService::CreateJob(grpc::ServerContext* /*context*/,
+absl::StatusOr<JobView> JobService::TryCreate(const grpc::ServerContext& context,
+                                              const v1::CreateJobRequest& request) {
+  absl::StatusOr<JobSpec> spec = FromWire(request);
+  if (!spec.ok()) return spec.status();
+  spec->owner = OwnerOf(context);
+  if (absl::Status status = RequireBlobs(*spec); !status.ok()) return status;
+  const absl::StatusOr<uint64_t> id = farm_->CreateJob(*std::move(spec), request.request_id());
+  if (!id.ok()) return id.status();
+  return farm_->FindJobAlone(absl::StrCat(*id));
+}
+
+grpc::Status JobService::CreateJob(grpc::ServerContext* context,
                                    const v1::CreateJobRequest* request, v1::Job* response) {
-  absl::StatusOr<JobSpec> spec = FromWire(*request);
-  if (!spec.ok()) return ToGrpcStatus(spec.status());
-  if (absl::Status status = RequireBlobs(*spec); !status.ok()) return ToGrpcStatus(status);
-  const absl::StatusOr<uint64_t> id = farm_->CreateJob(*std::move(spec), request->request_id());
-  if (!id.ok()) return ToGrpcStatus(id.status());
-  const absl::StatusOr<JobView> view = farm_->FindJobAlone(absl::StrCat(*id));
+  const absl::StatusOr<JobView> view = TryCreate(*context, *request);
+  NoteInAudit(*context, access_, "CreateJob", view.ok() ? JobNameOf(*view) : request->title(),
+              view.status());
   if (!view.ok()) return ToGrpcStatus(view.status());
   *response = ToWire(*view);
   return grpc::Status::OK;
@@ -123,12 +138,15 @@ grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
-absl::StatusOr<JobView> JobService::Change(const std::string& name,
-                                           const std::function<absl::Status(uint64_t)>& change) {
+absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context,
+                                              const std::string& name,
+                                              const std::function<absl::Status(uint64_t)>& change) {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
   const absl::StatusOr<JobView> view = farm_->FindJobAlone(*id);
   if (!view.ok()) return view.status();
+  absl::Status allowed = RequireJobControl(context, access_, view->owner);
+  if (!allowed.ok()) return allowed;
   uint64_t number = 0;
   if (!absl::SimpleAtoi(*id, &number)) return absl::NotFoundError("no such job");
   farm_->NotePilotRequest(number);
@@ -136,52 +154,53 @@ absl::StatusOr<JobView> JobService::Change(const std::string& name,
   return farm_->FindJobAlone(*id);
 }
 
-grpc::Status JobService::CancelJob(grpc::ServerContext* /*context*/,
+grpc::Status JobService::Change(const grpc::ServerContext& context, const char* what,
+                                const std::string& name,
+                                const std::function<absl::Status(uint64_t)>& change,
+                                v1::Job* response) {
+  const absl::StatusOr<JobView> view = TryChange(context, name, change);
+  NoteInAudit(context, access_, what, name, view.status());
+  if (!view.ok()) return ToGrpcStatus(view.status());
+  *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::CancelJob(grpc::ServerContext* context,
                                    const v1::CancelJobRequest* request, v1::Job* response) {
-  const absl::StatusOr<JobView> view =
-      Change(request->name(), [&](uint64_t id) { return farm_->CancelJob(id); });
-  if (!view.ok()) return ToGrpcStatus(view.status());
-  *response = ToWire(*view);
-  return grpc::Status::OK;
+  return Change(
+      *context, "CancelJob", request->name(), [&](uint64_t id) { return farm_->CancelJob(id); },
+      response);
 }
 
-grpc::Status JobService::PauseJob(grpc::ServerContext* /*context*/,
-                                  const v1::PauseJobRequest* request, v1::Job* response) {
-  const absl::StatusOr<JobView> view =
-      Change(request->name(), [&](uint64_t id) { return farm_->PauseJob(id); });
-  if (!view.ok()) return ToGrpcStatus(view.status());
-  *response = ToWire(*view);
-  return grpc::Status::OK;
+grpc::Status JobService::PauseJob(grpc::ServerContext* context, const v1::PauseJobRequest* request,
+                                  v1::Job* response) {
+  return Change(
+      *context, "PauseJob", request->name(), [&](uint64_t id) { return farm_->PauseJob(id); },
+      response);
 }
 
-grpc::Status JobService::ResumeJob(grpc::ServerContext* /*context*/,
+grpc::Status JobService::ResumeJob(grpc::ServerContext* context,
                                    const v1::ResumeJobRequest* request, v1::Job* response) {
-  const absl::StatusOr<JobView> view =
-      Change(request->name(), [&](uint64_t id) { return farm_->ResumeJob(id); });
-  if (!view.ok()) return ToGrpcStatus(view.status());
-  *response = ToWire(*view);
-  return grpc::Status::OK;
+  return Change(
+      *context, "ResumeJob", request->name(), [&](uint64_t id) { return farm_->ResumeJob(id); },
+      response);
 }
 
-grpc::Status JobService::SetJobPriority(grpc::ServerContext* /*context*/,
+grpc::Status JobService::SetJobPriority(grpc::ServerContext* context,
                                         const v1::SetJobPriorityRequest* request,
                                         v1::Job* response) {
-  const absl::StatusOr<JobView> view = Change(
-      request->name(), [&](uint64_t id) { return farm_->SetJobPriority(id, request->priority()); });
-  if (!view.ok()) return ToGrpcStatus(view.status());
-  *response = ToWire(*view);
-  return grpc::Status::OK;
+  return Change(
+      *context, "SetJobPriority", request->name(),
+      [&](uint64_t id) { return farm_->SetJobPriority(id, request->priority()); }, response);
 }
 
-grpc::Status JobService::RefineJob(grpc::ServerContext* /*context*/,
+grpc::Status JobService::RefineJob(grpc::ServerContext* context,
                                    const v1::RefineJobRequest* request, v1::Job* response) {
   const absl::StatusOr<Refinement> refinement = FromWire(*request);
   if (!refinement.ok()) return ToGrpcStatus(refinement.status());
-  const absl::StatusOr<JobView> view =
-      Change(request->name(), [&](uint64_t id) { return farm_->RefineJob(id, *refinement); });
-  if (!view.ok()) return ToGrpcStatus(view.status());
-  *response = ToWire(*view);
-  return grpc::Status::OK;
+  return Change(
+      *context, "RefineJob", request->name(),
+      [&](uint64_t id) { return farm_->RefineJob(id, *refinement); }, response);
 }
 
 grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,
@@ -201,6 +220,9 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
   std::string last;
   SteadyTime next_write = SteadyTime::InfinitePast();
   while (!stopping_ && !context->IsCancelled()) {
+    // A watch does not outlive the permission to watch.
+    const absl::Status permitted = CallerOf(*context, access_).status();
+    if (!permitted.ok()) return ToGrpcStatus(permitted);
     const uint64_t seen = farm_->ChangeCount(), ends_seen = farm_->EndCount();
     const absl::StatusOr<JobView> view = Find(request->name());
     if (!view.ok()) return ToGrpcStatus(view.status());

@@ -8,6 +8,7 @@
 #include <functional>
 #include <string>
 
+#include "coordinator/access/access_control.h"
 #include "coordinator/service/farm/farm.h"
 #include "sheaf/v1/job.grpc.pb.h"
 
@@ -20,8 +21,8 @@ inline constexpr int kMissingNamesMax = 20;  // Listed in a message about missin
 
 class JobService final : public v1::JobService::Service {
  public:
-  // `farm` must outlive the service.
-  explicit JobService(Farm* farm) : farm_(farm) {}
+  // Both must outlive the service. access: null without certificates; everybody may do everything.
+  explicit JobService(Farm* farm, AccessControl* access = nullptr) : farm_(farm), access_(access) {}
   // Ends watches, so that the server can stop.
   void Stop() { stopping_ = true; }
 
@@ -54,14 +55,20 @@ class JobService final : public v1::JobService::Service {
 
  private:
   absl::StatusOr<JobView> Find(const std::string& name) const;
-  // Changes a job, by its number, and returns how it is then.
-  absl::StatusOr<JobView> Change(const std::string& name,
-                                 const std::function<absl::Status(uint64_t)>& change);
+  // Changes a job, by its number, if the caller may, and answers with how it is then. what: the
+  // call's name for the audit log.
+  grpc::Status Change(const grpc::ServerContext& context, const char* what, const std::string& name,
+                      const std::function<absl::Status(uint64_t)>& change, v1::Job* response);
+  absl::StatusOr<JobView> TryChange(const grpc::ServerContext& context, const std::string& name,
+                                    const std::function<absl::Status(uint64_t)>& change);
+  absl::StatusOr<JobView> TryCreate(const grpc::ServerContext& context,
+                                    const v1::CreateJobRequest& request);
   // Errors: kFailedPrecondition naming what is missing.
   absl::Status RequireBlobs(const JobSpec& spec) const;
   absl::Status RequireFilesOf(const BlobDigest& scene) const;
 
-  Farm* farm_;
+  Farm* const farm_;
+  AccessControl* const access_;
   std::atomic<bool> stopping_{false};
 };
 

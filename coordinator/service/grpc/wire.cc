@@ -375,6 +375,7 @@ v1::Job ToWire(const JobView& view) {
   SetTime(view.create_time, wire.mutable_create_time());
   if (view.end_time != absl::InfiniteFuture()) SetTime(view.end_time, wire.mutable_end_time());
   wire.set_failure(view.failure);
+  wire.set_owner(view.owner);
   wire.set_priority(view.priority);
   wire.set_numeric_profile(view.numeric_profile);
   wire.mutable_partition()->set_tile_size_px(view.partition.tile_size_px);

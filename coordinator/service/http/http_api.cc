@@ -23,6 +23,8 @@ int HttpStatusFromCode(absl::StatusCode code) {
     case absl::StatusCode::kInvalidArgument:
     case absl::StatusCode::kOutOfRange:
       return 400;
+    case absl::StatusCode::kUnauthenticated:
+      return 401;
     case absl::StatusCode::kPermissionDenied:
       return 403;
     case absl::StatusCode::kNotFound:
@@ -123,8 +125,9 @@ HttpResponse HttpErrorFromStatus(const absl::Status& status) {
                    std::string(status.message()));
 }
 
-HttpApi::HttpApi(const FarmView& farm, FarmActions actions, std::string instance)
-    : farm_(farm), actions_(std::move(actions)), instance_(std::move(instance)) {}
+HttpApi::HttpApi(const FarmView& farm, FarmActions actions, std::string instance,
+                 const HttpAccess* access)
+    : farm_(farm), actions_(std::move(actions)), instance_(std::move(instance)), access_(access) {}
 
 std::vector<HttpRoute> HttpApi::Routes() {
   using Request = HttpRequest;
@@ -229,11 +232,24 @@ HttpResponse HttpApi::ListFailures(const HttpRequest& request) const {
 HttpResponse HttpApi::ChangeJob(const HttpRequest& request,
                                 const std::function<absl::Status(const std::string&)>& act) const {
   const std::string& job_id = request.path_parameters[0];
-  const absl::Status done = act(job_id);
+  const absl::Status done = ControlJob(request, act);
+  if (access_ != nullptr) access_->NoteInAudit(request, job_id, done);
   if (!done.ok()) return HttpErrorFromStatus(done);
   const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
   if (!job.ok()) return HttpErrorFromStatus(job.status());
   return JsonResponse(JobJson(*job));
+}
+
+absl::Status HttpApi::ControlJob(const HttpRequest& request,
+                                 const std::function<absl::Status(const std::string&)>& act) const {
+  const std::string& job_id = request.path_parameters[0];
+  if (access_ != nullptr) {
+    const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
+    if (!job.ok()) return job.status();
+    absl::Status allowed = AccessControl::AuthorizeJob(request.caller, job->owner);
+    if (!allowed.ok()) return allowed;
+  }
+  return act(job_id);
 }
 
 HttpResponse HttpApi::SetPriority(const HttpRequest& request) const {

@@ -45,6 +45,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "coordinator/service/http/http_access.h"
 #include "coordinator/service/http/http_preview.h"
 #include "coordinator/service/http/http_router.h"
 #include "coordinator/service/view/farm_view.h"
@@ -73,7 +74,9 @@ class HttpApi {
  public:
   // `farm` must outlive this object. `instance` identifies this run of the coordinator, so that
   // browsers do not use cached images of an earlier run.
-  HttpApi(const FarmView& farm, FarmActions actions, std::string instance);
+  // access: who may change which job; null: everybody may. It must outlive this object.
+  HttpApi(const FarmView& farm, FarmActions actions, std::string instance,
+          const HttpAccess* access = nullptr);
 
   // The table above without the event stream, which the server itself provides. The functions refer
   // to this object. Thread safety: one thread at a time.
@@ -87,6 +90,9 @@ class HttpApi {
   // Calls `act` for the job in the path and responds with the job's new state.
   HttpResponse ChangeJob(const HttpRequest& request,
                          const std::function<absl::Status(const std::string&)>& act) const;
+  // Calls `act` if the caller may control the job.
+  absl::Status ControlJob(const HttpRequest& request,
+                          const std::function<absl::Status(const std::string&)>& act) const;
   HttpResponse SetPriority(const HttpRequest& request) const;
   HttpResponse RefineJob(const HttpRequest& request) const;  // These two in http_refine.cc.
   HttpResponse GetRefinePrice(const HttpRequest& request) const;
@@ -102,6 +108,7 @@ class HttpApi {
   const FarmView& farm_;
   const FarmActions actions_;
   const std::string instance_;
+  const HttpAccess* const access_;
   PreviewCache previews_, thumbnails_{kThumbnailCacheCountMax};
 };
 

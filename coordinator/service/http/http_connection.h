@@ -8,9 +8,10 @@
 #include <utility>  // Before asio of Boost 1.74, which uses std::exchange unasked.
 
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <cstddef>
 #include <list>
+
+#include "coordinator/service/http/http_stream.h"
 
 namespace sheaf::coordinator {
 
@@ -25,7 +26,9 @@ using ConnectionList = std::list<Connection*>;
 
 // A client's socket while its coroutine lives, and its place in a list. Socket thread only.
 struct Connection {
-  Connection(tcp::socket socket, size_t* all) : stream(std::move(socket)), count(all) {
+  // tls: null for a plain connection.
+  Connection(tcp::socket socket, asio::ssl::context* tls, size_t* all)
+      : stream(std::move(socket), tls), count(all) {
     error_code ignored;
     peer = stream.socket().remote_endpoint(ignored).address();
     stream.socket().set_option(tcp::no_delay(true), ignored);
@@ -44,7 +47,7 @@ struct Connection {
     if (list != nullptr) place = list->insert(list->end(), this);
   }
 
-  beast::tcp_stream stream;
+  HttpStream stream;
   asio::ip::address peer;
   size_t* const count;
   ConnectionList* list = nullptr;

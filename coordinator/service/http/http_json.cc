@@ -134,6 +134,7 @@ Json JobObject(const JobView& job) {
       {"title", job.title},
       {"pilot", job.pilot},
       {"state", JobStateName(job.state)},
+      {"owner", job.owner},
       {"priority", job.priority},
       {"numeric_profile", job.numeric_profile},
       {"failure", job.failure},

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "coordinator/access/identity.h"
+
 namespace sheaf::coordinator {
 
 struct HttpRequest {
@@ -20,7 +22,12 @@ struct HttpRequest {
   // In the order sent. Use HeaderValue to find one.
   std::vector<std::pair<std::string, std::string>> headers;
   std::string body;
+  std::string peer;  // The client's address.
 
+  // Filled by the router. operation: the route, "GET /api/v1/jobs/{}"; caller: who sends the
+  // request, without an identity where the coordinator has no certificates.
+  std::string operation;
+  Caller caller;
   // Filled by the router from target and the matched pattern, percent-decoded.
   std::vector<std::string> path_parameters;
   std::vector<std::pair<std::string, std::string>> query;

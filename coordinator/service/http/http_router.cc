@@ -100,8 +100,9 @@ bool IsAddressLiteral(const std::string& name) {
 
 }  // namespace
 
-HttpRouter::HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts)
-    : routes_(std::move(routes)), allowed_hosts_(std::move(allowed_hosts)) {
+HttpRouter::HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts,
+                       const HttpAccess* access)
+    : routes_(std::move(routes)), allowed_hosts_(std::move(allowed_hosts)), access_(access) {
   for (std::string& host : allowed_hosts_) host = absl::AsciiStrToLower(host);
 }
 
@@ -111,7 +112,7 @@ bool HttpRouter::HostIsOurs(const std::string& host) const {
          std::find(allowed_hosts_.begin(), allowed_hosts_.end(), name) != allowed_hosts_.end();
 }
 
-bool HttpRouter::Admits(const HttpRequest& request, HttpResponse* refusal) const {
+bool HttpRouter::HostIsAllowed(const HttpRequest& request, HttpResponse* refusal) const {
   const std::string host = HeaderValue(request, "Host");
   if (!HostIsOurs(host)) {
     *refusal =
@@ -121,15 +122,20 @@ bool HttpRouter::Admits(const HttpRequest& request, HttpResponse* refusal) const
                                "coordinator with --allow-host NAME"));
     return false;
   }
+  return true;
+}
+
+bool HttpRouter::ChangeIsAllowed(const HttpRequest& request, bool from_form,
+                                 HttpResponse* refusal) const {
   if (request.method == "GET") return true;
-  if (HeaderValue(request, kRequestHeader).empty()) {
+  if (!from_form && HeaderValue(request, kRequestHeader).empty()) {
     *refusal = HttpError(
         403, "PERMISSION_DENIED",
         absl::StrCat("a request that changes something needs the header ", kRequestHeader, ": 1"));
     return false;
   }
   const std::string origin = HeaderValue(request, "Origin");
-  if (!origin.empty() && !absl::EndsWithIgnoreCase(origin, "://" + host)) {
+  if (!origin.empty() && !absl::EndsWithIgnoreCase(origin, "://" + HeaderValue(request, "Host"))) {
     *refusal = HttpError(403, "PERMISSION_DENIED",
                          absl::StrCat("requests from the site ", origin, " are not accepted"));
     return false;
@@ -137,9 +143,29 @@ bool HttpRouter::Admits(const HttpRequest& request, HttpResponse* refusal) const
   return true;
 }
 
+bool HttpRouter::CallerIsAllowed(const std::string& operation, HttpRequest* request,
+                                 HttpResponse* refusal) const {
+  request->operation = operation;
+  return access_ == nullptr || access_->Admits(operation, request, refusal);
+}
+
+bool HttpRouter::AdmitsGet(const std::string& path, HttpRequest* request,
+                           HttpResponse* refusal) const {
+  return HostIsAllowed(*request, refusal) &&
+         CallerIsAllowed(absl::StrCat("GET ", path), request, refusal);
+}
+
+HttpResponse HttpRouter::Answer(const HttpRoute& route, HttpRequest request) const {
+  HttpResponse refusal;
+  const bool allowed =
+      ChangeIsAllowed(request, route.from_form, &refusal) &&
+      CallerIsAllowed(absl::StrCat(route.method, " ", route.pattern), &request, &refusal);
+  return allowed ? route.answer(request) : refusal;
+}
+
 HttpResponse HttpRouter::Route(HttpRequest request) const {
   HttpResponse refusal;
-  if (!Admits(request, &refusal)) return refusal;
+  if (!HostIsAllowed(request, &refusal)) return refusal;
   const size_t question = request.target.find('?');
   const std::string path = request.target.substr(0, question);
   if (question != std::string::npos && !ParseQuery(request.target.substr(question + 1), &request)) {
@@ -148,7 +174,7 @@ HttpResponse HttpRouter::Route(HttpRequest request) const {
   bool path_known = false;
   for (const HttpRoute& route : routes_) {
     if (!PathMatches(route.pattern, path, &request.path_parameters)) continue;
-    if (route.method == request.method) return route.answer(request);
+    if (route.method == request.method) return Answer(route, std::move(request));
     path_known = true;
   }
   if (path_known) {

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "coordinator/service/http/http_access.h"
 #include "coordinator/service/http/http_message.h"
 
 namespace sheaf::coordinator {
@@ -25,27 +26,39 @@ struct HttpRoute {
   std::string method;
   std::string pattern;
   HttpFunction answer;
+  // Whether a plain form sends it, which cannot set kRequestHeader.
+  bool from_form = false;
 };
 
 class HttpRouter {
  public:
   // allowed_hosts: names under which clients may reach the server, in addition to "localhost" and
-  // numeric addresses (which no DNS answer can forge).
-  HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts);
+  // numeric addresses (which no DNS answer can forge). access: who may use which route; null:
+  // everybody may use all. It must outlive the router.
+  HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts,
+             const HttpAccess* access = nullptr);
 
   // Always returns a response, also for refused requests and unknown paths. Thread safety: const,
   // as long as the functions of the routes are.
   HttpResponse Route(HttpRequest request) const;
 
-  // Returns whether the Host, Origin and kRequestHeader headers permit the request. If not,
-  // *refusal is the response; otherwise it is not changed.
-  bool Admits(const HttpRequest& request, HttpResponse* refusal) const;
+  // The checks of Route for a GET request that is answered elsewhere. If they fail, *refusal is the
+  // response; otherwise it is not changed. path: the request's, without its query.
+  bool AdmitsGet(const std::string& path, HttpRequest* request, HttpResponse* refusal) const;
+  const std::vector<HttpRoute>& routes() const { return routes_; }
 
  private:
   bool HostIsOurs(const std::string& host) const;
+  // Each returns whether the request passes the check, and sets *refusal if it does not.
+  bool HostIsAllowed(const HttpRequest& request, HttpResponse* refusal) const;
+  bool ChangeIsAllowed(const HttpRequest& request, bool from_form, HttpResponse* refusal) const;
+  bool CallerIsAllowed(const std::string& operation, HttpRequest* request,
+                       HttpResponse* refusal) const;
+  HttpResponse Answer(const HttpRoute& route, HttpRequest request) const;
 
   std::vector<HttpRoute> routes_;
   std::vector<std::string> allowed_hosts_;
+  const HttpAccess* const access_;
 };
 
 // The header, with any value, that every changing request must have.

@@ -22,7 +22,6 @@
 #include <boost/asio/use_awaitable.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
-#include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http.hpp>
 #include <optional>
 #include <set>
@@ -31,6 +30,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "coordinator/service/http/http_connection.h"
+#include "coordinator/service/http/http_tls.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -99,7 +99,9 @@ std::optional<HttpResponse> ReadRefusal(const error_code& error) {
 class HttpServer::Impl {
  public:
   Impl(const HttpServerOptions& options, const HttpRouter& router, EventHub* hub)
-      : options_(options), router_(router), hub_(hub), answering_(1), io_(1), acceptor_(io_) {}
+      : options_(options), router_(router), hub_(hub), answering_(1), io_(1), acceptor_(io_) {
+    if (options.tls) tls_.emplace(*options.tls);
+  }
   ~Impl();
 
   absl::Status Listen();
@@ -110,6 +112,10 @@ class HttpServer::Impl {
  private:
   asio::awaitable<void> Accept();
   asio::awaitable<void> Serve(tcp::socket socket);
+  // Does the TLS handshake, if there is one. Returns whether the connection can go on.
+  asio::awaitable<bool> ShakeHands(Connection* connection);
+  // Says goodbye, so that a client knows that nothing was cut off.
+  asio::awaitable<void> End(HttpStream* stream);
   // Counts the connection as half open, and closes the oldest one if its address has too many.
   void AwaitRequest(Connection* connection);
   // Reads the first request of a connection, or a later one, within its deadlines.
@@ -117,22 +123,22 @@ class HttpServer::Impl {
                                           http::request_parser<http::string_body>* parser,
                                           bool first);
   // Returns whether the connection can take another request.
-  asio::awaitable<bool> Answer(beast::tcp_stream* stream, http::request<http::string_body> message);
+  asio::awaitable<bool> Answer(Connection* connection, http::request<http::string_body> message);
   asio::awaitable<HttpResponse> RouteElsewhere(HttpRequest request);
-  asio::awaitable<bool> Send(beast::tcp_stream* stream, HttpResponse response, bool keep_alive,
+  asio::awaitable<bool> Send(HttpStream* stream, HttpResponse response, bool keep_alive,
                              bool head_only);
-  asio::awaitable<bool> SendFile(beast::tcp_stream* stream, HttpResponse response, bool keep_alive);
-  asio::awaitable<void> StreamEvents(beast::tcp_stream* stream);
+  asio::awaitable<bool> SendFile(HttpStream* stream, HttpResponse response, bool keep_alive);
+  asio::awaitable<void> StreamEvents(HttpStream* stream, HttpRequest request);
   // Waits until the queue has events or the heartbeat is due.
   asio::awaitable<std::string> NextEvents(EventQueue* queue, asio::steady_timer* timer);
-  asio::awaitable<bool> SendText(beast::tcp_stream* stream, std::string text);
+  asio::awaitable<bool> SendText(HttpStream* stream, std::string text);
   void WakeReaders();
 
   const HttpServerOptions options_;
   const HttpRouter& router_;
   EventHub* const hub_;
   uint16_t port_ = 0;
-  // Socket thread only.
+  std::optional<HttpTls> tls_;  // Socket thread only, once it serves; as all that follows.
   size_t connection_count_ = 0;
   ConnectionList half_open_;  // Without a complete request so far.
   ConnectionList idle_;       // Between two requests.
@@ -163,7 +169,7 @@ absl::Status HttpServer::Impl::Listen() {
     return absl::FailedPreconditionError(
         absl::StrCat("HTTP address ", options_.address,
                      " can be reached from other machines and the port has no authentication: "
-                     "use 127.0.0.1, or allow remote clients explicitly"));
+                     "run sheaf-coordinator init, which gives it HTTPS, or use 127.0.0.1"));
   }
   const tcp::endpoint endpoint(address, options_.port);
   acceptor_.open(endpoint.protocol(), error);
@@ -176,7 +182,7 @@ absl::Status HttpServer::Impl::Listen() {
                      error.message(), "; choose another port, or stop the program that uses it"));
   }
   port_ = acceptor_.local_endpoint(error).port();
-  return absl::OkStatus();
+  return tls_ ? tls_->Load() : absl::OkStatus();
 }
 
 void HttpServer::Impl::Run() {
@@ -189,7 +195,8 @@ void HttpServer::Impl::Run() {
 
 std::string HttpServer::Impl::Url() const {
   const bool is_v6 = options_.address.find(':') != std::string::npos;
-  return absl::StrCat("http://", is_v6 ? "[" : "", options_.address, is_v6 ? "]" : "", ":", port_);
+  return absl::StrCat(tls_ ? "https://" : "http://", is_v6 ? "[" : "", options_.address,
+                      is_v6 ? "]" : "", ":", port_);
 }
 
 void HttpServer::Impl::WakeReaders() {
@@ -235,7 +242,7 @@ asio::awaitable<error_code> HttpServer::Impl::ReadRequest(
     http::request_parser<http::string_body>* parser, bool first) {
   error_code error;
   const auto end = [&error] { return asio::redirect_error(asio::use_awaitable, error); };
-  beast::tcp_stream& stream = connection->stream;
+  HttpStream& stream = connection->stream;
   if (!first && buffer->size() == 0) {
     connection->MoveTo(&idle_);
     stream.expires_after(kHttpIdleTimeout);
@@ -256,8 +263,29 @@ asio::awaitable<error_code> HttpServer::Impl::ReadRequest(
   co_return error;
 }
 
+asio::awaitable<bool> HttpServer::Impl::ShakeHands(Connection* connection) {
+  HttpStream& stream = connection->stream;
+  if (stream.tls() == nullptr) co_return true;
+  error_code error;
+  AwaitRequest(connection);
+  stream.expires_after(kHttpHandshakeTimeout);
+  co_await stream.tls()->async_handshake(asio::ssl::stream_base::server,
+                                         asio::redirect_error(asio::use_awaitable, error));
+  co_return !error;
+}
+
+asio::awaitable<void> HttpServer::Impl::End(HttpStream* stream) {
+  error_code ignored;
+  if (stream->tls() != nullptr) {
+    stream->expires_after(kHttpGoodbyeTimeout);
+    co_await stream->tls()->async_shutdown(asio::redirect_error(asio::use_awaitable, ignored));
+  }
+  stream->socket().shutdown(tcp::socket::shutdown_send, ignored);
+}
+
 asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
-  Connection connection(std::move(socket), &connection_count_);
+  Connection connection(std::move(socket), tls_ ? tls_->context() : nullptr, &connection_count_);
+  if (!co_await ShakeHands(&connection)) co_return;
   beast::flat_buffer buffer(kHttpHeaderBytesMax + kHttpBodyBytesMax);
   bool keep_alive = true;
   for (bool first = true; keep_alive; first = false) {
@@ -270,21 +298,22 @@ asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
       if (refusal) co_await Send(&connection.stream, *std::move(refusal), false, false);
       break;
     }
-    keep_alive = co_await Answer(&connection.stream, parser.release());
+    keep_alive = co_await Answer(&connection, parser.release());
   }
-  error_code ignored;
-  connection.stream.socket().shutdown(tcp::socket::shutdown_send, ignored);
+  co_await End(&connection.stream);
 }
 
-asio::awaitable<bool> HttpServer::Impl::Answer(beast::tcp_stream* stream,
+asio::awaitable<bool> HttpServer::Impl::Answer(Connection* connection,
                                                http::request<http::string_body> message) {
+  HttpStream* const stream = &connection->stream;
   const bool keep_alive = message.keep_alive();
   const bool head_only = message.method() == http::verb::head;
   HttpRequest request = ToRequest(message);
+  request.peer = connection->peer.to_string();
   if (request.method == "GET" && !head_only && request.target == options_.event_path) {
     HttpResponse refusal;
-    if (router_.Admits(request, &refusal)) {
-      co_await StreamEvents(stream);
+    if (router_.AdmitsGet(options_.event_path, &request, &refusal)) {
+      co_await StreamEvents(stream, std::move(request));
       co_return false;
     }
     co_return co_await Send(stream, std::move(refusal), keep_alive, false);
@@ -298,7 +327,7 @@ asio::awaitable<HttpResponse> HttpServer::Impl::RouteElsewhere(HttpRequest reque
   co_return router_.Route(std::move(request));
 }
 
-asio::awaitable<bool> HttpServer::Impl::Send(beast::tcp_stream* stream, HttpResponse response,
+asio::awaitable<bool> HttpServer::Impl::Send(HttpStream* stream, HttpResponse response,
                                              bool keep_alive, bool head_only) {
   if (!response.file_path.empty() && !head_only) {
     co_return co_await SendFile(stream, std::move(response), keep_alive);
@@ -322,7 +351,7 @@ asio::awaitable<bool> HttpServer::Impl::Send(beast::tcp_stream* stream, HttpResp
   co_return keep_alive && !error;
 }
 
-asio::awaitable<bool> HttpServer::Impl::SendFile(beast::tcp_stream* stream, HttpResponse response,
+asio::awaitable<bool> HttpServer::Impl::SendFile(HttpStream* stream, HttpResponse response,
                                                  bool keep_alive) {
   error_code error;
   http::response<http::file_body> message;
@@ -343,7 +372,7 @@ asio::awaitable<bool> HttpServer::Impl::SendFile(beast::tcp_stream* stream, Http
   co_return keep_alive && !error;
 }
 
-asio::awaitable<bool> HttpServer::Impl::SendText(beast::tcp_stream* stream, std::string text) {
+asio::awaitable<bool> HttpServer::Impl::SendText(HttpStream* stream, std::string text) {
   error_code error;
   stream->expires_after(kHttpWriteTimeout);
   co_await asio::async_write(*stream, asio::buffer(text),
@@ -351,7 +380,7 @@ asio::awaitable<bool> HttpServer::Impl::SendText(beast::tcp_stream* stream, std:
   co_return !error;
 }
 
-asio::awaitable<void> HttpServer::Impl::StreamEvents(beast::tcp_stream* stream) {
+asio::awaitable<void> HttpServer::Impl::StreamEvents(HttpStream* stream, HttpRequest request) {
   const std::shared_ptr<EventQueue> queue = hub_->Subscribe();
   if (queue == nullptr) {
     HttpResponse full = HttpError(503, "RESOURCE_EXHAUSTED", "too many event streams are open");
@@ -369,6 +398,8 @@ asio::awaitable<void> HttpServer::Impl::StreamEvents(beast::tcp_stream* stream) 
   bool open = co_await SendText(stream, std::move(head));
   while (open) {
     std::string text = co_await NextEvents(queue.get(), &sleep);
+    HttpResponse refusal;  // A stream does not outlive the permission to read it.
+    if (!router_.AdmitsGet(options_.event_path, &request, &refusal)) break;
     open = co_await SendText(stream, std::move(text));
     error_code ignored;
     pause.expires_after(kEventInterval);

@@ -4,17 +4,19 @@
 // The HTTP port: reads requests from sockets, passes them to the router, writes its responses, and
 // sends server-sent events to many readers. One thread handles all sockets, so a reader costs
 // memory but no thread. The router's functions run on a second thread, so that encoding an image
-// does not block a stream. Only http_server.cc and http_connection.h use Boost.Beast and
-// Boost.Asio.
+// does not block a stream. Only http_server.cc and the headers
+// http_connection.h, http_stream.h and http_tls.h use Boost.Beast and Boost.Asio.
 #pragma once
 
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "common/tls/credential_store.h"
 #include "coordinator/service/http/event_stream.h"
 #include "coordinator/service/http/http_router.h"
 
@@ -35,6 +37,13 @@ inline constexpr std::chrono::seconds kHttpIdleTimeout{60};
 // request's head; and from there to the end of its body.
 inline constexpr std::chrono::seconds kHttpHeadTimeout{5};
 inline constexpr std::chrono::seconds kHttpBodyTimeout{10};
+// From the start of a connection to the end of its TLS handshake; the request's head has its own
+// time after that. Meanwhile the connection is half open.
+inline constexpr std::chrono::seconds kHttpHandshakeTimeout{5};
+// How long the end of a TLS connection may take.
+inline constexpr std::chrono::seconds kHttpGoodbyeTimeout{1};
+// How often the certificate's file is looked at.
+inline constexpr std::chrono::seconds kHttpCertificateInterval{10};
 // Maximum time in which a client must accept some of the bytes sent to it.
 inline constexpr std::chrono::seconds kHttpWriteTimeout{30};
 // Interval of comment lines that keep an event stream open and detect closed connections.
@@ -47,8 +56,10 @@ struct HttpServerOptions {
   std::string address = "127.0.0.1";
   // 0: any free port.
   uint16_t port = 0;
-  // Whether an address that other machines can reach is permitted. The port has no authentication.
+  // Whether an address that other machines can reach is permitted.
   bool allow_remote = false;
+  // The key and certificate of HTTPS, read again when they change; none: plain HTTP.
+  std::optional<CredentialFiles> tls;
   // Path of the event stream.
   std::string event_path = "/api/v1/events";
 };
@@ -58,7 +69,7 @@ class HttpServer {
   // Listens and serves until destroyed. `router` and `hub` must outlive the server. Errors:
   // kInvalidArgument (malformed address), kFailedPrecondition (not a loopback address, and
   // !allow_remote), kUnavailable (the server cannot listen on the address, for example because the
-  // port is in use).
+  // port is in use; its certificate cannot be read).
   static absl::StatusOr<std::unique_ptr<HttpServer>> Start(const HttpServerOptions& options,
                                                            const HttpRouter& router, EventHub* hub);
   // Closes every connection and waits for both threads.
@@ -66,7 +77,7 @@ class HttpServer {
 
   // The port on which the server listens.
   uint16_t port() const;
-  // "http://127.0.0.1:8080".
+  // "http://127.0.0.1:8080", or "https://...".
   std::string Url() const;
 
  private:

@@ -11,8 +11,19 @@
 namespace sheaf::coordinator {
 namespace {
 
-std::vector<HttpRoute> AllRoutes(HttpApi* api) {
+std::optional<HttpAccess> AccessOf(AccessControl* access) {
+  return access == nullptr ? std::nullopt : std::make_optional<HttpAccess>(access);
+}
+
+const HttpAccess* PointerTo(const std::optional<HttpAccess>& access) {
+  return access ? &*access : nullptr;
+}
+
+std::vector<HttpRoute> AllRoutes(HttpApi* api, const HttpAccess* access) {
   std::vector<HttpRoute> routes = api->Routes();
+  if (access != nullptr) {
+    for (HttpRoute& route : access->Routes()) routes.push_back(std::move(route));
+  }
   for (HttpRoute& route : PageRoutes()) routes.push_back(std::move(route));
   return routes;
 }
@@ -21,8 +32,10 @@ std::vector<HttpRoute> AllRoutes(HttpApi* api) {
 
 HttpService::HttpService(const HttpServiceOptions& options, const FarmView& farm,
                          FarmActions actions)
-    : api_(farm, std::move(actions), absl::StrCat(absl::ToUnixMicros(absl::Now()))),
-      router_(AllRoutes(&api_), options.allowed_hosts),
+    : access_(AccessOf(options.access)),
+      api_(farm, std::move(actions), absl::StrCat(absl::ToUnixMicros(absl::Now())),
+           PointerTo(access_)),
+      router_(AllRoutes(&api_, PointerTo(access_)), options.allowed_hosts, PointerTo(access_)),
       watcher_(farm, &hub_) {}
 
 absl::StatusOr<std::unique_ptr<HttpService>> HttpService::Start(const HttpServiceOptions& options,

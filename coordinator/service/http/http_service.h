@@ -6,10 +6,12 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "coordinator/service/http/http_access.h"
 #include "coordinator/service/http/http_api.h"
 #include "coordinator/service/http/http_server.h"
 #include "coordinator/service/http/http_watch.h"
@@ -22,6 +24,8 @@ struct HttpServiceOptions {
   HttpServerOptions server;
   // Names under which clients reach the port, in addition to localhost and numeric addresses.
   std::vector<std::string> allowed_hosts;
+  // Who may use the port; null: everybody who reaches it. It must outlive the service.
+  AccessControl* access = nullptr;
 };
 
 class HttpService {
@@ -33,12 +37,15 @@ class HttpService {
   // The address of the page: "http://127.0.0.1:8080".
   std::string Url() const { return server_->Url(); }
   uint16_t port() const { return server_->port(); }
+  // What answers requests, without sockets.
+  const HttpRouter& router() const { return router_; }
 
  private:
   HttpService(const HttpServiceOptions& options, const FarmView& farm, FarmActions actions);
 
   // Each member uses those above it; they are destroyed from the server up.
   EventHub hub_;
+  std::optional<HttpAccess> access_;
   HttpApi api_;
   HttpRouter router_;
   FarmWatcher watcher_;

@@ -5,13 +5,19 @@
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/security/server_credentials.h>
-#include <grpcpp/server_builder.h>
+
+#include <algorithm>
+#include <stop_token>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/log.h"
+#include "common/base/mutex.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"
+#include "common/rpc/tls_credentials.h"
+#include "coordinator/service/grpc/call_gate.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -23,6 +29,27 @@ absl::Status PortInUseError(const std::string& address) {
   return absl::UnavailableError(
       absl::StrCat("cannot listen on ", address,
                    ": the port is in use or the address does not belong to this machine"));
+}
+
+// Renews the server's certificate in time, until it is stopped.
+void KeepServerCertified(const std::stop_token& stop, const CertificateAuthority& authority) {
+  while (SleepUnlessStopped(kServerCertificateInterval, stop)) {
+    const absl::StatusOr<bool> renewed = authority.RenewServerCertificate(absl::Now());
+    if (renewed.ok() && *renewed) LogInfo("the coordinator's certificate is renewed");
+    if (!renewed.ok()) {
+      LogWarning(absl::StrCat("the coordinator's certificate cannot be renewed: ",
+                              renewed.status().message()));
+    }
+  }
+}
+
+// Listening without protection is never silent.
+void WarnOfInsecureAddress(const std::string& address) {
+  const absl::StatusOr<Address> parsed = ParseAddress(address);
+  if (!parsed.ok() || IsLoopback(*parsed)) return;
+  LogWarning(absl::StrCat("INSECURE: everybody who reaches ", address,
+                          " controls this farm and reads its scenes and images; run "
+                          "sheaf-coordinator init to make certificates"));
 }
 
 // The page's actions on the farm.
@@ -56,30 +83,67 @@ FarmActions ActionsOn(Farm* farm) {
 
 absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
     const CoordinatorOptions& options) {
+  const bool certified = AccessControl::Exists(options.farm.state_directory);
   for (const std::string& address : {options.listen_address, options.http_address}) {
-    if (address.empty()) continue;
+    if (address.empty() || certified) continue;
     absl::Status safe = RequireSafeAddress(address, options.insecure_remote_allowed);
     if (!safe.ok()) return safe;
+    WarnOfInsecureAddress(address);
   }
+  std::unique_ptr<CoordinatorServer> server(new CoordinatorServer());
   absl::StatusOr<std::unique_ptr<Farm>> farm = Farm::Open(options.farm);
   if (!farm.ok()) return farm.status();
-  std::unique_ptr<CoordinatorServer> server(new CoordinatorServer());
   server->farm_ = std::move(*farm);
-  if (absl::Status status = server->StartGrpc(options); !status.ok()) return status;
+  if (certified) {
+    if (absl::Status status = server->OpenAccess(options); !status.ok()) return status;
+  }
   if (absl::Status status = server->StartHttp(options); !status.ok()) return status;
+  if (absl::Status status = server->StartGrpc(options); !status.ok()) return status;
   return server;
 }
 
+absl::Status CoordinatorServer::OpenAccess(const CoordinatorOptions& options) {
+  absl::StatusOr<std::unique_ptr<AccessControl>> access =
+      AccessControl::Open(options.farm.state_directory, options.certificate_lifetimes);
+  if (!access.ok()) return access.status();
+  access_ = *std::move(access);
+  const absl::Status renewed = access_->authority().RenewServerCertificate(absl::Now()).status();
+  if (!renewed.ok()) return renewed;
+  certificate_upkeep_ = std::jthread(
+      [this](const std::stop_token& stop) { KeepServerCertified(stop, access_->authority()); });
+  return absl::OkStatus();
+}
+
+void CoordinatorServer::AddListeningPort(const CoordinatorOptions& options,
+                                         grpc::ServerBuilder* builder) {
+  if (options.listen_address.empty()) return;
+  if (access_ == nullptr) {
+    builder->AddListeningPort(options.listen_address, grpc::InsecureServerCredentials(), &port_);
+    return;
+  }
+  const CertificateLifetimes& lifetimes = options.certificate_lifetimes;
+  const absl::Duration age_max =
+      std::min({kConnectionAgeMax, lifetimes.worker / 8, lifetimes.user / 8});
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONNECTION_AGE_MS,
+                              static_cast<int>(absl::ToInt64Milliseconds(age_max)));
+  builder->AddListeningPort(options.listen_address,
+                            TlsServerCredentials(access_->authority().server_files(),
+                                                 std::make_shared<CallGate>(access_.get())),
+                            &port_);
+}
+
 absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
-  job_service_ = std::make_unique<JobService>(farm_.get());
+  job_service_ = std::make_unique<JobService>(farm_.get(), access_.get());
   worker_service_ = std::make_unique<WorkerService>(farm_.get());
   content_service_ = std::make_unique<ContentService>(&farm_->blobs());
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   ApplyServerLimits(&builder);
-  if (!options.listen_address.empty()) {
-    builder.AddListeningPort(options.listen_address, grpc::InsecureServerCredentials(), &port_);
+  AddListeningPort(options, &builder);
+  if (access_ != nullptr) {
+    access_service_ = std::make_unique<AccessService>(access_.get(), http_port());
+    builder.RegisterService(access_service_.get());
   }
   builder.RegisterService(job_service_.get());
   builder.RegisterService(worker_service_.get());
@@ -98,7 +162,15 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
   http.server.address = address->host == "localhost" ? "127.0.0.1" : address->host;
   http.server.port = address->port;
   http.allowed_hosts = options.allowed_hosts;
-  http.server.allow_remote = options.insecure_remote_allowed;
+  http.server.allow_remote = options.insecure_remote_allowed || access_ != nullptr;
+  if (access_ != nullptr) {
+    http.access = access_.get();
+    http.server.tls = access_->authority().server_files();
+    // Browsers reach the page under the names that the certificate states.
+    const absl::StatusOr<std::vector<std::string>> hosts = access_->authority().Hosts();
+    if (!hosts.ok()) return hosts.status();
+    http.allowed_hosts.insert(http.allowed_hosts.end(), hosts->begin(), hosts->end());
+  }
   absl::StatusOr<std::unique_ptr<HttpService>> service =
       HttpService::Start(http, *farm_, ActionsOn(farm_.get()));
   if (!service.ok()) return service.status();

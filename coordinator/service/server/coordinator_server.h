@@ -7,13 +7,17 @@
 
 #include <grpcpp/channel.h>
 #include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
 
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "coordinator/access/access_control.h"
 #include "coordinator/service/farm/farm.h"
+#include "coordinator/service/grpc/access_service.h"
 #include "coordinator/service/grpc/content_service.h"
 #include "coordinator/service/grpc/job_service.h"
 #include "coordinator/service/grpc/worker_service.h"
@@ -21,8 +25,16 @@
 
 namespace sheaf::coordinator {
 
+// How often the server's own certificate is looked at.
+inline constexpr absl::Duration kServerCertificateInterval = absl::Hours(1);
+// A connection keeps the certificate with which it began, and ends after this time at the latest;
+// clients then connect again without losing a call. With short lifetimes, after an eighth of one.
+inline constexpr absl::Duration kConnectionAgeMax = absl::Hours(1);
+
 struct CoordinatorOptions {
   FarmOptions farm;
+  // Of certificates that are issued; without effect where the state directory has no authority.
+  CertificateLifetimes certificate_lifetimes;
   // "host:port" of gRPC; port 0 lets the system choose, empty listens nowhere (InProcessChannel
   // works in any case).
   std::string listen_address = "127.0.0.1:0";
@@ -30,15 +42,16 @@ struct CoordinatorOptions {
   std::string http_address;
   // Names, beside localhost and addresses, under which browsers may reach HTTP.
   std::vector<std::string> allowed_hosts;
-  // Listen without encryption where other machines can connect.
+  // Listen without encryption where other machines can connect. gRPC and HTTP are encrypted in
+  // any case where the state directory has a certificate authority.
   bool insecure_remote_allowed = false;
 };
 
 class CoordinatorServer {
  public:
   // Loads the state, then serves until destroyed or stopped.
-  // Errors: those of Farm::Open and RequireSafeAddress; kUnavailable (a port is taken), with the
-  // address. One line each.
+  // Errors: those of Farm::Open, AccessControl::Open and RequireSafeAddress; kUnavailable (a port
+  // is taken), with the address. One line each.
   static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(
       const CoordinatorOptions& options);
   ~CoordinatorServer();
@@ -51,23 +64,30 @@ class CoordinatorServer {
   int port() const { return port_; }
   // HTTP's port; 0 where there is none.
   int http_port() const { return http_ == nullptr ? 0 : http_->port(); }
-  // "http://127.0.0.1:7480"; empty where there is none.
+  // "http://127.0.0.1:7480" or "https://..."; empty where there is none.
   std::string http_url() const { return http_ == nullptr ? "" : http_->Url(); }
   // A channel that reaches this server without a socket.
   std::shared_ptr<grpc::Channel> InProcessChannel();
   Farm& farm() { return *farm_; }
+  // Null where the state directory has no certificate authority.
+  AccessControl* access() { return access_.get(); }
 
  private:
   CoordinatorServer() = default;
+  absl::Status OpenAccess(const CoordinatorOptions& options);
+  void AddListeningPort(const CoordinatorOptions& options, grpc::ServerBuilder* builder);
   absl::Status StartGrpc(const CoordinatorOptions& options);
   absl::Status StartHttp(const CoordinatorOptions& options);
 
+  std::unique_ptr<AccessControl> access_;
   std::unique_ptr<Farm> farm_;
+  std::unique_ptr<AccessService> access_service_;
   std::unique_ptr<JobService> job_service_;
   std::unique_ptr<WorkerService> worker_service_;
   std::unique_ptr<ContentService> content_service_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<HttpService> http_;
+  std::jthread certificate_upkeep_;
   int port_ = 0;
 };
 

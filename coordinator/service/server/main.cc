@@ -18,6 +18,7 @@
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/scene/settings/render_settings.h"
+#include "coordinator/service/server/access_commands.h"
 #include "coordinator/service/server/coordinator_server.h"
 
 namespace sheaf::coordinator {
@@ -71,7 +72,8 @@ void AddOptions(CommandLine* line, CLI::App* app) {
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
-                "Listen without encryption on addresses that other machines can reach");
+                "For experiments: listen without encryption on addresses that other machines can "
+                "reach; everybody who reaches them controls the farm");
   app->add_option("--log-level", line->log_level, "debug, info, warning, error or off")
       ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();
@@ -123,7 +125,13 @@ int Main(int argc, char** argv) {
       "Sheaf's coordinator: divides frames into tasks, leases them to workers, merges results.",
       "sheaf-coordinator");
   AddOptions(&line, &app);
-  app.footer("Example:\n  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400");
+  AccessCommands commands(DefaultStateDirectory());
+  commands.AddTo(&app);
+  app.footer(
+      "Examples:\n"
+      "  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400\n"
+      "  sheaf-coordinator init --name farm.example.org && sheaf-coordinator --listen [::]:7400\n"
+      "After init, connections are encrypted and every caller needs a certificate.");
   app.set_version_flag("--version", "sheaf-coordinator " SHEAF_VERSION);
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());
@@ -132,6 +140,9 @@ int Main(int argc, char** argv) {
   // Our own errors are one line each; gRPC's internal ones beside them help nobody.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf-coordinator");
+  if (const std::optional<absl::Status> ran = commands.RunParsed()) {
+    return ran->ok() ? 0 : Fail(*ran);
+  }
   RaiseOpenFileLimit();
   LogLevel level = LogLevel::kInfo;
   LogLevelFromName(line.log_level, &level);

@@ -99,6 +99,7 @@ struct JobView {
   std::string job_id;  // The resource name is "jobs/" + job_id.
   bool pilot = false;  // Rendered for a quote.
   std::string title;
+  std::string owner;  // The user's name; "local" without certificates.
   JobState state = JobState::kQueued;
   int32_t priority = 0;
   std::string numeric_profile;

@@ -1,0 +1,67 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// CredentialStore: the directory in which a machine or a person keeps the keys and certificates of
+// the coordinators that have enrolled it. Each coordinator has a folder, named by the digest of its
+// authority's certificate:
+//
+//     DIRECTORY/FOLDER/key.pem          the private key; made here, never sent
+//     DIRECTORY/FOLDER/certificate.pem  replaced as a whole when it is renewed
+//     DIRECTORY/FOLDER/authority.pem    the only root against which the coordinator is verified
+//     DIRECTORY/FOLDER/addresses        "host:port" lines: where the coordinator was reached
+//
+// Folders have mode 0700 and files 0600.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/tls/certificate.h"
+
+namespace sheaf {
+
+inline constexpr int kCoordinatorsMax = 1000;           // Folders that are looked at.
+inline constexpr int kAddressesOfCoordinatorMax = 100;  // The latest ones are kept.
+
+// Where the credentials for one coordinator are.
+struct CredentialFiles {
+  std::string key_path, certificate_path, authority_path;
+};
+
+// What a machine shows and trusts.
+struct Credentials {
+  std::string key_pem, certificate_pem, authority_pem;
+};
+
+// How much of a certificate's life is over: 0 at its beginning, 1 at its end.
+double LifeFraction(const CertificateTerms& certificate, absl::Time now);
+
+// Thread safety: all members may be called concurrently, also by several processes.
+class CredentialStore {
+ public:
+  explicit CredentialStore(std::string directory) : directory_(std::move(directory)) {}
+
+  // "$XDG_CONFIG_HOME/sheaf/coordinators" or "~/.config/sheaf/coordinators": a person's.
+  static std::string PersonalDirectory();
+  // "$XDG_STATE_HOME/sheaf/worker" or "~/.local/state/sheaf/worker": a machine's.
+  static std::string WorkerDirectory();
+
+  // The files for the coordinator at "host:port"; none where nobody has enrolled there.
+  std::optional<CredentialFiles> Find(const std::string& address) const;
+  // Stores credentials, and that the coordinator is at these addresses. Another coordinator that
+  // was there before loses the addresses.
+  absl::StatusOr<CredentialFiles> Put(const Credentials& credentials,
+                                      const std::vector<std::string>& addresses) const;
+
+ private:
+  std::vector<std::string> Folders() const;
+  absl::Status RemoveAddresses(const std::string& folder,
+                               const std::vector<std::string>& addresses) const;
+
+  const std::string directory_;
+};
+
+}  // namespace sheaf

@@ -1,0 +1,193 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/access/identity_store.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
+#include "common/tls/certificate.h"
+#include "common/tls/enrolment_token.h"
+#include "coordinator/store/stored_times.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr char kIdentitySchema[] = R"sql(
+CREATE TABLE IF NOT EXISTS identities(
+  kind INTEGER NOT NULL, name TEXT NOT NULL, role INTEGER NOT NULL, generation INTEGER NOT NULL,
+  revoked_ns INTEGER NOT NULL, PRIMARY KEY(kind, name)) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS tokens(
+  secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
+  expire_ns INTEGER NOT NULL, used_ns INTEGER NOT NULL, key_sha256 TEXT NOT NULL) WITHOUT ROWID;
+)sql";
+constexpr char kUnused[] = "";  // key_sha256 of a token that nobody has used.
+
+int64_t Stored(IdentityKind kind) { return static_cast<int64_t>(kind); }
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<IdentityStore>> IdentityStore::Open(const std::string& path) {
+  absl::StatusOr<std::unique_ptr<SqliteDatabase>> database = SqliteDatabase::Open(path);
+  if (!database.ok()) return database.status();
+  if (absl::Status status = (*database)->Execute(kIdentitySchema); !status.ok()) return status;
+  return std::unique_ptr<IdentityStore>(new IdentityStore(*std::move(database)));
+}
+
+absl::StatusOr<int64_t> IdentityStore::Count(const std::string& query) {
+  SqliteStatement statement = database_->Prepare(query);
+  const absl::StatusOr<bool> row = statement.Step();
+  if (!row.ok()) return row.status();
+  return statement.Int64(0);
+}
+
+absl::Status IdentityStore::PutIdentity(const IdentityId& id, Role role) {
+  if (absl::Status status = CheckIdentityName(id.name); !status.ok()) return status;
+  const MutexLock lock(&mutex_);
+  const absl::StatusOr<int64_t> count = Count("SELECT COUNT(*) FROM identities");
+  if (!count.ok()) return count.status();
+  if (*count >= kIdentitiesMax) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("the farm has ", *count, " identities, its limit"));
+  }
+  cached_version_ = -1;
+  // In an ON CONFLICT clause, plain column names are the values before the change.
+  return database_
+      ->Prepare(
+          "INSERT INTO identities(kind, name, role, generation, revoked_ns) VALUES(?,?,?,1,?) "
+          "ON CONFLICT(kind, name) DO UPDATE SET role = excluded.role, "
+          "generation = generation + (revoked_ns <> excluded.revoked_ns), "
+          "revoked_ns = excluded.revoked_ns")
+      .Bind(Stored(id.kind))
+      .Bind(id.name)
+      .Bind(static_cast<int64_t>(role))
+      .Bind(ToNanoseconds(absl::InfiniteFuture()))
+      .Run();
+}
+
+absl::StatusOr<std::string> IdentityStore::MakeToken(const IdentityId& id, Role role,
+                                                     absl::Time now, absl::Duration lifetime) {
+  if (absl::Status status = PutIdentity(id, role); !status.ok()) return status;
+  const MutexLock lock(&mutex_);
+  absl::Status removed =
+      database_->Prepare("DELETE FROM tokens WHERE expire_ns < ?").Bind(ToNanoseconds(now)).Run();
+  if (!removed.ok()) return removed;
+  const absl::StatusOr<int64_t> count = Count("SELECT COUNT(*) FROM tokens");
+  if (!count.ok()) return count.status();
+  if (*count >= kOpenTokensMax) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(*count, " enrolment tokens are open, the limit; wait until they expire"));
+  }
+  std::string secret = RandomBytes(kTokenSecretBytes);
+  absl::Status added =
+      database_
+          ->Prepare(
+              "INSERT INTO tokens(secret_sha256, kind, name, expire_ns, used_ns, key_sha256) "
+              "VALUES(?,?,?,?,0,?)")
+          .Bind(Sha256Hex(secret))
+          .Bind(Stored(id.kind))
+          .Bind(id.name)
+          .Bind(ToNanoseconds(now + lifetime))
+          .Bind(kUnused)
+          .Run();
+  if (!added.ok()) return added;
+  return secret;
+}
+
+absl::Status IdentityStore::Revoke(const IdentityId& id, absl::Time now) {
+  const MutexLock lock(&mutex_);
+  cached_version_ = -1;
+  SqliteStatement revoke = database_->Prepare(
+      "UPDATE identities SET revoked_ns = MIN(revoked_ns, ?) WHERE kind = ? AND name = ? "
+      "RETURNING name");
+  const absl::StatusOr<bool> found =
+      revoke.Bind(ToNanoseconds(now)).Bind(Stored(id.kind)).Bind(id.name).Step();
+  if (!found.ok()) return found.status();
+  if (!*found) {
+    return absl::NotFoundError(absl::StrCat("there is no ", FormatIdentity(id),
+                                            "; sheaf-coordinator identities lists all"));
+  }
+  if (absl::Status status = revoke.Run(); !status.ok()) return status;
+  return database_->Prepare("DELETE FROM tokens WHERE kind = ? AND name = ?")
+      .Bind(Stored(id.kind))
+      .Bind(id.name)
+      .Run();
+}
+
+absl::StatusOr<Identity> IdentityStore::UseToken(const std::string& secret,
+                                                 const std::string& key_sha256_hex,
+                                                 absl::Time now) {
+  IdentityId id;
+  {
+    const MutexLock lock(&mutex_);
+    // One statement, so that of several callers at most one key gets the token.
+    SqliteStatement use = database_->Prepare(
+        "UPDATE tokens SET used_ns = ?, key_sha256 = ? "
+        "WHERE secret_sha256 = ? AND expire_ns > ? AND key_sha256 IN (?, ?) "
+        "RETURNING kind, name");
+    const absl::StatusOr<bool> usable = use.Bind(ToNanoseconds(now))
+                                            .Bind(key_sha256_hex)
+                                            .Bind(Sha256Hex(secret))
+                                            .Bind(ToNanoseconds(now))
+                                            .Bind(kUnused)
+                                            .Bind(key_sha256_hex)
+                                            .Step();
+    if (!usable.ok()) return usable.status();
+    if (!*usable) {
+      return absl::UnauthenticatedError(
+          "the enrolment token is unknown, used, expired or revoked; an administrator makes "
+          "another with sheaf-coordinator enroll");
+    }
+    id = {static_cast<IdentityKind>(use.Int64(0)), use.Text(1)};
+    if (absl::Status status = use.Run(); !status.ok()) return status;
+  }
+  const absl::StatusOr<std::optional<Identity>> identity = Find(id);
+  if (!identity.ok()) return identity.status();
+  if (!identity->has_value() || (*identity)->revoked()) {
+    return absl::UnauthenticatedError(absl::StrCat(FormatIdentity(id), " is revoked"));
+  }
+  return **identity;
+}
+
+absl::Status IdentityStore::Refresh() {
+  const absl::StatusOr<bool> row = version_.Step();
+  if (!row.ok()) return row.status();
+  const int64_t version = version_.Int64(0);
+  if (absl::Status status = version_.Run(); !status.ok()) return status;
+  if (version == cached_version_) return absl::OkStatus();
+  std::map<IdentityId, Identity> read;
+  SqliteStatement query =
+      database_->Prepare("SELECT kind, name, role, generation, revoked_ns FROM identities");
+  while (true) {
+    const absl::StatusOr<bool> there = query.Step();
+    if (!there.ok()) return there.status();
+    if (!*there) break;
+    Identity identity;
+    identity.id = {static_cast<IdentityKind>(query.Int64(0)), query.Text(1)};
+    identity.role = static_cast<Role>(query.Int64(2));
+    identity.generation = static_cast<uint64_t>(query.Int64(3));
+    identity.revoked_time = FromNanoseconds(query.Int64(4));
+    read[identity.id] = std::move(identity);
+  }
+  cache_ = std::move(read);
+  cached_version_ = version;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<Identity>> IdentityStore::Find(const IdentityId& id) {
+  const MutexLock lock(&mutex_);
+  if (absl::Status status = Refresh(); !status.ok()) return status;
+  const auto found = cache_.find(id);
+  if (found == cache_.end()) return std::nullopt;
+  return found->second;
+}
+
+absl::StatusOr<std::vector<Identity>> IdentityStore::List() {
+  const MutexLock lock(&mutex_);
+  if (absl::Status status = Refresh(); !status.ok()) return status;
+  std::vector<Identity> identities;
+  for (const auto& [id, identity] : cache_) identities.push_back(identity);
+  return identities;
+}
+
+}  // namespace sheaf::coordinator

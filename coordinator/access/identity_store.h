@@ -1,0 +1,68 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// IdentityStore: the identities of a farm and their enrolment tokens, in an SQLite database that
+// several processes may have open. Commands change it while the coordinator runs, and the
+// coordinator sees a change at its next call. Of a token's secret only the SHA-256 is stored.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/base/mutex.h"
+#include "coordinator/access/identity.h"
+#include "coordinator/store/sqlite_database.h"
+
+namespace sheaf::coordinator {
+
+inline constexpr absl::Duration kTokenLifetime = absl::Hours(1);  // Unless told otherwise.
+inline constexpr absl::Duration kTokenLifetimeMax = absl::Hours(24 * 30);
+inline constexpr int64_t kIdentitiesMax = 10'000;  // Revoked ones included: names stay taken.
+inline constexpr int64_t kOpenTokensMax = 10'000;
+
+// Thread safety: all members may be called concurrently.
+class IdentityStore {
+ public:
+  // Opens or makes the database. Errors: those of SqliteDatabase::Open.
+  static absl::StatusOr<std::unique_ptr<IdentityStore>> Open(const std::string& path);
+
+  // Makes an identity, or gives an existing one this role; a revoked one begins anew. Errors:
+  // kInvalidArgument (the name); kResourceExhausted (kIdentitiesMax).
+  absl::Status PutIdentity(const IdentityId& id, Role role);
+  // The same, and a token that enrols one machine as it. Returns the token's secret. Errors: also
+  // kResourceExhausted (kOpenTokensMax).
+  absl::StatusOr<std::string> MakeToken(const IdentityId& id, Role role, absl::Time now,
+                                        absl::Duration lifetime);
+  // From the next call on, its certificates and tokens are refused. Errors: kNotFound.
+  absl::Status Revoke(const IdentityId& id, absl::Time now);
+
+  // Uses a token up for a key and returns whose it is. A token that the same key has used is
+  // accepted again until it expires, since the first answer may be lost. Errors: kUnauthenticated.
+  absl::StatusOr<Identity> UseToken(const std::string& secret, const std::string& key_sha256_hex,
+                                    absl::Time now);
+
+  // None where there is no such identity. Fast: asks the database only after it has changed.
+  absl::StatusOr<std::optional<Identity>> Find(const IdentityId& id);
+  // Ascending by kind and name.
+  absl::StatusOr<std::vector<Identity>> List();
+
+ private:
+  explicit IdentityStore(std::unique_ptr<SqliteDatabase> database)
+      : database_(std::move(database)), version_(database_->Prepare("PRAGMA data_version")) {}
+  absl::Status Refresh() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<int64_t> Count(const std::string& query) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  Mutex mutex_;
+  const std::unique_ptr<SqliteDatabase> database_ ABSL_PT_GUARDED_BY(mutex_);
+  SqliteStatement version_ ABSL_GUARDED_BY(mutex_);
+  // The identities as of the database's change number; -1: not read yet, or changed here.
+  int64_t cached_version_ ABSL_GUARDED_BY(mutex_) = -1;
+  std::map<IdentityId, Identity> cache_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace sheaf::coordinator

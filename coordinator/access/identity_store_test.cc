@@ -1,0 +1,146 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/access/identity_store.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <filesystem>
+#include <latch>
+#include <thread>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "common/base/file.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+const absl::Time kNow = absl::FromUnixSeconds(1'800'000'000);
+const IdentityId kAnna{IdentityKind::kUser, "anna"};
+const IdentityId kNode{IdentityKind::kWorker, "node7"};
+
+class IdentityStoreTest : public testing::Test {
+ protected:
+  IdentityStoreTest()
+      : directory_(testing::TempDir() + "sheaf-identities-" +
+                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+    std::filesystem::remove_all(directory_);
+    std::filesystem::create_directories(directory_);
+    store_ = Open();
+  }
+  ~IdentityStoreTest() override { std::filesystem::remove_all(directory_); }
+
+  std::unique_ptr<IdentityStore> Open() {
+    absl::StatusOr<std::unique_ptr<IdentityStore>> store =
+        IdentityStore::Open(directory_ + "/access.db");
+    EXPECT_TRUE(store.ok()) << store.status();
+    return store.ok() ? *std::move(store) : nullptr;
+  }
+  std::string Token(const IdentityId& id = kAnna, Role role = Role::kSubmit) {
+    const absl::StatusOr<std::string> secret = store_->MakeToken(id, role, kNow, absl::Hours(1));
+    EXPECT_TRUE(secret.ok()) << secret.status();
+    return secret.value_or("");
+  }
+  absl::StatusCode Use(const std::string& secret, const std::string& key = "a key",
+                       absl::Time now = kNow) {
+    return store_->UseToken(secret, key, now).status().code();
+  }
+
+  const std::string directory_;
+  std::unique_ptr<IdentityStore> store_;
+};
+
+TEST_F(IdentityStoreTest, ATokenSaysWhoseItIs) {
+  const absl::StatusOr<Identity> user = store_->UseToken(Token(), "a key", kNow);
+  ASSERT_TRUE(user.ok()) << user.status();
+  EXPECT_EQ(user->id, kAnna);
+  EXPECT_EQ(user->role, Role::kSubmit);
+  const absl::StatusOr<Identity> worker =
+      store_->UseToken(Token(kNode, Role::kWork), "a key", kNow);
+  ASSERT_TRUE(worker.ok()) << worker.status();
+  EXPECT_EQ(FormatIdentity(worker->id), "worker:node7");
+}
+
+TEST_F(IdentityStoreTest, AReplayedTokenIsRefusedToAnotherKey) {
+  const std::string secret = Token();
+  EXPECT_EQ(Use(secret), absl::StatusCode::kOk);
+  EXPECT_EQ(Use(secret, "a thief's key"), absl::StatusCode::kUnauthenticated);
+  EXPECT_EQ(Use(secret), absl::StatusCode::kOk) << "the first answer may be lost";
+}
+
+TEST_F(IdentityStoreTest, TokensExpireAndUnknownOnesAreRefused) {
+  const std::string secret = Token();
+  EXPECT_EQ(Use(secret, "a key", kNow + absl::Hours(1)), absl::StatusCode::kUnauthenticated);
+  EXPECT_EQ(Use("no token"), absl::StatusCode::kUnauthenticated);
+  EXPECT_EQ(Use(""), absl::StatusCode::kUnauthenticated);
+}
+
+TEST_F(IdentityStoreTest, OfManyConcurrentKeysOneGetsTheToken) {
+  const std::string secret = Token();
+  constexpr int kThieves = 16;
+  std::vector<std::unique_ptr<IdentityStore>> stores;  // As of processes of their own.
+  for (int i = 0; i < kThieves; ++i) stores.push_back(Open());
+  std::atomic<int> enrolled{0};
+  std::latch together(kThieves);
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < kThieves; ++i) {
+      threads.emplace_back([&, i] {
+        together.arrive_and_wait();
+        if (stores[i]->UseToken(secret, absl::StrCat("key ", i), kNow).ok()) ++enrolled;
+      });
+    }
+  }
+  EXPECT_EQ(enrolled, 1);
+}
+
+TEST_F(IdentityStoreTest, RevocationTakesTokensToo) {
+  const std::string secret = Token();
+  ASSERT_TRUE(store_->Revoke(kAnna, kNow).ok());
+  EXPECT_EQ(Use(secret), absl::StatusCode::kUnauthenticated);
+  EXPECT_TRUE((*store_->Find(kAnna))->revoked());
+  EXPECT_EQ(store_->Revoke(kNode, kNow).code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(IdentityStoreTest, AnIdentityThatIsEnrolledAgainBeginsANewGeneration) {
+  Token();
+  Token();
+  EXPECT_EQ((*store_->Find(kAnna))->generation, 1u) << "a second machine of the same person";
+  ASSERT_TRUE(store_->Revoke(kAnna, kNow).ok());
+  Token(kAnna, Role::kView);
+  EXPECT_EQ((*store_->Find(kAnna))->generation, 2u);
+  EXPECT_EQ((*store_->Find(kAnna))->role, Role::kView);
+  EXPECT_FALSE((*store_->Find(kAnna))->revoked());
+}
+
+TEST_F(IdentityStoreTest, AChangeByAnotherProcessIsSeenAtTheNextCall) {
+  Token();
+  ASSERT_FALSE((*store_->Find(kAnna))->revoked());
+  ASSERT_TRUE(Open()->Revoke(kAnna, kNow).ok());
+  EXPECT_TRUE((*store_->Find(kAnna))->revoked());
+  ASSERT_TRUE(Open()->PutIdentity(kNode, Role::kWork).ok());
+  EXPECT_EQ(store_->List()->size(), 2u);
+}
+
+TEST_F(IdentityStoreTest, TheSecretIsNotOnDisk) {
+  const std::string secret = Token();
+  store_.reset();
+  for (const auto& entry : std::filesystem::directory_iterator(directory_)) {
+    EXPECT_FALSE(absl::StrContains(*ReadWholeFile(entry.path().string()), secret));
+  }
+}
+
+TEST_F(IdentityStoreTest, NamesAreChecked) {
+  for (const std::string& name : {std::string(), std::string("local"), std::string("a b"),
+                                  std::string("a/b"), std::string("a\nb"), std::string(41, 'a')}) {
+    EXPECT_EQ(store_->PutIdentity({IdentityKind::kUser, name}, Role::kView).code(),
+              absl::StatusCode::kInvalidArgument)
+        << name;
+  }
+  EXPECT_EQ(ParseIdentity("user:anna")->name, "anna");
+  EXPECT_FALSE(ParseIdentity("anna").ok());
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

@@ -1,0 +1,137 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/access/role_table.h"
+
+#include <map>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// The least role of a user that a requirement names; none where it names no user's role.
+std::optional<Role> LeastRole(Requirement requirement) {
+  switch (requirement) {
+    case Requirement::kView:
+      return Role::kView;
+    case Requirement::kSubmit:
+      return Role::kSubmit;
+    case Requirement::kOperate:
+    case Requirement::kWorkOrOperate:
+      return Role::kOperate;
+    case Requirement::kAdminister:
+      return Role::kAdminister;
+    case Requirement::kNothing:
+    case Requirement::kIdentity:
+    case Requirement::kWork:
+      break;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+const std::vector<OperationRule>& RoleTable() {
+  using enum Requirement;
+  static const std::vector<OperationRule>* const kTable = new std::vector<OperationRule>{
+      {"/sheaf.v1.AccessService/Enroll", kNothing},
+      {"/sheaf.v1.AccessService/RenewCertificate", kIdentity},
+      {"/sheaf.v1.AccessService/IssuePageToken", kView},
+
+      {"/sheaf.v1.JobService/GetJob", kView},
+      {"/sheaf.v1.JobService/ListJobs", kView},
+      {"/sheaf.v1.JobService/WatchJob", kView},
+      {"/sheaf.v1.JobService/ReadFrameOutput", kView},
+      {"/sheaf.v1.JobService/PriceRefinement", kView},
+      {"/sheaf.v1.JobService/ListWorkers", kView},
+      // With the role submit, only one's own jobs (AccessControl::AuthorizeJob).
+      {"/sheaf.v1.JobService/CreateJob", kSubmit},
+      {"/sheaf.v1.JobService/CancelJob", kSubmit},
+      {"/sheaf.v1.JobService/PauseJob", kSubmit},
+      {"/sheaf.v1.JobService/ResumeJob", kSubmit},
+      {"/sheaf.v1.JobService/SetJobPriority", kSubmit},
+      {"/sheaf.v1.JobService/RefineJob", kSubmit},
+
+      {"/sheaf.v1.ContentService/FindMissing", kSubmit},
+      {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},
+      {"/sheaf.v1.ContentService/WriteBlob", kSubmit},
+      {"/sheaf.v1.ContentService/ReadBlob", kWorkOrOperate},
+
+      {"/sheaf.v1.WorkerService/Synchronize", kWork},
+      {"/sheaf.v1.WorkerService/UploadResults", kWork},
+
+      {"/grpc.health.v1.Health/Check", kIdentity},
+      {"/grpc.health.v1.Health/Watch", kIdentity},
+      {"/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", kView},
+
+      {"GET /login", kNothing},
+      {"POST /login", kNothing},
+      {"POST /logout", kNothing},
+      {"GET /login.html", kNothing},
+      {"GET /style.css", kNothing},
+      {"GET /favicon.svg", kNothing},
+      {"GET /licences.txt", kNothing},
+      {"GET /", kView},
+      {"GET /index.html", kView},
+      {"GET /app.js", kView},
+      {"GET /error_chart.js", kView},
+      {"GET /exposure_worker.js", kView},
+
+      {"GET /healthz", kNothing},
+      {"GET /readyz", kNothing},
+      {"GET /metrics", kView},
+      {"GET /api/v1/events", kView},
+      {"GET /api/v1/jobs", kView},
+      {"GET /api/v1/jobs/{}", kView},
+      {"GET /api/v1/jobs/{}/failures", kView},
+      {"GET /api/v1/jobs/{}/refine-price", kView},
+      {"GET /api/v1/jobs/{}/frames/{}", kView},
+      {"GET /api/v1/jobs/{}/frames/{}/preview.png", kView},
+      {"GET /api/v1/jobs/{}/frames/{}/output.exr", kView},
+      {"GET /api/v1/false-color.png", kView},
+      {"GET /api/v1/workers", kView},
+      {"GET /api/v1/counters", kView},
+      // As for gRPC, with the role submit only one's own jobs.
+      {"POST /api/v1/jobs/{}:cancel", kSubmit},
+      {"POST /api/v1/jobs/{}:pause", kSubmit},
+      {"POST /api/v1/jobs/{}:resume", kSubmit},
+      {"POST /api/v1/jobs/{}:priority", kSubmit},
+      {"POST /api/v1/jobs/{}:refine", kSubmit},
+  };
+  return *kTable;
+}
+
+std::optional<Requirement> RequirementOf(std::string_view operation) {
+  static const auto* const kByOperation = [] {
+    auto* map = new std::map<std::string_view, Requirement>;
+    for (const OperationRule& rule : RoleTable()) {
+      SHEAF_CHECK(map->emplace(rule.operation, rule.requirement).second);
+    }
+    return map;
+  }();
+  const auto found = kByOperation->find(operation);
+  if (found == kByOperation->end()) return std::nullopt;
+  return found->second;
+}
+
+bool Permits(Requirement requirement, std::optional<Role> role) {
+  if (requirement == Requirement::kNothing) return true;
+  if (!role) return false;
+  if (requirement == Requirement::kIdentity) return true;
+  const bool for_workers =
+      requirement == Requirement::kWork || requirement == Requirement::kWorkOrOperate;
+  if (*role == Role::kWork) return for_workers;
+  const std::optional<Role> least = LeastRole(requirement);
+  return least && *role >= *least;
+}
+
+std::string Describe(Requirement requirement) {
+  if (requirement == Requirement::kNothing) return "nobody in particular";
+  if (requirement == Requirement::kIdentity) return "a user or a worker";
+  if (requirement == Requirement::kWork) return "a worker";
+  const std::string user = absl::StrCat("the role ", RoleName(*LeastRole(requirement)));
+  return requirement == Requirement::kWorkOrOperate ? absl::StrCat("a worker, or ", user) : user;
+}
+
+}  // namespace sheaf::coordinator

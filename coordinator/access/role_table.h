@@ -1,0 +1,44 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What each operation of the coordinator requires of its caller, in one table: every gRPC method
+// and every HTTP route. An operation that is not in it is refused to everybody; tests compare the
+// table with the services and routes that exist.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "coordinator/access/identity.h"
+
+namespace sheaf::coordinator {
+
+// Whom an operation is open to.
+enum class Requirement {
+  kNothing,   // Everybody, without a certificate too.
+  kIdentity,  // Every user and worker.
+  kWork,      // Workers.
+  kWorkOrOperate,
+  kView,  // Users with this role or a higher one; the same below.
+  kSubmit,
+  kOperate,
+  kAdminister,
+};
+
+struct OperationRule {
+  const char* operation;  // "/sheaf.v1.JobService/GetJob", "GET /api/v1/jobs".
+  Requirement requirement;
+};
+
+// All rules.
+const std::vector<OperationRule>& RoleTable();
+// None for an operation that is not in the table.
+std::optional<Requirement> RequirementOf(std::string_view operation);
+// role: none for a caller without an identity.
+bool Permits(Requirement requirement, std::optional<Role> role);
+// "the role submit", "a worker": whom it takes, for messages.
+std::string Describe(Requirement requirement);
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,29 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// CallGate: the one place that lets gRPC calls in or refuses them. gRPC asks it before every call
+// of every service that comes over TLS, streams, health and reflection included, so no handler can
+// forget to.
+#pragma once
+
+#include <grpcpp/security/auth_metadata_processor.h>
+
+#include "coordinator/access/access_control.h"
+
+namespace sheaf::coordinator {
+
+class CallGate final : public grpc::AuthMetadataProcessor {
+ public:
+  // `access` must outlive the server.
+  explicit CallGate(AccessControl* access) : access_(access) {}
+
+  // It decides from memory, in microseconds.
+  bool IsBlocking() const override { return false; }
+  grpc::Status Process(const InputMetadata& metadata, grpc::AuthContext* context,
+                       OutputMetadata* consumed, OutputMetadata* response) override;
+
+ private:
+  AccessControl* const access_;
+};
+
+}  // namespace sheaf::coordinator

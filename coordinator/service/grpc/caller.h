@@ -1,0 +1,37 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Who makes a gRPC call. CallGate has let the call in; handlers ask here whose it is.
+#pragma once
+
+#include <grpcpp/server_context.h>
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "coordinator/access/access_control.h"
+
+namespace sheaf::coordinator {
+
+// "user:NAME" or "worker:NAME": the common name of the caller's certificate, which CallGate has
+// verified. Empty without TLS, and for calls within the process.
+std::string CallerIdentity(const grpc::ServerContext& context);
+
+// The caller with its role, as of now: an identity may be revoked while a long call runs.
+// access: null without certificates. A caller without TLS has no identity. Errors:
+// kUnauthenticated.
+absl::StatusOr<Caller> CallerOf(const grpc::ServerContext& context, AccessControl* access);
+
+// Whose the jobs are that the caller submits: a user's name, or kLocalOwner without TLS.
+std::string OwnerOf(const grpc::ServerContext& context);
+
+// Whether the caller may control a job of the owner; without TLS everybody may. Errors:
+// kPermissionDenied, kUnauthenticated.
+absl::Status RequireJobControl(const grpc::ServerContext& context, AccessControl* access,
+                               const std::string& owner);
+
+// Records that the call changed the target, or why it did not. access: may be null.
+void NoteInAudit(const grpc::ServerContext& context, AccessControl* access, const char* what,
+                 const std::string& target, const absl::Status& outcome);
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,119 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/http/http_access.h"
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
+#include "absl/time/clock.h"
+#include "coordinator/service/http/http_page.h"
+#include "coordinator/service/http/http_router.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr char kLoginPage[] = "/login";
+constexpr char kTokenField[] = "token=";
+// The login page shows its message where the address names it.
+constexpr char kRefusedPage[] = "/login#refused";
+
+std::string CookieOf(const HttpRequest& request) {
+  const std::string header = HeaderValue(request, "Cookie");
+  const std::string prefix = absl::StrCat(kSessionCookie, "=");
+  for (absl::string_view cookie : absl::StrSplit(header, ';')) {
+    cookie = absl::StripAsciiWhitespace(cookie);
+    if (absl::ConsumePrefix(&cookie, prefix)) return std::string(cookie);
+  }
+  return "";
+}
+
+HttpResponse SeeOther(const std::string& location) {
+  HttpResponse response;
+  response.status = 303;
+  response.headers = {{"Location", location}, {"Cache-Control", "no-store"}};
+  return response;
+}
+
+std::string SetCookie(const std::string& session, absl::Duration age) {
+  return absl::StrCat(kSessionCookie, "=", session, "; Path=/; Max-Age=", absl::ToInt64Seconds(age),
+                      "; Secure; HttpOnly; SameSite=Strict");
+}
+
+// The form may be sent here, and by browsers that then say from which page it comes.
+HttpResponse LoginPage() {
+  HttpResponse response;
+  for (const PageFile& file : PageFiles()) {
+    if (file.name != "login.html") continue;
+    response.content_type = std::string(file.content_type);
+    response.body = std::string(file.bytes);
+  }
+  response.headers = {{"Cache-Control", "no-cache"},
+                      {"Referrer-Policy", "same-origin"},
+                      {"Content-Security-Policy",
+                       "default-src 'none'; style-src 'self'; img-src 'self'; base-uri 'none'; "
+                       "form-action 'self'; frame-ancestors 'none'"}};
+  return response;
+}
+
+// Whether a person waits for the answer at a browser, and not a script.
+bool IsPage(const std::string& operation) {
+  return operation == "GET /" || operation == "GET /index.html";
+}
+
+}  // namespace
+
+bool HttpAccess::Admits(const std::string& operation, HttpRequest* request,
+                        HttpResponse* refusal) const {
+  const absl::Time now = absl::Now();
+  absl::StatusOr<Caller> caller =
+      access_->AdmitSession(CookieOf(*request), operation, request->peer, now);
+  if (caller.ok()) {
+    request->caller = *std::move(caller);
+    return true;
+  }
+  const bool signed_in = absl::IsPermissionDenied(caller.status());
+  if (!signed_in && IsPage(operation)) {
+    *refusal = SeeOther(kLoginPage);
+  } else {
+    *refusal = HttpError(signed_in ? 403 : 401, absl::StatusCodeToString(caller.status().code()),
+                         std::string(caller.status().message()));
+  }
+  return false;
+}
+
+void HttpAccess::NoteInAudit(const HttpRequest& request, const std::string& job_id,
+                             const absl::Status& outcome) const {
+  access_->audit().Note(absl::StrCat(request.caller.Name(), " at ", request.peer),
+                        request.operation, absl::StrCat("jobs/", job_id), outcome);
+}
+
+HttpResponse HttpAccess::SignIn(const HttpRequest& request) const {
+  const absl::Time now = absl::Now();
+  absl::string_view token = request.body;
+  if (!absl::ConsumePrefix(&token, kTokenField)) return SeeOther(kRefusedPage);
+  const absl::StatusOr<std::string> session =
+      access_->SignIn(std::string(absl::StripAsciiWhitespace(token)), request.peer, now);
+  if (!session.ok()) return SeeOther(kRefusedPage);
+  HttpResponse response = SeeOther("/");
+  response.headers.emplace_back("Set-Cookie", SetCookie(*session, kPageSessionLifetime));
+  return response;
+}
+
+HttpResponse HttpAccess::SignOut(const HttpRequest& request) const {
+  access_->SignOut(CookieOf(request), absl::Now());
+  HttpResponse response = SeeOther(kLoginPage);
+  response.headers.emplace_back("Set-Cookie", SetCookie("", absl::ZeroDuration()));
+  return response;
+}
+
+std::vector<HttpRoute> HttpAccess::Routes() const {
+  HttpRoute sign_in{"POST", kLoginPage, [this](const HttpRequest& r) { return SignIn(r); }};
+  sign_in.from_form = true;
+  return {{"GET", kLoginPage, [](const HttpRequest&) { return LoginPage(); }},
+          sign_in,
+          {"POST", "/logout", [this](const HttpRequest& r) { return SignOut(r); }}};
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,348 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// A coordinator with certificates, over mutual TLS on loopback: who is let in to which call of
+// which service, who is refused, and what the audit log says.
+#include <google/protobuf/descriptor.h>
+#include <grpcpp/generic/generic_stub.h>
+
+#include <atomic>
+#include <filesystem>
+#include <latch>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
+#include "common/base/file.h"
+#include "common/rpc/certificate_renewal.h"
+#include "common/rpc/enrolment.h"
+#include "common/rpc/grpc_status.h"
+#include "common/rpc/tls_credentials.h"
+#include "coordinator/service/server/coordinator_server_fixture.h"
+#include "gtest/gtest.h"
+#include "sheaf/v1/access.grpc.pb.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+const IdentityId kAnna{IdentityKind::kUser, "anna"};
+const IdentityId kBen{IdentityKind::kUser, "ben"};
+const IdentityId kNode{IdentityKind::kWorker, "node7"};
+
+class CoordinatorAccessTest : public CoordinatorServerTest {
+ protected:
+  CoordinatorAccessTest() {
+    options_.listen_address = "127.0.0.1:0";
+    const absl::Status created = CertificateAuthority::Create(
+        AccessControl::Directory(directory_), {"localhost", "127.0.0.1"}, absl::Now());
+    EXPECT_TRUE(created.ok()) << created;
+  }
+
+  std::string Address() const { return absl::StrCat("127.0.0.1:", server_->port()); }
+  std::string Token(const IdentityId& id, Role role) {
+    const absl::StatusOr<std::string> secret =
+        server_->access()->identities().MakeToken(id, role, absl::Now(), kTokenLifetime);
+    EXPECT_TRUE(secret.ok()) << secret.status();
+    return secret.value_or("");
+  }
+  EnrolmentToken TokenText(const std::string& secret) {
+    return {secret, server_->access()->authority().certificate_pem()};
+  }
+  // The files of an identity that is enrolled over the network, in a store of its own.
+  CredentialFiles Enrol(const IdentityId& id, Role role) {
+    const absl::StatusOr<Enrolment> enrolled =
+        sheaf::Enroll(Address(), TokenText(Token(id, role)),
+                      CredentialStore(absl::StrCat(directory_, "/clients/", FormatIdentity(id))));
+    EXPECT_TRUE(enrolled.ok()) << enrolled.status();
+    return enrolled.ok() ? enrolled->files : CredentialFiles{};
+  }
+  std::shared_ptr<grpc::Channel> ChannelOf(const CredentialFiles& files) {
+    return MakeChannel(Address(), MutualTlsCredentials(files, absl::Seconds(1)));
+  }
+  std::shared_ptr<grpc::Channel> ChannelOf(const IdentityId& id, Role role) {
+    return ChannelOf(Enrol(id, role));
+  }
+  std::shared_ptr<grpc::Channel> ChannelWithoutCertificate() {
+    return MakeChannel(Address(),
+                       EnrolmentCredentials(server_->access()->authority().certificate_pem()));
+  }
+  // Calls any method with an empty request: requests of all are valid when empty, and answered by
+  // an error of the handler where it is let in.
+  absl::Status Call(const std::shared_ptr<grpc::Channel>& channel, const std::string& operation) {
+    grpc::GenericStub stub(channel);
+    grpc::ClientContext context;
+    SetDeadline(&context, kPatience);
+    grpc::CompletionQueue queue;
+    const auto call = stub.PrepareCall(&context, operation, &queue);
+    call->StartCall(reinterpret_cast<void*>(1));
+    const auto wait = [&queue] {
+      void* tag = nullptr;
+      bool ok = false;
+      return queue.Next(&tag, &ok) && ok;
+    };
+    wait();
+    call->WriteLast(grpc::ByteBuffer(nullptr, 0), grpc::WriteOptions(), reinterpret_cast<void*>(2));
+    wait();
+    grpc::ByteBuffer answer;
+    call->Read(&answer, reinterpret_cast<void*>(3));
+    if (wait()) context.TryCancel();  // An endless stream: it was let in.
+    grpc::Status status;
+    call->Finish(&status, reinterpret_cast<void*>(4));
+    wait();
+    queue.Shutdown();
+    return FromGrpcStatus(status);
+  }
+  static bool WasRefused(const absl::Status& status) {
+    return absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status);
+  }
+  absl::Status GetJob(const std::shared_ptr<grpc::Channel>& channel) {
+    return Call(channel, "/sheaf.v1.JobService/GetJob");
+  }
+  std::string Audit() const { return ReadWholeFile(directory_ + "/audit.log").value_or(""); }
+  bool AuditHas(const std::string& who, const std::string& what, const std::string& outcome) {
+    const std::string text = Audit();
+    for (const absl::string_view line : absl::StrSplit(text, '\n')) {
+      if (absl::StrContains(line, absl::StrCat("\"who\":\"", who)) &&
+          absl::StrContains(line, absl::StrCat("\"what\":\"", what, "\"")) &&
+          absl::StrContains(line, absl::StrCat("\"outcome\":\"", outcome))) {
+        return true;
+      }
+    }
+    return false;
+  }
+};
+
+// All methods of the services that the coordinator registers.
+std::set<std::string> AllOperations() {
+  std::set<std::string> operations = {
+      "/grpc.health.v1.Health/Check", "/grpc.health.v1.Health/Watch",
+      "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo"};
+  const auto* pool = google::protobuf::DescriptorPool::generated_pool();
+  // One message of each file links the file's descriptors in.
+  for (const google::protobuf::FileDescriptor* file :
+       {v1::EnrollRequest::descriptor()->file(), v1::Job::descriptor()->file(),
+        v1::FindMissingRequest::descriptor()->file(),
+        v1::SynchronizeRequest::descriptor()->file()}) {
+    EXPECT_NE(pool->FindFileByName(file->name()), nullptr);
+    for (int i = 0; i < file->service_count(); ++i) {
+      for (int j = 0; j < file->service(i)->method_count(); ++j) {
+        operations.insert(absl::StrCat("/", file->service(i)->full_name(), "/",
+                                       file->service(i)->method(j)->name()));
+      }
+    }
+  }
+  return operations;
+}
+
+TEST_F(CoordinatorAccessTest, TheRoleTableNamesEachMethodOfEachService) {
+  std::set<std::string> named;
+  for (const OperationRule& rule : RoleTable()) {
+    if (rule.operation[0] == '/') named.insert(rule.operation);
+  }
+  EXPECT_EQ(named, AllOperations());
+}
+
+TEST_F(CoordinatorAccessTest, EachCallIsLetInByTheTableAlone) {
+  Start();
+  const std::pair<std::optional<Role>, std::shared_ptr<grpc::Channel>> callers[] = {
+      {std::nullopt, ChannelWithoutCertificate()},
+      {Role::kWork, ChannelOf(kNode, Role::kWork)},
+      {Role::kView, ChannelOf({IdentityKind::kUser, "vera"}, Role::kView)},
+      {Role::kSubmit, ChannelOf({IdentityKind::kUser, "sam"}, Role::kSubmit)},
+      {Role::kOperate, ChannelOf({IdentityKind::kUser, "olga"}, Role::kOperate)},
+      {Role::kAdminister, ChannelOf({IdentityKind::kUser, "adam"}, Role::kAdminister)}};
+  for (const auto& [role, channel] : callers) {
+    for (const std::string& operation : AllOperations()) {
+      const absl::Status status = Call(channel, operation);
+      // An empty token is refused by the handler of Enroll, which everybody reaches.
+      const bool enrolling = absl::StrContains(operation, "/Enroll");
+      const bool refused = enrolling ? !absl::IsInvalidArgument(status) : WasRefused(status);
+      EXPECT_EQ(refused, !Permits(*RequirementOf(operation), role))
+          << (role ? RoleName(*role) : "nobody") << " " << operation << ": " << status;
+    }
+  }
+  EXPECT_TRUE(AuditHas("a gRPC client", "GetJob", "UNAUTHENTICATED"));
+  EXPECT_TRUE(AuditHas("worker:node7", "CreateJob", "PERMISSION_DENIED"));
+  EXPECT_TRUE(AuditHas("user:vera", "CancelJob", "PERMISSION_DENIED"));
+}
+
+TEST_F(CoordinatorAccessTest, PlainTextGetsNoAnswer) {
+  Start();
+  const absl::Status status = GetJob(MakeChannel(Address()));
+  EXPECT_TRUE(absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) << status;
+}
+
+TEST_F(CoordinatorAccessTest, AClientTrustsItsOwnAuthorityOnly) {
+  Start();
+  CertificateTerms terms;
+  terms.use = CertificateUse::kAuthority;
+  terms.common_name = "another farm";
+  terms.not_before = absl::Now() - absl::Hours(1);
+  terms.not_after = absl::Now() + absl::Hours(1);
+  const std::string other = *MakeAuthorityCertificate(terms, GenerateKey());
+  const absl::Status status =
+      Call(MakeChannel(Address(), EnrolmentCredentials(other)), "/sheaf.v1.AccessService/Enroll");
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+}
+
+TEST_F(CoordinatorAccessTest, AServerUnderAnotherNameIsRefusedByItsClients) {
+  std::filesystem::remove_all(AccessControl::Directory(directory_));
+  ASSERT_TRUE(CertificateAuthority::Create(AccessControl::Directory(directory_),
+                                           {"farm.example.org"}, absl::Now())
+                  .ok());
+  Start();
+  EXPECT_TRUE(
+      absl::IsUnavailable(Call(ChannelWithoutCertificate(), "/sheaf.v1.AccessService/Enroll")));
+}
+
+TEST_F(CoordinatorAccessTest, RevocationEndsAnOpenConnectionAtItsNextCall) {
+  Start();
+  const auto anna = ChannelOf(kAnna, Role::kView);
+  EXPECT_FALSE(WasRefused(GetJob(anna)));
+  // As the command does it, in another process.
+  ASSERT_TRUE((*AccessControl::Open(directory_))->identities().Revoke(kAnna, absl::Now()).ok());
+  EXPECT_TRUE(absl::IsUnauthenticated(GetJob(anna)));
+  EXPECT_TRUE(AuditHas("a gRPC client", "GetJob",
+                       "UNAUTHENTICATED: user:anna is revoked"));
+}
+
+TEST_F(CoordinatorAccessTest, RevocationEndsAWatch) {
+  Start();
+  const std::string name = Create(Request(1 << 20)).name();
+  const auto watcher = v1::JobService::NewStub(ChannelOf(kAnna, Role::kView));
+  grpc::ClientContext context;
+  SetDeadline(&context, kPatience);
+  v1::WatchJobRequest request;
+  request.set_name(name);
+  const auto reader = watcher->WatchJob(&context, request);
+  v1::Job job;
+  ASSERT_TRUE(reader->Read(&job));
+  ASSERT_TRUE(server_->access()->identities().Revoke(kAnna, absl::Now()).ok());
+  while (reader->Read(&job)) {
+  }
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::UNAUTHENTICATED);
+}
+
+TEST_F(CoordinatorAccessTest, AnExpiredCertificateIsRefusedOnAnOpenConnectionToo) {
+  options_.certificate_lifetimes.user = absl::Seconds(3);
+  Start();
+  const auto anna = ChannelOf(kAnna, Role::kView);
+  EXPECT_FALSE(WasRefused(GetJob(anna)));
+  absl::SleepFor(absl::Seconds(4));
+  EXPECT_TRUE(absl::IsUnauthenticated(GetJob(anna)));
+  EXPECT_TRUE(AuditHas("a gRPC client", "GetJob",
+                       "UNAUTHENTICATED: the certificate of user:anna has expired"));
+}
+
+TEST_F(CoordinatorAccessTest, AReplayedTokenEnrolsNobody) {
+  Start();
+  const std::string secret = Token(kAnna, Role::kView);
+  const auto enrol = [&](const std::string& folder) {
+    return sheaf::Enroll(Address(), TokenText(secret),
+                         CredentialStore(absl::StrCat(directory_, "/clients/", folder)))
+        .status();
+  };
+  EXPECT_TRUE(enrol("first").ok());
+  EXPECT_TRUE(absl::IsUnauthenticated(enrol("thief")));
+  EXPECT_TRUE(AuditHas("ipv4:127.0.0.1", "Enroll", "ok"));
+  EXPECT_TRUE(AuditHas("ipv4:127.0.0.1", "Enroll", "UNAUTHENTICATED"));
+}
+
+TEST_F(CoordinatorAccessTest, OfManyConcurrentEnrolmentsWithOneTokenOneSucceeds) {
+  Start();
+  const EnrolmentToken token = TokenText(Token(kNode, Role::kWork));
+  constexpr int kMachines = 8;
+  std::atomic<int> enrolled{0};
+  std::latch together(kMachines);
+  {
+    std::vector<std::jthread> machines;
+    for (int i = 0; i < kMachines; ++i) {
+      machines.emplace_back([&, i] {
+        together.arrive_and_wait();
+        const CredentialStore store(absl::StrCat(directory_, "/clients/", i));
+        if (sheaf::Enroll(Address(), token, store).ok()) ++enrolled;
+      });
+    }
+  }
+  EXPECT_EQ(enrolled, 1);
+}
+
+TEST_F(CoordinatorAccessTest, SubmittersControlTheirOwnJobsAndOperatorsAll) {
+  Start();
+  const auto stub = [&](const IdentityId& id, Role role) {
+    return v1::JobService::NewStub(ChannelOf(id, role));
+  };
+  const auto anna = stub(kAnna, Role::kSubmit), ben = stub(kBen, Role::kSubmit);
+  const auto olga = stub({IdentityKind::kUser, "olga"}, Role::kOperate);
+  v1::Job job;
+  grpc::ClientContext creating;
+  ASSERT_TRUE(anna->CreateJob(&creating, Request(16), &job).ok());
+  EXPECT_EQ(job.owner(), "anna");
+  const auto code = [&](const auto& call, auto request) {
+    grpc::ClientContext context;
+    request.set_name(job.name());
+    v1::Job changed;
+    return call(&context, request, &changed).error_code();
+  };
+  const auto all_of = [&](v1::JobService::Stub* by) {
+    return std::vector<grpc::StatusCode>{
+        code([&](auto... a) { return by->PauseJob(a...); }, v1::PauseJobRequest()),
+        code([&](auto... a) { return by->ResumeJob(a...); }, v1::ResumeJobRequest()),
+        code([&](auto... a) { return by->SetJobPriority(a...); }, v1::SetJobPriorityRequest()),
+        code([&](auto... a) { return by->CancelJob(a...); }, v1::CancelJobRequest())};
+  };
+  const std::vector<grpc::StatusCode> refused(4, grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(all_of(ben.get()), refused);
+  EXPECT_EQ(code([&](auto... a) { return ben->RefineJob(a...); }, v1::RefineJobRequest()),
+            grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_TRUE(AuditHas("user:ben", "CancelJob", "PERMISSION_DENIED: the job belongs to anna"));
+  EXPECT_EQ(all_of(olga.get()), std::vector<grpc::StatusCode>(4, grpc::StatusCode::OK));
+  EXPECT_TRUE(AuditHas("user:anna", "CreateJob", "ok"));
+  EXPECT_TRUE(AuditHas("user:olga", "CancelJob", "ok"));
+}
+
+TEST_F(CoordinatorAccessTest, AnOwnerSurvivesARestart) {
+  Start();
+  const auto anna = v1::JobService::NewStub(ChannelOf(kAnna, Role::kSubmit));
+  v1::Job job;
+  grpc::ClientContext creating;
+  ASSERT_TRUE(anna->CreateJob(&creating, Request(16), &job).ok());
+  Start();
+  EXPECT_EQ(Get(job.name()).owner(), "anna");
+}
+
+TEST_F(CoordinatorAccessTest, AWorkerWorksThroughTheRotationOfItsCertificate) {
+  options_.certificate_lifetimes.worker = absl::Seconds(9);
+  Start();
+  const CredentialFiles files = Enrol(kNode, Role::kWork);
+  const std::string first = *ReadWholeFile(files.certificate_path);
+  const CertificateRenewal renewal(Address(), files, absl::Milliseconds(200));
+  SyntheticWorker worker(ChannelOf(files), "node7-1");
+  const SteadyTime end = SteadyTime::Now() + absl::Seconds(15);
+  int renewals = 0;
+  std::string last = first;
+  while (SteadyTime::Now() < end) {
+    ASSERT_TRUE(worker.Synchronize(0).ok());
+    const std::string now = *ReadWholeFile(files.certificate_path);
+    renewals += now != last;
+    last = now;
+    absl::SleepFor(absl::Milliseconds(20));
+  }
+  EXPECT_GE(renewals, 2);
+  EXPECT_TRUE(AuditHas("worker:node7", "RenewCertificate", "ok"));
+}
+
+TEST_F(CoordinatorAccessTest, ARenewedCertificateIsTheCallersOwn) {
+  Start();
+  const CredentialFiles files = Enrol(kAnna, Role::kView);
+  Enrol(kBen, Role::kAdminister);
+  ASSERT_TRUE(*RenewCertificate(Address(), files, 0));
+  EXPECT_EQ(ReadCertificate(*ReadWholeFile(files.certificate_path))->common_name, "user:anna");
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
