@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 16;
+constexpr int64_t kSchemaVersion = 17;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -133,6 +133,17 @@ ALTER TABLE effects RENAME COLUMN without TO ablation;
 ALTER TABLE effects RENAME COLUMN time_share TO time_fraction;
 ALTER TABLE effects RENAME COLUMN time_share_error TO time_fraction_error;
 )sql";
+// Parts of before belong to the workers that rendered them.
+constexpr char kAddedBy17[] = R"sql(
+ALTER TABLE parts ADD COLUMN identity TEXT NOT NULL DEFAULT '';
+UPDATE parts SET identity = worker_id;
+CREATE INDEX parts_by_identity ON parts(identity);
+ALTER TABLE frames ADD COLUMN correction_count INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN warning TEXT NOT NULL DEFAULT '';
+CREATE TABLE quarantines(
+  identity TEXT PRIMARY KEY, reason TEXT NOT NULL, made_false_results INTEGER NOT NULL,
+  time_ns INTEGER NOT NULL) WITHOUT ROWID;
+)sql";
 
 }  // namespace
 
@@ -151,9 +162,10 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
-                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
-                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16};
+  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,
+                               kAddedBy6,  kAddedBy7,  kAddedBy8,  kAddedBy9,
+                               kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13,
+                               kAddedBy14, kAddedBy15, kAddedBy16, kAddedBy17};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -128,6 +128,7 @@ class FrameScene : public LoadedScene {
     part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
     part.ray_count = stats.rays;
     part.cpu_seconds = stats.cpu_seconds;
+    part.token = lease.token;
     return part;
   }
 

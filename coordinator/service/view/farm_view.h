@@ -76,6 +76,7 @@ struct FrameView {
   double one_sequence_gain = 0;               // OneSequenceGain, for frames without a stop rule.
   std::vector<RoundView> rounds;  // Ascending; empty where there are none, and in ListJobs.
   bool complete = false;          // The EXR is delivered.
+  int32_t correction_count = 0;   // How often it was delivered with results found false later.
   std::string image_digest;       // Hex; empty until complete.
   std::string output_path;        // The delivered EXR; empty until complete.
   uint64_t preview_version = 0;   // Grows whenever Preview() would show something new.
@@ -105,6 +106,7 @@ struct JobView {
   Partition partition;
   std::string failure;         // Why it failed; empty otherwise.
   std::string waiting_reason;  // Why nothing happens; empty otherwise.
+  std::string warning;         // What its users should know of its images; mostly empty.
   int64_t failure_count = 0;   // Leases that came to nothing.
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture until it has ended.
@@ -139,6 +141,7 @@ const char* LeasePhaseName(LeasePhase phase);
 
 struct WorkerView {
   std::string worker_id;
+  std::string identity;  // Who answers for it: its certificate's common name, or itself.
   std::string host;
   WorkerState state = WorkerState::kIdle;
   int32_t thread_count = 0;
