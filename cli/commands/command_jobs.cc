@@ -94,12 +94,21 @@ class WorkersCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = AddCommon(app, "workers", "List the workers the coordinator knows");
-    command->footer("Examples:\n  sheaf workers\n  sheaf workers --json");
+    command->add_option("--trust", trusted_,
+                        "First lift the quarantine of this worker or certificate");
+    command->footer(
+        "Examples:\n  sheaf workers\n  sheaf workers --json\n"
+        "  sheaf workers --trust render-07");
     return command;
   }
 
  protected:
   ExitCode RunWith(FarmClient* client) override {
+    if (!trusted_.empty()) {
+      if (absl::Status lifted = client->LiftQuarantine(trusted_); !lifted.ok()) {
+        return ReportCallError(lifted);
+      }
+    }
     const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
     if (!workers.ok()) return ReportCallError(workers.status());
     if (!json()) {
@@ -117,10 +126,16 @@ class WorkersCommand : public FarmCommand {
                   worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
                   FormatCount(worker.samples_per_second()).c_str(),
                   worker.numeric_profile().c_str());
-      if (!worker.reason().empty()) std::printf("  %s\n", Printable(worker.reason()).c_str());
+      if (!worker.reason().empty()) {
+        std::printf("  %s; lift it with sheaf workers --trust %s\n",
+                    Printable(worker.reason()).c_str(), Printable(worker.identity()).c_str());
+      }
     }
     return ExitCode::kOk;
   }
+
+ private:
+  std::string trusted_;
 };
 
 }  // namespace

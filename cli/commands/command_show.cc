@@ -58,6 +58,9 @@ void PrintJob(const v1::Job& job) {
   if (!job.failure().empty()) {
     std::printf("failure    %s\n", PrintableLines(job.failure()).c_str());
   }
+  if (!job.warning().empty()) {
+    std::printf("warning    %s\n", PrintableLines(job.warning()).c_str());
+  }
   std::printf("progress   %s\n", FormatProgress(job).c_str());
   std::printf("rays       %s\n",
               FormatCount(static_cast<double>(job.progress().ray_count())).c_str());

@@ -250,6 +250,17 @@ absl::StatusOr<std::vector<v1::Worker>> FarmClient::ListWorkers() {
   return std::vector<v1::Worker>(response.workers().begin(), response.workers().end());
 }
 
+absl::Status FarmClient::LiftQuarantine(const std::string& identity) {
+  v1::LiftQuarantineRequest request;
+  request.set_identity(identity);
+  v1::LiftQuarantineResponse response;
+  return Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->LiftQuarantine(context, request, &response));
+      },
+      kUnaryDeadline);
+}
+
 absl::StatusOr<std::vector<BlobDigest>> FarmClient::FindMissing(
     const std::vector<BlobDigest>& digests) {
   std::vector<BlobDigest> missing;

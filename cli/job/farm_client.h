@@ -63,6 +63,8 @@ class FarmClient {
       const v1::PriceRefinementRequest& request);
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max, bool with_pilots = false);
   absl::StatusOr<std::vector<v1::Worker>> ListWorkers();
+  // Gives an identity in quarantine (Worker.identity) work again.
+  absl::Status LiftQuarantine(const std::string& identity);
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests);
   // The delivered EXR. Reads at most size_bytes_max bytes.
   absl::StatusOr<std::string> ReadFrameOutput(const std::string& name, uint64_t size_bytes_max);

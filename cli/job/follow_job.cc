@@ -22,6 +22,7 @@
 #include "common/base/file.h"
 #include "common/base/first_error.h"
 #include "common/base/mutex.h"
+#include "common/base/printable.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/rpc/address.h"
 
@@ -213,6 +214,9 @@ ExitCode ReportEnd(const v1::Job& job, bool images_written) {
   // With a single image, the line printed when it was written has said the same.
   const bool is_reported = images_written && job.frames_size() == 1;
   if (!is_reported) PrintInfo(FormatJobSummary(job));
+  if (!job.warning().empty()) {
+    PrintInfo(absl::StrCat("warning: ", job.name(), ": ", Printable(job.warning())));
+  }
   return ExitCode::kOk;
 }
 

@@ -148,6 +148,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"unreliable_tile_count", frame.unreliable_tile_count()},
       {"unreliable_layers", LayersJson(frame)},
       {"complete", frame.complete()},
+      {"correction_count", frame.correction_count()},
       {"image_digest", frame.image_digest()},
       {"flip", frame.flip() > 0 ? Json(frame.flip()) : Json()},
       {"one_sequence_gain",
@@ -176,6 +177,7 @@ std::string JobJson(const v1::Job& job) {
       {"numeric_profile", job.numeric_profile()},
       {"failure", job.failure()},
       {"waiting_reason", job.waiting_reason()},
+      {"warning", job.warning()},
       {"create_time", TimeJson(job.has_create_time(), job.create_time())},
       {"end_time", TimeJson(job.has_end_time(), job.end_time())},
       {"progress", ProgressJson(job.progress())},
@@ -219,7 +221,9 @@ std::string RefinementPricesJson(const v1::PriceRefinementResponse& response) {
 std::string WorkerJson(const v1::Worker& worker) {
   return Dump({
       {"name", worker.name()},
+      {"identity", worker.identity()},
       {"host", worker.host()},
+      {"identity", worker.identity()},
       {"state", WorkerStateName(worker.state())},
       {"thread_count", worker.thread_count()},
       {"numeric_profile", worker.numeric_profile()},

@@ -44,6 +44,7 @@ const std::vector<OperationRule>& RoleTable() {
       {"/sheaf.v1.JobService/WatchJob", kView},
       {"/sheaf.v1.JobService/ReadFrameOutput", kView},
       {"/sheaf.v1.JobService/PriceRefinement", kView},
+      {"/sheaf.v1.JobService/LiftQuarantine", kOperate},
       {"/sheaf.v1.JobService/ListWorkers", kView},
       // With the role submit, only one's own jobs (AccessControl::AuthorizeJob).
       {"/sheaf.v1.JobService/CreateJob", kSubmit},

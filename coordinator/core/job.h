@@ -108,8 +108,10 @@ struct Lease {
   PixelRect tile_rect;
   TileCells cells;  // The task's.
   std::string worker_id;
+  std::string identity;  // The worker's.
   LeasePhase phase = LeasePhase::kQueued;
   SteadyTime grant_time;
+  bool is_check = false;  // Its task is done; the result is compared. Workers are not told.
 };
 
 // Why a lease gave no result; each class has its own budget (limits.h).
@@ -124,6 +126,7 @@ struct LeaseFailure {
   uint64_t lease_id = 0;
   FailureKind kind = FailureKind::kReleased;
   std::string message;
+  std::string token = {};  // The proof that the lease is the sender's (lease_token.h).
 };
 
 // A lease that came to nothing, as people are told of it.
@@ -152,6 +155,9 @@ struct LeaseReport {
 // A worker's report of itself.
 struct WorkerReport {
   std::string worker_id;
+  // Who answers for it: the common name of its certificate. Empty where it has none: then that is
+  // the worker itself.
+  std::string identity;
   std::string host;
   std::string numeric_profile;
   int32_t thread_count = 1;
@@ -161,6 +167,18 @@ struct WorkerReport {
   bool draining = false;
   std::vector<std::string> warm_scenes;  // Hex digests.
   uint64_t scene_memory_bytes = 0;       // Their memory; 0: not reported.
+};
+
+inline const std::string& IdentityOf(const WorkerReport& report) {
+  return report.identity.empty() ? report.worker_id : report.identity;
+}
+
+// An identity that gets no work and whose results are refused, until somebody lifts that.
+struct QuarantineRecord {
+  std::string identity, reason;
+  bool made_false_results = false;         // So that none of its results is believed.
+  absl::Time time = absl::InfinitePast();  // InfinitePast until it is dated.
+  friend bool operator==(const QuarantineRecord&, const QuarantineRecord&) = default;
 };
 
 }  // namespace sheaf::coordinator

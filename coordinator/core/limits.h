@@ -21,7 +21,14 @@ struct Limits {
       absl::Milliseconds(20);          // The same where a frame's next round is soon.
   double synchronize_rate_max = 2000;  // Calls per second; more idle workers ask less often.
   int leases_per_worker_max = 256;
-  int warm_scenes_max = 64;  // Looked at in one Synchronize.
+  // A worker that has delivered little gets few leases, so that a stranger cannot hoard a farm's
+  // work: so many at least, so many a thread that it says it has, and so many more a result.
+  int unproven_leases_min = 4;
+  int unproven_leases_per_thread = 2;
+  int threads_believed_max = 64;
+  int leases_per_result = 4;
+  size_t leases_per_identity_max = 16'384;  // Of all workers of one certificate.
+  int warm_scenes_max = 64;                 // Looked at in one Synchronize.
   int workers_max = 100'000;
   absl::Duration lost_worker_kept = absl::Hours(1);  // Then it is forgotten.
 
@@ -63,16 +70,26 @@ struct Limits {
   int loading_losses_max = 3;      // Workers that vanished one after the other while they loaded
   int job_loading_losses_max = 6;  // a frame that nobody has loaded; the same of a job's frames.
   int infrastructure_failures_max = 16;
-  int scene_failure_workers_max = 2;  // Distinct workers that say: the scene cannot be rendered.
-  int failures_kept_max = 32;         // The last ones of a job, for people to look at.
-  int quarantine_jobs_min = 3;        // A worker failing so many jobs in a row is sick.
+  int scene_failure_workers_max = 2;    // Distinct workers that say: the scene cannot be rendered.
+  size_t worker_text_shown_max = 2000;  // Bytes of a worker's words in what a user reads.
+  int failures_kept_max = 32;           // The last ones of a job, for people to look at.
+  int quarantine_jobs_min = 3;          // A worker failing so many jobs in a row is sick.
+  size_t quarantines_max = 10'000;      // Beyond, the oldest are forgotten.
   absl::Duration retry_delay_initial = absl::Seconds(1);  // After infrastructure failures: of the
   absl::Duration retry_delay_max = absl::Minutes(1);      // worker, doubling.
+
+  // Checks: results that are rendered again by another identity, to notice false ones.
+  double check_fraction = 0.02;               // Of tasks; 0: none.
+  double new_identity_check_fraction = 0.25;  // Of the first results of an identity.
+  uint64_t new_identity_results = 16;
+  size_t result_versions_max = 5;  // Different results of a task; then nobody can decide.
+  absl::Duration check_wait_max = absl::Minutes(2);  // A rendered frame waits so long for checks.
 
   // Bounded scans, so that no call's cost grows with the farm.
   int job_scan_max = 64;
   int avoid_scan_max = 64;
   int hedge_scan_max = 64;
+  int check_scan_max = 64;
 };
 
 }  // namespace sheaf::coordinator

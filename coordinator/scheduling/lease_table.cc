@@ -14,11 +14,12 @@ const Lease& LeaseTable::Add(Lease lease) {
   lease.lease_id = next_lease_id_++;
   const TaskId task = MakeTaskId(lease.frame, lease.task);
   by_job_[lease.frame.job_id].insert(lease.lease_id);
+  ++count_by_identity_[lease.identity];
   const Lease& stored = leases_.emplace(lease.lease_id, lease).first->second;
   std::vector<uint64_t>& holders = holders_[task];
   for (const uint64_t holder : holders) hedgeable_.erase(KeyOf(leases_.at(holder)));
   holders.push_back(stored.lease_id);
-  if (holders.size() == 1) hedgeable_.insert(KeyOf(stored));
+  if (holders.size() == 1 && !stored.is_check) hedgeable_.insert(KeyOf(stored));
   return stored;
 }
 
@@ -40,6 +41,8 @@ int LeaseTable::Remove(uint64_t lease_id) {
   const Lease lease = found->second;
   hedgeable_.erase(KeyOf(lease));
   leases_.erase(found);
+  const auto identity = count_by_identity_.find(lease.identity);
+  if (--identity->second == 0) count_by_identity_.erase(identity);
   const auto job = by_job_.find(lease.frame.job_id);
   job->second.erase(lease_id);
   if (job->second.empty()) by_job_.erase(job);
@@ -48,7 +51,7 @@ int LeaseTable::Remove(uint64_t lease_id) {
   const int left = static_cast<int>(holders->second.size());
   if (left == 0) {
     holders_.erase(holders);
-  } else if (left == 1) {
+  } else if (left == 1 && !leases_.at(holders->second.front()).is_check) {
     hedgeable_.insert(KeyOf(leases_.at(holders->second.front())));
   }
   return left;
@@ -68,6 +71,11 @@ std::vector<uint64_t> LeaseTable::OfJob(uint64_t job_id) const {
 size_t LeaseTable::CountOfJob(uint64_t job_id) const {
   const auto found = by_job_.find(job_id);
   return found == by_job_.end() ? 0 : found->second.size();
+}
+
+size_t LeaseTable::CountOfIdentity(const std::string& identity) const {
+  const auto found = count_by_identity_.find(identity);
+  return found == count_by_identity_.end() ? 0 : found->second;
 }
 
 }  // namespace sheaf::coordinator

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <map>
 #include <set>
+#include <string>
 #include <tuple>
 #include <unordered_map>
 #include <vector>
@@ -44,6 +45,7 @@ class LeaseTable {
   std::vector<uint64_t> HoldersOf(const TaskId& task) const;
   std::vector<uint64_t> OfJob(uint64_t job_id) const;
   size_t CountOfJob(uint64_t job_id) const;
+  size_t CountOfIdentity(const std::string& identity) const;
   size_t size() const { return leases_.size(); }
 
   // Leases that are their task's only one: those not begun first, then the oldest.
@@ -57,6 +59,7 @@ class LeaseTable {
   std::unordered_map<uint64_t, Lease> leases_;
   std::map<TaskId, std::vector<uint64_t>> holders_;
   std::map<uint64_t, std::set<uint64_t>> by_job_;
+  std::map<std::string, size_t> count_by_identity_;
   std::set<HedgeKey> hedgeable_;
 };
 

@@ -69,7 +69,10 @@ WorkLeft WorkLeftOf(const JobRecord& job, uint64_t sample_count_left) {
 }
 
 Scheduler::Scheduler(const Limits& limits, uint64_t first_lease_id)
-    : limits_(limits), workers_(limits_), leases_(first_lease_id) {}
+    : limits_(limits),
+      workers_(limits_),
+      leases_(first_lease_id),
+      checks_(limits_.result_versions_max) {}
 
 absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
   if (live_job_count_ >= limits_.live_jobs_max) {
@@ -224,6 +227,7 @@ void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) 
   frame.failures.clear();
   frame.phase = phase;
   const FrameId id{job->spec.job_id, frame.number()};
+  DropChecks(id);
   doubtful_frames_.erase(id);
   round_frames_.erase(id);
   live_frames_.Erase(frame.packed.frame_digest(), id);
@@ -299,21 +303,27 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   counters_.samples_accepted += samples;
   counters_.rays_accepted += cost.ray_count;
   counters_.nonfinite_samples += cost.nonfinite_count;
-  if (WorkerRecord* worker = workers_.Find(worker_id)) {
-    ++worker->result_count;
-    worker->sample_count += samples;
-    worker->cpu_duration += cost.cpu_duration;
-    if (grant_time <= worker->last_result_time) {
-      worker->busy_duration += now - worker->last_result_time;
-      worker->busy_cpu_duration += cost.cpu_duration;
-    }
-    worker->last_result_time = now;
-    worker->failed_jobs.clear();
-    worker->infrastructure_failures = 0;
-  }
+  NoteDelivery(worker_id, samples, cost, grant_time, now);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
   UpdateReady(&job, index);
   return frame.phase == FrameRecord::Phase::kRendered;
+}
+
+void Scheduler::NoteDelivery(const std::string& worker_id, uint64_t samples, const ResultCost& cost,
+                             SteadyTime grant_time, SteadyTime now) {
+  WorkerRecord* worker = workers_.Find(worker_id);
+  if (worker == nullptr) return;
+  workers_.NoteResult(worker->identity);
+  ++worker->result_count;
+  worker->sample_count += samples;
+  worker->cpu_duration += cost.cpu_duration;
+  if (grant_time <= worker->last_result_time) {
+    worker->busy_duration += now - worker->last_result_time;
+    worker->busy_cpu_duration += cost.cpu_duration;
+  }
+  worker->last_result_time = now;
+  worker->failed_jobs.clear();
+  worker->infrastructure_failures = 0;
 }
 
 void Scheduler::Revoke(const FrameId& id, const Task& task) {
@@ -321,6 +331,8 @@ void Scheduler::Revoke(const FrameId& id, const Task& task) {
   const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (frame.tasks == nullptr) return;
+  DropCheckLeases(MakeTaskId(id, task));
+  checks_.Erase(MakeTaskId(id, task));
   frame.tasks->Revoke(task);
   frame.phase = FrameRecord::Phase::kOpen;
   frame.sample_count_done = frame.tasks->sample_count_done();
@@ -335,6 +347,7 @@ void Scheduler::Grow(const FrameId& id, std::span<const uint64_t> samples) {
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kRendered);
   GrowTasks(samples, frame.tasks.get());
   if (!frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kOpen;
+  frame.check_wait_end = SteadyTime::InfiniteFuture();
   UpdateReady(&job, index);
 }
 

@@ -8,6 +8,7 @@
 //     Synchronize  a worker reports its leases; the answer is the leases that it shall hold
 //     FindTask     a result came: which task is it, and is it still wanted
 //     Accept       ... and it is durable now
+//     Compare      ... and it was there before: do they agree
 //     Tick         time passed: workers that fell silent lose their leases
 //
 //     Pause        a person wants a job to wait: nothing new of it is leased
@@ -19,7 +20,9 @@
 //
 // Failures (budgets in limits.h): a worker does not get a task again that it failed while a live
 // worker is left that did not. A job fails when a task fails for good: its message names tile and
-// samples.
+// samples. For that, failures count by identity (WorkerReport::identity), and strangers are not
+// enough: one of those that blame the work must have delivered results before, while anybody is
+// live who has.
 //
 // Thread safety: none; the owner holds one lock. Cost: O(log n) a lease, no scan over tasks.
 #pragma once
@@ -48,6 +51,7 @@
 #include "coordinator/scheduling/loading_losses.h"
 #include "coordinator/scheduling/packed_frame.h"
 #include "coordinator/scheduling/pending_frames.h"
+#include "coordinator/scheduling/result_checks.h"
 #include "coordinator/scheduling/worker_table.h"
 
 namespace sheaf::coordinator {
@@ -55,7 +59,8 @@ namespace sheaf::coordinator {
 // The failures of one task so far.
 struct TaskFailures {
   std::set<std::string> failed_by;      // Workers of every class but released.
-  std::set<std::string> crashed, lost;  // Workers, by class.
+  std::set<std::string> identities;     // Of those.
+  std::set<std::string> crashed, lost;  // Identities, by class.
   int attempt_count = 0;                // Leases that ended without result.
   int crash_count = 0;
   int infrastructure_count = 0;
@@ -74,11 +79,12 @@ struct FrameRecord {
   bool loaded = false;                // Its scene, by any worker, ever.
   std::unique_ptr<FrameTasks> tasks;  // While open or rendered.
   absl::btree_map<TaskId, TaskFailures> failures;
-  absl::btree_map<std::string, std::string> refused_by;  // Worker, message: scene or memory.
-  absl::btree_set<std::string> scene_failed_by;          // Those that blame the scene.
+  absl::btree_map<std::string, FailureKind> refused_by;       // By worker: scene or memory.
+  absl::btree_map<std::string, std::string> scene_failed_by;  // By identity, what it says.
   SteadyTime first_lease_time = SteadyTime::InfiniteFuture();
-  uint64_t sample_count_done = 0;   // Pixel samples; valid in every phase.
-  uint64_t sample_count_timed = 0;  // Those whose CPU time is in cost.
+  SteadyTime check_wait_end = SteadyTime::InfiniteFuture();  // InfiniteFuture until it waits.
+  uint64_t sample_count_done = 0;                            // Pixel samples; valid in every phase.
+  uint64_t sample_count_timed = 0;                           // Those whose CPU time is in cost.
   ResultCost cost;
 
   int32_t number() const { return packed.frame_number(); }
@@ -147,7 +153,8 @@ class Scheduler {
     std::vector<Lease> leases;
     absl::Duration next_synchronize;
   };
-  // Errors: kPermissionDenied (quarantined), kResourceExhausted (too many workers).
+  // Errors: kPermissionDenied (quarantined, or the id is another's), kResourceExhausted (too many
+  // workers).
   absl::StatusOr<SynchronizeAnswer> Synchronize(const WorkerReport& report, SteadyTime now);
   // Returns whether anything changed.
   bool Tick(SteadyTime now);
@@ -166,6 +173,18 @@ class Scheduler {
   // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
   bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
               const ResultCost& cost, SteadyTime now);
+  // Begins a check of what was just accepted where it is chosen: draw, evenly spread over [0, 1),
+  // is below the fraction of tasks that are checked. Nothing happens where no other identity of the
+  // profile is live.
+  void ConsiderCheck(const FrameId& id, const Task& task, const ResultVersion& merged, double draw);
+  // Another result of a task that is done: a check, a hedge or a late one.
+  CheckVerdict Compare(const FrameId& id, const Task& task, uint64_t lease_id,
+                       const std::string& worker_id, const ResultVersion& merged,
+                       const ResultVersion& version, const ResultCost& cost, SteadyTime now);
+  // Whether the delivery of a rendered frame, or its next round, shall wait for checks of its
+  // results: while somebody is live who can do them, and no longer than check_wait_max.
+  bool AwaitsChecks(const FrameId& id, SteadyTime now);
+  const ResultChecks& checks() const { return checks_; }
   // The part of an accepted block is lost: it is rendered again.
   void Revoke(const FrameId& id, const Task& task);
   // Gives the cells of a rendered frame more samples: their next round. One count a cell, none less
@@ -173,7 +192,14 @@ class Scheduler {
   void Grow(const FrameId& id, std::span<const uint64_t> samples);
   // A lease came to nothing. Nothing happens for a lease that is not held by the worker.
   void Fail(const LeaseFailure& failure, const std::string& worker_id, SteadyTime now);
-  void Quarantine(const std::string& worker_id, const std::string& reason);
+  // Nothing happens to an identity that is in quarantine, but that it may be noted that it made
+  // false results.
+  void Quarantine(const std::string& identity, const std::string& reason,
+                  bool made_false_results = false);
+  // Puts a quarantine of an earlier life back.
+  void RestoreQuarantine(const QuarantineRecord& record);
+  // Returns whether the identity was in quarantine. What its workers failed is forgotten.
+  bool LiftQuarantine(const std::string& identity);
 
   // The EXR of a rendered frame is there. Returns whether its job has succeeded by that.
   bool Deliver(const FrameId& id);
@@ -199,6 +225,8 @@ class Scheduler {
   std::vector<uint64_t> TakeEndedJobs();
   // Jobs with failures that came since the last call, which it dates; likewise.
   std::set<uint64_t> TakeFailureJobs(absl::Time stamp);
+  // Quarantines that began since the last call, which it dates; likewise.
+  std::vector<QuarantineRecord> TakeQuarantines(absl::Time stamp);
   // Why a live job makes no progress; empty where it does or may, or is paused.
   std::string WaitingReason(const JobRecord& job) const;
 
@@ -224,15 +252,19 @@ class Scheduler {
   void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
 
   // scheduler_grant.cc
+  // How many leases it shall hold: what it asks for, within what it has shown that it can do.
+  size_t LeasesWanted(const WorkerRecord& worker) const;
+  bool MayHoldMore(const WorkerRecord& worker) const;
   bool Grant(WorkerRecord* worker, SteadyTime now);
   bool GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now);
   bool GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames, WorkerRecord* worker,
                        SteadyTime now);
   bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
   bool GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
+  bool GrantFirstRender(WorkerRecord* worker, SteadyTime now);
   bool Hedge(WorkerRecord* worker, SteadyTime now);
   void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
-                SteadyTime now);
+                bool is_check, SteadyTime now);
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, uint64_t first, int64_t pixel_count) const;
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
@@ -247,9 +279,28 @@ class Scheduler {
   // Whether HoldScenes named the frame's scene.
   bool IsHeld(const FrameRecord& frame) const;
 
+  // scheduler_checks.cc
+  // urgent_only: those whose scene is warm in the worker, or whose frame waits for nothing else.
+  bool GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime now);
+  // The task needs no further version, or is to be rendered anew.
+  void DropCheckLeases(const TaskId& task);
+  void DropChecks(const FrameId& id);
+  // Counts what a worker delivered under a lease granted at grant_time.
+  void NoteDelivery(const std::string& worker_id, uint64_t samples, const ResultCost& cost,
+                    SteadyTime grant_time, SteadyTime now);
+
   // scheduler_failures.cc
   // Whether a live worker is left that is not in `failed`.
   bool OthersLive(const std::string& numeric_profile, const std::set<std::string>& failed) const;
+  // The same of identities.
+  bool OtherIdentitiesLive(const std::string& numeric_profile,
+                           const std::set<std::string>& failed) const;
+  // Whether what these identities say can end a job: one of them has delivered results, or nobody
+  // who is live has. A scan over the live identities where all of them are strangers.
+  bool AreBelieved(const std::string& numeric_profile,
+                   const std::set<std::string>& identities) const;
+  // What a worker says, as users read it.
+  std::string Quote(const Lease& lease, const LeaseFailure& failure) const;
   void DropLease(uint64_t lease_id, bool put_back);
   void ApplyReport(WorkerRecord* worker, const WorkerReport& report, SteadyTime now);
   void LoseLeases(const std::string& worker_id, SteadyTime now);
@@ -283,11 +334,13 @@ class Scheduler {
   std::map<std::string, std::string> held_scenes_;
   WorkerTable workers_;
   LeaseTable leases_;
+  ResultChecks checks_;
   Counters counters_;
   int64_t open_pixels_ = 0;
   int live_job_count_ = 0;
   std::vector<uint64_t> ended_jobs_;
   std::set<uint64_t> failure_jobs_;
+  std::vector<QuarantineRecord> quarantines_;  // Not yet taken.
 };
 
 }  // namespace sheaf::coordinator

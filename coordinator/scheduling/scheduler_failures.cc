@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/base/printable.h"
 #include "coordinator/core/render_command.h"
 #include "coordinator/scheduling/scheduler.h"
 
@@ -79,6 +80,10 @@ void Scheduler::DropLease(uint64_t lease_id, bool put_back) {
   const Lease lease = *leases_.Find(lease_id);
   const int holders_left = leases_.Remove(lease_id);
   if (WorkerRecord* worker = workers_.Find(lease.worker_id)) worker->leases.erase(lease_id);
+  if (lease.is_check) {
+    if (put_back) checks_.Return(MakeTaskId(lease.frame, lease.task));
+    return;
+  }
   FrameRecord& frame = Frame(lease.frame);
   if (!put_back || holders_left > 0 || frame.tasks == nullptr) return;
   frame.tasks->PutBack(lease.task);
@@ -93,6 +98,13 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
   ++counters_.failures[static_cast<size_t>(failure.kind)];
   DropLease(failure.lease_id, /*put_back=*/true);
   KeepFailure(lease, failure);
+  if (lease.is_check) {
+    // The task is done: that somebody cannot do it again is no trouble of the job.
+    const bool failed = failure.kind != FailureKind::kReleased;
+    if (failed) checks_.Avoid(MakeTaskId(lease.frame, lease.task), lease.identity);
+    BlameWorker(worker_id, lease, failure, now);
+    return;
+  }
   CountTaskFailure(lease, failure, now);
   BlameWorker(worker_id, lease, failure, now);
   if (failure.kind == FailureKind::kScene || failure.kind == FailureKind::kMemory) {
@@ -146,6 +158,32 @@ bool Scheduler::OthersLive(const std::string& numeric_profile,
   return workers_.LiveCount(numeric_profile) > live_failed;
 }
 
+bool Scheduler::OtherIdentitiesLive(const std::string& numeric_profile,
+                                    const std::set<std::string>& failed) const {
+  const std::map<std::string, int>& live = workers_.LiveIdentities(numeric_profile);
+  const auto is_live = [&](const std::string& identity) { return live.contains(identity); };
+  return static_cast<int64_t>(live.size()) > std::ranges::count_if(failed, is_live);
+}
+
+bool Scheduler::AreBelieved(const std::string& numeric_profile,
+                            const std::set<std::string>& identities) const {
+  const auto has_results = [this](const std::string& identity) {
+    return workers_.ResultCount(identity) > 0;
+  };
+  if (std::ranges::any_of(identities, has_results)) return true;
+  return std::ranges::none_of(workers_.LiveIdentities(numeric_profile),
+                              [&](const auto& live) { return has_results(live.first); });
+}
+
+std::string Scheduler::Quote(const Lease& lease, const LeaseFailure& failure) const {
+  // Of these the coordinator itself tells.
+  if (failure.kind == FailureKind::kLost || failure.kind == FailureKind::kLoading) {
+    return failure.message;
+  }
+  return absl::StrCat("worker ", lease.worker_id,
+                      " says: ", Printable(failure.message, limits_.worker_text_shown_max));
+}
+
 void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now) {
   FrameRecord& frame = Frame(lease.frame);
   if (frame.tasks == nullptr) return;
@@ -153,7 +191,9 @@ void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure
   ++record.attempt_count;
   if (failure.kind == FailureKind::kReleased) return;
   record.failed_by.insert(lease.worker_id);
-  record.last_message = failure.message;
+  record.identities.insert(lease.identity);
+  record.last_message = Quote(lease, failure);
+  const std::string& profile = jobs_.at(lease.frame.job_id).spec.numeric_profile;
   bool for_good = false;
   switch (failure.kind) {
     case FailureKind::kInfrastructure:
@@ -162,18 +202,17 @@ void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure
       for_good = record.infrastructure_count >= limits_.infrastructure_failures_max;
       break;
     case FailureKind::kLost:
-      record.lost.insert(lease.worker_id);
+      record.lost.insert(lease.identity);
       for_good = static_cast<int>(record.lost.size()) >= limits_.lost_workers_max;
       break;
     case FailureKind::kInternal:
     case FailureKind::kMemory: {
-      record.crashed.insert(lease.worker_id);
+      record.crashed.insert(lease.identity);
       ++record.crash_count;
       const bool distinct = static_cast<int>(record.crashed.size()) >= limits_.crash_workers_max;
       // Where there are fewer workers than that, each failing again is as good a proof.
-      const std::string& profile = jobs_.at(lease.frame.job_id).spec.numeric_profile;
       for_good = distinct || (record.crash_count >= limits_.crash_workers_max &&
-                              !OthersLive(profile, record.failed_by));
+                              !OtherIdentitiesLive(profile, record.identities));
       break;
     }
     case FailureKind::kLoading:
@@ -183,7 +222,7 @@ void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure
     case FailureKind::kReleased:
       break;
   }
-  if (!for_good) return;
+  if (!for_good || !AreBelieved(profile, record.identities)) return;
   ++counters_.tasks_poisoned;
   EndJob(lease.frame.job_id, JobPhase::kFailed, TaskFailureText(frame, lease, record));
 }
@@ -204,8 +243,8 @@ void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
   FrameRecord& frame = Frame(lease.frame);
   if (frame.tasks == nullptr) return;
   if (failure.kind == FailureKind::kScene) {
-    frame.refused_by[lease.worker_id] = failure.message;
-    frame.scene_failed_by.insert(lease.worker_id);
+    frame.refused_by[lease.worker_id] = failure.kind;
+    frame.scene_failed_by[lease.identity] = Quote(lease, failure);
     doubtful_frames_.insert(lease.frame);
     JudgeScene(lease.frame);
     return;
@@ -213,27 +252,28 @@ void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
   // Lack of memory concerns the whole scene: leave it to larger machines while there are others.
   // The last machine left tries again, up to the task's budget.
   std::set<std::string> refused{lease.worker_id};
-  for (const auto& [worker_id, message] : frame.refused_by) refused.insert(worker_id);
+  for (const auto& [worker_id, kind] : frame.refused_by) refused.insert(worker_id);
   if (OthersLive(jobs_.at(lease.frame.job_id).spec.numeric_profile, refused)) {
-    frame.refused_by[lease.worker_id] = failure.message;
+    frame.refused_by[lease.worker_id] = failure.kind;
   } else {
     absl::erase_if(frame.refused_by,
-                   [&](const auto& entry) { return !frame.scene_failed_by.contains(entry.first); });
+                   [](const auto& entry) { return entry.second == FailureKind::kMemory; });
   }
 }
 
 void Scheduler::JudgeScene(const FrameId& id) {
   FrameRecord& frame = Frame(id);
-  const int reports = static_cast<int>(frame.scene_failed_by.size());
+  if (frame.scene_failed_by.empty()) return;
+  std::set<std::string> identities;
+  for (const auto& [identity, message] : frame.scene_failed_by) identities.insert(identity);
   const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
-  // One report is enough where nobody is left to contradict it.
-  const bool judged =
-      reports >= limits_.scene_failure_workers_max ||
-      !OthersLive(profile, {frame.scene_failed_by.begin(), frame.scene_failed_by.end()});
-  if (reports == 0 || !judged) return;
-  const std::string message = frame.refused_by.at(*frame.scene_failed_by.rbegin());
+  // One report is enough where nobody is left to contradict it; results are a contradiction.
+  const bool confirmed = static_cast<int>(identities.size()) >= limits_.scene_failure_workers_max &&
+                         frame.sample_count_done == 0 && AreBelieved(profile, identities);
+  if (!confirmed && OtherIdentitiesLive(profile, identities)) return;
   EndJob(id.job_id, JobPhase::kFailed,
-         absl::StrCat("frame ", id.frame_number, " cannot be rendered: ", message));
+         absl::StrCat("frame ", id.frame_number,
+                      " cannot be rendered: ", frame.scene_failed_by.rbegin()->second));
 }
 
 void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
@@ -250,17 +290,38 @@ void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
   }
   worker->failed_jobs.insert(lease.frame.job_id);
   if (static_cast<int>(worker->failed_jobs.size()) < limits_.quarantine_jobs_min) return;
-  Quarantine(worker_id, absl::StrCat("it failed ", worker->failed_jobs.size(),
-                                     " jobs in a row; last: ", failure.message));
+  Quarantine(worker->identity, absl::StrCat("it failed ", worker->failed_jobs.size(),
+                                            " jobs in a row; last: ", Quote(lease, failure)));
 }
 
-void Scheduler::Quarantine(const std::string& worker_id, const std::string& reason) {
-  WorkerRecord* worker = workers_.Find(worker_id);
-  if (worker == nullptr || worker->Quarantined()) return;
-  workers_.Quarantine(worker, reason);
+void Scheduler::Quarantine(const std::string& identity, const std::string& reason,
+                           bool made_false_results) {
+  const bool is_new = !workers_.quarantined().contains(identity);
+  if (is_new || made_false_results) quarantines_.push_back({identity, reason, made_false_results});
+  if (!is_new) return;
+  workers_.Quarantine(identity, reason);
   ++counters_.workers_quarantined;
-  const std::set<uint64_t> held = worker->leases;
-  for (const uint64_t lease_id : held) DropLease(lease_id, /*put_back=*/true);
+  for (const WorkerRecord* worker : workers_.WorkersOf(identity)) {
+    const std::set<uint64_t> held = worker->leases;
+    for (const uint64_t lease_id : held) DropLease(lease_id, /*put_back=*/true);
+  }
+}
+
+void Scheduler::RestoreQuarantine(const QuarantineRecord& record) {
+  workers_.Quarantine(record.identity, record.reason);
+}
+
+bool Scheduler::LiftQuarantine(const std::string& identity) {
+  if (!workers_.quarantined().contains(identity)) return false;
+  workers_.LiftQuarantine(identity);
+  std::erase_if(quarantines_, [&](const auto& record) { return record.identity == identity; });
+  for (WorkerRecord* worker : workers_.WorkersOf(identity)) worker->failed_jobs.clear();
+  return true;
+}
+
+std::vector<QuarantineRecord> Scheduler::TakeQuarantines(absl::Time stamp) {
+  for (QuarantineRecord& record : quarantines_) record.time = stamp;
+  return std::exchange(quarantines_, {});
 }
 
 }  // namespace sheaf::coordinator

@@ -15,6 +15,12 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
                                                                     SteadyTime now) {
   ++counters_.synchronize_calls;
   Tick(now);
+  const WorkerRecord* known = workers_.Find(report.worker_id);
+  if (known != nullptr && known->identity != IdentityOf(report)) {
+    return absl::PermissionDeniedError(absl::StrCat("the worker id ", report.worker_id,
+                                                    " belongs to another certificate; start ",
+                                                    "the worker again to get a new one"));
+  }
   WorkerRecord* worker = workers_.Touch(report, now);
   if (worker == nullptr) {
     return absl::ResourceExhaustedError(
@@ -28,17 +34,31 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   for (const uint64_t id : worker->leases) {
     worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).packed.scene().Hex());
   }
-  const size_t wanted = static_cast<size_t>(
-      std::clamp(report.requested_lease_count, 0, limits_.leases_per_worker_max));
+  const size_t wanted = LeasesWanted(*worker);
   if (!worker->draining && now >= worker->no_work_before) {
-    while (worker->leases.size() < wanted && Grant(worker, now)) {
+    while (worker->leases.size() < wanted && MayHoldMore(*worker) && Grant(worker, now)) {
     }
-    if (worker->leases.empty() && wanted > 0) Hedge(worker, now);
+    if (worker->leases.empty() && wanted > 0 && MayHoldMore(*worker)) Hedge(worker, now);
   }
   SynchronizeAnswer answer;
   for (const uint64_t id : worker->leases) answer.leases.push_back(*leases_.Find(id));
   answer.next_synchronize = NextSynchronize(*worker, now);
   return answer;
+}
+
+size_t Scheduler::LeasesWanted(const WorkerRecord& worker) const {
+  const int threads = std::min(worker.thread_count, limits_.threads_believed_max);
+  const int unproven =
+      std::max(limits_.unproven_leases_min, limits_.unproven_leases_per_thread * threads);
+  const auto results = static_cast<int>(std::min<uint64_t>(
+      worker.result_count, static_cast<uint64_t>(limits_.leases_per_worker_max)));
+  const int most =
+      std::min(limits_.leases_per_worker_max, unproven + limits_.leases_per_result * results);
+  return static_cast<size_t>(std::clamp(worker.requested_lease_count, 0, most));
+}
+
+bool Scheduler::MayHoldMore(const WorkerRecord& worker) const {
+  return leases_.CountOfIdentity(worker.identity) < limits_.leases_per_identity_max;
 }
 
 bool Scheduler::RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const {
@@ -67,6 +87,11 @@ absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker, SteadyTime
 }
 
 bool Scheduler::Grant(WorkerRecord* worker, SteadyTime now) {
+  return GrantCheck(worker, /*urgent_only=*/true, now) || GrantFirstRender(worker, now) ||
+         GrantCheck(worker, /*urgent_only=*/false, now);
+}
+
+bool Scheduler::GrantFirstRender(WorkerRecord* worker, SteadyTime now) {
   const auto ready = ready_jobs_.find(worker->numeric_profile);
   if (ready == ready_jobs_.end()) return false;
   // Granting changes the set, so walk a copy of its bounded front.
@@ -129,13 +154,13 @@ bool Scheduler::GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* wor
     });
   }
   if (!task) return false;
-  AddLease(job, &frame, *task, worker, now);
+  AddLease(job, &frame, *task, worker, /*is_check=*/false, now);
   UpdateReady(job, index);
   return true;
 }
 
 void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
-                         SteadyTime now) {
+                         bool is_check, SteadyTime now) {
   Lease lease;
   lease.frame = {job->spec.job_id, frame->number()};
   lease.task = task;
@@ -143,6 +168,8 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   lease.tile_rect = grid.tiles()[task.tile];
   lease.cells = grid.CellsOf(task.tile, task.cells);
   lease.worker_id = worker->worker_id;
+  lease.identity = worker->identity;
+  lease.is_check = is_check;
   lease.grant_time = now;
   const auto failures = frame->failures.find(MakeTaskId(lease.frame, task));
   if (failures != frame->failures.end()) lease.attempt = failures->second.attempt_count;
@@ -212,7 +239,7 @@ bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
     if (!MayRender(frame, MakeTaskId(first.frame, first.task), *worker, now)) continue;
     ++counters_.leases_hedged;
     const Task task = first.task;
-    AddLease(&job, &frame, task, worker, now);
+    AddLease(&job, &frame, task, worker, /*is_check=*/false, now);
     return true;
   }
   return false;

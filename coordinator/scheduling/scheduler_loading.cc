@@ -38,6 +38,12 @@ void Scheduler::JudgeLoadingLosses(const FrameId& id) {
   if (!of_frame && !of_job) return;
   const absl::btree_set<std::string>& workers =
       of_frame ? frame_losses.workers() : job.loading_losses.workers();
+  std::set<std::string> identities;
+  for (const std::string& worker_id : workers) {
+    const auto worker = workers_.workers().find(worker_id);
+    if (worker != workers_.workers().end()) identities.insert(worker->second.identity);
+  }
+  if (!AreBelieved(job.spec.numeric_profile, identities)) return;
   const std::string text = absl::StrCat(
       "frame ", id.frame_number, ": ", workers.size(), " workers disappeared one after the other ",
       "while they loaded ", of_frame ? "its scene" : "scenes of this job",

@@ -25,8 +25,12 @@ double WorkerRecord::ThreadsUsed() const {
 
 void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {
   if (!worker.Live()) return;
-  live_[worker.numeric_profile] += sign;
+  LiveWorkers& live = live_[worker.numeric_profile];
+  live.count += sign;
   live_total_ += sign;
+  const auto identity = live.by_identity.try_emplace(worker.identity, 0).first;
+  identity->second += sign;
+  if (identity->second == 0) live.by_identity.erase(identity);
 }
 
 WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
@@ -35,12 +39,17 @@ WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
     if (workers_.size() >= static_cast<size_t>(limits_.workers_max)) return nullptr;
     found = workers_.emplace(report.worker_id, WorkerRecord{}).first;
     found->second.worker_id = report.worker_id;
+    found->second.identity = IdentityOf(report);
+    ++identities_[found->second.identity].worker_count;
+    const auto quarantine = quarantined_.find(found->second.identity);
+    if (quarantine != quarantined_.end()) found->second.quarantine_reason = quarantine->second;
   } else {
     CountLive(found->second, -1);
     heard_.erase({found->second.last_seen_time, report.worker_id});
     silent_.erase({found->second.last_seen_time, report.worker_id});
   }
   WorkerRecord& worker = found->second;
+  SHEAF_CHECK(worker.identity == IdentityOf(report));
   worker.host = report.host;
   worker.numeric_profile = report.numeric_profile;
   worker.thread_count = report.thread_count;
@@ -64,10 +73,44 @@ WorkerRecord* WorkerTable::Find(const std::string& worker_id) {
   return found == workers_.end() ? nullptr : &found->second;
 }
 
-void WorkerTable::Quarantine(WorkerRecord* worker, const std::string& reason) {
-  CountLive(*worker, -1);
-  worker->quarantine_reason = reason;
-  CountLive(*worker, +1);
+std::vector<WorkerRecord*> WorkerTable::WorkersOf(const std::string& identity) {
+  std::vector<WorkerRecord*> found;
+  if (!identities_.contains(identity)) return found;
+  for (auto& [id, worker] : workers_) {
+    if (worker.identity == identity) found.push_back(&worker);
+  }
+  return found;
+}
+
+void WorkerTable::SetQuarantine(const std::string& identity, const std::string& reason) {
+  for (WorkerRecord* worker : WorkersOf(identity)) {
+    CountLive(*worker, -1);
+    worker->quarantine_reason = reason;
+    CountLive(*worker, +1);
+  }
+}
+
+void WorkerTable::Quarantine(const std::string& identity, const std::string& reason) {
+  if (!quarantined_.emplace(identity, reason).second) return;
+  quarantine_order_.push_back(identity);
+  SetQuarantine(identity, reason);
+  if (quarantined_.size() > limits_.quarantines_max) LiftQuarantine(quarantine_order_.front());
+}
+
+void WorkerTable::LiftQuarantine(const std::string& identity) {
+  if (quarantined_.erase(identity) == 0) return;
+  SetQuarantine(identity, "");
+  std::erase(quarantine_order_, std::string(identity));
+}
+
+void WorkerTable::NoteResult(const std::string& identity) {
+  const auto found = identities_.find(identity);
+  if (found != identities_.end()) ++found->second.result_count;
+}
+
+uint64_t WorkerTable::ResultCount(const std::string& identity) const {
+  const auto found = identities_.find(identity);
+  return found == identities_.end() ? 0 : found->second.result_count;
 }
 
 std::vector<std::string> WorkerTable::MarkLost(SteadyTime now) {
@@ -89,6 +132,8 @@ void WorkerTable::ForgetOld(SteadyTime now) {
   while (!silent_.empty() && silent_.begin()->first + limits_.lost_worker_kept < now) {
     const auto worker = workers_.find(silent_.begin()->second);
     SHEAF_CHECK(worker->second.leases.empty());
+    const auto identity = identities_.find(worker->second.identity);
+    if (--identity->second.worker_count == 0) identities_.erase(identity);
     workers_.erase(worker);
     silent_.erase(silent_.begin());
   }
@@ -96,7 +141,14 @@ void WorkerTable::ForgetOld(SteadyTime now) {
 
 int WorkerTable::LiveCount(const std::string& numeric_profile) const {
   const auto found = live_.find(numeric_profile);
-  return found == live_.end() ? 0 : found->second;
+  return found == live_.end() ? 0 : found->second.count;
+}
+
+const std::map<std::string, int>& WorkerTable::LiveIdentities(
+    const std::string& numeric_profile) const {
+  static const std::map<std::string, int> kNone;
+  const auto found = live_.find(numeric_profile);
+  return found == live_.end() ? kNone : found->second.by_identity;
 }
 
 }  // namespace sheaf::coordinator

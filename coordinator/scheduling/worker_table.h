@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <set>
 #include <string>
@@ -20,6 +21,7 @@ namespace sheaf::coordinator {
 
 struct WorkerRecord {
   std::string worker_id, host, numeric_profile;
+  std::string identity;  // WorkerReport::identity.
   int32_t thread_count = 1;
   int32_t requested_lease_count = 0;
   bool draining = false;
@@ -54,12 +56,21 @@ class WorkerTable {
  public:
   explicit WorkerTable(const Limits& limits) : limits_(limits) {}
 
-  // Notes what a worker says of itself. Returns nullptr where the table is full.
+  // Notes what a worker says of itself. Returns nullptr where the table is full. Requires: a worker
+  // of this id that is known has the same identity.
   WorkerRecord* Touch(const WorkerReport& report, SteadyTime now);
   // Returns nullptr for a worker never heard of.
   WorkerRecord* Find(const std::string& worker_id);
-  // Changes of the fields that decide Live go through here.
-  void Quarantine(WorkerRecord* worker, const std::string& reason);
+  // Excludes all workers of the identity, also later ones.
+  void Quarantine(const std::string& identity, const std::string& reason);
+  void LiftQuarantine(const std::string& identity);
+  // By identity, the reasons.
+  const std::map<std::string, std::string>& quarantined() const { return quarantined_; }
+  std::vector<WorkerRecord*> WorkersOf(const std::string& identity);
+  // Counts an accepted result.
+  void NoteResult(const std::string& identity);
+  // Accepted results of an identity while it has known workers.
+  uint64_t ResultCount(const std::string& identity) const;
   // Marks workers as lost that were silent for longer than the lease duration, but for those that
   // have stopped; returns their ids.
   std::vector<std::string> MarkLost(SteadyTime now);
@@ -69,15 +80,29 @@ class WorkerTable {
   // Live workers of a numeric profile.
   int LiveCount(const std::string& numeric_profile) const;
   int LiveCount() const { return live_total_; }
+  // The identities of those, each with the number of its live workers.
+  const std::map<std::string, int>& LiveIdentities(const std::string& numeric_profile) const;
   const std::map<std::string, WorkerRecord>& workers() const { return workers_; }
 
  private:
+  struct IdentityRecord {
+    int worker_count = 0;
+    uint64_t result_count = 0;
+  };
+  struct LiveWorkers {
+    int count = 0;
+    std::map<std::string, int> by_identity;
+  };
   void CountLive(const WorkerRecord& worker, int sign);
+  void SetQuarantine(const std::string& identity, const std::string& reason);
 
   const Limits& limits_;
   std::map<std::string, WorkerRecord> workers_;
   std::set<std::pair<SteadyTime, std::string>> heard_, silent_;  // By last_seen_time.
-  std::map<std::string, int> live_;
+  std::map<std::string, LiveWorkers> live_;                      // By numeric profile.
+  std::map<std::string, IdentityRecord> identities_;             // Of known workers.
+  std::map<std::string, std::string> quarantined_;
+  std::deque<std::string> quarantine_order_;  // Those of quarantined_, the oldest first.
   int live_total_ = 0;
 };
 

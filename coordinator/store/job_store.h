@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,8 +32,9 @@ struct PartKey {
 struct PartRow {
   PartKey key;
   BlobDigest digest;      // The digest of the part's bytes.
-  std::string worker_id;  // The worker that rendered it, for accounting.
+  std::string worker_id;  // The worker that rendered it.
   ResultCost cost;
+  std::string identity = {};  // Who answers for that worker (WorkerReport::identity).
 };
 
 // The properties of a frame whose EXR is written.
@@ -72,6 +74,8 @@ struct StoredJob {
   absl::Time end_time = absl::InfiniteFuture();
   absl::Duration wall_duration;        // At its last end; 0 if it has not ended, or if unknown.
   std::vector<StoredFrame> delivered;  // Ascending by number.
+  std::string warning;                 // What its users should know of its images; mostly empty.
+  std::map<int32_t, int32_t> corrections;  // By frame: how often it was, where that is not 0.
 };
 
 // Thread safety: all members may be called concurrently.
@@ -103,6 +107,15 @@ class JobStore {
                               absl::Time end_time, absl::Duration wall) = 0;
   // Replaces the job's stored failures.
   virtual absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) = 0;
+  // Who gets no work. Writing replaces what is stored of the identity; nothing happens where there
+  // is nothing to remove. Loaded in the order of their times.
+  virtual absl::Status WriteQuarantine(const QuarantineRecord& record) = 0;
+  virtual absl::Status RemoveQuarantine(const std::string& identity) = 0;
+  virtual absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() = 0;
+  // Replaces the job's warning.
+  virtual absl::Status SetWarning(uint64_t job_id, const std::string& warning) = 0;
+  // All parts of an identity, ascending by job.
+  virtual absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) = 0;
   // A job that ends is no longer paused.
   virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
   virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;
@@ -143,6 +156,7 @@ class JobStore {
   struct ReopenedFrame {
     FrameSpec spec;
     std::vector<RoundRecord> rounds;
+    bool is_correction = false;  // It was delivered with false results.
   };
   virtual absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) = 0;
 

@@ -42,6 +42,7 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
     if (row.delivered.delivered) {
       job->delivered.push_back({frame.frame_number, std::move(row.delivered.frame)});
     }
+    if (row.correction_count > 0) job->corrections[frame.frame_number] = row.correction_count;
     job->spec.frames.push_back(std::move(frame));
     return absl::OkStatus();
   });

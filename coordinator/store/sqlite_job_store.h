@@ -46,6 +46,11 @@ class SqliteJobStore : public JobStore {
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                       absl::Time end_time, absl::Duration wall) override;
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override;
+  absl::Status WriteQuarantine(const QuarantineRecord& record) override;
+  absl::Status RemoveQuarantine(const std::string& identity) override;
+  absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() override;
+  absl::Status SetWarning(uint64_t job_id, const std::string& warning) override;
+  absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override;
   absl::Status SetPaused(uint64_t job_id, bool paused) override;
   absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;

@@ -95,6 +95,15 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
                    .Bind(id.frame_number)
                    .Run();
       if (!status.ok()) return status;
+      status = database_
+                   ->Prepare(
+                       "UPDATE frames SET correction_count = correction_count + ? "
+                       "WHERE job_id = ? AND frame_number = ?")
+                   .Bind(int64_t{frame.is_correction})
+                   .Bind(job_id)
+                   .Bind(id.frame_number)
+                   .Run();
+      if (!status.ok()) return status;
       status = database_->Prepare("DELETE FROM rounds WHERE job_id = ? AND frame_number = ?")
                    .Bind(job_id)
                    .Bind(id.frame_number)

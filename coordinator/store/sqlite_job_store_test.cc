@@ -388,6 +388,8 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
                     "ALTER TABLE frames DROP COLUMN stop_reason;"
                     "ALTER TABLE frames RENAME COLUMN image_digest TO picture_digest;"
                     "DROP TABLE rounds;DROP TABLE effects;DROP TABLE failures;"
+                    "DROP TABLE quarantines;ALTER TABLE jobs DROP COLUMN warning;"
+                    "ALTER TABLE frames DROP COLUMN correction_count;"
                     "ALTER TABLE jobs DROP COLUMN failure_count;"
                     "ALTER TABLE jobs DROP COLUMN cell_size_px;"
                     "ALTER TABLE jobs DROP COLUMN wall_ns;"
@@ -423,6 +425,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
   EXPECT_EQ((*part)->digest.sha256_hex, "ab");
   EXPECT_EQ((*part)->digest.size_bytes, 9u);
   EXPECT_EQ((*part)->cost.nonfinite_count, 2u);
+  EXPECT_EQ((*part)->identity, "w") << "parts of before are their worker's";
   EXPECT_TRUE((*part)->key.cells.All());
 }
 

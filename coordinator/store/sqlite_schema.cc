@@ -134,9 +134,18 @@ ALTER TABLE effects RENAME COLUMN without TO ablation;
 ALTER TABLE effects RENAME COLUMN time_share TO time_fraction;
 ALTER TABLE effects RENAME COLUMN time_share_error TO time_fraction_error;
 )sql";
+// Parts of before belong to the workers that rendered them.
+constexpr char kAddedBy17[] = R"sql(
+ALTER TABLE parts ADD COLUMN identity TEXT NOT NULL DEFAULT '';
+UPDATE parts SET identity = worker_id;
+CREATE INDEX parts_by_identity ON parts(identity);
+ALTER TABLE frames ADD COLUMN correction_count INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN warning TEXT NOT NULL DEFAULT '';
+CREATE TABLE quarantines(
+  identity TEXT PRIMARY KEY, reason TEXT NOT NULL, made_false_results INTEGER NOT NULL,
+  time_ns INTEGER NOT NULL) WITHOUT ROWID;
+)sql";
 
-// Version 17 adds nothing to the tables.
-constexpr char kAddedBy17[] = "";
 constexpr char kAddedBy18[] = R"sql(
 ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT 'local';
 )sql";

@@ -42,6 +42,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("paused", row.paused);
   visit("failure_count", row.failures.count);
   visit("wall_ns", row.wall_duration);
+  visit("warning", row.warning);
 }
 
 // The stop rule of a frame, in the table `frames`.
@@ -125,11 +126,13 @@ void VisitColumns(Row& row, const Visitor& visit) {
 struct FrameRow {
   FrameSpecRow wanted;
   DeliveredRow delivered;
+  int32_t correction_count = 0;
 };
 template <RowOf<FrameRow> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {
   VisitColumns(row.wanted, visit);
   VisitColumns(row.delivered, visit);
+  visit("correction_count", row.correction_count);
 }
 
 // The table `parts`.
@@ -151,6 +154,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("cpu_ns", row.cost.cpu_duration);
   visit("cell_size_px", row.key.cells.size_px);
   visit("cells", row.key.cells.mask);
+  visit("identity", row.identity);
 }
 
 // Reads all rows of a statement from SelectFrom<PartRow>. Errors: those of Step.
@@ -247,6 +251,15 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("kind", row.failure.kind);
   visit("message", row.failure.message);
   visit("time_ns", row.failure.time);
+}
+
+// The table `quarantines`.
+template <RowOf<QuarantineRecord> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("identity", row.identity);
+  visit("reason", row.reason);
+  visit("made_false_results", row.made_false_results);
+  visit("time_ns", row.time);
 }
 
 }  // namespace sheaf::coordinator

@@ -29,6 +29,8 @@ export interface Job {
   priority: number;
   failure: string;
   waiting_reason: string;
+  // What its users should know of its images; mostly empty.
+  warning?: string;
   // Number of failed leases.
   failure_count: number;
   create_time: string;

@@ -21,9 +21,10 @@ export class JobDetailsView {
     if (!job) return;
     setText(byId('job-title'), job.title || job.name);
     setBadge(byId('job-state'), job.state);
-    setText(byId('job-message'), job.failure || job.waiting_reason);
+    const message = job.failure || job.waiting_reason || job.warning || '';
+    setText(byId('job-message'), message);
     byId('job-message').dataset.failure = job.failure ? 'yes' : 'no';
-    byId('job-message').hidden = !job.failure && !job.waiting_reason;
+    byId('job-message').hidden = !message;
     setProgress(byId('job-bar'), format.doneShare(job.progress), job.state);
     const output = byId<HTMLAnchorElement>('output');
     output.hidden = !frame || !frame.complete;

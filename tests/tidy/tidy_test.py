@@ -73,7 +73,7 @@ FOLDER_SOURCES_MAX = 45
 # Third-party headers and the files that may include them.
 DOORS = {
     r"Imf\w+\.h|OpenEXR/|Imath": r"^common/film/exr/exr_",
-    r"openssl/": r"^common/(base/digest|tls/certificate)\.cc$",
+    r"openssl/": r"^common/(base/(digest|secret)|tls/certificate)\.cc$",
     r"spdlog/": r"^common/base/log\.cc$",
     r"OpenImageIO/": r"^common/image/openimageio/",
     r"png\.h": r"^common/image/png\.cc",

@@ -21,6 +21,12 @@ constexpr size_t kUploadPartsMax = 16;
 // How long a thread waits for the coordinator to hear that it loads a scene.
 constexpr absl::Duration kReportLoadingMax = absl::Seconds(2);
 
+// Whether the coordinator will never take the result: it is not what its key says, or the work was
+// not leased to this worker.
+bool IsRefusal(const absl::Status& status) {
+  return absl::IsInvalidArgument(status) || absl::IsPermissionDenied(status);
+}
+
 std::string Describe(const FinishedPart& part) {
   return absl::StrCat("frame ", part.frame_digest.substr(0, 12), " tile ", part.tile.x0, ",",
                       part.tile.y0, " samples ", part.block.first, "+", part.block.count);
@@ -273,9 +279,9 @@ void Agent::UploadLoop(std::stop_token ended) {
       TakeOutcomes(parts, *outcomes);
       part_count_max = kUploadPartsMax;
       backoff = options_.backoff_initial;
-    } else if (absl::IsInvalidArgument(outcomes.status()) && parts.size() > 1) {
-      part_count_max = 1;  // One of them is invalid; find it.
-    } else if (absl::IsInvalidArgument(outcomes.status())) {
+    } else if (IsRefusal(outcomes.status()) && parts.size() > 1) {
+      part_count_max = 1;  // One of them is refused; find it.
+    } else if (IsRefusal(outcomes.status())) {
       LogError(absl::StrCat("refused: ", Describe(*parts.front()), ": ",
                             std::string(outcomes.status().message())));
       Refuse(*parts.front(), outcomes.status());

@@ -23,7 +23,8 @@ class CoordinatorLink {
 
   // Returns one outcome per part, in order; by then all parts are durable at the coordinator.
   // Idempotent; one attempt. Errors: kInvalidArgument (one of the parts does not match its
-  // description); repeat after any other. Thread safety: may be called while Synchronize runs.
+  // description), kPermissionDenied (one was not leased to this worker); repeat after any other.
+  // Thread safety: may be called while Synchronize runs.
   virtual absl::StatusOr<std::vector<UploadOutcome>> UploadResults(
       const std::string& worker_id, const std::vector<const FinishedPart*>& parts) = 0;
 

@@ -88,7 +88,9 @@ void LeaseLedger::Acknowledge(uint64_t lease_id) {
 void LeaseLedger::Fail(uint64_t lease_id, FailureKind kind, std::string message) {
   const auto it = held_.find(lease_id);
   SHEAF_CHECK(it != held_.end());
-  if (!it->second.dropped) failures_.push_back({{lease_id, kind, std::move(message)}, sequence_});
+  if (!it->second.dropped) {
+    failures_.push_back({{lease_id, kind, std::move(message), it->second.lease.token}, sequence_});
+  }
   Remove(it);
 }
 

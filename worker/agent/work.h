@@ -28,6 +28,7 @@ struct Lease {
   TileCells cells;
   BlobDigest scene;  // The manifest's digest.
   FrameSettings settings;
+  std::string token;  // Goes back with the result or the failure.
 };
 
 enum class LeasePhase { kQueued, kLoading, kRendering, kUploading };
@@ -42,6 +43,7 @@ struct LeaseFailure {
   uint64_t lease_id = 0;
   FailureKind kind = FailureKind::kInternal;
   std::string message;
+  std::string token = {};  // The lease's.
   friend bool operator==(const LeaseFailure&, const LeaseFailure&) = default;
 };
 
@@ -75,6 +77,7 @@ struct FinishedPart {
   BlobDigest digest;  // Digest of exr_bytes.
   uint64_t ray_count = 0;
   double cpu_seconds = 0;
+  std::string token;  // The lease's.
 };
 
 enum class UploadOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };

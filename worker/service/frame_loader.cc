@@ -45,6 +45,7 @@ class FrameScene : public LoadedScene {
     part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
     part.ray_count = rendered->ray_count;
     part.cpu_seconds = rendered->cpu_seconds;
+    part.token = lease.token;
     return part;
   }
 

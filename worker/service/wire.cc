@@ -82,6 +82,7 @@ absl::StatusOr<Lease> FromWire(const v1::Lease& message) {
   absl::StatusOr<FrameSettings> settings = sheaf::FromWire(message.settings());
   if (!settings.ok()) return settings.status();
   lease.settings = *std::move(settings);
+  lease.token = message.token();
   if (absl::Status status = CheckLease(lease); !status.ok()) return status;
   return lease;
 }
@@ -109,6 +110,7 @@ v1::SynchronizeRequest ToWire(const WorkerState& state) {
     message->set_lease_id(failure.lease_id);
     message->set_kind(ToWire(failure.kind));
     message->set_message(failure.message);
+    message->set_token(failure.token);
   }
   request.set_requested_lease_count(state.requested_lease_count);
   request.set_draining(state.draining);
@@ -134,6 +136,7 @@ v1::ResultHeader ToWire(const FinishedPart& part, const std::string& worker_id) 
   header.mutable_digest()->set_sha256_hex(part.digest.sha256_hex);
   header.mutable_digest()->set_size_bytes(part.digest.size_bytes);
   header.set_ray_count(part.ray_count);
+  header.set_token(part.token);
   const double seconds = std::floor(part.cpu_seconds);
   header.mutable_cpu_duration()->set_seconds(static_cast<int64_t>(seconds));
   header.mutable_cpu_duration()->set_nanos(

@@ -15,6 +15,7 @@
 #include "common/base/digest.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "common/scene/spectrum/primaries.h"
+#include "sheaf_build_id.h"
 
 #ifndef SHEAF_VERSION
 #error "common/scene/CMakeLists.txt defines SHEAF_VERSION, SHEAF_MARCH and SHEAF_EMBREE_VERSION"
@@ -241,7 +242,7 @@ std::string NumericProfile() {
   const std::string compiler = absl::StrCat("gcc-", __GNUC__);
 #endif
   return absl::StrCat(SHEAF_MARCH, " sheaf-", SHEAF_VERSION, " ", compiler, " embree-",
-                      SHEAF_EMBREE_VERSION);
+                      SHEAF_EMBREE_VERSION, " build-", SHEAF_BUILD_ID);
 }
 
 std::string FrameDigestText(const std::string& scene_digest, const FrameSettings& settings,

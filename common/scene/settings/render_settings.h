@@ -85,7 +85,8 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
 // A line for users who compare the image with pbrt-v4's; empty if no difference is expected.
 std::string ComparisonNote(const SceneDescription& scene, const FrameSettings& settings);
 
-// "x86-64-v3 sheaf-0.1.0 gcc-12 embree-3.13.5": build and instruction set. A job pins one.
+// "x86-64-v3 sheaf-0.1.0 gcc-12 embree-3.13.5 build-0123456789ab": instruction set and build, which
+// ends in a digest of all that decides the bits of an image (cmake/BuildId.cmake). A job pins one.
 std::string NumericProfile();
 
 // The text whose SHA-256 is the frame digest: one "name value" per line, in a fixed order.

@@ -242,8 +242,9 @@ TEST(RenderSettingsTest, EnergyCompensationIsReportedOnceWithItsFlag) {
 }
 
 TEST(RenderSettingsTest, ProfileNamesBuildAndInstructionSet) {
-  EXPECT_THAT(NumericProfile(),
-              ::testing::MatchesRegex("[^ ]+ sheaf-[0-9.]+ [a-z]+-[0-9]+ embree-[0-9.]+"));
+  EXPECT_THAT(
+      NumericProfile(),
+      ::testing::MatchesRegex("[^ ]+ sheaf-[0-9.]+ [a-z]+-[0-9]+ embree-[0-9.]+ build-[0-9a-f]+"));
 }
 
 TEST(FileSourceTest, NamesAreCanonical) {

@@ -3,8 +3,12 @@
 #include "coordinator/service/farm/farm.h"
 
 #include <utility>
+#include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
 #include "common/base/steady_time.h"
+#include "coordinator/store/farm_secret.h"
 #include "coordinator/store/sqlite_job_store.h"
 
 namespace sheaf::coordinator {
@@ -40,18 +44,23 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::OpenWithoutThread(const FarmOptions&
   absl::StatusOr<std::unique_ptr<RoundPreviews>> round_previews = RoundPreviews::Open(
       options.state_directory + "/rounds", {.bytes_max = options.round_previews_bytes_max});
   if (!round_previews.ok()) return round_previews.status();
+  const absl::StatusOr<std::string> secret = LoadOrMakeSecret(options.state_directory);
+  if (!secret.ok()) return secret.status();
   std::unique_ptr<Farm> farm(
-      new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews)));
+      new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews), *secret));
   if (absl::Status status = farm->lifecycle_.Load(); !status.ok()) return status;
   return farm;
 }
 
 Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
-           std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews)
+           std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews,
+           const std::string& secret)
     : options_(options),
       store_(std::move(store)),
       blobs_(std::move(blobs)),
       round_previews_(std::move(round_previews)),
+      tokens_(secret),
+      choice_(secret),
       tables_(options.limits, store_->FirstLeaseId(), options.merge_bytes_max),
       disk_(&signals_),
       resumed_(blobs_.get(), NumericProfile()),
@@ -60,7 +69,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       tiles_(&tables_, store_.get(), &resumed_, &disk_),
       rounds_(&tables_, store_.get(), round_previews_.get(), &disk_),
       images_(options.state_directory, &tables_, store_.get()),
-      intake_({tables_, *store_, tiles_, lifecycle_, queue_, disk_, signals_}),
+      intake_({tokens_, choice_, tables_, *store_, tiles_, lifecycle_, queue_, disk_, signals_}),
       delivery_(options.preview_interval_min,
                 {tables_, *store_, tiles_, rounds_, images_, lifecycle_, queue_, disk_, signals_}),
       lost_scenes_(&tables_, blobs_.get(), &signals_),
@@ -84,6 +93,7 @@ void Farm::RunOnce() {
     lifecycle_.SettleEnded();
     // Nobody else may write meanwhile, and so notice that there is space again.
     if (!disk_fine) disk_.Note(store_->Probe());
+    RemoveFalseResults();
     images_.Heal(&lifecycle_);
     delivery_.DeliverFrames();
   }
@@ -91,20 +101,61 @@ void Farm::RunOnce() {
   delivery_.RefreshFrames();
 }
 
-absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(const WorkerReport& report) {
+void Farm::RemoveFalseResults() {
+  std::vector<std::string> liars;
+  {
+    const MutexLock lock(&tables_.mutex);
+    liars = std::exchange(tables_.liars, {});
+  }
+  if (liars.empty()) return;
+  lifecycle_.SettleEnded();  // Their quarantines are durable first.
+  const ResultIntake::Pause pause(&intake_);
+  for (const std::string& identity : liars) {
+    const absl::Status removed = lifecycle_.RemoveResultsOf(identity);
+    if (removed.ok()) continue;
+    LogError(absl::StrCat("removing the results of ", identity, ": ", removed.message()));
+    const MutexLock lock(&tables_.mutex);
+    tables_.liars.push_back(identity);
+  }
+}
+
+void Farm::KeepProvenFailures(WorkerReport* report) {
+  std::erase_if(report->failures, [&](const LeaseFailure& failure) {
+    const Lease* lease = tables_.scheduler.leases().Find(failure.lease_id);
+    if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
+    const std::string digest =
+        tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
+    const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
+                          lease->tile_rect, lease->task.block,   lease->cells};
+    if (tokens_.IsValid(work, failure.token)) return false;
+    ++tables_.scheduler.counters().failures_refused;
+    LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",
+                            failure.lease_id, " without the token that proves it: refused"));
+    return true;
+  });
+}
+
+absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
   SynchronizeAnswer answer;
   {
     const MutexLock lock(&tables_.mutex);
+    KeepProvenFailures(&report);
     absl::StatusOr<Scheduler::SynchronizeAnswer> decided =
         tables_.scheduler.Synchronize(report, SteadyTime::Now());
     tables_.NoteEndedJobs();
     if (!decided.ok()) return decided.status();
     for (Lease& lease : decided->leases) {
       FrameSpec frame = tables_.scheduler.FindFrame(lease.frame)->Spec();
-      answer.leases.push_back({std::move(lease), frame.frame_digest, frame.scene, frame.settings});
+      answer.leases.push_back(
+          {std::move(lease), frame.frame_digest, frame.scene, frame.settings, /*token=*/""});
     }
     answer.next_synchronize = decided->next_synchronize;
     answer.lease_duration = options_.limits.lease_duration;
+  }
+  for (LeaseGrant& grant : answer.leases) {
+    const Lease& lease = grant.lease;
+    grant.token = tokens_.Make({lease.lease_id, lease.identity, grant.frame_digest, lease.tile_rect,
+                                lease.task.block, lease.cells});
   }
   if (!report.failures.empty()) lifecycle_.SettleEnded();
   signals_.Changed();

@@ -26,6 +26,8 @@
 #include "absl/time/time.h"
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
+#include "coordinator/core/check_choice.h"
+#include "coordinator/core/lease_token.h"
 #include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/delivery_queue.h"
 #include "coordinator/service/farm/disk_state.h"
@@ -56,6 +58,7 @@ struct LeaseGrant {
   std::string frame_digest;
   BlobDigest scene;
   FrameSettings settings;
+  std::string token;  // LeaseTokens::Make.
 };
 
 // Thread safety: all members may be called from any thread.
@@ -116,12 +119,18 @@ class Farm : public FarmView {
     absl::Duration lease_duration;
   };
   // Errors: those of Scheduler::Synchronize.
-  absl::StatusOr<SynchronizeAnswer> Synchronize(const WorkerReport& report);
+  absl::StatusOr<SynchronizeAnswer> Synchronize(WorkerReport report);
 
   // OK means: the outcome is durable.
-  // Errors: kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
+  // Errors: those of ResultIntake::Add.
   absl::StatusOr<ResultOutcome> AddResult(const ResultReport& report, const std::string& bytes) {
     return intake_.Add(report, bytes);
+  }
+
+  // Gives an identity work again; nothing happens where it is not in quarantine. OK means: that is
+  // durable. Errors: kUnavailable, kResourceExhausted (the disk).
+  absl::Status LiftQuarantine(const std::string& identity) {
+    return lifecycle_.LiftQuarantine(identity);
   }
 
   // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet, or damaged
@@ -179,12 +188,19 @@ class Farm : public FarmView {
 
  private:
   Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
-       std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews);
+       std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews,
+       const std::string& secret);
+  // Removes the results of those who were found to make false ones.
+  void RemoveFalseResults();
+  // Removes the failures that do not prove that their lease is the sender's.
+  void KeepProvenFailures(WorkerReport* report) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
   const FarmOptions options_;
   const std::unique_ptr<JobStore> store_;
   const std::unique_ptr<BlobStore> blobs_;
   const std::unique_ptr<RoundPreviews> round_previews_;
+  const LeaseTokens tokens_;
+  const CheckChoice choice_;
   FarmTables tables_;
   FarmSignals signals_;
   DiskState disk_;

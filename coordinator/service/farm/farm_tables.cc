@@ -36,6 +36,10 @@ absl::StatusOr<const JobRecord*> FarmTables::FindJob(uint64_t job_id) const {
 void FarmTables::NoteEndedJobs() {
   const absl::Time now = absl::Now();
   unsaved_failures.merge(scheduler.TakeFailureJobs(now));
+  for (QuarantineRecord& record : scheduler.TakeQuarantines(now)) {
+    if (record.made_false_results) liars.push_back(record.identity);
+    unsaved_quarantines.push_back(std::move(record));
+  }
   for (const uint64_t id : scheduler.TakeEndedJobs()) {
     JobAccount& account = accounts.at(id);
     account.end_time = now;

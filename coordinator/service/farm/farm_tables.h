@@ -37,6 +37,8 @@ struct JobAccount {
   std::map<int32_t, std::vector<RoundRecord>> rounds;
   std::map<int32_t, absl::Duration> wall_before;  // By frame: before this start.
   absl::Duration job_wall_before;                 // The same for the job as a whole.
+  std::string warning;                            // StoredJob's; so is the next one.
+  std::map<int32_t, int32_t> corrections;
 };
 
 // An open frame and how it stands, as of its last refresh.
@@ -59,8 +61,8 @@ struct FarmTables {
   // Errors: kNotFound.
   absl::StatusOr<const JobRecord*> FindJob(uint64_t job_id) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
-  // Dates jobs that the scheduler has just ended, and failures. Call it under the lock that ended
-  // them, so that nobody sees an ended job without its time.
+  // Dates jobs that the scheduler has just ended, failures and quarantines. Call it under the lock
+  // that ended them, so that nobody sees an ended job without its time.
   void NoteEndedJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
 
   // Opens the frame if it is not open. on_disk: as OpenFrame has it. Requires: it has tasks.
@@ -102,6 +104,9 @@ struct FarmTables {
   std::vector<uint64_t> unsettled_jobs ABSL_GUARDED_BY(mutex);  // Ended, but not written down.
   // Jobs with failures that are not yet written down.
   std::set<uint64_t> unsaved_failures ABSL_GUARDED_BY(mutex);
+  // Identities that made false results, whose parts are still to be removed.
+  std::vector<std::string> liars ABSL_GUARDED_BY(mutex);
+  std::vector<QuarantineRecord> unsaved_quarantines ABSL_GUARDED_BY(mutex);  // Likewise.
   // By numeric profile, as they were at loads_time.
   std::map<std::string, FarmLoad> loads ABSL_GUARDED_BY(mutex);
   SteadyTime loads_time ABSL_GUARDED_BY(mutex);

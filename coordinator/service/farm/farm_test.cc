@@ -49,6 +49,21 @@ class GatedJobStore : public JobStore {
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override {
     return store_->WriteFailures(job_id, failures);
   }
+  absl::Status WriteQuarantine(const QuarantineRecord& record) override {
+    return store_->WriteQuarantine(record);
+  }
+  absl::Status RemoveQuarantine(const std::string& identity) override {
+    return store_->RemoveQuarantine(identity);
+  }
+  absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() override {
+    return store_->LoadQuarantines();
+  }
+  absl::Status SetWarning(uint64_t job_id, const std::string& warning) override {
+    return store_->SetWarning(job_id, warning);
+  }
+  absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override {
+    return store_->FindPartsOf(identity);
+  }
   absl::Status SetPaused(uint64_t job_id, bool paused) override {
     ++control_writes_;
     return full_ ? Full() : store_->SetPaused(job_id, paused);
@@ -215,6 +230,7 @@ class FarmTest : public testing::Test {
       result.block = block;
       result.cells = grant.lease.cells;
       result.lease_id = grant.lease.lease_id;
+      result.token = grant.token;
       result.worker_id = report.worker_id;
       result.cpu_duration = kSampleCpu * static_cast<double>(grant.lease.tile_rect.PixelCount()) *
                             static_cast<double>(block.count);

@@ -120,16 +120,31 @@ void FrameDelivery::DeliverFrames() {
 
 absl::Status FrameDelivery::Deliver(const FrameId& id) {
   std::shared_ptr<OpenFrame> frame;
+  bool is_disputed = false;
   {
     const MutexLock lock(&tables_.mutex);
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
     if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();  // Job ended.
+    const bool waits = !tables_.liars.empty() ||  // Their results go first.
+                       tables_.scheduler.AwaitsChecks(id, SteadyTime::Now());
+    if (waits) {
+      queue_.Add(id);  // Looked at again after the next result of a check, or soon.
+      return absl::OkStatus();
+    }
+    is_disputed = tables_.scheduler.checks().HasDispute(id);
     frame = tables_.Open(id);
   }
   DeliveredFrame delivered;
   const absl::StatusOr<bool> done = Finish(frame.get(), id, &delivered);
   if (!done.ok()) return done.status();
   if (!*done) return absl::OkStatus();
+  if (is_disputed) {
+    absl::Status warned = lifecycle_.SetWarning(
+        id.job_id, absl::StrCat("frame ", id.frame_number,
+                                " is disputed: workers delivered different results for a part of "
+                                "it, and nobody else was there to decide; the first one is kept"));
+    if (!warned.ok()) return warned;
+  }
   if (absl::Status s = store_.DeliverFrame(id, delivered); !s.ok()) return s;
   {
     const MutexLock lock(&tables_.mutex);

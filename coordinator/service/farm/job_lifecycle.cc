@@ -176,6 +176,7 @@ void JobLifecycle::SettleEnded() {
   };
   const MutexLock settling(&settle_mutex_);
   SaveNewFailures();  // Before the end, so that a failed job always has its reasons.
+  SaveNewQuarantines();
   std::vector<Ended> ended;
   {
     const MutexLock lock(&tables_.mutex);
@@ -219,6 +220,37 @@ void JobLifecycle::SettleEnded() {
 void JobLifecycle::SaveFailures() {
   const MutexLock settling(&settle_mutex_);
   SaveNewFailures();
+  SaveNewQuarantines();
+}
+
+void JobLifecycle::SaveNewQuarantines() {
+  std::vector<QuarantineRecord> records;
+  {
+    const MutexLock lock(&tables_.mutex);
+    records = std::exchange(tables_.unsaved_quarantines, {});
+  }
+  for (QuarantineRecord& record : records) {
+    const absl::Status status = store_.WriteQuarantine(record);
+    disk_.Note(status);
+    if (status.ok()) continue;
+    const MutexLock lock(&tables_.mutex);
+    tables_.unsaved_quarantines.push_back(std::move(record));
+  }
+}
+
+absl::Status JobLifecycle::LiftQuarantine(const std::string& identity) {
+  const MutexLock settling(&settle_mutex_);
+  SaveNewQuarantines();  // Lest one that is still to be written comes back.
+  absl::Status removed = store_.RemoveQuarantine(identity);
+  disk_.Note(removed);
+  if (!removed.ok()) return removed;
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (!tables_.scheduler.LiftQuarantine(identity)) return absl::OkStatus();
+  }
+  LogInfo(absl::StrCat("the quarantine of ", identity, " is lifted"));
+  signals_.Changed();
+  return absl::OkStatus();
 }
 
 void JobLifecycle::SaveNewFailures() {

@@ -59,6 +59,14 @@ class JobLifecycle {
   absl::Status SetPriority(uint64_t job_id, int32_t priority);
   absl::Status Refine(uint64_t job_id, const Refinement& refinement);
   void NotePilotRequest(uint64_t job_id);
+  absl::Status LiftQuarantine(const std::string& identity);
+
+  // Removes the stored results of an identity that made false ones; the frames that hold them are
+  // rendered again. Requires: no result is taken meanwhile. Errors: those of the store; then it can
+  // be called again.
+  absl::Status RemoveResultsOf(const std::string& identity);
+  // Replaces what the users of a job should know of its images.
+  absl::Status SetWarning(uint64_t job_id, const std::string& text);
 
   // Renders delivered frames again, from what is kept of their parts. Does nothing for a job that
   // has not succeeded, because it is refined meanwhile.
@@ -71,7 +79,8 @@ class JobLifecycle {
   // Concurrent calls wait until that is durable. Writes that the disk refuses are tried again by
   // the next call.
   void SettleEnded();
-  // Writes down failures that are new. Writes that the disk refuses are tried again.
+  // Writes down failures and quarantines that are new. Writes that the disk refuses are tried
+  // again.
   void SaveFailures() ABSL_LOCKS_EXCLUDED(settle_mutex_);
   // Removes parts of delivered frames, the oldest first, while there are more than the limit.
   void LimitKeptParts();
@@ -81,6 +90,7 @@ class JobLifecycle {
   using TilesOnDisk = std::map<FrameId, std::set<uint32_t>>;
 
   void CancelForgottenPilots() ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  void SaveNewQuarantines() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void SaveNewFailures() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void EraseOpenFrames(uint64_t job_id);
 
@@ -108,9 +118,19 @@ class JobLifecycle {
   StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // By frame.
   absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
-  // Continues these frames of a job that has ended.
-  absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened)
+  // Continues these frames of a job, without the parts that are to be removed. Requires: the job
+  // has ended, or no result is taken meanwhile.
+  absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened,
+                            const std::vector<PartRow>& removed = {})
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
+  // Takes a job out of the tables, as it is before RestoreJob.
+  void TakeOut(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+
+  // job_correction.cc
+  absl::Status CorrectJob(uint64_t job_id, const std::string& identity,
+                          const std::vector<PartRow>& false_parts)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
+  absl::Status RemoveParts(const std::vector<PartRow>& parts);
 
   const FarmOptions options_;
   const std::string numeric_profile_;

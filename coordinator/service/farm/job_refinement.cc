@@ -156,19 +156,40 @@ absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> JobLifecycle::Rounds
   return rounds;
 }
 
+void JobLifecycle::TakeOut(uint64_t job_id) {
+  if (tables_.scheduler.jobs().at(job_id).phase == JobPhase::kLive) {
+    // It ends for the scheduler alone, and begins again at once.
+    tables_.scheduler.RestoreEnded(job_id, JobPhase::kCancelled, "");
+    tables_.open_frames.erase(tables_.open_frames.lower_bound({job_id, INT32_MIN}),
+                              tables_.open_frames.upper_bound({job_id, INT32_MAX}));
+  }
+  tables_.scheduler.RemoveJob(job_id);
+}
+
 absl::Status JobLifecycle::ReopenFrames(StoredJob job,
-                                        const std::vector<JobStore::ReopenedFrame>& reopened) {
+                                        const std::vector<JobStore::ReopenedFrame>& reopened,
+                                        const std::vector<PartRow>& removed) {
   const uint64_t job_id = job.spec.job_id;
-  std::set<int32_t> numbers;
-  std::vector<FrameSpec> specs;
+  std::set<int32_t> undelivered;
   for (const JobStore::ReopenedFrame& frame : reopened) {
-    specs.push_back(frame.spec);
-    numbers.insert(frame.spec.frame_number);
+    undelivered.insert(frame.spec.frame_number);
+  }
+  {
+    const MutexLock lock(&tables_.mutex);
+    for (const FrameRecord& frame : tables_.scheduler.jobs().at(job_id).frames) {
+      if (frame.phase != FrameRecord::Phase::kDelivered) undelivered.insert(frame.number());
+    }
+  }
+  std::vector<FrameSpec> specs;
+  for (const FrameSpec& frame : job.spec.frames) {
+    if (undelivered.contains(frame.frame_number)) specs.push_back(frame);
   }
   const absl::StatusOr<ResumedCounts> resumed = resumed_.Count(specs, job.spec.partition);
   if (!resumed.ok()) return resumed.status();
   absl::Status written = store_.ReopenJob(job_id, reopened);
   disk_.Note(written);
+  // After the frames are no longer delivered: a stop in between leaves them to be found again.
+  if (written.ok()) written = RemoveParts(removed);
   if (!written.ok()) return written;
   const absl::StatusOr<JobStore::LoadedParts> parts = store_.LoadParts(job_id);
   if (!parts.ok()) return parts.status();
@@ -177,21 +198,35 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
     previews_.RemoveFrom({job_id, frame.spec.frame_number}, kept);
   }
   const MutexLock lock(&tables_.mutex);
+  const JobRecord& record = tables_.scheduler.jobs().at(job_id);
+  // It was ended meanwhile, and that is written down soon.
+  if (record.phase == JobPhase::kFailed || record.phase == JobPhase::kCancelled) {
+    return absl::OkStatus();
+  }
   JobAccount& account = tables_.accounts.at(job_id);
-  account.job_wall_before = tables_.WallOfJob(tables_.scheduler.jobs().at(job_id), account.ended);
+  const SteadyTime until = std::min(SteadyTime::Now(), account.ended);
+  account.job_wall_before = tables_.WallOfJob(record, until);
+  std::map<int32_t, absl::Duration> wall_before;
+  for (const FrameRecord& frame : record.frames) {
+    if (frame.phase == FrameRecord::Phase::kDelivered) continue;
+    wall_before[frame.number()] = tables_.WallOf({job_id, frame.number()}, until);
+  }
   account.end_time = absl::InfiniteFuture();
   account.ended = SteadyTime::InfiniteFuture();
-  std::map<int32_t, absl::Duration> wall_before;
   for (const auto& [number, delivered] : account.delivered) {
-    if (numbers.contains(number)) {
+    if (undelivered.contains(number)) {
       wall_before[number] = delivered.wall_duration;
     } else {
       job.delivered.push_back({number, delivered});
     }
   }
+  for (const JobStore::ReopenedFrame& frame : reopened) {
+    if (frame.is_correction) ++account.corrections[frame.spec.frame_number];
+  }
   account.delivered.clear();
   account.rounds.clear();
-  tables_.scheduler.RemoveJob(job_id);
+  job.paused = record.Paused();
+  TakeOut(job_id);
   LogInfo(absl::StrCat("job ", job_id, ": continues, ", reopened.size(),
                        reopened.size() == 1 ? " frame" : " frames"));
   absl::Status restored = RestoreJob(job, &*parts, *resumed);

@@ -31,7 +31,14 @@ std::vector<FrameSpec> UndeliveredOf(const StoredJob& job) {
 absl::Status JobLifecycle::Load() {
   const absl::StatusOr<std::vector<StoredJob>> jobs = store_.LoadJobs();
   if (!jobs.ok()) return jobs.status();
+  const absl::StatusOr<std::vector<QuarantineRecord>> quarantines = store_.LoadQuarantines();
+  if (!quarantines.ok()) return quarantines.status();
   const MutexLock lock(&tables_.mutex);
+  for (const QuarantineRecord& record : *quarantines) {
+    tables_.scheduler.RestoreQuarantine(record);
+    // The last life may have ended before their parts were removed.
+    if (record.made_false_results) tables_.liars.push_back(record.identity);
+  }
   for (const StoredJob& job : *jobs) {
     std::optional<JobStore::LoadedParts> parts;
     absl::StatusOr<ResumedCounts> resumed = ResumedCounts();
@@ -48,6 +55,8 @@ absl::Status JobLifecycle::Load() {
     JobAccount& account = tables_.accounts[job.spec.job_id];
     account.create_time = job.create_time;
     account.end_time = job.end_time;
+    account.warning = job.warning;
+    account.corrections = job.corrections;
     absl::Status status = RestoreJob(job, parts && resumed.ok() ? &*parts : nullptr,
                                      resumed.ok() ? *resumed : ResumedCounts());
     if (!status.ok()) return status;

@@ -114,6 +114,7 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
     view.waiting_reason =
         absl::StrCat(WhyWritesWait(disk), "; workers keep their results until it is");
   }
+  view.warning = account.warning;
   view.create_time = account.create_time;
   view.end_time = account.end_time;
   view.failure_count = job.failures.count;
@@ -162,6 +163,9 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
     view.resumed = std::move(spec.resumed);
   }
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
+  const std::map<int32_t, int32_t>& corrections = tables_.accounts.at(id.job_id).corrections;
+  const auto corrected = corrections.find(id.frame_number);
+  if (corrected != corrections.end()) view.correction_count = corrected->second;
   ProgressView& progress = view.progress;
   progress.sample_count_done = frame.sample_count_done;
   progress.sample_count_total = tables_.SamplesExpected(id, frame);

@@ -11,6 +11,7 @@
 #include "common/base/digest.h"
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
+#include "coordinator/core/part_check.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -47,7 +48,7 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
   if (part.header.lattice != settings.lattice) {
     return "the part has other pixels than the job";
   }
-  return "";
+  return WhyNotOfSettings(part.tile, settings);
 }
 
 }  // namespace
@@ -57,7 +58,7 @@ class ResultIntake::TileReservation {
   TileReservation(ResultIntake* intake, TileName name) : intake_(*intake), name_(std::move(name)) {
     const MutexLock lock(&intake_.mutex_);
     const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
-      return !intake_.reserved_.contains(name_);
+      return !intake_.paused_ && !intake_.reserved_.contains(name_);
     };
     intake_.released_.Wait(&intake_.mutex_, is_free);
     intake_.reserved_.insert(name_);
@@ -77,8 +78,26 @@ class ResultIntake::TileReservation {
   const TileName name_;
 };
 
+ResultIntake::Pause::Pause(ResultIntake* intake) : intake_(*intake) {
+  const MutexLock lock(&intake_.mutex_);
+  intake_.paused_ = true;
+  const auto none_under_way = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
+    return intake_.reserved_.empty();
+  };
+  intake_.released_.Wait(&intake_.mutex_, none_under_way);
+}
+
+ResultIntake::Pause::~Pause() {
+  {
+    const MutexLock lock(&intake_.mutex_);
+    intake_.paused_ = false;
+  }
+  intake_.released_.NotifyAll();
+}
+
 absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
                                                 const std::string& bytes) {
+  if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
   if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
     return Reject(report, "the bytes do not match their digest");
   }
@@ -110,6 +129,27 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   return Store(report, bytes, found, std::move(part->tile));
 }
 
+absl::Status ResultIntake::CheckSender(const ResultReport& report) {
+  const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest,
+                        report.tile,     report.block,    report.cells};
+  const bool was_leased = tokens_.IsValid(work, report.token);
+  std::string why = "the work was not leased to the sender, or the coordinator has another secret";
+  {
+    const MutexLock lock(&tables_.mutex);
+    const auto& quarantined = tables_.scheduler.workers().quarantined();
+    const auto quarantine = quarantined.find(report.Sender());
+    if (was_leased && quarantine == quarantined.end()) return absl::OkStatus();
+    if (was_leased) why = absl::StrCat("the sender is in quarantine: ", quarantine->second);
+    ++tables_.scheduler.counters().results_refused;
+  }
+  const std::string text =
+      absl::StrCat("result of worker ", report.worker_id,
+                   report.identity.empty() ? "" : absl::StrCat(" of ", report.identity), " for ",
+                   KeyText(report), " is refused: ", why);
+  LogWarning(text);
+  return absl::PermissionDeniedError(text);
+}
+
 absl::Status ResultIntake::Reject(const ResultReport& report, const std::string& why) {
   const std::string text =
       absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
@@ -126,27 +166,61 @@ absl::Status ResultIntake::Reject(const ResultReport& report, const std::string&
   return absl::InvalidArgumentError(text);
 }
 
-// A task that is done already: the same bits again are harmless, other bits mean a broken machine.
+// A task that is done already: the same bits again confirm it, other bits mean that one of the two
+// is false.
 absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& report,
                                                          const Scheduler::FoundTask& found) {
-  const absl::StatusOr<std::optional<PartRow>> first =
+  const absl::StatusOr<std::optional<PartRow>> row =
       store_.FindPart({found.frame, report.tile, report.block, report.cells});
-  if (!first.ok()) return first.status();
-  const MutexLock lock(&tables_.mutex);
-  if (!first->has_value()) {
-    ++tables_.scheduler.counters().results_superseded;
-    return ResultOutcome::kSuperseded;
+  if (!row.ok()) return row.status();
+  CheckVerdict verdict;
+  bool is_equal = false;
+  {
+    const MutexLock lock(&tables_.mutex);
+    Counters& counters = tables_.scheduler.counters();
+    const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
+    const bool is_open = frame != nullptr && frame->tasks != nullptr;
+    if (!row->has_value() || !is_open) {
+      ++counters.results_superseded;
+      return ResultOutcome::kSuperseded;
+    }
+    const PartRow& merged = **row;
+    is_equal = merged.digest == report.digest;
+    ++(is_equal ? counters.results_duplicate_equal : counters.results_duplicate_mismatch);
+    const ResultCost cost{report.ray_count, 0, report.cpu_duration, report.digest.size_bytes};
+    verdict = tables_.scheduler.Compare(found.frame, found.task, report.lease_id, report.worker_id,
+                                        {merged.identity, merged.digest.sha256_hex},
+                                        {report.Sender(), report.digest.sha256_hex}, cost,
+                                        SteadyTime::Now());
+    if (!is_equal) {
+      LogWarning(absl::StrCat("the result of worker ", report.worker_id, " for ", KeyText(report),
+                              " differs from that of worker ", merged.worker_id));
+    }
+    Punish(report, merged, verdict);
+    tables_.NoteEndedJobs();
   }
-  if ((*first)->digest == report.digest) {
-    ++tables_.scheduler.counters().results_duplicate_equal;
-    return ResultOutcome::kDuplicateEqual;
+  if (verdict.kind == CheckVerdict::Kind::kUndecided) {
+    lifecycle_
+        .SetWarning(found.frame.job_id,
+                    absl::StrCat("frame ", found.frame.frame_number,
+                                 " is disputed: no two workers agree on a part of it"))
+        .IgnoreError();  // The disk's state is noted, and the text is in the log.
   }
-  ++tables_.scheduler.counters().results_duplicate_mismatch;
-  const std::string reason = absl::StrCat("its result for ", KeyText(report),
-                                          " differs from that of worker ", (*first)->worker_id);
-  LogError(absl::StrCat("worker ", report.worker_id, " is quarantined: ", reason));
-  tables_.scheduler.Quarantine(report.worker_id, reason);
-  return ResultOutcome::kDuplicateMismatch;
+  if (!verdict.liars.empty()) lifecycle_.SettleEnded();
+  queue_.Wake();
+  signals_.Changed();
+  return is_equal ? ResultOutcome::kDuplicateEqual : ResultOutcome::kDuplicateMismatch;
+}
+
+void ResultIntake::Punish(const ResultReport& report, const PartRow& merged,
+                          const CheckVerdict& verdict) {
+  for (const std::string& liar : verdict.liars) {
+    const std::string reason =
+        absl::StrCat("its result for ", KeyText(report), " differs from that of others, who agree");
+    LogError(absl::StrCat(liar, " is quarantined: ", reason,
+                          liar == merged.identity ? "; its result was merged" : ""));
+    tables_.scheduler.Quarantine(liar, reason, /*made_false_results=*/true);
+  }
 }
 
 absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
@@ -158,7 +232,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   const PartRow row{{found.frame, report.tile, report.block, report.cells},
                     report.digest,
                     report.worker_id,
-                    cost};
+                    cost,
+                    report.Sender()};
   absl::Status written = store_.WritePart(row, bytes);
   disk_.Note(written);
   if (!written.ok()) return written;
@@ -166,6 +241,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   std::shared_ptr<OpenFrame> open;
   bool tile_complete = false;
   bool rendered = false;
+  const double draw = choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells);
   {
     const MutexLock lock(&tables_.mutex);
     const Scheduler::FoundTask again = tables_.scheduler.FindTask(
@@ -176,6 +252,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
       open = tables_.Open(found.frame);
       rendered = tables_.scheduler.Accept(found.frame, found.task, report.lease_id,
                                           report.worker_id, cost, SteadyTime::Now());
+      tables_.scheduler.ConsiderCheck(found.frame, found.task,
+                                      {report.Sender(), report.digest.sha256_hex}, draw);
       tile_complete =
           tables_.scheduler.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
     } else {

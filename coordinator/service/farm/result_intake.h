@@ -14,6 +14,8 @@
 #include "absl/time/time.h"
 #include "common/base/mutex.h"
 #include "common/film/film_tile.h"
+#include "coordinator/core/check_choice.h"
+#include "coordinator/core/lease_token.h"
 #include "coordinator/service/farm/delivery_queue.h"
 #include "coordinator/service/farm/disk_state.h"
 #include "coordinator/service/farm/farm_signals.h"
@@ -31,10 +33,14 @@ struct ResultReport {
   SampleBlock block;
   TileCells cells;
   uint64_t lease_id = 0;
+  std::string token;  // LeaseGrant::token.
   std::string worker_id;
-  BlobDigest digest;  // The digest of the part's bytes.
+  std::string identity;  // As WorkerReport has it.
+  BlobDigest digest;     // The digest of the part's bytes.
   uint64_t ray_count = 0;
   absl::Duration cpu_duration;
+
+  const std::string& Sender() const { return identity.empty() ? worker_id : identity; }
 };
 enum class ResultOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };
 
@@ -43,6 +49,8 @@ class ResultIntake {
  public:
   // The objects that it works on; all must outlive it.
   struct Parts {
+    const LeaseTokens& tokens;
+    const CheckChoice& choice;
     FarmTables& tables;
     JobStore& store;
     TileBuilder& tiles;
@@ -52,7 +60,9 @@ class ResultIntake {
     FarmSignals& signals;
   };
   explicit ResultIntake(const Parts& parts)
-      : tables_(parts.tables),
+      : tokens_(parts.tokens),
+        choice_(parts.choice),
+        tables_(parts.tables),
         store_(parts.store),
         tiles_(parts.tiles),
         lifecycle_(parts.lifecycle),
@@ -61,21 +71,33 @@ class ResultIntake {
         signals_(parts.signals) {}
 
   // OK means: the outcome is durable.
-  // Errors: kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
+  // Errors: kPermissionDenied (the work was not leased to the sender, or that is in quarantine),
+  // kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
   absl::StatusOr<ResultOutcome> Add(const ResultReport& report, const std::string& bytes);
+
+  // While it lives no result is taken: it waits for those under way, and others wait for its end.
+  // One at a time. Take no lock before it that taking a result needs.
+  class Pause;
 
  private:
   using TileName = std::pair<std::string, std::pair<int32_t, int32_t>>;  // Frame digest, y0, x0.
   // Holds a tile's reservation: results of one tile are taken one at a time.
   class TileReservation;
 
+  // Whether the sender may deliver the result. Errors: kPermissionDenied.
+  absl::Status CheckSender(const ResultReport& report);
   absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
                                              const Scheduler::FoundTask& found);
   absl::Status Reject(const ResultReport& report, const std::string& why);
   absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
                                       const Scheduler::FoundTask& found, FilmTile part);
+  // Acts on what a comparison showed.
+  void Punish(const ResultReport& report, const PartRow& merged, const CheckVerdict& verdict)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   void Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part, bool tile_complete);
 
+  const LeaseTokens& tokens_;
+  const CheckChoice& choice_;
   FarmTables& tables_;
   JobStore& store_;
   TileBuilder& tiles_;
@@ -86,6 +108,18 @@ class ResultIntake {
   Mutex mutex_;
   CondVar released_;
   std::set<TileName> reserved_ ABSL_GUARDED_BY(mutex_);
+  bool paused_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+class ResultIntake::Pause {
+ public:
+  explicit Pause(ResultIntake* intake);
+  ~Pause();
+  Pause(const Pause&) = delete;
+  Pause& operator=(const Pause&) = delete;
+
+ private:
+  ResultIntake& intake_;
 };
 
 }  // namespace sheaf::coordinator

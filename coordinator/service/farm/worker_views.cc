@@ -26,6 +26,7 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   const auto stamp = [&](SteadyTime time) { return wall_now - (now - time); };
   WorkerView view;
   view.worker_id = worker.worker_id;
+  view.identity = worker.identity;
   view.host = worker.host;
   view.state = StateOf(worker);
   view.thread_count = worker.thread_count;

@@ -270,4 +270,16 @@ grpc::Status JobService::ListWorkers(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
+grpc::Status JobService::LiftQuarantine(grpc::ServerContext* context,
+                                        const v1::LiftQuarantineRequest* request,
+                                        v1::LiftQuarantineResponse* /*response*/) {
+  if (request->identity().empty() || request->identity().size() > kWorkerTextBytesMax) {
+    return ToGrpcStatus(absl::InvalidArgumentError(absl::StrCat(
+        "identity: must have 1 to ", kWorkerTextBytesMax, " bytes; sheaf workers shows it")));
+  }
+  const absl::Status lifted = farm_->LiftQuarantine(request->identity());
+  NoteInAudit(*context, access_, "LiftQuarantine", request->identity(), lifted);
+  return ToGrpcStatus(lifted);
+}
+
 }  // namespace sheaf::coordinator

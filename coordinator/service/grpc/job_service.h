@@ -42,6 +42,9 @@ class JobService final : public v1::JobService::Service {
                               const v1::SetJobPriorityRequest* request, v1::Job* response) override;
   grpc::Status RefineJob(grpc::ServerContext* context, const v1::RefineJobRequest* request,
                          v1::Job* response) override;
+  grpc::Status LiftQuarantine(grpc::ServerContext* context,
+                              const v1::LiftQuarantineRequest* request,
+                              v1::LiftQuarantineResponse* response) override;
   grpc::Status PriceRefinement(grpc::ServerContext* context,
                                const v1::PriceRefinementRequest* request,
                                v1::PriceRefinementResponse* response) override;

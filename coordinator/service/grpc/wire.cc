@@ -4,9 +4,7 @@
 
 #include <vector>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "common/base/digest.h"
 #include "common/base/printable.h"
 #include "common/rpc/settings_codec.h"
@@ -145,6 +143,7 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   }
   wire.set_flip(view.flip);
   wire.set_one_sequence_gain(view.one_sequence_gain);
+  wire.set_correction_count(view.correction_count);
   wire.set_frame_digest(view.frame_digest);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);
@@ -233,6 +232,7 @@ v1::Lease ToWire(const LeaseGrant& grant) {
   wire.mutable_key()->set_cells(grant.lease.cells.mask);
   *wire.mutable_scene() = coordinator::ToWire(grant.scene);
   *wire.mutable_settings() = ToWire(grant.settings);
+  wire.set_token(grant.token);
   return wire;
 }
 
@@ -331,7 +331,7 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
     const absl::StatusOr<FailureKind> kind = FromWire(failure.kind());
     if (!kind.ok()) return kind.status();
     const std::string text = Printable(failure.message(), kFailureTextBytesMax);
-    report.failures.push_back({failure.lease_id(), *kind, text});
+    report.failures.push_back({failure.lease_id(), *kind, text, failure.token()});
   }
   return report;
 }
@@ -347,6 +347,7 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   const std::string why_no_cells = WhyNoCells(report.tile, report.cells);
   if (!why_no_cells.empty()) return Invalid("key.cells", why_no_cells);
   report.lease_id = header.lease_id();
+  report.token = header.token();
   report.worker_id = header.worker_id();
   absl::Status named = CheckText("worker_id", report.worker_id, kWorkerTextBytesMax);
   if (!named.ok()) return named;
@@ -384,6 +385,7 @@ v1::Job ToWire(const JobView& view) {
   wire.mutable_partition()->set_cell_size_px(view.partition.cell_size_px);
   *wire.mutable_progress() = ToWire(view.progress);
   wire.set_waiting_reason(view.waiting_reason);
+  wire.set_warning(view.warning);
   for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
   return wire;
 }
@@ -391,6 +393,7 @@ v1::Job ToWire(const JobView& view) {
 v1::Worker ToWire(const WorkerView& view) {
   v1::Worker wire;
   wire.set_name("workers/" + view.worker_id);
+  wire.set_identity(view.identity);
   wire.set_host(view.host);
   wire.set_state(ToWire(view.state));
   wire.set_thread_count(view.thread_count);
@@ -423,28 +426,6 @@ v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome) {
       return v1::UploadResultsResponse::OUTCOME_SUPERSEDED;
   }
   return v1::UploadResultsResponse::OUTCOME_UNSPECIFIED;
-}
-
-absl::StatusOr<std::string> ParseJobName(const std::string& name) {
-  const std::vector<std::string> words = absl::StrSplit(name, '/');
-  if (words.size() != 2 || words[0] != "jobs" || words[1].empty()) {
-    return Invalid("name", absl::StrCat("\"", name, "\" is not of the form jobs/ID"));
-  }
-  return words[1];
-}
-
-absl::StatusOr<FrameId> ParseFrameName(const std::string& name) {
-  const std::vector<std::string> words = absl::StrSplit(name, '/');
-  FrameId id;
-  if (words.size() != 4 || words[0] != "jobs" || words[2] != "frames" ||
-      !absl::SimpleAtoi(words[1], &id.job_id) || !absl::SimpleAtoi(words[3], &id.frame_number)) {
-    return Invalid("name", absl::StrCat("\"", name, "\" is not of the form jobs/ID/frames/NUMBER"));
-  }
-  return id;
-}
-
-std::string FrameName(const FrameId& id) {
-  return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
 }
 
 }  // namespace sheaf::coordinator

@@ -4,9 +4,11 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/rpc/grpc_status.h"
+#include "coordinator/service/grpc/caller.h"
 #include "coordinator/service/grpc/drain_stream.h"
 #include "coordinator/service/grpc/wire.h"
 
@@ -16,8 +18,9 @@ namespace {
 // Puts the messages of an upload stream together into results, one at a time.
 class ResultAssembly {
  public:
-  ResultAssembly(Farm* farm, v1::UploadResultsResponse* response)
-      : farm_(farm), response_(response) {}
+  // identity: the sender's, as CallerIdentity says.
+  ResultAssembly(Farm* farm, std::string identity, v1::UploadResultsResponse* response)
+      : farm_(farm), identity_(std::move(identity)), response_(response) {}
 
   absl::Status Take(v1::UploadResultsRequest&& message) {
     if (message.has_header()) {
@@ -34,6 +37,7 @@ class ResultAssembly {
                                                        farm_->options().part_bytes_max));
       }
       report_ = *std::move(report);
+      report_->identity = identity_;
     }
     if (!report_) return absl::InvalidArgumentError("the first message has no header");
     if (bytes_.size() + message.chunk().size() > report_->digest.size_bytes) {
@@ -56,6 +60,7 @@ class ResultAssembly {
 
  private:
   Farm* farm_;
+  const std::string identity_;
   v1::UploadResultsResponse* response_;
   std::optional<ResultReport> report_;
   std::string bytes_;
@@ -63,11 +68,12 @@ class ResultAssembly {
 
 }  // namespace
 
-grpc::Status WorkerService::Synchronize(grpc::ServerContext* /*context*/,
+grpc::Status WorkerService::Synchronize(grpc::ServerContext* context,
                                         const v1::SynchronizeRequest* request,
                                         v1::SynchronizeResponse* response) {
-  const absl::StatusOr<WorkerReport> report = FromWire(*request);
+  absl::StatusOr<WorkerReport> report = FromWire(*request);
   if (!report.ok()) return ToGrpcStatus(report.status());
+  report->identity = CallerIdentity(*context);
   const absl::StatusOr<Farm::SynchronizeAnswer> answer = farm_->Synchronize(*report);
   if (!answer.ok()) return ToGrpcStatus(answer.status());
   *response = ToWire(*answer);
@@ -77,7 +83,7 @@ grpc::Status WorkerService::Synchronize(grpc::ServerContext* /*context*/,
 grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
                                           grpc::ServerReader<v1::UploadResultsRequest>* reader,
                                           v1::UploadResultsResponse* response) {
-  ResultAssembly assembly(farm_, response);
+  ResultAssembly assembly(farm_, CallerIdentity(*context), response);
   v1::UploadResultsRequest message;
   while (reader->Read(&message)) {
     if (absl::Status status = assembly.Take(std::move(message)); !status.ok()) {

@@ -139,6 +139,7 @@ Json JobObject(const JobView& job) {
       {"numeric_profile", job.numeric_profile},
       {"failure", job.failure},
       {"waiting_reason", job.waiting_reason},
+      {"warning", job.warning},
       {"failure_count", job.failure_count},
       {"create_time", TimeJson(job.create_time)},
       {"end_time", TimeJson(job.end_time)},
@@ -178,6 +179,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"unreliable_tile_count", frame.unreliable_tile_count},
       {"unreliable_layers", LayersJson(frame.unreliable_layers)},
       {"flip", frame.flip > 0 ? Json(frame.flip) : Json()},
+      {"correction_count", frame.correction_count},
       {"one_sequence_gain", frame.one_sequence_gain > 0 ? Json(frame.one_sequence_gain) : Json()},
   });
   AddSettings(frame.settings, SettingField::Shown::kWithSettings, &json);

@@ -21,7 +21,8 @@ std::string Mark(const JobView& job) {
   return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
                       job.progress.sample_count_done, " ", job.frame_complete_count, " ",
                       preview_frame.frame_number, " ", preview_frame.preview_version, " ",
-                      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.failure);
+                      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.warning, " ",
+                      job.failure);
 }
 
 std::string Mark(const FrameView& frame) {

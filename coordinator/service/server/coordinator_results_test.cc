@@ -205,22 +205,108 @@ TEST_F(CoordinatorServerTest, UnstoredResultsAreNotAcknowledged) {
   EXPECT_TRUE(server_->farm().Ready().ok());
 }
 
-TEST_F(CoordinatorServerTest, UnequalDuplicatesQuarantineTheWorker) {
+// A stranger with parts of its own making, for work that nobody gave to it.
+TEST_F(CoordinatorServerTest, ResultsWithoutALeaseAreRefused) {
   Start();
-  v1::CreateJobRequest request = Request(64);
-  request.mutable_partition()->set_pass_sample_count(4);
-  Create(request);
-  SyntheticWorker worker = MakeWorker("good");
+  const std::string name = Create(Request(64)).name();
+  SyntheticWorker worker = MakeWorker("w");
   ASSERT_TRUE(worker.Synchronize(1).ok());
   const v1::Lease lease = worker.leases()[0];
-  EXPECT_EQ(*worker.Send(worker.MakeUpload(lease)), Response::OUTCOME_ACCEPTED);
-  EXPECT_EQ(*worker.Send(worker.MakeUpload(lease)), Response::OUTCOME_DUPLICATE_EQUAL);
+  SyntheticWorker stranger = MakeWorker("stranger");
+  const auto code_of = [](const SyntheticWorker& sender, const v1::Lease& of) {
+    return sender.Send(sender.MakeUpload(of)).status().code();
+  };
+  v1::Lease made_up = lease;
+  made_up.set_lease_id(0);
+  made_up.clear_token();
+  EXPECT_EQ(code_of(stranger, made_up), absl::StatusCode::kPermissionDenied);
+  EXPECT_EQ(code_of(stranger, lease), absl::StatusCode::kPermissionDenied) << "another's lease";
+  v1::Lease of_more = lease;
+  of_more.mutable_key()->mutable_block()->set_first(16);
+  EXPECT_EQ(code_of(worker, of_more), absl::StatusCode::kPermissionDenied) << "other work";
+  EXPECT_EQ(Counter("sheaf_results_refused_total"), 3);
+  EXPECT_EQ(Get(name).progress().sample_count_done(), 0u);
+  ASSERT_TRUE(worker.RenderAll().ok());
+  EXPECT_EQ(Watch(name).frames(0).image_digest(), ExpectedDigest(64));
+}
+
+// The coordinator remembers no lease, but knows its own again.
+TEST_F(CoordinatorServerTest, LateResultsAreWelcomeAfterARestart) {
+  Start();
+  const std::string name = Create(Request(64)).name();
+  const SyntheticWorker::Upload late = [&] {
+    SyntheticWorker worker = MakeWorker("w");
+    EXPECT_TRUE(worker.Synchronize(1).ok());
+    return worker.MakeUpload(worker.leases()[0]);
+  }();
+  Start();
+  EXPECT_EQ(*MakeWorker("w").Send(late), Response::OUTCOME_ACCEPTED);
+  EXPECT_GT(Get(name).progress().sample_count_done(), 0u);
+}
+
+TEST_F(CoordinatorServerTest, FailuresWithoutTheirTokenHaveNoEffect) {
+  Start();
+  const std::string name = Create(Request(64)).name();
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  const uint64_t lease_id = worker.leases()[0].lease_id();
+  SyntheticWorker forger = MakeWorker("w");  // It has not seen the answer.
+  forger.ReportFailure(lease_id, v1::LeaseFailure::KIND_SCENE, "a lie");
+  ASSERT_TRUE(forger.Synchronize(0).ok());
+  EXPECT_EQ(Get(name).state(), v1::Job::STATE_RUNNING);
+  EXPECT_EQ(Counter("sheaf_failures_refused_total"), 1);
+  worker.ReportFailure(lease_id, v1::LeaseFailure::KIND_SCENE, "true");
+  ASSERT_TRUE(worker.Synchronize(0).ok());
+  EXPECT_THAT(Watch(name).failure(), HasSubstr("worker w says: true"));
+}
+
+TEST_F(CoordinatorServerTest, QuarantinesSurviveRestarts) {
+  Start();
+  Create(Request(64));
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  const SyntheticWorker::Upload result = worker.MakeUpload(worker.leases()[0]);
+  for (int i = 0; i < 10; ++i) {
+    Create(Request(64, absl::StrCat("job ", i)));
+    if (!worker.Synchronize(4).ok()) break;
+    for (const v1::Lease& lease : std::vector<v1::Lease>(worker.leases())) {
+      worker.ReportFailure(lease.lease_id(), v1::LeaseFailure::KIND_INTERNAL, "broken");
+    }
+    worker.Synchronize(0).IgnoreError();
+  }
+  ASSERT_EQ(worker.Synchronize(1).code(), absl::StatusCode::kPermissionDenied);
+  EXPECT_EQ(worker.Send(result).status().code(), absl::StatusCode::kPermissionDenied);
+  Start();
+  SyntheticWorker again = MakeWorker("w");
+  EXPECT_EQ(again.Synchronize(1).code(), absl::StatusCode::kPermissionDenied);
+  ASSERT_TRUE(server_->farm().LiftQuarantine("w").ok());
+  EXPECT_TRUE(again.Synchronize(1).ok());
+  Start();
+  EXPECT_TRUE(MakeWorker("w").Synchronize(1).ok());
+}
+
+TEST_F(CoordinatorServerTest, UnequalDuplicatesAreDecidedByAThird) {
+  Start();
+  Create(Request(4));  // Four tasks.
+  SyntheticWorker worker = MakeWorker("good");
+  ASSERT_TRUE(worker.Synchronize(4).ok());
   SyntheticWorker bad = MakeWorker("bad");
   ASSERT_TRUE(bad.Synchronize(1).ok());
-  v1::Lease bent = lease;
+  ASSERT_EQ(bad.leases().size(), 1u) << "a hedge";
+  v1::Lease bent = bad.leases()[0];
+  const auto same = std::ranges::find_if(worker.leases(), [&](const v1::Lease& lease) {
+    return lease.key().SerializeAsString() == bent.key().SerializeAsString();
+  });
+  ASSERT_NE(same, worker.leases().end());
+  EXPECT_EQ(*worker.Send(worker.MakeUpload(*same)), Response::OUTCOME_ACCEPTED);
+  EXPECT_EQ(*worker.Send(worker.MakeUpload(*same)), Response::OUTCOME_DUPLICATE_EQUAL);
   bent.mutable_settings()->set_seed(77);
   EXPECT_EQ(*bad.Send(bad.MakeUpload(bent)), Response::OUTCOME_DUPLICATE_MISMATCH);
   EXPECT_EQ(Counter("sheaf_duplicate_mismatch_total"), 1);
+  EXPECT_TRUE(bad.Synchronize(0).ok()) << "either may be wrong";
+  SyntheticWorker third = MakeWorker("third");
+  ASSERT_TRUE(third.Synchronize(1).ok());
+  EXPECT_EQ(*third.RenderOne(), Response::OUTCOME_DUPLICATE_EQUAL);
   const absl::Status refused = bad.Synchronize(1);
   EXPECT_EQ(refused.code(), absl::StatusCode::kPermissionDenied);
   EXPECT_THAT(std::string(refused.message()), HasSubstr("differs"));
@@ -241,7 +327,7 @@ TEST_F(CoordinatorServerTest, ResultsNotMatchingTheirKeyAreRefused) {
   EXPECT_EQ(code_of(bent), absl::StatusCode::kInvalidArgument);
   bent = good;
   bent.header.mutable_key()->mutable_tile()->set_x1_px(1000);
-  EXPECT_EQ(code_of(bent), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(code_of(bent), absl::StatusCode::kPermissionDenied) << "a tile that was not leased";
   bent = good;
   bent.header.mutable_key()->mutable_block()->set_count(3);
   EXPECT_EQ(code_of(bent), absl::StatusCode::kInvalidArgument);
@@ -256,7 +342,7 @@ TEST_F(CoordinatorServerTest, ResultsNotMatchingTheirKeyAreRefused) {
   EXPECT_EQ(code_of(bent), absl::StatusCode::kInvalidArgument) << "a part of other cells";
   bent = good;
   bent.header.mutable_key()->set_frame_digest(std::string(64, 'a'));
-  EXPECT_EQ(*worker.Send(bent), Response::OUTCOME_SUPERSEDED);
+  EXPECT_EQ(code_of(bent), absl::StatusCode::kPermissionDenied) << "a frame that was not leased";
   EXPECT_EQ(Counter("sheaf_results_accepted_total"), 0);
   EXPECT_EQ(*worker.Send(good), Response::OUTCOME_ACCEPTED);
 }

@@ -31,6 +31,7 @@ class CoordinatorServerTest : public testing::Test {
     options_.farm.state_directory = directory_;
     options_.farm.preview_interval_min = absl::Milliseconds(1);
     options_.listen_address = "";
+    options_.farm.limits.check_fraction = 0;  // Checks come by chance; they have their own tests.
   }
   ~CoordinatorServerTest() override {
     server_.reset();

@@ -59,6 +59,11 @@ void AddOptions(CommandLine* line, CLI::App* app) {
                   "A worker that is silent for longer counts as lost; its work goes to others")
       ->check(CLI::Range(0.5, 86400.0))
       ->capture_default_str();
+  app->add_option("--check-fraction", farm.limits.check_fraction,
+                  "Fraction of tasks that two workers render, to notice false results; of a "
+                  "worker's first results more are. 0: none")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
   app->add_option("--merge-memory-max", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();
   app->add_option("--kept-parts-max", farm.kept_parts_bytes_max,

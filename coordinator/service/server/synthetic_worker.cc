@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/server/synthetic_worker.h"
 
+#include <array>
 #include <utility>
 
 #include "common/base/digest.h"
@@ -59,6 +60,21 @@ FrameImage SyntheticImage(const FrameSettings& settings) {
   return image;
 }
 
+void ScalePixelColors(size_t pixel, float factor, FilmTile* part) {
+  constexpr std::array kColors = {FilmChannel::kRedHi, FilmChannel::kGreenHi, FilmChannel::kBlueHi,
+                                  FilmChannel::kRedLo, FilmChannel::kGreenLo, FilmChannel::kBlueLo};
+  for (const FilmChannel channel : kColors) part->channel(channel)[pixel] *= factor;
+  for (uint32_t slot = 0; slot < part->replicate_count(); ++slot) {
+    for (size_t color = 0; color < 3; ++color) part->replicate(slot, color)[pixel] *= factor;
+  }
+}
+
+void ScaleColors(float factor, FilmTile* part) {
+  for (size_t pixel = 0; pixel < part->plane_size(); ++pixel) {
+    ScalePixelColors(pixel, factor, part);
+  }
+}
+
 SyntheticWorker::SyntheticWorker(std::shared_ptr<grpc::Channel> channel, std::string worker_id)
     : stub_(v1::WorkerService::NewStub(std::move(channel))),
       worker_id_(std::move(worker_id)),
@@ -95,11 +111,13 @@ SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) cons
   for (const PixelRect& cell : RectsOf(rect, cells)) {
     Paste(SyntheticPart(lease.settings().seed(), cell, block), &part);
   }
+  if (falsify_) falsify_(&part);
   Upload upload;
   upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_, {}, cells});
   *upload.header.mutable_key() = lease.key();
   upload.header.set_lease_id(lease.lease_id());
   upload.header.set_worker_id(worker_id_);
+  upload.header.set_token(lease.token());
   upload.header.mutable_digest()->set_sha256_hex(Sha256Hex(upload.bytes));
   upload.header.mutable_digest()->set_size_bytes(upload.bytes.size());
   upload.header.set_ray_count(10);
@@ -152,8 +170,11 @@ absl::StatusOr<int> SyntheticWorker::RenderAll() {
 
 void SyntheticWorker::ReportFailure(uint64_t lease_id, v1::LeaseFailure::Kind kind,
                                     const std::string& message) {
-  std::erase_if(leases_, [&](const v1::Lease& lease) { return lease.lease_id() == lease_id; });
   v1::LeaseFailure failure;
+  for (const v1::Lease& lease : leases_) {
+    if (lease.lease_id() == lease_id) failure.set_token(lease.token());
+  }
+  std::erase_if(leases_, [&](const v1::Lease& lease) { return lease.lease_id() == lease_id; });
   failure.set_lease_id(lease_id);
   failure.set_kind(kind);
   failure.set_message(message);

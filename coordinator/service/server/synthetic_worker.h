@@ -6,8 +6,10 @@
 // directly and compared.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -23,6 +25,11 @@ FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_
 FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block);
 // The image of such samples, added up without any farm.
 FrameImage SyntheticImage(const FrameSettings& settings);
+
+// Makes a part false in a way that no check of its values shows: all colors brighter, or those of
+// one pixel.
+void ScaleColors(float factor, FilmTile* part);
+void ScalePixelColors(size_t pixel, float factor, FilmTile* part);
 
 class SyntheticWorker {
  public:
@@ -45,6 +52,8 @@ class SyntheticWorker {
 
   const std::vector<v1::Lease>& leases() const { return leases_; }
   void ReportFailure(uint64_t lease_id, v1::LeaseFailure::Kind kind, const std::string& message);
+  // What it does to each part before it sends it.
+  void set_falsify(std::function<void(FilmTile*)> falsify) { falsify_ = std::move(falsify); }
   void set_numeric_profile(const std::string& profile) { numeric_profile_ = profile; }
 
  private:
@@ -53,6 +62,7 @@ class SyntheticWorker {
   std::string numeric_profile_;
   std::vector<v1::Lease> leases_;
   std::vector<v1::LeaseFailure> failures_;
+  std::function<void(FilmTile*)> falsify_;
 };
 
 }  // namespace sheaf::coordinator

@@ -76,6 +76,7 @@ struct FrameView {
   double one_sequence_gain = 0;   // See OneSequenceGain; for frames without a stop rule.
   std::vector<RoundView> rounds;  // Ascending; empty without rounds, and in ListJobs.
   bool complete = false;          // Whether the EXR is delivered.
+  int32_t correction_count = 0;   // How often it was delivered with results found false later.
   std::string image_digest;       // Hex; empty until complete.
   std::string output_path;        // The delivered EXR; empty until complete.
   uint64_t preview_version = 0;   // Increases whenever Preview() changes.
@@ -106,6 +107,7 @@ struct JobView {
   Partition partition;
   std::string failure;         // Reason for the failure; empty otherwise.
   std::string waiting_reason;  // Why the job makes no progress; empty otherwise.
+  std::string warning;         // What its users should know of its images; mostly empty.
   int64_t failure_count = 0;   // Number of failed leases.
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture while it has not ended.
@@ -140,6 +142,7 @@ const char* LeasePhaseName(LeasePhase phase);
 
 struct WorkerView {
   std::string worker_id;
+  std::string identity;  // Who answers for it: its certificate's common name, or itself.
   std::string host;
   WorkerState state = WorkerState::kIdle;
   int32_t thread_count = 0;

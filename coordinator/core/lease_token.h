@@ -1,0 +1,44 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LeaseTokens: the proof that a task was leased to somebody. The coordinator gives a token with
+// each lease and takes a result or a failure only with it. It need not remember the lease: a token
+// stays good when the lease has ended and the coordinator was started again, and so late results
+// stay welcome.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "common/film/tile_cells.h"
+#include "common/film/tile_geometry.h"
+
+namespace sheaf::coordinator {
+
+// The statement that a token proves: this work was leased to this identity.
+struct LeasedWork {
+  uint64_t lease_id = 0;
+  std::string_view identity;      // WorkerReport::identity.
+  std::string_view frame_digest;  // Hex.
+  PixelRect tile;
+  SampleBlock block;
+  TileCells cells;
+};
+
+// Pure. Thread safety: all members may be called concurrently.
+class LeaseTokens {
+ public:
+  // secret: known to the coordinator alone.
+  explicit LeaseTokens(std::string secret) : secret_(std::move(secret)) {}
+
+  // HMAC-SHA-256 over all members of the work, 32 bytes.
+  std::string Make(const LeasedWork& work) const;
+  bool IsValid(const LeasedWork& work, std::string_view token) const;
+
+ private:
+  const std::string secret_;
+};
+
+}  // namespace sheaf::coordinator

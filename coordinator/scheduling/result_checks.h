@@ -1,0 +1,86 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// ResultChecks: the tasks that are rendered again, by other identities, to compare the results. A
+// check is over when two identities have delivered the same bytes: they are believed, and everyone
+// who delivered others made false ones. Until two differ it is a mere check; from then on it is a
+// dispute, and neither is believed.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/base/steady_time.h"
+#include "coordinator/scheduling/lease_table.h"
+
+namespace sheaf::coordinator {
+
+// The bytes that an identity delivered for a task, by their digest.
+struct ResultVersion {
+  std::string identity;
+  std::string sha256_hex;
+  friend bool operator==(const ResultVersion&, const ResultVersion&) = default;
+};
+
+// What is known after one more version of a result.
+struct CheckVerdict {
+  enum class Kind {
+    kOpen,       // More versions are needed.
+    kConfirmed,  // All that there are agree.
+    kDecided,    // Some agree, and the others made false results.
+    kUndecided,  // So many differ that no more are asked for.
+  };
+  Kind kind = Kind::kOpen;
+  std::vector<std::string> liars;  // Identities.
+};
+
+struct ResultCheck {
+  std::vector<ResultVersion> versions;  // The first is the one that is merged.
+  std::set<std::string> avoided;        // Identities that failed to render it.
+  bool leased = false;
+  bool IsDispute() const { return versions.size() > 1; }
+  // Whether another version of this identity would tell anything.
+  bool MayBeDoneBy(const std::string& identity) const;
+};
+
+// Thread safety: none. Cost: O(log n) a call, and O(n) of what is returned.
+class ResultChecks {
+ public:
+  // versions_max: of one task; with so many different ones a dispute stays undecided.
+  explicit ResultChecks(size_t versions_max) : versions_max_(versions_max) {}
+
+  // Begins a check of what was merged. Nothing happens where there is one.
+  void Begin(const TaskId& task, ResultVersion merged);
+  // Adds a version; begins a check where there is none. An identity that contradicts itself made a
+  // false result, whoever else agrees. A check that is not open after this is over.
+  CheckVerdict Add(const TaskId& task, const ResultVersion& merged, ResultVersion version);
+  void Erase(const TaskId& task);
+  void EraseFrame(const FrameId& frame);
+
+  // A worker holds the check's lease, or gave it back. The check is known.
+  void Lease(const TaskId& task);
+  void Return(const TaskId& task);
+  // The identity cannot render the task.
+  void Avoid(const TaskId& task, const std::string& identity);
+
+  const ResultCheck* Find(const TaskId& task) const;
+  // Those that no worker holds.
+  const std::set<TaskId>& waiting() const { return waiting_; }
+  std::vector<TaskId> OfFrame(const FrameId& frame) const;
+  bool HasDispute(const FrameId& frame) const;
+  size_t size() const { return checks_.size(); }
+
+ private:
+  using Checks = std::map<TaskId, ResultCheck>;
+  Checks::const_iterator FirstOf(const FrameId& frame) const;
+
+  const size_t versions_max_;
+  Checks checks_;
+  std::set<TaskId> waiting_;
+};
+
+}  // namespace sheaf::coordinator

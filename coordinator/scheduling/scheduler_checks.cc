@@ -1,0 +1,97 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of Scheduler that has results rendered again by others, to notice false ones.
+#include <algorithm>
+
+#include "coordinator/scheduling/scheduler.h"
+
+namespace sheaf::coordinator {
+
+void Scheduler::ConsiderCheck(const FrameId& id, const Task& task, const ResultVersion& merged,
+                              double draw) {
+  if (limits_.check_fraction <= 0) return;
+  const bool is_new = workers_.ResultCount(merged.identity) <= limits_.new_identity_results;
+  const double fraction =
+      is_new ? std::max(limits_.new_identity_check_fraction, limits_.check_fraction)
+             : limits_.check_fraction;
+  if (draw >= fraction) return;
+  const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
+  if (!OtherIdentitiesLive(profile, {merged.identity})) return;
+  checks_.Begin(MakeTaskId(id, task), merged);
+  ++counters_.checks_begun;
+}
+
+bool Scheduler::GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime now) {
+  int scanned = 0;
+  for (const TaskId& id : checks_.waiting()) {
+    if (++scanned > limits_.check_scan_max) return false;
+    JobRecord& job = jobs_.at(id.frame.job_id);
+    FrameRecord& frame = Frame(id.frame);
+    if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
+    if (!MayOpenFor(frame, *worker)) continue;
+    if (!checks_.Find(id)->MayBeDoneBy(worker->identity)) continue;
+    const bool is_urgent = frame.phase == FrameRecord::Phase::kRendered ||
+                           worker->warm_scenes.contains(frame.packed.scene().Hex());
+    if (urgent_only && !is_urgent) continue;
+    const TaskId taken = id;
+    checks_.Lease(taken);
+    AddLease(&job, &frame, {taken.tile, {taken.first, taken.count}, taken.cells}, worker,
+             /*is_check=*/true, now);
+    return true;
+  }
+  return false;
+}
+
+CheckVerdict Scheduler::Compare(const FrameId& id, const Task& task, uint64_t lease_id,
+                                const std::string& worker_id, const ResultVersion& merged,
+                                const ResultVersion& version, const ResultCost& cost,
+                                SteadyTime now) {
+  const TaskId task_id = MakeTaskId(id, task);
+  const Lease* lease = leases_.Find(lease_id);
+  if (lease != nullptr && lease->is_check && MakeTaskId(lease->frame, lease->task) == task_id) {
+    const uint64_t samples = Frame(id).tasks->PixelSamples(task);
+    counters_.samples_checked += samples;
+    NoteDelivery(worker_id, samples, cost, lease->grant_time, now);
+    DropLease(lease_id, /*put_back=*/true);
+  }
+  CheckVerdict verdict = checks_.Add(task_id, merged, version);
+  if (checks_.Find(task_id) == nullptr) DropCheckLeases(task_id);
+  return verdict;
+}
+
+void Scheduler::DropCheckLeases(const TaskId& task) {
+  for (const uint64_t holder : leases_.HoldersOf(task)) {
+    if (!leases_.Find(holder)->is_check) continue;
+    ++counters_.leases_cancelled;
+    DropLease(holder, /*put_back=*/false);
+  }
+}
+
+void Scheduler::DropChecks(const FrameId& id) {
+  for (const TaskId& task : checks_.OfFrame(id)) {
+    DropCheckLeases(task);
+    ++counters_.checks_dropped;
+  }
+  checks_.EraseFrame(id);
+}
+
+bool Scheduler::AwaitsChecks(const FrameId& id, SteadyTime now) {
+  const std::vector<TaskId> checks = checks_.OfFrame(id);
+  const JobRecord& job = jobs_.at(id.job_id);
+  if (checks.empty() || job.Paused()) return false;
+  FrameRecord& frame = Frame(id);
+  if (frame.check_wait_end == SteadyTime::InfiniteFuture()) {
+    frame.check_wait_end = now + limits_.check_wait_max;
+  }
+  if (now >= frame.check_wait_end) return false;
+  const std::map<std::string, int>& live = workers_.LiveIdentities(job.spec.numeric_profile);
+  return std::ranges::any_of(checks, [&](const TaskId& task) {
+    const ResultCheck& check = *checks_.Find(task);
+    return check.leased || std::ranges::any_of(live, [&](const auto& identity) {
+             return check.MayBeDoneBy(identity.first);
+           });
+  });
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,130 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// What strangers can do to a farm: workers that have delivered nothing. And quarantine.
+#include <string>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "coordinator/scheduling/scheduler_fixture.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Workers that nobody has seen before, on a farm with one that has delivered results.
+class StrangersTest : public SchedulerTest {
+ protected:
+  StrangersTest() : SchedulerTest(Limits()) {
+    AddJob();
+    Accept(Sync("old", 1).at(0));
+    scheduler_.EndJob(last_job_id_, JobPhase::kCancelled, "");
+    Sync("old", 0);
+  }
+  // Has the worker fail one lease.
+  void FailOne(const std::string& id, FailureKind kind) {
+    const std::vector<Lease>& leases = Sync(id, 1);
+    ASSERT_FALSE(leases.empty());
+    Fail(leases[0], kind, "x.pbrt:1:1: \x1b[2J is bad");
+    Sync(id, 0);
+  }
+};
+
+TEST_F(StrangersTest, LeasesGrowWithResults) {
+  AddJob(20);
+  EXPECT_EQ(Sync("new", 256).size(), static_cast<size_t>(limits_.unproven_leases_min));
+  EXPECT_EQ(Sync("new", 256).size(), static_cast<size_t>(limits_.unproven_leases_min));
+  Accept(held_["new"][0]);
+  EXPECT_EQ(Sync("new", 256).size(),
+            static_cast<size_t>(limits_.unproven_leases_min + limits_.leases_per_result));
+  while (Sync("new", 256).size() < 256 && !held_["new"].empty()) Accept(held_["new"][0]);
+  EXPECT_EQ(held_["new"].size(), static_cast<size_t>(limits_.leases_per_worker_max));
+}
+
+TEST_F(StrangersTest, SceneErrorsOfStrangersEndNoJob) {
+  const uint64_t job = AddJob();
+  for (const char* id : {"x", "y", "z"}) FailOne(id, FailureKind::kScene);
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+  FailOne("old", FailureKind::kScene);
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+  EXPECT_THAT(Job(job).failure, HasSubstr("says: x.pbrt:1:1: \\x1b[2J is bad"));
+}
+
+TEST_F(StrangersTest, ResultsContradictSceneErrors) {
+  const uint64_t other = AddJob();
+  Accept(Sync("a", 1).at(0));
+  Accept(Sync("b", 1).at(0));
+  scheduler_.EndJob(other, JobPhase::kCancelled, "");
+  const uint64_t job = AddJob();
+  Accept(Sync("old", 1).at(0));
+  FailOne("a", FailureKind::kScene);
+  FailOne("b", FailureKind::kScene);
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+}
+
+TEST_F(StrangersTest, CrashesOfStrangersEndNoJob) {
+  const uint64_t job = AddJob();
+  for (const char* id : {"x", "y", "z"}) FailOne(id, FailureKind::kInternal);
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+  FailOne("old", FailureKind::kInternal);
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+  EXPECT_THAT(Job(job).failure, HasSubstr("worker old says: "));
+}
+
+// Several workers of one certificate are one voice.
+TEST_F(StrangersTest, FailuresCountByIdentity) {
+  identities_ = {{"a1", "a"}, {"a2", "a"}, {"old", ""}};
+  const uint64_t first = AddJob();
+  Accept(Sync("a1", 1).at(0));
+  scheduler_.EndJob(first, JobPhase::kCancelled, "");
+  const uint64_t job = AddJob();
+  FailOne("a1", FailureKind::kScene);
+  FailOne("a2", FailureKind::kScene);
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive);
+  FailOne("old", FailureKind::kScene);
+  EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+}
+
+TEST_F(StrangersTest, WorkerIdsBelongToOneIdentity) {
+  identities_["a"] = "one";
+  Sync("a", 1);
+  EXPECT_TRUE(status_.ok());
+  identities_["a"] = "two";
+  Sync("a", 1);
+  EXPECT_EQ(status_.code(), absl::StatusCode::kPermissionDenied);
+}
+
+TEST_F(StrangersTest, QuarantinesHoldForIdentitiesUntilTheyAreLifted) {
+  AddJob();
+  identities_ = {{"a1", "a"}, {"a2", "a"}};
+  EXPECT_FALSE(Sync("a1", 1).empty());
+  scheduler_.Quarantine("a", "it lies");
+  scheduler_.Quarantine("a", "again");
+  EXPECT_EQ(scheduler_.leases().size(), 0u);
+  EXPECT_EQ(scheduler_.counters().workers_quarantined, 1u);
+  Sync("a2", 1);
+  EXPECT_EQ(status_.code(), absl::StatusCode::kPermissionDenied);
+  EXPECT_THAT(std::string(status_.message()), HasSubstr("it lies"));
+  const absl::Time stamp = absl::FromUnixSeconds(1'700'000'000);
+  EXPECT_EQ(scheduler_.TakeQuarantines(stamp),
+            (std::vector<QuarantineRecord>{{"a", "it lies", false, stamp}}));
+  EXPECT_TRUE(scheduler_.TakeQuarantines(stamp).empty());
+  EXPECT_TRUE(scheduler_.LiftQuarantine("a"));
+  EXPECT_FALSE(scheduler_.LiftQuarantine("a"));
+  EXPECT_FALSE(Sync("a1", 1).empty());
+  Sync("a2", 1);
+  EXPECT_TRUE(status_.ok());
+}
+
+TEST_F(StrangersTest, RestoredQuarantinesHold) {
+  scheduler_.RestoreQuarantine({"a", "it lied", true, absl::FromUnixSeconds(1)});
+  Sync("a", 1);
+  EXPECT_EQ(status_.code(), absl::StatusCode::kPermissionDenied);
+  EXPECT_TRUE(scheduler_.TakeQuarantines(absl::Now()).empty()) << "it is written down already";
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator

@@ -1,0 +1,109 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Who is in quarantine, what they made, and what was corrected, in the job store.
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "common/base/digest.h"
+#include "coordinator/store/sqlite_job_store.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+class SqliteQuarantinesTest : public testing::Test {
+ protected:
+  SqliteQuarantinesTest()
+      : directory_(testing::TempDir() + "sheaf-quarantines-" +
+                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+    std::filesystem::remove_all(directory_);
+    Reopen();
+  }
+  ~SqliteQuarantinesTest() override {
+    store_.reset();
+    std::filesystem::remove_all(directory_);
+  }
+  void Reopen() {
+    store_.reset();
+    auto store = SqliteJobStore::Open(directory_);
+    ASSERT_TRUE(store.ok()) << store.status();
+    store_ = std::move(*store);
+  }
+  uint64_t CreateJob(const std::string& request_id) {
+    JobSpec spec;
+    spec.frames.resize(1);
+    FrameSpec& frame = spec.frames[0];
+    frame.frame_number = 7;
+    frame.scene = {Sha256Hex("scene"), 1};
+    frame.frame_digest = Sha256Hex("frame");
+    frame.settings.width_px = frame.settings.height_px = 16;
+    frame.settings.window = {0, 0, 16, 16};
+    return store_->CreateJob(spec, request_id, absl::FromUnixSeconds(100))->job_id;
+  }
+  void WritePart(uint64_t job, uint64_t first, const std::string& identity) {
+    PartRow row;
+    row.key = {{job, 7}, {0, 0, 16, 16}, {first, 16}};
+    row.digest = {Sha256Hex("bytes"), 5};
+    row.worker_id = "w";
+    row.identity = identity;
+    ASSERT_TRUE(store_->WritePart(row, "bytes").ok());
+  }
+
+  const std::string directory_;
+  std::unique_ptr<SqliteJobStore> store_;
+};
+
+TEST_F(SqliteQuarantinesTest, QuarantinesSurviveAReopenUntilTheyAreRemoved) {
+  const QuarantineRecord first{"a", "it failed", false, absl::FromUnixSeconds(2)};
+  const QuarantineRecord second{"b", "it lied", true, absl::FromUnixSeconds(1)};
+  ASSERT_TRUE(store_->WriteQuarantine(first).ok());
+  ASSERT_TRUE(store_->WriteQuarantine({"b", "before", false, absl::FromUnixSeconds(5)}).ok());
+  ASSERT_TRUE(store_->WriteQuarantine(second).ok());
+  Reopen();
+  EXPECT_EQ(*store_->LoadQuarantines(), (std::vector<QuarantineRecord>{second, first}));
+  ASSERT_TRUE(store_->RemoveQuarantine("b").ok());
+  ASSERT_TRUE(store_->RemoveQuarantine("nobody").ok());
+  EXPECT_EQ(*store_->LoadQuarantines(), std::vector<QuarantineRecord>{first});
+}
+
+TEST_F(SqliteQuarantinesTest, PartsAreFoundByIdentityInAllJobs) {
+  const uint64_t first = CreateJob("first"), second = CreateJob("second");
+  WritePart(second, 0, "liar");
+  WritePart(first, 0, "liar");
+  WritePart(first, 16, "honest");
+  Reopen();
+  const absl::StatusOr<std::vector<PartRow>> parts = store_->FindPartsOf("liar");
+  ASSERT_TRUE(parts.ok()) << parts.status();
+  ASSERT_EQ(parts->size(), 2u);
+  EXPECT_EQ((*parts)[0].key.frame, (FrameId{first, 7}));
+  EXPECT_EQ((*parts)[1].key.frame, (FrameId{second, 7}));
+  EXPECT_EQ((*parts)[1].identity, "liar");
+}
+
+TEST_F(SqliteQuarantinesTest, CorrectionsAndWarningsSurviveAReopen) {
+  const uint64_t job = CreateJob("r");
+  ASSERT_TRUE(store_->DeliverFrame({job, 7}, {}).ok());
+  ASSERT_TRUE(store_->EndJob(job, JobPhase::kSucceeded, "", absl::Now(), {}).ok());
+  const std::vector<StoredJob> before = *store_->LoadJobs();
+  EXPECT_TRUE(before.at(0).corrections.empty());
+  EXPECT_EQ(before.at(0).warning, "");
+  ASSERT_TRUE(store_->ReopenJob(job, {{before[0].spec.frames[0], {}, true}}).ok());
+  ASSERT_TRUE(store_->SetWarning(job, "corrected").ok());
+  Reopen();
+  const std::vector<StoredJob> after = *store_->LoadJobs();
+  EXPECT_EQ(after.at(0).phase, JobPhase::kLive);
+  EXPECT_TRUE(after.at(0).delivered.empty());
+  EXPECT_EQ(after.at(0).corrections, (std::map<int32_t, int32_t>{{7, 1}}));
+  EXPECT_EQ(after.at(0).warning, "corrected");
+  ASSERT_TRUE(store_->DeliverFrame({job, 7}, {}).ok());
+  EXPECT_EQ(store_->LoadJobs()->at(0).corrections.at(7), 1) << "delivery does not forget it";
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
