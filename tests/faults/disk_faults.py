@@ -1,6 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Disks that are full, broken or read-only, and files whose bits change on them."""
+import contextlib
 import errno
 import os
 import shutil
@@ -11,7 +12,7 @@ import farm
 from damaged_files import alter, blob_path, flip_bit
 from kinds import kind
 
-BALLAST_BYTES_LEFT = 64 << 10  # On a full disk; less than a part.
+BALLAST_PIECE_BYTES_MIN = 4 << 10
 
 
 def heals(bench, told_within=10):
@@ -22,15 +23,39 @@ def heals(bench, told_within=10):
     bench.pause(0, 0.2)
 
 
+@contextlib.contextmanager
+def workers_held(bench):
+    """They stand still within."""
+    for worker in bench.farm.workers:
+        worker.send_signal(signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        for worker in bench.farm.workers:
+            worker.send_signal(signal.SIGCONT)
+
+
+def fill_disk(ballast):
+    """Takes all space, while others take of it too."""
+    piece = shutil.disk_usage(os.path.dirname(ballast)).free
+    taken = 0
+    with open(ballast, "wb") as file:
+        while piece > BALLAST_PIECE_BYTES_MIN:
+            try:
+                os.posix_fallocate(file.fileno(), taken, piece)
+                taken += piece
+            except OSError:  # No so much is left.
+                piece //= 2
+
+
 @kind("disk full", must_tell=True, needs="mounts")
 def disk_full(bench):
     """The coordinator's state directory is on a small file system, which a file fills."""
     bench.begin()
     ballast = bench.farm.path("state", "ballast")
     with bench.fault():
-        room = shutil.disk_usage(bench.farm.path("state")).free
-        with open(ballast, "wb") as file:
-            os.posix_fallocate(file.fileno(), 0, max(1, room - BALLAST_BYTES_LEFT))
+        with workers_held(bench):  # Filling takes as long as the job.
+            fill_disk(ballast)
         heals(bench)
         os.remove(ballast)
 
@@ -107,13 +132,10 @@ def blob_changed(bench):
     """Before workers have it. The client that submits the scene again repairs it."""
     bench.scene = scene = bench.new_scene()
     with bench.fault():
-        for worker in bench.farm.workers:
-            worker.send_signal(signal.SIGSTOP)
-        bench.begin(progress=False)
-        flip_bit(blob_path(bench.farm.path("state", "content"), os.path.getsize(scene)),
-                 bench.random)
-        for worker in bench.farm.workers:
-            worker.send_signal(signal.SIGCONT)
+        with workers_held(bench):
+            bench.begin(progress=False)
+            flip_bit(blob_path(bench.farm.path("state", "content"), os.path.getsize(scene)),
+                     bench.random)
         farm.wait_until(lambda: os.path.basename(scene) in bench.waiting_reason(), 30,
                         "words about the file")
         bench.tell("submit the scene again" in bench.waiting_reason())
