@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Causes each kind of fault many times to small jobs of small farms, and prints the results.
 
-Usage: faults.py [--times N] [--kind NAME]... [--seed N] [--json FILE] [--list]
+Usage: faults.py [--times N] [--minutes M] [--kind NAME]... [--seed N] [--json FILE] [--list]
 
 It runs in network and mount namespaces of its own, so that nothing outside is touched; kinds of
 faults that this machine cannot cause are listed with the reason. The exit code is 1 if a job was
@@ -92,10 +92,14 @@ def run_bench(name, chosen, arguments, with_mounts, report):
     left = [kind for _ in range(arguments.times) for kind in chosen]
     outcomes = {kind.name: [] for kind in chosen}
     failures = 0
-    while left and failures < FAILURES_MAX:
+
+    def goes_on():
+        return left and failures < FAILURES_MAX and time.monotonic() < arguments.end
+
+    while goes_on():
         seed = arguments.seed + len(left)
         with make_bench(name, arguments.library, seed, with_mounts) as bench:
-            while left:
+            while goes_on():
                 kind = left.pop(0)
                 outcome = bench.run(kind.cause)
                 if kind.must_tell and not outcome.told and not outcome.problem:
@@ -150,6 +154,8 @@ def print_table(rows):
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--times", type=int, default=50, help="occurrences of each kind")
+    parser.add_argument("--minutes", type=float, default=float("inf"),
+                        help="ends then, with the faults so far; the exit code is 1")
     parser.add_argument("--kind", action="append", default=[],
                         help="only kinds whose names contain this")
     parser.add_argument("--seed", type=int, default=int(time.time()) % 1_000_000)
@@ -190,6 +196,7 @@ def main():
     chosen, skipped, with_mounts = choose(arguments)
     print(f"seed {arguments.seed}", flush=True)
     begin = time.monotonic()
+    arguments.end = begin + 60 * arguments.minutes
     done = 0
 
     def report(kind, outcome):

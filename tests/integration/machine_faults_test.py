@@ -93,7 +93,9 @@ class MachineFaultsTest(unittest.TestCase):
             self.await_progress(f)
             farm.wait_until(lambda: self.is_ready(f), 30, "/readyz tells of the space")
             self.assertEqual(self.show(f, job)["waiting_reason"], "")
-            self.assertIn("accepts results again", f.log("worker1"))
+            # One upload brings several results, and its answer comes after them.
+            farm.wait_until(lambda: "accepts results again" in f.log("worker1"), 10,
+                            "the worker's log")
             f.sheaf("watch", job, "-o", f.path("out.exr"))
             expected = f.path("expected.exr")
             farm.render(SCENE, expected, *JOB, 128)
