@@ -8,82 +8,20 @@ a delivered EXR; each file keeps its size.
 """
 import json
 import os
-import struct
 import tempfile
 import unittest
-import zlib
 
 import farm
+from damaged_files import alter, blob_path, write_scene
 
-SIZE = 512  # Size of the texture in pixels: more than one tile of the texture cache.
-SCENE = """LookAt 0 0 -2  0 0 0  0 1 0
-Camera "perspective" "float fov" 60
-Film "rgb" "integer xresolution" 96 "integer yresolution" 64
-WorldBegin
-LightSource "infinite" "rgb L" [1 1 1]
-Texture "wood" "spectrum" "imagemap" "string filename" "wood.png" "string filter" "point"
-Material "diffuse" "texture reflectance" "wood"
-Shape "trianglemesh" "integer indices" [0 1 2 0 2 3] "point2 uv" [0 0 1 0 1 1 0 1]
-  "point3 P" [-1 -1 0  1 -1 0  1 1 0  -1 1 0]
-"""
 JOB = ("--tile-size", "32", "--pass-samples", "16", "--lease-passes", "1")
-
-
-def write_png(path):
-    """A PNG with uncompressed data, so that any byte can change at the same size."""
-    rows = b"".join(b"\0" + bytes((3 * x + 7 * y + 11 * c) % 200 + 20 for x in range(SIZE)
-                                  for c in range(3)) for y in range(SIZE))
-
-    def chunk(kind, data):
-        return (struct.pack(">I", len(data)) + kind + data
-                + struct.pack(">I", zlib.crc32(kind + data)))
-    with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n"
-                   + chunk(b"IHDR", struct.pack(">IIBBBBB", SIZE, SIZE, 8, 2, 0, 0, 0))
-                   + chunk(b"IDAT", zlib.compress(rows, 0)) + chunk(b"IEND", b""))
-
-
-def alter(path, whole=False):
-    """Changes bytes in place and restores the file's modification time."""
-    before = os.stat(path)
-    os.chmod(path, 0o644)
-    with open(path, "r+b") as file:
-        data = bytearray(file.read())
-        if whole:  # Another valid PNG, so PNG's own checksums do not find it.
-            rows = bytearray(zlib.decompress(bytes(data[41:-16])))
-            for i in range(len(rows)):
-                if i % (3 * SIZE + 1):
-                    rows[i] = 255 - rows[i]
-            stored = zlib.compress(bytes(rows), 0)
-            data[41:-16] = stored
-            data[-16:-12] = struct.pack(">I", zlib.crc32(b"IDAT" + stored))
-        else:
-            data[len(data) // 2] ^= 0x55
-        file.seek(0)
-        file.write(data)
-    assert os.stat(path).st_size == before.st_size
-    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-
-
-def blob_path(folder, size):
-    """The path of the blob of this size."""
-    for directory, _, names in os.walk(folder):
-        for name in names:
-            path = os.path.join(directory, name)
-            if len(name) == 64 and "damaged" not in path and os.path.getsize(path) == size:
-                return path
-    raise AssertionError(f"no blob of {size} bytes in {folder}")
 
 
 class DamageTest(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
-        self.scene = os.path.join(folder.name, "scene.pbrt")
-        with open(self.scene, "w", encoding="utf-8") as file:
-            file.write(SCENE)
-        self.texture = os.path.join(folder.name, "wood.png")
-        write_png(self.texture)
+        self.scene, self.texture = write_scene(folder.name)
         expected = os.path.join(folder.name, "expected.exr")
         farm.render(self.scene, expected, *JOB, "--samples", 64)
         self.expected = farm.image_digest(expected)

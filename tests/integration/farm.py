@@ -5,11 +5,13 @@
 The test is the parent of every daemon, so a killed daemon is reaped here and its port is free
 again.
 """
+import contextlib
 import json
 import os
 import re
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -146,11 +148,33 @@ class Farm:
                                  + self.log("coordinator")[-2000:])
         return done
 
+    def acknowledged(self, job=None):
+        """Keys of all results that the coordinator has acknowledged, read from its store: (frame,
+        x0, y0, first sample, count). job: those of "jobs/7" alone.
+        """
+        path = self.path("state", "farm.db")
+        with contextlib.closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
+            return set(db.execute("SELECT frame_number, x0, y0, first, count FROM parts "
+                                  "WHERE ? IS NULL OR job_id = ?",
+                                  (job, job and int(job.rpartition("/")[2]))))
+
     def metrics(self):
         """Prometheus samples by name with labels, as floats."""
         from urllib.request import urlopen
         text = urlopen(f"http://{self.http}/metrics", timeout=10).read().decode()
         return {m[1]: float(m[2]) for m in re.finditer(r"^(sheaf_\S+) (\S+)$", text, re.M)}
+
+
+def samples_by_tile(acknowledged):
+    """The samples of each tile in Farm.acknowledged. AssertionError: one is there twice."""
+    samples = {}
+    for frame, x, y, first, count in acknowledged:
+        covered = samples.setdefault((frame, x, y), set())
+        block = set(range(first, first + count))
+        if covered & block:
+            raise AssertionError(f"tile {x},{y}: samples acknowledged twice")
+        covered |= block
+    return samples
 
 
 def render(scene, output, *arguments, seconds=JOB_SECONDS_MAX):

@@ -9,7 +9,6 @@ SHEAF_SEED repeats a run.
 import json
 import os
 import random
-import sqlite3
 import tempfile
 import time
 import unittest
@@ -35,12 +34,6 @@ class KillTest(unittest.TestCase):
         self.expected = farm.image_digest(expected)
         self.expected_file = farm.read_bytes(expected)
 
-    def acknowledged(self, f):
-        """Keys of all results that the coordinator has acknowledged, read from its store."""
-        with sqlite3.connect(f"file:{f.path('state', 'farm.db')}?mode=ro", uri=True) as db:
-            return set(db.execute(
-                "SELECT frame_number, x0, y0, first, count FROM parts"))
-
     def test_kill_workers_then_coordinator(self):
         with farm.Farm(["--lease-seconds", "2"]) as f:
             for _ in range(2):
@@ -54,10 +47,10 @@ class KillTest(unittest.TestCase):
             for _ in range(KILLS):
                 time.sleep(self.random.uniform(0.1, 0.6))
                 f.kill(f.coordinator)
-                before = self.acknowledged(f)
+                before = f.acknowledged()
                 self.assertLess(len(before), PARTS, "the job ended before the last kill")
                 f.start_coordinator()
-                self.assertLessEqual(before, self.acknowledged(f), "an acknowledged result is gone")
+                self.assertLessEqual(before, f.acknowledged(), "an acknowledged result is gone")
             output = f.path("out.exr")
             f.sheaf("watch", job, "-o", output)
             self.assertEqual(farm.image_digest(output), self.expected)
@@ -67,12 +60,7 @@ class KillTest(unittest.TestCase):
 
     def check_nothing_was_done_twice(self, f):
         """Checks that every sample of every tile was acknowledged exactly once."""
-        samples = {}
-        for frame, x, y, first, count in self.acknowledged(f):
-            covered = samples.setdefault((frame, x, y), set())
-            block = set(range(first, first + count))
-            self.assertFalse(covered & block, f"tile {x},{y}: samples acknowledged twice")
-            covered |= block
+        samples = farm.samples_by_tile(f.acknowledged())
         self.assertTrue(all(len(s) == 256 for s in samples.values()))
 
 

@@ -5,9 +5,9 @@
 
 Usage: machine_faults_test.py FAULTS, the library of tests/support/machine_faults.cc.
 """
+import errno
 import json
 import os
-import struct
 import sys
 import time
 import unittest
@@ -15,6 +15,7 @@ from urllib.error import HTTPError
 from urllib.request import urlopen
 
 import farm
+from machine_faults import MachineFaults
 
 SCENE = os.path.join(farm.ROOT, "scenes", "showroom.pbrt")
 JOB = ("--crop", "200,80,456,272", "--tile-size", "32", "--pass-samples", "16", "--lease-passes",
@@ -24,15 +25,10 @@ JUMP_SECONDS = 3 * 3600  # Longer than lost workers are remembered and than any 
 
 
 class MachineFaultsTest(unittest.TestCase):
-    def set_faults(self, f, clock_offset_seconds=0, disk_full=False):
-        with open(f.path("faults"), "r+b") as file:
-            file.write(struct.pack("=qq", clock_offset_seconds, disk_full))
-
     def make_farm(self):
         f = farm.Farm(["--lease-seconds", str(LEASE_SECONDS)])
-        with open(f.path("faults"), "wb") as file:
-            file.write(struct.pack("=qq", 0, 0))
-        f.environment.update(LD_PRELOAD=FAULTS, SHEAF_TEST_FAULTS=f.path("faults"))
+        self.faults = MachineFaults(FAULTS, f.path("faults"))
+        f.environment.update(self.faults.environment)
         return f
 
     def submit(self, f, samples):
@@ -57,7 +53,7 @@ class MachineFaultsTest(unittest.TestCase):
             job = self.submit(f, 8192)  # More than this test renders.
             self.await_progress(f)
             for seconds in (JUMP_SECONDS, 0, -JUMP_SECONDS):
-                self.set_faults(f, clock_offset_seconds=seconds)
+                self.faults.set(clock_offset_seconds=seconds)
                 time.sleep(LEASE_SECONDS / 2)
                 self.assertIsNone(f.coordinator.poll(), f"off by {seconds} s")
                 self.await_progress(f)
@@ -83,7 +79,7 @@ class MachineFaultsTest(unittest.TestCase):
             f.start_worker()
             job = self.submit(f, 128)
             self.await_progress(f)
-            self.set_faults(f, disk_full=True)
+            self.faults.set(write_error=errno.ENOSPC)
             farm.wait_until(lambda: not self.is_ready(f), 30, "/readyz tells of the disk")
             self.assertIn("is not writable", self.show(f, job)["waiting_reason"])
             self.assertIn("is not writable", f.sheaf("show", job).stdout)
@@ -93,11 +89,13 @@ class MachineFaultsTest(unittest.TestCase):
             at_rest = self.accepted(f)
             time.sleep(1)
             self.assertEqual(self.accepted(f), at_rest)
-            self.set_faults(f)
+            self.faults.set()
             self.await_progress(f)
             farm.wait_until(lambda: self.is_ready(f), 30, "/readyz tells of the space")
             self.assertEqual(self.show(f, job)["waiting_reason"], "")
-            self.assertIn("accepts results again", f.log("worker1"))
+            # One upload brings several results, and its answer comes after them.
+            farm.wait_until(lambda: "accepts results again" in f.log("worker1"), 10,
+                            "the worker's log")
             f.sheaf("watch", job, "-o", f.path("out.exr"))
             expected = f.path("expected.exr")
             farm.render(SCENE, expected, *JOB, 128)

@@ -6,6 +6,8 @@ A client observes the same delays as at that distance: a connection costs its ro
 first byte arrives, plus TLS's round trips if configured.
 """
 import asyncio
+import socket
+import struct
 import threading
 
 CHUNK_BYTES_MAX = 1 << 16
@@ -27,6 +29,8 @@ class SlowLink:
         self.bytes_per_second = bytes_per_second
         self.address = None
         self.connections = 0
+        self.open = set()  # Writers of all connections.
+        self.refusing = False
         self.lines = ()  # Upward and downward.
         self.loop = asyncio.new_event_loop()
         self.ready = threading.Event()
@@ -40,6 +44,18 @@ class SlowLink:
     def __exit__(self, *_):
         self.loop.call_soon_threadsafe(self.loop.stop)
         self.thread.join()
+
+    def reset(self, refuse=False):
+        """Resets all connections; refuse: and each new one until accept is called."""
+        self.refusing = refuse
+        self.loop.call_soon_threadsafe(self._reset_all)
+
+    def accept(self):
+        self.refusing = False
+
+    def _reset_all(self):
+        for writer in list(self.open):
+            reset(writer)
 
     def _run(self):
         asyncio.set_event_loop(self.loop)
@@ -59,14 +75,19 @@ class SlowLink:
 
     async def _serve(self, client_reader, client_writer):
         self.connections += 1
+        if self.refusing:
+            reset(client_writer)
+            return
         upward = asyncio.Queue(CHUNKS_ON_THE_WAY_MAX)
         first = self.loop.time() + self.first_byte_seconds
         tasks = [asyncio.create_task(self._receive(client_reader, upward, first, self.lines[0]))]
         writers = [client_writer]
+        self.open.add(client_writer)
         try:
             await asyncio.sleep(self.first_byte_seconds)
             reader, writer = await asyncio.open_connection(self.host, int(self.port))
             writers.append(writer)
+            self.open.add(writer)
             downward = asyncio.Queue(CHUNKS_ON_THE_WAY_MAX)
             tasks += [asyncio.create_task(self._receive(reader, downward, 0, self.lines[1])),
                       asyncio.create_task(self._deliver(upward, writer)),
@@ -78,6 +99,7 @@ class SlowLink:
             for task in tasks:
                 task.cancel()
             for writer in writers:
+                self.open.discard(writer)
                 writer.close()
 
     async def _receive(self, reader, queue, first, line):
@@ -98,3 +120,10 @@ class SlowLink:
                 return
             writer.write(data)
             await writer.drain()
+
+
+def reset(writer):
+    """Closes a connection so that the other side finds it reset."""
+    writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER,
+                                               struct.pack("ii", 1, 0))
+    writer.transport.abort()

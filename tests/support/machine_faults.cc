@@ -2,31 +2,52 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A library preloaded into programs that simulates faults of the machine. The file named by
-// SHEAF_TEST_FAULTS describes them and may change at any time. It holds two int64: the error of the
-// wall clock in seconds (the steady clock stays correct, as when a machine's clock is set), and
-// whether the disk is full.
+// SHEAF_TEST_FAULTS describes them (struct Faults; tests/integration/machine_faults.py writes it)
+// and may change at any time.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
+#include <csignal>
+#include <cstdarg>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <ctime>
 
 namespace {
 
+// A named point at which the process is killed, once.
+enum KillPoint : int64_t {
+  kNever = 0,
+  kBeforeRename = 1,  // Of a file to a path that contains kill_path.
+  kAfterRename = 2,
+  kAfterRow = 3,  // Of the first part that is stored: the log of the database has been synchronized
+                  // since its file was there.
+};
+
 struct Faults {
-  int64_t clock_offset_seconds = 0, disk_full = 0;
+  // The error of the wall clock. The steady clock stays correct, as when a machine's clock is set.
+  int64_t clock_offset_seconds = 0;
+  // With which writes of regular files fail: ENOSPC, EIO or EROFS; 0: they succeed.
+  int64_t write_error = 0;
+  int64_t kill_point = kNever;
+  char kill_path[64] = {};
 };
 
 const volatile Faults& MachineFaults() {
   static const volatile Faults* const faults = []() -> const volatile Faults* {
     static const Faults none;
     const char* path = std::getenv("SHEAF_TEST_FAULTS");
-    const int file = path == nullptr ? -1 : ::open(path, O_RDONLY | O_CLOEXEC);
+    const int file =
+        path == nullptr
+            ? -1
+            : static_cast<int>(::syscall(SYS_openat, AT_FDCWD, path, O_RDONLY | O_CLOEXEC));
     if (file < 0) return &none;
     const void* mapped = ::mmap(nullptr, sizeof(Faults), PROT_READ, MAP_SHARED, file, 0);
     ::close(file);
@@ -36,16 +57,60 @@ const volatile Faults& MachineFaults() {
   return *faults;
 }
 
+int WriteError() { return static_cast<int>(MachineFaults().write_error); }
+
 // Whether a write must fail: for all files but the log.
-bool IsFull(int file) {
+bool WriteFails(int file) {
   struct stat info {};
-  return MachineFaults().disk_full != 0 && file > STDERR_FILENO && ::fstat(file, &info) == 0 &&
+  return WriteError() != 0 && file > STDERR_FILENO && ::fstat(file, &info) == 0 &&
          S_ISREG(info.st_mode);
 }
 
-ssize_t NoSpace() {
-  errno = ENOSPC;
+int Fail(int error) {
+  errno = error;
   return -1;
+}
+
+// On a disk that is read-only nothing is created, renamed or removed either.
+bool IsReadOnly() { return WriteError() == EROFS; }
+
+void KillAt(KillPoint point, const char* path) {
+  const volatile Faults& faults = MachineFaults();
+  if (faults.kill_point != point) return;
+  const char* part = const_cast<const char*>(faults.kill_path);
+  if (std::strstr(path, part) != nullptr) ::raise(SIGKILL);
+}
+
+std::atomic<bool> part_was_stored = false;
+
+void NoteRename(const char* to) {
+  if (MachineFaults().kill_point == kAfterRow && std::strstr(to, "/parts/") != nullptr) {
+    part_was_stored = true;
+  }
+  KillAt(kAfterRename, to);
+}
+
+void NoteSync(int file) {
+  if (!part_was_stored) return;
+  char link[32], path[512] = {};
+  std::snprintf(link, sizeof link, "/proc/self/fd/%d", file);
+  if (::readlink(link, path, sizeof path - 1) < 0) return;
+  if (std::strstr(path, "-wal") != nullptr) ::raise(SIGKILL);
+}
+
+int Synchronize(int64_t call, int file) {
+  if (WriteError() == EIO && WriteFails(file)) return Fail(EIO);
+  const auto result = static_cast<int>(::syscall(call, file));
+  if (result == 0) NoteSync(file);
+  return result;
+}
+
+int Open(int folder, const char* path, int flags, mode_t mode) {
+  constexpr int kWrites = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC;
+  if (IsReadOnly() && (flags & kWrites) != 0 && std::strncmp(path, "/dev/", 5) != 0) {
+    return Fail(EROFS);
+  }
+  return static_cast<int>(::syscall(SYS_openat, folder, path, flags, mode));
 }
 
 }  // namespace
@@ -61,15 +126,49 @@ int clock_gettime(clockid_t clock, timespec* time) noexcept {
 }
 
 ssize_t write(int file, const void* bytes, size_t count) {
-  return IsFull(file) ? NoSpace() : ::syscall(SYS_write, file, bytes, count);
+  return WriteFails(file) ? Fail(WriteError()) : ::syscall(SYS_write, file, bytes, count);
 }
 
 ssize_t pwrite(int file, const void* bytes, size_t count, off_t offset) {
-  return IsFull(file) ? NoSpace() : ::syscall(SYS_pwrite64, file, bytes, count, offset);
+  return WriteFails(file) ? Fail(WriteError())
+                          : ::syscall(SYS_pwrite64, file, bytes, count, offset);
 }
 
 ssize_t pwrite64(int file, const void* bytes, size_t count, off64_t offset) {
-  return IsFull(file) ? NoSpace() : ::syscall(SYS_pwrite64, file, bytes, count, offset);
+  return pwrite(file, bytes, count, offset);
+}
+
+int fsync(int file) { return Synchronize(SYS_fsync, file); }
+
+int fdatasync(int file) { return Synchronize(SYS_fdatasync, file); }
+
+int rename(const char* from, const char* to) noexcept {
+  if (IsReadOnly()) return Fail(EROFS);
+  KillAt(kBeforeRename, to);
+  const auto result = static_cast<int>(::syscall(SYS_rename, from, to));
+  if (result == 0) NoteRename(to);
+  return result;
+}
+
+int unlink(const char* path) noexcept {
+  return IsReadOnly() ? Fail(EROFS) : static_cast<int>(::syscall(SYS_unlink, path));
+}
+
+// The mode is garbage, and unused, where nothing is created.
+int open(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const auto mode = va_arg(arguments, mode_t);
+  va_end(arguments);
+  return Open(AT_FDCWD, path, flags, mode);
+}
+
+int open64(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const auto mode = va_arg(arguments, mode_t);
+  va_end(arguments);
+  return Open(AT_FDCWD, path, flags, mode);
 }
 
 }  // extern "C"

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
 #include "common/base/status.h"
 #include "common/rpc/settings_codec.h"
 
@@ -87,9 +88,10 @@ absl::StatusOr<Lease> FromWire(const v1::Lease& message) {
   return lease;
 }
 
+// Saturates: the seconds may be any number.
 std::chrono::milliseconds FromWire(const google::protobuf::Duration& duration) {
-  return std::chrono::seconds(duration.seconds()) +
-         std::chrono::milliseconds(duration.nanos() / 1'000'000);
+  return absl::ToChronoMilliseconds(absl::Seconds(duration.seconds()) +
+                                    absl::Nanoseconds(duration.nanos()));
 }
 
 }  // namespace
@@ -156,7 +158,8 @@ absl::StatusOr<DesiredState> FromWire(const v1::SynchronizeResponse& response) {
   }
   state.next_synchronize = std::clamp(FromWire(response.next_synchronize_duration()),
                                       kNextSynchronizeMin, kNextSynchronizeMax);
-  state.lease_duration = FromWire(response.lease_duration());
+  state.lease_duration =
+      std::max(FromWire(response.lease_duration()), std::chrono::milliseconds::zero());
   return state;
 }
 

@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace sheaf::worker {
 namespace {
 
@@ -81,6 +83,16 @@ TEST(WireTest, BoundsTheNextCallTime) {
   EXPECT_GT(FromWire(response)->next_synchronize.count(), 0);
   response.mutable_next_synchronize_duration()->set_seconds(1'000'000'000);
   EXPECT_LE(FromWire(response)->next_synchronize, std::chrono::minutes(1));
+}
+
+TEST(WireTest, DurationsSaturate) {
+  v1::SynchronizeResponse response;
+  response.mutable_next_synchronize_duration()->set_seconds(std::numeric_limits<int64_t>::max());
+  response.mutable_lease_duration()->set_seconds(std::numeric_limits<int64_t>::min());
+  const absl::StatusOr<DesiredState> state = FromWire(response);
+  ASSERT_TRUE(state.ok()) << state.status();
+  EXPECT_EQ(state->next_synchronize, std::chrono::minutes(1));
+  EXPECT_EQ(state->lease_duration, std::chrono::milliseconds::zero());
 }
 
 TEST(WireTest, WritesStateAndHeader) {

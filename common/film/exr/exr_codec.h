@@ -54,6 +54,8 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
 
 // The largest readable image, in bytes of all its channels as float32.
 inline constexpr int64_t kImageBytesMax = int64_t{1} << 35;
+// The most that a file may have beyond its pixels: metadata.
+inline constexpr int64_t kImageHeaderBytesMax = int64_t{1} << 26;
 
 // Writes atomically (temporary file, fsync, rename). Errors carry the path and the reason.
 absl::Status WriteFrameImage(const FrameImage& image, const std::string& path);
@@ -62,8 +64,13 @@ std::string EncodeFrameImage(const FrameImage& image);
 // float32, without subsampled ones. R, G and B must be present, bare or under a layer ("beauty.R";
 // the first layer that has all three is then renamed); their primaries are those of the file, or
 // sRGB's if it names none. Attributes "sheaf:KEY" become metadata, "cryptomatte/..." attributes.
-// Errors: kInvalidArgument, kDataLoss as above; those of reading the file.
-absl::StatusOr<FrameImage> ReadFrameImage(const std::string& path);
-absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes);
+// image_bytes_max bounds the memory of the image and of its file: a small file may declare a large
+// image.
+// Errors: kInvalidArgument, kDataLoss as above; kResourceExhausted beyond image_bytes_max; those of
+// reading the file.
+absl::StatusOr<FrameImage> ReadFrameImage(const std::string& path,
+                                          int64_t image_bytes_max = kImageBytesMax);
+absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes,
+                                            int64_t image_bytes_max = kImageBytesMax);
 
 }  // namespace sheaf

@@ -326,6 +326,12 @@ TEST_F(ExrCodecFileTest, ErrorsNameTheFile) {
       WriteFrameImage(MakeFrameImage({0, 0, 1, 1}, 1, 1), directory_ + "/no/such/dir.exr").ok());
 }
 
+TEST(ExrCodecTest, ImagesBeyondTheCallersLimitAreRefused) {
+  const std::string bytes = EncodeFrameImage(MakeFrameImage({0, 0, 64, 64}, 64, 64));
+  EXPECT_TRUE(DecodeFrameImage(bytes).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(DecodeFrameImage(bytes, 64 * 64).status()));
+}
+
 TEST(ExrCodecTest, ImagesWithoutColorAreRefused) {
   FrameImage image;
   image.window = {0, 0, 1, 1};

@@ -71,7 +71,7 @@ absl::Status WriteFrameImage(const FrameImage& image, const std::string& path) {
   return WriteFileAtomically(path, EncodeFrameImage(image));
 }
 
-absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes) {
+absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes, int64_t image_bytes_max) {
   const absl::StatusOr<ExrFileHeader> file = ScanExrHeader(bytes);
   if (!file.ok()) return file.status();
   if (file->deep)
@@ -80,9 +80,9 @@ absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes) {
   for (const ExrHeader& part : file->parts) {
     const int64_t pixels = std::max(part.data_window.PixelCount(), part.tile_pixels);
     const auto pixel_bytes = static_cast<int64_t>(part.channels.size() * sizeof(float));
-    if (pixel_bytes > 0 && pixels > kImageBytesMax / pixel_bytes) {
+    if (pixel_bytes > 0 && pixels > image_bytes_max / pixel_bytes) {
       return absl::ResourceExhaustedError(
-          absl::StrCat("the image needs more than the limit of ", kImageBytesMax, " bytes"));
+          absl::StrCat("the image needs more than the limit of ", image_bytes_max, " bytes"));
     }
   }
   const ExrHeader& header = file->parts[0];
@@ -114,10 +114,11 @@ absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes) {
   return image;
 }
 
-absl::StatusOr<FrameImage> ReadFrameImage(const std::string& path) {
-  const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
+absl::StatusOr<FrameImage> ReadFrameImage(const std::string& path, int64_t image_bytes_max) {
+  const absl::StatusOr<std::string> bytes =
+      ReadWholeFile(path, static_cast<uint64_t>(image_bytes_max + kImageHeaderBytesMax));
   if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<FrameImage> image = DecodeFrameImage(*bytes);
+  absl::StatusOr<FrameImage> image = DecodeFrameImage(*bytes, image_bytes_max);
   if (!image.ok()) return Annotate(image.status(), path);
   return image;
 }

@@ -7,9 +7,23 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/frame_image.h"
 #include "coordinator/forecast/image_start.h"
 
 namespace sheaf::coordinator {
+namespace {
+
+// An image may have more channels than the frame that resumes it, by this factor.
+constexpr int64_t kChannelFactorMax = 4;
+
+// The memory that the image of a frame may take.
+int64_t ImageBytesMax(const FrameSettings& settings) {
+  const auto pixel_bytes =
+      static_cast<int64_t>(ImageChannelCount(settings.outputs) * sizeof(float));
+  return kChannelFactorMax * pixel_bytes * settings.window.PixelCount();
+}
+
+}  // namespace
 
 absl::StatusOr<ResumedImage> ResumedFrames::Open(const FrameSpec& spec,
                                                  const CellGrid& grid) const {
@@ -17,7 +31,7 @@ absl::StatusOr<ResumedImage> ResumedFrames::Open(const FrameSpec& spec,
       absl::StrCat("frame ", spec.frame_number, " cannot continue from the image");
   const absl::StatusOr<std::string> path = blobs_.PathOf(spec.resumed);
   if (!path.ok()) return Annotate(path.status(), about);
-  absl::StatusOr<FrameImage> image = ReadFrameImage(*path);
+  absl::StatusOr<FrameImage> image = ReadFrameImage(*path, ImageBytesMax(spec.settings));
   if (!image.ok()) return Annotate(image.status(), about);
   absl::StatusOr<ResumedImage> resumed = ResumeImage(*std::move(image), spec, numeric_profile_);
   if (!resumed.ok()) return Annotate(resumed.status(), about);

@@ -1,0 +1,26 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The list of kinds of faults, in the order of the table."""
+import dataclasses
+from collections.abc import Callable
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    name: str
+    cause: Callable  # Gets a Bench.
+    bench: str       # The farm in which it happens: "machine", "database", "tunnel" or "proxy".
+    must_tell: bool  # Whether the farm has to tell people of it.
+    needs: str       # What the machine must have beyond programs: "", "mounts" or "tunnels".
+    spoils: bool     # Whether the farm is of no further use: the next fault gets another one.
+
+
+KINDS = []
+
+
+def kind(name, bench="machine", must_tell=False, needs="", spoils=False):
+    """Adds the function below to the kinds."""
+    def add(cause):
+        KINDS.append(Kind(name, cause, bench, must_tell, needs, spoils))
+        return cause
+    return add

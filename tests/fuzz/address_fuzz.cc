@@ -1,0 +1,27 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Feeds arbitrary text to the parser of addresses. What it accepts is written as it is read.
+#include "common/rpc/address.h"
+
+#include <optional>
+#include <string>
+
+#include "tests/fuzz/fuzz_target.h"
+
+namespace sheaf {
+
+SHEAF_FUZZ_TARGET(address) {
+  std::string text(bytes);
+  for (const std::optional<uint16_t> default_port :
+       {std::optional<uint16_t>(), std::optional(kCoordinatorPort)}) {
+    const absl::StatusOr<Address> address = ParseAddress(text, default_port);
+    if (!address.ok()) continue;
+    IsLoopback(*address);
+    const absl::StatusOr<Address> again = ParseAddress(FormatAddress(*address));
+    SHEAF_CHECK(again.ok() && again->host == address->host && again->port == address->port);
+  }
+  if (CompleteCoordinatorAddress(text).empty()) SHEAF_CHECK(ParseAddress(text).ok());
+}
+
+}  // namespace sheaf
