@@ -57,9 +57,9 @@ def copy_tree(folder):
     subprocess.run(["cmake", "--preset", "dev"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
 
 
-def build(tree):
-    built = subprocess.run(["ninja", "-C", os.path.join(tree, "build", "dev"), "farm_sim"],
-                           capture_output=True, text=True)
+def build(tree, jobs):
+    built = subprocess.run(["ninja", f"-j{jobs}", "-C", os.path.join(tree, "build", "dev"),
+                            "farm_sim"], capture_output=True, text=True)
     if built.returncode != 0:
         raise SystemExit("farm_sim does not build:\n" + built.stdout[-4000:])
 
@@ -81,7 +81,7 @@ def measure(tree, names, options):
     """Prints a line for each bug; returns how many were not found."""
     missed = 0
     if not options.skip_clean:
-        build(tree)
+        build(tree, options.jobs)
         seed, text = run(tree, options.seeds, options.steps)
         print(f"{'(no bug)':40} {'fails' if seed else 'none':6} {seed or options.seeds:6}  {text}",
               flush=True)
@@ -90,7 +90,7 @@ def measure(tree, names, options):
         if applied.returncode != 0:
             raise SystemExit(f"{name} does not apply: {applied.stderr}")
         try:
-            build(tree)
+            build(tree, options.jobs)
             seed, text = run(tree, options.seeds, options.steps)
         finally:
             apply(tree, name, "--reverse")
@@ -108,6 +108,7 @@ def main():
     parser.add_argument("--tree", help="a copy of the tree, with a build in build/dev")
     parser.add_argument("--seeds", type=int, default=2000, help="the most seeds for a bug")
     parser.add_argument("--steps", type=int, default=600, help="as farm_sim has it")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="compilers at a time")
     parser.add_argument("--skip-clean", action="store_true",
                         help="do not run the tree without a bug first")
     options = parser.parse_args()
