@@ -6,7 +6,6 @@
 #include <openssl/ec.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
-#include <openssl/rand.h>
 #include <openssl/x509.h>
 #include <openssl/x509v3.h>
 
@@ -19,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
+#include "common/base/secret.h"
 
 namespace sheaf {
 namespace {
@@ -241,13 +241,6 @@ CertificateUse UseOf(X509* certificate) {
 }
 
 }  // namespace
-
-std::string RandomBytes(size_t count) {
-  std::string bytes(count, '\0');
-  SHEAF_CHECK(RAND_bytes(reinterpret_cast<unsigned char*>(bytes.data()), static_cast<int>(count)) ==
-              1);
-  return bytes;
-}
 
 std::string GenerateKey() {
   const Key key(EVP_EC_gen(SN_X9_62_prime256v1));

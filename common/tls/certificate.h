@@ -19,9 +19,6 @@ namespace sheaf {
 // Bytes of a certificate, a key or a request at most; larger text is refused unread.
 inline constexpr size_t kPemBytesMax = 16 << 10;
 
-// Bytes from the system's secure generator.
-std::string RandomBytes(size_t count);
-
 // A new private key, PKCS #8.
 std::string GenerateKey();
 

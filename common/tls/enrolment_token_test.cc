@@ -7,6 +7,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/secret.h"
 #include "common/tls/certificate.h"
 
 namespace sheaf {
