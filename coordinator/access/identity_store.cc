@@ -7,7 +7,6 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/base/secret.h"
-#include "common/tls/certificate.h"
 #include "common/tls/enrolment_token.h"
 #include "coordinator/store/stored_times.h"
 

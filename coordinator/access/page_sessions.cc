@@ -7,7 +7,6 @@
 #include "absl/strings/escaping.h"
 #include "common/base/digest.h"
 #include "common/base/secret.h"
-#include "common/tls/certificate.h"
 
 namespace sheaf::coordinator {
 namespace {
