@@ -35,6 +35,9 @@ absl::StatusOr<Address> ParseAddress(const std::string& text,
     return Malformed(text, "an IPv6 host needs brackets");
   }
   if (address.host.empty()) return Malformed(text, "has no host");
+  if (address.host.find_first_of("[]") != std::string::npos) {
+    return Malformed(text, "the brackets do not enclose an IPv6 host");
+  }
   if (colon == std::string::npos) {
     address.port = *default_port;
     return address;

@@ -26,7 +26,7 @@ TEST(AddressTest, ReadsBracketedIpv6) {
 
 TEST(AddressTest, RejectsInvalidAddresses) {
   for (const std::string text : {"", "host", "host:", ":80", "host:70000", "host:-1", "host:8 0",
-                                 "::1:80", "host:+80", "host:99999999999999999999"}) {
+                                 "::1:80", "host:+80", "host:99999999999999999999", "[[::1]]:80"}) {
     EXPECT_EQ(ParseAddress(text).status().code(), absl::StatusCode::kInvalidArgument) << text;
   }
 }
