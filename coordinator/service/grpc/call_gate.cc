@@ -22,8 +22,7 @@ grpc::Status CallGate::Process(const InputMetadata& metadata, grpc::AuthContext*
   const std::string certificate =
       certificates.empty() ? ""
                            : std::string(certificates.front().data(), certificates.front().size());
-  return ToGrpcStatus(
-      access_->Admit(certificate, operation, "a gRPC client", absl::Now()));
+  return ToGrpcStatus(access_->Admit(certificate, operation, "a gRPC client", absl::Now()));
 }
 
 }  // namespace sheaf::coordinator
