@@ -223,7 +223,6 @@ std::string WorkerJson(const v1::Worker& worker) {
       {"name", worker.name()},
       {"identity", worker.identity()},
       {"host", worker.host()},
-      {"identity", worker.identity()},
       {"state", WorkerStateName(worker.state())},
       {"thread_count", worker.thread_count()},
       {"numeric_profile", worker.numeric_profile()},
