@@ -50,7 +50,8 @@ inline coordinator::Farm::SynchronizeAnswer AnswerOf(
   coordinator::Farm::SynchronizeAnswer answer;
   for (const coordinator::Lease& lease : decided.leases) {
     coordinator::FrameSpec frame = scheduler.FindFrame(lease.frame)->Spec();
-    answer.leases.push_back({lease, frame.frame_digest, frame.scene, frame.settings});
+    answer.leases.push_back(
+        {lease, frame.frame_digest, frame.scene, frame.settings, std::string(32, 't')});
   }
   answer.next_synchronize = decided.next_synchronize;
   answer.lease_duration = SmallLimits().lease_duration;
