@@ -60,7 +60,7 @@ void Checks::CheckLeases(const Scheduler& scheduler) {
         return;
       }
       const TaskId task = MakeTaskId(lease->frame, lease->task);
-      leased[lease->frame].insert(task);
+      if (!lease->is_check) leased[lease->frame].insert(task);
       if (!of_worker.insert(task).second) {
         world_.Broken(absl::StrCat(worker_id, " holds two leases of one task: ", id));
       }
@@ -212,9 +212,14 @@ bool Checks::CheckEnd(Farm& farm) {
       if (job.phase == JobPhase::kSucceeded) succeeded.push_back(id);
     }
     if (scheduler.leases().size() != 0) world_.Broken("leases are left when all jobs have ended");
-    if (!farm.tables().unsettled_jobs.empty()) return false;
+    if (!farm.tables().unsettled_jobs.empty() || !farm.tables().liars.empty()) return false;
     if (!farm.tables().open_frames.empty()) world_.Broken("frames are open when jobs have ended");
   }
+  const std::string liar = promises_.LiarWithParts();
+  if (!liar.empty()) {
+    world_.Broken(absl::StrCat("parts of ", liar, " are left, which made false results"));
+  }
+  false_image_count_ = 0;
   for (const uint64_t id : succeeded) {
     if (!CheckImages(farm, id)) return false;
   }
@@ -243,8 +248,10 @@ bool Checks::CheckImages(Farm& farm, uint64_t job_id) {
       world_.Broken(absl::StrCat(NameOf(id), ": the file is not the image that was delivered"));
       return true;
     }
-    if (world_.tainted_frames.contains(spec.frame_digest)) continue;
-    if (digest != OneProcessImage(spec, partition)) {
+    if (digest == OneProcessImage(spec, partition)) continue;
+    if (promises_.MayHoldAnyOf(id, world_.false_parts)) {
+      ++false_image_count_;
+    } else {
       world_.Broken(absl::StrCat(NameOf(id), " is another image than that of one process"));
     }
   }

@@ -11,8 +11,9 @@
 //     limits      tables are within their limits
 //     counters    results and samples are as many as were acknowledged
 //
-// and at the end of a simulation: every job has ended, images are those of one process, and nothing
-// is left of leases.
+// and at the end of a simulation: every job has ended, nothing is left of leases nor of those who
+// were found to make false results, and images are those of one process, but where nobody found a
+// false part.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +33,8 @@ class Checks {
   void Check(coordinator::Farm& farm, const coordinator::FarmOptions& options);
   // At the end. Returns false where an image is damaged and being made again: ask later.
   bool CheckEnd(coordinator::Farm& farm);
+  // Images with a false part that nobody found, or found when it could not be corrected any more.
+  uint64_t false_image_count() const { return false_image_count_; }
 
  private:
   void CheckLeases(const coordinator::Scheduler& scheduler);
@@ -44,6 +47,7 @@ class Checks {
 
   World& world_;
   const Promises& promises_;
+  uint64_t false_image_count_ = 0;
 };
 
 }  // namespace sheaf::sim

@@ -14,6 +14,7 @@ namespace {
 
 constexpr char kStateDirectory[] = "/sim/state";
 constexpr char kDatabase[] = "/sim/state/farm.db";
+constexpr char kSecret[] = "/sim/state/lease.key";
 // How long the coordinator's background thread sleeps, with what its machine adds to it.
 constexpr absl::Duration kWorkIntervalMin = absl::Milliseconds(100);
 constexpr absl::Duration kWorkIntervalMax = absl::Milliseconds(400);
@@ -64,6 +65,7 @@ CoordinatorHost::CoordinatorHost(World* world, Promises* promises)
   if (random.Chance(0.3)) options_.merge_bytes_max = 0;
   if (random.Chance(0.3)) options_.kept_parts_bytes_max = uint64_t{1} << 17;
   if (random.Chance(0.5)) options_.round_previews_bytes_max = 0;
+  if (random.Chance(0.3)) options_.limits.check_fraction = 1;
   if (random.Chance(0.9)) PrepareDatabase(&world_.machine.disk());
   world_.machine.disk().set_gate([this](SimDisk::Operation operation, const std::string& path,
                                         bool grows) { return Gate(operation, path, grows); });
@@ -123,6 +125,9 @@ void CoordinatorHost::Start() {
     return;
   }
   farm_ = *std::move(farm);
+  SimDisk::NodePtr secret;
+  SHEAF_CHECK(world_.machine.disk().Find(kSecret, &secret) == 0);
+  promises_.Started(secret->bytes);
   world_.Trace("the coordinator starts, life ", life_);
   Work();
 }

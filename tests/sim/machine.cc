@@ -19,7 +19,7 @@ Machine* current = nullptr;
 
 }  // namespace
 
-Machine::Machine() {
+Machine::Machine(uint64_t seed) : random_bytes_(seed) {
   SHEAF_CHECK(current == nullptr);
   current = this;
   SHEAF_CHECK(disk_.MakeFolder(kSimRoot) == 0);

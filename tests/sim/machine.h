@@ -12,6 +12,7 @@
 #include <set>
 
 #include "absl/time/time.h"
+#include "tests/sim/random.h"
 #include "tests/sim/sim_disk.h"
 
 namespace sheaf::sim {
@@ -23,8 +24,8 @@ inline constexpr char kSimRandomDevice[] = "/sim/random";
 
 class Machine {
  public:
-  // There is one at a time.
-  Machine();
+  // There is one at a time. seed: of the random bytes that programs are given.
+  explicit Machine(uint64_t seed);
   ~Machine();
   Machine(const Machine&) = delete;
   Machine& operator=(const Machine&) = delete;
@@ -37,6 +38,8 @@ class Machine {
   void Advance(absl::Duration duration) { steady_ += duration; }
   void JumpWallClock(absl::Duration by) { wall_offset_ += by; }
   absl::Duration wall() const { return steady_ + wall_offset_; }
+  // For secrets: equal seeds give equal bytes.
+  Random& random_bytes() { return random_bytes_; }
 
   // Open files and folders, as the functions of the C library see them: descriptors from
   // kFirstDescriptor on, so that they differ from the system's.
@@ -57,6 +60,7 @@ class Machine {
 
  private:
   SimDisk disk_;
+  Random random_bytes_;
   absl::Duration steady_ = absl::Hours(1);
   absl::Duration wall_offset_ = absl::Hours(24 * 365 * 50);
   std::map<int, OpenFile> files_;

@@ -104,10 +104,12 @@ void PrintSummary(const Totals& totals, double seconds) {
   absl::PrintF(
       "%d seeds, %d steps in %.1f s, %.1f s of CPU time (%.0f steps a CPU second), %d failed; "
       "jobs: %d succeeded, %d failed, %d "
-      "cancelled; %d lives of coordinators; faults: %s\n",
+      "cancelled; %d lives of coordinators; %d makers of false parts found, %d images with false "
+      "parts that were not found in time; faults: %s\n",
       totals.seed_count, totals.step_count, seconds, totals.cpu_seconds,
       static_cast<double>(totals.step_count) / totals.cpu_seconds, totals.failed.size(),
-      totals.jobs_succeeded, totals.jobs_failed, totals.jobs_cancelled, totals.lives, faults);
+      totals.jobs_succeeded, totals.jobs_failed, totals.jobs_cancelled, totals.lives,
+      totals.liars_found, totals.false_images, faults);
 }
 
 int UsageError(const std::string& text) {

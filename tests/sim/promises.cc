@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/sim/promises.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -81,13 +82,77 @@ void Promises::Removed(const PartRow& row, bool certain) {
   auto& parts = parts_[row.key.frame];
   const auto part = parts.find(NameOf(row.key));
   if (part == parts.end()) return;
+  Forget(part->second.row);
   part->second.certain = false;
   if (certain) parts.erase(part);
 }
 
 void Promises::FrameRemoved(const FrameId& frame, bool certain) {
-  for (auto& [name, part] : parts_[frame]) part.certain = false;
+  for (auto& [name, part] : parts_[frame]) {
+    Forget(part.row);
+    part.certain = false;
+  }
   if (certain) parts_.erase(frame);
+}
+
+void Promises::Forget(const PartRow& row) {
+  if (!IsLiar(row.identity)) forgotten_[row.key.frame].insert(row.digest.sha256_hex);
+}
+
+void Promises::Quarantined(const coordinator::QuarantineRecord& record, bool certain) {
+  Note(certain, TrustOf(record), &identities_[record.identity]);
+}
+
+void Promises::Lifted(const std::string& identity, bool certain) {
+  Note(certain, Trust::kTrusted, &identities_[identity]);
+}
+
+void Promises::Started(const std::string& secret) {
+  if (!secret_.empty() && secret != secret_) {
+    broken_("the secret that proves leases is another one after a restart");
+  }
+  secret_ = secret;
+}
+
+void Promises::CheckQuarantines(const std::vector<coordinator::QuarantineRecord>& records) {
+  std::map<std::string, Trust> found;
+  for (const auto& [identity, trust] : identities_) found[identity] = Trust::kTrusted;
+  for (const auto& record : records) found[record.identity] = TrustOf(record);
+  for (const auto& [identity, trust] : found) {
+    if (Adopt(trust, &identities_[identity])) continue;
+    broken_(absl::StrCat(identity, " is trusted otherwise after a restart than was promised"));
+  }
+}
+
+bool Promises::IsLiar(const std::string& identity) const {
+  const auto found = identities_.find(identity);
+  return found != identities_.end() && found->second.IsCertainly(Trust::kLiar);
+}
+
+bool Promises::MayHoldAnyOf(const FrameId& frame, const std::set<std::string>& sha256_hexes) const {
+  const auto is_one = [&](const std::string& sha256_hex) {
+    return sha256_hexes.contains(sha256_hex);
+  };
+  const auto forgotten = forgotten_.find(frame);
+  if (forgotten != forgotten_.end() && std::ranges::any_of(forgotten->second, is_one)) return true;
+  const auto parts = parts_.find(frame);
+  return parts != parts_.end() && std::ranges::any_of(parts->second, [&](const auto& part) {
+           return is_one(part.second.row.digest.sha256_hex);
+         });
+}
+
+uint64_t Promises::LiarCount() const {
+  return static_cast<uint64_t>(std::ranges::count_if(
+      identities_, [this](const auto& identity) { return IsLiar(identity.first); }));
+}
+
+std::string Promises::LiarWithParts() const {
+  for (const auto& [frame, parts] : parts_) {
+    for (const auto& [name, part] : parts) {
+      if (part.certain && IsLiar(part.row.identity)) return part.row.identity;
+    }
+  }
+  return "";
 }
 
 void Promises::CheckJobs(const std::vector<StoredJob>& jobs) {
@@ -151,6 +216,7 @@ void Promises::CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedPa
     for (const auto& [name, part] : frame->second) {
       const auto of_frame = found.find(frame->first);
       const bool is_there = of_frame != found.end() && of_frame->second.contains(name);
+      if (!is_there) Forget(part.row);
       if (!part.certain || is_there) continue;
       if (missing++ == 0) first_missing = name;
     }

@@ -56,29 +56,53 @@ class Promises {
   void Written(const coordinator::PartRow& row, bool certain);
   void Removed(const coordinator::PartRow& row, bool certain);
   void FrameRemoved(const coordinator::FrameId& frame, bool certain);
+  void Quarantined(const coordinator::QuarantineRecord& record, bool certain);
+  void Lifted(const std::string& identity, bool certain);
+  // A life has started with this secret.
+  void Started(const std::string& secret);
   // A file was damaged on purpose: its row may be lost.
   void Damaged() { ++damaged_count_; }
 
   // Compares with what a new life found.
   void CheckJobs(const std::vector<coordinator::StoredJob>& jobs);
   void CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedParts& parts);
+  void CheckQuarantines(const std::vector<coordinator::QuarantineRecord>& records);
 
   // Whether a part of these bytes is durable.
   bool HasPart(const std::string& sha256_hex) const;
   const std::map<uint64_t, PromisedJob>& jobs() const { return jobs_; }
   uint64_t PartsBytes() const;
+  // Whether an image of the frame may be made of a part with one of these digests: it is there, or
+  // it went before anybody found that its identity makes false ones.
+  bool MayHoldAnyOf(const coordinator::FrameId& frame,
+                    const std::set<std::string>& sha256_hexes) const;
+  // An identity that certainly has parts, although it is durable that it made false ones. Empty:
+  // there is none.
+  std::string LiarWithParts() const;
+  // Identities of which it is durable that they made false parts.
+  uint64_t LiarCount() const;
 
  private:
   struct PromisedPart {
     coordinator::PartRow row;
     bool certain = false;
   };
+  enum class Trust { kTrusted, kQuarantined, kLiar };
+  static Trust TrustOf(const coordinator::QuarantineRecord& record) {
+    return record.made_false_results ? Trust::kLiar : Trust::kQuarantined;
+  }
+  bool IsLiar(const std::string& identity) const;
+  // The part is gone.
+  void Forget(const coordinator::PartRow& row);
   static std::string NameOf(const coordinator::PartKey& key);
   void CheckJob(const coordinator::StoredJob& job);
 
   std::function<void(const std::string&)> broken_;
   std::map<uint64_t, PromisedJob> jobs_;
   std::map<coordinator::FrameId, std::map<std::string, PromisedPart>> parts_;
+  std::map<coordinator::FrameId, std::set<std::string>> forgotten_;
+  std::map<std::string, Possibly<Trust>> identities_;
+  std::string secret_;
   int64_t damaged_count_ = 0;
 };
 

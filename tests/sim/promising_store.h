@@ -57,6 +57,27 @@ class PromisingStore : public coordinator::JobStore {
   absl::Status WriteFailures(uint64_t job_id, const coordinator::FailureLog& failures) override {
     return store_->WriteFailures(job_id, failures);
   }
+  absl::Status WriteQuarantine(const coordinator::QuarantineRecord& record) override {
+    absl::Status status = store_->WriteQuarantine(record);
+    promises_.Quarantined(record, Certain(status));
+    return status;
+  }
+  absl::Status RemoveQuarantine(const std::string& identity) override {
+    absl::Status status = store_->RemoveQuarantine(identity);
+    promises_.Lifted(identity, Certain(status));
+    return status;
+  }
+  absl::StatusOr<std::vector<coordinator::QuarantineRecord>> LoadQuarantines() override {
+    auto records = store_->LoadQuarantines();
+    if (records.ok()) promises_.CheckQuarantines(*records);
+    return records;
+  }
+  absl::Status SetWarning(uint64_t job_id, const std::string& warning) override {
+    return store_->SetWarning(job_id, warning);
+  }
+  absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override {
+    return store_->FindPartsOf(identity);
+  }
   absl::Status SetPaused(uint64_t job_id, bool paused) override {
     absl::Status status = store_->SetPaused(job_id, paused);
     promises_.Paused(job_id, paused, Certain(status));

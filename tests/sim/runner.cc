@@ -31,6 +31,7 @@ constexpr uint64_t kNoSeed = UINT64_MAX;
 struct Shared {
   std::atomic<uint64_t> next_seed, seed_count, step_count;
   std::atomic<uint64_t> jobs_succeeded, jobs_failed, jobs_cancelled, lives;
+  std::atomic<uint64_t> liars_found, false_images;
   std::array<std::atomic<uint64_t>, kFaultCount> faults;
   std::atomic<size_t> failed_count;
   struct Failed {
@@ -62,6 +63,8 @@ void NoteResult(Shared* shared, uint64_t seed, const SimulationResult& result) {
   shared->jobs_failed += result.jobs_failed;
   shared->jobs_cancelled += result.jobs_cancelled;
   shared->lives += result.lives;
+  shared->liars_found += result.liars_found;
+  shared->false_images += result.false_images;
   for (size_t i = 0; i < kFaultCount; ++i) shared->faults[i] += result.faults[i];
   if (!result.broken.empty()) NoteFailed(shared, seed, result.broken);
 }
@@ -95,6 +98,8 @@ Totals ToTotals(const Shared& shared) {
   totals.jobs_failed = shared.jobs_failed;
   totals.jobs_cancelled = shared.jobs_cancelled;
   totals.lives = shared.lives;
+  totals.liars_found = shared.liars_found;
+  totals.false_images = shared.false_images;
   for (size_t i = 0; i < kFaultCount; ++i) totals.faults[i] = shared.faults[i];
   for (size_t i = 0; i < std::min<size_t>(shared.failed_count, kFailedSeedsMax); ++i) {
     totals.failed.push_back({shared.failed[i].seed, shared.failed[i].broken});

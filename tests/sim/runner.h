@@ -20,6 +20,7 @@ struct FailedSeed {
 struct Totals {
   uint64_t seed_count = 0, step_count = 0;
   uint64_t jobs_succeeded = 0, jobs_failed = 0, jobs_cancelled = 0, lives = 0;
+  uint64_t liars_found = 0, false_images = 0;
   std::array<uint64_t, kFaultCount> faults{};
   double cpu_seconds = 0;          // Of all processes.
   std::vector<FailedSeed> failed;  // At most kFailedSeedsMax: then the run ends.

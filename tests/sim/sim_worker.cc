@@ -38,17 +38,21 @@ worker::Lease ToWorkerLease(const coordinator::LeaseGrant& grant) {
   lease.cells = grant.lease.cells;
   lease.scene = grant.scene;
   lease.settings = grant.settings;
+  lease.token = grant.token;
   return lease;
 }
 
-coordinator::ResultReport ToReport(const std::string& worker_id, const FinishedPart& part) {
+coordinator::ResultReport ToReport(const std::string& worker_id, const std::string& identity,
+                                   const FinishedPart& part) {
   coordinator::ResultReport report;
   report.frame_digest = part.frame_digest;
   report.tile = part.tile;
   report.block = part.block;
   report.cells = part.cells;
   report.lease_id = part.lease_id;
+  report.token = part.token;
   report.worker_id = worker_id;
+  report.identity = identity;
   report.digest = part.digest;
   report.ray_count = part.ray_count;
   report.cpu_duration = absl::Seconds(part.cpu_seconds);
@@ -123,14 +127,16 @@ void SimWorker::NoteNews() {
 coordinator::WorkerReport SimWorker::MakeReport(const LeaseLedger::Snapshot& snapshot) const {
   coordinator::WorkerReport report;
   report.worker_id = report.host = id_;
+  report.identity = habits_.identity;
   report.numeric_profile = NumericProfile();
   report.thread_count = habits_.thread_count;
   for (const worker::LeaseReport& lease : snapshot.leases) {
     report.leases.push_back({lease.lease_id, static_cast<coordinator::LeasePhase>(lease.phase)});
   }
   for (const worker::LeaseFailure& failure : snapshot.failures) {
-    report.failures.push_back(
-        {failure.lease_id, static_cast<coordinator::FailureKind>(failure.kind), failure.message});
+    report.failures.push_back({failure.lease_id,
+                               static_cast<coordinator::FailureKind>(failure.kind), failure.message,
+                               failure.token});
   }
   report.draining = draining_;
   if (!draining_) {
@@ -148,7 +154,6 @@ void SimWorker::Synchronize() {
   const auto self = shared_from_this();
   const auto serve = [self, sequence = snapshot.sequence,
                       report = MakeReport(snapshot)](coordinator::Farm& farm) -> Network::Reply {
-    self->world_.heard[self->id_] = self->world_.now();
     const auto answer = farm.Synchronize(report);
     if (!answer.ok()) {
       self->world_.Trace(self->id_, " is refused: ", answer.status().message());
@@ -159,6 +164,7 @@ void SimWorker::Synchronize() {
         });
       };
     }
+    self->world_.heard[self->id_] = self->world_.now();
     std::vector<worker::Lease> leases;
     std::string ids;
     for (const coordinator::LeaseGrant& grant : answer->leases) {
@@ -185,6 +191,7 @@ void SimWorker::CheckGrant(const worker::Lease& lease) {
   const std::string task =
       absl::StrCat(id_, " ", lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ",
                    lease.block.first, " ", lease.block.count, " ", lease.cells.mask);
+  world_.tokens[lease.lease_id] = lease.token;
   const auto [granted, is_new] = world_.granted.emplace(lease.lease_id, task);
   if (!is_new && granted->second != task) {
     world_.Broken(absl::StrCat("lease ", lease.lease_id, " stands for two tasks"));
@@ -261,9 +268,11 @@ FinishedPart SimWorker::MakePart(const worker::Lease& lease) {
   part.tile = lease.tile;
   part.block = lease.block;
   part.cells = lease.cells;
+  part.token = lease.token;
   if (world_.faults.Happens(Fault::kFalsePixels)) {
     world_.Trace(id_, " renders false pixels for lease ", lease.lease_id & 0xffffff);
-    part.exr_bytes = FalsePart(lease);
+    part.exr_bytes = MakeFalseBytes(lease);
+    world_.false_parts.insert(Sha256Hex(part.exr_bytes));
   } else {
     part.exr_bytes = TruePart(lease);
   }
@@ -273,11 +282,15 @@ FinishedPart SimWorker::MakePart(const worker::Lease& lease) {
   return part;
 }
 
+std::string SimWorker::MakeFalseBytes(const worker::Lease& lease) const {
+  return FalsePart(lease, static_cast<uint64_t>(id_.back()) % 2);
+}
+
 void SimWorker::Lie(FinishedPart* part) {
   Random& random = world_.faults.random(Fault::kWorkerLies);
-  const uint64_t kind = random.Below(6);
+  const uint64_t kind = random.Below(8);
   world_.Trace(id_, " lies about lease ", part->lease_id & 0xffffff, ", kind ", kind);
-  const uint64_t half = part->exr_bytes.size() / 2;
+  worker::Lease other = LeaseOf(*part);
   switch (kind) {
     case 0:
       part->block.first += part->block.count;
@@ -290,15 +303,24 @@ void SimWorker::Lie(FinishedPart* part) {
       part->frame_digest = Sha256Hex(part->frame_digest);
       break;
     case 3:
-      part->exr_bytes[half] ^= 1;  // Not of its digest.
-      break;
+      part->exr_bytes[part->exr_bytes.size() / 2] ^= 1;  // Not of its digest.
+      return;
     case 4:
-      part->exr_bytes.resize(half);
+      part->exr_bytes.resize(part->exr_bytes.size() / 2);
+      break;
+    case 5:
+      part->exr_bytes = ImpossiblePart(other);
+      break;
+    case 6:
+      other.block.first += other.block.count;
+      part->exr_bytes = TruePart(other);
       break;
     default:
-      part->cells = {4, 1};
+      other.tile.x0 += 8;
+      other.tile.x1 += 8;
+      part->exr_bytes = TruePart(other);
   }
-  if (kind == 4) part->digest = {Sha256Hex(part->exr_bytes), part->exr_bytes.size()};
+  part->digest = {Sha256Hex(part->exr_bytes), part->exr_bytes.size()};
 }
 
 void SimWorker::Upload() {
@@ -321,7 +343,7 @@ absl::StatusOr<std::vector<ResultOutcome>> SimWorker::AddResults(
   std::vector<ResultOutcome> outcomes;
   for (const FinishedPart& part : parts) {
     const absl::StatusOr<ResultOutcome> outcome =
-        farm.AddResult(ToReport(id_, part), part.exr_bytes);
+        farm.AddResult(ToReport(id_, habits_.identity, part), part.exr_bytes);
     world_.Trace(id_, " uploads the result of lease ", part.lease_id & 0xffffff, ": ",
                  outcome.ok() ? absl::StrCat("outcome ", static_cast<int>(*outcome))
                               : std::string(outcome.status().message()));
@@ -341,16 +363,15 @@ void SimWorker::CheckOutcome(const FinishedPart& part, ResultOutcome outcome) {
     world_.Broken(absl::StrCat(name, " is acknowledged, but not durable"));
   }
   if (part.exr_bytes == TruePart(LeaseOf(part))) return;
-  if (part.exr_bytes == FalsePart(LeaseOf(part))) {
-    world_.tainted_frames.insert(part.frame_digest);
-  } else {
-    world_.Broken(absl::StrCat(name, " is accepted, but is not of its key"));
-  }
+  if (part.exr_bytes == MakeFalseBytes(LeaseOf(part))) return;
+  world_.Broken(absl::StrCat(name, " is accepted, but is not of its key"));
 }
 
 void SimWorker::TakeOutcomes(const absl::StatusOr<std::vector<ResultOutcome>>& outcomes,
                              size_t part_count) {
-  if (!outcomes.ok() && !absl::IsInvalidArgument(outcomes.status())) return RetryUpload();
+  const bool refused =
+      absl::IsInvalidArgument(outcomes.status()) || absl::IsPermissionDenied(outcomes.status());
+  if (!outcomes.ok() && !refused) return RetryUpload();
   uploading_ = false;
   upload_backoff_ = kBackoffMin;
   if (outcomes.ok()) {

@@ -29,6 +29,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
     int32_t thread_count = 1;
     double slowness = 1;
     bool lies = false;
+    std::string identity = {};  // As WorkerReport has it.
   };
   SimWorker(World* world, Network* network, const Promises* promises, std::string id,
             const Habits& habits);
@@ -71,6 +72,8 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   // At the coordinator: takes parts one after the other, until one is refused.
   absl::StatusOr<std::vector<coordinator::ResultOutcome>> AddResults(
       coordinator::Farm& farm, const std::vector<worker::FinishedPart>& parts);
+  // The part as it renders it when its pixels come out false.
+  std::string MakeFalseBytes(const worker::Lease& lease) const;
   void CheckOutcome(const worker::FinishedPart& part, coordinator::ResultOutcome outcome);
   void TakeOutcomes(const absl::StatusOr<std::vector<coordinator::ResultOutcome>>& outcomes,
                     size_t part_count);

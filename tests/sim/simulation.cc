@@ -25,6 +25,11 @@ constexpr Fault kCostlyFaults[] = {Fault::kTaskFailed,   Fault::kWorkerLies,   F
                                    Fault::kWorkerKilled, Fault::kWorkerFrozen, Fault::kStranger,
                                    Fault::kWorkerSlow,   Fault::kRequestLost,  Fault::kLate};
 
+bool HasLiars(Farm& farm) {
+  const MutexLock lock(&farm.tables().mutex);
+  return !farm.tables().liars.empty();
+}
+
 }  // namespace
 
 Simulation::Simulation(const SimulationOptions& options)
@@ -44,6 +49,9 @@ void Simulation::AddWorker(bool may_lie) {
   habits.thread_count = static_cast<int32_t>(1 + world_.random.Below(2));
   if (world_.faults.Happens(Fault::kWorkerSlow)) habits.slowness = 30;
   habits.lies = may_lie && world_.random.Chance(0.4);
+  if (may_lie && world_.random.Chance(0.2)) {
+    habits.identity = absl::StrCat("owner ", world_.random.Below(2));
+  }
   workers_.push_back(std::make_shared<SimWorker>(&world_, &network_, &promises_,
                                                  absl::StrCat("w", ++worker_count_), habits));
   world_.Trace(workers_.back()->id(), " starts");
@@ -84,7 +92,8 @@ void Simulation::InterleaveCall(Farm& farm) {
   const uint64_t kind = random.Below(4);
   world_.Trace("meanwhile: call ", kind);
   if (kind == 0 || jobs.empty()) {
-    farm.RunOnce();
+    // That thread would wait for the end of the call under way, to remove results of liars.
+    if (!HasLiars(farm)) farm.RunOnce();
     return;
   }
   const uint64_t job = jobs[random.Below(jobs.size())];
@@ -167,6 +176,8 @@ SimulationResult Simulation::Run() {
   result.broken = world_.WhatIsBroken();
   result.step_count = world_.step_count();
   result.lives = host_.life();
+  result.liars_found = promises_.LiarCount();
+  result.false_images = checks_.false_image_count();
   for (size_t i = 0; i < kFaultCount; ++i) {
     result.faults[i] = world_.faults.count(static_cast<Fault>(i));
   }

@@ -37,6 +37,7 @@ struct SimulationResult {
   uint64_t step_count = 0;
   uint64_t jobs_succeeded = 0, jobs_failed = 0, jobs_cancelled = 0;
   uint64_t lives = 0;
+  uint64_t liars_found = 0, false_images = 0;  // Checks::false_image_count.
   std::array<uint64_t, kFaultCount> faults{};
 };
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/digest.h"
+#include "tests/sim/synthetic_film.h"
 
 namespace sheaf::sim {
 namespace {
@@ -12,6 +13,16 @@ namespace {
 using coordinator::Farm;
 
 constexpr uint64_t kNumbers[] = {0, 1, 2, 3, 8, 16, 64, uint64_t{1} << 32, UINT64_MAX};
+
+// The lease that the result would be of.
+worker::Lease LeaseOf(const coordinator::ResultReport& report) {
+  worker::Lease lease;
+  lease.frame_digest = report.frame_digest;
+  lease.tile = report.tile;
+  lease.block = report.block;
+  lease.cells = report.cells;
+  return lease;
+}
 
 }  // namespace
 
@@ -35,6 +46,13 @@ uint64_t Stranger::SomeLease(Farm& farm) {
     ids.insert(ids.end(), worker.leases.begin(), worker.leases.end());
   }
   return ids[random_.Below(ids.size())];
+}
+
+// Never one that proves anything: it may be that of another identity.
+std::string Stranger::SomeToken(uint64_t lease_id) {
+  const auto stolen = world_.tokens.find(lease_id);
+  if (stolen != world_.tokens.end() && random_.Chance(0.4)) return stolen->second;
+  return random_.Chance(0.5) ? "" : Sha256Hex(absl::StrCat(random_.Bits())).substr(0, 32);
 }
 
 std::string Stranger::SomeWorker(Farm& farm) {
@@ -67,26 +85,29 @@ void Stranger::SendReport(Farm& farm) {
   }
   if (random_.Chance(0.2)) {
     report.failures.push_back(
-        {SomeLease(farm), static_cast<coordinator::FailureKind>(random_.Below(5)), "made up"});
+        {SomeLease(farm), static_cast<coordinator::FailureKind>(random_.Below(5)), "made up", ""});
   }
   report.warm_scenes = {Sha256Hex("scene 0")};
-  world_.heard[report.worker_id] = world_.now();
-  farm.Synchronize(report).status().IgnoreError();
+  if (farm.Synchronize(report).ok()) world_.heard[report.worker_id] = world_.now();
 }
 
 void Stranger::SendResult(Farm& farm) {
   coordinator::ResultReport report;
   report.frame_digest = SomeFrameDigest(farm);
   report.worker_id = SomeWorker(farm);
+  report.identity = absl::StrCat("stranger", random_.Below(2));
   report.lease_id = SomeLease(farm);
+  report.token = SomeToken(report.lease_id);
   report.tile = {0, 0, random_.Chance(0.5) ? 8 : 16, 8};
   report.block = {16 * random_.Below(4), uint64_t{16} << random_.Below(3)};
   if (random_.Chance(0.3)) report.cells = {4, 1 + random_.Below(15)};
-  const std::string bytes = random_.Chance(0.5) ? "" : std::string(random_.Below(500), 'x');
+  std::string bytes = random_.Chance(0.5) ? "" : std::string(random_.Below(500), 'x');
+  if (random_.Chance(0.5)) bytes = TruePart(LeaseOf(report));
   report.digest = {Sha256Hex(bytes), random_.Chance(0.1) ? 7 : bytes.size()};
   const auto outcome = farm.AddResult(report, bytes);
-  if (outcome.ok() && *outcome == coordinator::ResultOutcome::kAccepted) {
-    world_.Broken("a stranger's bytes are accepted as a part");
+  if (!absl::IsPermissionDenied(outcome.status())) {
+    world_.Broken(
+        absl::StrCat("a stranger's result is not refused: ", outcome.status().ToString()));
   }
 }
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Stranger: somebody who sends the coordinator anything that passes the checks of its transport:
-// reports in the name of other workers, results of tasks that do not exist, impossible jobs.
+// reports in the name of other workers, results without a lease, impossible jobs.
 #pragma once
 
 #include <cstdint>
@@ -28,6 +28,7 @@ class Stranger {
   void SendJob(coordinator::Farm& farm);
   void SendRequest(coordinator::Farm& farm);
   uint64_t SomeLease(coordinator::Farm& farm);
+  std::string SomeToken(uint64_t lease_id);
   std::string SomeWorker(coordinator::Farm& farm);
   std::string SomeFrameDigest(coordinator::Farm& farm);
 

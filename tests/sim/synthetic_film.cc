@@ -117,15 +117,22 @@ std::string RenderAlone(const FrameSpec& frame, const coordinator::Partition& pa
 
 const std::string& TruePart(const worker::Lease& lease) {
   static auto& parts = *new std::map<std::string, std::string>();
-  std::string& bytes =
-      parts[absl::StrCat(lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ",
-                         lease.block.first, " ", lease.block.count, " ", lease.cells.mask)];
+  std::string& bytes = parts[absl::StrCat(
+      lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ", lease.tile.x1, " ",
+      lease.tile.y1, " ", lease.block.first, " ", lease.block.count, " ", lease.cells.mask)];
   if (bytes.empty()) bytes = Encoded(SeedOf(lease.frame_digest), lease);
   return bytes;
 }
 
-std::string FalsePart(const worker::Lease& lease) {
-  return Encoded(SeedOf(lease.frame_digest) + 1, lease);
+std::string FalsePart(const worker::Lease& lease, uint64_t kind) {
+  return Encoded(SeedOf(lease.frame_digest) + 1 + kind, lease);
+}
+
+std::string ImpossiblePart(const worker::Lease& lease) {
+  FilmTile tile = MakePart(SeedOf(lease.frame_digest), lease.tile, lease.block, lease.cells);
+  float* alpha = tile.channel(FilmChannel::kAlpha);
+  std::for_each(alpha, alpha + tile.plane_size(), [](float& sum) { sum *= 2; });
+  return EncodePart(tile, {lease.frame_digest, NumericProfile(), {}, lease.cells});
 }
 
 const std::string& OneProcessImage(const FrameSpec& frame,

@@ -14,8 +14,10 @@ namespace sheaf::sim {
 
 // The true part of a lease's task. The reference is valid as long as the program runs.
 const std::string& TruePart(const worker::Lease& lease);
-// The same of other values, as a broken processor would make it.
-std::string FalsePart(const worker::Lease& lease);
+// The same of other values, as a broken processor would make it; each kind has values of its own.
+std::string FalsePart(const worker::Lease& lease, uint64_t kind);
+// The same of values that no renderer makes.
+std::string ImpossiblePart(const worker::Lease& lease);
 
 // The digest of the image that one process renders of the frame, all its rounds included. Requires:
 // no rule of the frame reads clocks.

@@ -69,7 +69,7 @@ int FillStat(const SimDisk::Node& node, Stat* info) {
   info->st_dev = 1;
   info->st_ino = node.inode;
   info->st_nlink = 1;
-  info->st_mode = node.is_folder ? S_IFDIR | 0755 : S_IFREG | 0644;
+  info->st_mode = node.is_folder ? S_IFDIR | 0700 : S_IFREG | 0600;
   info->st_size = static_cast<off_t>(node.bytes.size());
   info->st_blksize = 4096;
   info->st_mtim.tv_sec = info->st_ctim.tv_sec = static_cast<time_t>(node.version);
@@ -173,6 +173,17 @@ mode_t ModeOf(int flags, va_list arguments) {
 }  // namespace
 
 extern "C" {
+
+// OpenSSL's, which takes its bytes from the system in more ways than are worth to stand in for.
+int RAND_bytes(unsigned char* buffer, int count);
+int RAND_bytes(unsigned char* buffer, int count) {
+  Machine* machine = Machine::Current();
+  if (machine == nullptr) return 0;
+  std::generate_n(buffer, count, [machine] {
+    return static_cast<unsigned char>(machine->random_bytes().Below(256));
+  });
+  return 1;
+}
 
 int clock_gettime(clockid_t clock, timespec* time) noexcept {
   const Machine* machine = Machine::Current();

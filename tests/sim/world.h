@@ -26,18 +26,20 @@ class World {
  public:
   // without: as Faults has it. traces: whether events are told, and to standard error.
   World(uint64_t seed, uint32_t without, bool traces)
-      : random(Random(seed).Stream(2)), faults(seed, without), traces_(traces) {}
+      : machine(seed), random(Random(seed).Stream(2)), faults(seed, without), traces_(traces) {}
 
   Machine machine;
   Random random;  // For what is no fault.
   Faults faults;
-  // Digests of frames that have accepted false pixels, on purpose.
-  std::set<std::string> tainted_frames;
+  // Digests of the bytes of parts with false pixels that look right.
+  std::set<std::string> false_parts;
   // Digests of scenes that no worker can render.
   std::set<std::string> poisoned_scenes;
 
   // Each lease that was ever granted, and its task.
   std::map<uint64_t, std::string> granted;
+  // The token that came with each lease.
+  std::map<uint64_t, std::string> tokens;
   // When the coordinator last heard of each worker.
   std::map<std::string, absl::Duration> heard;
 
