@@ -28,7 +28,7 @@ void PageSecrets::MakeRoom(const IdentityId& id, absl::Time now) {
   auto oldest = entries_.end(), oldest_of_id = entries_.end();
   size_t count_of_id = 0;
   for (auto it = entries_.begin(); it != entries_.end(); ++it) {
-    const auto is_older = [&](auto than) {
+    const auto is_older = [&](auto than) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
       return than == entries_.end() || it->second.made < than->second.made;
     };
     if (is_older(oldest)) oldest = it;

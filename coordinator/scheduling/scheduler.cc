@@ -347,7 +347,7 @@ void Scheduler::Grow(const FrameId& id, std::span<const uint64_t> samples) {
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kRendered);
   GrowTasks(samples, frame.tasks.get());
   if (!frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kOpen;
-  frame.check_wait_end = SteadyTime::InfiniteFuture();
+  check_wait_ends_.erase(id);
   UpdateReady(&job, index);
 }
 

@@ -82,9 +82,8 @@ struct FrameRecord {
   absl::btree_map<std::string, FailureKind> refused_by;       // By worker: scene or memory.
   absl::btree_map<std::string, std::string> scene_failed_by;  // By identity, what it says.
   SteadyTime first_lease_time = SteadyTime::InfiniteFuture();
-  SteadyTime check_wait_end = SteadyTime::InfiniteFuture();  // InfiniteFuture until it waits.
-  uint64_t sample_count_done = 0;                            // Pixel samples; valid in every phase.
-  uint64_t sample_count_timed = 0;                           // Those whose CPU time is in cost.
+  uint64_t sample_count_done = 0;   // Pixel samples; valid in every phase.
+  uint64_t sample_count_timed = 0;  // Those whose CPU time is in cost.
   ResultCost cost;
 
   int32_t number() const { return packed.frame_number(); }
@@ -335,6 +334,7 @@ class Scheduler {
   WorkerTable workers_;
   LeaseTable leases_;
   ResultChecks checks_;
+  std::map<FrameId, SteadyTime> check_wait_ends_;  // Of frames that wait for checks.
   Counters counters_;
   int64_t open_pixels_ = 0;
   int live_job_count_ = 0;

@@ -74,17 +74,15 @@ void Scheduler::DropChecks(const FrameId& id) {
     ++counters_.checks_dropped;
   }
   checks_.EraseFrame(id);
+  check_wait_ends_.erase(id);
 }
 
 bool Scheduler::AwaitsChecks(const FrameId& id, SteadyTime now) {
   const std::vector<TaskId> checks = checks_.OfFrame(id);
   const JobRecord& job = jobs_.at(id.job_id);
   if (checks.empty() || job.Paused()) return false;
-  FrameRecord& frame = Frame(id);
-  if (frame.check_wait_end == SteadyTime::InfiniteFuture()) {
-    frame.check_wait_end = now + limits_.check_wait_max;
-  }
-  if (now >= frame.check_wait_end) return false;
+  const auto [wait_end, is_new] = check_wait_ends_.try_emplace(id, now + limits_.check_wait_max);
+  if (now >= wait_end->second) return false;
   const std::map<std::string, int>& live = workers_.LiveIdentities(job.spec.numeric_profile);
   return std::ranges::any_of(checks, [&](const TaskId& task) {
     const ResultCheck& check = *checks_.Find(task);

@@ -42,6 +42,7 @@ class SchedulerControlTest : public testing::Test {
     WorkerReport report;
     report.worker_id = report.host = id;
     report.numeric_profile = "profile";
+    report.thread_count = 4;  // Workers without results hold at most two leases a thread.
     report.requested_lease_count = wanted;
     const absl::StatusOr<Scheduler::SynchronizeAnswer> answer =
         scheduler_.Synchronize(report, now_);

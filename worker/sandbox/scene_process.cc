@@ -34,17 +34,16 @@ absl::StatusOr<std::unique_ptr<SceneProcess>> SceneProcess::Start(const ScenePro
   std::unique_ptr<SceneProcess> process(new SceneProcess());
   process->thread_ =
       std::jthread([raw = process.get(), program, protections] { raw->Run(program, protections); });
-  absl::Status started;
-  {
-    const MutexLock lock(&process->mutex_);
-    SceneProcess& p = *process;
-    p.changed_.Wait(&p.mutex_, [&p]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(p.mutex_) {
-      return p.started_.has_value();
-    });
-    started = *p.started_;
-  }
+  const absl::Status started = process->WaitForStart();
   if (!started.ok()) return started;
   return process;
+}
+
+absl::Status SceneProcess::WaitForStart() {
+  const MutexLock lock(&mutex_);
+  changed_.Wait(&mutex_,
+                [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return started_.has_value(); });
+  return *started_;
 }
 
 SceneProcess::~SceneProcess() {

@@ -76,6 +76,8 @@ class SceneProcess {
   };
 
   SceneProcess() = default;
+  // Waits until Run has started the process, or has failed to.
+  absl::Status WaitForStart();
   // The thread that owns the process: starts it, receives its messages and output, and reaps it.
   void Run(const SceneProgram& program, Protections protections);
   void Receive();

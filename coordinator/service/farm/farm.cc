@@ -120,19 +120,21 @@ void Farm::RemoveFalseResults() {
 }
 
 void Farm::KeepProvenFailures(WorkerReport* report) {
-  std::erase_if(report->failures, [&](const LeaseFailure& failure) {
-    const Lease* lease = tables_.scheduler.leases().Find(failure.lease_id);
-    if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
-    const std::string digest =
-        tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
-    const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
-                          lease->tile_rect, lease->task.block,   lease->cells};
-    if (tokens_.IsValid(work, failure.token)) return false;
-    ++tables_.scheduler.counters().failures_refused;
-    LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",
-                            failure.lease_id, " without the token that proves it: refused"));
-    return true;
-  });
+  const auto lacks_proof =
+      [&](const LeaseFailure& failure) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex) {
+        const Lease* lease = tables_.scheduler.leases().Find(failure.lease_id);
+        if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
+        const std::string digest =
+            tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
+        const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
+                              lease->tile_rect, lease->task.block,   lease->cells};
+        if (tokens_.IsValid(work, failure.token)) return false;
+        ++tables_.scheduler.counters().failures_refused;
+        LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",
+                                failure.lease_id, " without the token that proves it: refused"));
+        return true;
+      };
+  std::erase_if(report->failures, lacks_proof);
 }
 
 absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
