@@ -2,12 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/store/farm_secret.h"
 
-#include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
@@ -18,23 +15,6 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr size_t kSecretBytes = 32;
-constexpr mode_t kOwnerOnly = 0600;
-
-// Nobody may read the file at any time, and it is whole or not there.
-absl::Status WriteSecret(const std::string& path, const std::string& secret) {
-  const std::string unfinished = path + ".new";
-  ::unlink(unfinished.c_str());
-  const int fd = ::open(unfinished.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, kOwnerOnly);
-  if (fd < 0) return StatusFromErrno(errno, unfinished);
-  const bool written =
-      ::write(fd, secret.data(), secret.size()) == static_cast<ssize_t>(secret.size()) &&
-      ::fsync(fd) == 0;
-  const int error = errno;
-  ::close(fd);
-  if (!written) return StatusFromErrno(error, unfinished);
-  if (std::rename(unfinished.c_str(), path.c_str()) != 0) return StatusFromErrno(errno, path);
-  return absl::OkStatus();
-}
 
 }  // namespace
 
@@ -44,7 +24,7 @@ absl::StatusOr<std::string> LoadOrMakeSecret(const std::string& directory) {
   if (::stat(path.c_str(), &properties) != 0) {
     if (errno != ENOENT) return StatusFromErrno(errno, path);
     const std::string secret = RandomBytes(kSecretBytes);
-    if (absl::Status written = WriteSecret(path, secret); !written.ok()) return written;
+    if (absl::Status written = WriteSecretAtomically(path, secret); !written.ok()) return written;
     return secret;
   }
   if ((properties.st_mode & 077) != 0) {

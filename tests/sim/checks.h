@@ -17,6 +17,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 
 #include "coordinator/service/farm/farm.h"
@@ -47,6 +48,8 @@ class Checks {
 
   World& world_;
   const Promises& promises_;
+  // Tasks that failed more often than a job survives, by those who had not delivered a result.
+  std::set<coordinator::TaskId> of_strangers_;
   uint64_t false_image_count_ = 0;
 };
 

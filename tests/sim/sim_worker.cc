@@ -312,7 +312,7 @@ void SimWorker::Lie(FinishedPart* part) {
       part->exr_bytes = ImpossiblePart(other);
       break;
     case 6:
-      other.block.first += other.block.count;
+      other.block.first += other.block.first == 0 ? other.block.count : -other.block.count;
       part->exr_bytes = TruePart(other);
       break;
     default:

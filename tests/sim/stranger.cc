@@ -99,7 +99,8 @@ void Stranger::SendResult(Farm& farm) {
   report.lease_id = SomeLease(farm);
   report.token = SomeToken(report.lease_id);
   report.tile = {0, 0, random_.Chance(0.5) ? 8 : 16, 8};
-  report.block = {16 * random_.Below(4), uint64_t{16} << random_.Below(3)};
+  report.block.count = uint64_t{16} << random_.Below(3);
+  report.block.first = report.block.count * random_.Below(4);
   if (random_.Chance(0.3)) report.cells = {4, 1 + random_.Below(15)};
   std::string bytes = random_.Chance(0.5) ? "" : std::string(random_.Below(500), 'x');
   if (random_.Chance(0.5)) bytes = TruePart(LeaseOf(report));
