@@ -34,10 +34,9 @@ using sheaf::sim::Machine;
 using sheaf::sim::SimDisk;
 
 bool IsOurs(const char* path) {
-  if (path == nullptr || Machine::Current() == nullptr) return false;
   const size_t length = std::strlen(kSimRoot);
-  const bool begins = std::strncmp(path, kSimRoot, length) == 0;
-  return begins && (path[length] == '/' || path[length] == '\0');
+  if (!path || !Machine::Current() || std::strncmp(path, kSimRoot, length) != 0) return false;
+  return path[length] == '/' || path[length] == '\0';
 }
 bool IsOurs(int descriptor) { return descriptor >= Machine::kFirstDescriptor; }
 
