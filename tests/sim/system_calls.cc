@@ -174,7 +174,6 @@ mode_t ModeOf(int flags, va_list arguments) {
 extern "C" {
 
 // OpenSSL's, which takes its bytes from the system in more ways than are worth to stand in for.
-int RAND_bytes(unsigned char* buffer, int count);
 int RAND_bytes(unsigned char* buffer, int count) {
   Machine* machine = Machine::Current();
   if (machine == nullptr) return 0;
