@@ -102,6 +102,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
     return Reject(report, "the bytes do not match their digest");
   }
   const TileReservation reservation(this, {report.frame_digest, {report.tile.y0, report.tile.x0}});
+  // Again: the sender's results may have been removed while this one waited for its tile.
+  if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
   Scheduler::FoundTask found;
   std::string numeric_profile;
   FrameSettings settings;
