@@ -148,6 +148,6 @@ export function tilesSection(study: Study): HTMLElement {
       numbersTable(
           'unreliable tiles', ['Tile', 'Kind of path', 'Fraction of the variance'],
           study.unreliable_tiles.map(
-              (tile) => [placeOf(tile), tile.path, numbers.share(tile.share)]),
+              (tile) => [placeOf(tile), tile.path, numbers.share(tile.fraction)]),
           2));
 }

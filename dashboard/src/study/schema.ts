@@ -68,7 +68,7 @@ export interface Tile {
   y1: number;
   path: string;
   // Fraction of the tile's variance.
-  share: number|null;
+  fraction: number|null;
 }
 
 export interface Study {

@@ -49,7 +49,7 @@ export function tileMap(study: Study): HTMLElement {
           (tile) => ({
             x: (tile.x0 + tile.x1) / 2 / width * plot.clientWidth,
             y: (tile.y0 + tile.y1) / 2 / height * plot.clientHeight,
-            lines: [tile.path, numbers.share(tile.share) + ' of the variance', placeOf(tile)],
+            lines: [tile.path, numbers.share(tile.fraction) + ' of the variance', placeOf(tile)],
           }))))
       .observe(plot);
   return el(
@@ -65,7 +65,7 @@ function rectOf(tile: Tile, names: string[]): SVGElement {
     y: tile.y0,
     width: tile.x1 - tile.x0,
     height: tile.y1 - tile.y0,
-    'fill-opacity': OPACITY_MIN + (1 - OPACITY_MIN) * (tile.share ?? 0),
+    'fill-opacity': OPACITY_MIN + (1 - OPACITY_MIN) * (tile.fraction ?? 0),
   });
   rect.style.fill = seriesAt(names.indexOf(tile.path)).color;
   return rect;
