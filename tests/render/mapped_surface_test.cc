@@ -180,13 +180,13 @@ TEST_F(MappedSurfaceTest, ImageLightsEmitIntoTheirGroup) {
   TestScene t = LitRoom(1);
   t.scene.area_lights[0].file = "map.pfm";
   t.scene.area_lights[0].scale.scale = 5;
-  t.scene.area_lights[0].group = "image";
+  t.scene.area_lights[0].group = "photo";
   PointLight point_light;
   point_light.intensity.rgb = Rgb::Gray(0.3f);
   point_light.from = {0.4f, 0, -0.5f};
   t.scene.lights.push_back({point_light, {}, {}, {}, "lamp"});
   FrameSettings settings = SquareSettings(16, 16, 5);
-  settings.outputs.light_groups = {"lamp", "image"};
+  settings.outputs.light_groups = {"lamp", "photo"};
   const FilmTile tile = RenderAll(*CompileMapped(t.scene, settings));
   ASSERT_EQ(tile.mean_count(), 6u);
   std::array<double, 2> totals{};
