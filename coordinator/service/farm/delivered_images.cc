@@ -89,8 +89,11 @@ absl::Status DeliveredImages::Check(const FrameId& id, const std::string& path) 
               absl::StrCat("job-", id.job_id, "-frame-", id.frame_number, ".exr"));
   }
   {
+    const MutexLock tables_lock(&tables_.mutex);
+    // False once it is being recreated, as it may be since the file was read.
+    const bool is_delivered = tables_.accounts.at(id.job_id).delivered.contains(id.frame_number);
     const MutexLock lock(&mutex_);
-    if (damaged_.insert(id).second) {
+    if (is_delivered && damaged_.insert(id).second) {
       ++damaged_count_;
       LogError(absl::StrCat(ImageName(id), ": the delivered image is ", state ? "damaged" : "gone",
                             "; it is being recreated"));
@@ -109,29 +112,31 @@ void DeliveredImages::Heal(JobLifecycle* lifecycle) {
   }
   if (damaged.empty()) return;
   std::map<uint64_t, std::set<int32_t>> remade;
+  std::set<FrameId> settled;
   {
     const MutexLock lock(&tables_.mutex);
-    std::erase_if(damaged, [&](const FrameId& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex) {
+    for (const FrameId& id : damaged) {
       const JobPhase phase = tables_.scheduler.jobs().at(id.job_id).phase;
-      if (phase == JobPhase::kSucceeded) remade[id.job_id].insert(id.frame_number);
-      if (phase == JobPhase::kFailed || phase == JobPhase::kCancelled) {
-        LogError(
-            absl::StrCat(ImageName(id), ": is not recreated, because its job did not succeed"));
+      if (phase == JobPhase::kLive) continue;  // Once it has ended.
+      if (phase == JobPhase::kSucceeded) {
+        remade[id.job_id].insert(id.frame_number);
+        continue;
       }
-      return phase == JobPhase::kLive;  // Once it has ended.
-    });
-  }
-  {
-    const MutexLock lock(&mutex_);
-    for (const FrameId& id : damaged) damaged_.erase(id);
+      LogError(absl::StrCat(ImageName(id), ": is not recreated, because its job did not succeed"));
+      settled.insert(id);
+    }
   }
   for (const auto& [job_id, numbers] : remade) {
     const absl::Status status = lifecycle->RemakeFrames(job_id, numbers);
-    if (status.ok()) continue;
-    LogError(absl::StrCat("recreating images of jobs/", job_id, ": ", status.message()));
-    const MutexLock lock(&mutex_);
-    for (const int32_t number : numbers) damaged_.insert({job_id, number});
+    if (status.ok()) {
+      for (const int32_t number : numbers) settled.insert({job_id, number});
+    } else {
+      LogError(absl::StrCat("recreating images of jobs/", job_id, ": ", status.message()));
+    }
   }
+  // Only now: until its frame is open again, each look at the image would find the damage anew.
+  const MutexLock lock(&mutex_);
+  for (const FrameId& id : settled) damaged_.erase(id);
 }
 
 uint64_t DeliveredImages::DamagedCount() const {

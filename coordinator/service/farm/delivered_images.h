@@ -52,7 +52,7 @@ class DeliveredImages {
   FarmTables& tables_;
   JobStore& store_;
   mutable VerifiedFiles verified_;  // By path.
-  mutable Mutex mutex_;
+  mutable Mutex mutex_;             // Taken after the tables' mutex, where both are held.
   mutable std::set<FrameId> damaged_ ABSL_GUARDED_BY(mutex_);  // To be made again.
   mutable uint64_t damaged_count_ ABSL_GUARDED_BY(mutex_) = 0;
 };
