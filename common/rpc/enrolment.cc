@@ -30,7 +30,7 @@ std::string EnrolAgain(const std::string& address) {
       address, " or sheaf-worker --token takes");
 }
 
-// What a name that the certificate does not state looks like to gRPC.
+// gRPC says only "unavailable" if the certificate does not state the name that was called.
 absl::Status ExplainTls(const std::string& address, const absl::Status& status) {
   if (!absl::IsUnavailable(status)) return status;
   return {status.code(),

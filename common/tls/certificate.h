@@ -32,7 +32,7 @@ absl::StatusOr<std::string> CheckCertificateRequest(const std::string& request_p
 
 enum class CertificateUse { kAuthority, kServer, kClient };
 
-// What a certificate states.
+// The statements of a certificate.
 struct CertificateTerms {
   CertificateUse use = CertificateUse::kClient;
   std::string common_name;

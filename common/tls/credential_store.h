@@ -31,7 +31,7 @@ struct CredentialFiles {
   std::string key_path, certificate_path, authority_path;
 };
 
-// What a machine shows and trusts.
+// The key and certificate of a machine, and the authority that it trusts.
 struct Credentials {
   std::string key_pem, certificate_pem, authority_pem;
 };

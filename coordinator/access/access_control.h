@@ -46,7 +46,7 @@ class AccessControl {
   IdentityStore& identities() { return *identities_; }
   AuditLog& audit() { return audit_; }
 
-  // Who shows this certificate; no certificate is a caller without an identity. Errors:
+  // The owner of this certificate; no certificate is a caller without an identity. Errors:
   // kUnauthenticated: of another authority, expired, revoked, or of an earlier enrolment.
   absl::StatusOr<Caller> Authenticate(const std::string& certificate_pem, absl::Time now);
   // Errors: kUnauthenticated (no certificate), kPermissionDenied (another role is needed); an
@@ -91,7 +91,7 @@ class AccessControl {
   absl::StatusOr<CertificateTerms> Verify(const std::string& certificate_pem, absl::Time now);
   // The identity, if it is not revoked and still in this generation. Errors: kUnauthenticated.
   absl::StatusOr<Caller> Current(const IdentityId& id, uint64_t generation);
-  // Who a session belongs to; a secret that is none is a caller without an identity.
+  // The owner of a session; a secret of no session is a caller without an identity.
   absl::StatusOr<Caller> AuthenticateSession(const std::string& session, absl::Time now);
   // Decides on an authenticated caller, or on why it is none, and records refusals.
   absl::StatusOr<Caller> Decide(absl::StatusOr<Caller> caller, std::string_view operation,

@@ -40,7 +40,7 @@ class CertificateAuthority {
   static absl::StatusOr<std::unique_ptr<CertificateAuthority>> Open(const std::string& directory);
 
   const std::string& certificate_pem() const { return issuer_.certificate_pem; }
-  // What the server shows, and the authority against which it verifies clients.
+  // The server's certificate and key, and the authority against which it verifies clients.
   CredentialFiles server_files() const;
   // The names and addresses of the server certificate. Errors: those of files.
   absl::StatusOr<std::vector<std::string>> Hosts() const;

@@ -16,7 +16,7 @@ namespace sheaf::coordinator {
 // Both are stored as numbers: new ones go to the end.
 enum class IdentityKind { kUser, kWorker };
 
-// What an identity may do. A worker works and does nothing else. The roles of users are ordered:
+// The rights of an identity. A worker works and does nothing else. The roles of users are ordered:
 // each includes those before it.
 //   view        see jobs, images and workers
 //   submit      submit jobs, and control one's own
@@ -56,7 +56,7 @@ struct Identity {
 // The owner of jobs that were submitted without certificates.
 inline constexpr char kLocalOwner[] = "local";
 
-// Who makes a call.
+// The origin of a call.
 struct Caller {
   std::optional<Identity> identity;  // None: shows no certificate.
   std::optional<Role> role() const {

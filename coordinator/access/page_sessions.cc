@@ -54,7 +54,7 @@ std::optional<PageUser> PageSecrets::Take(const std::string& secret, absl::Time 
   const std::optional<PageUser> user = Find(secret, now);
   if (!user) return std::nullopt;
   const MutexLock lock(&mutex_);
-  // Of several concurrent calls, the one that erases it has it.
+  // Only one of several concurrent calls erases it, and so uses it.
   return entries_.erase(Sha256Hex(secret)) == 1 ? user : std::nullopt;
 }
 

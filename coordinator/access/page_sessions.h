@@ -20,7 +20,7 @@ namespace sheaf::coordinator {
 
 inline constexpr absl::Duration kPageTokenLifetime = absl::Minutes(5);
 inline constexpr absl::Duration kPageSessionLifetime = absl::Hours(12);
-// Of tokens, and of sessions. Beyond a limit the oldest of the same identity, or of all, ends.
+// Limits of tokens, and of sessions. Beyond one the oldest of the identity, or of all, ends.
 inline constexpr size_t kPageSecretsMax = 10'000;
 inline constexpr size_t kPageSecretsOfIdentityMax = 20;
 
