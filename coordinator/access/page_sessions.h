@@ -24,7 +24,7 @@ inline constexpr absl::Duration kPageSessionLifetime = absl::Hours(12);
 inline constexpr size_t kPageSecretsMax = 10'000;
 inline constexpr size_t kPageSecretsOfIdentityMax = 20;
 
-// Who is signed in. The generation tells whether the name was enrolled again since.
+// The user who is signed in. The generation tells whether the name was enrolled again since.
 struct PageUser {
   IdentityId id;
   uint64_t generation = 0;

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What each operation of the coordinator requires of its caller, in one table: every gRPC method
-// and every HTTP route. An operation that is not in it is refused to everybody; tests compare the
-// table with the services and routes that exist.
+// The requirements of the coordinator's operations on their callers, in one table: every gRPC
+// method and every HTTP route. An operation that is not in it is refused to everybody; tests
+// compare the table with the services and routes that exist.
 #pragma once
 
 #include <optional>

@@ -155,8 +155,8 @@ struct LeaseReport {
 // A worker's report of itself.
 struct WorkerReport {
   std::string worker_id;
-  // Who answers for it: the common name of its certificate. Empty where it has none: then that is
-  // the worker itself.
+  // The name that answers for it: the common name of its certificate. Empty without one: then the
+  // worker answers for itself (IdentityOf).
   std::string identity;
   std::string host;
   std::string numeric_profile;

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the settings of a frame say of the sums of its parts, beyond what every part keeps (which
-// DecodePart checks: counts, finite values, no negative light): a part that no renderer can have
-// made is not taken. Plausible false parts pass; those are found by rendering again.
+// The limits that a frame's settings set to the sums of its parts, beyond those of every part,
+// which DecodePart checks (counts, finite values, no negative light). A part that no renderer can
+// have made is refused. Plausible false parts pass; a second render finds them.
 #pragma once
 
 #include <string>

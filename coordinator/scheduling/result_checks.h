@@ -26,7 +26,7 @@ struct ResultVersion {
   friend bool operator==(const ResultVersion&, const ResultVersion&) = default;
 };
 
-// What is known after one more version of a result.
+// The verdict after one more version of a result.
 struct CheckVerdict {
   enum class Kind {
     kOpen,       // More versions are needed.

@@ -298,7 +298,7 @@ class Scheduler {
   // who is live has. A scan over the live identities where all of them are strangers.
   bool AreBelieved(const std::string& numeric_profile,
                    const std::set<std::string>& identities) const;
-  // What a worker says, as users read it.
+  // A worker's message, as users read it.
   std::string Quote(const Lease& lease, const LeaseFailure& failure) const;
   void DropLease(uint64_t lease_id, bool put_back);
   void ApplyReport(WorkerRecord* worker, const WorkerReport& report, SteadyTime now);

@@ -176,7 +176,7 @@ bool Scheduler::AreBelieved(const std::string& numeric_profile,
 }
 
 std::string Scheduler::Quote(const Lease& lease, const LeaseFailure& failure) const {
-  // Of these the coordinator itself tells.
+  // The coordinator's own message, not a worker's.
   if (failure.kind == FailureKind::kLost || failure.kind == FailureKind::kLoading) {
     return failure.message;
   }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What strangers can do to a farm: workers that have delivered nothing. And quarantine.
+// The limits of strangers, which are workers that have delivered nothing; and quarantine.
 #include <string>
 #include <vector>
 

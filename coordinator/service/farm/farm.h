@@ -76,7 +76,7 @@ class Farm : public FarmView {
                                                                  std::unique_ptr<JobStore> store);
   ~Farm() override;
 
-  // What the background thread does each time that it wakes. One thread at a time.
+  // The work of the background thread at each wake-up. One thread at a time.
   void RunOnce();
 
   BlobStore& blobs() { return *blobs_; }

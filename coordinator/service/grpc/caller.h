@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Who makes a gRPC call. CallGate has let the call in; handlers ask here whose it is.
+// The caller of a gRPC call. CallGate has let the call in; handlers ask here whose it is.
 #pragma once
 
 #include <grpcpp/server_context.h>
