@@ -28,6 +28,11 @@ inline constexpr absl::Duration kConnectTimeout = absl::Seconds(20);
 inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
 // A ping waits behind the data that fills a slow link, up to a chunk in each direction.
 inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(20);
+// A server gives a connection so long for TLS, as a client does, and closes it when it has had no
+// call for so long. Calls of a connection beyond the maximum wait in the client.
+inline constexpr absl::Duration kHandshakeTimeout = kConnectTimeout;
+inline constexpr absl::Duration kIdleConnectionMax = absl::Minutes(10);
+inline constexpr int kCallsPerConnectionMax = 1000;
 // Includes connecting.
 inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(60);
 // Limit of one attempt: an image of 400 MB on a link of 1 Mbit/s. Keepalive detects a peer that is
@@ -44,7 +49,7 @@ std::shared_ptr<grpc::Channel> MakeChannel(
 // Sets the deadline of a call. Every call has one, except watches that last as long as a job.
 void SetDeadline(grpc::ClientContext* context, absl::Duration duration);
 
-// Applies the message limits and keepalive to a server, and makes a port in use an error.
+// Applies the limits above and keepalive to a server, and makes a port in use an error.
 void ApplyServerLimits(grpc::ServerBuilder* builder);
 
 // Refuses to listen, without encryption, on addresses that other machines can reach.

@@ -32,7 +32,8 @@ bool AccessControl::Exists(const std::string& state_directory) {
 }
 
 absl::StatusOr<std::unique_ptr<AccessControl>> AccessControl::Open(
-    const std::string& state_directory, const CertificateLifetimes& lifetimes) {
+    const std::string& state_directory, const CertificateLifetimes& lifetimes,
+    const IdentityLimits& limits) {
   const std::string directory = Directory(state_directory);
   absl::StatusOr<std::unique_ptr<CertificateAuthority>> authority =
       CertificateAuthority::Open(directory);
@@ -40,8 +41,9 @@ absl::StatusOr<std::unique_ptr<AccessControl>> AccessControl::Open(
   absl::StatusOr<std::unique_ptr<IdentityStore>> identities =
       IdentityStore::Open(directory + "/access.db");
   if (!identities.ok()) return identities.status();
-  return std::unique_ptr<AccessControl>(new AccessControl(
-      state_directory + "/audit.log", *std::move(authority), *std::move(identities), lifetimes));
+  return std::unique_ptr<AccessControl>(
+      new AccessControl(state_directory + "/audit.log", *std::move(authority),
+                        *std::move(identities), lifetimes, limits));
 }
 
 absl::StatusOr<CertificateTerms> AccessControl::Verify(const std::string& certificate_pem,
@@ -127,13 +129,24 @@ absl::StatusOr<Caller> AccessControl::Decide(absl::StatusOr<Caller> caller,
                                              absl::Time now) {
   // Without a valid certificate one may still do what needs none: an expired worker enrols again.
   const bool needs_none = RequirementOf(operation) == Requirement::kNothing;
-  if (!caller.ok() && needs_none) return Caller{};
+  if (!caller.ok() && needs_none) caller = Caller{};
   absl::Status admitted = caller.ok() ? Authorize(*caller, operation) : caller.status();
-  if (admitted.ok()) return caller;
   const std::string name = caller.ok() ? caller->Name() : "";
-  audit_.NoteRefused(name.empty() ? peer : absl::StrCat(name, " at ", peer), ShortName(operation),
-                     admitted, now);
+  if (!name.empty()) {
+    if (admitted.ok()) admitted = use_.NoteCall(caller->identity->id, now);
+  } else if (operation.front() != '/') {
+    // Of gRPC's strangers the gate does not know the address; Enroll counts their calls.
+    absl::Status counted = use_.NoteStrangerCall(peer, now);
+    if (!counted.ok()) admitted = std::move(counted);
+  }
+  if (admitted.ok()) return caller;
+  NoteRefused(name.empty() ? peer : absl::StrCat(name, " at ", peer), operation, admitted, now);
   return admitted;
+}
+
+void AccessControl::NoteRefused(const std::string& who, std::string_view operation,
+                                const absl::Status& why, absl::Time now) {
+  audit_.NoteRefused(who, ShortName(operation), why, now);
 }
 
 absl::Status AccessControl::AuthorizeJob(const Caller& caller, const std::string& owner) {
@@ -156,7 +169,9 @@ absl::StatusOr<AccessControl::IssuedCertificate> AccessControl::Issue(
 }
 
 absl::StatusOr<AccessControl::IssuedCertificate> AccessControl::Enroll(
-    const std::string& token_secret, const std::string& request_pem, absl::Time now) {
+    const std::string& token_secret, const std::string& request_pem, const std::string& address,
+    absl::Time now) {
+  if (absl::Status status = use_.NoteStrangerCall(address, now); !status.ok()) return status;
   // First, so that a malformed request does not use the token up.
   const absl::StatusOr<std::string> key = CheckCertificateRequest(request_pem);
   if (!key.ok()) return key.status();

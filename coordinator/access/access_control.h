@@ -17,6 +17,7 @@
 #include "common/base/mutex.h"
 #include "coordinator/access/audit_log.h"
 #include "coordinator/access/certificate_authority.h"
+#include "coordinator/access/identity_limits.h"
 #include "coordinator/access/identity_store.h"
 #include "coordinator/access/page_sessions.h"
 #include "coordinator/access/role_table.h"
@@ -40,11 +41,16 @@ class AccessControl {
   static bool Exists(const std::string& state_directory);
   // Errors: those of CertificateAuthority::Open and IdentityStore::Open.
   static absl::StatusOr<std::unique_ptr<AccessControl>> Open(
-      const std::string& state_directory, const CertificateLifetimes& lifetimes = {});
+      const std::string& state_directory, const CertificateLifetimes& lifetimes = {},
+      const IdentityLimits& limits = {});
 
   const CertificateAuthority& authority() const { return *authority_; }
   IdentityStore& identities() { return *identities_; }
   AuditLog& audit() { return audit_; }
+  IdentityUse& use() { return use_; }
+  // Records a refusal that a limit of IdentityUse decided.
+  void NoteRefused(const std::string& who, std::string_view operation, const absl::Status& why,
+                   absl::Time now);
 
   // The owner of this certificate; no certificate is a caller without an identity. Errors:
   // kUnauthenticated: of another authority, expired, revoked, or of an earlier enrolment.
@@ -52,7 +58,8 @@ class AccessControl {
   // Errors: kUnauthenticated (no certificate), kPermissionDenied (another role is needed); an
   // unknown operation is refused.
   static absl::Status Authorize(const Caller& caller, std::string_view operation);
-  // Both, and records refusals. `peer` is where the call comes from.
+  // Both, within the limits of the identity, or of the address `peer` where a session is none's,
+  // and records refusals. `peer` is where the call comes from. Errors: also kResourceExhausted.
   absl::Status Admit(const std::string& certificate_pem, std::string_view operation,
                      const std::string& peer, absl::Time now);
   // The same for a browser's session instead of a certificate; returns the caller.
@@ -65,9 +72,12 @@ class AccessControl {
     std::string certificate_pem;
     Identity identity;
   };
-  // Errors: kUnauthenticated (the token), kInvalidArgument (the request for a certificate).
+  // address: the caller's, without its port. Errors: kUnauthenticated (the token),
+  // kInvalidArgument (the request for a certificate), kResourceExhausted (the address calls too
+  // often).
   absl::StatusOr<IssuedCertificate> Enroll(const std::string& token_secret,
-                                           const std::string& request_pem, absl::Time now);
+                                           const std::string& request_pem,
+                                           const std::string& address, absl::Time now);
   // Requires: the caller has an identity. Errors: kInvalidArgument.
   absl::StatusOr<IssuedCertificate> Renew(const Caller& caller, const std::string& request_pem,
                                           absl::Time now);
@@ -82,10 +92,12 @@ class AccessControl {
 
  private:
   AccessControl(std::string audit_path, std::unique_ptr<CertificateAuthority> authority,
-                std::unique_ptr<IdentityStore> identities, const CertificateLifetimes& lifetimes)
+                std::unique_ptr<IdentityStore> identities, const CertificateLifetimes& lifetimes,
+                const IdentityLimits& limits)
       : authority_(std::move(authority)),
         identities_(std::move(identities)),
         audit_(std::move(audit_path)),
+        use_(limits),
         lifetimes_(lifetimes) {}
   // The terms of a certificate of this authority, whether it is still valid or not.
   absl::StatusOr<CertificateTerms> Verify(const std::string& certificate_pem, absl::Time now);
@@ -103,6 +115,7 @@ class AccessControl {
   const std::unique_ptr<IdentityStore> identities_;
   AuditLog audit_;
   PageSessions page_;
+  IdentityUse use_;
   const CertificateLifetimes lifetimes_;
   Mutex mutex_;
   // Certificates whose signatures were verified, so that each call does not do it again.

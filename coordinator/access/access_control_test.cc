@@ -46,7 +46,8 @@ class AccessControlTest : public testing::Test {
     const absl::StatusOr<std::string> secret =
         access->identities().MakeToken(id, role, kNow, kTokenLifetime);
     EXPECT_TRUE(secret.ok()) << secret.status();
-    const auto issued = access->Enroll(*secret, *MakeCertificateRequest(GenerateKey()), kNow);
+    const auto issued =
+        access->Enroll(*secret, *MakeCertificateRequest(GenerateKey()), "192.0.2.7", kNow);
     EXPECT_TRUE(issued.ok()) << issued.status();
     return issued.ok() ? issued->certificate_pem : "";
   }
@@ -119,9 +120,10 @@ TEST_F(AccessControlTest, AnotherFarmsCertificatesAreRefused) {
 TEST_F(AccessControlTest, AMalformedRequestLeavesTheTokenForTheNextTry) {
   const std::string secret =
       *access_->identities().MakeToken(kAnna, Role::kView, kNow, kTokenLifetime);
-  EXPECT_EQ(access_->Enroll(secret, "no request", kNow).status().code(),
+  EXPECT_EQ(access_->Enroll(secret, "no request", "192.0.2.7", kNow).status().code(),
             absl::StatusCode::kInvalidArgument);
-  EXPECT_TRUE(access_->Enroll(secret, *MakeCertificateRequest(GenerateKey()), kNow).ok());
+  EXPECT_TRUE(
+      access_->Enroll(secret, *MakeCertificateRequest(GenerateKey()), "192.0.2.7", kNow).ok());
 }
 
 TEST_F(AccessControlTest, RenewalPutsTheEndOff) {
@@ -139,8 +141,7 @@ TEST_F(AccessControlTest, JobsBelongToWhoSubmittedThem) {
   const Caller anna = caller(kAnna, Role::kSubmit);
   EXPECT_TRUE(AccessControl::AuthorizeJob(anna, "anna").ok());
   EXPECT_EQ(AccessControl::AuthorizeJob(anna, "ben").code(), absl::StatusCode::kPermissionDenied);
-  EXPECT_EQ(AccessControl::AuthorizeJob(anna, kLocalOwner).code(),
-            absl::StatusCode::kPermissionDenied);
+  EXPECT_EQ(AccessControl::AuthorizeJob(anna, "local").code(), absl::StatusCode::kPermissionDenied);
   const Caller operator_caller = caller({IdentityKind::kUser, "olga"}, Role::kOperate);
   EXPECT_TRUE(AccessControl::AuthorizeJob(operator_caller, "anna").ok());
   // A worker does not own what a user of its name has submitted.

@@ -53,9 +53,6 @@ struct Identity {
   bool revoked() const { return revoked_time != absl::InfiniteFuture(); }
 };
 
-// The owner of jobs that were submitted without certificates.
-inline constexpr char kLocalOwner[] = "local";
-
 // The origin of a call.
 struct Caller {
   std::optional<Identity> identity;  // None: shows no certificate.

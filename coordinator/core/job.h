@@ -50,11 +50,14 @@ struct EffectCost {
   friend bool operator==(const EffectCost&, const EffectCost&) = default;
 };
 
+// The owner of jobs that were submitted without certificates.
+inline constexpr char kLocalOwner[] = "local";
+
 struct JobSpec {
   uint64_t job_id = 0;  // Given by the store, ascending.
   bool pilot = false;   // Rendered for a quote; has an id among those of pilots (IsPilot).
   std::string title;
-  std::string owner = "local";  // The user's name; "local" without certificates.
+  std::string owner = kLocalOwner;  // The user's name.
   int32_t priority = 0;
   Partition partition;
   std::string numeric_profile;

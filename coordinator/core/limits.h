@@ -35,6 +35,11 @@ struct Limits {
   // Jobs.
   int frames_per_job_max = 100'000;
   int live_jobs_max = 10'000;
+  // Of the unfinished jobs of each user together; without certificates there are no users. Samples:
+  // of pixels.
+  int64_t owner_jobs_max = 2'000;
+  int64_t owner_frames_max = 200'000;
+  uint64_t owner_samples_max = uint64_t{1} << 53;
   absl::Duration pilot_unasked_max = absl::Seconds(30);  // A pilot nobody asks for is cancelled.
   // Per frame that is opened: nobody else can do anything meanwhile.
   int64_t tiles_per_frame_max = int64_t{1} << 18;  // The largest frame in tiles of 32 px.

@@ -36,6 +36,7 @@ struct Counters {
   uint64_t samples_accepted = 0;  // Pixel samples.
   uint64_t rays_accepted = 0;
   uint64_t nonfinite_samples = 0;
+  uint64_t jobs_refused = 0;  // Their owners have too much that is unfinished.
   uint64_t frames_delivered = 0;
   uint64_t scenes_lost = 0;  // Scenes of live jobs with a file that is damaged or lost.
   std::array<uint64_t, kFailureKindCount> failures{};  // By FailureKind.

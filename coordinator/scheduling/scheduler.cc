@@ -83,6 +83,15 @@ absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
   return CheckJobSpec(spec, limits_);
 }
 
+absl::Status Scheduler::CheckOwner(const JobSpec& spec) {
+  if (spec.owner == kLocalOwner) return absl::OkStatus();
+  const auto found = owner_work_.find(spec.owner);
+  const OwnerWork present = found == owner_work_.end() ? OwnerWork() : found->second;
+  absl::Status allowed = CheckOwnerWork(present, WorkOf(spec), limits_);
+  if (!allowed.ok()) ++counters_.jobs_refused;
+  return allowed;
+}
+
 void Scheduler::AddJob(const JobSpec& spec) {
   const auto [it, is_new] = jobs_.emplace(spec.job_id, JobRecord{});
   SHEAF_CHECK(is_new);
@@ -109,6 +118,8 @@ void Scheduler::AddJob(const JobSpec& spec) {
   job.served = LeastServedBeside(job).value_or(0);
   ready_jobs_[spec.numeric_profile].insert(KeyOf(job));
   ++live_job_count_;
+  job.work = WorkOf(spec);
+  owner_work_[spec.owner] += job.work;
 }
 
 void Scheduler::RemoveJob(uint64_t job_id) {
@@ -379,6 +390,9 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
   job.paused_time = SteadyTime::InfiniteFuture();
   UpdateReadyJob(&job, KeyOf(job));
   --live_job_count_;
+  const auto of_owner = owner_work_.find(job.spec.owner);
+  of_owner->second -= job.work;
+  if (of_owner->second == OwnerWork()) owner_work_.erase(of_owner);
   ended_jobs_.push_back(job_id);
 }
 

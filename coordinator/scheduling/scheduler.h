@@ -44,6 +44,7 @@
 #include "absl/status/status.h"
 #include "coordinator/core/frame_tasks.h"
 #include "coordinator/core/limits.h"
+#include "coordinator/core/owner_work.h"
 #include "coordinator/core/work_left.h"
 #include "coordinator/scheduling/counters.h"
 #include "coordinator/scheduling/frames_by_digest.h"
@@ -108,6 +109,7 @@ struct JobRecord {
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
   int32_t delivered_count = 0;
 
+  OwnerWork work;  // Of the owner's, while the job is live.
   FailureLog failures;
   LoadingLosses loading_losses;  // Since a frame was loaded for the first time.
   std::map<int32_t, LoadingLosses> frame_loading_losses;  // By number, of frames not yet loaded.
@@ -130,6 +132,9 @@ class Scheduler {
   // Whether a job keeps the limits (job_check.h) and there is room for it. Errors:
   // kInvalidArgument, kResourceExhausted.
   absl::Status CheckJob(const JobSpec& spec) const;
+  // Whether its owner may have it beside what is unfinished of them; counts refusals. Requires:
+  // CheckJobSpec is OK. Errors: kResourceExhausted.
+  absl::Status CheckOwner(const JobSpec& spec);
   // Requires: CheckJob is OK, job_id is new.
   void AddJob(const JobSpec& spec);
   // Forgets a job that has ended.
@@ -338,6 +343,7 @@ class Scheduler {
   Counters counters_;
   int64_t open_pixels_ = 0;
   int live_job_count_ = 0;
+  std::map<std::string, OwnerWork> owner_work_;  // Of live jobs, by owner.
   std::vector<uint64_t> ended_jobs_;
   std::set<uint64_t> failure_jobs_;
   std::vector<QuarantineRecord> quarantines_;  // Not yet taken.

@@ -17,7 +17,7 @@ namespace {
 class SchedulerControlTest : public testing::Test {
  protected:
   // A job of frames of four tiles with four passes each.
-  uint64_t AddJob(int frame_count = 1, int32_t priority = 0) {
+  JobSpec MakeJob(int frame_count = 1, int32_t priority = 0) {
     JobSpec job;
     job.job_id = ++last_job_id_;
     job.priority = priority;
@@ -33,6 +33,10 @@ class SchedulerControlTest : public testing::Test {
       frame.frame_digest = Sha256Hex(absl::StrCat(job.job_id, "/", i));
       job.frames.push_back(frame);
     }
+    return job;
+  }
+  uint64_t AddJob(int frame_count = 1, int32_t priority = 0) {
+    const JobSpec job = MakeJob(frame_count, priority);
     EXPECT_TRUE(scheduler_.CheckJob(job).ok());
     scheduler_.AddJob(job);
     return job.job_id;
@@ -79,6 +83,32 @@ TEST_F(SchedulerControlTest, PausedJobsGetNoLeasesButFinishLeasedOnes) {
   EXPECT_EQ(Sync("b", 1)[0].frame.job_id, other);
   scheduler_.Resume(job, now_);
   EXPECT_EQ(Sync("a", 1)[0].frame.job_id, job);
+}
+
+TEST_F(SchedulerControlTest, OwnersAreLimitedEachAlone) {
+  Limits limits;
+  limits.owner_frames_max = 5;
+  Scheduler scheduler(limits, 1000);
+  const auto job_of = [&](const std::string& owner, int frame_count) {
+    JobSpec job = MakeJob(frame_count);
+    job.owner = owner;
+    return job;
+  };
+  const JobSpec first = job_of("anna", 3);
+  ASSERT_TRUE(scheduler.CheckOwner(first).ok());
+  scheduler.AddJob(first);
+  const JobSpec second = job_of("anna", 2);
+  ASSERT_TRUE(scheduler.CheckOwner(second).ok());
+  scheduler.AddJob(second);
+  EXPECT_TRUE(absl::IsResourceExhausted(scheduler.CheckOwner(job_of("anna", 1))));
+  EXPECT_EQ(scheduler.counters().jobs_refused, 1u);
+  EXPECT_TRUE(scheduler.CheckOwner(job_of("ben", 5)).ok());
+  EXPECT_TRUE(scheduler.CheckOwner(job_of(kLocalOwner, 100)).ok()) << "that is everybody";
+  scheduler.EndJob(first.job_id, JobPhase::kCancelled, "");
+  EXPECT_TRUE(scheduler.CheckOwner(job_of("anna", 3)).ok());
+  EXPECT_FALSE(scheduler.CheckOwner(job_of("anna", 4)).ok());
+  scheduler.EndJob(first.job_id, JobPhase::kCancelled, "");
+  EXPECT_FALSE(scheduler.CheckOwner(job_of("anna", 4)).ok()) << "it has ended once";
 }
 
 TEST_F(SchedulerControlTest, PausedTimeIsNotCounted) {

@@ -49,6 +49,8 @@ constexpr CounterName kCounterNames[] = {
     {"rays_accepted", "Rays of accepted results.", &Counters::rays_accepted},
     {"nonfinite_samples", "Samples that were not finite; anything but 0 is a defect.",
      &Counters::nonfinite_samples},
+    {"jobs_refused", "Jobs and refinements beyond a user's limit of unfinished work.",
+     &Counters::jobs_refused},
     {"frames_delivered", "Frames whose EXR is written.", &Counters::frames_delivered},
     {"scenes_lost", "Scenes of live jobs of which a file was found damaged or lost.",
      &Counters::scenes_lost},

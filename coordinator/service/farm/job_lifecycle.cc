@@ -39,6 +39,8 @@ absl::StatusOr<uint64_t> JobLifecycle::Create(JobSpec spec, const std::string& r
   {
     const MutexLock lock(&tables_.mutex);
     if (absl::Status status = tables_.scheduler.CheckJob(spec); !status.ok()) return status;
+    // Concurrent calls of one owner may together exceed a limit by what they submit.
+    if (absl::Status status = tables_.scheduler.CheckOwner(spec); !status.ok()) return status;
   }
   if (spec.partition.cell_size_px == 0) {
     // Also of frames that have no rule yet: they may be refined by one.

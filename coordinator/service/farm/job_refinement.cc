@@ -115,6 +115,10 @@ absl::Status JobLifecycle::Refine(uint64_t job_id, const Refinement& refinement)
   }
   if (reopened.empty()) return absl::OkStatus();  // It is good enough.
   if (absl::Status s = CheckJobSpec(job.spec, options_.limits); !s.ok()) return s;
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (absl::Status s = tables_.scheduler.CheckOwner(job.spec); !s.ok()) return s;
+  }
   return ReopenFrames(std::move(job), reopened);
 }
 

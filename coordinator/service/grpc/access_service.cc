@@ -21,8 +21,8 @@ void SetTime(absl::Time time, google::protobuf::Timestamp* wire) {
 grpc::Status AccessService::Enroll(grpc::ServerContext* context, const v1::EnrollRequest* request,
                                    v1::EnrollResponse* response) {
   const absl::Time now = absl::Now();
-  const absl::StatusOr<AccessControl::IssuedCertificate> issued =
-      access_->Enroll(request->token_secret(), request->certificate_request_pem(), now);
+  const absl::StatusOr<AccessControl::IssuedCertificate> issued = access_->Enroll(
+      request->token_secret(), request->certificate_request_pem(), CallerAddress(*context), now);
   if (!issued.ok()) {
     access_->audit().NoteRefused(context->peer(), "Enroll", issued.status(), now);
     return ToGrpcStatus(issued.status());

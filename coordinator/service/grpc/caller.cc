@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "coordinator/core/job.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -24,6 +25,11 @@ std::string FirstProperty(const grpc::ServerContext& context, const char* name) 
 
 std::string CallerIdentity(const grpc::ServerContext& context) {
   return FirstProperty(context, GRPC_X509_CN_PROPERTY_NAME);
+}
+
+std::string CallerAddress(const grpc::ServerContext& context) {
+  const std::string peer = context.peer();
+  return peer.substr(0, peer.rfind(':'));
 }
 
 absl::StatusOr<Caller> CallerOf(const grpc::ServerContext& context, AccessControl* access) {
@@ -42,6 +48,20 @@ absl::Status RequireJobControl(const grpc::ServerContext& context, AccessControl
   const absl::StatusOr<Caller> caller = CallerOf(context, access);
   if (!caller.ok()) return caller.status();
   return caller->identity ? AccessControl::AuthorizeJob(*caller, owner) : absl::OkStatus();
+}
+
+absl::StatusOr<IdentityUse::Stream> OpenStream(const grpc::ServerContext& context,
+                                               AccessControl* access, const char* operation) {
+  if (access == nullptr) return IdentityUse::Stream();
+  const std::string name = CallerIdentity(context);
+  const absl::StatusOr<IdentityId> id = ParseIdentity(name);
+  if (!id.ok()) return IdentityUse::Stream();  // Within the process.
+  absl::StatusOr<IdentityUse::Stream> stream = access->use().OpenStream(*id);
+  if (!stream.ok()) {
+    access->NoteRefused(absl::StrCat(name, " at ", context.peer()), operation, stream.status(),
+                        absl::Now());
+  }
+  return stream;
 }
 
 void NoteInAudit(const grpc::ServerContext& context, AccessControl* access, const char* what,

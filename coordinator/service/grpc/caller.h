@@ -17,6 +17,9 @@ namespace sheaf::coordinator {
 // verified. Empty without TLS, and for calls within the process.
 std::string CallerIdentity(const grpc::ServerContext& context);
 
+// The caller's address without its port: "ipv4:192.0.2.7".
+std::string CallerAddress(const grpc::ServerContext& context);
+
 // The caller with its role, as of now: an identity may be revoked while a long call runs.
 // access: null without certificates. A caller without TLS has no identity. Errors:
 // kUnauthenticated.
@@ -29,6 +32,11 @@ std::string OwnerOf(const grpc::ServerContext& context);
 // kPermissionDenied, kUnauthenticated.
 absl::Status RequireJobControl(const grpc::ServerContext& context, AccessControl* access,
                                const std::string& owner);
+
+// Counts a call that streams among those that its caller has open, while the result lives; counts
+// nothing without TLS. operation: for the audit log. Errors: kResourceExhausted, recorded.
+absl::StatusOr<IdentityUse::Stream> OpenStream(const grpc::ServerContext& context,
+                                               AccessControl* access, const char* operation);
 
 // Records that the call changed the target, or why it did not. access: may be null.
 void NoteInAudit(const grpc::ServerContext& context, AccessControl* access, const char* what,

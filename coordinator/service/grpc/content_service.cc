@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "common/base/digest.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/grpc_status.h"
+#include "coordinator/service/grpc/caller.h"
 #include "coordinator/service/grpc/drain_stream.h"
 #include "coordinator/service/grpc/wire.h"
 
@@ -81,9 +83,30 @@ grpc::Status ContentService::GetWriteStatus(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
-grpc::Status ContentService::WriteBlob(grpc::ServerContext* /*context*/,
+absl::Status ContentService::BeginUpload(const grpc::ServerContext& context,
+                                         uint64_t size_bytes) const {
+  const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
+  if (access_ == nullptr || !id.ok()) return absl::OkStatus();
+  const absl::Time now = absl::Now();
+  absl::Status allowed = access_->use().BeginUpload(*id, size_bytes, now);
+  if (!allowed.ok()) {
+    access_->NoteRefused(absl::StrCat(FormatIdentity(*id), " at ", context.peer()), "WriteBlob",
+                         allowed, now);
+  }
+  return allowed;
+}
+
+void ContentService::ReturnUpload(const grpc::ServerContext& context,
+                                  uint64_t missing_bytes) const {
+  const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
+  if (access_ != nullptr && id.ok()) access_->use().ReturnUpload(*id, missing_bytes);
+}
+
+grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
                                        grpc::ServerReader<v1::WriteBlobRequest>* reader,
                                        v1::WriteBlobResponse* response) {
+  const absl::StatusOr<IdentityUse::Stream> stream = OpenStream(*context, access_, "WriteBlob");
+  if (!stream.ok()) return ToGrpcStatus(stream.status());
   v1::WriteBlobRequest message;
   if (!reader->Read(&message) || !message.has_digest()) {
     return ToGrpcStatus(absl::InvalidArgumentError("the first message has no digest"));
@@ -97,7 +120,11 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* /*context*/,
     return Finish(absl::OkStatus(), &message, reader);
   }
   if (!writer.ok()) return Finish(writer.status(), &message, reader);
+  const absl::Status allowed =
+      BeginUpload(*context, digest->size_bytes - writer->committed_bytes());
+  if (!allowed.ok()) return Finish(allowed, &message, reader);
   const absl::Status status = WriteAll(&message, reader, &*writer, *digest);
+  ReturnUpload(*context, digest->size_bytes - writer->committed_bytes());
   response->set_committed_bytes(writer->committed_bytes());
   return Finish(status, &message, reader);
 }
@@ -105,6 +132,8 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* /*context*/,
 grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,
                                       const v1::ReadBlobRequest* request,
                                       grpc::ServerWriter<v1::ReadBlobResponse>* writer) {
+  const absl::StatusOr<IdentityUse::Stream> stream = OpenStream(*context, access_, "ReadBlob");
+  if (!stream.ok()) return ToGrpcStatus(stream.status());
   const absl::StatusOr<BlobDigest> digest = FromWire(request->digest());
   if (!digest.ok()) return ToGrpcStatus(digest.status());
   uint64_t offset_bytes = request->offset_bytes();

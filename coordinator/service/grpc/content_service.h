@@ -5,6 +5,7 @@
 #pragma once
 
 #include "common/content/blob_store.h"
+#include "coordinator/access/access_control.h"
 #include "sheaf/v1/content.grpc.pb.h"
 
 namespace sheaf::coordinator {
@@ -13,8 +14,9 @@ inline constexpr int kFindMissingDigestsMax = 10'000;
 
 class ContentService final : public v1::ContentService::Service {
  public:
-  // `blobs` must outlive the service.
-  explicit ContentService(const BlobStore* blobs) : blobs_(blobs) {}
+  // Both must outlive the service. access: null without certificates.
+  explicit ContentService(const BlobStore* blobs, AccessControl* access = nullptr)
+      : blobs_(blobs), access_(access) {}
 
   grpc::Status FindMissing(grpc::ServerContext* context, const v1::FindMissingRequest* request,
                            v1::FindMissingResponse* response) override;
@@ -28,7 +30,13 @@ class ContentService final : public v1::ContentService::Service {
                         grpc::ServerWriter<v1::ReadBlobResponse>* writer) override;
 
  private:
-  const BlobStore* blobs_;
+  // Counts an upload of so many bytes. Errors: kResourceExhausted, recorded.
+  absl::Status BeginUpload(const grpc::ServerContext& context, uint64_t size_bytes) const;
+  // Takes back what did not come of it.
+  void ReturnUpload(const grpc::ServerContext& context, uint64_t missing_bytes) const;
+
+  const BlobStore* const blobs_;
+  AccessControl* const access_;
 };
 
 }  // namespace sheaf::coordinator

@@ -217,6 +217,8 @@ grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,
 
 grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
                                   grpc::ServerWriter<v1::Job>* writer) {
+  const absl::StatusOr<IdentityUse::Stream> stream = OpenStream(*context, access_, "WatchJob");
+  if (!stream.ok()) return ToGrpcStatus(stream.status());
   std::string last;
   SteadyTime next_write = SteadyTime::InfinitePast();
   while (!stopping_ && !context->IsCancelled()) {
@@ -245,6 +247,9 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
 grpc::Status JobService::ReadFrameOutput(grpc::ServerContext* context,
                                          const v1::ReadFrameOutputRequest* request,
                                          grpc::ServerWriter<v1::ReadFrameOutputResponse>* writer) {
+  const absl::StatusOr<IdentityUse::Stream> stream =
+      OpenStream(*context, access_, "ReadFrameOutput");
+  if (!stream.ok()) return ToGrpcStatus(stream.status());
   const absl::StatusOr<FrameId> id = ParseFrameName(request->name());
   if (!id.ok()) return ToGrpcStatus(id.status());
   const absl::StatusOr<std::string> path = farm_->FindOutput(id->job_id, id->frame_number);

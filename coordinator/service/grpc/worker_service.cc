@@ -83,6 +83,8 @@ grpc::Status WorkerService::Synchronize(grpc::ServerContext* context,
 grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
                                           grpc::ServerReader<v1::UploadResultsRequest>* reader,
                                           v1::UploadResultsResponse* response) {
+  const absl::StatusOr<IdentityUse::Stream> stream = OpenStream(*context, access_, "UploadResults");
+  if (!stream.ok()) return ToGrpcStatus(stream.status());
   ResultAssembly assembly(farm_, CallerIdentity(*context), response);
   v1::UploadResultsRequest message;
   while (reader->Read(&message)) {

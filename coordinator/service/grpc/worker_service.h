@@ -4,6 +4,7 @@
 // WorkerService over gRPC: dispatch and results.
 #pragma once
 
+#include "coordinator/access/access_control.h"
 #include "coordinator/service/farm/farm.h"
 #include "sheaf/v1/worker.grpc.pb.h"
 
@@ -13,8 +14,9 @@ inline constexpr int kResultsPerUploadMax = 1000;
 
 class WorkerService final : public v1::WorkerService::Service {
  public:
-  // `farm` must outlive the service.
-  explicit WorkerService(Farm* farm) : farm_(farm) {}
+  // Both must outlive the service. access: null without certificates.
+  explicit WorkerService(Farm* farm, AccessControl* access = nullptr)
+      : farm_(farm), access_(access) {}
 
   grpc::Status Synchronize(grpc::ServerContext* context, const v1::SynchronizeRequest* request,
                            v1::SynchronizeResponse* response) override;
@@ -23,7 +25,8 @@ class WorkerService final : public v1::WorkerService::Service {
                              v1::UploadResultsResponse* response) override;
 
  private:
-  Farm* farm_;
+  Farm* const farm_;
+  AccessControl* const access_;
 };
 
 }  // namespace sheaf::coordinator

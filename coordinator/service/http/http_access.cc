@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/http/http_access.h"
 
+#include <array>
+
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -57,6 +59,11 @@ HttpResponse LoginPage() {
   return response;
 }
 
+int RefusalCode(const absl::Status& why) {
+  if (absl::IsPermissionDenied(why)) return 403;
+  return absl::IsResourceExhausted(why) ? 429 : 401;
+}
+
 // Whether a person waits for the answer at a browser, and not a script.
 bool IsPage(const std::string& operation) {
   return operation == "GET /" || operation == "GET /index.html";
@@ -73,14 +80,26 @@ bool HttpAccess::Admits(const std::string& operation, HttpRequest* request,
     request->caller = *std::move(caller);
     return true;
   }
-  const bool signed_in = absl::IsPermissionDenied(caller.status());
-  if (!signed_in && IsPage(operation)) {
+  if (absl::IsUnauthenticated(caller.status()) && IsPage(operation)) {
     *refusal = SeeOther(kLoginPage);
   } else {
-    *refusal = HttpError(signed_in ? 403 : 401, absl::StatusCodeToString(caller.status().code()),
-                         std::string(caller.status().message()));
+    *refusal =
+        HttpError(RefusalCode(caller.status()), absl::StatusCodeToString(caller.status().code()),
+                  std::string(caller.status().message()));
   }
   return false;
+}
+
+std::vector<MetricView> HttpAccess::Metrics() const {
+  std::vector<MetricView> metrics;
+  const std::array<uint64_t, kIdentityLimitCount> refused = access_->use().Refused();
+  for (size_t limit = 0; limit < refused.size(); ++limit) {
+    metrics.push_back({"sheaf_refused_total", "Calls and connections beyond a limit, by limit.",
+                       MetricView::Kind::kCounter, "limit",
+                       IdentityLimitName(static_cast<IdentityLimit>(limit)),
+                       static_cast<double>(refused[limit])});
+  }
+  return metrics;
 }
 
 void HttpAccess::NoteInAudit(const HttpRequest& request, const std::string& job_id,

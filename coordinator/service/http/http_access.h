@@ -16,6 +16,7 @@
 
 #include "coordinator/access/access_control.h"
 #include "coordinator/service/http/http_message.h"
+#include "coordinator/service/view/farm_view.h"
 
 namespace sheaf::coordinator {
 
@@ -36,6 +37,8 @@ class HttpAccess {
   // Records in the audit log that the request changed a job, or why it did not.
   void NoteInAudit(const HttpRequest& request, const std::string& job_id,
                    const absl::Status& outcome) const;
+  // What was refused for a limit, as FarmView has metrics.
+  std::vector<MetricView> Metrics() const;
   // The routes above. They refer to this object.
   std::vector<HttpRoute> Routes() const;
 

@@ -215,6 +215,24 @@ TEST_F(HttpAccessTest, SubmittersControlTheirOwnJobs) {
   EXPECT_THAT(Audit(), HasSubstr("POST /api/v1/jobs/{}:cancel"));
 }
 
+TEST_F(HttpAccessTest, StrangersAreRefusedForATimeAndOthersServed) {
+  const std::string session = SignIn(kAnna, Role::kView);
+  int requests = 0;
+  HttpResponse response;
+  do {
+    response = Send("GET", "/login");
+  } while (response.status == 200 && ++requests < 1000);
+  EXPECT_EQ(response.status, 429);
+  EXPECT_THAT(response.body, HasSubstr("192.0.2.7"));
+  EXPECT_GE(requests, 100);
+  EXPECT_EQ(Send("POST", "/login", "", "token=guess").status, 429) << "guesses are limited too";
+  EXPECT_THAT(Audit(), HasSubstr("RESOURCE_EXHAUSTED"));
+  const HttpResponse metrics = Send("GET", "/metrics", session);
+  EXPECT_EQ(metrics.status, 200) << "who is signed in is not held up";
+  EXPECT_THAT(metrics.body, HasSubstr("sheaf_refused_total{limit=\"stranger_calls\"} 2\n"));
+  EXPECT_THAT(metrics.body, HasSubstr("sheaf_refused_total{limit=\"calls\"} 0\n"));
+}
+
 // A TLS client that trusts the farm's authority.
 class TlsClient {
  public:

@@ -139,7 +139,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
   const auto metrics = [this](const Request&) {
     HttpResponse response;
     response.content_type = kPrometheusContentType;
-    response.body = PrometheusText(farm_.Metrics());
+    response.body = PrometheusText(Metrics());
     return response;
   };
   const std::string job = "/api/v1/jobs/{}";
@@ -371,9 +371,16 @@ HttpResponse HttpApi::ListWorkers(const HttpRequest& request) const {
   return JsonResponse(ListJson("workers", page, ""));
 }
 
+std::vector<MetricView> HttpApi::Metrics() const {
+  std::vector<MetricView> metrics = farm_.Metrics();
+  if (access_ == nullptr) return metrics;
+  for (MetricView& metric : access_->Metrics()) metrics.push_back(std::move(metric));
+  return metrics;
+}
+
 HttpResponse HttpApi::ListCounters() const {
   std::vector<std::string> counters;
-  for (const MetricView& metric : farm_.Metrics()) counters.push_back(MetricJson(metric));
+  for (const MetricView& metric : Metrics()) counters.push_back(MetricJson(metric));
   return JsonResponse(ListJson("counters", counters, ""));
 }
 

@@ -102,6 +102,8 @@ class HttpApi {
   HttpResponse GetOutput(const HttpRequest& request) const;
   HttpResponse ListWorkers(const HttpRequest& request) const;
   HttpResponse ListCounters() const;
+  // The farm's, and what was refused.
+  std::vector<MetricView> Metrics() const;
   // Finds the job and frame in the path. Errors: kNotFound, kInvalidArgument.
   absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
 

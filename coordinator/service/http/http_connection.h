@@ -10,6 +10,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <cstddef>
 #include <list>
+#include <map>
 
 #include "coordinator/service/http/http_stream.h"
 
@@ -24,19 +25,28 @@ struct Connection;
 // Connections in the same state, those that have been in it longest first.
 using ConnectionList = std::list<Connection*>;
 
+// How many connections there are, in all and of each address.
+struct ConnectionCounts {
+  size_t all = 0;
+  std::map<asio::ip::address, size_t> of_peer;
+};
+
 // A client's socket while its coroutine lives, and its place in a list. Socket thread only.
 struct Connection {
   // tls: null for a plain connection.
-  Connection(tcp::socket socket, asio::ssl::context* tls, size_t* all)
-      : stream(std::move(socket), tls), count(all) {
+  Connection(tcp::socket socket, asio::ssl::context* tls, ConnectionCounts* all)
+      : stream(std::move(socket), tls), counts(all) {
     error_code ignored;
     peer = stream.socket().remote_endpoint(ignored).address();
     stream.socket().set_option(tcp::no_delay(true), ignored);
-    ++*count;
+    ++counts->all;
+    ++counts->of_peer[peer];
   }
   ~Connection() {
     MoveTo(nullptr);
-    --*count;
+    --counts->all;
+    const auto of_peer = counts->of_peer.find(peer);
+    if (--of_peer->second == 0) counts->of_peer.erase(of_peer);
   }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -49,7 +59,7 @@ struct Connection {
 
   HttpStream stream;
   asio::ip::address peer;
-  size_t* const count;
+  ConnectionCounts* const counts;
   ConnectionList* list = nullptr;
   ConnectionList::iterator place;
 };

@@ -29,69 +29,20 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "coordinator/service/http/http_beast.h"
 #include "coordinator/service/http/http_connection.h"
 #include "coordinator/service/http/http_tls.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-namespace http = boost::beast::http;
-
 // Pause after accept fails, for example for lack of file descriptors.
 constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 
-// Sent with every response: content types are not guessed, the page may not be framed, and it loads
-// nothing from other origins.
-constexpr std::pair<const char*, const char*> kSecurityHeaders[] = {
-    {"X-Content-Type-Options", "nosniff"},
-    {"X-Frame-Options", "DENY"},
-    {"Referrer-Policy", "no-referrer"},
-    {"Cross-Origin-Resource-Policy", "same-origin"},
-    {"Content-Security-Policy",
-     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
-     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"},
-};
-
-HttpRequest ToRequest(const http::request<http::string_body>& message) {
-  HttpRequest request;
-  request.method =
-      message.method() == http::verb::head ? "GET" : std::string(message.method_string());
-  request.target = std::string(message.target());
-  for (const auto& field : message) {
-    request.headers.emplace_back(std::string(field.name_string()), std::string(field.value()));
-  }
-  request.body = message.body();
-  return request;
-}
-
-// The response without its body.
-template <class Body>
-void SetHead(const HttpResponse& response, bool keep_alive, http::response<Body>* message) {
-  message->version(11);
-  message->result(static_cast<unsigned>(response.status));
-  message->set(http::field::content_type, response.content_type);
-  for (const auto& [name, value] : kSecurityHeaders) message->set(name, value);
-  for (const auto& [name, value] : response.headers) message->set(name, value);
-  message->keep_alive(keep_alive);
-}
-
-// The response to a request that could not be read; none if the client closed the connection.
-std::optional<HttpResponse> ReadRefusal(const error_code& error) {
-  if (error == http::error::header_limit || error == http::error::buffer_overflow) {
-    return HttpError(
-        431, "RESOURCE_EXHAUSTED",
-        absl::StrCat("the request's head is longer than ", kHttpHeaderBytesMax, " bytes"));
-  }
-  if (error == http::error::body_limit) {
-    return HttpError(
-        413, "RESOURCE_EXHAUSTED",
-        absl::StrCat("the request's body is longer than ", kHttpBodyBytesMax, " bytes"));
-  }
-  const bool malformed = error.category() == make_error_code(http::error::bad_method).category() &&
-                         error != http::error::end_of_stream &&
-                         error != http::error::partial_message;
-  if (malformed) return HttpError(400, "INVALID_ARGUMENT", "malformed request: " + error.message());
-  return std::nullopt;
+absl::Status TooManyConnectionsError(const asio::ip::address& peer) {
+  return absl::ResourceExhaustedError(
+      absl::StrCat(peer.to_string(), " has ", kHttpConnectionsOfAddressMax,
+                   " connections, the limit of an address; close some pages or scripts there"));
 }
 
 }  // namespace
@@ -118,6 +69,8 @@ class HttpServer::Impl {
   asio::awaitable<void> End(HttpStream* stream);
   // Counts the connection as half open, and closes the oldest one if its address has too many.
   void AwaitRequest(Connection* connection);
+  // Whether a new connection is within the limit of its address, if need be by closing an idle one.
+  bool MakeRoomFor(const Connection& connection);
   // Reads the first request of a connection, or a later one, within its deadlines.
   asio::awaitable<error_code> ReadRequest(Connection* connection, beast::flat_buffer* buffer,
                                           http::request_parser<http::string_body>* parser,
@@ -139,7 +92,7 @@ class HttpServer::Impl {
   EventHub* const hub_;
   uint16_t port_ = 0;
   std::optional<HttpTls> tls_;  // Socket thread only, once it serves; as all that follows.
-  size_t connection_count_ = 0;
+  ConnectionCounts counts_;
   ConnectionList half_open_;  // Without a complete request so far.
   ConnectionList idle_;       // Between two requests.
   std::set<asio::steady_timer*> sleeping_;
@@ -216,8 +169,7 @@ asio::awaitable<void> HttpServer::Impl::Accept() {
       continue;
     }
     // At the limit the socket is closed here, as queued clients would only wait longer.
-    if (connection_count_ >= kHttpConnectionCountMax && !DropOldest(half_open_) &&
-        !DropOldest(idle_)) {
+    if (counts_.all >= kHttpConnectionCountMax && !DropOldest(half_open_) && !DropOldest(idle_)) {
       continue;
     }
     asio::co_spawn(io_, Serve(std::move(socket)), [](std::exception_ptr failure) {
@@ -226,6 +178,17 @@ asio::awaitable<void> HttpServer::Impl::Accept() {
       if (failure) LogWarning("an HTTP connection was closed because of an unexpected error");
     });
   }
+}
+
+bool HttpServer::Impl::MakeRoomFor(const Connection& connection) {
+  const auto is_of_peer = [&](const Connection* other) { return other->peer == connection.peer; };
+  if (counts_.of_peer.at(connection.peer) <= kHttpConnectionsOfAddressMax) return true;
+  const auto oldest = std::find_if(idle_.begin(), idle_.end(), is_of_peer);
+  if (oldest != idle_.end()) return DropOldest({*oldest});
+  if (options_.note_refused) {
+    options_.note_refused(connection.peer.to_string(), TooManyConnectionsError(connection.peer));
+  }
+  return false;
 }
 
 void HttpServer::Impl::AwaitRequest(Connection* connection) {
@@ -284,7 +247,7 @@ asio::awaitable<void> HttpServer::Impl::End(HttpStream* stream) {
 }
 
 asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
-  Connection connection(std::move(socket), tls_ ? tls_->context() : nullptr, &connection_count_);
+  Connection connection(std::move(socket), tls_ ? tls_->context() : nullptr, &counts_);
   if (!co_await ShakeHands(&connection)) co_return;
   beast::flat_buffer buffer(kHttpHeaderBytesMax + kHttpBodyBytesMax);
   bool keep_alive = true;
@@ -296,6 +259,12 @@ asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
     if (error) {
       std::optional<HttpResponse> refusal = ReadRefusal(error);
       if (refusal) co_await Send(&connection.stream, *std::move(refusal), false, false);
+      break;
+    }
+    if (first && !MakeRoomFor(connection)) {
+      const absl::Status why = TooManyConnectionsError(connection.peer);
+      HttpResponse refusal = HttpError(429, "RESOURCE_EXHAUSTED", std::string(why.message()));
+      co_await Send(&connection.stream, std::move(refusal), false, false);
       break;
     }
     keep_alive = co_await Answer(&connection, parser.release());

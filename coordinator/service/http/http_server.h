@@ -5,12 +5,13 @@
 // sends server-sent events to many readers. One thread handles all sockets, so a reader costs
 // memory but no thread. The router's functions run on a second thread, so that encoding an image
 // does not block a stream. Only http_server.cc and the headers
-// http_connection.h, http_stream.h and http_tls.h use Boost.Beast and Boost.Asio.
+// http_beast.h, http_connection.h, http_stream.h and http_tls.h use Boost.Beast and Boost.Asio.
 #pragma once
 
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,6 +30,9 @@ inline constexpr size_t kHttpConnectionCountMax = 512;
 // them, or else the connection that has been idle between requests for longest. A connection with a
 // request in progress is never closed for this reason.
 inline constexpr size_t kHttpHalfOpenCountMax = 64;
+// Connections of one address. For one more the address's connection that has been idle for longest
+// is closed, or else its first request is answered by 429 and it ends.
+inline constexpr size_t kHttpConnectionsOfAddressMax = 128;
 inline constexpr uint32_t kHttpHeaderBytesMax = 16 * 1024;
 inline constexpr uint64_t kHttpBodyBytesMax = 64 * 1024;
 // From the end of one request to the first byte of the next one.
@@ -60,6 +64,8 @@ struct HttpServerOptions {
   bool allow_remote = false;
   // The key and certificate of HTTPS, read again when they change; none: plain HTTP.
   std::optional<CredentialFiles> tls;
+  // Called for each connection that is refused for kHttpConnectionsOfAddressMax. May be empty.
+  std::function<void(const std::string& address, const absl::Status& why)> note_refused;
   // Path of the event stream.
   std::string event_path = "/api/v1/events";
 };

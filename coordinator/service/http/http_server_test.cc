@@ -11,8 +11,10 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstdio>
 #include <fstream>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -25,14 +27,16 @@ namespace {
 using testing::HasSubstr;
 using testing::StartsWith;
 
-// A connection to the server; reads give up after ten seconds.
+// A connection to the server, from 127.0.0.`host`; reads give up after ten seconds.
 class Client {
  public:
-  explicit Client(uint16_t port) : socket_(socket(AF_INET, SOCK_STREAM, 0)) {
+  explicit Client(uint16_t port, uint32_t host = 1) : socket_(socket(AF_INET, SOCK_STREAM, 0)) {
     const timeval timeout = {10, 0};
     setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
     sockaddr_in address = {};
     address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl((INADDR_LOOPBACK & 0xffffff00) + host);
+    bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address);
     address.sin_port = htons(port);
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     connected_ = connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
@@ -66,7 +70,9 @@ class Client {
 class HttpServerTest : public testing::Test {
  protected:
   HttpServerTest() : router_(MakeRoutes(), {}) {
-    auto server = HttpServer::Start({}, router_, &hub_);
+    HttpServerOptions options;
+    options.note_refused = [this](const std::string&, const absl::Status&) { ++refusals_; };
+    auto server = HttpServer::Start(options, router_, &hub_);
     EXPECT_TRUE(server.ok()) << server.status();
     if (server.ok()) server_ = *std::move(server);
   }
@@ -94,6 +100,7 @@ class HttpServerTest : public testing::Test {
 
   EventHub hub_;
   HttpRouter router_;
+  std::atomic<int> refusals_ = 0;
   std::unique_ptr<HttpServer> server_;
 };
 
@@ -191,11 +198,57 @@ TEST_F(HttpServerTest, HalfOpenRequestsDoNotBlockOthers) {
 TEST_F(HttpServerTest, IdleConnectionsAreClosedForNewOnes) {
   std::vector<std::unique_ptr<Client>> idle;
   for (size_t i = 0; i < kHttpConnectionCountMax + 20; ++i) {
+    const auto host = static_cast<uint32_t>(1 + i % 8);
+    idle.push_back(std::make_unique<Client>(server_->port(), host));
+    ASSERT_TRUE(idle.back()->Send(Get("/hello")));
+    EXPECT_THAT(idle.back()->ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK")) << i;
+  }
+  EXPECT_EQ(idle.front()->ReadToClose(), "");
+}
+
+TEST_F(HttpServerTest, AnAddressClosesItsOwnIdleConnectionsForNewOnes) {
+  Client other(server_->port(), 2);
+  other.Send(Get("/hello"));
+  other.ReadUntil("hello");
+  std::vector<std::unique_ptr<Client>> idle;
+  for (size_t i = 0; i < kHttpConnectionsOfAddressMax + 1; ++i) {
     idle.push_back(std::make_unique<Client>(server_->port()));
     ASSERT_TRUE(idle.back()->Send(Get("/hello")));
     EXPECT_THAT(idle.back()->ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK")) << i;
   }
   EXPECT_EQ(idle.front()->ReadToClose(), "");
+  other.Send(Get("/hello"));
+  EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
+}
+
+TEST_F(HttpServerTest, AnAddressWithTooManyBusyConnectionsIsRefused) {
+  std::vector<std::unique_ptr<Client>> readers;
+  for (size_t i = 0; i < kHttpConnectionsOfAddressMax; ++i) {
+    readers.push_back(std::make_unique<Client>(server_->port()));
+    ASSERT_TRUE(readers.back()->Send(Get("/api/v1/events")));
+    readers.back()->ReadUntil("retry: 2000\n\n");
+  }
+  Client one_more(server_->port()), other(server_->port(), 2);
+  one_more.Send(Get("/hello"));
+  const std::string refusal = one_more.ReadToClose();
+  EXPECT_THAT(refusal, StartsWith("HTTP/1.1 429 "));
+  EXPECT_THAT(refusal, HasSubstr("127.0.0.1 has 128 connections"));
+  EXPECT_EQ(refusals_, 1);
+  other.Send(Get("/hello"));
+  EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
+  readers.pop_back();
+  // The server notices at the next event that the reader has gone.
+  const absl::Time deadline = absl::Now() + absl::Seconds(10);
+  std::string answer;
+  while (absl::Now() < deadline && answer.find("200 OK") == std::string::npos) {
+    hub_.Publish({"job", "jobs/1", absl::StrCat("{\"n\":", absl::ToUnixMicros(absl::Now()), "}")});
+    absl::SleepFor(absl::Milliseconds(50));
+    Client again(server_->port());
+    again.Send(Get("/hello"));
+    answer = again.ReadUntil("hello");
+    if (answer.find("429") != std::string::npos) answer.clear();
+  }
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 200 OK"));
 }
 
 TEST_F(HttpServerTest, MissingBodiesTimeOut) {

@@ -42,8 +42,15 @@ absl::StatusOr<std::unique_ptr<HttpService>> HttpService::Start(const HttpServic
                                                                 const FarmView& farm,
                                                                 FarmActions actions) {
   std::unique_ptr<HttpService> service(new HttpService(options, farm, std::move(actions)));
+  HttpServerOptions server_options = options.server;
+  if (AccessControl* const access = options.access; access != nullptr) {
+    server_options.note_refused = [access](const std::string& address, const absl::Status& why) {
+      access->use().NoteRefused(IdentityLimit::kConnections);
+      access->NoteRefused(address, "connect", why, absl::Now());
+    };
+  }
   absl::StatusOr<std::unique_ptr<HttpServer>> server =
-      HttpServer::Start(options.server, service->router_, &service->hub_);
+      HttpServer::Start(server_options, service->router_, &service->hub_);
   if (!server.ok()) return server.status();
   service->server_ = *std::move(server);
   return service;

@@ -60,7 +60,7 @@ absl::StatusOr<Identity> EnrolAdministrator(AccessControl* access,
   const absl::StatusOr<std::string> request = MakeCertificateRequest(credentials.key_pem);
   if (!request.ok()) return request.status();
   const absl::StatusOr<AccessControl::IssuedCertificate> issued =
-      access->Enroll(*secret, *request, now);
+      access->Enroll(*secret, *request, LocalAdministrator(), now);
   if (!issued.ok()) return issued.status();
   credentials.certificate_pem = issued->certificate_pem;
   std::vector<std::string> addresses;

@@ -23,6 +23,7 @@
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/server/coordinator_server_fixture.h"
+#include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "sheaf/v1/access.grpc.pb.h"
 
@@ -206,8 +207,7 @@ TEST_F(CoordinatorAccessTest, RevocationEndsAnOpenConnectionAtItsNextCall) {
   // As the command does it, in another process.
   ASSERT_TRUE((*AccessControl::Open(directory_))->identities().Revoke(kAnna, absl::Now()).ok());
   EXPECT_TRUE(absl::IsUnauthenticated(GetJob(anna)));
-  EXPECT_TRUE(AuditHas("a gRPC client", "GetJob",
-                       "UNAUTHENTICATED: user:anna is revoked"));
+  EXPECT_TRUE(AuditHas("a gRPC client", "GetJob", "UNAUTHENTICATED: user:anna is revoked"));
 }
 
 TEST_F(CoordinatorAccessTest, RevocationEndsAWatch) {
@@ -334,6 +334,66 @@ TEST_F(CoordinatorAccessTest, AWorkerWorksThroughTheRotationOfItsCertificate) {
   }
   EXPECT_GE(renewals, 2);
   EXPECT_TRUE(AuditHas("worker:node7", "RenewCertificate", "ok"));
+}
+
+TEST_F(CoordinatorAccessTest, NobodyKeepsOthersFromWorking) {
+  options_.farm.limits.owner_jobs_max = 1;
+  options_.identity_limits.upload_bytes_per_day_max = 10;
+  options_.identity_limits.user_streams_max = 1;
+  options_.identity_limits.calls_burst_max = 20;
+  options_.identity_limits.calls_per_second_max = 0.001;
+  Start();
+  const auto channel = ChannelOf(kAnna, Role::kSubmit);
+  const auto anna = v1::JobService::NewStub(channel);
+  v1::Job job;
+  const auto create = [&](const std::string& request_id) {
+    grpc::ClientContext context;
+    return FromGrpcStatus(anna->CreateJob(&context, Request(1 << 20, request_id), &job));
+  };
+  EXPECT_TRUE(create("1").ok());
+  EXPECT_TRUE(create("1").ok()) << "the same call, sent again, makes no second job";
+  const absl::Status refused = create("2");
+  EXPECT_TRUE(absl::IsResourceExhausted(refused));
+  EXPECT_TRUE(absl::StrContains(refused.message(), "the limit of a user")) << refused;
+
+  const auto upload = [&](uint64_t size_bytes) {
+    grpc::ClientContext context;
+    v1::WriteBlobResponse written;
+    const auto writer = v1::ContentService::NewStub(channel)->WriteBlob(&context, &written);
+    v1::WriteBlobRequest begin;
+    begin.mutable_digest()->set_sha256_hex(std::string(64, '0'));
+    begin.mutable_digest()->set_size_bytes(size_bytes);
+    writer->Write(begin);
+    writer->WritesDone();
+    return FromGrpcStatus(writer->Finish());
+  };
+  const absl::Status too_large = upload(11);
+  EXPECT_TRUE(absl::IsResourceExhausted(too_large)) << too_large;
+  EXPECT_TRUE(absl::IsInvalidArgument(upload(10))) << "it is within the limit, but no byte comes";
+  EXPECT_TRUE(absl::IsInvalidArgument(upload(10))) << "bytes that did not come do not count";
+  EXPECT_TRUE(AuditHas("user:anna", "WriteBlob", "RESOURCE_EXHAUSTED"));
+
+  grpc::ClientContext watching;
+  SetDeadline(&watching, kPatience);
+  v1::WatchJobRequest watch;
+  watch.set_name(job.name());
+  v1::Job seen;
+  const auto watcher = anna->WatchJob(&watching, watch);
+  ASSERT_TRUE(watcher->Read(&seen));
+  grpc::ClientContext watching_again;
+  const auto second = anna->WatchJob(&watching_again, watch);
+  EXPECT_FALSE(second->Read(&seen));
+  EXPECT_EQ(second->Finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  watching.TryCancel();
+
+  int calls = 0;
+  while (!absl::IsResourceExhausted(GetJob(channel)) && calls < 30) ++calls;
+  EXPECT_LT(calls, 20);
+  EXPECT_TRUE(AuditHas("user:anna", "GetJob", "RESOURCE_EXHAUSTED"));
+  const absl::Status other = GetJob(ChannelOf(kBen, Role::kView));
+  EXPECT_FALSE(absl::IsResourceExhausted(other)) << other;
+  using testing::ElementsAre;
+  EXPECT_THAT(server_->access()->use().Refused(), ElementsAre(1, 0, 1, 1, 0));
 }
 
 TEST_F(CoordinatorAccessTest, ARenewedCertificateIsTheCallersOwn) {

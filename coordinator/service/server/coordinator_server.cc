@@ -103,8 +103,8 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
 }
 
 absl::Status CoordinatorServer::OpenAccess(const CoordinatorOptions& options) {
-  absl::StatusOr<std::unique_ptr<AccessControl>> access =
-      AccessControl::Open(options.farm.state_directory, options.certificate_lifetimes);
+  absl::StatusOr<std::unique_ptr<AccessControl>> access = AccessControl::Open(
+      options.farm.state_directory, options.certificate_lifetimes, options.identity_limits);
   if (!access.ok()) return access.status();
   access_ = *std::move(access);
   const absl::Status renewed = access_->authority().RenewServerCertificate(absl::Now()).status();
@@ -134,8 +134,8 @@ void CoordinatorServer::AddListeningPort(const CoordinatorOptions& options,
 
 absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   job_service_ = std::make_unique<JobService>(farm_.get(), access_.get());
-  worker_service_ = std::make_unique<WorkerService>(farm_.get());
-  content_service_ = std::make_unique<ContentService>(&farm_->blobs());
+  worker_service_ = std::make_unique<WorkerService>(farm_.get(), access_.get());
+  content_service_ = std::make_unique<ContentService>(&farm_->blobs(), access_.get());
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;

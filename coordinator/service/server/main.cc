@@ -36,6 +36,34 @@ std::string DefaultStateDirectory() {
   return absl::StrCat(home != nullptr ? home : ".", "/.local/state/sheaf/coordinator");
 }
 
+// What each identity may take, so that none keeps the others from working.
+void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
+  IdentityLimits& identity = server->identity_limits;
+  Limits& farm = server->farm.limits;
+  const char* const group = "Limits of each user and worker, with certificates";
+  app->add_option("--calls-per-second-max", identity.calls_per_second_max,
+                  "Calls and requests of an identity, after a burst of five times as many")
+      ->check(CLI::Range(1.0, 1e6))
+      ->capture_default_str()
+      ->group(group);
+  app->add_option("--upload-per-day-max", identity.upload_bytes_per_day_max,
+                  "Bytes of scenes that an identity uploads in a day, e.g. 2T (default 1T)")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(group);
+  app->add_option("--user-jobs-max", farm.owner_jobs_max, "Unfinished jobs of a user")
+      ->check(CLI::Range(int64_t{1}, int64_t{1'000'000}))
+      ->capture_default_str()
+      ->group(group);
+  app->add_option("--user-frames-max", farm.owner_frames_max, "Frames of a user's unfinished jobs")
+      ->check(CLI::Range(int64_t{1}, int64_t{1'000'000'000}))
+      ->capture_default_str()
+      ->group(group);
+  app->add_option("--user-samples-max", farm.owner_samples_max,
+                  "Pixels x samples of a user's unfinished jobs")
+      ->capture_default_str()
+      ->group(group);
+}
+
 void AddOptions(CommandLine* line, CLI::App* app) {
   FarmOptions& farm = line->server.farm;
   farm.state_directory = DefaultStateDirectory();
@@ -64,6 +92,7 @@ void AddOptions(CommandLine* line, CLI::App* app) {
                   "worker's first results more are. 0: none")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
+  AddLimitOptions(&line->server, app);
   app->add_option("--merge-memory-max", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();
   app->add_option("--kept-parts-max", farm.kept_parts_bytes_max,
@@ -152,6 +181,8 @@ int Main(int argc, char** argv) {
   LogLevel level = LogLevel::kInfo;
   LogLevelFromName(line.log_level, &level);
   SetLogLevel(level);
+  IdentityLimits& identity = line.server.identity_limits;
+  identity.calls_burst_max = 5 * identity.calls_per_second_max;
   line.server.farm.limits.lease_duration = absl::Seconds(line.lease_seconds);
   return Serve(line);
 }
