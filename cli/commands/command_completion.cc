@@ -83,7 +83,7 @@ class CompletionCommandLine : public Command {
     });
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
     if (!channel.ok()) return ReportCallError(channel.status());
-    FarmClient client(*channel, coordinator_, stop.get_token());
+    FarmClient client(*channel, coordinator_.address, stop.get_token());
     const absl::StatusOr<std::vector<v1::Job>> jobs = client.ListJobs(kJobNamesMax);
     if (!jobs.ok()) return ReportCallError(jobs.status());
     for (const v1::Job& job : *jobs) std::printf("%s\n", job.name().c_str());
@@ -92,7 +92,7 @@ class CompletionCommandLine : public Command {
 
   const CLI::App* app_ = nullptr;
   Wanted wanted_ = Wanted::kBash;
-  std::string coordinator_ = kCoordinatorAddress;
+  FarmAddress coordinator_;
 };
 
 }  // namespace

@@ -42,11 +42,11 @@ class PageCommand : public Command {
         &context, v1::IssuePageTokenRequest(), &response));
     if (absl::IsUnimplemented(status)) {
       return ReportError(ExitCode::kFailed, absl::FailedPreconditionError(absl::StrCat(
-                                                "the coordinator at ", coordinator_,
+                                                "the coordinator at ", coordinator_.address,
                                                 " has no certificates; its page needs no token")));
     }
-    if (!status.ok()) return ReportCallError(NoCoordinatorAnswers(coordinator_, status));
-    const absl::StatusOr<Address> address = ParseAddress(coordinator_);
+    if (!status.ok()) return ReportCallError(NoCoordinatorAnswers(coordinator_.address, status));
+    const absl::StatusOr<Address> address = ParseAddress(coordinator_.address);
     if (!address.ok()) return ReportError(ExitCode::kUsage, address.status());
     const Address page{address->host, static_cast<uint16_t>(response.http_port())};
     std::printf("https://%s/login\n%s\n", FormatAddress(page).c_str(), response.token().c_str());
@@ -54,7 +54,7 @@ class PageCommand : public Command {
   }
 
  private:
-  std::string coordinator_ = kCoordinatorAddress;
+  FarmAddress coordinator_;
 };
 
 }  // namespace

@@ -71,7 +71,7 @@ class QuoteCommand : public Command {
     if (!here_) {
       const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
       if (!channel.ok()) return ReportCallError(channel.status());
-      FarmClient client(*channel, coordinator_, interruption.token());
+      FarmClient client(*channel, coordinator_.address, interruption.token());
       return QuoteOn(&client, *job);
     }
     SetLogName("sheaf quote");
@@ -99,7 +99,7 @@ class QuoteCommand : public Command {
   JobArguments arguments_;
   QuoteArguments asked_{.targets = kQuotedErrors};
   LocalFarmOptions farm_;
-  std::string coordinator_ = kCoordinatorAddress;
+  FarmAddress coordinator_;
   bool here_ = false, json_ = false;
 };
 

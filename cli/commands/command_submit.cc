@@ -76,7 +76,7 @@ class SubmitCommand : public Command {
     if (!delivery.ok()) return ReportOutputError(delivery.status());
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
     if (!channel.ok()) return ReportCallError(channel.status());
-    FarmClient client(*channel, coordinator_, interruption.token());
+    FarmClient client(*channel, coordinator_.address, interruption.token());
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
     }
@@ -129,7 +129,7 @@ class SubmitCommand : public Command {
   }
 
   JobArguments arguments_;
-  std::string coordinator_ = kCoordinatorAddress;
+  FarmAddress coordinator_;
   bool wait_ = false, json_ = false, no_quote_ = false;
   double measure_seconds_ = 0;
 };

@@ -22,7 +22,7 @@ class FarmCommand : public Command {
     const Interruption interruption;
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
     if (!channel.ok()) return ReportCallError(channel.status());
-    FarmClient client(*channel, coordinator_, interruption.token());
+    FarmClient client(*channel, coordinator_.address, interruption.token());
     return RunWith(&client);
   }
 
@@ -42,7 +42,7 @@ class FarmCommand : public Command {
   std::string job_name() const { return JobName(job_); }
 
  private:
-  std::string coordinator_ = kCoordinatorAddress;
+  FarmAddress coordinator_;
   std::string job_;
   bool json_ = false;
 };

@@ -121,15 +121,18 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
 
 }  // namespace
 
-void AddCoordinatorOption(CLI::App* command, std::string* address) {
+void AddCoordinatorOption(CLI::App* command, FarmAddress* coordinator) {
   command
-      ->add_option("--coordinator", *address,
+      ->add_option("--coordinator", coordinator->address,
                    absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ",
                                 kCoordinatorPort, ")"))
       ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
       ->type_name("ADDRESS")
       ->capture_default_str();
+  command->add_flag("--insecure", coordinator->insecure,
+                    "For experiments: connect without encryption to a coordinator on another "
+                    "machine");
 }
 
 void AddJsonFlag(CLI::App* command, bool* json) {

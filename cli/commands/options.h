@@ -7,12 +7,13 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "cli/job/farm_channel.h"
 #include "cli/job/prepared_job.h"
 
 namespace sheaf::cli {
 
-// --coordinator, by default from SHEAF_COORDINATOR.
-void AddCoordinatorOption(CLI::App* command, std::string* address);
+// --coordinator, by default from SHEAF_COORDINATOR, and --insecure.
+void AddCoordinatorOption(CLI::App* command, FarmAddress* coordinator);
 void AddJsonFlag(CLI::App* command, bool* json);
 // SCENE and all options that affect its pixels.
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments);

@@ -12,16 +12,18 @@ constexpr double kRenewAtLifeFraction = 0.5;
 
 }  // namespace
 
-absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenFarmChannel(const std::string& coordinator) {
-  const FarmConnection connection =
-      ConnectionTo(coordinator, CredentialStore(CredentialStore::PersonalDirectory()));
-  if (connection.files) {
+absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenFarmChannel(const FarmAddress& coordinator) {
+  const absl::StatusOr<FarmConnection> connection =
+      ConnectionTo(coordinator.address, CredentialStore(CredentialStore::PersonalDirectory()),
+                   coordinator.insecure);
+  if (!connection.ok()) return connection.status();
+  if (connection->files) {
     const absl::Status renewed =
-        RenewCertificate(coordinator, *connection.files, kRenewAtLifeFraction).status();
+        RenewCertificate(coordinator.address, *connection->files, kRenewAtLifeFraction).status();
     // Other errors come again, with better words, at the command's own call.
     if (absl::IsUnauthenticated(renewed)) return renewed;
   }
-  return connection.Open();
+  return connection->Open();
 }
 
 }  // namespace sheaf::cli

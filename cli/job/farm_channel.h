@@ -11,11 +11,18 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "common/rpc/address.h"
 
 namespace sheaf::cli {
 
-// Renews the certificate on the way when half of its life is over. Errors: kUnauthenticated: the
-// certificate has ended; the message says how to log in again.
-absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenFarmChannel(const std::string& coordinator);
+// The coordinator that a command calls.
+struct FarmAddress {
+  std::string address = kCoordinatorAddress;
+  bool insecure = false;  // May be reached in plain text on another machine.
+};
+
+// Renews the certificate on the way when half of its life is over. Errors: those of ConnectionTo;
+// kUnauthenticated: the certificate has ended; the message says how to log in again.
+absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenFarmChannel(const FarmAddress& coordinator);
 
 }  // namespace sheaf::cli

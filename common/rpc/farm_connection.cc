@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/farm_connection.h"
 
+#include <chrono>
+
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/rpc/address.h"
@@ -9,17 +11,53 @@
 #include "common/rpc/tls_credentials.h"
 
 namespace sheaf {
+namespace {
+
+// Makes a connection and no call, so nothing is told to a server that nobody has verified.
+bool SpeaksTls(const std::string& address) {
+  const auto channel = MakeChannel(address, UnverifiedTlsCredentials());
+  const auto deadline =
+      std::chrono::system_clock::now() + absl::ToChronoNanoseconds(kTlsProbeTimeout);
+  grpc_connectivity_state state = channel->GetState(/*try_to_connect=*/true);
+  while (state == GRPC_CHANNEL_IDLE || state == GRPC_CHANNEL_CONNECTING) {
+    if (!channel->WaitForStateChange(state, deadline)) break;
+    state = channel->GetState(/*try_to_connect=*/true);
+  }
+  return state == GRPC_CHANNEL_READY;
+}
+
+absl::Status NoCertificateError(const char* what, const std::string& address, const char* or_else) {
+  return absl::UnauthenticatedError(
+      absl::StrCat(what, address, " is stored here; run sheaf login ", address,
+                   " with a token of sheaf-coordinator enroll user NAME (a worker: sheaf-worker "
+                   "--token FILE with one of enroll worker NAME)",
+                   or_else));
+}
+
+}  // namespace
 
 std::shared_ptr<grpc::Channel> FarmConnection::Open() const {
   return MakeChannel(address, files ? MutualTlsCredentials(*files) : nullptr);
 }
 
-FarmConnection ConnectionTo(const std::string& address, const CredentialStore& store) {
+absl::StatusOr<FarmConnection> ConnectionTo(const std::string& address,
+                                            const CredentialStore& store, bool insecure) {
   FarmConnection connection{address, store.Find(address)};
+  if (connection.files) return connection;
   const absl::StatusOr<Address> parsed = ParseAddress(address);
-  if (!connection.files && parsed.ok() && !IsLoopback(*parsed)) {
-    LogWarning(absl::StrCat("there are no credentials for ", address,
-                            ": the connection is neither encrypted nor authenticated"));
+  if (!parsed.ok()) return parsed.status();
+  const bool remote = !IsLoopback(*parsed);
+  if (remote && !insecure) {
+    return NoCertificateError("no certificate for the coordinator at ", address,
+                              ", or, for experiments on a network that you trust, connect without "
+                              "encryption by --insecure");
+  }
+  if (SpeaksTls(address)) {
+    return NoCertificateError("the coordinator speaks TLS, and no certificate for ", address, "");
+  }
+  if (remote) {
+    LogWarning(absl::StrCat("--insecure: the connection to ", address,
+                            " is neither encrypted nor authenticated"));
   }
   return connection;
 }

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// How a program reaches a coordinator: with the credentials that a store has for its address, or
-// without any.
+// How a program reaches a coordinator: with the credentials that a store has for its address, or in
+// plain text, which it never does silently beyond its own machine.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -12,6 +12,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "common/tls/credential_store.h"
 
 namespace sheaf {
@@ -24,8 +25,14 @@ struct FarmConnection {
   std::shared_ptr<grpc::Channel> Open() const;
 };
 
-// Looks the address up in the store. Warns if the coordinator is on another machine and there are
-// no credentials for it.
-FarmConnection ConnectionTo(const std::string& address, const CredentialStore& store);
+// How long a server may take to answer whether it speaks TLS; then the question stays open.
+inline constexpr absl::Duration kTlsProbeTimeout = absl::Seconds(2);
+
+// Looks the address up in the store. Without credentials it asks the coordinator, if one answers,
+// whether it speaks TLS. insecure: another machine may be reached in plain text; it is warned of.
+// Errors: kInvalidArgument (the address); kUnauthenticated: there are no credentials, and the
+// coordinator speaks TLS or is on another machine; the message says how to get some.
+absl::StatusOr<FarmConnection> ConnectionTo(const std::string& address,
+                                            const CredentialStore& store, bool insecure);
 
 }  // namespace sheaf

@@ -3,6 +3,7 @@
 #include "common/rpc/tls_credentials.h"
 
 #include <grpcpp/security/tls_certificate_provider.h>
+#include <grpcpp/security/tls_certificate_verifier.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
 #include <algorithm>
@@ -32,6 +33,15 @@ std::shared_ptr<grpc::ChannelCredentials> EnrolmentCredentials(const std::string
   options.set_certificate_provider(
       std::make_shared<grpc::experimental::StaticDataCertificateProvider>(authority_pem));
   options.watch_root_certs();
+  return grpc::experimental::TlsCredentials(options);
+}
+
+std::shared_ptr<grpc::ChannelCredentials> UnverifiedTlsCredentials() {
+  grpc::experimental::TlsChannelCredentialsOptions options;
+  options.set_verify_server_certs(false);
+  options.set_certificate_verifier(
+      std::make_shared<grpc::experimental::NoOpCertificateVerifier>());
+  options.set_check_call_host(false);
   return grpc::experimental::TlsCredentials(options);
 }
 

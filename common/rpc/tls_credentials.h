@@ -27,6 +27,10 @@ std::shared_ptr<grpc::ChannelCredentials> MutualTlsCredentials(
 // For a client that has no certificate yet: it verifies the server alone.
 std::shared_ptr<grpc::ChannelCredentials> EnrolmentCredentials(const std::string& authority_pem);
 
+// Verifies nobody and proves nothing, to learn whether a server speaks TLS. No call may be made
+// with it.
+std::shared_ptr<grpc::ChannelCredentials> UnverifiedTlsCredentials();
+
 // The server side. TLS makes a client that shows a certificate prove that it has the key; whether
 // the certificate is valid, the processor decides at each call, so that refusals have words and a
 // connection does not outlive a certificate or a revocation.

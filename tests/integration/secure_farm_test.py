@@ -154,7 +154,9 @@ class SecureFarmTest(unittest.TestCase):
         self.assertIn("user:vera has the role view", refused.stderr)
         refused = farm.person("ben", "cancel", job, check=False)
         self.assertIn("the job belongs to anna", refused.stderr)
-        self.assertNotEqual(farm.person("nobody", "list", check=False).returncode, 0)
+        refused = farm.person("nobody", "list", check=False)
+        self.assertIn(f"the coordinator speaks TLS, and no certificate for {farm.address} is "
+                      f"stored here; run sheaf login {farm.address}", refused.stderr)
         farm.person("olga", "pause", job)
         farm.person("anna", "cancel", job)
         again = farm.person("thief", "login", farm.address, "--token-file",
@@ -241,13 +243,18 @@ class SecureFarmTest(unittest.TestCase):
         with SecureFarm() as farm:
             farm.start_worker("--identity-dir", farm.path("identity-none"))
             farm.log_in("anna", "view")
-            wait_until(lambda: "no coordinator answers" in farm.log("worker1"), 30,
+            wait_until(lambda: "the coordinator speaks TLS" in farm.log("worker1"), 30,
                        "the worker's message")
             self.assertEqual(farm.person("anna", "workers", "--json").stdout, "")
 
     def test_a_farm_of_two_machines(self):
         """Two network namespaces stand for the machines; needs root."""
         with TwoMachines() as machines, SecureFarm(machines) as farm:
+            refused = farm.person("nobody", "list", check=False)
+            self.assertIn("no certificate for the coordinator at", refused.stderr)
+            self.assertIn("--insecure", refused.stderr)
+            refused = farm.person("nobody", "list", "--insecure", check=False)
+            self.assertIn("the coordinator speaks TLS", refused.stderr)
             farm.log_in("anna", "submit")
             farm.enrol_worker("node7")
             image, alone = farm.path("image.exr"), farm.path("alone.exr")

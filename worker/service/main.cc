@@ -35,6 +35,7 @@ constexpr char kSceneProcess[] = "--scene-process";
 
 struct Arguments {
   WorkerOptions worker;
+  bool insecure = false;
   std::string token_file;
   std::string identity_directory = CredentialStore::WorkerDirectory();
   std::string log_level = "info";
@@ -71,6 +72,8 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
       ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
       ->capture_default_str();
+  app->add_flag("--insecure", arguments->insecure,
+                "For experiments: connect without encryption to a coordinator on another machine");
   app->add_option("--token", arguments->token_file,
                   "File with the token that sheaf-coordinator enroll worker NAME printed; -: "
                   "standard input. Needed once: later starts use the certificate that it gives")
@@ -117,8 +120,7 @@ std::chrono::milliseconds Milliseconds(double seconds) {
   return std::chrono::milliseconds(static_cast<int64_t>(seconds * 1000));
 }
 
-// The way to the coordinator: enrolled earlier, enrolled now with the token, or without
-// credentials.
+// The way to the coordinator: enrolled earlier, enrolled now with the token, or in plain text.
 absl::StatusOr<FarmConnection> Connect(const Arguments& arguments) {
   const std::string& address = arguments.worker.coordinator;
   const CredentialStore store(arguments.identity_directory);
@@ -129,7 +131,7 @@ absl::StatusOr<FarmConnection> Connect(const Arguments& arguments) {
     if (!enrolled.ok()) return enrolled.status();
     LogInfo(absl::StrCat("enrolled as ", enrolled->identity, " at ", address));
   }
-  return ConnectionTo(address, store);
+  return ConnectionTo(address, store, arguments.insecure);
 }
 
 int Work(const Arguments& arguments) {

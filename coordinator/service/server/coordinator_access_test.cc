@@ -20,6 +20,7 @@
 #include "common/base/file.h"
 #include "common/rpc/certificate_renewal.h"
 #include "common/rpc/enrolment.h"
+#include "common/rpc/farm_connection.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/server/coordinator_server_fixture.h"
@@ -175,6 +176,44 @@ TEST_F(CoordinatorAccessTest, PlainTextGetsNoAnswer) {
   Start();
   const absl::Status status = GetJob(MakeChannel(Address()));
   EXPECT_TRUE(absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) << status;
+}
+
+TEST_F(CoordinatorAccessTest, AClientWithoutACertificateIsToldSo) {
+  Start();
+  const CredentialStore none(directory_ + "/none");
+  const auto message = [&](const std::string& address, bool insecure) {
+    const absl::Status status = ConnectionTo(address, none, insecure).status();
+    EXPECT_TRUE(absl::IsUnauthenticated(status)) << status;
+    return std::string(status.message());
+  };
+  using testing::HasSubstr;
+  EXPECT_THAT(message(Address(), false),
+              HasSubstr(absl::StrCat("speaks TLS, and no certificate for ", Address())));
+  EXPECT_THAT(message(Address(), false), HasSubstr("sheaf login"));
+  // Not an address of loopback, and reaches it.
+  const std::string remote = absl::StrCat("[::ffff:127.0.0.1]:", server_->port());
+  EXPECT_THAT(message(remote, false), HasSubstr("--insecure"));
+  EXPECT_THAT(message(remote, true), HasSubstr("speaks TLS"));
+  Enrol(kAnna, Role::kView);
+  const CredentialStore annas(directory_ + "/clients/user:anna");
+  const absl::StatusOr<FarmConnection> connection = ConnectionTo(Address(), annas, false);
+  ASSERT_TRUE(connection.ok()) << connection.status();
+  EXPECT_TRUE(connection->files.has_value());
+}
+
+TEST_F(CoordinatorAccessTest, PlainTextIsForLoopbackOrOnRequest) {
+  std::filesystem::remove_all(AccessControl::Directory(directory_));
+  Start();
+  const CredentialStore none(directory_ + "/none");
+  const std::string remote = absl::StrCat("[::ffff:127.0.0.1]:", server_->port());
+  EXPECT_TRUE(absl::IsUnauthenticated(ConnectionTo(remote, none, false).status()));
+  for (const std::string& address : {Address(), remote}) {
+    const absl::StatusOr<FarmConnection> connection = ConnectionTo(address, none, true);
+    ASSERT_TRUE(connection.ok()) << connection.status();
+    EXPECT_TRUE(absl::IsInvalidArgument(GetJob(connection->Open())));
+  }
+  EXPECT_TRUE(ConnectionTo(Address(), none, false).ok());
+  EXPECT_TRUE(ConnectionTo("127.0.0.1:1", none, false).ok()) << "nobody is there yet";
 }
 
 TEST_F(CoordinatorAccessTest, AClientTrustsItsOwnAuthorityOnly) {
