@@ -124,6 +124,24 @@ absl::StatusOr<Caller> AccessControl::AdmitSession(const std::string& session,
   return Decide(AuthenticateSession(session, now), operation, peer, now);
 }
 
+absl::StatusOr<Caller> AccessControl::AuthenticateScraper(const std::string& token,
+                                                          std::string_view operation,
+                                                          absl::Time now) {
+  absl::StatusOr<Identity> identity = identities_->FindScrapeToken(token, now);
+  if (!identity.ok()) return identity.status();
+  if (RequirementOf(operation) != Requirement::kScrape) {
+    return absl::PermissionDeniedError(absl::StrCat(
+        "a scrape token of ", FormatIdentity(identity->id), " reads /metrics and nothing else"));
+  }
+  return Caller{*std::move(identity)};
+}
+
+absl::StatusOr<Caller> AccessControl::AdmitScraper(const std::string& token,
+                                                   std::string_view operation,
+                                                   const std::string& peer, absl::Time now) {
+  return Decide(AuthenticateScraper(token, operation, now), operation, peer, now);
+}
+
 absl::StatusOr<Caller> AccessControl::Decide(absl::StatusOr<Caller> caller,
                                              std::string_view operation, const std::string& peer,
                                              absl::Time now) {
@@ -205,8 +223,11 @@ absl::StatusOr<std::string> AccessControl::SignIn(const std::string& token, cons
   return page_.sessions.Make(*user, now);
 }
 
-void AccessControl::SignOut(const std::string& session, absl::Time now) {
-  page_.sessions.Take(session, now);
+void AccessControl::SignOut(const std::string& session, const std::string& peer, absl::Time now) {
+  const std::optional<PageUser> user = page_.sessions.Take(session, now);
+  if (!user) return;
+  audit_.Note(absl::StrCat(FormatIdentity(user->id), " at ", peer), "sign out", "page",
+              absl::OkStatus());
 }
 
 }  // namespace sheaf::coordinator

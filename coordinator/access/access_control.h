@@ -65,6 +65,9 @@ class AccessControl {
   // The same for a browser's session instead of a certificate; returns the caller.
   absl::StatusOr<Caller> AdmitSession(const std::string& session, std::string_view operation,
                                       const std::string& peer, absl::Time now);
+  // The same for a scrape token, which is good for operations that require kScrape and no others.
+  absl::StatusOr<Caller> AdmitScraper(const std::string& token, std::string_view operation,
+                                      const std::string& peer, absl::Time now);
   // Whether the caller may change a job of the owner. Errors: kPermissionDenied.
   static absl::Status AuthorizeJob(const Caller& caller, const std::string& owner);
 
@@ -88,7 +91,8 @@ class AccessControl {
   // Returns the secret of a new session. Errors: kUnauthenticated (the token). Recorded.
   absl::StatusOr<std::string> SignIn(const std::string& token, const std::string& peer,
                                      absl::Time now);
-  void SignOut(const std::string& session, absl::Time now);
+  // Ends the session, if there is one. Recorded.
+  void SignOut(const std::string& session, const std::string& peer, absl::Time now);
 
  private:
   AccessControl(std::string audit_path, std::unique_ptr<CertificateAuthority> authority,
@@ -103,6 +107,9 @@ class AccessControl {
   absl::StatusOr<CertificateTerms> Verify(const std::string& certificate_pem, absl::Time now);
   // The identity, if it is not revoked and still in this generation. Errors: kUnauthenticated.
   absl::StatusOr<Caller> Current(const IdentityId& id, uint64_t generation);
+  // The owner of a scrape token. Errors: kUnauthenticated, kPermissionDenied.
+  absl::StatusOr<Caller> AuthenticateScraper(const std::string& token, std::string_view operation,
+                                             absl::Time now);
   // The owner of a session; a secret of no session is a caller without an identity.
   absl::StatusOr<Caller> AuthenticateSession(const std::string& session, absl::Time now);
   // Decides on an authenticated caller, or on why it is none, and records refusals.

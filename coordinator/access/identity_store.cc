@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/base/secret.h"
@@ -20,6 +21,9 @@ CREATE TABLE IF NOT EXISTS identities(
 CREATE TABLE IF NOT EXISTS tokens(
   secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
   expire_ns INTEGER NOT NULL, used_ns INTEGER NOT NULL, key_sha256 TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS scrape_tokens(
+  secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
+  expire_ns INTEGER NOT NULL) WITHOUT ROWID;
 )sql";
 constexpr char kUnused[] = "";  // key_sha256 of a token that nobody has used.
 
@@ -69,9 +73,7 @@ absl::StatusOr<std::string> IdentityStore::MakeToken(const IdentityId& id, Role 
                                                      absl::Time now, absl::Duration lifetime) {
   if (absl::Status status = PutIdentity(id, role); !status.ok()) return status;
   const MutexLock lock(&mutex_);
-  absl::Status removed =
-      database_->Prepare("DELETE FROM tokens WHERE expire_ns < ?").Bind(ToNanoseconds(now)).Run();
-  if (!removed.ok()) return removed;
+  if (absl::Status removed = RemoveExpired("tokens", now); !removed.ok()) return removed;
   const absl::StatusOr<int64_t> count = Count("SELECT COUNT(*) FROM tokens");
   if (!count.ok()) return count.status();
   if (*count >= kOpenTokensMax) {
@@ -108,10 +110,15 @@ absl::Status IdentityStore::Revoke(const IdentityId& id, absl::Time now) {
                                             "; sheaf-coordinator identities lists all"));
   }
   if (absl::Status status = revoke.Run(); !status.ok()) return status;
-  return database_->Prepare("DELETE FROM tokens WHERE kind = ? AND name = ?")
-      .Bind(Stored(id.kind))
-      .Bind(id.name)
-      .Run();
+  for (const char* table : {"tokens", "scrape_tokens"}) {
+    absl::Status removed =
+        database_->Prepare(absl::StrCat("DELETE FROM ", table, " WHERE kind = ? AND name = ?"))
+            .Bind(Stored(id.kind))
+            .Bind(id.name)
+            .Run();
+    if (!removed.ok()) return removed;
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<Identity> IdentityStore::UseToken(const std::string& secret,
@@ -146,6 +153,75 @@ absl::StatusOr<Identity> IdentityStore::UseToken(const std::string& secret,
   if (!identity->has_value() || (*identity)->revoked()) {
     return absl::UnauthenticatedError(absl::StrCat(FormatIdentity(id), " is revoked"));
   }
+  return **identity;
+}
+
+absl::Status IdentityStore::RemoveExpired(const char* table, absl::Time now) {
+  return database_->Prepare(absl::StrCat("DELETE FROM ", table, " WHERE expire_ns < ?"))
+      .Bind(ToNanoseconds(now))
+      .Run();
+}
+
+absl::StatusOr<int64_t> IdentityStore::CountScrapeTokens(const IdentityId& id) {
+  SqliteStatement statement =
+      database_->Prepare("SELECT COUNT(*) FROM scrape_tokens WHERE kind = ? AND name = ?");
+  const absl::StatusOr<bool> row = statement.Bind(Stored(id.kind)).Bind(id.name).Step();
+  if (!row.ok()) return row.status();
+  return statement.Int64(0);
+}
+
+absl::StatusOr<std::string> IdentityStore::MakeScrapeToken(const IdentityId& id, absl::Time now,
+                                                           absl::Duration lifetime) {
+  const absl::StatusOr<std::optional<Identity>> identity = Find(id);
+  if (!identity.ok()) return identity.status();
+  if (!identity->has_value()) {
+    return absl::NotFoundError(absl::StrCat("there is no ", FormatIdentity(id)));
+  }
+  if ((*identity)->revoked()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(FormatIdentity(id), " is revoked; enrol it again, or choose another name"));
+  }
+  const MutexLock lock(&mutex_);
+  if (absl::Status removed = RemoveExpired("scrape_tokens", now); !removed.ok()) return removed;
+  const absl::StatusOr<int64_t> count = CountScrapeTokens(id);
+  if (!count.ok()) return count.status();
+  if (*count >= kScrapeTokensOfIdentityMax) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(FormatIdentity(id), " has ", *count,
+                     " scrape tokens, the limit; revoke it and begin anew, or use another name"));
+  }
+  std::string token = absl::WebSafeBase64Escape(RandomBytes(kTokenSecretBytes));
+  absl::Status added =
+      database_
+          ->Prepare(
+              "INSERT INTO scrape_tokens(secret_sha256, kind, name, expire_ns) VALUES(?,?,?,?)")
+          .Bind(Sha256Hex(token))
+          .Bind(Stored(id.kind))
+          .Bind(id.name)
+          .Bind(ToNanoseconds(now + lifetime))
+          .Run();
+  if (!added.ok()) return added;
+  return token;
+}
+
+absl::StatusOr<Identity> IdentityStore::FindScrapeToken(const std::string& token, absl::Time now) {
+  const absl::Status unknown = absl::UnauthenticatedError(
+      "the scrape token is unknown, expired or revoked; an administrator makes another with "
+      "sheaf-coordinator scraper");
+  IdentityId id;
+  {
+    const MutexLock lock(&mutex_);
+    SqliteStatement find = database_->Prepare(
+        "SELECT kind, name FROM scrape_tokens WHERE secret_sha256 = ? AND expire_ns > ?");
+    const absl::StatusOr<bool> found = find.Bind(Sha256Hex(token)).Bind(ToNanoseconds(now)).Step();
+    if (!found.ok()) return found.status();
+    if (!*found) return unknown;
+    id = {static_cast<IdentityKind>(find.Int64(0)), find.Text(1)};
+  }
+  const absl::StatusOr<std::optional<Identity>> identity = Find(id);
+  if (!identity.ok()) return identity.status();
+  // Revoke removes the token, and another process may be between its two steps.
+  if (!identity->has_value() || (*identity)->revoked()) return unknown;
   return **identity;
 }
 

@@ -3,7 +3,7 @@
 //
 // IdentityStore: the identities of a farm and their enrolment tokens, in an SQLite database that
 // several processes may have open. Commands change it while the coordinator runs, and the
-// coordinator sees a change at its next call. Of a token's secret only the SHA-256 is stored.
+// coordinator sees a change at its next call. Of the secrets of tokens only the SHA-256 is stored.
 #pragma once
 
 #include <map>
@@ -22,6 +22,8 @@ namespace sheaf::coordinator {
 
 inline constexpr absl::Duration kTokenLifetime = absl::Hours(1);  // Unless told otherwise.
 inline constexpr absl::Duration kTokenLifetimeMax = absl::Hours(24 * 30);
+inline constexpr absl::Duration kScrapeTokenLifetimeMax = absl::Hours(24 * 365 * 10);
+inline constexpr int64_t kScrapeTokensOfIdentityMax = 10;  // Several, so that one can be replaced.
 inline constexpr int64_t kIdentitiesMax = 10'000;  // Revoked ones included: names stay taken.
 inline constexpr int64_t kOpenTokensMax = 10'000;
 
@@ -38,13 +40,20 @@ class IdentityStore {
   // kResourceExhausted (kOpenTokensMax).
   absl::StatusOr<std::string> MakeToken(const IdentityId& id, Role role, absl::Time now,
                                         absl::Duration lifetime);
-  // From the next call on, its certificates and tokens are refused. Errors: kNotFound.
+  // From the next call on, its certificates and all its tokens are refused. Errors: kNotFound.
   absl::Status Revoke(const IdentityId& id, absl::Time now);
 
   // Uses a token up for a key and returns whose it is. A token that the same key has used is
   // accepted again until it expires, since the first answer may be lost. Errors: kUnauthenticated.
   absl::StatusOr<Identity> UseToken(const std::string& secret, const std::string& key_sha256_hex,
                                     absl::Time now);
+
+  // Makes a token with which a machine reads /metrics for a user, as base64url. Errors: kNotFound;
+  // kFailedPrecondition (revoked); kResourceExhausted (kScrapeTokensOfIdentityMax).
+  absl::StatusOr<std::string> MakeScrapeToken(const IdentityId& id, absl::Time now,
+                                              absl::Duration lifetime);
+  // Whose it is. Errors: kUnauthenticated: it is unknown, expired or revoked.
+  absl::StatusOr<Identity> FindScrapeToken(const std::string& token, absl::Time now);
 
   // None where there is no such identity. Fast: asks the database only after it has changed.
   absl::StatusOr<std::optional<Identity>> Find(const IdentityId& id);
@@ -56,6 +65,12 @@ class IdentityStore {
       : database_(std::move(database)), version_(database_->Prepare("PRAGMA data_version")) {}
   absl::Status Refresh() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<int64_t> Count(const std::string& query) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Removes the tokens of a table ("tokens", "scrape_tokens") that have expired.
+  absl::Status RemoveExpired(const char* table, absl::Time now)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The rows of scrape_tokens of a user.
+  absl::StatusOr<int64_t> CountScrapeTokens(const IdentityId& id)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Mutex mutex_;
   const std::unique_ptr<SqliteDatabase> database_ ABSL_PT_GUARDED_BY(mutex_);

@@ -62,6 +62,32 @@ TEST_F(IdentityStoreTest, ATokenSaysWhoseItIs) {
   EXPECT_EQ(FormatIdentity(worker->id), "worker:node7");
 }
 
+TEST_F(IdentityStoreTest, ScrapeTokensAreDigestsAndEnd) {
+  ASSERT_TRUE(store_->PutIdentity(kAnna, Role::kView).ok());
+  const std::string token = *store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1));
+  EXPECT_EQ(store_->FindScrapeToken(token, kNow)->id, kAnna);
+  EXPECT_EQ(Open()->FindScrapeToken(token, kNow)->id, kAnna) << "it outlives a restart";
+  EXPECT_FALSE(store_->FindScrapeToken("another", kNow).ok());
+  EXPECT_FALSE(store_->FindScrapeToken(token, kNow + absl::Hours(1)).ok());
+  for (const char* file : {"/access.db", "/access.db-wal"}) {
+    EXPECT_FALSE(absl::StrContains(ReadWholeFile(directory_ + file).value_or(""), token)) << file;
+  }
+  for (int64_t i = 1; i < kScrapeTokensOfIdentityMax; ++i) {
+    ASSERT_TRUE(store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1)).ok()) << i;
+  }
+  EXPECT_TRUE(
+      absl::IsResourceExhausted(store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1)).status()));
+  EXPECT_TRUE(store_->MakeScrapeToken(kAnna, kNow + absl::Hours(2), absl::Hours(1)).ok())
+      << "expired ones have gone";
+  const std::string last = *store_->MakeScrapeToken(kAnna, kNow + absl::Hours(2), absl::Hours(1));
+  ASSERT_TRUE(store_->Revoke(kAnna, kNow).ok());
+  EXPECT_FALSE(store_->FindScrapeToken(last, kNow + absl::Hours(2)).ok());
+  EXPECT_TRUE(
+      absl::IsFailedPrecondition(store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1)).status()));
+  EXPECT_TRUE(absl::IsNotFound(
+      store_->MakeScrapeToken({IdentityKind::kUser, "ben"}, kNow, absl::Hours(1)).status()));
+}
+
 TEST_F(IdentityStoreTest, AReplayedTokenIsRefusedToAnotherKey) {
   const std::string secret = Token();
   EXPECT_EQ(Use(secret), absl::StatusCode::kOk);

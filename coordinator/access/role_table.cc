@@ -13,6 +13,7 @@ namespace {
 // The least role of a user that a requirement names; none where it names no user's role.
 std::optional<Role> LeastRole(Requirement requirement) {
   switch (requirement) {
+    case Requirement::kScrape:
     case Requirement::kView:
       return Role::kView;
     case Requirement::kSubmit:
@@ -81,7 +82,8 @@ const std::vector<OperationRule>& RoleTable() {
 
       {"GET /healthz", kNothing},
       {"GET /readyz", kNothing},
-      {"GET /metrics", kView},
+      {"GET /metrics", kScrape},
+      {"GET /api/v1/session", kView},
       {"GET /api/v1/events", kView},
       {"GET /api/v1/jobs", kView},
       {"GET /api/v1/jobs/{}", kView},
@@ -132,7 +134,8 @@ std::string Describe(Requirement requirement) {
   if (requirement == Requirement::kIdentity) return "a user or a worker";
   if (requirement == Requirement::kWork) return "a worker";
   const std::string user = absl::StrCat("the role ", RoleName(*LeastRole(requirement)));
-  return requirement == Requirement::kWorkOrOperate ? absl::StrCat("a worker, or ", user) : user;
+  if (requirement == Requirement::kWorkOrOperate) return absl::StrCat("a worker, or ", user);
+  return requirement == Requirement::kScrape ? absl::StrCat("a scrape token, or ", user) : user;
 }
 
 }  // namespace sheaf::coordinator

@@ -21,7 +21,8 @@ enum class Requirement {
   kIdentity,  // Every user and worker.
   kWork,      // Workers.
   kWorkOrOperate,
-  kView,  // Users with this role or a higher one; the same below.
+  kScrape,  // Scrape tokens, and users with the role view or a higher one.
+  kView,    // Users with this role or a higher one; the same below.
   kSubmit,
   kOperate,
   kAdminister,

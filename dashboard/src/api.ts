@@ -205,6 +205,12 @@ export interface Preview {
   range: LayerRange|null;
 }
 
+// Who is signed in; both are empty where the coordinator has no certificates.
+export interface Session {
+  user: string;
+  role: string;
+}
+
 // A request that the coordinator refused, with its message.
 export class ApiError extends Error {
   constructor(message: string, readonly status: number) {
@@ -248,11 +254,17 @@ export const getRefinePrices = (name: string, targets: readonly number[]) =>
     request<RefinePrices>(pathOf(name) + '/refine-price?target_error=' + targets.join(','));
 export const listWorkers = (pageSize: number, token: string) =>
     request<WorkerPage>(BASE + 'workers' + query(pageSize, token));
+export const getSession = () => request<Session>(BASE + 'session');
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 
 // The header tells the coordinator that its own page sends the request, not another site.
+const OWN_PAGE = {'X-Sheaf-Request': '1'};
 const act = (name: string, action: string) =>
-    request<Job>(pathOf(name) + action, {method: 'POST', headers: {'X-Sheaf-Request': '1'}});
+    request<Job>(pathOf(name) + action, {method: 'POST', headers: OWN_PAGE});
+export async function signOut() {
+  const response = await fetch('/logout', {method: 'POST', headers: OWN_PAGE});
+  if (!response.ok) throw await errorOf(response);
+}
 export const cancelJob = (name: string) => act(name, ':cancel');
 export const pauseJob = (name: string) => act(name, ':pause');
 export const resumeJob = (name: string) => act(name, ':resume');

@@ -21,6 +21,7 @@ import {JobsView} from './jobs';
 import {Live} from './live';
 import {ImageView} from './image_view';
 import {Store} from './store';
+import {startSession} from './session';
 import {startTheme} from './theme';
 import {WorkersView} from './workers';
 
@@ -76,6 +77,7 @@ function drawProblems() {
 }
 
 startTheme();
+void startSession(store);
 for (const topic of ['jobs', 'workers', 'connection', 'selection'] as const) {
   store.listen(topic, drawHead);
 }

@@ -239,6 +239,20 @@ class SecureFarmTest(unittest.TestCase):
         self.assertEqual(ben.send("POST", "/logout", headers=changes).status, 303)
         self.assertEqual(ben.send("GET", "/api/v1/jobs").status, 401)
 
+    def test_a_scrape_token_reads_metrics_until_it_is_revoked(self):
+        with SecureFarm() as farm:
+            scraper = Browser(farm)
+            token = farm.administer("scraper", "prometheus").stdout.strip()
+            shown = {"Authorization": "Bearer " + token}
+            self.assertEqual(scraper.send("GET", "/metrics").status, 401)
+            answer = scraper.send("GET", "/metrics", headers=shown)
+            self.assertEqual(answer.status, 200)
+            self.assertIn('sheaf_refused_total{limit="calls"} 0\n', answer.text)
+            self.assertEqual(scraper.send("GET", "/api/v1/jobs", headers=shown).status, 403)
+            self.assertIn("user:prometheus", farm.administer("identities").stdout)
+            farm.administer("revoke", "user", "prometheus")
+            self.assertEqual(scraper.send("GET", "/metrics", headers=shown).status, 401)
+
     def test_without_a_certificate_no_worker_works(self):
         with SecureFarm() as farm:
             farm.start_worker("--identity-dir", farm.path("identity-none"))

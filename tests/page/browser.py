@@ -46,7 +46,7 @@ class Browser:
 
     def __enter__(self):
         options = {"binary": "/usr/bin/chromium", "args": CHROMIUM_ARGUMENTS}
-        capabilities = {"browserName": "chrome", "goog:chromeOptions": options,
+        capabilities = {"browserName": "chrome", "acceptInsecureCerts": True, "goog:chromeOptions": options,
                         "goog:loggingPrefs": {"browser": "ALL"}}
         answer = self._call("POST", "", {"capabilities": {"alwaysMatch": capabilities}},
                             seconds=START_SECONDS_MAX)

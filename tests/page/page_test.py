@@ -4,7 +4,8 @@
 
   page_test.py farm      over a coordinator and a worker that render a scene
   page_test.py made-up   over sheaf_page_server: thousands of jobs, odd titles, narrow and wide
-  page_test.py           both
+  page_test.py session   over a coordinator with certificates: sign in and out
+  page_test.py           all of them
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """
@@ -29,6 +30,7 @@ from figure_checks import NOTE_IMAGES, check_large_image  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
 from round_checks import check_rounds  # noqa: E402
+from session_checks import check_session  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
 from worker_checks import check_failures, check_workers  # noqa: E402
 
@@ -410,8 +412,13 @@ def run_made_up():
         server.stop()
 
 
+def run_session():
+    with Browser() as browser:
+        return run_checks([check_session], browser, None)
+
+
 def main():
-    parts = {"farm": run_farm, "made-up": run_made_up}
+    parts = {"farm": run_farm, "made-up": run_made_up, "session": run_session}
     counts = [parts[name]() for name in sys.argv[1:] or parts]
     passed, failed = map(sum, zip(*counts))
     print(f"{passed} passed, {failed} failed")

@@ -18,6 +18,7 @@ namespace {
 
 constexpr char kLoginPage[] = "/login";
 constexpr char kTokenField[] = "token=";
+constexpr char kBearer[] = "Bearer ";
 // The login page shows its message where the address names it.
 constexpr char kRefusedPage[] = "/login#refused";
 
@@ -29,6 +30,14 @@ std::string CookieOf(const HttpRequest& request) {
     if (absl::ConsumePrefix(&cookie, prefix)) return std::string(cookie);
   }
   return "";
+}
+
+// The token of "Authorization: Bearer TOKEN", as Prometheus sends it; "" if there is none.
+std::string ScrapeTokenOf(const HttpRequest& request) {
+  const std::string header = HeaderValue(request, "Authorization");
+  absl::string_view text = absl::StripAsciiWhitespace(header);
+  if (!absl::StartsWithIgnoreCase(text, kBearer)) return "";
+  return std::string(absl::StripAsciiWhitespace(text.substr(sizeof kBearer - 1)));
 }
 
 HttpResponse SeeOther(const std::string& location) {
@@ -74,8 +83,10 @@ bool IsPage(const std::string& operation) {
 bool HttpAccess::Admits(const std::string& operation, HttpRequest* request,
                         HttpResponse* refusal) const {
   const absl::Time now = absl::Now();
+  const std::string token = ScrapeTokenOf(*request);
   absl::StatusOr<Caller> caller =
-      access_->AdmitSession(CookieOf(*request), operation, request->peer, now);
+      token.empty() ? access_->AdmitSession(CookieOf(*request), operation, request->peer, now)
+                    : access_->AdmitScraper(token, operation, request->peer, now);
   if (caller.ok()) {
     request->caller = *std::move(caller);
     return true;
@@ -121,7 +132,7 @@ HttpResponse HttpAccess::SignIn(const HttpRequest& request) const {
 }
 
 HttpResponse HttpAccess::SignOut(const HttpRequest& request) const {
-  access_->SignOut(CookieOf(request), absl::Now());
+  access_->SignOut(CookieOf(request), request.peer, absl::Now());
   HttpResponse response = SeeOther(kLoginPage);
   response.headers.emplace_back("Set-Cookie", SetCookie("", absl::ZeroDuration()));
   return response;

@@ -8,6 +8,7 @@
 //   POST /login     token=TOKEN, sent by the form: sets the cookie, and goes to the page
 //   POST /logout    ends the session
 //
+// Prometheus shows a scrape token instead, as Authorization: Bearer TOKEN.
 // What each route requires stands in the role table (role_table.h), beside the gRPC methods.
 #pragma once
 

@@ -201,8 +201,49 @@ TEST_F(HttpAccessTest, ASessionEndsWithItsUser) {
 
 TEST_F(HttpAccessTest, SigningOutEndsTheSession) {
   const std::string session = SignIn(kAnna, Role::kView);
+  HttpRequest from_elsewhere;
+  from_elsewhere.method = "POST";
+  from_elsewhere.target = "/logout";
+  from_elsewhere.headers = {{"Host", "localhost"},
+                            {"Cookie", absl::StrCat(kSessionCookie, "=", session)}};
+  EXPECT_EQ(service_->router().Route(from_elsewhere).status, 403);
+  EXPECT_EQ(Send("GET", "/api/v1/jobs", session).status, 200);
   EXPECT_THAT(Header(Send("POST", "/logout", session), "Set-Cookie"), HasSubstr("Max-Age=0"));
+  EXPECT_THAT(Audit(), HasSubstr("\"what\":\"sign out\""));
   EXPECT_EQ(Send("GET", "/api/v1/jobs", session).status, 401);
+}
+
+TEST_F(HttpAccessTest, AScrapeTokenReadsMetricsAndNothingElse) {
+  ASSERT_TRUE(access_->identities().PutIdentity(kAnna, Role::kAdminister).ok());
+  const std::string token =
+      *access_->identities().MakeScrapeToken(kAnna, absl::Now(), absl::Hours(1));
+  const auto send = [&](const std::string& method, const std::string& target,
+                        const std::string& authorization) {
+    HttpRequest request;
+    request.method = method;
+    request.target = target;
+    request.peer = "192.0.2.7";
+    request.headers = {
+        {"Host", "localhost"}, {"X-Sheaf-Request", "1"}, {"authorization", authorization}};
+    return service_->router().Route(std::move(request)).status;
+  };
+  EXPECT_EQ(send("GET", "/metrics", "Bearer " + token), 200);
+  EXPECT_EQ(send("GET", "/metrics", "bearer  " + token), 200);
+  EXPECT_EQ(send("GET", "/metrics", "Bearer " + token + "x"), 401);
+  EXPECT_EQ(send("GET", "/metrics", "Bearer "), 401);
+  EXPECT_EQ(send("GET", "/metrics", "Basic " + token), 401);
+  EXPECT_EQ(send("GET", "/api/v1/jobs", "Bearer " + token), 403) << "whatever anna may do";
+  EXPECT_EQ(send("POST", "/api/v1/jobs/1:cancel", "Bearer " + token), 403);
+  EXPECT_THAT(Audit(), HasSubstr("a scrape token of user:anna reads /metrics and nothing else"));
+  ASSERT_TRUE(access_->identities().Revoke(kAnna, absl::Now()).ok());
+  EXPECT_EQ(send("GET", "/metrics", "Bearer " + token), 401);
+  ASSERT_TRUE(access_->identities().PutIdentity(kAnna, Role::kView).ok());
+  EXPECT_EQ(send("GET", "/metrics", "Bearer " + token), 401) << "of an earlier enrolment";
+}
+
+TEST_F(HttpAccessTest, ThePageLearnsWhoIsSignedIn) {
+  EXPECT_EQ(Send("GET", "/api/v1/session", SignIn(kAnna, Role::kView)).body,
+            "{\"user\":\"anna\",\"role\":\"view\"}\n");
 }
 
 TEST_F(HttpAccessTest, SubmittersControlTheirOwnJobs) {

@@ -165,6 +165,8 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
       {"GET", frame + "/output.exr", [this](const Request& r) { return GetOutput(r); }},
       {"GET", "/api/v1/workers", [this](const Request& r) { return ListWorkers(r); }},
+      {"GET", "/api/v1/session",
+       [](const Request& r) { return JsonResponse(SessionJson(r.caller)); }},
       {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
   };
 }

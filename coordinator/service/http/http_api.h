@@ -32,6 +32,8 @@
 //   GET  /api/v1/false-color.png                    the false colors from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered image
 //   GET  /api/v1/workers?page_size&page_token       workers; all of them without page_size
+//   GET  /api/v1/session                            who is signed in: {"user": "anna", "role":
+//        "submit"}; both are "" for a coordinator without certificates
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON
 //   GET  /api/v1/events                             changes, as server-sent events. Events of type
 //        job, frame and worker carry the objects of the calls above; reset says that events were

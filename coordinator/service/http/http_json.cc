@@ -282,4 +282,9 @@ std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>
                       ListJson("frames", frames, next_page_token).substr(1));
 }
 
+std::string SessionJson(const Caller& caller) {
+  const std::string user = caller.identity ? caller.identity->id.name : "";
+  return Dump({{"user", user}, {"role", caller.identity ? RoleName(caller.identity->role) : ""}});
+}
+
 }  // namespace sheaf::coordinator

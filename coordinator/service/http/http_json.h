@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "coordinator/access/identity.h"
 #include "coordinator/service/view/farm_view.h"
 
 namespace sheaf::coordinator {
@@ -35,5 +36,8 @@ std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>
 
 // Counters and gauges: name, help, kind, label_name, label_value, value.
 std::string MetricJson(const MetricView& metric);
+
+// {"user": ..., "role": ...}; both "" for a caller without an identity.
+std::string SessionJson(const Caller& caller);
 
 }  // namespace sheaf::coordinator

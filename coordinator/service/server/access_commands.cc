@@ -42,6 +42,18 @@ std::string PersonName() {
   return CheckIdentityName(name).ok() ? name : "admin";
 }
 
+// How long a token is good, as --expires says.
+absl::StatusOr<absl::Duration> ParseLifetime(const std::string& text, absl::Duration longest) {
+  absl::Duration lifetime;
+  if (absl::ParseDuration(text, &lifetime) && lifetime > absl::ZeroDuration() &&
+      lifetime <= longest) {
+    return lifetime;
+  }
+  return absl::InvalidArgumentError(absl::StrCat("--expires ", text, ": is no time up to ",
+                                                 absl::FormatDuration(longest),
+                                                 "; write it as 30m or 12h"));
+}
+
 std::string LocalTime(absl::Time time) {
   return absl::FormatTime("%Y-%m-%d %H:%M", time, absl::LocalTimeZone());
 }
@@ -118,6 +130,19 @@ void AccessCommands::AddTo(CLI::App* app) {
       "  sheaf-coordinator enroll worker node7 | ssh node7 'cat > token'\n"
       "  sheaf-coordinator enroll user anna --role operate > token\n"
       "sheaf-worker --token and sheaf login take the token, once.");
+  CLI::App* scraper = Add(app, "scraper", "Print a token with which Prometheus reads /metrics",
+                          [this] { return MakeScrapeToken(); });
+  scraper->add_option("NAME", name_, "A user of the role view, made for it if there is none")
+      ->required();
+  scraper
+      ->add_option("--expires", scrape_token_expires_,
+                   "How long the token is good, e.g. 720h for 30 days")
+      ->type_name("DURATION")
+      ->capture_default_str();
+  scraper->footer(
+      "Example:\n"
+      "  sheaf-coordinator scraper prometheus > /etc/prometheus/sheaf.token\n"
+      "The token reads /metrics and nothing else, until sheaf-coordinator revoke user NAME.");
   CLI::App* revoke =
       Add(app, "revoke", "Refuse a worker or user from now on", [this] { return Revoke(); });
   AddIdentity(revoke);
@@ -162,13 +187,8 @@ absl::Status AccessCommands::Init() const {
 }
 
 absl::Status AccessCommands::Enroll() const {
-  absl::Duration lifetime;
-  if (!absl::ParseDuration(expires_, &lifetime) || lifetime <= absl::ZeroDuration() ||
-      lifetime > kTokenLifetimeMax) {
-    return absl::InvalidArgumentError(absl::StrCat("--expires ", expires_, ": is no time up to ",
-                                                   absl::FormatDuration(kTokenLifetimeMax),
-                                                   "; write it as 30m or 12h"));
-  }
+  const absl::StatusOr<absl::Duration> lifetime = ParseLifetime(expires_, kTokenLifetimeMax);
+  if (!lifetime.ok()) return lifetime.status();
   const absl::StatusOr<std::unique_ptr<AccessControl>> access = OpenAccess(state_directory_);
   if (!access.ok()) return access.status();
   Role role = Role::kWork;
@@ -182,7 +202,7 @@ absl::Status AccessCommands::Enroll() const {
   }
   const absl::Time now = absl::Now();
   const absl::StatusOr<std::string> secret =
-      (*access)->identities().MakeToken(id(), role, now, lifetime);
+      (*access)->identities().MakeToken(id(), role, now, *lifetime);
   (*access)->audit().Note(LocalAdministrator(), absl::StrCat("enroll as ", RoleName(role)),
                           FormatIdentity(id()), secret.status());
   if (!secret.ok()) return secret.status();
@@ -191,7 +211,30 @@ absl::Status AccessCommands::Enroll() const {
   if (!token.ok()) return token.status();
   std::printf("%s\n", token->c_str());
   std::fprintf(stderr, "sheaf-coordinator: this token enrols %s with the role %s, once, until %s\n",
-               FormatIdentity(id()).c_str(), RoleName(role), LocalTime(now + lifetime).c_str());
+               FormatIdentity(id()).c_str(), RoleName(role), LocalTime(now + *lifetime).c_str());
+  return absl::OkStatus();
+}
+
+absl::Status AccessCommands::MakeScrapeToken() const {
+  const absl::StatusOr<absl::Duration> lifetime =
+      ParseLifetime(scrape_token_expires_, kScrapeTokenLifetimeMax);
+  if (!lifetime.ok()) return lifetime.status();
+  const absl::StatusOr<std::unique_ptr<AccessControl>> access = OpenAccess(state_directory_);
+  if (!access.ok()) return access.status();
+  IdentityStore& identities = (*access)->identities();
+  const IdentityId user{IdentityKind::kUser, name_};
+  const absl::StatusOr<std::optional<Identity>> present = identities.Find(user);
+  if (!present.ok()) return present.status();
+  if (!present->has_value()) {
+    if (absl::Status made = identities.PutIdentity(user, Role::kView); !made.ok()) return made;
+  }
+  const absl::Time now = absl::Now();
+  const absl::StatusOr<std::string> token = identities.MakeScrapeToken(user, now, *lifetime);
+  (*access)->audit().Note(LocalAdministrator(), "scraper", FormatIdentity(user), token.status());
+  if (!token.ok()) return token.status();
+  std::printf("%s\n", token->c_str());
+  std::fprintf(stderr, "sheaf-coordinator: this token reads /metrics for %s until %s\n",
+               FormatIdentity(user).c_str(), LocalTime(now + *lifetime).c_str());
   return absl::OkStatus();
 }
 

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The subcommands of sheaf-coordinator that manage who may reach a farm: init, enroll, revoke and
-// identities. They work on the state directory, also while the coordinator runs, and so belong to
-// whoever can read it.
+// The subcommands of sheaf-coordinator that manage who may reach a farm: init, enroll, scraper,
+// revoke and identities. They work on the state directory, also while the coordinator runs, and so
+// belong to whoever can read it.
 #pragma once
 
 #include <cstdint>
@@ -37,6 +37,7 @@ class AccessCommands {
 
   absl::Status Init() const;
   absl::Status Enroll() const;
+  absl::Status MakeScrapeToken() const;
   absl::Status Revoke() const;
   absl::Status ListIdentities() const;
   IdentityId id() const;
@@ -45,7 +46,7 @@ class AccessCommands {
   std::vector<std::string> host_names_;
   uint16_t port_ = 0;
   std::string kind_, name_, role_;
-  std::string expires_ = "1h";
+  std::string expires_ = "1h", scrape_token_expires_ = "8760h";
   std::vector<std::pair<CLI::App*, std::function<absl::Status()>>> commands_;
 };
 
