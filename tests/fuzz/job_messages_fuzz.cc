@@ -12,7 +12,7 @@
 #include "coordinator/service/grpc/wire.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/fuzz/small_farm.h"
-#include "worker/service/wire.h"
+#include "worker/wire/coordinator_messages.h"
 
 namespace sheaf::coordinator {
 namespace {

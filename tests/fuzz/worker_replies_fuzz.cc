@@ -7,7 +7,7 @@
 
 #include "tests/fuzz/fuzz_target.h"
 #include "worker/agent/lease_ledger.h"
-#include "worker/service/wire.h"
+#include "worker/wire/coordinator_messages.h"
 
 namespace sheaf::worker {
 namespace {

@@ -46,8 +46,8 @@ class Browser:
 
     def __enter__(self):
         options = {"binary": "/usr/bin/chromium", "args": CHROMIUM_ARGUMENTS}
-        capabilities = {"browserName": "chrome", "acceptInsecureCerts": True, "goog:chromeOptions": options,
-                        "goog:loggingPrefs": {"browser": "ALL"}}
+        capabilities = {"browserName": "chrome", "goog:chromeOptions": options,
+                        "acceptInsecureCerts": True, "goog:loggingPrefs": {"browser": "ALL"}}
         answer = self._call("POST", "", {"capabilities": {"alwaysMatch": capabilities}},
                             seconds=START_SECONDS_MAX)
         self.session = answer["sessionId"]

@@ -43,7 +43,8 @@ LAYERS = {
                       "common/scene", "common/volume"),
     "worker/agent": ("common/base", "common/film", "common/scene", "common/content",
                      "worker/render"),
-    "worker/sandbox": ("common/", "worker/agent", "worker/render"),
+    "worker/wire": ("common/", "worker/agent"),
+    "worker/sandbox": ("common/", "worker/agent", "worker/wire", "worker/render"),
     "worker/service": ("common/", "worker/"),
     "coordinator/core": ("common/base", "common/math", "common/film", "common/scene",
                          "common/content"),
@@ -93,7 +94,7 @@ DOORS = {
     r"CLI/": r"^(cli/|common/command_line/)",
     r"nlohmann/": r"^(cli/|coordinator/access/audit_log\.cc$|coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
-        r"^(common/rpc/|worker/(sandbox|service)/|coordinator/service/(grpc|server)/|cli/)",
+        r"^(common/rpc/|worker/(sandbox|service|wire)/|coordinator/service/(grpc|server)/|cli/)",
 }
 
 LEFT_OVERS = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b|not (yet )?implemented|for now\b", re.I)

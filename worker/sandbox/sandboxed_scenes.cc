@@ -16,6 +16,7 @@
 #include "common/base/status.h"
 #include "common/base/steady_time.h"
 #include "worker/sandbox/scene_messages.h"
+#include "worker/wire/lease_codec.h"
 
 namespace sheaf::worker {
 namespace {
@@ -175,7 +176,7 @@ OpenResult SandboxedScenes::Open(const SceneInputs& inputs, std::stop_token stop
   if (!answer.status.ok()) return Failed(kLoading, answer.failure_kind, answer.status);
   if (const absl::Status status = StatusOf(answer.reply); !status.ok()) {
     return {nullptr, absl::IsCancelled(status) ? absl::InternalError(status.message()) : status,
-            KindFromWire(answer.reply.failure_kind())};
+            FromWire(answer.reply.failure_kind())};
   }
   return {std::make_unique<SandboxedScene>(*std::move(process), answer.reply.memory_bytes(),
                                            options_.task_time_max),

@@ -6,6 +6,7 @@
 
 #include "common/base/printable.h"
 #include "common/rpc/settings_codec.h"
+#include "worker/wire/lease_codec.h"
 
 namespace sheaf::worker {
 
@@ -34,13 +35,7 @@ absl::StatusOr<SceneInputs> FromWire(const v1::LoadSceneRequest& message) {
 v1::RenderTaskRequest RenderRequestOf(const Lease& lease) {
   v1::RenderTaskRequest message;
   message.set_frame_name(lease.frame_name);
-  v1::ResultKey& key = *message.mutable_key();
-  key.set_frame_digest(lease.frame_digest);
-  *key.mutable_tile() = sheaf::ToWire(lease.tile);
-  key.mutable_block()->set_first(lease.block.first);
-  key.mutable_block()->set_count(lease.block.count);
-  key.set_cell_size_px(lease.cells.size_px);
-  key.set_cells(lease.cells.mask);
+  *message.mutable_key() = KeyOf(lease);
   *message.mutable_settings() = sheaf::ToWire(lease.settings);
   return message;
 }
@@ -48,13 +43,9 @@ v1::RenderTaskRequest RenderRequestOf(const Lease& lease) {
 absl::StatusOr<Lease> FromWire(const v1::RenderTaskRequest& message) {
   absl::StatusOr<FrameSettings> settings = sheaf::FromWire(message.settings());
   if (!settings.ok()) return settings.status();
-  const v1::ResultKey& key = message.key();
   Lease lease;
   lease.frame_name = message.frame_name();
-  lease.frame_digest = key.frame_digest();
-  lease.tile = sheaf::FromWire(key.tile());
-  lease.block = {key.block().first(), key.block().count()};
-  lease.cells = {key.cell_size_px(), key.cells()};
+  ReadKey(message.key(), &lease);
   lease.settings = *std::move(settings);
   return lease;
 }
@@ -70,35 +61,6 @@ absl::Status StatusOf(const v1::SandboxReply& reply) {
   return absl::Status(
       known ? static_cast<absl::StatusCode>(reply.code()) : absl::StatusCode::kUnknown,
       Printable(reply.message(), kReplyTextBytesMax));
-}
-
-v1::LeaseFailure::Kind KindToWire(FailureKind kind) {
-  switch (kind) {
-    case FailureKind::kReleased:
-      return v1::LeaseFailure::KIND_RELEASED;
-    case FailureKind::kInfrastructure:
-      return v1::LeaseFailure::KIND_INFRASTRUCTURE;
-    case FailureKind::kScene:
-      return v1::LeaseFailure::KIND_SCENE;
-    case FailureKind::kMemory:
-      return v1::LeaseFailure::KIND_MEMORY;
-    case FailureKind::kInternal:
-      return v1::LeaseFailure::KIND_INTERNAL;
-  }
-  return v1::LeaseFailure::KIND_INTERNAL;
-}
-
-FailureKind KindFromWire(v1::LeaseFailure::Kind kind) {
-  switch (kind) {
-    case v1::LeaseFailure::KIND_INFRASTRUCTURE:
-      return FailureKind::kInfrastructure;
-    case v1::LeaseFailure::KIND_SCENE:
-      return FailureKind::kScene;
-    case v1::LeaseFailure::KIND_MEMORY:
-      return FailureKind::kMemory;
-    default:
-      return FailureKind::kInternal;
-  }
 }
 
 }  // namespace sheaf::worker

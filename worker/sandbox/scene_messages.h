@@ -46,8 +46,4 @@ void SetStatus(const absl::Status& status, v1::SandboxReply* reply);
 // The status of a reply, whose numbers and text are untrusted.
 absl::Status StatusOf(const v1::SandboxReply& reply);
 
-v1::LeaseFailure::Kind KindToWire(FailureKind kind);
-// kInternal for what a process cannot know or does not exist.
-FailureKind KindFromWire(v1::LeaseFailure::Kind kind);
-
 }  // namespace sheaf::worker

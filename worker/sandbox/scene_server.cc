@@ -23,6 +23,7 @@
 #include "worker/sandbox/confinement.h"
 #include "worker/sandbox/message_channel.h"
 #include "worker/sandbox/scene_messages.h"
+#include "worker/wire/lease_codec.h"
 
 namespace sheaf::worker {
 namespace {
@@ -115,7 +116,7 @@ class SceneServer {
     }
     SetStatus(status, &reply);
     if (opened.scene != nullptr) reply.set_memory_bytes(opened.scene->memory_bytes());
-    reply.set_failure_kind(KindToWire(opened.failure_kind));
+    reply.set_failure_kind(ToWire(opened.failure_kind));
     scene_ = std::move(opened.scene);
     Reply(reply);
   }

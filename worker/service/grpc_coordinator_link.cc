@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
-#include "worker/service/wire.h"
+#include "worker/wire/coordinator_messages.h"
 
 namespace sheaf::worker {
 namespace {

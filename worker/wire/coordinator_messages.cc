@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/service/wire.h"
+#include "worker/wire/coordinator_messages.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +9,7 @@
 #include "absl/time/time.h"
 #include "common/base/status.h"
 #include "common/rpc/settings_codec.h"
+#include "worker/wire/lease_codec.h"
 
 namespace sheaf::worker {
 namespace {
@@ -30,22 +31,6 @@ v1::LeaseState::Phase ToWire(LeasePhase phase) {
       return v1::LeaseState::PHASE_UPLOADING;
   }
   return v1::LeaseState::PHASE_UNSPECIFIED;
-}
-
-v1::LeaseFailure::Kind ToWire(FailureKind kind) {
-  switch (kind) {
-    case FailureKind::kReleased:
-      return v1::LeaseFailure::KIND_RELEASED;
-    case FailureKind::kInfrastructure:
-      return v1::LeaseFailure::KIND_INFRASTRUCTURE;
-    case FailureKind::kScene:
-      return v1::LeaseFailure::KIND_SCENE;
-    case FailureKind::kMemory:
-      return v1::LeaseFailure::KIND_MEMORY;
-    case FailureKind::kInternal:
-      return v1::LeaseFailure::KIND_INTERNAL;
-  }
-  return v1::LeaseFailure::KIND_UNSPECIFIED;
 }
 
 absl::Status CheckLease(const Lease& lease) {
@@ -75,10 +60,7 @@ absl::StatusOr<Lease> FromWire(const v1::Lease& message) {
   lease.lease_id = message.lease_id();
   lease.attempt = message.attempt();
   lease.frame_name = message.frame_name();
-  lease.frame_digest = message.key().frame_digest();
-  lease.tile = sheaf::FromWire(message.key().tile());
-  lease.block = {message.key().block().first(), message.key().block().count()};
-  lease.cells = {message.key().cell_size_px(), message.key().cells()};
+  ReadKey(message.key(), &lease);
   lease.scene = {message.scene().sha256_hex(), message.scene().size_bytes()};
   absl::StatusOr<FrameSettings> settings = sheaf::FromWire(message.settings());
   if (!settings.ok()) return settings.status();
@@ -123,16 +105,7 @@ v1::SynchronizeRequest ToWire(const WorkerState& state) {
 
 v1::ResultHeader ToWire(const FinishedPart& part, const std::string& worker_id) {
   v1::ResultHeader header;
-  header.mutable_key()->set_frame_digest(part.frame_digest);
-  v1::PixelRect* tile = header.mutable_key()->mutable_tile();
-  tile->set_x0_px(part.tile.x0);
-  tile->set_y0_px(part.tile.y0);
-  tile->set_x1_px(part.tile.x1);
-  tile->set_y1_px(part.tile.y1);
-  header.mutable_key()->mutable_block()->set_first(part.block.first);
-  header.mutable_key()->mutable_block()->set_count(part.block.count);
-  header.mutable_key()->set_cell_size_px(part.cells.size_px);
-  header.mutable_key()->set_cells(part.cells.mask);
+  *header.mutable_key() = KeyOf(part);
   header.set_lease_id(part.lease_id);
   header.set_worker_id(worker_id);
   header.mutable_digest()->set_sha256_hex(part.digest.sha256_hex);

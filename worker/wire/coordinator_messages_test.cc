@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/service/wire.h"
+#include "worker/wire/coordinator_messages.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
