@@ -78,7 +78,8 @@ struct Limits {
   int scene_failure_workers_max = 2;    // Distinct workers that say: the scene cannot be rendered.
   size_t worker_text_shown_max = 2000;  // Bytes of a worker's words in what a user reads.
   int failures_kept_max = 32;           // The last ones of a job, for people to look at.
-  int quarantine_jobs_min = 3;          // A worker failing so many jobs in a row is sick.
+  int quarantine_jobs_min = 3;          // A worker failing so many jobs in a row, of tasks that
+                                        // others render, is sick.
   size_t quarantines_max = 10'000;      // Beyond, the oldest are forgotten.
   absl::Duration retry_delay_initial = absl::Seconds(1);  // After infrastructure failures: of the
   absl::Duration retry_delay_max = absl::Minutes(1);      // worker, doubling.

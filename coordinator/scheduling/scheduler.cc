@@ -297,14 +297,21 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   const Lease* lease = leases_.Find(lease_id);
   if (lease == nullptr) ++counters_.results_late;
   const SteadyTime grant_time = lease == nullptr ? SteadyTime::InfiniteFuture() : lease->grant_time;
+  std::map<std::string, std::string> suspects;
+  const auto forget_failures = [&](const TaskId& rendered) {
+    const auto failures = frame.failures.find(rendered);
+    if (failures == frame.failures.end()) return;
+    suspects.merge(failures->second.suspects);
+    frame.failures.erase(failures);
+  };
   for (const Task& covered : frame.tasks->Accept(task, cost.cpu_duration)) {
     for (const uint64_t holder : leases_.HoldersOf(MakeTaskId(id, covered))) {
       if (holder != lease_id) ++counters_.leases_cancelled;
       DropLease(holder, /*put_back=*/false);
     }
-    frame.failures.erase(MakeTaskId(id, covered));
+    forget_failures(MakeTaskId(id, covered));
   }
-  frame.failures.erase(MakeTaskId(id, task));
+  forget_failures(MakeTaskId(id, task));
   NoteLoaded(id);
   const uint64_t samples = frame.tasks->PixelSamples(task);
   frame.sample_count_done += samples;
@@ -317,6 +324,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   NoteDelivery(worker_id, samples, cost, grant_time, now);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
   UpdateReady(&job, index);
+  BlameSuspects(suspects, id.job_id, worker_id);
   return frame.phase == FrameRecord::Phase::kRendered;
 }
 

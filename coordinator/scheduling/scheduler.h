@@ -62,7 +62,9 @@ struct TaskFailures {
   std::set<std::string> failed_by;      // Workers of every class but released.
   std::set<std::string> identities;     // Of those.
   std::set<std::string> crashed, lost;  // Identities, by class.
-  int attempt_count = 0;                // Leases that ended without result.
+  // Workers that are to blame if another one renders the task, with their words.
+  std::map<std::string, std::string> suspects;
+  int attempt_count = 0;  // Leases that ended without result.
   int crash_count = 0;
   int infrastructure_count = 0;
   SteadyTime not_before = SteadyTime::InfinitePast();
@@ -315,6 +317,10 @@ class Scheduler {
   void JudgeDoubtfulScenes();
   void BlameWorker(const std::string& worker_id, const Lease& lease, const LeaseFailure& failure,
                    SteadyTime now);
+  // Counts the job against those that failed what has been rendered by another identity.
+  void BlameSuspects(const std::map<std::string, std::string>& suspects, uint64_t job_id,
+                     const std::string& rendered_by);
+  void NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words);
   absl::Duration RetryDelay(int failure_count) const;
 
   // scheduler_loading.cc

@@ -288,10 +288,33 @@ void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
     worker->no_work_before = now + RetryDelay(worker->infrastructure_failures);
     return;
   }
-  worker->failed_jobs.insert(lease.frame.job_id);
+  if (lease.is_check) {  // Somebody has rendered it.
+    NoteFailedJob(worker, lease.frame.job_id, Quote(lease, failure));
+    return;
+  }
+  // The scene may be at fault: nobody knows until another worker renders the task.
+  const auto record = Frame(lease.frame).failures.find(MakeTaskId(lease.frame, lease.task));
+  if (record != Frame(lease.frame).failures.end()) {
+    record->second.suspects[worker_id] = Quote(lease, failure);
+  }
+}
+
+void Scheduler::BlameSuspects(const std::map<std::string, std::string>& suspects, uint64_t job_id,
+                              const std::string& rendered_by) {
+  const WorkerRecord* renderer = workers_.Find(rendered_by);
+  for (const auto& [worker_id, words] : suspects) {
+    WorkerRecord* worker = workers_.Find(worker_id);
+    if (worker == nullptr || worker_id == rendered_by) continue;
+    if (renderer != nullptr && renderer->identity == worker->identity) continue;
+    NoteFailedJob(worker, job_id, words);
+  }
+}
+
+void Scheduler::NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words) {
+  worker->failed_jobs.insert(job_id);
   if (static_cast<int>(worker->failed_jobs.size()) < limits_.quarantine_jobs_min) return;
   Quarantine(worker->identity, absl::StrCat("it failed ", worker->failed_jobs.size(),
-                                            " jobs in a row; last: ", Quote(lease, failure)));
+                                            " jobs in a row that others render; last: ", words));
 }
 
 void Scheduler::Quarantine(const std::string& identity, const std::string& reason,

@@ -277,10 +277,36 @@ TEST_F(SchedulerTest, WorkersFailingSeveralJobsAreQuarantined) {
   for (const Lease& lease : leases) by_job[lease.frame.job_id] = lease;
   ASSERT_EQ(static_cast<int>(by_job.size()), limits_.quarantine_jobs_min);
   for (const auto& [id, lease] : by_job) Fail(lease, FailureKind::kInternal);
+  Sync("a", 0);
+  EXPECT_TRUE(status_.ok()) << "the scenes may be at fault";
+  for (const auto& [id, failed] : by_job) {
+    const std::vector<Lease> of_b = Sync("b", 48);
+    const auto same = std::find_if(of_b.begin(), of_b.end(), [&](const Lease& lease) {
+      return lease.frame == failed.frame && lease.task == failed.task;
+    });
+    ASSERT_NE(same, of_b.end());
+    Accept(*same);
+  }
   Sync("a", 16);
   EXPECT_EQ(status_.code(), absl::StatusCode::kPermissionDenied);
-  EXPECT_EQ(scheduler_.leases().size(), 0u);
   EXPECT_EQ(scheduler_.counters().workers_quarantined, 1u);
+  ASSERT_EQ(scheduler_.workers().quarantined().count("a"), 1u);
+}
+
+TEST_F(SchedulerTest, ScenesThatEndEachWorkerQuarantineNone) {
+  const std::vector<std::string> workers = {"a", "b", "c"};
+  for (const std::string& worker : workers) Sync(worker, 0);
+  for (int i = 0; i < 2 * limits_.quarantine_jobs_min; ++i) {
+    const uint64_t job = AddJob();
+    for (int round = 0; round < 30 && Job(job).phase == JobPhase::kLive; ++round) {
+      const std::string& worker = workers[static_cast<size_t>(round) % workers.size()];
+      const std::vector<Lease> leases = Sync(worker, 16);
+      for (const Lease& lease : leases) Fail(lease, FailureKind::kInternal, "its process crashed");
+      Sync(worker, 0);
+    }
+    EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
+  }
+  EXPECT_EQ(scheduler_.counters().workers_quarantined, 0u);
 }
 
 TEST_F(SchedulerTest, LastFailuresAreKept) {

@@ -263,9 +263,10 @@ TEST_F(CoordinatorServerTest, FailuresWithoutTheirTokenHaveNoEffect) {
 TEST_F(CoordinatorServerTest, QuarantinesSurviveRestarts) {
   Start();
   Create(Request(64));
-  SyntheticWorker worker = MakeWorker("w");
+  SyntheticWorker worker = MakeWorker("w"), other = MakeWorker("other");
   ASSERT_TRUE(worker.Synchronize(1).ok());
   const SyntheticWorker::Upload result = worker.MakeUpload(worker.leases()[0]);
+  ASSERT_TRUE(other.Synchronize(0).ok());
   for (int i = 0; i < 10; ++i) {
     Create(Request(64, absl::StrCat("job ", i)));
     if (!worker.Synchronize(4).ok()) break;
@@ -273,6 +274,7 @@ TEST_F(CoordinatorServerTest, QuarantinesSurviveRestarts) {
       worker.ReportFailure(lease.lease_id(), v1::LeaseFailure::KIND_INTERNAL, "broken");
     }
     worker.Synchronize(0).IgnoreError();
+    ASSERT_TRUE(other.RenderAll().ok());
   }
   ASSERT_EQ(worker.Synchronize(1).code(), absl::StatusCode::kPermissionDenied);
   EXPECT_EQ(worker.Send(result).status().code(), absl::StatusCode::kPermissionDenied);
