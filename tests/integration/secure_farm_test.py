@@ -12,7 +12,7 @@ import subprocess
 import unittest
 
 import farm as farms
-from client_test import SCENE
+from client_case import SCENE
 from farm import Farm, programs, wait_until
 
 FEW, MANY = ("--samples", 4), ("--samples", 1 << 20)

@@ -8,7 +8,7 @@ import tempfile
 import unittest
 
 import farm
-from client_test import SCENE, run
+from client_case import SCENE, run
 
 
 class ToldTest(unittest.TestCase):
