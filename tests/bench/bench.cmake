@@ -23,5 +23,8 @@ add_executable(majorant_bench ${CMAKE_CURRENT_LIST_DIR}/majorant_bench.cc)
 target_link_libraries(majorant_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 add_executable(part_bench ${CMAKE_CURRENT_LIST_DIR}/part_bench.cc)
 target_link_libraries(part_bench PRIVATE sheaf::film sheaf_warnings)
+add_executable(completions_bench ${CMAKE_CURRENT_LIST_DIR}/completions_bench.cc)
+target_link_libraries(completions_bench PRIVATE sheaf::coordinator_server sheaf::enrolment
+  sheaf::synthetic_worker GTest::gtest_main sheaf_warnings)
 add_executable(similarity_bench ${CMAKE_CURRENT_LIST_DIR}/similarity_bench.cc)
 target_link_libraries(similarity_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)

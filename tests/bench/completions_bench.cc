@@ -1,0 +1,132 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The price of TLS and of checks: results per second that a coordinator accepts from synthetic
+// workers over loopback, without both and with both, in turns. A job has many small tasks, so that
+// the workers' rendering costs little. Prints each run, the medians and their ratio; the target is
+// at least 0.8.
+//
+//   completions_bench        SHEAF_BENCH_ROUNDS=N: rounds, 5 unless said otherwise
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/rpc/enrolment.h"
+#include "common/rpc/farm_connection.h"
+#include "coordinator/service/server/coordinator_server_fixture.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+constexpr int kWorkerCount = 4;
+constexpr int kLeasesAhead = 8;
+constexpr int kEdgePx = 1024;
+constexpr int kTileEdgePx = 16;
+constexpr int kTaskCount = (kEdgePx / kTileEdgePx) * (kEdgePx / kTileEdgePx);
+constexpr absl::Duration kRunMax = absl::Minutes(5);
+
+class CompletionsBench : public CoordinatorServerTest {
+ protected:
+  // Results per second of one job.
+  double Run(bool protect) {
+    std::filesystem::remove_all(directory_);
+    if (protect) {
+      EXPECT_TRUE(CertificateAuthority::Create(AccessControl::Directory(directory_),
+                                               {"localhost", "127.0.0.1"}, absl::Now())
+                      .ok());
+    }
+    options_.listen_address = "127.0.0.1:0";
+    options_.farm.limits.check_fraction = protect ? Limits().check_fraction : 0;
+    Start();
+    std::vector<std::unique_ptr<SyntheticWorker>> workers;
+    for (int i = 0; i < kWorkerCount; ++i) {
+      const std::string name = absl::StrCat("w", i);
+      workers.push_back(std::make_unique<SyntheticWorker>(ChannelOf(name, protect), name));
+      EXPECT_TRUE(workers.back()->Synchronize(0).ok());
+    }
+    const std::string job = Create(Job()).name();
+    const absl::Time begin = absl::Now();
+    std::atomic<bool> stop = false;
+    std::vector<std::jthread> threads;
+    for (const auto& worker : workers) {
+      threads.emplace_back([&stop, one = worker.get()] { Work(stop, one); });
+    }
+    const absl::Time deadline = begin + kRunMax;
+    while (Get(job).state() != v1::Job::STATE_SUCCEEDED && absl::Now() < deadline) {
+      absl::SleepFor(absl::Milliseconds(20));
+    }
+    EXPECT_LT(absl::Now(), deadline);
+    const double seconds = absl::ToDoubleSeconds(absl::Now() - begin);
+    stop = true;
+    threads.clear();
+    return kTaskCount / seconds;
+  }
+
+ private:
+  v1::CreateJobRequest Job() {
+    v1::CreateJobRequest request = Request(/*samples=*/16);
+    v1::FrameSettings* settings = request.mutable_frames(0)->mutable_settings();
+    settings->set_width_px(kEdgePx);
+    settings->set_height_px(kEdgePx);
+    settings->clear_window();
+    settings->mutable_window()->set_x1_px(kEdgePx);
+    settings->mutable_window()->set_y1_px(kEdgePx);
+    request.mutable_partition()->set_tile_size_px(kTileEdgePx);
+    request.mutable_partition()->set_pass_sample_count(16);
+    request.mutable_partition()->set_lease_pass_count(1);
+    return request;
+  }
+  std::shared_ptr<grpc::Channel> ChannelOf(const std::string& name, bool protect) {
+    const std::string address = absl::StrCat("127.0.0.1:", server_->port());
+    const CredentialStore store(absl::StrCat(directory_, "/clients/", name));
+    if (protect) {
+      AccessControl* const access = server_->access();
+      const absl::StatusOr<std::string> secret = access->identities().MakeToken(
+          {IdentityKind::kWorker, name}, Role::kWork, absl::Now(), kTokenLifetime);
+      EXPECT_TRUE(secret.ok()) << secret.status();
+      const auto enrolled =
+          Enroll(address, {*secret, access->authority().certificate_pem()}, store);
+      EXPECT_TRUE(enrolled.ok()) << enrolled.status();
+    }
+    const absl::StatusOr<FarmConnection> connection =
+        ConnectionTo(address, store, /*insecure=*/false);
+    EXPECT_TRUE(connection.ok()) << connection.status();
+    return connection->Open();
+  }
+  static void Work(const std::atomic<bool>& stop, SyntheticWorker* worker) {
+    while (!stop) {
+      worker->Synchronize(kLeasesAhead).IgnoreError();
+      if (worker->leases().empty()) absl::SleepFor(absl::Milliseconds(5));
+      while (!worker->leases().empty() && !stop) worker->RenderOne().status().IgnoreError();
+    }
+  }
+};
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+TEST_F(CompletionsBench, TlsAndChecks) {
+  const char* rounds = std::getenv("SHEAF_BENCH_ROUNDS");
+  std::vector<double> plain, secured;
+  for (int i = 0; i < (rounds == nullptr ? 5 : std::atoi(rounds)); ++i) {
+    // The order alternates, so that a machine that slows down favors neither.
+    for (const bool protect : {i % 2 == 0, i % 2 != 0}) {
+      const double rate = Run(protect);
+      (protect ? secured : plain).push_back(rate);
+      std::printf("%s: %.0f results/s\n", protect ? "TLS and checks" : "neither", rate);
+    }
+  }
+  std::printf("medians: %.0f and %.0f results/s with both, ratio %.2f (target at least 0.8)\n",
+              Median(plain), Median(secured), Median(secured) / Median(plain));
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
