@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rows of docs/hard-cases.md, and the tests that they name."""
 import collections
+import functools
 import os
 import re
 
@@ -47,10 +48,15 @@ def read_rows(path=DOCUMENT):
     return rows
 
 
+@functools.lru_cache(maxsize=None)  # Every pattern meets thousands of tests.
+def expression_of(pattern):
+    expression = re.escape(pattern).replace(r"\*", ".*")
+    return re.compile(re.sub(r"(?<=\d)\.\*", r"(?!\\d).*", expression))
+
+
 def matches(pattern, test):
     """Whether "Suite.G1*" matches the test "Suite.G1Name"; it does not match "Suite.G10Name"."""
-    expression = re.escape(pattern).replace(r"\*", ".*")
-    return re.fullmatch(re.sub(r"(?<=\d)\.\*", r"(?!\\d).*", expression), test) is not None
+    return expression_of(pattern).fullmatch(test) is not None
 
 
 def tests_of(row, tests):
