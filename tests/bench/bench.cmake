@@ -14,7 +14,7 @@ target_link_libraries(many_lights_bench PRIVATE sheaf::render_light sheaf_warnin
 add_executable(variant_speed_bench ${CMAKE_CURRENT_LIST_DIR}/variant_speed_bench.cc)
 target_link_libraries(variant_speed_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 # Only compares the images of SHEAF_PUBLIC_SCENES: times measured on a busy machine are not judged.
-sheaf_add_script_test(NAME variant_speed LABEL slow TIMEOUT 1500
+sheaf_add_script_test(NAME variant_speed LABEL slow TIMEOUT 1500 COST 20
   COMMAND variant_speed_bench --images-only)
 add_executable(volume_bench ${CMAKE_CURRENT_LIST_DIR}/volume_bench.cc)
 target_link_libraries(volume_bench PRIVATE sheaf::render_medium absl::status absl::strings sheaf_warnings)

@@ -13,5 +13,5 @@ sheaf_add_test(NAME trait_cost DEPS sheaf::render
   cost/trait_cost_test.cc ${ablated_sources})
 # The same flags as for worker/render, or the counts would compare compiler settings.
 target_compile_options(sheaf_trait_cost_test PRIVATE $<$<CONFIG:Release>:-O3>)
-sheaf_add_script_test(NAME trait_cost LABEL slow TIMEOUT 900
+sheaf_add_script_test(NAME trait_cost LABEL slow TIMEOUT 900 COST 35
   COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/trait_cost_count.py)
