@@ -377,9 +377,10 @@ class MadeUpServer:
 def run_checks(checks, browser, subject):
     failed = 0
     for check in checks:
+        begin = time.monotonic()
         try:
             check(browser, subject)
-            print("ok     ", check.__name__)
+            print(f"ok      {check.__name__}, {time.monotonic() - begin:.1f} s", flush=True)
         except Exception:  # Every check is reported, whatever ended it.
             failed += 1
             print("FAILED ", check.__name__)
