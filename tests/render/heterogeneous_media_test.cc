@@ -190,7 +190,7 @@ TEST(HeterogeneousMediaTest, V10EmissiveGridsMatchHomogeneousMedia) {
   const auto grid_of = [](SmokeScene* t, int32_t index) -> UniformGridMedium& {
     return std::get<UniformGridMedium>(t->scene.media[static_cast<size_t>(index)].kind);
   };
-  const int samples = DrawCount(256, 2048);
+  const int samples = DrawCount(128, 2048);
   for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
     SmokeScene fog, plain, factors, heat, dimmed, dims;
     fog.Fill(0.8f, emissive(&fog, fog.AddFog(sigma_a, sigma_s), warm, 0.5f));

@@ -37,7 +37,9 @@ constexpr double kPowerMin = 0.99;
 // The bias that must be detected; a larger one for two techniques that are both noisy somewhere.
 double Bias() { return LongTests() ? 0.0025 : 0.01; }
 double BiasOfNoisyPair() { return 1.5 * Bias(); }
-uint64_t Samples() { return LongTests() ? 2048 : 128; }
+// As many per pixel as the power needs: ExpectAgreement fails if they are too few.
+uint64_t Samples(uint64_t in_short) { return LongTests() ? 2048 : in_short; }
+constexpr uint64_t kFewSamples = 64, kManySamples = 128;
 
 constexpr int32_t kSizePx = 48, kTileSizePx = 6, kDepth = 4;
 
@@ -75,8 +77,9 @@ void RenderPixels(const CompiledScene& scene, PixelAccumulator* accumulator) {
   }
 }
 
-FilmTile Render(const TestScene& test_scene, const Technique& technique, uint64_t seed) {
-  FrameSettings settings = SquareSettings(kSizePx, Samples(), kDepth);
+FilmTile Render(const TestScene& test_scene, const Technique& technique, uint64_t seed,
+                uint64_t samples) {
+  FrameSettings settings = SquareSettings(kSizePx, samples, kDepth);
   settings.seed = seed;
   settings.color = technique.color;
   TableFileSource files({});
@@ -128,11 +131,13 @@ std::vector<testing::Estimate> EstimatesOf(const FilmTile& film) {
 }
 
 std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, const Technique& a,
-                                const Technique& b, uint64_t seed) {
+                                const Technique& b, uint64_t seed,
+                                uint64_t samples_in_short = kManySamples) {
+  const uint64_t samples = Samples(samples_in_short);
   std::vector<TilePair> tiles;
   for (size_t i = 0; i < scenes.size(); ++i) {
-    const auto of_a = EstimatesOf(Render(scenes[i], a, seed + 2 * i));
-    const auto of_b = EstimatesOf(Render(scenes[i], b, seed + 2 * i + 1));
+    const auto of_a = EstimatesOf(Render(scenes[i], a, seed + 2 * i, samples));
+    const auto of_b = EstimatesOf(Render(scenes[i], b, seed + 2 * i + 1, samples));
     for (size_t tile = 0; tile < of_a.size(); ++tile) tiles.push_back({of_a[tile], of_b[tile]});
   }
   return tiles;
@@ -160,9 +165,9 @@ constexpr Tint kColored{1}, kGray{0};
 
 // Scenes with large lights, so that BSDF samples hit them often enough to measure.
 TEST(TechniquesTest, L16SampledLightAndBoth) {
-  ExpectAgreement(
-      "both against sampling", Bias(),
-      TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kBySampling}, 100));
+  ExpectAgreement("both against sampling", Bias(),
+                  TilePairs(LitScenes(kColored), kBoth, {.direct_light = DirectLight::kBySampling},
+                            100, kFewSamples));
 }
 TEST(TechniquesTest, L16HitLightAndBoth) {
   ExpectAgreement(
@@ -201,13 +206,14 @@ std::vector<TestScene> FoggyScenes() { return std::vector<TestScene>(4, Foggy(kC
 // Compares, in fog, equiangular samples, distance samples with light sampling at their ends, and
 // both.
 TEST(TechniquesTest, V7EquiangularAndAllTechniques) {
-  ExpectAgreement(
-      "all against lines", 1.5 * Bias(),
-      TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kByEquiangular}, 600));
+  ExpectAgreement("all against lines", 1.5 * Bias(),
+                  TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kByEquiangular},
+                            600, kFewSamples));
 }
 TEST(TechniquesTest, V7DistanceSamplingAndAllTechniques) {
   ExpectAgreement("all against flights", BiasOfNoisyPair(),
-                  TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kBySampling}, 700));
+                  TilePairs(FoggyScenes(), kBoth, {.direct_light = DirectLight::kBySampling}, 700,
+                            kFewSamples));
 }
 
 // The same in heterogeneous media, also with the decision per segment whether it is sampled.
@@ -236,13 +242,15 @@ TEST(TechniquesTest, V7EquiangularInSpectralClouds) {
 }
 
 TEST(TechniquesTest, LightsByImportanceAndUniformly) {
-  ExpectAgreement("importance against even choice", Bias(),
-                  TilePairs(AllScenes(kColored), kBoth, {.choose_lights_evenly = true}, 400));
+  ExpectAgreement(
+      "importance against even choice", Bias(),
+      TilePairs(AllScenes(kColored), kBoth, {.choose_lights_evenly = true}, 400, kFewSamples));
 }
 
 TEST(TechniquesTest, SpectralAndRgbTransportOfGrayScenes) {
-  ExpectAgreement("RGB against spectra", Bias(),
-                  TilePairs(AllScenes(kGray), kBoth, {.color = ColorTransport::kSpectral}, 500));
+  ExpectAgreement(
+      "RGB against spectra", Bias(),
+      TilePairs(AllScenes(kGray), kBoth, {.color = ColorTransport::kSpectral}, 500, kFewSamples));
 }
 
 // --- Test tools ----------------------------------------------------------------------------------
