@@ -16,8 +16,9 @@ import unittest
 import farm
 
 SCENE = os.environ.get("SHEAF_SCENE", os.path.join(farm.ROOT, "scenes", "showroom.pbrt"))
-# 70 x 50 pixels and 76 samples: not a multiple of the tile size, and not a power of two.
-JOB = ("--crop", "270,150,340,200", "--samples", "76")
+# 70 x 34 pixels and 76 samples: more than the largest tile and pass, in both directions more than a
+# tile of 32 pixels, not a multiple of the tile size, and not a power of two.
+JOB = ("--crop", "270,150,340,184", "--samples", "76")
 OUTPUTS = ("--aov", "position,normal-geometric,normal-shading,uv,motion,object-id",
            "--cryptomatte", "object,material,asset", "--light-groups")
 FOG = '''Film "rgb" "integer xresolution" 16 "integer yresolution" 12
@@ -67,15 +68,17 @@ class OneImageTest(unittest.TestCase):
                 self.assertEqual(self.rendered("t", *arguments), self.expected)
 
     def test_over_grpc(self):
+        """All jobs at once, so that the workers also mix their leases."""
         for workers in (1, 2, 4):
             with farm.Farm() as f:
                 for _ in range(workers):
                     f.start_worker()
-                for partition in PARTITIONS:
+                jobs = [f.sheaf("submit", SCENE, *JOB, *partition_flags(*partition)).stdout.strip()
+                        for partition in PARTITIONS]
+                for partition, job in zip(PARTITIONS, jobs):
                     with self.subTest(workers=workers, partition=partition):
                         output = f.path("out.exr")
-                        f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB,
-                                *partition_flags(*partition))
+                        f.sheaf("watch", job, "-o", output)
                         self.assertEqual(farm.image_digest(output), self.expected)
                         os.remove(output)
 
