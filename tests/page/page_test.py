@@ -36,6 +36,8 @@ from worker_checks import check_failures, check_workers  # noqa: E402
 
 PAGE_SECONDS_MAX = 20
 IMAGE_SECONDS_MAX = 120
+# Samples per pixel of the first job: one of each replicate, so that its errors are known.
+SAMPLES = 16
 MADE_UP_JOB_COUNT = 5000
 MADE_UP_WORKER_COUNT = 1000
 # Limit from the server's start, with a wide margin.
@@ -78,7 +80,7 @@ def check_page_follows_a_job(browser, farm):
     browser.open(f"http://{farm.http}/")
     wait_until(lambda: browser.run(TEXT, "connection-text") == "Live", PAGE_SECONDS_MAX, "events")
     # Submitted after the page was opened: only events can make it appear.
-    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", 64,
+    farm.sheaf("submit", os.path.join(ROOT, "scenes", "cornell-box.pbrt"), "--samples", SAMPLES,
                "--light-paths")
     seen = []
 
@@ -180,7 +182,7 @@ def check_layers_of_a_real_image(browser, farm):
         return response.headers.get("X-Sheaf-Range");
       });
       return Promise.all(["image", "light", "error", "samples", "time"].map(range));""")
-    assert ranges[:2] == [None, None] and ranges[3] == "64 64", ranges
+    assert ranges[:2] == [None, None] and ranges[3] == f"{SAMPLES} {SAMPLES}", ranges
     for layer in (2, 4):
         low, high = map(float, ranges[layer].split())
         assert 0 < low < high < 10, ranges
