@@ -39,8 +39,7 @@ std::shared_ptr<grpc::ChannelCredentials> EnrolmentCredentials(const std::string
 std::shared_ptr<grpc::ChannelCredentials> UnverifiedTlsCredentials() {
   grpc::experimental::TlsChannelCredentialsOptions options;
   options.set_verify_server_certs(false);
-  options.set_certificate_verifier(
-      std::make_shared<grpc::experimental::NoOpCertificateVerifier>());
+  options.set_certificate_verifier(std::make_shared<grpc::experimental::NoOpCertificateVerifier>());
   options.set_check_call_host(false);
   return grpc::experimental::TlsCredentials(options);
 }
