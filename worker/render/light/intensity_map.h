@@ -21,6 +21,10 @@ class IntensityMap {
 
   // d: unit. For NaN returns the factor of an arbitrary texel.
   float At(Vec3f d) const;
+  // Number of texels along each side.
+  int size() const { return size_; }
+  // As given to Make.
+  const std::vector<float>& texels() const { return texels_; }
   // Mean over all directions.
   double mean() const { return mean_; }
   float peak() const { return peak_; }

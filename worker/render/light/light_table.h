@@ -247,6 +247,8 @@ class LightTable {
                   const Color& light, std::vector<Color>* groups) const;
 
   struct Impl;
+  // For the other files of this folder: light_table_impl.h.
+  const Impl& impl() const { return *impl_; }
   // The traits that matter here: one instantiation for each combination.
   static constexpr uint32_t kLightTraits =
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |

@@ -25,12 +25,6 @@ namespace {
 // it.
 constexpr float kSimilarityTolerance = 1e-5f, kConeSlack = 1e-4f;
 
-// |L| for light selection: counts either sign, and is positive wherever a channel is not 0.
-float StrengthOf(Rgb c) {
-  if (!IsFinite(c)) return 0;
-  return Luminance({std::fabs(c.r), std::fabs(c.g), std::fabs(c.b)});
-}
-
 // --- Bounds of emitters ------------------------------------------------------------------------
 
 // Bounds of an emitter that is never chosen: no area, or values no sample may carry.

@@ -4,6 +4,7 @@
 // LightTable::Impl: the data of a LightTable, shared by the files that read, build and sample it.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <variant>
@@ -19,6 +20,12 @@
 #include "worker/render/light/sky_portal.h"
 
 namespace sheaf::render {
+
+// |L| for light selection: counts either sign, and is positive wherever a channel is not 0.
+inline float StrengthOf(Rgb c) {
+  if (!IsFinite(c)) return 0;
+  return Luminance({std::fabs(c.r), std::fabs(c.g), std::fabs(c.b)});
+}
 
 // Factor of a goniometric light's intensity by direction.
 using IntensityDistribution = std::variant<IntensityMap, PhotometricWeb>;

@@ -20,6 +20,7 @@ class PhotometricWeb {
 
   // d: unit. Returns 0 for NaN.
   float At(Vec3f d) const;
+  const CandelaTable& table() const { return table_; }
   // Mean over all directions.
   double mean() const { return mean_; }
   float peak() const { return peak_; }

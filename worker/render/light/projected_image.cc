@@ -42,14 +42,19 @@ absl::StatusOr<ProjectedImage> ProjectedImage::Make(int width, int height, std::
 }
 
 Rgb ProjectedImage::At(Vec3f d) const {
-  if (!(d.z > 0)) return {};
+  const std::optional<size_t> texel = TexelTowards(d);
+  return texel ? texels_[*texel] : Rgb{};
+}
+
+std::optional<size_t> ProjectedImage::TexelTowards(Vec3f d) const {
+  if (!(d.z > 0)) return std::nullopt;
   const double z = static_cast<double>(d.z);
   const double u = 0.5 * (1 + static_cast<double>(d.x) / (z * half_width_));
   const double v = 0.5 * (1 - static_cast<double>(d.y) / (z * half_height_));
-  if (!(u >= 0 && u < 1 && v >= 0 && v < 1)) return {};
+  if (!(u >= 0 && u < 1 && v >= 0 && v < 1)) return std::nullopt;
   const int x = std::min(static_cast<int>(u * width_), width_ - 1);
   const int y = std::min(static_cast<int>(v * height_), height_ - 1);
-  return texels_[static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x)];
+  return static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x);
 }
 
 double ProjectedImage::CosCorner() const {

@@ -6,6 +6,8 @@
 // pbrt-v4. Space: the light's own.
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -24,6 +26,14 @@ class ProjectedImage {
 
   // Intensity towards d; black outside the image. d need not be unit.
   Rgb At(Vec3f d) const;
+  // Index of the texel towards d, row-major, top row first; none outside the image.
+  std::optional<size_t> TexelTowards(Vec3f d) const;
+  Rgb texel(size_t index) const { return texels_[index]; }
+  int width() const { return width_; }
+  int height() const { return height_; }
+  // Half the image's size at z = 1.
+  double half_width() const { return half_width_; }
+  double half_height() const { return half_height_; }
   // Maximum of each channel over the image.
   Rgb peak() const { return peak_; }
   // Cosine of the angle between the axis and the image's corners.
@@ -34,7 +44,7 @@ class ProjectedImage {
 
  private:
   int width_ = 0, height_ = 0;
-  double half_width_ = 0, half_height_ = 0;  // Half size of the image at z = 1.
+  double half_width_ = 0, half_height_ = 0;
   std::vector<Rgb> texels_;
   Rgb peak_;
 };

@@ -145,13 +145,27 @@ float SkyPortal::PdfAt(const View& view, Place place) const {
                             cells_per_angle / solid_angle);
 }
 
+SkyPortal::View SkyPortal::WholeView() const {
+  const auto side = static_cast<double>(cells_);
+  return {{0, 0}, {side, side}, SumOf(RangeOf(0, side), RangeOf(0, side))};
+}
+
+SkyPortal::Place SkyPortal::PlaceOf(Vec3d d, double z) const {
+  return {ToPlace(Atan2(Dot(d, axis_x_), z)), ToPlace(Atan2(Dot(d, axis_y_), z))};
+}
+
+Vec3f SkyPortal::DirectionAt(Place place) const {
+  const Vec3d d = DirectionOf({SinCos(ToAngle(place.x)), SinCos(ToAngle(place.y))});
+  return ToFloat(d.x * axis_x_ + d.y * axis_y_ + d.z * axis_z_);
+}
+
 float SkyPortal::Pdf(Vec3f p, Vec3f d) const {
   const Vec3d wide = ToDouble(d);
   const double z = Dot(wide, axis_z_);
   if (!(z > 0)) return 0;
   const std::optional<View> view = ViewFrom(p);
   if (!view) return 0;
-  const Place place{ToPlace(Atan2(Dot(wide, axis_x_), z)), ToPlace(Atan2(Dot(wide, axis_y_), z))};
+  const Place place = PlaceOf(wide, z);
   if (!(place.x >= view->lower.x && place.x <= view->upper.x && place.y >= view->lower.y &&
         place.y <= view->upper.y)) {
     return 0;
@@ -183,26 +197,48 @@ double Invert(size_t first, size_t last, double lower, double upper, double want
 
 }  // namespace
 
-SkyPortal::Sample SkyPortal::SampleFrom(Vec3f p, Vec2f u) const {
-  const std::optional<View> view = ViewFrom(p);
-  if (!view) return {};
-  const Range x = RangeOf(view->lower.x, view->upper.x);
-  const Range y = RangeOf(view->lower.y, view->upper.y);
+SkyPortal::Place SkyPortal::SamplePlace(const View& view, Vec2f u) const {
+  const Range x = RangeOf(view.lower.x, view.upper.x);
+  const Range y = RangeOf(view.lower.y, view.upper.y);
   Place place;
   place.x = Invert(
-      x.first, x.last, view->lower.x, view->upper.x, static_cast<double>(u.x) * view->sum,
-      [&](size_t column) { return SumOf(RangeOf(view->lower.x, static_cast<double>(column)), y); },
+      x.first, x.last, view.lower.x, view.upper.x, static_cast<double>(u.x) * view.sum,
+      [&](size_t column) { return SumOf(RangeOf(view.lower.x, static_cast<double>(column)), y); },
       [&](size_t column) { return ColumnSum(column, y); });
   const size_t column = std::min(static_cast<size_t>(place.x), x.last);
   place.y = Invert(
-      y.first, y.last, view->lower.y, view->upper.y,
-      static_cast<double>(u.y) * ColumnSum(column, y),
+      y.first, y.last, view.lower.y, view.upper.y, static_cast<double>(u.y) * ColumnSum(column, y),
       [&](size_t row) {
-        return ColumnSum(column, RangeOf(view->lower.y, static_cast<double>(row)));
+        return ColumnSum(column, RangeOf(view.lower.y, static_cast<double>(row)));
       },
       [&](size_t row) { return static_cast<double>(ValueAt(column, row)); });
-  const Vec3d d = DirectionOf({SinCos(ToAngle(place.x)), SinCos(ToAngle(place.y))});
-  return {ToFloat(d.x * axis_x_ + d.y * axis_y_ + d.z * axis_z_), PdfAt(*view, place)};
+  return place;
+}
+
+SkyPortal::Sample SkyPortal::SampleFrom(Vec3f p, Vec2f u) const {
+  const std::optional<View> view = ViewFrom(p);
+  if (!view) return {};
+  const Place place = SamplePlace(*view, u);
+  return {DirectionAt(place), PdfAt(*view, place)};
+}
+
+SkyPortal::RaySample SkyPortal::SampleRay(Vec2f u_direction, Vec2f u_point) const {
+  const View view = WholeView();
+  const Place place = SamplePlace(view, u_direction);
+  RaySample ray;
+  ray.d = DirectionAt(place);
+  ray.p = corner_ + static_cast<double>(u_point.x) * width_ * axis_x_ +
+          static_cast<double>(u_point.y) * height_ * axis_y_;
+  const double cosine = Dot(ToDouble(ray.d), axis_z_);
+  if (cosine > 0) ray.pdf = static_cast<double>(PdfAt(view, place)) / (Area() * cosine);
+  return ray;
+}
+
+double SkyPortal::PdfRay(Vec3f p, Vec3f d) const {
+  if (!(Pdf(p, d) > 0)) return 0;
+  const Vec3d wide = ToDouble(d);
+  const double cosine = Dot(wide, axis_z_);
+  return static_cast<double>(PdfAt(WholeView(), PlaceOf(wide, cosine))) / (Area() * cosine);
 }
 
 }  // namespace sheaf::render

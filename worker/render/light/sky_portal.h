@@ -43,6 +43,22 @@ class SkyPortal {
   float Pdf(Vec3f p, Vec3f d) const;
   uint64_t memory_bytes() const { return VectorBytes(values_, sums_); }
 
+  // --- For rays that enter through the portal, wherever they lead
+
+  // p: on the rectangle. d: unit, against the ray. pdf: solid angle times area perpendicular to the
+  // ray; 0 where there is no sample.
+  struct RaySample {
+    Vec3d p;
+    Vec3f d;
+    double pdf = 0;
+  };
+  // Samples the direction by the map's luminance, and the point uniformly.
+  RaySample SampleRay(Vec2f u_direction, Vec2f u_point) const;
+  // The pdf of SampleRay for the ray that arrives at p from direction d; positive exactly where
+  // Pdf(p, d) is. d: unit.
+  double PdfRay(Vec3f p, Vec3f d) const;
+  double Area() const { return width_ * height_; }
+
  private:
   // Angles as a position in the table, both in [0, cells].
   struct Place {
@@ -61,6 +77,13 @@ class SkyPortal {
 
   Range RangeOf(double lower, double upper) const;
   std::optional<View> ViewFrom(Vec3f p) const;
+  // All directions in front of the rectangle.
+  View WholeView() const;
+  Place SamplePlace(const View& view, Vec2f u) const;
+  // z: the component of d along axis_z_, positive.
+  Place PlaceOf(Vec3d d, double z) const;
+  // Unit.
+  Vec3f DirectionAt(Place place) const;
   double ToPlace(double angle) const;
   double ToAngle(double place) const;
   // Sum of whole cells in [x0, x1) x [y0, y1); 0 if empty.

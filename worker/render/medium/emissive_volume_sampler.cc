@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "common/base/vector_bytes.h"
+#include "common/math/elementary.h"
 
 namespace sheaf::render {
 namespace {
@@ -92,6 +93,7 @@ EmissiveVolumeSampler::EmissiveVolumeSampler(const std::vector<Source>& sources)
     cells_.push_back(std::move(cells));
   }
   choice_ = DiscreteDistribution(powers);
+  for (const double power : powers) power_ += 4 * kPi * power;
   if (choice_.empty()) cells_.clear();
   for (Cells& cells : cells_) {
     const double volume = std::fabs(cells.render_from_cell.Determinant());
@@ -107,8 +109,7 @@ uint64_t EmissiveVolumeSampler::memory_bytes() const {
   return bytes;
 }
 
-EmissiveVolumeSampler::Sample EmissiveVolumeSampler::SampleFrom(
-    Vec3f p, const std::array<float, 4>& u) const {
+Vec3d EmissiveVolumeSampler::PointAt(const std::array<float, 4>& u) const {
   const size_t chosen = choice_.Sample(ExtendBits(u[2], SaltOf({u[0], u[1]})));
   const auto after = std::upper_bound(cells_.begin(), cells_.end(), chosen,
                                       [](size_t i, const Cells& c) { return i < c.first; });
@@ -120,7 +121,35 @@ EmissiveVolumeSampler::Sample EmissiveVolumeSampler::SampleFrom(
     at[a] += static_cast<double>(rest % count);
     rest /= count;
   }
-  const Vec3d to_point = cells.render_from_cell.Point(at) - ToDouble(p);
+  return cells.render_from_cell.Point(at);
+}
+
+EmissiveVolumeSampler::PointSample EmissiveVolumeSampler::SamplePoint(
+    const std::array<float, 4>& u) const {
+  PointSample sample;
+  sample.p = ToFloat(PointAt(u));
+  sample.pdf = PdfPoint(sample.p);
+  return sample;
+}
+
+double EmissiveVolumeSampler::PdfPoint(Vec3f p) const {
+  double sum = 0;
+  for (const Cells& cells : cells_) {
+    const Vec3d at = cells.cell_from_render.Point(ToDouble(p));
+    std::array<int32_t, 3> cell{};
+    bool is_inside = true;
+    for (size_t a = 0; a < 3; ++a) {
+      is_inside = is_inside && at[a] >= 0 && at[a] < cells.counts[a];
+      if (is_inside) cell[a] = static_cast<int32_t>(at[a]);
+    }
+    if (is_inside) sum += cells.density[IndexOf(cells.counts, cell)];
+  }
+  return sum;
+}
+
+EmissiveVolumeSampler::Sample EmissiveVolumeSampler::SampleFrom(
+    Vec3f p, const std::array<float, 4>& u) const {
+  const Vec3d to_point = PointAt(u) - ToDouble(p);
   const double distance = Length(to_point);
   if (!(distance > 0) || !std::isfinite(distance)) return {};
   const Vec3f w = ToFloat(to_point / distance);

@@ -53,6 +53,19 @@ class EmissiveVolumeSampler {
   // in which emission was found.
   float Pdf(Vec3f p, Vec3f w) const;
 
+  // A point where light paths begin; their directions are uniform.
+  struct PointSample {
+    Vec3f p;         // In render space.
+    double pdf = 0;  // Per volume; 0 only where rounding moves the point out of its cell.
+  };
+  // Chooses a cell by its emitted power, and a point in it uniformly. Requires: !empty().
+  PointSample SamplePoint(const std::array<float, 4>& u) const;
+  // The pdf of SamplePoint; 0 outside the cells in which emission was found.
+  double PdfPoint(Vec3f p) const;
+  // Estimate of the emitted power without the absorption on the way: luminance times area, as that
+  // of LightEmission.
+  double power() const { return power_; }
+
  private:
   struct Cells {
     Affine cell_from_render, render_from_cell;  // Cells are unit cubes that start at the origin.
@@ -63,9 +76,11 @@ class EmissiveVolumeSampler {
   static Cells CutUp(const HeterogeneousMedium& medium);
   static void Weigh(const Source& source, const Cells& cells, std::vector<double>* powers);
   static double PdfOf(const Cells& cells, Vec3d p, Vec3d w);
+  Vec3d PointAt(const std::array<float, 4>& u) const;
 
   std::vector<Cells> cells_;
   DiscreteDistribution choice_;  // Over the cells of all sources.
+  double power_ = 0;
 };
 
 }  // namespace sheaf::render

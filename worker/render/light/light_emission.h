@@ -1,0 +1,115 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LightEmission: samples the rays with which light leaves its sources, and gives their densities:
+// where light paths begin. A light is chosen by its power; a point on it uniformly; a direction by
+// the cosine (surfaces), the intensity (lights without size) or the radiance (lights at infinity).
+// Source: Veach 1997, sec. 8.2 and 10.2; Pharr, Jakob and Humphreys, "Physically Based Rendering",
+// 3rd ed., sec. 14.5 and 16.1.2.
+//
+// The density of a ray is per the measure in which its light emits:
+//   surfaces                area of the light * solid angle      power: radiance * cosine
+//   lights with a position  solid angle                          power: intensity
+//   distant lights          area perpendicular to the ray        power: irradiance
+//   lights at infinity      that area * solid angle              power: radiance
+// so the flux of a light is the mean of power / pdf over its rays. See docs/adr/0063.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include "worker/render/light/intensity_sampling.h"
+#include "worker/render/light/light_table.h"
+#include "worker/render/sampling/discrete_distribution.h"
+
+namespace sheaf::render {
+
+struct DeltaLight;
+struct InfiniteEmitter;
+
+// Color: Rgb, or Spectral at the wavelengths of the path.
+template <typename Color>
+struct EmittedRayOf {
+  Vec3f p;         // On the light; for distant and infinite lights before everything they reach.
+  Vec3f p_error;   // Bound of the absolute rounding error of p.
+  Vec3f n;         // Normal of a surface there, as LightSample::n_light; zero otherwise.
+  Vec3f w;         // Unit, leaving the light.
+  Color power;     // Per the light's measure, above.
+  double pdf = 0;  // Of the ray in that measure, times the probability of choosing the light.
+  uint32_t light = 0;
+  bool is_infinite = false;  // p is not on the light.
+  bool is_unseen = false;    // No ray hits the light there, as EmissionDetail says.
+  // As in LightSample: the shape whose alpha cut-out the caller must still apply.
+  int32_t cut_out = kNone;
+  Vec2f uv;
+};
+using EmittedRay = EmittedRayOf<Rgb>;
+
+// Independent numbers in [0, 1), multiples of 2^-24.
+struct EmissionUniforms {
+  float light = 0;
+  Vec2f position, direction;
+};
+
+class LightEmission {
+ public:
+  // lights: must outlive *this. Distant and infinite lights send rays through the sphere about
+  // `center` (render space) only; they have no power where the radius is 0.
+  LightEmission(const LightTable& lights, Vec3d center, double radius);
+
+  // Whether no light has power.
+  bool empty() const { return choice_.empty(); }
+  // Estimate of the power of all lights: luminance times the light's measure, watts where the
+  // scene's numbers are. Exact for constant emission and undistorted lights.
+  double power() const { return power_; }
+  uint64_t memory_bytes() const;
+
+  // Samples a ray. None where the sample carries no light. Never returns a pdf that is 0 or not
+  // finite. A ray of an infinite light with a portal illuminates only points that it meets beyond
+  // the portal: those at which PdfLe is positive.
+  template <typename Color = Rgb>
+  std::optional<EmittedRayOf<Color>> SampleLe(const EmissionUniforms& u,
+                                              const WavelengthsOf<Color>& wavelengths = {}) const;
+  // The pdf of SampleLe for the ray that leaves the light along w (unit). p: the point that it
+  // reaches; used for lights at infinity only. n: as EmittedRay::n. The bits are those of
+  // EmittedRay::pdf, but where rounding puts a direction into the next texel.
+  double PdfLe(uint32_t light, Vec3f p, Vec3f n, Vec3f w) const;
+
+ private:
+  double PowerOf(uint32_t light) const;
+  double PowerOf(const DeltaLight& light) const;
+  double PowerOf(const InfiniteEmitter& light) const;
+  // Area perpendicular to the rays of lights at infinity.
+  double CrossSection() const;
+  SpotDirections SpotOf(const DeltaLight& light) const;
+  // Unit, in the light's space.
+  Vec3d DirectionFrom(const DeltaLight& light, Vec2f u) const;
+  // Per solid angle in render space. w: unit, leaving the light.
+  double DirectionPdf(const DeltaLight& light, Vec3f w) const;
+  // These set all of the ray but the light; SampleInfinite alone sets pdf, too.
+  template <typename Color>
+  void SampleSurface(uint32_t light, const EmissionUniforms& u,
+                     const WavelengthsOf<Color>& wavelengths, EmittedRayOf<Color>* ray) const;
+  template <typename Color>
+  void SampleDelta(const DeltaLight& light, const EmissionUniforms& u,
+                   const WavelengthsOf<Color>& wavelengths, EmittedRayOf<Color>* ray) const;
+  template <typename Color>
+  void SampleInfinite(const InfiniteEmitter& light, double probability, const EmissionUniforms& u,
+                      const WavelengthsOf<Color>& wavelengths, EmittedRayOf<Color>* ray) const;
+  // The point before the sphere on the line through q along w.
+  Vec3f StartBefore(Vec3d q, Vec3f w) const;
+  // A line along w through the sphere's disk perpendicular to it.
+  Vec3d PointOnDisk(Vec3f w, Vec2f u) const;
+
+  const LightTable* lights_;
+  Vec3d center_;
+  double radius_;
+  std::vector<std::variant<MapDirections, WebDirections>> intensities_;  // As Impl::intensities.
+  std::vector<ImageDirections> images_;  // As Impl::projected_images.
+  DiscreteDistribution choice_;          // By light.
+  double power_ = 0;
+};
+
+}  // namespace sheaf::render
