@@ -6,6 +6,7 @@
 // Axes and mappings are pbrt-v4's.
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -20,6 +21,21 @@
 #include "worker/render/geometry/surface_point.h"
 
 namespace sheaf::render {
+
+// How a camera sees a point along one ray. Space: render.
+struct CameraConnection {
+  Vec3f p_lens;  // The origin of the camera's ray that meets the point.
+  Vec3f wi;      // Unit, from the point to p_lens.
+  Vec2d film;    // Raster position of the ray; may lie outside of the frame.
+  // The integral over the film, in pixels, of the weights of the rays that meet an area at the
+  // point that faces p_lens, per such area; over the density with which p_lens was sampled. A
+  // surface of radiance L there adds L * importance * |cos| * area to the pixel, on average over
+  // lens and shutter.
+  double importance = 0;
+  // The same integral of the rays themselves: how many of them meet that area if each pixel sends
+  // one. The two are equal but for realistic lenses, where rays have weights.
+  double ray_density = 0;
+};
 
 class Camera {
  public:
@@ -38,6 +54,13 @@ class Camera {
   // passes, in which case the ray is unspecified.
   template <uint32_t kTraits>
   Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight = nullptr) const;
+  // Connects p with a point of the lens, sampled as by MakeRay (uniformly on the frontmost surface
+  // of a realistic lens); the inverse of MakeRay for cameras without a lens. None where the camera
+  // does not see p. camera_importance.cc gives formulas and sources.
+  std::optional<CameraConnection> SampleWi(Vec3f p, Vec2f lens, float shutter_fraction) const;
+  // CameraConnection::ray_density where the ray, made by MakeRay, meets p; 0 where SampleWi finds
+  // no connection.
+  double PdfWe(const Ray& ray, Vec3f p) const;
   // Samples a time in [0, 1) of the shutter interval in proportion to the shutter's opening.
   // Returns u itself where the shutter opens and closes instantly.
   float ShutterFraction(float u) const { return shutter_.empty() ? u : shutter_.Sample(u); }
@@ -58,6 +81,22 @@ class Camera {
   // MakeRay of spherical and realistic cameras: a separate function, so that others do not pay for
   // the call.
   Ray MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight) const;
+  // A connection in camera space: q - o is along `towards`, which need not be unit.
+  struct Sight {
+    Vec3d o, towards;
+    Vec2d film;
+    double importance = 0, ray_density = 0;
+  };
+  std::optional<Sight> SightOf(Vec3d q, Vec2f lens) const;
+  Sight SightOnScreen(Vec3d q, Vec2d on_lens) const;
+  Sight SightOnSphere(Vec3d q) const;
+  std::optional<Sight> SightThroughLens(const std::optional<RealisticLens::Connection>& seen,
+                                        Vec3d q) const;
+  Vec2d PointOnLens(Vec2f lens) const {
+    return (blades_.empty() ? SampleUnitDisk(lens) : blades_.Sample(lens)) * lens_radius_;
+  }
+  // Number of pixels per area of the screen.
+  double PixelDensity() const { return std::fabs(1 / (screen_step_.x * screen_step_.y)); }
 
   Kind kind_ = Kind::kPerspective;
   bool bends_rays_ = false;  // Spherical and realistic cameras, which have no single screen.
@@ -90,8 +129,7 @@ Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weigh
   if (Has(kTraits, Trait::kLens) && lens_radius_ > 0) {
     // All rays of a film point meet at z = F: subtracting lens / F from the direction avoids
     // division by a small number, and F = infinity gives parallel rays.
-    const Vec2d on_lens =
-        (blades_.empty() ? SampleUnitDisk(lens) : blades_.Sample(lens)) * lens_radius_;
+    const Vec2d on_lens = PointOnLens(lens);
     o = o + Vec3d{on_lens.x, on_lens.y, 0};
     d = d - Vec3d{on_lens.x, on_lens.y, 0} * inverse_focal_distance_;
   }

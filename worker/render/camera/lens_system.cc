@@ -70,6 +70,14 @@ bool LensSystem::Refract(double eta_ratio, Vec3d n, double cosine, LensRay* ray)
   return ray->d.z * forward > 0;  // Rays that turn back are lost in the barrel.
 }
 
+double LensSystem::TransmissionAt(const Surface& surface, const LensRay& ray, Stop stop) const {
+  if (stop == Stop::kIgnored) return 1;
+  const double scale = 1 / surface.aperture_radius;
+  const Vec2d p{ray.o.x * scale, ray.o.y * scale};
+  if (stop == Stop::kShaped) return mask_.Transmission(p);
+  return p.x * p.x + p.y * p.y <= mask_.BoundingRadiusSquared() ? 1 : 0;
+}
+
 double LensSystem::Trace(LensRay* ray, Stop stop, double* from_middle) const {
   double weight = 1;
   for (size_t i = surfaces_.size(); i-- > 0;) {
@@ -81,14 +89,7 @@ double LensSystem::Trace(LensRay* ray, Stop stop, double* from_middle) const {
       if (from_middle != nullptr) {
         *from_middle = std::sqrt(ray->o.x * ray->o.x + ray->o.y * ray->o.y);
       }
-      if (stop == Stop::kIgnored) continue;
-      const double scale = 1 / surface.aperture_radius;
-      const Vec2d p{ray->o.x * scale, ray->o.y * scale};
-      if (stop == Stop::kShaped) {
-        weight *= mask_.Transmission(p);
-      } else if (!(p.x * p.x + p.y * p.y <= mask_.BoundingRadiusSquared())) {
-        weight = 0;
-      }
+      weight *= TransmissionAt(surface, *ray, stop);
       if (weight == 0) return 0;
       continue;
     }
@@ -97,15 +98,40 @@ double LensSystem::Trace(LensRay* ray, Stop stop, double* from_middle) const {
   return weight;
 }
 
-bool LensSystem::TraceFromScene(LensRay* ray) const {
+double LensSystem::TraceBack(LensRay* ray, Stop stop) const {
+  double weight = 1;
   for (const Surface& surface : surfaces_) {
     Vec3d n;
     double cosine = 0;
-    if (!Intersect(surface, ray, &n, &cosine)) return false;
-    if (surface.is_stop) continue;
-    if (!Refract(surface.eta_scene / surface.eta_film, n, cosine, ray)) return false;
+    if (!Intersect(surface, ray, &n, &cosine)) return 0;
+    if (surface.is_stop) {
+      weight *= TransmissionAt(surface, *ray, stop);
+      if (weight == 0) return 0;
+      continue;
+    }
+    if (!Refract(surface.eta_scene / surface.eta_film, n, cosine, ray)) return 0;
   }
-  return true;
+  return weight;
+}
+
+std::optional<LensSystem::FrontPoint> LensSystem::FrontAt(Vec2d p_mm) const {
+  const Surface& front = surfaces_.front();
+  const double square = p_mm.x * p_mm.x + p_mm.y * p_mm.y, c = front.curvature;
+  const double radius = front_radius_mm();
+  const double under_root = 1 - c * c * square;
+  if (!(square <= radius * radius && under_root > 0)) return std::nullopt;
+  const double height = c * square / (1 + std::sqrt(under_root));
+  return FrontPoint{{p_mm.x, p_mm.y, front.z + height}, {-c * p_mm.x, -c * p_mm.y, 1 - c * height}};
+}
+
+double LensSystem::front_radius_mm() const {
+  const Surface& front = surfaces_.front();
+  return front.aperture_radius * (front.is_stop ? std::sqrt(mask_.BoundingRadiusSquared()) : 1);
+}
+
+double LensSystem::FilmEtendueFactor() const {
+  const double ratio = surfaces_.front().eta_scene / surfaces_.back().eta_film;
+  return ratio * ratio;
 }
 
 absl::StatusOr<LensSystem::CardinalPoints> LensSystem::FindCardinalPoints(double height_mm) const {

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -39,8 +40,22 @@ class LensSystem {
   bool MayPass(LensRay* ray, double* from_middle) const {
     return Trace(ray, Stop::kBounded, from_middle) != 0;
   }
-  // The opposite direction; ignores the stop's shape. Requires: d.z < 0, starting before the lens.
-  bool TraceFromScene(LensRay* ray) const;
+  // The opposite directions. Require: d.z < 0, starting before the lens. TraceFromScene ignores the
+  // stop's shape.
+  double TraceToFilm(LensRay* ray) const { return TraceBack(ray, Stop::kShaped); }
+  bool TraceFromScene(LensRay* ray) const { return TraceBack(ray, Stop::kIgnored) != 0; }
+
+  // A point of the frontmost surface, and its unit normal towards the scene.
+  struct FrontPoint {
+    Vec3d p, n;
+  };
+  // At these distances from the axis; none outside of the surface's opening.
+  std::optional<FrontPoint> FrontAt(Vec2d p_mm) const;
+  // Of a disk that bounds the frontmost surface's opening.
+  double front_radius_mm() const;
+  // The factor by which the lens changes etendue from the scene to the film: the squared ratio of
+  // the two sides' indices, 1 in air.
+  double FilmEtendueFactor() const;
 
   double rear_z_mm() const { return surfaces_.back().z; }  // At the rear surface's vertex.
   double front_z_mm() const { return surfaces_.front().z; }
@@ -68,6 +83,9 @@ class LensSystem {
   static bool Refract(double eta_ratio, Vec3d n, double cosine, LensRay* ray);
   enum class Stop { kShaped, kBounded, kIgnored };
   double Trace(LensRay* ray, Stop stop, double* from_middle) const;
+  double TraceBack(LensRay* ray, Stop stop) const;
+  // The transmittance of a stop for a ray that lies on it.
+  double TransmissionAt(const Surface& surface, const LensRay& ray, Stop stop) const;
   absl::Status Focus(const LensDescription& description);
   absl::StatusOr<CardinalPoints> FindCardinalPoints(double height_mm) const;
 
