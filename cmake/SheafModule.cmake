@@ -63,6 +63,9 @@ function(sheaf_add_module)
   endif()
 endfunction()
 
+# ctest leaves a file SUITE.TEST.xml for each GoogleTest here.
+set(SHEAF_TEST_REPORTS ${CMAKE_BINARY_DIR}/test_reports)
+
 # sheaf_add_test(NAME stability SOURCES ... DEPS ... [LABEL fast|slow|integration] [TIMEOUT seconds]
 #                [COST seconds] [PRECOMPILE <header.h> ...])
 #
@@ -94,6 +97,6 @@ function(sheaf_add_test)
   if(SHEAF_TEST_LINKER)
     target_link_options(${target} PRIVATE -fuse-ld=gold)
   endif()
-  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST XML_OUTPUT_DIR ${SHEAF_TEST_REPORTS}
     PROPERTIES LABELS ${T_LABEL} TIMEOUT ${timeout} COST ${T_COST})
 endfunction()

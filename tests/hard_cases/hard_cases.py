@@ -4,12 +4,13 @@
 """Runs the tests of every hard case of docs/hard-cases.md and writes their measurements.
 
     tests/hard_cases/hard_cases.py [--build build/dev] [--out build/dev/hard_cases] [--short]
-        [--jobs N]
+        [--jobs N] [--reports FOLDER]
 
 The folder of --out receives hard-cases.html, a page that loads nothing else, and hard-cases.json,
 in which the strings "nan", "inf" and "-inf" stand for numbers that JSON lacks. --short omits the
-tests that take longest; SHEAF_LONG_TESTS=1 lengthens the others. Exits with 1 if a row is red: a
-test fails, is not built, or records no figure.
+tests that take longest; SHEAF_LONG_TESTS=1 lengthens the others. --reports takes the results of
+tests that ctest ran since they were built. Exits with 1 if a row is red: a test fails, is not
+built, or records no figure.
 """
 import argparse
 import concurrent.futures
@@ -20,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import xml.etree.ElementTree
 
 import catalogue
 import page
@@ -84,6 +86,30 @@ def run_program(program, tests):
             suites = json.load(file)["testsuites"]
     return {f"{suite['name']}.{test['name']}": test
             for suite in suites for test in suite["testsuite"]}, ""
+
+
+def read_report(folder, test, program):
+    """The test's result in GoogleTest's XML as an object of its JSON; None without one that is
+    complete and newer than the program."""
+    path = os.path.join(folder, test + ".xml")
+    try:
+        if os.path.getmtime(path) < os.path.getmtime(program):
+            return None
+        case = xml.etree.ElementTree.parse(path).getroot().find("testsuite/testcase")
+    except (FileNotFoundError, xml.etree.ElementTree.ParseError):
+        return None  # ctest runs it just now, or has not run it.
+    if case is None or f"{case.get('classname')}.{case.get('name')}" != test:
+        return None
+    report = {"result": case.get("result", "").upper(), "time": case.get("time", "0") + "s",
+              **{p.get("name"): p.get("value") for p in case.iter("property")}}
+    failures = [failure.get("message") for failure in case.iter("failure")]
+    return {**report, "failures": failures} if failures else report
+
+
+def read_reports(folder, program_of, tests):
+    """{test: its report} of those that have one."""
+    found = {test: read_report(folder, test, program_of[test]) for test in tests}
+    return {test: report for test, report in found.items() if report is not None}
 
 
 def run_tests(program_of, tests, jobs):
@@ -196,14 +222,17 @@ def for_json(value):
     return [for_json(item) for item in value] if isinstance(value, list) else value
 
 
-def measure(rows, build, short, jobs):
+def measure(rows, build, short, jobs, reports_folder):
     """The complete output JSON."""
     started = time.monotonic()
     program_of = find_tests(os.path.join(build, "bin"))
     wanted = sorted({test for row in rows for test in catalogue.tests_of(row, program_of)})
     left_out = {test for test in wanted
                 if short and any(catalogue.matches(pattern, test) for pattern in LONG)}
-    reports, failures = run_tests(program_of, [t for t in wanted if t not in left_out], jobs)
+    wanted = [test for test in wanted if test not in left_out]
+    known = read_reports(reports_folder, program_of, wanted) if reports_folder else {}
+    reports, failures = run_tests(program_of, [t for t in wanted if t not in known], jobs)
+    reports.update(known)
     cases = [judge(row, list(program_of), left_out, reports) for row in rows]
     for program, failure in failures.items():
         print(f"{program} {failure}", file=sys.stderr)
@@ -229,10 +258,12 @@ def main():
     parser.add_argument("--short", action="store_true", help="leave out the longest tests")
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)),
                         help="programs at a time; default: one for each processor")
+    parser.add_argument("--reports", metavar="FOLDER", help="where ctest leaves results as XML")
     options = parser.parse_args()
     if not os.path.isdir(os.path.join(options.build, "bin")):
         sys.exit(f"{options.build}: no folder bin with test programs; ./tests/run builds them")
-    result = measure(catalogue.read_rows(), options.build, options.short, options.jobs)
+    result = measure(catalogue.read_rows(), options.build, options.short, options.jobs,
+                     options.reports)
     out = options.out or os.path.join(options.build, "hard_cases")
     os.makedirs(out, exist_ok=True)
     with open(os.path.join(out, "hard-cases.json"), "w", encoding="utf-8") as file:

@@ -3,8 +3,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of the document of hard cases, the names of tests, and the page for given results."""
 import json
+import os
 import re
+import tempfile
 import unittest
+import xml.sax.saxutils
 
 import catalogue
 import hard_cases
@@ -129,6 +132,43 @@ class JudgeTest(unittest.TestCase):
             "words", record(measured=1 + 2 ** -22, tolerance=1, naive="-inf"), "t")
         self.assertEqual((computed["z"], computed["ulps"]), (None, 2))
         self.assertFalse(computed["naive_holds"])
+
+
+class ReportsTest(unittest.TestCase):
+    """Results that ctest left as XML."""
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.program = os.path.join(self.folder.name, "program")
+        with open(self.program, "w", encoding="utf-8"):
+            os.utime(self.program, (1000, 1000))
+
+    def read(self, inside="", time=2000, name="G1Name"):
+        path = os.path.join(self.folder.name, "Suite.G1Name.xml")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(f'<testsuites><testsuite name="Suite"><testcase name="{name}" '
+                       f'classname="Suite" result="completed" time="0.25">{inside}</testcase>'
+                       '</testsuite></testsuites>')
+        os.utime(path, (time, time))
+        return hard_cases.read_reports(self.folder.name, {"Suite.G1Name": self.program},
+                                       ["Suite.G1Name"])
+
+    def test_they_are_those_of_the_program(self):
+        value = xml.sax.saxutils.quoteattr(record(naive=0))
+        reports = self.read('<properties><property name="hard_case G1 words" '
+                            f'value={value}/></properties>')
+        case = hard_cases.judge(row(), ["Suite.G1Name"], set(), reports)
+        self.assertEqual((case["problems"], case["seconds"]), ([], 0.25))
+
+    def test_failures_are_failures(self):
+        case = hard_cases.judge(row(), ["Suite.G1Name"], set(),
+                                self.read('<failure message="off"></failure>'))
+        self.assertIn("Suite.G1Name failed", case["problems"])
+
+    def test_others_are_run_again(self):
+        self.assertEqual(self.read(time=500), {})
+        self.assertEqual(self.read(name="G1Other"), {})
+        self.assertEqual(self.read("<properties>"), {})
 
 
 class PageTest(unittest.TestCase):
