@@ -39,12 +39,14 @@ void Consider(uint64_t limit, uint64_t used, const std::string& name, MemoryRoom
   if (bytes < room->bytes) *room = {bytes, absl::StrCat(name, ", ", FormatMemory(limit), ")")};
 }
 
-// The process's path below the root of version 2 control groups: "/a/b"; "/" is the root.
-std::string GroupOf(const std::string& proc) {
+// The process's path below the root of control groups: "/a/b"; "/" is the root. mark: the end of
+// what precedes it in its line, with its slash.
+std::string GroupOf(const std::string& proc, std::string_view mark) {
   std::ifstream file(absl::StrCat(proc, "/self/cgroup"));
   std::string line;
   while (std::getline(file, line)) {
-    if (line.starts_with("0::/")) return line.substr(3);
+    const size_t at = line.find(mark);
+    if (at != std::string::npos) return line.substr(at + mark.size() - 1);
   }
   return "/";
 }
@@ -58,6 +60,16 @@ void ConsiderGroup(const std::string& folder, const char* max, const char* used,
   const uint64_t cache = ReadNumber(absl::StrCat(folder, "/memory.stat"), cache_key).value_or(0);
   Consider(*limit, *now > cache ? *now - cache : 0,
            absl::StrCat("the control group's limit of memory (", max), room);
+}
+
+// The process's group and all that it is in. In a container the files of its own group may be those
+// of the root.
+template <typename Consideration>
+void ForEachGroup(std::string group, const Consideration& consider) {
+  for (;; group.resize(group.rfind('/'))) {
+    consider(group);
+    if (group.empty() || group == "/") break;
+  }
 }
 
 }  // namespace
@@ -78,12 +90,13 @@ MemoryRoom FindMemoryRoom(uint64_t address_space_max, const std::string& proc,
     const uint64_t pages = ReadNumber(absl::StrCat(proc, "/self/statm")).value_or(0);
     Consider(address_space_max, pages * page, "the limit of address space (ulimit -v", &room);
   }
-  for (std::string group = GroupOf(proc);; group.resize(group.rfind('/'))) {
+  ForEachGroup(GroupOf(proc, "0::/"), [&](const std::string& group) {
     ConsiderGroup(cgroup + group, "memory.max", "memory.current", "inactive_file", &room);
-    if (group.empty() || group == "/") break;
-  }
-  ConsiderGroup(cgroup + "/memory", "memory.limit_in_bytes", "memory.usage_in_bytes",
-                "total_inactive_file", &room);
+  });
+  ForEachGroup(GroupOf(proc, ":memory:/"), [&](const std::string& group) {
+    ConsiderGroup(cgroup + "/memory" + group, "memory.limit_in_bytes", "memory.usage_in_bytes",
+                  "total_inactive_file", &room);
+  });
   const std::string memory = absl::StrCat(proc, "/meminfo");
   constexpr uint64_t kKiB = 1024;
   const std::optional<uint64_t> total = ReadNumber(memory, "MemTotal:");

@@ -69,6 +69,20 @@ TEST_F(MemoryRoomTest, VersionOneGroupsCount) {
   EXPECT_EQ(Find().bytes, 0u);
 }
 
+TEST_F(MemoryRoomTest, VersionOneGroupsWithinOthersCount) {
+  Write("proc/self/cgroup", "4:memory:/jobs/a\n2:cpuacct:/other\n0::/\n");
+  Write("cgroup/memory/memory.limit_in_bytes", "9223372036854771712\n");
+  Write("cgroup/memory/memory.usage_in_bytes", "0\n");
+  Write("cgroup/memory/jobs/memory.limit_in_bytes", std::to_string(900 * kMiB));
+  Write("cgroup/memory/jobs/memory.usage_in_bytes", "0\n");
+  Write("cgroup/memory/jobs/a/memory.limit_in_bytes", std::to_string(300 * kMiB));
+  Write("cgroup/memory/jobs/a/memory.usage_in_bytes", std::to_string(100 * kMiB));
+  EXPECT_EQ(Find().bytes, 200 * kMiB);
+  EXPECT_THAT(Find().limit, HasSubstr("control group"));
+  Write("cgroup/memory/jobs/memory.usage_in_bytes", std::to_string(850 * kMiB));
+  EXPECT_EQ(Find().bytes, 50 * kMiB) << "that of the group around it";
+}
+
 TEST(FormatMemoryTest, SmallSizesAreNotZero) {
   EXPECT_EQ(FormatMemory(12), "12 bytes");
   EXPECT_EQ(FormatMemory(1024), "1 KiB");
