@@ -33,8 +33,10 @@ class FrameScene : public LoadedScene {
     // after it: changes in between may affect the image.
     if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
     absl::StatusOr<RenderedPart> rendered = scene_->Render(lease, stop);
-    if (!rendered.ok()) return rendered.status();
+    if (absl::IsCancelled(rendered.status())) return rendered.status();
+    // An error that altered files cause is not the scene's.
     if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
+    if (!rendered.ok()) return rendered.status();
     FinishedPart part;
     part.lease_id = lease.lease_id;
     part.frame_digest = lease.frame_digest;
@@ -108,7 +110,11 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
 
   OpenResult opened =
       scenes_->Open({manifest->main_file, files->local_paths(), lease.settings, limits_}, stop);
-  if (opened.scene == nullptr) return Failed(opened.failure_kind, opened.status);
+  if (opened.scene == nullptr) {
+    const absl::Status unchanged = cache_->CheckUnchanged(*files);
+    if (!unchanged.ok()) return Failed(FailureKind::kInfrastructure, unchanged);
+    return Failed(opened.failure_kind, opened.status);
+  }
   LogInfo(absl::StrCat(lease.frame_name, ": ", manifest->main_file, " is ready, ",
                        opened.scene->memory_bytes() >> 20, " MiB"));
   return {std::make_unique<FrameScene>(cache_, *std::move(files), std::move(opened.scene)),
