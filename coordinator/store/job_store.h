@@ -76,6 +76,7 @@ struct StoredJob {
   std::vector<StoredFrame> delivered;  // Ascending by number.
   std::string warning;                 // What its users should know of its images; mostly empty.
   std::map<int32_t, int32_t> corrections;  // By frame: how often it was, where that is not 0.
+  std::string damage;                      // What of it changed on disk; empty: nothing.
 };
 
 // Thread safety: all members may be called concurrently.
@@ -87,8 +88,9 @@ class JobStore {
 
   // All jobs, ascending by id.
   virtual absl::StatusOr<std::vector<StoredJob>> LoadJobs() = 0;
-  // Returns the parts of a job whose bytes are on disk. Rows without bytes are removed and counted
-  // in rows_lost. Bytes without a row are removed silently, as no call has acknowledged them.
+  // Returns the parts of a job whose bytes are on disk. Rows without bytes, and rows that changed
+  // on disk, are removed and counted in rows_lost. Bytes without a row are removed silently, as no
+  // call has acknowledged them.
   struct LoadedParts {
     std::vector<PartRow> rows;
     int64_t rows_lost = 0;

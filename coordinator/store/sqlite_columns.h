@@ -40,31 +40,28 @@ struct StoredBytes {
 std::string FormatLayers(const std::vector<LayerCount>& counts);
 std::vector<LayerCount> ParseLayers(const std::string& text);
 
+// A member as its column stores it: a whole number, a floating-point number, text or bytes.
+template <typename T>
+requires std::integral<T> || std::is_enum_v<T> int64_t StoredForm(T value) {
+  return static_cast<int64_t>(value);
+}
+inline double StoredForm(float value) { return value; }
+inline double StoredForm(double value) { return value; }
+inline const std::string& StoredForm(const std::string& value) { return value; }
+inline const StoredBytes& StoredForm(const StoredBytes& value) { return value; }
+inline int64_t StoredForm(absl::Time value) { return ToNanoseconds(value); }
+inline int64_t StoredForm(absl::Duration value) { return ToNanoseconds(value); }
+inline std::string StoredForm(const FilmOutputs& value) { return FormatOutputs(value); }
+inline std::string StoredForm(const std::vector<LayerCount>& value) { return FormatLayers(value); }
+
 // Binds a member as the statement's next parameter.
 template <typename T>
-requires std::integral<T> || std::is_enum_v<T>
-void BindValue(T value, SqliteStatement* statement) {
-  statement->Bind(static_cast<int64_t>(value));
-}
-inline void BindValue(float value, SqliteStatement* statement) { statement->Bind(double{value}); }
-inline void BindValue(double value, SqliteStatement* statement) { statement->Bind(value); }
-inline void BindValue(const std::string& value, SqliteStatement* statement) {
-  statement->Bind(value);
-}
-inline void BindValue(const StoredBytes& value, SqliteStatement* statement) {
-  statement->BindBytes(value.bytes);
-}
-inline void BindValue(absl::Time value, SqliteStatement* statement) {
-  statement->Bind(ToNanoseconds(value));
-}
-inline void BindValue(absl::Duration value, SqliteStatement* statement) {
-  statement->Bind(ToNanoseconds(value));
-}
-inline void BindValue(const FilmOutputs& value, SqliteStatement* statement) {
-  statement->Bind(FormatOutputs(value));
-}
-inline void BindValue(const std::vector<LayerCount>& value, SqliteStatement* statement) {
-  statement->Bind(FormatLayers(value));
+void BindValue(const T& value, SqliteStatement* statement) {
+  if constexpr (std::is_same_v<T, StoredBytes>) {
+    statement->BindBytes(value.bytes);
+  } else {
+    statement->Bind(StoredForm(value));
+  }
 }
 
 // Reads a member from a column of the statement's current row. Errors: kDataLoss.

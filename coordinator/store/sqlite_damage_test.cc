@@ -72,6 +72,20 @@ class SqliteDamageTest : public testing::Test {
     return absl::OkStatus();
   }
 
+  // Changes values as bits that flip on disk do: SQLite's checks do not see it.
+  void Change(const std::string& statement) {
+    store_.reset();
+    auto changed = SqliteDatabase::Open(database_);
+    SHEAF_CHECK(changed.ok() && (*changed)->Execute(statement).ok());
+  }
+  // What LoadJobs says of the job after a start.
+  std::string DamageAfterStart() {
+    SHEAF_CHECK(Start().ok());
+    const auto jobs = store_->LoadJobs();
+    SHEAF_CHECK(jobs.ok() && jobs->size() == 1);
+    return jobs->front().damage;
+  }
+
   const std::string directory_, database_;
   std::unique_ptr<SqliteJobStore> store_;
 };
@@ -154,6 +168,65 @@ TEST_F(SqliteDamageTest, CorruptDatabasesNeverCrash) {
     EXPECT_THAT(std::string(status.message()), HasSubstr("farm.db")) << round;
   }
   EXPECT_GT(refused, 20);
+}
+
+TEST_F(SqliteDamageTest, WholeRowsAreNotDamaged) { EXPECT_EQ(DamageAfterStart(), ""); }
+
+TEST_F(SqliteDamageTest, SettingsThatChangeAreFound) {
+  for (const char* change :
+       {"seed = seed + 4", "samples = samples + 1", "max_depth = 7", "x0 = 1", "target_error = 0.5",
+        "frame_digest = 'a' || substr(frame_digest, 2)", "scene_sha256 = 'none'"}) {
+    SCOPED_TRACE(change);
+    const auto whole = SqliteDatabase::Open(database_);
+    ASSERT_TRUE(whole.ok());
+    ASSERT_TRUE((*whole)->Execute("CREATE TEMP TABLE kept AS SELECT * FROM frames").ok());
+    Change(absl::StrCat("UPDATE frames SET ", change, " WHERE frame_number = 7"));
+    EXPECT_EQ(DamageAfterStart(), "the row of frame 7");
+    ASSERT_TRUE(
+        (*whole)->Execute("DELETE FROM frames; INSERT INTO frames SELECT * FROM kept").ok());
+  }
+  Change("UPDATE jobs SET tile_size_px = 16");
+  EXPECT_EQ(DamageAfterStart(), "the job's row");
+}
+
+TEST_F(SqliteDamageTest, RowsOfEarlierVersionsHaveNoSeals) {
+  Change("UPDATE frames SET seed = 4, seal = 0 WHERE frame_number = 7; UPDATE jobs SET seal = 0");
+  EXPECT_EQ(DamageAfterStart(), "");
+}
+
+// The samples and the stop rule of a frame that continues are sealed again.
+TEST_F(SqliteDamageTest, ReopenedFramesAreNotDamaged) {
+  auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok());
+  JobStore::ReopenedFrame reopened{jobs->front().spec.frames[6], {}};
+  reopened.spec.settings.samples = 1 << 10;
+  reopened.spec.stop.target_error = 0.01;
+  ASSERT_TRUE(store_->ReopenJob(1, {reopened}).ok());
+  EXPECT_EQ(DamageAfterStart(), "");
+}
+
+TEST_F(SqliteDamageTest, PartsWhoseRowsChangeAreRevoked) {
+  Change("UPDATE parts SET cells = 2 WHERE x0 = 3; UPDATE parts SET cpu_ns = 5 WHERE x0 = 4");
+  ASSERT_TRUE(Start().ok());
+  EXPECT_FALSE(HasPart(3));
+  EXPECT_FALSE(HasPart(4));
+  EXPECT_TRUE(HasPart(5));
+  const auto again = store_->LoadParts(1);
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(again->rows_lost, 0) << "they are removed";
+  EXPECT_EQ(again->rows.size(), 6u);
+}
+
+TEST_F(SqliteDamageTest, RoundsThatChangeAreRefusedWithARemedy) {
+  RoundRecord round;
+  round.cells.resize(2);
+  ASSERT_TRUE(store_->AddRound({1, 7}, round).ok());
+  EXPECT_TRUE(store_->LoadRounds(1, /*with_cells=*/true).ok());
+  Change("UPDATE rounds SET tiles = zeroblob(120)");
+  ASSERT_TRUE(Start().ok());
+  const absl::Status status = store_->LoadRounds(1, /*with_cells=*/true).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("backup"));
 }
 
 TEST_F(SqliteDamageTest, OtherFilesAreRefused) {

@@ -33,7 +33,11 @@ absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
       absl::StrCat(SelectFrom<FrameRow>("frames"), "WHERE job_id = ? ORDER BY frame_number"));
   query.Bind(job->spec.job_id);
   return ReadRows<FrameRow>(&query, [job](FrameRow row) -> absl::Status {
-    FrameSpec& frame = row.wanted.spec;
+    FrameSpec& frame = row.wanted.row.spec;
+    if (!row.wanted.IsWhole()) {
+      job->damage = absl::StrCat("the row of frame ", frame.frame_number);
+      frame.scene.sha256_hex = frame.frame_digest = Sha256Hex("");  // The job's end needs some.
+    }
     if (!IsSha256Hex(frame.scene.sha256_hex) || !IsSha256Hex(frame.frame_digest)) {
       return absl::DataLossError("a stored frame has an invalid digest");
     }
@@ -58,9 +62,10 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::LoadJobs() {
 absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::ReadJobs() {
   std::vector<StoredJob> jobs;
   SqliteStatement query =
-      database_->Prepare(absl::StrCat(SelectFrom<StoredJob>("jobs"), "ORDER BY job_id"));
-  absl::Status read = ReadRows<StoredJob>(&query, [&jobs](StoredJob job) {
-    jobs.push_back(std::move(job));
+      database_->Prepare(absl::StrCat(SelectFrom<JobRow>("jobs"), "ORDER BY job_id"));
+  absl::Status read = ReadRows<JobRow>(&query, [&jobs](JobRow row) {
+    if (row.seal != kNoSeal && row.seal != SealOf(row.job)) row.job.damage = "the job's row";
+    jobs.push_back(std::move(row.job));
     return absl::OkStatus();
   });
   if (!read.ok()) return read;
@@ -75,17 +80,21 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::ReadJobs() {
 }
 
 absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id) {
-  std::vector<PartRow> rows;
+  std::vector<PartRow> rows, changed;
   {
     const MutexLock lock(&database_mutex_);
     SqliteStatement query =
-        database_->Prepare(absl::StrCat(SelectFrom<PartRow>("parts"), "WHERE job_id = ?"));
+        database_->Prepare(absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"), "WHERE job_id = ?"));
     query.Bind(job_id);
-    absl::StatusOr<std::vector<PartRow>> all = ReadPartRows(&query);
+    absl::StatusOr<std::vector<PartRow>> all = ReadPartRows(&query, &changed);
     if (!all.ok()) return all.status();
     rows = std::move(*all);
   }
   LoadedParts loaded;
+  for (const PartRow& row : changed) {
+    ++loaded.rows_lost;
+    if (absl::Status status = RemovePart(row); !status.ok()) return status;
+  }
   std::set<std::string> known;
   for (PartRow& row : rows) {
     std::error_code error;
@@ -149,9 +158,8 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::InsertJob(const JobSpec& sp
   job.spec.job_id = static_cast<uint64_t>(next.Int64(0));
   job.request_id = request_id;
   job.create_time = create_time;
-  SqliteStatement insert =
-      database_->Prepare(absl::StrCat("INSERT ", IntoTable<StoredJob>("jobs")));
-  absl::Status status = BindRow(job, &insert).Run();
+  SqliteStatement insert = database_->Prepare(absl::StrCat("INSERT ", IntoTable<JobRow>("jobs")));
+  absl::Status status = BindRow(JobRow{job, SealOf(job)}, &insert).Run();
   if (!status.ok()) return status;
   if (status = InsertFrames(job.spec.job_id, spec.frames); !status.ok()) return status;
   if (status = InsertEffects(job.spec.job_id, spec.effect_costs); !status.ok()) return status;
@@ -160,9 +168,9 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::InsertJob(const JobSpec& sp
 
 absl::Status SqliteJobStore::InsertFrames(uint64_t job_id, const std::vector<FrameSpec>& frames) {
   SqliteStatement insert =
-      database_->Prepare(absl::StrCat("INSERT ", IntoTable<FrameSpecRow>("frames")));
+      database_->Prepare(absl::StrCat("INSERT ", IntoTable<Sealed<FrameSpecRow>>("frames")));
   for (const FrameSpec& frame : frames) {
-    absl::Status status = BindRow(FrameSpecRow{job_id, frame}, &insert).Run();
+    absl::Status status = BindRow(Seal(FrameSpecRow{job_id, frame}), &insert).Run();
     if (!status.ok()) return status;
   }
   return absl::OkStatus();

@@ -73,12 +73,12 @@ absl::Status SqliteJobStore::Explained(const absl::Status& status) const {
   absl::string_view what = status.message();
   absl::ConsumePrefix(&what, path + ": ");
   return absl::DataLossError(absl::StrCat(
-      path, ": ", what, "; the database of jobs is damaged. ", "Stop here and keep a copy of ",
+      path, ": ", what, "; the database of jobs is damaged. Stop here and keep a copy of ",
       directory_, ". Then restore ", path,
-      " from a backup (without its -wal and -shm files), or save the remaining data with "
-      "\"sqlite3 ",
-      path, " .recover | sqlite3 recovered.db\" and put recovered.db in its place, or start with ",
-      "another --state-dir; finished images are in ", directory_, "/outputs in any case"));
+      " from a backup (without its -wal and -shm files), or move ", directory_,
+      " away, start anew and submit the unfinished scenes again; finished images are in ",
+      directory_, "/outputs in any case. Where SQLite's shell has .recover (Debian 12's has not), ",
+      "\"sqlite3 ", path, " .recover | sqlite3 recovered.db\" may save more"));
 }
 
 // If the file is empty, SQLite would silently create a new database in it.

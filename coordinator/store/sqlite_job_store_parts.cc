@@ -86,14 +86,15 @@ void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
 }
 
 absl::Status SqliteJobStore::InsertRow(const PartRow& row) {
-  SqliteStatement insert = database_->Prepare(absl::StrCat("INSERT ", IntoTable<PartRow>("parts")));
-  return BindRow(row, &insert).Run();
+  SqliteStatement insert =
+      database_->Prepare(absl::StrCat("INSERT ", IntoTable<Sealed<PartRow>>("parts")));
+  return BindRow(Seal(row), &insert).Run();
 }
 
 absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& key) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
-      absl::StrCat(SelectFrom<PartRow>("parts"),
+      absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"),
                    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
                    "count = ? AND cells = ?"));
   query.Bind(key.frame.job_id)
@@ -113,7 +114,7 @@ absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId
                                                                    const PixelRect& tile) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
-      absl::StrCat(SelectFrom<PartRow>("parts"),
+      absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"),
                    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
   query.Bind(frame.job_id).Bind(frame.frame_number).Bind(tile.y0).Bind(tile.x0);
   return ReadPartRows(&query);

@@ -39,7 +39,7 @@ absl::StatusOr<std::vector<QuarantineRecord>> SqliteJobStore::LoadQuarantines() 
 absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindPartsOf(const std::string& identity) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
-      absl::StrCat(SelectFrom<PartRow>("parts"), "WHERE identity = ? ORDER BY job_id"));
+      absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"), "WHERE identity = ? ORDER BY job_id"));
   query.Bind(identity);
   return ReadPartRows(&query);
 }

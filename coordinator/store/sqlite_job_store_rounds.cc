@@ -57,7 +57,13 @@ absl::Status UnpackCells(const std::string& bytes, RoundRecord* round) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<StoredRound> Unpacked(CellRoundRow row) {
+absl::StatusOr<StoredRound> Unpacked(Sealed<CellRoundRow> sealed) {
+  CellRoundRow& row = sealed.row;
+  if (!sealed.IsWhole()) {
+    return absl::DataLossError(absl::StrCat("round ", row.round.record.round, " of frame ",
+                                            row.round.frame_number, " of jobs/", row.job_id,
+                                            " is not as it was stored"));
+  }
   absl::Status status = UnpackCells(row.cells.bytes, &row.round.record);
   if (!status.ok()) return status;
   return std::move(row.round);
@@ -71,10 +77,10 @@ absl::Status SqliteJobStore::AddRound(const FrameId& frame, const RoundRecord& r
 }
 
 absl::Status SqliteJobStore::InsertRound(const FrameId& frame, const RoundRecord& round) {
-  SqliteStatement insert =
-      database_->Prepare(absl::StrCat("INSERT OR IGNORE ", IntoTable<CellRoundRow>("rounds")));
-  const CellRoundRow row{frame.job_id, {frame.frame_number, round}, {PackCells(round)}};
-  return BindRow(row, &insert).Run();
+  SqliteStatement insert = database_->Prepare(
+      absl::StrCat("INSERT OR IGNORE ", IntoTable<Sealed<CellRoundRow>>("rounds")));
+  CellRoundRow row{frame.job_id, {frame.frame_number, round}, {PackCells(round)}};
+  return BindRow(Seal(std::move(row)), &insert).Run();
 }
 
 absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) {
@@ -90,10 +96,12 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
       const FrameId id{job_id, frame.spec.frame_number};
       SqliteStatement update = database_->Prepare(
           absl::StrCat(UpdateOf<ReopenedRow>("frames"), "WHERE job_id = ? AND frame_number = ?"));
-      status = BindRow(ReopenedRow{false, frame.spec.settings.samples, frame.spec.stop}, &update)
-                   .Bind(job_id)
-                   .Bind(id.frame_number)
-                   .Run();
+      const int64_t seal = Seal(FrameSpecRow{job_id, frame.spec}).seal;
+      status =
+          BindRow(ReopenedRow{false, frame.spec.settings.samples, frame.spec.stop, seal}, &update)
+              .Bind(job_id)
+              .Bind(id.frame_number)
+              .Run();
       if (!status.ok()) return status;
       status = database_
                    ->Prepare(
@@ -125,25 +133,27 @@ absl::StatusOr<std::vector<StoredRound>> SqliteJobStore::LoadRounds(uint64_t job
     return round.status();
   };
   const std::string select =
-      with_cells ? SelectFrom<CellRoundRow>("rounds") : SelectFrom<StoredRound>("rounds");
+      with_cells ? SelectFrom<Sealed<CellRoundRow>>("rounds") : SelectFrom<StoredRound>("rounds");
   SqliteStatement query =
       database_->Prepare(absl::StrCat(select, "WHERE job_id = ? ORDER BY frame_number, round"));
   query.Bind(job_id);
   absl::Status read =
-      with_cells ? ReadRows<CellRoundRow>(
-                       &query, [&](CellRoundRow row) { return take(Unpacked(std::move(row))); })
-                 : ReadRows<StoredRound>(&query, take);
-  if (!read.ok()) return read;
+      with_cells
+          ? ReadRows<Sealed<CellRoundRow>>(
+                &query, [&](Sealed<CellRoundRow> row) { return take(Unpacked(std::move(row))); })
+          : ReadRows<StoredRound>(&query, take);
+  if (!read.ok()) return Explained(read);
   return rounds;
 }
 
 absl::StatusOr<std::vector<RoundRecord>> SqliteJobStore::LoadFrameRounds(const FrameId& frame) {
   const MutexLock lock(&database_mutex_);
-  SqliteStatement query = database_->Prepare(absl::StrCat(
-      SelectFrom<CellRoundRow>("rounds"), "WHERE job_id = ? AND frame_number = ? ORDER BY round"));
+  SqliteStatement query =
+      database_->Prepare(absl::StrCat(SelectFrom<Sealed<CellRoundRow>>("rounds"),
+                                      "WHERE job_id = ? AND frame_number = ? ORDER BY round"));
   query.Bind(frame.job_id).Bind(frame.frame_number);
   std::vector<RoundRecord> rounds;
-  absl::Status read = ReadRows<CellRoundRow>(&query, [&rounds](CellRoundRow row) {
+  absl::Status read = ReadRows<Sealed<CellRoundRow>>(&query, [&rounds](Sealed<CellRoundRow> row) {
     absl::StatusOr<StoredRound> round = Unpacked(std::move(row));
     if (round.ok()) rounds.push_back(std::move(round->record));
     return round.status();

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 18;
+constexpr int64_t kSchemaVersion = 19;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -150,6 +150,14 @@ constexpr char kAddedBy18[] = R"sql(
 ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT 'local';
 )sql";
 
+// See row_seal.h. A later version that adds a column to a sealed row must set the seals to 0.
+constexpr char kAddedBy19[] = R"sql(
+ALTER TABLE jobs ADD COLUMN seal INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN seal INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE parts ADD COLUMN seal INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE rounds ADD COLUMN seal INTEGER NOT NULL DEFAULT 0;
+)sql";
+
 }  // namespace
 
 absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
@@ -170,7 +178,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
                                kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
                                kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
-                               kAddedBy17, kAddedBy18};
+                               kAddedBy17, kAddedBy18, kAddedBy19};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -14,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "coordinator/store/job_store.h"
+#include "coordinator/store/row_seal.h"
 #include "coordinator/store/sqlite_columns.h"
 
 namespace sheaf::coordinator {
@@ -22,27 +23,42 @@ namespace sheaf::coordinator {
 template <typename T, typename Row>
 concept RowOf = std::is_same_v<std::remove_const_t<T>, Row>;
 
-// The table `jobs`. Frames, effects and failures are in tables of their own.
+// The columns of the table `jobs` that never change.
 template <RowOf<StoredJob> Row, typename Visitor>
-void VisitColumns(Row& row, const Visitor& visit) {
+void VisitFixedColumns(Row& row, const Visitor& visit) {
   visit("job_id", row.spec.job_id);
   visit("request_id", row.request_id);
   visit("title", row.spec.title);
   visit("owner", row.spec.owner);
-  visit("priority", row.spec.priority);
   visit("numeric_profile", row.spec.numeric_profile);
   visit("tile_size_px", row.spec.partition.tile_size_px);
   visit("pass_sample_count", row.spec.partition.pass_sample_count);
   visit("lease_pass_count", row.spec.partition.lease_pass_count);
   visit("cell_size_px", row.spec.partition.cell_size_px);
+  visit("create_ns", row.create_time);
+}
+
+// The table `jobs`. Frames, effects and failures are in tables of their own.
+struct JobRow {
+  StoredJob job;
+  int64_t seal = 0;  // Of the columns that never change.
+};
+template <RowOf<JobRow> Row, typename Visitor>
+void VisitColumns(Row& sealed, const Visitor& visit) {
+  auto& row = sealed.job;
+  VisitFixedColumns(row, visit);
+  visit("seal", sealed.seal);
+  visit("priority", row.spec.priority);
   visit("phase", row.phase);
   visit("failure", row.failure);
-  visit("create_ns", row.create_time);
   visit("end_ns", row.end_time);
   visit("paused", row.paused);
   visit("failure_count", row.failures.count);
   visit("wall_ns", row.wall_duration);
   visit("warning", row.warning);
+}
+inline int64_t SealOf(const StoredJob& job) {
+  return SealOfColumns([&job](const auto& visit) { VisitFixedColumns(job, visit); });
 }
 
 // The stop rule of a frame, in the table `frames`.
@@ -114,17 +130,19 @@ struct ReopenedRow {
   bool delivered = false;
   uint64_t samples = 0;
   StopRule stop;
+  int64_t seal = 0;  // Of the frame's specification.
 };
 template <RowOf<ReopenedRow> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {
   visit("delivered", row.delivered);
   visit("samples", row.samples);
   VisitColumns(row.stop, visit);
+  visit("seal", row.seal);
 }
 
 // A complete row of the table `frames`.
 struct FrameRow {
-  FrameSpecRow wanted;
+  Sealed<FrameSpecRow> wanted;
   DeliveredRow delivered;
   int32_t correction_count = 0;
 };
@@ -157,12 +175,18 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("identity", row.identity);
 }
 
-// Reads all rows of a statement from SelectFrom<PartRow>. Errors: those of Step.
-inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(SqliteStatement* query) {
+// Reads all rows of a statement from SelectFrom<Sealed<PartRow>>; rows that changed on disk are put
+// into `changed`, and left out where that is null. Errors: those of Step.
+inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(SqliteStatement* query,
+                                                         std::vector<PartRow>* changed = nullptr) {
   std::vector<PartRow> parts;
-  absl::Status read = ReadRows<PartRow>(query, [&parts](PartRow part) {
-    part.cost.part_bytes = part.digest.size_bytes;
-    parts.push_back(std::move(part));
+  absl::Status read = ReadRows<Sealed<PartRow>>(query, [&](Sealed<PartRow> part) {
+    part.row.cost.part_bytes = part.row.digest.size_bytes;
+    if (part.IsWhole()) {
+      parts.push_back(std::move(part.row));
+    } else if (changed != nullptr) {
+      changed->push_back(std::move(part.row));
+    }
     return absl::OkStatus();
   });
   if (!read.ok()) return read;

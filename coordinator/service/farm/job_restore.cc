@@ -26,6 +26,15 @@ std::vector<FrameSpec> UndeliveredOf(const StoredJob& job) {
   return frames;
 }
 
+// Errors: kDataLoss.
+absl::Status CheckUndamaged(const StoredJob& job, const std::string& state_directory) {
+  if (job.damage.empty()) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat(
+      state_directory, "/farm.db: ", job.damage, " of jobs/", job.spec.job_id,
+      " is not as it was stored, so bits changed on disk and the image would be another one; ",
+      "submit the scene again, and check the disk"));
+}
+
 }  // namespace
 
 absl::Status JobLifecycle::Load() {
@@ -43,7 +52,9 @@ absl::Status JobLifecycle::Load() {
     std::optional<JobStore::LoadedParts> parts;
     absl::StatusOr<ResumedCounts> resumed = ResumedCounts();
     if (job.phase == JobPhase::kLive) {
-      if (absl::Status fits = CheckJobSpec(job.spec, options_.limits); !fits.ok()) {
+      if (absl::Status whole = CheckUndamaged(job, options_.state_directory); !whole.ok()) {
+        resumed = std::move(whole);
+      } else if (absl::Status fits = CheckJobSpec(job.spec, options_.limits); !fits.ok()) {
         resumed = std::move(fits);
       } else {
         resumed = resumed_.Count(UndeliveredOf(job), job.spec.partition);
