@@ -14,6 +14,7 @@ import os
 import random
 import signal
 import sqlite3
+import statistics
 import subprocess
 import sys
 import time
@@ -28,7 +29,7 @@ from damaged_files import SCENE, write_scene  # pylint: disable=wrong-import-pos
 from machine_faults import MachineFaults  # pylint: disable=wrong-import-position
 
 # A fraction of a second on two threads, in 32 parts.
-SAMPLES, PASS_SAMPLES = 256, 64
+SAMPLES, PASS_SAMPLES = 128, 32
 JOB = ("--crop", "16,16,80,48", "--tile-size", "16", "--pass-samples", PASS_SAMPLES,
        "--lease-passes", "1", "--samples", SAMPLES)
 PARTS = (64 // 16) * (32 // 16) * (SAMPLES // PASS_SAMPLES)
@@ -57,17 +58,27 @@ class Outcome:
     problem: str = ""
 
 
+@dataclasses.dataclass(frozen=True)
+class Undisturbed:
+    """Medians of jobs without a fault."""
+    seconds: float
+    leases: float
+
+
 class Bench:
     """Use with `with`. Thread safety: none."""
 
-    def __init__(self, library, seed, farm_class=farm.Farm, arguments=()):
+    def __init__(self, library, seed, farm_class=farm.Farm, undisturbed=None,
+                 undisturbed_jobs=UNDISTURBED_JOBS):
+        """undisturbed: of an earlier farm of this class; None: it is measured by that many jobs."""
         self.library = library
         self.farm_class = farm_class
-        self.arguments = (*COORDINATOR_ARGUMENTS, *arguments)
+        self.undisturbed = undisturbed
+        self.undisturbed_jobs = undisturbed_jobs
         self.random = random.Random(seed)
         self.scene_number = 0
-        self.undisturbed_seconds = None
         self.digests = {}  # Of the pixels, by the digest of the file.
+        self.worker_names = {}  # Of their logs, by process id.
         self.stack = contextlib.ExitStack()
 
     def __enter__(self):
@@ -80,7 +91,7 @@ class Bench:
         return self.stack.__exit__(*error)
 
     def _start(self):
-        f = self.farm = self.farm_class(self.arguments)
+        f = self.farm = self.farm_class(COORDINATOR_ARGUMENTS)
         self.faults = MachineFaults(self.library, f.path("coordinator.faults"))
         self.worker_faults = MachineFaults(self.library, f.path("worker.faults"))
         self.prepare_folder()
@@ -91,20 +102,19 @@ class Bench:
         self.scene, self.texture = write_scene(f.folder)
         farm.render(self.scene, f.path("expected.exr"), *JOB)
         self.expected = farm.image_digest(f.path("expected.exr"))
-        self._measure_undisturbed()
+        first = self._run_undisturbed()  # Workers have the scene from then on.
+        if self.undisturbed is None:
+            outcomes = [first] + [self._run_undisturbed() for _ in range(self.undisturbed_jobs - 1)]
+            self.undisturbed = Undisturbed(*map(statistics.median, zip(*outcomes)))
 
     def prepare_folder(self):
         """Called once, before the farm starts; for file systems mounted there."""
 
-    def _measure_undisturbed(self):
-        seconds, leases = [], []
-        for _ in range(UNDISTURBED_JOBS):
-            outcome = self.run(lambda bench: bench.begin(progress=False))
-            assert outcome.survived, "an undisturbed job: " + outcome.problem
-            seconds.append(self.job_seconds)
-            leases.append(self.granted)
-        self.undisturbed_seconds = sorted(seconds)[len(seconds) // 2]
-        self.undisturbed_leases = sorted(leases)[len(leases) // 2]
+    def _run_undisturbed(self):
+        """Returns its seconds and leases."""
+        outcome = self.run(lambda bench: bench.begin(progress=False))
+        assert outcome.survived, "an undisturbed job: " + outcome.problem
+        return self.job_seconds, self.granted
 
     # One occurrence.
 
@@ -119,6 +129,7 @@ class Bench:
             self.granted_at_begin = self._granted_now()
             fault(self)
             self._finish()
+            self._check_workers()
         except (AssertionError, NotSurvived, OSError, sqlite3.Error,
                 subprocess.SubprocessError) as error:
             self.outcome.problem = "".join(traceback.format_exception_only(error)).strip()
@@ -199,6 +210,16 @@ class Bench:
             self.outcome.problem = "another image"
         self._account()
 
+    def _check_workers(self):
+        """A worker that no fault has killed is alive still."""
+        dead = self.replace_dead_workers()
+        if dead:
+            self.outcome.survived = False
+            self.outcome.problem = "workers ended by themselves: " + "; ".join(
+                f"code {worker.returncode}, "
+                f"{self.farm.log(self.worker_names[worker.pid]).splitlines()[-1:]}"
+                for worker in dead)
+
     def _digest(self, path):
         """The digest of the pixels; of files with the same bytes it is computed once."""
         key = hashlib.sha256(farm.read_bytes(path)).digest()
@@ -207,13 +228,11 @@ class Bench:
         return self.digests[key]
 
     def _account(self):
-        if self.undisturbed_seconds is not None:
+        self.granted += self._granted_now() - self.granted_at_begin
+        if self.undisturbed is not None:
             self.outcome.recovery_seconds = max(
-                0.0, self.job_seconds - self.fault_seconds - self.undisturbed_seconds)
-        now = self._granted_now()
-        self.granted += now - self.granted_at_begin
-        if self.undisturbed_seconds is not None:
-            self.outcome.repeated = max(0, self.granted - self.undisturbed_leases) / PARTS
+                0.0, self.job_seconds - self.fault_seconds - self.undisturbed.seconds)
+            self.outcome.repeated = max(0, self.granted - self.undisturbed.leases) / PARTS
         covered = collections.Counter()
         for _, x, y, first, count in self.acknowledged():
             covered.update((x, y, sample) for sample in range(first, first + count))
@@ -248,8 +267,17 @@ class Bench:
         environment = dict(self.farm.environment)
         self.farm.environment.update(self.worker_faults.environment)
         worker = self.farm.start_worker("--log-level", "debug")
+        self.worker_names[worker.pid] = f"worker{self.farm.worker_count}"
         self.farm.environment = environment
         return worker
+
+    def replace_dead_workers(self):
+        """Starts others for those that have ended, and returns these."""
+        dead = [worker for worker in self.farm.workers if worker.poll() is not None]
+        for worker in dead:
+            self.farm.workers.remove(worker)
+            self.start_worker()
+        return dead
 
     def any_worker(self):
         return self.random.choice(self.farm.workers)

@@ -3,13 +3,15 @@
 """Disks that are full, broken or read-only, and files whose bits change on them."""
 import contextlib
 import errno
+import hashlib
 import os
 import shutil
 import signal
 import subprocess
 
 import farm
-from damaged_files import alter, blob_path, flip_bit
+from bench import WORKERS
+from damaged_files import alter, flip_bit
 from kinds import kind
 
 BALLAST_PIECE_BYTES_MIN = 4 << 10
@@ -48,7 +50,7 @@ def fill_disk(ballast):
                 piece //= 2
 
 
-@kind("disk full", must_tell=True, needs="mounts")
+@kind("disk full", bench="disk", must_tell=True, needs="mounts")
 def disk_full(bench):
     """The coordinator's state directory is on a small file system, which a file fills."""
     bench.begin()
@@ -68,17 +70,17 @@ def writes_fail(bench, error):
         bench.faults.set()
 
 
-@kind("writes fail: input/output error", must_tell=True)
+@kind("writes fail: input/output error", bench="disk", must_tell=True)
 def input_output_error(bench):
     writes_fail(bench, errno.EIO)
 
 
-@kind("disk becomes read-only", must_tell=True)
+@kind("disk becomes read-only", bench="disk", must_tell=True)
 def read_only(bench):
     writes_fail(bench, errno.EROFS)
 
 
-@kind("disk is read-only at the start", must_tell=True, needs="mounts")
+@kind("disk is read-only at the start", bench="disk", must_tell=True, needs="mounts")
 def read_only_at_start(bench):
     bench.begin()
     state = bench.farm.path("state")
@@ -108,14 +110,14 @@ def stored_parts(bench):
     return found
 
 
-@kind("bit of a stored part changes")
+@kind("bit of a stored part changes", bench="files")
 def part_changed(bench):
     bench.begin()
     with bench.fault():
         flip_bit(bench.random.choice(stored_parts(bench)), bench.random)
 
 
-@kind("bit of a stored part changes while the coordinator is down", must_tell=True)
+@kind("bit of a stored part changes while the coordinator is down", bench="files", must_tell=True)
 def part_changed_while_down(bench):
     bench.begin()
     with bench.fault():
@@ -127,15 +129,26 @@ def part_changed_while_down(bench):
                and "do not match the digest" in bench.farm.log("coordinator"))
 
 
-@kind("bit of a scene's file changes in the coordinator's store", must_tell=True)
+def stored_at(folder, path):
+    """Where a store of blobs keeps the file of a path."""
+    name = hashlib.sha256(farm.read_bytes(path)).hexdigest()
+    return os.path.join(folder, name[:2], name)
+
+
+def blobs(folder):
+    """The paths of the complete blobs below a folder."""
+    return [os.path.join(directory, name) for directory, _, names in os.walk(folder)
+            for name in names if len(name) == 64 and "damaged" not in directory]
+
+
+@kind("bit of a scene's file changes in the coordinator's store", bench="files", must_tell=True)
 def blob_changed(bench):
     """Before workers have it. The client that submits the scene again repairs it."""
     bench.scene = scene = bench.new_scene()
     with bench.fault():
         with workers_held(bench):
             bench.begin(progress=False)
-            flip_bit(blob_path(bench.farm.path("state", "content"), os.path.getsize(scene)),
-                     bench.random)
+            flip_bit(stored_at(bench.farm.path("state", "content"), scene), bench.random)
         farm.wait_until(lambda: os.path.basename(scene) in bench.waiting_reason(), 30,
                         "words about the file")
         bench.tell("submit the scene again" in bench.waiting_reason())
@@ -143,13 +156,70 @@ def blob_changed(bench):
     bench.farm.sheaf("cancel", again)
 
 
-@kind("byte of a texture changes in the workers' cache", must_tell=True)
+@kind("bit of any file of a scene changes in the coordinator's store while it is down",
+      bench="files", must_tell=True)
+def blob_changed_while_down(bench):
+    """The scene's file or its manifest, before workers have it."""
+    bench.scene = bench.new_scene()
+    store = bench.farm.path("state", "content")
+    known = set(blobs(store))
+    with bench.fault():
+        with workers_held(bench):
+            bench.begin(progress=False)
+            bench.kill_coordinator()
+            flip_bit(bench.random.choice(sorted(set(blobs(store)) - known)), bench.random)
+            bench.restart_coordinator()
+        farm.wait_until(lambda: "submit the scene again" in bench.waiting_reason(), 30,
+                        "words about the file")
+        bench.tell(True)
+        again = bench.submit()
+    bench.farm.sheaf("cancel", again)
+
+
+@kind("byte of a texture changes in the workers' cache", bench="files", must_tell=True)
 def cache_changed(bench):
     bench.begin()
     with bench.fault():
-        alter(blob_path(bench.farm.path("cache", "blobs"), os.path.getsize(bench.texture)))
+        alter(stored_at(bench.farm.path("cache", "blobs"), bench.texture))
     farm.wait_until(lambda: bench.watch.poll() is not None, 60, "the image")
     bench.tell("wood.png" in bench.failures())
+
+
+@kind("bit of a scene's file changes in the workers' cache while they are down", bench="files",
+      must_tell=True)
+def cache_changed_while_down(bench):
+    """The scene's own file or its texture. Workers find it before they use it, and fetch it
+    again."""
+    cache = bench.farm.path("cache", "blobs")
+    path = stored_at(cache, bench.random.choice([bench.scene, bench.texture]))
+    whole = farm.read_bytes(path)
+    with bench.fault():
+        for worker in list(bench.farm.workers):
+            bench.farm.kill(worker)
+        shutil.rmtree(os.path.join(cache, "damaged"), ignore_errors=True)
+        flip_bit(path, bench.random)
+        for _ in range(WORKERS):
+            bench.start_worker()
+    bench.begin(progress=False)
+    farm.wait_until(lambda: bench.watch.poll() is not None, 60, "the image")
+    bench.tell(os.path.exists(os.path.join(cache, "damaged", os.path.basename(path))),
+               "the file, which is set aside")
+    assert farm.read_bytes(path) == whole, "the file was not fetched again"
+
+
+@kind("byte of a texture changes in the workers' cache while they load the scene", bench="files")
+def cache_changed_while_loading(bench):
+    texture = stored_at(bench.farm.path("cache", "blobs"), bench.texture)
+    with bench.fault():
+        for worker in list(bench.farm.workers):
+            bench.farm.kill(worker)
+        shutil.rmtree(bench.farm.path("cache"))
+        for _ in range(WORKERS):
+            bench.start_worker()
+        bench.begin(progress=False)
+        farm.wait_until(lambda: os.path.exists(texture), 30, "the texture")
+        bench.pause(0, 0.3)
+        alter(texture)
 
 
 def delivered_image(bench):
@@ -173,39 +243,11 @@ def spoil_delivered(bench, spoil):
     bench.follow()
 
 
-@kind("bit of a delivered image changes", must_tell=True)
+@kind("bit of a delivered image changes", bench="files", must_tell=True)
 def delivered_changed(bench):
     spoil_delivered(bench, lambda path: flip_bit(path, bench.random))
 
 
-@kind("delivered image is removed", must_tell=True)
+@kind("delivered image is removed", bench="files", must_tell=True)
 def delivered_removed(bench):
     spoil_delivered(bench, os.remove)
-
-
-# The database.
-
-def database(bench):
-    return bench.farm.path("state", "farm.db")
-
-
-@kind("bit of the database changes while the coordinator is down", bench="database", spoils=True)
-def database_changed_while_down(bench):
-    """A start that finds the damage says what to do, and a copy is put back; where it finds none,
-    work goes on, and no image may be wrong."""
-    bench.begin()
-    with bench.fault():
-        bench.stop_coordinator()
-        before = bench.acknowledged()
-        copy = database(bench) + ".copy"
-        shutil.copyfile(database(bench), copy)
-        flip_bit(database(bench), bench.random)
-        log_length = len(bench.farm.log("coordinator"))
-        try:
-            bench.farm.start_coordinator()
-        except AssertionError:
-            told = "the database of jobs is damaged" in bench.farm.log("coordinator")[log_length:]
-            bench.tell(told, "the damage, and the coordinator did not start")
-            shutil.copyfile(copy, database(bench))
-            bench.farm.start_coordinator()
-        bench.outcome.lost += len(before - bench.acknowledged())

@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Causes each kind of fault many times to small jobs of small farms, and prints the results.
 
-Usage: faults.py [--times N] [--minutes M] [--kind NAME]... [--seed N] [--json FILE] [--list]
+Usage: faults.py [--times N] [--minutes M] [--farms N] [--kind NAME]... [--seed N]
+       [--json FILE] [--journal FILE] [--list]
 
 It runs in network and mount namespaces of its own, so that nothing outside is touched; kinds of
 faults that this machine cannot cause are listed with the reason. The exit code is 1 if a job was
@@ -12,6 +13,7 @@ that people must hear of. README.md says what each column means.
 """
 import argparse
 import concurrent.futures
+import dataclasses
 import json
 import os
 import shutil
@@ -23,10 +25,12 @@ import time
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
-from bench import Bench, farm  # pylint: disable=wrong-import-position
+from bench import UNDISTURBED_JOBS, Bench, Outcome, farm  # pylint: disable=wrong-import-position
 import kinds  # pylint: disable=wrong-import-position
 import process_faults  # pylint: disable=wrong-import-position,unused-import
 import disk_faults  # pylint: disable=wrong-import-position,unused-import
+import database_faults  # pylint: disable=wrong-import-position
+import control_group  # pylint: disable=wrong-import-position
 import machine_kinds  # pylint: disable=wrong-import-position,unused-import
 import network_faults  # pylint: disable=wrong-import-position
 
@@ -51,13 +55,16 @@ def enter_namespaces():
 
 def missing():
     """Why this machine cannot provide what kinds need; "" where it can."""
-    reasons = {"": "", "mounts": "", "tunnels": ""}
+    reasons = {"": "", "mounts": "", "tunnels": "", "groups": control_group.why_not()}
+    reasons["sqlite3"] = "" if shutil.which("sqlite3") else "no program sqlite3"
+    reasons["recover"] = reasons["sqlite3"] or database_faults.why_not_recover()
     if os.environ[INSIDE] != "1":
-        reasons["mounts"] = reasons["tunnels"] = "no namespaces: run as root"
+        reasons["mounts"] = reasons["tunnels"] = reasons["nft"] = "no namespaces: run as root"
         return reasons
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     if not os.access("/dev/net/tun", os.R_OK | os.W_OK):
         reasons["tunnels"] = "no /dev/net/tun"
+    reasons["nft"] = reasons["tunnels"] or ("" if shutil.which("nft") else "no program nft")
     folder = tempfile.mkdtemp()
     mount = subprocess.run(["mount", "-t", "tmpfs", "tmpfs", folder], capture_output=True,
                            text=True, check=False)
@@ -81,30 +88,50 @@ class MountedBench(Bench):
         self.stack.callback(subprocess.run, ["umount", "--lazy", state], check=False)
 
 
-def make_bench(name, library, seed, with_mounts):
-    if name == "machine":
-        return (MountedBench if with_mounts else Bench)(library, seed)
-    return Bench(library, seed, network_faults.BENCHES.get(name, farm.Farm))
+def make_bench(name, arguments, seed, with_mounts, undisturbed):
+    bench_class = MountedBench if name == "disk" and with_mounts else Bench
+    return bench_class(arguments.library, seed, network_faults.BENCHES.get(name, farm.Farm),
+                       undisturbed, min(UNDISTURBED_JOBS, arguments.times))
+
+
+def earlier_outcomes(journal, kind):
+    """Those of earlier runs with the same journal."""
+    if not journal or not os.path.exists(journal):
+        return []
+    with open(journal, encoding="utf-8") as file:
+        notes = [json.loads(line) for line in file]
+    return [Outcome(**of_one["outcome"]) for of_one in notes if of_one["kind"] == kind.name]
+
+
+def note(journal, kind, outcome):
+    if journal:
+        with open(journal, "a", encoding="utf-8") as file:
+            file.write(json.dumps({"kind": kind.name, "outcome": dataclasses.asdict(outcome)})
+                       + "\n")
 
 
 def run_bench(name, chosen, arguments, with_mounts, report):
     """Causes all kinds of one bench, in turns. A farm that a fault left unusable is replaced."""
-    left = [kind for _ in range(arguments.times) for kind in chosen]
-    outcomes = {kind.name: [] for kind in chosen}
+    outcomes = {kind.name: earlier_outcomes(arguments.journal, kind) for kind in chosen}
+    left = [kind for i in range(arguments.times) for kind in chosen
+            if i >= len(outcomes[kind.name])]
     failures = 0
+    undisturbed = None
 
     def goes_on():
         return left and failures < FAILURES_MAX and time.monotonic() < arguments.end
 
     while goes_on():
         seed = arguments.seed + len(left)
-        with make_bench(name, arguments.library, seed, with_mounts) as bench:
+        with make_bench(name, arguments, seed, with_mounts, undisturbed) as bench:
+            undisturbed = bench.undisturbed
             while goes_on():
                 kind = left.pop(0)
                 outcome = bench.run(kind.cause)
                 if kind.must_tell and not outcome.told and not outcome.problem:
                     outcome.problem = "nothing told of it"
                 outcomes[kind.name].append(outcome)
+                note(arguments.journal, kind, outcome)
                 report(kind, outcome)
                 failures += not outcome.survived
                 if kind.spoils or not outcome.survived:
@@ -156,10 +183,13 @@ def parse_arguments():
     parser.add_argument("--times", type=int, default=50, help="occurrences of each kind")
     parser.add_argument("--minutes", type=float, default=float("inf"),
                         help="ends then, with the faults so far; the exit code is 1")
+    parser.add_argument("--farms", type=int, default=4, help="farms that work at the same time")
     parser.add_argument("--kind", action="append", default=[],
                         help="only kinds whose names contain this")
     parser.add_argument("--seed", type=int, default=int(time.time()) % 1_000_000)
     parser.add_argument("--json", metavar="FILE", help="writes the table as JSON too")
+    parser.add_argument("--journal", metavar="FILE",
+                        help="notes each outcome there; those of earlier runs count too")
     parser.add_argument("--list", action="store_true", help="prints the kinds and ends")
     parser.add_argument("--library", default=None, help="the built machine_faults library")
     return parser.parse_args()
@@ -208,7 +238,7 @@ def main():
 
     benches = dict.fromkeys(kind.bench for kind in chosen)
     outcomes = {}
-    with concurrent.futures.ThreadPoolExecutor(len(benches) or 1) as pool:
+    with concurrent.futures.ThreadPoolExecutor(arguments.farms) as pool:
         running = [pool.submit(run_bench, name, [k for k in chosen if k.bench == name], arguments,
                                with_mounts, report) for name in benches]
         for finished in running:

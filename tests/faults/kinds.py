@@ -9,9 +9,9 @@ from collections.abc import Callable
 class Kind:
     name: str
     cause: Callable  # Gets a Bench.
-    bench: str       # The farm in which it happens: "machine", "database", "tunnel" or "proxy".
+    bench: str       # The name of the farm in which it happens.
     must_tell: bool  # Whether the farm has to tell people of it.
-    needs: str       # What the machine must have beyond programs: "", "mounts" or "tunnels".
+    needs: str       # What the machine must have beyond programs: "", "mounts", "tunnels" ...
     spoils: bool     # Whether the farm is of no further use: the next fault gets another one.
 
 

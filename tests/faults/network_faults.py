@@ -145,6 +145,46 @@ def down_at_both(bench):
     take_down(bench, [True, False])
 
 
+# The firewall of the machine on which the coordinator runs.
+
+@contextlib.contextmanager
+def firewall_rule(rule):
+    """Within, the rule applies to packets that arrive through the tunnel."""
+    subprocess.run(["nft", "-f", "-"], check=True, text=True,
+                   input="table inet faults {\nchain arriving {\n"
+                         "type filter hook input priority 0\n"
+                         f"iifname tunnel0 {rule}\n}}\n}}\n")
+    try:
+        yield
+    finally:
+        subprocess.run(["nft", "delete", "table", "inet", "faults"], check=True)
+
+
+def filter_packets(bench, rule):
+    bench.begin()
+    with bench.fault(), firewall_rule(rule):
+        bench.pause(*CUT_SECONDS)
+
+
+def firewall(name):
+    return kind(name, bench="tunnel", needs="nft")
+
+
+@firewall("firewall drops a tenth of the packets")
+def firewall_lossy(bench):
+    filter_packets(bench, "numgen random mod 10 < 1 drop")
+
+
+@firewall("firewall drops all packets of the workers")
+def firewall_silent(bench):
+    filter_packets(bench, "drop")
+
+
+@firewall("firewall refuses the workers' connections")
+def firewall_refuses(bench):
+    filter_packets(bench, "meta l4proto tcp reject with tcp reset")
+
+
 class ProxyFarm(farm.Farm):
     """A farm whose workers reach the coordinator through a proxy."""
 

@@ -10,7 +10,7 @@ from machine_faults import AFTER_RENAME, AFTER_ROW, BEFORE_RENAME
 STILL_SECONDS = (0.2, 1.6)  # Around the duration of a lease.
 
 
-@kind("worker killed")
+@kind("worker killed", bench="processes")
 def worker_killed(bench):
     bench.begin()
     with bench.fault():
@@ -18,24 +18,22 @@ def worker_killed(bench):
         bench.start_worker()
 
 
-@kind("worker killed while it loads a scene")
+@kind("worker killed while it loads a scene", bench="processes")
 def worker_killed_while_loading(bench):
     """It dies when it has fetched a file; both may."""
     bench.scene = bench.new_scene()
     with bench.fault():
         bench.worker_faults.set(kill_point=AFTER_RENAME, kill_path="/blobs/")
         bench.begin(progress=False)
-        workers = list(bench.farm.workers)
-        farm.wait_until(lambda: any(w.poll() is not None for w in workers), 20,
+        farm.wait_until(lambda: any(w.poll() is not None for w in bench.farm.workers), 20,
                         "a worker's death at the point")
         bench.worker_faults.set()
-        for worker in workers:
-            if bench.await_death(worker, 0.5):  # Both may have come there.
-                bench.farm.workers.remove(worker)
-                bench.start_worker()
+        bench.replace_dead_workers()
+    farm.wait_until(lambda: bench.watch.poll() is not None, 60, "the image")
+    bench.replace_dead_workers()  # The other one may have come there too, and be slow to end.
 
 
-@kind("coordinator killed")
+@kind("coordinator killed", bench="processes")
 def coordinator_killed(bench):
     bench.begin()
     with bench.fault():
@@ -53,22 +51,22 @@ def kill_coordinator_at(bench, point, path=""):
         bench.restart_coordinator()
 
 
-@kind("coordinator killed after a part's file, before its row")
+@kind("coordinator killed after a part's file, before its row", bench="processes")
 def coordinator_killed_before_row(bench):
     kill_coordinator_at(bench, AFTER_RENAME, "/parts/")
 
 
-@kind("coordinator killed after a part's row, before its acknowledgement")
+@kind("coordinator killed after a part's row, before its acknowledgement", bench="processes")
 def coordinator_killed_after_row(bench):
     kill_coordinator_at(bench, AFTER_ROW)
 
 
-@kind("coordinator killed while it delivers, before the image is in place")
+@kind("coordinator killed while it delivers, before the image is in place", bench="processes")
 def coordinator_killed_before_image(bench):
     kill_coordinator_at(bench, BEFORE_RENAME, "/outputs/")
 
 
-@kind("coordinator killed while it delivers, after the image is in place")
+@kind("coordinator killed while it delivers, after the image is in place", bench="processes")
 def coordinator_killed_after_image(bench):
     kill_coordinator_at(bench, AFTER_RENAME, "/outputs/")
 
@@ -80,13 +78,13 @@ def hold(bench, process):
         process.send_signal(signal.SIGCONT)
 
 
-@kind("coordinator stands still")
+@kind("coordinator stands still", bench="processes")
 def coordinator_stopped(bench):
     bench.begin()
     hold(bench, bench.farm.coordinator)
 
 
-@kind("worker stands still")
+@kind("worker stands still", bench="processes")
 def worker_stopped(bench):
     bench.begin()
     hold(bench, bench.any_worker())
