@@ -18,10 +18,10 @@ namespace {
 
 void Parse(std::vector<std::string> words) {
   JobArguments arguments;
-  std::string address;
+  FarmAddress coordinator;
   CLI::App app;
   AddJobOptions(&app, &arguments);
-  AddCoordinatorOption(&app, &address);
+  AddCoordinatorOption(&app, &coordinator);
   words.insert(words.begin(), "sheaf");
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
