@@ -29,7 +29,7 @@ endfunction()
 # internally. SHEAF_JOIN_SOURCES=OFF shows that each source compiles alone.
 set(SHEAF_JOINED_SOURCES_MAX 8)
 function(sheaf_join_sources target)
-  if(SHEAF_JOIN_SOURCES)
+  if(SHEAF_JOIN_SOURCES AND NOT target IN_LIST SHEAF_UNJOINED_TARGETS)
     set_target_properties(${target} PROPERTIES
       UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${SHEAF_JOINED_SOURCES_MAX})
     if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
