@@ -4,12 +4,13 @@
 // Tests the farm's durability with a store that is slow on purpose.
 #include "coordinator/service/farm/farm.h"
 
-#include <atomic>
 #include <filesystem>
+#include <fstream>
 #include <future>
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -17,6 +18,7 @@
 #include "common/base/digest.h"
 #include "common/base/mutex.h"
 #include "common/film/exr/exr_codec.h"
+#include "coordinator/service/farm/gated_job_store.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -25,128 +27,6 @@ namespace sheaf::coordinator {
 namespace {
 
 using ::testing::HasSubstr;
-
-// Holds every EndJob and AddRound at the gate until it is opened; all else goes straight through.
-class GatedJobStore : public JobStore {
- public:
-  explicit GatedJobStore(std::unique_ptr<JobStore> store) : store_(std::move(store)) {}
-
-  void WaitUntilSomeoneIsThere() {
-    const MutexLock lock(&mutex_);
-    changed_.Wait(&mutex_, [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return waiting_ > 0; });
-  }
-  void Open() {
-    const MutexLock lock(&mutex_);
-    open_ = true;
-    changed_.NotifyAll();
-  }
-
-  absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
-                      absl::Time end_time, absl::Duration wall) override {
-    PassTheGate();
-    return store_->EndJob(job_id, phase, failure, end_time, wall);
-  }
-  absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override {
-    return store_->WriteFailures(job_id, failures);
-  }
-  absl::Status WriteQuarantine(const QuarantineRecord& record) override {
-    return store_->WriteQuarantine(record);
-  }
-  absl::Status RemoveQuarantine(const std::string& identity) override {
-    return store_->RemoveQuarantine(identity);
-  }
-  absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() override {
-    return store_->LoadQuarantines();
-  }
-  absl::Status SetWarning(uint64_t job_id, const std::string& warning) override {
-    return store_->SetWarning(job_id, warning);
-  }
-  absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override {
-    return store_->FindPartsOf(identity);
-  }
-  absl::Status SetPaused(uint64_t job_id, bool paused) override {
-    ++control_writes_;
-    return full_ ? Full() : store_->SetPaused(job_id, paused);
-  }
-  absl::Status SetPriority(uint64_t job_id, int32_t priority) override {
-    ++control_writes_;
-    return full_ ? Full() : store_->SetPriority(job_id, priority);
-  }
-  absl::StatusOr<std::vector<StoredJob>> LoadJobs() override { return store_->LoadJobs(); }
-  absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) override {
-    return store_->LoadParts(job_id);
-  }
-  absl::StatusOr<CreatedJob> CreateJob(const JobSpec& spec, const std::string& request_id,
-                                       absl::Time create_time) override {
-    return store_->CreateJob(spec, request_id, create_time);
-  }
-  absl::StatusOr<std::optional<uint64_t>> FindRequest(const std::string& request_id) override {
-    return store_->FindRequest(request_id);
-  }
-  absl::Status WritePart(const PartRow& row, const std::string& bytes) override {
-    return full_ ? Full() : store_->WritePart(row, bytes);
-  }
-  absl::Status Probe() override { return full_ ? Full() : store_->Probe(); }
-  absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override {
-    return store_->FindPart(key);
-  }
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile) override {
-    return store_->FindTileParts(frame, tile);
-  }
-  absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override {
-    return store_->LoadFrameRounds(frame);
-  }
-  absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
-    return store_->TileCosts(frame);
-  }
-  absl::StatusOr<std::string> ReadPart(const PartRow& row) override {
-    return store_->ReadPart(row);
-  }
-  absl::Status RemovePart(const PartRow& row) override { return store_->RemovePart(row); }
-  absl::Status RemoveFrameParts(const FrameId& frame) override {
-    return store_->RemoveFrameParts(frame);
-  }
-  absl::StatusOr<std::string> OutputPath(const FrameId& frame) override {
-    return store_->OutputPath(frame);
-  }
-  absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override {
-    return store_->DeliverFrame(frame, delivered);
-  }
-  absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override {
-    PassTheGate();
-    return store_->AddRound(frame, round);
-  }
-  absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) override {
-    return store_->LoadRounds(job_id, with_cells);
-  }
-  absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override {
-    return store_->ReopenJob(job_id, frames);
-  }
-  absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() override {
-    return store_->OldestDeliveredWithParts();
-  }
-  uint64_t PartsBytes() const override { return store_->PartsBytes(); }
-  uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
-
-  std::atomic<bool> full_ = false;       // Whether the disk takes no parts, pauses and priorities.
-  std::atomic<int> control_writes_ = 0;  // Pauses and priorities, also those that failed.
-
- private:
-  static absl::Status Full() { return absl::ResourceExhaustedError("writing x: no space left"); }
-  void PassTheGate() {
-    const MutexLock lock(&mutex_);
-    ++waiting_;
-    changed_.NotifyAll();
-    changed_.Wait(&mutex_, [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return open_; });
-  }
-
-  const std::unique_ptr<JobStore> store_;
-  Mutex mutex_;
-  CondVar changed_;
-  int waiting_ ABSL_GUARDED_BY(mutex_) = 0;
-  bool open_ ABSL_GUARDED_BY(mutex_) = false;
-};
 
 // Processor time of a pixel sample.
 constexpr absl::Duration kSampleCpu = absl::Nanoseconds(100);
@@ -199,43 +79,62 @@ class FarmTest : public testing::Test {
     SHEAF_CHECK(job.ok());
     return *job;
   }
-  // Renders what there is to do, in gray that varies from sample to sample, in no less time.
-  void Work(absl::Duration time_min = absl::ZeroDuration(),
-            absl::StatusCode outcome = absl::StatusCode::kOk) {
+  // The leases of a worker that wants one.
+  std::vector<LeaseGrant> Lease(const std::string& worker_id) {
     WorkerReport report;
-    report.worker_id = report.host = "w";
+    report.worker_id = report.host = worker_id;
     report.numeric_profile = NumericProfile();
     report.requested_lease_count = 1;
     const auto answer = farm_->Synchronize(report);
-    ASSERT_TRUE(answer.ok()) << answer.status();
-    absl::SleepFor(time_min);
-    for (const LeaseGrant& grant : answer->leases) {
-      const SampleBlock block = grant.lease.task.block;
-      FilmTile tile(grant.lease.tile_rect, block);
-      PixelAccumulator accumulator(&tile);
-      for (const PixelRect& rect : RectsOf(tile.rect(), grant.lease.cells)) {
-        for (int32_t pixel = 0; pixel < rect.PixelCount(); ++pixel) {
-          accumulator.Begin(rect.x0 + pixel % rect.Width(), rect.y0 + pixel / rect.Width());
-          for (uint64_t i = block.first; i < block.End(); ++i) {
-            accumulator.Add(i, {.radiance = Rgb::Gray(GrayOf(i)), .alpha = 1});
-          }
-          accumulator.End();
+    SHEAF_CHECK(answer.ok());
+    return answer->leases;
+  }
+  // Renders a lease in gray that varies from sample to sample, and delivers that.
+  absl::Status Deliver(const LeaseGrant& grant) {
+    const SampleBlock block = grant.lease.task.block;
+    FilmTile tile(grant.lease.tile_rect, block);
+    PixelAccumulator accumulator(&tile);
+    for (const PixelRect& rect : RectsOf(tile.rect(), grant.lease.cells)) {
+      for (int32_t pixel = 0; pixel < rect.PixelCount(); ++pixel) {
+        accumulator.Begin(rect.x0 + pixel % rect.Width(), rect.y0 + pixel / rect.Width());
+        for (uint64_t i = block.first; i < block.End(); ++i) {
+          accumulator.Add(i, {.radiance = Rgb::Gray(GrayOf(i)), .alpha = 1});
         }
+        accumulator.End();
       }
-      const std::string bytes =
-          EncodePart(tile, {grant.frame_digest, report.numeric_profile, {}, grant.lease.cells});
-      ResultReport result;
-      result.frame_digest = grant.frame_digest;
-      result.tile = grant.lease.tile_rect;
-      result.block = block;
-      result.cells = grant.lease.cells;
-      result.lease_id = grant.lease.lease_id;
-      result.token = grant.token;
-      result.worker_id = report.worker_id;
-      result.cpu_duration = kSampleCpu * static_cast<double>(grant.lease.tile_rect.PixelCount()) *
-                            static_cast<double>(block.count);
-      result.digest = {Sha256Hex(bytes), bytes.size()};
-      EXPECT_EQ(farm_->AddResult(result, bytes).status().code(), outcome);
+    }
+    const std::string bytes =
+        EncodePart(tile, {grant.frame_digest, NumericProfile(), {}, grant.lease.cells});
+    ResultReport result;
+    result.frame_digest = grant.frame_digest;
+    result.tile = grant.lease.tile_rect;
+    result.block = block;
+    result.cells = grant.lease.cells;
+    result.lease_id = grant.lease.lease_id;
+    result.token = grant.token;
+    result.worker_id = grant.lease.worker_id;
+    result.cpu_duration = kSampleCpu * static_cast<double>(grant.lease.tile_rect.PixelCount()) *
+                          static_cast<double>(block.count);
+    result.digest = {Sha256Hex(bytes), bytes.size()};
+    return farm_->AddResult(result, bytes).status();
+  }
+  // Renders what there is to do, in no less time.
+  void Work(absl::Duration time_min = absl::ZeroDuration(),
+            absl::StatusCode outcome = absl::StatusCode::kOk) {
+    const std::vector<LeaseGrant> grants = Lease("w");
+    absl::SleepFor(time_min);
+    for (const LeaseGrant& grant : grants) EXPECT_EQ(Deliver(grant).code(), outcome);
+  }
+
+  // Changes a byte of each part on disk.
+  void DamageParts() {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(directory_ + "/parts")) {
+      if (!entry.is_regular_file()) continue;
+      std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
+      file.seekp(static_cast<std::streamoff>(entry.file_size() / 2));
+      const auto byte = static_cast<char>(file.peek() ^ 1);
+      file.seekp(static_cast<std::streamoff>(entry.file_size() / 2));
+      file.put(byte);
     }
   }
 
@@ -260,6 +159,28 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   EXPECT_TRUE(farm_->Ready().ok());
   EXPECT_EQ(farm_->FindJob(job)->waiting_reason, "");
   while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) Work();
+  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+}
+
+// A part is found damaged while the disk refuses to remove it: the one that is rendered again takes
+// its place.
+TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
+  store_->Open();
+  const std::string job = absl::StrCat(MakeJob({}));
+  Work();
+  DamageParts();
+  Start();
+  store_->Open();
+  store_->keeps_parts_ = true;
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  while (store_->removals_refused_ == 0 && SteadyTime::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
+  EXPECT_GT(store_->removals_refused_, 0);
+  store_->keeps_parts_ = false;
+  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
 }
 
@@ -289,6 +210,30 @@ TEST_F(FarmTest, SecondCancelWaitsForTheFirst) {
   store_->Open();
   EXPECT_TRUE(first.get().ok());
   EXPECT_TRUE(second.get().ok());
+}
+
+// Results of one tile are taken one at a time. The sender of one that waits may be found to make
+// false results meanwhile, and those are removed: then this one is not taken any more.
+TEST_F(FarmTest, AResultThatWaitsIsRefusedWhereItsSenderIsQuarantined) {
+  MakeJob({});
+  const std::vector<LeaseGrant> honest = Lease("honest"), liar = Lease("liar");
+  ASSERT_EQ(honest.size(), 1u);
+  ASSERT_EQ(liar.size(), 1u);
+  store_->holds_parts_ = true;
+  const auto deliver = [&](const LeaseGrant& grant) {
+    return std::async(std::launch::async, [&] { return Deliver(grant); });
+  };
+  std::future<absl::Status> under_way = deliver(honest[0]);
+  store_->WaitUntilSomeoneIsThere();
+  std::future<absl::Status> waiting = deliver(liar[0]);
+  EXPECT_EQ(waiting.wait_for(std::chrono::milliseconds(200)), std::future_status::timeout);
+  {
+    const MutexLock lock(&farm_->tables().mutex);
+    farm_->tables().scheduler.Quarantine("liar", "it lied", /*made_false_results=*/true);
+  }
+  store_->Open();
+  EXPECT_TRUE(under_way.get().ok());
+  EXPECT_EQ(waiting.get().code(), absl::StatusCode::kPermissionDenied);
 }
 
 // A view during the decision of the first round shows a frame without rounds.

@@ -91,6 +91,9 @@ class ResultIntake {
   absl::Status Reject(const ResultReport& report, const std::string& why);
   absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
                                       const Scheduler::FoundTask& found, FilmTile part);
+  // Writes the part of a task that is wanted. One that is there all the same is lost: the disk
+  // refused to remove it when that was found. It is replaced.
+  absl::Status WritePart(const PartRow& row, const std::string& bytes);
   // Acts on what a comparison showed.
   void Punish(const ResultReport& report, const PartRow& merged, const CheckVerdict& verdict)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
