@@ -39,6 +39,7 @@ void Checks::Check(Farm& farm, const coordinator::FarmOptions& options) {
   CheckLeases(scheduler);
   CheckJobs(farm);
   CheckWorkers(scheduler, options.limits);
+  CheckVerdicts();
   CheckLimits(farm, options);
 }
 
@@ -143,7 +144,8 @@ void Checks::CheckJobs(Farm& farm) {
       world_.Broken(absl::StrCat("job ", id, " has another priority than promised"));
     }
     for (const auto& [number, frame] : tables.accounts.at(id).delivered) {
-      if (promised->second.delivered.at(number).MayBe(frame.image_digest)) continue;
+      const auto shown = promised->second.shown.find(number);
+      if (shown != promised->second.shown.end() && shown->second == frame.image_digest) continue;
       world_.Broken(absl::StrCat(NameOf({id, number}), " is shown as delivered, but not durable"));
     }
   }
@@ -163,6 +165,19 @@ void Checks::CheckWorkers(const Scheduler& scheduler, const coordinator::Limits&
       world_.Broken(absl::StrCat(id, " was silent for ", absl::FormatDuration(silent),
                                  " or is quarantined, and holds leases"));
     }
+  }
+}
+
+void Checks::CheckVerdicts() {
+  const auto& results = world_.false_results;
+  const bool some_agree =
+      std::ranges::any_of(results, [](const auto& result) { return result.second.size() > 1; });
+  if (some_agree) return;  // They are believed.
+  for (const std::string& liar : promises_.Liars()) {
+    const bool made_one = std::ranges::any_of(
+        results, [&](const auto& result) { return result.second.contains(liar); });
+    if (made_one) continue;
+    world_.Broken(absl::StrCat(liar, " is said to make false results, but is honest"));
   }
 }
 
@@ -252,7 +267,7 @@ bool Checks::CheckImages(Farm& farm, uint64_t job_id) {
       return true;
     }
     if (digest == OneProcessImage(spec, partition)) continue;
-    if (promises_.MayHoldAnyOf(id, world_.false_parts)) {
+    if (promises_.MayBeFalse(id, spec.stop.IsActive(), world_.false_parts)) {
       ++false_image_count_;
     } else {
       world_.Broken(absl::StrCat(NameOf(id), " is another image than that of one process"));

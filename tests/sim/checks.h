@@ -8,12 +8,13 @@
 //     workers     one is lost exactly where it was silent for longer than the lease duration
 //     jobs        what is delivered and what has ended agrees with the phases of frames and jobs
 //     promises    the phases, pauses and priorities are those that were promised
+//     verdicts    who is said to make false results has made one, or was outvoted by two who did
 //     limits      tables are within their limits
 //     counters    results and samples are as many as were acknowledged
 //
 // and at the end of a simulation: every job has ended, nothing is left of leases nor of those who
 // were found to make false results, and images are those of one process, but where nobody found a
-// false part.
+// false part in time (Promises::MayBeFalse).
 #pragma once
 
 #include <cstdint>
@@ -43,6 +44,7 @@ class Checks {
                   const coordinator::FrameRecord& frame, uint64_t leased);
   void CheckJobs(coordinator::Farm& farm);
   void CheckWorkers(const coordinator::Scheduler& scheduler, const coordinator::Limits& limits);
+  void CheckVerdicts();
   void CheckLimits(coordinator::Farm& farm, const coordinator::FarmOptions& options);
   bool CheckImages(coordinator::Farm& farm, uint64_t job_id);
 

@@ -35,17 +35,18 @@ void CollectImages(const SimDisk::NodePtr& folder, std::vector<SimDisk::NodePtr>
 }
 
 // The bytes of a database that a first life has just made, which takes longer than all that follows
-// in a small simulation. Requires: the machine's disk is empty; it is not any more.
-std::string MakeDatabase(SimDisk* disk) {
+// in a small simulation. Made on a machine of its own, so that nothing else is left of it.
+std::string MakeDatabase() {
+  Machine machine(0);
   SHEAF_CHECK(coordinator::SqliteJobStore::Open(kStateDirectory).ok());  // Closed at once.
   SimDisk::NodePtr node;
-  SHEAF_CHECK(disk->Find(kDatabase, &node) == 0);
+  SHEAF_CHECK(machine.disk().Find(kDatabase, &node) == 0);
   return node->bytes;
 }
 
 // Puts such a database on the disk.
 void PrepareDatabase(SimDisk* disk) {
-  static const auto& bytes = *new std::string(MakeDatabase(disk));
+  static const auto& bytes = *new std::string(MakeDatabase());
   SimDisk::NodePtr node;
   const int made = disk->MakeFolder(kStateDirectory);
   SHEAF_CHECK(made == 0 || made == EEXIST);

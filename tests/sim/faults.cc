@@ -24,7 +24,7 @@ constexpr FaultKind kKinds[kFaultCount] = {
     {"wall-clock-jumped", 0.1}, {"interleaved", 0.6},
     {"worker-killed", 0.04},    {"worker-frozen", 0.03},
     {"worker-slow", 0.3},       {"task-failed", 0.1},
-    {"worker-lies", 0.5},       {"false-pixels", 0.03},
+    {"worker-lies", 0.5},       {"false-pixels", 0.8},
     {"stranger", 0.2},
 };
 

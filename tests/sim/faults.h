@@ -34,7 +34,7 @@ enum class Fault {
   kWorkerSlow,
   kTaskFailed,   // A worker reports that a lease came to nothing.
   kWorkerLies,   // A part that is not what its description says.
-  kFalsePixels,  // A part of wrong values that looks right.
+  kFalsePixels,  // A part of wrong values that looks right, by a worker that has the habit.
   kStranger,     // Messages of somebody who is no worker of ours.
   kCount
 };

@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "common/base/check.h"
 
@@ -15,13 +16,13 @@ namespace {
 
 constexpr size_t kRandomBytes = 4096;
 
-Machine* current = nullptr;
+// The last one is the current one.
+std::vector<Machine*> machines;
 
 }  // namespace
 
 Machine::Machine(uint64_t seed) : random_bytes_(seed) {
-  SHEAF_CHECK(current == nullptr);
-  current = this;
+  machines.push_back(this);
   SHEAF_CHECK(disk_.MakeFolder(kSimRoot) == 0);
   SimDisk::NodePtr node;
   SHEAF_CHECK(disk_.Open(kSimRandomDevice, /*create=*/true, false, false, &node) == 0);
@@ -29,9 +30,13 @@ Machine::Machine(uint64_t seed) : random_bytes_(seed) {
   sqlite3_randomness(0, nullptr);  // It reads the device again.
 }
 
-Machine::~Machine() { current = nullptr; }
+Machine::~Machine() {
+  SHEAF_CHECK(machines.back() == this);
+  machines.pop_back();
+  sqlite3_randomness(0, nullptr);
+}
 
-Machine* Machine::Current() { return current; }
+Machine* Machine::Current() { return machines.empty() ? nullptr : machines.back(); }
 
 int Machine::AddDescriptor(OpenFile file) {
   files_.emplace(next_descriptor_, std::move(file));

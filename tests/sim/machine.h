@@ -24,7 +24,8 @@ inline constexpr char kSimRandomDevice[] = "/sim/random";
 
 class Machine {
  public:
-  // There is one at a time. seed: of the random bytes that programs are given.
+  // The last one that was made is the current one, as long as it lives. seed: of the random bytes
+  // that programs are given.
   explicit Machine(uint64_t seed);
   ~Machine();
   Machine(const Machine&) = delete;

@@ -69,7 +69,12 @@ void Promises::Reopened(uint64_t job_id, const std::vector<int32_t>& frames, boo
 }
 
 void Promises::Delivered(const FrameId& frame, const std::string& digest, bool certain) {
-  Note(certain, digest, &jobs_[frame.job_id].delivered[frame.frame_number]);
+  PromisedJob& job = jobs_[frame.job_id];
+  Note(certain, digest, &job.delivered[frame.frame_number]);
+  if (certain) job.shown[frame.frame_number] = digest;
+  std::vector<PartRow>& image_parts = image_parts_[frame];
+  if (certain) image_parts.clear();
+  for (const auto& [name, part] : parts_[frame]) image_parts.push_back(part.row);
 }
 
 void Promises::Written(const PartRow& row, bool certain) {
@@ -129,21 +134,29 @@ bool Promises::IsLiar(const std::string& identity) const {
   return found != identities_.end() && found->second.IsCertainly(Trust::kLiar);
 }
 
-bool Promises::MayHoldAnyOf(const FrameId& frame, const std::set<std::string>& sha256_hexes) const {
-  const auto is_one = [&](const std::string& sha256_hex) {
-    return sha256_hexes.contains(sha256_hex);
-  };
+bool Promises::MayBeFalse(const FrameId& frame, bool in_rounds,
+                          const std::set<std::string>& false_digests) const {
   const auto forgotten = forgotten_.find(frame);
-  if (forgotten != forgotten_.end() && std::ranges::any_of(forgotten->second, is_one)) return true;
-  const auto parts = parts_.find(frame);
-  return parts != parts_.end() && std::ranges::any_of(parts->second, [&](const auto& part) {
-           return is_one(part.second.row.digest.sha256_hex);
-         });
+  const auto was_forgotten = [&](const std::string& digest) {
+    return forgotten != forgotten_.end() && forgotten->second.contains(digest);
+  };
+  const auto is_excuse = [&](const PartRow& part) {
+    const std::string& digest = part.digest.sha256_hex;
+    return false_digests.contains(digest) && (!IsLiar(part.identity) || was_forgotten(digest));
+  };
+  const auto image_parts = image_parts_.find(frame);
+  if (image_parts != image_parts_.end() && std::ranges::any_of(image_parts->second, is_excuse)) {
+    return true;
+  }
+  return in_rounds && std::ranges::any_of(false_digests, was_forgotten);
 }
 
-uint64_t Promises::LiarCount() const {
-  return static_cast<uint64_t>(std::ranges::count_if(
-      identities_, [this](const auto& identity) { return IsLiar(identity.first); }));
+std::vector<std::string> Promises::Liars() const {
+  std::vector<std::string> liars;
+  for (const auto& [identity, trust] : identities_) {
+    if (IsLiar(identity)) liars.push_back(identity);
+  }
+  return liars;
 }
 
 std::string Promises::LiarWithParts() const {
@@ -188,6 +201,7 @@ void Promises::CheckJob(const StoredJob& stored) {
   for (const auto& frame : stored.delivered) {
     delivered[frame.frame_number] = frame.delivered.image_digest;
   }
+  job.shown = delivered;
   for (const auto& [number, digest] : delivered) {
     if (Adopt(digest, &job.delivered[number])) continue;
     broken_(absl::StrCat("job ", id, ": frame ", number, " has image \"", digest.substr(0, 12),
@@ -205,11 +219,17 @@ void Promises::CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedPa
       broken_(absl::StrCat("job ", job_id, ": part ", NameOf(row.key), " came from nowhere"));
     }
   }
-  if (parts.rows_lost > damaged_count_) {
-    broken_(absl::StrCat("job ", job_id, ": ", parts.rows_lost, " rows have no bytes"));
-  }
   const auto begin = parts_.lower_bound({job_id, INT32_MIN});
   const auto end = parts_.upper_bound({job_id, INT32_MAX});
+  // A write that failed leaves no bytes, but its row may come back with a new life.
+  int64_t uncertain = 0;
+  for (auto frame = begin; frame != end; ++frame) {
+    uncertain +=
+        std::ranges::count_if(frame->second, [](const auto& part) { return !part.second.certain; });
+  }
+  if (parts.rows_lost > damaged_count_ + uncertain) {
+    broken_(absl::StrCat("job ", job_id, ": ", parts.rows_lost, " rows have no bytes"));
+  }
   int64_t missing = 0;
   std::string first_missing;
   for (auto frame = begin; frame != end; ++frame) {

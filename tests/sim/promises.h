@@ -39,6 +39,9 @@ struct PromisedJob {
   Possibly<bool> paused;
   Possibly<int32_t> priority;
   std::map<int32_t, Possibly<std::string>> delivered;  // By frame: digests of images; "": none.
+  // By frame, the last digest whose delivery was durable: it may be shown, also while the frame is
+  // being reopened.
+  std::map<int32_t, std::string> shown;
 };
 
 class Promises {
@@ -72,15 +75,18 @@ class Promises {
   bool HasPart(const std::string& sha256_hex) const;
   const std::map<uint64_t, PromisedJob>& jobs() const { return jobs_; }
   uint64_t PartsBytes() const;
-  // Whether an image of the frame may be made of a part with one of these digests: it is there, or
-  // it went before anybody found that its identity makes false ones.
-  bool MayHoldAnyOf(const coordinator::FrameId& frame,
-                    const std::set<std::string>& sha256_hexes) const;
+  // Whether the delivered image of the frame may be other than that of one process, by a false part
+  // (one of these digests) that nobody could correct: nobody has found that its identity makes
+  // false ones, or the part was gone by then. In a frame without rounds it is a part of which the
+  // image was made; rounds may have been decided by any that was there before.
+  bool MayBeFalse(const coordinator::FrameId& frame, bool in_rounds,
+                  const std::set<std::string>& false_digests) const;
   // An identity that certainly has parts, although it is durable that it made false ones. Empty:
   // there is none.
   std::string LiarWithParts() const;
-  // Identities of which it is durable that they made false parts.
-  uint64_t LiarCount() const;
+  // Whether it is durable that the identity made false parts.
+  bool IsLiar(const std::string& identity) const;
+  std::vector<std::string> Liars() const;
 
  private:
   struct PromisedPart {
@@ -91,7 +97,6 @@ class Promises {
   static Trust TrustOf(const coordinator::QuarantineRecord& record) {
     return record.made_false_results ? Trust::kLiar : Trust::kQuarantined;
   }
-  bool IsLiar(const std::string& identity) const;
   // The part is gone.
   void Forget(const coordinator::PartRow& row);
   static std::string NameOf(const coordinator::PartKey& key);
@@ -100,7 +105,10 @@ class Promises {
   std::function<void(const std::string&)> broken_;
   std::map<uint64_t, PromisedJob> jobs_;
   std::map<coordinator::FrameId, std::map<std::string, PromisedPart>> parts_;
+  // Digests of parts that went when nobody knew anything bad of their identity.
   std::map<coordinator::FrameId, std::set<std::string>> forgotten_;
+  // The parts that were there when the frame was delivered: its image was made of them.
+  std::map<coordinator::FrameId, std::vector<coordinator::PartRow>> image_parts_;
   std::map<std::string, Possibly<Trust>> identities_;
   std::string secret_;
   int64_t damaged_count_ = 0;

@@ -269,14 +269,16 @@ FinishedPart SimWorker::MakePart(const worker::Lease& lease) {
   part.block = lease.block;
   part.cells = lease.cells;
   part.token = lease.token;
-  if (world_.faults.Happens(Fault::kFalsePixels)) {
+  if (habits_.makes_false_pixels && world_.faults.Happens(Fault::kFalsePixels)) {
     world_.Trace(id_, " renders false pixels for lease ", lease.lease_id & 0xffffff);
     part.exr_bytes = MakeFalseBytes(lease);
-    world_.false_parts.insert(Sha256Hex(part.exr_bytes));
+    part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
+    world_.false_parts.insert(part.digest.sha256_hex);
+    NoteFalse(part);
   } else {
     part.exr_bytes = TruePart(lease);
+    part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
   }
-  part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
   part.ray_count = lease.block.count;
   part.cpu_seconds = static_cast<double>(lease.block.count) * kSampleCpuSeconds;
   return part;
@@ -321,6 +323,14 @@ void SimWorker::Lie(FinishedPart* part) {
       part->exr_bytes = TruePart(other);
   }
   part->digest = {Sha256Hex(part->exr_bytes), part->exr_bytes.size()};
+  NoteFalse(*part);
+}
+
+void SimWorker::NoteFalse(const FinishedPart& part) {
+  const std::string result =
+      absl::StrCat(part.frame_digest, " ", part.tile.x0, " ", part.tile.y0, " ", part.block.first,
+                   " ", part.block.count, " ", part.cells.mask, " ", part.digest.sha256_hex);
+  world_.false_results[result].insert(identity());
 }
 
 void SimWorker::Upload() {
@@ -342,6 +352,7 @@ absl::StatusOr<std::vector<ResultOutcome>> SimWorker::AddResults(
     coordinator::Farm& farm, const std::vector<FinishedPart>& parts) {
   std::vector<ResultOutcome> outcomes;
   for (const FinishedPart& part : parts) {
+    const bool was_liar = promises_.IsLiar(identity());
     const absl::StatusOr<ResultOutcome> outcome =
         farm.AddResult(ToReport(id_, habits_.identity, part), part.exr_bytes);
     world_.Trace(id_, " uploads the result of lease ", part.lease_id & 0xffffff, ": ",
@@ -349,16 +360,17 @@ absl::StatusOr<std::vector<ResultOutcome>> SimWorker::AddResults(
                               : std::string(outcome.status().message()));
     if (world_.machine.disk().stopped()) return absl::UnavailableError("nobody hears this");
     if (!outcome.ok()) return outcome.status();
-    CheckOutcome(part, *outcome);
+    CheckOutcome(part, was_liar, *outcome);
     outcomes.push_back(*outcome);
     if (world_.faults.Happens(Fault::kUploadCut)) return absl::CancelledError("cut");
   }
   return outcomes;
 }
 
-void SimWorker::CheckOutcome(const FinishedPart& part, ResultOutcome outcome) {
-  if (outcome != ResultOutcome::kAccepted) return;
+void SimWorker::CheckOutcome(const FinishedPart& part, bool was_liar, ResultOutcome outcome) {
   const std::string name = absl::StrCat("the result of lease ", part.lease_id, " of ", id_);
+  if (was_liar) world_.Broken(absl::StrCat(name, " is taken, although it made false ones"));
+  if (outcome != ResultOutcome::kAccepted) return;
   if (!promises_.HasPart(part.digest.sha256_hex)) {
     world_.Broken(absl::StrCat(name, " is acknowledged, but not durable"));
   }

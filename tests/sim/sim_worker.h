@@ -29,7 +29,8 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
     int32_t thread_count = 1;
     double slowness = 1;
     bool lies = false;
-    std::string identity = {};  // As WorkerReport has it.
+    bool makes_false_pixels = false;  // As a broken processor does, now and then.
+    std::string identity = {};        // As WorkerReport has it.
   };
   SimWorker(World* world, Network* network, const Promises* promises, std::string id,
             const Habits& habits);
@@ -38,6 +39,8 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   const std::string& id() const { return id_; }
   bool IsAlive() const { return alive_; }
   const Habits& habits() const { return habits_; }
+  // Who answers for it.
+  const std::string& identity() const { return habits_.identity.empty() ? id_ : habits_.identity; }
   // It does nothing more, and what it has is lost.
   void Kill() { alive_ = false; }
   // Nothing happens in it for so long; then it goes on as if no time had passed.
@@ -67,6 +70,8 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void FailTask(uint64_t lease_id, worker::FailureKind kind);
   worker::FinishedPart MakePart(const worker::Lease& lease);
   void Lie(worker::FinishedPart* part);
+  // The worker will deliver this part, which is not the true one of its task.
+  void NoteFalse(const worker::FinishedPart& part);
 
   void Upload();
   // At the coordinator: takes parts one after the other, until one is refused.
@@ -74,7 +79,9 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
       coordinator::Farm& farm, const std::vector<worker::FinishedPart>& parts);
   // The part as it renders it when its pixels come out false.
   std::string MakeFalseBytes(const worker::Lease& lease) const;
-  void CheckOutcome(const worker::FinishedPart& part, coordinator::ResultOutcome outcome);
+  // was_liar: before the call it was durable that the worker makes false results.
+  void CheckOutcome(const worker::FinishedPart& part, bool was_liar,
+                    coordinator::ResultOutcome outcome);
   void TakeOutcomes(const absl::StatusOr<std::vector<coordinator::ResultOutcome>>& outcomes,
                     size_t part_count);
   void RetryUpload();

@@ -19,6 +19,8 @@ constexpr absl::Duration kEndMax = absl::Minutes(40);
 constexpr uint64_t kEndEventsMax = 400'000;
 constexpr uint64_t kEndCheckInterval = 20;  // Events.
 constexpr size_t kHonestWorkersAtEnd = 2;
+// How many of the workers make false pixels at all, where there are any that do.
+constexpr double kBrokenWorkerFraction = 0.4;
 
 // Faults after which a job may fail: each spends a budget of failures (limits.h).
 constexpr Fault kCostlyFaults[] = {Fault::kTaskFailed,   Fault::kWorkerLies,   Fault::kFalsePixels,
@@ -49,6 +51,8 @@ void Simulation::AddWorker(bool may_lie) {
   habits.thread_count = static_cast<int32_t>(1 + world_.random.Below(2));
   if (world_.faults.Happens(Fault::kWorkerSlow)) habits.slowness = 30;
   habits.lies = may_lie && world_.random.Chance(0.4);
+  habits.makes_false_pixels =
+      may_lie && world_.faults.random(Fault::kFalsePixels).Chance(kBrokenWorkerFraction);
   if (may_lie && world_.random.Chance(0.2)) {
     habits.identity = absl::StrCat("owner ", world_.random.Below(2));
   }
@@ -153,7 +157,7 @@ void Simulation::CheckFailures(SimulationResult* result) {
 
 SimulationResult Simulation::Run() {
   host_.Start();
-  for (int64_t i = world_.random.Between(2, 4); i > 0; --i) AddWorker(/*may_lie=*/true);
+  for (int64_t i = world_.random.Between(2, 5); i > 0; --i) AddWorker(/*may_lie=*/true);
   for (uint64_t i = 1 + world_.random.Below(4); i > 0; --i) {
     users_.push_back(std::make_shared<SimUser>(&world_, &network_, &promises_, i));
     users_.back()->Start();
@@ -176,7 +180,7 @@ SimulationResult Simulation::Run() {
   result.broken = world_.WhatIsBroken();
   result.step_count = world_.step_count();
   result.lives = host_.life();
-  result.liars_found = promises_.LiarCount();
+  result.liars_found = promises_.Liars().size();
   result.false_images = checks_.false_image_count();
   for (size_t i = 0; i < kFaultCount; ++i) {
     result.faults[i] = world_.faults.count(static_cast<Fault>(i));

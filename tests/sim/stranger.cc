@@ -24,6 +24,19 @@ worker::Lease LeaseOf(const coordinator::ResultReport& report) {
   return lease;
 }
 
+// Failures of the classes that only workers report.
+uint64_t ReportedFailures(Farm& farm) {
+  using coordinator::FailureKind;
+  const MutexLock lock(&farm.tables().mutex);
+  const auto& failures = farm.tables().scheduler.counters().failures;
+  uint64_t sum = 0;
+  for (const FailureKind kind : {FailureKind::kInfrastructure, FailureKind::kScene,
+                                 FailureKind::kMemory, FailureKind::kInternal}) {
+    sum += failures[static_cast<size_t>(kind)];
+  }
+  return sum;
+}
+
 }  // namespace
 
 void Stranger::Send() {
@@ -88,7 +101,11 @@ void Stranger::SendReport(Farm& farm) {
         {SomeLease(farm), static_cast<coordinator::FailureKind>(random_.Below(5)), "made up", ""});
   }
   report.warm_scenes = {Sha256Hex("scene 0")};
+  const uint64_t failures_before = ReportedFailures(farm);
   if (farm.Synchronize(report).ok()) world_.heard[report.worker_id] = world_.now();
+  if (ReportedFailures(farm) != failures_before) {
+    world_.Broken("a failure that lacks the proof of its lease is counted");
+  }
 }
 
 void Stranger::SendResult(Farm& farm) {
