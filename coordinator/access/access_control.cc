@@ -153,7 +153,7 @@ absl::StatusOr<Caller> AccessControl::Decide(absl::StatusOr<Caller> caller,
   if (!name.empty()) {
     if (admitted.ok()) admitted = use_.NoteCall(caller->identity->id, now);
   } else if (operation.front() != '/') {
-    // Of gRPC's strangers the gate does not know the address; Enroll counts their calls.
+    // The gate does not know the address of gRPC's strangers; Enroll counts their calls.
     absl::Status counted = use_.NoteStrangerCall(peer, now);
     if (!counted.ok()) admitted = std::move(counted);
   }

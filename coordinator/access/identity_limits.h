@@ -40,7 +40,7 @@ struct IdentityLimits {
 // burst: no address can make this costly.
 inline constexpr size_t kStrangerAddressesMax = 10'000;
 
-// What a refusal was for; each has a counter.
+// The limits for which calls are refused; each has a counter.
 enum class IdentityLimit { kCalls, kStrangerCalls, kStreams, kUploadBytes, kConnections };
 inline constexpr size_t kIdentityLimitCount = 5;
 // Returns "calls", "stranger_calls", "streams", "upload_bytes" or "connections".

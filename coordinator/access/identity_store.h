@@ -52,7 +52,7 @@ class IdentityStore {
   // kFailedPrecondition (revoked); kResourceExhausted (kScrapeTokensOfIdentityMax).
   absl::StatusOr<std::string> MakeScrapeToken(const IdentityId& id, absl::Time now,
                                               absl::Duration lifetime);
-  // Whose it is. Errors: kUnauthenticated: it is unknown, expired or revoked.
+  // Its owner. Errors: kUnauthenticated: it is unknown, expired or revoked.
   absl::StatusOr<Identity> FindScrapeToken(const std::string& token, absl::Time now);
 
   // None where there is no such identity. Fast: asks the database only after it has changed.

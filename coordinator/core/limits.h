@@ -35,8 +35,8 @@ struct Limits {
   // Jobs.
   int frames_per_job_max = 100'000;
   int live_jobs_max = 10'000;
-  // Of the unfinished jobs of each user together; without certificates there are no users. Samples:
-  // of pixels.
+  // The sums over the unfinished jobs of each user; without certificates there are no users.
+  // Samples: of pixels.
   int64_t owner_jobs_max = 2'000;
   int64_t owner_frames_max = 200'000;
   uint64_t owner_samples_max = uint64_t{1} << 53;

@@ -23,7 +23,7 @@ struct OwnerWork {
   friend bool operator==(const OwnerWork&, const OwnerWork&) = default;
 };
 
-// What a job holds until it ends. Requires: CheckJobSpec is OK.
+// The work that a job holds until it ends. Requires: CheckJobSpec is OK.
 OwnerWork WorkOf(const JobSpec& spec);
 
 // Whether the owner of `present` may add `more`. Errors: kResourceExhausted, naming the limit.

@@ -25,7 +25,7 @@ std::string CallerAddress(const grpc::ServerContext& context);
 // kUnauthenticated.
 absl::StatusOr<Caller> CallerOf(const grpc::ServerContext& context, AccessControl* access);
 
-// Whose the jobs are that the caller submits: a user's name, or kLocalOwner without TLS.
+// The owner of jobs that the caller submits: a user's name, or kLocalOwner without TLS.
 std::string OwnerOf(const grpc::ServerContext& context);
 
 // Whether the caller may control a job of the owner; without TLS everybody may. Errors:

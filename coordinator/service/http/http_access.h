@@ -9,7 +9,7 @@
 //   POST /logout    ends the session
 //
 // Prometheus shows a scrape token instead, as Authorization: Bearer TOKEN.
-// What each route requires stands in the role table (role_table.h), beside the gRPC methods.
+// The requirements of each route stand in the role table (role_table.h), beside the gRPC methods.
 #pragma once
 
 #include <string>
@@ -38,7 +38,7 @@ class HttpAccess {
   // Records in the audit log that the request changed a job, or why it did not.
   void NoteInAudit(const HttpRequest& request, const std::string& job_id,
                    const absl::Status& outcome) const;
-  // What was refused for a limit, as FarmView has metrics.
+  // Counts of refusals by limit, as FarmView has metrics.
   std::vector<MetricView> Metrics() const;
   // The routes above. They refer to this object.
   std::vector<HttpRoute> Routes() const;

@@ -24,7 +24,7 @@ struct HttpServiceOptions {
   HttpServerOptions server;
   // Names under which clients reach the port, in addition to localhost and numeric addresses.
   std::vector<std::string> allowed_hosts;
-  // Who may use the port; null: everybody who reaches it. It must outlive the service.
+  // Decides who may use the port; null: everybody who reaches it. It must outlive the service.
   AccessControl* access = nullptr;
 };
 
@@ -37,7 +37,7 @@ class HttpService {
   // The address of the page: "http://127.0.0.1:8080".
   std::string Url() const { return server_->Url(); }
   uint16_t port() const { return server_->port(); }
-  // What answers requests, without sockets.
+  // Answers requests, without sockets.
   const HttpRouter& router() const { return router_; }
 
  private:
