@@ -184,6 +184,27 @@ TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
 }
 
+// An end that the disk refuses is written later. A job that is refined meanwhile has none: it keeps
+// its parts and goes on.
+TEST_F(FarmTest, AJobCanBeRefinedBeforeItsEndIsWritten) {
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  const std::string job = absl::StrCat(id);
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  store_->refuses_ends_ = true;
+  while (store_->ends_refused_ == 0 && SteadyTime::Now() < deadline) Work(absl::Milliseconds(2));
+  ASSERT_TRUE(farm_->RefineJob(id, {{}, 512}).ok());
+  store_->refuses_ends_ = false;
+  EXPECT_TRUE(farm_->CancelJob(MakeJob({}, 64)).ok());  // Writes all ends that are due.
+  ASSERT_GT(store_->PartsBytes(), 0u);
+  const auto view = [&] { return *farm_->FindJob(job); };
+  while (view().state != JobState::kSucceeded && SteadyTime::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
+  EXPECT_EQ(view().state, JobState::kSucceeded);
+  EXPECT_EQ(view().progress.sample_count_done, 16u * 16u * 512u);
+}
+
 // A write that failed may be on disk all the same, and come back with the next start. The opposite
 // is therefore written, although the job is as it shall be.
 TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {

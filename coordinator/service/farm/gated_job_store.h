@@ -36,7 +36,9 @@ class GatedJobStore : public JobStore {
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                       absl::Time end_time, absl::Duration wall) override {
     PassTheGate();
-    return store_->EndJob(job_id, phase, failure, end_time, wall);
+    if (!refuses_ends_) return store_->EndJob(job_id, phase, failure, end_time, wall);
+    ++ends_refused_;
+    return Full();
   }
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override {
     return store_->WriteFailures(job_id, failures);
@@ -130,6 +132,8 @@ class GatedJobStore : public JobStore {
   std::atomic<bool> holds_parts_ = false;
   std::atomic<bool> keeps_parts_ = false;  // Whether the disk removes no parts.
   std::atomic<int> removals_refused_ = 0;
+  std::atomic<bool> refuses_ends_ = false;  // Whether the disk takes no ends of jobs.
+  std::atomic<int> ends_refused_ = 0;
   std::atomic<int> control_writes_ = 0;  // Pauses and priorities, also those that failed.
 
  private:

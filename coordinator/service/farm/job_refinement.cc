@@ -93,7 +93,7 @@ absl::Status JobLifecycle::CheckRefinement(const JobRecord& job,
 }
 
 absl::Status JobLifecycle::Refine(uint64_t job_id, const Refinement& refinement) {
-  const MutexLock settling(&settle_mutex_);  // The job's end is written down.
+  const MutexLock settling(&settle_mutex_);  // No end or new beginning is written meanwhile.
   StoredJob job;
   {
     const MutexLock lock(&tables_.mutex);
@@ -168,6 +168,8 @@ void JobLifecycle::TakeOut(uint64_t job_id) {
                               tables_.open_frames.upper_bound({job_id, INT32_MAX}));
   }
   tables_.scheduler.RemoveJob(job_id);
+  // An end that is not written yet will not be: the job would lose its parts by it.
+  std::erase(tables_.unsettled_jobs, job_id);
 }
 
 absl::Status JobLifecycle::ReopenFrames(StoredJob job,
