@@ -89,9 +89,8 @@ class FarmTest : public testing::Test {
     SHEAF_CHECK(answer.ok());
     return answer->leases;
   }
-  // Renders a lease in gray that varies from sample to sample, and delivers that.
-  absl::Status Deliver(const LeaseGrant& grant) {
-    const SampleBlock block = grant.lease.task.block;
+  // Renders samples of a lease, in gray that varies from sample to sample.
+  static std::string Render(const LeaseGrant& grant, SampleBlock block) {
     FilmTile tile(grant.lease.tile_rect, block);
     PixelAccumulator accumulator(&tile);
     for (const PixelRect& rect : RectsOf(tile.rect(), grant.lease.cells)) {
@@ -103,8 +102,12 @@ class FarmTest : public testing::Test {
         accumulator.End();
       }
     }
-    const std::string bytes =
-        EncodePart(tile, {grant.frame_digest, NumericProfile(), {}, grant.lease.cells});
+    return EncodePart(tile, {grant.frame_digest, NumericProfile(), {}, grant.lease.cells});
+  }
+  // Renders a lease, and delivers that.
+  absl::Status Deliver(const LeaseGrant& grant) {
+    const SampleBlock block = grant.lease.task.block;
+    const std::string bytes = Render(grant, block);
     ResultReport result;
     result.frame_digest = grant.frame_digest;
     result.tile = grant.lease.tile_rect;
@@ -178,6 +181,31 @@ TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
   }
   EXPECT_GT(store_->removals_refused_, 0);
   store_->keeps_parts_ = false;
+  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
+  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+}
+
+// The disk may refuse to remove a part that was superseded while it was written. The next life
+// meets it beside those that cover its samples.
+TEST_F(FarmTest, StartsWithPartsThatOverlap) {
+  store_->Open();
+  const std::string job = absl::StrCat(MakeJob({}));
+  const std::vector<LeaseGrant> grants = Lease("w");
+  ASSERT_EQ(grants.size(), 1u);
+  const auto& lease = grants[0].lease;
+  ASSERT_TRUE(Deliver(grants[0]).ok());
+  const SampleBlock half{lease.task.block.first, lease.task.block.count / 2};
+  const std::string bytes = Render(grants[0], half);
+  const PartRow row{.key = {lease.frame, lease.tile_rect, half, lease.cells},
+                    .digest = {Sha256Hex(bytes), bytes.size()},
+                    .worker_id = "w",
+                    .cost = {}};
+  ASSERT_TRUE(store_->WritePart(row, bytes).ok());
+  Start();
+  store_->Open();
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
   while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }

@@ -103,6 +103,10 @@ class JobLifecycle {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
                               TilesOnDisk on_disk) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // Removes a part that does not fit beside those before it: it was superseded while it was
+  // written, and the disk refused to remove it, or its frame was refined.
+  absl::Status RemoveUnusable(const PartRow& row, FrameTasks::Fit fit)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Requires: after AddJob, before the job's parts.
   absl::Status LoadRounds(const StoredJob& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Gives the cells at least the samples that they have: after AddJob, before rounds.

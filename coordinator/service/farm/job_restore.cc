@@ -119,15 +119,9 @@ absl::Status JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::
     if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
     const FrameTasks::Fit fit = tables_.scheduler.RestorePart(
         row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost);
-    if (fit == FrameTasks::Fit::kOutside) {
-      // A refined frame continues from a round before this part's.
-      if (absl::Status status = store_.RemovePart(row); !status.ok()) return status;
-      continue;
-    }
     if (fit != FrameTasks::Fit::kWanted) {
-      return absl::DataLossError(
-          absl::StrCat(options_.state_directory, "/farm.db: overlapping parts of frame ",
-                       row.key.frame.frame_number, " of job ", row.key.frame.job_id));
+      if (absl::Status status = RemoveUnusable(row, fit); !status.ok()) return status;
+      continue;
     }
     on_disk[row.key.frame].insert(*frame->tasks->grid().FindTile(row.key.tile));
   }
@@ -146,6 +140,18 @@ absl::Status JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::
     tables_.NoteEndedJobs();
   }
   return absl::OkStatus();
+}
+
+absl::Status JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fit) {
+  // A part outside of its frame is of a later round than that from which a refined job continues.
+  if (fit != FrameTasks::Fit::kOutside) {
+    ++tables_.scheduler.counters().parts_revoked;
+    LogWarning(absl::StrCat("job ", row.key.frame.job_id, ": a part of frame ",
+                            row.key.frame.frame_number,
+                            " overlaps another and is removed; the samples that nothing else has "
+                            "are rendered again"));
+  }
+  return store_.RemovePart(row);
 }
 
 absl::Status JobLifecycle::LoadRounds(const StoredJob& job) {
