@@ -18,6 +18,8 @@ export class FailuresView {
   private readonly list = byId('failures');
   // The job and count shown or being fetched.
   private shown = '';
+  // The items of the list by what they show.
+  private items = new Map<string, Element>();
 
   constructor(private readonly store: Store) {
     this.list.addEventListener('click', (event) => void this.onClick(event));
@@ -32,7 +34,7 @@ export class FailuresView {
     if (key === this.shown) return;
     this.shown = key;
     if (!job || count === 0)
-      this.list.replaceChildren();
+      this.show([]);
     else
       void this.fetch(job, key);
   };
@@ -46,13 +48,32 @@ export class FailuresView {
           byId('failures-heading'),
           rest > 0 ? 'Failures: the last ' + failures.length + ' of ' + job.failure_count :
                      'Failures');
-      this.list.replaceChildren(...failures.map(makeItem));
+      this.show(failures);
       this.store.note(ATTEMPT, null);
     } catch (failure) {
       // The job's next event tries again.
       if (key === this.shown) this.shown = '';
       this.store.note(ATTEMPT, failure);
     }
+  }
+
+  // Items that stay are not moved, so that a focused button keeps the focus.
+  private show(failures: Failure[]) {
+    const items = new Map<string, Element>();
+    for (const failure of failures) {
+      const key = JSON.stringify(failure);
+      items.set(key, this.items.get(key) ?? makeItem(failure));
+    }
+    for (const [key, item] of this.items)
+      if (!items.has(key)) item.remove();
+    let next = this.list.firstElementChild;
+    for (const item of items.values()) {
+      if (item === next)
+        next = item.nextElementSibling;
+      else
+        this.list.insertBefore(item, next);
+    }
+    this.items = items;
   }
 
   private async onClick(event: MouseEvent) {
