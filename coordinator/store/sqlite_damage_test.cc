@@ -78,7 +78,7 @@ class SqliteDamageTest : public testing::Test {
     auto changed = SqliteDatabase::Open(database_);
     SHEAF_CHECK(changed.ok() && (*changed)->Execute(statement).ok());
   }
-  // What LoadJobs says of the job after a start.
+  // The damage that LoadJobs reports after a start.
   std::string DamageAfterStart() {
     SHEAF_CHECK(Start().ok());
     const auto jobs = store_->LoadJobs();

@@ -205,7 +205,7 @@ export interface Preview {
   range: LayerRange|null;
 }
 
-// Who is signed in; both are empty where the coordinator has no certificates.
+// The person who is signed in; both are empty where the coordinator has no certificates.
 export interface Session {
   user: string;
   role: string;

@@ -249,7 +249,7 @@ class BlockImage {
   struct Value {
     double mean = 0, standard_error = 0;
   };
-  // Of `count` draws, per pixel of the block.
+  // The mean of `count` draws, per pixel of the block.
   Value At(size_t block, uint64_t count) const {
     const double scale = kReplicateCount / (static_cast<double>(count) * kPixelsOfBlock);
     Value value;

@@ -146,7 +146,7 @@ TEST(LightEmissionTest, LightsAtInfinityFillTheSphere) {
       ExpectPrecise(flux, 2 * disk, 1e-5);
       continue;
     }
-    // Of the whole sky, and of what falls through the portal.
+    // The power of the whole sky, and of the part that falls through the portal.
     double sky = 0, portal = 0;
     constexpr int kFine = 1000;
     const Vec3d along_x = testing::kPortalCorners[3] - testing::kPortalCorners[0];

@@ -39,7 +39,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   const std::string& id() const { return id_; }
   bool IsAlive() const { return alive_; }
   const Habits& habits() const { return habits_; }
-  // Who answers for it.
+  // The identity that answers for it.
   const std::string& identity() const { return habits_.identity.empty() ? id_ : habits_.identity; }
   // It does nothing more, and what it has is lost.
   void Kill() { alive_ = false; }

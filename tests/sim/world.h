@@ -33,7 +33,7 @@ class World {
   Faults faults;
   // Digests of the bytes of parts with false pixels that look right.
   std::set<std::string> false_parts;
-  // Who made each false result: by its task and the digest of its bytes, identities.
+  // The identities that made each false result, by its task and the digest of its bytes.
   std::map<std::string, std::set<std::string>> false_results;
   // Digests of scenes that no worker can render.
   std::set<std::string> poisoned_scenes;

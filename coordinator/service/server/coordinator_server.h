@@ -35,7 +35,7 @@ struct CoordinatorOptions {
   FarmOptions farm;
   // Of certificates that are issued; without effect where the state directory has no authority.
   CertificateLifetimes certificate_lifetimes;
-  // Of each user and worker; without effect likewise.
+  // For each user and worker; without effect likewise.
   IdentityLimits identity_limits;
   // "host:port" of gRPC; port 0 lets the system choose, empty listens nowhere (InProcessChannel
   // works in any case).

@@ -36,7 +36,7 @@ std::string DefaultStateDirectory() {
   return absl::StrCat(home != nullptr ? home : ".", "/.local/state/sheaf/coordinator");
 }
 
-// What each identity may take, so that none keeps the others from working.
+// The options of limits for each identity, so that none keeps the others from working.
 void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
   IdentityLimits& identity = server->identity_limits;
   Limits& farm = server->farm.limits;

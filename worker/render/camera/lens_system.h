@@ -51,7 +51,7 @@ class LensSystem {
   };
   // At these distances from the axis; none outside of the surface's opening.
   std::optional<FrontPoint> FrontAt(Vec2d p_mm) const;
-  // Of a disk that bounds the frontmost surface's opening.
+  // The radius of a disk that bounds the frontmost surface's opening.
   double front_radius_mm() const;
   // The factor by which the lens changes etendue from the scene to the film: the squared ratio of
   // the two sides' indices, 1 in air.

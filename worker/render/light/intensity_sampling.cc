@@ -66,7 +66,7 @@ size_t IntervalAt(const std::vector<double>& edges, double v) {
   return static_cast<size_t>(above - edges.begin()) - 1;
 }
 
-// Of a web's angles, in its space.
+// The direction of a web's angles, in its space.
 Vec3d WebDirection(double cos_nadir, double phi) {
   const double sine = std::sqrt(std::max(0.0, 1 - cos_nadir * cos_nadir));
   const SinCosPair<double> turn = SinCos(phi);
