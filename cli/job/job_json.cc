@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <type_traits>
 
 #include "absl/strings/ascii.h"
 #include "absl/time/time.h"
@@ -124,8 +125,13 @@ Json SettingJson(const v1::FrameSettings& settings, const char* name) {
 // Adds the settings that JSON shows there.
 void AddSettings(const v1::FrameSettings& settings, SettingField::Shown shown, Json* json) {
   const FrameSettings names_only;
-  VisitFrameSettings(names_only, [&](const SettingField& field, const auto&) {
-    if (field.shown == shown) (*json)[field.name] = SettingJson(settings, field.name);
+  VisitFrameSettings(names_only, [&](const SettingField& field, const auto& member) {
+    if (field.shown != shown) return;
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(member)>, Techniques>) {
+      (*json)[field.name] = TechniquesName(static_cast<Techniques>(settings.techniques()));
+    } else {
+      (*json)[field.name] = SettingJson(settings, field.name);
+    }
   });
 }
 

@@ -20,6 +20,7 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   frame->mutable_spec()->set_frame_number(3);
   frame->mutable_spec()->mutable_settings()->set_sample_count(16);
   frame->mutable_spec()->mutable_settings()->set_similarity_after_count(8);
+  frame->mutable_spec()->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_AND_LIGHT);
   v1::UnreliableLayer* layer = frame->add_unreliable_layers();
   layer->set_layer("caustic");
   layer->set_tile_count(5);
@@ -38,6 +39,7 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   EXPECT_EQ(json["frames"][0]["unreliable_layers"][0]["tile_count"], 5);
   EXPECT_EQ(json["frames"][0]["sample_count"], 16);
   EXPECT_EQ(json["frames"][0]["similarity_after_count"], 8);
+  EXPECT_EQ(json["frames"][0]["techniques"], "camera+light");
 }
 
 TEST(JobJsonTest, NamesAllStates) {

@@ -25,6 +25,9 @@ static_assert(static_cast<int>(Primaries::kAcesCg) == v1::PRIMARIES_ACESCG &&
 static_assert(static_cast<int>(ColorTransport::kSpectral) == v1::COLOR_TRANSPORT_SPECTRAL &&
               v1::ColorTransport_ARRAYSIZE == 3);
 
+static_assert(static_cast<int>(Techniques::kLight) == v1::TECHNIQUES_LIGHT &&
+              v1::Techniques_ARRAYSIZE == kTechniquesCount);
+
 const google::protobuf::FieldDescriptor* FieldOf(const SettingField& field) {
   const google::protobuf::FieldDescriptor* const found =
       v1::FrameSettings::descriptor()->FindFieldByName(field.name);
@@ -57,6 +60,9 @@ class FieldWriter {
     reflection_.SetEnumValue(&wire_, FieldOf(field), static_cast<int>(value));
   }
   void operator()(const SettingField& field, Primaries value) const {
+    reflection_.SetEnumValue(&wire_, FieldOf(field), static_cast<int>(value));
+  }
+  void operator()(const SettingField& field, Techniques value) const {
     reflection_.SetEnumValue(&wire_, FieldOf(field), static_cast<int>(value));
   }
   void operator()(const SettingField& field, const PixelRect& value) const {
@@ -107,6 +113,15 @@ class FieldReader {
     } else {
       status_.Update(absl::InvalidArgumentError(
           absl::StrCat("primaries number ", number, " are unknown here")));
+    }
+  }
+  void operator()(const SettingField& field, Techniques& value) const {
+    const int number = reflection_.GetEnumValue(wire_, FieldOf(field));
+    if (v1::Techniques_IsValid(number)) {
+      value = static_cast<Techniques>(number);
+    } else {
+      status_.Update(absl::InvalidArgumentError(
+          absl::StrCat("techniques number ", number, " are unknown here")));
     }
   }
   void operator()(const SettingField&, PixelRect& value) const { value = FromWire(wire_.window()); }

@@ -17,7 +17,8 @@ PixelRect FromWire(const v1::PixelRect& rect);
 
 v1::FrameSettings ToWire(const FrameSettings& settings);
 // Does not check the numbers. A color transport unknown to this version becomes kAuto.
-// Errors: kInvalidArgument for unknown outputs.
+// Errors: kInvalidArgument for unknown outputs, primaries, sensors or techniques, and for values
+// out of range.
 absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire);
 
 }  // namespace sheaf

@@ -21,6 +21,7 @@ FrameSettings EverySetting() {
   settings.single_scattering = true;
   settings.one_sequence = true;
   settings.similarity_after = 12;
+  settings.techniques = Techniques::kCameraAndLight;
   settings.lattice = {8, settings.seed};
   settings.force_generic_variant = true;
   settings.outputs.Add(Aov::kPosition);
@@ -59,7 +60,7 @@ TEST(SettingsCodecTest, MessagesKeepTheirBytes) {
   EXPECT_EQ(absl::BytesToHexString(ToWire(settings).SerializeAsString()),
             "08800510e0031a0a0801100218ac0220900320808080808020281130ffffffffffffffffff013801"
             "40024801521c706f736974696f6e2c6d6f74696f6e2c73706163653a63616d6572615804650002af"
-            "456801700c780882010a6e696b6f6e5f643835308d0100004841");
+            "456801700c780882010a6e696b6f6e5f643835308d0100004841900101");
   EXPECT_EQ(absl::BytesToHexString(ToWire(FrameSettings()).SerializeAsString()), "1a0020102805");
 }
 
@@ -79,6 +80,22 @@ TEST(SettingsCodecTest, UnknownPrimariesAreRefused) {
   for (const float temperature_k : {-1.0f, 999.0f, 1e9f, NAN}) {
     wire.set_white_balance_k(temperature_k);
     EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
+  }
+}
+
+TEST(SettingsCodecTest, EveryTechniqueRoundTripsAndOthersAreRefused) {
+  for (const std::string& name : TechniquesNames()) {
+    FrameSettings settings;
+    settings.techniques = *TechniquesFromName(name);
+    const absl::StatusOr<FrameSettings> back = FromWire(ToWire(settings));
+    ASSERT_TRUE(back.ok()) << back.status();
+    EXPECT_EQ(back->techniques, settings.techniques);
+  }
+  for (const int number : {-1, kTechniquesCount, 257}) {
+    v1::FrameSettings wire;
+    wire.set_techniques(static_cast<v1::Techniques>(number));
+    EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_NE(FromWire(wire).status().message().find("techniques"), std::string::npos);
   }
 }
 

@@ -174,8 +174,9 @@ TEST_F(SqliteDamageTest, WholeRowsAreNotDamaged) { EXPECT_EQ(DamageAfterStart(),
 
 TEST_F(SqliteDamageTest, SettingsThatChangeAreFound) {
   for (const char* change :
-       {"seed = seed + 4", "samples = samples + 1", "max_depth = 7", "x0 = 1", "target_error = 0.5",
-        "frame_digest = 'a' || substr(frame_digest, 2)", "scene_sha256 = 'none'"}) {
+       {"seed = seed + 4", "samples = samples + 1", "max_depth = 7", "techniques = 1", "x0 = 1",
+        "target_error = 0.5", "frame_digest = 'a' || substr(frame_digest, 2)",
+        "scene_sha256 = 'none'"}) {
     SCOPED_TRACE(change);
     const auto whole = SqliteDatabase::Open(database_);
     ASSERT_TRUE(whole.ok());

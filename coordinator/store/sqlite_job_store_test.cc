@@ -62,6 +62,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
+      frame.settings.techniques = Techniques::kLight;
       frame.settings.sensor = "nikon_d850";
       frame.settings.max_component_value = 12.5f;
       frame.settings.lattice = {8, frame.settings.seed};
@@ -150,6 +151,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
+  EXPECT_EQ(stored.spec.frames[1].settings.techniques, Techniques::kLight);
   EXPECT_EQ(stored.spec.frames[1].settings.sensor, "nikon_d850");
   EXPECT_EQ(stored.spec.frames[1].settings.max_component_value, 12.5f);
   EXPECT_EQ(stored.spec.frames[1].settings.lattice, (PixelLattice{8, UINT64_MAX - 1}));
@@ -374,6 +376,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
                     "ALTER TABLE frames DROP COLUMN white_balance_k;"
                     "ALTER TABLE frames DROP COLUMN one_sequence;"
                     "ALTER TABLE frames DROP COLUMN similarity_after;"
+                    "ALTER TABLE frames DROP COLUMN techniques;"
                     "ALTER TABLE frames DROP COLUMN max_component_value;"
                     "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
                     "ALTER TABLE frames DROP COLUMN target_error;"
@@ -414,6 +417,7 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
   EXPECT_TRUE((*jobs)[0].spec.frames[0].settings.outputs.empty());
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.primaries, Primaries::kSrgb);
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.similarity_after, 0);
+  EXPECT_EQ((*jobs)[0].spec.frames[0].settings.techniques, Techniques::kCamera);
   EXPECT_FALSE((*jobs)[0].spec.frames[0].stop.IsActive());
   EXPECT_FALSE((*jobs)[0].paused);
   EXPECT_EQ((*jobs)[0].spec.owner, "local");
@@ -427,6 +431,21 @@ TEST_F(SqliteJobStoreTest, EarlierSchemasAreMigrated) {
   EXPECT_EQ((*part)->cost.nonfinite_count, 2u);
   EXPECT_EQ((*part)->identity, "w") << "parts of before are their worker's";
   EXPECT_TRUE((*part)->key.cells.All());
+}
+
+// Rows of the schema before techniques have seals that do not cover the new column.
+TEST_F(SqliteJobStoreTest, SealsOfSchema19AreReset) {
+  CreateJob("a");
+  store_.reset();
+  ASSERT_TRUE((*SqliteDatabase::Open(directory_ + "/farm.db"))
+                  ->Execute("ALTER TABLE frames DROP COLUMN techniques;PRAGMA user_version=19;")
+                  .ok());
+  Reopen();
+  const auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok()) << jobs.status();
+  ASSERT_EQ(jobs->size(), 1u);
+  EXPECT_EQ((*jobs)[0].damage, "");
+  EXPECT_EQ((*jobs)[0].spec.frames[0].settings.techniques, Techniques::kCamera);
 }
 
 TEST_F(SqliteJobStoreTest, LaterSchemasAreRefused) {

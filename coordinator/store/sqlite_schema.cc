@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 19;
+constexpr int64_t kSchemaVersion = 20;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -157,6 +157,11 @@ ALTER TABLE frames ADD COLUMN seal INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE parts ADD COLUMN seal INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE rounds ADD COLUMN seal INTEGER NOT NULL DEFAULT 0;
 )sql";
+// The seals of earlier rows do not cover the new column.
+constexpr char kAddedBy20[] = R"sql(
+ALTER TABLE frames ADD COLUMN techniques INTEGER NOT NULL DEFAULT 0;
+UPDATE frames SET seal = 0;
+)sql";
 
 }  // namespace
 
@@ -178,7 +183,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
                                kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
                                kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
-                               kAddedBy17, kAddedBy18, kAddedBy19};
+                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -147,6 +147,7 @@ std::string DigestValue(const DigestLine&, const std::string& value) { return va
 std::string DigestValue(const DigestLine&, ColorTransport value) {
   return ColorTransportName(value);
 }
+std::string DigestValue(const DigestLine&, Techniques value) { return TechniquesName(value); }
 std::string DigestValue(const DigestLine&, Primaries value) { return PrimariesName(value); }
 std::string DigestValue(const DigestLine&, const FilmOutputs& value) {
   return FormatOutputs(value);
@@ -199,6 +200,8 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.single_scattering = settings.single_scattering;
   resolved.one_sequence = settings.one_sequence;
   resolved.similarity_after = settings.similarity_after;
+  resolved.techniques =
+      settings.techniques.value_or(TechniquesOfIntegrator(scene.sampling.integrator));
   resolved.force_generic_variant = settings.force_generic_variant;
   resolved.primaries = settings.primaries.value_or(scene.film.primaries);
   resolved.white_balance_k = scene.film.white_balance_k;

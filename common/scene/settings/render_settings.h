@@ -16,6 +16,7 @@
 #include "common/film/pixel_lattice.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/scene_description.h"
+#include "common/scene/settings/techniques.h"
 
 namespace sheaf {
 
@@ -50,7 +51,8 @@ struct RenderSettings {
   // Biased, unless 0: after this many scatterings in media, a path continues in equivalent media
   // that scatter isotropically and less often (similarity relation). See docs/adr/0031.
   int32_t similarity_after = 0;
-  bool force_generic_variant = false;  // Changes no pixel, so it is not part of the digest.
+  std::optional<Techniques> techniques;  // Otherwise those of the scene's integrator.
+  bool force_generic_variant = false;    // Changes no pixel, so it is not part of the digest.
 };
 
 struct FrameSettings {
@@ -63,6 +65,7 @@ struct FrameSettings {
   bool single_scattering = false;
   bool one_sequence = false;
   int32_t similarity_after = 0;
+  Techniques techniques = Techniques::kCamera;
   bool force_generic_variant = false;
   // The pixels of the window that are rendered; the others stay empty.
   PixelLattice lattice;

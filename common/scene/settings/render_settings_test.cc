@@ -43,6 +43,35 @@ TEST(RenderSettingsTest, SceneProvidesMissingSettings) {
   EXPECT_EQ(resolved->similarity_after, 3);
 }
 
+TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
+  const std::pair<const char*, Techniques> cases[] = {
+      {"bdpt", Techniques::kCameraAndLight}, {"mlt", Techniques::kCameraAndLight},
+      {"sppm", Techniques::kCameraAndLight}, {"lightpath", Techniques::kLight},
+      {"path", Techniques::kCamera},         {"volpath", Techniques::kCamera},
+      {"randomwalk", Techniques::kCamera},   {"", Techniques::kCamera},
+  };
+  for (const auto& [integrator, expected] : cases) {
+    SceneDescription scene;
+    scene.sampling.integrator = integrator;
+    EXPECT_EQ(ResolveSettings(scene, {})->techniques, expected) << integrator;
+    for (const Techniques techniques :
+         {Techniques::kCamera, Techniques::kCameraAndLight, Techniques::kLight}) {
+      RenderSettings asked;
+      asked.techniques = techniques;
+      EXPECT_EQ(ResolveSettings(scene, asked)->techniques, techniques) << integrator;
+    }
+  }
+}
+
+TEST(TechniquesTest, NamesAreUnique) {
+  EXPECT_THAT(TechniquesNames(), testing::ElementsAre("camera", "camera+light", "light"));
+  for (const std::string& name : TechniquesNames()) {
+    EXPECT_EQ(TechniquesName(*TechniquesFromName(name)), name);
+  }
+  EXPECT_EQ(TechniquesFromName("lights"), std::nullopt);
+  EXPECT_EQ(TechniquesFromName("unknown"), std::nullopt);
+}
+
 TEST(RenderSettingsTest, CropsRoundUpAndIntersect) {
   SceneDescription scene;
   scene.film.width_px = 10;
@@ -94,7 +123,7 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   FrameSettings more = settings;
   more.samples = 17;
   EXPECT_EQ(FrameDigest("scene", more, "profile"), digest);
-  std::vector<FrameSettings> others(14, settings);
+  std::vector<FrameSettings> others(16, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -109,10 +138,14 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   others[11].lattice.stride_px = 8;
   others[12].sensor = "nikon_d850";
   others[13].max_component_value = 10;
+  others[14].techniques = Techniques::kCameraAndLight;
+  others[15].techniques = Techniques::kLight;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", others[9], "profile"),
             FrameDigest("scene", others[10], "profile"));
+  EXPECT_NE(FrameDigest("scene", others[14], "profile"),
+            FrameDigest("scene", others[15], "profile"));
   EXPECT_NE(FrameDigest("other", settings, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
 }
@@ -121,7 +154,7 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
 TEST(RenderSettingsTest, EveryFieldIsDescribed) {
   const FrameSettings settings;
   [[maybe_unused]] const auto& [width_px, height_px, window, samples, max_depth, seed, color,
-                                single_scattering, one_sequence, similarity_after,
+                                single_scattering, one_sequence, similarity_after, techniques,
                                 force_generic_variant, lattice, outputs, sensor,
                                 max_component_value, primaries, white_balance_k] = settings;
   std::set<std::string> names;
@@ -130,8 +163,8 @@ TEST(RenderSettingsTest, EveryFieldIsDescribed) {
     names.insert(field.name);
     members.insert(&member);
   });
-  EXPECT_EQ(names.size(), 17u);
-  EXPECT_EQ(members.size(), 17u);
+  EXPECT_EQ(names.size(), 18u);
+  EXPECT_EQ(members.size(), 18u);
 }
 
 // Parts, stored jobs and images are known by digests of this text.
@@ -158,6 +191,7 @@ TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
   settings.single_scattering = true;
   settings.one_sequence = true;
   settings.similarity_after = 12;
+  settings.techniques = Techniques::kCameraAndLight;
   settings.lattice = {8, settings.seed};
   settings.outputs.Add(Aov::kPosition);
   settings.outputs.Add(Aov::kMotion);
@@ -183,6 +217,7 @@ TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
             "white_balance_k 5600.25\n"
             "sensor nikon_d850\n"
             "max_component_value 12.5\n"
+            "techniques camera+light\n"
             "profile profile\n");
 }
 
@@ -225,6 +260,18 @@ TEST(RenderSettingsTest, DigestIncludesBiasIfAny) {
   settings.similarity_after = 8;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
               testing::HasSubstr("\nsimilarity_after 8\nprofile profile\n"));
+}
+
+// Parts of earlier versions stay valid.
+TEST(RenderSettingsTest, DigestIncludesTechniquesBesideThoseOfTheCamera) {
+  FrameSettings settings;
+  settings.techniques = Techniques::kCamera;
+  EXPECT_EQ(FrameDigestText("scene", settings, "profile").find("techniques"), std::string::npos);
+  EXPECT_EQ(FrameDigest("scene", settings, "profile"),
+            FrameDigest("scene", FrameSettings(), "profile"));
+  settings.techniques = Techniques::kLight;
+  EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
+              testing::HasSubstr("\ntechniques light\nprofile profile\n"));
 }
 
 TEST(RenderSettingsTest, EnergyCompensationIsReportedOnceWithItsFlag) {

@@ -1,0 +1,37 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Techniques: the ways in which the integrator finds paths between lights and the camera. All have
+// the same mean; they differ in noise and cost (docs/adr/0063-light-paths.md). Thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace sheaf {
+
+// The numbers are those of messages and of stored jobs.
+enum class Techniques : uint8_t {
+  // Paths from the camera alone.
+  kCamera = 0,
+  // Light paths too: those that begin at lights and are connected to the camera. Both kinds are
+  // combined by multiple importance sampling.
+  kCameraAndLight = 1,
+  // Light paths find all light that they can find, and camera paths only the rest: light seen
+  // directly or by specular scattering alone.
+  kLight = 2,
+};
+inline constexpr int kTechniquesCount = 3;
+
+// "camera", "camera+light", "light".
+const char* TechniquesName(Techniques techniques);
+std::optional<Techniques> TechniquesFromName(const std::string& name);
+// In the order of the numbers.
+std::vector<std::string> TechniquesNames();
+
+// The techniques of pbrt-v4's integrator of this name; kCamera for unknown names.
+Techniques TechniquesOfIntegrator(const std::string& integrator);
+
+}  // namespace sheaf
