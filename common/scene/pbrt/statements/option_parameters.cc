@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/scene/settings/techniques.h"
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/sensor.h"
 
@@ -21,24 +22,71 @@ bool IsOneOf(const std::string& name, std::initializer_list<const char*> names) 
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-// pbrt-v4's integrators that estimate the same image as path tracing, and their parameters that
-// control how.
+// A parameter of an integrator that says how it works, and its type in pbrt-v4.
+struct MethodParameter {
+  const char* name = nullptr;
+  ParameterType type = ParameterType::kInteger;
+};
+
+// pbrt-v4's integrators whose method is not Sheaf's. Source of names, parameters and their meaning:
+// src/pbrt/cpu/integrators.cpp of pbrt-v4.
 struct OtherIntegrator {
   const char* name;
-  const char* why_path_tracing;  // "..., which"
-  std::array<const char*, 5> parameters;
+  const char* mean;  // What is known about the image, compared with pbrt-v4's.
+  std::array<MethodParameter, 5> parameters;
 };
+constexpr char kSameMean[] = "the mean is the same";
 constexpr OtherIntegrator kOtherIntegrators[] = {
-    {"simplepath", "has the same mean", {"samplelights", "samplebsdf"}},
-    {"simplevolpath", "has the same mean", {}},
-    {"lightpath", "has the same mean", {}},
-    {"bdpt", "has the same mean", {"visualizestrategies", "visualizeweights"}},
+    {"simplepath",
+     kSameMean,
+     {{{"samplelights", ParameterType::kBool}, {"samplebsdf", ParameterType::kBool}}}},
+    {"simplevolpath", kSameMean, {}},
+    {"randomwalk",
+     "the image also has the light of mirrors and of lights without size, which pbrt-v4 leaves "
+     "out",
+     {}},
+    {"lightpath",
+     "the image also has the light of mirrors and of the sky, which pbrt-v4 leaves out",
+     {}},
+    {"bdpt",
+     kSameMean,
+     {{{"visualizestrategies", ParameterType::kBool}, {"visualizeweights", ParameterType::kBool}}}},
     {"mlt",
-     "has the same mean",
-     {"bootstrapsamples", "chains", "mutationsperpixel", "largestepprobability", "sigma"}},
-    {"sppm", "has the mean that photon maps approach", {"photonsperiteration", "radius", "seed"}},
-    {"randomwalk", "also samples mirrors and lights without size", {}},
+     "the mean is the same, and samples are independent; the sampler gives their number",
+     {{{"bootstrapsamples", ParameterType::kInteger},
+       {"chains", ParameterType::kInteger},
+       {"mutationsperpixel", ParameterType::kInteger},
+       {"largestepprobability", ParameterType::kFloat},
+       {"sigma", ParameterType::kFloat}}}},
+    {"sppm",
+     "the mean is that which photon maps approach, without their bias; maxdepth limits whole "
+     "paths, not their parts from the camera and from the light",
+     {{{"photonsperiteration", ParameterType::kInteger},
+       {"radius", ParameterType::kFloat},
+       {"seed", ParameterType::kInteger}}}},
 };
+
+const char* MethodOf(Techniques techniques) {
+  switch (techniques) {
+    case Techniques::kCamera:
+      break;
+    case Techniques::kCameraAndLight:
+      return "paths from the camera and from lights";
+    case Techniques::kLight:
+      return "paths from lights, and from the camera where those find no light";
+  }
+  return "paths from the camera, with sampled lights";
+}
+
+// Notes that the parameters are not used. Those of another type than pbrt-v4's are reported.
+void IgnoreMethod(const OtherIntegrator& integrator, ParameterList& parameters) {
+  for (const MethodParameter& parameter : integrator.parameters) {
+    if (parameter.name == nullptr) continue;
+    if (parameters.FindTyped(parameter.name, parameter.type) == nullptr) continue;
+    parameters.NoteWithoutEffect(parameter.name,
+                                 "it concerns how this integrator works in pbrt-v4");
+  }
+}
 
 void GetCrop(ParameterList& parameters, FilmDescription* film) {
   const Parameter* crop = parameters.FindTyped("cropwindow", ParameterType::kFloat);
@@ -269,15 +317,11 @@ void SetIntegrator(const std::string& type, ParameterList& parameters,
     parameters.NoteWithoutEffect(name, "Sheaf has its own light sampling");
   }
   if (!is_ours) {
-    for (const char* name : other->parameters) {
-      if (name != nullptr) {
-        parameters.NoteWithoutEffect(name, "it concerns how this integrator works in pbrt-v4");
-      }
-    }
-    parameters.Note(
-        absl::StrCat(parameters.owner(),
-                     ": the image is rendered by path tracing with next-event estimation, which ",
-                     other->why_path_tracing));
+    IgnoreMethod(*other, parameters);
+    const Techniques techniques = TechniquesOfIntegrator(type);
+    parameters.Note(absl::StrCat(parameters.owner(), " is read as --techniques ",
+                                 TechniquesName(techniques), ": ", MethodOf(techniques), "; ",
+                                 other->mean));
   }
   parameters.ReportUnused();
 }
