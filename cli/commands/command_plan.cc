@@ -10,6 +10,7 @@
 
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
+#include "cli/job/camera_paths_check.h"
 #include "cli/job/opened_scene.h"
 #include "common/base/printable.h"
 #include "worker/render/ablation/plan_measurement.h"
@@ -47,6 +48,10 @@ class PlanCommand : public Command {
     const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
     if (measure_) {
+      if (absl::Status status = CheckCameraPaths("measurements of effects", scene, opened.settings);
+          !status.ok()) {
+        return ReportError(ExitCode::kUsage, status);
+      }
       absl::StatusOr<render::PlanMeasurement> measured =
           render::MeasurePlan(scene, opened.settings, *opened.file.files, measure_seconds_);
       if (!measured.ok()) return ReportSceneError(measured.status());
@@ -54,7 +59,7 @@ class PlanCommand : public Command {
     }
     const render::MemoryEstimate memory = render::EstimateMemory(scene, *opened.file.files);
     if (json_) {
-      PrintJson(plan, memory, measurement);
+      PrintJson(plan, opened.settings, memory, measurement);
     } else {
       std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
       std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
@@ -90,13 +95,15 @@ class PlanCommand : public Command {
     return json;
   }
 
-  static void PrintJson(const render::RenderPlan& plan, const render::MemoryEstimate& memory,
+  static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings,
+                        const render::MemoryEstimate& memory,
                         const std::optional<render::PlanMeasurement>& measurement) {
     nlohmann::ordered_json json = {{"variant", plan.variant_name},
                                    {"traits", plan.traits},
                                    {"variant_traits", plan.variant_traits},
                                    {"light_count", plan.light_count},
                                    {"max_depth", plan.max_depth},
+                                   {"techniques", TechniquesName(settings.techniques)},
                                    {"memory_bytes", memory.TotalBytes()},
                                    {"triangle_count", memory.triangle_count},
                                    {"effects", nlohmann::ordered_json::array()},

@@ -12,6 +12,7 @@
 
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
+#include "cli/job/camera_paths_check.h"
 #include "cli/job/opened_scene.h"
 #include "cli/job/output_files.h"
 #include "cli/message.h"
@@ -43,7 +44,8 @@ class StudyCommand : public Command {
         "  sheaf study room.pbrt -o room.html\n"
         "  sheaf study room.pbrt --minutes 60 --json-output room.json\n"
         "Tiles spread over the frame are rendered with each setting in turn and compared with one\n"
-        "reference that the study renders. Everything is rendered on this machine.");
+        "reference that the study renders. Everything is rendered on this machine. Studies do not\n"
+        "know light paths (--techniques).");
     return command;
   }
 
@@ -71,6 +73,9 @@ class StudyCommand : public Command {
       return ReportOutputError(status);
     }
     const SceneDescription& scene = opened.file.read.scene;
+    if (absl::Status status = CheckCameraPaths("studies", scene, opened.settings); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
     if (options_.threads == 0) {
       options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
     }

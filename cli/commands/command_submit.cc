@@ -11,6 +11,7 @@
 #include "cli/commands/effect_costs.h"
 #include "cli/commands/options.h"
 #include "cli/interruption.h"
+#include "cli/job/camera_paths_check.h"
 #include "cli/job/farm_channel.h"
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
@@ -71,6 +72,11 @@ class SubmitCommand : public Command {
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);
+    if (measure_seconds_ > 0) {
+      const Techniques techniques = job->frames.front().settings.techniques;
+      absl::Status status = CheckCameraPaths("measurements of effects", techniques);
+      if (!status.ok()) return ReportError(ExitCode::kUsage, status);
+    }
     const absl::StatusOr<Delivery> delivery =
         wait_ || is_named ? MakeDelivery(arguments_, *job, *view) : Delivery{};
     if (!delivery.ok()) return ReportOutputError(delivery.status());

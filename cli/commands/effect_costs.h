@@ -13,8 +13,9 @@
 
 namespace sheaf::cli {
 
-// Measures the first frame. Takes `seconds` plus the time to compile the scene. Errors: those of
-// ReadScene, ResolveSettings and MeasurePlan.
+// Measures the first frame. Takes `seconds` plus the time to compile the scene. Requires: the
+// frame's techniques are those of the camera. Errors: those of ReadScene, ResolveSettings and
+// MeasurePlan.
 absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& arguments,
                                                            double seconds);
 

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/duration.h"
+#include "cli/job/camera_paths_check.h"
 #include "cli/quote/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
@@ -150,8 +151,18 @@ absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
 
 }  // namespace
 
+absl::Status CheckQuoted(const JobArguments& arguments, const PreparedJob& job) {
+  for (const PreparedFrame& frame : job.frames) {
+    absl::Status status = CheckCameraPaths("quotes", frame.settings.techniques);
+    if (status.ok()) continue;
+    return arguments.settings.techniques ? status : Annotate(status, arguments.scene);
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
+  if (absl::Status status = CheckQuoted(arguments, job); !status.ok()) return status;
   Quote quote;
   const absl::StatusOr<std::vector<CellRound>> start = ReadStart(arguments, job);
   if (!start.ok()) return start.status();

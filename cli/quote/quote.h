@@ -54,6 +54,9 @@ struct Quote {
   std::vector<QuoteRow> rows;
 };
 
+// Whether quotes know the techniques of the job's frames. Errors: kInvalidArgument.
+absl::Status CheckQuoted(const JobArguments& arguments, const PreparedJob& job);
+
 // The targets quoted when none is requested.
 inline const std::vector<double> kQuotedErrors = {0.1, 0.05, 0.02, 0.01};
 
@@ -63,10 +66,11 @@ struct QuoteArguments {
   absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots together.
 };
 
-// Errors: those of the calls; kInvalidArgument if the frame cannot continue from its image, found
-// before any pilot; kUnavailable if the pilot has not ended in time; kFailedPrecondition with the
-// farm's message if it failed; kDataLoss if the coordinator does not report its cost. No pilot is
-// left running on the farm after any error, including kCancelled.
+// Errors: those of the calls; kInvalidArgument if a frame asks for light paths, which the model of
+// a quote does not know, or cannot continue from its image, found before any pilot; kUnavailable if
+// the pilot has not ended in time; kFailedPrecondition with the farm's message if it failed;
+// kDataLoss if the coordinator does not report its cost. No pilot is left running on the farm after
+// any error, including kCancelled.
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked);
 

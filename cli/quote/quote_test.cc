@@ -28,6 +28,26 @@ Quote MakeTestQuote() {
   return quote;
 }
 
+// The check comes before any call, so that no pilot is rendered.
+TEST(QuoteTest, LightPathsAreRefused) {
+  JobArguments arguments;
+  arguments.scene = "room.pbrt";
+  PreparedJob job;
+  job.frames.resize(2);
+  EXPECT_TRUE(CheckQuoted(arguments, job).ok());
+  job.frames[1].settings.techniques = Techniques::kCameraAndLight;
+  const absl::Status of_scene = MakeQuote(nullptr, arguments, job, {.targets = {0.1}}).status();
+  EXPECT_EQ(of_scene, CheckQuoted(arguments, job));
+  EXPECT_EQ(of_scene,
+            absl::InvalidArgumentError(
+                "room.pbrt: quotes know paths from the camera alone, not the techniques "
+                "camera+light; give --techniques camera for an image of the same mean without "
+                "light paths"));
+  arguments.settings.techniques = Techniques::kCameraAndLight;
+  const std::string of_flag(CheckQuoted(arguments, job).message());
+  EXPECT_EQ(of_flag.rfind("quotes know", 0), 0u) << of_flag;
+}
+
 TEST(QuoteTest, TableHasARowPerErrorAndABasisLine) {
   EXPECT_EQ(FormatQuote(MakeTestQuote()),
             "error (relMSE)                  samples  CPU time (80 % band)               "

@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "cli/study/clamped_tiles.h"
 #include "cli/study/study_tiles.h"
+#include "common/base/check.h"
 #include "common/film/error/error_estimate.h"
 #include "common/film/error/mean_interval.h"
 #include "coordinator/core/sample_rounds.h"
@@ -405,6 +406,7 @@ class Study {
 
 absl::StatusOr<StudyResult> RunStudy(const SceneDescription& scene, const FrameSettings& settings,
                                      FileSource& files, const StudyOptions& options) {
+  SHEAF_CHECK(settings.techniques == Techniques::kCamera);
   if (!(options.minutes >= kStudyMinutesMin && options.minutes <= kStudyMinutesMax)) {
     return absl::InvalidArgumentError(absl::StrFormat("a study takes %g to %g minutes, not %g",
                                                       kStudyMinutesMin, kStudyMinutesMax,

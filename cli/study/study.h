@@ -63,7 +63,8 @@ struct StudyOptions {
   std::function<void(const std::string&)> on_progress;
 };
 
-// Errors: as CompileScene; kInvalidArgument if minutes is out of range; kResourceExhausted if the
+// Requires: the settings' techniques are those of the camera (CheckCameraPaths). Errors: as
+// CompileScene; kInvalidArgument if minutes is out of range; kResourceExhausted if the
 // time is too short for even a few tiles.
 absl::StatusOr<StudyResult> RunStudy(const SceneDescription& scene, const FrameSettings& settings,
                                      FileSource& files, const StudyOptions& options);

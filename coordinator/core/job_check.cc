@@ -67,6 +67,12 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
                         " samples; request fewer, or a target error");
   }
   if (s.max_depth < 0) return "the depth is negative";
+  if (!s.lattice.All() && s.techniques != Techniques::kCamera) {
+    return absl::StrCat(
+        "light paths reach every pixel, so a few pixels cannot be rendered with the "
+        "techniques ",
+        TechniquesName(s.techniques), "; use camera, or render all pixels");
+  }
   for (const auto& [edge_px, most, what] :
        {std::tuple{partition.tile_size_px, limits.tiles_per_frame_max, "tiles"},
         std::tuple{CellSizeOf(frame, partition), limits.cells_per_frame_max, "cells"}}) {

@@ -57,6 +57,19 @@ TEST(JobCheckTest, InvalidJobsAreRefusedWithAReason) {
   ExpectRefused(job, "tasks", "larger tiles");
 }
 
+TEST(JobCheckTest, PixelLatticesHaveNoLightPaths) {
+  JobSpec job = JobOf(64, 64, 16);
+  for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kLight}) {
+    job.frames[0].settings.lattice = {};
+    job.frames[0].settings.techniques = techniques;
+    EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
+    job.frames[0].settings.lattice = {8, 0};
+    ExpectRefused(job, "a few pixels cannot be rendered", "use camera");
+  }
+  job.frames[0].settings.techniques = Techniques::kCamera;
+  EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
+}
+
 TEST(JobCheckTest, FramesMustBeUniqueAndSorted) {
   JobSpec job = JobOf(16, 16, 4, 2);
   job.frames[1].frame_number = 1;

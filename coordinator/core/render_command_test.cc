@@ -15,7 +15,7 @@ TEST(RenderCommandTest, NamesTileSamplesSeedAndDepth) {
   settings.max_depth = 0;
   EXPECT_EQ(RenderCommand("shots/room.0007.pbrt", settings, kTile, 48),
             "sheaf render shots/room.0007.pbrt --crop 32,0,64,17 --samples 48 --seed 9 "
-            "--max-depth 0");
+            "--max-depth 0 --techniques camera");
 }
 
 TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
@@ -24,6 +24,7 @@ TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
   settings.primaries = Primaries::kAcesCg;
   settings.single_scattering = settings.one_sequence = settings.force_generic_variant = true;
   settings.similarity_after = 8;
+  settings.techniques = Techniques::kCameraAndLight;
   settings.outputs.Add(Aov::kUv);
   settings.outputs.AddIdNumber(IdKind::kAsset);
   settings.outputs.AddCryptomatte(IdKind::kObject);
@@ -32,8 +33,8 @@ TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
   EXPECT_EQ(RenderCommand("a.pbrt", settings, kTile, 1),
             "sheaf render a.pbrt --crop 32,0,64,17 --samples 1 --seed 0 --max-depth 5 "
             "--color spectral --primaries acescg --single-scattering --one-sequence "
-            "--similarity 8 --generic --aov uv,asset-id --cryptomatte object,material "
-            "--light-groups");
+            "--similarity 8 --techniques camera+light --generic --aov uv,asset-id "
+            "--cryptomatte object,material --light-groups");
 }
 
 TEST(RenderCommandTest, QuotesNamesForTheShell) {

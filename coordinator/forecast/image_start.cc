@@ -17,16 +17,17 @@ struct Claim {
   const char* key;
   std::string wanted;
   const char* what;
+  const char* otherwise = "";  // The value of images that do not state it.
 };
 
 // Empty if the image belongs to the frame.
 std::string WhyNotOf(const FrameSpec& spec, const std::string& numeric_profile,
                      const FrameImage& image) {
-  const auto text_of = [&](const char* key) {
+  const auto text_of = [&](const char* key, const char* otherwise) {
     const auto found = image.metadata.find(key);
-    return found == image.metadata.end() ? std::string() : found->second;
+    return found == image.metadata.end() ? std::string(otherwise) : found->second;
   };
-  if (text_of(kFrameDigestKey) == spec.frame_digest) return "";
+  if (text_of(kFrameDigestKey, "") == spec.frame_digest) return "";
   const FrameSettings& s = spec.settings;
   const PixelRect& w = s.window;
   const Claim claims[] = {
@@ -35,10 +36,11 @@ std::string WhyNotOf(const FrameSpec& spec, const std::string& numeric_profile,
       {"window", absl::StrCat(w.x0, ",", w.y0, ",", w.x1, ",", w.y1), "with another crop"},
       {"seed", absl::StrCat(s.seed), "with another seed"},
       {"depthMax", absl::StrCat(s.max_depth), "with another --max-depth"},
+      {"techniques", TechniquesName(s.techniques), "with other --techniques", "camera"},
       {"sceneDigest", spec.scene.sha256_hex, "from another scene, or its files have changed"},
   };
   for (const Claim& claim : claims) {
-    const std::string text = text_of(claim.key);
+    const std::string text = text_of(claim.key, claim.otherwise);
     if (text == claim.wanted) continue;
     return absl::StrCat("it was rendered ", claim.what, " (it has ", claim.key, " \"", text,
                         "\", the job \"", claim.wanted, "\")");
@@ -52,6 +54,12 @@ absl::StatusOr<ResumedImage> ResumeImage(FrameImage image, const FrameSpec& spec
                                          const std::string& numeric_profile) {
   const FrameSettings& s = spec.settings;
   if (!s.lattice.All()) return absl::InvalidArgumentError("not all of its pixels are rendered");
+  if (s.techniques != Techniques::kCamera) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "the techniques ", TechniquesName(s.techniques),
+        " count light paths and camera paths apart, and an image holds only their sum; render "
+        "anew, or continue the job itself with sheaf refine"));
+  }
   const std::string why_not = WhyNotOf(spec, numeric_profile, image);
   absl::StatusOr<ResumedImage> resumed = ResumedImage::Make(
       std::move(image), s.outputs, ImageColorOf(s.primaries, s.white_balance_k, s.sensor));

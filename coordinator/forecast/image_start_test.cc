@@ -94,12 +94,31 @@ TEST(ImageStartTest, ExplainsWhyAnImageDoesNotFit) {
   image.metadata["seed"] = "0";
   EXPECT_THAT(why(image, other), HasSubstr("another seed"));
   EXPECT_THAT(why(image, other, "a later build"), HasSubstr("another build"));
+  image.metadata["seed"] = "3";
+  image.metadata["depthMax"] = "5";
+  image.metadata["techniques"] = "light";
+  EXPECT_THAT(why(image, other), HasSubstr("with other --techniques (it has techniques \"light\", "
+                                           "the job \"camera\")"));
+  image.metadata.erase("techniques");
+  EXPECT_THAT(why(image, other), HasSubstr("from another scene"));
   FrameSpec few = MakeSpec();
   few.settings.lattice = PixelLattice{8, 1};
   EXPECT_THAT(why(MakeImage(), few), HasSubstr("not all of its pixels"));
   FrameImage changed = MakeImage();
   changed.planes[0][0] += 1;
   EXPECT_THAT(why(changed, MakeSpec()), HasSubstr("changed after it was delivered"));
+}
+
+TEST(ImageStartTest, ImagesWithLightPathsAreRefused) {
+  FrameSpec spec = MakeSpec();
+  for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kLight}) {
+    spec.settings.techniques = techniques;
+    spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
+    FrameImage image = MakeImage();
+    image.metadata[kFrameDigestKey] = spec.frame_digest;
+    const absl::Status status = ResumeImage(std::move(image), spec, kProfile).status();
+    EXPECT_THAT(std::string(status.message()), HasSubstr("an image holds only their sum"));
+  }
 }
 
 TEST(ImageStartTest, OtherCellSizesAreRefused) {

@@ -387,6 +387,55 @@ class ClientTest(ClientCase):
         self.assertIn("BIASED", notes["notes"][0])
         self.expect(run("plan", scene, "--similarity", -1), USAGE)
 
+    def test_techniques_are_shown(self):
+        bdpt = self.write("bdpt.pbrt", 'Integrator "bdpt" "bool visualizeweights" true\n' + SCENE)
+        plain = self.write("plain.pbrt", SCENE)
+        noted = "bdpt.pbrt:1:1: "
+        for scene, flags, techniques, cause in (
+                (plain, (), "camera", None), (bdpt, (), "camera+light", noted),
+                (plain, ("--techniques", "light"), "light", "requested"),
+                (bdpt, ("--techniques", "light"), "light", "requested"),
+                (bdpt, ("--techniques", "camera"), "camera", None)):
+            with self.subTest(scene=os.path.basename(scene), flags=flags):
+                done = self.expect(run("plan", "--json", scene, *flags), OK)
+                plan = json.loads(done.stdout)
+                self.assertEqual(plan["techniques"], techniques)
+                notes = [note for note in plan["notes"] if note.startswith("techniques: ")]
+                self.assertEqual(len(notes), 0 if cause is None else 1)
+                text = self.expect(run("plan", scene, *flags), OK).stdout
+                if cause:
+                    self.assertIn(f"techniques: {techniques}, {cause}", text)
+                else:
+                    self.assertNotIn("techniques", text)
+                self.assertEqual(noted in done.stderr, scene == bdpt)
+                path = self.farm.path("techniques.exr")
+                done = farm.render(scene, path, "--samples", 1, "--json", *flags)
+                frame = json.loads(done.stdout.splitlines()[-1])["frames"][0]
+                self.assertEqual(frame["techniques"], techniques)
+                metadata = json.loads(farm.local("show", path, "--json"))["metadata"]
+                self.assertEqual(metadata.get("techniques", "camera"), techniques)
+        self.assertIn("camera, camera+light, light",
+                      self.expect(run("plan", plain, "--techniques", "lights"), USAGE).stderr)
+
+    def test_light_paths_are_refused_where_they_are_unknown(self):
+        bdpt = self.write("bdpt.pbrt", 'Integrator "bdpt"\n' + SCENE)
+        plain = self.write("plain.pbrt", SCENE)
+        light = ("--techniques", "camera+light")
+        for what, command, *flags in (
+                ("quotes", "quote", "--local"), ("studies", "study", "--minutes", 0.2),
+                ("measurements of effects", "plan", "--measure"),
+                ("measurements of effects", "submit", "--measure", 1)):
+            for scene, techniques in ((bdpt, ()), (plain, light)):
+                with self.subTest(command=command, scene=os.path.basename(scene)):
+                    done = self.expect(run(command, scene, *flags, *techniques), USAGE)
+                    self.assertIn(f"{what} know paths from the camera alone, not the techniques "
+                                  "camera+light; give --techniques camera", done.stderr)
+        done = self.expect(run("plan", bdpt, "--measure", "--measure-seconds", 0.1,
+                               "--techniques", "camera"), OK)
+        self.assertIn("us per sample", done.stdout)
+        done = self.farm.sheaf("submit", plain, "--samples", 1, *light, quote=True)
+        self.assertIn("no quote: quotes know paths from the camera alone", done.stderr)
+
     def test_completion(self):
         for shell, check in (("bash", ["bash", "-n"]), ("zsh", None), ("fish", None)):
             script = self.expect(run("completion", shell), OK).stdout
@@ -414,6 +463,7 @@ class ClientTest(ClientCase):
                 PATH=farm.programs() + ":" + os.environ["PATH"]), check=True)
             return done.stdout.split()
         self.assertEqual(complete("render", "--color", "s"), ["spectral"])
+        self.assertEqual(complete("study", "--techniques", "l"), ["light"])
         self.assertEqual(complete("show", "--layer", '""'), ["image", "error", "samples"])
         self.assertIn("acescg", complete("submit", "--primaries", "a"))
         self.assertIn(name, complete("watch", '""'))

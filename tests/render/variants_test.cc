@@ -148,5 +148,20 @@ TEST(VariantsTest, PlanNamesTheCause) {
       << text;
 }
 
+TEST(VariantsTest, PlanNamesTechniquesAndTheirCause) {
+  TestScene t = Base();
+  FrameSettings settings = SquareSettings(4, 1, 1);
+  EXPECT_TRUE(MakeRenderPlan(t.scene, settings).notes.empty());
+  settings.techniques = Techniques::kCameraAndLight;
+  EXPECT_EQ(MakeRenderPlan(t.scene, settings).notes,
+            std::vector<std::string>{"techniques: camera+light, requested"});
+  t.scene.sampling.integrator = "bdpt";
+  t.scene.sampling.integrator_location = {0, 3, 1};
+  const RenderPlan plan = MakeRenderPlan(t.scene, settings);
+  const std::string note = "techniques: camera+light, test.pbrt:3:1: Integrator \"bdpt\"";
+  EXPECT_EQ(plan.notes, std::vector<std::string>{note});
+  EXPECT_NE(FormatRenderPlan(plan).find("\n" + note + "\n"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace sheaf::render

@@ -11,9 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "common/base/file.h"
-#include "common/scene/settings/render_settings.h"
 
 namespace sheaf {
 namespace {
@@ -76,63 +74,6 @@ TEST_F(SceneReaderTest, EmptyWorldHasPbrtDefaults) {
   EXPECT_EQ(scene.camera.fov_degrees, 90);
   EXPECT_DOUBLE_EQ(scene.camera.screen_window[1], 1280.0 / 720);
   EXPECT_DOUBLE_EQ(scene.camera.screen_window[3], 1);
-}
-
-// Each of pbrt-v4's integrators is read as the techniques of its kind, with its depth; parameters
-// that say how it works have no effect.
-TEST_F(SceneReaderTest, IntegratorsAreReadAsTechniques) {
-  struct Case {
-    const char* name;
-    Techniques techniques;
-    std::vector<std::string> unused;  // By type and name.
-  };
-  const Case cases[] = {
-      {"bdpt",
-       Techniques::kCameraAndLight,
-       {"bool visualizestrategies\" true", "bool visualizeweights\" false"}},
-      {"mlt",
-       Techniques::kCameraAndLight,
-       {"integer bootstrapsamples\" 9", "integer chains\" 9", "integer mutationsperpixel\" 9",
-        "float largestepprobability\" 0.5", "float sigma\" 0.5"}},
-      {"sppm",
-       Techniques::kCameraAndLight,
-       {"integer photonsperiteration\" 9", "float radius\" 0.5", "integer seed\" 9"}},
-      {"lightpath", Techniques::kLight, {}},
-      {"simplepath", Techniques::kCamera, {"bool samplelights\" false", "bool samplebsdf\" true"}},
-      {"simplevolpath", Techniques::kCamera, {}},
-      {"randomwalk", Techniques::kCamera, {}},
-  };
-  for (const auto& [name, techniques, unused] : cases) {
-    SCOPED_TRACE(name);
-    std::string text =
-        absl::StrCat("# A comment.\n  Integrator \"", name, "\" \"integer maxdepth\" 11");
-    for (const std::string& parameter : unused) absl::StrAppend(&text, "\n\"", parameter);
-    const SceneDescription scene = ReadGood(text + "\nWorldBegin\n");
-    EXPECT_EQ(scene.sampling.max_depth, 11);
-    const auto settings = ResolveSettings(scene, {});
-    ASSERT_TRUE(settings.ok()) << settings.status();
-    EXPECT_EQ(settings->techniques, techniques);
-    EXPECT_EQ(settings->max_depth, 11);
-    EXPECT_EQ(notes_.size(), 1 + unused.size());
-    ExpectNote(SceneDiagnostic::Severity::kNote,
-               absl::StrCat("main.pbrt:2:3: integrator \"", name, "\" is read as --techniques ",
-                            TechniquesName(techniques), ": "));
-    for (size_t i = 0; i < unused.size(); ++i) {
-      const std::string word = unused[i].substr(unused[i].find(' ') + 1);
-      ExpectNote(SceneDiagnostic::Severity::kNote,
-                 absl::StrCat("main.pbrt:", 3 + i, ":1: integrator \"", name, "\": parameter \"",
-                              word.substr(0, word.find('"')), "\" has no effect"));
-    }
-  }
-}
-
-TEST_F(SceneReaderTest, ParametersOfOtherIntegratorsAreRefused) {
-  for (const char* wrong :
-       {"\"bdpt\" \"integer chains\" 4", "\"mlt\" \"float chains\" 4",
-        "\"sppm\" \"bool samplebsdf\" true", "\"lightpath\" \"float radius\" 1"}) {
-    const auto read = Read(absl::StrCat("Integrator ", wrong, "\nWorldBegin\n"));
-    EXPECT_THAT(std::string(read.status().message()), HasSubstr("main.pbrt:1:")) << wrong;
-  }
 }
 
 TEST_F(SceneReaderTest, LookAtPlacesTheCamera) {

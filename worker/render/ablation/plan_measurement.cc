@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/base/check.h"
 #include "worker/render/ablation/ablate.h"
 #include "worker/render/light/light_choice.h"
 #include "worker/render/tile_pass.h"
@@ -293,6 +294,7 @@ class Measurer {
 absl::StatusOr<PlanMeasurement> MeasurePlan(const SceneDescription& scene,
                                             const FrameSettings& settings, FileSource& files,
                                             double seconds) {
+  SHEAF_CHECK(settings.techniques == Techniques::kCamera);
   if (!(seconds >= kMeasureSecondsMin && seconds <= kMeasureSecondsMax)) {
     return absl::InvalidArgumentError(
         absl::StrFormat("a measurement takes between %g and %g seconds, not %g", kMeasureSecondsMin,

@@ -85,6 +85,7 @@ class PlanMaker {
     RenderPlan plan = Finish(settings.force_generic_variant);
     BoundDepth(settings.max_depth, &plan);
     plan.notes = std::move(notes_);
+    NoteTechniques(settings.techniques, &plan);
     for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
       plan.notes.push_back(std::move(note));
     }
@@ -315,6 +316,17 @@ class PlanMaker {
           absl::StrCat("biased: samples are clamped to ", settings.max_component_value,
                        " (Film \"maxcomponentvalue\"); errors are those of the clamped image"));
     }
+  }
+
+  void NoteTechniques(Techniques techniques, RenderPlan* plan) const {
+    if (techniques == Techniques::kCamera) return;
+    const SamplingDescription& sampling = scene_.sampling;
+    const std::string cause =
+        TechniquesOfIntegrator(sampling.integrator) != techniques
+            ? "requested"
+            : absl::StrCat(FormatLocation(scene_, sampling.integrator_location), ": Integrator \"",
+                           sampling.integrator, "\"");
+    plan->notes.push_back(absl::StrCat("techniques: ", TechniquesName(techniques), ", ", cause));
   }
 
   void BoundDepth(int32_t max_depth, RenderPlan* plan) const {

@@ -1,0 +1,23 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Refuses light paths where only paths from the camera are known: quotes, studies and measurements
+// of effects would report the costs and errors of a part of the image.
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "common/scene/scene_description.h"
+#include "common/scene/settings/render_settings.h"
+
+namespace sheaf::cli {
+
+// what: what is refused, in the plural ("quotes"). Errors: kInvalidArgument where the techniques
+// are not those of the camera, with what to do.
+absl::Status CheckCameraPaths(const std::string& what, Techniques techniques);
+// The same; the error begins with the place of the integrator where the scene asks for them.
+absl::Status CheckCameraPaths(const std::string& what, const SceneDescription& scene,
+                              const FrameSettings& settings);
+
+}  // namespace sheaf::cli

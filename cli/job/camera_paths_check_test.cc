@@ -1,0 +1,36 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/job/camera_paths_check.h"
+
+#include <gtest/gtest.h>
+
+namespace sheaf::cli {
+namespace {
+
+TEST(CameraPathsCheckTest, OnlyPathsFromTheCameraPass) {
+  EXPECT_TRUE(CheckCameraPaths("quotes", Techniques::kCamera).ok());
+  EXPECT_EQ(CheckCameraPaths("quotes", Techniques::kCameraAndLight),
+            absl::InvalidArgumentError(
+                "quotes know paths from the camera alone, not the techniques camera+light; give "
+                "--techniques camera for an image of the same mean without light paths"));
+  EXPECT_FALSE(CheckCameraPaths("quotes", Techniques::kLight).ok());
+}
+
+TEST(CameraPathsCheckTest, NamesTheIntegratorThatAsksForLightPaths) {
+  SceneDescription scene;
+  scene.files = {"main.pbrt"};
+  scene.sampling.integrator = "bdpt";
+  scene.sampling.integrator_location = {0, 4, 2};
+  FrameSettings settings;
+  EXPECT_TRUE(CheckCameraPaths("studies", scene, settings).ok());
+  settings.techniques = Techniques::kCameraAndLight;
+  const std::string of_scene(CheckCameraPaths("studies", scene, settings).message());
+  EXPECT_EQ(of_scene.rfind("main.pbrt:4:2: studies know paths from the camera alone", 0), 0u)
+      << of_scene;
+  settings.techniques = Techniques::kLight;  // By a flag.
+  const std::string of_flag(CheckCameraPaths("studies", scene, settings).message());
+  EXPECT_EQ(of_flag.rfind("studies know", 0), 0u) << of_flag;
+}
+
+}  // namespace
+}  // namespace sheaf::cli
