@@ -3,23 +3,15 @@
 //
 // Tests techniques that must have the same expectation: light found by light sampling, by BSDF
 // sampling, and by both; lights chosen by the light tree and uniformly; RGB and spectral transport
-// of gray scenes. Each scene is rendered by two techniques from independent seeds and compared tile
-// by tile. Pixels and replicates are independent, so the 16 replicates of a tile are 16 draws for
-// Welch's t-test, and the p-values of all tiles of all scenes must be uniform.
-//
-// Significance: kSignificance for each pair of techniques, for the Kolmogorov-Smirnov test and for
-// the most deviating tile (the seeds are fixed: a test that passes once always passes). Power: a
-// bias of Bias() must be detected with probability kPowerMin at that significance, in draws with
-// the variances of the actual renderings, and when it is added to the renderings themselves.
+// of gray scenes. technique_agreement.h says how they are compared.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <string>
 #include <vector>
 
-#include "tests/support/agreement.h"
 #include "tests/support/hard_case.h"
-#include "tests/support/long_tests.h"
+#include "tests/support/technique_agreement.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/integrator/render_row.h"
@@ -29,19 +21,18 @@ namespace sheaf::render {
 namespace {
 
 using testing::Agreement;
+using testing::Bias;
+using testing::BiasOfNoisyPair;
 using testing::Compare;
+using testing::EstimatesOf;
+using testing::ExpectAgreement;
+using testing::kSizePx;
+using testing::Samples;
 using testing::TilePair;
 
-constexpr double kSignificance = 1e-3;
-constexpr double kPowerMin = 0.99;
-// The bias that must be detected; a larger one for two techniques that are both noisy somewhere.
-double Bias() { return LongTests() ? 0.0025 : 0.01; }
-double BiasOfNoisyPair() { return 1.5 * Bias(); }
-// As many per pixel as the power needs: ExpectAgreement fails if they are too few.
-uint64_t Samples(uint64_t in_short) { return LongTests() ? 2048 : in_short; }
 constexpr uint64_t kFewSamples = 64, kManySamples = 128;
 
-constexpr int32_t kSizePx = 48, kTileSizePx = 6, kDepth = 4;
+constexpr int32_t kDepth = 4;
 
 std::vector<TestScene> LitScenes(Tint tint) {
   return {Diffuse(tint), Glossy(tint), Outdoor(tint), Hazy(tint)};
@@ -106,30 +97,6 @@ FilmTile Render(const TestScene& test_scene, const Technique& technique, uint64_
   return tile;
 }
 
-// Estimates of the sum of the channels in each tile; the box filter gives every sample the same
-// weight.
-std::vector<testing::Estimate> EstimatesOf(const FilmTile& film) {
-  std::vector<testing::Estimate> estimates;
-  for (int32_t y0 = 0; y0 < kSizePx; y0 += kTileSizePx) {
-    for (int32_t x0 = 0; x0 < kSizePx; x0 += kTileSizePx) {
-      std::vector<double> draws;
-      for (uint32_t r = 0; r < film.replicate_count(); ++r) {
-        double sum = 0, weight = 0;
-        for (int32_t y = y0; y < y0 + kTileSizePx; ++y) {
-          for (int32_t x = x0; x < x0 + kTileSizePx; ++x) {
-            const auto pixel = static_cast<size_t>(y * kSizePx + x);
-            for (size_t c = 0; c < 3; ++c) sum += static_cast<double>(film.replicate(r, c)[pixel]);
-            weight += static_cast<double>(film.replicate(r, 3)[pixel]);
-          }
-        }
-        draws.push_back(sum / weight);
-      }
-      estimates.push_back(testing::EstimateOf(draws));
-    }
-  }
-  return estimates;
-}
-
 std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, const Technique& a,
                                 const Technique& b, uint64_t seed,
                                 uint64_t samples_in_short = kManySamples) {
@@ -141,23 +108,6 @@ std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, const Tech
     for (size_t tile = 0; tile < of_a.size(); ++tile) tiles.push_back({of_a[tile], of_b[tile]});
   }
   return tiles;
-}
-
-// The techniques agree, and a disagreement would have been detected.
-void ExpectAgreement(const std::string& name, double bias, const std::vector<TilePair>& tiles) {
-  const Agreement agreement = Compare(tiles);
-  EXPECT_GT(agreement.uniformity_p, kSignificance) << agreement.text;
-  EXPECT_GT(agreement.extreme_p, kSignificance) << agreement.text;
-  const double power_up = testing::PowerOf(tiles, bias, kSignificance);
-  const double power_down = testing::PowerOf(tiles, -bias, kSignificance);
-  EXPECT_GE(power_up, kPowerMin);
-  EXPECT_GE(power_down, kPowerMin);
-  for (const double planted : {bias, -bias}) {
-    const Agreement biased = Compare(tiles, planted);
-    EXPECT_LT(biased.uniformity_p, kSignificance) << "planted " << planted << ": " << biased.text;
-  }
-  std::printf("%s: %s; a bias of %.2f %% found with probability %.3f\n", name.c_str(),
-              agreement.text.c_str(), 100 * bias, std::min(power_up, power_down));
 }
 
 constexpr Technique kBoth{};
