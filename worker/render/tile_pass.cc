@@ -38,6 +38,12 @@ void RenderChosen(const PixelLattice& lattice, const PixelRect& tile, int32_t y,
   }
 }
 
+RenderRowFunction RowFunctionFor(const CompiledScene& scene) {
+  const bool generic = scene.settings.force_generic_variant;
+  if (scene.emission == nullptr) return RowFunctionOf(ChooseVariant(scene.plan.traits, generic));
+  return RowBesideLightOf(ChooseLightPathVariant(scene.plan.traits, generic));
+}
+
 }  // namespace
 
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
@@ -47,8 +53,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
     return absl::InvalidArgumentError("a tile pass needs a tile with pixels and an aligned block");
   }
   const double start_seconds = ThreadCpuSeconds();
-  const RenderRowFunction render_row =
-      RowFunctionOf(ChooseVariant(scene.plan.traits, scene.settings.force_generic_variant));
+  const RenderRowFunction render_row = RowFunctionFor(scene);
   const PixelLattice& lattice = scene.settings.lattice;
   std::optional<FilmTile> film;
   std::optional<PixelAccumulator> accumulator;

@@ -25,6 +25,7 @@ enum BsdfFlags : uint8_t {
   kBsdfSpecular = 1,      // Delta distribution: pdf has no meaning, no light sampling, no MIS.
   kBsdfTransmission = 2,  // wi is on the other side; hair: wherever it is.
   kBsdfDiffuse = 4,
+  kBsdfRotated = 8,  // wi is not the lobe's own: PerturbedNormal.
 };
 
 // One for each lobe (lobes.h), which says what it is, and one for none.

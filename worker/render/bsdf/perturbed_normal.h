@@ -120,7 +120,10 @@ class PerturbedNormal {
     // A mirror image stays sharp: only directions below the surface are rotated.
     const bool specular = (sample->flags & kBsdfSpecular) != 0;
     const float visible = specular ? (Dot(q, up_) > 0 ? 1.0f : 0.0f) : Visible(q);
-    if (!(u_choice_ < visible)) sample->wi = sign * Rotate(q);
+    if (!(u_choice_ < visible)) {
+      sample->wi = sign * Rotate(q);
+      sample->flags |= kBsdfRotated;
+    }
     if (!(sign * Dot(sample->wi, up_) > 0)) return std::nullopt;
     if (specular) return sample;
     const BsdfValueOf<Color> value = Eval<kTraits>(bsdf, wo, sample->wi);

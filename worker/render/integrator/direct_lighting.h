@@ -13,6 +13,7 @@
 #include "worker/render/integrator/light_draw.h"
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/transmittance.h"
+#include "worker/render/integrator/two_ends.h"
 #include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
@@ -56,7 +57,7 @@ void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
 template <typename C>
 void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
   if constexpr (C::Has(Trait::kEnvironment)) {
-    if (path->specular) {
+    if (path->specular && (!C::kBothEnds || path->is_camera_path)) {
       AddInfiniteLight(c, path->from, path->ray.d, path->throughput, path->history.KindAtHit(),
                        path->throughput * c.scene.lights->template EnvironmentRadiance<C::kTraits>(
                                               path->from, path->ray.d, path->wavelengths),
@@ -66,7 +67,13 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
     const EnvironmentValueOf<typename C::Color> value =
         c.scene.lights->template EvalEnvironment<C::kTraits>(path->from, path->from_n, path->ray.d,
                                                              path->wavelengths, path->sky_place);
-    const float weight = MisWeight<C>(Technique::kScattering, path->pdf, value.pdf);
+    const float weight = [&] {
+      if constexpr (C::kBothEnds) {
+        const double emitted = c.scene.emission->InfiniteDensityAt(path->from, -path->ray.d);
+        return HitWeight(c, static_cast<double>(value.pdf), emitted, *path);
+      }
+      return MisWeight<C>(Technique::kScattering, path->pdf, value.pdf);
+    }();
     AddInfiniteLight(c, path->from, path->ray.d, path->throughput * weight,
                      path->history.KindAtHit(), path->throughput * value.radiance * weight, path);
   }
@@ -80,7 +87,15 @@ void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* 
         point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
     if (radiance.IsBlack()) return;
     float weight = 1;
-    if (!path->specular) {
+    if constexpr (C::kBothEnds) {
+      const double sampled =
+          path->specular ? 0
+                         : static_cast<double>(c.scene.lights->template PdfEmitter<C::kTraits>(
+                               point.emitter, path->from, path->from_n, path->ray.d, point.p));
+      const double emitted = c.scene.emission->DensityAt(point.emitter, path->from, point.p,
+                                                         point.EmitterNormal(), -path->ray.d);
+      weight = HitWeight(c, sampled, emitted, *path);
+    } else if (!path->specular) {
       const float light_pdf = c.scene.lights->template PdfEmitter<C::kTraits>(
           point.emitter, path->from, path->from_n, path->ray.d, point.p);
       weight = [&] {

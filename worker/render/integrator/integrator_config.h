@@ -10,16 +10,23 @@
 
 #include "worker/render/color/wavelengths.h"
 #include "worker/render/integrator/direct_light.h"
+#include "worker/render/integrator/path_kind.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 
 // TracerT: EmbreeScene, or a class with the same Intersect and Occluded.
-template <uint32_t kTraitsT, typename TracerT, DirectLight kDirectLightT>
+template <uint32_t kTraitsT, typename TracerT, DirectLight kDirectLightT,
+          PathKind kPathKindT = PathKind::kCamera>
 struct IntegratorConfig {
   using Tracer = TracerT;
   static constexpr uint32_t kTraits = kTraitsT;
   static constexpr DirectLight kDirectLight = kDirectLightT;
+  static constexpr PathKind kPathKind = kPathKindT;
+  // Paths begin at lights, and are connected to the camera.
+  static constexpr bool kFromLight = kPathKind == PathKind::kLight;
+  // Paths of both kinds find the light of the frame, and weigh each other: two_ends.h.
+  static constexpr bool kBothEnds = kPathKind != PathKind::kCamera;
   using Color = ColorOf<kTraits>;
   using Wavelengths = WavelengthsOf<Color>;
   // For queries that need no color, or the color as RGB.
@@ -38,12 +45,14 @@ struct IntegratorConfig {
   static constexpr bool kTexturedSubsurface = kSubsurface && Has(Trait::kTextures);
   static constexpr bool kChromaticMedia = Has(Trait::kChromaticMedia);
   static constexpr bool kHeterogeneous = kMedia && Has(Trait::kHeterogeneousMedia);
-  // Segments in media sample lights along the segment: equiangular_sampling.h.
+  // Segments in media sample lights along the segment: equiangular_sampling.h. Not beside light
+  // paths, which cannot know the segment of the camera's path.
   static constexpr bool kLines =
-      Has(Trait::kMedia) && (Has(Trait::kAreaLights) || Has(Trait::kDeltaLights));
+      !kBothEnds && Has(Trait::kMedia) && (Has(Trait::kAreaLights) || Has(Trait::kDeltaLights));
   static constexpr bool kHeterogeneousLines = kLines && kHeterogeneous;
   // Vertices sample directions by the emission of media: volume_emission.h.
-  static constexpr bool kSamplesEmission = kHeterogeneous && Has(Trait::kEmissiveMedia);
+  static constexpr bool kSamplesEmission =
+      !kFromLight && kHeterogeneous && Has(Trait::kEmissiveMedia);
 };
 
 }  // namespace sheaf::render

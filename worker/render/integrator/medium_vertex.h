@@ -13,6 +13,7 @@
 #include "worker/render/integrator/light_draw.h"
 #include "worker/render/integrator/russian_roulette.h"
 #include "worker/render/integrator/subsurface_walk.h"
+#include "worker/render/integrator/two_ends.h"
 
 namespace sheaf::render {
 
@@ -53,11 +54,28 @@ struct MediumVertex {
       const LineOf<C>& line = path.media.line;
       if (line.has_scattered) return LightSampleWeightOnLine(c, line, light, point.p, pdf);
     }
+    if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
+      return LightSampleWeightBesideLight(c, *this, light, pdf, path);
+    }
     return light.is_delta ? 1.0f : MisWeight<C>(Technique::kLight, light.pdf, pdf);
   }
   LightPathKind LightKind(const PathState<C>& path) const { return path.history.KindFromMedium(); }
+  template <typename History>
+  void AddTo(History* history) const {
+    history->AddMedium(false);
+  }
   // Samples the next ray of the path. False where the path ends.
   bool Scatter(const Context<C>& c, PathState<C>* path) const;
+  bool ScatterFromLight(const Context<C>& c, PathState<C>* path) const;
+  // The vertex as a path sees it that arrives along -wo.
+  MediumVertex SeenFrom(const Context<C>&, Vec3f wo) const {
+    MediumVertex seen = *this;
+    seen.d = -wo;
+    return seen;
+  }
+  bool IsReversible(const Context<C>&, Vec3f, uint8_t) const { return true; }
+  // Media scatter flux as they scatter radiance.
+  float FluxFactor(Vec3f, const PathState<C>&) const { return 1; }
 
  private:
   void Record(const Context<C>& c, const PathState<C>& path, FilmSample* film) const;
@@ -107,9 +125,10 @@ PhaseMixture<typename C::Color> MediumVertex<C>::MakePhase(const Context<C>& c,
     const LineOf<C>& line = path.media.line;
     if (line.has_scattered) return PhaseOnLine(c, line, line.t, path);
   }
-  return c.scene.media->template PhaseOf<Color>(path.media.set, path.media.properties,
-                                                path.throughput, path.wavelengths,
-                                                path.media.subsurface_texture.OrNull());
+  // Paths from both ends must choose among overlapping media alike.
+  return c.scene.media->template PhaseOf<Color>(
+      path.media.set, path.media.properties, C::kBothEnds ? Color::Gray(1) : path.throughput,
+      path.wavelengths, path.media.subsurface_texture.OrNull());
 }
 
 template <typename C>
@@ -118,6 +137,7 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
   if (path->is_camera_path) {
     path->is_camera_path = false;
     Record(c, *path, film);
+    StartOtherEnd(c, point.p, path);
   }
   if (!CountVertex(c, path->media.properties.is_subsurface, path)) return false;
   if constexpr (C::kSubsurface) {
@@ -139,6 +159,8 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const typename PhaseMixture<Color>::Sample sample = phase.SampleDirection(d, u[2], {u[0], u[1]});
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
+  const uint8_t flags = path->media.properties.is_hidden ? uint8_t{kBsdfSpecular} : uint8_t{0};
+  NoteScattering(c, *this, sample.w, sample.pdf, flags, path);
   path->specular = path->media.properties.is_hidden;
   path->history.AddMedium(path->media.properties.is_subsurface);
   path->pdf = sample.pdf;
@@ -149,6 +171,22 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->ray.source = {};
   path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(sample.w);
   return SurvivesRoulette(c, u[3], path);
+}
+
+template <typename C>
+bool MediumVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path) const {
+  const bool is_hidden = path->media.properties.is_hidden;
+  const Vec3f arrived_along = d;
+  const bool continues = Scatter(c, path);
+  LightEnd& end = path->other_end;
+  if (is_hidden) {
+    end.camera_paths = CameraPathsAfterSpecular(end);
+  } else {
+    const auto forward = static_cast<double>(phase.Eval(-path->ray.d, -arrived_along).pdf);
+    end.camera_paths = CameraPathsAfter(end, forward) / static_cast<double>(path->pdf);
+  }
+  end.is_first = false;
+  return continues;
 }
 
 }  // namespace sheaf::render

@@ -57,7 +57,9 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   const double unit = Length(ToDouble(path->ray.d));
   const double length =
       hit == nullptr ? std::numeric_limits<double>::infinity() : static_cast<double>(hit->t) * unit;
-  if constexpr (C::Has(Trait::kEmissiveMedia)) AddSegmentEmission(c, length, path);
+  if constexpr (C::Has(Trait::kEmissiveMedia) && !C::kFromLight) {
+    AddSegmentEmission(c, length, path);
+  }
   [[maybe_unused]] StateIf<C::kLines, LineOf<C>> line;
   if constexpr (C::kLines) {
     if (UsesLineSampling<C>(media.properties)) {
@@ -103,8 +105,8 @@ void ResolveSurface(const Context<C>& c, const RawHit& hit, PathState<C>* path, 
   at.choice = NullInterfaceChoiceAt(c, surface, *path);
   bool is_null = IsCutOut(c, at.point, at.choice.cut_out);
   if (!is_null) {
-    if (C::Has(Trait::kAreaLights) && at.point.emitter != kNoEmitter) {
-      AddEmittedLe(c, at.point, path);
+    if constexpr (C::Has(Trait::kAreaLights) && !C::kFromLight) {
+      if (at.point.emitter != kNoEmitter) AddEmittedLe(c, at.point, path);
     }
     // The last vertex needs no BSDF, unless it may turn out to be a null interface.
     if (path->depth == static_cast<uint32_t>(c.scene.settings.max_depth) && !path->is_camera_path &&
@@ -129,7 +131,7 @@ void ResolveSurface(const Context<C>& c, const RawHit& hit, PathState<C>* path, 
     vertex->template emplace<NullInterface>(point);
     return;
   }
-  at.Prepare(c, -path->ray.d, *path);
+  at.Prepare(c, -path->ray.d);
 }
 
 // Sets *vertex to the next vertex of the path.

@@ -42,6 +42,13 @@ class PathHistory {
     if (specular_last_) return LightPathKind::kCaustic;
     return rough_ == 1 ? LightPathKind::kDirect : LightPathKind::kIndirect;
   }
+  // The kind of light that a path from a light brings to the camera, whose vertices were added in
+  // reverse. is_specular_first: its first vertex, at which the light arrives, is specular.
+  LightPathKind KindFromLight(bool is_specular_first) const {
+    PathHistory reversed = *this;
+    reversed.specular_last_ = is_specular_first;
+    return reversed.KindAtHit();
+  }
   // The kind of a light that is sampled from a rough surface, or from a point in a medium.
   LightPathKind KindFromSurface() const {
     PathHistory next = *this;
@@ -66,6 +73,7 @@ struct NoHistory {
   void AddSurface(bool) {}
   void AddMedium(bool) {}
   LightPathKind KindAtHit() const { return {}; }
+  LightPathKind KindFromLight(bool) const { return {}; }
   LightPathKind KindFromSurface() const { return {}; }
   LightPathKind KindFromMedium() const { return {}; }
 };

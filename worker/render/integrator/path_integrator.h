@@ -60,10 +60,11 @@ void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
   }
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth>
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth,
+          PathKind kPathKind = PathKind::kCamera>
 class PathIntegrator {
  public:
-  using C = IntegratorConfig<kTraits, Tracer, kDirectLight>;
+  using C = IntegratorConfig<kTraits, Tracer, kDirectLight, kPathKind>;
 
   // All three must outlive *this. Not thread-safe: one for each thread.
   PathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
@@ -90,9 +91,9 @@ class PathIntegrator {
   LightGroups<typename C::Color> groups_;
 };
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-FilmSample PathIntegrator<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x, int32_t y,
-                                                                      uint64_t sample_index) {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
+FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceSample(
+    int32_t x, int32_t y, uint64_t sample_index) {
   const Sampler sampler(scene_.settings.seed, x, y, sample_index, scene_.settings.one_sequence);
   const Context<C> context{scene_, tracer_, sampler, counts_, outputs_, groups_};
   FilmSample film;
@@ -119,10 +120,11 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight>::TraceSample(int32_t x,
   return film;
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight>
-Ray PathIntegrator<kTraits, Tracer, kDirectLight>::CameraRay(const Sampler& sampler, int32_t x,
-                                                             int32_t y, FilmSample* film,
-                                                             float* weight) const {
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
+Ray PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::CameraRay(const Sampler& sampler,
+                                                                        int32_t x, int32_t y,
+                                                                        FilmSample* film,
+                                                                        float* weight) const {
   Vec2f filter_u, lens_u;
   if constexpr (C::Has(Trait::kLens)) {
     const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));

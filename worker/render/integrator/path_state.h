@@ -63,8 +63,27 @@ struct SubsurfaceState {
   Vec3f arrives_along;
 };
 
-// One path. It may begin at the camera (StartAtCamera), at a light, or in space: the state names
-// only the next ray and how its direction was sampled.
+// Densities with which techniques find the path so far, each over that of scattering, by which the
+// path itself goes on: two_ends.h. Vertices that do not belong to the path yet have no part in
+// them.
+struct CameraEnd {
+  double light_paths = 0;  // Light paths; 0 where they cannot find the path.
+  bool is_first = true;    // No vertex has scattered the path yet.
+};
+struct LightEnd {
+  uint32_t light = 0;
+  Vec3f p, n;                // Of the ray that left the light: as EmittedRay.
+  bool is_infinite = false;  // Not a distant light.
+  bool can_be_hit = false;   // Scattering finds the light.
+  double scale = 0;          // Flux is throughput * scale.
+  // With which the light emits the path, and with which the first vertex samples the light.
+  double emitted = 0, sampled = 0;
+  double camera_paths = 1;  // Those of the camera's techniques, over `emitted` and light paths.
+  bool is_first = true, is_specular_first = false;
+};
+
+// One path. It may begin at the camera, at a light, or in space: the state names only the next ray
+// and how its direction was sampled.
 template <typename C>
 struct PathState {
   using Color = typename C::Color;
@@ -83,6 +102,9 @@ struct PathState {
   [[no_unique_address]] StateIf<C::kMedia, MediumState<C>> media;
   [[no_unique_address]] StateIf<C::kSubsurface, SubsurfaceState> subsurface;
   [[no_unique_address]] std::conditional_t<C::kOutputs, PathHistory, NoHistory> history;
+  [[no_unique_address]] StateIf<C::kBothEnds,
+                                std::conditional_t<C::kFromLight, LightEnd, CameraEnd>>
+      other_end;
   Vec3f camera_o;               // The origin of the camera ray.
   bool is_camera_path = true;   // No vertex so far.
   uint32_t null_crossings = 0;  // Surfaces passed since the last vertex.

@@ -27,6 +27,16 @@ struct RayCounts {
   // Factor of density bounds: not 1 where a block is rendered again because of broken_majorants.
   float majorant_factor = 1;
   uint64_t long_walks = 0;  // Paths that ended at kSubsurfaceStepsMax.
+
+  // Adds the counts of further rays, traced with the same settings.
+  void Add(const RayCounts& others) {
+    rays += others.rays;
+    shadow_rays += others.shadow_rays;
+    broken_nestings += others.broken_nestings;
+    broken_shape = std::min(broken_shape, others.broken_shape);
+    broken_majorants += others.broken_majorants;
+    long_walks += others.long_walks;
+  }
 };
 
 }  // namespace sheaf::render

@@ -4,8 +4,6 @@
 // The loop over one row of pixels, for the generated files that compile the variants.
 #pragma once
 
-#include <algorithm>
-
 #include "worker/render/bsdf/bsdf_inl.h"
 #include "worker/render/integrator/variants.h"
 
@@ -28,12 +26,13 @@ void RenderRowWithOutputs(const CompiledScene& scene, int32_t x0, int32_t x1, in
   }
 }
 
-template <uint32_t kTraits>
+template <uint32_t kTraits, PathKind kPathKind>
 void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
                PixelAccumulator* accumulator, RayCounts* counts) {
   RayCounts local;
   local.majorant_factor = counts->majorant_factor;
-  PathIntegrator<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
+  PathIntegrator<kTraits, const EmbreeScene, DirectLight::kByBoth, kPathKind> tracer(
+      scene, *scene.tracer, local);
   if (Has(kTraits, Trait::kOutputs) && !scene.settings.outputs.empty()) {
     RenderRowWithOutputs(scene, x0, x1, y, block, &tracer, accumulator);
   } else {
@@ -45,12 +44,7 @@ void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, Sa
       accumulator->End();
     }
   }
-  counts->rays += local.rays;
-  counts->shadow_rays += local.shadow_rays;
-  counts->broken_nestings += local.broken_nestings;
-  counts->broken_shape = std::min(counts->broken_shape, local.broken_shape);
-  counts->broken_majorants += local.broken_majorants;
-  counts->long_walks += local.long_walks;
+  counts->Add(local);
 }
 
 }  // namespace sheaf::render

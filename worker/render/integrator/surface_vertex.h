@@ -18,6 +18,7 @@
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/russian_roulette.h"
 #include "worker/render/integrator/subsurface_walk.h"
+#include "worker/render/integrator/two_ends.h"
 #include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
@@ -31,8 +32,11 @@ struct SurfaceVertex {
   // The hit of the path's ray; `bsdf` and what follows it are set later.
   SurfaceVertex(const Context<C>& c, const RawHit& hit, const PathState<C>& path)
       // Prefetches the light, before the surface is known.
-      : draw(DrawLight(c, NextVertexIndex(path))),
-        point(MakeSurfacePoint<C::kTraits>(c.scene.geometry, path.ray, hit, &plane)) {}
+      : draw(C::kFromLight ? LightDraw{} : DrawLight(c, NextVertexIndex(path))),
+        point(MakeSurfacePoint<C::kTraits>(c.scene.geometry, path.ray, hit, &plane)) {
+    if constexpr (C::kNormalMaps) index = NextVertexIndex(path);
+    if constexpr (C::kBothEnds) interpolated_shading = point.shading;
+  }
 
   LightDraw draw;
   Plane plane;
@@ -41,11 +45,19 @@ struct SurfaceVertex {
   bool in_subsurface = false;  // Met from inside a subsurface medium.
   BsdfOf<Color> bsdf;
   [[no_unique_address]] OptionalNormal perturbed_normal;
+  [[no_unique_address]] StateIf<C::kNormalMaps, uint32_t> index;  // For sample dimensions.
+  [[no_unique_address]] StateIf<C::kBothEnds, Frame> interpolated_shading;  // Before Prepare.
   Vec3f wo_local;
   Vec3f light_hint{};  // Lights behind this normal do not contribute; zero if all may.
 
   // Sets the shading frame, for a path that arrives along -wo. Call once, after the BSDF is known.
-  void Prepare(const Context<C>& c, Vec3f wo, const PathState<C>& path);
+  void Prepare(const Context<C>& c, Vec3f wo);
+  // The vertex as a path sees it that arrives along -wo, for Eval. Requires: kBothEnds.
+  SurfaceVertex SeenFrom(const Context<C>& c, Vec3f wo) const;
+  // Whether a specular sample, which led to wi, leads back from there. Requires: kBothEnds.
+  bool IsReversible(const Context<C>& c, Vec3f wi, uint8_t flags) const {
+    return (flags & kBsdfRotated) == 0 && SeenFrom(c, wi).point.shading.n == point.shading.n;
+  }
   // Records the vertex and counts it. False where the path ends.
   bool Arrive(const Context<C>& c, PathState<C>* path, FilmSample* film);
 
@@ -59,18 +71,37 @@ struct SurfaceVertex {
     return render::EnterSide(c, point, w, IsHair<C::kTraits>(bsdf), path, media);
   }
   // The weight of a light sample, where scattering towards the light has density pdf.
-  float LightSampleWeight(const Context<C>&, const LightSampleOf<Color>& light, float pdf,
-                          const PathState<C>&) const {
+  float LightSampleWeight(const Context<C>& c, const LightSampleOf<Color>& light, float pdf,
+                          const PathState<C>& path) const {
+    if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
+      return LightSampleWeightBesideLight(c, *this, light, pdf, path);
+    }
     return light.is_delta ? 1.0f : MisWeight<C>(Technique::kLight, light.pdf, pdf);
   }
   LightPathKind LightKind(const PathState<C>& path) const { return path.history.KindFromSurface(); }
+  // Records that it scatters light from a rough lobe.
+  template <typename History>
+  void AddTo(History* history) const {
+    history->AddSurface(false);
+  }
   // Samples the next ray of the path. False where the path ends.
   bool Scatter(const Context<C>& c, PathState<C>* path) const;
+  // The same for a path from a light.
+  bool ScatterFromLight(const Context<C>& c, PathState<C>* path) const;
+  // The factor by which a path from a light is multiplied beside f * |cos| where it goes on along
+  // w: it carries flux through the true surface. Source: Veach 1997, sec. 5.3.
+  float FluxFactor(Vec3f w, const PathState<C>& path) const {
+    return std::fabs(Dot(w, point.ng) / Dot(path.ray.d, point.ng));
+  }
 
  private:
   // Perturbs the shading frame by the material's map.
-  OptionalNormal PerturbNormal(const Context<C>& c, const TangentPlane& tangents, Vec3f wo,
-                               const PathState<C>& path);
+  OptionalNormal PerturbNormal(const Context<C>& c, const TangentPlane& tangents, Vec3f wo);
+  // A direction in which the path may go on, in the shading frame.
+  std::optional<BsdfSampleOf<Color>> SampleDirection(const std::array<float, 4>& u) const;
+  // Continues the path along wi. False where it ends.
+  bool Continue(const Context<C>& c, Vec3f wi, const BsdfSampleOf<Color>& sample, float u_roulette,
+                PathState<C>* path) const;
   // Shading and geometric normal must agree on the side of a direction, given its cosines with
   // them, or light would leak through the surface. Tilted normals handle that themselves, and light
   // passes through hair.
@@ -85,7 +116,7 @@ struct SurfaceVertex {
 
 template <typename C>
 typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::PerturbNormal(
-    const Context<C>& c, const TangentPlane& tangents, Vec3f wo, const PathState<C>& path) {
+    const Context<C>& c, const TangentPlane& tangents, Vec3f wo) {
   TangentPlane seen = tangents;
   seen.n = ToDouble(point.shading.n);
   const Vec3f mapped = c.scene.materials->ShadingNormal(point.surface->material,
@@ -93,21 +124,30 @@ typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::PerturbNormal(
   const Vec3f n = BendNormal(LiftNormal(mapped, point.ng), point.ng, wo);
   point.shading = internal::ShadingFrame(n, seen);
   if (n == point.ng) return {};
-  const std::array<float, 4> u = c.sampler.Get4(Slot(NextVertexIndex(path), VertexSlot::kSurface));
+  const std::array<float, 4> u = c.sampler.Get4(Slot(index, VertexSlot::kSurface));
   return {point.shading.ToLocal(point.ng), {u[2], u[3]}};
 }
 
 template <typename C>
-void SurfaceVertex<C>::Prepare(const Context<C>& c, Vec3f wo,
-                               [[maybe_unused]] const PathState<C>& path) {
+void SurfaceVertex<C>::Prepare([[maybe_unused]] const Context<C>& c, Vec3f wo) {
   // A shading normal seen from below its own horizon is meaningless: the geometric one replaces it.
   const bool is_hair = IsHair<C::kTraits>(bsdf);
   if (!is_hair && Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0) {
     point.shading = Frame::FromNormal(point.ng);
   }
   if constexpr (C::kNormalMaps) {
-    if (plane && !is_hair) perturbed_normal = PerturbNormal(c, *plane, wo, path);
+    if (plane && !is_hair) perturbed_normal = PerturbNormal(c, *plane, wo);
   }
+}
+
+template <typename C>
+SurfaceVertex<C> SurfaceVertex<C>::SeenFrom(const Context<C>& c, Vec3f wo) const {
+  SurfaceVertex seen = *this;
+  seen.point.shading = interpolated_shading;
+  seen.perturbed_normal = {};
+  seen.Prepare(c, wo);
+  seen.wo_local = seen.point.shading.ToLocal(wo);
+  return seen;
 }
 
 template <typename C>
@@ -131,6 +171,7 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
     film->alpha = 1;
     film->normal = point.shading.n;
     film->depth = Length(point.p - path->camera_o);
+    StartOtherEnd(c, point.p, path);
     if constexpr (C::kOutputs) {
       if (c.outputs != nullptr) RecordFirstHit(c.scene, path->ray, point, c.outputs);
     }
@@ -157,30 +198,72 @@ inline BsdfValueOf<typename C::Color> SurfaceVertex<C>::Eval(Vec3f w) const {
 }
 
 template <typename C>
+inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDirection(
+    const std::array<float, 4>& u) const {
+  if constexpr (C::kNormalMaps) {
+    if (perturbed_normal.active()) {
+      return perturbed_normal.template Sample<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});
+    }
+  }
+  return SampleBsdf<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});
+}
+
+template <typename C>
 bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  const std::optional<BsdfSampleOf<Color>> sample = [&] {
-    if constexpr (C::kNormalMaps) {
-      if (perturbed_normal.active()) {
-        return perturbed_normal.template Sample<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});
-      }
-    }
-    return SampleBsdf<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});
-  }();
+  const std::optional<BsdfSampleOf<Color>> sample = SampleDirection(u);
   if (!sample.has_value()) return false;
   const Vec3f wi = point.shading.ToWorld(sample->wi);
   if (!AgreesOnSide(sample->wi.z, Dot(wi, point.ng))) return false;
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
+  NoteScattering(c, *this, wi, sample->pdf, sample->flags, path);
+  path->eta_scale *= sample->eta_scale;
+  return Continue(c, wi, *sample, u[3], path);
+}
+
+template <typename C>
+bool SurfaceVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path) const {
+  const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
+  const std::optional<BsdfSampleOf<Color>> sample = SampleDirection(u);
+  if (!sample.has_value()) return false;
+  const Vec3f w = point.shading.ToWorld(sample->wi);
+  if (!AgreesOnSide(sample->wi.z, Dot(w, point.ng))) return false;
+  LightEnd& end = path->other_end;
+  const bool is_specular = (sample->flags & kBsdfSpecular) != 0;
+  if (is_specular) {
+    if (!IsReversible(c, w, sample->flags)) return false;
+    // Radiance changes by 1 / eta^2 where it is refracted, flux does not.
+    const float cosines = IsHair<C::kTraits>(bsdf) ? 1 : std::fabs(wo_local.z / sample->wi.z);
+    path->throughput *= sample->weight * (sample->eta_scale * cosines * FluxFactor(w, *path));
+    end.camera_paths = CameraPathsAfterSpecular(end);
+  } else {
+    const BsdfValueOf<Color> value = SeenFrom(c, w).Eval(-path->ray.d);
+    path->throughput *= value.f_cos * (FluxFactor(w, *path) / sample->pdf);
+    end.camera_paths =
+        CameraPathsAfter(end, static_cast<double>(value.pdf)) / static_cast<double>(sample->pdf);
+  }
+  if (path->throughput.IsBlack()) return false;
+  if (end.is_first) end.is_specular_first = is_specular;
+  end.is_first = false;
+  return Continue(c, w, *sample, u[3], path);
+}
+
+template <typename C>
+inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
+                                       const BsdfSampleOf<Color>& sample, float u_roulette,
+                                       PathState<C>* path) const {
   if constexpr (C::kMedia) {
     if (!EnterSide(c, wi, *path, &path->media)) return false;
   }
   if constexpr (C::kSubsurface) StartSubsurfaceWalk(point, path);
+  if constexpr (C::kBothEnds && C::kTexturedSubsurface) {
+    if (!EnterTexturedSubsurface(path)) return false;
+  }
   if constexpr (C::kLines) path->media.line.has_scattered = false;
-  path->eta_scale *= sample->eta_scale;
-  path->specular = (sample->flags & kBsdfSpecular) != 0;
+  path->specular = (sample.flags & kBsdfSpecular) != 0;
   path->history.AddSurface(path->specular);
-  path->pdf = sample->pdf;
+  path->pdf = sample.pdf;
   path->from = point.p;
   path->from_n = light_hint;
   path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
@@ -188,7 +271,7 @@ bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->ray.source = point.id;
   // Prefetches the radiance of infinite lights, in case the ray hits nothing.
   path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(wi);
-  return SurvivesRoulette(c, u[3], path);
+  return SurvivesRoulette(c, u_roulette, path);
 }
 
 }  // namespace sheaf::render

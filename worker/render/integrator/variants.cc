@@ -16,11 +16,28 @@ namespace {
 constexpr RenderRowFunction kRows[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
 
+#define SHEAF_VARIANT_ENTRY(name, traits) &RenderRow<(traits), PathKind::kCameraBesideLight>,
+constexpr RenderRowFunction kRowsBesideLight[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
+#define SHEAF_VARIANT_ENTRY(name, traits) &TraceLightRow<(traits)>,
+constexpr LightRowFunction kLightRows[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
+
 }  // namespace
 
 RenderRowFunction RowFunctionOf(size_t variant) {
   SHEAF_CHECK(variant < std::size(kRows));
   return kRows[variant];
+}
+
+RenderRowFunction RowBesideLightOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kRowsBesideLight));
+  return kRowsBesideLight[variant];
+}
+
+LightRowFunction LightRowFunctionOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kLightRows));
+  return kLightRows[variant];
 }
 
 }  // namespace sheaf::render

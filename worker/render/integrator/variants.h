@@ -9,6 +9,7 @@
 #include "common/film/film_tile.h"
 #include "common/film/tile_geometry.h"
 #include "worker/render/integrator/path_integrator.h"
+#include "worker/render/integrator/splat_sink.h"
 #include "worker/render/traits/variant_choice.h"
 
 namespace sheaf::render {
@@ -20,9 +21,21 @@ using RenderRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32
 // variant: an index in AllVariants().
 RenderRowFunction RowFunctionOf(size_t variant);
 
+// --- Frames with light paths. variant: an index in AllLightPathVariants().
+
+// As RowFunctionOf, for the camera's paths.
+RenderRowFunction RowBesideLightOf(size_t variant);
+// Traces the light paths of the pass that are named after the pixels [x0, x1) of row y.
+using LightRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y,
+                                  uint64_t pass, SplatSink* splats, RayCounts* counts);
+LightRowFunction LightRowFunctionOf(size_t variant);
+
 // Defined once for each variant, in generated files.
-template <uint32_t kTraits>
+template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
 void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
                PixelAccumulator* accumulator, RayCounts* counts);
+template <uint32_t kTraits>
+void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
+                   SplatSink* splats, RayCounts* counts);
 
 }  // namespace sheaf::render

@@ -323,11 +323,8 @@ double LightEmission::PdfLe(uint32_t light, Vec3f p, Vec3f n, Vec3f w) const {
   const double probability = choice_.Probability(light);
   if (!(probability > 0)) return 0;
   if (light < impl.first_delta()) {
-    return WithEmitter(impl, light, [&](const auto& emitter) {
-      const double cosine = Dot(ToDouble(n), ToDouble(w)) * (IsInward(emitter) ? -1 : 1);
-      const double seen = emitter.two_sided ? 0.5 * std::fabs(cosine) : std::max(cosine, 0.0);
-      return probability * seen / (kPi * AreaOf(emitter));
-    });
+    const double cosine = Dot(ToDouble(n), ToDouble(w));
+    return SurfaceDensity(light, cosine) * std::fabs(cosine);
   }
   if (light < impl.first_infinite()) {
     const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
@@ -339,6 +336,41 @@ double LightEmission::PdfLe(uint32_t light, Vec3f p, Vec3f n, Vec3f w) const {
   const double direction_pdf =
       infinite.map ? static_cast<double>(infinite.map->Pdf(PlaceOf(infinite, -w))) : 1 / (4 * kPi);
   return probability * direction_pdf / CrossSection();
+}
+
+double LightEmission::SurfaceDensity(uint32_t light, double cosine) const {
+  return WithEmitter(lights_->impl(), light, [&](const auto& emitter) {
+    const double per_side = choice_.Probability(light) / (kPi * AreaOf(emitter));
+    if (emitter.two_sided) return 0.5 * per_side;
+    return (IsInward(emitter) ? cosine < 0 : cosine > 0) ? per_side : 0;
+  });
+}
+
+bool LightEmission::IsInfinite(uint32_t light) const {
+  return light >= lights_->impl().first_infinite();
+}
+bool LightEmission::IsSurface(uint32_t light) const {
+  return light < lights_->impl().first_delta();
+}
+
+double LightEmission::DensityAt(uint32_t light, Vec3f p, Vec3f p_light, Vec3f n, Vec3f w) const {
+  if (empty() || !(choice_.Probability(light) > 0)) return 0;
+  if (IsSurface(light)) return SurfaceDensity(light, Dot(ToDouble(n), ToDouble(w)));
+  const double pdf = PdfLe(light, p, n, w);
+  if (IsInfinite(light) || lights_->impl().deltas[light - lights_->impl().first_delta()].kind ==
+                               DeltaLight::Kind::kDistant) {
+    return pdf;
+  }
+  const double d_squared = LengthSquared(ToDouble(p) - ToDouble(p_light));
+  return d_squared > 0 ? pdf / d_squared : 0;
+}
+
+double LightEmission::InfiniteDensityAt(Vec3f p, Vec3f w) const {
+  double sum = 0;
+  for (uint32_t light = lights_->impl().first_infinite(); light < lights_->light_count(); ++light) {
+    sum += PdfLe(light, p, {}, w);
+  }
+  return sum;
 }
 
 }  // namespace sheaf::render

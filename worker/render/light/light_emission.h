@@ -77,7 +77,19 @@ class LightEmission {
   // EmittedRay::pdf, but where rounding puts a direction into the next texel.
   double PdfLe(uint32_t light, Vec3f p, Vec3f n, Vec3f w) const;
 
+  // The density of rays that reach p along w, in the measure in which a path from p finds the
+  // light: PdfLe over the cosine (surfaces), over the squared distance (lights with a position), or
+  // itself (at infinity). p_light: the point of the light. Finite.
+  double DensityAt(uint32_t light, Vec3f p, Vec3f p_light, Vec3f n, Vec3f w) const;
+  // The sum over all infinite lights, which are found together; without distant ones.
+  double InfiniteDensityAt(Vec3f p, Vec3f w) const;
+  bool IsInfinite(uint32_t light) const;
+  // A light on a surface.
+  bool IsSurface(uint32_t light) const;
+
  private:
+  // PdfLe over the cosine.
+  double SurfaceDensity(uint32_t light, double cosine) const;
   double PowerOf(uint32_t light) const;
   double PowerOf(const DeltaLight& light) const;
   double PowerOf(const InfiniteEmitter& light) const;

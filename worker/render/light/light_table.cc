@@ -101,8 +101,8 @@ std::optional<ChosenLight> LightTable::Choose(Vec3f p, float u_select, Vec2f u) 
   return impl_->choice.Choose(p, {}, u_select, SaltOf(u));
 }
 
-float LightTable::ChoiceProbability(uint32_t light, Vec3f p) const {
-  return impl_->choice.Probability(light, p, {});
+float LightTable::ChoiceProbability(uint32_t light, Vec3f p, Vec3f n) const {
+  return impl_->choice.Probability(light, p, n);
 }
 
 template <uint32_t kMask>

@@ -219,8 +219,8 @@ class LightTable {
 
   // Chooses a light by its weight at p, none where no light reaches p. u: independent of u_select.
   std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;
-  // The probability with which Choose and Sample choose the light at p.
-  float ChoiceProbability(uint32_t light, Vec3f p) const;
+  // The probability with which Choose and Sample choose the light at p. n: as for Sample.
+  float ChoiceProbability(uint32_t light, Vec3f p, Vec3f n = {}) const;
   // Lights have the indices [0, light_count()).
   uint32_t light_count() const;
   // Computed from the light at each call.

@@ -82,7 +82,7 @@ class PlanMaker {
       causes_[TraitIndex(Trait::kOutputs)] = {
           absl::StrCat("requested: ", FormatOutputs(settings.outputs)), 1};
     }
-    RenderPlan plan = Finish(settings.force_generic_variant);
+    RenderPlan plan = Finish(settings);
     BoundDepth(settings.max_depth, &plan);
     plan.notes = std::move(notes_);
     NoteTechniques(settings.techniques, &plan);
@@ -342,7 +342,7 @@ class PlanMaker {
     plan->max_depth = 0;
   }
 
-  RenderPlan Finish(bool force_generic) const {
+  RenderPlan Finish(const FrameSettings& settings) const {
     RenderPlan plan;
     plan.light_count = light_count_;
     for (size_t i = 0; i < std::size(kTraitNames); ++i) {
@@ -356,7 +356,11 @@ class PlanMaker {
       if (causes_[i].count > 1) absl::StrAppend(&cause, " (and ", causes_[i].count - 1, " more)");
       plan.effects.push_back({t.trait, t.name, cause, t.time_ratio});
     }
-    const Variant variant = AllVariants()[ChooseVariant(plan.traits, force_generic)];
+    const bool generic = settings.force_generic_variant;
+    const Variant variant =
+        settings.techniques == Techniques::kCamera
+            ? AllVariants()[ChooseVariant(plan.traits, generic)]
+            : AllLightPathVariants()[ChooseLightPathVariant(plan.traits, generic)];
     plan.variant_traits = variant.traits;
     plan.variant_name = variant.name;
     return plan;

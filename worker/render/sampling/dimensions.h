@@ -12,14 +12,16 @@
 namespace sheaf::render {
 
 enum class CameraSlot : uint32_t {
-  kFilterAndLens = 0,  // x, y of the pixel filter; u, v of the lens.
+  kFilterAndLens = 0,  // x, y of the pixel filter; u, v of the lens. Light paths: the position on
+                       // the light, and the direction.
   kTime = 1,           // Shutter time.
   kWavelength = 2,     // The primary wavelength.
+  kEmitter = 3,        // Light paths: which light.
   kCount = 4,
 };
 enum class VertexSlot : uint32_t {
   kBsdf = 0,     // u, v of the scattered direction; lobe; roulette.
-  kLight = 1,    // u, v on the light; which light; spare.
+  kLight = 1,    // u, v on the light; which light; spare. Light paths: u, v of the lens.
   kSurface = 2,  // Mix and cut-out decisions at this vertex; two numbers for a perturbed normal.
   kMedium = 3,   // Distance sampling on the ray that leads here: three numbers. The choice among
                  // several phase functions uses kBsdf's lobe.

@@ -48,6 +48,24 @@ void WantParameters(SceneGeometry* geometry) {
   }
 }
 
+// Builds what light paths need. Requires: the light table is complete.
+absl::Status BuildLightPaths(CompiledScene* scene) {
+  const FrameSettings& settings = scene->settings;
+  if (settings.similarity_after > 0) {
+    return absl::InvalidArgumentError(
+        "light paths cannot be combined with similarity, whose media depend on the number of "
+        "scatterings from the camera: use techniques camera, or no similarity");
+  }
+  const Vec3d lower = ToDouble(scene->geometry.bounds_lower),
+              upper = ToDouble(scene->geometry.bounds_upper);
+  scene->emission = std::make_unique<LightEmission>(*scene->lights, 0.5 * (lower + upper),
+                                                    0.5 * Length(upper - lower));
+  scene->light_paths_per_pass =
+      static_cast<double>(settings.width_px) * static_cast<double>(settings.height_px);
+  scene->light_paths_alone = settings.techniques == Techniques::kLight;
+  return absl::OkStatus();
+}
+
 // Builds the table of media, and finds the light group of their emission.
 absl::Status BuildMedia(FileSource& files, int threads, const CompileTechniques& techniques,
                         MediumVelocities velocities, CompiledScene* scene) {
@@ -126,6 +144,10 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!settings.outputs.light_groups.empty() && !settings.outputs.light_paths) {
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
+  if (settings.techniques != Techniques::kCamera) {
+    const absl::Status built = BuildLightPaths(scene.get());
+    if (!built.ok()) return built;
+  }
   if ((scene->plan.traits & kInsides) != 0) {
     const absl::Status built =
         BuildMedia(files, threads, techniques, *std::move(velocities), scene.get());
@@ -155,6 +177,7 @@ const FrameSettings& SettingsOf(const CompiledScene& scene) { return scene.setti
 uint64_t MemoryBytesOf(const CompiledScene& scene) {
   return sizeof(CompiledScene) + GeometryBytes(scene.geometry) + scene.tracer->memory_bytes() +
          scene.materials->memory_bytes() + scene.lights->memory_bytes() +
+         (scene.emission ? scene.emission->memory_bytes() : 0) +
          (scene.media ? scene.media->memory_bytes() : 0);
 }
 

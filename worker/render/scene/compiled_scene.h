@@ -12,6 +12,7 @@
 #include "worker/render/camera/camera.h"
 #include "worker/render/camera/film_response.h"
 #include "worker/render/geometry/scene_geometry.h"
+#include "worker/render/light/light_emission.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/material/material.h"
 #include "worker/render/medium/medium.h"
@@ -35,6 +36,10 @@ class CompiledScene {
   std::unique_ptr<EmbreeScene> tracer;
   std::unique_ptr<MaterialTable> materials;
   std::unique_ptr<LightTable> lights;
+  // Where light paths begin; null where the settings have paths from the camera alone.
+  std::unique_ptr<LightEmission> emission;
+  double light_paths_per_pass = 0;           // One for each pixel of the whole frame.
+  bool light_paths_alone = false;            // Techniques::kLight.
   std::unique_ptr<MediumTable> media;        // Null where the plan has none.
   std::unique_ptr<InteriorTable> interiors;  // Null where the plan has no nested dielectrics.
   float majorant_factor = 1;                 // As in CompileTechniques.

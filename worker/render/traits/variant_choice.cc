@@ -5,6 +5,7 @@
 #include <bit>
 #include <iterator>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "common/base/check.h"
@@ -20,6 +21,7 @@ struct Entry {
 };
 #define SHEAF_VARIANT_ENTRY(name, traits) {name, traits},
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
+constexpr Entry kLightPathEntries[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
 
 // Cost of the traits that a variant includes for other scenes: first by those that every path pays
@@ -29,26 +31,36 @@ std::pair<int, int> CostOf(uint32_t carried) {
   return {std::popcount(carried & kPaid), std::popcount(carried)};
 }
 
-}  // namespace
-
-std::vector<Variant> AllVariants() {
+std::vector<Variant> VariantsOf(std::span<const Entry> entries) {
   std::vector<Variant> variants;
-  for (const Entry& entry : kEntries) variants.push_back({entry.name, entry.traits});
+  for (const Entry& entry : entries) variants.push_back({entry.name, entry.traits});
   return variants;
 }
 
-size_t ChooseVariant(uint32_t traits, bool force_generic) {
+size_t ChooseAmong(std::span<const Entry> entries, uint32_t traits, bool force_generic) {
   // RGB and spectra give different images, so neither replaces the other.
   constexpr uint32_t kColor = TraitSet(Trait::kSpectral);
   if (force_generic) traits |= kAllTraits;
   std::optional<size_t> best;
-  for (size_t i = 0; i < std::size(kEntries); ++i) {
-    const uint32_t held = kEntries[i].traits;
+  for (size_t i = 0; i < entries.size(); ++i) {
+    const uint32_t held = entries[i].traits;
     if ((traits & ~held) != 0 || (held & kColor) != (traits & kColor)) continue;
-    if (!best || CostOf(held & ~traits) < CostOf(kEntries[*best].traits & ~traits)) best = i;
+    if (!best || CostOf(held & ~traits) < CostOf(entries[*best].traits & ~traits)) best = i;
   }
   SHEAF_CHECK(best.has_value());
   return *best;
+}
+
+}  // namespace
+
+std::vector<Variant> AllVariants() { return VariantsOf(kEntries); }
+size_t ChooseVariant(uint32_t traits, bool force_generic) {
+  return ChooseAmong(kEntries, traits, force_generic);
+}
+
+std::vector<Variant> AllLightPathVariants() { return VariantsOf(kLightPathEntries); }
+size_t ChooseLightPathVariant(uint32_t traits, bool force_generic) {
+  return ChooseAmong(kLightPathEntries, traits, force_generic);
 }
 
 }  // namespace sheaf::render

@@ -22,4 +22,8 @@ std::vector<Variant> AllVariants();
 // of kPaidByEveryPath, then the fewest.
 size_t ChooseVariant(uint32_t traits, bool force_generic);
 
+// The same for the variants of frames with light paths.
+std::vector<Variant> AllLightPathVariants();
+size_t ChooseLightPathVariant(uint32_t traits, bool force_generic);
+
 }  // namespace sheaf::render

@@ -125,3 +125,9 @@ inline constexpr uint32_t kCloudTraits = TraitSet(
   SHEAF_COMMON_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                  \
   X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
   X("generic", ::sheaf::render::kAllTraits)
+
+// The variants of frames with light paths. Few: a path of either kind costs more than its traits.
+#define SHEAF_LIGHT_PATH_VARIANTS(X)                                     \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)             \
+  X("generic", ::sheaf::render::kAllTraits)

@@ -1,0 +1,127 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Tests that paths from lights find the same light as paths from the camera: camera paths alone,
+// both kinds combined, and light paths wherever they can find the light.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/support/splat_buffer.h"
+#include "tests/support/technique_agreement.h"
+#include "tests/support/technique_scenes.h"
+#include "tests/support/test_scene.h"
+#include "worker/render/integrator/variants.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::Bias;
+using testing::Estimate;
+using testing::EstimatesOf;
+using testing::EstimatesOfTiles;
+using testing::ExpectAgreement;
+using testing::kSizePx;
+using testing::Samples;
+using testing::TilePair;
+
+constexpr int32_t kDepth = 4;
+
+struct Rendering {
+  Techniques techniques = Techniques::kCamera;
+  ColorTransport color = ColorTransport::kRgb;
+  uint64_t seed = 0, samples = 64;
+};
+
+std::vector<Estimate> Render(const TestScene& test_scene, const Rendering& rendering) {
+  FrameSettings settings = SquareSettings(kSizePx, rendering.samples, kDepth);
+  settings.seed = rendering.seed;
+  settings.color = rendering.color;
+  settings.techniques = rendering.techniques;
+  const CompiledScenePtr scene = Compile(test_scene.scene, settings);
+  const FilmTile film = RenderAll(*scene);
+  if (rendering.techniques == Techniques::kCamera) return EstimatesOf(film);
+  SplatBuffer splats(kSizePx, kSizePx);
+  RayCounts counts;
+  splats.Trace(*scene, rendering.samples, &counts);
+  EXPECT_EQ(splats.non_finite, 0u);
+  EXPECT_EQ(counts.broken_nestings, 0u);
+  return EstimatesOfTiles(
+      kReplicateCount,
+      [&](uint32_t r, size_t pixel) {
+        double sum = 0;
+        for (size_t c = 0; c < 3; ++c) sum += static_cast<double>(film.replicate(r, c)[pixel]);
+        const auto weight = static_cast<double>(film.replicate(r, 3)[pixel]);
+        return sum + splats.Mean(r, pixel) * weight;
+      },
+      [&](uint32_t r, size_t pixel) { return static_cast<double>(film.replicate(r, 3)[pixel]); });
+}
+
+std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, Rendering a, Rendering b) {
+  std::vector<TilePair> tiles;
+  for (const TestScene& scene : scenes) {
+    const std::vector<Estimate> of_a = Render(scene, a), of_b = Render(scene, b);
+    for (size_t tile = 0; tile < of_a.size(); ++tile) tiles.push_back({of_a[tile], of_b[tile]});
+    a.seed += 2;
+    b.seed += 2;
+  }
+  return tiles;
+}
+
+void ExpectLightPathsAgree(const std::string& name, const std::vector<TestScene>& scenes,
+                           double bias, Techniques techniques, uint64_t samples,
+                           ColorTransport color = ColorTransport::kRgb) {
+  ExpectAgreement(
+      name, bias,
+      TilePairs(
+          scenes, {.color = color, .seed = 100, .samples = Samples(samples)},
+          {.techniques = techniques, .color = color, .seed = 101, .samples = Samples(samples)}));
+}
+
+constexpr Tint kColored{1};
+constexpr Techniques kBoth = Techniques::kCameraAndLight, kAlone = Techniques::kLight;
+
+// Every kind of light, and lens, motion, cut-outs, media.
+std::vector<TestScene> LitScenes(Tint tint) {
+  return {Diffuse(tint), Glossy(tint), Outdoor(tint), Hazy(tint), Burning(tint), ManyLights(tint)};
+}
+std::vector<TestScene> MistyScenes() { return {Foggy(kColored), Cloudy(kColored)}; }
+
+TEST(LightPathTest, BothKindsFindWhatTheCameraFinds) {
+  ExpectLightPathsAgree("both", LitScenes(kColored), Bias(), kBoth, 64);
+}
+TEST(LightPathTest, BothKindsFindWhatTheCameraFindsInMedia) {
+  ExpectLightPathsAgree("both in media", MistyScenes(), 2 * Bias(), kBoth, 128);
+}
+TEST(LightPathTest, BothKindsFindWhatTheCameraFindsInSpectra) {
+  ExpectLightPathsAgree("both, spectra", LitScenes(kColored), Bias(), kBoth, 64,
+                        ColorTransport::kSpectral);
+}
+TEST(LightPathTest, LightPathsFindWhatTheCameraFinds) {
+  ExpectLightPathsAgree("light paths", LitScenes(kColored), 4 * Bias(), kAlone, 128);
+}
+TEST(LightPathTest, LightPathsFindWhatTheCameraFindsInMedia) {
+  ExpectLightPathsAgree("light paths in media", MistyScenes(), 6 * Bias(), kAlone, 256);
+}
+TEST(LightPathTest, LightPathsFindWhatTheCameraFindsInSpectra) {
+  ExpectLightPathsAgree("light paths, spectra", LitScenes(kColored), 4 * Bias(), kAlone, 128,
+                        ColorTransport::kSpectral);
+}
+
+// Media in their reduced form begin after a number of scatterings from the camera, which a path
+// from a light cannot know.
+TEST(LightPathTest, SimilarityIsRefused) {
+  FrameSettings settings = SquareSettings(4, 1, kDepth);
+  settings.techniques = kBoth;
+  settings.similarity_after = 2;
+  TableFileSource files({});
+  const absl::StatusOr<CompiledScenePtr> scene =
+      CompileScene(Foggy(kColored).scene, settings, files);
+  EXPECT_EQ(scene.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(scene.status().message(), ::testing::HasSubstr("similarity"));
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,246 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LightPathIntegrator: paths that begin at lights. Each vertex is connected to the camera, and its
+// light added to the film where the camera sees it; the scattered ray goes on. Weights combine that
+// with the techniques of the camera's paths (two_ends.h). Source: Dutre, Lafortune and Willems
+// 1993, "Monte Carlo Light Tracing with Direct Computation of Pixel Intensities"; Veach 1997, ch.
+// 10; docs/adr/0063.
+//
+// Light that the camera sees directly, or by specular scattering alone, is not found; nor is the
+// emission of media.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <variant>
+
+#include "common/film/film_tile.h"
+#include "worker/render/integrator/next_vertex.h"
+#include "worker/render/integrator/splat_sink.h"
+#include "worker/render/integrator/two_ends.h"
+
+namespace sheaf::render {
+
+// Changes the seed of the sampler, so that light paths are independent of camera samples.
+inline constexpr uint64_t kLightPathSeed = 0x6c69676874706174u;
+
+// Rays of a light without a surface begin at this multiple of the rounding of its position.
+inline constexpr float kErrorsFromLight = 8;
+
+// --- The start -----------------------------------------------------------------------------------
+
+// Sets the media at the start of the path's ray: those at the camera, changed by every surface in
+// between. False where there are too many.
+template <typename C>
+bool StartInMediaAtLight(const Context<C>& c, PathState<C>* path) {
+  if (!c.scene.media) return true;
+  StartInMedia(c, path);
+  const FrameSettings& settings = c.scene.settings;
+  Ray ray = c.scene.camera.template MakeRay<C::kTraits>(
+      {settings.width_px / 2.0, settings.height_px / 2.0}, {0.5f, 0.5f}, path->ray.time);
+  const Vec3f towards = path->ray.o - ray.o;
+  // Up to the end itself: the light may lie on a boundary, and the ray begin just behind it.
+  ray.t_max = 1;
+  for (uint32_t crossing = 0; crossing < kNullCrossingsMax; ++crossing) {
+    ray.d = path->ray.o - ray.o;
+    ++c.counts.rays;
+    RawHit hit;
+    if (!(Dot(ray.d, towards) > 0) || !c.tracer.Intersect(ray, &hit)) {
+      path->media.last = {};
+      return true;
+    }
+    const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
+    if (!CrossBoundary(c, point, ray.d, *path, &path->media)) return false;
+    ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, ray.d);
+    ray.source = point.id;
+  }
+  return false;
+}
+
+// The fraction of the ray's power that the cut-out of its light leaves.
+template <typename C>
+float CutOutOf([[maybe_unused]] const Context<C>& c,
+               [[maybe_unused]] const EmittedRayOf<typename C::Color>& emitted) {
+  if constexpr (C::kNullInterfaces && C::Has(Trait::kTexturedEmission)) {
+    if (emitted.cut_out != kNone) {
+      LightSampleOf<typename C::Color> at;
+      at.p_light = emitted.p;
+      at.cut_out = emitted.cut_out;
+      at.uv = emitted.uv;
+      return CutOutTransmittance(c, at);
+    }
+  }
+  return 1;
+}
+
+// Samples the ray with which the path leaves a light. False where it carries nothing.
+template <typename C>
+bool StartAtLight(const Context<C>& c, PathState<C>* path) {
+  using Color = typename C::Color;
+  const std::array<float, 4> u = c.sampler.Get4(Slot(CameraSlot::kFilterAndLens));
+  std::optional<EmittedRayOf<Color>> emitted = c.scene.emission->template SampleLe<Color>(
+      {c.sampler.Get1(Slot(CameraSlot::kEmitter)), {u[0], u[1]}, {u[2], u[3]}}, path->wavelengths);
+  if (!emitted) return false;
+  const Color power = emitted->power * CutOutOf(c, *emitted);
+  float largest = 0;
+  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
+    largest = std::max(largest, std::fabs(power[i]));
+  }
+  if (!(largest > 0)) return false;
+  // Roulette needs a throughput that begins near 1.
+  path->throughput = power * (1 / largest);
+  LightEnd& end = path->other_end;
+  end.scale = static_cast<double>(largest) / emitted->pdf;
+  end.light = emitted->light;
+  end.p = emitted->p;
+  end.n = emitted->n;
+  const LightEmission& emission = *c.scene.emission;
+  end.is_infinite = emission.IsInfinite(end.light);
+  end.can_be_hit = end.is_infinite || (emission.IsSurface(end.light) && !emitted->is_unseen);
+  path->is_camera_path = false;
+  path->ray.d = emitted->w;
+  if (emitted->is_infinite) {
+    path->ray.o = emitted->p;
+  } else if (emission.IsSurface(end.light)) {
+    path->ray.o = OffsetRayOrigin(emitted->p, emitted->p_error, emitted->n, emitted->w);
+  } else {
+    // A light without a surface may lie on a boundary: the ray must be clearly on one side.
+    path->ray.o =
+        OffsetRayOrigin(emitted->p, emitted->p_error * kErrorsFromLight, emitted->w, emitted->w);
+  }
+  if constexpr (C::kMedia) return StartInMediaAtLight(c, path);
+  return true;
+}
+
+// --- Connections to the camera -------------------------------------------------------------------
+
+// The transmittance from the vertex to the lens; black where it is hidden.
+template <typename C, typename Vertex>
+typename C::Color TransmittanceToLens(const Context<C>& c, const Vertex& vertex,
+                                      const CameraConnection& seen, std::array<float, 2> u,
+                                      const PathState<C>& path) {
+  using Color = typename C::Color;
+  const SurfacePoint& point = vertex.point;
+  Ray ray;
+  ray.time = path.ray.time;
+  ray.source = point.id;
+  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, seen.wi);
+  ray.d = seen.p_lens - ray.o;
+  ray.t_max = kSegmentEnd;
+  if constexpr (C::kMedia) {
+    MediumState<C> media = path.media;
+    if (!vertex.EnterSide(c, seen.wi, path, &media)) return {};
+    return TraceTransmittance(c, ray, &seen.p_lens, u, path, std::move(media), nullptr);
+  } else if constexpr (C::kNullInterfaces) {
+    return Color::Gray(IsVisibleThroughNullInterfaces(c, ray, &seen.p_lens, u) ? 1 : 0);
+  } else {
+    ++c.counts.rays;
+    ++c.counts.shadow_rays;
+    return Color::Gray(c.tracer.Occluded(ray) ? 0 : 1);
+  }
+}
+
+// Adds the light that the vertex scatters to the camera.
+template <typename C, typename Vertex>
+void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<C>& path,
+                     SplatSink* splats) {
+  using Color = typename C::Color;
+  const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(path), VertexSlot::kLight));
+  const std::optional<CameraConnection> seen =
+      c.scene.camera.SampleWi(vertex.point.p, {u[0], u[1]}, path.ray.time);
+  if (!seen || !(seen->importance > 0) || !splats->Covers(seen->film)) return;
+  const BsdfValueOf<Color> value = vertex.SeenFrom(c, seen->wi).Eval(-path.ray.d);
+  if (value.f_cos.IsBlack()) return;
+  const Color transmittance = TransmittanceToLens(c, vertex, *seen, {u[3], u[2]}, path);
+  if (transmittance.IsBlack()) return;
+  float weight = ConnectionWeight(c, static_cast<double>(value.pdf), seen->ray_density, path);
+  const auto factor =
+      static_cast<float>(static_cast<double>(weight * vertex.FluxFactor(seen->wi, path)) *
+                         seen->importance * path.other_end.scale);
+  Rgb radiance =
+      c.scene.film.Of(path.throughput * value.f_cos * transmittance * factor, path.wavelengths);
+  c.scene.film.Clamp(&radiance, &weight);
+  radiance *= static_cast<float>(1 / c.scene.light_paths_per_pass);
+  uint32_t group = 0;
+  LightPathKind kind{};
+  if constexpr (C::kOutputs) {
+    const FilmOutputs& outputs = c.scene.settings.outputs;
+    if (outputs.light_paths) {
+      kind = KindFromLight(vertex, path);
+    } else if (!outputs.light_groups.empty()) {
+      group = c.scene.lights->GroupOf(path.other_end.light);
+    }
+  }
+  splats->Add(seen->film, radiance, kind, group);
+}
+
+// --- The path ------------------------------------------------------------------------------------
+
+// One vertex, the same for surfaces and media. False where the path ends.
+template <typename C, typename Vertex>
+bool ScatterLightAt(const Context<C>& c, Vertex& vertex, PathState<C>* path, SplatSink* splats) {
+  FilmSample unused;
+  if (!vertex.Arrive(c, path, &unused)) return false;
+  const bool is_rough = vertex.SamplesLights(*path);
+  if (path->other_end.is_first && !ArriveFirst(c, vertex, is_rough, path)) return false;
+  if (is_rough) ConnectToCamera(c, vertex, *path, splats);
+  return vertex.ScatterFromLight(c, path);
+}
+
+// Follows the path to its end.
+template <typename C>
+void TraceLight(const Context<C>& c, PathState<C>* path, SplatSink* splats) {
+  Vertex<C> vertex;
+  for (;;) {
+    NextVertex(c, path, &vertex);
+    bool continues = false;
+    if (auto* surface = std::get_if<SurfaceVertex<C>>(&vertex)) {
+      continues = ScatterLightAt(c, *surface, path, splats);
+    } else if (auto* null_interface = std::get_if<NullInterface>(&vertex)) {
+      continues = CrossNullInterface(c, null_interface->point, path);
+    } else if constexpr (C::kMedia) {
+      if (auto* medium = std::get_if<MediumVertex<C>>(&vertex)) {
+        continues = ScatterLightAt(c, *medium, path, splats);
+      }
+    }
+    if (!continues) return;
+  }
+}
+
+template <uint32_t kTraits, typename Tracer>
+class LightPathIntegrator {
+ public:
+  using C = IntegratorConfig<kTraits, Tracer, DirectLight::kByBoth, PathKind::kLight>;
+
+  // All three must outlive *this. Not thread-safe: one for each thread.
+  LightPathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
+      : scene_(scene), tracer_(tracer), counts_(counts) {}
+
+  // Traces the light path of the pixel and pass: a pure function of both and the scene. The pixel
+  // only names the path, which may bring light to any.
+  void TracePath(int32_t x, int32_t y, uint64_t pass, SplatSink* splats) {
+    const Sampler sampler(scene_.settings.seed ^ kLightPathSeed, x, y, pass,
+                          scene_.settings.one_sequence);
+    const Context<C> context{scene_, tracer_, sampler, counts_, nullptr, groups_};
+    PathState<C> path;
+    if constexpr (C::Has(Trait::kMotion)) {
+      path.ray.time = scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)));
+    }
+    if constexpr (C::kSpectral) {
+      path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
+    }
+    if (StartAtLight(context, &path)) TraceLight(context, &path, splats);
+  }
+
+ private:
+  const CompiledScene& scene_;
+  Tracer& tracer_;
+  RayCounts& counts_;
+  LightGroups<typename C::Color> groups_;
+};
+
+}  // namespace sheaf::render

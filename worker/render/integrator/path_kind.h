@@ -1,0 +1,17 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// PathKind: where the integrator's paths begin.
+#pragma once
+
+#include <cstdint>
+
+namespace sheaf::render {
+
+enum class PathKind : uint8_t {
+  kCamera,             // At the camera; they alone make the image.
+  kCameraBesideLight,  // At the camera; light paths find part of the light.
+  kLight,              // At a light.
+};
+
+}  // namespace sheaf::render

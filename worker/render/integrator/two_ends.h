@@ -1,0 +1,170 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Weights of the techniques by which paths from the camera and from lights find the same light.
+// A path is x0 (lens), x1 ... xk (light). It is found by scattering that hits xk, by a sample of
+// the light at x(k-1), or by a light path that is connected from x1 to the lens. With the densities
+// of scattering at xi, per solid angle, forward(i) towards x(i+1) and backward(i) towards x(i-1),
+// all cosines and distances cancel:
+//
+//   light path / scattering = n / PdfWe(x1) * E * product i=2..k-1 of backward(i)
+//                                               / product i=1..k-1 of forward(i)
+//
+// n: light paths while each pixel sends one camera ray; E: LightEmission::DensityAt. For a sampled
+// light, its pdf takes the place of forward(k-1). Vertices that scatter specularly count as 1.
+// Weights are those of the power heuristic. Sources: Veach 1997, ch. 9 and 10; docs/adr/0063.
+//
+// A vertex is a SurfaceVertex or a MediumVertex.
+#pragma once
+
+#include <cmath>
+
+#include "worker/render/integrator/context.h"
+
+namespace sheaf::render {
+
+// The weight of a technique whose path others find with a and b times its density.
+inline float WeightAmong(double a, double b) { return static_cast<float>(1 / (1 + a * a + b * b)); }
+
+// --- Paths from the camera -----------------------------------------------------------------------
+
+// At the path's first vertex, p.
+template <typename C>
+void StartOtherEnd(const Context<C>& c, Vec3f p, PathState<C>* path) {
+  if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
+    Ray camera_ray = path->ray;
+    camera_ray.o = path->camera_o;
+    const double seen = c.scene.camera.PdfWe(camera_ray, p);
+    path->other_end.light_paths = seen > 0 ? c.scene.light_paths_per_pass / seen : 0;
+  }
+}
+
+// The vertex scatters the path towards wi with the pdf.
+template <typename C, typename Vertex>
+void NoteScattering(const Context<C>& c, const Vertex& vertex, Vec3f wi, float pdf, uint8_t flags,
+                    PathState<C>* path) {
+  if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
+    CameraEnd& end = path->other_end;
+    if (end.light_paths == 0) return;
+    if ((flags & kBsdfSpecular) != 0) {
+      // A light path cannot be connected to the lens here, or leaves otherwise.
+      if (end.is_first || !vertex.IsReversible(c, wi, flags)) end.light_paths = 0;
+    } else {
+      const double backward =
+          end.is_first ? 1 : static_cast<double>(vertex.SeenFrom(c, wi).Eval(-path->ray.d).pdf);
+      end.light_paths *= backward / static_cast<double>(pdf);
+    }
+    end.is_first = false;
+  }
+}
+
+// A texture gives a walk beneath a surface its color where the walk begins, so that it is not the
+// same walk in reverse: light paths end there, and do not find such paths. False where the path
+// ends.
+template <typename C>
+bool EnterTexturedSubsurface(PathState<C>* path) {
+  if (!path->media.properties.is_subsurface || path->media.subsurface_texture.OrNull() == nullptr) {
+    return true;
+  }
+  if constexpr (C::kFromLight) return false;
+  if constexpr (!C::kFromLight) path->other_end.light_paths = 0;
+  return true;
+}
+
+// The weight of a camera path's technique. light_paths: their density over that of the technique.
+template <typename C>
+float WeightBesideLight(const Context<C>& c, double other, double light_paths) {
+  if (c.scene.light_paths_alone && light_paths > 0) return 0;
+  return WeightAmong(other, light_paths);
+}
+
+// The weight of light that the path's ray hits. sampled: the pdf with which the last vertex samples
+// it; emitted: its density E.
+template <typename C>
+float HitWeight(const Context<C>& c, double sampled, double emitted, const PathState<C>& path) {
+  const double other = path.specular ? 0 : sampled / static_cast<double>(path.pdf);
+  return WeightBesideLight(c, other, path.other_end.light_paths * emitted);
+}
+
+// The weight of a light sample at the vertex, towards which it scatters with the pdf.
+template <typename C, typename Vertex>
+float LightSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex,
+                                   const LightSampleOf<typename C::Color>& light, float pdf,
+                                   const PathState<C>& path) {
+  const double sampled = static_cast<double>(light.pdf);
+  const double other = light.is_delta ? 0 : static_cast<double>(pdf) / sampled;
+  double light_paths = path.other_end.light_paths;
+  if (light_paths > 0) {
+    const LightEmission& emission = *c.scene.emission;
+    light_paths *= light.is_infinite && !light.is_delta
+                       ? emission.InfiniteDensityAt(vertex.point.p, -light.wi)
+                       : emission.DensityAt(light.light, vertex.point.p, light.p_light,
+                                            light.n_light, -light.wi);
+    if (!path.other_end.is_first) {
+      light_paths *= static_cast<double>(vertex.SeenFrom(c, light.wi).Eval(-path.ray.d).pdf);
+    }
+    light_paths /= sampled;
+  }
+  return WeightBesideLight(c, other, light_paths);
+}
+
+// --- Paths from a light --------------------------------------------------------------------------
+
+// At the path's first vertex: the densities that depend on it. False where the light does not reach
+// it.
+template <typename C, typename Vertex>
+bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
+                 PathState<C>* path) {
+  LightEnd& end = path->other_end;
+  const LightEmission& emission = *c.scene.emission;
+  const Vec3f p = vertex.point.p, w = Normalize(path->ray.d);
+  const auto& lights = *c.scene.lights;
+  if (end.is_infinite) {
+    if (!(emission.PdfLe(end.light, p, {}, w) > 0)) return false;
+    end.emitted = emission.InfiniteDensityAt(p, w);
+  } else {
+    end.emitted = emission.DensityAt(end.light, p, end.p, end.n, w);
+  }
+  if (!(end.emitted > 0)) return false;
+  if (!samples_lights) return true;
+  if (end.is_infinite) {
+    end.sampled =
+        static_cast<double>(lights.template PdfEnvironment<C::kTraits>(p, vertex.light_hint, -w));
+  } else if (emission.IsSurface(end.light)) {
+    end.sampled = static_cast<double>(
+        lights.template PdfEmitter<C::kTraits>(end.light, p, vertex.light_hint, -w, end.p));
+  } else {
+    end.sampled = static_cast<double>(lights.ChoiceProbability(end.light, p, vertex.light_hint));
+  }
+  return true;
+}
+
+// The densities of the camera's techniques over that of light paths, after a vertex that scatters a
+// camera path with pdf `forward`; to be divided by `backward`. n / PdfWe is not included.
+inline double CameraPathsAfter(const LightEnd& end, double forward) {
+  if (!end.is_first) return end.camera_paths * forward;
+  return std::hypot(end.can_be_hit ? forward : 0, end.sampled) / end.emitted;
+}
+inline double CameraPathsAfterSpecular(const LightEnd& end) {
+  if (!end.is_first) return end.camera_paths;
+  return end.can_be_hit ? 1 / end.emitted : 0;
+}
+
+// The weight of a connection to the lens. seen: as CameraConnection::ray_density.
+template <typename C>
+float ConnectionWeight(const Context<C>& c, double forward, double seen, const PathState<C>& path) {
+  if (c.scene.light_paths_alone) return 1;
+  const double others =
+      CameraPathsAfter(path.other_end, forward) * seen / c.scene.light_paths_per_pass;
+  return WeightAmong(others, 0);
+}
+
+// The kind of light that the vertex, the last one, scatters to the camera.
+template <typename C, typename Vertex>
+LightPathKind KindFromLight(const Vertex& vertex, const PathState<C>& path) {
+  auto history = path.history;
+  vertex.AddTo(&history);
+  return history.KindFromLight(path.other_end.is_specular_first);
+}
+
+}  // namespace sheaf::render
