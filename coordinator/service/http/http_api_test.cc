@@ -112,6 +112,7 @@ TEST_F(HttpApiTest, JobTimesAreIsoOrNull) {
   EXPECT_EQ(job["state"], "running");
   EXPECT_EQ(job["frames"][0]["sample_count"], 16);
   EXPECT_EQ(job["frames"][0]["similarity_after_count"], 8);
+  EXPECT_EQ(job["frames"][0]["techniques"], "camera+light");
   EXPECT_EQ(job["frames"][0]["window"]["x1_px"], 4);
 }
 
