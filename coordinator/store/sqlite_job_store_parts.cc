@@ -147,24 +147,27 @@ absl::StatusOr<std::string> SqliteJobStore::ReadPart(const PartRow& row) {
 }
 
 absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
+  uint64_t bytes = 0;  // None where the row is gone already.
   {
     const MutexLock lock(&database_mutex_);
-    absl::Status status =
-        database_
-            ->Prepare(
-                "DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
-                "AND first = ? AND count = ? AND cells = ?")
-            .Bind(row.key.frame.job_id)
-            .Bind(row.key.frame.frame_number)
-            .Bind(row.key.tile.y0)
-            .Bind(row.key.tile.x0)
-            .Bind(row.key.block.first)
-            .Bind(row.key.block.count)
-            .Bind(row.key.cells.mask)
-            .Run();
-    if (!status.ok()) return status;
+    SqliteStatement removal = database_->Prepare(
+        "DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
+        "AND first = ? AND count = ? AND cells = ? RETURNING size_bytes");
+    removal.Bind(row.key.frame.job_id)
+        .Bind(row.key.frame.frame_number)
+        .Bind(row.key.tile.y0)
+        .Bind(row.key.tile.x0)
+        .Bind(row.key.block.first)
+        .Bind(row.key.block.count)
+        .Bind(row.key.cells.mask);
+    while (true) {
+      const absl::StatusOr<bool> removed = removal.Step();
+      if (!removed.ok()) return removed.status();
+      if (!*removed) break;
+      bytes = static_cast<uint64_t>(removal.Int64(0));
+    }
   }
-  parts_bytes_ -= std::min<uint64_t>(row.digest.size_bytes, parts_bytes_);
+  parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
   std::error_code ignored;
   std::filesystem::remove(PartPath(row), ignored);
   return absl::OkStatus();

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/farm/farm.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -63,13 +64,16 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       choice_(secret),
       tables_(options.limits, store_->FirstLeaseId(), options.merge_bytes_max),
       disk_(&signals_),
+      removals_(store_.get(), &disk_),
       resumed_(blobs_.get(), NumericProfile()),
-      lifecycle_(options, NumericProfile(),
-                 {tables_, *store_, *round_previews_, resumed_, queue_, disk_, signals_}),
-      tiles_(&tables_, store_.get(), &resumed_, &disk_),
+      lifecycle_(
+          options, NumericProfile(),
+          {tables_, *store_, removals_, *round_previews_, resumed_, queue_, disk_, signals_}),
+      tiles_(&tables_, store_.get(), &resumed_, &removals_),
       rounds_(&tables_, store_.get(), round_previews_.get(), &disk_),
       images_(options.state_directory, &tables_, store_.get()),
-      intake_({tokens_, choice_, tables_, *store_, tiles_, lifecycle_, queue_, disk_, signals_}),
+      intake_({tokens_, choice_, tables_, *store_, removals_, tiles_, lifecycle_, queue_, disk_,
+               signals_}),
       delivery_(options.preview_interval_min,
                 {tables_, *store_, tiles_, rounds_, images_, lifecycle_, queue_, disk_, signals_}),
       lost_scenes_(&tables_, blobs_.get(), &signals_),
@@ -93,6 +97,7 @@ void Farm::RunOnce() {
     lifecycle_.SettleEnded();
     // Nobody else may write meanwhile, and so notice that there is space again.
     if (!disk_fine) disk_.Note(store_->Probe());
+    removals_.Retry();
     RemoveFalseResults();
     images_.Heal(&lifecycle_);
     delivery_.DeliverFrames();
@@ -105,17 +110,19 @@ void Farm::RemoveFalseResults() {
   std::vector<std::string> liars;
   {
     const MutexLock lock(&tables_.mutex);
-    liars = std::exchange(tables_.liars, {});
+    liars = tables_.liars;
   }
   if (liars.empty()) return;
   lifecycle_.SettleEnded();  // Their quarantines are durable first.
   const ResultIntake::Pause pause(&intake_);
   for (const std::string& identity : liars) {
     const absl::Status removed = lifecycle_.RemoveResultsOf(identity);
-    if (removed.ok()) continue;
-    LogError(absl::StrCat("removing the results of ", identity, ": ", removed.message()));
+    if (!removed.ok()) {
+      LogError(absl::StrCat("removing the results of ", identity, ": ", removed.message()));
+      continue;
+    }
     const MutexLock lock(&tables_.mutex);
-    tables_.liars.push_back(identity);
+    tables_.liars.erase(std::find(tables_.liars.begin(), tables_.liars.end(), identity));
   }
 }
 

@@ -41,6 +41,7 @@
 #include "coordinator/service/farm/job_lifecycle.h"
 #include "coordinator/service/farm/job_views.h"
 #include "coordinator/service/farm/lost_scenes.h"
+#include "coordinator/service/farm/part_removals.h"
 #include "coordinator/service/farm/refinement_pricing.h"
 #include "coordinator/service/farm/result_intake.h"
 #include "coordinator/service/farm/resumed_frames.h"
@@ -128,7 +129,8 @@ class Farm : public FarmView {
   }
 
   // Gives an identity work again; nothing happens where it is not in quarantine. OK means: that is
-  // durable. Errors: kUnavailable, kResourceExhausted (the disk).
+  // durable. Errors: kFailedPrecondition (its false results are still being removed);
+  // kUnavailable, kResourceExhausted (the disk).
   absl::Status LiftQuarantine(const std::string& identity) {
     return lifecycle_.LiftQuarantine(identity);
   }
@@ -204,6 +206,7 @@ class Farm : public FarmView {
   FarmTables tables_;
   FarmSignals signals_;
   DiskState disk_;
+  PartRemovals removals_;
   DeliveryQueue queue_;
   ResumedFrames resumed_;
   JobLifecycle lifecycle_;

@@ -52,8 +52,8 @@ struct OpenEntry {
 uint64_t NextPoint(const RoundRecord& last);
 
 // Thread safety: all members may be used concurrently, as annotated. Locks are taken in this order:
-// a tile's reservation, an open frame's mutex or that of preparing frames, the tables' mutex, and
-// those of DiskState, DeliveryQueue, DeliveredImages and FarmSignals.
+// a tile's reservation, an open frame's mutex or that of preparing frames, the tables' mutex, that
+// of PartRemovals, and those of DiskState, DeliveryQueue, DeliveredImages and FarmSignals.
 struct FarmTables {
   FarmTables(const Limits& limits, uint64_t first_lease_id, uint64_t merge_bytes_max)
       : merge_budget(merge_bytes_max), scheduler(limits, first_lease_id) {}

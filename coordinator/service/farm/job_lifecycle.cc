@@ -62,7 +62,7 @@ absl::StatusOr<uint64_t> JobLifecycle::Create(JobSpec spec, const std::string& r
     job.spec.job_id = created->job_id;
     tables_.accounts[job.spec.job_id].create_time = now;
     const JobStore::LoadedParts none;
-    if (absl::Status s = RestoreJob(job, &none, *resumed); !s.ok()) return s;
+    RestoreJob(job, /*rounds=*/{}, &none, *resumed);
     const size_t frame_count = job.spec.frames.size();
     LogInfo(absl::StrCat("job ", job.spec.job_id, ": \"", job.spec.title, "\", ", frame_count,
                          frame_count == 1 ? " frame" : " frames"));
@@ -242,6 +242,15 @@ void JobLifecycle::SaveNewQuarantines() {
 
 absl::Status JobLifecycle::LiftQuarantine(const std::string& identity) {
   const MutexLock settling(&settle_mutex_);
+  {
+    // Without its row a start would not go on with the removal.
+    const MutexLock lock(&tables_.mutex);
+    if (std::find(tables_.liars.begin(), tables_.liars.end(), identity) != tables_.liars.end()) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("the false results of ", identity,
+                       " are still being removed; trust it again when that is done"));
+    }
+  }
   SaveNewQuarantines();  // Lest one that is still to be written comes back.
   absl::Status removed = store_.RemoveQuarantine(identity);
   disk_.Note(removed);

@@ -18,6 +18,7 @@
 #include "coordinator/service/farm/farm_options.h"
 #include "coordinator/service/farm/farm_signals.h"
 #include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/farm/part_removals.h"
 #include "coordinator/service/farm/resumed_frames.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/round_previews.h"
@@ -31,6 +32,7 @@ class JobLifecycle {
   struct Parts {
     FarmTables& tables;
     JobStore& store;
+    PartRemovals& removals;
     RoundPreviews& previews;
     const ResumedFrames& resumed;
     DeliveryQueue& queue;
@@ -42,6 +44,7 @@ class JobLifecycle {
         numeric_profile_(std::move(numeric_profile)),
         tables_(parts.tables),
         store_(parts.store),
+        removals_(parts.removals),
         previews_(parts.previews),
         resumed_(parts.resumed),
         queue_(parts.queue),
@@ -96,19 +99,21 @@ class JobLifecycle {
 
   // job_restore.cc
   // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
-  // frames, rounds and, where it is live, parts and the images that its frames resume. parts:
-  // null where a live job cannot continue. Requires: the job has an account.
-  absl::Status RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
-                          const ResumedCounts& resumed)
+  // frames, rounds (with cells where it is live) and, where it is live, parts and the images that
+  // its frames resume. parts: null where a live job cannot continue. Requires: the job has an
+  // account.
+  void RestoreJob(const StoredJob& job, std::vector<StoredRound> rounds,
+                  const JobStore::LoadedParts* parts, const ResumedCounts& resumed)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  absl::Status RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
-                              TilesOnDisk on_disk) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  void RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts, TilesOnDisk on_disk)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Removes a part that does not fit beside those before it: it was superseded while it was
   // written, and the disk refused to remove it, or its frame was refined.
-  absl::Status RemoveUnusable(const PartRow& row, FrameTasks::Fit fit)
+  void RemoveUnusable(const PartRow& row, FrameTasks::Fit fit)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Requires: after AddJob, before the job's parts.
-  absl::Status LoadRounds(const StoredJob& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  void RestoreRounds(const StoredJob& job, std::vector<StoredRound> rounds)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Gives the cells at least the samples that they have: after AddJob, before rounds.
   void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
@@ -122,6 +127,8 @@ class JobLifecycle {
   StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // By frame.
   absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
+  // Without those that nothing needs any more.
+  absl::StatusOr<JobStore::LoadedParts> LoadPartsOf(uint64_t job_id);
   // Continues these frames of a job, without the parts that are to be removed. Requires: the job
   // has ended, or no result is taken meanwhile.
   absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened,
@@ -140,6 +147,7 @@ class JobLifecycle {
   const std::string numeric_profile_;
   FarmTables& tables_;
   JobStore& store_;
+  PartRemovals& removals_;
   RoundPreviews& previews_;
   const ResumedFrames& resumed_;
   DeliveryQueue& queue_;

@@ -160,6 +160,16 @@ absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> JobLifecycle::Rounds
   return rounds;
 }
 
+absl::StatusOr<JobStore::LoadedParts> JobLifecycle::LoadPartsOf(uint64_t job_id) {
+  const std::vector<PartKey> left = removals_.LeftOf(job_id);
+  absl::StatusOr<JobStore::LoadedParts> parts = store_.LoadParts(job_id);
+  if (!parts.ok()) return parts;
+  std::erase_if(parts->rows, [&left](const PartRow& row) {
+    return std::find(left.begin(), left.end(), row.key) != left.end();
+  });
+  return parts;
+}
+
 void JobLifecycle::TakeOut(uint64_t job_id) {
   if (tables_.scheduler.jobs().at(job_id).phase == JobPhase::kLive) {
     // It ends for the scheduler alone, and begins again at once.
@@ -197,8 +207,10 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   // After the frames are no longer delivered: a stop in between leaves them to be found again.
   if (written.ok()) written = RemoveParts(removed);
   if (!written.ok()) return written;
-  const absl::StatusOr<JobStore::LoadedParts> parts = store_.LoadParts(job_id);
+  const absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(job_id);
   if (!parts.ok()) return parts.status();
+  absl::StatusOr<std::vector<StoredRound>> rounds = store_.LoadRounds(job_id, /*with_cells=*/true);
+  if (!rounds.ok()) return rounds.status();
   for (const JobStore::ReopenedFrame& frame : reopened) {
     const auto kept = static_cast<int32_t>(frame.rounds.size());
     previews_.RemoveFrom({job_id, frame.spec.frame_number}, kept);
@@ -235,10 +247,10 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   TakeOut(job_id);
   LogInfo(absl::StrCat("job ", job_id, ": continues, ", reopened.size(),
                        reopened.size() == 1 ? " frame" : " frames"));
-  absl::Status restored = RestoreJob(job, &*parts, *resumed);
+  RestoreJob(job, *std::move(rounds), &*parts, *resumed);
   account.wall_before = std::move(wall_before);
   signals_.Changed();
-  return restored;
+  return absl::OkStatus();
 }
 
 }  // namespace sheaf::coordinator

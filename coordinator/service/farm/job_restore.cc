@@ -63,14 +63,16 @@ absl::Status JobLifecycle::Load() {
       if (!loaded.ok()) return loaded.status();
       parts = *std::move(loaded);
     }
+    absl::StatusOr<std::vector<StoredRound>> rounds =
+        store_.LoadRounds(job.spec.job_id, /*with_cells=*/job.phase == JobPhase::kLive);
+    if (!rounds.ok()) return rounds.status();
     JobAccount& account = tables_.accounts[job.spec.job_id];
     account.create_time = job.create_time;
     account.end_time = job.end_time;
     account.warning = job.warning;
     account.corrections = job.corrections;
-    absl::Status status = RestoreJob(job, parts && resumed.ok() ? &*parts : nullptr,
-                                     resumed.ok() ? *resumed : ResumedCounts());
-    if (!status.ok()) return status;
+    RestoreJob(job, *std::move(rounds), parts && resumed.ok() ? &*parts : nullptr,
+               resumed.ok() ? *resumed : ResumedCounts());
     if (resumed.ok()) continue;
     tables_.scheduler.EndJob(job.spec.job_id, JobPhase::kFailed,
                              std::string(resumed.status().message()));
@@ -79,8 +81,8 @@ absl::Status JobLifecycle::Load() {
   return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::RestoreJob(const StoredJob& job, const JobStore::LoadedParts* parts,
-                                      const ResumedCounts& resumed) {
+void JobLifecycle::RestoreJob(const StoredJob& job, std::vector<StoredRound> rounds,
+                              const JobStore::LoadedParts* parts, const ResumedCounts& resumed) {
   tables_.scheduler.AddJob(job.spec);
   tables_.scheduler.RestoreFailures(job.spec.job_id, job.failures);
   JobAccount& account = tables_.accounts[job.spec.job_id];
@@ -92,22 +94,22 @@ absl::Status JobLifecycle::RestoreJob(const StoredJob& job, const JobStore::Load
                                        frame.delivered.sample_count);
   }
   RestoreResumed(job.spec.job_id, resumed);
-  if (absl::Status status = LoadRounds(job); !status.ok()) return status;
+  RestoreRounds(job, std::move(rounds));
   if (job.phase == JobPhase::kLive) {
     if (IsPilot(job.spec.job_id)) {
       tables_.pilots_asked[job.spec.job_id] = std::chrono::steady_clock::now();
     }
-    if (parts == nullptr) return absl::OkStatus();  // It cannot continue.
+    if (parts == nullptr) return;  // It cannot continue.
     TilesOnDisk on_disk = RestoreResumedParts(job.spec.job_id, resumed);
     if (job.paused) tables_.scheduler.Pause(job.spec.job_id, SteadyTime::Now());
-    return RestoreLiveJob(job, *parts, std::move(on_disk));
+    RestoreLiveJob(job, *parts, std::move(on_disk));
+    return;
   }
   tables_.scheduler.RestoreEnded(job.spec.job_id, job.phase, job.failure);
-  return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
-                                          TilesOnDisk on_disk) {
+void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
+                                  TilesOnDisk on_disk) {
   tables_.scheduler.counters().parts_revoked += static_cast<uint64_t>(parts.rows_lost);
   if (parts.rows_lost > 0) {
     LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.rows_lost,
@@ -120,7 +122,7 @@ absl::Status JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::
     const FrameTasks::Fit fit = tables_.scheduler.RestorePart(
         row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost);
     if (fit != FrameTasks::Fit::kWanted) {
-      if (absl::Status status = RemoveUnusable(row, fit); !status.ok()) return status;
+      RemoveUnusable(row, fit);
       continue;
     }
     on_disk[row.key.frame].insert(*frame->tasks->grid().FindTile(row.key.tile));
@@ -139,10 +141,9 @@ absl::Status JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::
     tables_.scheduler.EndJob(job.spec.job_id, JobPhase::kSucceeded, "");
     tables_.NoteEndedJobs();
   }
-  return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fit) {
+void JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fit) {
   // A part outside of its frame is of a later round than that from which a refined job continues.
   if (fit != FrameTasks::Fit::kOutside) {
     ++tables_.scheduler.counters().parts_revoked;
@@ -151,16 +152,13 @@ absl::Status JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fi
                             " overlaps another and is removed; the samples that nothing else has "
                             "are rendered again"));
   }
-  return store_.RemovePart(row);
+  removals_.Remove(row);
 }
 
-absl::Status JobLifecycle::LoadRounds(const StoredJob& job) {
+void JobLifecycle::RestoreRounds(const StoredJob& job, std::vector<StoredRound> rounds) {
   const bool live = job.phase == JobPhase::kLive;
-  absl::StatusOr<std::vector<StoredRound>> rounds =
-      store_.LoadRounds(job.spec.job_id, /*with_cells=*/live);
-  if (!rounds.ok()) return rounds.status();
   JobAccount& account = tables_.accounts[job.spec.job_id];
-  for (StoredRound& round : *rounds) {
+  for (StoredRound& round : rounds) {
     std::vector<RoundRecord>& of_frame = account.rounds[round.frame_number];
     if (!of_frame.empty()) of_frame.back().cells.clear();
     account.wall_before[round.frame_number] = round.record.wall_duration;
@@ -174,7 +172,6 @@ absl::Status JobLifecycle::LoadRounds(const StoredJob& job) {
     }
     of_frame.push_back(std::move(round.record));
   }
-  return absl::OkStatus();
 }
 
 void JobLifecycle::RestoreResumed(uint64_t job_id, const ResumedCounts& resumed) {

@@ -225,20 +225,6 @@ void ResultIntake::Punish(const ResultReport& report, const PartRow& merged,
   }
 }
 
-absl::Status ResultIntake::WritePart(const PartRow& row, const std::string& bytes) {
-  absl::Status written = store_.WritePart(row, bytes);
-  if (!absl::IsAlreadyExists(written)) return written;
-  const absl::StatusOr<std::optional<PartRow>> left = store_.FindPart(row.key);
-  if (!left.ok()) return left.status();
-  if (left->has_value()) {
-    LogWarning(absl::StrCat("replacing a part that could not be removed when it was lost: frame ",
-                            row.key.frame.frame_number, " of job ", row.key.frame.job_id));
-    absl::Status removed = store_.RemovePart(**left);
-    if (!removed.ok()) return removed;
-  }
-  return store_.WritePart(row, bytes);
-}
-
 absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                                                   const std::string& bytes,
                                                   const Scheduler::FoundTask& found,
@@ -250,7 +236,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                     report.worker_id,
                     cost,
                     report.Sender()};
-  absl::Status written = WritePart(row, bytes);
+  absl::Status written = removals_.MakeRoom(row.key);
+  if (written.ok()) written = store_.WritePart(row, bytes);
   disk_.Note(written);
   if (!written.ok()) return written;
   tables_.PrepareOpen(found.frame);
@@ -278,7 +265,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   }
   if (open == nullptr) {
     // While it was written its job ended, or a larger block that contains it was leased.
-    disk_.Note(store_.RemovePart(row));
+    removals_.Remove(row);
     return ResultOutcome::kSuperseded;
   }
   if (cost.nonfinite_count > 0) {

@@ -21,6 +21,7 @@
 #include "coordinator/service/farm/farm_signals.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/farm/job_lifecycle.h"
+#include "coordinator/service/farm/part_removals.h"
 #include "coordinator/service/farm/tile_builder.h"
 #include "coordinator/store/job_store.h"
 
@@ -53,6 +54,7 @@ class ResultIntake {
     const CheckChoice& choice;
     FarmTables& tables;
     JobStore& store;
+    PartRemovals& removals;
     TileBuilder& tiles;
     JobLifecycle& lifecycle;
     DeliveryQueue& queue;
@@ -64,6 +66,7 @@ class ResultIntake {
         choice_(parts.choice),
         tables_(parts.tables),
         store_(parts.store),
+        removals_(parts.removals),
         tiles_(parts.tiles),
         lifecycle_(parts.lifecycle),
         queue_(parts.queue),
@@ -91,9 +94,6 @@ class ResultIntake {
   absl::Status Reject(const ResultReport& report, const std::string& why);
   absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
                                       const Scheduler::FoundTask& found, FilmTile part);
-  // Writes the part of a task that is wanted. One that is there all the same is lost: the disk
-  // refused to remove it when that was found. It is replaced.
-  absl::Status WritePart(const PartRow& row, const std::string& bytes);
   // Acts on what a comparison showed.
   void Punish(const ResultReport& report, const PartRow& merged, const CheckVerdict& verdict)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
@@ -103,6 +103,7 @@ class ResultIntake {
   const CheckChoice& choice_;
   FarmTables& tables_;
   JobStore& store_;
+  PartRemovals& removals_;
   TileBuilder& tiles_;
   JobLifecycle& lifecycle_;
   DeliveryQueue& queue_;

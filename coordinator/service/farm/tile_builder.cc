@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/farm/tile_builder.h"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
@@ -14,6 +15,7 @@ namespace sheaf::coordinator {
 
 absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t tile) {
   const CellGrid& grid = frame->merge.grid();
+  const std::vector<PartKey> left = removals_.LeftOf(id.job_id);
   const absl::StatusOr<std::vector<PartRow>> rows = store_.FindTileParts(id, grid.tiles()[tile]);
   if (!rows.ok()) return rows.status();
   absl::StatusOr<std::vector<CellPart>> resumed = ResumedParts(frame, tile);
@@ -21,6 +23,7 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
   std::vector<CellPart> parts = *std::move(resumed);
   bool lost = false;
   for (const PartRow& row : *rows) {
+    if (std::find(left.begin(), left.end(), row.key) != left.end()) continue;
     absl::StatusOr<std::string> bytes = store_.ReadPart(row);
     absl::Status status = bytes.status();
     if (bytes.ok()) {
@@ -41,7 +44,7 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
 
 void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
   LogWarning(absl::StrCat("a part is lost and will be rendered again: ", why.message()));
-  disk_.Note(store_.RemovePart(row));
+  removals_.Remove(row);
   const MutexLock lock(&tables_.mutex);
   const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
   if (frame == nullptr || frame->tasks == nullptr) return;

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "coordinator/service/farm/disk_state.h"
 #include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/farm/part_removals.h"
 #include "coordinator/service/farm/resumed_frames.h"
 #include "coordinator/store/job_store.h"
 
@@ -20,8 +20,9 @@ namespace sheaf::coordinator {
 class TileBuilder {
  public:
   // All arguments must outlive the object.
-  TileBuilder(FarmTables* tables, JobStore* store, const ResumedFrames* resumed, DiskState* disk)
-      : tables_(*tables), store_(*store), resumed_(*resumed), disk_(*disk) {}
+  TileBuilder(FarmTables* tables, JobStore* store, const ResumedFrames* resumed,
+              PartRemovals* removals)
+      : tables_(*tables), store_(*store), resumed_(*resumed), removals_(*removals) {}
 
   // Parts that are damaged are given back for rendering; the tile is then marked as on disk, and is
   // complete again when they are rendered. Errors: those of the store; those of
@@ -38,7 +39,7 @@ class TileBuilder {
   FarmTables& tables_;
   JobStore& store_;
   const ResumedFrames& resumed_;
-  DiskState& disk_;
+  PartRemovals& removals_;
 };
 
 }  // namespace sheaf::coordinator

@@ -4,22 +4,14 @@
 // Tests the farm's durability with a store that is slow on purpose.
 #include "coordinator/service/farm/farm.h"
 
-#include <filesystem>
-#include <fstream>
 #include <future>
-#include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "common/base/check.h"
-#include "common/base/digest.h"
 #include "common/base/mutex.h"
-#include "common/film/exr/exr_codec.h"
-#include "coordinator/service/farm/gated_job_store.h"
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/service/farm/tests/farm_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -27,124 +19,6 @@ namespace sheaf::coordinator {
 namespace {
 
 using ::testing::HasSubstr;
-
-// Processor time of a pixel sample.
-constexpr absl::Duration kSampleCpu = absl::Nanoseconds(100);
-
-// Some gray, other than those of the samples before.
-float GrayOf(uint64_t sample) { return static_cast<float>((sample * 0x9E3779B97F4A7C15u) >> 61); }
-
-// A farm over a gated store, with a job of one tile.
-class FarmTest : public testing::Test {
- protected:
-  FarmTest() {
-    directory_ = testing::TempDir() + "sheaf-farm-" +
-                 testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::filesystem::remove_all(directory_);
-    Start();
-  }
-  // Also again.
-  void Start() {
-    farm_.reset();
-    FarmOptions options;
-    options.state_directory = directory_;
-    auto sqlite = SqliteJobStore::Open(directory_);
-    SHEAF_CHECK(sqlite.ok());
-    auto gated = std::make_unique<GatedJobStore>(*std::move(sqlite));
-    store_ = gated.get();
-    auto farm = Farm::Open(options, std::move(gated));
-    SHEAF_CHECK(farm.ok());
-    farm_ = *std::move(farm);
-  }
-  ~FarmTest() override {
-    store_->Open();
-    farm_.reset();
-    std::filesystem::remove_all(directory_);
-  }
-  uint64_t MakeJob(const StopRule& stop, uint64_t samples = 256) {
-    JobSpec spec;
-    spec.title = "job";
-    spec.partition = {16, 16, 1};
-    FrameSpec frame;
-    frame.frame_number = 1;
-    const auto scene = farm_->blobs().Put("a scene");
-    SHEAF_CHECK(scene.ok());
-    frame.scene = *scene;
-    frame.settings.width_px = frame.settings.height_px = 16;
-    frame.settings.window = {0, 0, 16, 16};
-    frame.settings.samples = samples;
-    frame.stop = stop;
-    spec.frames = {frame};
-    const auto job = farm_->CreateJob(spec, absl::StrCat("request", samples));
-    SHEAF_CHECK(job.ok());
-    return *job;
-  }
-  // The leases of a worker that wants one.
-  std::vector<LeaseGrant> Lease(const std::string& worker_id) {
-    WorkerReport report;
-    report.worker_id = report.host = worker_id;
-    report.numeric_profile = NumericProfile();
-    report.requested_lease_count = 1;
-    const auto answer = farm_->Synchronize(report);
-    SHEAF_CHECK(answer.ok());
-    return answer->leases;
-  }
-  // Renders samples of a lease, in gray that varies from sample to sample.
-  static std::string Render(const LeaseGrant& grant, SampleBlock block) {
-    FilmTile tile(grant.lease.tile_rect, block);
-    PixelAccumulator accumulator(&tile);
-    for (const PixelRect& rect : RectsOf(tile.rect(), grant.lease.cells)) {
-      for (int32_t pixel = 0; pixel < rect.PixelCount(); ++pixel) {
-        accumulator.Begin(rect.x0 + pixel % rect.Width(), rect.y0 + pixel / rect.Width());
-        for (uint64_t i = block.first; i < block.End(); ++i) {
-          accumulator.Add(i, {.radiance = Rgb::Gray(GrayOf(i)), .alpha = 1});
-        }
-        accumulator.End();
-      }
-    }
-    return EncodePart(tile, {grant.frame_digest, NumericProfile(), {}, grant.lease.cells});
-  }
-  // Renders a lease, and delivers that.
-  absl::Status Deliver(const LeaseGrant& grant) {
-    const SampleBlock block = grant.lease.task.block;
-    const std::string bytes = Render(grant, block);
-    ResultReport result;
-    result.frame_digest = grant.frame_digest;
-    result.tile = grant.lease.tile_rect;
-    result.block = block;
-    result.cells = grant.lease.cells;
-    result.lease_id = grant.lease.lease_id;
-    result.token = grant.token;
-    result.worker_id = grant.lease.worker_id;
-    result.cpu_duration = kSampleCpu * static_cast<double>(grant.lease.tile_rect.PixelCount()) *
-                          static_cast<double>(block.count);
-    result.digest = {Sha256Hex(bytes), bytes.size()};
-    return farm_->AddResult(result, bytes).status();
-  }
-  // Renders what there is to do, in no less time.
-  void Work(absl::Duration time_min = absl::ZeroDuration(),
-            absl::StatusCode outcome = absl::StatusCode::kOk) {
-    const std::vector<LeaseGrant> grants = Lease("w");
-    absl::SleepFor(time_min);
-    for (const LeaseGrant& grant : grants) EXPECT_EQ(Deliver(grant).code(), outcome);
-  }
-
-  // Changes a byte of each part on disk.
-  void DamageParts() {
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(directory_ + "/parts")) {
-      if (!entry.is_regular_file()) continue;
-      std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
-      file.seekp(static_cast<std::streamoff>(entry.file_size() / 2));
-      const auto byte = static_cast<char>(file.peek() ^ 1);
-      file.seekp(static_cast<std::streamoff>(entry.file_size() / 2));
-      file.put(byte);
-    }
-  }
-
-  std::string directory_;
-  GatedJobStore* store_ = nullptr;
-  std::unique_ptr<Farm> farm_;
-};
 
 // Also where no worker is left that tries again.
 TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
@@ -162,53 +36,6 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   EXPECT_TRUE(farm_->Ready().ok());
   EXPECT_EQ(farm_->FindJob(job)->waiting_reason, "");
   while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) Work();
-  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
-}
-
-// A part is found damaged while the disk refuses to remove it: the one that is rendered again takes
-// its place.
-TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
-  store_->Open();
-  const std::string job = absl::StrCat(MakeJob({}));
-  Work();
-  DamageParts();
-  Start();
-  store_->Open();
-  store_->keeps_parts_ = true;
-  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
-  while (store_->removals_refused_ == 0 && SteadyTime::Now() < deadline) {
-    Work(absl::Milliseconds(2));
-  }
-  EXPECT_GT(store_->removals_refused_, 0);
-  store_->keeps_parts_ = false;
-  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
-    Work(absl::Milliseconds(2));
-  }
-  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
-}
-
-// The disk may refuse to remove a part that was superseded while it was written. The next life
-// meets it beside those that cover its samples.
-TEST_F(FarmTest, StartsWithPartsThatOverlap) {
-  store_->Open();
-  const std::string job = absl::StrCat(MakeJob({}));
-  const std::vector<LeaseGrant> grants = Lease("w");
-  ASSERT_EQ(grants.size(), 1u);
-  const auto& lease = grants[0].lease;
-  ASSERT_TRUE(Deliver(grants[0]).ok());
-  const SampleBlock half{lease.task.block.first, lease.task.block.count / 2};
-  const std::string bytes = Render(grants[0], half);
-  const PartRow row{.key = {lease.frame, lease.tile_rect, half, lease.cells},
-                    .digest = {Sha256Hex(bytes), bytes.size()},
-                    .worker_id = "w",
-                    .cost = {}};
-  ASSERT_TRUE(store_->WritePart(row, bytes).ok());
-  Start();
-  store_->Open();
-  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
-  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
-    Work(absl::Milliseconds(2));
-  }
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
 }
 

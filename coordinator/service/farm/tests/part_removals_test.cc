@@ -1,0 +1,130 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Tests the farm with a disk that refuses to remove parts.
+#include "coordinator/service/farm/part_removals.h"
+
+#include <future>
+#include <string>
+#include <vector>
+
+#include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/base/digest.h"
+#include "common/base/mutex.h"
+#include "coordinator/service/farm/tests/farm_fixture.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// A part is found damaged while the disk refuses to remove it: the one that is rendered again takes
+// its place.
+TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
+  store_->Open();
+  const std::string job = absl::StrCat(MakeJob({}));
+  Work();
+  DamageParts();
+  Start();
+  store_->Open();
+  store_->keeps_parts_ = true;
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  while (store_->removals_refused_ == 0 && SteadyTime::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
+  EXPECT_GT(store_->removals_refused_, 0);
+  store_->keeps_parts_ = false;
+  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
+  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+}
+
+// The disk may refuse to remove a part that was superseded while it was written. The next life
+// meets it beside those that cover its samples.
+TEST_F(FarmTest, StartsWithPartsThatOverlap) {
+  store_->Open();
+  const std::string job = absl::StrCat(MakeJob({}));
+  const std::vector<LeaseGrant> grants = Lease("w");
+  ASSERT_EQ(grants.size(), 1u);
+  const auto& lease = grants[0].lease;
+  ASSERT_TRUE(Deliver(grants[0]).ok());
+  const SampleBlock half{lease.task.block.first, lease.task.block.count / 2};
+  const std::string bytes = Render(grants[0], half);
+  const PartRow row{.key = {lease.frame, lease.tile_rect, half, lease.cells},
+                    .digest = {Sha256Hex(bytes), bytes.size()},
+                    .worker_id = "w",
+                    .cost = {}};
+  ASSERT_TRUE(store_->WritePart(row, bytes).ok());
+  Start(/*keeps_parts=*/true);
+  store_->Open();
+  EXPECT_GE(store_->removals_refused_, 1);
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
+    Work(absl::Milliseconds(2));
+  }
+  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+}
+
+// A late result of the last life is superseded while it is written, and the disk refuses to remove
+// it: it is no part of its frame, neither when a tile is built from disk nor in a refined job.
+TEST_F(FarmTest, ASupersededPartThatCannotBeRemovedIsNotMerged) {
+  options_.merge_bytes_max = 0;     // Each tile is built from disk.
+  partition_.lease_pass_count = 0;  // Who is fast gets large blocks.
+  StartWithoutThread();
+  const uint64_t id = MakeJob({});
+  const std::vector<LeaseGrant> late = Lease("late");
+  ASSERT_EQ(late.size(), 1u);
+  StartWithoutThread();
+  LearnSpeed();
+  store_->holds_parts_ = true;
+  std::future<absl::Status> superseded =
+      std::async(std::launch::async, [&] { return Deliver(late[0]); });
+  const absl::Cleanup open_gate = [this] { store_->Open(); };
+  store_->WaitUntilSomeoneIsThere();
+  const std::vector<LeaseGrant> larger = Lease("w");
+  ASSERT_EQ(larger.size(), 1u);
+  ASSERT_EQ(larger[0].lease.frame.job_id, id);
+  ASSERT_GT(larger[0].lease.task.block.count, late[0].lease.task.block.count);
+  store_->keeps_parts_ = true;
+  store_->Open();
+  ASSERT_TRUE(superseded.get().ok());
+  ASSERT_EQ(store_->removals_refused_, 1);
+  ASSERT_TRUE(Deliver(larger[0]).ok());
+  Finish(id);
+  EXPECT_TRUE(farm_->RefineJob(id, {{}, 512}).ok());
+  Finish(id);
+  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 16u * 16u * 512u);
+  const PartKey key{late[0].lease.frame, late[0].lease.tile_rect, late[0].lease.task.block,
+                    late[0].lease.cells};
+  EXPECT_TRUE(store_->FindPart(key)->has_value());
+  store_->keeps_parts_ = false;
+  farm_->RunOnce();
+  EXPECT_FALSE(store_->FindPart(key)->has_value());
+}
+
+// While false results are still to be removed, their maker's row says so to the next start.
+TEST_F(FarmTest, AQuarantineIsLiftedAfterFalseResultsAreRemoved) {
+  StartWithoutThread();
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  Work();
+  {
+    const MutexLock lock(&farm_->tables().mutex);
+    farm_->tables().scheduler.Quarantine("w", "it lied", /*made_false_results=*/true);
+    farm_->tables().NoteEndedJobs();
+  }
+  store_->keeps_parts_ = true;
+  farm_->RunOnce();
+  EXPECT_EQ(farm_->LiftQuarantine("w").code(), absl::StatusCode::kFailedPrecondition);
+  StartWithoutThread();
+  store_->Open();
+  farm_->RunOnce();
+  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
+  EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
+  EXPECT_EQ(Lease("w").size(), 1u);
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
