@@ -5,6 +5,8 @@
 #include <grpcpp/create_channel.h>
 #include <grpcpp/support/channel_arguments.h>
 
+#include <cstdlib>
+
 #include "absl/strings/str_cat.h"
 #include "common/rpc/address.h"
 
@@ -14,6 +16,11 @@ namespace {
 // Reconnection waits: short enough to find a restarted coordinator at once.
 constexpr int kReconnectBackoffInitialMs = 100;
 constexpr int kReconnectBackoffMaxMs = 2000;
+
+// Sockets that no call waits for are read by a timer of gRPC alone, every 5 s unless this says
+// otherwise when gRPC starts. For so long the end of an attempt to connect would go unnoticed.
+[[maybe_unused]] const int kPollIntervalSet =
+    ::setenv("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", "100", /*overwrite=*/0);
 
 int Milliseconds(absl::Duration duration) {
   return static_cast<int>(absl::ToInt64Milliseconds(duration));
