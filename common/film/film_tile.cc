@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/film/wide_product.h"
 #include "common/math/double_float.h"
 #include "common/math/lanes.h"
 
@@ -34,14 +35,6 @@ struct PixelNode {
 };
 // Replicate sums of one pixel: R, G, B, weight of each replicate.
 using ReplicateNode = std::array<float, kReplicateCount * kReplicateChannelCount>;
-
-// A product of two floats has 48 bits and is a DoubleFloat's value as it is, unless its tail is
-// below the least float. So negligible products become 0 (and -0 becomes 0).
-double WideProduct(float value, float weight) {
-  constexpr double kMagnitudeMin = 0x1p-100;
-  const double product = static_cast<double>(value) * static_cast<double>(weight);
-  return std::fabs(product) < kMagnitudeMin ? 0.0 : product;
-}
 
 // Also checks the products with the weight.
 bool IsUsable(const FilmSample& s) {

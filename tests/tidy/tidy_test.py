@@ -21,7 +21,7 @@ FUNCTION_LINES_MAX = 80
 # separates folders of one level, which do not include each other.
 ROOMS = {
     "cli": ". < image < job < quote < study < commands",
-    "common/film": ". < error < exr",
+    "common/film": ". < light < error < exr",
     "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt",
     "worker/render": "traits < color < sampling < geometry < accel | camera | bsdf | light "
                      "< medium < material < plan < scene < integrator < . < ablation",

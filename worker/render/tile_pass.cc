@@ -11,13 +11,11 @@
 #include "common/base/check.h"
 #include "common/base/cpu_clock.h"
 #include "worker/render/integrator/variants.h"
+#include "worker/render/majorant_retries.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {
-
-// Beyond this factor, bounds that are still violated are kept, and reported.
-constexpr float kMajorantFactorMax = 1 << 12;
 
 // Calls render for each run of pixels of the tile's row that have samples of the block.
 template <typename Render>
@@ -46,6 +44,18 @@ RenderRowFunction RowFunctionFor(const CompiledScene& scene) {
 
 }  // namespace
 
+void RenderStats::TakeCounts(const CompiledScene& scene, const RayCounts& counts) {
+  rays = counts.rays;
+  shadow_rays = counts.shadow_rays;
+  broken_nestings = counts.broken_nestings;
+  if (counts.broken_shape < scene.description.shapes.size()) {
+    broken_at =
+        FormatLocation(scene.description, scene.description.shapes[counts.broken_shape].location);
+  }
+  broken_majorants = counts.broken_majorants;
+  long_walks = counts.long_walks;
+}
+
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
                                         SampleBlock block, std::stop_token stop,
                                         RenderStats* stats) {
@@ -58,14 +68,13 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   std::optional<FilmTile> film;
   std::optional<PixelAccumulator> accumulator;
   RayCounts counts;
-  uint32_t raised_majorants = 0;
-  for (float factor = scene.majorant_factor;; factor *= 2, ++raised_majorants) {
+  bool stopped = false;
+  const uint32_t raised_majorants = RetryWithMajorants(scene.majorant_factor, &counts, [&] {
     film.emplace(tile, block, scene.settings.outputs);
     accumulator.emplace(&*film);
-    counts.broken_majorants = 0;
-    counts.majorant_factor = factor;
     for (int32_t y = tile.y0; y < tile.y1; ++y) {
-      if (stop.stop_requested()) return absl::CancelledError("the tile pass was stopped");
+      stopped = stop.stop_requested();
+      if (stopped) return false;
       if (lattice.All()) {
         render_row(scene, tile.x0, tile.x1, y, block, &*accumulator, &counts);
         continue;
@@ -74,21 +83,14 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
         render_row(scene, x0, x1, y, samples, &*accumulator, &counts);
       });
     }
-    if (counts.broken_majorants == 0 || factor >= kMajorantFactorMax) break;
-  }
+    return true;
+  });
+  if (stopped) return absl::CancelledError("the tile pass was stopped");
   if (scene.settings.outputs.HasIds()) scene.ids.NameAll(scene.description, &*film);
   if (stats != nullptr) {
     stats->samples = lattice.SampleCountIn(tile, block.count);
-    stats->rays = counts.rays;
-    stats->shadow_rays = counts.shadow_rays;
-    stats->broken_nestings = counts.broken_nestings;
-    if (counts.broken_shape < scene.description.shapes.size()) {
-      stats->broken_at =
-          FormatLocation(scene.description, scene.description.shapes[counts.broken_shape].location);
-    }
-    stats->broken_majorants = counts.broken_majorants;
+    stats->TakeCounts(scene, counts);
     stats->raised_majorants = raised_majorants;
-    stats->long_walks = counts.long_walks;
     stats->cpu_seconds = ThreadCpuSeconds() - start_seconds;
     stats->non_finite = accumulator->non_finite();
   }

@@ -15,6 +15,8 @@
 
 namespace sheaf::render {
 
+struct RayCounts;
+
 struct RenderStats {
   uint64_t samples = 0;
   uint64_t rays = 0;  // All rays traced: camera, scattered and shadow.
@@ -25,7 +27,11 @@ struct RenderStats {
   uint64_t broken_majorants = 0;  // Remaining biased lookups: RayCounts.
   uint32_t raised_majorants = 0;  // Times the block was rendered again because of them.
   double cpu_seconds = 0;
+  // For light passes: of splats, by the pixel they fell on and their pass.
   std::vector<PixelAccumulator::NonFinite> non_finite;
+
+  // Sets the members that `counts` has.
+  void TakeCounts(const CompiledScene& scene, const RayCounts& counts);
 };
 
 // TilePass > FilmTile: renders every sample of the block in every pixel of the tile. A pure

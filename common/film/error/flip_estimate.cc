@@ -67,6 +67,14 @@ void ErrorSample::DevelopTile(const FilmTile& sums, const ImageColor& color) {
   }
 }
 
+void ErrorSample::Add(const ErrorSample& other) {
+  SHEAF_CHECK(window_ == other.window_);
+  for (size_t i = 0; i < planes_.size(); ++i) {
+    if (planes_[i].empty()) planes_[i].resize(other.planes_[i].size());
+    for (size_t p = 0; p < other.planes_[i].size(); ++p) planes_[i][p] += other.planes_[i][p];
+  }
+}
+
 std::optional<double> EstimateFlip(const FrameImage& image, const ErrorSample& error) {
   const std::vector<float>* samples = image.Find("samples");
   SHEAF_CHECK(samples != nullptr && error.planes()[0].size() == samples->size());

@@ -30,6 +30,8 @@ class ErrorSample {
   // if one of them has no samples.
   // Requires: the tile lies in the window, and `color` is the image's.
   void DevelopTile(const FilmTile& sums, const ImageColor& color);
+  // Adds the errors of an independent image of the same window that is added to this one's.
+  void Add(const ErrorSample& other);
   // Row-major over the window; empty before the first tile.
   const std::array<std::vector<float>, 3>& planes() const { return planes_; }
 

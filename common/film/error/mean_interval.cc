@@ -83,4 +83,11 @@ MeanInterval MeanIntervalOf(const FilmTile& sums, const PixelRect& rect,
   return interval;
 }
 
+bool IsSumReliable(const MeanInterval& a, const MeanInterval& b) {
+  const double variance_a = a.standard_error * a.standard_error,
+               variance_b = b.standard_error * b.standard_error;
+  return variance_a * a.one_replicate_fraction + variance_b * b.one_replicate_fraction <=
+         kOneReplicateMax * (variance_a + variance_b);
+}
+
 }  // namespace sheaf

@@ -37,6 +37,9 @@ struct MeanInterval {
   bool is_reliable = true;
 };
 
+// Whether the error of the sum of two independent means can be trusted, by the same test.
+bool IsSumReliable(const MeanInterval& a, const MeanInterval& b);
+
 // For the weighted sum of red, green and blue over the pixels of `rect`, which lies in the tile. A
 // pixel's deviations are the ratio estimator's (error_estimate.h).
 // Requires: at least two replicates.

@@ -13,6 +13,7 @@
 #include "common/film/film.h"
 #include "common/film/film_tile.h"
 #include "common/film/pixel_lattice.h"
+#include "common/film/task_kind.h"
 #include "common/film/tile_cells.h"
 
 namespace sheaf {
@@ -24,22 +25,25 @@ struct PartHeader {
   // The pixels outside of these are empty.
   PixelLattice lattice = {};
   TileCells cells = {};
+  TaskKind kind = TaskKind::kCamera;
 };
 
 // A part as a float32 EXR that any viewer opens. Equal parts give equal bytes (of one build). The
 // display window is the tile, and so is the data window; a part of some cells has one line per
-// cell, holding its pixels row by row. Only lattices are compressed.
+// cell, holding its pixels row by row. Only lattices and light passes are compressed.
 // Channels: R, G, B, weight (heads of the double-float sums), lo.R, lo.G, lo.B, lo.weight (their
 // tails), A, albedo.{R,G,B}, normal.{X,Y,Z}, depth.Z, samples, nonfinite, and for each replicate NN
 // that is present rNN.{R,G,B,W}; with outputs, NAME and lo.NAME of each mean channel, and for each
 // requested kind of id ids.KIND.NNN.{id,W,lo}: a pixel's list of ids (plus one; 0 is none) with
 // their weights, from NNN = 000. All are sums over the block.
 // Attributes: sheaf:format "film-part 1", sheaf:frameDigest, sheaf:numericProfile,
-// sheaf:blockFirst, sheaf:blockCount (decimal strings); if not all pixels are rendered,
+// sheaf:blockFirst, sheaf:blockCount (decimal strings); sheaf:kind "light" in a part of light
+// passes; if not all pixels are rendered,
 // sheaf:pixelStridePx and sheaf:pixelSeed (PixelLattice), or sheaf:cellSizePx and sheaf:cells
 // (TileCells; decimal strings); with outputs, sheaf:outputs; sheaf:ids.KIND: the ids' names,
 // "NUMBER NAME" per line with C escapes.
-// Requires: the tile has the header's cells (WhyNoCells); not both a lattice and cells.
+// Requires: the tile has the header's cells (WhyNoCells); not both a lattice and cells, and none of
+// them with light passes.
 std::string EncodePart(const FilmTile& tile, const PartHeader& header);
 struct DecodedPart {
   FilmTile tile;

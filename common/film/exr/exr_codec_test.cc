@@ -14,6 +14,7 @@
 
 #include "common/base/file.h"
 #include "common/film/film_test_samples.h"
+#include "common/film/light/light_pass_accumulator.h"
 
 namespace sheaf {
 namespace {
@@ -210,6 +211,51 @@ TEST(ExrCodecTest, LatticePartsHoldOnlyTheirPixels) {
   ExpectRefused(EncodePart(tile, {"digest", "profile", {7, 3}}), "sample counts");
   ExpectRefused(EncodePart(tile, {"digest", "profile", {6, 4}}), "sample counts");
   ExpectRefused(EncodePart(tile, {"digest", "profile", {1000}}), "pixel stride");
+}
+
+FilmTile LightTile(SampleBlock block) {
+  FilmTile tile({8, 8, 24, 16}, block);
+  LightPassAccumulator film(&tile);
+  for (uint64_t pass = block.first; pass < block.End(); ++pass) {
+    film.Add(9, 10, {HashToUnit(pass), 0.5F, -0.1F}, -1, std::nullopt);
+    film.Add(10, 10, {1, std::nanf(""), 1}, 1, std::nullopt);
+    film.EndPass();
+  }
+  film.Finish();
+  return tile;
+}
+
+TEST(ExrCodecTest, LightPartsRoundTrip) {
+  const PartHeader header{"digest", "profile", {}, {}, TaskKind::kLight};
+  for (const SampleBlock block : {SampleBlock{3, 1}, SampleBlock{16, 16}}) {
+    const FilmTile tile = LightTile(block);
+    const std::string bytes = EncodePart(tile, header);
+    const absl::StatusOr<DecodedPart> part = DecodePart(bytes);
+    ASSERT_TRUE(part.ok()) << part.status();
+    EXPECT_EQ(part->header.kind, TaskKind::kLight);
+    EXPECT_TRUE(SameBits(part->tile, tile));
+    EXPECT_LT(bytes.size(), tile.size_bytes() / 2) << "empty planes take no room";
+  }
+}
+
+TEST(ExrCodecTest, FalseLightPartsAreRefused) {
+  const PartHeader header{"digest", "profile", {}, {}, TaskKind::kLight};
+  const FilmTile tile = LightTile({0, 4});
+  ExpectRefused(EncodePart(tile, {"digest", "profile"}), "sample counts");  // Too many not finite.
+  ExpectRefused(EncodePart(tile, {"d", "p", {6, 3}, {}, TaskKind::kLight}), "all pixels");
+  const auto with = [&](FilmChannel channel, float value) {
+    FilmTile changed = tile;
+    changed.channel(channel)[5] = value;
+    return EncodePart(changed, header);
+  };
+  ExpectRefused(with(FilmChannel::kSampleCount, 3), "counts of light passes");
+  ExpectRefused(with(FilmChannel::kWeight, 5), "counts of light passes");
+  ExpectRefused(with(FilmChannel::kNonFiniteCount, -1), "counts of light passes");
+  ExpectRefused(with(FilmChannel::kNonFiniteCount, 0.5F), "counts of light passes");
+  ExpectRefused(with(FilmChannel::kAlpha, 1), "surfaces");
+  ExpectRefused(with(FilmChannel::kDepth, 1), "surfaces");
+  ExpectRefused(with(FilmChannel::kRedHi, 5e30F), "more than 4 samples");
+  ExpectRefused(with(FilmChannel::kRedHi, std::nanf("")), "not finite");
 }
 
 TEST(ExrCodecTest, CellPartsHoldOnlyTheirPixels) {

@@ -35,17 +35,23 @@ constexpr char kIdsKey[] = "sheaf:ids.";  // Followed by the kind's name.
 constexpr char kPixelStrideKey[] = "sheaf:pixelStridePx", kPixelSeedKey[] = "sheaf:pixelSeed";
 constexpr char kCellSizeKey[] = "sheaf:cellSizePx";  // Only in a part of some cells.
 constexpr char kCellsKey[] = "sheaf:cells";
+constexpr char kKindKey[] = "sheaf:kind";        // Only of light passes.
 constexpr char kOutputsKey[] = "sheaf:outputs";  // Only if there are any.
 // Sums of noise hardly compress, and the gain is not worth the time: for a part of 32x32 pixels and
 // 16 samples a run-length coding saves an eighth of the bytes, and takes seven times as long to
 // encode, ten times to decode (tests/bench/part_bench.cc); ZIP and PIZ are slower still. But most
-// of a lattice's pixels are empty.
-Imf::Compression CompressionOf(const PixelLattice& lattice) {
-  return lattice.All() ? Imf::NO_COMPRESSION : Imf::RLE_COMPRESSION;
+// of a lattice's pixels are empty, and so are most planes of light passes.
+bool IsCompressed(const PixelLattice& lattice, TaskKind kind) {
+  return !lattice.All() || kind == TaskKind::kLight;
+}
+Imf::Compression CompressionOf(const PixelLattice& lattice, TaskKind kind) {
+  return IsCompressed(lattice, kind) ? Imf::RLE_COMPRESSION : Imf::NO_COMPRESSION;
 }
 // The maximum number of bytes from one compressed byte. A run of at most 128 becomes two bytes, so
 // a few bytes cannot request gigabytes.
-int64_t ExpansionMaxOf(const PixelLattice& lattice) { return lattice.All() ? 1 : 64; }
+int64_t ExpansionMaxOf(const PixelLattice& lattice, TaskKind kind) {
+  return IsCompressed(lattice, kind) ? 64 : 1;
+}
 
 absl::Status NotAPart(const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat("not a film part: ", why));
@@ -94,8 +100,14 @@ absl::StatusOr<PixelLattice> LatticeOf(const ExrHeader& header) {
       return NotAPart("invalid pixel stride or seed");
     }
   }
-  if (header.compression != CompressionOf(lattice)) return NotAPart("unexpected compression");
   return lattice;
+}
+
+absl::StatusOr<TaskKind> KindOf(const ExrHeader& header) {
+  const auto text = header.strings.find(kKindKey);
+  if (text == header.strings.end()) return TaskKind::kCamera;
+  if (text->second == TaskKindName(TaskKind::kLight)) return TaskKind::kLight;
+  return NotAPart("unknown kind of task");
 }
 
 absl::StatusOr<FilmOutputs> OutputsOf(const ExrHeader& header) {
@@ -244,19 +256,28 @@ absl::StatusOr<PartLayout> LayoutOf(const ExrFileHeader& file, size_t size_bytes
   if (!lattice.ok()) return lattice.status();
   const absl::StatusOr<TileCells> cells = CellsOf(header);
   if (!cells.ok()) return cells.status();
+  const absl::StatusOr<TaskKind> kind = KindOf(header);
+  if (!kind.ok()) return kind.status();
+  if (header.compression != CompressionOf(*lattice, *kind)) {
+    return NotAPart("unexpected compression");
+  }
   if (!lattice->All() && !cells->All()) return NotAPart("it has cells of a lattice");
+  if (*kind == TaskKind::kLight && (!lattice->All() || !cells->All())) {
+    return NotAPart("its light passes do not have all pixels");
+  }
   if (!(header.data_window == DataWindowOf(tile, *cells))) {
     return NotAPart("it has other pixels than its tile, or its cells");
   }
   const int64_t raw_bytes = header.data_window.PixelCount() *
                             static_cast<int64_t>(header.channels.size() * sizeof(float));
-  if (raw_bytes / ExpansionMaxOf(*lattice) > static_cast<int64_t>(size_bytes)) {
+  if (raw_bytes / ExpansionMaxOf(*lattice, *kind) > static_cast<int64_t>(size_bytes)) {
     return absl::DataLossError("the film part is too short for its size in pixels");
   }
   absl::StatusOr<FilmOutputs> outputs = OutputsOf(header);
   if (!outputs.ok()) return outputs.status();
   PartLayout layout{
-      {header.strings.at(kFrameDigestAttribute), header.strings.at(kProfileKey), *lattice, *cells},
+      {header.strings.at(kFrameDigestAttribute), header.strings.at(kProfileKey), *lattice, *cells,
+       *kind},
       *block,
       *std::move(outputs),
       CountIdPlanes(header)};
@@ -275,7 +296,7 @@ absl::StatusOr<PartLayout> LayoutOf(const ExrFileHeader& file, size_t size_bytes
 
 std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
   Imf::Header header(BoxOf(tile.rect()), BoxOf(DataWindowOf(tile.rect(), part.cells)));
-  header.compression() = CompressionOf(part.lattice);
+  header.compression() = CompressionOf(part.lattice, part.kind);
   SetText(&header, kFormatKey, kFormat);
   SetText(&header, kFrameDigestAttribute, part.frame_digest);
   SetText(&header, kProfileKey, part.numeric_profile);
@@ -289,6 +310,7 @@ std::string EncodePart(const FilmTile& tile, const PartHeader& part) {
     SetText(&header, kCellSizeKey, absl::StrCat(part.cells.size_px));
     SetText(&header, kCellsKey, absl::StrCat(part.cells.mask));
   }
+  if (part.kind != TaskKind::kCamera) SetText(&header, kKindKey, TaskKindName(part.kind));
   if (!tile.outputs().empty()) SetText(&header, kOutputsKey, FormatOutputs(tile.outputs()));
   std::vector<NamedPlane<const float>> planes = PlanesOf<const float>(tile);
   std::vector<std::vector<float>> id_planes;
@@ -327,11 +349,13 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
   std::ranges::sort(planes, {}, &NamedPlane<float>::name);
   if (absl::Status status = CheckPartChannels(header, planes); !status.ok()) return status;
   const PixelRect& tile = part.tile.rect();
-  const absl::Status decoded = part.header.lattice.All()
-                                   ? DecodeLines(bytes, planes, tile, part.header.cells)
-                                   : DecodePlanes(bytes, header.data_window, planes, tile);
+  const absl::Status decoded = IsCompressed(part.header.lattice, part.header.kind)
+                                   ? DecodePlanes(bytes, header.data_window, planes, tile)
+                                   : DecodeLines(bytes, planes, tile, part.header.cells);
   if (!decoded.ok()) return decoded;
-  const std::string why = WhyNoSums(part.tile, part.header.lattice, part.header.cells);
+  const std::string why = part.header.kind == TaskKind::kLight
+                              ? WhyNoLightPasses(part.tile)
+                              : WhyNoSums(part.tile, part.header.lattice, part.header.cells);
   if (!why.empty()) return NotAPart(why);
   for (size_t i = 0; i < kIdKindCount; ++i) {
     const auto kind = static_cast<IdKind>(i);

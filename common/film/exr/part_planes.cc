@@ -54,8 +54,8 @@ std::vector<ColorPlanes> ColorPlanesOf(const FilmTile& tile) {
   return colors;
 }
 
-// Requires: counts are valid, all values finite.
-std::string WhyNoLight(const FilmTile& tile) {
+// Requires: counts are valid, all values finite. may_be_negative: also where no weight is.
+std::string WhyNoLight(const FilmTile& tile, bool may_be_negative) {
   constexpr double kRounding = 1 + 1e-5;
   const float* samples = tile.channel(FilmChannel::kSampleCount);
   const float* weight = tile.channel(FilmChannel::kWeight);
@@ -73,8 +73,9 @@ std::string WhyNoLight(const FilmTile& tile) {
         sum += value;
         magnitude += std::fabs(value);
       }
+      if (may_be_negative || sum >= -kNegativeFractionMax * magnitude) continue;
       const bool negative_weights = double{weight[p]} + double{weight_lo[p]} != double{samples[p]};
-      if (negative_weights || sum >= -kNegativeFractionMax * magnitude) continue;
+      if (negative_weights) continue;
       return absl::StrCat("channel \"", color.name, "\" holds negative light, a sum of ", sum,
                           ", though its filter has no negative weights");
     }
@@ -82,15 +83,22 @@ std::string WhyNoLight(const FilmTile& tile) {
   return "";
 }
 
-}  // namespace
-
-std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCells& cells) {
+std::string WhyNotFinite(FilmTile& tile) {
   for (const auto& plane : PlanesOf<float>(tile)) {
     for (size_t p = 0; p < tile.plane_size(); ++p) {
       if (std::isfinite(plane.pixels[p])) continue;
       return absl::StrCat("channel \"", plane.name, "\" holds a value that is not finite");
     }
   }
+  return "";
+}
+
+bool IsCount(float value) { return value >= 0 && value == std::floor(value); }
+
+}  // namespace
+
+std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCells& cells) {
+  if (std::string why = WhyNotFinite(tile); !why.empty()) return why;
   constexpr uint64_t kExactCountMax = 1 << 24;  // Larger floats skip integers.
   const float* samples = tile.channel(FilmChannel::kSampleCount);
   const float* nonfinite = tile.channel(FilmChannel::kNonFiniteCount);
@@ -109,11 +117,29 @@ std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCel
           chosen[p] == 0 ? 0 : lattice.SamplesOf(lattice.PartOf(x, y), tile.block()).count;
       const bool adds_up =
           count > kExactCountMax || samples[p] + nonfinite[p] == static_cast<float>(count);
-      const bool whole = samples[p] == std::floor(samples[p]);
-      if (samples[p] < 0 || nonfinite[p] < 0 || !whole || !adds_up) return "wrong sample counts";
+      if (!IsCount(samples[p]) || nonfinite[p] < 0 || !adds_up) return "wrong sample counts";
     }
   }
-  return WhyNoLight(tile);
+  return WhyNoLight(tile, /*may_be_negative=*/false);
+}
+
+std::string WhyNoLightPasses(FilmTile& tile) {
+  if (std::string why = WhyNotFinite(tile); !why.empty()) return why;
+  constexpr std::array kUnused{
+      FilmChannel::kWeightLo, FilmChannel::kAlpha,   FilmChannel::kAlbedoR,
+      FilmChannel::kAlbedoG,  FilmChannel::kAlbedoB, FilmChannel::kNormalX,
+      FilmChannel::kNormalY,  FilmChannel::kNormalZ, FilmChannel::kDepth};
+  const auto count = static_cast<float>(tile.block().count);
+  for (size_t p = 0; p < tile.plane_size(); ++p) {
+    const bool counts = tile.channel(FilmChannel::kSampleCount)[p] == count &&
+                        tile.channel(FilmChannel::kWeight)[p] == count &&
+                        IsCount(tile.channel(FilmChannel::kNonFiniteCount)[p]);
+    if (!counts) return "wrong counts of light passes";
+    const bool is_unused = std::ranges::all_of(
+        kUnused, [&](FilmChannel channel) { return tile.channel(channel)[p] == 0; });
+    if (!is_unused) return "light passes with surfaces";
+  }
+  return WhyNoLight(tile, /*may_be_negative=*/true);
 }
 
 }  // namespace sheaf

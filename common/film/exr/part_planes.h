@@ -59,5 +59,10 @@ inline constexpr double kNegativeFractionMax = 0.25;
 // negative light unless the filter has negative weights, in which case the weights do not add up to
 // the number of samples.
 std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCells& cells);
+// Why these cannot be sums of light passes (light_pass_accumulator.h); empty if they can. Each
+// pixel must have the block's passes, each of weight 1, no pass a sum above kSampleMagnitudeMax,
+// and nothing of surfaces. Light may be negative: a splat's weight is the filter's, which is not in
+// the sums.
+std::string WhyNoLightPasses(FilmTile& tile);
 
 }  // namespace sheaf

@@ -157,14 +157,20 @@ void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<
   if (value.f_cos.IsBlack()) return;
   const Color transmittance = TransmittanceToLens(c, vertex, *seen, {u[3], u[2]}, path);
   if (transmittance.IsBlack()) return;
-  float weight = ConnectionWeight(c, static_cast<double>(value.pdf), seen->ray_density, path);
-  const auto factor =
-      static_cast<float>(static_cast<double>(weight * vertex.FluxFactor(seen->wi, path)) *
-                         seen->importance * path.other_end.scale);
-  Rgb radiance =
+  const double camera_paths =
+      CameraPathsAtLens(c, static_cast<double>(value.pdf), seen->ray_density, path);
+  float weight = ConnectionWeight(c, camera_paths);
+  const auto factor = static_cast<float>(static_cast<double>(vertex.FluxFactor(seen->wi, path)) *
+                                         seen->importance * path.other_end.scale);
+  const Rgb unweighted =
       c.scene.film.Of(path.throughput * value.f_cos * transmittance * factor, path.wavelengths);
+  const auto per_pass = static_cast<float>(1 / c.scene.light_paths_per_pass);
+  if (splats->wants_moments()) {
+    splats->AddMoment(seen->film, unweighted * per_pass, static_cast<double>(weight), camera_paths);
+  }
+  Rgb radiance = unweighted * weight;
   c.scene.film.Clamp(&radiance, &weight);
-  radiance *= static_cast<float>(1 / c.scene.light_paths_per_pass);
+  radiance *= per_pass;
   uint32_t group = 0;
   LightPathKind kind{};
   if constexpr (C::kOutputs) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SplatSink: receives what light paths bring to the film.
+// SplatSink: takes what light paths carry to the film.
 #pragma once
 
 #include <cstdint>
@@ -13,12 +13,26 @@ namespace sheaf::render {
 
 class SplatSink {
  public:
+  // wants_moments: AddMoment is called.
+  explicit SplatSink(bool wants_moments = false) : wants_moments_(wants_moments) {}
   virtual ~SplatSink() = default;
-  // Whether a pixel receives light from this raster position. May be true where none does.
+  // Whether the light at this raster position (pixels, y down; may lie outside of the frame) counts
+  // for any pixel. May be true where it does not.
   virtual bool Covers(Vec2d raster) const = 0;
-  // radiance: linear sRGB; what the pixels about the raster position gain in one pass, before their
-  // filter. kind, group: for the film's layers; group is an index in FilmOutputs::light_groups.
-  virtual void Add(Vec2d raster, Rgb radiance, LightPathKind kind, uint32_t group) = 0;
+  // A light path meets the film at `raster`. radiance: linear sRGB; its sum over the light paths of
+  // a pass, weighted by a pixel's filter, is the pixel's value in that pass. kind and group say
+  // which layer of light paths and which light group it belongs to; they are ignored unless the
+  // frame's outputs have these.
+  virtual void Add(Vec2d raster, const Rgb& radiance, LightPathKind kind, uint32_t group) = 0;
+  // Of the same splat: its radiance before the weight, and the density with which the camera's
+  // paths find it while each pixel sends one, over that of a pass of light paths.
+  virtual void AddMoment(Vec2d /*raster*/, const Rgb& /*unweighted*/, double /*weight*/,
+                         double /*camera_density*/) {}
+
+  bool wants_moments() const { return wants_moments_; }
+
+ private:
+  const bool wants_moments_;
 };
 
 }  // namespace sheaf::render

@@ -150,13 +150,18 @@ inline double CameraPathsAfterSpecular(const LightEnd& end) {
   return end.can_be_hit ? 1 / end.emitted : 0;
 }
 
-// The weight of a connection to the lens. seen: as CameraConnection::ray_density.
+// The density of the camera's techniques over that of light paths at a connection to the lens.
+// seen: as CameraConnection::ray_density.
 template <typename C>
-float ConnectionWeight(const Context<C>& c, double forward, double seen, const PathState<C>& path) {
-  if (c.scene.light_paths_alone) return 1;
-  const double others =
-      CameraPathsAfter(path.other_end, forward) * seen / c.scene.light_paths_per_pass;
-  return WeightAmong(others, 0);
+double CameraPathsAtLens(const Context<C>& c, double forward, double seen,
+                         const PathState<C>& path) {
+  return CameraPathsAfter(path.other_end, forward) * seen / c.scene.light_paths_per_pass;
+}
+
+// The weight of that connection.
+template <typename C>
+float ConnectionWeight(const Context<C>& c, double camera_paths) {
+  return c.scene.light_paths_alone ? 1 : WeightAmong(camera_paths, 0);
 }
 
 // The kind of light that the vertex, the last one, scatters to the camera.

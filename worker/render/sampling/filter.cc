@@ -60,6 +60,7 @@ absl::StatusOr<PixelFilter> PixelFilter::Make(const SceneDescription& scene) {
     }
     if (!(signed_sum > 0)) return fail("its integral is not positive");
     table->weight = static_cast<float>(sum / signed_sum);
+    table->inverse_integral = kIntervalCount / (2 * signed_sum);
     table->cdf.clear();
     for (const double r : running) table->cdf.push_back(static_cast<float>(r / sum));
     table->cdf.back() = 1;
@@ -97,6 +98,24 @@ PixelFilter::AxisSample PixelFilter::SampleAxis(float u) const {
   const float v = std::fabs(s);
   // 1 - sqrt(1 - v) without cancellation.
   return {std::copysign(v / (1 + std::sqrt(1 - v)), s), 1};
+}
+
+double PixelFilter::EvaluateAxis(const Table& table, double x) const {
+  const double distance = std::fabs(x);
+  if (kind_ == FilterDescription::Kind::kBox) return x >= -1 && x < 1 ? 0.5 : 0;
+  if (!(distance < 1)) return 0;
+  if (kind_ == FilterDescription::Kind::kTriangle) return 1 - distance;
+  const double position = distance * kIntervalCount;
+  const auto i = static_cast<size_t>(position);
+  const double before{table.value[i]}, after{table.value[i + 1]};
+  return (before + (position - static_cast<double>(i)) * (after - before)) *
+         table.inverse_integral;
+}
+
+double PixelFilter::Evaluate(Vec2d offset) const {
+  const Vec2d radius = radius_px();
+  return EvaluateAxis(table_x_, offset.x / radius.x) / radius.x *
+         (EvaluateAxis(table_y_, offset.y / radius.y) / radius.y);
 }
 
 FilterSample PixelFilter::Sample(Vec2f u) const {

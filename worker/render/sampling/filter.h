@@ -26,6 +26,13 @@ class PixelFilter {
   // a filter whose integral is not positive.
   static absl::StatusOr<PixelFilter> Make(const SceneDescription& scene);
   FilterSample Sample(Vec2f u) const;
+  // The filter at an offset from the pixel's center over its integral, in 1 / pixels^2: the density
+  // of the offsets of Sample times their weights. 0 beyond the radius. A box includes its left and
+  // upper edges alone, so that boxes of radius 1/2 divide the film.
+  double Evaluate(Vec2d offset) const;
+  Vec2d radius_px() const {
+    return {static_cast<double>(radius_x_px_), static_cast<double>(radius_y_px_)};
+  }
 
  private:
   // One axis, from the center outwards, as a piecewise linear function on equal intervals.
@@ -34,12 +41,15 @@ class PixelFilter {
     std::vector<float> cdf;       // CDF of |value| at the nodes, from 0 to 1.
     std::vector<uint16_t> guide;  // First interval to test, by u.
     float weight = 1;             // Integral of |f| over integral of f.
+    double inverse_integral = 1;  // Of f over the whole axis, in units of the radius.
   };
   struct AxisSample {
     float x, weight;
   };
   static AxisSample SampleTable(const Table& table, float u);
   AxisSample SampleAxis(float u) const;
+  // The filter of an axis at x radii from the center, over its integral in radii.
+  double EvaluateAxis(const Table& table, double x) const;
 
   FilterDescription::Kind kind_ = FilterDescription::Kind::kBox;
   float radius_x_px_ = 0.5f, radius_y_px_ = 0.5f;

@@ -101,6 +101,26 @@ TEST_P(PixelFilterTest, WeightedSamplesHaveTheFilterMoments) {
   EXPECT_NEAR(yy / kCount, second_moment(kRadiusY), 1e-2);
 }
 
+// Evaluate is the published filter over its integral, which Sample inverts.
+TEST_P(PixelFilterTest, ValuesAreTheFilterOverItsIntegral) {
+  constexpr double kRadiusX = 1.75, kRadiusY = 0.5;
+  const auto filter = PixelFilter::Make(SceneWith(GetParam(), 1.75f, 0.5f));
+  ASSERT_TRUE(filter.ok()) << filter.status();
+  const auto normalized = [](double x, double radius) {
+    const auto f = [radius](double v) { return FilterAt(GetParam(), v, radius); };
+    return f(x) / Integral(-radius, radius, f);
+  };
+  for (const double x : {-1.7, -1.2, -0.3, 0.0, 0.9, 1.6}) {
+    for (const double y : {-0.45, 0.0, 0.2}) {
+      EXPECT_NEAR(filter->Evaluate({x, y}), normalized(x, kRadiusX) * normalized(y, kRadiusY), 2e-4)
+          << x << ", " << y;
+    }
+  }
+  for (const Vec2d beyond : {Vec2d{1.76, 0}, Vec2d{-1.76, 0}, Vec2d{0, 0.51}, Vec2d{0, -0.51}}) {
+    EXPECT_EQ(filter->Evaluate(beyond), 0);
+  }
+}
+
 // A weight has the sign of the filter, and the same magnitude everywhere.
 TEST_P(PixelFilterTest, WeightsCarryTheSign) {
   const auto filter = PixelFilter::Make(SceneWith(GetParam(), 2, 2));
@@ -121,6 +141,17 @@ TEST_P(PixelFilterTest, WeightsCarryTheSign) {
 INSTANTIATE_TEST_SUITE_P(AllKinds, PixelFilterTest,
                          ::testing::Values(Kind::kBox, Kind::kTriangle, Kind::kGaussian,
                                            Kind::kMitchell, Kind::kSinc));
+
+// Each point of the film, also of a pixel's edge, lies in one pixel.
+TEST(PixelFilter, BoxesOfOnePixelDivideTheFilm) {
+  const auto filter = PixelFilter::Make(SceneWith(Kind::kBox, 0.5f, 0.5f));
+  ASSERT_TRUE(filter.ok()) << filter.status();
+  for (const double x : {3.0, 3.25, 3.5, 3.999, 4.0}) {
+    double sum = 0;
+    for (int pixel = 0; pixel < 8; ++pixel) sum += filter->Evaluate({x - (pixel + 0.5), 0.0});
+    EXPECT_EQ(sum, 1) << x;
+  }
+}
 
 TEST(PixelFilterErrors, NameFilterAndReason) {
   SceneDescription no_sigma = SceneWith(Kind::kGaussian, 2, 2);

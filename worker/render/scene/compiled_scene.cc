@@ -48,9 +48,10 @@ void WantParameters(SceneGeometry* geometry) {
   }
 }
 
-// Builds what light paths need. Requires: the light table is complete.
+// Builds what light paths need, if the frame has any. Requires: the light table is complete.
 absl::Status BuildLightPaths(CompiledScene* scene) {
   const FrameSettings& settings = scene->settings;
+  if (settings.techniques == Techniques::kCamera) return absl::OkStatus();
   if (settings.similarity_after > 0) {
     return absl::InvalidArgumentError(
         "light paths cannot be combined with similarity, whose media depend on the number of "
@@ -144,10 +145,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!settings.outputs.light_groups.empty() && !settings.outputs.light_paths) {
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
-  if (settings.techniques != Techniques::kCamera) {
-    const absl::Status built = BuildLightPaths(scene.get());
-    if (!built.ok()) return built;
-  }
+  if (absl::Status built = BuildLightPaths(scene.get()); !built.ok()) return built;
   if ((scene->plan.traits & kInsides) != 0) {
     const absl::Status built =
         BuildMedia(files, threads, techniques, *std::move(velocities), scene.get());

@@ -1,0 +1,72 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/light/light_image.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "common/base/check.h"
+
+namespace sheaf {
+namespace {
+
+enum class Sum { kNone, kPlain, kQuadrature };
+
+// How each channel of the image is added; in their order.
+std::vector<Sum> SumsOf(const FrameImage& image) {
+  std::vector<Sum> sums(image.channel_names.size(), Sum::kNone);
+  const auto set = [&](const std::string& name, Sum sum) {
+    const auto found = std::ranges::find(image.channel_names, name);
+    SHEAF_CHECK(found != image.channel_names.end());
+    sums[static_cast<size_t>(found - image.channel_names.begin())] = sum;
+  };
+  for (const char* component : {"R", "G", "B"}) {
+    set(component, Sum::kPlain);
+    set(std::string("stderr.") + component, Sum::kQuadrature);
+    for (const std::string& group : image.outputs.light_groups) {
+      set(group + "." + component, Sum::kPlain);
+    }
+  }
+  set("nonfinite", Sum::kPlain);
+  return sums;
+}
+
+float Quadrature(float a, float b) {
+  return static_cast<float>(std::sqrt(double{a} * double{a} + double{b} * double{b}));
+}
+
+}  // namespace
+
+void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect& rect,
+              FrameImage* image) {
+  SHEAF_CHECK(camera.window == image->window && light.window == image->window &&
+              image->window.Contains(rect));
+  SHEAF_CHECK(camera.channel_names == image->channel_names &&
+              light.channel_names == image->channel_names);
+  const std::vector<Sum> sums = SumsOf(*image);
+  const auto width = static_cast<size_t>(rect.Width());
+  for (size_t channel = 0; channel < sums.size(); ++channel) {
+    for (int32_t y = rect.y0; y < rect.y1; ++y) {
+      const size_t row = image->window.IndexOf(rect.x0, y);
+      const float* a = camera.planes[channel].data() + row;
+      const float* b = light.planes[channel].data() + row;
+      float* out = image->planes[channel].data() + row;
+      switch (sums[channel]) {
+        case Sum::kNone:
+          std::copy_n(a, width, out);
+          break;
+        case Sum::kPlain:
+          for (size_t i = 0; i < width; ++i) out[i] = a[i] + b[i];
+          break;
+        case Sum::kQuadrature:
+          for (size_t i = 0; i < width; ++i) out[i] = Quadrature(a[i], b[i]);
+          break;
+      }
+    }
+  }
+}
+
+}  // namespace sheaf

@@ -1,0 +1,83 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/film/light/light_image.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "common/film/film.h"
+#include "common/film/film_test_samples.h"
+#include "common/film/light/light_pass_accumulator.h"
+
+namespace sheaf {
+namespace {
+
+constexpr PixelRect kWindow{0, 0, 4, 3};
+
+FilmTile LightTile(const FilmOutputs& outputs = {}) {
+  FilmTile tile(kWindow, {0, 16}, outputs);
+  LightPassAccumulator film(&tile);
+  for (int pass = 0; pass < 16; ++pass) {
+    for (int32_t x = 0; x < 4; ++x) {
+      const float value = HashToUnit(static_cast<uint64_t>(pass * 4 + x));
+      film.Add(x, 1, {value, 2 * value, 3 * value}, 1,
+               outputs.empty() ? std::nullopt : std::optional<size_t>(0));
+    }
+    film.EndPass();
+  }
+  film.Finish();
+  return tile;
+}
+
+float At(const FrameImage& image, const char* channel, int32_t x, int32_t y) {
+  return (*image.Find(channel))[image.window.IndexOf(x, y)];
+}
+
+TEST(LightImageTest, MeansAddAndErrorsAddInQuadrature) {
+  FrameImage camera = MakeFrameImage(kWindow, 4, 3), light = camera, image = camera;
+  DevelopTile(MakeTestTile(kWindow, {0, 32}), &camera);
+  DevelopTile(LightTile(), &light);
+  AddLight(camera, light, kWindow, &image);
+  for (int32_t y = 0; y < 3; ++y) {
+    for (int32_t x = 0; x < 4; ++x) {
+      for (const char* channel : {"R", "G", "B"}) {
+        EXPECT_EQ(At(image, channel, x, y), At(camera, channel, x, y) + At(light, channel, x, y));
+      }
+      EXPECT_FLOAT_EQ(At(image, "stderr.G", x, y),
+                      std::hypot(At(camera, "stderr.G", x, y), At(light, "stderr.G", x, y)));
+      for (const char* channel : {"A", "albedo.R", "depth.Z", "samples"}) {
+        EXPECT_EQ(At(image, channel, x, y), At(camera, channel, x, y));
+      }
+    }
+  }
+  EXPECT_GT(At(light, "stderr.G", 2, 1), 0);
+  EXPECT_EQ(At(light, "R", 2, 0), 0);
+  EXPECT_EQ(At(image, "stderr.G", 2, 0), At(camera, "stderr.G", 2, 0));
+}
+
+TEST(LightImageTest, OnlyTheRectangleChanges) {
+  FrameImage camera = MakeFrameImage(kWindow, 4, 3), light = camera, image = camera;
+  DevelopTile(LightTile(), &light);
+  AddLight(camera, light, {1, 1, 3, 2}, &image);
+  EXPECT_EQ(At(image, "R", 0, 1), 0);
+  EXPECT_GT(At(image, "R", 1, 1), 0);
+  EXPECT_EQ(At(image, "R", 3, 1), 0);
+}
+
+TEST(LightImageTest, LightGroupsAddAndWhatIsNotFiniteIsCounted) {
+  FilmOutputs outputs;
+  outputs.light_groups = {"key", "rim"};
+  FrameImage camera = MakeFrameImage(kWindow, 4, 3, outputs), light = camera, image = camera;
+  DevelopTile(LightTile(outputs), &light);
+  camera.Find("key.B")->assign(12, 0.5f);
+  camera.Find("nonfinite")->assign(12, 1);
+  light.Find("nonfinite")->assign(12, 2);
+  AddLight(camera, light, kWindow, &image);
+  EXPECT_EQ(At(image, "key.B", 1, 1), 0.5f + At(light, "key.B", 1, 1));
+  EXPECT_EQ(At(image, "rim.B", 1, 1), 0);
+  EXPECT_EQ(At(image, "nonfinite", 1, 1), 3);
+}
+
+}  // namespace
+}  // namespace sheaf
