@@ -26,27 +26,41 @@ int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
                                                     : partition.tile_size_px;
 }
 
-CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px)
-    : tile_size_px_(tile_size_px),
+CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px,
+                   bool has_light_tile)
+    : window_(window),
+      tile_size_px_(tile_size_px),
       cell_size_px_(cell_size_px),
       tiles_(CutTiles(window, tile_size_px)) {
   SHEAF_CHECK(!tiles_.empty() && DividesIntoCells(tile_size_px, cell_size_px));
+  first_cells_.reserve(tiles_.size() + 2);
   if (cell_size_px == tile_size_px) {
     cells_ = tiles_;
     first_cells_.resize(tiles_.size() + 1);
     std::iota(first_cells_.begin(), first_cells_.end(), 0);
-    return;
-  }
-  first_cells_.reserve(tiles_.size() + 1);
-  for (const PixelRect& tile : tiles_) {
+  } else {
+    for (const PixelRect& tile : tiles_) {
+      first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
+      const std::vector<PixelRect> cells = CutTiles(tile, cell_size_px);
+      cells_.insert(cells_.end(), cells.begin(), cells.end());
+    }
     first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
-    const std::vector<PixelRect> cells = CutTiles(tile, cell_size_px);
-    cells_.insert(cells_.end(), cells.begin(), cells.end());
   }
-  first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
+  if (has_light_tile) first_cells_.push_back(first_cells_.back() + 1);
 }
 
-std::optional<uint32_t> CellGrid::FindTile(const PixelRect& rect) const {
+std::optional<uint32_t> CellGrid::light_tile() const {
+  if (tile_count() == tiles_.size()) return std::nullopt;
+  return tile_count() - 1;
+}
+
+std::span<const PixelRect> CellGrid::CellRectsOf(uint32_t tile) const {
+  if (KindOf(tile) == TaskKind::kLight) return {&window_, 1};
+  return std::span(cells_).subspan(first_cell(tile), cell_count(tile));
+}
+
+std::optional<uint32_t> CellGrid::FindTile(const PixelRect& rect, TaskKind kind) const {
+  if (kind == TaskKind::kLight) return rect == window_ ? light_tile() : std::nullopt;
   const auto before = [](const PixelRect& tile, const PixelRect& wanted) {
     return std::tie(tile.y0, tile.x0) < std::tie(wanted.y0, wanted.x0);
   };
@@ -62,7 +76,8 @@ uint32_t CellGrid::TileOf(uint32_t cell) const {
 
 std::optional<uint64_t> CellGrid::MaskOf(uint32_t tile, const TileCells& cells) const {
   if (cells.All()) return AllOf(tile);
-  if (cells.size_px != cell_size_px_ || !WhyNoCells(tiles_[tile], cells).empty()) {
+  if (KindOf(tile) == TaskKind::kLight || cells.size_px != cell_size_px_ ||
+      !WhyNoCells(tiles_[tile], cells).empty()) {
     return std::nullopt;
   }
   return cells.mask;

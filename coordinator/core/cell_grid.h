@@ -5,6 +5,9 @@
 // renders; a cell is the unit that has its own number of samples. If samples are distributed by
 // error, small cells need fewer samples in total, but tiles of that size would produce too many
 // parts (docs/adr/0042). In other frames each tile is one cell.
+//
+// A frame with light paths has one more tile after those of the camera, the light tile
+// (task_kind.h): the whole window, and one cell.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +15,7 @@
 #include <span>
 #include <vector>
 
+#include "common/film/task_kind.h"
 #include "common/film/tile_cells.h"
 #include "coordinator/core/job.h"
 
@@ -38,15 +42,30 @@ class CellGrid {
  public:
   // Requires: window not empty; tile_size_px a multiple of cell_size_px, with at most kTileCellsMax
   // cells in a tile.
-  CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px);
+  CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px,
+           bool has_light_tile = false);
   CellGrid(const FrameSpec& frame, const Partition& partition)
-      : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition)) {}
+      : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition),
+                 frame.settings.techniques != Techniques::kCamera) {}
 
   int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }
+  // The tiles of the camera; they divide the image. The light tile is not among them.
   const std::vector<PixelRect>& tiles() const { return tiles_; }
-  // Ordered by tile, and row by row within a tile.
+  // Those of tiles(), ordered by tile, and row by row within a tile.
   const std::vector<PixelRect>& cells() const { return cells_; }
+
+  // All tiles, with the light tile, which is the last; numbers of tiles and cells below include it.
+  uint32_t tile_count() const { return static_cast<uint32_t>(first_cells_.size()) - 1; }
+  uint32_t total_cell_count() const { return first_cells_.back(); }
+  std::optional<uint32_t> light_tile() const;
+  TaskKind KindOf(uint32_t tile) const {
+    return tile < tiles_.size() ? TaskKind::kCamera : TaskKind::kLight;
+  }
+  const PixelRect& RectOf(uint32_t tile) const {
+    return tile < tiles_.size() ? tiles_[tile] : window_;
+  }
+  std::span<const PixelRect> CellRectsOf(uint32_t tile) const;
   // The number of a tile's first cell; the cells of a tile are numbered consecutively.
   uint32_t first_cell(uint32_t tile) const { return first_cells_[tile]; }
   uint32_t cell_count(uint32_t tile) const { return first_cells_[tile + 1] - first_cells_[tile]; }
@@ -54,20 +73,21 @@ class CellGrid {
   // The mask of all cells of a tile.
   uint64_t AllOf(uint32_t tile) const { return ~uint64_t{0} >> (64 - cell_count(tile)); }
 
-  std::optional<uint32_t> FindTile(const PixelRect& rect) const;
+  std::optional<uint32_t> FindTile(const PixelRect& rect, TaskKind kind = TaskKind::kCamera) const;
   // Returns the mask of these cells of the tile; none if the grid does not have such cells.
   std::optional<uint64_t> MaskOf(uint32_t tile, const TileCells& cells) const;
   // Inverse of MaskOf. Requires: a mask that is not empty and has no bits outside AllOf.
   TileCells CellsOf(uint32_t tile, uint64_t mask) const;
-  // Distributes each tile's value among its cells in proportion to their weights. Requires: weights
-  // above 0.
+  // Distributes the value of each of tiles() among its cells in proportion to their weights.
+  // Requires: weights above 0.
   std::vector<double> Distribute(std::span<const double> of_tiles,
                                  std::span<const double> weights) const;
 
  private:
+  PixelRect window_;
   int32_t tile_size_px_, cell_size_px_;
   std::vector<PixelRect> tiles_, cells_;  // Tiles row by row.
-  std::vector<uint32_t> first_cells_;     // One more than there are tiles.
+  std::vector<uint32_t> first_cells_;     // One more than there are tiles, with the light tile.
 };
 
 }  // namespace sheaf::coordinator

@@ -69,5 +69,27 @@ TEST(CellGridTest, DistributesTilesByWeight) {
   EXPECT_EQ(grid.Distribute(tiles, weights), (std::vector<double>{1, 2, 3, 4, 2.5, 0.5}));
 }
 
+TEST(CellGridTest, TheLightTileIsTheLastAndTheWholeWindow) {
+  const PixelRect window{0, 0, 40, 20};
+  const CellGrid plain(window, 32, 8), grid(window, 32, 8, /*has_light_tile=*/true);
+  EXPECT_EQ(plain.light_tile(), std::nullopt);
+  EXPECT_EQ(plain.tile_count(), 2u);
+  EXPECT_EQ(grid.tiles(), plain.tiles());
+  EXPECT_EQ(grid.cells(), plain.cells());
+  ASSERT_EQ(grid.light_tile(), 2u);
+  EXPECT_EQ(grid.tile_count(), 3u);
+  EXPECT_EQ(grid.total_cell_count(), plain.total_cell_count() + 1);
+  EXPECT_EQ(grid.KindOf(1), TaskKind::kCamera);
+  EXPECT_EQ(grid.KindOf(2), TaskKind::kLight);
+  EXPECT_EQ(grid.RectOf(2), window);
+  EXPECT_EQ(grid.cell_count(2), 1u);
+  EXPECT_EQ(grid.TileOf(grid.first_cell(2)), 2u);
+  EXPECT_EQ(grid.AllOf(2), 1u);
+  EXPECT_TRUE(grid.CellsOf(2, 1).All());
+  ASSERT_EQ(grid.CellRectsOf(2).size(), 1u);
+  EXPECT_EQ(grid.CellRectsOf(2)[0], window);
+  EXPECT_EQ(grid.CellRectsOf(1).size(), grid.cell_count(1));
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/film/task_kind.h"
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 
@@ -24,7 +25,7 @@ class CheckChoice {
   // A number in [0, 1), evenly spread over tasks: one below the fraction of tasks that are checked
   // chooses its task.
   double DrawOf(std::string_view frame_digest, const PixelRect& tile, SampleBlock block,
-                const TileCells& cells) const;
+                const TileCells& cells, TaskKind kind = TaskKind::kCamera) const;
 
  private:
   const std::string secret_;

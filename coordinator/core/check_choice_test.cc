@@ -36,6 +36,7 @@ TEST(CheckChoiceTest, DrawsDependOnSecretAndTask) {
   EXPECT_NE(CheckChoice("a").DrawOf("digest", {0, 0, 32, 31}, {0, 16}, {}), draw);
   EXPECT_NE(CheckChoice("a").DrawOf("digest", kTile, {0, 32}, {}), draw);
   EXPECT_NE(CheckChoice("a").DrawOf("digest", kTile, {0, 16}, {8, 3}), draw);
+  EXPECT_NE(CheckChoice("a").DrawOf("digest", kTile, {0, 16}, {}, TaskKind::kLight), draw);
 }
 
 }  // namespace

@@ -2,12 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/frame_merge.h"
 
-#include <span>
+#include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
-#include "common/film/error/mean_interval.h"
+#include "common/film/light/light_image.h"
 #include "common/scene/spectrum/primaries.h"
 
 namespace sheaf::coordinator {
@@ -29,16 +30,22 @@ FrameMerge::FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_
                        MergeBudget* budget)
     : grows_(spec.stop.IsActive()),
       grid_(std::move(grid)),
+      has_light_(grid_.light_tile().has_value()),
       samples_(std::move(samples)),
-      tiles_(grid_.tiles().size()),
+      tiles_(grid_.tile_count()),
       budget_(budget),
       image_(MakeFrameImage(spec.settings.window, spec.settings.width_px, spec.settings.height_px,
                             spec.settings.outputs,
                             ImageColorOf(spec.settings.primaries, spec.settings.white_balance_k,
                                          spec.settings.sensor))) {
   SHEAF_CHECK(samples_.size() == grid_.cells().size());
+  if (has_light_) {
+    samples_.push_back(std::ranges::max(samples_));
+    camera_.image = light_.image = image_;
+  }
   if (!spec.settings.one_sequence && spec.settings.lattice.All()) {
-    error_sample_.emplace(spec.settings.window);
+    camera_.error_sample.emplace(spec.settings.window);
+    if (has_light_) light_.error_sample.emplace(spec.settings.window);
   }
 }
 
@@ -52,9 +59,7 @@ void FrameMerge::SetSize(Tile* tile, uint64_t size_bytes) {
 }
 
 std::unique_ptr<CellTrees> FrameMerge::MakeTrees(uint32_t index) const {
-  const std::span<const PixelRect> cells(grid_.cells());
-  return std::make_unique<CellTrees>(
-      grid_.tiles()[index], cells.subspan(grid_.first_cell(index), grid_.cell_count(index)));
+  return std::make_unique<CellTrees>(grid_.RectOf(index), grid_.CellRectsOf(index));
 }
 
 bool FrameMerge::Complete(uint32_t index, const CellTrees& trees) const {
@@ -68,14 +73,13 @@ bool FrameMerge::Complete(uint32_t index, const CellTrees& trees) const {
 void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   Tile& tile = tiles_[index];
   const FilmTile root = trees->Root();
-  DevelopTile(root, &image_);
-  if (error_sample_) error_sample_->DevelopTile(root, image_.color);
+  DevelopTile(root, &TargetOf(index));
+  Combine(index);
+  std::optional<ErrorSample>& error_sample = LayerOf(index).error_sample;
+  if (error_sample) error_sample->DevelopTile(root, image_.color);
   signed_weights_ = signed_weights_ || HasSignedWeights(root);
   NoteNames(root, &image_);
-  unreliable_count_ -= tile.unreliable ? 1 : 0;
-  tile.unreliable = root.replicate_count() == kReplicateCount &&
-                    !MeanIntervalOf(root, root.rect(), kLuminanceOfSrgb).is_reliable;
-  unreliable_count_ += tile.unreliable ? 1 : 0;
+  SetIntervals(index, root);
   tile.state = State::kDeveloped;
   if (!grows_ || budget_->Exhausted()) trees.reset();
   tile.trees = std::move(trees);
@@ -86,24 +90,64 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   ++developed_count_;
 }
 
+void FrameMerge::Combine(uint32_t index) {
+  if (has_light_) AddLight(camera_.image, light_.image, grid_.RectOf(index), &image_);
+}
+
+void FrameMerge::SetIntervals(uint32_t index, const FilmTile& root) {
+  const auto interval_of = [&root](const PixelRect& rect) {
+    return root.replicate_count() == kReplicateCount ? MeanIntervalOf(root, rect, kLuminanceOfSrgb)
+                                                     : MeanInterval();
+  };
+  if (grid_.KindOf(index) == TaskKind::kCamera) {
+    tiles_[index].interval = interval_of(root.rect());
+    return;
+  }
+  light_intervals_.clear();
+  for (const PixelRect& rect : grid_.tiles()) light_intervals_.push_back(interval_of(rect));
+}
+
 std::vector<PixelRect> FrameMerge::UnreliableTiles() const {
   std::vector<PixelRect> tiles;
-  for (size_t i = 0; i < tiles_.size(); ++i) {
-    if (tiles_[i].unreliable) tiles.push_back(grid_.tiles()[i]);
+  for (size_t i = 0; i < grid_.tiles().size(); ++i) {
+    const bool is_reliable =
+        light_intervals_.empty() ? tiles_[i].interval.is_reliable
+                                 : IsSumReliable(tiles_[i].interval, light_intervals_[i]);
+    if (!is_reliable) tiles.push_back(grid_.tiles()[i]);
   }
   return tiles;
 }
 
+std::optional<double> FrameMerge::Flip() const {
+  if (!camera_.error_sample) return std::nullopt;
+  if (!has_light_) return EstimateFlip(image_, *camera_.error_sample);
+  ErrorSample sum = *camera_.error_sample;
+  sum.Add(*light_.error_sample);
+  return EstimateFlip(image_, sum);
+}
+
+uint64_t FrameMerge::SamplesOf(uint32_t index, uint32_t cell_of_tile) const {
+  const Tile& tile = tiles_[index];
+  if (tile.state == State::kDeveloped) return samples_[grid_.first_cell(index) + cell_of_tile];
+  return tile.trees == nullptr ? 0 : tile.trees->SampleCount(cell_of_tile);
+}
+
 std::vector<uint64_t> FrameMerge::SamplesOfCells() const {
-  std::vector<uint64_t> samples = samples_;
-  for (uint32_t index = 0; index < tiles_.size(); ++index) {
-    const Tile& tile = tiles_[index];
-    if (tile.state == State::kDeveloped) continue;
-    for (uint32_t i = 0; i < grid_.cell_count(index); ++i) {
-      samples[grid_.first_cell(index) + i] = tile.trees == nullptr ? 0 : tile.trees->SampleCount(i);
-    }
+  std::vector<uint64_t> samples;
+  samples.reserve(grid_.cells().size());
+  for (uint32_t index = 0; index < grid_.tiles().size(); ++index) {
+    for (uint32_t i = 0; i < grid_.cell_count(index); ++i) samples.push_back(SamplesOf(index, i));
   }
   return samples;
+}
+
+uint64_t FrameMerge::FewestSamples() const {
+  const uint64_t fewest = std::ranges::min(SamplesOfCells());
+  return has_light_ ? std::min(fewest, SamplesOf(*grid_.light_tile(), 0)) : fewest;
+}
+
+bool FrameMerge::AwaitsLight() const {
+  return has_light_ && SamplesOf(*grid_.light_tile(), 0) == 0;
 }
 
 void FrameMerge::Insert(uint32_t index, CellPart part) {
@@ -132,6 +176,11 @@ void FrameMerge::Insert(uint32_t index, CellPart part) {
 }
 
 void FrameMerge::Grow(uint32_t cell, uint64_t samples) {
+  GrowCell(cell, samples);
+  if (has_light_) GrowCell(grid_.total_cell_count() - 1, std::max(samples, samples_.back()));
+}
+
+void FrameMerge::GrowCell(uint32_t cell, uint64_t samples) {
   SHEAF_CHECK(samples >= samples_[cell]);
   if (samples == samples_[cell]) return;
   samples_[cell] = samples;
@@ -150,27 +199,31 @@ void FrameMerge::MarkOnDisk(uint32_t index) {
   tile.state = State::kOnDisk;
 }
 
-absl::Status FrameMerge::Rebuild(uint32_t index, std::vector<CellPart> parts) {
-  Tile& tile = tiles_[index];
-  std::unique_ptr<CellTrees> trees = MakeTrees(index);
-  for (CellPart& part : parts) {
-    absl::Status status = trees->Insert(std::move(part.sums), part.cells);
-    if (!status.ok()) return status;
-  }
+absl::Status FrameMerge::Rebuild(uint32_t index, std::unique_ptr<CellTrees> trees) {
   if (!Complete(index, *trees)) {
     return absl::InvalidArgumentError(
         absl::StrCat("tile ", index, " does not have all of its samples on disk"));
   }
-  if (tile.state == State::kDeveloped) --developed_count_;
+  if (tiles_[index].state == State::kDeveloped) --developed_count_;
   Develop(index, std::move(trees));
   return absl::OkStatus();
 }
 
 std::vector<uint32_t> FrameMerge::Refresh() {
-  for (const uint32_t index : changed_) DevelopTile(tiles_[index].trees->PreviewSum(), &image_);
+  if (AwaitsLight()) return {};
+  for (const uint32_t index : changed_) {
+    DevelopTile(tiles_[index].trees->PreviewSum(), &TargetOf(index));
+    Combine(index);
+  }
   changed_.merge(std::exchange(developed_since_refresh_, {}));
   const std::set<uint32_t> refreshed = std::exchange(changed_, {});
-  return {refreshed.begin(), refreshed.end()};
+  std::vector<uint32_t> tiles(refreshed.begin(), refreshed.end());
+  // The light tile, which is the last, is the whole image.
+  if (has_light_ && !tiles.empty() && tiles.back() == *grid_.light_tile()) {
+    tiles.resize(grid_.tiles().size());
+    std::iota(tiles.begin(), tiles.end(), 0);
+  }
+  return tiles;
 }
 
 }  // namespace sheaf::coordinator

@@ -48,26 +48,42 @@ std::optional<uint64_t> FrameTasks::FirstFresh(uint32_t tile) const {
   return first;
 }
 
-FrameTasks::FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& lattice)
+FrameTasks::FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& lattice,
+                       int64_t paths_per_pass)
     : grid_(std::move(grid)),
-      cells_(grid_.cells().size()),
-      cpu_of_tiles_(grid_.tiles().size(), absl::ZeroDuration()) {
+      cells_(grid_.total_cell_count()),
+      cpu_of_tiles_(grid_.tile_count(), absl::ZeroDuration()) {
   SHEAF_CHECK(samples > 0);
   // Under the farm's lock, so without a search for each of many tiles.
   for (uint32_t index = 0; index < cells_.size(); ++index) {
     Cell& cell = cells_[index];
-    cell.pixel_count = std::max<int64_t>(1, lattice.CountIn(grid_.cells()[index]));
+    const bool is_light = index >= grid_.cells().size();
+    cell.pixel_count =
+        is_light ? paths_per_pass : std::max<int64_t>(1, lattice.CountIn(grid_.cells()[index]));
     cell.samples = samples;
     cell.fresh.Add({0, samples});
     total_count_ += cell.PixelSamples(samples);
   }
   ready_count_ = total_count_;
-  for (uint32_t tile = 0; tile < grid_.tiles().size(); ++tile) {
+  for (uint32_t tile = 0; tile < grid_.tile_count(); ++tile) {
     fresh_queue_.emplace_hint(fresh_queue_.end(), 0, tile);
   }
 }
 
 void FrameTasks::Grow(uint32_t index, uint64_t samples) {
+  GrowCell(index, samples);
+  if (!grid_.light_tile()) return;
+  const uint32_t light = grid_.first_cell(*grid_.light_tile());
+  GrowCell(light, std::max(samples, cells_[light].samples));
+}
+
+uint64_t FrameTasks::light_path_count_done() const {
+  if (!grid_.light_tile()) return 0;
+  const Cell& cell = cells_[grid_.first_cell(*grid_.light_tile())];
+  return cell.PixelSamples(cell.done.SampleCount());
+}
+
+void FrameTasks::GrowCell(uint32_t index, uint64_t samples) {
   Cell& cell = cells_[index];
   const uint64_t before = cell.samples;
   SHEAF_CHECK(samples >= before);
@@ -81,8 +97,8 @@ void FrameTasks::Grow(uint32_t index, uint64_t samples) {
 }
 
 std::optional<Task> FrameTasks::Find(const PixelRect& tile, SampleBlock block,
-                                     const TileCells& cells) const {
-  const std::optional<uint32_t> index = grid_.FindTile(tile);
+                                     const TileCells& cells, TaskKind kind) const {
+  const std::optional<uint32_t> index = grid_.FindTile(tile, kind);
   if (!index) return std::nullopt;
   const std::optional<uint64_t> mask = grid_.MaskOf(*index, cells);
   if (!mask) return std::nullopt;
@@ -91,8 +107,8 @@ std::optional<Task> FrameTasks::Find(const PixelRect& tile, SampleBlock block,
 
 std::vector<uint64_t> FrameTasks::SamplesOfCells() const {
   std::vector<uint64_t> samples;
-  samples.reserve(cells_.size());
-  for (const Cell& cell : cells_) samples.push_back(cell.samples);
+  samples.reserve(grid_.cells().size());
+  for (size_t i = 0; i < grid_.cells().size(); ++i) samples.push_back(cells_[i].samples);
   return samples;
 }
 
@@ -126,7 +142,7 @@ std::optional<Task> FrameTasks::TakeReturned(const std::function<bool(const Task
 }
 
 std::optional<Task> FrameTasks::TakeFresh(
-    const std::function<uint64_t(uint64_t first, int64_t pixel_count)>& block_samples_max) {
+    const std::function<uint64_t(const FreshBlock& block)>& block_samples_max) {
   if (fresh_queue_.empty()) return std::nullopt;
   const auto [first, tile] = *fresh_queue_.begin();
   const uint64_t all = grid_.AllOf(tile);
@@ -136,7 +152,7 @@ std::optional<Task> FrameTasks::TakeFresh(
     if (cell.fresh.Contains({f, f + 1})) pixel_count += cell.pixel_count;
     return true;
   });
-  const uint64_t most = block_samples_max(first, pixel_count);
+  const uint64_t most = block_samples_max({grid_.KindOf(tile), first, pixel_count});
   Task task{tile, {first, 1}, 0};
   ForCells(tile, all, [&, f = first](uint32_t index) {
     const SampleRanges& fresh = cells_[index].fresh;
@@ -172,7 +188,7 @@ std::vector<Task> FrameTasks::Overlapping(const Tasks& tasks, const Task& task) 
 }
 
 FrameTasks::Fit FrameTasks::FitOf(const Task& task) const {
-  if (task.tile >= grid_.tiles().size() || !IsAligned(task.block) || task.cells == 0 ||
+  if (task.tile >= grid_.tile_count() || !IsAligned(task.block) || task.cells == 0 ||
       (task.cells & ~grid_.AllOf(task.tile)) != 0) {
     return Fit::kOutside;
   }

@@ -9,6 +9,9 @@
 //     returned  a block whose lease came to nothing; it is leased again as it was, never cut anew
 //     done      accepted and durable
 //
+// The light tile (CellGrid) has light passes, as many as the cell with most of them has samples. A
+// light path counts as a sample.
+//
 // Because returned blocks keep their shape, a late result of this life meets exactly its own block.
 // A result from before a restart may meet blocks that were cut otherwise; Fit says which of those
 // fit. Pure: no clock, no lock. Every operation is O(log tiles), and linear in what is leased and
@@ -31,14 +34,17 @@ namespace sheaf::coordinator {
 
 class FrameTasks {
  public:
-  // Requires: samples at least 1.
-  FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& lattice = {});
-  // Gives the cell this many samples in all. Requires: no less than it has.
+  // paths_per_pass: light paths of a pass. Requires: samples at least 1.
+  FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& lattice = {},
+             int64_t paths_per_pass = 1);
+  // Gives the cell this many samples in all. Requires: no less than it has; a cell of the camera.
   void Grow(uint32_t cell, uint64_t samples);
 
   const CellGrid& grid() const { return grid_; }
   // The task as others name it; none where the frame has no such tile or cells.
-  std::optional<Task> Find(const PixelRect& tile, SampleBlock block, const TileCells& cells) const;
+  std::optional<Task> Find(const PixelRect& tile, SampleBlock block, const TileCells& cells,
+                           TaskKind kind = TaskKind::kCamera) const;
+  // Of the camera's cells.
   std::vector<uint64_t> SamplesOfCells() const;
   // CPU time of workers on the finished tasks of the tile.
   absl::Duration CpuOfTile(uint32_t tile) const { return cpu_of_tiles_[tile]; }
@@ -47,6 +53,7 @@ class FrameTasks {
   // Pixel samples.
   uint64_t sample_count_done() const { return done_count_; }
   uint64_t sample_count_total() const { return total_count_; }
+  uint64_t light_path_count_done() const;  // Those of sample_count_done() that are light paths.
   uint64_t sample_count_ready() const { return ready_count_; }  // Fresh or returned.
   bool HasReady() const { return !fresh_queue_.empty() || !returned_.empty(); }
   bool Complete() const { return done_count_ == total_count_; }
@@ -56,10 +63,14 @@ class FrameTasks {
   std::optional<Task> TakeReturned(const std::function<bool(const Task&)>& allowed, int scan_max);
   // Takes a fresh block: of the tile with the fewest samples taken, so that every tile's first
   // block comes before any second one, and there the largest that may be, for all cells that want
-  // it. block_samples_max is asked with the block's first sample and the number of pixels that have
-  // it fresh.
+  // it. block_samples_max is asked with what there is to take.
+  struct FreshBlock {
+    TaskKind kind = TaskKind::kCamera;
+    uint64_t first = 0;       // Its first sample.
+    int64_t pixel_count = 0;  // Pixels that have it fresh; or paths of a light pass.
+  };
   std::optional<Task> TakeFresh(
-      const std::function<uint64_t(uint64_t first, int64_t pixel_count)>& block_samples_max);
+      const std::function<uint64_t(const FreshBlock& block)>& block_samples_max);
   // Gives a taken block back. Requires: it is leased.
   void PutBack(const Task& task);
 
@@ -100,6 +111,7 @@ class FrameTasks {
   // Calls change with the fresh samples of each cell of the mask.
   template <typename Change>
   void ChangeFresh(uint32_t tile, uint64_t mask, const Change& change);
+  void GrowCell(uint32_t cell, uint64_t samples);
   // The lowest fresh sample of the tile's cells; none where none has one.
   std::optional<uint64_t> FirstFresh(uint32_t tile) const;
 

@@ -16,7 +16,7 @@ using Fit = FrameTasks::Fit;
 constexpr PixelRect kTwoTiles{0, 0, 32, 16};
 
 auto AtMost(uint64_t block_samples_max) {
-  return [=](uint64_t /*first*/, int64_t /*pixel_count*/) { return block_samples_max; };
+  return [=](const FrameTasks::FreshBlock& /*block*/) { return block_samples_max; };
 }
 bool Anything(const Task& /*task*/) { return true; }
 
@@ -192,6 +192,59 @@ TEST(FrameTasksTest, RevokedBlockIsRenderedAgain) {
   tasks.Revoke(task);
   EXPECT_FALSE(tasks.Complete());
   EXPECT_EQ(tasks.TakeFresh(AtMost(16)), task);
+}
+
+// Four tiles, and light passes of 1000 paths.
+FrameTasks WithLight(uint64_t samples, int32_t cell_size_px = 16) {
+  return FrameTasks(CellGrid({0, 0, 32, 32}, 16, cell_size_px, /*has_light_tile=*/true), samples,
+                    {}, 1000);
+}
+
+TEST(FrameTasksTest, LightPassesAreTasksOfTheLightTile) {
+  FrameTasks tasks = WithLight(48);
+  EXPECT_EQ(tasks.sample_count_total(), 48u * (32 * 32 + 1000));
+  std::vector<SampleBlock> passes;
+  uint64_t paths = 0;
+  while (const std::optional<Task> task =
+             tasks.TakeFresh([&](const FrameTasks::FreshBlock& block) -> uint64_t {
+               if (block.kind == TaskKind::kCamera) return 64;
+               paths = static_cast<uint64_t>(block.pixel_count);
+               return 16;
+             })) {
+    if (tasks.grid().KindOf(task->tile) == TaskKind::kLight) passes.push_back(task->block);
+    tasks.Accept(*task);
+  }
+  EXPECT_EQ(paths, 1000u);
+  EXPECT_EQ(passes, (std::vector<SampleBlock>{{0, 16}, {16, 16}, {32, 16}}));
+  EXPECT_TRUE(tasks.Complete());
+  EXPECT_EQ(tasks.light_path_count_done(), 48'000u);
+  EXPECT_EQ(tasks.SamplesOfCells(), std::vector<uint64_t>(4, 48));
+}
+
+TEST(FrameTasksTest, LightTasksAreFoundByTheirKind) {
+  FrameTasks tasks(CellGrid({0, 0, 16, 16}, 16, 16, /*has_light_tile=*/true), 16);
+  const PixelRect whole{0, 0, 16, 16};  // Also the only tile.
+  EXPECT_EQ(tasks.Find(whole, {0, 4}, {}), (Task{0, {0, 4}, 1}));
+  EXPECT_EQ(tasks.Find(whole, {0, 4}, {}, TaskKind::kLight), (Task{1, {0, 4}, 1}));
+  EXPECT_EQ(tasks.Find(whole, {0, 4}, {4, 3}, TaskKind::kLight), std::nullopt);
+  EXPECT_EQ(tasks.Find({0, 0, 16, 8}, {0, 4}, {}, TaskKind::kLight), std::nullopt);
+  FrameTasks without(CellGrid(whole, 16, 16), 16);
+  EXPECT_EQ(without.Find(whole, {0, 4}, {}, TaskKind::kLight), std::nullopt);
+  EXPECT_EQ(without.light_path_count_done(), 0u);
+}
+
+// As many passes as the cell with most samples has.
+TEST(FrameTasksTest, LightPassesFollowTheLargestCell) {
+  FrameTasks tasks = WithLight(16, 4);
+  const uint32_t light = *tasks.grid().light_tile();
+  while (const std::optional<Task> task = tasks.TakeFresh(AtMost(16))) tasks.Accept(*task);
+  EXPECT_TRUE(tasks.Complete());
+  tasks.Grow(3, 64);
+  tasks.Grow(7, 32);
+  EXPECT_FALSE(tasks.TileComplete(light));
+  EXPECT_EQ(tasks.FitOf({light, {32, 32}, 1}), Fit::kWanted);
+  EXPECT_EQ(tasks.FitOf({light, {64, 16}, 1}), Fit::kOutside);
+  EXPECT_EQ(tasks.SamplesOfCells().size(), 64u);
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/job.h"
 
+#include "absl/strings/str_cat.h"
+
 namespace sheaf::coordinator {
 
 const char* FailureKindName(FailureKind kind) {
@@ -22,6 +24,23 @@ const char* FailureKindName(FailureKind kind) {
       return "loading";
   }
   return "unknown";
+}
+
+int64_t PathsPerLightPass(const FrameSettings& settings) {
+  return int64_t{settings.width_px} * settings.height_px;
+}
+
+uint64_t PathsPerSample(const FrameSettings& settings) {
+  const int64_t light =
+      settings.techniques == Techniques::kCamera ? 0 : PathsPerLightPass(settings);
+  return static_cast<uint64_t>(settings.window.PixelCount() + light);
+}
+
+std::string WorkText(TaskKind kind, const PixelRect& tile, SampleBlock block) {
+  const std::string range = absl::StrCat("[", block.first, ", ", block.End(), ")");
+  if (kind == TaskKind::kLight) return absl::StrCat("light passes ", range);
+  return absl::StrCat("tile [", tile.x0, ", ", tile.x1, ") x [", tile.y0, ", ", tile.y1,
+                      "), samples ", range);
 }
 
 }  // namespace sheaf::coordinator

@@ -12,6 +12,7 @@
 #include "absl/time/time.h"
 #include "common/base/steady_time.h"
 #include "common/content/blob_digest.h"
+#include "common/film/task_kind.h"
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
@@ -93,9 +94,9 @@ struct FrameId {
   friend auto operator<=>(const FrameId&, const FrameId&) = default;
 };
 
-// One tile's block of samples, for some of its cells.
+// One tile's block of samples, for some of its cells; or a block of light passes.
 struct Task {
-  uint32_t tile = 0;  // Index into the frame's tiles.
+  uint32_t tile = 0;  // Of the frame's CellGrid, which knows the kind of task.
   SampleBlock block;
   uint64_t cells = 1;  // Bit i: the tile's cell i (CellGrid). A tile that is one cell has bit 0.
   friend bool operator==(const Task&, const Task&) = default;
@@ -108,6 +109,7 @@ struct Lease {
   int32_t attempt = 0;    // How often this task was leased before.
   FrameId frame;
   Task task;
+  TaskKind kind = TaskKind::kCamera;
   PixelRect tile_rect;
   TileCells cells;  // The task's.
   std::string worker_id;
@@ -125,6 +127,15 @@ inline constexpr int kFailureKindCount = 7;
 // Returns "released", "infrastructure", "scene", "memory", "internal", "lost" or "loading".
 const char* FailureKindName(FailureKind kind);
 
+// Light paths of a pass: one for each pixel of the whole frame, whatever the window.
+int64_t PathsPerLightPass(const FrameSettings& settings);
+// Paths that one more sample of each of the window's pixels takes: of the camera, and of the lights
+// where the frame has such.
+uint64_t PathsPerSample(const FrameSettings& settings);
+
+// Names work for people: "tile [0, 32) x [0, 32), samples [0, 16)", "light passes [0, 16)".
+std::string WorkText(TaskKind kind, const PixelRect& tile, SampleBlock block);
+
 struct LeaseFailure {
   uint64_t lease_id = 0;
   FailureKind kind = FailureKind::kReleased;
@@ -141,6 +152,7 @@ struct FailureRecord {
   FailureKind kind = FailureKind::kInternal;
   std::string message;
   absl::Time time = absl::InfinitePast();  // InfinitePast until it is dated.
+  TaskKind task_kind = TaskKind::kCamera;
   friend bool operator==(const FailureRecord&, const FailureRecord&) = default;
 };
 

@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "absl/strings/str_cat.h"
+#include "common/film/light/light_part_size.h"
 #include "coordinator/core/cell_grid.h"
 
 namespace sheaf::coordinator {
@@ -61,7 +62,7 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
   if (s.samples < 1 || s.samples > limits.samples_max) {
     return absl::StrCat(s.samples, " samples per pixel are outside 1 to ", limits.samples_max);
   }
-  if (s.samples > limits.frame_samples_max / static_cast<uint64_t>(w.PixelCount())) {
+  if (s.samples > limits.frame_samples_max / PathsPerSample(s)) {
     return absl::StrCat(w.PixelCount(), " pixels with ", s.samples,
                         " samples each are more than the limit of ", limits.frame_samples_max,
                         " samples; request fewer, or a target error");
@@ -72,6 +73,13 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
         "light paths reach every pixel, so a few pixels cannot be rendered with the "
         "techniques ",
         TechniquesName(s.techniques), "; use camera, or render all pixels");
+  }
+  if (s.techniques != Techniques::kCamera && LightPassesMax(s, limits) == 0) {
+    return absl::StrCat(w.PixelCount(), " pixels: a light pass of them can take ",
+                        LightPartBytes(w.PixelCount(), s.outputs, 1) >> 20,
+                        " MiB, more than the limit of ", limits.light_part_bytes_max >> 20,
+                        "; render parts of the frame with --crop, request fewer outputs, or use "
+                        "--techniques camera");
   }
   for (const auto& [edge_px, most, what] :
        {std::tuple{partition.tile_size_px, limits.tiles_per_frame_max, "tiles"},
@@ -89,11 +97,27 @@ int64_t TaskCountMin(const FrameSpec& frame, const Partition& partition, const L
   const uint64_t passes =
       partition.lease_pass_count != 0 ? partition.lease_pass_count : limits.lease_pass_count_max;
   const auto lease_samples = static_cast<int64_t>(partition.pass_sample_count * passes);
+  const auto samples = static_cast<int64_t>(frame.settings.samples);
+  const int64_t light_tasks =
+      frame.settings.techniques == Techniques::kCamera
+          ? 0
+          : DivideUp(samples, static_cast<int64_t>(LightPassesMax(frame.settings, limits)));
   return SquaresOf(frame.settings.window, partition.tile_size_px) *
-         DivideUp(static_cast<int64_t>(frame.settings.samples), lease_samples);
+             DivideUp(samples, lease_samples) +
+         light_tasks;
 }
 
 }  // namespace
+
+uint64_t LightPassesMax(const FrameSettings& settings, const Limits& limits) {
+  const auto fits = [&](uint64_t passes) {
+    return LightPartBytes(settings.window.PixelCount(), settings.outputs, passes) <=
+           limits.light_part_bytes_max;
+  };
+  uint64_t passes = limits.light_pass_count_max;
+  while (passes > 0 && !fits(passes)) passes /= 2;
+  return passes;
+}
 
 absl::Status CheckJobSpec(const JobSpec& spec, const Limits& limits) {
   if (spec.frames.empty()) return absl::InvalidArgumentError("a job needs at least one frame");
@@ -115,8 +139,7 @@ absl::Status CheckJobSpec(const JobSpec& spec, const Limits& limits) {
     if (!why_not.empty()) {
       return absl::InvalidArgumentError(absl::StrCat("frame ", frame.frame_number, ": ", why_not));
     }
-    sample_count +=
-        static_cast<uint64_t>(frame.settings.window.PixelCount()) * frame.settings.samples;
+    sample_count += PathsPerSample(frame.settings) * frame.settings.samples;
     task_count += TaskCountMin(frame, spec.partition, limits);
     if (sample_count > limits.job_samples_max) {
       return absl::InvalidArgumentError(absl::StrCat(

@@ -76,5 +76,43 @@ TEST(JobCheckTest, FramesMustBeUniqueAndSorted) {
   ExpectRefused(job, "frame number 1 is repeated", "");
 }
 
+TEST(JobCheckTest, LightPassesHaveLimits) {
+  const auto with_light = [](int32_t width_px, int32_t height_px, uint64_t samples) {
+    JobSpec job = JobOf(width_px, height_px, samples);
+    job.frames[0].settings.techniques = Techniques::kCameraAndLight;
+    return job;
+  };
+  EXPECT_TRUE(CheckJobSpec(with_light(3840, 2160, 4096), Limits()).ok());
+  ExpectRefused(with_light(16384, 16384, 16), "light pass of them", "--crop");
+  // Light passes of a crop trace the paths of the whole frame.
+  JobSpec job = with_light(65536, 65536, uint64_t{1} << 20);
+  job.frames[0].settings.window = {0, 0, 16, 16};
+  ExpectRefused(job, "samples each", "request fewer");
+  job.frames[0].settings.techniques = Techniques::kCamera;
+  EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
+}
+
+TEST(JobCheckTest, LargeFramesHaveFewerLightPassesInALease) {
+  const auto passes_of = [](int32_t width_px, int32_t height_px) {
+    return LightPassesMax(JobOf(width_px, height_px, 16).frames[0].settings, Limits());
+  };
+  const uint64_t most = Limits().light_pass_count_max;
+  EXPECT_EQ(passes_of(64, 64), most);
+  EXPECT_GE(passes_of(1920, 1080), 8u);
+  EXPECT_GE(passes_of(3840, 2160), 1u);
+  EXPECT_LT(passes_of(3840, 2160), most);
+  EXPECT_EQ(passes_of(16384, 16384), 0u);
+}
+
+// A pass of a crop traces the paths of the whole, or it would not be a part of it.
+TEST(JobCheckTest, LightPathsDoNotDependOnTheWindow) {
+  FrameSettings settings = JobOf(640, 480, 16).frames[0].settings;
+  settings.window = {100, 100, 110, 120};
+  EXPECT_EQ(PathsPerLightPass(settings), 640 * 480);
+  EXPECT_EQ(PathsPerSample(settings), 200u);
+  settings.techniques = Techniques::kLight;
+  EXPECT_EQ(PathsPerSample(settings), 640u * 480u + 200u);
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -14,7 +14,9 @@ std::string LeaseTokens::Make(const LeasedWork& work) const {
       secret_, absl::StrCat("sheaf-lease 1\n", work.lease_id, " ", std::string(work.frame_digest),
                             " ", tile.x0, " ", tile.y0, " ", tile.x1, " ", tile.y1, " ",
                             work.block.first, " ", work.block.count, " ", work.cells.size_px, " ",
-                            work.cells.mask, "\n", std::string(work.identity)));
+                            work.cells.mask,
+                            work.kind == TaskKind::kCamera ? "" : " light", "\n",
+                            std::string(work.identity)));
 }
 
 bool LeaseTokens::IsValid(const LeasedWork& work, std::string_view token) const {

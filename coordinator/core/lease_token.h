@@ -12,6 +12,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/film/task_kind.h"
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 
@@ -25,6 +26,7 @@ struct LeasedWork {
   PixelRect tile;
   SampleBlock block;
   TileCells cells;
+  TaskKind kind = TaskKind::kCamera;
 };
 
 // Pure. Thread safety: all members may be called concurrently.

@@ -31,6 +31,7 @@ TEST(LeaseTokenTest, TokensProveTheirWorkOnly) {
       },
       [](LeasedWork* work) { work->cells.mask = 4; },
       [](LeasedWork* work) { work->cells = {}; },
+      [](LeasedWork* work) { work->kind = TaskKind::kLight; },
   };
   for (size_t i = 0; i < changes.size(); ++i) {
     LeasedWork other = kWork;

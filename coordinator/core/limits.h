@@ -67,6 +67,14 @@ struct Limits {
   double tail_divisor =
       4.0;  // A lease is at most 1/(4 workers) of what is left: smaller at the end.
   uint64_t lease_pass_count_max = 1024;
+  // Light passes of a lease: a power of two. The worker holds the sums of so many for the whole
+  // frame (LightPassAccumulator); a replicate has at most one of them.
+  uint64_t light_pass_count_max = 16;
+  // A lease of light passes takes longer than others, as its result is as large as the frame.
+  double light_lease_target_seconds = 30.0;
+  // ... and has so few passes that the result is no larger than this. A frame of which a single
+  // pass is larger is refused.
+  uint64_t light_part_bytes_max = uint64_t{480} << 20;
 
   // Failures. A task fails for good, and its job with it, when one of these is used up.
   int crash_workers_max = 3;       // Distinct workers that reported a defect or lack of memory.

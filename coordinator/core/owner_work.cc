@@ -33,8 +33,7 @@ OwnerWork& OwnerWork::operator-=(const OwnerWork& other) {
 OwnerWork WorkOf(const JobSpec& spec) {
   OwnerWork work{1, static_cast<int64_t>(spec.frames.size()), 0};
   for (const FrameSpec& frame : spec.frames) {
-    work.samples +=
-        static_cast<uint64_t>(frame.settings.window.PixelCount()) * frame.settings.samples;
+    work.samples += PathsPerSample(frame.settings) * frame.settings.samples;
   }
   return work;
 }

@@ -59,7 +59,9 @@ std::string WhyNoReplicates(const FilmTile& part) {
 
 }  // namespace
 
-std::string WhyNotOfSettings(const FilmTile& part, const FrameSettings& settings) {
+std::string WhyNotOfSettings(const FilmTile& part, const FrameSettings& settings, TaskKind kind) {
+  // A splat is no response of a sensor: a pixel has many in a pass.
+  if (kind == TaskKind::kLight) return WhyNoReplicates(part);
   const float* samples = part.channel(FilmChannel::kSampleCount);
   const float* alpha = part.channel(FilmChannel::kAlpha);
   // A sensor's matrix takes longer to compute than the part takes to check.

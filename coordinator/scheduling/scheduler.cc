@@ -22,7 +22,9 @@ uint64_t FirstRoundSamplesOf(const FrameRecord& frame) {
 int64_t OpenPixelsOf(const FrameSettings& settings) {
   const auto channel_count = static_cast<int64_t>(ImageChannelCount(settings.outputs));
   constexpr auto kUnit = static_cast<int64_t>(kImageChannelCountMin);
-  return settings.window.PixelCount() * ((channel_count + kUnit - 1) / kUnit);
+  // With light paths: the images of the camera and of the light paths, and their sum.
+  const int64_t image_count = settings.techniques == Techniques::kCamera ? 1 : 3;
+  return image_count * settings.window.PixelCount() * ((channel_count + kUnit - 1) / kUnit);
 }
 
 void GrowTasks(std::span<const uint64_t> samples, FrameTasks* tasks) {
@@ -36,8 +38,10 @@ uint64_t SampleCountTotal(const FrameRecord& frame) {
   if (frame.tasks != nullptr) return frame.tasks->sample_count_total();
   if (frame.phase == FrameRecord::Phase::kDelivered) return frame.sample_count_done;
   const FrameSettings& settings = frame.settings();
-  return static_cast<uint64_t>(settings.lattice.CountIn(settings.window)) *
-         FirstRoundSamplesOf(frame);
+  const uint64_t paths = settings.lattice.All()
+                             ? PathsPerSample(settings)
+                             : static_cast<uint64_t>(settings.lattice.CountIn(settings.window));
+  return paths * FirstRoundSamplesOf(frame);
 }
 
 std::optional<uint32_t> JobRecord::FindIndex(int32_t frame_number) const {
@@ -155,12 +159,13 @@ void Scheduler::RestoreRound(const FrameId& id, std::span<const uint64_t> sample
 }
 
 FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
-                                       const TileCells& cells, const ResultCost& cost) {
+                                       const TileCells& cells, const ResultCost& cost,
+                                       TaskKind kind) {
   JobRecord& job = jobs_.at(id.job_id);
   const uint32_t index = job.IndexOf(id.frame_number);
   FrameRecord& frame = job.frames[index];
   if (frame.phase == FrameRecord::Phase::kPending) Open(&job, index);
-  const std::optional<Task> task_there = frame.tasks->Find(tile, block, cells);
+  const std::optional<Task> task_there = frame.tasks->Find(tile, block, cells, kind);
   if (!task_there) return FrameTasks::Fit::kPartial;
   const Task& task = *task_there;
   const FrameTasks::Fit fit = frame.tasks->FitOf(task);
@@ -224,7 +229,8 @@ void Scheduler::Open(JobRecord* job, uint32_t index) {
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kPending);
   const FrameSettings& settings = frame.settings();
   frame.tasks = std::make_unique<FrameTasks>(CellGrid(frame.Spec(), job->spec.partition),
-                                             FirstRoundSamplesOf(frame), settings.lattice);
+                                             FirstRoundSamplesOf(frame), settings.lattice,
+                                             PathsPerLightPass(settings));
   frame.phase = FrameRecord::Phase::kOpen;
   open_pixels_ += OpenPixelsOf(settings);
   if (frame.stop().IsActive()) round_frames_.insert({job->spec.job_id, frame.number()});
@@ -247,7 +253,7 @@ void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) 
 
 Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const PixelRect& tile,
                                          SampleBlock block, const TileCells& cells,
-                                         uint64_t lease_id) {
+                                         uint64_t lease_id, TaskKind kind) {
   const PackedDigest digest(frame_digest);
   std::vector<FrameId> candidates = live_frames_.Find(digest);
   // That which was leased comes first.
@@ -265,7 +271,7 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
       Open(&job, index);
     }
     if (frame.tasks == nullptr) continue;
-    const std::optional<Task> task = frame.tasks->Find(tile, block, cells);
+    const std::optional<Task> task = frame.tasks->Find(tile, block, cells, kind);
     FoundTask found{FoundTask::Kind::kMalformed, id, task.value_or(Task{0, block})};
     if (task) {
       switch (frame.tasks->FitOf(found.task)) {

@@ -94,7 +94,8 @@ struct FrameRecord {
   const StopRule& stop() const { return packed.shape().stop; }
   FrameSpec Spec() const { return packed.Unpack(); }
 };
-// Pixel samples of the whole frame: where it is rendered in rounds, as far as they are decided.
+// Pixel samples of the whole frame, light paths included: where it is rendered in rounds, as far as
+// they are decided.
 uint64_t SampleCountTotal(const FrameRecord& frame);
 
 struct JobRecord {
@@ -153,7 +154,8 @@ class Scheduler {
   // Returns kWanted where it is put back. kOutside: the frame does not want so many samples (any
   // more); otherwise it overlaps one that was restored.
   FrameTasks::Fit RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
-                              const TileCells& cells, const ResultCost& cost);
+                              const TileCells& cells, const ResultCost& cost,
+                              TaskKind kind = TaskKind::kCamera);
 
   struct SynchronizeAnswer {
     std::vector<Lease> leases;
@@ -175,7 +177,8 @@ class Scheduler {
   };
   // Requires: frame_digest is a SHA-256.
   FoundTask FindTask(const std::string& frame_digest, const PixelRect& tile, SampleBlock block,
-                     const TileCells& cells, uint64_t lease_id);
+                     const TileCells& cells, uint64_t lease_id,
+                     TaskKind kind = TaskKind::kCamera);
   // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
   bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
               const ResultCost& cost, SteadyTime now);
@@ -272,7 +275,7 @@ class Scheduler {
   void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
                 bool is_check, SteadyTime now);
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
-                           const WorkerRecord& worker, uint64_t first, int64_t pixel_count) const;
+                           const WorkerRecord& worker, const FrameTasks::FreshBlock& block) const;
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
                  SteadyTime now) const;
   bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;

@@ -118,7 +118,7 @@ void Scheduler::KeepFailure(const Lease& lease, const LeaseFailure& failure) {
   FailureLog& log = job.failures;
   ++log.count;
   log.last.push_back({lease.frame.frame_number, lease.tile_rect, lease.task.block, lease.worker_id,
-                      failure.kind, failure.message});
+                      failure.kind, failure.message, absl::InfinitePast(), lease.kind});
   if (log.last.size() > static_cast<size_t>(limits_.failures_kept_max)) log.last.pop_front();
   failure_jobs_.insert(lease.frame.job_id);
 }
@@ -231,9 +231,8 @@ std::string Scheduler::TaskFailureText(const FrameRecord& frame, const Lease& le
                                        const TaskFailures& failures) const {
   const PixelRect& r = lease.tile_rect;
   const SampleBlock& b = lease.task.block;
-  return absl::StrCat("frame ", frame.number(), ", tile [", r.x0, ", ", r.x1, ") x [", r.y0, ", ",
-                      r.y1, "), samples [", b.first, ", ", b.End(), "): failed ",
-                      failures.attempt_count, " times, on ",
+  return absl::StrCat("frame ", frame.number(), ", ", WorkText(lease.kind, r, b),
+                      ": failed ", failures.attempt_count, " times, on ",
                       absl::StrJoin(failures.failed_by, ", "), "; last: ", failures.last_message,
                       "; to reproduce: ", RenderCommand("SCENE", frame.settings(), r, b.End()),
                       " (scene digest ", frame.packed.scene().Hex(), ")");

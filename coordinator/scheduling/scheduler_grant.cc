@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "coordinator/core/job_check.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {
@@ -149,8 +150,8 @@ bool Scheduler::GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* wor
       [&](const Task& t) { return MayRender(frame, MakeTaskId(id, t), *worker, now); },
       limits_.avoid_scan_max);
   if (!task) {
-    task = frame.tasks->TakeFresh([&](uint64_t first, int64_t pixel_count) {
-      return BlockSamplesMax(*job, frame, *worker, first, pixel_count);
+    task = frame.tasks->TakeFresh([&](const FrameTasks::FreshBlock& block) {
+      return BlockSamplesMax(*job, frame, *worker, block);
     });
   }
   if (!task) return false;
@@ -165,7 +166,8 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   lease.frame = {job->spec.job_id, frame->number()};
   lease.task = task;
   const CellGrid& grid = frame->tasks->grid();
-  lease.tile_rect = grid.tiles()[task.tile];
+  lease.kind = grid.KindOf(task.tile);
+  lease.tile_rect = grid.RectOf(task.tile);
   lease.cells = grid.CellsOf(task.tile, task.cells);
   lease.worker_id = worker->worker_id;
   lease.identity = worker->identity;
@@ -184,31 +186,37 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
 }
 
 uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
-                                    const WorkerRecord& worker, uint64_t first,
-                                    int64_t pixel_count) const {
+                                    const WorkerRecord& worker,
+                                    const FrameTasks::FreshBlock& block) const {
   const Partition& partition = job.spec.partition;
-  const uint64_t pass = partition.pass_sample_count;
+  const bool is_light = block.kind == TaskKind::kLight;
+  const uint64_t passes_max = is_light ? LightPassesMax(frame.settings(), limits_) : 0;
+  const uint64_t pass = is_light ? 1 : partition.pass_sample_count;
   if (partition.lease_pass_count != 0) {
-    return first == 0 ? pass : pass * partition.lease_pass_count;
+    const uint64_t samples =
+        partition.pass_sample_count * (block.first == 0 ? 1 : partition.lease_pass_count);
+    return is_light ? std::min(samples, passes_max) : samples;
   }
   const double rate = worker.SamplesPerThreadSecond();
   if (rate <= 0) return pass;
   // A worker that asks for fewer leases than it has threads renders one lease with several.
   const int threads_per_lease =
       std::max(1, worker.thread_count / std::max(1, worker.requested_lease_count));
-  const double pixels = static_cast<double>(pixel_count);
-  const double seconds =
-      first == 0 ? limits_.first_lease_target_seconds : limits_.lease_target_seconds;
+  const double pixels = static_cast<double>(block.pixel_count);
+  const double seconds = block.first == 0 ? limits_.first_lease_target_seconds
+                         : is_light       ? limits_.light_lease_target_seconds
+                                          : limits_.lease_target_seconds;
   double samples = rate * threads_per_lease * seconds / pixels;
   const double workers = std::max(1, workers_.LiveCount(job.spec.numeric_profile));
   const double left = static_cast<double>(frame.tasks->sample_count_ready());
   samples = std::min(samples, left / (limits_.tail_divisor * workers * pixels));
-  if (first == 0) {
+  if (block.first == 0) {
     samples = std::min(
         samples, static_cast<double>(frame.settings().samples / limits_.first_lease_fraction));
   }
-  const double passes = std::clamp(samples / static_cast<double>(pass), 1.0,
-                                   static_cast<double>(limits_.lease_pass_count_max));
+  const double passes =
+      std::clamp(samples / static_cast<double>(pass), 1.0,
+                 static_cast<double>(is_light ? passes_max : limits_.lease_pass_count_max));
   return pass * std::bit_floor(static_cast<uint64_t>(passes));
 }
 

@@ -380,5 +380,63 @@ TEST_F(SchedulerTest, LeasesGrowWithSpeedAndShrinkAtTheEnd) {
   EXPECT_LE(counts.back(), 512u);
 }
 
+// Four tiles of camera samples, then light passes, which have a limit of their own.
+TEST_F(SchedulerTest, LightPassesAreLeasedBesideTiles) {
+  JobSpec job;
+  job.job_id = 1;
+  job.numeric_profile = kProfile;
+  job.partition = {32, 16, 4};
+  job.frames.push_back(Frame(1, "scene", 1));
+  job.frames[0].settings.techniques = Techniques::kCameraAndLight;
+  ASSERT_TRUE(scheduler_.CheckJob(job).ok());
+  scheduler_.AddJob(job);
+  std::vector<Lease> leases = Sync("w", 6);
+  ASSERT_EQ(leases.size(), 6u);
+  for (size_t i = 0; i < 4; ++i) EXPECT_EQ(leases[i].kind, TaskKind::kCamera);
+  EXPECT_EQ(leases[4].kind, TaskKind::kLight);
+  EXPECT_EQ(leases[4].tile_rect, (PixelRect{0, 0, 64, 64}));
+  EXPECT_EQ(leases[4].task.block, (SampleBlock{0, 16}));
+  EXPECT_TRUE(leases[4].cells.All());
+  EXPECT_EQ(SampleCountTotal(Job(1).frames[0]), 2u * 64 * 64 * 64);
+  std::vector<SampleBlock> passes;
+  while (!held_["w"].empty()) {
+    const Lease lease = held_["w"].front();
+    if (lease.kind == TaskKind::kLight) passes.push_back(lease.task.block);
+    const std::string digest = scheduler_.FindFrame(lease.frame)->Spec().frame_digest;
+    const auto found = scheduler_.FindTask(digest, lease.tile_rect, lease.task.block, lease.cells,
+                                           lease.lease_id, lease.kind);
+    ASSERT_EQ(found.kind, Scheduler::FoundTask::Kind::kWanted);
+    EXPECT_EQ(found.task, lease.task);
+    std::erase_if(held_["w"], [&](const Lease& l) { return l.lease_id == lease.lease_id; });
+    scheduler_.Accept(lease.frame, lease.task, lease.lease_id, "w", {1, 0, absl::Milliseconds(1)},
+                      now_);
+    Sync("w", 6);
+  }
+  EXPECT_EQ(passes, (std::vector<SampleBlock>{{0, 16}, {16, 16}, {32, 16}, {48, 16}}));
+  EXPECT_EQ(Job(1).frames[0].phase, FrameRecord::Phase::kRendered);
+}
+
+// A pass is as large as the frame: where the coordinator chooses, tasks of light passes have few.
+TEST_F(SchedulerTest, UnknownWorkersGetOneLightPass) {
+  JobSpec job;
+  job.job_id = 1;
+  job.numeric_profile = kProfile;
+  job.partition = {64, 16, 0};
+  job.frames.push_back(Frame(1, "scene", 1));
+  job.frames[0].settings.techniques = Techniques::kCameraAndLight;
+  scheduler_.AddJob(job);
+  const std::vector<Lease> leases = Sync("w", 2);
+  ASSERT_EQ(leases.size(), 2u);
+  EXPECT_EQ(leases[0].task.block, (SampleBlock{0, 16}));
+  EXPECT_EQ(leases[1].kind, TaskKind::kLight);
+  EXPECT_EQ(leases[1].task.block, (SampleBlock{0, 1}));
+  for (const Lease& lease : leases) Fail(lease, FailureKind::kInfrastructure);
+  Sync("w", 0);
+  const FailureLog& log = Job(1).failures;
+  ASSERT_EQ(log.last.size(), 2u);
+  EXPECT_EQ(log.last[0].task_kind, TaskKind::kCamera);
+  EXPECT_EQ(log.last[1].task_kind, TaskKind::kLight);
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -26,6 +26,7 @@ struct PartKey {
   PixelRect tile;
   SampleBlock block;
   TileCells cells = {};
+  TaskKind kind = TaskKind::kCamera;
   friend bool operator==(const PartKey&, const PartKey&) = default;
 };
 
@@ -127,8 +128,9 @@ class JobStore {
   virtual absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) = 0;
   // The rows of one tile, ascending by first sample.
   virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                             const PixelRect& tile) = 0;
-  // CPU time of the stored parts of a tile.
+                                                             const PixelRect& tile,
+                                                             TaskKind kind) = 0;
+  // CPU time of the stored parts of one of the camera's tiles.
   struct TileCost {
     PixelRect tile;
     absl::Duration cpu_duration;

@@ -56,7 +56,8 @@ class SqliteJobStore : public JobStore {
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile) override;
+                                                     const PixelRect& tile,
+                                                     TaskKind kind) override;
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override;
   absl::StatusOr<std::string> ReadPart(const PartRow& row) override;
   absl::Status RemovePart(const PartRow& row) override;

@@ -96,14 +96,15 @@ absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& k
   SqliteStatement query = database_->Prepare(
       absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"),
                    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
-                   "count = ? AND cells = ?"));
+                   "count = ? AND cells = ? AND kind = ?"));
   query.Bind(key.frame.job_id)
       .Bind(key.frame.frame_number)
       .Bind(key.tile.y0)
       .Bind(key.tile.x0)
       .Bind(key.block.first)
       .Bind(key.block.count)
-      .Bind(key.cells.mask);
+      .Bind(key.cells.mask)
+      .Bind(StoredForm(key.kind));
   absl::StatusOr<std::vector<PartRow>> rows = ReadPartRows(&query);
   if (!rows.ok()) return rows.status();
   if (rows->empty()) return std::optional<PartRow>();
@@ -111,12 +112,18 @@ absl::StatusOr<std::optional<PartRow>> SqliteJobStore::FindPart(const PartKey& k
 }
 
 absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId& frame,
-                                                                   const PixelRect& tile) {
+                                                                   const PixelRect& tile,
+                                                                   TaskKind kind) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"),
-                   "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? ORDER BY first"));
-  query.Bind(frame.job_id).Bind(frame.frame_number).Bind(tile.y0).Bind(tile.x0);
+                   "WHERE job_id = ? AND frame_number = ? AND kind = ? AND y0 = ? AND x0 = ? "
+                   "ORDER BY first"));
+  query.Bind(frame.job_id)
+      .Bind(frame.frame_number)
+      .Bind(StoredForm(kind))
+      .Bind(tile.y0)
+      .Bind(tile.x0);
   return ReadPartRows(&query);
 }
 
@@ -124,8 +131,8 @@ absl::StatusOr<std::vector<JobStore::TileCost>> SqliteJobStore::TileCosts(const 
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       absl::StrCat(SelectFrom<TileCost>("parts"),
-                   "WHERE job_id = ? AND frame_number = ? GROUP BY y0, x0, y1, x1"));
-  query.Bind(frame.job_id).Bind(frame.frame_number);
+                   "WHERE job_id = ? AND frame_number = ? AND kind = ? GROUP BY y0, x0, y1, x1"));
+  query.Bind(frame.job_id).Bind(frame.frame_number).Bind(StoredForm(TaskKind::kCamera));
   std::vector<TileCost> costs;
   absl::Status read = ReadRows<TileCost>(&query, [&costs](const TileCost& cost) {
     costs.push_back(cost);
@@ -152,14 +159,15 @@ absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
     const MutexLock lock(&database_mutex_);
     SqliteStatement removal = database_->Prepare(
         "DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
-        "AND first = ? AND count = ? AND cells = ? RETURNING size_bytes");
+        "AND first = ? AND count = ? AND cells = ? AND kind = ? RETURNING size_bytes");
     removal.Bind(row.key.frame.job_id)
         .Bind(row.key.frame.frame_number)
         .Bind(row.key.tile.y0)
         .Bind(row.key.tile.x0)
         .Bind(row.key.block.first)
         .Bind(row.key.block.count)
-        .Bind(row.key.cells.mask);
+        .Bind(row.key.cells.mask)
+        .Bind(StoredForm(row.key.kind));
     while (true) {
       const absl::StatusOr<bool> removed = removal.Step();
       if (!removed.ok()) return removed.status();

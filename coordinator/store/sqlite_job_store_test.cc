@@ -275,7 +275,32 @@ TEST_F(SqliteJobStoreTest, PartsAreKeyedByCells) {
     ASSERT_TRUE(found->has_value());
     EXPECT_EQ(*store_->ReadPart(**found), absl::StrCat("bytes ", rows[i].key.cells.mask));
   }
-  EXPECT_EQ(store_->FindTileParts(rows[0].key.frame, rows[0].key.tile)->size(), 2u);
+  EXPECT_EQ(store_->FindTileParts(rows[0].key.frame, rows[0].key.tile, TaskKind::kCamera)->size(),
+            2u);
+}
+
+// A light part may have the rectangle and the passes of a tile's part.
+TEST_F(SqliteJobStoreTest, PartsAreKeyedByTheKindOfTheirTask) {
+  const uint64_t job = CreateJob();
+  const PartRow camera = MakePart(job, 16, "camera");
+  PartRow light = MakePart(job, 16, "light");
+  light.key.kind = TaskKind::kLight;
+  ASSERT_TRUE(store_->WritePart(camera, "camera").ok());
+  ASSERT_TRUE(store_->WritePart(light, "light").ok());
+  Reopen();
+  EXPECT_EQ(store_->LoadParts(job)->rows.size(), 2u);
+  const auto of_light =
+      store_->FindTileParts(light.key.frame, light.key.tile, TaskKind::kLight);
+  ASSERT_TRUE(of_light.ok() && of_light->size() == 1u);
+  EXPECT_EQ(of_light->front().key, light.key);
+  EXPECT_EQ(*store_->ReadPart(of_light->front()), "light");
+  // The time of the light tile is that of no place in the image.
+  const auto costs = store_->TileCosts(light.key.frame);
+  ASSERT_TRUE(costs.ok() && costs->size() == 1u);
+  EXPECT_EQ(costs->front().cpu_duration, camera.cost.cpu_duration);
+  ASSERT_TRUE(store_->RemovePart(light).ok());
+  EXPECT_FALSE(store_->FindPart(light.key)->has_value());
+  EXPECT_TRUE(store_->FindPart(camera.key)->has_value());
 }
 
 TEST_F(SqliteJobStoreTest, FilesWithoutRowsAreRemoved) {

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 20;
+constexpr int64_t kSchemaVersion = 21;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -162,6 +162,24 @@ constexpr char kAddedBy20[] = R"sql(
 ALTER TABLE frames ADD COLUMN techniques INTEGER NOT NULL DEFAULT 0;
 UPDATE frames SET seal = 0;
 )sql";
+// The light tile of a frame may have the rectangle of another tile.
+constexpr char kAddedBy21[] = R"sql(
+ALTER TABLE failures ADD COLUMN task_kind INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE parts RENAME TO parts_of_cameras;
+CREATE TABLE parts(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, kind INTEGER NOT NULL,
+  y0 INTEGER NOT NULL, x0 INTEGER NOT NULL, first INTEGER NOT NULL, count INTEGER NOT NULL,
+  cells INTEGER NOT NULL, y1 INTEGER NOT NULL, x1 INTEGER NOT NULL, cell_size_px INTEGER NOT NULL,
+  sha256 TEXT NOT NULL, size_bytes INTEGER NOT NULL, worker_id TEXT NOT NULL,
+  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
+  identity TEXT NOT NULL, seal INTEGER NOT NULL,
+  PRIMARY KEY(job_id, frame_number, kind, y0, x0, first, count, cells)) WITHOUT ROWID;
+INSERT INTO parts SELECT job_id, frame_number, 0, y0, x0, first, count, cells, y1, x1,
+  cell_size_px, sha256, size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns, identity, 0
+  FROM parts_of_cameras;
+DROP TABLE parts_of_cameras;
+CREATE INDEX parts_by_identity ON parts(identity);
+)sql";
 
 }  // namespace
 
@@ -183,7 +201,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
                                kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
                                kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
-                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20};
+                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

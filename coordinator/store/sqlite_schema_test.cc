@@ -139,7 +139,8 @@ TEST_F(SqliteSchemaTest, EarlierSchemasAreMigrated) {
 TEST_F(SqliteSchemaTest, SealsOfSchema19AreReset) {
   store_.reset();
   ASSERT_TRUE(Database()
-                  ->Execute("ALTER TABLE frames DROP COLUMN techniques;PRAGMA user_version=19;")
+                  ->Execute("ALTER TABLE frames DROP COLUMN techniques;"
+                            "ALTER TABLE failures DROP COLUMN task_kind;PRAGMA user_version=19;")
                   .ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
@@ -147,6 +148,30 @@ TEST_F(SqliteSchemaTest, SealsOfSchema19AreReset) {
   ASSERT_EQ(jobs->size(), 1u);
   EXPECT_EQ((*jobs)[0].damage, "");
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.techniques, Techniques::kCamera);
+}
+
+// Parts of before are those of camera paths.
+TEST_F(SqliteSchemaTest, PartsOfSchema20HaveNoKind) {
+  store_.reset();
+  ASSERT_TRUE(Database()
+                  ->Execute("DROP TABLE parts;ALTER TABLE failures DROP COLUMN task_kind;"
+                            "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, cells,"
+                            "y1, x1, cell_size_px, sha256, size_bytes, worker_id, ray_count,"
+                            "nonfinite_count, cpu_ns, identity, seal,"
+                            "PRIMARY KEY(job_id, frame_number, y0, x0, first, count, cells))"
+                            "WITHOUT ROWID;CREATE INDEX parts_by_identity ON parts(identity);"
+                            "INSERT INTO parts VALUES(1,7,32,64,16,4,5,48,96,8,'ab',9,'w',1,2,3,"
+                            "'me',77);PRAGMA user_version=20;")
+                  .ok());
+  Reopen();
+  const auto part = store_->FindPart({{1, 7}, {64, 32, 96, 48}, {16, 4}, {8, 5}});
+  ASSERT_TRUE(part.ok() && part->has_value());
+  EXPECT_EQ((*part)->key.kind, TaskKind::kCamera);
+  EXPECT_EQ((*part)->digest.sha256_hex, "ab");
+  EXPECT_EQ((*part)->identity, "me");
+  const auto of_identity = store_->FindPartsOf("me");
+  ASSERT_TRUE(of_identity.ok());
+  EXPECT_EQ(of_identity->size(), 1u);
 }
 
 TEST_F(SqliteSchemaTest, LaterSchemasAreRefused) {

@@ -172,6 +172,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("cpu_ns", row.cost.cpu_duration);
   visit("cell_size_px", row.key.cells.size_px);
   visit("cells", row.key.cells.mask);
+  visit("kind", row.key.kind);
   visit("identity", row.identity);
 }
 
@@ -275,6 +276,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("kind", row.failure.kind);
   visit("message", row.failure.message);
   visit("time_ns", row.failure.time);
+  visit("task_kind", row.failure.task_kind);
 }
 
 // The table `quarantines`.

@@ -83,10 +83,15 @@ export interface Frame {
   progress: Progress;
 }
 
+// The kind of path that a task traces: those of a tile's pixels, or light paths, whose tile is the
+// whole frame.
+export type TaskKind = 'camera'|'light';
+
 // A failed lease.
 export interface Failure {
   frame_number: number;
   tile: Rect;
+  task: TaskKind;
   first_sample: number;
   sample_count: number;
   worker: string;
@@ -103,6 +108,7 @@ export interface Lease {
   // Whether it belongs to a quote; the jobs of quotes are not listed.
   pilot: boolean;
   tile: Rect;
+  task: TaskKind;
   phase: string;
 }
 

@@ -113,9 +113,11 @@ function makeItem(failure: Failure): HTMLElement {
 
 function whereOf(failure: Failure): string {
   const last = failure.first_sample + failure.sample_count - 1;
+  const work = failure.task === 'light' ?
+      'light passes ' :
+      'tile at ' + format.place(failure.tile) + ', samples ';
   return [
-    'frame ' + failure.frame_number + ', tile at ' + format.place(failure.tile) + ', samples ' +
-        failure.first_sample + ' to ' + last,
+    'frame ' + failure.frame_number + ', ' + work + failure.first_sample + ' to ' + last,
     failure.kind, 'on ' + format.shortName(failure.worker), format.clock(failure.time)
   ].join(' · ');
 }

@@ -79,7 +79,8 @@ class WorkersAndJob {
     const absl::StatusOr<ResultReport> report = FromWire(header);
     if (!report.ok()) return;
     const Scheduler::FoundTask found = scheduler_.FindTask(
-        report->frame_digest, report->tile, report->block, report->cells, report->lease_id);
+        report->frame_digest, report->tile, report->block, report->cells, report->lease_id,
+        report->kind);
     if (found.kind != Found::kWanted) return;
     accepted_ += static_cast<uint64_t>(report->tile.PixelCount()) * report->block.count;
     scheduler_.Accept(found.frame, found.task, report->lease_id, report->worker_id,

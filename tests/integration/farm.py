@@ -49,6 +49,9 @@ def wait_until(condition, seconds, what):
     raise AssertionError(f"not within {seconds} s: {what}")
 
 
+TASK_KIND_LIGHT = 1  # As the store numbers them.
+
+
 class Farm:
     """A coordinator and workers with a temporary folder; use with `with`."""
 
@@ -150,11 +153,11 @@ class Farm:
 
     def acknowledged(self, job=None):
         """Keys of all results that the coordinator has acknowledged, read from its store: (frame,
-        x0, y0, first sample, count). job: those of "jobs/7" alone.
+        x0, y0, first sample, count, kind of task). job: those of "jobs/7" alone.
         """
         path = self.path("state", "farm.db")
         with contextlib.closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
-            return set(db.execute("SELECT frame_number, x0, y0, first, count FROM parts "
+            return set(db.execute("SELECT frame_number, x0, y0, first, count, kind FROM parts "
                                   "WHERE ? IS NULL OR job_id = ?",
                                   (job, job and int(job.rpartition("/")[2]))))
 
@@ -166,10 +169,12 @@ class Farm:
 
 
 def samples_by_tile(acknowledged):
-    """The samples of each tile in Farm.acknowledged. AssertionError: one is there twice."""
+    """The samples of each tile in Farm.acknowledged, by (frame, x0, y0, kind of task).
+    AssertionError: one is there twice.
+    """
     samples = {}
-    for frame, x, y, first, count in acknowledged:
-        covered = samples.setdefault((frame, x, y), set())
+    for frame, x, y, first, count, kind in acknowledged:
+        covered = samples.setdefault((frame, x, y, kind), set())
         block = set(range(first, first + count))
         if covered & block:
             raise AssertionError(f"tile {x},{y}: samples acknowledged twice")

@@ -37,7 +37,7 @@ bool Adopt(const Value& found, Possibly<Value>* possibly) {
 
 std::string Promises::NameOf(const PartKey& key) {
   return absl::StrCat(key.tile.x0, "_", key.tile.y0, "-", key.block.first, "-", key.block.count,
-                      "-", key.cells.mask);
+                      "-", key.cells.mask, "-", TaskKindName(key.kind));
 }
 
 void Promises::Created(uint64_t job_id, const coordinator::JobSpec& spec, bool certain) {

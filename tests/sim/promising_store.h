@@ -97,8 +97,9 @@ class PromisingStore : public coordinator::JobStore {
     return store_->FindPart(key);
   }
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile) override {
-    return store_->FindTileParts(frame, tile);
+                                                     const PixelRect& tile,
+                                                     TaskKind kind) override {
+    return store_->FindTileParts(frame, tile, kind);
   }
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
     return store_->TileCosts(frame);

@@ -57,6 +57,8 @@ JobSpec SimUser::MakeJob() {
       frame.stop.target_error = kTargetErrors[random_.Below(std::size(kTargetErrors))];
       frame.settings.samples = 128;
     }
+    const bool has_light = scene == 1 && frame.settings.window.x1 == 12;
+    if (has_light) frame.settings.techniques = Techniques::kCameraAndLight;
     spec.frames.push_back(std::move(frame));
   }
   return spec;

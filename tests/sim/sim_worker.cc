@@ -36,6 +36,7 @@ worker::Lease ToWorkerLease(const coordinator::LeaseGrant& grant) {
   lease.tile = grant.lease.tile_rect;
   lease.block = grant.lease.task.block;
   lease.cells = grant.lease.cells;
+  lease.kind = grant.lease.kind;
   lease.scene = grant.scene;
   lease.settings = grant.settings;
   lease.token = grant.token;
@@ -49,6 +50,7 @@ coordinator::ResultReport ToReport(const std::string& worker_id, const std::stri
   report.tile = part.tile;
   report.block = part.block;
   report.cells = part.cells;
+  report.kind = part.kind;
   report.lease_id = part.lease_id;
   report.token = part.token;
   report.worker_id = worker_id;
@@ -66,6 +68,7 @@ worker::Lease LeaseOf(const FinishedPart& part) {
   lease.tile = part.tile;
   lease.block = part.block;
   lease.cells = part.cells;
+  lease.kind = part.kind;
   return lease;
 }
 
@@ -190,7 +193,8 @@ void SimWorker::Synchronize() {
 void SimWorker::CheckGrant(const worker::Lease& lease) {
   const std::string task =
       absl::StrCat(id_, " ", lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ",
-                   lease.block.first, " ", lease.block.count, " ", lease.cells.mask);
+                   lease.block.first, " ", lease.block.count, " ", lease.cells.mask, " ",
+                   TaskKindName(lease.kind));
   world_.tokens[lease.lease_id] = lease.token;
   const auto [granted, is_new] = world_.granted.emplace(lease.lease_id, task);
   if (!is_new && granted->second != task) {
@@ -268,6 +272,7 @@ FinishedPart SimWorker::MakePart(const worker::Lease& lease) {
   part.tile = lease.tile;
   part.block = lease.block;
   part.cells = lease.cells;
+  part.kind = lease.kind;
   part.token = lease.token;
   if (habits_.makes_false_pixels && world_.faults.Happens(Fault::kFalsePixels)) {
     world_.Trace(id_, " renders false pixels for lease ", lease.lease_id & 0xffffff);
@@ -329,7 +334,8 @@ void SimWorker::Lie(FinishedPart* part) {
 void SimWorker::NoteFalse(const FinishedPart& part) {
   const std::string result =
       absl::StrCat(part.frame_digest, " ", part.tile.x0, " ", part.tile.y0, " ", part.block.first,
-                   " ", part.block.count, " ", part.cells.mask, " ", part.digest.sha256_hex);
+                   " ", part.block.count, " ", part.cells.mask, " ", TaskKindName(part.kind), " ",
+                   part.digest.sha256_hex);
   world_.false_results[result].insert(identity());
 }
 

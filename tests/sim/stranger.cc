@@ -21,6 +21,7 @@ worker::Lease LeaseOf(const coordinator::ResultReport& report) {
   lease.tile = report.tile;
   lease.block = report.block;
   lease.cells = report.cells;
+  lease.kind = report.kind;
   return lease;
 }
 

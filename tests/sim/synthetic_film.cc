@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/light/light_pass_accumulator.h"
 #include "common/math/mix_bits.h"
 #include "coordinator/core/cell_errors.h"
 #include "coordinator/core/frame_merge.h"
@@ -63,9 +64,37 @@ FilmTile MakePart(uint64_t seed, const PixelRect& rect, SampleBlock block, const
   return tile;
 }
 
+// Light passes: a splat on every pixel, and more on some.
+FilmTile MakeLightPart(uint64_t seed, const PixelRect& window, SampleBlock block) {
+  FilmTile tile(window, block);
+  LightPassAccumulator film(&tile);
+  for (uint64_t pass = block.first; pass < block.End(); ++pass) {
+    for (int32_t y = window.y0; y < window.y1; ++y) {
+      for (int32_t x = window.x0; x < window.x1; ++x) {
+        const int32_t splat_count = 1 + x % 2;
+        for (int32_t i = 0; i < splat_count; ++i) {
+          const FilmSample sample = SampleOf(seed ^ 0x5157, x, y, pass * 2 + i);
+          film.Add(x, y, sample.radiance, 0.5f, std::nullopt);
+        }
+      }
+    }
+    film.EndPass();
+  }
+  film.Finish();
+  return tile;
+}
+
+FilmTile MakePartOf(uint64_t seed, const worker::Lease& lease) {
+  return lease.kind == TaskKind::kLight ? MakeLightPart(seed, lease.tile, lease.block)
+                                        : MakePart(seed, lease.tile, lease.block, lease.cells);
+}
+
+PartHeader HeaderOf(const worker::Lease& lease) {
+  return {lease.frame_digest, NumericProfile(), {}, lease.cells, lease.kind};
+}
+
 std::string Encoded(uint64_t seed, const worker::Lease& lease) {
-  return EncodePart(MakePart(seed, lease.tile, lease.block, lease.cells),
-                    {lease.frame_digest, NumericProfile(), {}, lease.cells});
+  return EncodePart(MakePartOf(seed, lease), HeaderOf(lease));
 }
 
 // Adds samples [from, to) of a cell to the merge.
@@ -84,6 +113,15 @@ void AddSamples(const FrameSpec& frame, uint32_t cell, uint64_t from, uint64_t t
   }
 }
 
+// Adds light passes [from, to) to the merge.
+void AddPasses(const FrameSpec& frame, uint64_t from, uint64_t to, FrameMerge* merge) {
+  const uint32_t tile = *merge->grid().light_tile();
+  for (const SampleBlock& block : CutSamples(from, to - from, LightPassAccumulator::kPassesMax)) {
+    merge->Insert(tile,
+                  {MakeLightPart(SeedOf(frame.frame_digest), merge->grid().RectOf(tile), block)});
+  }
+}
+
 std::string RenderAlone(const FrameSpec& frame, const coordinator::Partition& partition) {
   coordinator::MergeBudget budget(uint64_t{1} << 40);
   const bool in_rounds = frame.stop.IsActive();
@@ -99,6 +137,9 @@ std::string RenderAlone(const FrameSpec& frame, const coordinator::Partition& pa
     for (uint32_t cell = 0; cell < samples.size(); ++cell) merge.Grow(cell, samples[cell]);
     for (uint32_t cell = 0; cell < samples.size(); ++cell) {
       if (have[cell] < samples[cell]) AddSamples(frame, cell, have[cell], samples[cell], &merge);
+    }
+    if (grid.light_tile()) {
+      AddPasses(frame, std::ranges::max(have), std::ranges::max(samples), &merge);
     }
     merge.Refresh();
     SHEAF_CHECK(merge.AllDeveloped());
@@ -119,7 +160,8 @@ const std::string& TruePart(const worker::Lease& lease) {
   static auto& parts = *new std::map<std::string, std::string>();
   std::string& bytes = parts[absl::StrCat(
       lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ", lease.tile.x1, " ",
-      lease.tile.y1, " ", lease.block.first, " ", lease.block.count, " ", lease.cells.mask)];
+      lease.tile.y1, " ", lease.block.first, " ", lease.block.count, " ", lease.cells.mask, " ",
+      TaskKindName(lease.kind))];
   if (bytes.empty()) bytes = Encoded(SeedOf(lease.frame_digest), lease);
   return bytes;
 }
@@ -129,10 +171,10 @@ std::string FalsePart(const worker::Lease& lease, uint64_t kind) {
 }
 
 std::string ImpossiblePart(const worker::Lease& lease) {
-  FilmTile tile = MakePart(SeedOf(lease.frame_digest), lease.tile, lease.block, lease.cells);
+  FilmTile tile = MakePartOf(SeedOf(lease.frame_digest), lease);
   float* alpha = tile.channel(FilmChannel::kAlpha);
-  std::for_each(alpha, alpha + tile.plane_size(), [](float& sum) { sum *= 2; });
-  return EncodePart(tile, {lease.frame_digest, NumericProfile(), {}, lease.cells});
+  std::for_each(alpha, alpha + tile.plane_size(), [](float& sum) { sum = 2 * sum + 1; });
+  return EncodePart(tile, HeaderOf(lease));
 }
 
 const std::string& OneProcessImage(const FrameSpec& frame,

@@ -28,8 +28,12 @@ bool IsRefusal(const absl::Status& status) {
 }
 
 std::string Describe(const FinishedPart& part) {
-  return absl::StrCat("frame ", part.frame_digest.substr(0, 12), " tile ", part.tile.x0, ",",
-                      part.tile.y0, " samples ", part.block.first, "+", part.block.count);
+  const std::string place =
+      part.kind == TaskKind::kLight
+          ? " light passes "
+          : absl::StrCat(" tile ", part.tile.x0, ",", part.tile.y0, " samples ");
+  return absl::StrCat("frame ", part.frame_digest.substr(0, 12), place, part.block.first, "+",
+                      part.block.count);
 }
 
 }  // namespace

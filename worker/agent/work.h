@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/content/blob_digest.h"
+#include "common/film/task_kind.h"
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
@@ -26,6 +27,7 @@ struct Lease {
   PixelRect tile;
   SampleBlock block;
   TileCells cells;
+  TaskKind kind = TaskKind::kCamera;
   BlobDigest scene;  // The manifest's digest.
   FrameSettings settings;
   std::string token;  // Goes back with the result or the failure.
@@ -73,6 +75,7 @@ struct FinishedPart {
   PixelRect tile;
   SampleBlock block;
   TileCells cells;
+  TaskKind kind = TaskKind::kCamera;
   std::string exr_bytes;
   BlobDigest digest;  // Digest of exr_bytes.
   uint64_t ray_count = 0;

@@ -11,8 +11,10 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
+#include "worker/render/light_pass.h"
 #include "worker/render/scene/memory_estimate.h"
 #include "worker/render/tile_pass.h"
+#include "worker/sandbox/light_pass_gate.h"
 
 namespace sheaf::worker {
 namespace {
@@ -63,10 +65,11 @@ absl::Status CheckEstimate(const SceneDescription& scene, FileSource& files,
       "memory"));
 }
 
-void LogStats(const std::string& frame_name, const render::RenderStats& stats) {
+void LogStats(const std::string& frame_name, TaskKind kind, const render::RenderStats& stats) {
   for (const PixelAccumulator::NonFinite& sample : stats.non_finite) {
-    LogError(absl::StrCat(frame_name, ": sample ", sample.sample_index, " of pixel ", sample.x, ",",
-                          sample.y, " is not finite"));
+    LogError(absl::StrCat(
+        frame_name, ": ", kind == TaskKind::kLight ? "a splat of light pass " : "sample ",
+        sample.sample_index, " of pixel ", sample.x, ",", sample.y, " is not finite"));
   }
   if (stats.broken_nestings > 0) {
     LogWarning(absl::StrCat(
@@ -93,11 +96,19 @@ void LogStats(const std::string& frame_name, const render::RenderStats& stats) {
   }
 }
 
+// The part of the memory that is free beside the scene that its light passes may take together; the
+// rest is for their encoding, and for tiles.
+constexpr uint64_t kLightPassShare = 2;
+
 // A compiled scene with the table of its textures' files.
 class DirectScene : public OpenScene {
  public:
-  DirectScene(std::unique_ptr<TableFileSource> source, render::CompiledScenePtr scene)
-      : source_(std::move(source)), scene_(std::move(scene)) {}
+  // room_bytes: the memory that is free beside the scene.
+  DirectScene(std::unique_ptr<TableFileSource> source, render::CompiledScenePtr scene,
+              uint64_t room_bytes)
+      : source_(std::move(source)),
+        scene_(std::move(scene)),
+        light_passes_(room_bytes / kLightPassShare) {}
 
   uint64_t memory_bytes() const override { return render::MemoryBytesOf(*scene_); }
 
@@ -105,9 +116,9 @@ class DirectScene : public OpenScene {
     render::RenderStats stats;
     const absl::StatusOr<FilmTile> tile = RenderCells(lease, stop, &stats);
     if (!tile.ok()) return tile.status();
-    LogStats(lease.frame_name, stats);
+    LogStats(lease.frame_name, lease.kind, stats);
     return RenderedPart{EncodePart(*tile, {lease.frame_digest, NumericProfile(),
-                                           lease.settings.lattice, lease.cells}),
+                                           lease.settings.lattice, lease.cells, lease.kind}),
                         stats.rays, stats.cpu_seconds};
   }
 
@@ -115,6 +126,12 @@ class DirectScene : public OpenScene {
   // The pixels of the lease, as one tile; other pixels are empty.
   absl::StatusOr<FilmTile> RenderCells(const Lease& lease, const std::stop_token& stop,
                                        render::RenderStats* stats) const {
+    if (lease.kind == TaskKind::kLight) {
+      const absl::StatusOr<LightPassGate::Pass> pass = light_passes_.Enter(
+          render::LightPassMemoryBytes(lease.tile, lease.block, lease.settings.outputs), stop);
+      if (!pass.ok()) return pass.status();
+      return render::RenderLightPass(*scene_, lease.tile, lease.block, stop, stats);
+    }
     if (lease.cells.All()) {
       return render::RenderTilePass(*scene_, lease.tile, lease.block, stop, stats);
     }
@@ -132,6 +149,7 @@ class DirectScene : public OpenScene {
 
   std::unique_ptr<TableFileSource> source_;
   render::CompiledScenePtr scene_;
+  mutable LightPassGate light_passes_;
 };
 
 }  // namespace
@@ -174,8 +192,8 @@ OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
             inputs.main_file, ": the compiled scene has ", memory_bytes, " bytes, the limit is ",
             scene_limits.scene_memory_bytes_max, "; raise it (--scene-memory-max)")));
   }
-  return {std::make_unique<DirectScene>(std::move(source), *std::move(compiled)), absl::OkStatus(),
-          FailureKind::kInternal};
+  return {std::make_unique<DirectScene>(std::move(source), *std::move(compiled), room_now_().bytes),
+          absl::OkStatus(), FailureKind::kInternal};
 }
 
 }  // namespace sheaf::worker

@@ -29,7 +29,7 @@ inline constexpr int kSceneSocket = 3;
 // What a process accepts from its worker: the names of all files of a scene come in one message.
 inline constexpr MessageLimits kRequestLimits{uint32_t{1} << 30, 0};
 // What a worker accepts from a process. The coordinator refuses larger parts, too.
-inline constexpr MessageLimits kReplyLimits{uint32_t{64} << 10, uint32_t{256} << 20};
+inline constexpr MessageLimits kReplyLimits{uint32_t{64} << 10, uint32_t{512} << 20};
 // Of a message to people. Longer ones are cut, by both ends.
 inline constexpr size_t kReplyTextBytesMax = 4'096;
 

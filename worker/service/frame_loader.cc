@@ -43,6 +43,7 @@ class FrameScene : public LoadedScene {
     part.tile = lease.tile;
     part.block = lease.block;
     part.cells = lease.cells;
+    part.kind = lease.kind;
     part.exr_bytes = std::move(rendered->exr_bytes);
     part.digest = {Sha256Hex(part.exr_bytes), part.exr_bytes.size()};
     part.ray_count = rendered->ray_count;

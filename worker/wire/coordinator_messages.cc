@@ -51,11 +51,19 @@ absl::Status CheckLease(const Lease& lease) {
   const std::string why_no_cells = WhyNoCells(lease.tile, lease.cells);
   if (!why_no_cells.empty())
     return absl::InvalidArgumentError("its cells are invalid: " + why_no_cells);
+  if (lease.kind == TaskKind::kLight) {
+    const bool fits = settings.techniques != Techniques::kCamera &&
+                      lease.tile == settings.window && lease.cells.All() && settings.lattice.All();
+    if (!fits) return absl::InvalidArgumentError("its light passes are not those of its frame");
+  }
   if (settings.max_depth < 0) return absl::InvalidArgumentError("its depth is negative");
   return CheckDigest(lease.scene);
 }
 
 absl::StatusOr<Lease> FromWire(const v1::Lease& message) {
+  if (!v1::TaskKind_IsValid(message.key().kind())) {
+    return absl::InvalidArgumentError("its kind of task is unknown");
+  }
   Lease lease;
   lease.lease_id = message.lease_id();
   lease.attempt = message.attempt();

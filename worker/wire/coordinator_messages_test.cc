@@ -53,6 +53,44 @@ TEST(WireTest, ReadsALease) {
   EXPECT_EQ(state->lease_duration, std::chrono::seconds(30));
 }
 
+v1::SynchronizeResponse OneLightLease() {
+  v1::SynchronizeResponse response = OneLease();
+  v1::Lease* lease = response.mutable_leases(0);
+  lease->mutable_key()->set_kind(v1::TASK_KIND_LIGHT);
+  *lease->mutable_key()->mutable_tile() = lease->settings().window();
+  lease->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_AND_LIGHT);
+  return response;
+}
+
+TEST(WireTest, LightPassesKeepTheirKind) {
+  const absl::StatusOr<DesiredState> state = FromWire(OneLightLease());
+  ASSERT_TRUE(state.ok()) << state.status();
+  EXPECT_EQ(state->leases[0].kind, TaskKind::kLight);
+  EXPECT_EQ(FromWire(OneLease())->leases[0].kind, TaskKind::kCamera);
+  FinishedPart part;
+  EXPECT_EQ(ToWire(part, "w").key().kind(), v1::TASK_KIND_CAMERA);
+  part.kind = TaskKind::kLight;
+  EXPECT_EQ(ToWire(part, "w").key().kind(), v1::TASK_KIND_LIGHT);
+}
+
+TEST(WireTest, RefusesLightPassesOfOtherFrames) {
+  using Change = void (*)(v1::Lease*);
+  const Change changes[] = {
+      [](v1::Lease* l) { l->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA); },
+      [](v1::Lease* l) { SetRect(l->mutable_key()->mutable_tile(), 0, 0, 16, 16); },
+      [](v1::Lease* l) { l->mutable_key()->set_kind(static_cast<v1::TaskKind>(9)); },
+      [](v1::Lease* l) {
+        l->mutable_key()->set_cell_size_px(16);
+        l->mutable_key()->set_cells(1);
+      },
+  };
+  for (const Change& change : changes) {
+    v1::SynchronizeResponse response = OneLightLease();
+    change(response.mutable_leases(0));
+    EXPECT_FALSE(FromWire(response).ok()) << response.leases(0).ShortDebugString();
+  }
+}
+
 TEST(WireTest, RefusesInvalidLeases) {
   using Change = void (*)(v1::Lease*);
   const Change changes[] = {

@@ -16,6 +16,7 @@ v1::ResultKey KeyOfWork(const Work& work) {
   key.mutable_block()->set_count(work.block.count);
   key.set_cell_size_px(work.cells.size_px);
   key.set_cells(work.cells.mask);
+  if (work.kind == TaskKind::kLight) key.set_kind(v1::TASK_KIND_LIGHT);
   return key;
 }
 
@@ -29,6 +30,7 @@ void ReadKey(const v1::ResultKey& key, Lease* lease) {
   lease->tile = sheaf::FromWire(key.tile());
   lease->block = {key.block().first(), key.block().count()};
   lease->cells = {key.cell_size_px(), key.cells()};
+  lease->kind = key.kind() == v1::TASK_KIND_CAMERA ? TaskKind::kCamera : TaskKind::kLight;
 }
 
 v1::LeaseFailure::Kind ToWire(FailureKind kind) {

@@ -134,7 +134,8 @@ void Farm::KeepProvenFailures(WorkerReport* report) {
         const std::string digest =
             tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
         const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
-                              lease->tile_rect, lease->task.block,   lease->cells};
+                              lease->tile_rect, lease->task.block,   lease->cells,
+                              lease->kind};
         if (tokens_.IsValid(work, failure.token)) return false;
         ++tables_.scheduler.counters().failures_refused;
         LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",
@@ -164,7 +165,7 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
   for (LeaseGrant& grant : answer.leases) {
     const Lease& lease = grant.lease;
     grant.token = tokens_.Make({lease.lease_id, lease.identity, grant.frame_digest, lease.tile_rect,
-                                lease.task.block, lease.cells});
+                                lease.task.block, lease.cells, lease.kind});
   }
   if (!report.failures.empty()) lifecycle_.SettleEnded();
   signals_.Changed();

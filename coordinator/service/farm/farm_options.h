@@ -26,7 +26,7 @@ struct FarmOptions {
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
       absl::Milliseconds(300);                    // Between two previews of a frame.
-  uint64_t part_bytes_max = uint64_t{256} << 20;  // For one result.
+  uint64_t part_bytes_max = uint64_t{512} << 20;  // For one result.
 };
 
 }  // namespace sheaf::coordinator

@@ -204,15 +204,14 @@ DeliveredFrame FrameDelivery::Account(const FrameId& id, const OpenFrame& frame)
   const FrameMerge& merge = frame.merge;
   const FrameImage& image = merge.image();
   DeliveredFrame delivered;
-  delivered.tile_count = merge.tile_count();
-  delivered.unreliable_tile_count = merge.unreliable_count();
-  delivered.unreliable_layers = RareLayers(image, merge.UnreliableTiles());
+  const std::vector<PixelRect> unreliable = merge.UnreliableTiles();
+  delivered.tile_count = static_cast<uint32_t>(merge.grid().tiles().size());
+  delivered.unreliable_tile_count = static_cast<uint32_t>(unreliable.size());
+  delivered.unreliable_layers = RareLayers(image, unreliable);
   delivered.image_digest = ImageDigest(image);
   delivered.relative_mse = EstimateError(image).relative_mse;
   delivered.one_sequence_gain = PriceOfErrorBars(id, frame.spec);
-  if (merge.error_sample() != nullptr) {
-    delivered.flip = EstimateFlip(image, *merge.error_sample()).value_or(0);
-  }
+  delivered.flip = merge.Flip().value_or(0);
   const MutexLock lock(&tables_.mutex);
   const FrameRecord& record = *tables_.scheduler.FindFrame(id);
   delivered.sample_count = record.sample_count_done;

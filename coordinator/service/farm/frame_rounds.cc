@@ -40,6 +40,8 @@ RoundRecord FrameRounds::RecordOf(const OpenFrame& frame, const FrameId& id,
   const MutexLock lock(&tables_.mutex);
   const FrameRecord& scheduled = *tables_.scheduler.FindFrame(id);
   record.sample_count = scheduled.sample_count_done;
+  // Decisions count camera samples; light passes follow them. A job that has ended has no tasks.
+  if (scheduled.tasks != nullptr) record.sample_count -= scheduled.tasks->light_path_count_done();
   record.cost = scheduled.cost;
   record.wall_duration = tables_.WallOf(id, SteadyTime::Now());
   return record;
@@ -91,7 +93,7 @@ void FrameRounds::KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t
 }
 
 void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
-  const uint64_t fewest = std::ranges::min(frame->merge.SamplesOfCells());
+  const uint64_t fewest = frame->merge.FewestSamples();
   if (!ended && fewest < frame->next_point_samples) return;
   // The last point is of the image as a whole, on its delivery.
   if (!ended && fewest >= frame->spec.settings.samples) return;

@@ -120,12 +120,12 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
     const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
     if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
     const FrameTasks::Fit fit = tables_.scheduler.RestorePart(
-        row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost);
+        row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost, row.key.kind);
     if (fit != FrameTasks::Fit::kWanted) {
       RemoveUnusable(row, fit);
       continue;
     }
-    on_disk[row.key.frame].insert(*frame->tasks->grid().FindTile(row.key.tile));
+    on_disk[row.key.frame].insert(*frame->tasks->grid().FindTile(row.key.tile, row.key.kind));
   }
   for (const auto& [id, tiles] : on_disk) tables_.Open(id, tiles);
   for (const FrameSpec& spec : job.spec.frames) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "absl/strings/numbers.h"
@@ -37,6 +38,14 @@ RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
   record.cells.push_back(
       {spec.settings.samples, {pixel_count, sum, kSquareRatio * delivered.relative_mse * sum}});
   return record;
+}
+
+// The time of light passes belongs to no tile, and more camera samples bring more of them. So each
+// tile's time is scaled for all tiles to have that of the frame.
+void AddLightPasses(double frame_seconds, std::vector<double>* seconds_of_tiles) {
+  const double sum = std::accumulate(seconds_of_tiles->begin(), seconds_of_tiles->end(), 0.0);
+  if (!(sum > 0)) return;
+  for (double& seconds : *seconds_of_tiles) seconds *= frame_seconds / sum;
 }
 
 // Distributes each tile's CPU time among its cells by their samples.
@@ -127,6 +136,7 @@ absl::StatusOr<FinishedFrame> RefinementPricing::FinishedFrameOf(
   if (seconds_at.size() == grid.tiles().size()) {
     std::vector<double> seconds;
     for (const PixelRect& tile : grid.tiles()) seconds.push_back(seconds_at[{tile.y0, tile.x0}]);
+    if (grid.light_tile()) AddLightPasses(frame.cpu_seconds, &seconds);
     frame.cpu_seconds_of_cells = DistributeCpuTime(grid, seconds, frame.rounds);
   }
   if (!frame.rounds.empty()) return frame;

@@ -17,9 +17,8 @@ namespace sheaf::coordinator {
 namespace {
 
 std::string KeyText(const ResultReport& r) {
-  return absl::StrCat("frame digest ", r.frame_digest.substr(0, 12), ", tile [", r.tile.x0, ", ",
-                      r.tile.x1, ") x [", r.tile.y0, ", ", r.tile.y1, "), samples [", r.block.first,
-                      ", ", r.block.End(), ")",
+  return absl::StrCat("frame digest ", r.frame_digest.substr(0, 12), ", ",
+                      WorkText(r.kind, r.tile, r.block),
                       r.cells.All() ? "" : absl::StrFormat(", cells %#x", r.cells.mask));
 }
 
@@ -45,10 +44,11 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
   if (!(part.tile.outputs() == settings.outputs)) {
     return "the part has other outputs than the job";
   }
+  if (part.header.kind != report.kind) return "the part has another kind of paths than its task";
   if (part.header.lattice != settings.lattice) {
     return "the part has other pixels than the job";
   }
-  return WhyNotOfSettings(part.tile, settings);
+  return WhyNotOfSettings(part.tile, settings, report.kind);
 }
 
 }  // namespace
@@ -101,7 +101,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
     return Reject(report, "the bytes do not match their digest");
   }
-  const TileReservation reservation(this, {report.frame_digest, {report.tile.y0, report.tile.x0}});
+  const TileReservation reservation(
+      this, {report.frame_digest, report.kind, report.tile.y0, report.tile.x0});
   // Again: the sender's results may have been removed while this one waited for its tile.
   if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
   Scheduler::FoundTask found;
@@ -110,7 +111,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   {
     const MutexLock lock(&tables_.mutex);
     found = tables_.scheduler.FindTask(report.frame_digest, report.tile, report.block, report.cells,
-                                       report.lease_id);
+                                       report.lease_id, report.kind);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
       numeric_profile = tables_.scheduler.jobs().at(found.frame.job_id).spec.numeric_profile;
       settings = tables_.scheduler.FindFrame(found.frame)->settings();
@@ -133,7 +134,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
 
 absl::Status ResultIntake::CheckSender(const ResultReport& report) {
   const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest,
-                        report.tile,     report.block,    report.cells};
+                        report.tile,     report.block,    report.cells,
+                        report.kind};
   const bool was_leased = tokens_.IsValid(work, report.token);
   std::string why = "the work was not leased to the sender, or the coordinator has another secret";
   {
@@ -173,7 +175,7 @@ absl::Status ResultIntake::Reject(const ResultReport& report, const std::string&
 absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& report,
                                                          const Scheduler::FoundTask& found) {
   const absl::StatusOr<std::optional<PartRow>> row =
-      store_.FindPart({found.frame, report.tile, report.block, report.cells});
+      store_.FindPart({found.frame, report.tile, report.block, report.cells, report.kind});
   if (!row.ok()) return row.status();
   CheckVerdict verdict;
   bool is_equal = false;
@@ -231,7 +233,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                                                   FilmTile part) {
   const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration,
                         report.digest.size_bytes};
-  const PartRow row{{found.frame, report.tile, report.block, report.cells},
+  const PartRow row{{found.frame, report.tile, report.block, report.cells, report.kind},
                     report.digest,
                     report.worker_id,
                     cost,
@@ -244,11 +246,12 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   std::shared_ptr<OpenFrame> open;
   bool tile_complete = false;
   bool rendered = false;
-  const double draw = choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells);
+  const double draw = choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells,
+                                     report.kind);
   {
     const MutexLock lock(&tables_.mutex);
     const Scheduler::FoundTask again = tables_.scheduler.FindTask(
-        report.frame_digest, report.tile, report.block, report.cells, report.lease_id);
+        report.frame_digest, report.tile, report.block, report.cells, report.lease_id, report.kind);
     const bool wanted =
         again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
     if (wanted) {
@@ -269,7 +272,9 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
     return ResultOutcome::kSuperseded;
   }
   if (cost.nonfinite_count > 0) {
-    LogWarning(absl::StrCat(cost.nonfinite_count, " samples were not finite in ", KeyText(report)));
+    LogWarning(absl::StrCat(cost.nonfinite_count,
+                            report.kind == TaskKind::kLight ? " splats" : " samples",
+                            " were not finite in ", KeyText(report)));
   }
   Merge(open.get(), found.frame, found.task.tile, {std::move(part), found.task.cells},
         tile_complete);

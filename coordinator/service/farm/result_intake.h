@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "absl/status/statusor.h"
@@ -33,6 +34,7 @@ struct ResultReport {
   PixelRect tile;
   SampleBlock block;
   TileCells cells;
+  TaskKind kind = TaskKind::kCamera;
   uint64_t lease_id = 0;
   std::string token;  // LeaseGrant::token.
   std::string worker_id;
@@ -83,7 +85,7 @@ class ResultIntake {
   class Pause;
 
  private:
-  using TileName = std::pair<std::string, std::pair<int32_t, int32_t>>;  // Frame digest, y0, x0.
+  using TileName = std::tuple<std::string, TaskKind, int32_t, int32_t>;  // Frame digest, y0, x0.
   // Holds a tile's reservation: results of one tile are taken one at a time.
   class TileReservation;
 

@@ -3,6 +3,7 @@
 #include "coordinator/service/farm/tile_builder.h"
 
 #include <algorithm>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -16,11 +17,15 @@ namespace sheaf::coordinator {
 absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t tile) {
   const CellGrid& grid = frame->merge.grid();
   const std::vector<PartKey> left = removals_.LeftOf(id.job_id);
-  const absl::StatusOr<std::vector<PartRow>> rows = store_.FindTileParts(id, grid.tiles()[tile]);
+  const absl::StatusOr<std::vector<PartRow>> rows =
+      store_.FindTileParts(id, grid.RectOf(tile), grid.KindOf(tile));
   if (!rows.ok()) return rows.status();
   absl::StatusOr<std::vector<CellPart>> resumed = ResumedParts(frame, tile);
   if (!resumed.ok()) return resumed.status();
-  std::vector<CellPart> parts = *std::move(resumed);
+  // Part by part: all of the light tile's are many times its size.
+  std::unique_ptr<CellTrees> trees = frame->merge.MakeTrees(tile);
+  absl::Status merged;
+  for (CellPart& part : *resumed) merged.Update(trees->Insert(std::move(part.sums), part.cells));
   bool lost = false;
   for (const PartRow& row : *rows) {
     if (std::find(left.begin(), left.end(), row.key) != left.end()) continue;
@@ -29,7 +34,9 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
     if (bytes.ok()) {
       absl::StatusOr<DecodedPart> part = DecodePart(*bytes, row.key.tile.PixelCount());
       status = part.status();
-      if (part.ok()) parts.push_back({std::move(part->tile), *grid.MaskOf(tile, row.key.cells)});
+      if (part.ok()) {
+        merged.Update(trees->Insert(std::move(part->tile), *grid.MaskOf(tile, row.key.cells)));
+      }
     }
     if (status.ok()) continue;
     RevokePart(row, status);
@@ -39,7 +46,8 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
     frame->merge.MarkOnDisk(tile);  // Complete again when those are rendered.
     return absl::OkStatus();
   }
-  return frame->merge.Rebuild(tile, std::move(parts));
+  if (!merged.ok()) return merged;
+  return frame->merge.Rebuild(tile, std::move(trees));
 }
 
 void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
@@ -48,7 +56,8 @@ void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
   const MutexLock lock(&tables_.mutex);
   const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
   if (frame == nullptr || frame->tasks == nullptr) return;
-  const std::optional<Task> task = frame->tasks->Find(row.key.tile, row.key.block, row.key.cells);
+  const std::optional<Task> task =
+      frame->tasks->Find(row.key.tile, row.key.block, row.key.cells, row.key.kind);
   if (task) tables_.scheduler.Revoke(row.key.frame, *task);
 }
 

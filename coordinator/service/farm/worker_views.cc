@@ -39,7 +39,8 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   for (const uint64_t id : worker.leases) {
     const Lease& lease = *tables_.scheduler.leases().Find(id);
     view.leases.push_back(
-        {lease.frame, lease.tile_rect, lease.task.block, lease.phase, stamp(lease.grant_time)});
+        {lease.frame, lease.tile_rect, lease.task.block, lease.phase, stamp(lease.grant_time),
+         lease.kind});
   }
   std::stable_sort(
       view.leases.begin(), view.leases.end(), [](const LeaseView& a, const LeaseView& b) {

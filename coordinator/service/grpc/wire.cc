@@ -230,6 +230,7 @@ v1::Lease ToWire(const LeaseGrant& grant) {
   wire.mutable_key()->mutable_block()->set_count(grant.lease.task.block.count);
   wire.mutable_key()->set_cell_size_px(grant.lease.cells.size_px);
   wire.mutable_key()->set_cells(grant.lease.cells.mask);
+  if (grant.lease.kind == TaskKind::kLight) wire.mutable_key()->set_kind(v1::TASK_KIND_LIGHT);
   *wire.mutable_scene() = coordinator::ToWire(grant.scene);
   *wire.mutable_settings() = ToWire(grant.settings);
   wire.set_token(grant.token);
@@ -346,6 +347,9 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   report.cells = {header.key().cell_size_px(), header.key().cells()};
   const std::string why_no_cells = WhyNoCells(report.tile, report.cells);
   if (!why_no_cells.empty()) return Invalid("key.cells", why_no_cells);
+  if (!v1::TaskKind_IsValid(header.key().kind())) return Invalid("key.kind", "is unknown");
+  const bool is_light = header.key().kind() == v1::TASK_KIND_LIGHT;
+  report.kind = is_light ? TaskKind::kLight : TaskKind::kCamera;
   report.lease_id = header.lease_id();
   report.token = header.token();
   report.worker_id = header.worker_id();

@@ -34,7 +34,8 @@ std::string Mark(const WorkerView& worker) {
   std::string leases;
   for (const LeaseView& lease : worker.leases) {
     absl::StrAppend(&leases, " ", lease.frame.job_id, "/", lease.frame.frame_number, "/",
-                    lease.tile.x0, "/", lease.tile.y0, "/", static_cast<int>(lease.phase));
+                    TaskKindName(lease.kind), "/", lease.tile.x0, "/", lease.tile.y0, "/",
+                    static_cast<int>(lease.phase));
   }
   return absl::StrCat(static_cast<int>(worker.state), " ", worker.lease_count, " ",
                       worker.result_count, " ", absl::ToUnixSeconds(worker.last_seen_time), " ",

@@ -7,6 +7,8 @@
 
 #include "common/base/digest.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/light/light_image.h"
+#include "common/film/light/light_pass_accumulator.h"
 #include "common/film/tile_cells.h"
 #include "common/math/mix_bits.h"
 #include "common/rpc/channel.h"
@@ -50,6 +52,21 @@ FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block) {
   return tile;
 }
 
+FilmTile SyntheticLightPart(uint64_t seed, PixelRect window, SampleBlock block) {
+  FilmTile part(window, block);
+  LightPassAccumulator film(&part);
+  for (uint64_t pass = block.first; pass < block.End(); ++pass) {
+    for (int32_t y = window.y0; y < window.y1; ++y) {
+      for (int32_t x = window.x0; x < window.x1; ++x) {
+        film.Add(x, y, SyntheticSample(seed + 77, x, y, pass).radiance, 0.25f, std::nullopt);
+      }
+    }
+    film.EndPass();
+  }
+  film.Finish();
+  return part;
+}
+
 FrameImage SyntheticImage(const FrameSettings& settings) {
   FrameImage image = MakeFrameImage(settings.window, settings.width_px, settings.height_px);
   TileTree tree(settings.window);
@@ -57,7 +74,18 @@ FrameImage SyntheticImage(const FrameSettings& settings) {
     if (!tree.Insert(SyntheticPart(settings.seed, settings.window, block)).ok()) return {};
   }
   DevelopTile(tree.Root(), &image);
-  return image;
+  if (settings.techniques == Techniques::kCamera) return image;
+  TileTree passes(settings.window);
+  for (const SampleBlock& block :
+       CutSamples(0, settings.samples, LightPassAccumulator::kPassesMax)) {
+    FilmTile part = SyntheticLightPart(settings.seed, settings.window, block);
+    if (!passes.Insert(std::move(part)).ok()) return {};
+  }
+  FrameImage light = MakeFrameImage(settings.window, settings.width_px, settings.height_px),
+             sum = light;
+  DevelopTile(passes.Root(), &light);
+  AddLight(image, light, settings.window, &sum);
+  return sum;
 }
 
 void ScalePixelColors(size_t pixel, float factor, FilmTile* part) {
@@ -107,13 +135,16 @@ SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) cons
   const PixelRect rect = sheaf::FromWire(lease.key().tile());
   const SampleBlock block{lease.key().block().first(), lease.key().block().count()};
   const TileCells cells{lease.key().cell_size_px(), lease.key().cells()};
-  FilmTile part(rect, block);
-  for (const PixelRect& cell : RectsOf(rect, cells)) {
+  const bool is_light = lease.key().kind() == v1::TASK_KIND_LIGHT;
+  FilmTile part = is_light ? SyntheticLightPart(lease.settings().seed(), rect, block)
+                           : FilmTile(rect, block);
+  for (const PixelRect& cell : is_light ? std::vector<PixelRect>() : RectsOf(rect, cells)) {
     Paste(SyntheticPart(lease.settings().seed(), cell, block), &part);
   }
   if (falsify_) falsify_(&part);
   Upload upload;
-  upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_, {}, cells});
+  upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_, {}, cells,
+                                   is_light ? TaskKind::kLight : TaskKind::kCamera});
   *upload.header.mutable_key() = lease.key();
   upload.header.set_lease_id(lease.lease_id());
   upload.header.set_worker_id(worker_id_);

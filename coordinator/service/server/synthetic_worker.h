@@ -23,6 +23,8 @@ namespace sheaf::coordinator {
 FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_index);
 // A part made of such samples.
 FilmTile SyntheticPart(uint64_t seed, PixelRect rect, SampleBlock block);
+// The same of light passes.
+FilmTile SyntheticLightPart(uint64_t seed, PixelRect window, SampleBlock block);
 // The image of such samples, added up without any farm.
 FrameImage SyntheticImage(const FrameSettings& settings);
 

@@ -136,6 +136,7 @@ struct LeaseView {
   SampleBlock block;
   LeasePhase phase = LeasePhase::kQueued;
   absl::Time grant_time;
+  TaskKind kind = TaskKind::kCamera;
 };
 // Returns "queued", "loading", "rendering" or "uploading".
 const char* LeasePhaseName(LeasePhase phase);

@@ -86,8 +86,9 @@ class GatedJobStore : public JobStore {
     return store_->FindPart(key);
   }
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile) override {
-    return store_->FindTileParts(frame, tile);
+                                                     const PixelRect& tile,
+                                                     TaskKind kind) override {
+    return store_->FindTileParts(frame, tile, kind);
   }
   absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override {
     return store_->LoadFrameRounds(frame);
