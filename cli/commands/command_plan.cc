@@ -14,6 +14,7 @@
 #include "cli/job/opened_scene.h"
 #include "common/base/printable.h"
 #include "worker/render/ablation/plan_measurement.h"
+#include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/plan/render_plan.h"
 #include "worker/render/scene/memory_estimate.h"
 
@@ -47,7 +48,12 @@ class PlanCommand : public Command {
     const SceneDescription& scene = opened.file.read.scene;
     const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
+    std::optional<render::TechniqueMeasurement> techniques;
     if (measure_) {
+      absl::StatusOr<render::TechniqueMeasurement> compared =
+          render::MeasureTechniques(scene, opened.settings, *opened.file.files);
+      if (!compared.ok()) return ReportSceneError(compared.status());
+      techniques = *std::move(compared);
       if (absl::Status status = CheckCameraPaths("measurements of effects", scene, opened.settings);
           !status.ok()) {
         return ReportError(ExitCode::kUsage, status);
@@ -59,12 +65,13 @@ class PlanCommand : public Command {
     }
     const render::MemoryEstimate memory = render::EstimateMemory(scene, *opened.file.files);
     if (json_) {
-      PrintJson(plan, opened.settings, memory, measurement);
+      PrintJson(plan, opened.settings, memory, measurement, techniques);
     } else {
       std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
       std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
       if (measurement) {
         std::printf("\n%s", PrintableLines(render::FormatPlanMeasurement(*measurement)).c_str());
+        std::printf("%s\n", render::FormatTechniqueMeasurement(*techniques).c_str());
       }
     }
     return ExitCode::kOk;
@@ -95,9 +102,26 @@ class PlanCommand : public Command {
     return json;
   }
 
+  // gain: null where camera paths miss light, so that it is infinite.
+  static nlohmann::ordered_json TechniquesJson(const render::TechniqueMeasurement& measured) {
+    const auto cost = [](const render::TechniqueCost& c) {
+      return nlohmann::ordered_json{{"relative_mse", c.relative_mse}, {"rays_per_sample", c.rays}};
+    };
+    return {{"best", TechniquesName(measured.Best())},
+            {"gain", measured.Gain()},
+            {"light_share", measured.light_share},
+            {"only_light_share", measured.only_light_share},
+            {"width_px", measured.width_px},
+            {"height_px", measured.height_px},
+            {"samples", measured.samples},
+            {"camera", cost(measured.camera)},
+            {"camera+light", cost(measured.both)}};
+  }
+
   static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings,
                         const render::MemoryEstimate& memory,
-                        const std::optional<render::PlanMeasurement>& measurement) {
+                        const std::optional<render::PlanMeasurement>& measurement,
+                        const std::optional<render::TechniqueMeasurement>& techniques) {
     nlohmann::ordered_json json = {{"variant", plan.variant_name},
                                    {"traits", plan.traits},
                                    {"variant_traits", plan.variant_traits},
@@ -116,6 +140,7 @@ class PlanCommand : public Command {
       }
     }
     if (measurement) json["measurement"] = MeasurementJson(*measurement);
+    if (techniques) json["measurement"]["techniques"] = TechniquesJson(*techniques);
     std::printf("%s\n",
                 json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   }

@@ -93,6 +93,8 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
                     "Write the contribution of each kind of light path: direct, caustic, fog ...");
 }
 
+constexpr char kMeasuredTechniques[] = "auto";
+
 // Options for light transport.
 void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
   const OptionGroup group(command, "Light transport");
@@ -115,14 +117,18 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "in dense media, but BIASED, and displayed errors do not include the bias; 0: never")
       ->check(CLI::Range(0, kSimilarityAfterMax))
       ->capture_default_str();
-  std::vector<std::pair<std::string, Techniques>> techniques;
-  for (const std::string& name : TechniquesNames()) {
-    techniques.emplace_back(name, *TechniquesFromName(name));
-  }
-  AddChoice(command, "--techniques", &settings->techniques, techniques,
-            "Where paths begin: at the camera; at the camera and at lights, which finds caustics "
-            "and small lights behind glass sooner; or at lights alone where possible. All have the "
-            "same mean (default: those of the scene's integrator)");
+  std::vector<std::string> techniques = TechniquesNames();
+  techniques.insert(techniques.begin(), kMeasuredTechniques);
+  AddChoiceOf(
+      command, "--techniques", techniques,
+      [settings, techniques](size_t i) {
+        settings->measure_techniques = techniques[i] == kMeasuredTechniques;
+        settings->techniques = TechniquesFromName(techniques[i]);
+      },
+      "Where paths begin: at the camera; at the camera and at lights, which finds caustics and "
+      "small lights behind glass sooner; or at lights alone where possible. All have the same "
+      "mean. auto: at lights too if that pays, which a small image measures first (default: those "
+      "of the scene's integrator)");
   command->add_flag("--generic", settings->force_generic_variant,
                     "Run the variant that supports every effect; changes no pixel");
 }

@@ -27,6 +27,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
 #include "common/scene/visible_emitters.h"
+#include "worker/render/ablation/technique_measurement.h"
 
 namespace sheaf::cli {
 namespace {
@@ -56,8 +57,16 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   for (const SceneDiagnostic& diagnostic : read.diagnostics) {
     result.diagnostics.push_back(diagnostic.text);
   }
-  const absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
+  absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
+  if (settings.measure_techniques) {
+    const absl::StatusOr<render::TechniqueMeasurement> measured =
+        render::MeasureTechniques(read.scene, *resolved, *file->files);
+    if (!measured.ok()) return measured.status();
+    resolved->techniques = measured->Best();
+    result.diagnostics.push_back(
+        absl::StrCat(path, ": ", render::FormatTechniqueMeasurement(*measured)));
+  }
   if (std::string note = ComparisonNote(read.scene, *resolved); !note.empty()) {
     result.diagnostics.push_back(std::move(note));
   }

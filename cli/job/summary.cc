@@ -44,8 +44,11 @@ std::string FormatSamples(const v1::Frame& frame) {
   const v1::PixelRect& window = settings.window();
   const double pixel_count =
       1.0 * (window.x1_px() - window.x0_px()) * (window.y1_px() - window.y0_px());
+  // The last round's are those of the camera; the progress counts light paths, too.
+  const uint64_t sample_count = frame.rounds().empty() ? frame.progress().sample_count_done()
+                                                       : frame.rounds().rbegin()->sample_count();
   return absl::StrFormat("%.1f samples on average",
-                         static_cast<double>(frame.progress().sample_count_done()) / pixel_count);
+                         static_cast<double>(sample_count) / pixel_count);
 }
 
 // Whether the requested target was reached.

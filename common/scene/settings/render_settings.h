@@ -52,7 +52,10 @@ struct RenderSettings {
   // that scatter isotropically and less often (similarity relation). See docs/adr/0031.
   int32_t similarity_after = 0;
   std::optional<Techniques> techniques;  // Otherwise those of the scene's integrator.
-  bool force_generic_variant = false;    // Changes no pixel, so it is not part of the digest.
+  // Measure which techniques pay (MeasureTechniques), instead of `techniques`; for the caller of
+  // ResolveSettings to do.
+  bool measure_techniques = false;
+  bool force_generic_variant = false;  // Changes no pixel, so it is not part of the digest.
 };
 
 struct FrameSettings {

@@ -1,0 +1,60 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// MeasureTechniques: whether light paths pay in a scene: renders a small image of the frame by
+// camera paths alone, and by both kinds, and compares error times cost. The cost is counted in
+// rays, not in time, so that the answer is the same on every machine. Source: Grittmann et al.
+// 2022, "Efficiency-aware Multiple Importance Sampling for Bidirectional Rendering Algorithms".
+//
+// Camera paths alone may miss light altogether that they find once in a million samples, and then
+// look better than they are. Light paths find it: from the densities of both, the second moment
+// that camera paths would have there is estimated too, and the larger of the two variances counts.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_description.h"
+#include "common/scene/settings/render_settings.h"
+
+namespace sheaf::render {
+
+// The longer side of the small image, and its samples per pixel (and passes of light paths).
+inline constexpr int32_t kTechniquePilotPx = 64;
+inline constexpr uint64_t kTechniquePilotSamples = 64;
+// Light paths must be so many times as efficient to be chosen: the measurement has noise, and
+// frames with light paths have fewer compiled variants.
+inline constexpr double kTechniqueGainMin = 1.5;
+
+struct TechniqueCost {
+  double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
+  double rays = 0;          // A pixel and sample.
+};
+
+struct TechniqueMeasurement {
+  int32_t width_px = 0, height_px = 0;
+  uint64_t samples = 0;
+  TechniqueCost camera, both;
+  // Fractions of the light: found by light paths, by their weights; and found by them alone, since
+  // camera paths cannot find it (a light without size, seen by specular reflection of its light).
+  double light_share = 0, only_light_share = 0;
+
+  // How many times as efficient both are as the camera's paths: the ratio of error times cost.
+  // Infinite where camera paths miss light; 1 where the image is black or has no error.
+  double Gain() const;
+  // kCamera or kCameraAndLight.
+  Techniques Best() const;
+};
+
+// A pure function of its arguments. The settings' own techniques do not count. Runs on the calling
+// thread, except for building the acceleration structure. Errors: as CompileScene.
+absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& scene,
+                                                       const FrameSettings& settings,
+                                                       FileSource& files);
+
+// One line: "camera+light, 12 times as efficient as camera; light paths find 31 % of the light".
+std::string FormatTechniqueMeasurement(const TechniqueMeasurement& measurement);
+
+}  // namespace sheaf::render
