@@ -234,8 +234,8 @@ class Bench:
                 0.0, self.job_seconds - self.fault_seconds - self.undisturbed.seconds)
             self.outcome.repeated = max(0, self.granted - self.undisturbed.leases) / PARTS
         covered = collections.Counter()
-        for _, x, y, first, count in self.acknowledged():
-            covered.update((x, y, sample) for sample in range(first, first + count))
+        for _, x, y, first, count, kind in self.acknowledged():
+            covered.update((x, y, kind, sample) for sample in range(first, first + count))
         self.outcome.twice = sum(times - 1 for times in covered.values())
 
     # What the farm says.

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/film/error/mean_interval.h"
+#include "tests/support/light_film_sums.h"
 #include "tests/support/long_tests.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
@@ -29,6 +30,7 @@ struct CoverageCase {
   std::string name;
   std::function<TestScene()> make;
   uint64_t samples = 64;
+  Techniques techniques = Techniques::kCamera;
 };
 void PrintTo(const CoverageCase& c, std::ostream* out) { *out << c.name; }
 
@@ -78,6 +80,20 @@ TestScene BlurredRoom() {
   return t;
 }
 
+// The interval of the frame's light, that of light paths included: errors of independent means add
+// in quadrature, as where images are developed.
+MeanInterval IntervalOf(const BothFilms& films, const PixelRect& region) {
+  const MeanInterval camera = MeanIntervalOf(films.camera, region, kLuminance);
+  if (!films.light) return camera;
+  const MeanInterval light = MeanIntervalOf(*films.light, region, kLuminance);
+  MeanInterval sum;
+  sum.mean = camera.mean + light.mean;
+  sum.standard_error = std::hypot(camera.standard_error, light.standard_error);
+  sum.half_width = std::hypot(camera.half_width, light.half_width);
+  sum.is_reliable = IsSumReliable(camera, light);
+  return sum;
+}
+
 class CoverageTest : public testing::TestWithParam<CoverageCase> {};
 
 struct Count {
@@ -99,23 +115,22 @@ struct Count {
 TEST_P(CoverageTest, IntervalsHaveTheirStatedCoverage) {
   const SceneDescription scene = GetParam().make().scene;
   FrameSettings settings = SquareSettings(kSizePx, GetParam().samples, 5);
+  settings.techniques = GetParam().techniques;
   std::vector<PixelRect> regions = CutTiles(settings.window, kTilePx);
   regions.push_back(settings.window);
   settings.samples *= static_cast<uint64_t>(DrawCount(128, 2048));
   settings.seed = 1'000'003;
-  const FilmTile long_image = RenderAll(*Compile(scene, settings));
+  const BothFilms long_image = RenderBothFilms(*Compile(scene, settings));
   std::vector<MeanInterval> truths;
-  for (const PixelRect& region : regions) {
-    truths.push_back(MeanIntervalOf(long_image, region, kLuminance));
-  }
+  for (const PixelRect& region : regions) truths.push_back(IntervalOf(long_image, region));
   settings.samples = GetParam().samples;
   const auto run_count = static_cast<uint64_t>(DrawCount(50, 500));
   Count tiles, frames;
   for (settings.seed = 1; settings.seed <= run_count; ++settings.seed) {
-    const FilmTile image = RenderAll(*Compile(scene, settings));
+    const BothFilms image = RenderBothFilms(*Compile(scene, settings));
     for (size_t i = 0; i < regions.size(); ++i) {
       Count& count = i + 1 < regions.size() ? tiles : frames;
-      count.Add(MeanIntervalOf(image, regions[i], kLuminance), truths[i]);
+      count.Add(IntervalOf(image, regions[i]), truths[i]);
     }
   }
   std::printf("%-6s tiles: %5.1f %% of %d reliable of %zu; frames: %5.1f %% of %d of %zu\n",
@@ -216,6 +231,16 @@ INSTANTIATE_TEST_SUITE_P(Scenes, CoverageTest,
                                          CoverageCase{"outdoor", [] { return Outdoor(Tint{1}); }},
                                          CoverageCase{"lamps", [] { return ManyLights(Tint{1}); }},
                                          CoverageCase{"haze", [] { return Hazy(Tint{1}); }}),
+                         NameOf);
+
+constexpr Techniques kBoth = Techniques::kCameraAndLight;
+INSTANTIATE_TEST_SUITE_P(LightPaths, CoverageTest,
+                         testing::Values(CoverageCase{"room", [] { return LitRoom(1); }, 64, kBoth},
+                                         CoverageCase{"sky", UnderTheSky, 64, kBoth},
+                                         CoverageCase{"metal", MetalInTheRoom, 64, kBoth},
+                                         CoverageCase{"blur", BlurredRoom, 64, kBoth},
+                                         CoverageCase{"glossy", [] { return Glossy(Tint{1}); }, 64,
+                                                      kBoth}),
                          NameOf);
 
 }  // namespace

@@ -9,18 +9,16 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/splat_buffer.h"
+#include "tests/support/light_film_sums.h"
 #include "tests/support/technique_agreement.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
-#include "worker/render/integrator/variants.h"
 
 namespace sheaf::render {
 namespace {
 
 using testing::Bias;
 using testing::Estimate;
-using testing::EstimatesOf;
 using testing::EstimatesOfTiles;
 using testing::ExpectAgreement;
 using testing::kSizePx;
@@ -40,23 +38,13 @@ std::vector<Estimate> Render(const TestScene& test_scene, const Rendering& rende
   settings.seed = rendering.seed;
   settings.color = rendering.color;
   settings.techniques = rendering.techniques;
-  const CompiledScenePtr scene = Compile(test_scene.scene, settings);
-  const FilmTile film = RenderAll(*scene);
-  if (rendering.techniques == Techniques::kCamera) return EstimatesOf(film);
-  SplatBuffer splats(kSizePx, kSizePx);
-  RayCounts counts;
-  splats.Trace(*scene, rendering.samples, &counts);
-  EXPECT_EQ(splats.non_finite, 0u);
-  EXPECT_EQ(counts.broken_nestings, 0u);
+  const BothFilms films = RenderBothFilms(*Compile(test_scene.scene, settings));
   return EstimatesOfTiles(
       kReplicateCount,
       [&](uint32_t r, size_t pixel) {
-        double sum = 0;
-        for (size_t c = 0; c < 3; ++c) sum += static_cast<double>(film.replicate(r, c)[pixel]);
-        const auto weight = static_cast<double>(film.replicate(r, 3)[pixel]);
-        return sum + splats.Mean(r, pixel) * weight;
+        return films.Mean(r, 0, pixel) + films.Mean(r, 1, pixel) + films.Mean(r, 2, pixel);
       },
-      [&](uint32_t r, size_t pixel) { return static_cast<double>(film.replicate(r, 3)[pixel]); });
+      [](uint32_t, size_t) { return 1.0; });
 }
 
 std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, Rendering a, Rendering b) {

@@ -1,0 +1,89 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Tests the measurement that decides whether light paths pay.
+#include "worker/render/ablation/technique_measurement.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/support/technique_scenes.h"
+#include "tests/support/test_scene.h"
+
+namespace sheaf::render {
+namespace {
+
+using ::testing::HasSubstr;
+
+TechniqueMeasurement Measure(const TestScene& t) {
+  TableFileSource files({});
+  const absl::StatusOr<TechniqueMeasurement> measured =
+      MeasureTechniques(t.scene, SquareSettings(96, 16, 6), files);
+  EXPECT_TRUE(measured.ok()) << measured.status();
+  return measured.ok() ? *measured : TechniqueMeasurement{};
+}
+
+// A glass ball between a floor and a light of the given radius; 0: without size.
+TestScene Caustic(float radius) {
+  TestScene t = OpenBox({1});
+  t.AddShape(kBall, t.AddMaterial(DielectricMaterial{}), TranslateMatrix({0, 0.9, 0}));
+  if (radius > 0) {
+    const float area = radius * radius;
+    t.AddShape(SphereShape{radius, -radius, radius, 360}, t.Diffuse({}),
+               TranslateMatrix({0.5, 2.6, -0.3}))
+        .area_light = t.AreaLight(Rgb::Gray(1 / area));
+  } else {
+    PointLight lamp;
+    lamp.intensity.rgb = Rgb::Gray(3);
+    lamp.from = {0.5f, 2.6f, -0.3f};
+    t.scene.lights.push_back({lamp, {}, {}, {}});
+  }
+  return t;
+}
+
+TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
+  const TechniqueMeasurement measured = Measure(Caustic(0.05f));
+  EXPECT_GT(measured.Gain(), 5);
+  EXPECT_EQ(measured.Best(), Techniques::kCameraAndLight);
+  EXPECT_GT(measured.light_share, 0.01);
+  EXPECT_LT(measured.light_share, 0.5);
+  EXPECT_EQ(measured.only_light_share, 0);
+  EXPECT_EQ(measured.width_px, 64);
+  EXPECT_GT(measured.both.rays, measured.camera.rays);
+  EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("techniques: camera+light; "));
+}
+
+// The smaller the light, the rarer camera paths find its caustic, and a small image may contain
+// nothing of it: the second moment from light paths still tells.
+TEST(TechniqueMeasurementTest, GainGrowsForLightsThatCameraPathsMiss) {
+  const double of_small = Measure(Caustic(0.01f)).Gain(), of_large = Measure(Caustic(0.1f)).Gain();
+  EXPECT_GT(of_small, 5 * of_large) << of_small << " " << of_large;
+}
+
+TEST(TechniqueMeasurementTest, CameraPathsSufficeForOpenLight) {
+  for (const TestScene& scene : {Diffuse({1}), ManyLights({1})}) {
+    const TechniqueMeasurement measured = Measure(scene);
+    EXPECT_EQ(measured.Best(), Techniques::kCamera) << FormatTechniqueMeasurement(measured);
+    EXPECT_LT(measured.Gain(), 1);
+  }
+}
+
+TEST(TechniqueMeasurementTest, LightThatCameraPathsCannotFindIsTold) {
+  const TechniqueMeasurement measured = Measure(Caustic(0));
+  EXPECT_TRUE(std::isinf(measured.Gain()));
+  EXPECT_GT(measured.only_light_share, 0.005);
+  EXPECT_EQ(measured.Best(), Techniques::kCameraAndLight);
+  EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("light paths alone find"));
+}
+
+TEST(TechniqueMeasurementTest, BlackImageNeedsNoLightPaths) {
+  const TechniqueMeasurement measured = Measure(OpenBox({1}));
+  EXPECT_EQ(measured.Gain(), 1);
+  EXPECT_EQ(measured.Best(), Techniques::kCamera);
+}
+
+}  // namespace
+}  // namespace sheaf::render
