@@ -5,8 +5,12 @@
 #include <algorithm>
 #include <memory>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "common/base/nearest_name.h"
 #include "common/base/printable.h"
 
 namespace sheaf {
@@ -139,6 +143,26 @@ std::string ValueName(const CLI::Option& option) {
   if (notation.find(":SIZE") != std::string::npos) return "SIZE";
   if (notation.find(":FILE") != std::string::npos) return "FILE";
   return type == "INT" || type == "UINT" || type == "FLOAT" ? "N" : type;
+}
+
+CLI::Option* AddChoiceOf(CLI::App* command, const std::string& names,
+                         std::vector<std::string> words, std::function<void(size_t)> on_choice,
+                         const std::string& help) {
+  const std::string type = absl::StrJoin(words, "|");
+  return command
+      ->add_option_function<std::string>(
+          names,
+          [names, words = std::move(words),
+           on_choice = std::move(on_choice)](const std::string& text) {
+            for (size_t i = 0; i < words.size(); ++i) {
+              if (absl::EqualsIgnoreCase(words[i], text)) return on_choice(i);
+            }
+            throw CLI::ValidationError(
+                names, absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
+                                    NearestNameHint(text, words)));
+          },
+          help)
+      ->type_name(type);
 }
 
 std::vector<std::string> ChoicesOf(const CLI::Option& option) {

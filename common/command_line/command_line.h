@@ -6,16 +6,15 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstddef>
 #include <functional>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "common/base/nearest_name.h"
 
 namespace sheaf {
 
@@ -43,28 +42,22 @@ class OptionGroup {
   const std::string before_;
 };
 
-// An option that accepts one of a few words, ignoring case, each with its value.
+// An option that accepts one of a few words, ignoring case. on_choice(i): called with the index of
+// the word.
+CLI::Option* AddChoiceOf(CLI::App* command, const std::string& names,
+                         std::vector<std::string> words, std::function<void(size_t)> on_choice,
+                         const std::string& help);
+
+// The same where each word has its value.
 template <typename Target, typename Value>
 CLI::Option* AddChoice(CLI::App* command, const std::string& names, Target* target,
                        std::vector<std::pair<std::string, Value>> choices,
                        const std::string& help) {
   std::vector<std::string> words;
   for (const auto& [word, value] : choices) words.push_back(word);
-  return command
-      ->add_option_function<std::string>(
-          names,
-          [names, target, choices, words](const std::string& text) {
-            for (const auto& [word, value] : choices) {
-              if (!absl::EqualsIgnoreCase(word, text)) continue;
-              *target = value;
-              return;
-            }
-            throw CLI::ValidationError(
-                names, absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
-                                    NearestNameHint(text, words)));
-          },
-          help)
-      ->type_name(absl::StrJoin(words, "|"));
+  return AddChoiceOf(
+      command, names, std::move(words),
+      [target, choices = std::move(choices)](size_t i) { *target = choices[i].second; }, help);
 }
 
 // Parses the command line. Returns the exit code if the program should end: after printing help or
