@@ -105,7 +105,7 @@ class FrameMerge {
   enum class State : uint8_t { kEmpty, kInMemory, kOnDisk, kDeveloped };
   struct Tile {
     State state = State::kEmpty;
-    // Of the sums of camera paths; those of light paths are in light_intervals_.
+    // The interval of the camera paths; those of light paths are in light_intervals_.
     MeanInterval interval;
     // While in memory; once developed, where the tile may grow and the budget allows.
     std::unique_ptr<CellTrees> trees;

@@ -44,7 +44,7 @@ class FrameTasks {
   // The task as others name it; none where the frame has no such tile or cells.
   std::optional<Task> Find(const PixelRect& tile, SampleBlock block, const TileCells& cells,
                            TaskKind kind = TaskKind::kCamera) const;
-  // Of the camera's cells.
+  // By cell of the camera.
   std::vector<uint64_t> SamplesOfCells() const;
   // CPU time of workers on the finished tasks of the tile.
   absl::Duration CpuOfTile(uint32_t tile) const { return cpu_of_tiles_[tile]; }

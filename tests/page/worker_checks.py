@@ -15,7 +15,7 @@ ROWS = "return [...document.querySelectorAll('#workers .vlist-row')].map((row) =
 TITLES = "return [...document.querySelectorAll('#workers .vlist-row')].map((row) => row.title)"
 FAILURES = "return [...document.querySelectorAll('#failures li')].map((item) => item.textContent)"
 COMMAND = "return document.querySelector('#failures input').value"
-# Of all failures: one that arrives meanwhile comes before the one whose button was pressed.
+# All failures: one that arrives meanwhile comes before the one whose button was pressed.
 COPIES = "return [...document.querySelectorAll('#failures button')].map((b) => b.textContent)"
 
 

@@ -32,7 +32,7 @@ inline double BiasOfNoisyPair() { return 1.5 * Bias(); }
 // As many per pixel as the power needs: ExpectAgreement fails if they are too few.
 inline uint64_t Samples(uint64_t in_short) { return LongTests() ? 2048 : in_short; }
 
-// Of a square image.
+// The edge of the square image, and of its tiles.
 inline constexpr int32_t kSizePx = 48, kTileSizePx = 6;
 
 // Estimates of the mean of the channels in each tile. sum_of(replicate, pixel): the sum of R, G and

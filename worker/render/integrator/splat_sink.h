@@ -24,8 +24,8 @@ class SplatSink {
   // which layer of light paths and which light group it belongs to; they are ignored unless the
   // frame's outputs have these.
   virtual void Add(Vec2d raster, const Rgb& radiance, LightPathKind kind, uint32_t group) = 0;
-  // Of the same splat: its radiance before the weight, and the density with which the camera's
-  // paths find it while each pixel sends one, over that of a pass of light paths.
+  // The same splat's radiance before the weight, and the density with which the camera's paths find
+  // it while each pixel sends one, over that of a pass of light paths.
   virtual void AddMoment(Vec2d /*raster*/, const Rgb& /*unweighted*/, double /*weight*/,
                          double /*camera_density*/) {}
 

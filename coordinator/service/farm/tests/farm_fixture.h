@@ -137,7 +137,7 @@ class FarmTest : public testing::Test {
     for (const LeaseGrant& grant : grants) EXPECT_EQ(Deliver(grant).code(), outcome);
   }
 
-  // Of worker w, by another job, which has no more work then.
+  // Measures worker w's speed by another job, which has no more work then.
   void LearnSpeed() {
     const uint64_t other = MakeJob({}, 16);
     SHEAF_CHECK(farm_->SetJobPriority(other, 1).ok());
