@@ -90,11 +90,11 @@ class JobStore {
   // All jobs, ascending by id.
   virtual absl::StatusOr<std::vector<StoredJob>> LoadJobs() = 0;
   // Returns the parts of a job whose bytes are on disk. Rows without bytes, and rows that changed
-  // on disk, are removed and counted in rows_lost. Bytes without a row are removed silently, as no
-  // call has acknowledged them.
+  // on disk, are lost: their work is to be done again, and the caller removes them. Bytes without a
+  // row are removed silently, as no call has acknowledged them.
   struct LoadedParts {
     std::vector<PartRow> rows;
-    int64_t rows_lost = 0;
+    std::vector<PartRow> lost;
   };
   virtual absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) = 0;
 

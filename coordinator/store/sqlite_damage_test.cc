@@ -206,16 +206,33 @@ TEST_F(SqliteDamageTest, ReopenedFramesAreNotDamaged) {
   EXPECT_EQ(DamageAfterStart(), "");
 }
 
-TEST_F(SqliteDamageTest, PartsWhoseRowsChangeAreRevoked) {
+TEST_F(SqliteDamageTest, PartsWhoseRowsChangeAreLost) {
   Change("UPDATE parts SET cells = 2 WHERE x0 = 3; UPDATE parts SET cpu_ns = 5 WHERE x0 = 4");
   ASSERT_TRUE(Start().ok());
   EXPECT_FALSE(HasPart(3));
   EXPECT_FALSE(HasPart(4));
   EXPECT_TRUE(HasPart(5));
-  const auto again = store_->LoadParts(1);
-  ASSERT_TRUE(again.ok());
-  EXPECT_EQ(again->rows_lost, 0) << "they are removed";
-  EXPECT_EQ(again->rows.size(), 6u);
+  const auto parts = store_->LoadParts(1);
+  ASSERT_TRUE(parts.ok());
+  EXPECT_EQ(parts->rows.size(), 6u);
+  ASSERT_EQ(parts->lost.size(), 2u);
+  for (const PartRow& row : parts->lost) EXPECT_TRUE(store_->RemovePart(row).ok());
+  EXPECT_TRUE(store_->LoadParts(1)->lost.empty());
+  EXPECT_EQ(store_->PartsBytes(), 6 * RowAt(0).digest.size_bytes);
+}
+
+TEST_F(SqliteDamageTest, LostPartsWhoseRowsCannotBeRemovedAreLoaded) {
+  ASSERT_TRUE((*SqliteDatabase::Open(database_))
+                  ->Execute("CREATE TRIGGER full BEFORE DELETE ON parts "
+                            "BEGIN SELECT RAISE(ABORT, 'the disk is full'); END")
+                  .ok());
+  std::filesystem::remove(store_->PartPath(RowAt(3)));
+  ASSERT_TRUE(Start().ok());
+  const auto parts = store_->LoadParts(1);
+  ASSERT_TRUE(parts.ok()) << parts.status();
+  EXPECT_EQ(parts->rows.size(), 7u);
+  ASSERT_EQ(parts->lost.size(), 1u);
+  EXPECT_EQ(store_->RemovePart(parts->lost[0]).code(), absl::StatusCode::kUnavailable);
 }
 
 TEST_F(SqliteDamageTest, RoundsThatChangeAreRefusedWithARemedy) {

@@ -80,20 +80,16 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::ReadJobs() {
 }
 
 absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id) {
-  std::vector<PartRow> rows, changed;
+  LoadedParts loaded;
+  std::vector<PartRow> rows;
   {
     const MutexLock lock(&database_mutex_);
     SqliteStatement query =
         database_->Prepare(absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"), "WHERE job_id = ?"));
     query.Bind(job_id);
-    absl::StatusOr<std::vector<PartRow>> all = ReadPartRows(&query, &changed);
+    absl::StatusOr<std::vector<PartRow>> all = ReadPartRows(&query, &loaded.lost);
     if (!all.ok()) return all.status();
     rows = std::move(*all);
-  }
-  LoadedParts loaded;
-  for (const PartRow& row : changed) {
-    ++loaded.rows_lost;
-    if (absl::Status status = RemovePart(row); !status.ok()) return status;
   }
   std::set<std::string> known;
   for (PartRow& row : rows) {
@@ -101,8 +97,7 @@ absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id)
     const std::string path = PartPath(row);
     const uintmax_t size = std::filesystem::file_size(path, error);
     if (error || size != row.digest.size_bytes) {
-      ++loaded.rows_lost;
-      if (absl::Status status = RemovePart(row); !status.ok()) return status;
+      loaded.lost.push_back(std::move(row));
       continue;
     }
     known.insert(path);

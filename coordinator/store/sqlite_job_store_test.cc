@@ -249,7 +249,7 @@ TEST_F(SqliteJobStoreTest, PartsSurviveAReopen) {
   Reopen();
   const auto parts = store_->LoadParts(job);
   ASSERT_TRUE(parts.ok() && parts->rows.size() == 1u);
-  EXPECT_EQ(parts->rows_lost, 0);
+  EXPECT_TRUE(parts->lost.empty());
   EXPECT_EQ(parts->rows[0].key, row.key);
   EXPECT_EQ(parts->rows[0].cost.ray_count, 11u);
   EXPECT_EQ(*store_->ReadPart(parts->rows[0]), "some bytes");
@@ -320,7 +320,7 @@ TEST_F(SqliteJobStoreTest, FilesWithoutRowsAreRemoved) {
   EXPECT_TRUE(store_->WritePart(orphan, "orphan").ok());
 }
 
-TEST_F(SqliteJobStoreTest, RowsWithoutFilesAreRemovedAndCounted) {
+TEST_F(SqliteJobStoreTest, RowsWithoutFilesAreLost) {
   const uint64_t job = CreateJob();
   const PartRow row = MakePart(job, 0, "bytes");
   ASSERT_TRUE(store_->WritePart(row, "bytes").ok());
@@ -328,10 +328,11 @@ TEST_F(SqliteJobStoreTest, RowsWithoutFilesAreRemovedAndCounted) {
   Reopen();
   auto parts = store_->LoadParts(job);
   ASSERT_TRUE(parts.ok());
-  EXPECT_EQ(parts->rows_lost, 1);
   EXPECT_TRUE(parts->rows.empty());
-  Reopen();
-  EXPECT_EQ(store_->LoadParts(job)->rows_lost, 0);
+  ASSERT_EQ(parts->lost.size(), 1u);
+  EXPECT_EQ(parts->lost[0].key, row.key);
+  ASSERT_TRUE(store_->RemovePart(parts->lost[0]).ok());
+  EXPECT_TRUE(store_->LoadParts(job)->lost.empty());
 }
 
 TEST_F(SqliteJobStoreTest, DamagedBytesAreDataLoss) {

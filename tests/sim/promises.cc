@@ -3,6 +3,7 @@
 #include "tests/sim/promises.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -227,8 +228,8 @@ void Promises::CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedPa
     uncertain +=
         std::ranges::count_if(frame->second, [](const auto& part) { return !part.second.certain; });
   }
-  if (parts.rows_lost > damaged_count_ + uncertain) {
-    broken_(absl::StrCat("job ", job_id, ": ", parts.rows_lost, " rows have no bytes"));
+  if (std::ssize(parts.lost) > damaged_count_ + uncertain) {
+    broken_(absl::StrCat("job ", job_id, ": ", parts.lost.size(), " rows have no bytes"));
   }
   int64_t missing = 0;
   std::string first_missing;

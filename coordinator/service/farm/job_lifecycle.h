@@ -127,7 +127,8 @@ class JobLifecycle {
   StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // By frame.
   absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
-  // Without those that nothing needs any more.
+  // The parts of a job, without those that nothing needs any more; lost ones are of these from now
+  // on. Errors: those of JobStore::LoadParts.
   absl::StatusOr<JobStore::LoadedParts> LoadPartsOf(uint64_t job_id);
   // Continues these frames of a job, without the parts that are to be removed. Requires: the job
   // has ended, or no result is taken meanwhile.

@@ -161,12 +161,13 @@ absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> JobLifecycle::Rounds
 }
 
 absl::StatusOr<JobStore::LoadedParts> JobLifecycle::LoadPartsOf(uint64_t job_id) {
-  const std::vector<PartKey> left = removals_.LeftOf(job_id);
+  const PartKeys left = removals_.Left();
   absl::StatusOr<JobStore::LoadedParts> parts = store_.LoadParts(job_id);
   if (!parts.ok()) return parts;
-  std::erase_if(parts->rows, [&left](const PartRow& row) {
-    return std::find(left.begin(), left.end(), row.key) != left.end();
-  });
+  const auto is_left = [&left](const PartRow& row) { return left.contains(row.key); };
+  std::erase_if(parts->rows, is_left);
+  std::erase_if(parts->lost, is_left);
+  removals_.Remove(parts->lost);
   return parts;
 }
 

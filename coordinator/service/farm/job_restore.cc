@@ -59,7 +59,7 @@ absl::Status JobLifecycle::Load() {
       } else {
         resumed = resumed_.Count(UndeliveredOf(job), job.spec.partition);
       }
-      absl::StatusOr<JobStore::LoadedParts> loaded = store_.LoadParts(job.spec.job_id);
+      absl::StatusOr<JobStore::LoadedParts> loaded = LoadPartsOf(job.spec.job_id);
       if (!loaded.ok()) return loaded.status();
       parts = *std::move(loaded);
     }
@@ -110,10 +110,10 @@ void JobLifecycle::RestoreJob(const StoredJob& job, std::vector<StoredRound> rou
 
 void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
                                   TilesOnDisk on_disk) {
-  tables_.scheduler.counters().parts_revoked += static_cast<uint64_t>(parts.rows_lost);
-  if (parts.rows_lost > 0) {
-    LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.rows_lost,
-                            " parts are missing on disk and will be rendered again"));
+  tables_.scheduler.counters().parts_revoked += parts.lost.size();
+  if (!parts.lost.empty()) {
+    LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.lost.size(),
+                            " parts are missing or changed on disk and will be rendered again"));
   }
   for (const PartRow& row : parts.rows) {
     const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
@@ -152,7 +152,7 @@ void JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fit) {
                             " overlaps another and is removed; the samples that nothing else has "
                             "are rendered again"));
   }
-  removals_.Remove(row);
+  removals_.Remove({row});
 }
 
 void JobLifecycle::RestoreRounds(const StoredJob& job, std::vector<StoredRound> rounds) {

@@ -2,30 +2,36 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/farm/part_removals.h"
 
-#include <algorithm>
+#include <cstddef>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 
 namespace sheaf::coordinator {
 
-void PartRemovals::Remove(const PartRow& row) {
+void PartRemovals::Remove(const std::vector<PartRow>& rows) {
   const MutexLock lock(&mutex_);
-  const absl::Status removed = store_.RemovePart(row);
-  disk_.Note(removed);
-  if (removed.ok()) return;
-  LogWarning(absl::StrCat("job ", row.key.frame.job_id, ": a part of frame ",
-                          row.key.frame.frame_number,
-                          " that nothing needs is removed later: ", removed.message()));
-  left_.push_back(row);
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const absl::Status removed = store_.RemovePart(rows[i]);
+    disk_.Note(removed);
+    if (removed.ok()) {
+      left_.erase(rows[i].key);
+      continue;
+    }
+    const size_t more = rows.size() - i - 1;
+    LogWarning(absl::StrCat("job ", rows[i].key.frame.job_id, ": a part of frame ",
+                            rows[i].key.frame.frame_number, " that nothing needs",
+                            more > 0 ? absl::StrCat(" is, with ", more, " more,") : " is",
+                            " removed later: ", removed.message()));
+    for (; i < rows.size(); ++i) left_.emplace(rows[i].key, rows[i]);
+  }
 }
 
 absl::Status PartRemovals::MakeRoom(const PartKey& key) {
   const MutexLock lock(&mutex_);
-  const auto left = std::find_if(left_.begin(), left_.end(),
-                                 [&key](const PartRow& row) { return row.key == key; });
+  const auto left = left_.find(key);
   if (left == left_.end()) return absl::OkStatus();
-  absl::Status removed = store_.RemovePart(*left);
+  absl::Status removed = store_.RemovePart(left->second);
   if (removed.ok()) left_.erase(left);
   return removed;
 }
@@ -33,19 +39,17 @@ absl::Status PartRemovals::MakeRoom(const PartKey& key) {
 void PartRemovals::Retry() {
   const MutexLock lock(&mutex_);
   while (!left_.empty()) {
-    const absl::Status removed = store_.RemovePart(left_.back());
+    const absl::Status removed = store_.RemovePart(left_.begin()->second);
     disk_.Note(removed);
     if (!removed.ok()) return;
-    left_.pop_back();
+    left_.erase(left_.begin());
   }
 }
 
-std::vector<PartKey> PartRemovals::LeftOf(uint64_t job_id) const {
+PartKeys PartRemovals::Left() const {
   const MutexLock lock(&mutex_);
-  std::vector<PartKey> keys;
-  for (const PartRow& row : left_) {
-    if (row.key.frame.job_id == job_id) keys.push_back(row.key);
-  }
+  PartKeys keys;
+  for (const auto& [key, row] : left_) keys.insert(keys.end(), key);
   return keys;
 }
 

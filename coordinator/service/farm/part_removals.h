@@ -8,6 +8,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <set>
+#include <tuple>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -17,6 +20,15 @@
 
 namespace sheaf::coordinator {
 
+struct PartKeyOrder {
+  static auto Tie(const PartKey& key) {
+    return std::tie(key.frame, key.tile.y0, key.tile.x0, key.tile.y1, key.tile.x1, key.block.first,
+                    key.block.count, key.cells, key.kind);
+  }
+  bool operator()(const PartKey& a, const PartKey& b) const { return Tie(a) < Tie(b); }
+};
+using PartKeys = std::set<PartKey, PartKeyOrder>;
+
 // It holds no more rows than the store. Thread safety: all members may be called concurrently,
 // under the locks of FarmTables.
 class PartRemovals {
@@ -24,22 +36,23 @@ class PartRemovals {
   // All arguments must outlive the object.
   PartRemovals(JobStore* store, DiskState* disk) : store_(*store), disk_(*disk) {}
 
-  // From now on the part is none of its frame. Requires: it is not left.
-  void Remove(const PartRow& row);
+  // From now on these are no parts of their frames. Where the disk refuses one of them, those that
+  // follow are left for a later try, too.
+  void Remove(const std::vector<PartRow>& rows);
   // Makes the key free for another part. Errors: those of JobStore::RemovePart.
   absl::Status MakeRoom(const PartKey& key);
   // Tries again what the disk refused.
   void Retry();
 
-  // The parts of a job that are none any more, but have rows still. Ask before reading the rows:
-  // one of them may go at any time.
-  std::vector<PartKey> LeftOf(uint64_t job_id) const;
+  // The parts that are none any more, but have rows still. Ask before reading the rows: one of them
+  // may go at any time.
+  PartKeys Left() const;
 
  private:
   JobStore& store_;
   DiskState& disk_;
   mutable Mutex mutex_;  // Also held while the disk removes, so that no part written later is hit.
-  std::vector<PartRow> left_ ABSL_GUARDED_BY(mutex_);
+  std::map<PartKey, PartRow, PartKeyOrder> left_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace sheaf::coordinator

@@ -268,7 +268,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   }
   if (open == nullptr) {
     // While it was written its job ended, or a larger block that contains it was leased.
-    removals_.Remove(row);
+    removals_.Remove({row});
     return ResultOutcome::kSuperseded;
   }
   if (cost.nonfinite_count > 0) {

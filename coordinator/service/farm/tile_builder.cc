@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/farm/tile_builder.h"
 
-#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,7 +15,7 @@ namespace sheaf::coordinator {
 
 absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t tile) {
   const CellGrid& grid = frame->merge.grid();
-  const std::vector<PartKey> left = removals_.LeftOf(id.job_id);
+  const PartKeys left = removals_.Left();
   const absl::StatusOr<std::vector<PartRow>> rows =
       store_.FindTileParts(id, grid.RectOf(tile), grid.KindOf(tile));
   if (!rows.ok()) return rows.status();
@@ -28,7 +27,7 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
   for (CellPart& part : *resumed) merged.Update(trees->Insert(std::move(part.sums), part.cells));
   bool lost = false;
   for (const PartRow& row : *rows) {
-    if (std::find(left.begin(), left.end(), row.key) != left.end()) continue;
+    if (left.contains(row.key)) continue;
     absl::StatusOr<std::string> bytes = store_.ReadPart(row);
     absl::Status status = bytes.status();
     if (bytes.ok()) {
@@ -52,7 +51,7 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
 
 void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
   LogWarning(absl::StrCat("a part is lost and will be rendered again: ", why.message()));
-  removals_.Remove(row);
+  removals_.Remove({row});
   const MutexLock lock(&tables_.mutex);
   const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
   if (frame == nullptr || frame->tasks == nullptr) return;

@@ -17,6 +17,7 @@
 #include "absl/time/clock.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
+#include "common/base/mutex.h"
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/service/farm/farm.h"
 #include "coordinator/service/farm/tests/gated_job_store.h"
@@ -165,6 +166,16 @@ class FarmTest : public testing::Test {
       file.seekp(static_cast<std::streamoff>(entry.file_size() / 2));
       file.put(byte);
     }
+  }
+
+  // Loses the bytes of all parts.
+  void RemovePartFiles() {
+    std::filesystem::remove_all(directory_ + "/parts");
+    std::filesystem::create_directory(directory_ + "/parts");
+  }
+  uint64_t PartsRevoked() {
+    const MutexLock lock(&farm_->tables().mutex);
+    return farm_->tables().scheduler.counters().parts_revoked;
   }
 
   std::string directory_;

@@ -14,6 +14,7 @@
 #include "common/base/digest.h"
 #include "common/base/mutex.h"
 #include "coordinator/service/farm/tests/farm_fixture.h"
+#include "coordinator/store/sqlite_database.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {
@@ -39,6 +40,32 @@ TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
     Work(absl::Milliseconds(2));
   }
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+}
+
+// Parts are gone when the farm starts, and the disk refuses to remove their rows: their work is
+// done again, and each counts once.
+TEST_F(FarmTest, LostPartsWhoseRowsCannotBeRemovedAreRenderedAgain) {
+  StartWithoutThread();
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  Work();
+  Work();
+  RemovePartFiles();
+  auto database = SqliteDatabase::Open(directory_ + "/farm.db");
+  ASSERT_TRUE(database.ok());
+  ASSERT_TRUE((*database)
+                  ->Execute("CREATE TRIGGER full BEFORE DELETE ON parts "
+                            "BEGIN SELECT RAISE(ABORT, 'the disk is full'); END")
+                  .ok());
+  StartWithoutThread();
+  store_->Open();
+  EXPECT_EQ(PartsRevoked(), 2u);
+  farm_->RunOnce();
+  Work(absl::ZeroDuration(), absl::StatusCode::kUnavailable);  // The old row is in the way.
+  ASSERT_TRUE((*database)->Execute("DROP TRIGGER full").ok());
+  farm_->RunOnce();
+  Finish(id);
+  EXPECT_EQ(PartsRevoked(), 2u);
 }
 
 // The disk may refuse to remove a part that was superseded while it was written. The next life
