@@ -156,7 +156,7 @@ class JobStore {
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
   // Continues a job that has ended: marks these frames as not delivered, and replaces their rules,
-  // samples and rounds.
+  // samples and rounds. The same again changes nothing, and counts no correction twice.
   struct ReopenedFrame {
     FrameSpec spec;
     std::vector<RoundRecord> rounds;

@@ -94,6 +94,15 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
     for (const ReopenedFrame& frame : frames) {
       if (!status.ok()) return status;
       const FrameId id{job_id, frame.spec.frame_number};
+      status = database_
+                   ->Prepare(
+                       "UPDATE frames SET correction_count = correction_count + 1 "
+                       "WHERE job_id = ? AND frame_number = ? AND delivered AND ?")
+                   .Bind(job_id)
+                   .Bind(id.frame_number)
+                   .Bind(int64_t{frame.is_correction})
+                   .Run();
+      if (!status.ok()) return status;
       SqliteStatement update = database_->Prepare(
           absl::StrCat(UpdateOf<ReopenedRow>("frames"), "WHERE job_id = ? AND frame_number = ?"));
       const int64_t seal = Seal(FrameSpecRow{job_id, frame.spec}).seal;
@@ -102,15 +111,6 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
               .Bind(job_id)
               .Bind(id.frame_number)
               .Run();
-      if (!status.ok()) return status;
-      status = database_
-                   ->Prepare(
-                       "UPDATE frames SET correction_count = correction_count + ? "
-                       "WHERE job_id = ? AND frame_number = ?")
-                   .Bind(int64_t{frame.is_correction})
-                   .Bind(job_id)
-                   .Bind(id.frame_number)
-                   .Run();
       if (!status.ok()) return status;
       status = database_->Prepare("DELETE FROM rounds WHERE job_id = ? AND frame_number = ?")
                    .Bind(job_id)

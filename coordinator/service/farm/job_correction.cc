@@ -34,17 +34,25 @@ std::string FramesText(const std::set<int32_t>& numbers) {
 
 absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
   const MutexLock settling(&settle_mutex_);
+  const PartKeys left = removals_.Left();
   absl::StatusOr<std::vector<PartRow>> rows = store_.FindPartsOf(identity);
   if (!rows.ok()) return rows.status();
   std::map<uint64_t, std::vector<PartRow>> by_job;
-  for (PartRow& row : *rows) by_job[row.key.frame.job_id].push_back(std::move(row));
+  for (PartRow& row : *rows) {
+    if (left.contains(row.key)) continue;  // A call before this one corrected its frame.
+    by_job[row.key.frame.job_id].push_back(std::move(row));
+  }
   for (const auto& [job_id, parts] : by_job) {
-    LogWarning(absl::StrCat("job ", job_id, ": ", parts.size(), " results of ", identity,
-                            " are not believed any more and are rendered again"));
     absl::Status corrected = CorrectJob(job_id, identity, parts);
     if (!corrected.ok()) return corrected;
+    LogWarning(absl::StrCat("job ", job_id, ": ", parts.size(), " results of ", identity,
+                            " are not believed any more and are rendered again"));
   }
-  return absl::OkStatus();
+  rows = store_.FindPartsOf(identity);
+  if (!rows.ok()) return rows.status();
+  if (rows->empty()) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat("the disk does not remove ", rows->size(), " of them yet; it is asked again"));
 }
 
 absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& identity,
@@ -56,14 +64,15 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& identi
   {
     const MutexLock lock(&tables_.mutex);
     const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
-    if (!found.ok()) return RemoveParts(false_parts);
-    const JobRecord& record = **found;
-    goes_on = record.phase == JobPhase::kLive ||
-              (record.phase == JobPhase::kSucceeded && !record.spec.pilot);
-    job = StoredJobOf(record);
-    for (const FrameRecord& frame : record.frames) {
-      const bool is_delivered = frame.phase == FrameRecord::Phase::kDelivered;
-      if (is_delivered && numbers.contains(frame.number())) delivered.insert(frame.number());
+    if (found.ok()) {
+      const JobRecord& record = **found;
+      goes_on = record.phase == JobPhase::kLive ||
+                (record.phase == JobPhase::kSucceeded && !record.spec.pilot);
+      job = StoredJobOf(record);
+      for (const FrameRecord& frame : record.frames) {
+        const bool is_delivered = frame.phase == FrameRecord::Phase::kDelivered;
+        if (is_delivered && numbers.contains(frame.number())) delivered.insert(frame.number());
+      }
     }
   }
   if (!delivered.empty()) {
@@ -74,7 +83,10 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& identi
                                         goes_on ? "" : ", and the job does not go on"));
     if (!warned.ok()) return warned;
   }
-  if (!goes_on) return RemoveParts(false_parts);
+  if (!goes_on) {
+    RemoveFalse(false_parts);
+    return absl::OkStatus();
+  }
   std::vector<JobStore::ReopenedFrame> reopened;
   for (const FrameSpec& frame : job.spec.frames) {
     if (!numbers.contains(frame.frame_number)) continue;
@@ -83,15 +95,10 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& identi
   return ReopenFrames(std::move(job), reopened, false_parts);
 }
 
-absl::Status JobLifecycle::RemoveParts(const std::vector<PartRow>& parts) {
-  for (const PartRow& part : parts) {
-    absl::Status removed = store_.RemovePart(part);
-    disk_.Note(removed);
-    if (!removed.ok()) return removed;
-  }
+void JobLifecycle::RemoveFalse(const std::vector<PartRow>& parts) {
+  removals_.Remove(parts);
   const MutexLock lock(&tables_.mutex);
   tables_.scheduler.counters().parts_revoked += parts.size();
-  return absl::OkStatus();
 }
 
 absl::Status JobLifecycle::SetWarning(uint64_t job_id, const std::string& text) {

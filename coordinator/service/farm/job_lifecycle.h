@@ -65,8 +65,9 @@ class JobLifecycle {
   absl::Status LiftQuarantine(const std::string& identity);
 
   // Removes the stored results of an identity that made false ones; the frames that hold them are
-  // rendered again. Requires: no result is taken meanwhile. Errors: those of the store; then it can
-  // be called again.
+  // rendered again. Requires: no result is taken meanwhile. Errors: those of the store, and
+  // kUnavailable while the disk does not remove all of them. Then it can be called again, which
+  // corrects no frame twice.
   absl::Status RemoveResultsOf(const std::string& identity);
   // Replaces what the users of a job should know of its images.
   absl::Status SetWarning(uint64_t job_id, const std::string& text);
@@ -127,13 +128,15 @@ class JobLifecycle {
   StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // By frame.
   absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
-  // The parts of a job, without those that nothing needs any more; lost ones are of these from now
-  // on. Errors: those of JobStore::LoadParts.
-  absl::StatusOr<JobStore::LoadedParts> LoadPartsOf(uint64_t job_id);
-  // Continues these frames of a job, without the parts that are to be removed. Requires: the job
-  // has ended, or no result is taken meanwhile.
+  // The parts of a job, without the given ones and those that nothing needs any more; lost ones are
+  // of the latter from now on. Errors: those of JobStore::LoadParts.
+  absl::StatusOr<JobStore::LoadedParts> LoadPartsOf(uint64_t job_id,
+                                                    const std::vector<PartRow>& without = {});
+  // Continues these frames of a job, without the false parts, which are removed. Requires: the job
+  // has ended, or no result is taken meanwhile. Errors: those of the store; then no part is removed
+  // and it can be called again.
   absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened,
-                            const std::vector<PartRow>& removed = {})
+                            const std::vector<PartRow>& false_parts = {})
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   // Takes a job out of the tables, as it is before RestoreJob.
   void TakeOut(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
@@ -142,7 +145,7 @@ class JobLifecycle {
   absl::Status CorrectJob(uint64_t job_id, const std::string& identity,
                           const std::vector<PartRow>& false_parts)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
-  absl::Status RemoveParts(const std::vector<PartRow>& parts);
+  void RemoveFalse(const std::vector<PartRow>& parts);
 
   const FarmOptions options_;
   const std::string numeric_profile_;

@@ -160,8 +160,10 @@ absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> JobLifecycle::Rounds
   return rounds;
 }
 
-absl::StatusOr<JobStore::LoadedParts> JobLifecycle::LoadPartsOf(uint64_t job_id) {
-  const PartKeys left = removals_.Left();
+absl::StatusOr<JobStore::LoadedParts> JobLifecycle::LoadPartsOf(
+    uint64_t job_id, const std::vector<PartRow>& without) {
+  PartKeys left = removals_.Left();
+  for (const PartRow& row : without) left.insert(row.key);
   absl::StatusOr<JobStore::LoadedParts> parts = store_.LoadParts(job_id);
   if (!parts.ok()) return parts;
   const auto is_left = [&left](const PartRow& row) { return left.contains(row.key); };
@@ -185,7 +187,7 @@ void JobLifecycle::TakeOut(uint64_t job_id) {
 
 absl::Status JobLifecycle::ReopenFrames(StoredJob job,
                                         const std::vector<JobStore::ReopenedFrame>& reopened,
-                                        const std::vector<PartRow>& removed) {
+                                        const std::vector<PartRow>& false_parts) {
   const uint64_t job_id = job.spec.job_id;
   std::set<int32_t> undelivered;
   for (const JobStore::ReopenedFrame& frame : reopened) {
@@ -205,13 +207,14 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   if (!resumed.ok()) return resumed.status();
   absl::Status written = store_.ReopenJob(job_id, reopened);
   disk_.Note(written);
-  // After the frames are no longer delivered: a stop in between leaves them to be found again.
-  if (written.ok()) written = RemoveParts(removed);
   if (!written.ok()) return written;
-  const absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(job_id);
+  const absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(job_id, false_parts);
   if (!parts.ok()) return parts.status();
   absl::StatusOr<std::vector<StoredRound>> rounds = store_.LoadRounds(job_id, /*with_cells=*/true);
   if (!rounds.ok()) return rounds.status();
+  // After the frames are no longer delivered: a stop in between leaves them to be found again. And
+  // after all that may fail, so that another try finds them, too.
+  RemoveFalse(false_parts);
   for (const JobStore::ReopenedFrame& frame : reopened) {
     const auto kept = static_cast<int32_t>(frame.rounds.size());
     previews_.RemoveFrom({job_id, frame.spec.frame_number}, kept);

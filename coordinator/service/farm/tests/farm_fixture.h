@@ -173,6 +173,12 @@ class FarmTest : public testing::Test {
     std::filesystem::remove_all(directory_ + "/parts");
     std::filesystem::create_directory(directory_ + "/parts");
   }
+  // Notes that somebody made false results.
+  void Distrust(const std::string& identity) {
+    const MutexLock lock(&farm_->tables().mutex);
+    farm_->tables().scheduler.Quarantine(identity, "it lied", /*made_false_results=*/true);
+    farm_->tables().NoteEndedJobs();
+  }
   uint64_t PartsRevoked() {
     const MutexLock lock(&farm_->tables().mutex);
     return farm_->tables().scheduler.counters().parts_revoked;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -100,7 +101,7 @@ class GatedJobStore : public JobStore {
     return store_->ReadPart(row);
   }
   absl::Status RemovePart(const PartRow& row) override {
-    if (!keeps_parts_) return store_->RemovePart(row);
+    if (!keeps_parts_ && removals_allowed_-- > 0) return store_->RemovePart(row);
     ++removals_refused_;
     return Full();
   }
@@ -118,6 +119,7 @@ class GatedJobStore : public JobStore {
     return store_->AddRound(frame, round);
   }
   absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) override {
+    if (refuses_rounds_) return absl::UnavailableError("reading x: input/output error");
     return store_->LoadRounds(job_id, with_cells);
   }
   absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) override {
@@ -132,7 +134,9 @@ class GatedJobStore : public JobStore {
   std::atomic<bool> full_ = false;  // Whether the disk takes no parts, pauses and priorities.
   std::atomic<bool> holds_parts_ = false;
   std::atomic<bool> keeps_parts_ = false;  // Whether the disk removes no parts.
+  std::atomic<int64_t> removals_allowed_ = INT64_MAX;  // As many parts are removed, and no more.
   std::atomic<int> removals_refused_ = 0;
+  std::atomic<bool> refuses_rounds_ = false;  // Whether the disk reads no rounds.
   std::atomic<bool> refuses_ends_ = false;  // Whether the disk takes no ends of jobs.
   std::atomic<int> ends_refused_ = 0;
   std::atomic<int> control_writes_ = 0;  // Pauses and priorities, also those that failed.

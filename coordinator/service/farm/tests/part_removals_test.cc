@@ -137,11 +137,7 @@ TEST_F(FarmTest, AQuarantineIsLiftedAfterFalseResultsAreRemoved) {
   store_->Open();
   const uint64_t id = MakeJob({});
   Work();
-  {
-    const MutexLock lock(&farm_->tables().mutex);
-    farm_->tables().scheduler.Quarantine("w", "it lied", /*made_false_results=*/true);
-    farm_->tables().NoteEndedJobs();
-  }
+  Distrust("w");
   store_->keeps_parts_ = true;
   farm_->RunOnce();
   EXPECT_EQ(farm_->LiftQuarantine("w").code(), absl::StatusCode::kFailedPrecondition);
@@ -151,6 +147,55 @@ TEST_F(FarmTest, AQuarantineIsLiftedAfterFalseResultsAreRemoved) {
   EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
   EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
   EXPECT_EQ(Lease("w").size(), 1u);
+}
+
+// The disk removes one of the false results and refuses the others: their frame is corrected at
+// once, and each result and the correction count once, however often the disk is asked again.
+TEST_F(FarmTest, ACorrectionThatTheDiskDelaysCountsOnce) {
+  StartWithoutThread();
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  Finish(id);
+  const size_t count = store_->FindPartsOf("w")->size();
+  ASSERT_GT(count, 2u);
+  store_->removals_allowed_ = 1;
+  Distrust("w");
+  for (int32_t priority = 1; priority <= 3; ++priority) {
+    farm_->RunOnce();
+    EXPECT_TRUE(farm_->SetJobPriority(id, priority).ok());  // The disk takes that.
+  }
+  EXPECT_EQ(store_->FindPartsOf("w")->size(), count - 1);
+  EXPECT_EQ(PartsRevoked(), count);
+  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
+  store_->removals_allowed_ = INT64_MAX;
+  farm_->RunOnce();
+  EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
+  Finish(id);
+  EXPECT_EQ(PartsRevoked(), count);
+  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->frames[0].correction_count, 1);
+}
+
+// A correction fails when its frame is marked already: the next try makes all of it, and counts
+// once.
+TEST_F(FarmTest, ACorrectionThatFailsIsMadeAsAWhole) {
+  StartWithoutThread();
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  Finish(id);
+  const size_t count = store_->FindPartsOf("w")->size();
+  store_->refuses_rounds_ = true;
+  Distrust("w");
+  farm_->RunOnce();
+  EXPECT_EQ(PartsRevoked(), 0u);
+  store_->refuses_rounds_ = false;
+  farm_->RunOnce();
+  EXPECT_EQ(PartsRevoked(), count);
+  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
+  EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
+  Finish(id);
+  StartWithoutThread();
+  store_->Open();
+  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->frames[0].correction_count, 1);
 }
 
 }  // namespace
