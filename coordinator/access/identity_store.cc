@@ -7,6 +7,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
+#include "common/base/log.h"
 #include "common/base/secret.h"
 #include "common/tls/enrolment_token.h"
 #include "coordinator/store/stored_times.h"
@@ -34,6 +35,11 @@ int64_t Stored(IdentityKind kind) { return static_cast<int64_t>(kind); }
 absl::StatusOr<std::unique_ptr<IdentityStore>> IdentityStore::Open(const std::string& path) {
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> database = SqliteDatabase::Open(path);
   if (!database.ok()) return database.status();
+  if (const int64_t lost = (*database)->lost_commits(); lost > 0) {
+    LogError(absl::StrCat(path, "-wal: bits changed in the log of the database. Up to ", lost,
+                          " of the last enrolments and revocations are lost: repeat them, and "
+                          "check the disk"));
+  }
   if (absl::Status status = (*database)->Execute(kIdentitySchema); !status.ok()) return status;
   return std::unique_ptr<IdentityStore>(new IdentityStore(*std::move(database)));
 }

@@ -27,9 +27,11 @@ struct Counters {
   uint64_t results_refused = 0;   // Not leased to the sender, or of a quarantined one.
   uint64_t failures_refused = 0;  // Not of a lease of the sender.
   uint64_t checks_begun = 0;
-  uint64_t checks_dropped = 0;   // Nobody was there to do them in time.
-  uint64_t samples_checked = 0;  // Pixel samples rendered for checks.
-  uint64_t parts_revoked = 0;    // Rows whose part is missing or damaged: rendered again.
+  uint64_t checks_dropped = 0;    // Nobody was there to do them in time.
+  uint64_t samples_checked = 0;   // Pixel samples rendered for checks.
+  uint64_t parts_revoked = 0;     // Rows whose part is missing or damaged: rendered again.
+  uint64_t parts_unrecorded = 0;  // Files whose rows are not there: rendered again.
+  uint64_t commits_lost = 0;      // Of the database, by damage to its log, at most.
   uint64_t workers_lost = 0;
   uint64_t workers_quarantined = 0;
   uint64_t tasks_poisoned = 0;

@@ -91,10 +91,12 @@ class JobStore {
   virtual absl::StatusOr<std::vector<StoredJob>> LoadJobs() = 0;
   // Returns the parts of a job whose bytes are on disk. Rows without bytes, and rows that changed
   // on disk, are lost: their work is to be done again, and the caller removes them. Bytes without a
-  // row are removed silently, as no call has acknowledged them.
+  // row are removed: no call has acknowledged them, or the row is among lost commits. They are not
+  // taken as parts, because nothing tells any more who made them.
   struct LoadedParts {
     std::vector<PartRow> rows;
     std::vector<PartRow> lost;
+    int64_t files_without_row = 0;  // Removed; without half-written ones.
   };
   virtual absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) = 0;
 
@@ -174,6 +176,9 @@ class JobStore {
   virtual uint64_t PartsBytes() const = 0;
   // The first lease id of this run of the coordinator; no earlier run has used it or a larger one.
   virtual uint64_t FirstLeaseId() const = 0;
+  // How many changes that were acknowledged were lost before this run, at most. The state is an
+  // earlier one then.
+  virtual int64_t LostCommits() const = 0;
 };
 
 }  // namespace sheaf::coordinator

@@ -247,6 +247,39 @@ TEST_F(SqliteDamageTest, RoundsThatChangeAreRefusedWithARemedy) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("backup"));
 }
 
+// A byte changes in the log after a kill: the parts whose rows SQLite drops then are known to be
+// lost, and lease ids of lives that may be lost are not given again.
+TEST_F(SqliteDamageTest, PartsWhoseCommitsAreLostAreCounted) {
+  ASSERT_TRUE(WritePart(100).ok());
+  const auto log_bytes = std::filesystem::file_size(database_ + "-wal");
+  for (int32_t x = 101; x < 105; ++x) ASSERT_TRUE(WritePart(x).ok());
+  const uint64_t lease_id = store_->FirstLeaseId();
+  const std::string killed = directory_ + "-killed";
+  std::filesystem::remove_all(killed);
+  std::filesystem::copy(directory_, killed, std::filesystem::copy_options::recursive);
+  store_.reset();
+  std::filesystem::remove_all(directory_);
+  std::filesystem::rename(killed, directory_);
+  std::filesystem::remove(database_ + "-shm");
+  std::fstream log(database_ + "-wal", std::ios::in | std::ios::out | std::ios::binary);
+  log.seekp(static_cast<std::streamoff>(log_bytes) + 1000);
+  log.put('\x5a');
+  log.close();
+
+  auto store = SqliteJobStore::Open(directory_, Durability::kProcess);
+  ASSERT_TRUE(store.ok()) << store.status();
+  store_ = std::move(*store);
+  EXPECT_EQ(store_->LostCommits(), 4);
+  EXPECT_GE(store_->FirstLeaseId(), lease_id + (uint64_t{5} << 40));
+  const auto parts = store_->LoadParts(1);
+  ASSERT_TRUE(parts.ok());
+  EXPECT_EQ(parts->rows.size(), 9u);
+  EXPECT_TRUE(parts->lost.empty());
+  EXPECT_EQ(parts->files_without_row, 4);
+  EXPECT_TRUE(HasPart(100));
+  EXPECT_FALSE(HasPart(101));
+}
+
 TEST_F(SqliteDamageTest, OtherFilesAreRefused) {
   store_.reset();
   std::ofstream(database_) << std::string(4096, 'x');

@@ -12,6 +12,7 @@
 #include "absl/strings/str_replace.h"
 #include "common/base/check.h"
 #include "common/base/steady_time.h"
+#include "coordinator/store/lost_commits.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -151,11 +152,12 @@ std::string SqliteStatement::Bytes(int column) const {
 
 absl::StatusOr<std::unique_ptr<SqliteDatabase>> SqliteDatabase::Open(const std::string& path,
                                                                      Durability durability) {
+  const int64_t lost_commits = CountLostCommits(path + "-wal");
   sqlite3* handle = nullptr;
   const int result =
       sqlite3_open_v2(path.c_str(), &handle,
                       SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_FULLMUTEX, nullptr);
-  std::unique_ptr<SqliteDatabase> database(new SqliteDatabase(handle));
+  std::unique_ptr<SqliteDatabase> database(new SqliteDatabase(handle, lost_commits));
   if (result != SQLITE_OK) {
     const std::string why = handle == nullptr ? sqlite3_errstr(result) : sqlite3_errmsg(handle);
     return absl::UnavailableError(absl::StrCat(path, ": ", why));

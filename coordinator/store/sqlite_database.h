@@ -67,6 +67,8 @@ class SqliteDatabase {
   static absl::StatusOr<std::unique_ptr<SqliteDatabase>> Open(
       const std::string& path, Durability durability = Durability::kPowerLoss);
   ~SqliteDatabase();
+  // How many commits were lost when it was opened, at most: see lost_commits.h.
+  int64_t lost_commits() const { return lost_commits_; }
   SqliteDatabase(const SqliteDatabase&) = delete;
   SqliteDatabase& operator=(const SqliteDatabase&) = delete;
 
@@ -78,8 +80,10 @@ class SqliteDatabase {
   absl::Status Check(absl::Duration time_max);
 
  private:
-  explicit SqliteDatabase(sqlite3* database) : database_(database) {}
+  SqliteDatabase(sqlite3* database, int64_t lost_commits)
+      : database_(database), lost_commits_(lost_commits) {}
   sqlite3* database_;
+  const int64_t lost_commits_;
 };
 
 }  // namespace sheaf::coordinator

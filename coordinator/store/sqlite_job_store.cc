@@ -91,12 +91,14 @@ absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id)
     if (!all.ok()) return all.status();
     rows = std::move(*all);
   }
-  std::set<std::string> known;
+  std::set<std::string> known, lost;
+  for (const PartRow& row : loaded.lost) lost.insert(PartPath(row));
   for (PartRow& row : rows) {
     std::error_code error;
     const std::string path = PartPath(row);
     const uintmax_t size = std::filesystem::file_size(path, error);
     if (error || size != row.digest.size_bytes) {
+      lost.insert(path);
       loaded.lost.push_back(std::move(row));
       continue;
     }
@@ -108,6 +110,8 @@ absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id)
   for (const auto& entry : std::filesystem::recursive_directory_iterator(directory, error)) {
     std::error_code ignored;
     if (entry.is_regular_file(ignored) && !known.contains(entry.path().string())) {
+      const bool has_row = lost.contains(entry.path().string());
+      if (!has_row && entry.path().extension() == ".exr") ++loaded.files_without_row;
       std::filesystem::remove(entry.path(), ignored);
     }
   }
@@ -143,10 +147,10 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::InsertJob(const JobSpec& sp
                                                                const std::string& request_id,
                                                                absl::Time create_time) {
   SqliteStatement next =
-      database_->Prepare(absl::StrCat("SELECT COALESCE(MAX(job_id) + 1, ?) FROM jobs WHERE job_id ",
-                                      spec.pilot ? ">=" : "<", " ?"));
+      database_->Prepare(absl::StrCat("SELECT MAX(COALESCE(MAX(job_id) + 1, 0), ?) FROM jobs ",
+                                      "WHERE job_id ", spec.pilot ? ">=" : "<", " ?"));
   const absl::StatusOr<bool> row =
-      next.Bind(spec.pilot ? kFirstPilotId : uint64_t{1}).Bind(kFirstPilotId).Step();
+      next.Bind(spec.pilot ? next_pilot_id_ : next_job_id_).Bind(kFirstPilotId).Step();
   if (!row.ok()) return row.status();
   StoredJob job;
   job.spec = spec;

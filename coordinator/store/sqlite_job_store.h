@@ -72,6 +72,7 @@ class SqliteJobStore : public JobStore {
   absl::Status Probe() override;
   uint64_t PartsBytes() const override { return parts_bytes_; }
   uint64_t FirstLeaseId() const override { return first_lease_id_; }
+  int64_t LostCommits() const override { return lost_commits_; }
 
   // The path of a part's bytes; for tests and diagnosis.
   std::string PartPath(const PartRow& row) const;
@@ -88,6 +89,8 @@ class SqliteJobStore : public JobStore {
       : directory_(std::move(directory)), durability_(durability), lock_fd_(lock_fd) {}
   absl::Status Initialize();
   absl::Status RefuseEmptied() const;
+  // Of jobs whose rows are lost, so that no other job replaces their images.
+  void FindUsedJobIds();
   std::string DatabasePath() const { return directory_ + "/farm.db"; }
   // Adds to a kDataLoss error how to recover from it.
   absl::Status Explained(const absl::Status& status) const;
@@ -126,6 +129,8 @@ class SqliteJobStore : public JobStore {
   bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;
   std::atomic<uint64_t> parts_bytes_{0};
   uint64_t first_lease_id_ = 1;
+  int64_t lost_commits_ = 0;
+  uint64_t next_job_id_ = 1, next_pilot_id_ = kFirstPilotId;  // As far as folders tell.
 };
 
 }  // namespace sheaf::coordinator

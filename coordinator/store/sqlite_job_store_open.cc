@@ -7,15 +7,18 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <filesystem>
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/base/status.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "coordinator/store/sqlite_schema.h"
@@ -105,7 +108,18 @@ absl::Status SqliteJobStore::Initialize() {
   if (absl::Status status = MigrateSchema(database_.get(), DatabasePath()); !status.ok()) {
     return status;
   }
-  absl::Status status = database_->Execute("UPDATE meta SET value = value + 1 WHERE key = 'lives'");
+  lost_commits_ = database_->lost_commits();
+  if (lost_commits_ > 0) {
+    LogError(absl::StrCat(
+        DatabasePath(), "-wal: bits changed in the log of the database. Up to ", lost_commits_,
+        " of the last changes are lost: their parts are rendered again, but jobs, refinements, "
+        "pauses and the like that were asked for last may have to be asked for again. Check the "
+        "disk"));
+  }
+  // The lives that are lost had lease ids, too; each made a commit.
+  absl::Status status = database_->Prepare("UPDATE meta SET value = value + ? WHERE key = 'lives'")
+                            .Bind(1 + lost_commits_)
+                            .Run();
   if (!status.ok()) return status;
   SqliteStatement lives = database_->Prepare("SELECT value FROM meta WHERE key = 'lives'");
   const absl::StatusOr<bool> row = lives.Step();
@@ -116,7 +130,20 @@ absl::Status SqliteJobStore::Initialize() {
   const absl::StatusOr<bool> sum = bytes.Step();
   if (!sum.ok()) return sum.status();
   parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
+  FindUsedJobIds();
   return absl::OkStatus();
+}
+
+void SqliteJobStore::FindUsedJobIds() {
+  for (const char* folder : {"/parts", "/outputs"}) {
+    std::error_code ignored;
+    for (const auto& entry : std::filesystem::directory_iterator(directory_ + folder, ignored)) {
+      uint64_t job_id = 0;
+      if (!absl::SimpleAtoi(entry.path().filename().string(), &job_id)) continue;
+      uint64_t& next = IsPilot(job_id) ? next_pilot_id_ : next_job_id_;
+      next = std::max(next, job_id + 1);
+    }
+  }
 }
 
 absl::Status SqliteJobStore::Probe() {

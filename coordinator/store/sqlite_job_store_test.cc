@@ -315,6 +315,7 @@ TEST_F(SqliteJobStoreTest, FilesWithoutRowsAreRemoved) {
   const auto parts = store_->LoadParts(job);
   ASSERT_TRUE(parts.ok());
   EXPECT_EQ(parts->rows.size(), 1u);
+  EXPECT_EQ(parts->files_without_row, 1);
   EXPECT_FALSE(std::filesystem::exists(store_->PartPath(orphan)));
   EXPECT_FALSE(std::filesystem::exists(store_->PartPath(orphan) + ".tmp-1-1"));
   EXPECT_TRUE(store_->WritePart(orphan, "orphan").ok());
@@ -329,6 +330,7 @@ TEST_F(SqliteJobStoreTest, RowsWithoutFilesAreLost) {
   auto parts = store_->LoadParts(job);
   ASSERT_TRUE(parts.ok());
   EXPECT_TRUE(parts->rows.empty());
+  EXPECT_EQ(parts->files_without_row, 0);
   ASSERT_EQ(parts->lost.size(), 1u);
   EXPECT_EQ(parts->lost[0].key, row.key);
   ASSERT_TRUE(store_->RemovePart(parts->lost[0]).ok());
@@ -375,6 +377,19 @@ TEST_F(SqliteJobStoreTest, TileCostsAreSummed) {
   EXPECT_EQ(costs->at(0).tile, row.key.tile);
   EXPECT_EQ(costs->at(0).cpu_duration, row.cost.cpu_duration + next.cost.cpu_duration);
   EXPECT_TRUE(store_->TileCosts({job, 99})->empty());
+}
+
+// A job whose rows are lost has an image, which another job must not replace.
+TEST_F(SqliteJobStoreTest, IdsOfJobsWithFilesAreNotGivenAgain) {
+  const uint64_t job = CreateJob("r1");
+  std::filesystem::create_directory(absl::StrCat(directory_, "/outputs/", job + 3));
+  std::filesystem::create_directory(absl::StrCat(directory_, "/parts/", kFirstPilotId + 5));
+  Reopen();
+  EXPECT_EQ(CreateJob("r2"), job + 4);
+  EXPECT_EQ(CreateJob("r3"), job + 5);
+  JobSpec pilot = MakeSpec();
+  pilot.pilot = true;
+  EXPECT_EQ(store_->CreateJob(pilot, "r4", absl::UnixEpoch())->job_id, kFirstPilotId + 6);
 }
 
 TEST_F(SqliteJobStoreTest, LeaseIdsAreUniqueAcrossRestarts) {

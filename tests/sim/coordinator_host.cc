@@ -103,6 +103,7 @@ int CoordinatorHost::Gate(SimDisk::Operation operation, const std::string& path,
 absl::StatusOr<std::unique_ptr<coordinator::Farm>> CoordinatorHost::Open() {
   auto store = coordinator::SqliteJobStore::Open(kStateDirectory);
   if (!store.ok()) return store.status();
+  promises_.CheckLog((*store)->LostCommits());
   return coordinator::Farm::OpenWithoutThread(
       options_, std::make_unique<PromisingStore>(*std::move(store), &world_.machine, &promises_));
 }

@@ -250,6 +250,12 @@ void Promises::CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedPa
   parts_.merge(found);
 }
 
+// Nothing damages the database's log here: its end may only be one that was interrupted.
+void Promises::CheckLog(int64_t lost_commits) const {
+  if (lost_commits == 0) return;
+  broken_(absl::StrCat("the log of the database lost ", lost_commits, " commits"));
+}
+
 bool Promises::HasPart(const std::string& sha256_hex) const {
   for (const auto& [frame, parts] : parts_) {
     for (const auto& [name, part] : parts) {

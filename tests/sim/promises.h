@@ -67,6 +67,7 @@ class Promises {
   void Damaged() { ++damaged_count_; }
 
   // Compares with what a new life found.
+  void CheckLog(int64_t lost_commits) const;
   void CheckJobs(const std::vector<coordinator::StoredJob>& jobs);
   void CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedParts& parts);
   void CheckQuarantines(const std::vector<coordinator::QuarantineRecord>& records);

@@ -150,6 +150,7 @@ class PromisingStore : public coordinator::JobStore {
   absl::Status Probe() override { return store_->Probe(); }
   uint64_t PartsBytes() const override { return store_->PartsBytes(); }
   uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
+  int64_t LostCommits() const override { return store_->LostCommits(); }
 
  private:
   bool Certain(const absl::Status& status = absl::OkStatus()) const {

@@ -78,6 +78,7 @@ absl::Status JobLifecycle::Load() {
                              std::string(resumed.status().message()));
     tables_.NoteEndedJobs();
   }
+  tables_.scheduler.counters().commits_lost = static_cast<uint64_t>(store_.LostCommits());
   return absl::OkStatus();
 }
 
@@ -114,6 +115,11 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
   if (!parts.lost.empty()) {
     LogWarning(absl::StrCat("job ", job.spec.job_id, ": ", parts.lost.size(),
                             " parts are missing or changed on disk and will be rendered again"));
+  }
+  tables_.scheduler.counters().parts_unrecorded += static_cast<uint64_t>(parts.files_without_row);
+  if (parts.files_without_row > 0) {
+    LogInfo(absl::StrCat("job ", job.spec.job_id, ": ", parts.files_without_row,
+                         " files of parts have no row; what they held is rendered again"));
   }
   for (const PartRow& row : parts.rows) {
     const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);

@@ -1,15 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tests the farm's durability with a store that is slow on purpose.
+// Tests the farm's durability with a store that is slow on purpose, or damaged.
 #include "coordinator/service/farm/farm.h"
 
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <future>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/file.h"
 #include "common/base/mutex.h"
 #include "coordinator/service/farm/tests/farm_fixture.h"
 #include "gmock/gmock.h"
@@ -198,6 +202,43 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
 }
 
 // A frame without a rule has a point at each doubling that is seen, and one at its end.
+// A byte changes in the log of the database after a kill, and its last changes are lost with it,
+// the frame's delivery among them: the farm tells of that, and makes the same image again.
+TEST_F(FarmTest, ADeliveryThatIsLostIsMadeAgain) {
+  StartWithoutThread();
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  Finish(id);
+  const auto image = [&] { return ReadWholeFile(*store_->OutputPath({id, 1}), 1 << 24).value(); };
+  const std::string delivered = image();
+  const std::string killed = directory_ + "-killed";
+  std::filesystem::remove_all(killed);
+  std::filesystem::copy(directory_, killed, std::filesystem::copy_options::recursive);
+  farm_.reset();
+  std::filesystem::remove_all(directory_);
+  std::filesystem::rename(killed, directory_);
+  const std::string log_path = directory_ + "/farm.db-wal";
+  std::filesystem::remove(directory_ + "/farm.db-shm");
+  std::fstream log(log_path, std::ios::in | std::ios::out | std::ios::binary);
+  constexpr int64_t kHeaderBytes = 32, kFrameBytes = 24 + 4096;
+  const auto log_bytes = static_cast<int64_t>(std::filesystem::file_size(log_path));
+  log.seekp(kHeaderBytes + (log_bytes - kHeaderBytes) / kFrameBytes / 2 * kFrameBytes + 1000);
+  log.put('\x5a');
+  log.close();
+
+  StartWithoutThread();
+  store_->Open();
+  EXPECT_NE(farm_->FindJob(absl::StrCat(id))->state, JobState::kSucceeded);
+  EXPECT_FALSE(farm_->FindJob(absl::StrCat(id))->frames[0].complete);
+  {
+    const MutexLock lock(&farm_->tables().mutex);
+    EXPECT_GT(farm_->tables().scheduler.counters().commits_lost, 1u);
+    EXPECT_GT(farm_->tables().scheduler.counters().parts_unrecorded, 0u);
+  }
+  Finish(id);
+  EXPECT_EQ(image(), delivered);
+}
+
 TEST_F(FarmTest, FramesWithoutAStopRuleHaveACurve) {
   store_->Open();
   const std::string job = absl::StrCat(MakeJob({}));

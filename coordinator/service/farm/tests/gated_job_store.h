@@ -130,14 +130,15 @@ class GatedJobStore : public JobStore {
   }
   uint64_t PartsBytes() const override { return store_->PartsBytes(); }
   uint64_t FirstLeaseId() const override { return store_->FirstLeaseId(); }
+  int64_t LostCommits() const override { return store_->LostCommits(); }
 
   std::atomic<bool> full_ = false;  // Whether the disk takes no parts, pauses and priorities.
   std::atomic<bool> holds_parts_ = false;
-  std::atomic<bool> keeps_parts_ = false;  // Whether the disk removes no parts.
+  std::atomic<bool> keeps_parts_ = false;              // Whether the disk removes no parts.
   std::atomic<int64_t> removals_allowed_ = INT64_MAX;  // As many parts are removed, and no more.
   std::atomic<int> removals_refused_ = 0;
   std::atomic<bool> refuses_rounds_ = false;  // Whether the disk reads no rounds.
-  std::atomic<bool> refuses_ends_ = false;  // Whether the disk takes no ends of jobs.
+  std::atomic<bool> refuses_ends_ = false;    // Whether the disk takes no ends of jobs.
   std::atomic<int> ends_refused_ = 0;
   std::atomic<int> control_writes_ = 0;  // Pauses and priorities, also those that failed.
 
