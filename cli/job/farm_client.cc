@@ -12,6 +12,7 @@
 #include "cli/message.h"
 #include "common/base/digest.h"
 #include "common/base/mutex.h"
+#include "common/base/retry_after.h"
 #include "common/content/blob_store.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/channel.h"
@@ -104,17 +105,20 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
         absl::Status result = attempt(&context);
         if (stop_.stop_requested()) return absl::CancelledError("interrupted");
         if (result.ok()) answered_ = true;
-        // A full disk or queue at the coordinator does not clear up by itself: fail at once.
-        if (absl::IsResourceExhausted(result))
-          return absl::FailedPreconditionError(result.message());
+        if (RetryAfterOf(result) && !limited_.exchange(true)) {
+          PrintInfo(absl::StrCat("the coordinator at ", address_,
+                                 " lets this call wait: ", result.message()));
+        }
         if (answered_ && absl::IsUnavailable(result) && !silent_.exchange(true)) {
           PrintInfo(
               absl::StrCat("the coordinator at ", address_, " does not answer; trying again"));
         }
-        if (result.ok()) silent_ = false;
+        if (result.ok()) silent_ = limited_ = false;
         return result;
       });
   if (stop_.stop_requested() && !status.ok()) return absl::CancelledError("interrupted");
+  // The command has not run out of anything: the farm has.
+  if (absl::IsResourceExhausted(status)) return absl::FailedPreconditionError(status.message());
   return NoCoordinatorAnswers(address_, status);
 }
 

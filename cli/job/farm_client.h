@@ -3,7 +3,9 @@
 //
 // FarmClient: the coordinator's calls for the commands. Each call is idempotent and is repeated
 // while the coordinator does not answer: for a short time before the first answer, for a long time
-// after it, so that a restart of the coordinator does not disturb a command.
+// after it, so that a restart of the coordinator does not disturb a command. A call beyond the rate
+// of calls is repeated as long, after the time that the refusal names; any other refusal fails at
+// once.
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -93,7 +95,8 @@ class FarmClient {
   const std::unique_ptr<v1::ContentService::Stub> content_;
   const RetryEnvironment environment_;
   std::atomic<bool> answered_{false};
-  std::atomic<bool> silent_{false};  // Whether a lasting outage has been reported.
+  std::atomic<bool> silent_{false};   // Whether a lasting outage has been reported.
+  std::atomic<bool> limited_{false};  // Whether a limit of the rate of calls has been.
 };
 
 // "jobs/7" from "7" or "jobs/7".

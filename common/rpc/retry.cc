@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/retry_after.h"
 
 namespace sheaf {
 
@@ -26,8 +27,7 @@ RetryEnvironment SystemRetryEnvironment() {
 }
 
 bool IsTransient(const absl::Status& status) {
-  return status.code() == absl::StatusCode::kUnavailable ||
-         status.code() == absl::StatusCode::kResourceExhausted;
+  return absl::IsUnavailable(status) || RetryAfterOf(status).has_value();
 }
 
 absl::Status RetryLoop(const RetryPolicy& policy, Idempotency idempotency,
@@ -39,7 +39,8 @@ absl::Status RetryLoop(const RetryPolicy& policy, Idempotency idempotency,
     absl::Status status = call();
     if (status.ok() || !IsTransient(status)) return status;
     if (idempotency == Idempotency::kNotIdempotent) return status;
-    const absl::Duration wait = backoff * (0.5 + 0.5 * environment.uniform());
+    const absl::Duration wait = std::max(backoff * (0.5 + 0.5 * environment.uniform()),
+                                         RetryAfterOf(status).value_or(absl::ZeroDuration()));
     const bool exhausted = attempt >= policy.attempts_max || environment.now() + wait > deadline;
     if (exhausted || !environment.sleep(wait)) {
       return {status.code(), absl::StrCat(status.message(), " (gave up after ", attempt,

@@ -37,12 +37,14 @@ RetryEnvironment SystemRetryEnvironment();
 // Whether repeating the same request is harmless.
 enum class Idempotency { kIdempotent, kNotIdempotent };
 
-// Whether a later attempt may succeed: kUnavailable and kResourceExhausted.
+// Whether a later attempt may succeed by itself: kUnavailable, and kResourceExhausted that says
+// after which time (retry_after.h). Full disks and limits of what a user has stay as they are.
 bool IsTransient(const absl::Status& status);
 
 // Calls until it succeeds, fails permanently, or a limit of the policy is reached. Returns the last
 // status; if a limit ended the loop, the message gives the number of attempts. Waits backoff *
-// [0.5, 1) between attempts, with backoff growing from backoff_initial to backoff_max.
+// [0.5, 1) between attempts, with backoff growing from backoff_initial to backoff_max; no less than
+// a status asks for.
 absl::Status RetryLoop(const RetryPolicy& policy, Idempotency idempotency,
                        const RetryEnvironment& environment,
                        const std::function<absl::Status()>& call);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/retry_after.h"
 #include "gtest/gtest.h"
 
 namespace sheaf {
@@ -43,6 +44,31 @@ TEST(RetryLoopTest, RetriesTransientFailures) {
   EXPECT_EQ(world.waits[1], absl::Milliseconds(100));
 }
 
+TEST(RetryLoopTest, RefusalsThatPassAreRepeatedAfterTheirTime) {
+  SimulatedWorld world;
+  int calls = 0;
+  const absl::Status status = RetryLoop(
+      RetryPolicy{}, Idempotency::kIdempotent, world.Environment(), [&]() -> absl::Status {
+        return ++calls < 2 ? RetryAfterError("too many calls", absl::Seconds(2)) : absl::OkStatus();
+      });
+  EXPECT_TRUE(status.ok());
+  EXPECT_EQ(calls, 2);
+  ASSERT_EQ(world.waits.size(), 1u);
+  EXPECT_EQ(world.waits[0], absl::Seconds(2));
+}
+
+TEST(RetryLoopTest, RefusalsThatStayFailAtOnceInTheirWords) {
+  SimulatedWorld world;
+  int calls = 0;
+  const absl::Status status =
+      RetryLoop(RetryPolicy{}, Idempotency::kIdempotent, world.Environment(), [&] {
+        ++calls;
+        return absl::ResourceExhaustedError("too many jobs");
+      });
+  EXPECT_EQ(status, absl::ResourceExhaustedError("too many jobs"));
+  EXPECT_EQ(calls, 1);
+}
+
 TEST(RetryLoopTest, PermanentFailureIsNotRepeated) {
   SimulatedWorld world;
   int calls = 0;
@@ -73,8 +99,8 @@ TEST(RetryLoopTest, StopsAtTheTimeLimitWithAMessage) {
   policy.elapsed_max = absl::Seconds(60);
   const SteadyTime start = world.time;
   const absl::Status status = RetryLoop(policy, Idempotency::kIdempotent, world.Environment(),
-                                        [] { return absl::ResourceExhaustedError("disk full"); });
-  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
+                                        [] { return absl::UnavailableError("away"); });
+  EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
   EXPECT_NE(std::string(status.message()).find("gave up after"), std::string::npos);
   EXPECT_LE(world.time - start, policy.elapsed_max);
   for (const absl::Duration wait : world.waits) EXPECT_LE(wait, policy.backoff_max);

@@ -5,11 +5,14 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/retry_after.h"
 
 namespace sheaf::coordinator {
 namespace {
 
 constexpr absl::Duration kUploadPeriod = absl::Hours(24);
+// After a call too many, a caller waits for as many calls as a second gives.
+constexpr absl::Duration kRateWait = absl::Seconds(1);
 
 }  // namespace
 
@@ -40,7 +43,8 @@ bool IdentityUse::Bucket::Take(double rate, double burst, absl::Time now) {
 
 absl::Status IdentityUse::Refuse(IdentityLimit limit, const std::string& message) {
   ++refused_[static_cast<size_t>(limit)];
-  return absl::ResourceExhaustedError(message);
+  const bool passes = limit == IdentityLimit::kCalls || limit == IdentityLimit::kStrangerCalls;
+  return passes ? RetryAfterError(message, kRateWait) : absl::ResourceExhaustedError(message);
 }
 
 absl::Status IdentityUse::NoteCall(const IdentityId& id, absl::Time now) {
@@ -68,10 +72,10 @@ absl::Status IdentityUse::NoteStrangerCall(const std::string& address, absl::Tim
                              limits_.stranger_calls_burst_max, now)) {
     return absl::OkStatus();
   }
-  return Refuse(IdentityLimit::kStrangerCalls,
-                absl::StrCat("callers at ", address, " that show no identity make more calls than ",
-                             limits_.stranger_calls_per_second_max,
-                             " a second, the limit of an address; wait some seconds"));
+  return Refuse(
+      IdentityLimit::kStrangerCalls,
+      absl::StrCat("callers at ", address, " that show no identity make more calls than ",
+                   limits_.stranger_calls_per_second_max, " a second, the limit of an address"));
 }
 
 absl::StatusOr<IdentityUse::Stream> IdentityUse::OpenStream(const IdentityId& id) {

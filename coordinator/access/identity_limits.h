@@ -54,7 +54,7 @@ class IdentityUse {
   IdentityUse(const IdentityUse&) = delete;
   IdentityUse& operator=(const IdentityUse&) = delete;
 
-  // Counts a call. Errors: kResourceExhausted.
+  // Counts a call. Errors: kResourceExhausted, which says when it passes (retry_after.h).
   absl::Status NoteCall(const IdentityId& id, absl::Time now);
   // The same for a caller without an identity. address: without its port.
   absl::Status NoteStrangerCall(const std::string& address, absl::Time now);

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/retry_after.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -37,6 +38,7 @@ TEST(IdentityUseTest, LimitsTheRateOfCalls) {
   const absl::Status refused = use.NoteCall(kAnna, kNow);
   EXPECT_TRUE(absl::IsResourceExhausted(refused));
   EXPECT_THAT(std::string(refused.message()), HasSubstr("10 a second"));
+  EXPECT_EQ(RetryAfterOf(refused), absl::Seconds(1)) << refused;
   EXPECT_TRUE(use.NoteCall(kBen, kNow).ok()) << "others are not held up";
   int later = 0;
   while (use.NoteCall(kAnna, kNow + absl::Milliseconds(550)).ok()) ++later;
@@ -54,7 +56,9 @@ TEST(IdentityUseTest, StrangersAreLimitedByAddress) {
   IdentityUse use(Few());
   EXPECT_TRUE(use.NoteStrangerCall("192.0.2.7", kNow).ok());
   EXPECT_TRUE(use.NoteStrangerCall("192.0.2.7", kNow).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(use.NoteStrangerCall("192.0.2.7", kNow)));
+  const absl::Status refused = use.NoteStrangerCall("192.0.2.7", kNow);
+  EXPECT_TRUE(absl::IsResourceExhausted(refused));
+  EXPECT_EQ(RetryAfterOf(refused), absl::Seconds(1)) << refused;
   EXPECT_TRUE(use.NoteStrangerCall("192.0.2.8", kNow).ok());
 }
 
@@ -74,7 +78,9 @@ TEST(IdentityUseTest, LimitsOpenStreams) {
   IdentityUse use(Few());
   std::optional<IdentityUse::Stream> first(*use.OpenStream(kAnna));
   const IdentityUse::Stream second = *use.OpenStream(kAnna);
-  EXPECT_TRUE(absl::IsResourceExhausted(use.OpenStream(kAnna).status()));
+  const absl::Status refused = use.OpenStream(kAnna).status();
+  EXPECT_TRUE(absl::IsResourceExhausted(refused));
+  EXPECT_FALSE(RetryAfterOf(refused)) << "nobody knows when one of them ends";
   EXPECT_TRUE(use.OpenStream(kBen).ok());
   first.reset();
   EXPECT_TRUE(use.OpenStream(kAnna).ok());
