@@ -4,6 +4,7 @@
 // The coordinator's HTTP API. Names become path segments, each escaped.
 
 export interface Progress {
+  // Pixel samples; each light path counts as one, too.
   sample_count_done: number;
   sample_count_total: number;
   // Null while unknown.
@@ -51,6 +52,7 @@ export interface PreviewFrame {
 
 export interface Round {
   relative_mse: number;
+  // Those of the camera alone.
   sample_count: number;
   cpu_duration_seconds: number;
   wall_duration_seconds: number;

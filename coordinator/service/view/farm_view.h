@@ -35,7 +35,7 @@ inline constexpr size_t kWorkerScenesShownMax = 8;
 
 // Progress of a frame or a job, and its cost.
 struct ProgressView {
-  uint64_t sample_count_done = 0;   // Pixel samples merged and durable.
+  uint64_t sample_count_done = 0;   // Pixel samples and light paths, merged and durable.
   uint64_t sample_count_total = 0;  // The expected total if a rule ends the frame.
   double relative_mse = 0;          // Estimated; 0 while unknown.
   uint64_t nonfinite_count = 0;
@@ -53,7 +53,7 @@ struct RoundView {
   double relative_mse_upper = 0;      // Its upper confidence bound.
   double predicted_relative_mse = 0;  // For the next round; 0 in the last one.
   double prediction_ratio = 0;        // relative_mse over its prediction; 0 in the first round.
-  uint64_t sample_count = 0;          // Pixel samples so far; this and the following are sums.
+  uint64_t sample_count = 0;          // Of the camera so far; this and the following are sums.
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;
   uint64_t part_bytes = 0;
