@@ -27,7 +27,7 @@ class StudyCommand : public Command {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = app->add_subcommand(
-        "study", "Measure what accuracy costs: settings, effects and light paths of a scene");
+        "study", "Measure what accuracy costs: settings, effects and kinds of paths of a scene");
     AddSettingsOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
     command->add_option("-o,--output", page_path_, "The page to write, a single file (.html)");

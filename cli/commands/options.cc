@@ -90,7 +90,7 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
   command->add_flag("--light-groups", settings->light_groups,
                     "Write the contribution of each group of lights (\"string lightgroup\")");
   command->add_flag("--light-paths", settings->light_paths,
-                    "Write the contribution of each kind of light path: direct, caustic, fog ...");
+                    "Write the contribution of each kind of path: direct, caustic, fog ...");
 }
 
 constexpr char kMeasuredTechniques[] = "auto";

@@ -51,7 +51,7 @@ class Study {
   Study(const SceneDescription& scene, const FrameSettings& settings, FileSource& files,
         const StudyOptions& options)
       : scene_(scene), settings_(settings), files_(files), options_(options) {
-    // Only the outputs that the image needs; a study measures light paths itself.
+    // Only the outputs that the image needs; a study measures kinds of paths itself.
     settings_.outputs = {};
     settings_.lattice = {};
   }
@@ -62,7 +62,7 @@ class Study {
         {"rendering the reference", &Study::MakeReference},
         {"rendering with each setting", &Study::MeasureLadder},
         {"rendering with adaptive sampling", &Study::MeasureStopping},
-        {"measuring light paths", &Study::MeasurePaths},
+        {"measuring kinds of paths", &Study::MeasurePaths},
         {"measuring effects", &Study::MeasureEffects}};
     for (const auto& [what, step] : steps) {
       PrintInfo(what);
@@ -344,8 +344,8 @@ class Study {
       result_.paths.push_back({static_cast<LightPathKind>(k), noise.kinds[k]});
     }
     if (count < tiles_.size()) {
-      result_.not_studied.push_back(absl::StrCat("light paths of ", tiles_.size() - count, " of ",
-                                                 tiles_.size(),
+      result_.not_studied.push_back(absl::StrCat("kinds of paths of ", tiles_.size() - count,
+                                                 " of ", tiles_.size(),
                                                  " tiles: the time limit was reached"));
     }
     return absl::OkStatus();

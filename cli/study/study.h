@@ -6,7 +6,7 @@
 // samples:
 //
 //     MakeLadder > reference > MeasureLadder > AnalyzeStudy > Recommend
-//     MeasurePlan: each effect;  PathNoiseSums: each kind of light path
+//     MeasurePlan: each effect;  PathNoiseSums: each kind of path
 //
 // Everything runs on this machine; the cost is its CPU time.
 #pragma once

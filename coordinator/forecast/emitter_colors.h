@@ -19,7 +19,7 @@ class EmitterColors {
  public:
   using Color = std::array<double, 3>;  // R, G and B.
 
-  // Requires: an image with the layers of light paths. It must outlive this object.
+  // Requires: an image with the layers of kinds of paths. It must outlive this object.
   explicit EmitterColors(const FrameImage& image);
 
   // Color in a pixel of the directly visible emission (Seen) or of all light (All). Components are

@@ -35,7 +35,7 @@ struct ZoomedRegion {
 };
 struct ZoomedPilot {
   ZoomedRegion place;
-  FrameImage image;  // The region of the enlarged frame, with the layers of light paths.
+  FrameImage image;  // The region of the enlarged frame, with the layers of kinds of paths.
 };
 
 // A pixel of the frame, and the fraction of its filter that an emitter covers. Colors are R, G and

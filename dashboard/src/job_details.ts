@@ -120,7 +120,7 @@ function fireflyTilesOf(frame: Frame|undefined): string {
 function mainCauseOf(frame: Frame|undefined): string {
   const layers = frame?.unreliable_layers || [];
   if (!layers.length)
-    return 'Layers of light paths (--light-paths) or sheaf study identify the cause.';
+    return 'Layers of kinds of paths (--light-paths) or sheaf study identify the cause.';
   const causes = layers.map(({layer, tile_count}) => `${layer} (${tile_count} tiles)`);
   return 'Main cause: ' + causes.join(', then ') + '.';
 }

@@ -115,7 +115,7 @@ def check_output_is_an_exr(browser, farm):
 
 
 def check_what_is_known_of_errors(browser, _):
-    """FLIP, the unreliable tiles, and the kinds of light paths that cause them."""
+    """FLIP, the unreliable tiles, and the kinds of paths that cause them."""
     facts = {label: (value, title) for label, value, title in browser.run("""
       return [...document.querySelectorAll("#facts .fact")].map(
           (fact) => [...[...fact.children].map((part) => part.textContent), fact.title]);""")}

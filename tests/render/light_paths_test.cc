@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Kinds of light paths: they add up to the image, match their names, and account for its noise.
+// Kinds of paths: they add up to the image, match their names, and account for its noise.
 #include <gtest/gtest.h>
 
 #include <array>

@@ -163,7 +163,7 @@ TEST(LightFilmTest, SplatsThatAreNotFiniteAreCountedAndReported) {
   EXPECT_EQ(lost[1].pass, 3u);
 }
 
-// Layers of light paths, and groups otherwise.
+// Layers of kinds of paths, and groups otherwise.
 TEST(LightFilmTest, SplatsGoToTheirLayer) {
   const PixelFilter filter = MakeFilter(Kind::kBox, 0.5f, 0.5f);
   LightFilm film = FilmOf(filter);

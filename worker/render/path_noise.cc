@@ -11,7 +11,7 @@
 namespace sheaf::render {
 namespace {
 
-// Per replicate of a pixel, the weighted sum of R, G and B of one kind of light path.
+// Per replicate of a pixel, the weighted sum of R, G and B of one kind of path.
 using Replicates = std::array<double, kReplicateCount>;
 struct PixelKinds {
   std::array<Replicates, kLightPathKindCount> kinds{};

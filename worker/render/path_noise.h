@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PathNoise: the contributions of kinds of light paths to an image's noise. The variance of a pixel
+// PathNoise: the contributions of kinds of paths to an image's noise. The variance of a pixel
 // is the sum of the covariances of each kind's contribution with the whole, so the kinds' fractions
 // of it add up; where two kinds are negatively correlated (a path that hits a mirror does not hit a
 // wall), a fraction may be negative.

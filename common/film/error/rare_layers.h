@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Finds the layers that contain the rare bright samples of unreliable tiles: the light groups or
-// the kinds of light paths (FilmOutputs) that make the tiles' error estimates unreliable.
+// the kinds of paths (FilmOutputs) that make the tiles' error estimates unreliable.
 // docs/adr/0040 has its accuracy.
 #pragma once
 

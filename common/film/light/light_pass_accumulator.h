@@ -33,7 +33,7 @@ class LightPassAccumulator {
   explicit LightPassAccumulator(FilmTile* tile);
 
   // Adds value times weight to a pixel of the frame; those outside of the tile get nothing. group:
-  // the light group, or the layer of light paths, that the splat belongs to; none if the tile's
+  // the light group, or the layer of a kind of path, that the splat belongs to; none if the tile's
   // outputs have no such. A splat that is not finite, or makes the pass's sum larger than
   // kSampleMagnitudeMax, is in no sum, but counted in the pixel's kNonFiniteCount.
   // Requires: group is below the number of light groups.

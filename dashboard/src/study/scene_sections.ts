@@ -122,10 +122,10 @@ export function pathsSection(study: Study): HTMLElement {
             'too rarely for reliable error bars; such a fraction is marked.'
       ],
       barChart(
-          'chart-paths', 'Fraction of the light and of the noise of each kind of light path',
-          columns, rows, 'Light and noise were not separated by kinds of light paths.'),
+          'chart-paths', 'Fraction of the light and of the noise of each kind of path',
+          columns, rows, 'Light and noise were not separated by kinds of paths.'),
       numbersTable(
-          'kinds of light paths',
+          'kinds of paths',
           [
             'Kind', 'Meaning', 'Fraction of the light', 'Fraction of the noise',
             'Variance from one replicate'
@@ -142,7 +142,7 @@ export function tilesSection(study: Study): HTMLElement {
   return section(
       'tiles', 'Where error bars are unreliable',
       ['Rendered tiles with unreliable errors, because too few of their samples make the noise. ' +
-       'The color is the kind of light path with the largest fraction of the tile’s variance; ' +
+       'The color is the kind of path with the largest fraction of the tile’s variance; ' +
        'stronger colors are larger fractions.'],
       tileMap(study),
       numbersTable(

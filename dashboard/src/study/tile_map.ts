@@ -13,7 +13,7 @@ import {Tips} from './tips';
 // Opacity of a tile that is barely unreliable, and of a wholly unreliable one.
 const OPACITY_MIN = 0.35;
 const NONE_FOUND = 'None of the rendered tiles has unreliable errors.';
-const NOT_LOOKED_FOR = 'Kinds of light paths were not separated, so tiles were not assessed.';
+const NOT_LOOKED_FOR = 'Kinds of paths were not separated, so tiles were not assessed.';
 
 // Names of the kinds in the order of their colors.
 export function kindNames(study: Study): string[] {

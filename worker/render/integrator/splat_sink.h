@@ -21,7 +21,7 @@ class SplatSink {
   virtual bool Covers(Vec2d raster) const = 0;
   // A light path meets the film at `raster`. radiance: linear sRGB; its sum over the light paths of
   // a pass, weighted by a pixel's filter, is the pixel's value in that pass. kind and group say
-  // which layer of light paths and which light group it belongs to; they are ignored unless the
+  // which layer of a kind of path and which light group it belongs to; they are ignored unless the
   // frame's outputs have these.
   virtual void Add(Vec2d raster, const Rgb& radiance, LightPathKind kind, uint32_t group) = 0;
   // The same splat's radiance before the weight, and the density with which the camera's paths find
