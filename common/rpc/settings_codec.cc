@@ -26,6 +26,9 @@ static_assert(static_cast<int>(ColorTransport::kSpectral) == v1::COLOR_TRANSPORT
               v1::ColorTransport_ARRAYSIZE == 3);
 
 static_assert(static_cast<int>(Techniques::kLight) == v1::TECHNIQUES_LIGHT &&
+              static_cast<int>(Techniques::kCameraGuided) == v1::TECHNIQUES_CAMERA_GUIDED &&
+              static_cast<int>(Techniques::kCameraAndLightGuided) ==
+                  v1::TECHNIQUES_CAMERA_AND_LIGHT_GUIDED &&
               v1::Techniques_ARRAYSIZE == kTechniquesCount);
 
 const google::protobuf::FieldDescriptor* FieldOf(const SettingField& field) {

@@ -91,6 +91,9 @@ TEST(SettingsCodecTest, EveryTechniqueRoundTripsAndOthersAreRefused) {
     ASSERT_TRUE(back.ok()) << back.status();
     EXPECT_EQ(back->techniques, settings.techniques);
   }
+  FrameSettings guided;
+  guided.techniques = Techniques::kCameraGuided;
+  EXPECT_EQ(ToWire(guided).techniques(), v1::TECHNIQUES_CAMERA_GUIDED);
   for (const int number : {-1, kTechniquesCount, 257}) {
     v1::FrameSettings wire;
     wire.set_techniques(static_cast<v1::Techniques>(number));

@@ -46,7 +46,7 @@ class CellGrid {
            bool has_light_tile = false);
   CellGrid(const FrameSpec& frame, const Partition& partition)
       : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition),
-                 frame.settings.techniques != Techniques::kCamera) {}
+                 HasLightPaths(frame.settings.techniques)) {}
 
   int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }

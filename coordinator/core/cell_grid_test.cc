@@ -91,5 +91,21 @@ TEST(CellGridTest, TheLightTileIsTheLastAndTheWholeWindow) {
   EXPECT_EQ(grid.CellRectsOf(1).size(), grid.cell_count(1));
 }
 
+TEST(CellGridTest, OnlyFramesWithLightPathsHaveALightTile) {
+  FrameSpec frame;
+  frame.settings.window = {0, 0, 40, 20};
+  for (const Techniques techniques :
+       {Techniques::kCameraAndLight, Techniques::kLight, Techniques::kCameraAndLightGuided}) {
+    frame.settings.techniques = techniques;
+    EXPECT_EQ(CellGrid(frame, Partition()).light_tile(), 2u) << TechniquesName(techniques);
+  }
+  for (const Techniques techniques : {Techniques::kCamera, Techniques::kCameraGuided}) {
+    frame.settings.techniques = techniques;
+    const CellGrid grid(frame, Partition());
+    EXPECT_EQ(grid.light_tile(), std::nullopt) << TechniquesName(techniques);
+    EXPECT_EQ(grid.tile_count(), 2u) << TechniquesName(techniques);
+  }
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -31,8 +31,7 @@ int64_t PathsPerLightPass(const FrameSettings& settings) {
 }
 
 uint64_t PathsPerSample(const FrameSettings& settings) {
-  const int64_t light =
-      settings.techniques == Techniques::kCamera ? 0 : PathsPerLightPass(settings);
+  const int64_t light = HasLightPaths(settings.techniques) ? PathsPerLightPass(settings) : 0;
   return static_cast<uint64_t>(settings.window.PixelCount() + light);
 }
 

@@ -68,18 +68,20 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
                         " samples; request fewer, or a target error");
   }
   if (s.max_depth < 0) return "the depth is negative";
-  if (!s.lattice.All() && s.techniques != Techniques::kCamera) {
+  if (!s.lattice.All() && HasLightPaths(s.techniques)) {
     return absl::StrCat(
         "light paths reach every pixel, so a few pixels cannot be rendered with the "
         "techniques ",
-        TechniquesName(s.techniques), "; use camera, or render all pixels");
+        TechniquesName(s.techniques), "; use ", TechniquesName(WithoutLightPaths(s.techniques)),
+        ", or render all pixels");
   }
-  if (s.techniques != Techniques::kCamera && LightPassesMax(s, limits) == 0) {
+  if (HasLightPaths(s.techniques) && LightPassesMax(s, limits) == 0) {
     return absl::StrCat(w.PixelCount(), " pixels: a light pass of them can take ",
                         LightPartBytes(w.PixelCount(), s.outputs, 1) >> 20,
                         " MiB, more than the limit of ", limits.light_part_bytes_max >> 20,
                         "; render parts of the frame with --crop, request fewer outputs, or use "
-                        "--techniques camera");
+                        "--techniques ",
+                        TechniquesName(WithoutLightPaths(s.techniques)));
   }
   for (const auto& [edge_px, most, what] :
        {std::tuple{partition.tile_size_px, limits.tiles_per_frame_max, "tiles"},
@@ -99,9 +101,9 @@ int64_t TaskCountMin(const FrameSpec& frame, const Partition& partition, const L
   const auto lease_samples = static_cast<int64_t>(partition.pass_sample_count * passes);
   const auto samples = static_cast<int64_t>(frame.settings.samples);
   const int64_t light_tasks =
-      frame.settings.techniques == Techniques::kCamera
-          ? 0
-          : DivideUp(samples, static_cast<int64_t>(LightPassesMax(frame.settings, limits)));
+      HasLightPaths(frame.settings.techniques)
+          ? DivideUp(samples, static_cast<int64_t>(LightPassesMax(frame.settings, limits)))
+          : 0;
   return SquaresOf(frame.settings.window, partition.tile_size_px) *
              DivideUp(samples, lease_samples) +
          light_tasks;

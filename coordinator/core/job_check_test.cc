@@ -59,15 +59,21 @@ TEST(JobCheckTest, InvalidJobsAreRefusedWithAReason) {
 
 TEST(JobCheckTest, PixelLatticesHaveNoLightPaths) {
   JobSpec job = JobOf(64, 64, 16);
-  for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kLight}) {
+  const std::pair<Techniques, std::string> cases[] = {
+      {Techniques::kCameraAndLight, "use camera, or"},
+      {Techniques::kLight, "use camera, or"},
+      {Techniques::kCameraAndLightGuided, "use camera+guiding, or"}};
+  for (const auto& [techniques, what_to_do] : cases) {
     job.frames[0].settings.lattice = {};
     job.frames[0].settings.techniques = techniques;
     EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
     job.frames[0].settings.lattice = {8, 0};
-    ExpectRefused(job, "a few pixels cannot be rendered", "use camera");
+    ExpectRefused(job, "a few pixels cannot be rendered", what_to_do);
   }
-  job.frames[0].settings.techniques = Techniques::kCamera;
-  EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
+  for (const Techniques techniques : {Techniques::kCamera, Techniques::kCameraGuided}) {
+    job.frames[0].settings.techniques = techniques;
+    EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
+  }
 }
 
 TEST(JobCheckTest, FramesMustBeUniqueAndSorted) {
@@ -84,6 +90,11 @@ TEST(JobCheckTest, LightPassesHaveLimits) {
   };
   EXPECT_TRUE(CheckJobSpec(with_light(3840, 2160, 4096), Limits()).ok());
   ExpectRefused(with_light(16384, 16384, 16), "light pass of them", "--crop");
+  JobSpec guided = with_light(16384, 16384, 16);
+  guided.frames[0].settings.techniques = Techniques::kCameraAndLightGuided;
+  ExpectRefused(guided, "light pass of them", "--techniques camera+guiding");
+  guided.frames[0].settings.techniques = Techniques::kCameraGuided;
+  EXPECT_TRUE(CheckJobSpec(guided, Limits()).ok());
   // Light passes of a crop trace the paths of the whole frame.
   JobSpec job = with_light(65536, 65536, uint64_t{1} << 20);
   job.frames[0].settings.window = {0, 0, 16, 16};
@@ -112,6 +123,8 @@ TEST(JobCheckTest, LightPathsDoNotDependOnTheWindow) {
   EXPECT_EQ(PathsPerSample(settings), 200u);
   settings.techniques = Techniques::kLight;
   EXPECT_EQ(PathsPerSample(settings), 640u * 480u + 200u);
+  settings.techniques = Techniques::kCameraGuided;
+  EXPECT_EQ(PathsPerSample(settings), 200u);
 }
 
 }  // namespace

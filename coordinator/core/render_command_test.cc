@@ -16,6 +16,10 @@ TEST(RenderCommandTest, NamesTileSamplesSeedAndDepth) {
   EXPECT_EQ(RenderCommand("shots/room.0007.pbrt", settings, kTile, 48),
             "sheaf render shots/room.0007.pbrt --crop 32,0,64,17 --samples 48 --seed 9 "
             "--max-depth 0 --techniques camera");
+  settings.techniques = Techniques::kCameraGuided;
+  EXPECT_EQ(RenderCommand("room.pbrt", settings, kTile, 1),
+            "sheaf render room.pbrt --crop 32,0,64,17 --samples 1 --seed 9 --max-depth 0 "
+            "--techniques camera+guiding");
 }
 
 TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {

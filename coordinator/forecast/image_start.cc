@@ -54,7 +54,7 @@ absl::StatusOr<ResumedImage> ResumeImage(FrameImage image, const FrameSpec& spec
                                          const std::string& numeric_profile) {
   const FrameSettings& s = spec.settings;
   if (!s.lattice.All()) return absl::InvalidArgumentError("not all of its pixels are rendered");
-  if (s.techniques != Techniques::kCamera) {
+  if (HasLightPaths(s.techniques)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the techniques ", TechniquesName(s.techniques),
         " count light paths and camera paths apart, and an image holds only their sum; render "

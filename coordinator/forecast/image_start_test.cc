@@ -111,7 +111,8 @@ TEST(ImageStartTest, ExplainsWhyAnImageDoesNotFit) {
 
 TEST(ImageStartTest, ImagesWithLightPathsAreRefused) {
   FrameSpec spec = MakeSpec();
-  for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kLight}) {
+  for (const Techniques techniques :
+       {Techniques::kCameraAndLight, Techniques::kLight, Techniques::kCameraAndLightGuided}) {
     spec.settings.techniques = techniques;
     spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
     FrameImage image = MakeImage();
@@ -119,6 +120,16 @@ TEST(ImageStartTest, ImagesWithLightPathsAreRefused) {
     const absl::Status status = ResumeImage(std::move(image), spec, kProfile).status();
     EXPECT_THAT(std::string(status.message()), HasSubstr("an image holds only their sum"));
   }
+}
+
+TEST(ImageStartTest, GuidedImagesOfTheCameraContinue) {
+  FrameSpec spec = MakeSpec();
+  spec.settings.techniques = Techniques::kCameraGuided;
+  spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
+  FrameImage image = MakeImage();
+  image.metadata[kFrameDigestKey] = spec.frame_digest;
+  const auto resumed = ResumeImage(std::move(image), spec, kProfile);
+  EXPECT_TRUE(resumed.ok()) << resumed.status();
 }
 
 TEST(ImageStartTest, OtherCellSizesAreRefused) {

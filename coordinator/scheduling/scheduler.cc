@@ -23,7 +23,7 @@ int64_t OpenPixelsOf(const FrameSettings& settings) {
   const auto channel_count = static_cast<int64_t>(ImageChannelCount(settings.outputs));
   constexpr auto kUnit = static_cast<int64_t>(kImageChannelCountMin);
   // With light paths: the images of the camera and of the light paths, and their sum.
-  const int64_t image_count = settings.techniques == Techniques::kCamera ? 1 : 3;
+  const int64_t image_count = HasLightPaths(settings.techniques) ? 3 : 1;
   return image_count * settings.window.PixelCount() * ((channel_count + kUnit - 1) / kUnit);
 }
 

@@ -61,7 +61,8 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
-      frame.settings.techniques = Techniques::kLight;
+      frame.settings.techniques =
+          number == 7 ? Techniques::kCameraAndLightGuided : Techniques::kLight;
       frame.settings.sensor = "nikon_d850";
       frame.settings.max_component_value = 12.5f;
       frame.settings.lattice = {8, frame.settings.seed};
@@ -150,7 +151,8 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
-  EXPECT_EQ(stored.spec.frames[1].settings.techniques, Techniques::kLight);
+  EXPECT_EQ(stored.spec.frames[0].settings.techniques, Techniques::kLight);
+  EXPECT_EQ(stored.spec.frames[1].settings.techniques, Techniques::kCameraAndLightGuided);
   EXPECT_EQ(stored.spec.frames[1].settings.sensor, "nikon_d850");
   EXPECT_EQ(stored.spec.frames[1].settings.max_component_value, 12.5f);
   EXPECT_EQ(stored.spec.frames[1].settings.lattice, (PixelLattice{8, UINT64_MAX - 1}));

@@ -39,7 +39,7 @@ inline BothFilms RenderBothFilms(const CompiledScene& scene) {
   RenderStats stats;
   BothFilms films{RenderAll(scene, &stats), std::nullopt};
   EXPECT_TRUE(stats.non_finite.empty());
-  if (settings.techniques == Techniques::kCamera) return films;
+  if (!HasLightPaths(settings.techniques)) return films;
   RenderStats light_stats;
   absl::StatusOr<FilmTile> light =
       RenderLightPass(scene, settings.window, {0, settings.samples}, {}, &light_stats);

@@ -52,8 +52,8 @@ absl::Status CheckLease(const Lease& lease) {
   if (!why_no_cells.empty())
     return absl::InvalidArgumentError("its cells are invalid: " + why_no_cells);
   if (lease.kind == TaskKind::kLight) {
-    const bool fits = settings.techniques != Techniques::kCamera &&
-                      lease.tile == settings.window && lease.cells.All() && settings.lattice.All();
+    const bool fits = HasLightPaths(settings.techniques) && lease.tile == settings.window &&
+                      lease.cells.All() && settings.lattice.All();
     if (!fits) return absl::InvalidArgumentError("its light passes are not those of its frame");
   }
   if (settings.max_depth < 0) return absl::InvalidArgumentError("its depth is negative");

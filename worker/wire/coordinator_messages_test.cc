@@ -66,6 +66,10 @@ TEST(WireTest, LightPassesKeepTheirKind) {
   const absl::StatusOr<DesiredState> state = FromWire(OneLightLease());
   ASSERT_TRUE(state.ok()) << state.status();
   EXPECT_EQ(state->leases[0].kind, TaskKind::kLight);
+  v1::SynchronizeResponse guided = OneLightLease();
+  guided.mutable_leases(0)->mutable_settings()->set_techniques(
+      v1::TECHNIQUES_CAMERA_AND_LIGHT_GUIDED);
+  EXPECT_TRUE(FromWire(guided).ok());
   EXPECT_EQ(FromWire(OneLease())->leases[0].kind, TaskKind::kCamera);
   FinishedPart part;
   EXPECT_EQ(ToWire(part, "w").key().kind(), v1::TASK_KIND_CAMERA);
@@ -77,6 +81,7 @@ TEST(WireTest, RefusesLightPassesOfOtherFrames) {
   using Change = void (*)(v1::Lease*);
   const Change changes[] = {
       [](v1::Lease* l) { l->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA); },
+      [](v1::Lease* l) { l->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_GUIDED); },
       [](v1::Lease* l) { SetRect(l->mutable_key()->mutable_tile(), 0, 0, 16, 16); },
       [](v1::Lease* l) { l->mutable_key()->set_kind(static_cast<v1::TaskKind>(9)); },
       [](v1::Lease* l) {

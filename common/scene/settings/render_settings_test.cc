@@ -54,22 +54,34 @@ TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
     SceneDescription scene;
     scene.sampling.integrator = integrator;
     EXPECT_EQ(ResolveSettings(scene, {})->techniques, expected) << integrator;
-    for (const Techniques techniques :
-         {Techniques::kCamera, Techniques::kCameraAndLight, Techniques::kLight}) {
+    for (const std::string& name : TechniquesNames()) {
       RenderSettings asked;
-      asked.techniques = techniques;
-      EXPECT_EQ(ResolveSettings(scene, asked)->techniques, techniques) << integrator;
+      asked.techniques = TechniquesFromName(name);
+      EXPECT_EQ(TechniquesName(ResolveSettings(scene, asked)->techniques), name) << integrator;
     }
   }
 }
 
 TEST(TechniquesTest, NamesAreUnique) {
-  EXPECT_THAT(TechniquesNames(), testing::ElementsAre("camera", "camera+light", "light"));
+  EXPECT_THAT(TechniquesNames(), testing::ElementsAre("camera", "camera+light", "light",
+                                                      "camera+guiding", "camera+light+guiding"));
   for (const std::string& name : TechniquesNames()) {
     EXPECT_EQ(TechniquesName(*TechniquesFromName(name)), name);
   }
   EXPECT_EQ(TechniquesFromName("lights"), std::nullopt);
+  EXPECT_EQ(TechniquesFromName("guiding"), std::nullopt);
   EXPECT_EQ(TechniquesFromName("unknown"), std::nullopt);
+}
+
+TEST(TechniquesTest, NamesTellLightPathsAndGuiding) {
+  for (const std::string& name : TechniquesNames()) {
+    const Techniques techniques = *TechniquesFromName(name);
+    EXPECT_EQ(HasLightPaths(techniques), name.find("light") != std::string::npos) << name;
+    EXPECT_EQ(IsGuided(techniques), name.find("guiding") != std::string::npos) << name;
+    const Techniques without = WithoutLightPaths(techniques);
+    EXPECT_FALSE(HasLightPaths(without)) << name;
+    EXPECT_EQ(IsGuided(without), IsGuided(techniques)) << name;
+  }
 }
 
 TEST(RenderSettingsTest, CropsRoundUpAndIntersect) {
@@ -123,7 +135,7 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   FrameSettings more = settings;
   more.samples = 17;
   EXPECT_EQ(FrameDigest("scene", more, "profile"), digest);
-  std::vector<FrameSettings> others(16, settings);
+  std::vector<FrameSettings> others(18, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -140,12 +152,18 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   others[13].max_component_value = 10;
   others[14].techniques = Techniques::kCameraAndLight;
   others[15].techniques = Techniques::kLight;
+  others[16].techniques = Techniques::kCameraGuided;
+  others[17].techniques = Techniques::kCameraAndLightGuided;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", others[9], "profile"),
             FrameDigest("scene", others[10], "profile"));
   EXPECT_NE(FrameDigest("scene", others[14], "profile"),
             FrameDigest("scene", others[15], "profile"));
+  EXPECT_NE(FrameDigest("scene", others[14], "profile"),
+            FrameDigest("scene", others[17], "profile"));
+  EXPECT_NE(FrameDigest("scene", others[16], "profile"),
+            FrameDigest("scene", others[17], "profile"));
   EXPECT_NE(FrameDigest("other", settings, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
 }
@@ -272,6 +290,9 @@ TEST(RenderSettingsTest, DigestIncludesTechniquesBesideThoseOfTheCamera) {
   settings.techniques = Techniques::kLight;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
               testing::HasSubstr("\ntechniques light\nprofile profile\n"));
+  settings.techniques = Techniques::kCameraGuided;
+  EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
+              testing::HasSubstr("\ntechniques camera+guiding\nprofile profile\n"));
 }
 
 TEST(RenderSettingsTest, EnergyCompensationIsReportedOnceWithItsFlag) {

@@ -12,6 +12,10 @@ const char* TechniquesName(Techniques techniques) {
       return "camera+light";
     case Techniques::kLight:
       return "light";
+    case Techniques::kCameraGuided:
+      return "camera+guiding";
+    case Techniques::kCameraAndLightGuided:
+      return "camera+light+guiding";
   }
   return "unknown";
 }

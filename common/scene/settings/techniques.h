@@ -22,10 +22,29 @@ enum class Techniques : uint8_t {
   // Light paths find all light that they can find, and camera paths only the rest: light seen
   // directly or by specular scattering alone.
   kLight = 2,
+  // kCamera with path guiding: camera paths sample directions from a learned field of the light
+  // that arrives, beside their BSDFs.
+  kCameraGuided = 3,
+  // kCameraAndLight, whose camera paths are guided.
+  kCameraAndLightGuided = 4,
 };
-inline constexpr int kTechniquesCount = 3;
+inline constexpr int kTechniquesCount = 5;
 
-// "camera", "camera+light", "light".
+// Whether paths begin at lights too; otherwise the image is that of camera paths alone.
+constexpr bool HasLightPaths(Techniques techniques) {
+  return techniques == Techniques::kCameraAndLight || techniques == Techniques::kLight ||
+         techniques == Techniques::kCameraAndLightGuided;
+}
+// Whether camera paths are guided by a learned field.
+constexpr bool IsGuided(Techniques techniques) {
+  return techniques == Techniques::kCameraGuided || techniques == Techniques::kCameraAndLightGuided;
+}
+// The same techniques without light paths: kCameraGuided where guided, otherwise kCamera.
+constexpr Techniques WithoutLightPaths(Techniques techniques) {
+  return IsGuided(techniques) ? Techniques::kCameraGuided : Techniques::kCamera;
+}
+
+// "camera", "camera+light", "light", "camera+guiding", "camera+light+guiding".
 const char* TechniquesName(Techniques techniques);
 std::optional<Techniques> TechniquesFromName(const std::string& name);
 // In the order of the numbers.

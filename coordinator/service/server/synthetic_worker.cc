@@ -74,7 +74,7 @@ FrameImage SyntheticImage(const FrameSettings& settings) {
     if (!tree.Insert(SyntheticPart(settings.seed, settings.window, block)).ok()) return {};
   }
   DevelopTile(tree.Root(), &image);
-  if (settings.techniques == Techniques::kCamera) return image;
+  if (!HasLightPaths(settings.techniques)) return image;
   TileTree passes(settings.window);
   for (const SampleBlock& block :
        CutSamples(0, settings.samples, LightPassAccumulator::kPassesMax)) {

@@ -51,7 +51,7 @@ void WantParameters(SceneGeometry* geometry) {
 // Builds what light paths need, if the frame has any. Requires: the light table is complete.
 absl::Status BuildLightPaths(CompiledScene* scene) {
   const FrameSettings& settings = scene->settings;
-  if (settings.techniques == Techniques::kCamera) return absl::OkStatus();
+  if (!HasLightPaths(settings.techniques)) return absl::OkStatus();
   if (settings.similarity_after > 0) {
     return absl::InvalidArgumentError(
         "light paths cannot be combined with similarity, whose media depend on the number of "

@@ -69,6 +69,8 @@ constexpr OtherIntegrator kOtherIntegrators[] = {
 const char* MethodOf(Techniques techniques) {
   switch (techniques) {
     case Techniques::kCamera:
+    case Techniques::kCameraGuided:  // Only by --techniques.
+    case Techniques::kCameraAndLightGuided:
       break;
     case Techniques::kCameraAndLight:
       return "paths from the camera and from lights";
