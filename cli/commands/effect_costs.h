@@ -14,7 +14,7 @@
 namespace sheaf::cli {
 
 // Measures the first frame. Takes `seconds` plus the time to compile the scene. Requires: the
-// frame's techniques are those of the camera. Errors: those of ReadScene, ResolveSettings and
+// frame's techniques have no light paths. Errors: those of ReadScene, ResolveSettings and
 // MeasurePlan.
 absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& arguments,
                                                            double seconds);

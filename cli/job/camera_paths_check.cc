@@ -8,10 +8,11 @@
 namespace sheaf::cli {
 
 absl::Status CheckCameraPaths(const std::string& what, Techniques techniques) {
-  if (techniques == Techniques::kCamera) return absl::OkStatus();
+  if (!HasLightPaths(techniques)) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
       what, " know paths from the camera alone, not the techniques ", TechniquesName(techniques),
-      "; give --techniques camera for an image of the same mean without light paths"));
+      "; give --techniques ", TechniquesName(WithoutLightPaths(techniques)),
+      " for an image of the same mean without light paths"));
 }
 
 absl::Status CheckCameraPaths(const std::string& what, const SceneDescription& scene,

@@ -14,7 +14,7 @@
 namespace sheaf::cli {
 
 // what: what is refused, in the plural ("quotes"). Errors: kInvalidArgument where the techniques
-// are not those of the camera, with what to do.
+// have light paths, with what to do.
 absl::Status CheckCameraPaths(const std::string& what, Techniques techniques);
 // The same; the error begins with the place of the integrator where the scene asks for them.
 absl::Status CheckCameraPaths(const std::string& what, const SceneDescription& scene,

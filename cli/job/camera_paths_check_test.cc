@@ -14,6 +14,12 @@ TEST(CameraPathsCheckTest, OnlyPathsFromTheCameraPass) {
                 "quotes know paths from the camera alone, not the techniques camera+light; give "
                 "--techniques camera for an image of the same mean without light paths"));
   EXPECT_FALSE(CheckCameraPaths("quotes", Techniques::kLight).ok());
+  EXPECT_TRUE(CheckCameraPaths("quotes", Techniques::kCameraGuided).ok());
+  EXPECT_EQ(CheckCameraPaths("quotes", Techniques::kCameraAndLightGuided),
+            absl::InvalidArgumentError(
+                "quotes know paths from the camera alone, not the techniques camera+light+guiding; "
+                "give --techniques camera+guiding for an image of the same mean without light "
+                "paths"));
 }
 
 TEST(CameraPathsCheckTest, NamesTheIntegratorThatAsksForLightPaths) {

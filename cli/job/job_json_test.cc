@@ -6,6 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "common/scene/settings/techniques.h"
+
 namespace sheaf::cli {
 namespace {
 
@@ -40,6 +42,15 @@ TEST(JobJsonTest, WritesAJobOnOneLine) {
   EXPECT_EQ(json["frames"][0]["sample_count"], 16);
   EXPECT_EQ(json["frames"][0]["similarity_after_count"], 8);
   EXPECT_EQ(json["frames"][0]["techniques"], "camera+light");
+}
+
+TEST(JobJsonTest, NamesEveryTechnique) {
+  v1::Job job;
+  v1::FrameSettings* settings = job.add_frames()->mutable_spec()->mutable_settings();
+  for (const std::string& name : TechniquesNames()) {
+    settings->set_techniques(static_cast<v1::Techniques>(*TechniquesFromName(name)));
+    EXPECT_EQ(nlohmann::json::parse(JobJson(job))["frames"][0]["techniques"], name);
+  }
 }
 
 TEST(JobJsonTest, NamesAllStates) {

@@ -35,6 +35,8 @@ TEST(QuoteTest, LightPathsAreRefused) {
   PreparedJob job;
   job.frames.resize(2);
   EXPECT_TRUE(CheckQuoted(arguments, job).ok());
+  job.frames[1].settings.techniques = Techniques::kCameraGuided;
+  EXPECT_TRUE(CheckQuoted(arguments, job).ok());
   job.frames[1].settings.techniques = Techniques::kCameraAndLight;
   const absl::Status of_scene = MakeQuote(nullptr, arguments, job, {.targets = {0.1}}).status();
   EXPECT_EQ(of_scene, CheckQuoted(arguments, job));

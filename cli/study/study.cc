@@ -406,7 +406,7 @@ class Study {
 
 absl::StatusOr<StudyResult> RunStudy(const SceneDescription& scene, const FrameSettings& settings,
                                      FileSource& files, const StudyOptions& options) {
-  SHEAF_CHECK(settings.techniques == Techniques::kCamera);
+  SHEAF_CHECK(!HasLightPaths(settings.techniques));
   if (!(options.minutes >= kStudyMinutesMin && options.minutes <= kStudyMinutesMax)) {
     return absl::InvalidArgumentError(absl::StrFormat("a study takes %g to %g minutes, not %g",
                                                       kStudyMinutesMin, kStudyMinutesMax,

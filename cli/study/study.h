@@ -63,7 +63,7 @@ struct StudyOptions {
   std::function<void(const std::string&)> on_progress;
 };
 
-// Requires: the settings' techniques are those of the camera (CheckCameraPaths). Errors: as
+// Requires: the settings' techniques have no light paths (CheckCameraPaths). Errors: as
 // CompileScene; kInvalidArgument if minutes is out of range; kResourceExhausted if the
 // time is too short for even a few tiles.
 absl::StatusOr<StudyResult> RunStudy(const SceneDescription& scene, const FrameSettings& settings,

@@ -395,6 +395,7 @@ class ClientTest(ClientCase):
                 (plain, (), "camera", None), (bdpt, (), "camera+light", noted),
                 (plain, ("--techniques", "light"), "light", "requested"),
                 (bdpt, ("--techniques", "light"), "light", "requested"),
+                (plain, ("--techniques", "camera+guiding"), "camera+guiding", "requested"),
                 (bdpt, ("--techniques", "camera"), "camera", None)):
             with self.subTest(scene=os.path.basename(scene), flags=flags):
                 done = self.expect(run("plan", "--json", scene, *flags), OK)
@@ -402,6 +403,8 @@ class ClientTest(ClientCase):
                 self.assertEqual(plan["techniques"], techniques)
                 notes = [note for note in plan["notes"] if note.startswith("techniques: ")]
                 self.assertEqual(len(notes), 0 if cause is None else 1)
+                guiding = [note for note in plan["notes"] if note.startswith("guiding: ")]
+                self.assertEqual(len(guiding), 1 if "guiding" in techniques else 0)
                 text = self.expect(run("plan", scene, *flags), OK).stdout
                 if cause:
                     self.assertIn(f"techniques: {techniques}, {cause}", text)
@@ -414,7 +417,7 @@ class ClientTest(ClientCase):
                 self.assertEqual(frame["techniques"], techniques)
                 metadata = json.loads(farm.local("show", path, "--json"))["metadata"]
                 self.assertEqual(metadata.get("techniques", "camera"), techniques)
-        self.assertIn("camera, camera+light, light",
+        self.assertIn("camera, camera+light, light, camera+guiding, camera+light+guiding",
                       self.expect(run("plan", plain, "--techniques", "lights"), USAGE).stderr)
 
     def test_light_paths_are_refused_where_they_are_unknown(self):
@@ -430,9 +433,10 @@ class ClientTest(ClientCase):
                     done = self.expect(run(command, scene, *flags, *techniques), USAGE)
                     self.assertIn(f"{what} know paths from the camera alone, not the techniques "
                                   "camera+light; give --techniques camera", done.stderr)
-        done = self.expect(run("plan", bdpt, "--measure", "--measure-seconds", 0.1,
-                               "--techniques", "camera"), OK)
-        self.assertIn("us per sample", done.stdout)
+        for techniques in ("camera", "camera+guiding"):
+            done = self.expect(run("plan", bdpt, "--measure", "--measure-seconds", 0.1,
+                                   "--techniques", techniques), OK)
+            self.assertIn("us per sample", done.stdout)
         done = self.farm.sheaf("submit", plain, "--samples", 1, *light, quote=True)
         self.assertIn("no quote: quotes know paths from the camera alone", done.stderr)
 

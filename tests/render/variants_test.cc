@@ -163,5 +163,19 @@ TEST(VariantsTest, PlanNamesTechniquesAndTheirCause) {
   EXPECT_NE(FormatRenderPlan(plan).find("\n" + note + "\n"), std::string::npos);
 }
 
+TEST(VariantsTest, PlanSaysWhatGuidingNeeds) {
+  const TestScene t = Base();
+  FrameSettings settings = SquareSettings(4, 1, 1);
+  for (const Techniques techniques :
+       {Techniques::kCameraGuided, Techniques::kCameraAndLightGuided}) {
+    settings.techniques = techniques;
+    const std::vector<std::string> notes = MakeRenderPlan(t.scene, settings).notes;
+    ASSERT_EQ(notes.size(), 2u);
+    EXPECT_EQ(notes[0], std::string("techniques: ") + TechniquesName(techniques) + ", requested");
+    EXPECT_EQ(notes[1].rfind("guiding: ", 0), 0u) << notes[1];
+    EXPECT_NE(notes[1].find("training"), std::string::npos) << notes[1];
+  }
+}
+
 }  // namespace
 }  // namespace sheaf::render

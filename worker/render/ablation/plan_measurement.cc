@@ -294,7 +294,7 @@ class Measurer {
 absl::StatusOr<PlanMeasurement> MeasurePlan(const SceneDescription& scene,
                                             const FrameSettings& settings, FileSource& files,
                                             double seconds) {
-  SHEAF_CHECK(settings.techniques == Techniques::kCamera);
+  SHEAF_CHECK(!HasLightPaths(settings.techniques));
   if (!(seconds >= kMeasureSecondsMin && seconds <= kMeasureSecondsMax)) {
     return absl::InvalidArgumentError(
         absl::StrFormat("a measurement takes between %g and %g seconds, not %g", kMeasureSecondsMin,

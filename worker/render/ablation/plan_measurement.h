@@ -53,7 +53,7 @@ struct PlanMeasurement {
 // event, half the depth, and light selection if there are many lights. Runs on the calling thread,
 // except for building the acceleration structure. Takes `seconds` plus at most the time of
 // compiling the scene once; effects that got no time are marked. Requires: the settings' techniques
-// are those of the camera. Errors: as CompileScene; kInvalidArgument where seconds is out of range.
+// have no light paths. Errors: as CompileScene; kInvalidArgument where seconds is out of range.
 absl::StatusOr<PlanMeasurement> MeasurePlan(const SceneDescription& scene,
                                             const FrameSettings& settings, FileSource& files,
                                             double seconds);

@@ -327,6 +327,10 @@ class PlanMaker {
             : absl::StrCat(FormatLocation(scene_, sampling.integrator_location), ": Integrator \"",
                            sampling.integrator, "\"");
     plan->notes.push_back(absl::StrCat("techniques: ", TechniquesName(techniques), ", ", cause));
+    if (!IsGuided(techniques)) return;
+    plan->notes.emplace_back(
+        "guiding: camera paths also sample directions from the light that a training finds before "
+        "the first sample");
   }
 
   void BoundDepth(int32_t max_depth, RenderPlan* plan) const {
@@ -358,9 +362,9 @@ class PlanMaker {
     }
     const bool generic = settings.force_generic_variant;
     const Variant variant =
-        settings.techniques == Techniques::kCamera
-            ? AllVariants()[ChooseVariant(plan.traits, generic)]
-            : AllLightPathVariants()[ChooseLightPathVariant(plan.traits, generic)];
+        HasLightPaths(settings.techniques)
+            ? AllLightPathVariants()[ChooseLightPathVariant(plan.traits, generic)]
+            : AllVariants()[ChooseVariant(plan.traits, generic)];
     plan.variant_traits = variant.traits;
     plan.variant_name = variant.name;
     return plan;
