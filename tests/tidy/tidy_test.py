@@ -23,7 +23,8 @@ ROOMS = {
     "cli": ". < image < job < quote < study < commands",
     "common/film": ". < light < error < exr",
     "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt",
-    "worker/render": "traits < color < sampling < geometry < accel | camera | bsdf | light "
+    "worker/render": "traits < color < sampling < geometry "
+                     "< accel | camera | bsdf | light | guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
 }
 
