@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -105,13 +106,40 @@ TEST(GuidingFieldTest, ExtremeRandomNumbersGiveDirections) {
   EXPECT_TRUE(std::isfinite(region->Pdf({kNan, kNan, kNan})));
 }
 
+// A source that a few of the first 20,000 paths hit. Half of the later ones follow the field.
 TEST(GuidingFieldTest, SmallSourceIsFound) {
-  const auto light = [](Vec3f, Vec3f w) { return Dot(w, kSource) > 0.9998f ? 1e4 : 0.5; };
-  const GuidingField field = Train(light, 4, 20000);
-  const GuidingRegion* region = field.RegionAt({0.1f, 0.2f, 0.3f});
-  ASSERT_NE(region, nullptr);
-  EXPECT_GT(PdfAt(*region, kSource), 50 * kUniform);
-  EXPECT_LT(PdfAt(*region, -kSource), kUniform);
+  const auto light = [](Vec3f w) { return Dot(w, kSource) > 0.9992f ? 2500 : 0.5; };
+  GuidingField field(BoxOf());
+  for (int k = 0; k < 4; ++k) {
+    GuidingStatistics statistics(field, -20);
+    for (uint64_t i = 0; i < uint64_t{20000} << k; ++i) {
+      const Found even = FindLight(SkyAndSource, i);
+      const GuidingRegion* region = field.RegionAt(even.p);
+      const std::array<float, 3> u = testing::CounterUniforms(6, i);
+      const Vec3f w = region != nullptr && u[2] < 0.5f ? region->Sample({u[0], u[1]}) : even.w;
+      const double pdf = region != nullptr ? (kUniform + PdfAt(*region, w)) / 2 : kUniform;
+      statistics.Add(even.p, w, light(w) / pdf);
+    }
+    GuidingField next = Refine(field, statistics, k);
+    field = next;
+  }
+  EXPECT_GT(field.region_count(), 8u);
+  // The source is 4e-4 of the sphere. Its mean density counts: single quads may be missed.
+  constexpr int kPoints = 100, kDraws = 200;
+  double density = 0;
+  for (uint64_t i = 0; i < kPoints; ++i) {
+    const GuidingRegion* region = field.RegionAt(FindLight(SkyAndSource, i).p);
+    ASSERT_NE(region, nullptr);
+    ASSERT_LT(PdfAt(*region, -kSource), kUniform);
+    density += PdfAt(*region, kSource) / kPoints;
+    int hits = 0;
+    for (uint64_t n = 0; n < kDraws; ++n) {
+      const std::array<float, 3> u = testing::CounterUniforms(7 + i, n);
+      hits += Dot(region->Sample({u[0], u[1]}), kSource) > 0.9992f;
+    }
+    ASSERT_GT(hits, 50 * 4e-4 * kDraws) << i;
+  }
+  EXPECT_GT(density, 50 * kUniform);
 }
 
 TEST(GuidingFieldTest, FluenceIsTheIntegralOfRadiance) {
@@ -281,15 +309,16 @@ TEST(GuidingFieldTest, OneDirectionIsFoundToTheLimit) {
 // Few points, each with as many values as halve a region: the tree grows by the most that it can,
 // down to each point, and each region wants as many quads as it can have.
 TEST(GuidingFieldTest, LimitsAreKept) {
-  constexpr uint64_t kPoints = 256;
+  constexpr uint64_t kPoints = 128;
+  std::vector<Found> all;
+  for (uint64_t i = 0; i < kPoints * 2001; ++i) {
+    all.push_back(FindLight(SkyAndSource, i));
+    all.back().p = all[i % kPoints].p;
+  }
   GuidingField field(BoxOf());
-  for (int k = 0; k < 10; ++k) {
+  for (int k = 0; k < 8; ++k) {
     GuidingStatistics statistics(field, -20);
-    for (uint64_t i = 0; i < kPoints * 2001; ++i) {
-      Found found = FindLight(SkyAndSource, i);
-      found.p = FindLight(SkyAndSource, i % kPoints).p;
-      statistics.Add(found.p, found.w, found.value);
-    }
+    for (const Found& found : all) statistics.Add(found.p, found.w, found.value);
     GuidingField next = Refine(field, statistics, 0);
     EXPECT_GE(next.region_count(), field.region_count());
     field = next;
