@@ -38,8 +38,9 @@ enum class Trait : uint32_t {
   kSubsurface = 1u << 24,           // Subsurface scattering.
   kNestedDielectrics = 1u << 25,    // Overlapping interiors, by priority.
   kMovingVolumes = 1u << 26,        // Media moved by velocities within an open shutter.
+  kGuiding = 1u << 27,              // Sampling guided by what earlier paths have learned.
 };
-inline constexpr int kTraitCount = 27;
+inline constexpr int kTraitCount = 28;
 
 constexpr bool Has(uint32_t traits, Trait trait) {
   return (traits & static_cast<uint32_t>(trait)) != 0;
