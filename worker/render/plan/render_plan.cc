@@ -56,6 +56,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kEmissiveMedia, "emissive media", 1.07},
     {Trait::kSubsurface, "subsurface", 3.9},
     {Trait::kNestedDielectrics, "nested dielectrics", 1.26},
+    {Trait::kGuiding, "path guiding"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
