@@ -128,11 +128,13 @@ LightChoice::LightChoice(std::vector<LightBounds> lights) : count_(lights.size()
   tree_ = LightTree(lights);
 }
 
-inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
+template <typename Row>
+inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n, [[maybe_unused]] Row row) const {
   Weights w;
   float sum = 0, positive_count = 0;
   for (size_t b = 0; b < blocks_.size(); ++b) {
     w.probability[b] = blocks_[b].WeightsAt(p, n);
+    if constexpr (kHasFactors<Row>) w.probability[b] *= VisibilityFactors(row, b * kLaneCount);
     sum += Sum(w.probability[b]);
     positive_count += Sum(w.probability[b] > 0 ? All(1) : Lanes{});
   }
@@ -150,11 +152,17 @@ inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n) const {
 
 // The probability of choosing an infinite light: proportional to the irradiance that each of the
 // two groups may give at p.
-double LightChoice::InfiniteProbability(Vec3f p, Vec3f n) const {
+template <typename Row>
+double LightChoice::InfiniteProbability(Vec3f p, Vec3f n, Row row) const {
   if (infinite_lights_.empty()) return 0;
-  const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n);
+  const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n, row);
   if (!(local_irradiance > 0)) return 1;
-  return std::clamp(infinite_irradiance_ / (infinite_irradiance_ + local_irradiance),
+  double infinite_irradiance = infinite_irradiance_;
+  if constexpr (kHasFactors<Row>) {
+    infinite_irradiance *=
+        static_cast<double>(VisibilityFactor(row, tree_.visibility_slot_count()));
+  }
+  return std::clamp(infinite_irradiance / (infinite_irradiance + local_irradiance),
                     kGroupProbabilityMin, 1 - kGroupProbabilityMin);
 }
 
@@ -162,14 +170,31 @@ float LightChoice::ProbabilityInfinite(size_t rank, double infinite_probability)
   return static_cast<float>(infinite_probability * infinite_.Probability(rank));
 }
 
+size_t LightChoice::visibility_slot_count() const {
+  if (count_ <= 1) return 0;
+  if (count_ <= kLightsWeighedMax) return blocks_.size() * kLaneCount;
+  return tree_.visibility_slot_count() + 1;
+}
+
+bool LightChoice::HasVisibilitySlot(size_t slot) const {
+  if (count_ <= kLightsWeighedMax) return slot < count_;
+  if (slot == tree_.visibility_slot_count()) return !infinite_lights_.empty();
+  return tree_.HasVisibilitySlot(slot);
+}
+
 uint64_t LightChoice::memory_bytes() const {
   return VectorBytes(blocks_, infinite_lights_) + tree_.size_bytes() + infinite_.size_bytes();
 }
 
-std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const {
+template <typename Row>
+std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64_t salt,
+                                               Row row) const {
+  if constexpr (kHasFactors<Row>) {
+    if (row.steps == nullptr) return Choose(p, n, u, salt);
+  }
   if (count_ == 1) return ChosenLight{0, 1};
   if (count_ > kLightsWeighedMax) {
-    const double infinite_probability = InfiniteProbability(p, n);
+    const double infinite_probability = InfiniteProbability(p, n, row);
     const double x = ExtendBits(u, salt);
     if (x < infinite_probability) {
       const size_t rank = infinite_.Sample(std::min(x / infinite_probability, kBelowOne));
@@ -177,12 +202,12 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
     }
     if (tree_.empty()) return std::nullopt;
     const double local_probability = 1 - infinite_probability;
-    std::optional<ChosenLight> chosen =
-        tree_.Choose(p, n, std::min((x - infinite_probability) / local_probability, kBelowOne));
+    std::optional<ChosenLight> chosen = tree_.Choose(
+        p, n, std::min((x - infinite_probability) / local_probability, kBelowOne), row);
     if (chosen) chosen->probability *= static_cast<float>(local_probability);
     return chosen;
   }
-  const Weights w = Weigh(p, n);
+  const Weights w = Weigh(p, n, row);
   std::optional<ChosenLight> chosen;
   // Where rounding leaves the sum below u, the last light of positive probability is chosen.
   float begin = 0;
@@ -196,16 +221,28 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
   return chosen;
 }
 
-float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n) const {
+template <typename Row>
+float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n, Row row) const {
+  if constexpr (kHasFactors<Row>) {
+    if (row.steps == nullptr) return Probability(light, p, n);
+  }
   if (count_ == 1) return 1;
-  if (count_ <= kLightsWeighedMax) return Weigh(p, n).Probability(light);
-  const double infinite_probability = InfiniteProbability(p, n);
+  if (count_ <= kLightsWeighedMax) return Weigh(p, n, row).Probability(light);
+  const double infinite_probability = InfiniteProbability(p, n, row);
   const auto infinite = std::lower_bound(infinite_lights_.begin(), infinite_lights_.end(), light);
   if (infinite != infinite_lights_.end() && *infinite == light) {
     return ProbabilityInfinite(static_cast<size_t>(infinite - infinite_lights_.begin()),
                                infinite_probability);
   }
-  return tree_.Probability(light, p, n) * static_cast<float>(1 - infinite_probability);
+  return tree_.Probability(light, p, n, row) * static_cast<float>(1 - infinite_probability);
 }
+
+#define SHEAF_INSTANTIATE_FOR(row)                                                            \
+  template std::optional<ChosenLight> LightChoice::Choose(Vec3f, Vec3f, float, uint64_t, row) \
+      const;                                                                                  \
+  template float LightChoice::Probability(uint32_t, Vec3f, Vec3f, row) const;
+SHEAF_INSTANTIATE_FOR(NoLightVisibilityRow)
+SHEAF_INSTANTIATE_FOR(LightVisibilityRow)
+#undef SHEAF_INSTANTIATE_FOR
 
 }  // namespace sheaf::render

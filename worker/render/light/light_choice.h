@@ -9,8 +9,12 @@
 // light has probability 0 only where it certainly sends nothing; a single light has probability 1
 // exactly. Every estimate is a ratio of like quantities, so the scene's unit of length does not
 // matter.
+//
+// Where a region of space has learned which lights are hidden from it (LightVisibility), estimates
+// are multiplied by the learned factors; the fraction that is independent of them stays.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -19,6 +23,7 @@
 #include "common/math/vec.h"
 #include "worker/render/light/light_bounds.h"
 #include "worker/render/light/light_tree.h"
+#include "worker/render/light/light_visibility_row.h"
 #include "worker/render/sampling/discrete_distribution.h"
 
 namespace sheaf::render {
@@ -36,17 +41,40 @@ class LightChoice {
 
   // Chooses a light as seen from p; none where no light reaches p. n: unit normal at p, zero to
   // accept light from all directions; lights behind n do not count. salt: bits independent of u
-  // (SaltOf).
-  std::optional<ChosenLight> Choose(Vec3f p, Vec3f n, float u, uint64_t salt) const;
+  // (SaltOf). row: of the region of p, for this choice's slots. Row: LightVisibilityRow or
+  // NoLightVisibilityRow.
+  template <typename Row = NoLightVisibilityRow>
+  std::optional<ChosenLight> Choose(Vec3f p, Vec3f n, float u, uint64_t salt, Row row = {}) const;
   // The probability with which Choose returns the light at p, bit for bit.
-  float Probability(uint32_t light, Vec3f p, Vec3f n) const;
+  template <typename Row = NoLightVisibilityRow>
+  float Probability(uint32_t light, Vec3f p, Vec3f n, Row row = {}) const;
   uint64_t memory_bytes() const;
+
+  // The slots of a row: one for each light, in whole lanes; or those of the tree, then one for all
+  // infinite lights. None where there is no choice.
+  size_t visibility_slot_count() const;
+  // Whether the slot stands for a light. Requires: slot < visibility_slot_count().
+  bool HasVisibilitySlot(size_t slot) const;
+  // Calls visit(slot) for the slots that the light is in. Requires: light is an index of `lights`.
+  template <typename Visit>
+  void VisitVisibilitySlots(uint32_t light, const Visit& visit) const {
+    if (count_ <= 1) return;
+    if (count_ <= kLightsWeighedMax) {
+      visit(light);
+    } else if (std::binary_search(infinite_lights_.begin(), infinite_lights_.end(), light)) {
+      visit(tree_.visibility_slot_count());
+    } else {
+      tree_.VisitVisibilitySlots(light, visit);
+    }
+  }
 
  private:
   struct Weights;
   struct Block;
-  Weights Weigh(Vec3f p, Vec3f n) const;
-  double InfiniteProbability(Vec3f p, Vec3f n) const;
+  template <typename Row>
+  Weights Weigh(Vec3f p, Vec3f n, Row row) const;
+  template <typename Row>
+  double InfiniteProbability(Vec3f p, Vec3f n, Row row) const;
   float ProbabilityInfinite(size_t rank, double infinite_probability) const;
 
   size_t count_ = 0;

@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <random>
 #include <vector>
 
 namespace sheaf::render {
@@ -28,20 +30,21 @@ LightBounds PanelAt(Vec3f center, Vec3f normal, float area, bool two_sided) {
 }
 
 // Checks that Choose returns every light as often as Probability says, and with the same bits.
+template <typename Row = NoLightVisibilityRow>
 void ExpectChoiceMatchesProbability(const LightChoice& choice, size_t light_count, Vec3f p,
-                                    Vec3f n = {}) {
+                                    Vec3f n = {}, Row row = {}) {
   constexpr int kDraws = 1 << 16;
   std::vector<int> counts(light_count);
   for (int i = 0; i < kDraws; ++i) {
-    const auto chosen = choice.Choose(p, n, (static_cast<float>(i) + 0.5f) / kDraws, 0);
+    const auto chosen = choice.Choose(p, n, (static_cast<float>(i) + 0.5f) / kDraws, 0, row);
     ASSERT_TRUE(chosen.has_value());
-    ASSERT_EQ(chosen->probability, choice.Probability(chosen->light, p, n));
+    ASSERT_EQ(chosen->probability, choice.Probability(chosen->light, p, n, row));
     ++counts[chosen->light];
   }
   double sum = 0;
   for (size_t i = 0; i < light_count; ++i) {
     const double probability =
-        static_cast<double>(choice.Probability(static_cast<uint32_t>(i), p, n));
+        static_cast<double>(choice.Probability(static_cast<uint32_t>(i), p, n, row));
     EXPECT_NEAR(counts[i], probability * kDraws, 3);
     sum += probability;
   }
@@ -127,6 +130,66 @@ TEST(LightChoiceTest, InfiniteLightsKeepProbabilityAmongMany) {
   }
 }
 
+// Spheres, panels and an infinite light.
+std::vector<LightBounds> MixedLights(size_t count) {
+  std::vector<LightBounds> lights;
+  for (size_t i = 0; i < count; ++i) {
+    const auto x = static_cast<float>(i % 11);
+    const Vec3f center{x, static_cast<float>(i / 11), 2 + 0.3f * x};
+    lights.push_back(i % 3 == 0 ? PanelAt(center, {0, 0, -1}, 0.2f, i % 2 == 0)
+                                : SphereAt(center, 0.3f, 1 + static_cast<float>(i % 4)));
+  }
+  lights[count / 2] = {.kind = LightBounds::Kind::kInfinite, .strength = 0.4f};
+  return lights;
+}
+
+std::vector<uint8_t> RandomSteps(size_t count) {
+  std::mt19937 engine(3);
+  std::vector<uint8_t> steps;
+  while (steps.size() < count) {
+    steps.push_back(static_cast<uint8_t>(std::max<uint32_t>(engine() % 256, kVisibilityStepMin)));
+  }
+  return steps;
+}
+
+TEST(LightChoiceTest, LearnedChoicesMatchTheirProbabilities) {
+  for (size_t count : {2u, 5u, 16u, 17u, 100u}) {
+    const LightChoice choice(MixedLights(count));
+    const std::vector<uint8_t> steps = RandomSteps(choice.visibility_slot_count());
+    const LightVisibilityRow row{steps.data()};
+    for (const Vec3f& n : {Vec3f{}, Vec3f{0, 0, 1}, Vec3f{0, 0.6f, -0.8f}}) {
+      const Vec3f p{3, 0.5f, 0};
+      ExpectChoiceMatchesProbability(choice, count, p, n, row);
+      // A light that the row makes unlikely keeps a part of its probability, and none gets one.
+      for (uint32_t i = 0; i < count; ++i) {
+        const float without = choice.Probability(i, p, n), with = choice.Probability(i, p, n, row);
+        EXPECT_EQ(with > 0, without > 0);
+        EXPECT_GE(with, without / 4096);
+      }
+    }
+  }
+}
+
+TEST(LightChoiceTest, RowsThatKnowNothingChangeNoBit) {
+  for (size_t count : {1u, 2u, 16u, 17u, 300u}) {
+    const LightChoice choice(MixedLights(count));
+    const std::vector<uint8_t> ones(choice.visibility_slot_count(), kVisibilityStepOfOne);
+    for (const LightVisibilityRow& row : {LightVisibilityRow{}, LightVisibilityRow{ones.data()}}) {
+      for (int i = 0; i < 256; ++i) {
+        const Vec3f p{static_cast<float>(i % 16), static_cast<float>(i % 7), 0.01f},
+            n = i % 2 == 0 ? Vec3f{} : Vec3f{0, 0.6f, 0.8f};
+        const float u = (static_cast<float>(i) + 0.5f) / 256;
+        const auto without = choice.Choose(p, n, u, 77), with = choice.Choose(p, n, u, 77, row);
+        ASSERT_TRUE(without && with);
+        ASSERT_EQ(without->light, with->light);
+        ASSERT_EQ(without->probability, with->probability);
+        const auto light = static_cast<uint32_t>(static_cast<size_t>(i) % count);
+        ASSERT_EQ(choice.Probability(light, p, n), choice.Probability(light, p, n, row));
+      }
+    }
+  }
+}
+
 TEST(LightChoiceTest, ScaleByAPowerOfTwoChangesNoBit) {
   for (float scale : {0x1p-20f, 0x1p-3f, 0x1p20f}) {
     const auto scaled = [](float s) {
@@ -139,6 +202,10 @@ TEST(LightChoiceTest, ScaleByAPowerOfTwoChangesNoBit) {
     for (uint32_t light = 0; light < 3; ++light) {
       EXPECT_EQ(scaled(1).Probability(light, p, {}),
                 scaled(scale).Probability(light, p * scale, {}));
+      const std::vector<uint8_t> steps = RandomSteps(kLaneCount);
+      const LightVisibilityRow row{steps.data()};
+      EXPECT_EQ(scaled(1).Probability(light, p, {}, row),
+                scaled(scale).Probability(light, p * scale, {}, row));
     }
   }
 }

@@ -170,18 +170,34 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   return weights;
 }
 
-double LightTree::Irradiance(Vec3f p, Vec3f n) const {
-  return static_cast<double>(Weigh(nodes_[0], Receiver(p, n)).sum) * irradiance_scale_;
+// Only the estimates are learned: no child's becomes 0.
+template <typename Row>
+inline LightTree::Weights LightTree::WeighNode(uint32_t index, const Receiver& receiver,
+                                               [[maybe_unused]] Row row) const {
+  Weights weights = Weigh(nodes_[index], receiver);
+  if constexpr (kHasFactors<Row>) {
+    if (index < kVisibilityNodesMax) {
+      weights.of_child *= VisibilityFactors(row, index * kWidth);
+      weights.sum = Sum(weights.of_child);
+    }
+  }
+  return weights;
 }
 
-std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
+template <typename Row>
+double LightTree::Irradiance(Vec3f p, Vec3f n, Row row) const {
+  return static_cast<double>(WeighNode(0, Receiver(p, n), row).sum) * irradiance_scale_;
+}
+
+template <typename Row>
+std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u, Row row) const {
   const Receiver receiver(p, n);
   NodeProbability probability;
   double rest = u;  // Relative to the beginning of the node's interval.
   uint32_t index = 0;
   for (;;) {
     const Node& node = nodes_[index];
-    const Weights weights = Weigh(node, receiver);
+    const Weights weights = WeighNode(index, receiver, row);
     if (index == 0 && !(weights.sum > 0)) return std::nullopt;
     const NodeProbability::PerChild probabilities = probability.Among(weights);
     // Where rounding leaves the sum below u, the last child of positive probability is chosen.
@@ -206,7 +222,8 @@ std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u) const {
   }
 }
 
-float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n) const {
+template <typename Row>
+float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n, Row row) const {
   if (slot_of_light_[light] == kNoSlot) return 0;
   // The slots from the light up to the root.
   std::array<uint32_t, kDepthMax> slots;
@@ -220,12 +237,19 @@ float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n) const {
   NodeProbability probability;
   while (count > 0) {
     const uint32_t slot = slots[--count];
-    const Node& node = nodes_[slot / kWidth];
-    const Weights weights = Weigh(node, receiver);
+    const Weights weights = WeighNode(slot / kWidth, receiver, row);
     if (slot < kWidth && !(weights.sum > 0)) return 0;
     probability = probability.Among(weights).Of(slot % kWidth);
   }
   return static_cast<float>(probability.Sum());
 }
+
+#define SHEAF_INSTANTIATE_FOR(row)                                                        \
+  template double LightTree::Irradiance(Vec3f, Vec3f, row) const;                         \
+  template std::optional<ChosenLight> LightTree::Choose(Vec3f, Vec3f, double, row) const; \
+  template float LightTree::Probability(uint32_t, Vec3f, Vec3f, row) const;
+SHEAF_INSTANTIATE_FOR(NoLightVisibilityRow)
+SHEAF_INSTANTIATE_FOR(LightVisibilityRow)
+#undef SHEAF_INSTANTIATE_FOR
 
 }  // namespace sheaf::render

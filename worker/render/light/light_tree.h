@@ -14,14 +14,19 @@
 // light is less likely than kIntensityProbability times its fraction of the total intensity,
 // however wrong the estimates are. Results are bit-identical where the unit of length or of light
 // changes by a power of two.
+//
+// Regions of space may have learned which children of the first nodes are hidden from them
+// (LightVisibility): a walk that follows the estimates multiplies them by the learned factors.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <vector>
 
 #include "worker/render/light/light_bounds.h"
+#include "worker/render/light/light_visibility_row.h"
 
 namespace sheaf::render {
 
@@ -33,6 +38,9 @@ class LightTree {
   static constexpr size_t kLightsMax = size_t{1} << 28;
   // Fraction of the walks that follow the intensities alone.
   static constexpr double kIntensityProbability = 0.1;
+  // Nodes whose children have slots in a LightVisibilityRow: the brightest ones, from the root
+  // down.
+  static constexpr size_t kVisibilityNodesMax = 16;
 
   LightTree() = default;
   // Excludes infinite lights, lights of strength 0, and lights with non-finite values or farther
@@ -43,15 +51,35 @@ class LightTree {
   bool empty() const { return nodes_.empty(); }
 
   // In all of these, n is a unit normal at p, or zero to accept light from all directions. Lights
-  // behind n do not count.
+  // behind n do not count. row: of the region of p, for this tree's slots, not null. Row:
+  // LightVisibilityRow or NoLightVisibilityRow.
 
   // A rough estimate of the unoccluded irradiance at p. 0 only where certainly none arrives.
   // Requires: !empty().
-  double Irradiance(Vec3f p, Vec3f n) const;
+  template <typename Row = NoLightVisibilityRow>
+  double Irradiance(Vec3f p, Vec3f n, Row row = {}) const;
   // Chooses a light as seen from p; none where Irradiance is 0. Requires: !empty(), u in [0, 1).
-  std::optional<ChosenLight> Choose(Vec3f p, Vec3f n, double u) const;
+  template <typename Row = NoLightVisibilityRow>
+  std::optional<ChosenLight> Choose(Vec3f p, Vec3f n, double u, Row row = {}) const;
   // The probability with which Choose returns the light, bit for bit. 0 for excluded lights.
-  float Probability(uint32_t light, Vec3f p, Vec3f n) const;
+  template <typename Row = NoLightVisibilityRow>
+  float Probability(uint32_t light, Vec3f p, Vec3f n, Row row = {}) const;
+
+  size_t visibility_slot_count() const {
+    return std::min(nodes_.size(), kVisibilityNodesMax) * kWidth;
+  }
+  // Whether the slot stands for lights. Requires: slot < visibility_slot_count().
+  bool HasVisibilitySlot(size_t slot) const {
+    return nodes_[slot / kWidth].intensity[slot % kWidth] > 0;
+  }
+  // Calls visit(slot) for each slot that the light is in, from its own to the root's.
+  template <typename Visit>
+  void VisitVisibilitySlots(uint32_t light, const Visit& visit) const {
+    for (uint32_t slot = slot_of_light_[light]; slot != kNoSlot;
+         slot = nodes_[slot / kWidth].parent) {
+      if (slot / kWidth < kVisibilityNodesMax) visit(size_t{slot});
+    }
+  }
 
   size_t size_bytes() const {
     return nodes_.size() * sizeof(Node) + slot_of_light_.size() * sizeof(uint32_t);
@@ -97,8 +125,11 @@ class LightTree {
   struct NodeProbability;
   class Builder;
   static Weights Weigh(const Node& node, const Receiver& receiver);
+  template <typename Row>
+  Weights WeighNode(uint32_t index, const Receiver& receiver, Row row) const;
 
-  std::vector<Node> nodes_;              // The root first, parents before children.
+  // The root first, parents before children; the first kVisibilityNodesMax are those with slots.
+  std::vector<Node> nodes_;
   std::vector<uint32_t> slot_of_light_;  // kNoSlot for excluded lights.
   double irradiance_scale_ = 1;          // Input intensities divided by those in the nodes.
   int depth_ = 0;

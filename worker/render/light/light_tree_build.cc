@@ -111,7 +111,7 @@ class LightTree::Builder {
     BuildNode(PartOf(0, entries_.size()), kNoSlot, 1);
     tree_.nodes_.reserve(nodes_.size());
     AdviseHugePages(tree_.nodes_.data(), nodes_.size() * sizeof(Node));
-    tree_.nodes_.insert(tree_.nodes_.end(), nodes_.begin(), nodes_.end());
+    MoveNodes(BrightestFirst());
   }
 
  private:
@@ -120,6 +120,8 @@ class LightTree::Builder {
   float BuildNode(const Part& part, uint32_t parent, int level);
   size_t SplitInto(std::array<Part, kWidth>* parts, bool by_cost);
   bool SplitByCost(const Part& part, Part* left, Part* right);
+  std::vector<uint32_t> BrightestFirst() const;
+  void MoveNodes(const std::vector<uint32_t>& order);
   static void EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count, Node* node);
   void EncodeCone(const Part& part, size_t place, Node* node) const;
   void EncodeMean(const Part& part, size_t place, Node* node) const;
@@ -199,6 +201,58 @@ float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level
     sum += intensity;
   }
   return sum;
+}
+
+// The nodes in the tree's order: first those with slots of visibility, then the rest as built. From
+// the root down, the next one is the brightest child of those before.
+std::vector<uint32_t> LightTree::Builder::BrightestFirst() const {
+  struct Candidate {
+    float intensity;
+    uint32_t index;
+  };
+  std::vector<Candidate> candidates = {{0, 0}};
+  std::vector<uint32_t> order;
+  order.reserve(nodes_.size());
+  std::vector<bool> is_first(nodes_.size());
+  while (!candidates.empty() && order.size() < kVisibilityNodesMax) {
+    const auto brightest = std::max_element(
+        candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+          return a.intensity != b.intensity ? a.intensity < b.intensity : a.index > b.index;
+        });
+    const uint32_t index = brightest->index;
+    candidates.erase(brightest);
+    order.push_back(index);
+    is_first[index] = true;
+    const Node& node = nodes_[index];
+    for (size_t i = 0; i < kWidth; ++i) {
+      if (!(node.intensity[i] > 0) || (node.child[i] & kLightBit) != 0) continue;
+      candidates.push_back({node.intensity[i], node.child[i]});
+    }
+  }
+  for (uint32_t i = 0; i < nodes_.size(); ++i) {
+    if (!is_first[i]) order.push_back(i);
+  }
+  return order;
+}
+
+// Fills the tree with the nodes in the order.
+void LightTree::Builder::MoveNodes(const std::vector<uint32_t>& order) {
+  std::vector<uint32_t> place_of(order.size());
+  for (uint32_t i = 0; i < order.size(); ++i) place_of[order[i]] = i;
+  const auto moved = [&](uint32_t slot) -> uint32_t {
+    constexpr auto kPlaces = static_cast<uint32_t>(kWidth);
+    return slot == kNoSlot ? kNoSlot : place_of[slot / kPlaces] * kPlaces + slot % kPlaces;
+  };
+  for (const uint32_t index : order) {
+    Node node = nodes_[index];
+    node.parent = moved(node.parent);
+    for (size_t i = 0; i < kWidth; ++i) {
+      const bool is_node = node.intensity[i] > 0 && (node.child[i] & kLightBit) == 0;
+      if (is_node) node.child[i] = place_of[node.child[i]];
+    }
+    tree_.nodes_.push_back(node);
+  }
+  for (uint32_t& slot : tree_.slot_of_light_) slot = moved(slot);
 }
 
 // Splits (*parts)[0] into up to kWidth parts, in order. Returns their number.

@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -112,6 +113,104 @@ TEST(LightTreeTest, WalksMatchProbabilitiesExactly) {
       ASSERT_NEAR(counts[i], static_cast<double>(tree.Probability(i, p, n)) * kDraws, 1.01);
     }
   }
+}
+
+std::vector<uint8_t> RandomSteps(const LightTree& tree, uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  std::vector<uint8_t> steps;
+  while (steps.size() < tree.visibility_slot_count()) {
+    steps.push_back(static_cast<uint8_t>(std::max<uint64_t>(engine() % 256, kVisibilityStepMin)));
+  }
+  return steps;
+}
+
+TEST(LightTreeTest, WalksWithLearnedFactorsMatchProbabilitiesExactly) {
+  constexpr int kDraws = 1 << 14;
+  for (size_t count : {1u, 8u, 9u, 300u, 5000u}) {
+    const LightTree tree(MakeLights(count, 3));
+    Random random(8);
+    for (uint64_t k = 0; k < 4; ++k) {
+      const Vec3f p = random.Vector(10), n = k % 2 == 0 ? Vec3f{} : random.Direction();
+      if (!(tree.Irradiance(p, n) > 0)) continue;
+      const std::vector<uint8_t> steps = RandomSteps(tree, k);
+      const LightVisibilityRow row{steps.data()};
+      const double irradiance = tree.Irradiance(p, n), learned = tree.Irradiance(p, n, row);
+      EXPECT_TRUE(learned <= irradiance && learned >= irradiance / 16);
+      std::vector<int> counts(count);
+      for (int i = 0; i < kDraws; ++i) {
+        const auto chosen = tree.Choose(p, n, (i + 0.5) / kDraws, row);
+        ASSERT_TRUE(chosen.has_value());
+        ASSERT_EQ(chosen->probability, tree.Probability(chosen->light, p, n, row));
+        ++counts[chosen->light];
+      }
+      double sum = 0;
+      for (uint32_t i = 0; i < count; ++i) {
+        const auto probability = static_cast<double>(tree.Probability(i, p, n, row));
+        sum += probability;
+        ASSERT_NEAR(counts[i], probability * kDraws, 1.01);
+        ASSERT_EQ(probability > 0, tree.Probability(i, p, n) > 0);
+      }
+      EXPECT_NEAR(sum, 1, 1e-5);
+    }
+  }
+}
+
+TEST(LightTreeTest, FactorsOfOneChangeNoBit) {
+  constexpr size_t kCount = 3000;
+  const LightTree tree(MakeLights(kCount, 12));
+  const std::vector<uint8_t> steps(tree.visibility_slot_count(), kVisibilityStepOfOne);
+  const LightVisibilityRow row{steps.data()};
+  Random random(13);
+  for (int i = 0; i < 300; ++i) {
+    const Vec3f p = random.Vector(12), n = i % 2 == 0 ? Vec3f{} : random.Direction();
+    const double u = static_cast<double>(random.Between(0, 1));
+    ASSERT_EQ(tree.Irradiance(p, n), tree.Irradiance(p, n, row));
+    const auto a = tree.Choose(p, n, u), b = tree.Choose(p, n, u, row);
+    ASSERT_EQ(a.has_value(), b.has_value());
+    if (!a) continue;
+    ASSERT_EQ(a->light, b->light);
+    ASSERT_EQ(a->probability, b->probability);
+    ASSERT_EQ(tree.Probability(b->light, p, n), tree.Probability(b->light, p, n, row));
+  }
+}
+
+TEST(LightTreeTest, SlotsLeadFromTheLightToTheRoot) {
+  for (size_t count : {1u, 8u, 9u, 100u, 5000u}) {
+    const LightTree tree(MakeLights(count, 14));
+    EXPECT_LE(tree.visibility_slot_count(), LightTree::kVisibilityNodesMax * LightTree::kWidth);
+    std::vector<bool> is_visited(tree.visibility_slot_count());
+    for (uint32_t i = 0; i < count; ++i) {
+      size_t last = tree.visibility_slot_count();
+      tree.VisitVisibilitySlots(i, [&](size_t slot) {
+        ASSERT_LT(slot, last);
+        is_visited[slot] = true;
+        last = slot;
+      });
+      EXPECT_LT(last, LightTree::kWidth);
+    }
+    for (size_t slot = 0; slot < is_visited.size(); ++slot) {
+      EXPECT_EQ(is_visited[slot], tree.HasVisibilitySlot(slot));
+    }
+  }
+}
+
+TEST(LightTreeTest, BrightLightsHaveTheMostSlots) {
+  constexpr size_t kCount = 20000;
+  std::vector<LightBounds> lights = MakeLights(kCount, 15);
+  const auto is_bright = [](const LightBounds& light) {
+    return LengthSquared(light.center - Vec3f{5, -5, 5}) < 4;
+  };
+  for (LightBounds& light : lights) light.strength *= is_bright(light) ? 1000.0f : 1.0f;
+  const LightTree tree(lights);
+  double sums[2] = {};
+  int counts[2] = {};
+  for (uint32_t i = 0; i < kCount; ++i) {
+    const bool bright = is_bright(lights[i]);
+    ++counts[bright];
+    tree.VisitVisibilitySlots(i, [&](size_t) { ++sums[bright]; });
+  }
+  ASSERT_GT(counts[1], 50);
+  EXPECT_GT(sums[1] / counts[1], sums[0] / counts[0] + 1);
 }
 
 TEST(LightTreeTest, BrighterNearerAndFacingLightsAreLikelier) {
@@ -221,6 +320,14 @@ TEST(LightTreeTest, ScaleByAPowerOfTwoChangesNoBit) {
         ASSERT_EQ(a->probability, b->probability);
         ASSERT_EQ(tree.Irradiance(p, n) * static_cast<double>(brightness),
                   scaled.Irradiance(p * scale, n));
+        const std::vector<uint8_t> steps = RandomSteps(tree, static_cast<uint64_t>(i));
+        const LightVisibilityRow row{steps.data()};
+        const auto c = tree.Choose(p, n, u, row), d = scaled.Choose(p * scale, n, u, row);
+        ASSERT_TRUE(c && d);
+        ASSERT_EQ(c->light, d->light);
+        ASSERT_EQ(c->probability, d->probability);
+        ASSERT_EQ(tree.Irradiance(p, n, row) * static_cast<double>(brightness),
+                  scaled.Irradiance(p * scale, n, row));
       }
     }
   }
