@@ -82,18 +82,19 @@ bool LightTable::empty() const { return impl_->empty; }
 template <uint32_t kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
-    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
+    LightVisibilityRowOf<kMask> row) {
   if (impl.empty) return std::nullopt;
-  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u));
+  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u), row);
   if (!chosen) return std::nullopt;
-  return SampleOne<kMask>(impl, *chosen, p, n, u, wavelengths, preparation);
+  return SampleOne<kMask>(impl, *chosen, p, n, u, wavelengths, preparation, row);
 }
 
 template <uint32_t kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleChosenLight(
     const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
-    const WavelengthsOf<ColorOf<kMask>>& wavelengths) {
-  return SampleOne<kMask>(impl, chosen, p, {}, u, wavelengths, Prepare(impl, u));
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightVisibilityRowOf<kMask> row) {
+  return SampleOne<kMask>(impl, chosen, p, {}, u, wavelengths, Prepare(impl, u), row);
 }
 
 std::optional<ChosenLight> LightTable::Choose(Vec3f p, float u_select, Vec2f u) const {
@@ -101,14 +102,28 @@ std::optional<ChosenLight> LightTable::Choose(Vec3f p, float u_select, Vec2f u) 
   return impl_->choice.Choose(p, {}, u_select, SaltOf(u));
 }
 
+std::optional<ChosenLight> LightTable::Choose(Vec3f p, float u_select, Vec2f u,
+                                              LightVisibilityRow row) const {
+  if (impl_->empty) return std::nullopt;
+  return impl_->choice.Choose(p, {}, u_select, SaltOf(u), row);
+}
+
 float LightTable::ChoiceProbability(uint32_t light, Vec3f p, Vec3f n) const {
   return impl_->choice.Probability(light, p, n);
 }
 
+float LightTable::ChoiceProbability(uint32_t light, Vec3f p, Vec3f n,
+                                    LightVisibilityRow row) const {
+  return impl_->choice.Probability(light, p, n, row);
+}
+
+const LightChoice& LightTable::choice() const { return impl_->choice; }
+
 template <uint32_t kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
-    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation) {
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
+    [[maybe_unused]] LightVisibilityRowOf<kMask> row) {
   using Color = ColorOf<kMask>;
   const uint32_t light = chosen.light;
   std::optional<LightSampleOf<Color>> sample;
@@ -161,7 +176,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
       sample->pdf = preparation.sky.pdf;
     } else {
       const EnvironmentValueOf<Color> value =
-          FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, {place, index, portal_pdf});
+          FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, {place, index, portal_pdf}, row);
       sample->radiance = value.radiance;
       sample->pdf = value.pdf;
     }
@@ -175,7 +190,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
 
 template <uint32_t kMask>
 float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
-                               Vec3f p_light) {
+                               Vec3f p_light, LightVisibilityRowOf<kMask> row) {
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
     if (emitter < impl.first_sphere()) {
@@ -190,7 +205,7 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
       }
     }
   }
-  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n));
+  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n, row));
   return IsUsablePdf(pdf) ? pdf : 0;
 }
 
@@ -246,10 +261,10 @@ Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
   return sum;
 }
 
-template <typename Color>
+template <typename Color, typename Row>
 EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                    const WavelengthsOf<Color>& wavelengths,
-                                                   const Located& located) {
+                                                   const Located& located, Row row) {
   EnvironmentValueOf<Color> value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
     const InfiniteEmitter& light = impl.infinites[i];
@@ -263,7 +278,7 @@ EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Ve
     const EnvironmentMap::Place here = is_located ? located.place : PlaceOf(light, d);
     value.radiance += RadianceAt<Color>(impl, light, here, wavelengths);
     if (!light.portal) pdf = PdfAt(light, here);
-    value.pdf += PdfSolidAngle(pdf, impl.choice.Probability(impl.first_infinite() + i, p, n));
+    value.pdf += PdfSolidAngle(pdf, impl.choice.Probability(impl.first_infinite() + i, p, n, row));
   }
   return value;
 }
@@ -298,11 +313,12 @@ template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&,
 #define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                        \
   template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(      \
       const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,           \
-      const Preparation&);                                                                      \
+      const Preparation&, LightVisibilityRowOf<(mask)>);                                        \
   template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleChosenLight<(mask)>( \
-      const Impl&, const ChosenLight&, Vec3f, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&);    \
+      const Impl&, const ChosenLight&, Vec3f, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,     \
+      LightVisibilityRowOf<(mask)>);                                                            \
   template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,   \
-                                                  Vec3f);
+                                                  Vec3f, LightVisibilityRowOf<(mask)>);
 #define SHEAF_INSTANTIATE_WITH(mask)                                          \
   SHEAF_INSTANTIATE_FOR(mask)                                                 \
   SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kEnvironment))  \
@@ -314,7 +330,12 @@ SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kQuadrics))
 SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
                        static_cast<uint32_t>(Trait::kQuadrics))
-// Varying emission is rare: its variants support every kind of light.
+// Guided variants support every kind of light with a position.
+SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
+                               Trait::kGuiding))
+SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
+                               Trait::kEnvironment, Trait::kGuiding))
+// Varying emission is rare: its variants support every kind of light, and guiding.
 SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::kSpectral))
 #undef SHEAF_INSTANTIATE_WITH
 #undef SHEAF_INSTANTIATE_FOR
@@ -323,10 +344,14 @@ SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::k
 #define SHEAF_INSTANTIATE_INFINITY(color)                                              \
   template color LightTable::RadianceFromInfinity<color>(const Impl&, Vec3f, Vec3f,    \
                                                          const WavelengthsOf<color>&); \
-  template EnvironmentValueOf<color> LightTable::FromInfinity<color>(                  \
-      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, const Located&);
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, NoLightVisibilityRow)                         \
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, LightVisibilityRow)
+#define SHEAF_INSTANTIATE_FROM_INFINITY(color, row)                        \
+  template EnvironmentValueOf<color> LightTable::FromInfinity<color, row>( \
+      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, const Located&, row);
 SHEAF_INSTANTIATE_INFINITY(Rgb)
 SHEAF_INSTANTIATE_INFINITY(Spectral)
 #undef SHEAF_INSTANTIATE_INFINITY
+#undef SHEAF_INSTANTIATE_FROM_INFINITY
 
 }  // namespace sheaf::render

@@ -21,6 +21,7 @@
 #include "worker/render/light/emission_map.h"
 #include "worker/render/light/environment_map.h"
 #include "worker/render/light/light_bounds.h"
+#include "worker/render/light/light_visibility_row.h"
 
 namespace sheaf::render {
 
@@ -102,6 +103,8 @@ struct EmissionDetail {
   Vec2f uv[3];              // At the triangle's corners.
 };
 
+class LightChoice;
+
 struct LightTableInput {
   std::vector<TriangleEmitter> triangles;
   std::vector<SphereEmitter> spheres;
@@ -133,12 +136,13 @@ class LightTable {
   // Chooses a light and samples a point on it, as seen from p. n: the receiver's geometric normal,
   // or zero in free space; guides the choice, and excludes directions to infinite lights behind it.
   // None where the light cannot reach p. Space: render. Never returns pdf 0, a non-finite value or
-  // radiance 0.
+  // radiance 0. row, here and below: of the region of p, from a LightVisibility with the slots of
+  // choice(); used only with Trait::kGuiding. Pdfs and samples at a point need the same row.
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u,
-      const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
-    return Sample<kTraits>(p, n, u_select, u, wavelengths, PrepareSample<kTraits>(u));
+      const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}, LightVisibilityRow row = {}) const {
+    return Sample<kTraits>(p, n, u_select, u, wavelengths, PrepareSample<kTraits>(u), row);
   }
   // The same in two steps: Prepare prefetches environment map data while the caller still computes
   // p. Both steps must get the same u.
@@ -153,16 +157,18 @@ class LightTable {
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
-      const Preparation& preparation) const {
-    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, wavelengths,
-                                                preparation);
+      const Preparation& preparation, LightVisibilityRow row = {}) const {
+    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, wavelengths, preparation,
+                                                RowFor<kTraits>(row));
   }
   // Solid-angle pdf (times the choice probability) with which Sample, called at p with n, would
   // have sampled the point p_light of the emitter along wi. Bit-identical to Sample's; 0 where
   // Sample returns none.
   template <uint32_t kTraits>
-  float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light) const {
-    return PdfOfEmitter<kTraits & kLightTraits>(*impl_, emitter, p, n, wi, p_light);
+  float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light,
+                   LightVisibilityRow row = {}) const {
+    return PdfOfEmitter<kTraits & kLightTraits>(*impl_, emitter, p, n, wi, p_light,
+                                                RowFor<kTraits>(row));
   }
   // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal
   // ng, which is oriented as LightSample::n_light (outward for spheres, also for inward-emitting
@@ -189,15 +195,17 @@ class LightTable {
     return RadianceFromInfinity<ColorOf<kTraits>>(*impl_, p, d, wavelengths);
   }
   template <uint32_t kTraits>
-  float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d) const {
+  float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d, LightVisibilityRow row = {}) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return FromInfinity<Rgb>(*impl_, p, n, d, {}, {LocateInFirst(*impl_, d)}).pdf;
+    return FromInfinity<Rgb>(*impl_, p, n, d, {}, {LocateInFirst(*impl_, d)}, RowFor<kTraits>(row))
+        .pdf;
   }
   // Both at once, at little more than the cost of one.
   template <uint32_t kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
-      Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
-    return EvalEnvironment<kTraits>(p, n, d, wavelengths, PrepareEnvironment<kTraits>(d));
+      Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {},
+      LightVisibilityRow row = {}) const {
+    return EvalEnvironment<kTraits>(p, n, d, wavelengths, PrepareEnvironment<kTraits>(d), row);
   }
   // The same in two steps: PrepareEnvironment prefetches environment map data while the caller
   // still traces the ray along d. Both steps must get the same d.
@@ -209,9 +217,10 @@ class LightTable {
   template <uint32_t kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
-      EnvironmentMap::Place place) const {
+      EnvironmentMap::Place place, LightVisibilityRow row = {}) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
-    return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place});
+    return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place},
+                                          RowFor<kTraits>(row));
   }
 
   // --- For equiangular sampling in media, which may reach a point on another path than Sample's.
@@ -219,8 +228,10 @@ class LightTable {
 
   // Chooses a light by its weight at p, none where no light reaches p. u: independent of u_select.
   std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u) const;
+  std::optional<ChosenLight> Choose(Vec3f p, float u_select, Vec2f u, LightVisibilityRow row) const;
   // The probability with which Choose and Sample choose the light at p. n: as for Sample.
   float ChoiceProbability(uint32_t light, Vec3f p, Vec3f n = {}) const;
+  float ChoiceProbability(uint32_t light, Vec3f p, Vec3f n, LightVisibilityRow row) const;
   // Lights have the indices [0, light_count()).
   uint32_t light_count() const;
   // Computed from the light at each call.
@@ -229,9 +240,12 @@ class LightTable {
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> SampleChosen(
       const ChosenLight& chosen, Vec3f p, Vec2f u,
-      const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
-    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, u, wavelengths);
+      const WavelengthsOf<ColorOf<kTraits>>& wavelengths, LightVisibilityRow row = {}) const {
+    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, u, wavelengths,
+                                                     RowFor<kTraits>(row));
   }
+  // The choice among the lights, whose slots a LightVisibility learns.
+  const LightChoice& choice() const;
 
   // --- Light groups. Requires: AssignGroups was called before.
 
@@ -253,26 +267,29 @@ class LightTable {
   static constexpr uint32_t kLightTraits =
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
       static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
-      static_cast<uint32_t>(Trait::kTexturedEmission) | static_cast<uint32_t>(Trait::kSpectral);
+      static_cast<uint32_t>(Trait::kTexturedEmission) | static_cast<uint32_t>(Trait::kSpectral) |
+      static_cast<uint32_t>(Trait::kGuiding);
 
  private:
   LightTable();
   template <uint32_t kMask>
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleLights(
       const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
-      const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation);
+      const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
+      LightVisibilityRowOf<kMask> row);
   template <uint32_t kMask>
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleChosenLight(
       const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
-      const WavelengthsOf<ColorOf<kMask>>& wavelengths);
+      const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightVisibilityRowOf<kMask> row);
   // Inlined into both.
   template <uint32_t kMask>
   [[gnu::always_inline]] static inline std::optional<LightSampleOf<ColorOf<kMask>>> SampleOne(
       const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
-      const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation);
+      const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
+      LightVisibilityRowOf<kMask> row);
   template <uint32_t kMask>
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
-                            Vec3f p_light);
+                            Vec3f p_light, LightVisibilityRowOf<kMask> row);
   template <typename Color>
   Color TexturedRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
                          const WavelengthsOf<Color>& wavelengths) const;
@@ -285,10 +302,11 @@ class LightTable {
     uint32_t light = 0;
     float portal_pdf = 0;  // Pdf of the light's portal, if it sampled the direction.
   };
-  template <typename Color>
+  // Row: LightVisibilityRow or NoLightVisibilityRow.
+  template <typename Color, typename Row>
   static EnvironmentValueOf<Color> FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                 const WavelengthsOf<Color>& wavelengths,
-                                                const Located& located);
+                                                const Located& located, Row row);
   static EnvironmentMap::Place LocateInFirst(const Impl& impl, Vec3f d);
   static Preparation Prepare(const Impl& impl, Vec2f u);
 
