@@ -9,11 +9,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "common/base/check.h"
 #include "common/base/parallel.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_description.h"
+#include "worker/render/light/light_table.h"
 
 namespace sheaf::render {
 namespace {
@@ -229,6 +235,86 @@ TEST(LightVisibilityTest, OtherBytesAreRefused) {
       }
       expect_refused(garbage, "");
     }
+  }
+}
+
+// Triangles on both sides of the receiver, a point light and a sky.
+std::unique_ptr<LightTable> MakeTable(uint32_t triangle_count) {
+  LightTableInput input;
+  for (uint32_t i = 0; i < triangle_count; ++i) {
+    const float side = i % 2 == 0 ? -1 : 1;
+    const Vec3f at{side * static_cast<float>(1 + i / 2), static_cast<float>(i % 5), 3};
+    input.triangles.push_back(
+        {at, at + Vec3f{0.3f, 0, 0.1f}, at + Vec3f{0, 0.4f, 0}, Rgb{1, 1, 1}, true});
+  }
+  SceneDescription scene;
+  PointLight point;
+  point.intensity.rgb = {1, 1, 1};
+  point.from = {0, 2, 4};
+  InfiniteLight sky;
+  sky.radiance.rgb = {0.05f, 0.05f, 0.05f};
+  scene.lights.resize(2);
+  scene.lights[0].light = point;
+  scene.lights[1].light = sky;
+  TableFileSource files({});
+  auto table = LightTable::Build(scene, std::move(input), files);
+  SHEAF_CHECK(table.ok());
+  return std::move(*table);
+}
+
+TEST(LightVisibilityTest, TablesSampleAndWeighByTheSameRow) {
+  constexpr uint32_t kUnguided =
+      TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights, Trait::kEnvironment);
+  constexpr uint32_t kGuided = kUnguided | TraitSet(Trait::kGuiding);
+  constexpr Vec3f kP{0.1f, 0.2f, 0}, kN{0, 0, 1};
+  for (uint32_t count : {4u, 40u}) {
+    const auto table = MakeTable(count);
+    LightVisibilityStatistics statistics(table->choice(), 1);
+    for (uint32_t i = 0; i < 100 * table->light_count(); ++i) {
+      const uint32_t light = i % table->light_count();
+      statistics.Add(0, light, light % 2 == 0 || light == count + 1);
+    }
+    const LightVisibility visibility = statistics.Freeze();
+    const LightVisibilityRow row = visibility.RowOf(0);
+    int by_kind[3] = {};
+    for (int i = 0; i < 4000; ++i) {
+      const float u = (static_cast<float>(i) + 0.5f) / 4000;
+      const Vec2f u2{0.37f, std::fmod(u * 89, 1.0f)};
+      const auto sample = table->Sample<kGuided>(kP, kN, u, u2, {}, row);
+      if (!sample) continue;
+      if (sample->is_infinite) {
+        ++by_kind[0];
+        const EnvironmentValue value =
+            table->EvalEnvironment<kGuided>(kP, kN, sample->wi, NoWavelengths(), row);
+        ASSERT_EQ(sample->pdf, value.pdf);
+        ASSERT_EQ(sample->pdf, table->PdfEnvironment<kGuided>(kP, kN, sample->wi, row));
+      } else if (sample->is_delta) {
+        ++by_kind[1];
+        ASSERT_EQ(sample->pdf, table->ChoiceProbability(sample->light, kP, kN, row));
+      } else {
+        ++by_kind[2];
+        const auto pdf = [&](LightVisibilityRow its) {
+          return table->PdfEmitter<kGuided>(sample->light, kP, kN, sample->wi, sample->p_light,
+                                            its);
+        };
+        ASSERT_EQ(sample->pdf, pdf(row));
+        ASSERT_NE(sample->pdf, pdf({}));
+        // Without the trait, the row does not count.
+        ASSERT_EQ(pdf({}), table->PdfEmitter<kUnguided>(sample->light, kP, kN, sample->wi,
+                                                        sample->p_light, row));
+      }
+      // In free space, in two steps.
+      const auto chosen = table->Choose(kP, u, u2, row);
+      ASSERT_TRUE(chosen.has_value());
+      ASSERT_EQ(chosen->probability, table->ChoiceProbability(chosen->light, kP, {}, row));
+      const auto same = table->SampleChosen<kGuided>(*chosen, kP, u2, {}, row);
+      const auto again = table->Sample<kGuided>(kP, {}, u, u2, {}, row);
+      ASSERT_EQ(same.has_value(), again.has_value());
+      if (same) {
+        ASSERT_EQ(same->pdf, again->pdf);
+      }
+    }
+    for (const int found : by_kind) EXPECT_GT(found, 50) << count;
   }
 }
 
