@@ -12,6 +12,7 @@
 #include <cmath>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/film/error/mean_interval.h"
@@ -31,6 +32,7 @@ struct CoverageCase {
   std::function<TestScene()> make;
   uint64_t samples = 64;
   Techniques techniques = Techniques::kCamera;
+  CompileTechniques compile = {};
 };
 void PrintTo(const CoverageCase& c, std::ostream* out) { *out << c.name; }
 
@@ -120,14 +122,14 @@ TEST_P(CoverageTest, IntervalsHaveTheirStatedCoverage) {
   regions.push_back(settings.window);
   settings.samples *= static_cast<uint64_t>(DrawCount(128, 2048));
   settings.seed = 1'000'003;
-  const BothFilms long_image = RenderBothFilms(*Compile(scene, settings));
+  const BothFilms long_image = RenderBothFilms(*Compile(scene, settings, GetParam().compile));
   std::vector<MeanInterval> truths;
   for (const PixelRect& region : regions) truths.push_back(IntervalOf(long_image, region));
   settings.samples = GetParam().samples;
   const auto run_count = static_cast<uint64_t>(DrawCount(50, 500));
   Count tiles, frames;
   for (settings.seed = 1; settings.seed <= run_count; ++settings.seed) {
-    const BothFilms image = RenderBothFilms(*Compile(scene, settings));
+    const BothFilms image = RenderBothFilms(*Compile(scene, settings, GetParam().compile));
     for (size_t i = 0; i < regions.size(); ++i) {
       Count& count = i + 1 < regions.size() ? tiles : frames;
       count.Add(IntervalOf(image, regions[i]), truths[i]);
@@ -241,6 +243,22 @@ INSTANTIATE_TEST_SUITE_P(LightPaths, CoverageTest,
                                          CoverageCase{"blur", BlurredRoom, 64, kBoth},
                                          CoverageCase{"glossy", [] { return Glossy(Tint{1}); }, 64,
                                                       kBoth}),
+                         NameOf);
+
+// Each image is guided by a field of its own: an interval is about the samples beyond it.
+CoverageCase Guided(std::string name, std::function<TestScene()> make) {
+  return {std::move(name),
+          std::move(make),
+          64,
+          Techniques::kCameraGuided,
+          {.training_paths_first = 512}};
+}
+INSTANTIATE_TEST_SUITE_P(Guided, CoverageTest,
+                         testing::Values(Guided("room", [] { return LitRoom(1); }),
+                                         Guided("sky", UnderTheSky),
+                                         Guided("metal", MetalInTheRoom),
+                                         Guided("blur", BlurredRoom),
+                                         Guided("outdoor", [] { return Outdoor(Tint{1}); })),
                          NameOf);
 
 }  // namespace

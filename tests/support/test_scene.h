@@ -157,11 +157,13 @@ inline FrameSettings SquareSettings(int32_t size_px, uint64_t samples, int32_t m
   return settings;
 }
 
-inline CompiledScenePtr Compile(const SceneDescription& scene, const FrameSettings& settings) {
+inline CompiledScenePtr Compile(const SceneDescription& scene, const FrameSettings& settings,
+                                const CompileTechniques& techniques = {}) {
   TableFileSource files({});
   CompileLimits limits;
   limits.build_threads = 1;
-  absl::StatusOr<CompiledScenePtr> compiled = CompileScene(scene, settings, files, limits);
+  absl::StatusOr<CompiledScenePtr> compiled =
+      CompileScene(scene, settings, files, limits, techniques);
   EXPECT_TRUE(compiled.ok()) << compiled.status();
   return compiled.ok() ? *std::move(compiled) : nullptr;
 }

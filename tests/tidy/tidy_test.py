@@ -24,7 +24,7 @@ ROOMS = {
     "common/film": ". < light < error < exr",
     "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt",
     "worker/render": "traits < color < sampling < geometry "
-                     "< accel | camera | bsdf | light | guiding "
+                     "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
 }
 

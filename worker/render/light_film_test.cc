@@ -62,8 +62,8 @@ TEST(LightFilmTest, ABoxOfOnePixelGivesAllToOnePixel) {
 // On average over film points within a pixel, the pixels get what the splat has, whatever the
 // filter's shape and sign.
 TEST(LightFilmTest, PixelsGetTheValueOfTheSplat) {
-  for (const Kind kind : {Kind::kBox, Kind::kTriangle, Kind::kGaussian, Kind::kMitchell,
-                          Kind::kSinc}) {
+  for (const Kind kind :
+       {Kind::kBox, Kind::kTriangle, Kind::kGaussian, Kind::kMitchell, Kind::kSinc}) {
     const PixelFilter filter = MakeFilter(kind, 2, 1.5f);
     constexpr int kSide = 16;
     double sum = 0;
@@ -72,9 +72,9 @@ TEST(LightFilmTest, PixelsGetTheValueOfTheSplat) {
       const Vec2d raster{5 + (i % kSide + 0.5) / kSide, 4 + (i / kSide + 0.5) / kSide};
       const FilmTile tile = SplatOnce(FilmOf(filter), raster);
       sum += SumOf(tile);
-      least = std::min(least, *std::min_element(tile.channel(FilmChannel::kRedHi),
-                                                tile.channel(FilmChannel::kRedHi) +
-                                                    tile.plane_size()));
+      least =
+          std::min(least, *std::min_element(tile.channel(FilmChannel::kRedHi),
+                                            tile.channel(FilmChannel::kRedHi) + tile.plane_size()));
     }
     EXPECT_NEAR(sum / (kSide * kSide), 1, 2e-3) << static_cast<int>(kind);
     EXPECT_EQ(least < 0, kind == Kind::kMitchell || kind == Kind::kSinc);
@@ -113,8 +113,7 @@ TEST(LightFilmTest, ImagesAreWhereTheCameraContinuesItsMap) {
     int outside = 0;
     for (int i = 0; i < 2000; ++i) {
       const Vec2d sample{-2.9 + unit(bits) * (kWidth + 5.8), -2.9 + unit(bits) * (kHeight + 5.8)};
-      const bool inside =
-          sample.x > 0 && sample.x < kWidth && sample.y > 0 && sample.y < kHeight;
+      const bool inside = sample.x > 0 && sample.x < kWidth && sample.y > 0 && sample.y < kHeight;
       outside += inside ? 0 : 1;
       const Ray ray = camera->MakeRay<0>(sample, {0.5f, 0.5f}, 0);
       const auto seen = camera->SampleWi(ray.o + ray.d, {0.5f, 0.5f}, 0);

@@ -10,6 +10,7 @@
 
 #include "common/base/cpu_clock.h"
 #include "common/film/light/light_pass_accumulator.h"
+#include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
 #include "worker/render/light_film.h"
 #include "worker/render/majorant_retries.h"
@@ -37,6 +38,7 @@ absl::StatusOr<FilmTile> RenderLightPass(const CompiledScene& scene, PixelRect w
   if (window.IsEmpty() || !IsAligned(block)) {
     return absl::InvalidArgumentError("a light pass needs a window with pixels and aligned passes");
   }
+  if (absl::Status status = EnsureGuiding(scene, stop); !status.ok()) return status;
   const double start_seconds = ThreadCpuSeconds();
   const FrameSettings& settings = scene.settings;
   const LightRowFunction trace_row =

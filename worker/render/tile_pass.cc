@@ -10,6 +10,7 @@
 
 #include "common/base/check.h"
 #include "common/base/cpu_clock.h"
+#include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
 #include "worker/render/majorant_retries.h"
 #include "worker/render/scene/compiled_scene.h"
@@ -62,6 +63,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   if (tile.Width() <= 0 || tile.Height() <= 0 || !IsAligned(block)) {
     return absl::InvalidArgumentError("a tile pass needs a tile with pixels and an aligned block");
   }
+  if (absl::Status status = EnsureGuiding(scene, stop); !status.ok()) return status;
   const double start_seconds = ThreadCpuSeconds();
   const RenderRowFunction render_row = RowFunctionFor(scene);
   const PixelLattice& lattice = scene.settings.lattice;

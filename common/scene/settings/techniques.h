@@ -43,6 +43,12 @@ constexpr bool IsGuided(Techniques techniques) {
 constexpr Techniques WithoutLightPaths(Techniques techniques) {
   return IsGuided(techniques) ? Techniques::kCameraGuided : Techniques::kCamera;
 }
+// The same techniques without guiding.
+constexpr Techniques WithoutGuiding(Techniques techniques) {
+  if (techniques == Techniques::kCameraGuided) return Techniques::kCamera;
+  if (techniques == Techniques::kCameraAndLightGuided) return Techniques::kCameraAndLight;
+  return techniques;
+}
 
 // "camera", "camera+light", "light", "camera+guiding", "camera+light+guiding".
 const char* TechniquesName(Techniques techniques);

@@ -345,9 +345,13 @@ constexpr Change kChanges[] = {
      [](AblatedScene* without) { MakeSkinDeep(&without->scene); }},
     {Trait::kNestedDielectrics, "priorities are ignored",
      [](AblatedScene* without) { ForgetPriorities(&without->scene); }},
+    {Trait::kGuiding, "directions are sampled by materials and media alone",
+     [](AblatedScene* without) {
+       without->settings.techniques = WithoutGuiding(without->settings.techniques);
+     }},
 };
-// Textures need files, and guiding is a technique: without it the scene is the same.
-static_assert(std::size(kChanges) == kTraitCount - 2);
+// Textures need files.
+static_assert(std::size(kChanges) == kTraitCount - 1);
 
 }  // namespace
 

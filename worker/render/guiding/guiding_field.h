@@ -86,6 +86,12 @@ class GuidingField {
   // The region that contains p (or is next to it, for p outside of the box); null where it has
   // learned nothing. A coordinate that is NaN counts as the box's lower one.
   const GuidingRegion* RegionAt(Vec3f p) const;
+  // The same in two steps: the region's index, below region_count(), and what it has learned.
+  uint32_t RegionIndexAt(Vec3f p) const { return PlaceOf(p).region; }
+  const GuidingRegion* RegionOrNull(uint32_t index) const {
+    const GuidingRegion& region = regions_[index];
+    return region.Fluence() > 0 ? &region : nullptr;
+  }
   size_t region_count() const { return regions_.size(); }
   uint64_t memory_bytes() const;
 

@@ -5,14 +5,23 @@
 #pragma once
 
 #include "common/film/film_tile.h"
+#include "worker/render/guiding/learned_fields.h"
 #include "worker/render/integrator/light_groups.h"
 #include "worker/render/integrator/path_state.h"
 #include "worker/render/integrator/ray_counts.h"
+#include "worker/render/integrator/training_records.h"
 #include "worker/render/sampling/dimensions.h"
 #include "worker/render/sampling/sampler.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
+
+// What the paths of a guided frame know and learn.
+template <typename C>
+struct Guiding {
+  const LearnedFields* fields = nullptr;
+  TrainingRecords<C>* training = nullptr;  // Null unless the path is one of a training.
+};
 
 // All referents outlive it. Not thread-safe: each thread has its own.
 template <typename C>
@@ -23,6 +32,7 @@ struct Context {
   RayCounts& counts;
   OutputSample* outputs;  // Null if the settings request none.
   LightGroups<typename C::Color>& groups;
+  [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding;
 };
 
 // Adds radiance that arrived from one light to the path, and to the light's group.

@@ -26,7 +26,8 @@ void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
   const LightDraw& draw = vertex.Draw(c, *path);
   const std::array<float, 4>& u = draw.u;
   std::optional<LightSampleOf<Color>> light = c.scene.lights->template Sample<C::kTraits>(
-      vertex.point.p, vertex.light_hint, u[2], {u[0], u[1]}, path->wavelengths, draw.preparation);
+      vertex.point.p, vertex.light_hint, u[2], {u[0], u[1]}, path->wavelengths, draw.preparation,
+      vertex.guided.lights());
   if (!light.has_value()) return;
   const BsdfValueOf<Color> value = vertex.Eval(light->wi);
   if (value.f_cos.IsBlack()) return;
@@ -37,10 +38,13 @@ void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
     if (!vertex.EnterSide(c, light->wi, *path, &media)) return;
     const Color transmittance =
         ShadowTransmittance(c, vertex.point, *light, {u[3], u[2]}, *path, media);
+    NoteLight(c, vertex.point.p, light->light, !transmittance.IsBlack());
     if (transmittance.IsBlack()) return;
     f_cos = f_cos * transmittance;
   } else {
-    if (!IsVisible(c, vertex.point, *light, {u[3], u[2]}, path->ray.time)) return;
+    const bool is_visible = IsVisible(c, vertex.point, *light, {u[3], u[2]}, path->ray.time);
+    NoteLight(c, vertex.point.p, light->light, is_visible);
+    if (!is_visible) return;
   }
   const float weight = vertex.LightSampleWeight(c, *light, value.pdf, *path);
   const float scale = weight / light->pdf;
@@ -66,7 +70,8 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
     }
     const EnvironmentValueOf<typename C::Color> value =
         c.scene.lights->template EvalEnvironment<C::kTraits>(path->from, path->from_n, path->ray.d,
-                                                             path->wavelengths, path->sky_place);
+                                                             path->wavelengths, path->sky_place,
+                                                             LightsFromLast<C>(*path));
     const float weight = [&] {
       if constexpr (C::kBothEnds) {
         const double emitted = c.scene.emission->InfiniteDensityAt(path->from, -path->ray.d);
@@ -91,13 +96,14 @@ void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* 
       const double sampled =
           path->specular ? 0
                          : static_cast<double>(c.scene.lights->template PdfEmitter<C::kTraits>(
-                               point.emitter, path->from, path->from_n, path->ray.d, point.p));
+                               point.emitter, path->from, path->from_n, path->ray.d, point.p,
+                               LightsFromLast<C>(*path)));
       const double emitted = c.scene.emission->DensityAt(point.emitter, path->from, point.p,
                                                          point.EmitterNormal(), -path->ray.d);
       weight = HitWeight(c, sampled, emitted, *path);
     } else if (!path->specular) {
       const float light_pdf = c.scene.lights->template PdfEmitter<C::kTraits>(
-          point.emitter, path->from, path->from_n, path->ray.d, point.p);
+          point.emitter, path->from, path->from_n, path->ray.d, point.p, LightsFromLast<C>(*path));
       weight = [&] {
         if constexpr (C::kLines) {
           const LineOf<C>& line = path->media.line;

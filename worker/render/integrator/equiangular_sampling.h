@@ -25,6 +25,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/point_in_medium.h"
 #include "worker/render/integrator/transmittance.h"
@@ -133,7 +134,8 @@ double LineTechniquePdf(const Context<C>& c, const LineOf<C>& line, uint32_t lig
                         double t, float light_pdf) {
   const auto distances = DistancesOn(c, line, light);
   if (!distances) return 0;
-  const float chosen_there = c.scene.lights->ChoiceProbability(light, p);
+  const float chosen_there =
+      c.scene.lights->ChoiceProbability(light, p, {}, GuidedDirectionsAt(c, p).lights());
   if (!(chosen_there > 0)) return 0;
   const float chosen_for_line = c.scene.lights->ChoiceProbability(light, line.choice_point);
   return static_cast<double>(light_pdf) / static_cast<double>(chosen_there) *
@@ -171,17 +173,19 @@ float HitWeightOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t emitt
 }
 
 // The light that is scattered at t towards the line's start, per incident radiance, times *weight.
-// left: the path's throughput at t after the homogeneous media.
+// guided: the directions known there. left: the path's throughput at t after the homogeneous media.
 template <typename C>
 typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line, double t,
                                      const typename C::Color& left,
                                      const LightSampleOf<typename C::Color>& light, double line_pdf,
-                                     const PathState<C>& path, double* weight) {
+                                     const GuidedDirectionsOf<C>& guided, const PathState<C>& path,
+                                     double* weight) {
   using Color = typename C::Color;
   const MediumProperties<Color>& properties = path.media.properties;
   const Vec3f d = ToFloat(line.d);
   const auto weight_of = [&](double distance_density, float phase_pdf) -> double {
-    const double scattering_pdf = light.is_delta ? 0 : static_cast<double>(phase_pdf);
+    const double scattering_pdf =
+        light.is_delta ? 0 : static_cast<double>(guided.Pdf(phase_pdf, light.wi));
     return MisWeight<C>(Technique::kLine,
                         TechniquePdfs{static_cast<double>(light.pdf) * distance_density,
                                       scattering_pdf * distance_density, line_pdf});
@@ -245,18 +249,20 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   MediumState<C> media = path->media;
   SurfacePoint vertex;
   vertex.p = PointInMedium(c, path->ray, hit, t / Length(ToDouble(path->ray.d)), &media.near);
-  const ChosenLight chosen{for_line->light,
-                           scene.lights->ChoiceProbability(for_line->light, vertex.p)};
+  const GuidedDirectionsOf<C> guided = GuidedDirectionsAt(c, vertex.p);
+  const ChosenLight chosen{for_line->light, scene.lights->ChoiceProbability(
+                                                for_line->light, vertex.p, {}, guided.lights())};
   if (!(chosen.probability > 0)) return;
   std::optional<LightSampleOf<Color>> light = scene.lights->template SampleChosen<C::kTraits>(
-      chosen, vertex.p, {u[0], u[1]}, path->wavelengths);
+      chosen, vertex.p, {u[0], u[1]}, path->wavelengths, guided.lights());
   if (!light) return;
   ApplyCutOut(c, &*light);
   const double line_pdf = static_cast<double>(light->pdf) /
                           static_cast<double>(chosen.probability) *
                           static_cast<double>(for_line->probability) * distance_pdf;
   double weight = 1;
-  const Color scattered = InScatteringOnLine(c, line, t, left, *light, line_pdf, *path, &weight);
+  const Color scattered =
+      InScatteringOnLine(c, line, t, left, *light, line_pdf, guided, *path, &weight);
   if (scattered.IsBlack()) return;
   Color transmittance = Color::Gray(1);
   if constexpr (C::kHeterogeneous) {

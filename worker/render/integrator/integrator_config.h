@@ -35,6 +35,8 @@ struct IntegratorConfig {
   static constexpr bool Has(Trait trait) { return render::Has(kTraits, trait); }
   static constexpr bool kSpectral = Has(Trait::kSpectral);
   static constexpr bool kOutputs = Has(Trait::kOutputs);
+  // Camera paths sample directions from a learned field too: guided_directions.h.
+  static constexpr bool kGuided = Has(Trait::kGuiding);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
   // Rays may pass through surfaces: cut-outs, interface materials, stochastic mixes.
   static constexpr bool kNullInterfaces = Has(Trait::kAlpha);

@@ -224,14 +224,18 @@ class LightPathIntegrator {
 
   // All three must outlive *this. Not thread-safe: one for each thread.
   LightPathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
-      : scene_(scene), tracer_(tracer), counts_(counts) {}
+      : scene_(scene), tracer_(tracer), counts_(counts) {
+    if constexpr (C::kGuided) {
+      if (scene.guiding) guiding_.fields = scene.guiding->fields();
+    }
+  }
 
   // Traces the light path of the pixel and pass: a pure function of both and the scene. The pixel
   // only names the path, which may bring light to any.
   void TracePath(int32_t x, int32_t y, uint64_t pass, SplatSink* splats) {
     const Sampler sampler(scene_.settings.seed ^ kLightPathSeed, x, y, pass,
                           scene_.settings.one_sequence);
-    const Context<C> context{scene_, tracer_, sampler, counts_, nullptr, groups_};
+    const Context<C> context{scene_, tracer_, sampler, counts_, nullptr, groups_, guiding_};
     PathState<C> path;
     if constexpr (C::Has(Trait::kMotion)) {
       path.ray.time = scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)));
@@ -247,6 +251,8 @@ class LightPathIntegrator {
   Tracer& tracer_;
   RayCounts& counts_;
   LightGroups<typename C::Color> groups_;
+  // Of the camera's paths: weights depend on it.
+  [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
 };
 
 }  // namespace sheaf::render

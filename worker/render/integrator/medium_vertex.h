@@ -10,6 +10,7 @@
 #include "common/film/film_tile.h"
 #include "worker/render/integrator/equiangular_sampling.h"
 #include "worker/render/integrator/first_hit.h"
+#include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/light_draw.h"
 #include "worker/render/integrator/russian_roulette.h"
 #include "worker/render/integrator/subsurface_walk.h"
@@ -32,6 +33,7 @@ struct MediumVertex {
   MediumScatterer scatterer;
   Vec3f d;  // Direction of the path, unit.
   PhaseMixture<Color> phase;
+  [[no_unique_address]] GuidedDirectionsOf<C> guided;  // What camera paths know here.
   static constexpr Vec3f light_hint{};
 
   // Records the vertex and counts it. False where the path ends.
@@ -42,9 +44,15 @@ struct MediumVertex {
     return DrawLight(c, LastVertexIndex(path));
   }
   BsdfValueOf<Color> Eval(Vec3f w) const {
+    BsdfValueOf<Color> value = EvalScattering(w);
+    if constexpr (C::kGuided) value.pdf = guided.Pdf(value.pdf, w);
+    return value;
+  }
+  BsdfValueOf<Color> EvalScattering(Vec3f w) const {
     const typename PhaseMixture<Color>::Value value = phase.Eval(d, w);
     return {value.f, value.pdf};
   }
+  float ScatteringShare() const { return guided.ScatteringShare(); }
   bool EnterSide(const Context<C>&, Vec3f, const PathState<C>&, MediumState<C>*) const {
     return true;
   }
@@ -79,6 +87,10 @@ struct MediumVertex {
 
  private:
   void Record(const Context<C>& c, const PathState<C>& path, FilmSample* film) const;
+  // A direction in which a camera path may go on. *roulette_scale: multiplied by its
+  // PathState::roulette_scale.
+  typename PhaseMixture<Color>::Sample SampleDirection(const std::array<float, 4>& u,
+                                                       float* roulette_scale) const;
   PhaseMixture<Color> MakePhase(const Context<C>& c, const PathState<C>& path) const;
 };
 
@@ -149,14 +161,40 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
   }
   d = Normalize(path->ray.d);
   phase = MakePhase(c, *path);
+  if constexpr (C::kGuided) {
+    // Walks beneath a surface are short, and see no light that others do not.
+    if (!path->media.properties.is_subsurface) guided = GuidedDirectionsAt(c, point.p);
+  }
   CountScattering(c, *path, &path->media);
   return true;
 }
 
 template <typename C>
+typename PhaseMixture<typename C::Color>::Sample MediumVertex<C>::SampleDirection(
+    const std::array<float, 4>& u, [[maybe_unused]] float* roulette_scale) const {
+  float u_lobe = u[2];
+  if constexpr (C::kGuided && !C::kFromLight) {
+    typename PhaseMixture<Color>::Sample sample;
+    const bool is_guided = guided.Selects(&u_lobe);
+    if (is_guided) {
+      sample.w = guided.Sample({u[0], u[1]});
+    } else {
+      sample = phase.SampleDirection(d, u_lobe, {u[0], u[1]});
+      if (!guided.active()) return sample;
+    }
+    const BsdfValueOf<Color> value = EvalScattering(sample.w);
+    sample.pdf = guided.Pdf(value.pdf, sample.w);
+    sample.weight = sample.pdf > 0 ? value.f_cos * (1 / sample.pdf) : Color{};
+    if (value.pdf > 0) *roulette_scale *= sample.pdf / value.pdf;
+    return sample;
+  }
+  return phase.SampleDirection(d, u_lobe, {u[0], u[1]});
+}
+
+template <typename C>
 bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  const typename PhaseMixture<Color>::Sample sample = phase.SampleDirection(d, u[2], {u[0], u[1]});
+  const typename PhaseMixture<Color>::Sample sample = SampleDirection(u, &path->roulette_scale);
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
   const uint8_t flags = path->media.properties.is_hidden ? uint8_t{kBsdfSpecular} : uint8_t{0};
@@ -166,6 +204,7 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->pdf = sample.pdf;
   path->from = point.p;
   path->from_n = {};
+  if constexpr (C::kGuided) path->guided.lights = guided.lights();
   path->ray.o = point.p;
   path->ray.d = sample.w;
   path->ray.source = {};
@@ -182,7 +221,7 @@ bool MediumVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path) 
   if (is_hidden) {
     end.camera_paths = CameraPathsAfterSpecular(end);
   } else {
-    const auto forward = static_cast<double>(phase.Eval(-path->ray.d, -arrived_along).pdf);
+    const auto forward = static_cast<double>(SeenFrom(c, path->ray.d).Eval(-arrived_along).pdf);
     end.camera_paths = CameraPathsAfter(end, forward) / static_cast<double>(path->pdf);
   }
   end.is_first = false;

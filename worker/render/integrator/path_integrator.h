@@ -18,6 +18,7 @@
 #include "common/film/film_tile.h"
 #include "worker/render/integrator/context.h"
 #include "worker/render/integrator/direct_lighting.h"
+#include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/next_vertex.h"
 #include "worker/render/integrator/volume_emission.h"
 
@@ -38,7 +39,10 @@ void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
       if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
     }
     // Sample the direction in which the path continues; Russian roulette may end it.
-    return vertex.Scatter(c, path);
+    if (!vertex.Scatter(c, path)) return false;
+    // Remember the direction, and learn later what light came from there.
+    if constexpr (C::kGuided) NoteDirection(c, vertex.point.p, *path);
+    return true;
   };
   Vertex<C> vertex;
   for (;;) {
@@ -68,10 +72,22 @@ class PathIntegrator {
 
   // All three must outlive *this. Not thread-safe: one for each thread.
   PathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
-      : scene_(scene), tracer_(tracer), counts_(counts) {}
+      : scene_(scene), tracer_(tracer), counts_(counts) {
+    if constexpr (C::kGuided) {
+      if (scene.guiding) guiding_.fields = scene.guiding->fields();
+    }
+  }
 
   // A pure function of (scene, pixel, sample_index).
-  FilmSample TraceSample(int32_t x, int32_t y, uint64_t sample_index);
+  FilmSample TraceSample(int32_t x, int32_t y, uint64_t sample_index) {
+    PathState<C> path;
+    return Trace(Sampler(scene_.settings.seed, x, y, sample_index, scene_.settings.one_sequence), x,
+                 y, &path);
+  }
+  // Traces a path of a training: a pure function of the scene, the fields and the sampler. Gives
+  // what it found to the sink. Requires: C::kGuided.
+  void TraceForTraining(const Sampler& sampler, int32_t x, int32_t y, const LearnedFields& fields,
+                        GuidingSink* sink);
   // Where TraceSample writes the other outputs that the settings request; the caller clears it.
   // Variants without kOutputs write nothing.
   void set_outputs(OutputSample* outputs) {
@@ -80,6 +96,8 @@ class PathIntegrator {
   }
 
  private:
+  // *path: new.
+  FilmSample Trace(const Sampler& sampler, int32_t x, int32_t y, PathState<C>* path);
   // *weight: as for Camera::MakeRay.
   Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film,
                 float* weight) const;
@@ -89,32 +107,43 @@ class PathIntegrator {
   RayCounts& counts_;
   OutputSample* outputs_ = nullptr;
   LightGroups<typename C::Color> groups_;
+  [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
 };
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
-FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceSample(
-    int32_t x, int32_t y, uint64_t sample_index) {
-  const Sampler sampler(scene_.settings.seed, x, y, sample_index, scene_.settings.one_sequence);
-  const Context<C> context{scene_, tracer_, sampler, counts_, outputs_, groups_};
-  FilmSample film;
+void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceForTraining(
+    const Sampler& sampler, int32_t x, int32_t y, const LearnedFields& fields, GuidingSink* sink) {
+  static_assert(C::kGuided);
+  TrainingRecords<C> records;
+  guiding_ = {&fields, &records};
   PathState<C> path;
+  Trace(sampler, x, y, &path);
+  records.GiveTo(path.radiance, sink);
+}
+
+template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
+FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const Sampler& sampler,
+                                                                           int32_t x, int32_t y,
+                                                                           PathState<C>* path) {
+  const Context<C> context{scene_, tracer_, sampler, counts_, outputs_, groups_, guiding_};
+  FilmSample film;
   float weight = 1;
-  path.ray = CameraRay(sampler, x, y, &film, &weight);
-  path.camera_o = path.ray.o;
+  path->ray = CameraRay(sampler, x, y, &film, &weight);
+  path->camera_o = path->ray.o;
   // Rays that the lens blocks are black samples.
   if (C::Has(Trait::kLens) && weight == 0) return film;
-  if constexpr (C::Has(Trait::kEnvironment)) path.from = path.ray.o;
+  if constexpr (C::Has(Trait::kEnvironment)) path->from = path->ray.o;
   if constexpr (C::kSpectral) {
-    path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
+    path->wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
   }
-  if constexpr (C::kMedia) StartInMedia(context, &path);
-  Li(context, &path, &film);
-  film.radiance = scene_.film.Of(path.radiance, path.wavelengths);
+  if constexpr (C::kMedia) StartInMedia(context, path);
+  Li(context, path, &film);
+  film.radiance = scene_.film.Of(path->radiance, path->wavelengths);
   if constexpr (C::Has(Trait::kLens)) film.radiance *= weight;
   scene_.film.Clamp(&film.radiance, &weight);
   if constexpr (C::kOutputs) {
     groups_.MoveTo(outputs_, [&](const typename C::Color& sum) {
-      return scene_.film.Of(sum, path.wavelengths) * weight;
+      return scene_.film.Of(sum, path->wavelengths) * weight;
     });
   }
   return film;

@@ -15,6 +15,7 @@
 #include "worker/render/integrator/integrator_config.h"
 #include "worker/render/integrator/path_history.h"
 #include "worker/render/light/environment_map.h"
+#include "worker/render/light/light_visibility_row.h"
 #include "worker/render/material/subsurface_texture.h"
 #include "worker/render/medium/equiangular_segment.h"
 #include "worker/render/medium/medium.h"
@@ -82,6 +83,11 @@ struct LightEnd {
   bool is_first = true, is_specular_first = false;
 };
 
+// Of paths in guided frames.
+struct GuidedState {
+  LightVisibilityRow lights;  // What is known of lights at `from`.
+};
+
 // One path. It may begin at the camera, at a light, or in space: the state names only the next ray
 // and how its direction was sampled.
 template <typename C>
@@ -91,8 +97,9 @@ struct PathState {
   [[no_unique_address]] typename C::Wavelengths wavelengths;
   Color throughput = Color::Gray(1);
   Color radiance;
-  // Radiance gained by refraction into denser media, which Russian roulette ignores.
-  float eta_scale = 1;
+  // What Russian roulette ignores: radiance gained by refraction into denser media, and weight lost
+  // to directions that the field sampled more often than the BSDF would.
+  float roulette_scale = 1;
   uint32_t depth = 0;                 // Number of scattering events so far.
   bool secondary_terminated = false;  // Spectral: the path carries the primary wavelength alone.
   bool specular = true;               // Light sampling cannot find what the ray hits.
@@ -105,6 +112,7 @@ struct PathState {
   [[no_unique_address]] StateIf<C::kBothEnds,
                                 std::conditional_t<C::kFromLight, LightEnd, CameraEnd>>
       other_end;
+  [[no_unique_address]] StateIf<C::kGuided, GuidedState> guided;
   Vec3f camera_o;               // The origin of the camera ray.
   bool is_camera_path = true;   // No vertex so far.
   uint32_t null_crossings = 0;  // Surfaces passed since the last vertex.

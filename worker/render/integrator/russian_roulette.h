@@ -16,7 +16,7 @@ template <typename C>
 bool SurvivesRoulette(const Context<C>& c, float u, PathState<C>* path) {
   // The square root ends fewer of the paths that bring light to dark places, where relative errors
   // are largest: a tenth more rays, a fifth to a half less relMSE.
-  const float survival = std::sqrt(MaxComponent(path->throughput) * path->eta_scale);
+  const float survival = std::sqrt(MaxComponent(path->throughput) * path->roulette_scale);
   bool may_end = path->depth > c.scene.roulette_depth_min;
   if constexpr (C::kSubsurface) may_end = may_end || path->media.properties.is_subsurface;
   if (survival < 1 && may_end) {

@@ -13,6 +13,7 @@
 #include "worker/render/bsdf/perturbed_normal.h"
 #include "worker/render/geometry/surface_point.h"
 #include "worker/render/integrator/first_hit.h"
+#include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/light_draw.h"
 #include "worker/render/integrator/medium_boundaries.h"
 #include "worker/render/integrator/mis_weights.h"
@@ -47,6 +48,7 @@ struct SurfaceVertex {
   [[no_unique_address]] OptionalNormal perturbed_normal;
   [[no_unique_address]] StateIf<C::kNormalMaps, uint32_t> index;  // For sample dimensions.
   [[no_unique_address]] StateIf<C::kBothEnds, Frame> interpolated_shading;  // Before Prepare.
+  [[no_unique_address]] GuidedDirectionsOf<C> guided;  // What camera paths know here.
   Vec3f wo_local;
   Vec3f light_hint{};  // Lights behind this normal do not contribute; zero if all may.
 
@@ -63,8 +65,16 @@ struct SurfaceVertex {
 
   bool SamplesLights(const PathState<C>&) const { return !bsdf.specular; }
   const LightDraw& Draw(const Context<C>&, const PathState<C>&) const { return draw; }
-  // f * |cos| and the pdf of scattering towards w, per solid angle.
-  BsdfValueOf<Color> Eval(Vec3f w) const;
+  // f * |cos|, and the pdf with which camera paths go on towards w, per solid angle.
+  BsdfValueOf<Color> Eval(Vec3f w) const {
+    BsdfValueOf<Color> value = EvalScattering(w);
+    if constexpr (C::kGuided) value.pdf = guided.Pdf(value.pdf, w);
+    return value;
+  }
+  // The same for paths from lights, which no field guides.
+  BsdfValueOf<Color> EvalScattering(Vec3f w) const;
+  // The probability with which a camera path samples the BSDF.
+  float ScatteringShare() const { return guided.ScatteringShare(); }
   // Changes *media to those on the side of w. False where no light arrives from there.
   bool EnterSide(const Context<C>& c, Vec3f w, const PathState<C>& path,
                  MediumState<C>* media) const {
@@ -97,8 +107,11 @@ struct SurfaceVertex {
  private:
   // Perturbs the shading frame by the material's map.
   OptionalNormal PerturbNormal(const Context<C>& c, const TangentPlane& tangents, Vec3f wo);
-  // A direction in which the path may go on, in the shading frame.
-  std::optional<BsdfSampleOf<Color>> SampleDirection(const std::array<float, 4>& u) const;
+  // A direction in which a path from a light may go on, in the shading frame.
+  std::optional<BsdfSampleOf<Color>> SampleScattering(const std::array<float, 4>& u) const;
+  // The same for a camera path. *roulette_scale: multiplied by its PathState::roulette_scale.
+  std::optional<BsdfSampleOf<Color>> SampleDirection(const std::array<float, 4>& u,
+                                                     float* roulette_scale) const;
   // Continues the path along wi. False where it ends.
   bool Continue(const Context<C>& c, Vec3f wi, const BsdfSampleOf<Color>& sample, float u_roulette,
                 PathState<C>* path) const;
@@ -182,12 +195,15 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
   }
   const Vec3f wo = -path->ray.d;
   wo_local = point.shading.ToLocal(wo);
+  if constexpr (C::kGuided) {
+    guided = GuidedDirectionsAt(c, point.p, /*may_guide=*/!bsdf.specular);
+  }
   if (!Transmits<C::kTraits>(bsdf)) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
   return true;
 }
 
 template <typename C>
-inline BsdfValueOf<typename C::Color> SurfaceVertex<C>::Eval(Vec3f w) const {
+inline BsdfValueOf<typename C::Color> SurfaceVertex<C>::EvalScattering(Vec3f w) const {
   const Vec3f wi_local = point.shading.ToLocal(w);
   if (!AgreesOnSide(wi_local.z, Dot(w, point.ng))) return {};
   if constexpr (C::kNormalMaps) {
@@ -198,7 +214,7 @@ inline BsdfValueOf<typename C::Color> SurfaceVertex<C>::Eval(Vec3f w) const {
 }
 
 template <typename C>
-inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDirection(
+inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleScattering(
     const std::array<float, 4>& u) const {
   if constexpr (C::kNormalMaps) {
     if (perturbed_normal.active()) {
@@ -209,23 +225,60 @@ inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDi
 }
 
 template <typename C>
+inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDirection(
+    const std::array<float, 4>& u, float* roulette_scale) const {
+  if constexpr (C::kGuided) {
+    std::array<float, 4> stretched = u;
+    if (guided.Selects(&stretched[2])) {
+      BsdfSampleOf<Color> sample;
+      sample.wi = point.shading.ToLocal(guided.Sample({u[0], u[1]}));
+      const Vec3f w = point.shading.ToWorld(sample.wi);
+      const BsdfValueOf<Color> value = EvalScattering(w);
+      if (value.f_cos.IsBlack()) return std::nullopt;
+      sample.pdf = guided.Pdf(value.pdf, w);
+      sample.weight = value.f_cos * (1 / sample.pdf);
+      if (value.pdf > 0) *roulette_scale *= sample.pdf / value.pdf;
+      return sample;
+    }
+    std::optional<BsdfSampleOf<Color>> sample = SampleScattering(stretched);
+    if (sample && guided.active()) {
+      const bool is_specular = (sample->flags & kBsdfSpecular) != 0;
+      const float scale =
+          is_specular ? ScatteringShare()
+                      : guided.Pdf(sample->pdf, point.shading.ToWorld(sample->wi)) / sample->pdf;
+      sample->pdf *= scale;
+      sample->weight *= 1 / scale;
+      *roulette_scale *= scale * sample->eta_scale;
+    } else if (sample) {
+      *roulette_scale *= sample->eta_scale;
+    }
+    return sample;
+  } else {
+    const std::optional<BsdfSampleOf<Color>> sample = SampleScattering(u);
+    if (sample) *roulette_scale *= sample->eta_scale;
+    return sample;
+  }
+}
+
+template <typename C>
 bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  const std::optional<BsdfSampleOf<Color>> sample = SampleDirection(u);
+  float roulette_scale = path->roulette_scale;
+  const std::optional<BsdfSampleOf<Color>> sample = SampleDirection(u, &roulette_scale);
   if (!sample.has_value()) return false;
   const Vec3f wi = point.shading.ToWorld(sample->wi);
   if (!AgreesOnSide(sample->wi.z, Dot(wi, point.ng))) return false;
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
   NoteScattering(c, *this, wi, sample->pdf, sample->flags, path);
-  path->eta_scale *= sample->eta_scale;
+  path->roulette_scale = roulette_scale;
   return Continue(c, wi, *sample, u[3], path);
 }
 
 template <typename C>
 bool SurfaceVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  const std::optional<BsdfSampleOf<Color>> sample = SampleDirection(u);
+  const std::optional<BsdfSampleOf<Color>> sample = SampleScattering(u);
   if (!sample.has_value()) return false;
   const Vec3f w = point.shading.ToWorld(sample->wi);
   if (!AgreesOnSide(sample->wi.z, Dot(w, point.ng))) return false;
@@ -236,7 +289,7 @@ bool SurfaceVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path)
     // Radiance changes by 1 / eta^2 where it is refracted, flux does not.
     const float cosines = IsHair<C::kTraits>(bsdf) ? 1 : std::fabs(wo_local.z / sample->wi.z);
     path->throughput *= sample->weight * (sample->eta_scale * cosines * FluxFactor(w, *path));
-    end.camera_paths = CameraPathsAfterSpecular(end);
+    end.camera_paths = CameraPathsAfterSpecular(end) * static_cast<double>(ScatteringShare());
   } else {
     const BsdfValueOf<Color> value = SeenFrom(c, w).Eval(-path->ray.d);
     path->throughput *= value.f_cos * (FluxFactor(w, *path) / sample->pdf);
@@ -266,6 +319,7 @@ inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
   path->pdf = sample.pdf;
   path->from = point.p;
   path->from_n = light_hint;
+  if constexpr (C::kGuided) path->guided.lights = guided.lights();
   path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
   path->ray.d = wi;
   path->ray.source = point.id;

@@ -49,9 +49,12 @@ void NoteScattering(const Context<C>& c, const Vertex& vertex, Vec3f wi, float p
     if ((flags & kBsdfSpecular) != 0) {
       // A light path cannot be connected to the lens here, or leaves otherwise.
       if (end.is_first || !vertex.IsReversible(c, wi, flags)) end.light_paths = 0;
+      end.light_paths /= static_cast<double>(vertex.ScatteringShare());
     } else {
       const double backward =
-          end.is_first ? 1 : static_cast<double>(vertex.SeenFrom(c, wi).Eval(-path->ray.d).pdf);
+          end.is_first
+              ? 1
+              : static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path->ray.d).pdf);
       end.light_paths *= backward / static_cast<double>(pdf);
     }
     end.is_first = false;
@@ -101,7 +104,8 @@ float LightSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex,
                        : emission.DensityAt(light.light, vertex.point.p, light.p_light,
                                             light.n_light, -light.wi);
     if (!path.other_end.is_first) {
-      light_paths *= static_cast<double>(vertex.SeenFrom(c, light.wi).Eval(-path.ray.d).pdf);
+      light_paths *=
+          static_cast<double>(vertex.SeenFrom(c, light.wi).EvalScattering(-path.ray.d).pdf);
     }
     light_paths /= sampled;
   }
@@ -128,13 +132,14 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
   if (!(end.emitted > 0)) return false;
   if (!samples_lights) return true;
   if (end.is_infinite) {
-    end.sampled =
-        static_cast<double>(lights.template PdfEnvironment<C::kTraits>(p, vertex.light_hint, -w));
+    end.sampled = static_cast<double>(lights.template PdfEnvironment<C::kTraits>(
+        p, vertex.light_hint, -w, vertex.guided.lights()));
   } else if (emission.IsSurface(end.light)) {
-    end.sampled = static_cast<double>(
-        lights.template PdfEmitter<C::kTraits>(end.light, p, vertex.light_hint, -w, end.p));
+    end.sampled = static_cast<double>(lights.template PdfEmitter<C::kTraits>(
+        end.light, p, vertex.light_hint, -w, end.p, vertex.guided.lights()));
   } else {
-    end.sampled = static_cast<double>(lights.ChoiceProbability(end.light, p, vertex.light_hint));
+    end.sampled = static_cast<double>(
+        lights.ChoiceProbability(end.light, p, vertex.light_hint, vertex.guided.lights()));
   }
   return true;
 }

@@ -22,6 +22,13 @@ constexpr RenderRowFunction kRowsBesideLight[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEA
 #define SHEAF_VARIANT_ENTRY(name, traits) &TraceLightRow<(traits)>,
 constexpr LightRowFunction kLightRows[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
+#define SHEAF_VARIANT_ENTRY(name, traits) &TrainPaths<(traits)>,
+constexpr TrainingFunction kTrainings[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
+#define SHEAF_VARIANT_ENTRY(name, traits) &TrainPaths<(traits), PathKind::kCameraBesideLight>,
+constexpr TrainingFunction kTrainingsBesideLight[] = {
+    SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
 
 }  // namespace
 
@@ -38,6 +45,16 @@ RenderRowFunction RowBesideLightOf(size_t variant) {
 LightRowFunction LightRowFunctionOf(size_t variant) {
   SHEAF_CHECK(variant < std::size(kLightRows));
   return kLightRows[variant];
+}
+
+TrainingFunction TrainingFunctionOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kTrainings));
+  return kTrainings[variant];
+}
+
+TrainingFunction TrainingBesideLightOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kTrainingsBesideLight));
+  return kTrainingsBesideLight[variant];
 }
 
 }  // namespace sheaf::render

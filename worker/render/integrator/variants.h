@@ -10,6 +10,7 @@
 #include "common/film/tile_geometry.h"
 #include "worker/render/integrator/path_integrator.h"
 #include "worker/render/integrator/splat_sink.h"
+#include "worker/render/integrator/training_pass.h"
 #include "worker/render/traits/variant_choice.h"
 
 namespace sheaf::render {
@@ -30,6 +31,17 @@ using LightRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32_
                                   uint64_t pass, SplatSink* splats, RayCounts* counts);
 LightRowFunction LightRowFunctionOf(size_t variant);
 
+// --- Training of guided frames.
+
+// Traces the paths [first, end) of the pass, guided by `fields`, and gives what they find to
+// `sink`.
+using TrainingFunction = void (*)(const CompiledScene& scene, const TrainingPass& pass,
+                                  const LearnedFields& fields, uint64_t first, uint64_t end,
+                                  GuidingSink* sink, RayCounts* counts);
+// Requires: the variant, as of RowFunctionOf and RowBesideLightOf, has Trait::kGuiding.
+TrainingFunction TrainingFunctionOf(size_t variant);
+TrainingFunction TrainingBesideLightOf(size_t variant);
+
 // Defined once for each variant, in generated files.
 template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
 void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
@@ -37,5 +49,8 @@ void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, Sa
 template <uint32_t kTraits>
 void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
                    SplatSink* splats, RayCounts* counts);
+template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
+void TrainPaths(const CompiledScene& scene, const TrainingPass& pass, const LearnedFields& fields,
+                uint64_t first, uint64_t end, GuidingSink* sink, RayCounts* counts);
 
 }  // namespace sheaf::render

@@ -56,7 +56,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kEmissiveMedia, "emissive media", 1.07},
     {Trait::kSubsurface, "subsurface", 3.9},
     {Trait::kNestedDielectrics, "nested dielectrics", 1.26},
-    {Trait::kGuiding, "path guiding"},
+    {Trait::kGuiding, "guiding"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
@@ -83,6 +83,7 @@ class PlanMaker {
       causes_[TraitIndex(Trait::kOutputs)] = {
           absl::StrCat("requested: ", FormatOutputs(settings.outputs)), 1};
     }
+    if (IsGuided(settings.techniques)) causes_[TraitIndex(Trait::kGuiding)] = {"requested", 1};
     RenderPlan plan = Finish(settings);
     BoundDepth(settings.max_depth, &plan);
     plan.notes = std::move(notes_);

@@ -32,6 +32,8 @@ struct CompileTechniques {
   EquiangularMode equiangular_mode = EquiangularMode::kWhereEfficient;
   // Roulette may end paths on surfaces after more than this number of scattering events.
   uint32_t roulette_depth_min = kRouletteDepthMin;
+  // Paths of the first iteration of a guided frame's training; 0: by the size of the frame.
+  uint64_t training_paths_first = 0;
   // Factor of density bounds. Below 1 they are wrong, which rendering must detect.
   float majorant_factor = 1;
 };

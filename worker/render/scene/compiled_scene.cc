@@ -48,9 +48,12 @@ void WantParameters(SceneGeometry* geometry) {
   }
 }
 
-// Builds what light paths need, if the frame has any. Requires: the light table is complete.
-absl::Status BuildLightPaths(CompiledScene* scene) {
+// Builds what light paths and guiding need, if the frame has any. Requires: the light table is
+// complete.
+absl::Status BuildTechniques(const CompileTechniques& techniques, CompiledScene* scene) {
   const FrameSettings& settings = scene->settings;
+  if (IsGuided(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
+  scene->training_paths_first = techniques.training_paths_first;
   if (!HasLightPaths(settings.techniques)) return absl::OkStatus();
   if (settings.similarity_after > 0) {
     return absl::InvalidArgumentError(
@@ -145,7 +148,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!settings.outputs.light_groups.empty() && !settings.outputs.light_paths) {
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
-  if (absl::Status built = BuildLightPaths(scene.get()); !built.ok()) return built;
+  if (absl::Status built = BuildTechniques(techniques, scene.get()); !built.ok()) return built;
   if ((scene->plan.traits & kInsides) != 0) {
     const absl::Status built =
         BuildMedia(files, threads, techniques, *std::move(velocities), scene.get());

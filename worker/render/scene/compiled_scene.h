@@ -12,6 +12,7 @@
 #include "worker/render/camera/camera.h"
 #include "worker/render/camera/film_response.h"
 #include "worker/render/geometry/scene_geometry.h"
+#include "worker/render/guiding/guiding_slot.h"
 #include "worker/render/light/light_emission.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/material/material.h"
@@ -40,12 +41,14 @@ class CompiledScene {
   std::unique_ptr<LightEmission> emission;
   double light_paths_per_pass = 0;           // One for each pixel of the whole frame.
   bool light_paths_alone = false;            // Techniques::kLight.
+  std::unique_ptr<GuidingSlot> guiding;      // Null where the settings have no guiding.
   std::unique_ptr<MediumTable> media;        // Null where the plan has none.
   std::unique_ptr<InteriorTable> interiors;  // Null where the plan has no nested dielectrics.
   float majorant_factor = 1;                 // As in CompileTechniques.
   uint32_t roulette_depth_min = kRouletteDepthMin;
-  uint32_t media_group = 0;  // Index of the light group of media emission.
-  SceneIds ids;              // Empty unless requested.
+  uint64_t training_paths_first = 0;  // As in CompileTechniques.
+  uint32_t media_group = 0;           // Index of the light group of media emission.
+  SceneIds ids;                       // Empty unless requested.
 };
 
 }  // namespace sheaf::render

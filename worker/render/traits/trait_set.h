@@ -38,7 +38,7 @@ enum class Trait : uint32_t {
   kSubsurface = 1u << 24,           // Subsurface scattering.
   kNestedDielectrics = 1u << 25,    // Overlapping interiors, by priority.
   kMovingVolumes = 1u << 26,        // Media moved by velocities within an open shutter.
-  kGuiding = 1u << 27,              // Sampling guided by what earlier paths have learned.
+  kGuiding = 1u << 27,              // Directions sampled from a learned field.
 };
 inline constexpr int kTraitCount = 28;
 

@@ -55,6 +55,9 @@ constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait:
 // The same with normal and bump maps, which add state to every vertex.
 constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNormalMaps); }
 
+// The same with directions from a learned field.
+constexpr uint32_t Guided(uint32_t traits) { return traits | TraitSet(Trait::kGuiding); }
+
 // Fog, smoke and absorbing glass. Medium boundaries are often null interfaces, so all of these
 // include cut-outs.
 constexpr uint32_t MediaTraits(bool environment) {
@@ -105,6 +108,12 @@ inline constexpr uint32_t kCloudTraits = TraitSet(
   X(prefix "media+environment", wrap(::sheaf::render::MediaTraits(true))) \
   X(prefix "colored media", wrap(::sheaf::render::kColoredMediaTraits))
 
+#define SHEAF_GUIDED_VARIANTS(X)                                                        \
+  X("guided common",                                                                    \
+    ::sheaf::render::Guided(::sheaf::render::CommonTraits(false, false, false, false))) \
+  X("guided common+environment+cut-outs",                                               \
+    ::sheaf::render::Guided(::sheaf::render::CommonTraits(true, false, false, true)))
+
 // X(name, traits), the generic ones last: they serve combinations too rare for their own variants.
 #define SHEAF_RENDER_VARIANTS(X)                                                      \
   X("diffuse", ::sheaf::render::kDiffuseTraits)                                       \
@@ -123,11 +132,14 @@ inline constexpr uint32_t kCloudTraits = TraitSet(
   X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))   \
   X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits)) \
   SHEAF_COMMON_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                  \
+  SHEAF_GUIDED_VARIANTS(X)                                                            \
   X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
   X("generic", ::sheaf::render::kAllTraits)
 
 // The variants of frames with light paths. Few: a path of either kind costs more than its traits.
-#define SHEAF_LIGHT_PATH_VARIANTS(X)                                     \
-  X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)             \
+#define SHEAF_LIGHT_PATH_VARIANTS(X)                                                    \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false))                \
+  X("guided common",                                                                    \
+    ::sheaf::render::Guided(::sheaf::render::CommonTraits(false, false, false, false))) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                            \
   X("generic", ::sheaf::render::kAllTraits)

@@ -1,0 +1,164 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Tests that paths which a learned field guides find the same light as other paths, whatever the
+// field has learned, and that they find it with less noise where light is hard to find.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/support/guided_scenes.h"
+#include "tests/support/light_film_sums.h"
+#include "tests/support/technique_agreement.h"
+#include "worker/render/guiding_training.h"
+#include "worker/render/scene/compiled_scene.h"
+
+namespace sheaf::render {
+namespace {
+
+using testing::Bias;
+using testing::BiasOfNoisyPair;
+using testing::Estimate;
+using testing::EstimatesOfTiles;
+using testing::ExpectAgreement;
+using testing::kSizePx;
+using testing::Samples;
+using testing::TilePair;
+
+constexpr Tint kColored{1};
+constexpr Techniques kGuided = Techniques::kCameraGuided,
+                     kBothGuided = Techniques::kCameraAndLightGuided;
+
+struct Rendering {
+  Techniques techniques = Techniques::kCamera;
+  ColorTransport color = ColorTransport::kRgb;
+  uint64_t seed = 0, samples = 64;
+  int32_t depth = 4;
+  uint64_t training_paths_first = 4096;
+};
+
+CompiledScenePtr CompileFor(const TestScene& scene, const Rendering& rendering) {
+  FrameSettings settings = SquareSettings(kSizePx, rendering.samples, rendering.depth);
+  settings.seed = rendering.seed;
+  settings.color = rendering.color;
+  settings.techniques = rendering.techniques;
+  return Compile(scene.scene, settings, {.training_paths_first = rendering.training_paths_first});
+}
+
+std::vector<Estimate> EstimatesOfBoth(const BothFilms& films) {
+  return EstimatesOfTiles(
+      kReplicateCount,
+      [&](uint32_t r, size_t pixel) {
+        return films.Mean(r, 0, pixel) + films.Mean(r, 1, pixel) + films.Mean(r, 2, pixel);
+      },
+      [](uint32_t, size_t) { return 1.0; });
+}
+
+// Fails the test where a guided frame has learned nothing.
+std::vector<Estimate> Render(const TestScene& scene, const Rendering& rendering) {
+  const CompiledScenePtr compiled = CompileFor(scene, rendering);
+  std::vector<Estimate> estimates = EstimatesOfBoth(RenderBothFilms(*compiled));
+  EXPECT_EQ(compiled->guiding != nullptr, IsGuided(rendering.techniques));
+  if (compiled->guiding != nullptr) {
+    EXPECT_GT(compiled->guiding->fields()->directions.region_count(), 3u);
+  }
+  return estimates;
+}
+
+std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, Rendering a, Rendering b) {
+  std::vector<TilePair> tiles;
+  for (const TestScene& scene : scenes) {
+    const std::vector<Estimate> of_a = Render(scene, a), of_b = Render(scene, b);
+    for (size_t tile = 0; tile < of_a.size(); ++tile) tiles.push_back({of_a[tile], of_b[tile]});
+    a.seed += 2;
+    b.seed += 2;
+  }
+  return tiles;
+}
+
+// The guided frames of the scenes have the mean of camera paths alone.
+void ExpectGuidedAgree(const std::string& name, const std::vector<TestScene>& scenes, double bias,
+                       Rendering guided) {
+  guided.seed = 101;
+  guided.samples = Samples(guided.samples);
+  Rendering camera = guided;
+  camera.techniques = Techniques::kCamera;
+  camera.seed = 100;
+  ExpectAgreement(name, bias, TilePairs(scenes, camera, guided));
+}
+
+// Every kind of light, and lens, motion, cut-outs, media.
+std::vector<TestScene> LitScenes() {
+  return {Diffuse(kColored), Glossy(kColored),  Outdoor(kColored),
+          Hazy(kColored),    Burning(kColored), ManyLights(kColored)};
+}
+std::vector<TestScene> MistyScenes() { return {Foggy(kColored), Cloudy(kColored)}; }
+
+TEST(GuidedPathTest, FindWhatTheCameraFinds) {
+  ExpectGuidedAgree("guided", LitScenes(), BiasOfNoisyPair(),
+                    {.techniques = kGuided, .samples = 64});
+}
+TEST(GuidedPathTest, FindWhatTheCameraFindsInMedia) {
+  ExpectGuidedAgree("guided in media", MistyScenes(), 2 * Bias(),
+                    {.techniques = kGuided, .samples = 64});
+}
+TEST(GuidedPathTest, FindWhatTheCameraFindsInBodies) {
+  ExpectGuidedAgree("guided in bodies", {Bodies(kColored)}, 2 * Bias(),
+                    {.techniques = kGuided, .samples = 512, .depth = 6});
+}
+TEST(GuidedPathTest, FindWhatTheCameraFindsThroughASlit) {
+  ExpectGuidedAgree("guided through a slit", {SlitRoom(kColored, 0.8f)}, 12 * Bias(),
+                    {.techniques = kGuided, .samples = 256, .depth = 6});
+}
+TEST(GuidedPathTest, FindWhatTheCameraFindsInSpectra) {
+  ExpectGuidedAgree("guided, spectra", LitScenes(), BiasOfNoisyPair(),
+                    {.techniques = kGuided, .color = ColorTransport::kSpectral, .samples = 64});
+}
+TEST(GuidedPathTest, FindWhatTheCameraFindsInMediaAndBodiesInSpectra) {
+  std::vector<TestScene> scenes = MistyScenes();
+  scenes.push_back(Bodies(kColored));
+  ExpectGuidedAgree("guided in media and bodies, spectra", scenes, 2 * Bias(),
+                    {.techniques = kGuided, .color = ColorTransport::kSpectral, .samples = 64});
+}
+TEST(GuidedPathTest, FindWhatTheCameraFindsBesideLightPaths) {
+  ExpectGuidedAgree("guided beside light paths", LitScenes(), BiasOfNoisyPair(),
+                    {.techniques = kBothGuided, .samples = 64});
+}
+TEST(GuidedPathTest, FindWhatTheCameraFindsBesideLightPathsInMediaAndThroughASlit) {
+  std::vector<TestScene> scenes = MistyScenes();
+  scenes.push_back(SlitRoom(kColored, 0.8f));
+  ExpectGuidedAgree("guided beside light paths, in media and through a slit", scenes, 4 * Bias(),
+                    {.techniques = kBothGuided, .samples = 64});
+}
+
+// A field decides about noise alone: one that was learned in another scene, and is wrong almost
+// everywhere, keeps the mean.
+TEST(GuidedPathTest, FieldsOfOtherScenesKeepTheMean) {
+  const Rendering learned{.techniques = kGuided, .seed = 7};
+  const std::vector<TestScene> scenes = {Diffuse(kColored), Outdoor(kColored), Hazy(kColored)};
+  const std::vector<TestScene> teachers = {SlitRoom(kColored, 0.5f), Diffuse(kColored),
+                                           Outdoor(kColored)};
+  std::vector<TilePair> tiles;
+  for (size_t i = 0; i < scenes.size(); ++i) {
+    const CompiledScenePtr teacher = CompileFor(teachers[i], learned);
+    ASSERT_TRUE(EnsureGuiding(*teacher, {}).ok());
+    const uint64_t samples = Samples(64);
+    const CompiledScenePtr guided =
+        CompileFor(scenes[i], {.techniques = kGuided, .seed = 201 + 2 * i, .samples = samples});
+    const LearnedFields& fields = *teacher->guiding->fields();
+    // Lights are numbered by scene.
+    ASSERT_TRUE(guided->guiding
+                    ->SetOnce([&] {
+                      return absl::StatusOr<LearnedFields>(LearnedFields{fields.directions, {}});
+                    })
+                    .ok());
+    const std::vector<Estimate> of_a = Render(scenes[i], {.seed = 200 + 2 * i, .samples = samples}),
+                                of_b = EstimatesOfBoth(RenderBothFilms(*guided));
+    for (size_t tile = 0; tile < of_a.size(); ++tile) tiles.push_back({of_a[tile], of_b[tile]});
+  }
+  ExpectAgreement("guided by fields of other scenes", 2 * Bias(), tiles);
+}
+
+}  // namespace
+}  // namespace sheaf::render

@@ -1,0 +1,30 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LearnedFields: all that a training learned about a scene.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "worker/render/guiding/guiding_field.h"
+#include "worker/render/light/light_visibility.h"
+
+namespace sheaf::render {
+
+struct LearnedFields {
+  GuidingField directions;
+  LightVisibility lights;  // By the regions of `directions`.
+
+  // As GuidingField::Encode and Decode. At most kLearnedFieldsBytesMax.
+  std::string Encode() const;
+  // choice: that of the scene's lights.
+  static absl::StatusOr<LearnedFields> Decode(std::string_view bytes, const LightChoice& choice);
+};
+
+inline constexpr size_t kLearnedFieldsBytesMax =
+    kGuidingFieldBytesMax + kLightVisibilityBytesMax + 2 * sizeof(uint64_t);
+static_assert(kGuidingRegionsMax <= kLightVisibilityRegionsMax);
+
+}  // namespace sheaf::render

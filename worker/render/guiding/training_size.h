@@ -1,0 +1,28 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The size of a training: guiding_training.h.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+
+namespace sheaf::render {
+
+// The first iteration traces a path for each second pixel of the whole frame, within these limits,
+// rounded down to a power of two.
+inline constexpr uint64_t kTrainingPathsFirstMin = uint64_t{1} << 13;
+inline constexpr uint64_t kTrainingPathsFirstMax = uint64_t{1} << 17;
+// Width and height are those of the whole frame, so that a crop learns the same.
+constexpr uint64_t TrainingPathsFirst(int32_t width_px, int32_t height_px) {
+  const uint64_t pixels = static_cast<uint64_t>(width_px) * static_cast<uint64_t>(height_px);
+  return std::clamp(std::bit_floor(pixels / 2), kTrainingPathsFirstMin, kTrainingPathsFirstMax);
+}
+// Each further iteration traces twice as many. Then 2^kLightsShift times as many as in the first
+// one learn which lights are hidden: 17 times as many in all, at most eight and a half samples a
+// pixel of the frame, and in full HD about one.
+inline constexpr uint32_t kTrainingIterations = 4;
+inline constexpr int kLightsShift = 1;
+
+}  // namespace sheaf::render

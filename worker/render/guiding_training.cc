@@ -1,0 +1,193 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/guiding_training.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <thread>
+#include <utility>
+
+#include "common/base/cpu_clock.h"
+#include "common/base/mutex.h"
+#include "common/base/parallel.h"
+#include "worker/render/guiding/guiding_statistics.h"
+#include "worker/render/guiding/learned_fields.h"
+#include "worker/render/guiding/training_size.h"
+#include "worker/render/integrator/variants.h"
+#include "worker/render/scene/compiled_scene.h"
+
+namespace sheaf::render {
+namespace {
+
+// Paths that one thread traces before it looks for a request to stop.
+constexpr uint64_t kPathsAtOnce = 256;
+// Paths that find the scale of the light, and how far below it values are still told apart.
+constexpr uint64_t kScalePaths = 4096;
+constexpr int kScaleBits = 20;
+
+// Finds the scale of the light: the mean binary exponent of what paths find. A sum of integers, so
+// that neither the order of the paths nor the unit of the light matters.
+class ScaleSink : public GuidingSink {
+ public:
+  void AddDirection(Vec3f, Vec3f, double value) override {
+    if (!(value > 0) || !std::isfinite(value)) return;
+    int exponent = 0;
+    std::frexp(value, &exponent);
+    sum_.fetch_add(exponent, std::memory_order_relaxed);
+    count_.fetch_add(1, std::memory_order_relaxed);
+  }
+  void AddLight(Vec3f, uint32_t, bool) override {}
+  // 0 where there is no light.
+  int Exponent() const {
+    const int64_t count = count_;
+    if (count == 0) return 0;
+    return static_cast<int>(std::floor(static_cast<double>(sum_) / static_cast<double>(count)));
+  }
+
+ private:
+  std::atomic<int64_t> sum_ = 0, count_ = 0;
+};
+
+// Learns where light comes from.
+class DirectionsSink : public GuidingSink {
+ public:
+  explicit DirectionsSink(GuidingStatistics* statistics) : statistics_(statistics) {}
+  void AddDirection(Vec3f p, Vec3f w, double value) override { statistics_->Add(p, w, value); }
+  void AddLight(Vec3f, uint32_t, bool) override {}
+
+ private:
+  GuidingStatistics* const statistics_;
+};
+
+// Learns which lights are hidden from each region of the finished field.
+class LightsSink : public GuidingSink {
+ public:
+  LightsSink(const GuidingField& field, LightVisibilityStatistics* statistics)
+      : field_(field), statistics_(statistics) {}
+  void AddDirection(Vec3f, Vec3f, double) override {}
+  void AddLight(Vec3f p, uint32_t light, bool is_visible) override {
+    statistics_->Add(field_.RegionIndexAt(p), light, is_visible);
+  }
+
+ private:
+  const GuidingField& field_;
+  LightVisibilityStatistics* const statistics_;
+};
+
+class Training {
+ public:
+  Training(const CompiledScene& scene, uint32_t threads, std::stop_token stop)
+      : scene_(scene),
+        threads_(static_cast<int>(std::max(1u, threads))),
+        stop_(std::move(stop)),
+        train_(FunctionFor(scene)) {}
+
+  absl::StatusOr<LearnedFields> Run() {
+    const FrameSettings& settings = scene_.settings;
+    const uint64_t paths = scene_.training_paths_first > 0
+                               ? scene_.training_paths_first
+                               : TrainingPathsFirst(settings.width_px, settings.height_px);
+    LearnedFields fields{GuidingField(BoxOf(scene_)), {}};
+    ScaleSink scale;
+    if (!Trace(0, fields, std::min(kScalePaths, paths), &scale)) return Cancelled();
+    const int unit_exponent = std::clamp(scale.Exponent() - kScaleBits, -kGuidingUnitExponentMax,
+                                         kGuidingUnitExponentMax);
+    for (uint32_t i = 0; i < kTrainingIterations; ++i) {
+      GuidingStatistics statistics(fields.directions, unit_exponent);
+      DirectionsSink sink(&statistics);
+      if (!Trace(i, fields, paths << i, &sink)) return Cancelled();
+      fields.directions = Refine(fields.directions, statistics, static_cast<int>(i));
+    }
+    LightVisibilityStatistics statistics(scene_.lights->choice(),
+                                         static_cast<uint32_t>(fields.directions.region_count()));
+    LightsSink sink(fields.directions, &statistics);
+    if (!Trace(kTrainingIterations, fields, paths << kLightsShift, &sink)) return Cancelled();
+    fields.lights = statistics.Freeze();
+    return fields;
+  }
+
+  void AddTo(RenderStats* stats) const {
+    stats->rays += counts_.rays;
+    stats->shadow_rays += counts_.shadow_rays;
+    stats->cpu_seconds += cpu_seconds_;
+  }
+
+ private:
+  static TrainingFunction FunctionFor(const CompiledScene& scene) {
+    const uint32_t traits = scene.plan.traits;
+    const bool generic = scene.settings.force_generic_variant;
+    if (scene.emission == nullptr) return TrainingFunctionOf(ChooseVariant(traits, generic));
+    return TrainingBesideLightOf(ChooseLightPathVariant(traits, generic));
+  }
+  static Bounds BoxOf(const CompiledScene& scene) {
+    Bounds box;
+    const Vec3d lower = ToDouble(scene.geometry.bounds_lower),
+                upper = ToDouble(scene.geometry.bounds_upper);
+    if (lower.x <= upper.x) {
+      box.Add(lower);
+      box.Add(upper);
+    }
+    return box;
+  }
+  static absl::Status Cancelled() { return absl::CancelledError("the training was stopped"); }
+
+  // False where a stop was requested.
+  bool Trace(uint32_t iteration, const LearnedFields& fields, uint64_t paths, GuidingSink* sink) {
+    const FrameSettings& settings = scene_.settings;
+    const TrainingPass pass{settings.seed, iteration, settings.width_px, settings.height_px};
+    ParallelRanges(paths, kPathsAtOnce, threads_, [&](uint64_t first, uint64_t end) {
+      if (stop_.stop_requested()) return;
+      const double start_seconds = ThreadCpuSeconds();
+      RayCounts counts;
+      counts.majorant_factor = scene_.majorant_factor;
+      train_(scene_, pass, fields, first, end, sink, &counts);
+      const MutexLock lock(&mutex_);
+      counts_.Add(counts);
+      cpu_seconds_ += ThreadCpuSeconds() - start_seconds;
+    });
+    return !stop_.stop_requested();
+  }
+
+  const CompiledScene& scene_;
+  const int threads_;
+  const std::stop_token stop_;
+  const TrainingFunction train_;
+  Mutex mutex_;
+  RayCounts counts_;
+  double cpu_seconds_ = 0;
+};
+
+uint32_t ThreadsOfMachine() { return std::max(1u, std::thread::hardware_concurrency()); }
+
+}  // namespace
+
+absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t threads,
+                                         std::stop_token stop, RenderStats* stats) {
+  if (scene.guiding == nullptr) {
+    return absl::InvalidArgumentError(
+        "a training was requested of a frame without guiding; its techniques must be "
+        "camera+guiding or camera+light+guiding");
+  }
+  Training training(scene, threads, std::move(stop));
+  const absl::StatusOr<LearnedFields> fields = training.Run();
+  if (stats != nullptr) training.AddTo(stats);
+  if (!fields.ok()) return fields.status();
+  return fields->Encode();
+}
+
+absl::Status SetGuiding(const CompiledScene& scene, std::string_view fields) {
+  if (scene.guiding == nullptr) {
+    return absl::InvalidArgumentError("a frame without guiding was given a guiding field");
+  }
+  return scene.guiding->SetOnce(
+      [&] { return LearnedFields::Decode(fields, scene.lights->choice()); });
+}
+
+absl::Status EnsureGuiding(const CompiledScene& scene, std::stop_token stop) {
+  if (scene.guiding == nullptr || scene.guiding->fields() != nullptr) return absl::OkStatus();
+  return scene.guiding->SetOnce(
+      [&] { return Training(scene, ThreadsOfMachine(), std::move(stop)).Run(); });
+}
+
+}  // namespace sheaf::render
