@@ -102,20 +102,28 @@ class PlanCommand : public Command {
     return json;
   }
 
-  // gain: null where camera paths miss light, so that it is infinite.
+  // Gains are null where camera paths miss light, so that they are infinite.
   static nlohmann::ordered_json TechniquesJson(const render::TechniqueMeasurement& measured) {
     const auto cost = [](const render::TechniqueCost& c) {
       return nlohmann::ordered_json{{"relative_mse", c.relative_mse}, {"rays_per_sample", c.rays}};
     };
+    nlohmann::ordered_json gains;
+    for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kCameraGuided,
+                                        Techniques::kCameraAndLightGuided}) {
+      gains[TechniquesName(techniques)] = measured.Gain(techniques);
+    }
     return {{"best", TechniquesName(measured.Best())},
-            {"gain", measured.Gain()},
+            {"gain", measured.Gain(measured.Best())},
+            {"gains", gains},
             {"light_share", measured.light_share},
             {"only_light_share", measured.only_light_share},
             {"width_px", measured.width_px},
             {"height_px", measured.height_px},
             {"samples", measured.samples},
             {"camera", cost(measured.camera)},
-            {"camera+light", cost(measured.both)}};
+            {"camera+light", cost(measured.both)},
+            {"camera+guiding", cost(measured.guided)},
+            {"camera+light+guiding", cost(measured.guided_both)}};
   }
 
   static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings,

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tests the measurement that decides whether light paths pay.
+// Tests the measurement that decides whether light paths and guiding pay.
 #include "worker/render/ablation/technique_measurement.h"
 
 #include <gmock/gmock.h>
@@ -46,20 +46,21 @@ TestScene Caustic(float radius) {
 
 TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
   const TechniqueMeasurement measured = Measure(Caustic(0.05f));
-  EXPECT_GT(measured.Gain(), 5);
-  EXPECT_EQ(measured.Best(), Techniques::kCameraAndLight);
+  EXPECT_GT(measured.Gain(Techniques::kCameraAndLight), 5);
+  EXPECT_TRUE(HasLightPaths(measured.Best())) << FormatTechniqueMeasurement(measured);
   EXPECT_GT(measured.light_share, 0.01);
   EXPECT_LT(measured.light_share, 0.5);
   EXPECT_EQ(measured.only_light_share, 0);
   EXPECT_EQ(measured.width_px, 64);
   EXPECT_GT(measured.both.rays, measured.camera.rays);
-  EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("techniques: camera+light; "));
+  EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("techniques: camera+light"));
 }
 
 // The smaller the light, the rarer camera paths find its caustic, and a small image may contain
 // nothing of it: the second moment from light paths still tells.
 TEST(TechniqueMeasurementTest, GainGrowsForLightsThatCameraPathsMiss) {
-  const double of_small = Measure(Caustic(0.01f)).Gain(), of_large = Measure(Caustic(0.1f)).Gain();
+  const double of_small = Measure(Caustic(0.01f)).Gain(Techniques::kCameraAndLight),
+               of_large = Measure(Caustic(0.1f)).Gain(Techniques::kCameraAndLight);
   EXPECT_GT(of_small, 5 * of_large) << of_small << " " << of_large;
 }
 
@@ -67,21 +68,22 @@ TEST(TechniqueMeasurementTest, CameraPathsSufficeForOpenLight) {
   for (const TestScene& scene : {Diffuse({1}), ManyLights({1})}) {
     const TechniqueMeasurement measured = Measure(scene);
     EXPECT_EQ(measured.Best(), Techniques::kCamera) << FormatTechniqueMeasurement(measured);
-    EXPECT_LT(measured.Gain(), 1);
+    EXPECT_LT(measured.Gain(Techniques::kCameraAndLight), 1);
   }
 }
 
 TEST(TechniqueMeasurementTest, LightThatCameraPathsCannotFindIsTold) {
   const TechniqueMeasurement measured = Measure(Caustic(0));
-  EXPECT_TRUE(std::isinf(measured.Gain()));
+  EXPECT_TRUE(std::isinf(measured.Gain(Techniques::kCameraAndLight)));
   EXPECT_GT(measured.only_light_share, 0.005);
-  EXPECT_EQ(measured.Best(), Techniques::kCameraAndLight);
+  EXPECT_EQ(measured.Gain(Techniques::kCameraGuided), 0);
+  EXPECT_TRUE(HasLightPaths(measured.Best()));
   EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("light paths alone find"));
 }
 
 TEST(TechniqueMeasurementTest, BlackImageNeedsNoLightPaths) {
   const TechniqueMeasurement measured = Measure(OpenBox({1}));
-  EXPECT_EQ(measured.Gain(), 1);
+  EXPECT_EQ(measured.Gain(Techniques::kCameraAndLight), 1);
   EXPECT_EQ(measured.Best(), Techniques::kCamera);
 }
 

@@ -10,6 +10,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "worker/render/guiding/training_size.h"
+#include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
 #include "worker/render/scene/compiled_scene.h"
 #include "worker/render/tile_pass.h"
@@ -96,9 +98,12 @@ FrameSettings PilotSettings(const FrameSettings& frame, Techniques techniques) {
   return pilot;
 }
 
+// By pixel.
 struct Pilot {
-  std::vector<Replicates> means;  // By pixel.
-  double rays = 0;                // A pixel and sample.
+  std::vector<Replicates> means;
+  double rays = 0;              // A pixel and sample.
+  std::vector<double> moments;  // Of a camera sample, as PilotSplats::MomentAt; with light paths.
+  double light = 0, only_light = 0;  // Sums over the pixels; with light paths.
 };
 
 double MeanOf(const Replicates& replicates) {
@@ -116,31 +121,79 @@ double SampleVarianceOf(const Replicates& replicates) {
 }
 
 absl::StatusOr<CompiledScenePtr> CompilePilot(const SceneDescription& scene,
-                                              const FrameSettings& settings, FileSource& files) {
+                                              const FrameSettings& settings,
+                                              uint64_t training_paths_first, FileSource& files) {
   SceneDescription boxed = scene;
   boxed.filter = {};
   boxed.filter.kind = FilterDescription::Kind::kBox;
   boxed.filter.radius_x_px = boxed.filter.radius_y_px = 0.5f;
-  return CompileScene(std::move(boxed), settings, files);
+  CompileTechniques techniques;
+  techniques.training_paths_first = training_paths_first;
+  return CompileScene(std::move(boxed), settings, files, {}, techniques);
 }
 
-absl::StatusOr<Pilot> RenderCameraPaths(const CompiledScene& scene) {
+absl::Status RenderCameraPaths(const CompiledScene& scene, Pilot* pilot) {
   RenderStats stats;
   const FrameSettings& settings = scene.settings;
   const absl::StatusOr<FilmTile> film =
       RenderTilePass(scene, settings.window, {0, settings.samples}, {}, &stats);
   if (!film.ok()) return film.status();
-  Pilot pilot;
-  pilot.rays = static_cast<double>(stats.rays) / static_cast<double>(stats.samples);
-  pilot.means.resize(film->plane_size());
-  for (size_t pixel = 0; pixel < pilot.means.size(); ++pixel) {
+  pilot->rays += static_cast<double>(stats.rays) / static_cast<double>(stats.samples);
+  pilot->means.resize(film->plane_size());
+  for (size_t pixel = 0; pixel < pilot->means.size(); ++pixel) {
     for (uint32_t r = 0; r < kReplicateCount; ++r) {
       const Rgb sum{film->replicate(r, 0)[pixel], film->replicate(r, 1)[pixel],
                     film->replicate(r, 2)[pixel]};
       const auto weight = static_cast<double>(film->replicate(r, 3)[pixel]);
-      pilot.means[pixel][r] = weight > 0 ? static_cast<double>(Luminance(sum)) / weight : 0;
+      pilot->means[pixel][r] = weight > 0 ? static_cast<double>(Luminance(sum)) / weight : 0;
     }
   }
+  return absl::OkStatus();
+}
+
+// Adds light paths to the image of the camera's.
+void TraceLightPaths(const CompiledScene& scene, Pilot* pilot) {
+  PilotSplats splats(scene.settings);
+  RayCounts counts;
+  splats.Trace(scene, kTechniquePilotSamples, &counts);
+  constexpr double kPassesOfReplicate = kTechniquePilotSamples / kReplicateCount;
+  const size_t pixels = pilot->means.size();
+  pilot->rays +=
+      static_cast<double>(counts.rays) / static_cast<double>(pixels * kTechniquePilotSamples);
+  pilot->moments.resize(pixels);
+  for (size_t pixel = 0; pixel < pixels; ++pixel) {
+    pilot->moments[pixel] = splats.MomentAt(pixel) / kTechniquePilotSamples;
+    for (uint32_t r = 0; r < kReplicateCount; ++r) {
+      const double splatted = splats.SumsAt(pixel)[r] / kPassesOfReplicate;
+      pilot->means[pixel][r] += splatted;
+      pilot->light += splatted;
+    }
+  }
+  pilot->only_light = splats.only_light() * kReplicateCount / kTechniquePilotSamples;
+}
+
+absl::StatusOr<Pilot> RenderPilot(const SceneDescription& scene, const FrameSettings& frame,
+                                  Techniques techniques, FileSource& files) {
+  const absl::StatusOr<CompiledScenePtr> compiled = CompilePilot(
+      scene, PilotSettings(frame, techniques),
+      std::min(kPilotTrainingPathsFirst, TrainingPathsFirst(frame.width_px, frame.height_px)),
+      files);
+  if (!compiled.ok()) return compiled.status();
+  Pilot pilot;
+  if (IsGuided(techniques)) {
+    RenderStats stats;
+    const absl::StatusOr<std::string> fields = TrainGuiding(**compiled, 1, {}, &stats);
+    if (!fields.ok()) return fields.status();
+    if (absl::Status set = SetGuiding(**compiled, *fields); !set.ok()) return set;
+    const double samples = static_cast<double>(frame.width_px) *
+                           static_cast<double>(frame.height_px) *
+                           static_cast<double>(std::max<uint64_t>(frame.samples, 1));
+    pilot.rays = static_cast<double>(stats.rays) / samples;
+  }
+  if (absl::Status rendered = RenderCameraPaths(**compiled, &pilot); !rendered.ok()) {
+    return rendered;
+  }
+  if (HasLightPaths(techniques)) TraceLightPaths(**compiled, &pilot);
   return pilot;
 }
 
@@ -160,82 +213,99 @@ double RelativeMse(const std::vector<double>& image, const VarianceOf& variance_
 
 }  // namespace
 
-double TechniqueMeasurement::Gain() const {
-  if (only_light_share > 0) return std::numeric_limits<double>::infinity();
-  const double of_camera = camera.relative_mse * camera.rays,
-               of_both = both.relative_mse * both.rays;
-  return of_both > 0 ? of_camera / of_both : 1;
+double TechniqueMeasurement::Gain(Techniques techniques) const {
+  const TechniqueCost& cost = techniques == Techniques::kCamera         ? camera
+                              : techniques == Techniques::kCameraGuided ? guided
+                              : IsGuided(techniques)                    ? guided_both
+                                                                        : both;
+  if (only_light_share > 0) {
+    return HasLightPaths(techniques) ? std::numeric_limits<double>::infinity() : 0;
+  }
+  return cost.ErrorTimesCost() > 0 ? camera.ErrorTimesCost() / cost.ErrorTimesCost() : 1;
 }
 
 Techniques TechniqueMeasurement::Best() const {
-  return Gain() >= kTechniqueGainMin ? Techniques::kCameraAndLight : Techniques::kCamera;
+  Techniques best = Techniques::kCamera;
+  if (Gain(Techniques::kCameraAndLight) >= kTechniqueGainMin) best = Techniques::kCameraAndLight;
+  if (Gain(Techniques::kCameraGuided) >=
+      std::max(kTechniqueGainMin, Gain(Techniques::kCameraAndLight))) {
+    best = Techniques::kCameraGuided;
+  }
+  const TechniqueCost& simpler = best == Techniques::kCameraGuided     ? guided
+                                 : best == Techniques::kCameraAndLight ? both
+                                                                       : camera;
+  const double factor = best == Techniques::kCamera ? kTechniqueGainMin : kCombinationGainMin;
+  const bool combines = guided_both.ErrorTimesCost() > 0 &&
+                        simpler.ErrorTimesCost() >= factor * guided_both.ErrorTimesCost();
+  return combines ? Techniques::kCameraAndLightGuided : best;
 }
 
 absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& scene,
                                                        const FrameSettings& settings,
                                                        FileSource& files) {
-  const FrameSettings alone = PilotSettings(settings, Techniques::kCamera),
-                      combined = PilotSettings(settings, Techniques::kCameraAndLight);
-  const absl::StatusOr<CompiledScenePtr> camera_scene = CompilePilot(scene, alone, files);
-  if (!camera_scene.ok()) return camera_scene.status();
-  const absl::StatusOr<Pilot> camera = RenderCameraPaths(**camera_scene);
+  const absl::StatusOr<Pilot> camera = RenderPilot(scene, settings, Techniques::kCamera, files);
   if (!camera.ok()) return camera.status();
-  const absl::StatusOr<CompiledScenePtr> both_scene = CompilePilot(scene, combined, files);
-  if (!both_scene.ok()) return both_scene.status();
-  absl::StatusOr<Pilot> both = RenderCameraPaths(**both_scene);
+  const absl::StatusOr<Pilot> both =
+      RenderPilot(scene, settings, Techniques::kCameraAndLight, files);
   if (!both.ok()) return both.status();
-  PilotSplats splats(combined);
-  RayCounts counts;
-  splats.Trace(**both_scene, kTechniquePilotSamples, &counts);
+  const absl::StatusOr<Pilot> guided =
+      RenderPilot(scene, settings, Techniques::kCameraGuided, files);
+  if (!guided.ok()) return guided.status();
+  const absl::StatusOr<Pilot> guided_both =
+      RenderPilot(scene, settings, Techniques::kCameraAndLightGuided, files);
+  if (!guided_both.ok()) return guided_both.status();
 
-  const size_t pixels = both->means.size();
-  constexpr double kPassesOfReplicate = kTechniquePilotSamples / kReplicateCount;
+  const FrameSettings small = PilotSettings(settings, Techniques::kCamera);
   TechniqueMeasurement result;
-  result.width_px = alone.width_px;
-  result.height_px = alone.height_px;
+  result.width_px = small.width_px;
+  result.height_px = small.height_px;
   result.samples = kTechniquePilotSamples;
-  std::vector<double> image(pixels);
-  double light = 0, total = 0;
-  for (size_t pixel = 0; pixel < pixels; ++pixel) {
-    for (uint32_t r = 0; r < kReplicateCount; ++r) {
-      const double splatted = splats.SumsAt(pixel)[r] / kPassesOfReplicate;
-      both->means[pixel][r] += splatted;
-      light += splatted;
-      total += both->means[pixel][r];
-    }
-    image[pixel] = MeanOf(both->means[pixel]);
+  std::vector<double> image;
+  double total = 0;
+  for (const Replicates& replicates : both->means) {
+    image.push_back(MeanOf(replicates));
+    total += kReplicateCount * image.back();
   }
-  result.camera.rays = camera->rays;
-  result.both.rays = both->rays + static_cast<double>(counts.rays) /
-                                      static_cast<double>(pixels * kTechniquePilotSamples);
-  result.both.relative_mse =
-      RelativeMse(image, [&](size_t pixel) { return SampleVarianceOf(both->means[pixel]); });
-  result.camera.relative_mse = RelativeMse(image, [&](size_t pixel) {
-    const double missed =
-        splats.MomentAt(pixel) / kTechniquePilotSamples - image[pixel] * image[pixel];
-    return std::max(SampleVarianceOf(camera->means[pixel]), missed);
-  });
+  const auto complete = [&](const Pilot& pilot) -> TechniqueCost {
+    return {RelativeMse(image, [&](size_t pixel) { return SampleVarianceOf(pilot.means[pixel]); }),
+            pilot.rays};
+  };
+  // `finder` has the light that `pilot` may miss.
+  const auto alone = [&](const Pilot& pilot, const Pilot& finder) -> TechniqueCost {
+    const auto variance_of = [&](size_t pixel) {
+      const double missed = finder.moments[pixel] - image[pixel] * image[pixel];
+      return std::max(SampleVarianceOf(pilot.means[pixel]), missed);
+    };
+    return {RelativeMse(image, variance_of), pilot.rays};
+  };
+  result.camera = alone(*camera, *both);
+  result.both = complete(*both);
+  result.guided = alone(*guided, *guided_both);
+  result.guided_both = complete(*guided_both);
   if (total > 0) {
-    result.light_share = light / total;
-    result.only_light_share =
-        splats.only_light() * kReplicateCount / kTechniquePilotSamples / total;
+    result.light_share = both->light / total;
+    result.only_light_share = both->only_light / total;
   }
   return result;
 }
 
 std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
-  const double gain = m.Gain();
-  std::string text = absl::StrCat("techniques: ", TechniquesName(m.Best()), "; ");
-  if (std::isinf(gain)) {
+  const Techniques best = m.Best();
+  std::string text = absl::StrCat("techniques: ", TechniquesName(best), "; ");
+  if (m.only_light_share > 0) {
     absl::StrAppendFormat(&text, "light paths alone find %.2g %% of the light",
                           100 * m.only_light_share);
   } else {
-    absl::StrAppendFormat(
-        &text, "light paths find %.2g %% of the light and make the image %.2g times as efficient",
-        100 * m.light_share, gain);
+    absl::StrAppendFormat(&text,
+                          "times as efficient as camera paths: light paths %.2g, which find %.2g "
+                          "%% of the light; guiding %.2g; both %.2g",
+                          m.Gain(Techniques::kCameraAndLight), 100 * m.light_share,
+                          m.Gain(Techniques::kCameraGuided),
+                          m.Gain(Techniques::kCameraAndLightGuided));
   }
-  absl::StrAppendFormat(&text, " (%d x %d pixels, %d samples; %.1f rays a sample instead of %.1f)",
-                        m.width_px, m.height_px, m.samples, m.both.rays, m.camera.rays);
+  absl::StrAppendFormat(
+      &text, " (%d x %d pixels, %d samples; %.1f, %.1f, %.1f and %.1f rays a sample)", m.width_px,
+      m.height_px, m.samples, m.camera.rays, m.both.rays, m.guided.rays, m.guided_both.rays);
   return text;
 }
 

@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MeasureTechniques: whether light paths pay in a scene: renders a small image of the frame by
-// camera paths alone, and by both kinds, and compares error times cost. The cost is counted in
-// rays, not in time, so that the answer is the same on every machine. Source: Grittmann et al.
-// 2022, "Efficiency-aware Multiple Importance Sampling for Bidirectional Rendering Algorithms".
+// MeasureTechniques: whether light paths and guiding pay in a scene: renders a small image of the
+// frame by camera paths alone, with light paths, with guiding, and with both, and compares error
+// times cost. The cost is counted in rays, not in time, so that the answer is the same on every
+// machine; guiding also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware
+// Multiple Importance Sampling for Bidirectional Rendering Algorithms".
 //
 // Camera paths alone may miss light altogether that they find once in a million samples, and then
 // look better than they are. Light paths find it: from the densities of both, the second moment
@@ -24,27 +25,33 @@ namespace sheaf::render {
 // The longer side of the small image, and its samples per pixel (and passes of light paths).
 inline constexpr int32_t kTechniquePilotPx = 64;
 inline constexpr uint64_t kTechniquePilotSamples = 64;
-// Light paths must be so many times as efficient to be chosen: the measurement has noise, and
-// frames with light paths have fewer compiled variants.
-inline constexpr double kTechniqueGainMin = 1.5;
+// Techniques must be so many times as efficient as camera paths alone to be chosen: the measurement
+// has noise, and frames with other techniques have fewer compiled variants. Light paths and guiding
+// together must be kCombinationGainMin times as efficient as either.
+inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
+// Paths of the first iteration of a training for the small image, at most.
+inline constexpr uint64_t kPilotTrainingPathsFirst = uint64_t{1} << 15;
 
 struct TechniqueCost {
   double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
-  double rays = 0;          // A pixel and sample.
+  double rays = 0;          // A pixel and sample, with its part of the training.
+  double ErrorTimesCost() const { return relative_mse * rays; }
 };
 
 struct TechniqueMeasurement {
   int32_t width_px = 0, height_px = 0;
   uint64_t samples = 0;
-  TechniqueCost camera, both;
+  TechniqueCost camera, both;         // both: with light paths.
+  TechniqueCost guided, guided_both;  // The same with guiding.
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
   // camera paths cannot find it (a light without size, seen by specular reflection of its light).
   double light_share = 0, only_light_share = 0;
 
-  // How many times as efficient both are as the camera's paths: the ratio of error times cost.
-  // Infinite where camera paths miss light; 1 where the image is black or has no error.
-  double Gain() const;
-  // kCamera or kCameraAndLight.
+  // How many times as efficient the techniques are as the camera's paths: the ratio of error times
+  // cost. Infinite where they find light that camera paths miss, 0 where they miss light that light
+  // paths find; 1 where the image is black or has no error. Requires: not kLight.
+  double Gain(Techniques techniques) const;
+  // Never kLight.
   Techniques Best() const;
 };
 
@@ -54,7 +61,7 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
                                                        const FrameSettings& settings,
                                                        FileSource& files);
 
-// One line: "camera+light, 12 times as efficient as camera; light paths find 31 % of the light".
+// One line: the techniques that are best, and their gain.
 std::string FormatTechniqueMeasurement(const TechniqueMeasurement& measurement);
 
 }  // namespace sheaf::render
