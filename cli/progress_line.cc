@@ -82,6 +82,10 @@ std::string FormatProgress(const v1::Job& job) {
       progress.sample_count_done() < progress.sample_count_total()) {
     absl::StrAppend(&text, ", ", FormatDuration(Seconds(progress.remaining_duration())), " left");
   }
+  if (job.training_frame_count() == 1) absl::StrAppend(&text, "; training");
+  if (job.training_frame_count() > 1) {
+    absl::StrAppend(&text, "; training ", job.training_frame_count(), " frames");
+  }
   if (job.state() == v1::Job::STATE_PAUSED) absl::StrAppend(&text, "; paused");
   if (!job.waiting_reason().empty()) absl::StrAppend(&text, "; waiting: ", job.waiting_reason());
   if (progress.nonfinite_count() > 0) {

@@ -47,6 +47,14 @@ TEST(ProgressLineTest, ReportsAPausedJob) {
   EXPECT_EQ(FormatProgress(job), "50.0 %, 250 samples/s; paused");
 }
 
+TEST(ProgressLineTest, ReportsFramesInTraining) {
+  v1::Job job;
+  job.set_training_frame_count(1);
+  EXPECT_EQ(FormatProgress(job), "0.0 %; training");
+  job.set_training_frame_count(2);
+  EXPECT_EQ(FormatProgress(job), "0.0 %; training 2 frames");
+}
+
 TEST(ProgressLineTest, JobWithoutSamplesIsNotDone) { EXPECT_EQ(FractionDone(v1::Progress()), 0); }
 
 class ProgressOutputTest : public testing::Test {

@@ -62,6 +62,7 @@ const std::vector<OperationRule>& RoleTable() {
 
       {"/sheaf.v1.WorkerService/Synchronize", kWork},
       {"/sheaf.v1.WorkerService/UploadResults", kWork},
+      {"/sheaf.v1.WorkerService/ReadGuidingField", kWork},
 
       {"/grpc.health.v1.Health/Check", kIdentity},
       {"/grpc.health.v1.Health/Watch", kIdentity},

@@ -27,13 +27,14 @@ int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
 }
 
 CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px,
-                   bool has_light_tile)
+                   bool has_light_tile, bool has_training_tile)
     : window_(window),
       tile_size_px_(tile_size_px),
       cell_size_px_(cell_size_px),
-      tiles_(CutTiles(window, tile_size_px)) {
+      tiles_(CutTiles(window, tile_size_px)),
+      has_training_tile_(has_training_tile) {
   SHEAF_CHECK(!tiles_.empty() && DividesIntoCells(tile_size_px, cell_size_px));
-  first_cells_.reserve(tiles_.size() + 2);
+  first_cells_.reserve(tiles_.size() + 3);
   if (cell_size_px == tile_size_px) {
     cells_ = tiles_;
     first_cells_.resize(tiles_.size() + 1);
@@ -47,6 +48,7 @@ CellGrid::CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_s
     first_cells_.push_back(static_cast<uint32_t>(cells_.size()));
   }
   if (has_light_tile) first_cells_.push_back(first_cells_.back() + 1);
+  if (has_training_tile) first_cells_.push_back(first_cells_.back() + 1);
 }
 
 std::optional<uint32_t> CellGrid::light_tile() const {
@@ -54,13 +56,20 @@ std::optional<uint32_t> CellGrid::light_tile() const {
   return tile_count() - 1;
 }
 
+std::optional<uint32_t> CellGrid::training_tile() const {
+  if (!has_training_tile_) return std::nullopt;
+  return tile_count();
+}
+
 std::span<const PixelRect> CellGrid::CellRectsOf(uint32_t tile) const {
-  if (KindOf(tile) == TaskKind::kLight) return {&window_, 1};
+  if (KindOf(tile) != TaskKind::kCamera) return {&window_, 1};
   return std::span(cells_).subspan(first_cell(tile), cell_count(tile));
 }
 
 std::optional<uint32_t> CellGrid::FindTile(const PixelRect& rect, TaskKind kind) const {
-  if (kind == TaskKind::kLight) return rect == window_ ? light_tile() : std::nullopt;
+  if (kind != TaskKind::kCamera && !(rect == window_)) return std::nullopt;
+  if (kind == TaskKind::kLight) return light_tile();
+  if (kind == TaskKind::kTraining) return training_tile();
   const auto before = [](const PixelRect& tile, const PixelRect& wanted) {
     return std::tie(tile.y0, tile.x0) < std::tie(wanted.y0, wanted.x0);
   };
@@ -76,7 +85,7 @@ uint32_t CellGrid::TileOf(uint32_t cell) const {
 
 std::optional<uint64_t> CellGrid::MaskOf(uint32_t tile, const TileCells& cells) const {
   if (cells.All()) return AllOf(tile);
-  if (KindOf(tile) == TaskKind::kLight || cells.size_px != cell_size_px_ ||
+  if (KindOf(tile) != TaskKind::kCamera || cells.size_px != cell_size_px_ ||
       !WhyNoCells(tiles_[tile], cells).empty()) {
     return std::nullopt;
   }

@@ -7,7 +7,8 @@
 // parts (docs/adr/0042). In other frames each tile is one cell.
 //
 // A frame with light paths has one more tile after those of the camera, the light tile
-// (task_kind.h): the whole window, and one cell.
+// (task_kind.h): the whole window, and one cell. A guided frame has a training tile after all of
+// those, which is no tile of the image: it has the one task of the frame's training.
 #pragma once
 
 #include <cstdint>
@@ -43,10 +44,10 @@ class CellGrid {
   // Requires: window not empty; tile_size_px a multiple of cell_size_px, with at most kTileCellsMax
   // cells in a tile.
   CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px,
-           bool has_light_tile = false);
+           bool has_light_tile = false, bool has_training_tile = false);
   CellGrid(const FrameSpec& frame, const Partition& partition)
       : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition),
-                 HasLightPaths(frame.settings.techniques)) {}
+                 HasLightPaths(frame.settings.techniques), IsGuided(frame.settings.techniques)) {}
 
   int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }
@@ -55,12 +56,16 @@ class CellGrid {
   // Those of tiles(), ordered by tile, and row by row within a tile.
   const std::vector<PixelRect>& cells() const { return cells_; }
 
-  // All tiles, with the light tile, which is the last; numbers of tiles and cells below include it.
-  uint32_t tile_count() const { return static_cast<uint32_t>(first_cells_.size()) - 1; }
-  uint32_t total_cell_count() const { return first_cells_.back(); }
+  // All tiles of the image, with the light tile, which is their last; so numbers of cells.
+  uint32_t tile_count() const { return all_tile_count() - (has_training_tile_ ? 1 : 0); }
+  uint32_t total_cell_count() const { return first_cells_[tile_count()]; }
+  // With the training tile; numbers of tiles and cells below include it.
+  uint32_t all_tile_count() const { return static_cast<uint32_t>(first_cells_.size()) - 1; }
   std::optional<uint32_t> light_tile() const;
+  std::optional<uint32_t> training_tile() const;
   TaskKind KindOf(uint32_t tile) const {
-    return tile < tiles_.size() ? TaskKind::kCamera : TaskKind::kLight;
+    if (tile < tiles_.size()) return TaskKind::kCamera;
+    return tile < tile_count() ? TaskKind::kLight : TaskKind::kTraining;
   }
   const PixelRect& RectOf(uint32_t tile) const {
     return tile < tiles_.size() ? tiles_[tile] : window_;
@@ -87,7 +92,8 @@ class CellGrid {
   PixelRect window_;
   int32_t tile_size_px_, cell_size_px_;
   std::vector<PixelRect> tiles_, cells_;  // Tiles row by row.
-  std::vector<uint32_t> first_cells_;     // One more than there are tiles, with the light tile.
+  std::vector<uint32_t> first_cells_;     // One more than there are tiles of all kinds.
+  bool has_training_tile_;
 };
 
 }  // namespace sheaf::coordinator

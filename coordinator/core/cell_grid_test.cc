@@ -107,5 +107,29 @@ TEST(CellGridTest, OnlyFramesWithLightPathsHaveALightTile) {
   }
 }
 
+TEST(CellGridTest, TheTrainingTileIsNoTileOfTheImage) {
+  const PixelRect window{0, 0, 40, 20};
+  for (const bool has_light : {false, true}) {
+    const CellGrid plain(window, 32, 8, has_light);
+    const CellGrid grid(window, 32, 8, has_light, /*has_training_tile=*/true);
+    EXPECT_EQ(plain.training_tile(), std::nullopt);
+    EXPECT_EQ(plain.all_tile_count(), plain.tile_count());
+    EXPECT_EQ(grid.tile_count(), plain.tile_count());
+    EXPECT_EQ(grid.light_tile(), plain.light_tile());
+    EXPECT_EQ(grid.total_cell_count(), plain.total_cell_count());
+    ASSERT_EQ(grid.training_tile(), plain.tile_count());
+    const uint32_t tile = *grid.training_tile();
+    EXPECT_EQ(grid.all_tile_count(), tile + 1);
+    EXPECT_EQ(grid.KindOf(tile), TaskKind::kTraining);
+    EXPECT_EQ(grid.KindOf(tile - 1), has_light ? TaskKind::kLight : TaskKind::kCamera);
+    EXPECT_EQ(grid.RectOf(tile), window);
+    EXPECT_EQ(grid.AllOf(tile), 1u);
+    EXPECT_TRUE(grid.CellsOf(tile, 1).All());
+    EXPECT_EQ(grid.FindTile(window, TaskKind::kTraining), tile);
+    EXPECT_EQ(grid.FindTile({0, 0, 32, 20}, TaskKind::kTraining), std::nullopt);
+    EXPECT_EQ(plain.FindTile(window, TaskKind::kTraining), std::nullopt);
+  }
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

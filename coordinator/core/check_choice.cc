@@ -15,7 +15,8 @@ double CheckChoice::DrawOf(std::string_view frame_digest, const PixelRect& tile,
       HmacSha256(secret_, absl::StrCat("sheaf-check 1\n", std::string(frame_digest), " ", tile.x0,
                                        " ", tile.y0, " ", tile.x1, " ", tile.y1, " ", block.first,
                                        " ", block.count, " ", cells.size_px, " ", cells.mask,
-                                       kind == TaskKind::kCamera ? "" : " light"));
+                                       kind == TaskKind::kCamera ? "" : " ",
+                                       kind == TaskKind::kCamera ? "" : TaskKindName(kind)));
   uint64_t bits = 0;
   for (size_t i = 0; i < sizeof bits; ++i) bits = bits << 8 | static_cast<uint8_t>(mac[i]);
   return static_cast<double>(bits >> 11) * 0x1p-53;

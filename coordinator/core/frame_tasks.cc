@@ -51,21 +51,25 @@ std::optional<uint64_t> FrameTasks::FirstFresh(uint32_t tile) const {
 FrameTasks::FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& lattice,
                        int64_t paths_per_pass)
     : grid_(std::move(grid)),
-      cells_(grid_.total_cell_count()),
-      cpu_of_tiles_(grid_.tile_count(), absl::ZeroDuration()) {
+      cells_(grid_.first_cell(grid_.all_tile_count())),
+      cpu_of_tiles_(grid_.all_tile_count(), absl::ZeroDuration()) {
   SHEAF_CHECK(samples > 0);
   // Under the farm's lock, so without a search for each of many tiles.
   for (uint32_t index = 0; index < cells_.size(); ++index) {
     Cell& cell = cells_[index];
-    const bool is_light = index >= grid_.cells().size();
-    cell.pixel_count =
-        is_light ? paths_per_pass : std::max<int64_t>(1, lattice.CountIn(grid_.cells()[index]));
     cell.samples = samples;
-    cell.fresh.Add({0, samples});
-    total_count_ += cell.PixelSamples(samples);
+    if (index < grid_.cells().size()) {
+      cell.pixel_count = std::max<int64_t>(1, lattice.CountIn(grid_.cells()[index]));
+    } else if (index < grid_.total_cell_count()) {
+      cell.pixel_count = paths_per_pass;
+    } else {
+      cell.samples = 1;
+    }
+    cell.fresh.Add({0, cell.samples});
+    total_count_ += cell.PixelSamples(cell.samples);
   }
   ready_count_ = total_count_;
-  for (uint32_t tile = 0; tile < grid_.tile_count(); ++tile) {
+  for (uint32_t tile = 0; tile < grid_.all_tile_count(); ++tile) {
     fresh_queue_.emplace_hint(fresh_queue_.end(), 0, tile);
   }
 }
@@ -127,10 +131,24 @@ bool FrameTasks::TileComplete(uint32_t tile) const {
   });
 }
 
+bool FrameTasks::Trained() const {
+  const std::optional<uint32_t> tile = grid_.training_tile();
+  return !tile || TileComplete(*tile);
+}
+
+bool FrameTasks::HasReady() const {
+  if (Trained()) return !fresh_queue_.empty() || !returned_.empty();
+  const uint32_t tile = *grid_.training_tile();  // The last one.
+  return fresh_queue_.contains({0, tile}) ||
+         returned_.lower_bound({tile, {0, 0}, 0}) != returned_.end();
+}
+
 std::optional<Task> FrameTasks::TakeReturned(const std::function<bool(const Task&)>& allowed,
                                              int scan_max) {
   int scanned = 0;
-  for (auto it = returned_.begin(); it != returned_.end() && scanned < scan_max; ++it, ++scanned) {
+  const auto first =
+      Trained() ? returned_.begin() : returned_.lower_bound({*grid_.training_tile(), {0, 0}, 0});
+  for (auto it = first; it != returned_.end() && scanned < scan_max; ++it, ++scanned) {
     const Task task = *it;
     if (!allowed(task)) continue;
     leased_.insert(task);
@@ -143,8 +161,10 @@ std::optional<Task> FrameTasks::TakeReturned(const std::function<bool(const Task
 
 std::optional<Task> FrameTasks::TakeFresh(
     const std::function<uint64_t(const FreshBlock& block)>& block_samples_max) {
-  if (fresh_queue_.empty()) return std::nullopt;
-  const auto [first, tile] = *fresh_queue_.begin();
+  const auto next =
+      Trained() ? fresh_queue_.begin() : fresh_queue_.find({0, *grid_.training_tile()});
+  if (next == fresh_queue_.end()) return std::nullopt;
+  const auto [first, tile] = *next;
   const uint64_t all = grid_.AllOf(tile);
   int64_t pixel_count = 0;
   ForCells(tile, all, [&, f = first](uint32_t index) {
@@ -188,7 +208,7 @@ std::vector<Task> FrameTasks::Overlapping(const Tasks& tasks, const Task& task) 
 }
 
 FrameTasks::Fit FrameTasks::FitOf(const Task& task) const {
-  if (task.tile >= grid_.tile_count() || !IsAligned(task.block) || task.cells == 0 ||
+  if (task.tile >= grid_.all_tile_count() || !IsAligned(task.block) || task.cells == 0 ||
       (task.cells & ~grid_.AllOf(task.tile)) != 0) {
     return Fit::kOutside;
   }

@@ -12,6 +12,9 @@
 // The light tile (CellGrid) has light passes, as many as the cell with most of them has samples. A
 // light path counts as a sample.
 //
+// The training tile has one task, whose samples count as none. Until it is done nothing else of the
+// frame is taken. Where its result is lost it is done again, and what was taken stays.
+//
 // Because returned blocks keep their shape, a late result of this life meets exactly its own block.
 // A result from before a restart may meet blocks that were cut otherwise; Fit says which of those
 // fit. Pure: no clock, no lock. Every operation is O(log tiles), and linear in what is leased and
@@ -55,9 +58,16 @@ class FrameTasks {
   uint64_t sample_count_total() const { return total_count_; }
   uint64_t light_path_count_done() const;  // Those of sample_count_done() that are light paths.
   uint64_t sample_count_ready() const { return ready_count_; }  // Fresh or returned.
-  bool HasReady() const { return !fresh_queue_.empty() || !returned_.empty(); }
+  // Whether there is something to take.
+  bool HasReady() const;
   bool Complete() const { return done_count_ == total_count_; }
   bool TileComplete(uint32_t tile) const;
+  // Whether the frame needs no training, or it is done.
+  bool Trained() const;
+  // The guiding field that the frame's results are made with. Without size where it is known from
+  // them alone; empty where it is not known, or the frame has none.
+  const BlobDigest& field() const { return field_; }
+  void SetField(BlobDigest field) { field_ = std::move(field); }
 
   // Takes a returned block for which `allowed` holds, looking at scan_max of them at most.
   std::optional<Task> TakeReturned(const std::function<bool(const Task&)>& allowed, int scan_max);
@@ -91,7 +101,8 @@ class FrameTasks {
 
  private:
   struct Cell {
-    int64_t pixel_count = 0;  // That are rendered; at least 1, so that every cell counts.
+    // Those that are rendered; at least 1, so that every cell counts, but 0 of the training tile.
+    int64_t pixel_count = 0;
     uint64_t samples = 0;
     SampleRanges fresh, done;
     uint64_t PixelSamples(uint64_t count) const {
@@ -121,6 +132,7 @@ class FrameTasks {
   std::set<std::pair<uint64_t, uint32_t>> fresh_queue_;  // First fresh sample and tile.
   Tasks returned_, leased_;
   uint64_t done_count_ = 0, total_count_ = 0, ready_count_ = 0;
+  BlobDigest field_;
 };
 
 }  // namespace sheaf::coordinator

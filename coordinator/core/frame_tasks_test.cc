@@ -247,5 +247,51 @@ TEST(FrameTasksTest, LightPassesFollowTheLargestCell) {
   EXPECT_EQ(tasks.SamplesOfCells().size(), 64u);
 }
 
+// Two tiles that need a training.
+FrameTasks WithTraining() {
+  return FrameTasks(CellGrid(kTwoTiles, 16, 16, /*has_light_tile=*/false,
+                             /*has_training_tile=*/true),
+                    16);
+}
+
+TEST(FrameTasksTest, NothingIsTakenBeforeTheTraining) {
+  FrameTasks tasks = WithTraining();
+  const Task training{2, {0, 1}, 1};
+  EXPECT_EQ(tasks.sample_count_total(), 2u * 16 * 16 * 16);
+  EXPECT_FALSE(tasks.Trained());
+  ASSERT_EQ(tasks.TakeFresh(AtMost(1)), training);
+  EXPECT_EQ(tasks.TakeFresh(AtMost(16)), std::nullopt);
+  EXPECT_FALSE(tasks.HasReady());
+  tasks.PutBack(training);
+  EXPECT_TRUE(tasks.HasReady());
+  EXPECT_EQ(tasks.TakeFresh(AtMost(16)), std::nullopt);
+  const auto any = [](const Task&) { return true; };
+  ASSERT_EQ(tasks.TakeReturned(any, 1), training);
+  EXPECT_EQ(tasks.Accept(training), std::vector<Task>{training});
+  EXPECT_TRUE(tasks.Trained());
+  EXPECT_EQ(tasks.sample_count_done(), 0u);
+  EXPECT_EQ(tasks.TakeFresh(AtMost(16)), (Task{0, {0, 16}, 1}));
+}
+
+TEST(FrameTasksTest, ALostFieldKeepsWhatIsDone) {
+  FrameTasks tasks = WithTraining();
+  const Task training = *tasks.TakeFresh(AtMost(1));
+  tasks.Accept(training);
+  const Task done = *tasks.TakeFresh(AtMost(16)), returned = *tasks.TakeFresh(AtMost(16));
+  tasks.Accept(done);
+  tasks.PutBack(returned);
+  tasks.Revoke(training);
+  EXPECT_EQ(tasks.FitOf(done), Fit::kCovered);
+  const auto any = [](const Task&) { return true; };
+  EXPECT_EQ(tasks.TakeReturned(any, 16), std::nullopt);
+  ASSERT_EQ(tasks.TakeFresh(AtMost(16)), training);
+  tasks.Accept(training);
+  ASSERT_EQ(tasks.TakeReturned(any, 16), returned);
+  tasks.Accept(returned);
+  EXPECT_TRUE(tasks.Complete());
+  tasks.Revoke(training);
+  EXPECT_TRUE(tasks.Complete()) << "nothing more needs the field";
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

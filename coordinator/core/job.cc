@@ -36,6 +36,7 @@ uint64_t PathsPerSample(const FrameSettings& settings) {
 }
 
 std::string WorkText(TaskKind kind, const PixelRect& tile, SampleBlock block) {
+  if (kind == TaskKind::kTraining) return TaskKindName(kind);
   const std::string range = absl::StrCat("[", block.first, ", ", block.End(), ")");
   if (kind == TaskKind::kLight) return absl::StrCat("light passes ", range);
   return absl::StrCat("tile [", tile.x0, ", ", tile.x1, ") x [", tile.y0, ", ", tile.y1,

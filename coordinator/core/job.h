@@ -94,7 +94,7 @@ struct FrameId {
   friend auto operator<=>(const FrameId&, const FrameId&) = default;
 };
 
-// One tile's block of samples, for some of its cells; or a block of light passes.
+// One tile's block of samples, for some of its cells; a block of light passes; or the training.
 struct Task {
   uint32_t tile = 0;  // Of the frame's CellGrid, which knows the kind of task.
   SampleBlock block;
@@ -111,7 +111,8 @@ struct Lease {
   Task task;
   TaskKind kind = TaskKind::kCamera;
   PixelRect tile_rect;
-  TileCells cells;  // The task's.
+  TileCells cells;   // The task's.
+  BlobDigest field;  // The guiding field to render with; empty where the frame has none.
   std::string worker_id;
   std::string identity;  // The worker's.
   LeasePhase phase = LeasePhase::kQueued;
@@ -133,7 +134,8 @@ int64_t PathsPerLightPass(const FrameSettings& settings);
 // where the frame has such.
 uint64_t PathsPerSample(const FrameSettings& settings);
 
-// Names work for people: "tile [0, 32) x [0, 32), samples [0, 16)", "light passes [0, 16)".
+// Names work for people: "tile [0, 32) x [0, 32), samples [0, 16)", "light passes [0, 16)",
+// "training".
 std::string WorkText(TaskKind kind, const PixelRect& tile, SampleBlock block);
 
 struct LeaseFailure {

@@ -14,8 +14,8 @@ std::string LeaseTokens::Make(const LeasedWork& work) const {
       secret_, absl::StrCat("sheaf-lease 1\n", work.lease_id, " ", std::string(work.frame_digest),
                             " ", tile.x0, " ", tile.y0, " ", tile.x1, " ", tile.y1, " ",
                             work.block.first, " ", work.block.count, " ", work.cells.size_px, " ",
-                            work.cells.mask,
-                            work.kind == TaskKind::kCamera ? "" : " light", "\n",
+                            work.cells.mask, work.kind == TaskKind::kCamera ? "" : " ",
+                            work.kind == TaskKind::kCamera ? "" : TaskKindName(work.kind), "\n",
                             std::string(work.identity)));
 }
 

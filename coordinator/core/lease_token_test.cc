@@ -32,6 +32,7 @@ TEST(LeaseTokenTest, TokensProveTheirWorkOnly) {
       [](LeasedWork* work) { work->cells.mask = 4; },
       [](LeasedWork* work) { work->cells = {}; },
       [](LeasedWork* work) { work->kind = TaskKind::kLight; },
+      [](LeasedWork* work) { work->kind = TaskKind::kTraining; },
   };
   for (size_t i = 0; i < changes.size(); ++i) {
     LeasedWork other = kWork;

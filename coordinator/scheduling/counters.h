@@ -24,6 +24,7 @@ struct Counters {
   uint64_t results_superseded = 0;
   uint64_t results_late = 0;      // Accepted although their lease had ended.
   uint64_t results_invalid = 0;   // Not a part of the key they came with.
+  uint64_t results_other_field = 0;  // Made with another guiding field than the frame's: refused.
   uint64_t results_refused = 0;   // Not leased to the sender, or of a quarantined one.
   uint64_t failures_refused = 0;  // Not of a lease of the sender.
   uint64_t checks_begun = 0;
@@ -32,6 +33,7 @@ struct Counters {
   uint64_t parts_revoked = 0;     // Rows whose part is missing or damaged: rendered again.
   uint64_t parts_unrecorded = 0;  // Files whose rows are not there: rendered again.
   uint64_t commits_lost = 0;      // Of the database, by damage to its log, at most.
+  uint64_t fields_trained = 0;    // Guiding fields that are durable.
   uint64_t workers_lost = 0;
   uint64_t workers_quarantined = 0;
   uint64_t tasks_poisoned = 0;

@@ -253,7 +253,8 @@ void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) 
 
 Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const PixelRect& tile,
                                          SampleBlock block, const TileCells& cells,
-                                         uint64_t lease_id, TaskKind kind) {
+                                         uint64_t lease_id, TaskKind kind,
+                                         const std::string& field) {
   const PackedDigest digest(frame_digest);
   std::vector<FrameId> candidates = live_frames_.Find(digest);
   // That which was leased comes first.
@@ -273,7 +274,10 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
     if (frame.tasks == nullptr) continue;
     const std::optional<Task> task = frame.tasks->Find(tile, block, cells, kind);
     FoundTask found{FoundTask::Kind::kMalformed, id, task.value_or(Task{0, block})};
-    if (task) {
+    const bool fits_field = kind == TaskKind::kTraining || field == frame.tasks->field().sha256_hex;
+    if (task && !fits_field) {
+      found.kind = FoundTask::Kind::kOtherField;
+    } else if (task) {
       switch (frame.tasks->FitOf(found.task)) {
         case FrameTasks::Fit::kWanted:
           found.kind = FoundTask::Kind::kWanted;
@@ -288,9 +292,10 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
           break;
       }
     }
-    if (best.kind == FoundTask::Kind::kUnknown || best.kind == FoundTask::Kind::kMalformed) {
-      best = found;
-    }
+    const bool is_none = best.kind == FoundTask::Kind::kUnknown ||
+                         best.kind == FoundTask::Kind::kMalformed ||
+                         best.kind == FoundTask::Kind::kOtherField;
+    if (is_none) best = found;
   }
   return best;
 }
@@ -341,7 +346,8 @@ void Scheduler::NoteDelivery(const std::string& worker_id, uint64_t samples, con
   workers_.NoteResult(worker->identity);
   ++worker->result_count;
   worker->sample_count += samples;
-  worker->cpu_duration += cost.cpu_duration;
+  // A training has no samples: it says nothing of how fast the worker renders them.
+  if (samples > 0) worker->cpu_duration += cost.cpu_duration;
   if (grant_time <= worker->last_result_time) {
     worker->busy_duration += now - worker->last_result_time;
     worker->busy_cpu_duration += cost.cpu_duration;
@@ -359,7 +365,8 @@ void Scheduler::Revoke(const FrameId& id, const Task& task) {
   DropCheckLeases(MakeTaskId(id, task));
   checks_.Erase(MakeTaskId(id, task));
   frame.tasks->Revoke(task);
-  frame.phase = FrameRecord::Phase::kOpen;
+  // A rendered frame needs no field.
+  if (!frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kOpen;
   frame.sample_count_done = frame.tasks->sample_count_done();
   ++counters_.parts_revoked;
   UpdateReady(&job, index);

@@ -15,8 +15,9 @@
 //
 // Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm
 // in the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then
-// the tile with the fewest samples. A worker that holds nothing and finds nothing ready is leased a
-// task that another one holds (a hedge), never its own.
+// the tile with the fewest samples. Of a guided frame, nothing but its training is leased until its
+// field is there; other frames fill the gap. A worker that holds nothing and finds nothing ready is
+// leased a task that another one holds (a hedge), never its own.
 //
 // Failures (budgets in limits.h): a worker does not get a task again that it failed while a live
 // worker is left that did not. A job fails when a task fails for good: its message names tile and
@@ -151,6 +152,8 @@ class Scheduler {
   // Gives each cell at least so many samples: what the frame's last round gives, or what it goes on
   // from has. Before its parts.
   void RestoreRound(const FrameId& id, std::span<const uint64_t> samples);
+  // The guiding field that the frame's parts are made with. Before its parts.
+  void RestoreField(const FrameId& id, const BlobDigest& field);
   // Returns kWanted where it is put back. kOutside: the frame does not want so many samples (any
   // more); otherwise it overlaps one that was restored.
   FrameTasks::Fit RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
@@ -170,21 +173,27 @@ class Scheduler {
   // The task that a result belongs to.
   struct FoundTask {
     // kUnknown: no live frame has the digest. kMalformed: the frame has no such tile or block.
-    enum class Kind { kWanted, kCovered, kPartial, kUnknown, kMalformed };
+    // kOtherField: it was made with another guiding field than the frame's.
+    enum class Kind { kWanted, kCovered, kPartial, kUnknown, kMalformed, kOtherField };
     Kind kind = Kind::kUnknown;
     FrameId frame;
     Task task;
   };
-  // Requires: frame_digest is a SHA-256.
+  // field: the SHA-256 of the guiding field that the result was made with; empty where it was made
+  // without one. Requires: frame_digest is a SHA-256.
   FoundTask FindTask(const std::string& frame_digest, const PixelRect& tile, SampleBlock block,
-                     const TileCells& cells, uint64_t lease_id,
-                     TaskKind kind = TaskKind::kCamera);
+                     const TileCells& cells, uint64_t lease_id, TaskKind kind = TaskKind::kCamera,
+                     const std::string& field = "");
+  // The result of a training is about to be accepted: the frame's results are made with this field
+  // from now on. Requires: FindTask just said kWanted of the training.
+  void SetField(const FrameId& id, const BlobDigest& field);
   // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
   bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
               const ResultCost& cost, SteadyTime now);
   // Begins a check of what was just accepted where it is chosen: draw, evenly spread over [0, 1),
-  // is below the fraction of tasks that are checked. Nothing happens where no other identity of the
-  // profile is live.
+  // is below the fraction of tasks that are checked. A training is always chosen, for all results
+  // of its frame depend on it, unless the fraction is 0. Nothing happens where no other identity of
+  // the profile is live.
   void ConsiderCheck(const FrameId& id, const Task& task, const ResultVersion& merged, double draw);
   // Another result of a task that is done: a check, a hedge or a late one.
   CheckVerdict Compare(const FrameId& id, const Task& task, uint64_t lease_id,
@@ -194,7 +203,8 @@ class Scheduler {
   // results: while somebody is live who can do them, and no longer than check_wait_max.
   bool AwaitsChecks(const FrameId& id, SteadyTime now);
   const ResultChecks& checks() const { return checks_; }
-  // The part of an accepted block is lost: it is rendered again.
+  // The part of an accepted block is lost: it is rendered again. Parts that were made with a lost
+  // field stay.
   void Revoke(const FrameId& id, const Task& task);
   // Gives the cells of a rendered frame more samples: their next round. One count a cell, none less
   // than it has.
@@ -279,6 +289,8 @@ class Scheduler {
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
                  SteadyTime now) const;
   bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
+  // Whether the task needs a guiding field that is lost and not yet made again.
+  static bool AwaitsField(const FrameRecord& frame, uint32_t tile);
   // Whether a frame that this worker could render is between rounds, or will soon be.
   bool RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const;
   absl::Duration NextSynchronize(const WorkerRecord& worker, SteadyTime now) const;

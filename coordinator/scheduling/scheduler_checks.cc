@@ -15,7 +15,8 @@ void Scheduler::ConsiderCheck(const FrameId& id, const Task& task, const ResultV
   const double fraction =
       is_new ? std::max(limits_.new_identity_check_fraction, limits_.check_fraction)
              : limits_.check_fraction;
-  if (draw >= fraction) return;
+  const bool is_training = Frame(id).tasks->grid().KindOf(task.tile) == TaskKind::kTraining;
+  if (draw >= fraction && !is_training) return;
   const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
   if (!OtherIdentitiesLive(profile, {merged.identity})) return;
   checks_.Begin(MakeTaskId(id, task), merged);
@@ -29,9 +30,11 @@ bool Scheduler::GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime no
     JobRecord& job = jobs_.at(id.frame.job_id);
     FrameRecord& frame = Frame(id.frame);
     if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
-    if (!MayOpenFor(frame, *worker)) continue;
+    if (!MayOpenFor(frame, *worker) || AwaitsField(frame, id.tile)) continue;
     if (!checks_.Find(id)->MayBeDoneBy(worker->identity)) continue;
-    const bool is_urgent = frame.phase == FrameRecord::Phase::kRendered ||
+    // All that is rendered meanwhile depends on a field.
+    const bool is_training = frame.tasks->grid().KindOf(id.tile) == TaskKind::kTraining;
+    const bool is_urgent = is_training || frame.phase == FrameRecord::Phase::kRendered ||
                            worker->warm_scenes.contains(frame.packed.scene().Hex());
     if (urgent_only && !is_urgent) continue;
     const TaskId taken = id;

@@ -169,6 +169,7 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   lease.kind = grid.KindOf(task.tile);
   lease.tile_rect = grid.RectOf(task.tile);
   lease.cells = grid.CellsOf(task.tile, task.cells);
+  if (lease.kind != TaskKind::kTraining) lease.field = frame->tasks->field();
   lease.worker_id = worker->worker_id;
   lease.identity = worker->identity;
   lease.is_check = is_check;
@@ -188,6 +189,7 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
 uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                                     const WorkerRecord& worker,
                                     const FrameTasks::FreshBlock& block) const {
+  if (block.kind == TaskKind::kTraining) return 1;
   const Partition& partition = job.spec.partition;
   const bool is_light = block.kind == TaskKind::kLight;
   const uint64_t passes_max = is_light ? LightPassesMax(frame.settings(), limits_) : 0;
@@ -243,6 +245,7 @@ bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
     JobRecord& job = jobs_.at(first.frame.job_id);
     FrameRecord& frame = Frame(first.frame);
     if (first.worker_id == worker->worker_id) continue;
+    if (AwaitsField(frame, first.task.tile)) continue;
     if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
     if (!MayRender(frame, MakeTaskId(first.frame, first.task), *worker, now)) continue;
     ++counters_.leases_hedged;

@@ -20,7 +20,7 @@
 
 namespace sheaf::coordinator {
 
-// Names a part: a result of one frame of one job.
+// Names a part: a result of one frame of one job; the bytes of a training are a guiding field.
 struct PartKey {
   FrameId frame;
   PixelRect tile;
@@ -36,6 +36,8 @@ struct PartRow {
   std::string worker_id;  // The worker that rendered it.
   ResultCost cost;
   std::string identity = {};  // Who answers for that worker (WorkerReport::identity).
+  // The SHA-256 (hex) of the guiding field that it was made with; empty where there is none.
+  std::string field = {};
 };
 
 // The properties of a frame whose EXR is written.

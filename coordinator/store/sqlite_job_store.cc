@@ -25,7 +25,8 @@ std::string SqliteJobStore::PartPath(const PartRow& row) const {
   const PixelRect& t = row.key.tile;
   return absl::StrCat(FrameDirectory(row.key.frame), "/", t.x0, "_", t.y0, "_", t.x1, "_", t.y1,
                       "-", row.key.block.first, "-", row.key.block.count, "-",
-                      row.digest.sha256_hex.substr(0, 16), ".exr");
+                      row.digest.sha256_hex.substr(0, 16),
+                      row.key.kind == TaskKind::kTraining ? ".field" : ".exr");
 }
 
 absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {

@@ -6,7 +6,8 @@
 //     DIR/lock                             locked while a coordinator uses the directory
 //     DIR/farm.db                          SQLite, WAL, synchronous=FULL: jobs, frames, parts
 //     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr
-//                                          parts, until their frame is delivered
+//                                          parts, until their frame is delivered; of a training:
+//                                          its guiding field, with the extension .field
 //     DIR/outputs/JOB/FRAME.exr            delivered images
 //     DIR/outputs/JOB/FRAME.thumbnail.exr  small copies of them, for overviews
 //

@@ -305,6 +305,30 @@ TEST_F(SqliteJobStoreTest, PartsAreKeyedByTheKindOfTheirTask) {
   EXPECT_TRUE(store_->FindPart(camera.key)->has_value());
 }
 
+TEST_F(SqliteJobStoreTest, GuidingFieldsAreKeptBesideParts) {
+  const uint64_t job = CreateJob();
+  const std::string bytes = "a field";
+  PartRow field = MakePart(job, 0, bytes);
+  field.key.kind = TaskKind::kTraining;
+  PartRow part = MakePart(job, 0, "part");
+  part.field = field.digest.sha256_hex;
+  ASSERT_TRUE(store_->WritePart(field, bytes).ok());
+  ASSERT_TRUE(store_->WritePart(part, "part").ok());
+  EXPECT_EQ(std::filesystem::path(store_->PartPath(field)).extension(), ".field");
+  Reopen();
+  const auto loaded = store_->LoadParts(job);
+  ASSERT_TRUE(loaded.ok() && loaded->rows.size() == 2u);
+  EXPECT_TRUE(loaded->lost.empty());
+  EXPECT_EQ(*store_->ReadPart(**store_->FindPart(field.key)), bytes);
+  EXPECT_EQ((*store_->FindPart(part.key))->field, field.digest.sha256_hex);
+  EXPECT_EQ((*store_->FindPart(field.key))->field, "");
+  std::filesystem::resize_file(store_->PartPath(field), 2);
+  EXPECT_TRUE(absl::IsDataLoss(store_->ReadPart(field).status()));
+  ASSERT_TRUE(store_->RemoveFrameParts(field.key.frame).ok());
+  EXPECT_FALSE(std::filesystem::exists(store_->PartPath(field)));
+  EXPECT_EQ(store_->PartsBytes(), 0u);
+}
+
 TEST_F(SqliteJobStoreTest, FilesWithoutRowsAreRemoved) {
   const uint64_t job = CreateJob();
   const PartRow kept = MakePart(job, 0, "kept");

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 21;
+constexpr int64_t kSchemaVersion = 22;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -180,6 +180,11 @@ INSERT INTO parts SELECT job_id, frame_number, 0, y0, x0, first, count, cells, y
 DROP TABLE parts_of_cameras;
 CREATE INDEX parts_by_identity ON parts(identity);
 )sql";
+// Frames of before have no guiding fields. The seals of earlier rows do not cover the new column.
+constexpr char kAddedBy22[] = R"sql(
+ALTER TABLE parts ADD COLUMN field TEXT NOT NULL DEFAULT '';
+UPDATE parts SET seal = 0;
+)sql";
 
 }  // namespace
 
@@ -198,10 +203,10 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
-                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
-                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
-                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21};
+  const char* const added[] = {
+      kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
+      kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
+      kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

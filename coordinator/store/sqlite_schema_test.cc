@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/base/digest.h"
 #include "coordinator/store/sqlite_database.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "gmock/gmock.h"
@@ -172,6 +173,20 @@ TEST_F(SqliteSchemaTest, PartsOfSchema20HaveNoKind) {
   const auto of_identity = store_->FindPartsOf("me");
   ASSERT_TRUE(of_identity.ok());
   EXPECT_EQ(of_identity->size(), 1u);
+}
+
+// Parts of before were made without guiding fields, and their seals do not cover the new column.
+TEST_F(SqliteSchemaTest, PartsOfSchema21HaveNoField) {
+  const PartRow row{{{1, 7}, {64, 32, 96, 48}, {16, 4}}, {Sha256Hex("x"), 1}, "w", {}, "me"};
+  ASSERT_TRUE(store_->WritePart(row, "x").ok());
+  store_.reset();
+  ASSERT_TRUE(
+      Database()->Execute("ALTER TABLE parts DROP COLUMN field;PRAGMA user_version=21;").ok());
+  Reopen();
+  const auto part = store_->FindPart(row.key);
+  ASSERT_TRUE(part.ok() && part->has_value());
+  EXPECT_EQ((*part)->field, "");
+  EXPECT_EQ((*part)->identity, "me");
 }
 
 TEST_F(SqliteSchemaTest, LaterSchemasAreRefused) {

@@ -174,6 +174,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("cells", row.key.cells.mask);
   visit("kind", row.key.kind);
   visit("identity", row.identity);
+  visit("field", row.field);
 }
 
 // Reads all rows of a statement from SelectFrom<Sealed<PartRow>>; rows that changed on disk are put

@@ -66,6 +66,8 @@ export interface Frame {
   window: Rect;
   sample_count: number;
   complete: boolean;
+  // Whether its guiding field is being trained; missing from coordinators without guiding.
+  training?: boolean;
   preview_version: number;
   // When the frame stops; missing from coordinators without this rule. target_error is a relative
   // mean squared error, null for none.
@@ -85,9 +87,9 @@ export interface Frame {
   progress: Progress;
 }
 
-// The kind of path that a task traces: those of a tile's pixels, or light paths, whose tile is the
-// whole frame.
-export type TaskKind = 'camera'|'light';
+// The kind of path that a task traces: those of a tile's pixels, light paths, or the training of a
+// guiding field. The last two have the whole frame as their tile.
+export type TaskKind = 'camera'|'light'|'training';
 
 // A failed lease.
 export interface Failure {

@@ -112,12 +112,13 @@ function makeItem(failure: Failure): HTMLElement {
 }
 
 function whereOf(failure: Failure): string {
-  const last = failure.first_sample + failure.sample_count - 1;
-  const work = failure.task === 'light' ?
-      'light passes ' :
-      'tile at ' + format.place(failure.tile) + ', samples ';
+  const range =
+      failure.first_sample + ' to ' + (failure.first_sample + failure.sample_count - 1);
+  const work = failure.task === 'training' ? 'training' :
+      failure.task === 'light'             ? 'light passes ' + range :
+      'tile at ' + format.place(failure.tile) + ', samples ' + range;
   return [
-    'frame ' + failure.frame_number + ', ' + work + failure.first_sample + ' to ' + last,
+    'frame ' + failure.frame_number + ', ' + work,
     failure.kind, 'on ' + format.shortName(failure.worker), format.clock(failure.time)
   ].join(' · ');
 }

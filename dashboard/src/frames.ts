@@ -66,6 +66,7 @@ function makeRow(): HTMLElement {
 
 function stateOf(frame: Frame, share: number): string {
   if (frame.complete) return '';
+  if (frame.training) return 'training';
   return share > 0 || frame.preview_version > 0 ? format.percent(share) : 'waiting';
 }
 

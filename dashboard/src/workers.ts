@@ -56,7 +56,9 @@ export class WorkersView {
     const [, job = '', frame = ''] = /^(jobs\/[^/]+)\/frames\/(.*)$/.exec(lease.frame_name) ?? [];
     const title = lease.pilot ? 'a quote' : this.store.jobs.get(job)?.title || job;
     const more = worker.lease_count > 1 ? ' and ' + (worker.lease_count - 1) + ' more' : '';
-    const where = lease.task === 'light' ? ', light paths' : ' at ' + format.place(lease.tile);
+    const where = lease.task === 'light' ? ', light paths' :
+        lease.task === 'training'        ? ', training' :
+                                           ' at ' + format.place(lease.tile);
     return lease.phase + ' ' + title + ', frame ' + frame + where + more;
   }
 }

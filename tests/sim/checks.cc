@@ -108,6 +108,10 @@ void Checks::CheckFrame(const Scheduler& scheduler, const FrameId& id, const Fra
   if ((frame.phase == Phase::kRendered) != tasks.Complete()) {
     world_.Broken(absl::StrCat(NameOf(id), " is not in the phase of its tasks"));
   }
+  const std::string other = promises_.PartOfOtherField(id, tasks.field().sha256_hex);
+  if (!other.empty()) {
+    world_.Broken(absl::StrCat(NameOf(id), ": ", other, " has another guiding field"));
+  }
   const JobRecord& job = scheduler.jobs().at(id.job_id);
   const bool is_ready = job.ready.contains(job.IndexOf(id.frame_number));
   if (is_ready != (frame.phase == Phase::kOpen && tasks.HasReady())) {

@@ -23,12 +23,13 @@ constexpr absl::Duration kStartRetry = absl::Seconds(2);
 // A process ends within so many changes of the disk.
 constexpr uint64_t kChangesToEndMax = 40;
 
-// All regular files below a folder that hold parts or images.
+// All regular files below a folder that hold parts, guiding fields or images.
 void CollectImages(const SimDisk::NodePtr& folder, std::vector<SimDisk::NodePtr>* files) {
   for (const auto& [name, node] : folder->entries) {
     if (node->is_folder) {
       CollectImages(node, files);
-    } else if (absl::EndsWith(name, ".exr") && !node->bytes.empty()) {
+    } else if ((absl::EndsWith(name, ".exr") || absl::EndsWith(name, ".field")) &&
+               !node->bytes.empty()) {
       files->push_back(node);
     }
   }

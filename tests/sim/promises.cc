@@ -143,6 +143,8 @@ bool Promises::MayBeFalse(const FrameId& frame, bool in_rounds,
   };
   const auto is_excuse = [&](const PartRow& part) {
     const std::string& digest = part.digest.sha256_hex;
+    // Made with a false field that was lost before anybody knew.
+    if (false_digests.contains(part.field) && was_forgotten(part.field)) return true;
     return false_digests.contains(digest) && (!IsLiar(part.identity) || was_forgotten(digest));
   };
   const auto image_parts = image_parts_.find(frame);
@@ -150,6 +152,17 @@ bool Promises::MayBeFalse(const FrameId& frame, bool in_rounds,
     return true;
   }
   return in_rounds && std::ranges::any_of(false_digests, was_forgotten);
+}
+
+std::string Promises::PartOfOtherField(const FrameId& frame, const std::string& field) const {
+  const auto parts = parts_.find(frame);
+  if (parts == parts_.end()) return "";
+  for (const auto& [name, part] : parts->second) {
+    const bool is_field = part.row.key.kind == TaskKind::kTraining;
+    const std::string& of_part = is_field ? part.row.digest.sha256_hex : part.row.field;
+    if (part.certain && of_part != field) return name;
+  }
+  return "";
 }
 
 std::vector<std::string> Promises::Liars() const {

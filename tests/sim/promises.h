@@ -77,11 +77,15 @@ class Promises {
   const std::map<uint64_t, PromisedJob>& jobs() const { return jobs_; }
   uint64_t PartsBytes() const;
   // Whether the delivered image of the frame may be other than that of one process, by a false part
-  // (one of these digests) that nobody could correct: nobody has found that its identity makes
-  // false ones, or the part was gone by then. In a frame without rounds it is a part of which the
-  // image was made; rounds may have been decided by any that was there before.
+  // (one of these digests), or by a false guiding field, that nobody could correct: nobody has
+  // found that its identity makes false ones, or the part was gone by then. In a frame without
+  // rounds it is a part of which the image was made; rounds may have been decided by any that was
+  // there before.
   bool MayBeFalse(const coordinator::FrameId& frame, bool in_rounds,
                   const std::set<std::string>& false_digests) const;
+  // The name of a part of the frame that certainly is there, although it was made with another
+  // guiding field than the one with this digest, or is another field. Empty: there is none.
+  std::string PartOfOtherField(const coordinator::FrameId& frame, const std::string& field) const;
   // An identity that certainly has parts, although it is durable that it made false ones. Empty:
   // there is none.
   std::string LiarWithParts() const;

@@ -58,7 +58,12 @@ JobSpec SimUser::MakeJob() {
       frame.settings.samples = 128;
     }
     const bool has_light = scene == 1 && frame.settings.window.x1 == 12;
+    const bool is_guided = frame.settings.window.x1 == 12 && frame.settings.samples >= 48;
     if (has_light) frame.settings.techniques = Techniques::kCameraAndLight;
+    if (is_guided) {
+      frame.settings.techniques =
+          has_light ? Techniques::kCameraAndLightGuided : Techniques::kCameraGuided;
+    }
     spec.frames.push_back(std::move(frame));
   }
   return spec;

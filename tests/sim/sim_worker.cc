@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/base/digest.h"
+#include "tests/sim/sim_messages.h"
 #include "tests/sim/synthetic_film.h"
 
 namespace sheaf::sim {
@@ -26,51 +27,6 @@ constexpr absl::Duration kSynchronizeSpacing = absl::Milliseconds(5);
 constexpr absl::Duration kLoadMin = absl::Milliseconds(10), kLoadMax = absl::Seconds(2);
 constexpr absl::Duration kRenderMin = absl::Milliseconds(20), kRenderMax = absl::Seconds(3);
 constexpr double kSampleCpuSeconds = 1e-4;
-
-// The lease as it reaches the worker, with whatever it must return with its result.
-worker::Lease ToWorkerLease(const coordinator::LeaseGrant& grant) {
-  worker::Lease lease;
-  lease.lease_id = grant.lease.lease_id;
-  lease.attempt = grant.lease.attempt;
-  lease.frame_digest = grant.frame_digest;
-  lease.tile = grant.lease.tile_rect;
-  lease.block = grant.lease.task.block;
-  lease.cells = grant.lease.cells;
-  lease.kind = grant.lease.kind;
-  lease.scene = grant.scene;
-  lease.settings = grant.settings;
-  lease.token = grant.token;
-  return lease;
-}
-
-coordinator::ResultReport ToReport(const std::string& worker_id, const std::string& identity,
-                                   const FinishedPart& part) {
-  coordinator::ResultReport report;
-  report.frame_digest = part.frame_digest;
-  report.tile = part.tile;
-  report.block = part.block;
-  report.cells = part.cells;
-  report.kind = part.kind;
-  report.lease_id = part.lease_id;
-  report.token = part.token;
-  report.worker_id = worker_id;
-  report.identity = identity;
-  report.digest = part.digest;
-  report.ray_count = part.ray_count;
-  report.cpu_duration = absl::Seconds(part.cpu_seconds);
-  return report;
-}
-
-// What the part's description says that it is.
-worker::Lease LeaseOf(const FinishedPart& part) {
-  worker::Lease lease;
-  lease.frame_digest = part.frame_digest;
-  lease.tile = part.tile;
-  lease.block = part.block;
-  lease.cells = part.cells;
-  lease.kind = part.kind;
-  return lease;
-}
 
 }  // namespace
 
@@ -196,6 +152,11 @@ void SimWorker::CheckGrant(const worker::Lease& lease) {
                    lease.block.first, " ", lease.block.count, " ", lease.cells.mask, " ",
                    TaskKindName(lease.kind));
   world_.tokens[lease.lease_id] = lease.token;
+  const bool needs_field = IsGuided(lease.settings.techniques) && lease.kind != TaskKind::kTraining;
+  if (needs_field != !lease.field.sha256_hex.empty()) {
+    world_.Broken(absl::StrCat("lease ", lease.lease_id, needs_field ? " lacks its" : " has a",
+                               " guiding field"));
+  }
   const auto [granted, is_new] = world_.granted.emplace(lease.lease_id, task);
   if (!is_new && granted->second != task) {
     world_.Broken(absl::StrCat("lease ", lease.lease_id, " stands for two tasks"));
@@ -239,6 +200,40 @@ void SimWorker::Load(const LeaseLedger::Task& task) {
     Random& random = world_.faults.random(Fault::kTaskFailed);
     return FailTask(id, static_cast<FailureKind>(random.Below(5)));
   }
+  if (task.lease.field.sha256_hex.empty() || fields_.contains(task.lease.field.sha256_hex)) {
+    BeginRendering(task);
+  } else {
+    FetchField(task);
+  }
+}
+
+void SimWorker::FetchField(const LeaseLedger::Task& task) {
+  const auto self = shared_from_this();
+  const auto serve = [self, task](coordinator::Farm& farm) -> Network::Reply {
+    const absl::StatusOr<std::string> field =
+        farm.ReadGuidingField(FrameOf(task.lease), task.lease.field);
+    self->world_.Trace(self->id_, " reads a field: ", field.status().ToString());
+    if (field.ok() && Sha256Hex(*field) != task.lease.field.sha256_hex) {
+      self->world_.Broken("a guiding field has other bytes than its digest says");
+    }
+    return [self, task, status = field.status()] {
+      self->Wake([self, task, status] {
+        const uint64_t lease_id = task.lease.lease_id;
+        if (absl::IsNotFound(status)) return self->FailTask(lease_id, FailureKind::kReleased);
+        if (!status.ok()) return self->FailTask(lease_id, FailureKind::kInfrastructure);
+        self->fields_.insert(task.lease.field.sha256_hex);
+        self->BeginRendering(task);
+      });
+    };
+  };
+  network_.Call("field", serve, [self, task] {
+    self->Wake([self, task] { self->FailTask(task.lease.lease_id, FailureKind::kInfrastructure); });
+  });
+}
+
+void SimWorker::BeginRendering(const LeaseLedger::Task& task) {
+  const uint64_t id = task.lease.lease_id;
+  if (task.stop.stop_requested()) return FailTask(id, FailureKind::kReleased);
   ledger_.BeginRendering(id);
   const absl::Duration time = world_.random.Between(kRenderMin, kRenderMax) * habits_.slowness;
   After(time, [this, task] { Render(task); });
@@ -274,6 +269,7 @@ FinishedPart SimWorker::MakePart(const worker::Lease& lease) {
   part.cells = lease.cells;
   part.kind = lease.kind;
   part.token = lease.token;
+  part.field = lease.field;
   if (habits_.makes_false_pixels && world_.faults.Happens(Fault::kFalsePixels)) {
     world_.Trace(id_, " renders false pixels for lease ", lease.lease_id & 0xffffff);
     part.exr_bytes = MakeFalseBytes(lease);
@@ -295,7 +291,9 @@ std::string SimWorker::MakeFalseBytes(const worker::Lease& lease) const {
 
 void SimWorker::Lie(FinishedPart* part) {
   Random& random = world_.faults.random(Fault::kWorkerLies);
-  const uint64_t kind = random.Below(8);
+  uint64_t kind = random.Below(8);
+  // A field of false bytes looks right: it is no lie that is noticed at once (makes_false_pixels).
+  if (part->kind == TaskKind::kTraining && kind > 3 && kind != 5) kind = 3;
   world_.Trace(id_, " lies about lease ", part->lease_id & 0xffffff, ", kind ", kind);
   worker::Lease other = LeaseOf(*part);
   switch (kind) {

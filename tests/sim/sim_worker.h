@@ -66,6 +66,9 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
 
   void TakeWork();
   void Load(const worker::LeaseLedger::Task& task);
+  // Reads the guiding field of the task's frame, once a frame, and goes on.
+  void FetchField(const worker::LeaseLedger::Task& task);
+  void BeginRendering(const worker::LeaseLedger::Task& task);
   void Render(const worker::LeaseLedger::Task& task);
   void FailTask(uint64_t lease_id, worker::FailureKind kind);
   worker::FinishedPart MakePart(const worker::Lease& lease);
@@ -98,6 +101,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   worker::LeaseLedger ledger_;
   worker::ResultOutbox outbox_;
   std::set<std::string> warm_scenes_;
+  std::set<std::string> fields_;  // Digests of those that it has.
   int32_t busy_threads_ = 0;
   uint64_t timer_ = 0;  // Of the next Synchronize: later ones replace it.
   bool synchronizing_ = false;

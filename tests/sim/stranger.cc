@@ -22,6 +22,7 @@ worker::Lease LeaseOf(const coordinator::ResultReport& report) {
   lease.block = report.block;
   lease.cells = report.cells;
   lease.kind = report.kind;
+  lease.field.sha256_hex = report.field;
   return lease;
 }
 

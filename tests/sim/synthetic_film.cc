@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/base/digest.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/light/light_pass_accumulator.h"
 #include "common/math/mix_bits.h"
@@ -32,6 +33,20 @@ uint64_t SeedOf(const std::string& frame_digest) {
     seed = seed * 16 + static_cast<uint64_t>(c <= '9' ? c - '0' : c - 'a' + 10);
   }
   return seed;
+}
+
+std::string FieldOf(uint64_t seed) { return absl::StrCat("field ", seed); }
+
+// The seed of samples that are made with a field of this digest.
+uint64_t GuidedSeed(uint64_t seed, const std::string& field_sha256) {
+  return field_sha256.empty() ? seed : MixBits(seed ^ SeedOf(field_sha256));
+}
+
+// The seed of a frame's true samples.
+uint64_t TrueSeedOf(const FrameSpec& frame) {
+  const uint64_t seed = SeedOf(frame.frame_digest);
+  if (!IsGuided(frame.settings.techniques)) return seed;
+  return GuidedSeed(seed, Sha256Hex(FieldOf(seed)));
 }
 
 FilmSample SampleOf(uint64_t seed, int32_t x, int32_t y, uint64_t index) {
@@ -94,6 +109,8 @@ PartHeader HeaderOf(const worker::Lease& lease) {
 }
 
 std::string Encoded(uint64_t seed, const worker::Lease& lease) {
+  if (lease.kind == TaskKind::kTraining) return FieldOf(seed);
+  seed = GuidedSeed(seed, lease.field.sha256_hex);
   return EncodePart(MakePartOf(seed, lease), HeaderOf(lease));
 }
 
@@ -105,7 +122,7 @@ void AddSamples(const FrameSpec& frame, uint32_t cell, uint64_t from, uint64_t t
   const uint64_t mask = uint64_t{1} << (cell - grid.first_cell(tile));
   const TileCells cells = grid.CellsOf(tile, mask);
   for (const SampleBlock& block : CutSamples(from, to - from, uint64_t{1} << 40)) {
-    FilmTile part = MakePart(SeedOf(frame.frame_digest), grid.tiles()[tile], block, cells);
+    FilmTile part = MakePart(TrueSeedOf(frame), grid.tiles()[tile], block, cells);
     const auto decoded =
         DecodePart(EncodePart(part, {frame.frame_digest, NumericProfile(), {}, cells}));
     SHEAF_CHECK(decoded.ok());
@@ -117,8 +134,7 @@ void AddSamples(const FrameSpec& frame, uint32_t cell, uint64_t from, uint64_t t
 void AddPasses(const FrameSpec& frame, uint64_t from, uint64_t to, FrameMerge* merge) {
   const uint32_t tile = *merge->grid().light_tile();
   for (const SampleBlock& block : CutSamples(from, to - from, LightPassAccumulator::kPassesMax)) {
-    merge->Insert(tile,
-                  {MakeLightPart(SeedOf(frame.frame_digest), merge->grid().RectOf(tile), block)});
+    merge->Insert(tile, {MakeLightPart(TrueSeedOf(frame), merge->grid().RectOf(tile), block)});
   }
 }
 
@@ -159,9 +175,9 @@ std::string RenderAlone(const FrameSpec& frame, const coordinator::Partition& pa
 const std::string& TruePart(const worker::Lease& lease) {
   static auto& parts = *new std::map<std::string, std::string>();
   std::string& bytes = parts[absl::StrCat(
-      lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ", lease.tile.x1, " ",
-      lease.tile.y1, " ", lease.block.first, " ", lease.block.count, " ", lease.cells.mask, " ",
-      TaskKindName(lease.kind))];
+      lease.frame_digest, " ", lease.field.sha256_hex, " ", lease.tile.x0, " ", lease.tile.y0, " ",
+      lease.tile.x1, " ", lease.tile.y1, " ", lease.block.first, " ", lease.block.count, " ",
+      lease.cells.mask, " ", TaskKindName(lease.kind))];
   if (bytes.empty()) bytes = Encoded(SeedOf(lease.frame_digest), lease);
   return bytes;
 }
@@ -171,6 +187,7 @@ std::string FalsePart(const worker::Lease& lease, uint64_t kind) {
 }
 
 std::string ImpossiblePart(const worker::Lease& lease) {
+  if (lease.kind == TaskKind::kTraining) return "";
   FilmTile tile = MakePartOf(SeedOf(lease.frame_digest), lease);
   float* alpha = tile.channel(FilmChannel::kAlpha);
   std::for_each(alpha, alpha + tile.plane_size(), [](float& sum) { sum = 2 * sum + 1; });

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Parts and images without a renderer: the value of a sample is a function of frame digest, pixel
-// and sample index. Parts and images are kept in memory, for seeds ask for the same ones.
+// Parts and images without a renderer: the value of a sample is a function of frame digest, guiding
+// field, pixel and sample index. Parts and images are kept in memory, for seeds ask for the same
+// ones.
 #pragma once
 
 #include <string>
@@ -12,7 +13,8 @@
 
 namespace sheaf::sim {
 
-// The true part of a lease's task. The reference is valid as long as the program runs.
+// The true part of a lease's task, with the lease's guiding field; or that field. The reference is
+// valid as long as the program runs.
 const std::string& TruePart(const worker::Lease& lease);
 // The same of other values, as a broken processor would make it; each kind has values of its own.
 std::string FalsePart(const worker::Lease& lease, uint64_t kind);

@@ -27,7 +27,25 @@ bool IsRefusal(const absl::Status& status) {
   return absl::IsInvalidArgument(status) || absl::IsPermissionDenied(status);
 }
 
+// The class of an error of LoadedScene::Render.
+FailureKind KindOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kAborted:
+      return FailureKind::kReleased;
+    case absl::StatusCode::kResourceExhausted:
+      return FailureKind::kMemory;
+    case absl::StatusCode::kDataLoss:
+    case absl::StatusCode::kUnavailable:
+      return FailureKind::kInfrastructure;
+    default:
+      return FailureKind::kInternal;
+  }
+}
+
 std::string Describe(const FinishedPart& part) {
+  if (part.kind == TaskKind::kTraining) {
+    return absl::StrCat("frame ", part.frame_digest.substr(0, 12), " training");
+  }
   const std::string place =
       part.kind == TaskKind::kLight
           ? " light passes "
@@ -229,14 +247,11 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   const absl::Status in_memory =
       CatchOutOfMemory("rendering", [&] { part = loaded.scene->Render(task.lease, task.stop); });
   const absl::Status status = in_memory.ok() ? part.status() : in_memory;
-  if (!status.ok() && !absl::IsCancelled(status)) scenes_.Drop(task.lease, loaded.scene);
+  const bool stays_good = status.ok() || absl::IsCancelled(status) || absl::IsUnavailable(status);
+  if (!stays_good) scenes_.Drop(task.lease, loaded.scene);
   const MutexLock lock(&mutex_);
   if (!status.ok()) {
-    Fail(id,
-         absl::IsResourceExhausted(status) ? FailureKind::kMemory
-         : absl::IsDataLoss(status)        ? FailureKind::kInfrastructure
-                                           : FailureKind::kInternal,
-         status);
+    Fail(id, KindOf(status), status);
     return;
   }
   ledger_.Finish(id);

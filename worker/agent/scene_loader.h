@@ -20,10 +20,13 @@ class LoadedScene {
  public:
   virtual ~LoadedScene() = default;
   virtual uint64_t memory_bytes() const = 0;
-  // Renders the lease's task and encodes the part. Errors: kCancelled when stop was requested;
-  // kDataLoss if files of the scene were changed on disk since it was loaded; kResourceExhausted if
-  // memory ran out; any other is a defect of the renderer. After any but kCancelled the scene must
-  // be loaded again.
+  // Renders the lease's task and encodes the part, with the lease's guiding field, which it fetches
+  // the first time; or trains that field. Errors: kCancelled when stop was requested; kDataLoss if
+  // files of the scene were changed on disk since it was loaded, or the field's bytes are none;
+  // kUnavailable if the field could not be fetched; kAborted if the coordinator does not have it
+  // any more, or the scene has another one; kResourceExhausted if memory ran out; any other is a
+  // defect of the renderer. After any but kCancelled and kUnavailable the scene must be loaded
+  // again.
   virtual absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const = 0;
 };
 

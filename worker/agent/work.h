@@ -31,6 +31,7 @@ struct Lease {
   BlobDigest scene;  // The manifest's digest.
   FrameSettings settings;
   std::string token;  // Goes back with the result or the failure.
+  BlobDigest field;   // The guiding field to render with; empty where there is none.
 };
 
 enum class LeasePhase { kQueued, kLoading, kRendering, kUploading };
@@ -76,8 +77,9 @@ struct FinishedPart {
   SampleBlock block;
   TileCells cells;
   TaskKind kind = TaskKind::kCamera;
-  std::string exr_bytes;
-  BlobDigest digest;  // Digest of exr_bytes.
+  std::string exr_bytes;  // Of a training: the guiding field.
+  BlobDigest digest;      // Digest of exr_bytes.
+  BlobDigest field;       // The lease's.
   uint64_t ray_count = 0;
   double cpu_seconds = 0;
   std::string token;  // The lease's.

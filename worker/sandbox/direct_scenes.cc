@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/sandbox/direct_scenes.h"
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>
@@ -11,6 +12,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
+#include "worker/render/guiding_training.h"
 #include "worker/render/light_pass.h"
 #include "worker/render/scene/memory_estimate.h"
 #include "worker/render/tile_pass.h"
@@ -103,17 +105,29 @@ constexpr uint64_t kLightPassShare = 2;
 // A compiled scene with the table of its textures' files.
 class DirectScene : public OpenScene {
  public:
-  // room_bytes: the memory that is free beside the scene.
+  // room_bytes: the memory that is free beside the scene. training_threads: at least 1.
   DirectScene(std::unique_ptr<TableFileSource> source, render::CompiledScenePtr scene,
-              uint64_t room_bytes)
+              uint64_t room_bytes, uint32_t training_threads)
       : source_(std::move(source)),
         scene_(std::move(scene)),
+        training_threads_(training_threads),
         light_passes_(room_bytes / kLightPassShare) {}
 
   uint64_t memory_bytes() const override { return render::MemoryBytesOf(*scene_); }
 
+  absl::Status SetField(std::string_view field, std::stop_token /*stop*/) const override {
+    return render::SetGuiding(*scene_, field);
+  }
+
   absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
     render::RenderStats stats;
+    if (lease.kind == TaskKind::kTraining) {
+      absl::StatusOr<std::string> field =
+          render::TrainGuiding(*scene_, training_threads_, stop, &stats);
+      if (!field.ok()) return field.status();
+      LogStats(lease.frame_name, lease.kind, stats);
+      return RenderedPart{*std::move(field), stats.rays, stats.cpu_seconds};
+    }
     const absl::StatusOr<FilmTile> tile = RenderCells(lease, stop, &stats);
     if (!tile.ok()) return tile.status();
     LogStats(lease.frame_name, lease.kind, stats);
@@ -149,6 +163,7 @@ class DirectScene : public OpenScene {
 
   std::unique_ptr<TableFileSource> source_;
   render::CompiledScenePtr scene_;
+  const uint32_t training_threads_;
   mutable LightPassGate light_passes_;
 };
 
@@ -192,7 +207,8 @@ OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
             inputs.main_file, ": the compiled scene has ", memory_bytes, " bytes, the limit is ",
             scene_limits.scene_memory_bytes_max, "; raise it (--scene-memory-max)")));
   }
-  return {std::make_unique<DirectScene>(std::move(source), *std::move(compiled), room_now_().bytes),
+  return {std::make_unique<DirectScene>(std::move(source), *std::move(compiled), room_now_().bytes,
+                                        std::max(1u, scene_limits.render_threads)),
           absl::OkStatus(), FailureKind::kInternal};
 }
 

@@ -71,10 +71,23 @@ OpenResult Failed(const char* step, FailureKind kind, const absl::Status& status
 class SandboxedScene : public OpenScene {
  public:
   SandboxedScene(std::unique_ptr<SceneProcess> process, uint64_t memory_bytes,
-                 absl::Duration task_time_max)
-      : process_(std::move(process)), memory_bytes_(memory_bytes), task_time_max_(task_time_max) {}
+                 absl::Duration task_time_max, uint32_t threads)
+      : process_(std::move(process)),
+        memory_bytes_(memory_bytes),
+        task_time_max_(task_time_max),
+        threads_(threads) {}
 
   uint64_t memory_bytes() const override { return memory_bytes_; }
+
+  absl::Status SetField(std::string_view field, std::stop_token stop) const override {
+    v1::SandboxRequest request;
+    request.mutable_set_field()->set_field(std::string(field));
+    const SceneProcess::Answer answer =
+        process_->Call(std::move(request), task_time_max_, stop, OnStop::kCancelCall);
+    if (!answer.status.ok()) return Annotate(answer.status, "setting the guiding field");
+    const absl::Status status = StatusOf(answer.reply);
+    return absl::IsDataLoss(status) ? status : TrustedStatus(status, stop);
+  }
 
   absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
     v1::SandboxRequest request;
@@ -86,11 +99,12 @@ class SandboxedScene : public OpenScene {
     const absl::Status status = TrustedStatus(StatusOf(answer.reply), stop);
     if (!status.ok()) return status;
     // A thread cannot take more time than has passed.
-    const double wall_seconds = absl::ToDoubleSeconds(SteadyTime::Now() - begin);
+    const uint32_t threads = lease.kind == TaskKind::kTraining ? std::max(1u, threads_) : 1;
+    const double most_seconds = threads * absl::ToDoubleSeconds(SteadyTime::Now() - begin);
     const double cpu_seconds = answer.reply.cpu_seconds();
     return RenderedPart{
         std::move(answer.payload), answer.reply.ray_count(),
-        std::isfinite(cpu_seconds) ? std::clamp(cpu_seconds, 0.0, wall_seconds) : wall_seconds};
+        std::isfinite(cpu_seconds) ? std::clamp(cpu_seconds, 0.0, most_seconds) : most_seconds};
   }
 
  private:
@@ -104,6 +118,7 @@ class SandboxedScene : public OpenScene {
   const std::unique_ptr<SceneProcess> process_;
   const uint64_t memory_bytes_;
   const absl::Duration task_time_max_;
+  const uint32_t threads_;  // Of a training.
 };
 
 // Starts a process with the protections, and ends it. If one is not available, *missing has it.
@@ -179,7 +194,7 @@ OpenResult SandboxedScenes::Open(const SceneInputs& inputs, std::stop_token stop
             FromWire(answer.reply.failure_kind())};
   }
   return {std::make_unique<SandboxedScene>(*std::move(process), answer.reply.memory_bytes(),
-                                           options_.task_time_max),
+                                           options_.task_time_max, inputs.limits.render_threads),
           absl::OkStatus(), FailureKind::kInternal};
 }
 

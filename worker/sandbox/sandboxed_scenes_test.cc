@@ -92,7 +92,15 @@ class ActingScene : public OpenScene {
  public:
   explicit ActingScene(std::string what) : what_(std::move(what)) {}
   uint64_t memory_bytes() const override { return 1'000; }
-  absl::StatusOr<RenderedPart> Render(const Lease&, std::stop_token stop) const override {
+  absl::Status SetField(std::string_view field, std::stop_token /*stop*/) const override {
+    if (field == "none") return absl::DataLossError("other bytes");
+    if (field == "broken") return absl::NotFoundError("broken");
+    field_ = field;
+    return absl::OkStatus();
+  }
+  absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
+    if (what_ == "field") return RenderedPart{field_, 5, 1e9};
+    if (lease.kind == TaskKind::kTraining) return RenderedPart{"a field", 5, 1e9};
     if (what_ == "pretend to be cancelled") return absl::CancelledError("stopped");
     RenderedPart part{Act(what_, stop), 5, 1e9};
     if (stop.stop_requested()) return absl::CancelledError("stopped");
@@ -101,6 +109,7 @@ class ActingScene : public OpenScene {
 
  private:
   const std::string what_;
+  mutable std::string field_;
 };
 
 // "crash" acts while it loads, "render crash" while it renders; "read NAME" opens a file of the
@@ -184,6 +193,24 @@ TEST_P(SandboxedScenesTest, RendersSeveralTasksAtOnce) {
   }
   threads.clear();
   EXPECT_EQ(rendered, 8);
+}
+
+TEST_P(SandboxedScenesTest, TakesAFieldAndTrainsOne) {
+  const OpenResult opened = Open("render field");
+  ASSERT_NE(opened.scene, nullptr) << opened.status;
+  EXPECT_TRUE(absl::IsDataLoss(opened.scene->SetField("none", {})));
+  EXPECT_EQ(opened.scene->SetField("broken", {}).code(), absl::StatusCode::kInternal);
+  const std::string field(size_t{5} << 20, 'f');  // Larger than a part's message.
+  ASSERT_TRUE(opened.scene->SetField(field, {}).ok());
+  const absl::StatusOr<RenderedPart> part = opened.scene->Render({}, {});
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_EQ(part->exr_bytes, field);
+  const OpenResult another = Open("render image");
+  Lease training;
+  training.kind = TaskKind::kTraining;
+  const absl::StatusOr<RenderedPart> trained = another.scene->Render(training, {});
+  ASSERT_TRUE(trained.ok()) << trained.status();
+  EXPECT_EQ(trained->exr_bytes, "a field");
 }
 
 TEST_P(SandboxedScenesTest, CostsAtMostTheTimeThatHasPassed) {

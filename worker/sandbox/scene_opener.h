@@ -11,6 +11,7 @@
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <string_view>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -24,7 +25,7 @@ struct SceneLimits {
   uint64_t scene_memory_bytes_max = uint64_t{4} << 30;  // For one scene, read or compiled.
   uint64_t texture_memory_bytes_max = uint64_t{512} << 20;
   uint32_t build_threads = 0;   // 0: the machine's number of threads.
-  uint32_t render_threads = 1;  // Tasks rendered at once.
+  uint32_t render_threads = 1;  // Tasks rendered at once; a training uses as many threads.
 };
 
 // All that a scene is made of.
@@ -37,7 +38,7 @@ struct SceneInputs {
 
 // A part without its description, which its lease gives.
 struct RenderedPart {
-  std::string exr_bytes;
+  std::string exr_bytes;  // Of a training: the guiding field.
   uint64_t ray_count = 0;
   double cpu_seconds = 0;
 };
@@ -47,9 +48,12 @@ class OpenScene {
  public:
   virtual ~OpenScene() = default;
   virtual uint64_t memory_bytes() const = 0;
-  // Renders the lease's task and encodes the part. Errors: kCancelled when stop was requested;
-  // kResourceExhausted if memory ran out; any other is a defect of the renderer. After an error
-  // other than kCancelled the scene may be unable to render.
+  // Gives the scene the guiding field that its tasks are rendered with. Once, before the first that
+  // needs it. Errors: kDataLoss if the bytes are none of the scene; those of Render.
+  virtual absl::Status SetField(std::string_view field, std::stop_token stop) const = 0;
+  // Renders the lease's task and encodes the part, or trains the guiding field. Errors: kCancelled
+  // when stop was requested; kResourceExhausted if memory ran out; any other is a defect of the
+  // renderer. After an error other than kCancelled the scene may be unable to render.
   virtual absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const = 0;
 };
 

@@ -71,6 +71,7 @@ class SceneServer {
         return ConfineThis(request);
       case v1::SandboxRequest::kLoad:
         return Load(request);
+      case v1::SandboxRequest::kSetField:
       case v1::SandboxRequest::kRender:
         return Enqueue(std::move(request));
       case v1::SandboxRequest::kCancel:
@@ -151,10 +152,26 @@ class SceneServer {
       const std::shared_ptr<Call> call = queue_.front();
       queue_.pop_front();
       lock.Unlock();
-      Render(*call);
+      if (call->request.has_set_field()) {
+        SetField(*call);
+      } else {
+        Render(*call);
+      }
       lock.Lock();
       running_.erase(call->request.call_id());
     }
+  }
+
+  void SetField(const Call& call) {
+    absl::Status status = absl::InternalError("no scene is loaded");
+    const absl::Status in_memory = CatchOutOfMemory("setting the guiding field", [&] {
+      if (scene_ == nullptr) return;
+      status = scene_->SetField(call.request.set_field().field(), call.stop.get_token());
+    });
+    v1::SandboxReply reply;
+    reply.set_call_id(call.request.call_id());
+    SetStatus(in_memory.ok() ? status : in_memory, &reply);
+    Reply(reply);
   }
 
   void Render(const Call& call) {

@@ -3,7 +3,8 @@
 //
 // RunSceneProcess: the other end of SceneProcess, in the process of one scene.
 //
-//     ConfineRequest, once > LoadSceneRequest, once > RenderTaskRequest, any number
+//     ConfineRequest, once > LoadSceneRequest, once > RenderTaskRequest, any number, and among them
+//     SetFieldRequest, at most once
 #pragma once
 
 #include "worker/sandbox/scene_opener.h"

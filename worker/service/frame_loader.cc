@@ -4,27 +4,40 @@
 
 #include <grpcpp/client_context.h>
 
+#include <functional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
+#include "common/base/mutex.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/manifest_codec.h"
+#include "common/rpc/retry.h"
 
 namespace sheaf::worker {
 namespace {
+
+// One attempt to fetch a guiding field may take so long, and all of them together.
+constexpr absl::Duration kFieldAttemptMax = absl::Minutes(2), kFieldFetchMax = absl::Minutes(3);
+
+using FieldFetch =
+    std::function<absl::StatusOr<std::string>(const Lease& lease, std::stop_token stop)>;
 
 LoadResult Failed(FailureKind kind, const absl::Status& status) { return {nullptr, status, kind}; }
 
 // An open scene together with its files.
 class FrameScene : public LoadedScene {
  public:
-  FrameScene(const ContentCache* cache, ContentLease files, std::unique_ptr<const OpenScene> scene)
-      : cache_(cache), files_(std::move(files)), scene_(std::move(scene)) {}
+  FrameScene(const ContentCache* cache, ContentLease files, std::unique_ptr<const OpenScene> scene,
+             FieldFetch fetch_field)
+      : cache_(cache),
+        files_(std::move(files)),
+        scene_(std::move(scene)),
+        fetch_field_(std::move(fetch_field)) {}
 
   uint64_t memory_bytes() const override { return scene_->memory_bytes(); }
 
@@ -32,6 +45,7 @@ class FrameScene : public LoadedScene {
     // Texture tiles are read from the files on demand, so the files are checked before the task and
     // after it: changes in between may affect the image.
     if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
+    if (absl::Status status = EnsureField(lease, stop); !status.ok()) return status;
     absl::StatusOr<RenderedPart> rendered = scene_->Render(lease, stop);
     if (absl::IsCancelled(rendered.status())) return rendered.status();
     // An error that altered files cause is not the scene's.
@@ -49,13 +63,32 @@ class FrameScene : public LoadedScene {
     part.ray_count = rendered->ray_count;
     part.cpu_seconds = rendered->cpu_seconds;
     part.token = lease.token;
+    part.field = lease.field;
     return part;
   }
 
  private:
+  // Gives the scene the lease's guiding field, unless it has it. Others wait meanwhile.
+  absl::Status EnsureField(const Lease& lease, const std::stop_token& stop) const {
+    if (lease.field.sha256_hex.empty()) return absl::OkStatus();
+    const MutexLock lock(&field_mutex_);
+    if (lease.field == field_) return absl::OkStatus();
+    if (!field_.sha256_hex.empty()) {
+      return absl::AbortedError("the scene has an earlier guiding field; it is loaded again");
+    }
+    const absl::StatusOr<std::string> bytes = fetch_field_(lease, stop);
+    if (!bytes.ok()) return bytes.status();
+    if (absl::Status status = scene_->SetField(*bytes, stop); !status.ok()) return status;
+    field_ = lease.field;
+    return absl::OkStatus();
+  }
+
   const ContentCache* const cache_;
   ContentLease files_;  // Pins the files for the lifetime of the scene.
   std::unique_ptr<const OpenScene> scene_;
+  const FieldFetch fetch_field_;
+  mutable Mutex field_mutex_;
+  mutable BlobDigest field_ ABSL_GUARDED_BY(field_mutex_);
 };
 
 }  // namespace
@@ -63,6 +96,7 @@ class FrameScene : public LoadedScene {
 FrameLoader::FrameLoader(const std::shared_ptr<grpc::Channel>& channel, ContentCache* cache,
                          SceneOpener* scenes, SceneLimits limits)
     : stub_(v1::ContentService::NewStub(channel)),
+      worker_stub_(v1::WorkerService::NewStub(channel)),
       cache_(cache),
       scenes_(scenes),
       limits_(limits) {}
@@ -92,6 +126,41 @@ ContentCache::Fetch FrameLoader::FetchFromCoordinator(std::stop_token stop) cons
   };
 }
 
+absl::StatusOr<std::string> FrameLoader::FetchField(const Lease& lease,
+                                                    std::stop_token stop) const {
+  v1::ReadGuidingFieldRequest request;
+  request.set_frame_name(lease.frame_name);
+  request.mutable_digest()->set_sha256_hex(lease.field.sha256_hex);
+  request.mutable_digest()->set_size_bytes(lease.field.size_bytes);
+  std::string field;
+  const auto fetch = [&] {
+    field.clear();
+    grpc::ClientContext context;
+    SetDeadline(&context, kFieldAttemptMax);
+    const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
+    const std::unique_ptr<grpc::ClientReader<v1::ReadGuidingFieldResponse>> reader =
+        worker_stub_->ReadGuidingField(&context, request);
+    v1::ReadGuidingFieldResponse response;
+    while (field.size() <= lease.field.size_bytes && reader->Read(&response)) {
+      field += response.chunk();
+    }
+    if (field.size() > lease.field.size_bytes) context.TryCancel();
+    return FromGrpcStatus(reader->Finish());
+  };
+  RetryEnvironment environment = SystemRetryEnvironment();
+  environment.sleep = [&stop](absl::Duration wait) { return SleepUnlessStopped(wait, stop); };
+  const absl::Status status =
+      RetryLoop({.elapsed_max = kFieldFetchMax}, Idempotency::kIdempotent, environment, fetch);
+  if (stop.stop_requested()) return absl::CancelledError("stopped while a field was fetched");
+  if (absl::IsNotFound(status)) return absl::AbortedError(status.message());
+  const bool is_whole =
+      field.size() == lease.field.size_bytes && Sha256Hex(field) == lease.field.sha256_hex;
+  if (status.ok() && is_whole) return field;
+  return absl::UnavailableError(
+      absl::StrCat("fetching the guiding field of ", lease.frame_name, ": ",
+                   status.ok() ? "its bytes do not match its digest" : status.message()));
+}
+
 LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   const ContentCache::Fetch fetch = FetchFromCoordinator(stop);
   absl::StatusOr<ContentLease> manifest_file =
@@ -118,8 +187,12 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   }
   LogInfo(absl::StrCat(lease.frame_name, ": ", manifest->main_file, " is ready, ",
                        opened.scene->memory_bytes() >> 20, " MiB"));
-  return {std::make_unique<FrameScene>(cache_, *std::move(files), std::move(opened.scene)),
-          absl::OkStatus(), FailureKind::kInternal};
+  const auto fetch_field = [this](const Lease& of, std::stop_token until) {
+    return FetchField(of, std::move(until));
+  };
+  return {
+      std::make_unique<FrameScene>(cache_, *std::move(files), std::move(opened.scene), fetch_field),
+      absl::OkStatus(), FailureKind::kInternal};
 }
 
 }  // namespace sheaf::worker

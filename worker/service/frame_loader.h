@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameLoader: loads a lease's scene from the coordinator's blobs.
+// FrameLoader: loads a lease's scene from the coordinator's blobs. The guiding field of a guided
+// frame follows with the first lease that names it, once a scene.
 //
 //     manifest blob > files in the content cache > OpenScene
 #pragma once
@@ -10,10 +11,12 @@
 
 #include <memory>
 #include <stop_token>
+#include <string>
 
-#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "common/content/content_cache.h"
 #include "sheaf/v1/content.grpc.pb.h"
+#include "sheaf/v1/worker.grpc.pb.h"
 #include "worker/agent/scene_loader.h"
 #include "worker/sandbox/scene_opener.h"
 
@@ -22,7 +25,7 @@ namespace sheaf::worker {
 // Thread safety: Load may be called concurrently.
 class FrameLoader : public SceneLoader {
  public:
-  // Requires: cache and scenes outlive this and every scene it loaded.
+  // Requires: cache and scenes outlive this, and this outlives every scene it loaded.
   FrameLoader(const std::shared_ptr<grpc::Channel>& channel, ContentCache* cache,
               SceneOpener* scenes, SceneLimits limits);
 
@@ -31,7 +34,11 @@ class FrameLoader : public SceneLoader {
  private:
   ContentCache::Fetch FetchFromCoordinator(std::stop_token stop) const;
 
+  // The verified bytes of the lease's guiding field. Errors: those of LoadedScene::Render.
+  absl::StatusOr<std::string> FetchField(const Lease& lease, std::stop_token stop) const;
+
   const std::unique_ptr<v1::ContentService::Stub> stub_;
+  const std::unique_ptr<v1::WorkerService::Stub> worker_stub_;
   ContentCache* const cache_;
   SceneOpener* const scenes_;
   const SceneLimits limits_;

@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A scene's files are altered on disk while it is read or rendered. No error that comes of it is
-// the scene's: the job goes on with whole files.
+// the scene's: the job goes on with whole files. Guiding fields are fetched once a scene.
 #include "worker/service/frame_loader.h"
 
-#include <grpcpp/create_channel.h>
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -15,25 +16,32 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/base/digest.h"
 #include "common/content/blob_store.h"
 #include "common/rpc/manifest_codec.h"
 
 namespace sheaf::worker {
 namespace {
 
-// A scene whose tasks all fail, after `before`.
+// A scene whose tasks all fail, after `before`, unless it has a guiding field.
 class FailingScene : public OpenScene {
  public:
   explicit FailingScene(std::function<void()> before) : before_(std::move(before)) {}
   uint64_t memory_bytes() const override { return 0; }
+  absl::Status SetField(std::string_view field, std::stop_token /*stop*/) const override {
+    field_ = field;
+    return field == "no field" ? absl::DataLossError("no field") : absl::OkStatus();
+  }
   absl::StatusOr<RenderedPart> Render(const Lease& /*lease*/,
                                       std::stop_token /*stop*/) const override {
     before_();
+    if (!field_.empty()) return RenderedPart{"with " + field_};
     return absl::InternalError("it cannot be decoded");
   }
 
  private:
   const std::function<void()> before_;
+  mutable std::string field_;
 };
 
 class FakeScenes : public SceneOpener {
@@ -47,10 +55,34 @@ class FakeScenes : public SceneOpener {
   bool renders = false;
 };
 
-// All files are in the cache, so the coordinator is not asked.
+// A coordinator that has one guiding field.
+class FakeCoordinator : public v1::WorkerService::Service {
+ public:
+  grpc::Status ReadGuidingField(grpc::ServerContext* /*context*/,
+                                const v1::ReadGuidingFieldRequest* request,
+                                grpc::ServerWriter<v1::ReadGuidingFieldResponse>* writer) override {
+    ++calls;
+    EXPECT_EQ(request->frame_name(), "jobs/1/frames/2");
+    if (failures-- > 0) return {grpc::StatusCode::UNAVAILABLE, "starting"};
+    if (field.empty()) return {grpc::StatusCode::NOT_FOUND, "no such field"};
+    for (const char byte : field) {
+      v1::ReadGuidingFieldResponse response;
+      response.set_chunk(std::string(1, byte));
+      writer->Write(response);
+    }
+    return grpc::Status::OK;
+  }
+  std::string field = "a field";
+  int calls = 0, failures = 0;
+};
+
+// All files are in the cache, so that the coordinator is asked for guiding fields alone.
 class FrameLoaderTest : public testing::Test {
  protected:
   void SetUp() override {
+    grpc::ServerBuilder builder;
+    builder.RegisterService(&coordinator_);
+    server_ = builder.BuildAndStart();
     folder_ = testing::TempDir() + "/frame_loader_" +
               testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(folder_);
@@ -68,11 +100,17 @@ class FrameLoaderTest : public testing::Test {
     lease_.scene = *manifest;
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
+  // A lease that needs a guiding field of these bytes.
+  Lease Guided(const std::string& field) const {
+    Lease lease = lease_;
+    lease.frame_name = "jobs/1/frames/2";
+    lease.field = {Sha256Hex(field), field.size()};
+    return lease;
+  }
 
   LoadResult Load() {
-    loader_ = std::make_unique<FrameLoader>(
-        grpc::CreateChannel("127.0.0.1:1", grpc::InsecureChannelCredentials()), cache_.get(),
-        &scenes_, SceneLimits());
+    loader_ = std::make_unique<FrameLoader>(server_->InProcessChannel({}), cache_.get(), &scenes_,
+                                            SceneLimits());
     return loader_->Load(lease_, {});
   }
   // Changes a byte of the scene's file.
@@ -82,6 +120,8 @@ class FrameLoaderTest : public testing::Test {
     std::fstream(file_, std::ios::in | std::ios::out | std::ios::binary) << "A";
   }
 
+  FakeCoordinator coordinator_;
+  std::unique_ptr<grpc::Server> server_;
   std::string folder_, file_;
   std::unique_ptr<ContentCache> cache_;
   FakeScenes scenes_;
@@ -115,6 +155,54 @@ TEST_F(FrameLoaderTest, FilesAlteredDuringATaskAreNotTheScenesFault) {
   const LoadResult result = Load();
   ASSERT_NE(result.scene, nullptr) << result.status;
   EXPECT_EQ(result.scene->Render(lease_, {}).status().code(), absl::StatusCode::kDataLoss);
+}
+
+TEST_F(FrameLoaderTest, FieldsAreFetchedOnceAScene) {
+  scenes_.renders = true;
+  coordinator_.failures = 1;
+  const LoadResult result = Load();
+  ASSERT_NE(result.scene, nullptr) << result.status;
+  const Lease lease = Guided("a field");
+  for (int twice = 0; twice < 2; ++twice) {
+    const absl::StatusOr<FinishedPart> part = result.scene->Render(lease, {});
+    ASSERT_TRUE(part.ok()) << part.status();
+    EXPECT_EQ(part->exr_bytes, "with a field");
+    EXPECT_EQ(part->field, lease.field);
+  }
+  EXPECT_EQ(coordinator_.calls, 2) << "the first call failed, and was repeated";
+  // A training needs no field, and the scene no second one.
+  EXPECT_TRUE(result.scene->Render(lease_, {}).ok());
+  EXPECT_TRUE(absl::IsAborted(result.scene->Render(Guided("another"), {}).status()));
+  EXPECT_EQ(coordinator_.calls, 2);
+}
+
+TEST_F(FrameLoaderTest, FieldsOfOtherBytesAreNotUsed) {
+  scenes_.renders = true;
+  const LoadResult result = Load();
+  for (const std::string wanted : {"a Field", "a fiel", "a field!"}) {
+    const absl::Status status = result.scene->Render(Guided(wanted), {}).status();
+    EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  }
+  EXPECT_EQ(result.scene->Render(lease_, {}).status().code(), absl::StatusCode::kInternal)
+      << "it has no field";
+}
+
+TEST_F(FrameLoaderTest, LeasesOfLostFieldsAreGivenBack) {
+  scenes_.renders = true;
+  coordinator_.field = "";
+  const LoadResult result = Load();
+  EXPECT_TRUE(absl::IsAborted(result.scene->Render(Guided("a field"), {}).status()));
+  std::stop_source stop;
+  stop.request_stop();
+  const absl::Status stopped = result.scene->Render(Guided("a field"), stop.get_token()).status();
+  EXPECT_TRUE(absl::IsCancelled(stopped)) << stopped;
+}
+
+TEST_F(FrameLoaderTest, FieldsThatTheSceneRefusesAreReported) {
+  scenes_.renders = true;
+  coordinator_.field = "no field";
+  const LoadResult result = Load();
+  EXPECT_TRUE(absl::IsDataLoss(result.scene->Render(Guided("no field"), {}).status()));
 }
 
 }  // namespace

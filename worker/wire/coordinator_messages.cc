@@ -56,6 +56,23 @@ absl::Status CheckLease(const Lease& lease) {
                       lease.cells.All() && settings.lattice.All();
     if (!fits) return absl::InvalidArgumentError("its light passes are not those of its frame");
   }
+  if (lease.kind == TaskKind::kTraining) {
+    const bool fits = IsGuided(settings.techniques) && lease.tile == settings.window &&
+                      lease.cells.All() && lease.block == SampleBlock{0, 1};
+    if (!fits) return absl::InvalidArgumentError("its training is not that of its frame");
+  }
+  const bool needs_field = IsGuided(settings.techniques) && lease.kind != TaskKind::kTraining;
+  if (needs_field != !lease.field.sha256_hex.empty()) {
+    return absl::InvalidArgumentError(needs_field ? "its guiding field is missing"
+                                                  : "its task needs no guiding field");
+  }
+  if (needs_field) {
+    if (absl::Status status = CheckDigest(lease.field); !status.ok()) return status;
+    if (lease.field.size_bytes > kGuidingFieldBytesMax) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("its guiding field has more than ", kGuidingFieldBytesMax, " bytes"));
+    }
+  }
   if (settings.max_depth < 0) return absl::InvalidArgumentError("its depth is negative");
   return CheckDigest(lease.scene);
 }
@@ -74,6 +91,7 @@ absl::StatusOr<Lease> FromWire(const v1::Lease& message) {
   if (!settings.ok()) return settings.status();
   lease.settings = *std::move(settings);
   lease.token = message.token();
+  lease.field = {message.guiding_field().sha256_hex(), message.guiding_field().size_bytes()};
   if (absl::Status status = CheckLease(lease); !status.ok()) return status;
   return lease;
 }
@@ -120,6 +138,10 @@ v1::ResultHeader ToWire(const FinishedPart& part, const std::string& worker_id) 
   header.mutable_digest()->set_size_bytes(part.digest.size_bytes);
   header.set_ray_count(part.ray_count);
   header.set_token(part.token);
+  if (!part.field.sha256_hex.empty()) {
+    header.mutable_guiding_field()->set_sha256_hex(part.field.sha256_hex);
+    header.mutable_guiding_field()->set_size_bytes(part.field.size_bytes);
+  }
   const double seconds = std::floor(part.cpu_seconds);
   header.mutable_cpu_duration()->set_seconds(static_cast<int64_t>(seconds));
   header.mutable_cpu_duration()->set_nanos(

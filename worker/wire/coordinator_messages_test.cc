@@ -69,6 +69,8 @@ TEST(WireTest, LightPassesKeepTheirKind) {
   v1::SynchronizeResponse guided = OneLightLease();
   guided.mutable_leases(0)->mutable_settings()->set_techniques(
       v1::TECHNIQUES_CAMERA_AND_LIGHT_GUIDED);
+  guided.mutable_leases(0)->mutable_guiding_field()->set_sha256_hex(std::string(64, 'b'));
+  guided.mutable_leases(0)->mutable_guiding_field()->set_size_bytes(9);
   EXPECT_TRUE(FromWire(guided).ok());
   EXPECT_EQ(FromWire(OneLease())->leases[0].kind, TaskKind::kCamera);
   FinishedPart part;
@@ -91,6 +93,56 @@ TEST(WireTest, RefusesLightPassesOfOtherFrames) {
   };
   for (const Change& change : changes) {
     v1::SynchronizeResponse response = OneLightLease();
+    change(response.mutable_leases(0));
+    EXPECT_FALSE(FromWire(response).ok()) << response.leases(0).ShortDebugString();
+  }
+}
+
+v1::SynchronizeResponse OneTraining() {
+  v1::SynchronizeResponse response = OneLease();
+  v1::Lease* lease = response.mutable_leases(0);
+  lease->mutable_key()->set_kind(v1::TASK_KIND_TRAINING);
+  lease->mutable_key()->mutable_block()->set_first(0);
+  lease->mutable_key()->mutable_block()->set_count(1);
+  *lease->mutable_key()->mutable_tile() = lease->settings().window();
+  lease->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_GUIDED);
+  return response;
+}
+
+TEST(WireTest, GuidedLeasesHaveAField) {
+  const absl::StatusOr<DesiredState> training = FromWire(OneTraining());
+  ASSERT_TRUE(training.ok()) << training.status();
+  EXPECT_EQ(training->leases[0].kind, TaskKind::kTraining);
+  v1::SynchronizeResponse response = OneLease();
+  v1::Lease* lease = response.mutable_leases(0);
+  lease->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_GUIDED);
+  EXPECT_FALSE(FromWire(response).ok()) << "without a field";
+  lease->mutable_guiding_field()->set_sha256_hex(std::string(64, 'b'));
+  lease->mutable_guiding_field()->set_size_bytes(9);
+  const absl::StatusOr<DesiredState> guided = FromWire(response);
+  ASSERT_TRUE(guided.ok()) << guided.status();
+  EXPECT_EQ(guided->leases[0].field, (BlobDigest{std::string(64, 'b'), 9}));
+  FinishedPart part;
+  EXPECT_FALSE(ToWire(part, "w").has_guiding_field());
+  part.field = guided->leases[0].field;
+  EXPECT_EQ(ToWire(part, "w").guiding_field().sha256_hex(), std::string(64, 'b'));
+  lease->mutable_guiding_field()->set_size_bytes(kGuidingFieldBytesMax + 1);
+  EXPECT_FALSE(FromWire(response).ok());
+  lease->mutable_guiding_field()->set_size_bytes(9);
+  lease->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA);
+  EXPECT_FALSE(FromWire(response).ok()) << "a field for nothing";
+}
+
+TEST(WireTest, RefusesTrainingsOfOtherFrames) {
+  using Change = void (*)(v1::Lease*);
+  const Change changes[] = {
+      [](v1::Lease* l) { l->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA); },
+      [](v1::Lease* l) { SetRect(l->mutable_key()->mutable_tile(), 0, 0, 16, 16); },
+      [](v1::Lease* l) { l->mutable_key()->mutable_block()->set_count(2); },
+      [](v1::Lease* l) { l->mutable_guiding_field()->set_sha256_hex(std::string(64, 'b')); },
+  };
+  for (const Change& change : changes) {
+    v1::SynchronizeResponse response = OneTraining();
     change(response.mutable_leases(0));
     EXPECT_FALSE(FromWire(response).ok()) << response.leases(0).ShortDebugString();
   }

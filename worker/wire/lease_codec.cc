@@ -7,6 +7,9 @@
 namespace sheaf::worker {
 namespace {
 
+static_assert(static_cast<int>(TaskKind::kTraining) == v1::TASK_KIND_TRAINING &&
+              v1::TaskKind_ARRAYSIZE == 3);
+
 template <class Work>
 v1::ResultKey KeyOfWork(const Work& work) {
   v1::ResultKey key;
@@ -16,7 +19,7 @@ v1::ResultKey KeyOfWork(const Work& work) {
   key.mutable_block()->set_count(work.block.count);
   key.set_cell_size_px(work.cells.size_px);
   key.set_cells(work.cells.mask);
-  if (work.kind == TaskKind::kLight) key.set_kind(v1::TASK_KIND_LIGHT);
+  key.set_kind(static_cast<v1::TaskKind>(work.kind));
   return key;
 }
 
@@ -30,7 +33,7 @@ void ReadKey(const v1::ResultKey& key, Lease* lease) {
   lease->tile = sheaf::FromWire(key.tile());
   lease->block = {key.block().first(), key.block().count()};
   lease->cells = {key.cell_size_px(), key.cells()};
-  lease->kind = key.kind() == v1::TASK_KIND_CAMERA ? TaskKind::kCamera : TaskKind::kLight;
+  lease->kind = static_cast<TaskKind>(key.kind());
 }
 
 v1::LeaseFailure::Kind ToWire(FailureKind kind) {

@@ -3,6 +3,7 @@
 #include "coordinator/service/farm/farm.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -108,11 +109,13 @@ void Farm::RunOnce() {
 
 void Farm::RemoveFalseResults() {
   std::vector<std::string> liars;
+  std::set<FrameId> stale_fields;
   {
     const MutexLock lock(&tables_.mutex);
     liars = tables_.liars;
+    stale_fields = tables_.stale_fields;
   }
-  if (liars.empty()) return;
+  if (liars.empty() && stale_fields.empty()) return;
   lifecycle_.SettleEnded();  // Their quarantines are durable first.
   const ResultIntake::Pause pause(&intake_);
   for (const std::string& identity : liars) {
@@ -123,6 +126,15 @@ void Farm::RemoveFalseResults() {
     }
     const MutexLock lock(&tables_.mutex);
     tables_.liars.erase(std::find(tables_.liars.begin(), tables_.liars.end(), identity));
+  }
+  for (const FrameId& id : stale_fields) {
+    const absl::Status removed = lifecycle_.RemovePartsOfLostField(id);
+    if (!removed.ok()) {
+      LogError(absl::StrCat("removing the parts of a lost guiding field: ", removed.message()));
+      continue;
+    }
+    const MutexLock lock(&tables_.mutex);
+    tables_.stale_fields.erase(id);
   }
 }
 

@@ -7,7 +7,8 @@
 //
 //     FarmTables       the scheduler and the tables that change with it, under one mutex
 //     JobLifecycle     creates, controls, refines and ends jobs; restores them after a start
-//     ResultIntake     takes results: check, file, row, scheduler, merge, acknowledgement
+//     ResultIntake     takes results: check, file, row, scheduler, merge, acknowledgement; gives
+//                      guiding fields to workers
 //     FrameRounds      goes from one round of a frame to the next
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
 //     DeliveredImages, FramePreviews, JobViews, WorkerViews, RefinementPricing, FarmMetrics
@@ -128,6 +129,11 @@ class Farm : public FarmView {
     return intake_.Add(report, bytes);
   }
 
+  // Errors: those of ResultIntake::ReadField.
+  absl::StatusOr<std::string> ReadGuidingField(const FrameId& id, const BlobDigest& digest) {
+    return intake_.ReadField(id, digest);
+  }
+
   // Gives an identity work again; nothing happens where it is not in quarantine. OK means: that is
   // durable. Errors: kFailedPrecondition (its false results are still being removed);
   // kUnavailable, kResourceExhausted (the disk).
@@ -192,7 +198,7 @@ class Farm : public FarmView {
   Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
        std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews,
        const std::string& secret);
-  // Removes the results of those who were found to make false ones.
+  // Removes the results of those who were found to make false ones, and those of lost fields.
   void RemoveFalseResults();
   // Removes the failures that do not prove that their lease is the sender's.
   void KeepProvenFailures(WorkerReport* report) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);

@@ -106,6 +106,9 @@ struct FarmTables {
   std::set<uint64_t> unsaved_failures ABSL_GUARDED_BY(mutex);
   // Identities that made false results, whose parts are still to be removed.
   std::vector<std::string> liars ABSL_GUARDED_BY(mutex);
+  // Frames with parts that were made with another guiding field than a new one, still to be
+  // removed.
+  std::set<FrameId> stale_fields ABSL_GUARDED_BY(mutex);
   std::vector<QuarantineRecord> unsaved_quarantines ABSL_GUARDED_BY(mutex);  // Likewise.
   // By numeric profile, as they were at loads_time.
   std::map<std::string, FarmLoad> loads ABSL_GUARDED_BY(mutex);

@@ -127,6 +127,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
     if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();  // Job ended.
     const bool waits = !tables_.liars.empty() ||  // Their results go first.
+                       tables_.stale_fields.contains(id) ||
                        tables_.scheduler.AwaitsChecks(id, SteadyTime::Now());
     if (waits) {
       queue_.Add(id);  // Looked at again after the next result of a check, or soon.

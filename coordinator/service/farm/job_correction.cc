@@ -5,6 +5,7 @@
 // hold such results are rendered again from the parts that are left, also where they are delivered
 // already. A frame that is rendered in rounds begins with its first round, for its decisions came
 // from false sums.
+#include <algorithm>
 #include <map>
 #include <set>
 #include <string>
@@ -42,11 +43,15 @@ absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
     if (left.contains(row.key)) continue;  // A call before this one corrected its frame.
     by_job[row.key.frame.job_id].push_back(std::move(row));
   }
-  for (const auto& [job_id, parts] : by_job) {
-    absl::Status corrected = CorrectJob(job_id, identity, parts);
+  for (auto& [job_id, of_job] : by_job) {
+    absl::StatusOr<std::vector<PartRow>> parts = WithPartsOfFields(job_id, std::move(of_job));
+    if (!parts.ok()) return parts.status();
+    absl::Status corrected = CorrectJob(
+        job_id, absl::StrCat("results of ", identity, " were found false after delivery"), *parts);
     if (!corrected.ok()) return corrected;
-    LogWarning(absl::StrCat("job ", job_id, ": ", parts.size(), " results of ", identity,
-                            " are not believed any more and are rendered again"));
+    LogWarning(absl::StrCat("job ", job_id, ": ", parts->size(), " results of ", identity,
+                            ", or made with its guiding fields, are not believed any more and are "
+                            "rendered again"));
   }
   rows = store_.FindPartsOf(identity);
   if (!rows.ok()) return rows.status();
@@ -55,7 +60,41 @@ absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
       absl::StrCat("the disk does not remove ", rows->size(), " of them yet; it is asked again"));
 }
 
-absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& identity,
+absl::StatusOr<std::vector<PartRow>> JobLifecycle::WithPartsOfFields(
+    uint64_t job_id, std::vector<PartRow> false_parts) {
+  const auto is_field = [](const PartRow& row) { return row.key.kind == TaskKind::kTraining; };
+  std::map<FrameId, std::string> fields;
+  for (const PartRow& row : false_parts) {
+    if (is_field(row)) fields[row.key.frame] = row.digest.sha256_hex;
+  }
+  if (fields.empty()) return false_parts;
+  const absl::StatusOr<JobStore::LoadedParts> all = LoadPartsOf(job_id);
+  if (!all.ok()) return all.status();
+  const std::string identity = false_parts.front().identity;
+  for (const PartRow& row : all->rows) {
+    const auto field = fields.find(row.key.frame);
+    const bool has_field = field != fields.end() && row.field == field->second;
+    if (has_field && row.identity != identity) false_parts.push_back(row);
+  }
+  std::stable_partition(false_parts.begin(), false_parts.end(),
+                        [&](const PartRow& row) { return !is_field(row); });
+  return false_parts;
+}
+
+absl::Status JobLifecycle::RemovePartsOfLostField(const FrameId& id) {
+  const MutexLock settling(&settle_mutex_);
+  {
+    const MutexLock lock(&tables_.mutex);
+    const FrameRecord* frame = tables_.scheduler.FindFrame(id);
+    if (frame == nullptr || frame->tasks == nullptr) return absl::OkStatus();  // It has ended.
+  }
+  absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(id.job_id);
+  if (!parts.ok()) return parts.status();
+  std::erase_if(parts->rows, [&id](const PartRow& row) { return !(row.key.frame == id); });
+  return CorrectJob(id.job_id, "its guiding field was lost and came out otherwise", parts->rows);
+}
+
+absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,
                                       const std::vector<PartRow>& false_parts) {
   std::set<int32_t> numbers, delivered;
   for (const PartRow& part : false_parts) numbers.insert(part.key.frame.frame_number);
@@ -78,8 +117,7 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& identi
   if (!delivered.empty()) {
     absl::Status warned =
         SetWarning(job_id, absl::StrCat(FramesText(delivered),
-                                        goes_on ? " corrected: " : " may be false: ", "results of ",
-                                        identity, " were found false after delivery",
+                                        goes_on ? " corrected: " : " may be false: ", why,
                                         goes_on ? "" : ", and the job does not go on"));
     if (!warned.ok()) return warned;
   }

@@ -69,6 +69,9 @@ class JobLifecycle {
   // kUnavailable while the disk does not remove all of them. Then it can be called again, which
   // corrects no frame twice.
   absl::Status RemoveResultsOf(const std::string& identity);
+  // Removes the parts of a frame whose guiding field was lost and came out otherwise; they are
+  // rendered again. Requires and errors: as RemoveResultsOf.
+  absl::Status RemovePartsOfLostField(const FrameId& id);
   // Replaces what the users of a job should know of its images.
   absl::Status SetWarning(uint64_t job_id, const std::string& text);
 
@@ -108,6 +111,9 @@ class JobLifecycle {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   void RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts, TilesOnDisk on_disk)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // By frame, the guiding field of its parts: the stored one, or that of which its parts say that
+  // they were made with it.
+  static std::map<FrameId, BlobDigest> FieldsOf(const std::vector<PartRow>& rows);
   // Removes a part that does not fit beside those before it: it was superseded while it was
   // written, and the disk refused to remove it, or its frame was refined.
   void RemoveUnusable(const PartRow& row, FrameTasks::Fit fit)
@@ -142,10 +148,15 @@ class JobLifecycle {
   void TakeOut(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
   // job_correction.cc
-  absl::Status CorrectJob(uint64_t job_id, const std::string& identity,
+  // why: what was found of the parts, for people.
+  absl::Status CorrectJob(uint64_t job_id, const std::string& why,
                           const std::vector<PartRow>& false_parts)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void RemoveFalse(const std::vector<PartRow>& parts);
+  // The false parts of an identity, with those that others made with its guiding fields. Fields
+  // come last: while one is there, a stop in between leaves the rest to be found again.
+  absl::StatusOr<std::vector<PartRow>> WithPartsOfFields(uint64_t job_id,
+                                                         std::vector<PartRow> false_parts);
 
   const FarmOptions options_;
   const std::string numeric_profile_;

@@ -121,17 +121,27 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
     LogInfo(absl::StrCat("job ", job.spec.job_id, ": ", parts.files_without_row,
                          " files of parts have no row; what they held is rendered again"));
   }
+  const std::map<FrameId, BlobDigest> fields = FieldsOf(parts.rows);
   for (const PartRow& row : parts.rows) {
     const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
     const bool wanted = frame != nullptr && frame->phase != FrameRecord::Phase::kDelivered;
     if (!wanted) continue;  // Delivered, and stopped before its parts were removed.
-    const FrameTasks::Fit fit = tables_.scheduler.RestorePart(
-        row.key.frame, row.key.tile, row.key.block, row.key.cells, row.cost, row.key.kind);
+    FrameTasks::Fit fit = FrameTasks::Fit::kPartial;
+    const auto field = fields.find(row.key.frame);
+    if (field != fields.end()) tables_.scheduler.RestoreField(field->first, field->second);
+    const bool is_field = row.key.kind == TaskKind::kTraining;
+    const bool fits_field =
+        is_field || row.field == (field == fields.end() ? "" : field->second.sha256_hex);
+    if (fits_field) {
+      fit = tables_.scheduler.RestorePart(row.key.frame, row.key.tile, row.key.block, row.key.cells,
+                                          row.cost, row.key.kind);
+    }
     if (fit != FrameTasks::Fit::kWanted) {
       RemoveUnusable(row, fit);
       continue;
     }
-    on_disk[row.key.frame].insert(*frame->tasks->grid().FindTile(row.key.tile, row.key.kind));
+    std::set<uint32_t>& tiles = on_disk[row.key.frame];
+    if (!is_field) tiles.insert(*frame->tasks->grid().FindTile(row.key.tile, row.key.kind));
   }
   for (const auto& [id, tiles] : on_disk) tables_.Open(id, tiles);
   for (const FrameSpec& spec : job.spec.frames) {
@@ -149,14 +159,25 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
   }
 }
 
+std::map<FrameId, BlobDigest> JobLifecycle::FieldsOf(const std::vector<PartRow>& rows) {
+  std::map<FrameId, BlobDigest> fields;
+  for (const PartRow& row : rows) {
+    if (row.key.kind == TaskKind::kTraining) fields[row.key.frame] = row.digest;
+  }
+  for (const PartRow& row : rows) {
+    if (!row.field.empty()) fields.try_emplace(row.key.frame, BlobDigest{row.field, 0});
+  }
+  return fields;
+}
+
 void JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fit) {
   // A part outside of its frame is of a later round than that from which a refined job continues.
   if (fit != FrameTasks::Fit::kOutside) {
     ++tables_.scheduler.counters().parts_revoked;
     LogWarning(absl::StrCat("job ", row.key.frame.job_id, ": a part of frame ",
                             row.key.frame.frame_number,
-                            " overlaps another and is removed; the samples that nothing else has "
-                            "are rendered again"));
+                            " overlaps another, or was made with another guiding field, and is "
+                            "removed; the samples that nothing else has are rendered again"));
   }
   removals_.Remove({row});
 }

@@ -124,6 +124,7 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   for (const FrameRecord& frame : job.frames) {
     FrameView of_frame = ViewOf(job, frame, with_frames, now);
     AddProgress(of_frame.progress, &view.progress);
+    view.training_frame_count += of_frame.is_training ? 1 : 0;
     NotePreviewFrame(of_frame, &view);
     if (!with_frames) continue;
     const auto rounds = account.rounds.find(frame.number());
@@ -162,6 +163,7 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
     view.stop = spec.stop;
     view.resumed = std::move(spec.resumed);
   }
+  view.is_training = frame.phase == FrameRecord::Phase::kOpen && !frame.tasks->Trained();
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
   const std::map<int32_t, int32_t>& corrections = tables_.accounts.at(id.job_id).corrections;
   const auto corrected = corrections.find(id.frame_number);

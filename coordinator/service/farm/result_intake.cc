@@ -111,7 +111,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   {
     const MutexLock lock(&tables_.mutex);
     found = tables_.scheduler.FindTask(report.frame_digest, report.tile, report.block, report.cells,
-                                       report.lease_id, report.kind);
+                                       report.lease_id, report.kind, report.field);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
       numeric_profile = tables_.scheduler.jobs().at(found.frame.job_id).spec.numeric_profile;
       settings = tables_.scheduler.FindFrame(found.frame)->settings();
@@ -119,17 +119,65 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   }
   using Kind = Scheduler::FoundTask::Kind;
   if (found.kind == Kind::kMalformed) return Reject(report, "the frame has no such task");
+  if (found.kind == Kind::kOtherField) {
+    return Reject(report, "it was made with another guiding field than the frame's",
+                  &Counters::results_other_field);
+  }
   if (found.kind == Kind::kUnknown || found.kind == Kind::kPartial) {
     const MutexLock lock(&tables_.mutex);
     ++tables_.scheduler.counters().results_superseded;
     return ResultOutcome::kSuperseded;
   }
   if (found.kind == Kind::kCovered) return JudgeCovered(report, found);
+  if (report.kind == TaskKind::kTraining) return AddField(report, bytes, found);
   absl::StatusOr<DecodedPart> part = DecodePart(bytes, report.tile.PixelCount());
   if (!part.ok()) return Reject(report, std::string(part.status().message()));
   const std::string why_not = WhyNotPartOf(report, numeric_profile, settings, *part);
   if (!why_not.empty()) return Reject(report, why_not);
   return Store(report, bytes, found, std::move(part->tile));
+}
+
+bool ResultIntake::HasField(const FrameId& id, const BlobDigest& digest) const {
+  const FrameRecord* frame = tables_.scheduler.FindFrame(id);
+  return frame != nullptr && frame->tasks != nullptr &&
+         frame->tasks->grid().training_tile().has_value() && frame->tasks->Trained() &&
+         frame->tasks->field() == digest;
+}
+
+absl::StatusOr<std::string> ResultIntake::ReadField(const FrameId& id, const BlobDigest& digest) {
+  const absl::Status none = absl::NotFoundError(absl::StrCat(
+      "frame ", id.frame_number, " of job ", id.job_id, " does not have such a guiding field"));
+  PartKey key{id, {}, {0, 1}, {}, TaskKind::kTraining};
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (!HasField(id, digest)) return none;
+    key.tile = tables_.scheduler.FindFrame(id)->settings().window;
+  }
+  const absl::StatusOr<std::optional<PartRow>> row = store_.FindPart(key);
+  if (!row.ok()) return row.status();
+  if (!row->has_value() || (*row)->digest != digest) return none;
+  absl::StatusOr<std::string> bytes = store_.ReadPart(**row);
+  if (!absl::IsNotFound(bytes.status()) && !absl::IsDataLoss(bytes.status())) return bytes;
+  LoseField(**row, bytes.status());
+  return none;
+}
+
+void ResultIntake::LoseField(const PartRow& field, const absl::Status& why) {
+  const PartKey& key = field.key;
+  std::string frame_digest;
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (!HasField(key.frame, field.digest)) return;
+    frame_digest = tables_.scheduler.FindFrame(key.frame)->packed.frame_digest().Hex();
+  }
+  // Neither another field is taken meanwhile, nor is the frame corrected.
+  const TileReservation reservation(this, {frame_digest, key.kind, key.tile.y0, key.tile.x0});
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (!HasField(key.frame, field.digest)) return;
+  }
+  tiles_.RevokePart(field, why);
+  signals_.Changed();
 }
 
 absl::Status ResultIntake::CheckSender(const ResultReport& report) {
@@ -154,13 +202,40 @@ absl::Status ResultIntake::CheckSender(const ResultReport& report) {
   return absl::PermissionDeniedError(text);
 }
 
-absl::Status ResultIntake::Reject(const ResultReport& report, const std::string& why) {
+absl::StatusOr<ResultOutcome> ResultIntake::AddField(const ResultReport& report,
+                                                     const std::string& bytes,
+                                                     const Scheduler::FoundTask& found) {
+  if (bytes.empty() || bytes.size() > kGuidingFieldBytesMax) {
+    return Reject(report, absl::StrCat("a guiding field has 1 to ", kGuidingFieldBytesMax,
+                                       " bytes, not ", bytes.size()));
+  }
+  {
+    const MutexLock lock(&tables_.mutex);
+    const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
+    const bool has_parts = frame != nullptr && frame->tasks != nullptr &&
+                           frame->tasks->sample_count_done() > 0 &&
+                           !frame->tasks->field().sha256_hex.empty();
+    if (has_parts && frame->tasks->field().sha256_hex != report.digest.sha256_hex) {
+      tables_.stale_fields.insert(found.frame);
+      const std::string text = absl::StrCat(
+          "job ", found.frame.job_id, ": frame ", found.frame.frame_number,
+          " has another guiding field than the lost one; the parts that were made with that are ",
+          "removed first");
+      LogWarning(text);
+      return absl::UnavailableError(text);
+    }
+  }
+  return Store(report, bytes, found, std::nullopt);
+}
+
+absl::Status ResultIntake::Reject(const ResultReport& report, const std::string& why,
+                                  uint64_t Counters::*counter) {
   const std::string text =
       absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
   LogWarning(text);
   {
     const MutexLock lock(&tables_.mutex);
-    ++tables_.scheduler.counters().results_invalid;
+    ++(tables_.scheduler.counters().*counter);
     tables_.scheduler.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
                            report.worker_id, SteadyTime::Now());
     tables_.NoteEndedJobs();
@@ -230,14 +305,15 @@ void ResultIntake::Punish(const ResultReport& report, const PartRow& merged,
 absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                                                   const std::string& bytes,
                                                   const Scheduler::FoundTask& found,
-                                                  FilmTile part) {
-  const ResultCost cost{report.ray_count, NonfiniteCount(part), report.cpu_duration,
+                                                  std::optional<FilmTile> part) {
+  const ResultCost cost{report.ray_count, part ? NonfiniteCount(*part) : 0, report.cpu_duration,
                         report.digest.size_bytes};
   const PartRow row{{found.frame, report.tile, report.block, report.cells, report.kind},
                     report.digest,
                     report.worker_id,
                     cost,
-                    report.Sender()};
+                    report.Sender(),
+                    report.field};
   absl::Status written = removals_.MakeRoom(row.key);
   if (written.ok()) written = store_.WritePart(row, bytes);
   disk_.Note(written);
@@ -250,12 +326,14 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                                      report.kind);
   {
     const MutexLock lock(&tables_.mutex);
-    const Scheduler::FoundTask again = tables_.scheduler.FindTask(
-        report.frame_digest, report.tile, report.block, report.cells, report.lease_id, report.kind);
+    const Scheduler::FoundTask again =
+        tables_.scheduler.FindTask(report.frame_digest, report.tile, report.block, report.cells,
+                                   report.lease_id, report.kind, report.field);
     const bool wanted =
         again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
     if (wanted) {
       open = tables_.Open(found.frame);
+      if (!part) tables_.scheduler.SetField(found.frame, report.digest);
       rendered = tables_.scheduler.Accept(found.frame, found.task, report.lease_id,
                                           report.worker_id, cost, SteadyTime::Now());
       tables_.scheduler.ConsiderCheck(found.frame, found.task,
@@ -276,8 +354,10 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                             report.kind == TaskKind::kLight ? " splats" : " samples",
                             " were not finite in ", KeyText(report)));
   }
-  Merge(open.get(), found.frame, found.task.tile, {std::move(part), found.task.cells},
-        tile_complete);
+  if (part) {
+    Merge(open.get(), found.frame, found.task.tile, {*std::move(part), found.task.cells},
+          tile_complete);
+  }
   if (rendered) {
     queue_.Add(found.frame);
     queue_.Wake();

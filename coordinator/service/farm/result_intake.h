@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <set>
 #include <string>
 #include <tuple>
@@ -39,7 +40,9 @@ struct ResultReport {
   std::string token;  // LeaseGrant::token.
   std::string worker_id;
   std::string identity;  // As WorkerReport has it.
-  BlobDigest digest;     // The digest of the part's bytes.
+  BlobDigest digest;     // The digest of the part's bytes, or of the guiding field's.
+  // The SHA-256 of the guiding field that the part was made with; empty where there is none.
+  std::string field;
   uint64_t ray_count = 0;
   absl::Duration cpu_duration;
 
@@ -80,6 +83,11 @@ class ResultIntake {
   // kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
   absl::StatusOr<ResultOutcome> Add(const ResultReport& report, const std::string& bytes);
 
+  // The verified bytes of a frame's guiding field, which is stored as the part of its training. One
+  // that is lost or damaged is trained again. Errors: kNotFound (the frame has no such field, or it
+  // is lost: the frame is leased again when it has one); others of the store.
+  absl::StatusOr<std::string> ReadField(const FrameId& id, const BlobDigest& digest);
+
   // While it lives no result is taken: it waits for those under way, and others wait for its end.
   // One at a time. Take no lock before it that taking a result needs.
   class Pause;
@@ -93,9 +101,22 @@ class ResultIntake {
   absl::Status CheckSender(const ResultReport& report);
   absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
                                              const Scheduler::FoundTask& found);
-  absl::Status Reject(const ResultReport& report, const std::string& why);
+  // counter: what the result counts as.
+  absl::Status Reject(const ResultReport& report, const std::string& why,
+                      uint64_t Counters::*counter = &Counters::results_invalid);
+  // Takes the bytes of a guiding field. Errors: kInvalidArgument; kUnavailable where parts are left
+  // that were made with another field.
+  absl::StatusOr<ResultOutcome> AddField(const ResultReport& report, const std::string& bytes,
+                                         const Scheduler::FoundTask& found);
+  // part: none of a training.
   absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
-                                      const Scheduler::FoundTask& found, FilmTile part);
+                                      const Scheduler::FoundTask& found,
+                                      std::optional<FilmTile> part);
+  // Gives a field back to be trained again. Nothing happens where the frame has no such one by now.
+  void LoseField(const PartRow& field, const absl::Status& why);
+  // Whether the frame is trained, with this field.
+  bool HasField(const FrameId& id, const BlobDigest& digest) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Acts on what a comparison showed.
   void Punish(const ResultReport& report, const PartRow& merged, const CheckVerdict& verdict)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);

@@ -57,7 +57,8 @@ void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
   if (frame == nullptr || frame->tasks == nullptr) return;
   const std::optional<Task> task =
       frame->tasks->Find(row.key.tile, row.key.block, row.key.cells, row.key.kind);
-  if (task) tables_.scheduler.Revoke(row.key.frame, *task);
+  const bool is_done = task && frame->tasks->FitOf(*task) == FrameTasks::Fit::kCovered;
+  if (is_done) tables_.scheduler.Revoke(row.key.frame, *task);
 }
 
 absl::StatusOr<std::vector<CellPart>> TileBuilder::ResumedParts(OpenFrame* frame,

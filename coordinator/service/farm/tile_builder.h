@@ -30,8 +30,10 @@ class TileBuilder {
   absl::Status Rebuild(OpenFrame* frame, const FrameId& id, uint32_t tile)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 
- private:
+  // Gives a part that is lost or damaged, or a guiding field, back to be made again.
   void RevokePart(const PartRow& row, const absl::Status& why);
+
+ private:
   // The parts of a tile that the resumed image stands for; none where the frame resumes none.
   absl::StatusOr<std::vector<CellPart>> ResumedParts(OpenFrame* frame, uint32_t tile) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);

@@ -16,6 +16,9 @@ namespace {
 static_assert(static_cast<int>(StopReason::kCpu) == v1::STOP_REASON_CPU &&
               v1::StopReason_ARRAYSIZE == kStopReasonCount);
 
+static_assert(static_cast<int>(TaskKind::kTraining) == v1::TASK_KIND_TRAINING &&
+              v1::TaskKind_ARRAYSIZE == 3);
+
 absl::Status Invalid(const std::string& field, const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat(field, ": ", why));
 }
@@ -145,6 +148,7 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   wire.set_one_sequence_gain(view.one_sequence_gain);
   wire.set_correction_count(view.correction_count);
   wire.set_frame_digest(view.frame_digest);
+  wire.set_training(view.is_training);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);
   wire.set_image_digest(view.image_digest);
@@ -230,10 +234,13 @@ v1::Lease ToWire(const LeaseGrant& grant) {
   wire.mutable_key()->mutable_block()->set_count(grant.lease.task.block.count);
   wire.mutable_key()->set_cell_size_px(grant.lease.cells.size_px);
   wire.mutable_key()->set_cells(grant.lease.cells.mask);
-  if (grant.lease.kind == TaskKind::kLight) wire.mutable_key()->set_kind(v1::TASK_KIND_LIGHT);
+  wire.mutable_key()->set_kind(static_cast<v1::TaskKind>(grant.lease.kind));
   *wire.mutable_scene() = coordinator::ToWire(grant.scene);
   *wire.mutable_settings() = ToWire(grant.settings);
   wire.set_token(grant.token);
+  if (!grant.lease.field.sha256_hex.empty()) {
+    *wire.mutable_guiding_field() = coordinator::ToWire(grant.lease.field);
+  }
   return wire;
 }
 
@@ -348,8 +355,12 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   const std::string why_no_cells = WhyNoCells(report.tile, report.cells);
   if (!why_no_cells.empty()) return Invalid("key.cells", why_no_cells);
   if (!v1::TaskKind_IsValid(header.key().kind())) return Invalid("key.kind", "is unknown");
-  const bool is_light = header.key().kind() == v1::TASK_KIND_LIGHT;
-  report.kind = is_light ? TaskKind::kLight : TaskKind::kCamera;
+  report.kind = static_cast<TaskKind>(header.key().kind());
+  if (header.has_guiding_field()) {
+    absl::StatusOr<BlobDigest> field = FromWire(header.guiding_field());
+    if (!field.ok()) return Invalid("guiding_field", std::string(field.status().message()));
+    report.field = field->sha256_hex;
+  }
   report.lease_id = header.lease_id();
   report.token = header.token();
   report.worker_id = header.worker_id();
@@ -390,6 +401,7 @@ v1::Job ToWire(const JobView& view) {
   *wire.mutable_progress() = ToWire(view.progress);
   wire.set_waiting_reason(view.waiting_reason);
   wire.set_warning(view.warning);
+  wire.set_training_frame_count(view.training_frame_count);
   for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
   return wire;
 }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "coordinator/service/grpc/caller.h"
 #include "coordinator/service/grpc/drain_stream.h"
@@ -97,6 +98,26 @@ grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
   if (context->IsCancelled())
     return ToGrpcStatus(absl::CancelledError("the upload was interrupted"));
   return ToGrpcStatus(assembly.Finish());
+}
+
+grpc::Status WorkerService::ReadGuidingField(
+    grpc::ServerContext* context, const v1::ReadGuidingFieldRequest* request,
+    grpc::ServerWriter<v1::ReadGuidingFieldResponse>* writer) {
+  const absl::StatusOr<IdentityUse::Stream> stream =
+      OpenStream(*context, access_, "ReadGuidingField");
+  if (!stream.ok()) return ToGrpcStatus(stream.status());
+  const absl::StatusOr<FrameId> id = ParseFrameName(request->frame_name());
+  if (!id.ok()) return ToGrpcStatus(id.status());
+  const absl::StatusOr<BlobDigest> digest = FromWire(request->digest());
+  if (!digest.ok()) return ToGrpcStatus(digest.status());
+  const absl::StatusOr<std::string> bytes = farm_->ReadGuidingField(*id, *digest);
+  if (!bytes.ok()) return ToGrpcStatus(bytes.status());
+  for (size_t offset = 0; offset < bytes->size(); offset += kStreamChunkBytesMax) {
+    v1::ReadGuidingFieldResponse response;
+    response.set_chunk(bytes->substr(offset, kStreamChunkBytesMax));
+    if (!writer->Write(response)) break;
+  }
+  return grpc::Status::OK;
 }
 
 }  // namespace sheaf::coordinator

@@ -23,6 +23,9 @@ class WorkerService final : public v1::WorkerService::Service {
   grpc::Status UploadResults(grpc::ServerContext* context,
                              grpc::ServerReader<v1::UploadResultsRequest>* reader,
                              v1::UploadResultsResponse* response) override;
+  grpc::Status ReadGuidingField(grpc::ServerContext* context,
+                                const v1::ReadGuidingFieldRequest* request,
+                                grpc::ServerWriter<v1::ReadGuidingFieldResponse>* writer) override;
 
  private:
   Farm* const farm_;

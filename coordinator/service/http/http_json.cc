@@ -146,6 +146,7 @@ Json JobObject(const JobView& job) {
       {"end_time", TimeJson(job.end_time)},
       {"frame_count", job.frame_count},
       {"frame_complete_count", job.frame_complete_count},
+      {"training_frame_count", job.training_frame_count},
       {"preview_frame", PreviewFrameJson(job)},
       {"progress", ProgressJson(job.progress)},
   };
@@ -185,6 +186,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
   });
   AddSettings(frame.settings, SettingField::Shown::kWithSettings, &json);
   json.update(Json{
+      {"training", frame.is_training},
       {"complete", frame.complete},
       {"image_digest", frame.image_digest},
       {"preview_version", frame.preview_version},

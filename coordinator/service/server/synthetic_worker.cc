@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/server/synthetic_worker.h"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/light/light_image.h"
@@ -22,6 +24,14 @@ namespace {
 float Unit(uint64_t bits) { return static_cast<float>(bits & 0xffffff) * 0x1p-24f; }
 
 }  // namespace
+
+std::string SyntheticField(uint64_t seed) { return absl::StrCat("field of ", seed); }
+
+uint64_t GuidedSeed(uint64_t seed, const std::string& field) {
+  uint64_t bits = seed + 1;
+  for (const char c : field) bits = MixBits(bits + static_cast<uint8_t>(c));
+  return bits;
+}
 
 FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_index) {
   const uint64_t pixel = static_cast<uint64_t>(y) * 65536 + static_cast<uint64_t>(x);
@@ -69,16 +79,19 @@ FilmTile SyntheticLightPart(uint64_t seed, PixelRect window, SampleBlock block) 
 
 FrameImage SyntheticImage(const FrameSettings& settings) {
   FrameImage image = MakeFrameImage(settings.window, settings.width_px, settings.height_px);
+  const uint64_t seed = IsGuided(settings.techniques)
+                            ? GuidedSeed(settings.seed, SyntheticField(settings.seed))
+                            : settings.seed;
   TileTree tree(settings.window);
   for (const SampleBlock& block : CutSamples(0, settings.samples, uint64_t{1} << 40)) {
-    if (!tree.Insert(SyntheticPart(settings.seed, settings.window, block)).ok()) return {};
+    if (!tree.Insert(SyntheticPart(seed, settings.window, block)).ok()) return {};
   }
   DevelopTile(tree.Root(), &image);
   if (!HasLightPaths(settings.techniques)) return image;
   TileTree passes(settings.window);
   for (const SampleBlock& block :
        CutSamples(0, settings.samples, LightPassAccumulator::kPassesMax)) {
-    FilmTile part = SyntheticLightPart(settings.seed, settings.window, block);
+    FilmTile part = SyntheticLightPart(seed, settings.window, block);
     if (!passes.Insert(std::move(part)).ok()) return {};
   }
   FrameImage light = MakeFrameImage(settings.window, settings.width_px, settings.height_px),
@@ -135,16 +148,34 @@ SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) cons
   const PixelRect rect = sheaf::FromWire(lease.key().tile());
   const SampleBlock block{lease.key().block().first(), lease.key().block().count()};
   const TileCells cells{lease.key().cell_size_px(), lease.key().cells()};
+  if (lease.key().kind() == v1::TASK_KIND_TRAINING) {
+    return MakeUploadOf(lease, falsify_ ? "false" : SyntheticField(lease.settings().seed()));
+  }
+  uint64_t seed = lease.settings().seed();
+  if (lease.has_guiding_field()) {
+    const absl::StatusOr<std::string> field = ReadField(lease);
+    seed = GuidedSeed(seed, field.ok() ? *field : "none");
+  }
   const bool is_light = lease.key().kind() == v1::TASK_KIND_LIGHT;
-  FilmTile part = is_light ? SyntheticLightPart(lease.settings().seed(), rect, block)
-                           : FilmTile(rect, block);
+  FilmTile part = is_light ? SyntheticLightPart(seed, rect, block) : FilmTile(rect, block);
   for (const PixelRect& cell : is_light ? std::vector<PixelRect>() : RectsOf(rect, cells)) {
-    Paste(SyntheticPart(lease.settings().seed(), cell, block), &part);
+    Paste(SyntheticPart(seed, cell, block), &part);
   }
   if (falsify_) falsify_(&part);
+  return MakeUploadOf(lease, EncodePart(part, {lease.key().frame_digest(),
+                                               numeric_profile_,
+                                               {},
+                                               cells,
+                                               is_light ? TaskKind::kLight : TaskKind::kCamera}));
+}
+
+SyntheticWorker::Upload SyntheticWorker::MakeUploadOf(const v1::Lease& lease,
+                                                      std::string bytes) const {
   Upload upload;
-  upload.bytes = EncodePart(part, {lease.key().frame_digest(), numeric_profile_, {}, cells,
-                                   is_light ? TaskKind::kLight : TaskKind::kCamera});
+  upload.bytes = std::move(bytes);
+  if (lease.has_guiding_field()) {
+    *upload.header.mutable_guiding_field() = lease.guiding_field();
+  }
   *upload.header.mutable_key() = lease.key();
   upload.header.set_lease_id(lease.lease_id());
   upload.header.set_worker_id(worker_id_);
@@ -156,21 +187,39 @@ SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) cons
   return upload;
 }
 
+absl::StatusOr<std::string> SyntheticWorker::ReadField(const v1::Lease& lease) const {
+  grpc::ClientContext context;
+  SetDeadline(&context, kUnaryDeadline);
+  v1::ReadGuidingFieldRequest request;
+  request.set_frame_name(lease.frame_name());
+  *request.mutable_digest() = lease.guiding_field();
+  const auto reader = stub_->ReadGuidingField(&context, request);
+  v1::ReadGuidingFieldResponse response;
+  std::string bytes;
+  while (reader->Read(&response)) bytes += response.chunk();
+  const grpc::Status status = reader->Finish();
+  if (!status.ok()) return FromGrpcStatus(status);
+  if (Sha256Hex(bytes) == lease.guiding_field().sha256_hex()) return bytes;
+  return absl::DataLossError("these are not the bytes of the field");
+}
+
 absl::StatusOr<v1::UploadResultsResponse::Outcome> SyntheticWorker::Send(
     const Upload& upload) const {
   grpc::ClientContext context;
   SetDeadline(&context, kUnaryDeadline);
   v1::UploadResultsResponse response;
   const auto writer = stub_->UploadResults(&context, &response);
-  // In two messages, so that results are put together from several.
+  // In two messages at least, so that results are put together from several.
   const size_t half = upload.bytes.size() / 2;
   v1::UploadResultsRequest message;
   *message.mutable_header() = upload.header;
-  message.set_chunk(upload.bytes.substr(0, half));
-  if (writer->Write(message)) {
+  size_t length = std::min(half, kStreamChunkBytesMax);
+  message.set_chunk(upload.bytes.substr(0, length));
+  for (size_t offset = length; writer->Write(message) && offset < upload.bytes.size();
+       offset += length) {
+    length = std::min(upload.bytes.size() - offset, kStreamChunkBytesMax);
     message.clear_header();
-    message.set_chunk(upload.bytes.substr(half));
-    writer->Write(message);
+    message.set_chunk(upload.bytes.substr(offset, length));
   }
   writer->WritesDone();
   const grpc::Status status = writer->Finish();

@@ -19,6 +19,9 @@
 
 namespace sheaf::coordinator {
 
+// The guiding field of frames with the seed, and the seed of the samples that are rendered with it.
+std::string SyntheticField(uint64_t seed);
+uint64_t GuidedSeed(uint64_t seed, const std::string& field);
 // The sample that every renderer of the tests agrees on.
 FilmSample SyntheticSample(uint64_t seed, int32_t x, int32_t y, uint64_t sample_index);
 // A part made of such samples.
@@ -49,16 +52,21 @@ class SyntheticWorker {
     v1::ResultHeader header;
     std::string bytes;
   };
+  // Of a guided frame, with the field that it reads first.
   Upload MakeUpload(const v1::Lease& lease) const;
+  // The bytes of the lease's guiding field. Errors: those of the call; kDataLoss.
+  absl::StatusOr<std::string> ReadField(const v1::Lease& lease) const;
   absl::StatusOr<v1::UploadResultsResponse::Outcome> Send(const Upload& upload) const;
 
   const std::vector<v1::Lease>& leases() const { return leases_; }
   void ReportFailure(uint64_t lease_id, v1::LeaseFailure::Kind kind, const std::string& message);
-  // What it does to each part before it sends it.
+  // What it does to each part before it sends it; its guiding fields are false, too.
   void set_falsify(std::function<void(FilmTile*)> falsify) { falsify_ = std::move(falsify); }
   void set_numeric_profile(const std::string& profile) { numeric_profile_ = profile; }
 
  private:
+  Upload MakeUploadOf(const v1::Lease& lease, std::string bytes) const;
+
   std::unique_ptr<v1::WorkerService::Stub> stub_;
   const std::string worker_id_;
   std::string numeric_profile_;

@@ -75,6 +75,7 @@ struct FrameView {
   double flip = 0;                            // At delivery; 0 if unknown.
   double one_sequence_gain = 0;   // See OneSequenceGain; for frames without a stop rule.
   std::vector<RoundView> rounds;  // Ascending; empty without rounds, and in ListJobs.
+  bool is_training = false;       // Whether its guiding field is still to be trained, though begun.
   bool complete = false;          // Whether the EXR is delivered.
   int32_t correction_count = 0;   // How often it was delivered with results found false later.
   std::string image_digest;       // Hex; empty until complete.
@@ -113,6 +114,7 @@ struct JobView {
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture while it has not ended.
   int32_t frame_count = 0;
   int32_t frame_complete_count = 0;
+  int32_t training_frame_count = 0;
   std::vector<EffectCost> effect_costs;  // Empty unless measured, and in ListJobs.
   ProgressView progress;                 // Sums over the frames.
   // The frame with most activity: the first one that is started but not complete, or else the last
