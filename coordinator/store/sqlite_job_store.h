@@ -90,7 +90,7 @@ class SqliteJobStore : public JobStore {
       : directory_(std::move(directory)), durability_(durability), lock_fd_(lock_fd) {}
   absl::Status Initialize();
   absl::Status RefuseEmptied() const;
-  // Of jobs whose rows are lost, so that no other job replaces their images.
+  // Finds jobs whose rows are lost, so that no other job replaces their images.
   void FindUsedJobIds();
   std::string DatabasePath() const { return directory_ + "/farm.db"; }
   // Adds to a kDataLoss error how to recover from it.

@@ -18,7 +18,7 @@ coordinator::ResultReport ToReport(const std::string& worker_id, const std::stri
                                    const worker::FinishedPart& part);
 // The frame of the lease's name.
 coordinator::FrameId FrameOf(const worker::Lease& lease);
-// What the part's description says that it is.
+// The lease that the part's description names.
 worker::Lease LeaseOf(const worker::FinishedPart& part);
 
 }  // namespace sheaf::sim

@@ -36,7 +36,7 @@ FilmTile FilmByCamera(const TestScene& t, uint64_t samples, int32_t depth) {
   return RenderAll(*CompileWith(t, Techniques::kCamera, samples, depth));
 }
 
-// What was learned about directions at a place of the scene; null: nothing.
+// The directions learned at a place of the scene; null where there are none.
 const GuidingRegion* LearnedAt(const CompiledScene& scene, Vec3d p) {
   return scene.guiding->fields()->directions.RegionAt(
       ToFloat(p - scene.geometry.render_origin_world));

@@ -52,7 +52,7 @@ class SyntheticWorker {
     v1::ResultHeader header;
     std::string bytes;
   };
-  // Of a guided frame, with the field that it reads first.
+  // For a guided frame, it reads the field first.
   Upload MakeUpload(const v1::Lease& lease) const;
   // The bytes of the lease's guiding field. Errors: those of the call; kDataLoss.
   absl::StatusOr<std::string> ReadField(const v1::Lease& lease) const;
@@ -60,7 +60,7 @@ class SyntheticWorker {
 
   const std::vector<v1::Lease>& leases() const { return leases_; }
   void ReportFailure(uint64_t lease_id, v1::LeaseFailure::Kind kind, const std::string& message);
-  // What it does to each part before it sends it; its guiding fields are false, too.
+  // Changes each part before it is sent; guiding fields are then false, too.
   void set_falsify(std::function<void(FilmTile*)> falsify) { falsify_ = std::move(falsify); }
   void set_numeric_profile(const std::string& profile) { numeric_profile_ = profile; }
 

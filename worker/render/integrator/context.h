@@ -16,7 +16,7 @@
 
 namespace sheaf::render {
 
-// What the paths of a guided frame know and learn.
+// The knowledge that the paths of a guided frame use, and the records that they fill.
 template <typename C>
 struct Guiding {
   const LearnedFields* fields = nullptr;

@@ -60,7 +60,8 @@ struct NoGuidedDirections {
 template <typename C>
 using GuidedDirectionsOf = std::conditional_t<C::kGuided, GuidedDirections, NoGuidedDirections>;
 
-// What the field knows at p. may_guide: false where there is no choice of directions.
+// The directions and lights that the fields know at p. may_guide: false where there is no choice of
+// directions.
 template <typename C>
 GuidedDirectionsOf<C> GuidedDirectionsAt([[maybe_unused]] const Context<C>& c,
                                          [[maybe_unused]] Vec3f p,
@@ -71,7 +72,7 @@ GuidedDirectionsOf<C> GuidedDirectionsAt([[maybe_unused]] const Context<C>& c,
       const uint32_t index = field.RegionIndexAt(p);
       return {may_guide ? field.RegionOrNull(index) : nullptr,
               c.guiding.fields->lights.RowOf(index)};
-    };
+    }
   }
   return {};
 }
@@ -84,7 +85,7 @@ void NoteLight(const Context<C>& c, Vec3f p, uint32_t light, bool is_visible) {
   }
 }
 
-// What is known of lights at the path's last vertex.
+// The lights that the fields know at the path's last vertex.
 template <typename C>
 LightVisibilityRow LightsFromLast(const PathState<C>& path) {
   if constexpr (C::kGuided) return path.guided.lights;

@@ -251,7 +251,7 @@ class LightPathIntegrator {
   Tracer& tracer_;
   RayCounts& counts_;
   LightGroups<typename C::Color> groups_;
-  // Of the camera's paths: weights depend on it.
+  // The camera's paths are guided by it, and weights depend on that.
   [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
 };
 

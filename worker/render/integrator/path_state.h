@@ -83,7 +83,7 @@ struct LightEnd {
   bool is_first = true, is_specular_first = false;
 };
 
-// Of paths in guided frames.
+// The state of paths in guided frames.
 struct GuidedState {
   LightVisibilityRow lights;  // What is known of lights at `from`.
 };
@@ -97,7 +97,7 @@ struct PathState {
   [[no_unique_address]] typename C::Wavelengths wavelengths;
   Color throughput = Color::Gray(1);
   Color radiance;
-  // What Russian roulette ignores: radiance gained by refraction into denser media, and weight lost
+  // Russian roulette ignores radiance gained by refraction into denser media, and weight lost
   // to directions that the field sampled more often than the BSDF would.
   float roulette_scale = 1;
   uint32_t depth = 0;                 // Number of scattering events so far.
