@@ -8,12 +8,20 @@ from farm import wait_until
 CHANGE_SECONDS_MAX = 10
 ARROW_RIGHT, ARROW_LEFT = "\ue014", "\ue012"
 WORDS = "return document.getElementById('chart-words').textContent"
-# Gives every frame in events a target (relMSE), since frames of the made-up farm have none.
+# Gives every frame in events and replies a target (relMSE), since frames of the made-up farm have
+# none.
 ADD_TARGETS = """
+  const addTarget = (frame) => frame.stop = {target_error: 0.0004};
   const parse = JSON.parse;
   JSON.parse = (...all) => {
     const object = parse(...all);
-    if (object && object.frame_number) object.stop = {target_error: 0.0004};
+    if (object && object.frame_number) addTarget(object);
+    return object;
+  };
+  const json = Response.prototype.json;
+  Response.prototype.json = async function() {
+    const object = await json.call(this);
+    for (const frame of (object && object.frames) || []) addTarget(frame);
     return object;
   };
 """
