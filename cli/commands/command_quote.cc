@@ -56,7 +56,8 @@ class QuoteCommand : public Command {
         "A pilot renders a few of the pixels, at no more than 3 % of the price of the loosest\n"
         "error, before all other jobs. Bands are 80 % prediction intervals. Wall times include\n"
         "the time that the farm's other jobs take first. With --resume-from the price covers\n"
-        "only the missing samples. Quotes do not know light paths (--techniques).");
+        "only the missing samples. Prices include the light passes and the training of the\n"
+        "frame's --techniques; the pilot of a guided frame pays for a training in addition.");
     return command;
   }
 
@@ -68,9 +69,6 @@ class QuoteCommand : public Command {
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);
-    if (absl::Status status = CheckQuoted(arguments_, *job); !status.ok()) {
-      return ReportError(ExitCode::kUsage, status);
-    }
     if (!here_) {
       const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
       if (!channel.ok()) return ReportCallError(channel.status());

@@ -8,18 +8,19 @@ namespace sheaf::cli {
 namespace {
 
 TEST(CameraPathsCheckTest, OnlyPathsFromTheCameraPass) {
-  EXPECT_TRUE(CheckCameraPaths("quotes", Techniques::kCamera).ok());
-  EXPECT_EQ(CheckCameraPaths("quotes", Techniques::kCameraAndLight),
+  EXPECT_TRUE(CheckCameraPaths("studies", Techniques::kCamera).ok());
+  EXPECT_EQ(CheckCameraPaths("studies", Techniques::kCameraAndLight),
             absl::InvalidArgumentError(
-                "quotes know paths from the camera alone, not the techniques camera+light; give "
+                "studies know paths from the camera alone, not the techniques camera+light; give "
                 "--techniques camera for an image of the same mean without light paths"));
-  EXPECT_FALSE(CheckCameraPaths("quotes", Techniques::kLight).ok());
-  EXPECT_TRUE(CheckCameraPaths("quotes", Techniques::kCameraGuided).ok());
-  EXPECT_EQ(CheckCameraPaths("quotes", Techniques::kCameraAndLightGuided),
-            absl::InvalidArgumentError(
-                "quotes know paths from the camera alone, not the techniques camera+light+guiding; "
-                "give --techniques camera+guiding for an image of the same mean without light "
-                "paths"));
+  EXPECT_FALSE(CheckCameraPaths("studies", Techniques::kLight).ok());
+  EXPECT_TRUE(CheckCameraPaths("studies", Techniques::kCameraGuided).ok());
+  EXPECT_EQ(
+      CheckCameraPaths("studies", Techniques::kCameraAndLightGuided),
+      absl::InvalidArgumentError(
+          "studies know paths from the camera alone, not the techniques camera+light+guiding; "
+          "give --techniques camera+guiding for an image of the same mean without light "
+          "paths"));
 }
 
 TEST(CameraPathsCheckTest, NamesTheIntegratorThatAsksForLightPaths) {

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <map>
 #include <memory>
+#include <string>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -63,15 +66,26 @@ absl::StatusOr<FrameImage> FetchImage(FarmClient* client, const v1::Frame& frame
 }
 
 absl::StatusOr<PilotImage> FetchPilot(FarmClient* client, const v1::Frame& frame,
-                                      const PilotLevel& level, size_t tile_count) {
+                                      const PilotLevel& level, Techniques techniques,
+                                      size_t tile_count) {
   absl::StatusOr<FrameImage> image = FetchImage(client, frame);
   if (!image.ok()) return image.status();
   PilotImage pilot{level, *std::move(image), {}};
-  if (level.lattice.All()) return pilot;
-  absl::StatusOr<std::vector<double>> times =
-      coordinator::TileCpuSecondsOf(pilot.image.metadata, tile_count);
-  if (!times.ok()) return times.status();
-  pilot.cpu_seconds_of_tiles = *std::move(times);
+  const std::map<std::string, std::string>& metadata = pilot.image.metadata;
+  if (!level.lattice.All()) {
+    absl::StatusOr<std::vector<double>> times = coordinator::TileCpuSecondsOf(metadata, tile_count);
+    if (!times.ok()) return times.status();
+    pilot.cpu_seconds_of_tiles = *std::move(times);
+  }
+  const bool is_trained = !level.lattice.All() && IsGuided(techniques);
+  for (const auto& [is_there, key, seconds] :
+       {std::tuple{level.is_light_image, "lightCpuSeconds", &pilot.light_cpu_seconds},
+        std::tuple{is_trained, "trainingCpuSeconds", &pilot.training_cpu_seconds}}) {
+    if (!is_there) continue;
+    const absl::StatusOr<double> found = coordinator::CpuSecondsOf(metadata, key);
+    if (!found.ok()) return found.status();
+    *seconds = *found;
+  }
   return pilot;
 }
 
@@ -141,6 +155,7 @@ std::vector<ZoomedRegion> ZoomedRegionsOf(const PreparedFrame& frame,
     return {};
   double samples = 0, shrink = 0;
   for (const PilotLevel& level : levels) {
+    if (level.is_light_image) continue;
     samples += level.SamplesPerPixel() * static_cast<double>(settings.window.PixelCount());
     shrink = std::max(shrink, static_cast<double>(level.shrink));
   }
@@ -165,7 +180,10 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     frame.resumed = {};
     frame.settings.samples = level.samples;
     frame.settings.lattice = level.lattice;
-    if (level.lattice.All()) {
+    // A training of its own would cost more than the small image. That of a light image is as
+    // small as the image, and light passes know how camera paths are guided.
+    if (level.lattice.All() && !level.is_light_image) {
+      frame.settings.techniques = WithoutGuiding(frame.settings.techniques);
       frame.settings.outputs = {};
       frame.settings.outputs.AddLightPaths();
     }
@@ -177,7 +195,9 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
       add(frame, Shrunk(frame.settings, level.shrink), level);
     }
     for (const ZoomedRegion& place : plans[i].zoomed_pilots) {
-      add(frame, Enlarged(frame.settings, place), {{}, 1});
+      FrameSettings settings = Enlarged(frame.settings, place);
+      settings.techniques = Techniques::kCamera;  // Only the emission that the camera sees counts.
+      add(frame, std::move(settings), {{}, 1});
     }
   }
   JobArguments pilot_arguments = arguments;
@@ -195,10 +215,12 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   int next = 0;
   for (size_t i = 0; i < frames->size(); ++i) {
     PilotFrame& frame = (*frames)[i];
-    const size_t tile_count = GridOf(arguments, job.frames[frame.index].settings).tiles().size();
+    const FrameSettings& settings = job.frames[frame.index].settings;
+    const size_t tile_count = GridOf(arguments, settings).tiles().size();
     for (const PilotLevel& level : plans[i].levels) {
       const v1::Frame& rendered = ended->frames(next++);
-      absl::StatusOr<PilotImage> image = FetchPilot(client, rendered, level, tile_count);
+      absl::StatusOr<PilotImage> image =
+          FetchPilot(client, rendered, level, settings.techniques, tile_count);
       if (!image.ok()) return image.status();
       frame.images.push_back(*std::move(image));
       frame.cpu_seconds += Seconds(rendered.progress().cpu_duration());
@@ -224,6 +246,16 @@ void FitModels(const JobArguments& arguments, const PreparedJob& job,
   }
 }
 
+coordinator::PilotTechniques NeedsOf(const FrameSettings& settings) {
+  coordinator::PilotTechniques needs;
+  if (HasLightPaths(settings.techniques)) {
+    needs.light_paths_per_pixel = static_cast<double>(coordinator::PathsPerLightPass(settings)) /
+                                  static_cast<double>(settings.window.PixelCount());
+  }
+  needs.is_guided = IsGuided(settings.techniques);
+  return needs;
+}
+
 // The levels of a frame's next pilot: at first as many samples as the first round allows, later as
 // many more as the forecast for the target allows. Empty if another pilot is not worth its cost.
 std::vector<PilotLevel> NextLevels(const PilotFrame& frame, const FrameSettings& settings,
@@ -233,19 +265,21 @@ std::vector<PilotLevel> NextLevels(const PilotFrame& frame, const FrameSettings&
   double samples_before = 0;
   for (const PilotImage& image : frame.images) {
     before.push_back(image.level);
-    samples_before += image.level.SamplesPerPixel();
+    if (!image.level.is_light_image) samples_before += image.level.SamplesPerPixel();
   }
   if (before.empty()) {
     return coordinator::PilotLevels(kPilotFractionAim * kReplicateCount, pixel_count, settings.seed,
-                                    before);
+                                    before, NeedsOf(settings));
   }
   const Forecast cheapest = coordinator::ForecastTarget(frame.model, {.target_error = target},
                                                         kStoppedSamplesMax, -kPriceDeviations);
-  const double spent = frame.cpu_seconds / cheapest.cpu_seconds;
+  // A further pilot of a guided frame trains again.
+  const double spent =
+      (frame.cpu_seconds + frame.model.training_cpu_seconds) / cheapest.cpu_seconds;
   if (kPilotFractionAim < (1 + kPilotGrowthMin) * spent) return {};
   const double allowed =
       std::min((kPilotFractionAim - spent) * cheapest.samples, kPilotGrowthMax * samples_before);
-  return coordinator::PilotLevels(allowed, pixel_count, settings.seed, before);
+  return coordinator::PilotLevels(allowed, pixel_count, settings.seed, before, NeedsOf(settings));
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/duration.h"
-#include "cli/job/camera_paths_check.h"
 #include "cli/quote/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
@@ -46,24 +45,26 @@ double SumOverFrames(const std::vector<PilotFrame>& frames, const std::vector<do
 
 // The values of a row, as for MakeRow, at errors some number of deviations above the models'.
 struct RowValues {
-  double relative_mse = 0, samples = 0, cpu_seconds = 0;
+  double relative_mse = 0, samples = 0, light_passes = 0, cpu_seconds = 0;
   bool reached = true;
 };
 template <typename MakeForecast>
 RowValues ValuesAt(const std::vector<PilotFrame>& frames, size_t frame_count,
                    const MakeForecast& make) {
-  std::vector<double> errors, samples, cpu;
+  std::vector<double> errors, samples, passes, cpu;
   RowValues values;
   for (const PilotFrame& frame : frames) {
     const Forecast forecast = make(frame.model);
     errors.push_back(forecast.relative_mse);
     samples.push_back(forecast.samples);
+    passes.push_back(forecast.light_passes);
     cpu.push_back(forecast.cpu_seconds);
     values.reached &= forecast.reached;
   }
   const auto count = static_cast<double>(frame_count);
   values.relative_mse = SumOverFrames(frames, errors, frame_count) / count;
   values.samples = SumOverFrames(frames, samples, frame_count) / count;
+  values.light_passes = SumOverFrames(frames, passes, frame_count) / count;
   values.cpu_seconds = SumOverFrames(frames, cpu, frame_count);
   return values;
 }
@@ -89,10 +90,11 @@ QuoteRow MakeRow(const std::vector<PilotFrame>& frames, const JobArguments& argu
   row.cpu_seconds =
       WithBand(values.cpu_seconds, low.cpu_seconds, high.cpu_seconds, log_cpu_deviation);
   const double samples_there = quote.start ? quote.start->samples : 0;
-  const double pixels = static_cast<double>(quote.width_px) * quote.height_px * quote.frame_count;
-  row.wall_seconds =
-      coordinator::WallSeconds(row.cpu_seconds, pixels * (row.samples.value - samples_there),
-                               arguments.priority, quote.load);
+  const double pixels = static_cast<double>(quote.width_px) * quote.height_px;
+  const double paths =
+      pixels * (row.samples.value - samples_there) + quote.paths_per_pass * values.light_passes;
+  row.wall_seconds = coordinator::WallSeconds(row.cpu_seconds, paths * quote.frame_count,
+                                              arguments.priority, quote.load);
   return row;
 }
 
@@ -151,18 +153,8 @@ absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
 
 }  // namespace
 
-absl::Status CheckQuoted(const JobArguments& arguments, const PreparedJob& job) {
-  for (const PreparedFrame& frame : job.frames) {
-    absl::Status status = CheckCameraPaths("quotes", frame.settings.techniques);
-    if (status.ok()) continue;
-    return arguments.settings.techniques ? status : Annotate(status, arguments.scene);
-  }
-  return absl::OkStatus();
-}
-
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
-  if (absl::Status status = CheckQuoted(arguments, job); !status.ok()) return status;
   Quote quote;
   const absl::StatusOr<std::vector<CellRound>> start = ReadStart(arguments, job);
   if (!start.ok()) return start.status();
@@ -181,7 +173,15 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   quote.pilot_frame_count = static_cast<int>(frames->size());
   quote.rate = frames->front().model.rate;
   quote.rate_deviation = frames->front().model.rate_deviation;
-  for (const PilotFrame& frame : *frames) quote.pilot_cpu_seconds += frame.cpu_seconds;
+  std::vector<double> trainings;
+  for (const PilotFrame& frame : *frames) {
+    quote.pilot_cpu_seconds += frame.cpu_seconds;
+    trainings.push_back(frame.model.training_cpu_seconds);
+  }
+  quote.training_cpu_seconds = SumOverFrames(*frames, trainings, job.frames.size());
+  if (HasLightPaths(settings.techniques)) {
+    quote.paths_per_pass = static_cast<double>(coordinator::PathsPerLightPass(settings));
+  }
   if (!start->empty()) {
     const ErrorSums sum = coordinator::SumOf(*start);
     quote.start =

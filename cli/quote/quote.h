@@ -9,6 +9,9 @@
 // For a range of frames, pilots of a few frames are rendered and the others are interpolated. For a
 // frame that continues from an image (--resume-from), errors are taken from the image, and the
 // price covers the remaining work.
+//
+// The price of a frame with light paths has that of its light passes, that of a guided frame its
+// training (cost_forecast.h).
 #pragma once
 
 #include <cstdint>
@@ -40,12 +43,14 @@ struct QuoteRow {
 
 struct Quote {
   int32_t width_px = 0, height_px = 0;
+  double paths_per_pass = 0;  // Light paths of a pass; 0: there are no light passes.
   int frame_count = 1, pilot_frame_count = 1;
   double rate = 1, rate_deviation = 0;  // For the first frame; errors fall as 1 / n^rate.
   int thread_count = 0;                 // The farm's present threads.
   int jobs_before = 0;                  // Active jobs of equal or higher priority.
   coordinator::FarmLoad load;           // Includes those jobs.
   double pilot_cpu_seconds = 0;
+  double training_cpu_seconds = 0;  // Of all frames; a part of each row's. 0: they have none.
   // If it continues from an image: its mean samples per pixel so far.
   struct Start {
     double samples = 0, relative_mse = 0;
@@ -53,9 +58,6 @@ struct Quote {
   std::optional<Start> start;
   std::vector<QuoteRow> rows;
 };
-
-// Whether quotes know the techniques of the job's frames. Errors: kInvalidArgument.
-absl::Status CheckQuoted(const JobArguments& arguments, const PreparedJob& job);
 
 // The targets quoted when none is requested.
 inline const std::vector<double> kQuotedErrors = {0.1, 0.05, 0.02, 0.01};
@@ -66,8 +68,8 @@ struct QuoteArguments {
   absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots together.
 };
 
-// Errors: those of the calls; kInvalidArgument if a frame asks for light paths, which the model of
-// a quote does not know, or cannot continue from its image, found before any pilot; kUnavailable if
+// Errors: those of the calls; kInvalidArgument if a frame cannot continue from its image, found
+// before any pilot; kUnavailable if
 // the pilot has not ended in time; kFailedPrecondition with the farm's message if it failed;
 // kDataLoss if the coordinator does not report its cost. No pilot is left running on the farm after
 // any error, including kCancelled.

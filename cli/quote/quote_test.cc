@@ -28,26 +28,18 @@ Quote MakeTestQuote() {
   return quote;
 }
 
-// The check comes before any call, so that no pilot is rendered.
-TEST(QuoteTest, LightPathsAreRefused) {
-  JobArguments arguments;
-  arguments.scene = "room.pbrt";
-  PreparedJob job;
-  job.frames.resize(2);
-  EXPECT_TRUE(CheckQuoted(arguments, job).ok());
-  job.frames[1].settings.techniques = Techniques::kCameraGuided;
-  EXPECT_TRUE(CheckQuoted(arguments, job).ok());
-  job.frames[1].settings.techniques = Techniques::kCameraAndLight;
-  const absl::Status of_scene = MakeQuote(nullptr, arguments, job, {.targets = {0.1}}).status();
-  EXPECT_EQ(of_scene, CheckQuoted(arguments, job));
-  EXPECT_EQ(of_scene,
-            absl::InvalidArgumentError(
-                "room.pbrt: quotes know paths from the camera alone, not the techniques "
-                "camera+light; give --techniques camera for an image of the same mean without "
-                "light paths"));
-  arguments.settings.techniques = Techniques::kCameraAndLight;
-  const std::string of_flag(CheckQuoted(arguments, job).message());
-  EXPECT_EQ(of_flag.rfind("quotes know", 0), 0u) << of_flag;
+TEST(QuoteTest, TrainingsAreStated) {
+  Quote quote = MakeTestQuote();
+  EXPECT_EQ(FormatQuote(quote).find("training"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["training_cpu_hours"], 0);
+  quote.training_cpu_seconds = 36;
+  const std::string text = FormatQuote(quote);
+  EXPECT_NE(text.find("; prices include 36 s for the training of path guiding; wall"),
+            std::string::npos)
+      << text;
+  EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["training_cpu_hours"], 0.01);
+  quote.frame_count = 3;
+  EXPECT_NE(FormatQuote(quote).find("of path guiding, once a frame; wall"), std::string::npos);
 }
 
 TEST(QuoteTest, TableHasARowPerErrorAndABasisLine) {

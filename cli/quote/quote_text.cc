@@ -65,6 +65,11 @@ std::string FormatQuote(const Quote& quote) {
   }
   absl::StrAppendFormat(&text, "; errors fall as 1 / samples^%.2f; the pilot took %s", quote.rate,
                         FormatTime(quote.pilot_cpu_seconds));
+  if (quote.training_cpu_seconds > 0) {
+    absl::StrAppendFormat(&text, "; prices include %s for the training of path guiding%s",
+                          FormatTime(quote.training_cpu_seconds),
+                          quote.frame_count > 1 ? ", once a frame" : "");
+  }
   if (quote.thread_count == 0) {
     text += "; no worker is connected";
   } else {
@@ -99,6 +104,7 @@ std::string QuoteJson(const Quote& quote) {
                      {"thread_count", quote.thread_count},
                      {"jobs_before", quote.jobs_before},
                      {"pilot_cpu_hours", quote.pilot_cpu_seconds / 3600},
+                     {"training_cpu_hours", quote.training_cpu_seconds / 3600},
                      {"start", StartJson(quote)},
                      {"band", 0.8},
                      {"rows", rows}};

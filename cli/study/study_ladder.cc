@@ -146,9 +146,10 @@ std::vector<StudySetting> MakeLadder(const FrameSettings& settings,
 }
 
 std::vector<std::string> MissingLadders(const render::RenderPlan& plan) {
-  std::vector<std::string> lines = {"path guiding: Sheaf has none",
-                                    "clamping is shown for comparison only; Sheaf does not clamp, "
-                                    "because clamping darkens images"};
+  std::vector<std::string> lines = {
+      "techniques (light paths, path guiding): \"sheaf plan --measure\" compares them",
+      "clamping is shown for comparison only; Sheaf does not clamp, "
+      "because clamping darkens images"};
   if (plan.light_count <= render::kLightsWeighedMax) {
     lines.push_back(absl::StrCat("light hierarchy: with ", plan.light_count,
                                  " lights, each is weighted individually"));

@@ -6,7 +6,7 @@
 // error, small cells need fewer samples in total, but tiles of that size would produce too many
 // parts (docs/adr/0042). In other frames each tile is one cell.
 //
-// A frame with light paths has one more tile after those of the camera, the light tile
+// A frame with light passes has one more tile after those of the camera, the light tile
 // (task_kind.h): the whole window, and one cell. A guided frame has a training tile after all of
 // those, which is no tile of the image: it has the one task of the frame's training.
 #pragma once
@@ -39,6 +39,12 @@ int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px);
 // The edge of a frame's cells; that of its tiles if its samples are not distributed by error.
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition);
 
+// Whether the frame has light passes. A frame of a few pixels (PixelLattice) has none: a pass
+// reaches all pixels and costs as much as all. Its image lacks the light that they would find.
+inline bool HasLightPasses(const FrameSettings& settings) {
+  return HasLightPaths(settings.techniques) && settings.lattice.All();
+}
+
 class CellGrid {
  public:
   // Requires: window not empty; tile_size_px a multiple of cell_size_px, with at most kTileCellsMax
@@ -47,7 +53,7 @@ class CellGrid {
            bool has_light_tile = false, bool has_training_tile = false);
   CellGrid(const FrameSpec& frame, const Partition& partition)
       : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition),
-                 HasLightPaths(frame.settings.techniques), IsGuided(frame.settings.techniques)) {}
+                 HasLightPasses(frame.settings), IsGuided(frame.settings.techniques)) {}
 
   int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }

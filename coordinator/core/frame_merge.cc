@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
-#include "common/film/light/light_image.h"
 #include "common/scene/spectrum/primaries.h"
 
 namespace sheaf::coordinator {

@@ -26,6 +26,7 @@
 #include "common/film/error/flip_estimate.h"
 #include "common/film/error/mean_interval.h"
 #include "common/film/film.h"
+#include "common/film/light/light_image.h"
 #include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job.h"
 
@@ -100,6 +101,10 @@ class FrameMerge {
   std::optional<double> Flip() const;
   const FrameImage& image() const { return image_; }
   FrameImage* mutable_image() { return &image_; }
+  // Adds the light layer (light_image.h) to the image of a frame with light passes.
+  void AddLightLayer() {
+    if (has_light_) SetLightLayer(light_.image, &image_);
+  }
 
  private:
   enum class State : uint8_t { kEmpty, kInMemory, kOnDisk, kDeveloped };
@@ -142,7 +147,7 @@ class FrameMerge {
   FrameImage image_;
   Layer camera_, light_;  // Their images are empty in frames without light paths.
   std::vector<MeanInterval> light_intervals_;  // By tile of the camera; empty without light passes.
-  std::set<uint32_t> changed_;  // In memory, not yet developed as they are.
+  std::set<uint32_t> changed_;                 // In memory, not yet developed as they are.
   std::set<uint32_t> developed_since_refresh_;
   bool has_samples_ = false;
   bool signed_weights_ = false;

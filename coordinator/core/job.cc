@@ -3,6 +3,7 @@
 #include "coordinator/core/job.h"
 
 #include "absl/strings/str_cat.h"
+#include "coordinator/core/cell_grid.h"
 
 namespace sheaf::coordinator {
 
@@ -31,7 +32,7 @@ int64_t PathsPerLightPass(const FrameSettings& settings) {
 }
 
 uint64_t PathsPerSample(const FrameSettings& settings) {
-  const int64_t light = HasLightPaths(settings.techniques) ? PathsPerLightPass(settings) : 0;
+  const int64_t light = HasLightPasses(settings) ? PathsPerLightPass(settings) : 0;
   return static_cast<uint64_t>(settings.window.PixelCount() + light);
 }
 

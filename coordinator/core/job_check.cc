@@ -68,14 +68,7 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
                         " samples; request fewer, or a target error");
   }
   if (s.max_depth < 0) return "the depth is negative";
-  if (!s.lattice.All() && HasLightPaths(s.techniques)) {
-    return absl::StrCat(
-        "light paths reach every pixel, so a few pixels cannot be rendered with the "
-        "techniques ",
-        TechniquesName(s.techniques), "; use ", TechniquesName(WithoutLightPaths(s.techniques)),
-        ", or render all pixels");
-  }
-  if (HasLightPaths(s.techniques) && LightPassesMax(s, limits) == 0) {
+  if (HasLightPasses(s) && LightPassesMax(s, limits) == 0) {
     return absl::StrCat(w.PixelCount(), " pixels: a light pass of them can take ",
                         LightPartBytes(w.PixelCount(), s.outputs, 1) >> 20,
                         " MiB, more than the limit of ", limits.light_part_bytes_max >> 20,
@@ -101,7 +94,7 @@ int64_t TaskCountMin(const FrameSpec& frame, const Partition& partition, const L
   const auto lease_samples = static_cast<int64_t>(partition.pass_sample_count * passes);
   const auto samples = static_cast<int64_t>(frame.settings.samples);
   const int64_t light_tasks =
-      HasLightPaths(frame.settings.techniques)
+      HasLightPasses(frame.settings)
           ? DivideUp(samples, static_cast<int64_t>(LightPassesMax(frame.settings, limits)))
           : 0;
   return SquaresOf(frame.settings.window, partition.tile_size_px) *

@@ -57,22 +57,19 @@ TEST(JobCheckTest, InvalidJobsAreRefusedWithAReason) {
   ExpectRefused(job, "tasks", "larger tiles");
 }
 
-TEST(JobCheckTest, PixelLatticesHaveNoLightPaths) {
-  JobSpec job = JobOf(64, 64, 16);
-  const std::pair<Techniques, std::string> cases[] = {
-      {Techniques::kCameraAndLight, "use camera, or"},
-      {Techniques::kLight, "use camera, or"},
-      {Techniques::kCameraAndLightGuided, "use camera+guiding, or"}};
-  for (const auto& [techniques, what_to_do] : cases) {
-    job.frames[0].settings.lattice = {};
-    job.frames[0].settings.techniques = techniques;
+// The frame itself has too many pixels for light passes; a lattice of it has none.
+TEST(JobCheckTest, PixelLatticesHaveNoLightPasses) {
+  for (const Techniques techniques :
+       {Techniques::kCameraAndLight, Techniques::kLight, Techniques::kCameraAndLightGuided}) {
+    JobSpec job = JobOf(16384, 16384, 16);
+    FrameSettings& settings = job.frames[0].settings;
+    settings.techniques = techniques;
+    ExpectRefused(job, "light pass of them", "--crop");
+    const uint64_t paths = PathsPerSample(settings);
+    settings.lattice = {64, 0};
     EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
-    job.frames[0].settings.lattice = {8, 0};
-    ExpectRefused(job, "a few pixels cannot be rendered", what_to_do);
-  }
-  for (const Techniques techniques : {Techniques::kCamera, Techniques::kCameraGuided}) {
-    job.frames[0].settings.techniques = techniques;
-    EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
+    EXPECT_EQ(2 * PathsPerSample(settings), paths);
+    EXPECT_FALSE(CellGrid(job.frames[0], job.partition).light_tile().has_value());
   }
 }
 

@@ -31,6 +31,20 @@ ErrorSums ErrorAt(const ErrorModel& model, const ForecastCell& cell, uint64_t sa
   return error;
 }
 
+// Adds the model's errors of `passes` light passes.
+void AddLightErrors(const LightModel& light, uint64_t passes, double deviations,
+                    std::vector<ErrorSums>* errors) {
+  constexpr double kRate = 1;
+  const double factor = std::exp(deviations * light.log_error_deviation);
+  for (size_t i = 0; i < errors->size(); ++i) {
+    ErrorSums of_light =
+        ForeseeError({light.passes, light.errors[i]}, static_cast<double>(passes), kRate);
+    of_light.sum *= factor;
+    of_light.square_sum *= factor * factor;
+    (*errors)[i] = AddIndependent((*errors)[i], of_light);
+  }
+}
+
 std::vector<CellRound> CellsAt(const ErrorModel& model, const std::vector<uint64_t>& samples,
                                double deviations, std::mt19937_64* random) {
   std::vector<ErrorSums> errors;
@@ -38,6 +52,9 @@ std::vector<CellRound> CellsAt(const ErrorModel& model, const std::vector<uint64
     errors.push_back(ErrorAt(model, model.cells[i], samples[i], deviations));
   }
   if (!model.silhouettes.empty()) model.silhouettes.AddErrors(samples, deviations, random, &errors);
+  if (model.light.passes > 0) {
+    AddLightErrors(model.light, std::ranges::max(samples), deviations, &errors);
+  }
   std::vector<CellRound> cells;
   for (size_t i = 0; i < samples.size(); ++i) cells.push_back({samples[i], errors[i]});
   return cells;
@@ -46,6 +63,7 @@ std::vector<CellRound> CellsAt(const ErrorModel& model, const std::vector<uint64
 Forecast Account(const ErrorModel& model, std::span<const CellRound> cells) {
   Forecast forecast;
   double pixel_samples = 0;
+  uint64_t passes = 0;
   ErrorSums sum;
   for (size_t i = 0; i < cells.size(); ++i) {
     const auto samples = static_cast<double>(cells[i].samples);
@@ -53,7 +71,13 @@ Forecast Account(const ErrorModel& model, std::span<const CellRound> cells) {
     const auto kept = static_cast<double>(model.cells[i].samples_kept);
     forecast.cpu_seconds += model.cells[i].cpu_seconds_per_sample * std::max(0.0, samples - kept);
     sum.Add(cells[i].error);
+    if (model.light.passes > 0) passes = std::max(passes, cells[i].samples);
   }
+  forecast.light_passes = static_cast<double>(passes);
+  const auto kept = static_cast<double>(model.light.passes_kept);
+  forecast.cpu_seconds +=
+      model.light.cpu_seconds_per_pass * std::max(0.0, forecast.light_passes - kept);
+  if (forecast.cpu_seconds > 0) forecast.cpu_seconds += model.training_cpu_seconds;
   forecast.samples = pixel_samples / static_cast<double>(sum.pixel_count);
   forecast.relative_mse = sum.RelativeMse();
   return forecast;
@@ -86,6 +110,13 @@ Estimate WithBand(double value, double low, double high, double log_deviation) {
                               : std::numeric_limits<double>::infinity();
   const double up = std::hypot(std::log(std::max(high, value) / value), more);
   return {value, value * std::exp(-down), value * std::exp(up)};
+}
+
+ErrorSums AddIndependent(const ErrorSums& a, const ErrorSums& b) {
+  // The product of the two errors of a pixel: that of their means, where the two are unrelated.
+  const double product =
+      a.pixel_count == 0 ? 0 : a.sum * b.sum / static_cast<double>(a.pixel_count);
+  return {a.pixel_count, a.sum + b.sum, a.square_sum + b.square_sum + 2 * product};
 }
 
 Forecast ForecastFrom(const ErrorModel& model, const StopRule& rule, uint64_t samples_max,

@@ -10,6 +10,11 @@
 //
 // The model: a cell's squared error falls as 1 / n^b from its measured value, with one exponent b
 // for the frame, and each further sample of a cell costs as much as its earlier samples.
+//
+// In a frame with light paths, the noise of its light passes adds to the error of each cell. There
+// are as many passes as the cell with the most samples has (task_kind.h), and light passes are
+// independent, so their errors fall as 1 / n. A guided frame also has a training, which costs the
+// same for any number of samples.
 #pragma once
 
 #include <cstdint>
@@ -27,6 +32,15 @@ struct ForecastCell {
   uint64_t samples_kept = 0;          // Per pixel; these samples exist and cost nothing.
 };
 
+// The light passes of a frame.
+struct LightModel {
+  uint64_t passes = 0;              // Those that `errors` is measured at; 0: the frame has none.
+  std::vector<ErrorSums> errors;    // By cell: those that light passes add to those of the camera.
+  double log_error_deviation = 0;   // As that of ErrorModel.
+  double cpu_seconds_per_pass = 0;  // Of the whole frame.
+  uint64_t passes_kept = 0;         // They exist and cost nothing.
+};
+
 struct ErrorModel {
   std::vector<ForecastCell> cells;
   double rate = 1;  // b.
@@ -35,14 +49,17 @@ struct ErrorModel {
   double log_error_deviation = 0, rate_deviation = 0;
   double log_cpu_deviation = 0;         // Log-normal deviation of the CPU time of given samples.
   EmitterSilhouettes silhouettes = {};  // Their additional errors, by cell.
+  LightModel light = {};
+  double training_cpu_seconds = 0;  // 0: the frame has no training.
 };
 
 struct Forecast {
   double target_error = 0;
   bool reached = false;  // Whether the target is reached with at most samples_max.
   double relative_mse = 0;
-  double samples = 0;      // Per pixel, on average.
-  double cpu_seconds = 0;  // Excludes the samples that are kept.
+  double samples = 0;  // Per pixel, on average.
+  double light_passes = 0;
+  double cpu_seconds = 0;  // Excludes the samples and passes that are kept.
   int round_count = 0;
 };
 
@@ -56,6 +73,9 @@ struct Estimate {
 // The band is widened by an independent log-normal deviation of the value itself. All are 0 if the
 // value is 0.
 Estimate WithBand(double value, double low, double high, double log_deviation);
+
+// The errors of pixels with two independent kinds of noise, of which these are the errors.
+ErrorSums AddIndependent(const ErrorSums& a, const ErrorSums& b);
 
 // Forecasts a frame that starts with its first round. In that round each cell gets
 // rule.first_round_samples, or its samples_kept if they are more. deviations: the distance of the

@@ -83,6 +83,56 @@ TEST(CostForecastTest, ExistingSamplesAreFreeAndStartTheFirstRound) {
   EXPECT_NEAR(done.relative_mse, 0.16 / 4, 1e-12);
 }
 
+// Light passes of a frame in which each cell has the error `error` at 16 passes.
+LightModel LightOf(size_t cell_count, double error, double cpu_seconds_per_pass) {
+  LightModel light{kReplicateCount, {}, 0, cpu_seconds_per_pass, 0};
+  light.errors.assign(cell_count, CellOf(error).measured.error);
+  return light;
+}
+
+// Without light passes the camera's cells would be done after the first round.
+TEST(CostForecastTest, LightPassesAddErrorsAndCosts) {
+  ErrorModel model{std::vector<ForecastCell>(100, CellOf(1e-3))};
+  model.light = LightOf(100, 0.16, 0.5);
+  const Forecast given = ForecastSamples(model, 64);
+  EXPECT_NEAR(given.relative_mse, 1e-3 / 4 + 0.16 / 4, 1e-9);
+  EXPECT_EQ(given.light_passes, 64);
+  EXPECT_NEAR(given.cpu_seconds, 64 * (100 * 1e-3 + 0.5), 1e-9);
+  const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
+  EXPECT_TRUE(forecast.reached);
+  EXPECT_GE(forecast.light_passes, 16 * 16);
+  EXPECT_LE(forecast.light_passes, 1.2 * 16 * 17);
+  EXPECT_NEAR(forecast.cpu_seconds, 100 * 1e-3 * forecast.samples + 0.5 * forecast.light_passes,
+              1e-6);
+}
+
+// There are as many passes as the cell with the most samples has.
+TEST(CostForecastTest, TheNoisiestCellDecidesTheLightPasses) {
+  ErrorModel model{std::vector<ForecastCell>(50, CellOf(1e-6))};
+  for (int i = 0; i < 50; ++i) model.cells.push_back(CellOf(0.32));
+  model.light = LightOf(100, 1e-6, 0.5);
+  const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
+  EXPECT_NEAR(forecast.light_passes, 2 * forecast.samples - 16, 1e-9);
+}
+
+TEST(CostForecastTest, TrainingsCostOnce) {
+  ErrorModel model{{CellOf(0.16)}};
+  const double without = ForecastSamples(model, 64).cpu_seconds;
+  model.training_cpu_seconds = 7;
+  EXPECT_DOUBLE_EQ(ForecastSamples(model, 64).cpu_seconds, without + 7);
+  model.cells[0].samples_kept = 64;
+  EXPECT_EQ(ForecastSamples(model, 64).cpu_seconds, 0);  // Nothing is rendered.
+}
+
+// Pixels with the errors a and b: the square of the sum, pixel by pixel.
+TEST(CostForecastTest, IndependentErrorsAdd) {
+  const ErrorSums sum = AddIndependent(CellOf(0.1).measured.error, CellOf(0.3).measured.error);
+  const ErrorSums expected = CellOf(0.4).measured.error;
+  EXPECT_EQ(sum.pixel_count, expected.pixel_count);
+  EXPECT_NEAR(sum.sum, expected.sum, 1e-9);
+  EXPECT_NEAR(sum.square_sum, expected.square_sum, 1e-9);
+}
+
 TEST(CostForecastTest, ReportsUnreachableTargets) {
   const ErrorModel model{std::vector<ForecastCell>(10, CellOf(1.0))};
   const Forecast forecast = ForecastTarget(model, {.target_error = 1e-4}, 64);

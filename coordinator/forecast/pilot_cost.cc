@@ -75,6 +75,7 @@ double FitIdleCost(std::span<const PixelRect> tiles, std::span<const PilotImage>
   std::map<int32_t, std::map<uint64_t, Cost>> levels;  // By stride and samples.
   for (const PilotImage& image : pilot) {
     const PilotLevel& level = image.level;
+    if (level.lattice.All()) continue;
     Cost& cost = levels[level.lattice.stride_px][level.samples];
     cost.pixel_count = static_cast<double>(image.image.window.PixelCount());
     cost.samples =

@@ -22,6 +22,10 @@ double WithinFraction(int32_t size_px) {
 // A block's error counts as at least this fraction of the mean error.
 constexpr double kPilotCellFractionMin = 0.05;
 
+// Prior of the squared relative deviation of blocks from their mean, and its weight in blocks. If
+// few pixels have most of the error, a few blocks may contain none of them.
+constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
+
 // The i-th value of a sequence of which any number of values are normally distributed.
 double NormalValue(size_t i) { return NormalQuantile(GoldenFraction(i)); }
 
@@ -93,10 +97,26 @@ std::vector<double> PredictLogs(const CellGrid& grid, const std::vector<LogSums>
 
 }  // namespace
 
+double LogDeviationOf(std::span<const PilotBlock> blocks) {
+  ErrorSums all;
+  for (const PilotBlock& block : blocks) all.Add(block.error);
+  if (blocks.size() < 2 || all.sum <= 0) return 0;
+  double squares = 0;
+  for (const PilotBlock& block : blocks) {
+    const double difference =
+        block.error.sum - all.RelativeMse() * static_cast<double>(block.error.pixel_count);
+    squares += difference * difference;
+  }
+  const auto n = static_cast<double>(blocks.size());
+  const double relative_square = squares * n / all.sum / all.sum;
+  return std::sqrt((n * relative_square + kTailBlocks * kTailSquare) / (n + kTailBlocks) / (n - 1));
+}
+
 PilotErrors FitCellErrors(const CellGrid& grid, std::span<const PilotBlock> blocks) {
   const std::vector<PixelRect>& cells = grid.cells();
   ErrorSums all;
   for (const PilotBlock& block : blocks) all.Add(block.error);
+  if (all.sum <= 0) return {std::vector<double>(cells.size(), 0), 1};
   const double least = kPilotCellFractionMin * all.RelativeMse();
   std::vector<LogSums> log_cells(cells.size()), log_tiles(grid.tiles().size());
   std::vector<double> pixel_counts(cells.size());  // Pixels of the blocks in each cell.

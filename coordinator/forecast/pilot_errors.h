@@ -28,7 +28,12 @@ struct PilotErrors {
 // Estimates the errors of cells, scaled so that their mean is the mean over all blocks. The savings
 // of rounds, which give more samples to cells with larger errors, depend on how unequal the errors
 // are. So a cell with few blocks is not assigned the mean of all cells or of its tile, but a draw
-// from the distribution of its possible errors. Requires: blocks with pixels.
+// from the distribution of its possible errors. If no block has an error, no cell has one.
+// Requires: blocks with pixels.
 PilotErrors FitCellErrors(const CellGrid& grid, std::span<const PilotBlock> blocks);
+
+// Relative deviation of the mean error over all pixels: that of a ratio over blocks of unequal
+// sizes. Source: Cochran 1977, Sampling Techniques, sec. 9A.2.
+double LogDeviationOf(std::span<const PilotBlock> blocks);
 
 }  // namespace sheaf::coordinator

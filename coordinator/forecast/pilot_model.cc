@@ -3,6 +3,7 @@
 #include "coordinator/forecast/pilot_model.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -10,11 +11,13 @@
 #include <utility>
 
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "common/base/check.h"
 #include "common/film/error/error_planes.h"
 #include "coordinator/forecast/pilot_cost.h"
 #include "coordinator/forecast/pilot_errors.h"
+#include "coordinator/forecast/pilot_light.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -25,15 +28,15 @@ constexpr uint64_t kPairSamples = kPilotSamplesMax;
 static_assert(kPilotSamples <= kReplicateCount);
 // The fraction of the pilot's samples for the small image, and its maximum number of pixels.
 constexpr double kMeanFraction = 0.1, kMeanPixelsMax = 1 << 14;
+// The pixels of a light image; and a further one is this many times smaller than the frame, over
+// the one before, or it is not worth its cost.
+constexpr double kLightPixelsMin = 1 << 8, kLightPixelsMax = 1 << 14, kLightShrinkStep = 0.8;
 // The fraction of the remaining samples for a pair, if they suffice for kPairBlocksMin blocks;
 // fewer blocks tell less about the rate than its prior does.
 constexpr double kPairFraction = 0.5, kPairBlocksMin = 200;
 // More blocks than this do not improve the estimate noticeably.
 constexpr double kBlocksEnough = 1 << 12;
 constexpr double kPilotRateMin = 0.9, kPilotRateMax = 1.8;
-// Prior of the squared relative deviation of blocks from their mean, and its weight in blocks. If
-// few pixels have most of the error, a few blocks may contain none of them.
-constexpr double kTailSquare = 2.5 * 2.5, kTailBlocks = 10;
 constexpr int kBootstrapCount = 200;
 
 // Number of samples of all pixels of a block.
@@ -96,10 +99,13 @@ std::vector<PixelRect> CoresIn(const PixelLattice& lattice, const PixelRect& win
 
 // The frame's mean, over independent places: the pixels of the small image, and the blocks. With
 // the mean of the blocks alone, errors would be ten times too large if an emitter is visible but in
-// no block.
+// no block. Blocks lack the light that light passes find, so they do not count beside a light
+// image.
 double FitMean(std::span<const PilotImage> pilot) {
+  const bool has_light = FindLightImage(pilot) != nullptr;
   double sum = 0, places = 0;
   for (const PilotImage& image : pilot) {
+    if (has_light && !image.level.lattice.All()) continue;
     const PixelRect& window = image.image.window;
     const double count = image.level.lattice.All()
                              ? static_cast<double>(window.PixelCount())
@@ -110,9 +116,17 @@ double FitMean(std::span<const PilotImage> pilot) {
   return sum / places;
 }
 
-std::vector<PilotBlock> BlocksOf(const PilotImage& pilot, const CellFinder& cells, double mean) {
+// light: null if the frame has no light passes. Errors are relative to the light of all paths.
+std::vector<PilotBlock> BlocksOf(const PilotImage& pilot, const PilotImage* light,
+                                 const CellFinder& cells, double mean) {
   const std::vector<PixelRect> cores = CoresIn(pilot.level.lattice, pilot.image.window);
-  const ErrorPlanes planes(pilot.image);
+  ErrorPlanes planes(pilot.image);
+  std::array<std::vector<float>, 3> values;
+  if (light != nullptr) {
+    for (size_t i = 0; i < 3; ++i) values[i] = *planes.value[i];
+    AddLightOf(*light, pilot.image, &values);
+    for (size_t i = 0; i < 3; ++i) planes.value[i] = &values[i];
+  }
   RareHits ignored;  // Only those of blocks; EmitterSilhouettes predicts the frame's.
   // Up to one sample per replicate, samples are independent.
   const double growth =
@@ -125,23 +139,6 @@ std::vector<PilotBlock> BlocksOf(const PilotImage& pilot, const CellFinder& cell
     blocks.push_back({cells.Find((core.x0 + core.x1) / 2, (core.y0 + core.y1) / 2), error});
   }
   return blocks;
-}
-
-// Relative deviation of the mean error over all pixels: that of a ratio over blocks of unequal
-// sizes. Source: Cochran 1977, Sampling Techniques, sec. 9A.2.
-double LogDeviationOf(const std::vector<PilotBlock>& blocks) {
-  ErrorSums all;
-  for (const PilotBlock& block : blocks) all.Add(block.error);
-  if (blocks.size() < 2 || all.sum <= 0) return 0;
-  double squares = 0;
-  for (const PilotBlock& block : blocks) {
-    const double difference =
-        block.error.sum - all.RelativeMse() * static_cast<double>(block.error.pixel_count);
-    squares += difference * difference;
-  }
-  const auto n = static_cast<double>(blocks.size());
-  const double relative_square = squares * n / all.sum / all.sum;
-  return std::sqrt((n * relative_square + kTailBlocks * kTailSquare) / (n + kTailBlocks) / (n - 1));
 }
 
 struct Rate {
@@ -177,28 +174,40 @@ Rate FitRate(const std::vector<std::pair<double, double>>& pairs) {
   return {std::clamp(rate, kPilotRateMin, kPilotRateMax), 1 / std::sqrt(precision)};
 }
 
+// How many times smaller than the frame a light image is that costs `paths_left` paths per pixel.
+int32_t LightShrink(double paths_left, double pixel_count, double light_paths_per_pixel) {
+  const double paths = kPilotPasses * (1 + light_paths_per_pixel);
+  const double most = std::sqrt(pixel_count / kLightPixelsMin);
+  const double least = std::sqrt(pixel_count / kLightPixelsMax);
+  const double wanted = paths_left > 0 ? std::sqrt(paths / paths_left) : most;
+  return static_cast<int32_t>(std::ceil(std::max(2.0, std::max(least, std::min(wanted, most)))));
+}
+
 }  // namespace
 
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
-                                    uint64_t frame_seed, std::span<const PilotLevel> before) {
+                                    uint64_t frame_seed, std::span<const PilotLevel> before,
+                                    const PilotTechniques& techniques) {
   const auto pixel_count = static_cast<double>(frame_pixel_count);
-  int32_t finest = kPixelStrideMax + 1;
+  int32_t finest = kPixelStrideMax + 1, light_shrink = std::numeric_limits<int32_t>::max();
   for (const PilotLevel& level : before) {
     if (!level.lattice.All()) finest = std::min(finest, level.lattice.stride_px);
+    if (level.is_light_image) light_shrink = std::min(light_shrink, level.shrink);
   }
   std::vector<PilotLevel> levels;
-  double left = samples_per_pixel;
+  double left = samples_per_pixel, light_left = techniques.light_paths_per_pixel * left;
   if (before.empty()) {
     const double shrink =
         std::sqrt(std::max(1 / (kMeanFraction * left), pixel_count / kMeanPixelsMax));
     levels.push_back({{}, 1, std::max(2, static_cast<int32_t>(std::ceil(shrink)))});
     left -= levels.back().SamplesPerPixel();
+    light_left -= techniques.light_paths_per_pixel * levels.back().SamplesPerPixel();
   }
   const PixelLattice lattice{StrideFor(BlockSamples(kPilotSamples) + BlockSamples(kPairSamples),
                                        kPairFraction * left, frame_pixel_count),
                              frame_seed};
   const double blocks = pixel_count / (1.0 * lattice.stride_px * lattice.stride_px);
-  if (lattice.stride_px < finest && blocks >= kPairBlocksMin) {
+  if (!techniques.is_guided && lattice.stride_px < finest && blocks >= kPairBlocksMin) {
     for (const uint64_t samples : {kPairSamples, kPilotSamples}) {
       levels.push_back({lattice, samples});
       left -= levels.back().SamplesPerPixel();
@@ -208,6 +217,12 @@ std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixe
   PixelLattice single{StrideFor(BlockSamples(kPilotSamples), left, frame_pixel_count), frame_seed};
   if (levels.size() > 1 && single.stride_px == lattice.stride_px) ++single.stride_px;
   if (single.stride_px < finest) levels.push_back({single, kPilotSamples});
+  if (techniques.light_paths_per_pixel > 0) {
+    // Last, when threads are warm, as the cost of its passes counts.
+    const int32_t shrink = LightShrink(light_left, pixel_count, techniques.light_paths_per_pixel);
+    if (shrink < kLightShrinkStep * light_shrink)
+      levels.push_back({{}, kPilotPasses, shrink, true});
+  }
   return levels;
 }
 
@@ -226,24 +241,43 @@ absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
       "it may be older than this program: use the same version of both");
 }
 
+absl::StatusOr<double> CpuSecondsOf(const std::map<std::string, std::string>& metadata,
+                                    const std::string& key) {
+  const auto entry = metadata.find(key);
+  double seconds = 0;
+  if (entry != metadata.end() && absl::SimpleAtod(entry->second, &seconds)) return seconds;
+  return absl::DataLossError(
+      absl::StrCat("the coordinator does not report the ", key,
+                   " of a pilot, so no quote is possible; it may be older than this program: use "
+                   "the same version of both"));
+}
+
 ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotImage> pilot,
                          std::span<const ZoomedPilot> zoomed_pilots,
                          const FilterDescription& filter) {
   const std::vector<PixelRect>& cells = grid.cells();
   const CellFinder finder(cells);
   const double mean = FitMean(pilot);
+  const PilotImage* light = FindLightImage(pilot);
+  const auto cell_of = [&](int32_t x, int32_t y) { return finder.Nearest(x, y); };
   std::map<int32_t, std::vector<PilotBlock>> base, deep;  // By stride.
   ErrorModel model;
+  double frame_paths = 0, training_count = 0;
   for (const PilotImage& image : pilot) {
+    if (image.level.is_light_image) continue;
     if (image.level.lattice.All()) {
-      model.silhouettes = EmitterSilhouettes(
-          image.image, image.level.shrink, zoomed_pilots, mean, filter, finder.window(),
-          [&](int32_t x, int32_t y) { return finder.Nearest(x, y); });
+      model.silhouettes = EmitterSilhouettes(image.image, image.level.shrink, zoomed_pilots, mean,
+                                             filter, finder.window(), cell_of);
       continue;
     }
     auto& levels = image.level.samples == kPilotSamples ? base : deep;
-    levels[image.level.lattice.stride_px] = BlocksOf(image, finder, mean);
+    levels[image.level.lattice.stride_px] = BlocksOf(image, light, finder, mean);
+    frame_paths = static_cast<double>(image.image.frame_width_px) * image.image.frame_height_px;
+    ++training_count;
+    model.training_cpu_seconds +=
+        (image.training_cpu_seconds - model.training_cpu_seconds) / training_count;
   }
+  if (light != nullptr) model.light = FitLight(grid, *light, mean, cell_of, frame_paths);
   std::vector<PilotBlock> blocks;
   std::vector<std::pair<double, double>> pairs;
   for (const auto& [stride, low] : base) {

@@ -9,6 +9,9 @@
 //     images of lattices > errors of blocks > errors of cells, rate b > ErrorModel
 //     small image > mean, EmitterSilhouettes                                     >
 //     zoomed pilots of small emitters > EmitterSilhouettes                       >
+//     light image (pilot_light.h) > LightModel                                   >
+//
+// The lattices of a frame with light paths show the camera's paths alone (HasLightPasses).
 #pragma once
 
 #include <map>
@@ -33,13 +36,16 @@ namespace sheaf::coordinator {
 // too uncertain.
 inline constexpr uint64_t kPilotSamples = 8;
 inline constexpr uint64_t kPilotSamplesMax = 4 * uint64_t{kReplicateCount};
+// Light passes of a light image, each in a replicate of its own, and as many samples per pixel.
+inline constexpr uint64_t kPilotPasses = kPilotSamples;
 
 // One image of a pilot.
 struct PilotLevel {
   PixelLattice lattice;
   uint64_t samples = kPilotSamples;  // Per rendered pixel.
   int32_t shrink = 1;  // Above 1: the whole frame, this many times smaller, without a lattice.
-  // The level's samples divided by the pixels of the frame.
+  bool is_light_image = false;  // Otherwise an image without a lattice is the small image.
+  // The level's samples, without light paths, divided by the pixels of the frame.
   double SamplesPerPixel() const {
     return lattice.SamplesPerPixel(samples) / (1.0 * shrink * shrink);
   }
@@ -48,6 +54,14 @@ struct PilotImage {
   PilotLevel level;
   FrameImage image;
   std::vector<double> cpu_seconds_of_tiles;  // Only for images of lattices.
+  double light_cpu_seconds = 0;              // Of light passes; only for light images.
+  double training_cpu_seconds = 0;           // Of the training of a guided image.
+};
+// What a pilot needs beside camera samples.
+struct PilotTechniques {
+  // Light paths of a pass over the pixels of the frame's window; 0: there are no light passes.
+  double light_paths_per_pixel = 0;
+  bool is_guided = false;  // Each image of a lattice has a training.
 };
 
 // Plans the next levels of a pilot, at a cost of at most `samples_per_pixel` samples per pixel of
@@ -55,19 +69,27 @@ struct PilotImage {
 // the small image. Large frames get relatively fewer blocks, as they do not need as many pixels. A
 // pair (the same blocks with more samples) is included if it tells more about the rate than the
 // prior over all scenes does. Returns an empty list if further levels would not improve the
-// estimate. frame_seed: that of the frame's settings, for PixelLattice.
+// estimate. frame_seed: that of the frame's settings, for PixelLattice. With light paths, as many
+// passes as samples_per_pixel are allowed in addition, for the light image and the small image.
+// Guided frames get one image of a lattice at a time, as each costs a training.
 std::vector<PilotLevel> PilotLevels(double samples_per_pixel, int64_t frame_pixel_count,
-                                    uint64_t frame_seed, std::span<const PilotLevel> before);
+                                    uint64_t frame_seed, std::span<const PilotLevel> before,
+                                    const PilotTechniques& techniques = {});
 
 // Reads the CPU time of each of the frame's tiles from a pilot's metadata. Errors: kDataLoss if the
 // number of tiles differs.
 absl::StatusOr<std::vector<double>> TileCpuSecondsOf(
     const std::map<std::string, std::string>& metadata, size_t tile_count);
 
+// Reads another CPU time of a pilot's metadata: "lightCpuSeconds" or "trainingCpuSeconds". Errors:
+// kDataLoss if it is missing.
+absl::StatusOr<double> CpuSecondsOf(const std::map<std::string, std::string>& metadata,
+                                    const std::string& key);
+
 // Fits the model. filter: that of the scene. zoomed_pilots: those of emitters that the small image
 // may miss. Requires: images of the same frame, at least one of them of a lattice with the fewest
 // samples; the CPU time of all tiles in images of lattices; pairs with equal lattices; the layers
-// of light paths in the small image.
+// of light paths (--light-paths) in the small image, the light layer in light images.
 ErrorModel FitErrorModel(const CellGrid& grid, std::span<const PilotImage> pilot,
                          std::span<const ZoomedPilot> zoomed_pilots,
                          const FilterDescription& filter);

@@ -104,6 +104,42 @@ TEST(PilotModelTest, FurtherPilotsUseNewBlocks) {
   FAIL() << "there are no more blocks than the image has";
 }
 
+TEST(PilotModelTest, LightImagesStayWithinTheirBudget) {
+  for (const int64_t pixels : {int64_t{192 * 192}, int64_t{3840 * 2160}}) {
+    for (const double per_pixel : {1.0, 4.0}) {
+      double paths = 0;
+      int light_count = 0;
+      const std::vector<PilotLevel> levels = PilotLevels(0.4, pixels, 1, {}, {per_pixel});
+      for (const PilotLevel& level : levels) {
+        paths += level.SamplesPerPixel();
+        if (level.lattice.All()) paths += per_pixel * level.SamplesPerPixel();
+        light_count += level.is_light_image ? 1 : 0;
+      }
+      EXPECT_EQ(light_count, 1);
+      EXPECT_TRUE(levels.back().is_light_image);
+      EXPECT_LE(paths, 0.4 * (1 + per_pixel));
+      // A second light image is larger, or there is none.
+      const std::vector<PilotLevel> more = PilotLevels(2, pixels, 1, levels, {per_pixel});
+      if (pixels < 100'000) {
+        ASSERT_FALSE(more.empty());
+        EXPECT_TRUE(more.back().is_light_image);
+        EXPECT_LT(more.back().shrink, levels.back().shrink);
+      } else {
+        EXPECT_TRUE(more.empty() || !more.back().is_light_image);
+      }
+    }
+  }
+}
+
+// Each image of a lattice costs a training.
+TEST(PilotModelTest, GuidedPilotsHaveOneLattice) {
+  const std::vector<PilotLevel> levels = PilotLevels(8, 1920 * 1080, 1, {}, {0, true});
+  ASSERT_EQ(levels.size(), 2u);
+  EXPECT_GT(levels[0].shrink, 1);
+  EXPECT_EQ(levels[1].samples, kPilotSamples);
+  EXPECT_GT(PilotLevels(8, 1920 * 1080, 1, {}).size(), 2u);
+}
+
 TEST(PilotModelTest, FitsErrorRateAndCost) {
   for (const double rate : {1.0, 1.25}) {
     // A pilot of this size spends a part of its samples on a pair.
@@ -246,6 +282,8 @@ TEST(PilotModelTest, CpuTimesCoverAllTilesOrNone) {
     EXPECT_TRUE(absl::IsDataLoss(times(text).status())) << text;
   }
   EXPECT_TRUE(absl::IsDataLoss(TileCpuSecondsOf({}, 3).status()));  // As from an older coordinator.
+  EXPECT_EQ(*CpuSecondsOf({{"lightCpuSeconds", "0.25"}}, "lightCpuSeconds"), 0.25);
+  EXPECT_TRUE(absl::IsDataLoss(CpuSecondsOf({}, "lightCpuSeconds").status()));
 }
 
 }  // namespace

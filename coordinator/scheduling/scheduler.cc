@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/frame_image.h"
+#include "coordinator/core/cell_grid.h"
 #include "coordinator/core/job_check.h"
 
 namespace sheaf::coordinator {
@@ -22,8 +23,8 @@ uint64_t FirstRoundSamplesOf(const FrameRecord& frame) {
 int64_t OpenPixelsOf(const FrameSettings& settings) {
   const auto channel_count = static_cast<int64_t>(ImageChannelCount(settings.outputs));
   constexpr auto kUnit = static_cast<int64_t>(kImageChannelCountMin);
-  // With light paths: the images of the camera and of the light paths, and their sum.
-  const int64_t image_count = HasLightPaths(settings.techniques) ? 3 : 1;
+  // With light passes: the images of the camera and of the light paths, and their sum.
+  const int64_t image_count = HasLightPasses(settings) ? 3 : 1;
   return image_count * settings.window.PixelCount() * ((channel_count + kUnit - 1) / kUnit);
 }
 

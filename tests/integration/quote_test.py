@@ -89,6 +89,31 @@ class QuoteHereTest(unittest.TestCase):
             self.assertGreater(error / row["relative_mse"]["value"], 1 / FACTOR_MAX)
 
 
+class QuotedTechniquesTest(unittest.TestCase):
+    def test_light_passes_and_trainings_are_in_the_price(self):
+        """The room at 100 x 100 pixels, whose training is a tenth of the price or more."""
+        with tempfile.TemporaryDirectory() as folder:
+            scene = os.path.join(folder, "room.pbrt")
+            with open(ROOM, encoding="utf-8") as file:
+                text = file.read().replace("resolution\" 400", "resolution\" 100")
+            with open(scene, "w", encoding="utf-8") as file:
+                file.write(text)
+            for techniques in ("camera+light", "camera+light+guiding"):
+                flags = (scene, "--techniques", techniques, "--json")
+                quote, rows = quote_rows(farm.local("quote", *flags, "--local",
+                                                    "--targets", "0.1,0.05"))
+                out = farm.local("render", *flags, "--target-error", 0.05, "-o",
+                                 os.path.join(folder, "room.exr"))
+                frame = json.loads(out.splitlines()[-1])["frames"][0]
+                hours = frame["progress"]["cpu_duration_seconds"] / 3600
+                ratio = hours / rows[0.05]["cpu_hours"]["value"]
+                self.assertLess(ratio, FACTOR_MAX, techniques)
+                self.assertGreater(ratio, 1 / FACTOR_MAX, techniques)
+                training = quote["training_cpu_hours"]
+                self.assertEqual(training > 0, "guiding" in techniques)
+                self.assertLess(training, rows[0.1]["cpu_hours"]["value"])
+
+
 class QuoteOnFarmTest(unittest.TestCase):
     def test_pilots_run_before_other_jobs_on_all_threads(self):
         with farm.Farm() as f:

@@ -34,6 +34,13 @@ std::vector<Sum> SumsOf(const FrameImage& image) {
   return sums;
 }
 
+// Whether the image has the channels of `first`, as its first ones.
+bool StartsWith(const FrameImage& image, const FrameImage& first) {
+  const std::vector<std::string>& names = image.channel_names;
+  return names.size() >= first.channel_names.size() &&
+         std::equal(first.channel_names.begin(), first.channel_names.end(), names.begin());
+}
+
 float Quadrature(float a, float b) {
   return static_cast<float>(std::sqrt(double{a} * double{a} + double{b} * double{b}));
 }
@@ -44,9 +51,8 @@ void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect
               FrameImage* image) {
   SHEAF_CHECK(camera.window == image->window && light.window == image->window &&
               image->window.Contains(rect));
-  SHEAF_CHECK(camera.channel_names == image->channel_names &&
-              light.channel_names == image->channel_names);
-  const std::vector<Sum> sums = SumsOf(*image);
+  SHEAF_CHECK(camera.channel_names == light.channel_names && StartsWith(*image, camera));
+  const std::vector<Sum> sums = SumsOf(camera);
   const auto width = static_cast<size_t>(rect.Width());
   for (size_t channel = 0; channel < sums.size(); ++channel) {
     for (int32_t y = rect.y0; y < rect.y1; ++y) {
@@ -66,6 +72,19 @@ void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect
           break;
       }
     }
+  }
+}
+
+void SetLightLayer(const FrameImage& light, FrameImage* image) {
+  SHEAF_CHECK(light.window == image->window && StartsWith(*image, light));
+  for (const char* channel : {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B"}) {
+    const std::string name = std::string(kLightLayerPrefix) + channel;
+    std::vector<float>* plane = image->Find(name);
+    if (plane == nullptr) {
+      image->channel_names.push_back(name);
+      plane = &image->planes.emplace_back();
+    }
+    *plane = *light.Find(channel);
   }
 }
 

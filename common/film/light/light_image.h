@@ -15,8 +15,14 @@ namespace sheaf {
 // the two are independent, and counts of what is not finite add. All else is the camera's. Pixels
 // without light passes are the camera's.
 // Requires: three images from MakeFrameImage with the same arguments, developed by DevelopTile;
-// rect lies in their window.
+// rect lies in their window. *image may have the light layer.
 void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect& rect,
               FrameImage* image);
+
+// The light layer of an image: the light of its light paths alone, light.{R,G,B}, and its standard
+// errors, light.stderr.{R,G,B}. Adds the layer as the image's last channels; sets it where the
+// image has it. Requires: images as for AddLight.
+inline constexpr char kLightLayerPrefix[] = "light.";
+void SetLightLayer(const FrameImage& light, FrameImage* image);
 
 }  // namespace sheaf

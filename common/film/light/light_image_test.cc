@@ -56,6 +56,23 @@ TEST(LightImageTest, MeansAddAndErrorsAddInQuadrature) {
   EXPECT_EQ(At(image, "stderr.G", 2, 0), At(camera, "stderr.G", 2, 0));
 }
 
+TEST(LightImageTest, TheLightLayerIsThatOfLightPathsAlone) {
+  FrameImage camera = MakeFrameImage(kWindow, 4, 3), light = camera, image = camera;
+  DevelopTile(MakeTestTile(kWindow, {0, 32}), &camera);
+  DevelopTile(LightTile(), &light);
+  AddLight(camera, light, kWindow, &image);
+  const FrameImage before = image;
+  for (int i = 0; i < 2; ++i) {  // The second time sets it.
+    SetLightLayer(light, &image);
+    ASSERT_EQ(image.channel_names.size(), before.channel_names.size() + 6);
+    for (const std::string channel : {"R", "B", "stderr.G"}) {
+      EXPECT_EQ(*image.Find("light." + channel), *light.Find(channel));
+      EXPECT_EQ(*image.Find(channel), *before.Find(channel));
+    }
+    AddLight(camera, light, kWindow, &image);  // It may be there.
+  }
+}
+
 TEST(LightImageTest, OnlyTheRectangleChanges) {
   FrameImage camera = MakeFrameImage(kWindow, 4, 3), light = camera, image = camera;
   DevelopTile(LightTile(), &light);

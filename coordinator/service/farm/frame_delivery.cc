@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
@@ -181,12 +182,10 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   }
   FrameImage* image = frame->merge.mutable_image();
   image->metadata = MetadataOf(id, frame->spec);
-  if (frame->spec.settings.lattice.All()) {
-    rounds_.AddMetadata(id, image);
-  } else {
-    // A job that asks for few pixels is a pilot and asks for their price.
-    image->metadata["tileCpuSeconds"] = TileCpuSeconds(id);
-  }
+  // A job that asks for few pixels is a pilot, and asks for their price.
+  const bool is_sparse = !frame->spec.settings.lattice.All();
+  if (!is_sparse) rounds_.AddMetadata(id, image);
+  if (is_sparse || IsPilot(id.job_id)) AddPilotFindings(id, frame);
   image->attributes = CryptomatteAttributes(*image);
   *delivered = Account(id, *frame);
   AddFindings(*delivered, frame->merge, image);
@@ -234,15 +233,24 @@ double FrameDelivery::PriceOfErrorBars(const FrameId& id, const FrameSpec& spec)
   return 0;
 }
 
-std::string FrameDelivery::TileCpuSeconds(const FrameId& id) const {
+void FrameDelivery::AddPilotFindings(const FrameId& id, OpenFrame* frame) const {
+  frame->merge.AddLightLayer();
+  std::map<std::string, std::string>& metadata = frame->merge.mutable_image()->metadata;
   const MutexLock lock(&tables_.mutex);
   const FrameTasks& tasks = *tables_.scheduler.FindFrame(id)->tasks;
-  std::string text;
-  for (uint32_t tile = 0; tile < tasks.grid().tiles().size(); ++tile) {
-    absl::StrAppendFormat(&text, "%s%.6g", tile == 0 ? "" : " ",
-                          absl::ToDoubleSeconds(tasks.CpuOfTile(tile)));
+  const auto seconds_of = [&tasks](uint32_t tile) {
+    return absl::StrFormat("%.6g", absl::ToDoubleSeconds(tasks.CpuOfTile(tile)));
+  };
+  const CellGrid& grid = tasks.grid();
+  if (!frame->spec.settings.lattice.All()) {
+    std::vector<std::string> of_tiles;
+    for (uint32_t tile = 0; tile < grid.tiles().size(); ++tile) {
+      of_tiles.push_back(seconds_of(tile));
+    }
+    metadata["tileCpuSeconds"] = absl::StrJoin(of_tiles, " ");
   }
-  return text;
+  if (grid.light_tile()) metadata["lightCpuSeconds"] = seconds_of(*grid.light_tile());
+  if (grid.training_tile()) metadata["trainingCpuSeconds"] = seconds_of(*grid.training_tile());
 }
 
 }  // namespace sheaf::coordinator

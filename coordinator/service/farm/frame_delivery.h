@@ -64,8 +64,10 @@ class FrameDelivery {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
   // DeliveredFrame::one_sequence_gain.
   double PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const;
-  // CPU seconds of workers, of each tile of a frame that is not delivered yet, with blanks between.
-  std::string TileCpuSeconds(const FrameId& id) const;
+  // Adds what a quote asks a pilot's frame for: the light layer, and the CPU seconds of workers for
+  // the tiles of a lattice, for light passes and for the training, as far as it has such.
+  void AddPilotFindings(const FrameId& id, OpenFrame* frame) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 
   const absl::Duration preview_interval_min_;
   FarmTables& tables_;
