@@ -117,6 +117,15 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "in dense media, but BIASED, and displayed errors do not include the bias; 0: never")
       ->check(CLI::Range(0, kSimilarityAfterMax))
       ->capture_default_str();
+  command
+      ->add_option(
+          "--light-samples", settings->light_samples,
+          "Most light samples at a vertex. With more than 1, lights are split into parts where it "
+          "is uncertain which of them matter, and each part is sampled: less noise for more time, "
+          "where many lights are near. The limit halves with each scattering; frames with paths "
+          "from lights, and vertices in media, take 1")
+      ->check(CLI::Range(1, kLightSamplesMax))
+      ->capture_default_str();
   std::vector<std::string> techniques = TechniquesNames();
   techniques.insert(techniques.begin(), kMeasuredTechniques);
   AddChoiceOf(

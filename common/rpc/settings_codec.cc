@@ -160,6 +160,10 @@ absl::Status CheckRanges(const FrameSettings& settings) {
     return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
                                                    " scatterings is out of range"));
   }
+  if (!IsLightSamples(settings.light_samples)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(settings.light_samples, " light samples at a vertex are out of range"));
+  }
   if (settings.white_balance_k != 0 && !(settings.white_balance_k >= kWhiteBalanceMinK &&
                                          settings.white_balance_k <= kWhiteBalanceMaxK)) {
     return absl::InvalidArgumentError(

@@ -21,6 +21,7 @@ FrameSettings EverySetting() {
   settings.single_scattering = true;
   settings.one_sequence = true;
   settings.similarity_after = 12;
+  settings.light_samples = 8;
   settings.techniques = Techniques::kCameraAndLight;
   settings.lattice = {8, settings.seed};
   settings.force_generic_variant = true;
@@ -60,7 +61,7 @@ TEST(SettingsCodecTest, MessagesKeepTheirBytes) {
   EXPECT_EQ(absl::BytesToHexString(ToWire(settings).SerializeAsString()),
             "08800510e0031a0a0801100218ac0220900320808080808020281130ffffffffffffffffff013801"
             "40024801521c706f736974696f6e2c6d6f74696f6e2c73706163653a63616d6572615804650002af"
-            "456801700c780882010a6e696b6f6e5f643835308d0100004841900101");
+            "456801700c780882010a6e696b6f6e5f643835308d0100004841900101980108");
   EXPECT_EQ(absl::BytesToHexString(ToWire(FrameSettings()).SerializeAsString()), "1a0020102805");
 }
 
@@ -120,6 +121,17 @@ TEST(SettingsCodecTest, SimilarityOutOfRangeIsRefused) {
     wire.set_similarity_after_count(after);
     EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument);
   }
+}
+
+TEST(SettingsCodecTest, LightSamplesOutOfRangeAreRefused) {
+  for (const int32_t count : {-1, 1, kLightSamplesMax + 1}) {
+    v1::FrameSettings wire;
+    wire.set_light_samples_max(count);
+    EXPECT_EQ(FromWire(wire).status().code(), absl::StatusCode::kInvalidArgument) << count;
+  }
+  v1::FrameSettings wire;
+  wire.set_light_samples_max(kLightSamplesMax);
+  EXPECT_EQ(FromWire(wire)->light_samples, kLightSamplesMax);
 }
 
 TEST(SettingsCodecTest, UnknownOutputsAreRefused) {

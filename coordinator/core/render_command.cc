@@ -65,6 +65,7 @@ std::string RenderCommand(const std::string& scene, const FrameSettings& setting
   if (s.single_scattering) absl::StrAppend(&command, " --single-scattering");
   if (s.one_sequence) absl::StrAppend(&command, " --one-sequence");
   if (s.similarity_after != 0) absl::StrAppend(&command, " --similarity ", s.similarity_after);
+  if (s.light_samples != 0) absl::StrAppend(&command, " --light-samples ", s.light_samples);
   // The scene may name other techniques.
   absl::StrAppend(&command, " --techniques ", TechniquesName(s.techniques));
   if (s.force_generic_variant) absl::StrAppend(&command, " --generic");

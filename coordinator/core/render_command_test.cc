@@ -28,6 +28,7 @@ TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
   settings.primaries = Primaries::kAcesCg;
   settings.single_scattering = settings.one_sequence = settings.force_generic_variant = true;
   settings.similarity_after = 8;
+  settings.light_samples = 4;
   settings.techniques = Techniques::kCameraAndLight;
   settings.outputs.Add(Aov::kUv);
   settings.outputs.AddIdNumber(IdKind::kAsset);
@@ -37,8 +38,8 @@ TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
   EXPECT_EQ(RenderCommand("a.pbrt", settings, kTile, 1),
             "sheaf render a.pbrt --crop 32,0,64,17 --samples 1 --seed 0 --max-depth 5 "
             "--color spectral --primaries acescg --single-scattering --one-sequence "
-            "--similarity 8 --techniques camera+light --generic --aov uv,asset-id "
-            "--cryptomatte object,material --light-groups");
+            "--similarity 8 --light-samples 4 --techniques camera+light --generic "
+            "--aov uv,asset-id --cryptomatte object,material --light-groups");
 }
 
 TEST(RenderCommandTest, QuotesNamesForTheShell) {

@@ -16,11 +16,12 @@ namespace {
 // Does not compile where settings get another field, lest it is forgotten here.
 auto FieldsOf(const FrameSettings& settings) {
   const auto& [width_px, height_px, window, samples, max_depth, seed, color, single_scattering,
-               one_sequence, similarity_after, techniques, force_generic_variant, lattice, outputs,
-               sensor, max_component_value, primaries, white_balance_k] = settings;
+               one_sequence, similarity_after, light_samples, techniques, force_generic_variant,
+               lattice, outputs, sensor, max_component_value, primaries, white_balance_k] =
+      settings;
   return std::tie(width_px, height_px, window, samples, max_depth, seed, color, single_scattering,
-                  one_sequence, similarity_after, techniques, force_generic_variant, lattice,
-                  outputs, sensor, max_component_value, primaries, white_balance_k);
+                  one_sequence, similarity_after, light_samples, techniques, force_generic_variant,
+                  lattice, outputs, sensor, max_component_value, primaries, white_balance_k);
 }
 
 bool Same(const FrameShape& shape, const FrameSpec& spec) {

@@ -61,6 +61,7 @@ class SqliteJobStoreTest : public testing::Test {
       frame.settings.white_balance_k = 3200.5f;
       frame.settings.one_sequence = true;
       frame.settings.similarity_after = 24;
+      frame.settings.light_samples = 8;
       frame.settings.techniques =
           number == 7 ? Techniques::kCameraAndLightGuided : Techniques::kLight;
       frame.settings.sensor = "nikon_d850";
@@ -151,6 +152,7 @@ TEST_F(SqliteJobStoreTest, JobsSurviveAReopen) {
   EXPECT_EQ(stored.spec.frames[1].settings.white_balance_k, 3200.5f);
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
+  EXPECT_EQ(stored.spec.frames[1].settings.light_samples, 8);
   EXPECT_EQ(stored.spec.frames[0].settings.techniques, Techniques::kLight);
   EXPECT_EQ(stored.spec.frames[1].settings.techniques, Techniques::kCameraAndLightGuided);
   EXPECT_EQ(stored.spec.frames[1].settings.sensor, "nikon_d850");
@@ -291,8 +293,7 @@ TEST_F(SqliteJobStoreTest, PartsAreKeyedByTheKindOfTheirTask) {
   ASSERT_TRUE(store_->WritePart(light, "light").ok());
   Reopen();
   EXPECT_EQ(store_->LoadParts(job)->rows.size(), 2u);
-  const auto of_light =
-      store_->FindTileParts(light.key.frame, light.key.tile, TaskKind::kLight);
+  const auto of_light = store_->FindTileParts(light.key.frame, light.key.tile, TaskKind::kLight);
   ASSERT_TRUE(of_light.ok() && of_light->size() == 1u);
   EXPECT_EQ(of_light->front().key, light.key);
   EXPECT_EQ(*store_->ReadPart(of_light->front()), "light");

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 22;
+constexpr int64_t kSchemaVersion = 23;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -185,6 +185,11 @@ constexpr char kAddedBy22[] = R"sql(
 ALTER TABLE parts ADD COLUMN field TEXT NOT NULL DEFAULT '';
 UPDATE parts SET seal = 0;
 )sql";
+// The seals of earlier rows do not cover the new column.
+constexpr char kAddedBy23[] = R"sql(
+ALTER TABLE frames ADD COLUMN light_samples_max INTEGER NOT NULL DEFAULT 0;
+UPDATE frames SET seal = 0;
+)sql";
 
 }  // namespace
 
@@ -203,10 +208,11 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {
-      kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
-      kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
-      kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22};
+  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
+                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
+                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
+                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21,
+                               kAddedBy22, kAddedBy23};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -41,6 +41,7 @@ class SqliteSchemaTest : public testing::Test {
       frame.settings.color = ColorTransport::kSpectral;
       frame.settings.primaries = Primaries::kRec2020;
       frame.settings.similarity_after = 24;
+      frame.settings.light_samples = 8;
       frame.settings.techniques = Techniques::kLight;
       frame.settings.outputs.Add(Aov::kUv);
       frame.stop = {.target_error = 0.25};
@@ -80,6 +81,7 @@ TEST_F(SqliteSchemaTest, EarlierSchemasAreMigrated) {
                     "ALTER TABLE frames DROP COLUMN one_sequence;"
                     "ALTER TABLE frames DROP COLUMN similarity_after;"
                     "ALTER TABLE frames DROP COLUMN techniques;"
+                    "ALTER TABLE frames DROP COLUMN light_samples_max;"
                     "ALTER TABLE frames DROP COLUMN max_component_value;"
                     "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
                     "ALTER TABLE frames DROP COLUMN target_error;"
@@ -141,6 +143,7 @@ TEST_F(SqliteSchemaTest, SealsOfSchema19AreReset) {
   store_.reset();
   ASSERT_TRUE(Database()
                   ->Execute("ALTER TABLE frames DROP COLUMN techniques;"
+                            "ALTER TABLE frames DROP COLUMN light_samples_max;"
                             "ALTER TABLE failures DROP COLUMN task_kind;PRAGMA user_version=19;")
                   .ok());
   Reopen();
@@ -151,11 +154,27 @@ TEST_F(SqliteSchemaTest, SealsOfSchema19AreReset) {
   EXPECT_EQ((*jobs)[0].spec.frames[0].settings.techniques, Techniques::kCamera);
 }
 
+// The same for the schema before light splits.
+TEST_F(SqliteSchemaTest, SealsOfSchema22AreReset) {
+  store_.reset();
+  ASSERT_TRUE(
+      Database()
+          ->Execute("ALTER TABLE frames DROP COLUMN light_samples_max;PRAGMA user_version=22;")
+          .ok());
+  Reopen();
+  const auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok()) << jobs.status();
+  ASSERT_EQ(jobs->size(), 1u);
+  EXPECT_EQ((*jobs)[0].damage, "");
+  EXPECT_EQ((*jobs)[0].spec.frames[0].settings.light_samples, 0);
+}
+
 // Parts of before are those of camera paths.
 TEST_F(SqliteSchemaTest, PartsOfSchema20HaveNoKind) {
   store_.reset();
   ASSERT_TRUE(Database()
                   ->Execute("DROP TABLE parts;ALTER TABLE failures DROP COLUMN task_kind;"
+                            "ALTER TABLE frames DROP COLUMN light_samples_max;"
                             "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, cells,"
                             "y1, x1, cell_size_px, sha256, size_bytes, worker_id, ray_count,"
                             "nonfinite_count, cpu_ns, identity, seal,"
@@ -181,7 +200,10 @@ TEST_F(SqliteSchemaTest, PartsOfSchema21HaveNoField) {
   ASSERT_TRUE(store_->WritePart(row, "x").ok());
   store_.reset();
   ASSERT_TRUE(
-      Database()->Execute("ALTER TABLE parts DROP COLUMN field;PRAGMA user_version=21;").ok());
+      Database()
+          ->Execute("ALTER TABLE parts DROP COLUMN field;"
+                    "ALTER TABLE frames DROP COLUMN light_samples_max;PRAGMA user_version=21;")
+          .ok());
   Reopen();
   const auto part = store_->FindPart(row.key);
   ASSERT_TRUE(part.ok() && part->has_value());

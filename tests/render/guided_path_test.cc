@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/frame_estimates.h"
 #include "tests/support/guided_scenes.h"
-#include "tests/support/light_film_sums.h"
-#include "tests/support/technique_agreement.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/scene/compiled_scene.h"
 
@@ -20,7 +19,6 @@ namespace {
 using testing::Bias;
 using testing::BiasOfNoisyPair;
 using testing::Estimate;
-using testing::EstimatesOfTiles;
 using testing::ExpectAgreement;
 using testing::kSizePx;
 using testing::Samples;
@@ -44,15 +42,6 @@ CompiledScenePtr CompileFor(const TestScene& scene, const Rendering& rendering) 
   settings.color = rendering.color;
   settings.techniques = rendering.techniques;
   return Compile(scene.scene, settings, {.training_paths_first = rendering.training_paths_first});
-}
-
-std::vector<Estimate> EstimatesOfBoth(const BothFilms& films) {
-  return EstimatesOfTiles(
-      kReplicateCount,
-      [&](uint32_t r, size_t pixel) {
-        return films.Mean(r, 0, pixel) + films.Mean(r, 1, pixel) + films.Mean(r, 2, pixel);
-      },
-      [](uint32_t, size_t) { return 1.0; });
 }
 
 // Fails the test where a guided frame has learned nothing.

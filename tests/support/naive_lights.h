@@ -55,6 +55,11 @@ inline float SumOfProbabilities(const std::vector<float>& powers) {
   return running;
 }
 
+// L30: the coefficient of variation of 1 / x^2 where x is uniform from d - r to d + r.
+inline float VariationOfInverseSquares(float d, float r) {
+  return std::sqrt(4 * r * r / (3 * (d * d - r * r)));
+}
+
 // L11: the light of those lights that a distribution can include: of positive power.
 inline float LightOfPositive(const std::vector<float>& powers) {
   float sum = 0;

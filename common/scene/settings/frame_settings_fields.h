@@ -57,6 +57,8 @@ void VisitFrameSettings(Settings& settings, const Visitor& visit) {
         settings.one_sequence);
   visit(Field{"similarity_after_count", "similarity_after", kWithSettings, {6, "similarity_after"}},
         settings.similarity_after);
+  visit(Field{"light_samples_max", "light_samples_max", kWithSettings, {14, "light_samples_max"}},
+        settings.light_samples);
   visit(Field{"techniques", "techniques", kWithSettings, {13, "techniques"}}, settings.techniques);
   visit(Field{"force_generic_variant", "force_generic"}, settings.force_generic_variant);
   visit(Field{"outputs", "outputs", kNowhere, {8, "outputs"}}, settings.outputs);

@@ -80,6 +80,12 @@ absl::Status CheckCounts(const FrameSettings& settings) {
   return absl::OkStatus();
 }
 
+absl::Status CheckLightSamples(int32_t count) {
+  if (count >= 1 && count <= kLightSamplesMax) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(count, " light samples at a vertex are outside [1, ", kLightSamplesMax, "]"));
+}
+
 std::vector<std::string> LightGroupsOf(const SceneDescription& scene) {
   std::set<std::string> groups;
   for (const AreaLightDescription& light : scene.area_lights) groups.insert(light.group);
@@ -174,6 +180,7 @@ const char* ColorTransportName(ColorTransport color) {
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings) {
   if (absl::Status status = CheckFrame(scene); !status.ok()) return status;
+  if (absl::Status status = CheckLightSamples(settings.light_samples); !status.ok()) return status;
   FrameSettings resolved;
   resolved.width_px = scene.film.width_px;
   resolved.height_px = scene.film.height_px;
@@ -200,6 +207,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.single_scattering = settings.single_scattering;
   resolved.one_sequence = settings.one_sequence;
   resolved.similarity_after = settings.similarity_after;
+  resolved.light_samples = settings.light_samples == 1 ? 0 : settings.light_samples;
   resolved.techniques =
       settings.techniques.value_or(TechniquesOfIntegrator(scene.sampling.integrator));
   resolved.force_generic_variant = settings.force_generic_variant;

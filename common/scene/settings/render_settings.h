@@ -25,6 +25,7 @@ inline constexpr int64_t kFramePixelsMax = int64_t{1} << 40;
 inline constexpr uint64_t kSamplesPerPixelMax = uint64_t{1} << 48;
 inline constexpr int32_t kMaxDepthMax = 1 << 20;
 inline constexpr int32_t kSimilarityAfterMax = 1 << 20;
+inline constexpr int32_t kLightSamplesMax = 16;
 
 // The color representation along a path. kAuto: wavelengths if the scene needs them (dispersion,
 // colors outside of sRGB), else RGB.
@@ -51,6 +52,9 @@ struct RenderSettings {
   // Biased, unless 0: after this many scatterings in media, a path continues in equivalent media
   // that scatter isotropically and less often (similarity relation). See docs/adr/0031.
   int32_t similarity_after = 0;
+  // The most light samples at a vertex, from 1 to kLightSamplesMax: with more than 1, the hierarchy
+  // of lights is split where its estimates are uncertain. See docs/adr/0070.
+  int32_t light_samples = 1;
   std::optional<Techniques> techniques;  // Otherwise those of the scene's integrator.
   // Measure which techniques pay (MeasureTechniques), instead of `techniques`; for the caller of
   // ResolveSettings to do.
@@ -68,6 +72,9 @@ struct FrameSettings {
   bool single_scattering = false;
   bool one_sequence = false;
   int32_t similarity_after = 0;
+  // 0: one at each vertex; else from 2 to kLightSamplesMax, as RenderSettings::light_samples.
+  // Frames with light paths take one, whatever the value.
+  int32_t light_samples = 0;
   Techniques techniques = Techniques::kCamera;
   bool force_generic_variant = false;
   // The pixels of the window that are rendered; the others stay empty.
@@ -82,9 +89,14 @@ struct FrameSettings {
   float white_balance_k = 0;  // See ImageColorOf.
 };
 
-// Errors: kInvalidArgument for an empty crop, 0 samples, a depth or similarity_after out of range,
-// a frame beyond limits, outputs that the scene's camera does not have, more than kLightGroupsMax
-// light groups.
+// Whether FrameSettings::light_samples may have the value.
+constexpr bool IsLightSamples(int32_t count) {
+  return count == 0 || (count >= 2 && count <= kLightSamplesMax);
+}
+
+// Errors: kInvalidArgument for an empty crop, 0 samples, a depth, similarity_after or
+// light_samples out of range, a frame beyond limits, outputs that the scene's camera does not have,
+// more than kLightGroupsMax light groups.
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings);
 

@@ -34,6 +34,7 @@ TEST(RenderSettingsTest, SceneProvidesMissingSettings) {
   asked.max_depth = 0;
   asked.seed = 9;
   asked.similarity_after = 3;
+  asked.light_samples = 8;
   const auto resolved = ResolveSettings(scene, asked);
   ASSERT_TRUE(resolved.ok());
   EXPECT_EQ(resolved->samples, 5u);
@@ -41,6 +42,8 @@ TEST(RenderSettingsTest, SceneProvidesMissingSettings) {
   EXPECT_EQ(resolved->seed, 9u);
   EXPECT_EQ(from_scene->similarity_after, 0);
   EXPECT_EQ(resolved->similarity_after, 3);
+  EXPECT_EQ(from_scene->light_samples, 0);
+  EXPECT_EQ(resolved->light_samples, 8);
 }
 
 TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
@@ -116,6 +119,12 @@ TEST(RenderSettingsTest, ImpossibleSettingsAreRefused) {
     EXPECT_THAT(std::string(ResolveSettings(scene, asked).status().message()),
                 ::testing::HasSubstr(absl::StrCat("similarity after ", after, " scatterings")));
   }
+  for (const int32_t count : {-1, 0, kLightSamplesMax + 1}) {
+    asked = {};
+    asked.light_samples = count;
+    EXPECT_THAT(std::string(ResolveSettings(scene, asked).status().message()),
+                ::testing::HasSubstr(absl::StrCat(count, " light samples at a vertex")));
+  }
   scene.film.width_px = scene.film.height_px = 2000000;
   EXPECT_THAT(std::string(ResolveSettings(scene, {}).status().message()),
               ::testing::HasSubstr("exceeds the limit"));
@@ -135,7 +144,7 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   FrameSettings more = settings;
   more.samples = 17;
   EXPECT_EQ(FrameDigest("scene", more, "profile"), digest);
-  std::vector<FrameSettings> others(18, settings);
+  std::vector<FrameSettings> others(20, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -154,6 +163,8 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   others[15].techniques = Techniques::kLight;
   others[16].techniques = Techniques::kCameraGuided;
   others[17].techniques = Techniques::kCameraAndLightGuided;
+  others[18].light_samples = 2;
+  others[19].light_samples = 8;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", others[9], "profile"),
@@ -164,6 +175,8 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
             FrameDigest("scene", others[17], "profile"));
   EXPECT_NE(FrameDigest("scene", others[16], "profile"),
             FrameDigest("scene", others[17], "profile"));
+  EXPECT_NE(FrameDigest("scene", others[18], "profile"),
+            FrameDigest("scene", others[19], "profile"));
   EXPECT_NE(FrameDigest("other", settings, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", settings, "other"), digest);
 }
@@ -172,8 +185,8 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
 TEST(RenderSettingsTest, EveryFieldIsDescribed) {
   const FrameSettings settings;
   [[maybe_unused]] const auto& [width_px, height_px, window, samples, max_depth, seed, color,
-                                single_scattering, one_sequence, similarity_after, techniques,
-                                force_generic_variant, lattice, outputs, sensor,
+                                single_scattering, one_sequence, similarity_after, light_samples,
+                                techniques, force_generic_variant, lattice, outputs, sensor,
                                 max_component_value, primaries, white_balance_k] = settings;
   std::set<std::string> names;
   std::set<const void*> members;
@@ -181,8 +194,8 @@ TEST(RenderSettingsTest, EveryFieldIsDescribed) {
     names.insert(field.name);
     members.insert(&member);
   });
-  EXPECT_EQ(names.size(), 18u);
-  EXPECT_EQ(members.size(), 18u);
+  EXPECT_EQ(names.size(), 19u);
+  EXPECT_EQ(members.size(), 19u);
 }
 
 // Parts, stored jobs and images are known by digests of this text.
@@ -209,6 +222,7 @@ TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
   settings.single_scattering = true;
   settings.one_sequence = true;
   settings.similarity_after = 12;
+  settings.light_samples = 8;
   settings.techniques = Techniques::kCameraAndLight;
   settings.lattice = {8, settings.seed};
   settings.outputs.Add(Aov::kPosition);
@@ -236,6 +250,7 @@ TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
             "sensor nikon_d850\n"
             "max_component_value 12.5\n"
             "techniques camera+light\n"
+            "light_samples_max 8\n"
             "profile profile\n");
 }
 

@@ -349,6 +349,8 @@ constexpr Change kChanges[] = {
      [](AblatedScene* without) {
        without->settings.techniques = WithoutGuiding(without->settings.techniques);
      }},
+    {Trait::kLightSplits, "each vertex takes one light sample",
+     [](AblatedScene* without) { without->settings.light_samples = 0; }},
 };
 // Textures need files.
 static_assert(std::size(kChanges) == kTraitCount - 1);

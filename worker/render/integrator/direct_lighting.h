@@ -11,6 +11,7 @@
 
 #include "worker/render/integrator/equiangular_sampling.h"
 #include "worker/render/integrator/light_draw.h"
+#include "worker/render/integrator/light_splits.h"
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/transmittance.h"
 #include "worker/render/integrator/two_ends.h"
@@ -18,31 +19,26 @@
 
 namespace sheaf::render {
 
-// Adds light from one sampled light that the vertex scatters back along the path.
+// Adds light from a light sample that the vertex scatters back along the path. u: for cut-outs on
+// the way to it.
 template <typename C, typename Vertex>
-void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
+void AddLightSample(const Context<C>& c, const Vertex& vertex,
+                    LightSampleOf<typename C::Color>* light, std::array<float, 2> u,
+                    PathState<C>* path) {
   using Color = typename C::Color;
-  if (c.scene.lights->empty()) return;
-  const LightDraw& draw = vertex.Draw(c, *path);
-  const std::array<float, 4>& u = draw.u;
-  std::optional<LightSampleOf<Color>> light = c.scene.lights->template Sample<C::kTraits>(
-      vertex.point.p, vertex.light_hint, u[2], {u[0], u[1]}, path->wavelengths, draw.preparation,
-      vertex.guided.lights());
-  if (!light.has_value()) return;
   const BsdfValueOf<Color> value = vertex.Eval(light->wi);
   if (value.f_cos.IsBlack()) return;
-  ApplyCutOut(c, &*light);
+  ApplyCutOut(c, light);
   Color f_cos = value.f_cos;
   if constexpr (C::kMedia) {
     MediumState<C> media = path->media;
     if (!vertex.EnterSide(c, light->wi, *path, &media)) return;
-    const Color transmittance =
-        ShadowTransmittance(c, vertex.point, *light, {u[3], u[2]}, *path, media);
+    const Color transmittance = ShadowTransmittance(c, vertex.point, *light, u, *path, media);
     NoteLight(c, vertex.point.p, light->light, !transmittance.IsBlack());
     if (transmittance.IsBlack()) return;
     f_cos = f_cos * transmittance;
   } else {
-    const bool is_visible = IsVisible(c, vertex.point, *light, {u[3], u[2]}, path->ray.time);
+    const bool is_visible = IsVisible(c, vertex.point, *light, u, path->ray.time);
     NoteLight(c, vertex.point.p, light->light, is_visible);
     if (!is_visible) return;
   }
@@ -55,6 +51,44 @@ void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
   } else {
     AddLight(c, light->light, vertex.LightKind(*path), arriving, path);
   }
+}
+
+// Adds light from one sample of each part of the lights. Requires: the vertex's query is for more
+// than one.
+template <typename C, typename Vertex>
+void SampleParts(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
+  const LightTable& lights = *c.scene.lights;
+  const LightQuery query = vertex.Query();
+  const auto row = RowFor<C::kTraits>(query.row);
+  const Vec3f p = vertex.point.p, n = vertex.light_hint;
+  const LightCut cut = lights.choice().CutAt(p, n, query.samples_max, row);
+  const uint32_t index = LastVertexIndex(*path);
+  for (uint32_t part = 0; part < cut.size(); ++part) {
+    const std::array<float, 4> u =
+        part == 0 ? vertex.Draw(c, *path).u : c.sampler.Get4(LightPartSlot(index, part));
+    const ChosenLight chosen =
+        lights.choice().ChooseFrom(cut, part, p, n, u[2], SaltOf({u[0], u[1]}), row);
+    std::optional<LightSampleOf<typename C::Color>> light =
+        lights.template SampleOfPart<C::kTraits>(chosen, p, n, {u[0], u[1]}, path->wavelengths,
+                                                 query);
+    if (light) AddLightSample(c, vertex, &*light, {u[3], u[2]}, path);
+  }
+}
+
+// Adds light from sampled lights that the vertex scatters back along the path.
+template <typename C, typename Vertex>
+void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
+  if (c.scene.lights->empty()) return;
+  if constexpr (C::kSplitsLights) {
+    if (vertex.Query().samples_max > 1) return SampleParts(c, vertex, path);
+  }
+  const LightDraw& draw = vertex.Draw(c, *path);
+  const std::array<float, 4>& u = draw.u;
+  std::optional<LightSampleOf<typename C::Color>> light =
+      c.scene.lights->template Sample<C::kTraits>(vertex.point.p, vertex.light_hint, u[2],
+                                                  {u[0], u[1]}, path->wavelengths, draw.preparation,
+                                                  vertex.Query());
+  if (light) AddLightSample(c, vertex, &*light, {u[3], u[2]}, path);
 }
 
 // Adds the radiance of infinite lights along the path's ray, which hits nothing.
@@ -71,7 +105,7 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
     const EnvironmentValueOf<typename C::Color> value =
         c.scene.lights->template EvalEnvironment<C::kTraits>(path->from, path->from_n, path->ray.d,
                                                              path->wavelengths, path->sky_place,
-                                                             LightsFromLast<C>(*path));
+                                                             LightQueryAtLast<C>(*path));
     const float weight = [&] {
       if constexpr (C::kBothEnds) {
         const double emitted = c.scene.emission->InfiniteDensityAt(path->from, -path->ray.d);
@@ -97,13 +131,14 @@ void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* 
           path->specular ? 0
                          : static_cast<double>(c.scene.lights->template PdfEmitter<C::kTraits>(
                                point.emitter, path->from, path->from_n, path->ray.d, point.p,
-                               LightsFromLast<C>(*path)));
+                               LightQueryAtLast<C>(*path)));
       const double emitted = c.scene.emission->DensityAt(point.emitter, path->from, point.p,
                                                          point.EmitterNormal(), -path->ray.d);
       weight = HitWeight(c, sampled, emitted, *path);
     } else if (!path->specular) {
       const float light_pdf = c.scene.lights->template PdfEmitter<C::kTraits>(
-          point.emitter, path->from, path->from_n, path->ray.d, point.p, LightsFromLast<C>(*path));
+          point.emitter, path->from, path->from_n, path->ray.d, point.p,
+          LightQueryAtLast<C>(*path));
       weight = [&] {
         if constexpr (C::kLines) {
           const LineOf<C>& line = path->media.line;

@@ -37,6 +37,8 @@ struct IntegratorConfig {
   static constexpr bool kOutputs = Has(Trait::kOutputs);
   // Camera paths sample directions from a learned field too: guided_directions.h.
   static constexpr bool kGuided = Has(Trait::kGuiding);
+  // Vertices on surfaces may take several light samples: light_splits.h.
+  static constexpr bool kSplitsLights = !kBothEnds && Has(Trait::kLightSplits);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
   // Rays may pass through surfaces: cut-outs, interface materials, stochastic mixes.
   static constexpr bool kNullInterfaces = Has(Trait::kAlpha);

@@ -12,6 +12,7 @@
 #include "worker/render/integrator/first_hit.h"
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/light_draw.h"
+#include "worker/render/integrator/light_splits.h"
 #include "worker/render/integrator/russian_roulette.h"
 #include "worker/render/integrator/subsurface_walk.h"
 #include "worker/render/integrator/two_ends.h"
@@ -43,6 +44,7 @@ struct MediumVertex {
   LightDraw Draw(const Context<C>& c, const PathState<C>& path) const {
     return DrawLight(c, LastVertexIndex(path));
   }
+  LightQuery Query() const { return guided.lights(); }
   BsdfValueOf<Color> Eval(Vec3f w) const {
     BsdfValueOf<Color> value = EvalScattering(w);
     if constexpr (C::kGuided) value.pdf = guided.Pdf(value.pdf, w);
@@ -205,6 +207,7 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->from = point.p;
   path->from_n = {};
   if constexpr (C::kGuided) path->guided.lights = guided.lights();
+  if constexpr (C::kSplitsLights) path->splits = {};
   path->ray.o = point.p;
   path->ray.d = sample.w;
   path->ray.source = {};

@@ -88,6 +88,11 @@ struct GuidedState {
   LightVisibilityRow lights;  // What is known of lights at `from`.
 };
 
+// The state of paths in frames that split the lights.
+struct LightSplitState {
+  uint32_t samples_max = 1;  // LightQuery::samples_max at `from`.
+};
+
 // One path. It may begin at the camera, at a light, or in space: the state names only the next ray
 // and how its direction was sampled.
 template <typename C>
@@ -113,6 +118,7 @@ struct PathState {
                                 std::conditional_t<C::kFromLight, LightEnd, CameraEnd>>
       other_end;
   [[no_unique_address]] StateIf<C::kGuided, GuidedState> guided;
+  [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   Vec3f camera_o;               // The origin of the camera ray.
   bool is_camera_path = true;   // No vertex so far.
   uint32_t null_crossings = 0;  // Surfaces passed since the last vertex.

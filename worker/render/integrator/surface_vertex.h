@@ -15,6 +15,7 @@
 #include "worker/render/integrator/first_hit.h"
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/light_draw.h"
+#include "worker/render/integrator/light_splits.h"
 #include "worker/render/integrator/medium_boundaries.h"
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/russian_roulette.h"
@@ -49,6 +50,7 @@ struct SurfaceVertex {
   [[no_unique_address]] StateIf<C::kNormalMaps, uint32_t> index;  // For sample dimensions.
   [[no_unique_address]] StateIf<C::kBothEnds, Frame> interpolated_shading;  // Before Prepare.
   [[no_unique_address]] GuidedDirectionsOf<C> guided;  // What camera paths know here.
+  [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   Vec3f wo_local;
   Vec3f light_hint{};  // Lights behind this normal do not contribute; zero if all may.
 
@@ -65,6 +67,11 @@ struct SurfaceVertex {
 
   bool SamplesLights(const PathState<C>&) const { return !bsdf.specular; }
   const LightDraw& Draw(const Context<C>&, const PathState<C>&) const { return draw; }
+  // By which lights are sampled here.
+  LightQuery Query() const {
+    if constexpr (C::kSplitsLights) return {guided.lights(), splits.samples_max};
+    return guided.lights();
+  }
   // f * |cos|, and the pdf with which camera paths go on towards w, per solid angle.
   BsdfValueOf<Color> Eval(Vec3f w) const {
     BsdfValueOf<Color> value = EvalScattering(w);
@@ -198,6 +205,7 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
   if constexpr (C::kGuided) {
     guided = GuidedDirectionsAt(c, point.p, /*may_guide=*/!bsdf.specular);
   }
+  if constexpr (C::kSplitsLights) splits = LightSplitsAt(c, *path);
   if (!Transmits<C::kTraits>(bsdf)) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
   return true;
 }
@@ -320,6 +328,7 @@ inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
   path->from = point.p;
   path->from_n = light_hint;
   if constexpr (C::kGuided) path->guided.lights = guided.lights();
+  if constexpr (C::kSplitsLights) path->splits = splits;
   path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
   path->ray.d = wi;
   path->ray.source = point.id;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "common/base/check.h"
 #include "common/base/vector_bytes.h"
 #include "common/math/elementary.h"
 #include "common/math/lanes.h"
@@ -108,8 +109,11 @@ LightChoice::~LightChoice() = default;
 LightChoice::LightChoice(LightChoice&&) noexcept = default;
 LightChoice& LightChoice::operator=(LightChoice&&) noexcept = default;
 
-LightChoice::LightChoice(std::vector<LightBounds> lights) : count_(lights.size()) {
-  if (count_ <= kLightsWeighedMax) {
+LightChoice::LightChoice(std::vector<LightBounds> lights, bool splits)
+    : count_(lights.size()),
+      splits_(splits && count_ > 1),
+      uses_tree_(splits_ || count_ > kLightsWeighedMax) {
+  if (!uses_tree_) {
     for (size_t i = 0; i < count_; i += kLaneCount) {
       blocks_.emplace_back(&lights[i], std::min(kLaneCount, count_ - i));
     }
@@ -125,7 +129,7 @@ LightChoice::LightChoice(std::vector<LightBounds> lights) : count_(lights.size()
     infinite_irradiance_ += irradiances.back();
   }
   infinite_ = DiscreteDistribution(irradiances);
-  tree_ = LightTree(lights);
+  tree_ = LightTree(lights, splits_);
 }
 
 template <typename Row>
@@ -170,14 +174,20 @@ float LightChoice::ProbabilityInfinite(size_t rank, double infinite_probability)
   return static_cast<float>(infinite_probability * infinite_.Probability(rank));
 }
 
+std::optional<size_t> LightChoice::InfiniteRank(uint32_t light) const {
+  const auto infinite = std::lower_bound(infinite_lights_.begin(), infinite_lights_.end(), light);
+  if (infinite == infinite_lights_.end() || *infinite != light) return std::nullopt;
+  return static_cast<size_t>(infinite - infinite_lights_.begin());
+}
+
 size_t LightChoice::visibility_slot_count() const {
   if (count_ <= 1) return 0;
-  if (count_ <= kLightsWeighedMax) return blocks_.size() * kLaneCount;
+  if (!uses_tree_) return blocks_.size() * kLaneCount;
   return tree_.visibility_slot_count() + 1;
 }
 
 bool LightChoice::HasVisibilitySlot(size_t slot) const {
-  if (count_ <= kLightsWeighedMax) return slot < count_;
+  if (!uses_tree_) return slot < count_;
   if (slot == tree_.visibility_slot_count()) return !infinite_lights_.empty();
   return tree_.HasVisibilitySlot(slot);
 }
@@ -193,7 +203,7 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
     if (row.steps == nullptr) return Choose(p, n, u, salt);
   }
   if (count_ == 1) return ChosenLight{0, 1};
-  if (count_ > kLightsWeighedMax) {
+  if (uses_tree_) {
     const double infinite_probability = InfiniteProbability(p, n, row);
     const double x = ExtendBits(u, salt);
     if (x < infinite_probability) {
@@ -227,20 +237,66 @@ float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n, Row row) const 
     if (row.steps == nullptr) return Probability(light, p, n);
   }
   if (count_ == 1) return 1;
-  if (count_ <= kLightsWeighedMax) return Weigh(p, n, row).Probability(light);
+  if (!uses_tree_) return Weigh(p, n, row).Probability(light);
   const double infinite_probability = InfiniteProbability(p, n, row);
-  const auto infinite = std::lower_bound(infinite_lights_.begin(), infinite_lights_.end(), light);
-  if (infinite != infinite_lights_.end() && *infinite == light) {
-    return ProbabilityInfinite(static_cast<size_t>(infinite - infinite_lights_.begin()),
-                               infinite_probability);
+  if (const std::optional<size_t> rank = InfiniteRank(light)) {
+    return ProbabilityInfinite(*rank, infinite_probability);
   }
   return tree_.Probability(light, p, n, row) * static_cast<float>(1 - infinite_probability);
+}
+
+template <typename Row>
+LightCut LightChoice::CutAt(Vec3f p, Vec3f n, uint32_t samples_max, Row row) const {
+  SHEAF_DCHECK(splits_ && samples_max >= 2 && samples_max <= kPartsMax);
+  LightCut cut;
+  cut.has_infinite = !infinite_lights_.empty();
+  if (tree_.empty()) return cut;
+  const size_t local_max = samples_max - (cut.has_infinite ? 1 : 0);
+  if constexpr (kHasFactors<Row>) {
+    cut.local =
+        row.steps == nullptr ? tree_.CutAt(p, n, local_max) : tree_.CutAt(p, n, local_max, row);
+  } else {
+    cut.local = tree_.CutAt(p, n, local_max);
+  }
+  return cut;
+}
+
+template <typename Row>
+ChosenLight LightChoice::ChooseFrom(const LightCut& cut, size_t part, Vec3f p, Vec3f n, float u,
+                                    uint64_t salt, Row row) const {
+  if constexpr (kHasFactors<Row>) {
+    if (row.steps == nullptr) return ChooseFrom(cut, part, p, n, u, salt);
+  }
+  const double x = ExtendBits(u, salt);
+  if (cut.has_infinite && part == 0) {
+    const size_t rank = infinite_.Sample(x);
+    return {infinite_lights_[rank], ProbabilityInfinite(rank, 1)};
+  }
+  return tree_.ChooseFrom(cut.local, part - (cut.has_infinite ? 1 : 0), p, n, x, row);
+}
+
+template <typename Row>
+float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n, SplitLightQuery<Row> query) const {
+  if (!splits_ || query.samples_max <= 1) return Probability(light, p, n, query.row);
+  if constexpr (kHasFactors<Row>) {
+    if (query.row.steps == nullptr) {
+      return Probability(light, p, n, SplitLightQuery<NoLightVisibilityRow>{{}, query.samples_max});
+    }
+  }
+  if (const std::optional<size_t> rank = InfiniteRank(light)) return ProbabilityInfinite(*rank, 1);
+  if (tree_.empty()) return 0;
+  const LightCut cut = CutAt(p, n, query.samples_max, query.row);
+  return tree_.ProbabilityIn(cut.local, light, p, n, query.row);
 }
 
 #define SHEAF_INSTANTIATE_FOR(row)                                                            \
   template std::optional<ChosenLight> LightChoice::Choose(Vec3f, Vec3f, float, uint64_t, row) \
       const;                                                                                  \
-  template float LightChoice::Probability(uint32_t, Vec3f, Vec3f, row) const;
+  template float LightChoice::Probability(uint32_t, Vec3f, Vec3f, row) const;                 \
+  template LightCut LightChoice::CutAt(Vec3f, Vec3f, uint32_t, row) const;                    \
+  template ChosenLight LightChoice::ChooseFrom(const LightCut&, size_t, Vec3f, Vec3f, float,  \
+                                               uint64_t, row) const;                          \
+  template float LightChoice::Probability(uint32_t, Vec3f, Vec3f, SplitLightQuery<row>) const;
 SHEAF_INSTANTIATE_FOR(NoLightVisibilityRow)
 SHEAF_INSTANTIATE_FOR(LightVisibilityRow)
 #undef SHEAF_INSTANTIATE_FOR

@@ -12,6 +12,10 @@
 //
 // Where a region of space has learned which lights are hidden from it (LightVisibility), estimates
 // are multiplied by the learned factors; the fraction that is independent of them stays.
+//
+// A choice that is built for splits uses the hierarchy for any number of lights but one. CutAt then
+// gives the parts of the lights at a point: all infinite lights are one, the others are those of
+// LightTree::CutAt.
 #pragma once
 
 #include <algorithm>
@@ -22,6 +26,7 @@
 
 #include "common/math/vec.h"
 #include "worker/render/light/light_bounds.h"
+#include "worker/render/light/light_query.h"
 #include "worker/render/light/light_tree.h"
 #include "worker/render/light/light_visibility_row.h"
 #include "worker/render/sampling/discrete_distribution.h"
@@ -31,13 +36,24 @@ namespace sheaf::render {
 // Scenes of at most this many lights weight every light at every point.
 inline constexpr size_t kLightsWeighedMax = 16;
 
+// The parts of all lights at a point. The infinite lights, if they are a part, are the first.
+struct LightCut {
+  size_t size() const { return (has_infinite ? 1 : 0) + local.size(); }
+
+  bool has_infinite = false;
+  LightTree::Cut local;
+};
+
 class LightChoice {
  public:
+  static constexpr size_t kPartsMax = LightTree::kPartsMax;
+
   LightChoice();
   ~LightChoice();
   LightChoice(LightChoice&&) noexcept;
   LightChoice& operator=(LightChoice&&) noexcept;
-  explicit LightChoice(std::vector<LightBounds> lights);
+  // splits: whether CutAt may be called.
+  explicit LightChoice(std::vector<LightBounds> lights, bool splits = false);
 
   // Chooses a light as seen from p; none where no light reaches p. n: unit normal at p, zero to
   // accept light from all directions; lights behind n do not count. salt: bits independent of u
@@ -48,6 +64,23 @@ class LightChoice {
   // The probability with which Choose returns the light at p, bit for bit.
   template <typename Row = NoLightVisibilityRow>
   float Probability(uint32_t light, Vec3f p, Vec3f n, Row row = {}) const;
+
+  // Whether there are lights to split. False for a single light.
+  bool splits() const { return splits_; }
+  // The parts of the lights at p: at most samples_max, none where no light reaches p. Lights in no
+  // part certainly send nothing. Requires: splits(), samples_max in [2, kPartsMax].
+  template <typename Row = NoLightVisibilityRow>
+  LightCut CutAt(Vec3f p, Vec3f n, uint32_t samples_max, Row row = {}) const;
+  // Chooses a light of the part. Its probability is that within the part. Requires: cut is CutAt's
+  // for the same p, n and row; part < cut.size(); u and salt as for Choose.
+  template <typename Row = NoLightVisibilityRow>
+  ChosenLight ChooseFrom(const LightCut& cut, size_t part, Vec3f p, Vec3f n, float u, uint64_t salt,
+                         Row row = {}) const;
+  // The probability of the light within its part, as of ChooseFrom, bit for bit; where the query is
+  // for a single sample, or there are no parts, as of Choose.
+  template <typename Row>
+  float Probability(uint32_t light, Vec3f p, Vec3f n, SplitLightQuery<Row> query) const;
+
   uint64_t memory_bytes() const;
 
   // The slots of a row: one for each light, in whole lanes; or those of the tree, then one for all
@@ -59,7 +92,7 @@ class LightChoice {
   template <typename Visit>
   void VisitVisibilitySlots(uint32_t light, const Visit& visit) const {
     if (count_ <= 1) return;
-    if (count_ <= kLightsWeighedMax) {
+    if (!uses_tree_) {
       visit(light);
     } else if (std::binary_search(infinite_lights_.begin(), infinite_lights_.end(), light)) {
       visit(tree_.visibility_slot_count());
@@ -76,11 +109,15 @@ class LightChoice {
   template <typename Row>
   double InfiniteProbability(Vec3f p, Vec3f n, Row row) const;
   float ProbabilityInfinite(size_t rank, double infinite_probability) const;
+  // The light's rank among infinite_lights_; none if it is not one of them.
+  std::optional<size_t> InfiniteRank(uint32_t light) const;
 
   size_t count_ = 0;
-  // Used for at most kLightsWeighedMax lights.
+  bool splits_ = false;
+  bool uses_tree_ = false;  // For more than kLightsWeighedMax lights, and for splits.
+  // Used without the tree.
   std::vector<Block> blocks_;
-  // Used for more.
+  // Used with it.
   LightTree tree_;
   std::vector<uint32_t> infinite_lights_;  // Ascending, not black.
   DiscreteDistribution infinite_;          // Over infinite_lights_.

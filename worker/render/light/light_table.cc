@@ -83,18 +83,19 @@ template <uint32_t kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
-    LightVisibilityRowOf<kMask> row) {
+    LightQueryOf<kMask> query) {
   if (impl.empty) return std::nullopt;
-  const std::optional<ChosenLight> chosen = impl.choice.Choose(p, n, u_select, SaltOf(u), row);
+  const std::optional<ChosenLight> chosen =
+      impl.choice.Choose(p, n, u_select, SaltOf(u), RowOf(query));
   if (!chosen) return std::nullopt;
-  return SampleOne<kMask>(impl, *chosen, p, n, u, wavelengths, preparation, row);
+  return SampleOne<kMask>(impl, *chosen, p, n, u, wavelengths, preparation, query);
 }
 
 template <uint32_t kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleChosenLight(
-    const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
-    const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightVisibilityRowOf<kMask> row) {
-  return SampleOne<kMask>(impl, chosen, p, {}, u, wavelengths, Prepare(impl, u), row);
+    const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
+    const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightQueryOf<kMask> query) {
+  return SampleOne<kMask>(impl, chosen, p, n, u, wavelengths, Prepare(impl, u), query);
 }
 
 std::optional<ChosenLight> LightTable::Choose(Vec3f p, float u_select, Vec2f u) const {
@@ -123,7 +124,7 @@ template <uint32_t kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
-    [[maybe_unused]] LightVisibilityRowOf<kMask> row) {
+    [[maybe_unused]] LightQueryOf<kMask> query) {
   using Color = ColorOf<kMask>;
   const uint32_t light = chosen.light;
   std::optional<LightSampleOf<Color>> sample;
@@ -175,8 +176,8 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
       sample->radiance = RadianceAt<Color>(impl, infinite, place, wavelengths);
       sample->pdf = preparation.sky.pdf;
     } else {
-      const EnvironmentValueOf<Color> value =
-          FromInfinity<Color>(impl, p, n, sample->wi, wavelengths, {place, index, portal_pdf}, row);
+      const EnvironmentValueOf<Color> value = FromInfinity<Color>(
+          impl, p, n, sample->wi, wavelengths, {place, index, portal_pdf}, query);
       sample->radiance = value.radiance;
       sample->pdf = value.pdf;
     }
@@ -190,7 +191,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
 
 template <uint32_t kMask>
 float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
-                               Vec3f p_light, LightVisibilityRowOf<kMask> row) {
+                               Vec3f p_light, LightQueryOf<kMask> query) {
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
     if (emitter < impl.first_sphere()) {
@@ -205,7 +206,7 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
       }
     }
   }
-  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n, row));
+  const float pdf = PdfSolidAngle(shape_pdf, impl.choice.Probability(emitter, p, n, query));
   return IsUsablePdf(pdf) ? pdf : 0;
 }
 
@@ -261,10 +262,10 @@ Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
   return sum;
 }
 
-template <typename Color, typename Row>
+template <typename Color, typename Query>
 EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                    const WavelengthsOf<Color>& wavelengths,
-                                                   const Located& located, Row row) {
+                                                   const Located& located, Query query) {
   EnvironmentValueOf<Color> value;
   for (uint32_t i = 0; i < impl.infinites.size(); ++i) {
     const InfiniteEmitter& light = impl.infinites[i];
@@ -278,7 +279,8 @@ EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Ve
     const EnvironmentMap::Place here = is_located ? located.place : PlaceOf(light, d);
     value.radiance += RadianceAt<Color>(impl, light, here, wavelengths);
     if (!light.portal) pdf = PdfAt(light, here);
-    value.pdf += PdfSolidAngle(pdf, impl.choice.Probability(impl.first_infinite() + i, p, n, row));
+    value.pdf +=
+        PdfSolidAngle(pdf, impl.choice.Probability(impl.first_infinite() + i, p, n, query));
   }
   return value;
 }
@@ -310,15 +312,15 @@ template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&,
 #define SHEAF_INSTANTIATE_FOR(mask) \
   SHEAF_INSTANTIATE_IN_COLOR(mask)  \
   SHEAF_INSTANTIATE_IN_COLOR((mask) | static_cast<uint32_t>(Trait::kSpectral))
-#define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                        \
-  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(      \
-      const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,           \
-      const Preparation&, LightVisibilityRowOf<(mask)>);                                        \
-  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleChosenLight<(mask)>( \
-      const Impl&, const ChosenLight&, Vec3f, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,     \
-      LightVisibilityRowOf<(mask)>);                                                            \
-  template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,   \
-                                                  Vec3f, LightVisibilityRowOf<(mask)>);
+#define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                           \
+  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(         \
+      const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,              \
+      const Preparation&, LightQueryOf<(mask)>);                                                   \
+  template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleChosenLight<(mask)>(    \
+      const Impl&, const ChosenLight&, Vec3f, Vec3f, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&, \
+      LightQueryOf<(mask)>);                                                                       \
+  template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,      \
+                                                  Vec3f, LightQueryOf<(mask)>);
 #define SHEAF_INSTANTIATE_WITH(mask)                                          \
   SHEAF_INSTANTIATE_FOR(mask)                                                 \
   SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kEnvironment))  \
@@ -335,7 +337,12 @@ SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDel
                                Trait::kGuiding))
 SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
                                Trait::kEnvironment, Trait::kGuiding))
-// Varying emission is rare: its variants support every kind of light, and guiding.
+// So do those that split the lights, which have no wavelengths.
+SHEAF_INSTANTIATE_IN_COLOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
+                                    Trait::kLightSplits))
+SHEAF_INSTANTIATE_IN_COLOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
+                                    Trait::kEnvironment, Trait::kLightSplits))
+// Varying emission is rare: its variants support every kind of light, guiding and splits.
 SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::kSpectral))
 #undef SHEAF_INSTANTIATE_WITH
 #undef SHEAF_INSTANTIATE_FOR
@@ -345,10 +352,12 @@ SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::k
   template color LightTable::RadianceFromInfinity<color>(const Impl&, Vec3f, Vec3f,    \
                                                          const WavelengthsOf<color>&); \
   SHEAF_INSTANTIATE_FROM_INFINITY(color, NoLightVisibilityRow)                         \
-  SHEAF_INSTANTIATE_FROM_INFINITY(color, LightVisibilityRow)
-#define SHEAF_INSTANTIATE_FROM_INFINITY(color, row)                        \
-  template EnvironmentValueOf<color> LightTable::FromInfinity<color, row>( \
-      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, const Located&, row);
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, LightVisibilityRow)                           \
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, SplitLightQuery<NoLightVisibilityRow>)        \
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, SplitLightQuery<LightVisibilityRow>)
+#define SHEAF_INSTANTIATE_FROM_INFINITY(color, query)                        \
+  template EnvironmentValueOf<color> LightTable::FromInfinity<color, query>( \
+      const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, const Located&, query);
 SHEAF_INSTANTIATE_INFINITY(Rgb)
 SHEAF_INSTANTIATE_INFINITY(Spectral)
 #undef SHEAF_INSTANTIATE_INFINITY

@@ -21,7 +21,7 @@
 #include "worker/render/light/emission_map.h"
 #include "worker/render/light/environment_map.h"
 #include "worker/render/light/light_bounds.h"
-#include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/light_query.h"
 
 namespace sheaf::render {
 
@@ -115,6 +115,7 @@ struct LightTableInput {
   EmissionMaps maps;
   std::vector<Quadric> quadrics;
   bool spectral = false;       // Whether traits with kSpectral may be used.
+  bool splits = false;         // Whether traits with kLightSplits may be used.
   bool choose_evenly = false;  // Choose all lights with equal probability, wherever they are.
   Vec3d render_origin_world;   // World position of render space's origin (the camera).
 };
@@ -136,13 +137,14 @@ class LightTable {
   // Chooses a light and samples a point on it, as seen from p. n: the receiver's geometric normal,
   // or zero in free space; guides the choice, and excludes directions to infinite lights behind it.
   // None where the light cannot reach p. Space: render. Never returns pdf 0, a non-finite value or
-  // radiance 0. row, here and below: of the region of p, from a LightVisibility with the slots of
-  // choice(); used only with Trait::kGuiding. Pdfs and samples at a point need the same row.
+  // radiance 0. query, here and below: its row is of the region of p, from a LightVisibility with
+  // the slots of choice(). Pdfs and samples at a point need the same query. Sample itself takes one
+  // sample of all lights, as a query for one does.
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u,
-      const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}, LightVisibilityRow row = {}) const {
-    return Sample<kTraits>(p, n, u_select, u, wavelengths, PrepareSample<kTraits>(u), row);
+      const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}, const LightQuery& query = {}) const {
+    return Sample<kTraits>(p, n, u_select, u, wavelengths, PrepareSample<kTraits>(u), query);
   }
   // The same in two steps: Prepare prefetches environment map data while the caller still computes
   // p. Both steps must get the same u.
@@ -157,18 +159,18 @@ class LightTable {
   template <uint32_t kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
-      const Preparation& preparation, LightVisibilityRow row = {}) const {
+      const Preparation& preparation, const LightQuery& query = {}) const {
     return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, wavelengths, preparation,
-                                                RowFor<kTraits>(row));
+                                                QueryFor<kTraits>(query));
   }
   // Solid-angle pdf (times the choice probability) with which Sample, called at p with n, would
   // have sampled the point p_light of the emitter along wi. Bit-identical to Sample's; 0 where
   // Sample returns none.
   template <uint32_t kTraits>
   float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light,
-                   LightVisibilityRow row = {}) const {
+                   const LightQuery& query = {}) const {
     return PdfOfEmitter<kTraits & kLightTraits>(*impl_, emitter, p, n, wi, p_light,
-                                                RowFor<kTraits>(row));
+                                                QueryFor<kTraits>(query));
   }
   // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal
   // ng, which is oriented as LightSample::n_light (outward for spheres, also for inward-emitting
@@ -195,17 +197,18 @@ class LightTable {
     return RadianceFromInfinity<ColorOf<kTraits>>(*impl_, p, d, wavelengths);
   }
   template <uint32_t kTraits>
-  float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d, LightVisibilityRow row = {}) const {
+  float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d, const LightQuery& query = {}) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
-    return FromInfinity<Rgb>(*impl_, p, n, d, {}, {LocateInFirst(*impl_, d)}, RowFor<kTraits>(row))
+    return FromInfinity<Rgb>(*impl_, p, n, d, {}, {LocateInFirst(*impl_, d)},
+                             QueryFor<kTraits>(query))
         .pdf;
   }
   // Both at once, at little more than the cost of one.
   template <uint32_t kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {},
-      LightVisibilityRow row = {}) const {
-    return EvalEnvironment<kTraits>(p, n, d, wavelengths, PrepareEnvironment<kTraits>(d), row);
+      const LightQuery& query = {}) const {
+    return EvalEnvironment<kTraits>(p, n, d, wavelengths, PrepareEnvironment<kTraits>(d), query);
   }
   // The same in two steps: PrepareEnvironment prefetches environment map data while the caller
   // still traces the ray along d. Both steps must get the same d.
@@ -217,10 +220,10 @@ class LightTable {
   template <uint32_t kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
-      EnvironmentMap::Place place, LightVisibilityRow row = {}) const {
+      EnvironmentMap::Place place, const LightQuery& query = {}) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
     return FromInfinity<ColorOf<kTraits>>(*impl_, p, n, d, wavelengths, {place},
-                                          RowFor<kTraits>(row));
+                                          QueryFor<kTraits>(query));
   }
 
   // --- For equiangular sampling in media, which may reach a point on another path than Sample's.
@@ -241,8 +244,18 @@ class LightTable {
   std::optional<LightSampleOf<ColorOf<kTraits>>> SampleChosen(
       const ChosenLight& chosen, Vec3f p, Vec2f u,
       const WavelengthsOf<ColorOf<kTraits>>& wavelengths, LightVisibilityRow row = {}) const {
-    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, u, wavelengths,
-                                                     RowFor<kTraits>(row));
+    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, {}, u, wavelengths,
+                                                     QueryFor<kTraits>(row));
+  }
+  // The same as seen from a surface with normal n, for a light that choice().ChooseFrom chose from
+  // a part of the query's cut. Requires: Trait::kLightSplits.
+  template <uint32_t kTraits>
+  std::optional<LightSampleOf<ColorOf<kTraits>>> SampleOfPart(
+      const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
+      const WavelengthsOf<ColorOf<kTraits>>& wavelengths, const LightQuery& query) const {
+    static_assert(Has(kTraits, Trait::kLightSplits));
+    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, n, u, wavelengths,
+                                                     QueryFor<kTraits>(query));
   }
   // The choice among the lights, whose slots a LightVisibility learns.
   const LightChoice& choice() const;
@@ -268,7 +281,7 @@ class LightTable {
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
       static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
       static_cast<uint32_t>(Trait::kTexturedEmission) | static_cast<uint32_t>(Trait::kSpectral) |
-      static_cast<uint32_t>(Trait::kGuiding);
+      static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits);
 
  private:
   LightTable();
@@ -276,20 +289,20 @@ class LightTable {
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleLights(
       const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
       const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
-      LightVisibilityRowOf<kMask> row);
+      LightQueryOf<kMask> query);
   template <uint32_t kMask>
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleChosenLight(
-      const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec2f u,
-      const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightVisibilityRowOf<kMask> row);
+      const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
+      const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightQueryOf<kMask> query);
   // Inlined into both.
   template <uint32_t kMask>
   [[gnu::always_inline]] static inline std::optional<LightSampleOf<ColorOf<kMask>>> SampleOne(
       const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
       const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
-      LightVisibilityRowOf<kMask> row);
+      LightQueryOf<kMask> query);
   template <uint32_t kMask>
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
-                            Vec3f p_light, LightVisibilityRowOf<kMask> row);
+                            Vec3f p_light, LightQueryOf<kMask> query);
   template <typename Color>
   Color TexturedRadiance(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
                          const WavelengthsOf<Color>& wavelengths) const;
@@ -302,11 +315,11 @@ class LightTable {
     uint32_t light = 0;
     float portal_pdf = 0;  // Pdf of the light's portal, if it sampled the direction.
   };
-  // Row: LightVisibilityRow or NoLightVisibilityRow.
-  template <typename Color, typename Row>
+  // Query: LightQueryOf some traits.
+  template <typename Color, typename Query>
   static EnvironmentValueOf<Color> FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                 const WavelengthsOf<Color>& wavelengths,
-                                                const Located& located, Row row);
+                                                const Located& located, Query query);
   static EnvironmentMap::Place LocateInFirst(const Impl& impl, Vec3f d);
   static Preparation Prepare(const Impl& impl, Vec2f u);
 

@@ -233,7 +233,7 @@ absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescrip
   if (input.choose_evenly) {
     for (LightBounds& light : bounds) light = SameForAll(light);
   }
-  impl.choice = LightChoice(std::move(bounds));
+  impl.choice = LightChoice(std::move(bounds), input.splits);
   return table;
 }
 

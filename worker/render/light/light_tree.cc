@@ -4,11 +4,10 @@
 // Traversal of the light tree. light_tree_build.cc builds it.
 #include "worker/render/light/light_tree.h"
 
-#include <array>
 #include <cmath>
 
-#include "common/base/check.h"
 #include "common/math/lanes.h"
+#include "worker/render/light/light_tree_walk.h"
 
 namespace sheaf::render {
 namespace {
@@ -40,55 +39,6 @@ inline Lanes LoadShorts(const int16_t (&values)[kLaneCount]) {
 }
 
 }  // namespace
-
-// The inputs of the estimates that depend on the point.
-struct LightTree::Receiver {
-  Receiver(Vec3f point, Vec3f normal)
-      : p(point),
-        n(normal),
-        n_abs{std::fabs(n.x), std::fabs(n.y), std::fabs(n.z)},
-        reach(std::fabs(p.x) + std::fabs(p.y) + std::fabs(p.z)),
-        unhinted(n == Vec3f{} ? 1.0f : 0.0f) {}
-
-  Vec3f p, n, n_abs;
-  float reach;
-  float unhinted;  // 1 where there is no normal: lower bound of the receiver's cosine.
-};
-
-struct LightTree::Weights {
-  Lanes of_child;
-  Lanes intensity;  // 0 for children that certainly send nothing, unless no child sends any.
-  float sum;        // 0 where no child sends anything.
-  float intensity_sum;
-};
-
-// The probability of a node during descent, as two parts: from walks that follow the estimates, and
-// from walks that follow intensities. Carrying both is the same as choosing between the two kinds
-// of walk before the descent. A node's interval of [0, 1) has the length of their sum, and its
-// children's intervals begin where it begins.
-struct LightTree::NodeProbability {
-  double by_weight = 1 - kIntensityProbability, by_intensity = kIntensityProbability;
-
-  double Sum() const { return by_weight + by_intensity; }
-  // The parts of a node's children. Where no child receives a weight, which the node's own coarser
-  // bounds could not predict, intensities decide.
-  struct PerChild {
-    Weights weights;
-    double weight_scale, intensity_scale;
-
-    NodeProbability Of(size_t place) const {
-      const double intensity = static_cast<double>(weights.intensity[place]);
-      const double weight =
-          weights.sum > 0 ? static_cast<double>(weights.of_child[place]) : intensity;
-      return {weight * weight_scale, intensity * intensity_scale};
-    }
-  };
-  PerChild Among(const Weights& weights) const {
-    return {weights,
-            by_weight / static_cast<double>(weights.sum > 0 ? weights.sum : weights.intensity_sum),
-            by_intensity / static_cast<double>(weights.intensity_sum)};
-  }
-};
 
 // Estimates intensity * cosine at the light * cosine at the receiver / distance^2 for each child,
 // each factor as a mean over its lights or close to it.
@@ -170,20 +120,6 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   return weights;
 }
 
-// Only the estimates are learned: no child's becomes 0.
-template <typename Row>
-inline LightTree::Weights LightTree::WeighNode(uint32_t index, const Receiver& receiver,
-                                               [[maybe_unused]] Row row) const {
-  Weights weights = Weigh(nodes_[index], receiver);
-  if constexpr (kHasFactors<Row>) {
-    if (index < kVisibilityNodesMax) {
-      weights.of_child *= VisibilityFactors(row, index * kWidth);
-      weights.sum = Sum(weights.of_child);
-    }
-  }
-  return weights;
-}
-
 template <typename Row>
 double LightTree::Irradiance(Vec3f p, Vec3f n, Row row) const {
   return static_cast<double>(WeighNode(0, Receiver(p, n), row).sum) * irradiance_scale_;
@@ -192,51 +128,19 @@ double LightTree::Irradiance(Vec3f p, Vec3f n, Row row) const {
 template <typename Row>
 std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u, Row row) const {
   const Receiver receiver(p, n);
-  NodeProbability probability;
-  double rest = u;  // Relative to the beginning of the node's interval.
-  uint32_t index = 0;
-  for (;;) {
-    const Node& node = nodes_[index];
-    const Weights weights = WeighNode(index, receiver, row);
-    if (index == 0 && !(weights.sum > 0)) return std::nullopt;
-    const NodeProbability::PerChild probabilities = probability.Among(weights);
-    // Where rounding leaves the sum below u, the last child of positive probability is chosen.
-    size_t chosen = 0;
-    double begin = 0, end = 0;
-    for (size_t i = 0; i < kWidth; ++i) {
-      const NodeProbability of_child = probabilities.Of(i);
-      if (!(of_child.Sum() > 0)) continue;
-      chosen = i;
-      probability = of_child;
-      begin = end;
-      end += of_child.Sum();
-      if (rest < end) break;
-    }
-    rest -= begin;
-    const uint32_t child = node.child[chosen];
-    if ((child & kLightBit) != 0) {
-      return ChosenLight{child & ~kLightBit, static_cast<float>(probability.Sum())};
-    }
-    index = child;
-    nodes_[index].Prefetch();
-  }
+  const Weights weights = WeighNode(0, receiver, row);
+  if (!(weights.sum > 0)) return std::nullopt;
+  return Descend(receiver, 0, weights, u, row);
 }
 
 template <typename Row>
 float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n, Row row) const {
   if (slot_of_light_[light] == kNoSlot) return 0;
-  // The slots from the light up to the root.
-  std::array<uint32_t, kDepthMax> slots;
-  size_t count = 0;
-  for (uint32_t slot = slot_of_light_[light]; slot != kNoSlot;
-       slot = nodes_[slot / kWidth].parent) {
-    SHEAF_DCHECK(count < slots.size());
-    slots[count++] = slot;
-  }
+  SlotPath path = PathTo(light);
   const Receiver receiver(p, n);
   NodeProbability probability;
-  while (count > 0) {
-    const uint32_t slot = slots[--count];
+  while (path.count > 0) {
+    const uint32_t slot = path.slots[--path.count];
     const Weights weights = WeighNode(slot / kWidth, receiver, row);
     if (slot < kWidth && !(weights.sum > 0)) return 0;
     probability = probability.Among(weights).Of(slot % kWidth);

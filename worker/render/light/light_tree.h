@@ -5,9 +5,9 @@
 // number. Lights that are close together and face the same way share a node, which stores their
 // box, a cone about their normals and the sum of their intensities; a walk from the root descends
 // to each child in proportion to an estimate of the light it sends to the point. Source: Conty
-// Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"
-// (without the splitting); here nodes have eight children, which are weighted in SIMD, and boxes
-// and cones are rounded outwards to a few bits.
+// Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"; here
+// nodes have eight children, which are weighted in SIMD, and boxes and cones are rounded outwards
+// to a few bits.
 //
 // Every light that may illuminate p has a positive probability: bounds err on the side of more
 // light, and a fraction of the walks (kIntensityProbability) follows the intensities alone, so no
@@ -17,14 +17,22 @@
 //
 // Regions of space may have learned which children of the first nodes are hidden from them
 // (LightVisibility): a walk that follows the estimates multiplies them by the learned factors.
+//
+// CutAt splits the tree at a point: it divides the lights into several parts, of which each is
+// sampled. A part is a run of children of one node. Splitting begins with the whole tree, and
+// divides the part whose estimate is the most uncertain, until none is uncertain enough or the
+// limit is reached. light_cut.cc has the rule. The parts are a function of the point, so the
+// probability of a light within its part is known to whoever finds the light otherwise.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <vector>
 
+#include "common/math/lanes.h"
 #include "worker/render/light/light_bounds.h"
 #include "worker/render/light/light_visibility_row.h"
 
@@ -41,12 +49,15 @@ class LightTree {
   // Nodes whose children have slots in a LightVisibilityRow: the brightest ones, from the root
   // down.
   static constexpr size_t kVisibilityNodesMax = 16;
+  // Most parts of a cut.
+  static constexpr size_t kPartsMax = 16;
+  class Cut;
 
   LightTree() = default;
   // Excludes infinite lights, lights of strength 0, and lights with non-finite values or farther
   // than 2^60 from the origin. Requires: at most kLightsMax lights. Cost: O(n log n), about 1 s for
-  // a million.
-  explicit LightTree(const std::vector<LightBounds>& lights);
+  // a million. splits: whether CutAt may be called, which takes a quarter more memory.
+  explicit LightTree(const std::vector<LightBounds>& lights, bool splits = false);
 
   bool empty() const { return nodes_.empty(); }
 
@@ -65,6 +76,21 @@ class LightTree {
   template <typename Row = NoLightVisibilityRow>
   float Probability(uint32_t light, Vec3f p, Vec3f n, Row row = {}) const;
 
+  // The parts of the lights at p: at most parts_max, none where Irradiance is 0. Lights in no part
+  // certainly send nothing. Requires: !empty(), the tree was built for splits, parts_max in
+  // [1, kPartsMax].
+  template <typename Row = NoLightVisibilityRow>
+  Cut CutAt(Vec3f p, Vec3f n, size_t parts_max, Row row = {}) const;
+  // Chooses a light of the part. Its probability is that within the part. Requires: cut is CutAt's
+  // for the same p, n and row; part < cut.size(); u in [0, 1).
+  template <typename Row = NoLightVisibilityRow>
+  ChosenLight ChooseFrom(const Cut& cut, size_t part, Vec3f p, Vec3f n, double u,
+                         Row row = {}) const;
+  // The probability with which ChooseFrom returns the light from the part that holds it, bit for
+  // bit. 0 where no part does. Requires: as ChooseFrom.
+  template <typename Row = NoLightVisibilityRow>
+  float ProbabilityIn(const Cut& cut, uint32_t light, Vec3f p, Vec3f n, Row row = {}) const;
+
   size_t visibility_slot_count() const {
     return std::min(nodes_.size(), kVisibilityNodesMax) * kWidth;
   }
@@ -82,7 +108,8 @@ class LightTree {
   }
 
   size_t size_bytes() const {
-    return nodes_.size() * sizeof(Node) + slot_of_light_.size() * sizeof(uint32_t);
+    return nodes_.size() * sizeof(Node) + slot_of_light_.size() * sizeof(uint32_t) +
+           energies_.size() * sizeof(NodeEnergies);
   }
   // Steps of the longest walk.
   int depth() const { return depth_; }
@@ -120,19 +147,56 @@ class LightTree {
   };
   static constexpr float kAxisSteps = 32767, kEmissionSteps = 255, kMeanSteps = 255;
 
+  // How unequal the lights of each child are.
+  struct NodeEnergies {
+    float count[kWidth] = {};
+    float square[kWidth] = {};  // Sum of the squared intensities over the squared sum.
+  };
+
   struct Receiver;
-  struct Weights;
+  struct Weights {
+    Lanes of_child;
+    Lanes intensity;  // 0 for children that certainly send nothing, unless no child sends any.
+    float sum;        // 0 where no child sends anything.
+    float intensity_sum;
+  };
   struct NodeProbability;
+  struct SlotPath;
   class Builder;
+  class Splitter;
+  SlotPath PathTo(uint32_t light) const;
   static Weights Weigh(const Node& node, const Receiver& receiver);
   template <typename Row>
   Weights WeighNode(uint32_t index, const Receiver& receiver, Row row) const;
+  template <typename Row>
+  ChosenLight Descend(const Receiver& receiver, uint32_t index, Weights weights, double u,
+                      Row row) const;
 
   // The root first, parents before children; the first kVisibilityNodesMax are those with slots.
   std::vector<Node> nodes_;
   std::vector<uint32_t> slot_of_light_;  // kNoSlot for excluded lights.
+  std::vector<NodeEnergies> energies_;   // [nodes_.size()] if built for splits, else empty.
   double irradiance_scale_ = 1;          // Input intensities divided by those in the nodes.
   int depth_ = 0;
+};
+
+// The parts of the lights at one point.
+class LightTree::Cut {
+ public:
+  size_t size() const { return size_; }
+
+ private:
+  friend class LightTree;
+  // The children [first, end) of a node.
+  struct Part {
+    Weights weights;  // 0 for the node's other children.
+    uint32_t node;
+    uint32_t first, end;
+    float uncertainty;  // Standard deviation of the part's estimate, in its unit.
+  };
+
+  size_t size_ = 0;
+  std::array<Part, kPartsMax> parts_;
 };
 
 }  // namespace sheaf::render

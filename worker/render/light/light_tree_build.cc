@@ -100,7 +100,7 @@ bool MakeEntry(const LightBounds& light, uint32_t index, LightEntry* entry, doub
 
 class LightTree::Builder {
  public:
-  explicit Builder(LightTree* tree) : tree_(*tree) {}
+  Builder(LightTree* tree, bool splits) : tree_(*tree), splits_(splits) {}
 
   void Build(const std::vector<LightBounds>& lights) {
     SHEAF_CHECK(lights.size() <= kLightsMax);
@@ -125,14 +125,19 @@ class LightTree::Builder {
   static void EncodeBoxes(const std::array<Part, kWidth>& parts, size_t count, Node* node);
   void EncodeCone(const Part& part, size_t place, Node* node) const;
   void EncodeMean(const Part& part, size_t place, Node* node) const;
+  void MeasureEnergies(const Part& part, size_t place, NodeEnergies* energies) const;
 
   LightTree& tree_;
+  const bool splits_;
   std::vector<Node> nodes_;
+  std::vector<NodeEnergies> energies_;  // By node if the tree is built for splits.
   OrientationTable orientation_;
   std::vector<LightEntry> entries_;
 };
 
-LightTree::LightTree(const std::vector<LightBounds>& lights) { Builder(this).Build(lights); }
+LightTree::LightTree(const std::vector<LightBounds>& lights, bool splits) {
+  Builder(this, splits).Build(lights);
+}
 
 // Scales intensities so that an estimate of irradiance is about 1 at distances of the lights'
 // extent: float then holds the values at any scale of the scene.
@@ -182,6 +187,10 @@ float LightTree::Builder::BuildNode(const Part& part, uint32_t parent, int level
   for (size_t i = 0; i < count; ++i) {
     EncodeCone(parts[i], i, &nodes_[index]);
     EncodeMean(parts[i], i, &nodes_[index]);
+  }
+  if (splits_) {
+    energies_.emplace_back();
+    for (size_t i = 0; i < count; ++i) MeasureEnergies(parts[i], i, &energies_[index]);
   }
   nodes_[index].parent = parent;
   float sum = 0;
@@ -251,6 +260,7 @@ void LightTree::Builder::MoveNodes(const std::vector<uint32_t>& order) {
       if (is_node) node.child[i] = place_of[node.child[i]];
     }
     tree_.nodes_.push_back(node);
+    if (splits_) tree_.energies_.push_back(energies_[index]);
   }
   for (uint32_t& slot : tree_.slot_of_light_) slot = moved(slot);
 }
@@ -411,6 +421,18 @@ void LightTree::Builder::EncodeMean(const Part& part, size_t place, Node* node) 
   };
   node->mean[place] =
       static_cast<uint16_t>(in_steps(length) + 256 * in_steps(even / (even + by_cosine)));
+}
+
+void LightTree::Builder::MeasureEnergies(const Part& part, size_t place,
+                                         NodeEnergies* energies) const {
+  double sum = 0, squares = 0;
+  for (size_t i = part.begin; i < part.end; ++i) {
+    const double intensity = static_cast<double>(entries_[i].intensity);
+    sum += intensity;
+    squares += intensity * intensity;
+  }
+  energies->count[place] = static_cast<float>(part.size());
+  energies->square[place] = static_cast<float>(squares / (sum * sum));
 }
 
 }  // namespace sheaf::render

@@ -10,65 +10,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <vector>
+
+#include "tests/support/random_lights.h"
 
 namespace sheaf::render {
 namespace {
-
-class Random {
- public:
-  explicit Random(uint64_t seed) : engine_(seed) {}
-  float Between(float low, float high) {
-    return low + (high - low) * static_cast<float>(engine_() >> 40) * 0x1p-24f;
-  }
-  Vec3f Vector(float size) {
-    const float x = Between(-size, size), y = Between(-size, size);
-    return {x, y, Between(-size, size)};
-  }
-  Vec3f Direction() {
-    for (;;) {
-      const Vec3f v = Vector(1);
-      if (LengthSquared(v) > 1e-3f) return Normalize(v);
-    }
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
-
-// Cycles through the kinds: one-sided and two-sided panels, spheres, points and spots.
-LightBounds MakeLight(size_t i, Random* random, float size) {
-  LightBounds light;
-  light.center = random->Vector(10 * size);
-  light.normal = random->Direction();
-  light.radius = random->Between(0.01f, 0.5f) * size;
-  light.area = 2 * light.radius * light.radius;
-  light.strength = random->Between(0.1f, 3);
-  switch (i % 5) {
-    case 0:
-    case 1:
-      light.kind = LightBounds::Kind::kPlanar;
-      light.two_sided = i % 5 == 1;
-      break;
-    case 2:
-      light.kind = LightBounds::Kind::kSphere;
-      break;
-    default:
-      light.kind = LightBounds::Kind::kPoint;
-      light.radius = light.area = 0;
-      light.strength *= size * size;
-      light.cos_end = i % 5 == 3 ? -1 : random->Between(-0.5f, 0.99f);
-  }
-  return light;
-}
-
-std::vector<LightBounds> MakeLights(size_t count, uint64_t seed, float size = 1) {
-  Random random(seed);
-  std::vector<LightBounds> lights;
-  for (size_t i = 0; i < count; ++i) lights.push_back(MakeLight(i, &random, size));
-  return lights;
-}
 
 double SumOfProbabilities(const LightTree& tree, size_t count, Vec3f p, Vec3f n) {
   double sum = 0;
@@ -115,15 +62,6 @@ TEST(LightTreeTest, WalksMatchProbabilitiesExactly) {
   }
 }
 
-std::vector<uint8_t> RandomSteps(const LightTree& tree, uint64_t seed) {
-  std::mt19937_64 engine(seed);
-  std::vector<uint8_t> steps;
-  while (steps.size() < tree.visibility_slot_count()) {
-    steps.push_back(static_cast<uint8_t>(std::max<uint64_t>(engine() % 256, kVisibilityStepMin)));
-  }
-  return steps;
-}
-
 TEST(LightTreeTest, WalksWithLearnedFactorsMatchProbabilitiesExactly) {
   constexpr int kDraws = 1 << 14;
   for (size_t count : {1u, 8u, 9u, 300u, 5000u}) {
@@ -132,7 +70,7 @@ TEST(LightTreeTest, WalksWithLearnedFactorsMatchProbabilitiesExactly) {
     for (uint64_t k = 0; k < 4; ++k) {
       const Vec3f p = random.Vector(10), n = k % 2 == 0 ? Vec3f{} : random.Direction();
       if (!(tree.Irradiance(p, n) > 0)) continue;
-      const std::vector<uint8_t> steps = RandomSteps(tree, k);
+      const std::vector<uint8_t> steps = RandomSteps(tree.visibility_slot_count(), k);
       const LightVisibilityRow row{steps.data()};
       const double irradiance = tree.Irradiance(p, n), learned = tree.Irradiance(p, n, row);
       EXPECT_TRUE(learned <= irradiance && learned >= irradiance / 16);
@@ -320,7 +258,8 @@ TEST(LightTreeTest, ScaleByAPowerOfTwoChangesNoBit) {
         ASSERT_EQ(a->probability, b->probability);
         ASSERT_EQ(tree.Irradiance(p, n) * static_cast<double>(brightness),
                   scaled.Irradiance(p * scale, n));
-        const std::vector<uint8_t> steps = RandomSteps(tree, static_cast<uint64_t>(i));
+        const std::vector<uint8_t> steps =
+            RandomSteps(tree.visibility_slot_count(), static_cast<uint64_t>(i));
         const LightVisibilityRow row{steps.data()};
         const auto c = tree.Choose(p, n, u, row), d = scaled.Choose(p * scale, n, u, row);
         ASSERT_TRUE(c && d);

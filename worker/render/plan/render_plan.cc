@@ -57,6 +57,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kSubsurface, "subsurface", 3.9},
     {Trait::kNestedDielectrics, "nested dielectrics", 1.26},
     {Trait::kGuiding, "guiding"},
+    {Trait::kLightSplits, "light splits"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
@@ -84,6 +85,9 @@ class PlanMaker {
           absl::StrCat("requested: ", FormatOutputs(settings.outputs)), 1};
     }
     if (IsGuided(settings.techniques)) causes_[TraitIndex(Trait::kGuiding)] = {"requested", 1};
+    if (settings.light_samples > 1 && !HasLightPaths(settings.techniques)) {
+      causes_[TraitIndex(Trait::kLightSplits)] = {"requested", 1};
+    }
     RenderPlan plan = Finish(settings);
     BoundDepth(settings.max_depth, &plan);
     plan.notes = std::move(notes_);
@@ -419,8 +423,9 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
   absl::StrAppend(&text, "lights: ", plan.light_count,
-                  plan.light_count > kLightsWeighedMax ? ", sampled by a hierarchy\n"
-                                                       : ", each weighted at every point\n");
+                  plan.light_count > kLightsWeighedMax || Has(plan.traits, Trait::kLightSplits)
+                      ? ", sampled by a hierarchy\n"
+                      : ", each weighted at every point\n");
   if (!plan.depth_cause.empty()) {
     absl::StrAppend(&text, "depth: ", plan.max_depth, ", ", plan.depth_cause, "\n");
   }

@@ -47,4 +47,10 @@ constexpr uint32_t EquiangularSlot(uint32_t vertex, uint32_t crossings) {
 // For sampling media emission from a vertex: a point of a cell; which cell.
 constexpr uint32_t EmissionSlot(uint32_t vertex) { return (8u << 28) + (vertex & 0xfffffffu); }
 
+// For the light sample of a part of the lights beside the first at a vertex, as kLight. part: from
+// 1 to 15; vertices 2^24 apart share slots.
+constexpr uint32_t LightPartSlot(uint32_t vertex, uint32_t part) {
+  return (9u << 28) + ((part & 15u) << 24) + (vertex & 0xffffffu);
+}
+
 }  // namespace sheaf::render

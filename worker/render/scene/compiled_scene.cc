@@ -139,6 +139,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!materials.ok()) return materials.status();
   scene->materials = *std::move(materials);
   baked->emitters.spectral = spectral;
+  baked->emitters.splits = Has(scene->plan.traits, Trait::kLightSplits);
   baked->emitters.choose_evenly = techniques.choose_lights_evenly;
   absl::StatusOr<std::unique_ptr<LightTable>> lights =
       LightTable::Build(scene->description, std::move(baked->emitters), files);

@@ -57,6 +57,8 @@ constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNo
 
 // The same with directions from a learned field.
 constexpr uint32_t Guided(uint32_t traits) { return traits | TraitSet(Trait::kGuiding); }
+// The same with several light samples at a vertex.
+constexpr uint32_t LightSplit(uint32_t traits) { return traits | TraitSet(Trait::kLightSplits); }
 
 // Fog, smoke and absorbing glass. Medium boundaries are often null interfaces, so all of these
 // include cut-outs.
@@ -114,6 +116,12 @@ inline constexpr uint32_t kCloudTraits = TraitSet(
   X("guided common+environment+cut-outs",                                               \
     ::sheaf::render::Guided(::sheaf::render::CommonTraits(true, false, false, true)))
 
+#define SHEAF_LIGHT_SPLIT_VARIANTS(X)                                                       \
+  X("light splits common",                                                                  \
+    ::sheaf::render::LightSplit(::sheaf::render::CommonTraits(false, false, false, false))) \
+  X("light splits common+environment+cut-outs",                                             \
+    ::sheaf::render::LightSplit(::sheaf::render::CommonTraits(true, false, false, true)))
+
 // X(name, traits), the generic ones last: they serve combinations too rare for their own variants.
 #define SHEAF_RENDER_VARIANTS(X)                                                      \
   X("diffuse", ::sheaf::render::kDiffuseTraits)                                       \
@@ -133,6 +141,7 @@ inline constexpr uint32_t kCloudTraits = TraitSet(
   X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits)) \
   SHEAF_COMMON_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                  \
   SHEAF_GUIDED_VARIANTS(X)                                                            \
+  SHEAF_LIGHT_SPLIT_VARIANTS(X)                                                       \
   X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
   X("generic", ::sheaf::render::kAllTraits)
 
