@@ -87,7 +87,14 @@ std::string FormatProgress(const v1::Job& job) {
     absl::StrAppend(&text, "; training ", job.training_frame_count(), " frames");
   }
   if (job.state() == v1::Job::STATE_PAUSED) absl::StrAppend(&text, "; paused");
-  if (!job.waiting_reason().empty()) absl::StrAppend(&text, "; waiting: ", job.waiting_reason());
+  if (job.incomplete_frame_count() > 0) {
+    absl::StrAppend(&text, "; ", job.incomplete_frame_count(),
+                    job.incomplete_frame_count() == 1 ? " frame is" : " frames are", " incomplete");
+  }
+  if (!job.waiting_reason().empty()) {
+    const bool says_so = absl::StartsWith(job.waiting_reason(), "waiting ");
+    absl::StrAppend(&text, says_so ? "; " : "; waiting: ", job.waiting_reason());
+  }
   if (progress.nonfinite_count() > 0) {
     absl::StrAppend(&text, "; ", progress.nonfinite_count(), " samples are not finite");
   }

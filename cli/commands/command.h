@@ -32,6 +32,8 @@ std::unique_ptr<Command> MakeRefineCommand();
 std::unique_ptr<Command> MakePauseCommand();
 std::unique_ptr<Command> MakeResumeCommand();
 std::unique_ptr<Command> MakePriorityCommand();
+std::unique_ptr<Command> MakeRetryCommand();
+std::unique_ptr<Command> MakeKillCommand();
 std::unique_ptr<Command> MakeWorkersCommand();
 std::unique_ptr<Command> MakePlanCommand();
 std::unique_ptr<Command> MakeStudyCommand();

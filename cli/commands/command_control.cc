@@ -1,9 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf pause, resume, priority and cancel: commands that change an existing job.
+// sheaf pause, resume, priority, cancel, retry and kill: commands that change an existing job.
 #include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -105,11 +106,77 @@ class PriorityCommand : public ControlCommand {
   int32_t priority_ = 0;
 };
 
+class RetryCommand : public ControlCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command =
+        AddCommon(app, "retry", "Try the failed work of a job again, also of one that has failed");
+    AddJob(command);
+    CLI::Option* frame = command->add_option("--frame", frame_, "Only this frame");
+    command->add_option("--task", task_, "Only this task of the frame, as sheaf show numbers them")
+        ->needs(frame);
+    command->footer(
+        "Examples:\n"
+        "  sheaf retry jobs/7\n"
+        "  sheaf retry 7 --frame 12 --task 3\n"
+        "Failures are forgotten, so that workers get the tasks again that they failed. Results "
+        "that "
+        "are kept are not rendered again.");
+    return command;
+  }
+
+ protected:
+  absl::StatusOr<v1::Job> Change(FarmClient* client) override {
+    v1::RetryTasksRequest request;
+    request.set_name(job_name());
+    if (frame_) request.set_frame_number(*frame_);
+    if (task_) request.set_task(*task_);
+    return client->RetryTasks(request);
+  }
+
+ private:
+  std::optional<int32_t> frame_;
+  std::optional<uint32_t> task_;
+};
+
+class KillCommand : public ControlCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command =
+        AddCommon(app, "kill", "Give up a frame or a task of a job; the rest goes on");
+    AddJob(command);
+    command->add_option("--frame", frame_, "The frame")->required();
+    command->add_option("--task", task_,
+                        "The task: the number of a tile, row by row from 0 (default: the frame)");
+    command->footer(
+        "Examples:\n"
+        "  sheaf kill jobs/7 --frame 12\n"
+        "  sheaf kill 7 --frame 12 --task 3\n"
+        "The frame gets no image until: sheaf retry jobs/7. To end a whole job: sheaf cancel.");
+    return command;
+  }
+
+ protected:
+  absl::StatusOr<v1::Job> Change(FarmClient* client) override {
+    v1::KillTasksRequest request;
+    request.set_name(job_name());
+    request.set_frame_number(frame_);
+    if (task_) request.set_task(*task_);
+    return client->KillTasks(request);
+  }
+
+ private:
+  int32_t frame_ = 0;
+  std::optional<uint32_t> task_;
+};
+
 }  // namespace
 
 std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<CancelCommand>(); }
 std::unique_ptr<Command> MakePauseCommand() { return std::make_unique<PauseCommand>(); }
 std::unique_ptr<Command> MakeResumeCommand() { return std::make_unique<ResumeCommand>(); }
+std::unique_ptr<Command> MakeRetryCommand() { return std::make_unique<RetryCommand>(); }
+std::unique_ptr<Command> MakeKillCommand() { return std::make_unique<KillCommand>(); }
 std::unique_ptr<Command> MakePriorityCommand() { return std::make_unique<PriorityCommand>(); }
 
 }  // namespace sheaf::cli

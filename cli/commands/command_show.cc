@@ -52,6 +52,22 @@ void PrintFrame(const v1::Frame& frame) {
       frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
 }
 
+// What of a frame nobody renders, and why.
+void PrintTrouble(const v1::FrameTrouble& trouble) {
+  const int number = trouble.frame_number(), count = trouble.set_aside_task_count();
+  if (count == 0) {
+    std::printf("frame %d is incomplete: %s\n", number,
+                PrintableLines(trouble.incomplete()).c_str());
+    return;
+  }
+  std::printf("frame %d %s: %d %s set aside\n", number,
+              trouble.incomplete().empty() ? "goes on" : "is incomplete", count,
+              count == 1 ? "task is" : "tasks are");
+  for (const v1::SetAsideTask& task : trouble.set_aside_tasks()) {
+    std::printf("  task %u: %s\n", task.task(), PrintableLines(task.why()).c_str());
+  }
+}
+
 void PrintJob(const v1::Job& job) {
   std::printf("%s  %s\n", job.name().c_str(), Printable(job.title()).c_str());
   std::printf("state      %s\n", JobStateName(job.state()).c_str());
@@ -69,6 +85,7 @@ void PrintJob(const v1::Job& job) {
   std::printf("\n%-8s %-12s %8s %7s  %-10s %-7s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE",
               "ERROR", "FLIP", "IMAGE");
   for (const v1::Frame& frame : job.frames()) PrintFrame(frame);
+  for (const v1::FrameTrouble& trouble : job.troubles()) PrintTrouble(trouble);
 }
 
 void PrintFile(const std::string& path, const FrameImage& image, bool json) {

@@ -85,6 +85,8 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
     coordinator.farm.kept_parts_bytes_max = 0;
   }
   if (options.http_address.empty()) coordinator.farm.round_previews_bytes_max = 0;  // No page.
+  // There is no other worker to wait for.
+  coordinator.farm.limits.poison_workers_max = 1;
   coordinator.listen_address.clear();
   coordinator.http_address = options.http_address;
   absl::StatusOr<std::unique_ptr<coordinator::CoordinatorServer>> server =

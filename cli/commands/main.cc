@@ -34,6 +34,8 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakeResumeCommand());
   commands.push_back(MakePriorityCommand());
   commands.push_back(MakeCancelCommand());
+  commands.push_back(MakeRetryCommand());
+  commands.push_back(MakeKillCommand());
   commands.push_back(MakeWorkersCommand());
   commands.push_back(MakePlanCommand());
   commands.push_back(MakeStudyCommand());

@@ -210,6 +210,28 @@ absl::StatusOr<v1::Job> FarmClient::RefineJob(const v1::RefineJobRequest& reques
   return job;
 }
 
+absl::StatusOr<v1::Job> FarmClient::RetryTasks(const v1::RetryTasksRequest& request) {
+  v1::Job job;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->RetryTasks(context, request, &job));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return job;
+}
+
+absl::StatusOr<v1::Job> FarmClient::KillTasks(const v1::KillTasksRequest& request) {
+  v1::Job job;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->KillTasks(context, request, &job));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return job;
+}
+
 absl::StatusOr<v1::PriceRefinementResponse> FarmClient::PriceRefinement(
     const v1::PriceRefinementRequest& request) {
   v1::PriceRefinementResponse response;

@@ -61,6 +61,8 @@ class FarmClient {
   absl::StatusOr<v1::Job> ResumeJob(const std::string& name);
   absl::StatusOr<v1::Job> SetJobPriority(const std::string& name, int32_t priority);
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
+  absl::StatusOr<v1::Job> RetryTasks(const v1::RetryTasksRequest& request);
+  absl::StatusOr<v1::Job> KillTasks(const v1::KillTasksRequest& request);
   absl::StatusOr<v1::PriceRefinementResponse> PriceRefinement(
       const v1::PriceRefinementRequest& request);
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max, bool with_pilots = false);

@@ -94,6 +94,17 @@ Json LayersJson(const v1::Frame& frame) {
   return json;
 }
 
+Json TroubleJson(const v1::FrameTrouble& trouble) {
+  Json tasks = Json::array();
+  for (const v1::SetAsideTask& task : trouble.set_aside_tasks()) {
+    tasks.push_back({{"task", task.task()}, {"why", task.why()}});
+  }
+  return {{"frame_number", trouble.frame_number()},
+          {"incomplete", trouble.incomplete()},
+          {"set_aside_tasks", std::move(tasks)},
+          {"set_aside_task_count", trouble.set_aside_task_count()}};
+}
+
 Json RectJson(const v1::PixelRect& rect) {
   return {{"x0_px", rect.x0_px()},
           {"y0_px", rect.y0_px()},
@@ -185,11 +196,13 @@ std::string JobJson(const v1::Job& job) {
       {"failure", job.failure()},
       {"waiting_reason", job.waiting_reason()},
       {"warning", job.warning()},
+      {"incomplete_frame_count", job.incomplete_frame_count()},
       {"training_frame_count", job.training_frame_count()},
       {"create_time", TimeJson(job.has_create_time(), job.create_time())},
       {"end_time", TimeJson(job.has_end_time(), job.end_time())},
       {"progress", ProgressJson(job.progress())},
       {"effect_costs", Json::array()},
+      {"troubles", Json::array()},
       {"frames", Json::array()},
   };
   for (const v1::EffectCost& effect : job.effect_costs()) {
@@ -202,6 +215,9 @@ std::string JobJson(const v1::Job& job) {
                                     {"mean_change_error", effect.mean_change_error()},
                                     {"relative_mse", effect.relative_mse()},
                                     {"variance_ratio", effect.variance_ratio()}});
+  }
+  for (const v1::FrameTrouble& trouble : job.troubles()) {
+    json["troubles"].push_back(TroubleJson(trouble));
   }
   for (const v1::Frame& frame : job.frames()) json["frames"].push_back(FrameJson(frame));
   return Dump(json);

@@ -54,6 +54,8 @@ const std::vector<OperationRule>& RoleTable() {
       {"/sheaf.v1.JobService/ResumeJob", kSubmit},
       {"/sheaf.v1.JobService/SetJobPriority", kSubmit},
       {"/sheaf.v1.JobService/RefineJob", kSubmit},
+      {"/sheaf.v1.JobService/RetryTasks", kSubmit},
+      {"/sheaf.v1.JobService/KillTasks", kSubmit},
 
       {"/sheaf.v1.ContentService/FindMissing", kSubmit},
       {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},
@@ -102,6 +104,8 @@ const std::vector<OperationRule>& RoleTable() {
       {"POST /api/v1/jobs/{}:resume", kSubmit},
       {"POST /api/v1/jobs/{}:priority", kSubmit},
       {"POST /api/v1/jobs/{}:refine", kSubmit},
+      {"POST /api/v1/jobs/{}:retry", kSubmit},
+      {"POST /api/v1/jobs/{}:kill", kSubmit},
   };
   return *kTable;
 }

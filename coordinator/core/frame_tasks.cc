@@ -165,29 +165,85 @@ std::optional<Task> FrameTasks::TakeFresh(
       Trained() ? fresh_queue_.begin() : fresh_queue_.find({0, *grid_.training_tile()});
   if (next == fresh_queue_.end()) return std::nullopt;
   const auto [first, tile] = *next;
-  const uint64_t all = grid_.AllOf(tile);
   int64_t pixel_count = 0;
-  ForCells(tile, all, [&, f = first](uint32_t index) {
+  ForCells(tile, grid_.AllOf(tile), [&, f = first](uint32_t index) {
     const Cell& cell = cells_[index];
     if (cell.fresh.Contains({f, f + 1})) pixel_count += cell.pixel_count;
     return true;
   });
   const uint64_t most = block_samples_max({grid_.KindOf(tile), first, pixel_count});
+  const Task task = CutFresh(tile, first, most);
+  leased_.insert(task);
+  return task;
+}
+
+Task FrameTasks::CutFresh(uint32_t tile, uint64_t first, uint64_t samples_max) {
+  const uint64_t all = grid_.AllOf(tile);
   Task task{tile, {first, 1}, 0};
-  ForCells(tile, all, [&, f = first](uint32_t index) {
+  ForCells(tile, all, [&](uint32_t index) {
     const SampleRanges& fresh = cells_[index].fresh;
-    if (!fresh.Contains({f, f + 1})) return true;
-    task.block.count = std::max(task.block.count, fresh.FirstBlock(most).count);
+    if (!fresh.Contains({first, first + 1})) return true;
+    task.block.count = std::max(task.block.count, fresh.FirstBlock(samples_max).count);
     return true;
   });
-  ForCells(tile, all, [&, t = tile](uint32_t index) {
+  ForCells(tile, all, [&](uint32_t index) {
     const bool wants = cells_[index].fresh.Contains(RangeOf(task.block));
-    if (wants) task.cells |= uint64_t{1} << (index - grid_.first_cell(t));
+    if (wants) task.cells |= uint64_t{1} << (index - grid_.first_cell(tile));
     return true;
   });
   ChangeFresh(tile, task.cells, [&](SampleRanges& fresh) { fresh.Remove(RangeOf(task.block)); });
-  leased_.insert(task);
   return task;
+}
+
+bool FrameTasks::RemoveFresh(const Task& task) {
+  if (FitOf(task) != Fit::kWanted) return false;
+  const SampleRanges::Range range = RangeOf(task.block);
+  const bool is_fresh = ForCells(
+      task.tile, task.cells, [&](uint32_t index) { return cells_[index].fresh.Contains(range); });
+  if (!is_fresh) return false;
+  ChangeFresh(task.tile, task.cells, [&](SampleRanges& fresh) { fresh.Remove(range); });
+  return true;
+}
+
+bool FrameTasks::KeepWhole(const Task& task) {
+  if (!RemoveFresh(task)) return false;
+  returned_.insert(task);
+  ready_count_ += PixelSamples(task);
+  return true;
+}
+
+bool FrameTasks::SetAside(const Task& task) {
+  if (returned_.erase(task) == 1) {
+    ready_count_ -= PixelSamples(task);
+  } else if (!RemoveFresh(task)) {
+    return false;
+  }
+  aside_.insert(task);
+  aside_count_ += PixelSamples(task);
+  return true;
+}
+
+std::vector<Task> FrameTasks::SetTileAside(uint32_t tile) {
+  std::vector<Task> tasks;
+  for (auto it = returned_.lower_bound({tile, {0, 0}, 0}); it != returned_.end(); ++it) {
+    if (it->tile != tile) break;
+    tasks.push_back(*it);
+  }
+  for (const Task& task : tasks) SetAside(task);
+  while (const std::optional<uint64_t> first = FirstFresh(tile)) {
+    const Task task = CutFresh(tile, *first, kSampleIndexEnd);
+    aside_.insert(task);
+    aside_count_ += PixelSamples(task);
+    tasks.push_back(task);
+  }
+  return tasks;
+}
+
+void FrameTasks::BringBack(const Task& task) {
+  SHEAF_CHECK(aside_.erase(task) == 1);
+  aside_count_ -= PixelSamples(task);
+  returned_.insert(task);
+  ready_count_ += PixelSamples(task);
 }
 
 void FrameTasks::PutBack(const Task& task) {
@@ -238,6 +294,12 @@ std::vector<Task> FrameTasks::Accept(const Task& task, absl::Duration cpu_durati
     ready_count_ -= PixelSamples(returned);
     ChangeFresh(task.tile, returned.cells,
                 [&](SampleRanges& fresh) { fresh.Add(RangeOf(returned.block)); });
+  }
+  for (const Task& aside : Overlapping(aside_, task)) {
+    aside_.erase(aside);
+    aside_count_ -= PixelSamples(aside);
+    ChangeFresh(task.tile, aside.cells,
+                [&](SampleRanges& fresh) { fresh.Add(RangeOf(aside.block)); });
   }
   ChangeFresh(task.tile, task.cells,
               [&](SampleRanges& fresh) { fresh.Remove(RangeOf(task.block)); });

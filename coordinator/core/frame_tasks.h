@@ -1,12 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameTasks: which samples of which tile's cells are done, leased, returned or fresh. These four
-// always cut a cell's samples [0, N) without overlap; N may grow (sample_rounds.h):
+// FrameTasks: which samples of which tile's cells are done, leased, returned, fresh or set aside.
+// These five always cut a cell's samples [0, N) without overlap; N may grow (sample_rounds.h):
 //
 //     fresh     never leased in this life of the coordinator; cut into blocks when it is leased
 //     leased    one block of some cells of a tile, held by one lease or two (a hedge)
 //     returned  a block whose lease came to nothing; it is leased again as it was, never cut anew
+//     aside     a block that is leased to nobody: it failed for good, or a person set it aside
 //     done      accepted and durable
 //
 // The light tile (CellGrid) has light passes, as many as the cell with most of them has samples. A
@@ -84,6 +85,23 @@ class FrameTasks {
   // Gives a taken block back. Requires: it is leased.
   void PutBack(const Task& task);
 
+  // Sets a block aside: nobody takes it, until it is brought back or a result covers it. Returns
+  // false where it is neither returned nor fresh as a whole.
+  bool SetAside(const Task& task);
+  // Sets all of a tile aside that is not leased; returns what that is.
+  std::vector<Task> SetTileAside(uint32_t tile);
+  // Requires: it is set aside.
+  void BringBack(const Task& task);
+  // Makes a fresh block a returned one, so that it stays a task of its own. Returns false where it
+  // is not fresh as a whole.
+  bool KeepWhole(const Task& task);
+  // Those set aside that share samples of a cell with the task.
+  std::vector<Task> AsideOverlapping(const Task& task) const { return Overlapping(aside_, task); }
+  uint64_t sample_count_aside() const { return aside_count_; }
+  // Whether what is left can be neither taken nor expected: it is set aside, or waits for a
+  // training that is.
+  bool Stuck() const { return !Complete() && !aside_.empty() && leased_.empty() && !HasReady(); }
+
   // How a result's block meets what is there.
   enum class Fit {
     kWanted,   // Accept gives each of its samples a first value.
@@ -123,6 +141,10 @@ class FrameTasks {
   template <typename Change>
   void ChangeFresh(uint32_t tile, uint64_t mask, const Change& change);
   void GrowCell(uint32_t cell, uint64_t samples);
+  // Cuts the block that begins with the tile's first fresh sample, for all cells that want it.
+  Task CutFresh(uint32_t tile, uint64_t first, uint64_t samples_max);
+  // Takes the task out of the fresh samples; returns false where it is not fresh as a whole.
+  bool RemoveFresh(const Task& task);
   // The lowest fresh sample of the tile's cells; none where none has one.
   std::optional<uint64_t> FirstFresh(uint32_t tile) const;
 
@@ -130,8 +152,8 @@ class FrameTasks {
   std::vector<Cell> cells_;
   std::vector<absl::Duration> cpu_of_tiles_;
   std::set<std::pair<uint64_t, uint32_t>> fresh_queue_;  // First fresh sample and tile.
-  Tasks returned_, leased_;
-  uint64_t done_count_ = 0, total_count_ = 0, ready_count_ = 0;
+  Tasks returned_, leased_, aside_;
+  uint64_t done_count_ = 0, total_count_ = 0, ready_count_ = 0, aside_count_ = 0;
   BlobDigest field_;
 };
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 #include <utility>
+#include <vector>
 
 #include "gtest/gtest.h"
 
@@ -291,6 +292,54 @@ TEST(FrameTasksTest, ALostFieldKeepsWhatIsDone) {
   EXPECT_TRUE(tasks.Complete());
   tasks.Revoke(training);
   EXPECT_TRUE(tasks.Complete()) << "nothing more needs the field";
+}
+
+TEST(FrameTasksTest, WhatIsSetAsideIsTakenByNobody) {
+  FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 32);
+  const Task task = *tasks.TakeFresh(AtMost(16));
+  EXPECT_FALSE(tasks.SetAside(task)) << "it is leased";
+  tasks.PutBack(task);
+  EXPECT_TRUE(tasks.SetAside(task));
+  EXPECT_EQ(tasks.sample_count_aside(), 16u * 16 * 16);
+  EXPECT_EQ(tasks.TakeReturned(Anything, 10), std::nullopt);
+  EXPECT_FALSE(tasks.Stuck());
+  while (const std::optional<Task> other = tasks.TakeFresh(AtMost(16))) tasks.Accept(*other);
+  EXPECT_TRUE(tasks.Stuck());
+  EXPECT_FALSE(tasks.Complete());
+  EXPECT_EQ(tasks.AsideOverlapping(task), std::vector<Task>{task});
+  tasks.BringBack(task);
+  EXPECT_FALSE(tasks.Stuck());
+  EXPECT_EQ(tasks.TakeReturned(Anything, 10), task);
+  tasks.Accept(task);
+  EXPECT_TRUE(tasks.Complete());
+}
+
+TEST(FrameTasksTest, TilesAreSetAsideAsAWhole) {
+  FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 48);
+  const Task leased = *tasks.TakeFresh(AtMost(16));
+  const Task returned = *tasks.TakeFresh(AtMost(16));
+  ASSERT_EQ(returned.tile, 1u);
+  tasks.PutBack(returned);
+  EXPECT_EQ(tasks.SetTileAside(1), (std::vector<Task>{returned, {1, {16, 16}}, {1, {32, 16}}}));
+  EXPECT_EQ(tasks.sample_count_ready(), 16u * 16 * 32) << "of the other tile";
+  EXPECT_EQ(tasks.FitOf({1, {0, 16}}), Fit::kWanted) << "a late result is welcome";
+  tasks.Accept({1, {0, 16}});
+  EXPECT_EQ(tasks.sample_count_aside(), 16u * 16 * 32);
+  EXPECT_FALSE(tasks.SetAside(leased));
+}
+
+// After a restart, tasks that failed keep their shape.
+TEST(FrameTasksTest, FreshBlocksCanBeKeptWhole) {
+  FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 64);
+  const Task kept{0, {16, 16}};
+  EXPECT_TRUE(tasks.KeepWhole(kept));
+  EXPECT_FALSE(tasks.KeepWhole(kept));
+  EXPECT_TRUE(tasks.SetAside({1, {0, 32}}));
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {0, 16}}));
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{0, {32, 32}}));
+  EXPECT_EQ(tasks.TakeReturned(Anything, 10), kept);
+  EXPECT_EQ(tasks.TakeFresh(AtMost(64)), (Task{1, {32, 32}}));
+  EXPECT_EQ(tasks.sample_count_ready(), 0u);
 }
 
 }  // namespace

@@ -23,8 +23,36 @@ const char* FailureKindName(FailureKind kind) {
       return "lost";
     case FailureKind::kLoading:
       return "loading";
+    case FailureKind::kInvalid:
+      return "invalid";
   }
   return "unknown";
+}
+
+const char* FailureKindText(FailureKind kind) {
+  switch (kind) {
+    case FailureKind::kReleased:
+      return "a stop";
+    case FailureKind::kInfrastructure:
+      return "trouble with its disk or network";
+    case FailureKind::kScene:
+      return "an error in the scene";
+    case FailureKind::kMemory:
+      return "lack of memory";
+    case FailureKind::kInternal:
+      return "a crash";
+    case FailureKind::kLost:
+    case FailureKind::kLoading:
+      return "its disappearance";
+    case FailureKind::kInvalid:
+      return "an invalid result";
+  }
+  return "an unknown failure";
+}
+
+bool IsOwnFailure(FailureKind kind) {
+  return kind == FailureKind::kInternal || kind == FailureKind::kMemory ||
+         kind == FailureKind::kInvalid;
 }
 
 int64_t PathsPerLightPass(const FrameSettings& settings) {

@@ -122,11 +122,26 @@ struct Lease {
 
 // Why a lease gave no result; each class has its own budget (limits.h).
 // Stored as numbers: new ones go to the end. kLost and kLoading: the worker vanished while it
-// rendered, or loaded the scene.
-enum class FailureKind { kReleased, kInfrastructure, kScene, kMemory, kInternal, kLost, kLoading };
-inline constexpr int kFailureKindCount = 7;
-// Returns "released", "infrastructure", "scene", "memory", "internal", "lost" or "loading".
+// rendered, or loaded the scene. kInvalid: its result was refused.
+enum class FailureKind {
+  kReleased,
+  kInfrastructure,
+  kScene,
+  kMemory,
+  kInternal,
+  kLost,
+  kLoading,
+  kInvalid
+};
+inline constexpr int kFailureKindCount = 8;
+// Returns "released", "infrastructure", "scene", "memory", "internal", "lost", "loading" or
+// "invalid".
 const char* FailureKindName(FailureKind kind);
+// How a worker failed, for people: "a crash", "lack of memory".
+const char* FailureKindText(FailureKind kind);
+// Whether the worker failed the task by what it does with it, so that it never gets it again: a
+// crash, lack of memory or an invalid result.
+bool IsOwnFailure(FailureKind kind);
 
 // Light paths of a pass: one for each pixel of the whole frame, whatever the window.
 int64_t PathsPerLightPass(const FrameSettings& settings);
@@ -156,6 +171,32 @@ struct FailureRecord {
   absl::Time time = absl::InfinitePast();  // InfinitePast until it is dated.
   TaskKind task_kind = TaskKind::kCamera;
   friend bool operator==(const FailureRecord&, const FailureRecord&) = default;
+};
+
+// How often a worker failed a task by a class. Of lost workers only the number is known: their id
+// and identity are empty.
+struct TaskFailure {
+  std::string worker_id, identity;
+  FailureKind kind = FailureKind::kInternal;
+  int32_t count = 0;
+  std::string words;  // The last message, as people read it.
+  friend bool operator==(const TaskFailure&, const TaskFailure&) = default;
+};
+
+// What decides who may still render a task, which is durable. A block without samples stands for
+// the frame as a whole.
+struct TaskTrouble {
+  FrameId frame;
+  TaskKind kind = TaskKind::kCamera;
+  PixelRect tile;
+  SampleBlock block;
+  TileCells cells;
+  std::vector<TaskFailure> failures;
+  std::string set_aside;  // Why nobody renders it any more; empty while somebody may.
+
+  bool Empty() const { return failures.empty() && set_aside.empty(); }
+  bool OfFrame() const { return block.count == 0; }
+  friend bool operator==(const TaskTrouble&, const TaskTrouble&) = default;
 };
 
 // A job's failures that cost something: the last ones, oldest first, and how many there were.

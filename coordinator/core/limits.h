@@ -76,19 +76,26 @@ struct Limits {
   // pass is larger is refused.
   uint64_t light_part_bytes_max = uint64_t{480} << 20;
 
-  // Failures. A task fails for good, and its job with it, when one of these is used up.
-  int crash_workers_max = 3;       // Distinct workers that reported a defect or lack of memory.
-  int lost_workers_max = 6;        // Distinct workers that vanished while rendering it: machines
-                                   // that are switched off must not spoil a job.
-  int loading_losses_max = 3;      // Workers that vanished one after the other while they loaded
-  int job_loading_losses_max = 6;  // a frame that nobody has loaded; the same of a job's frames.
+  // Failures, by class. A task is set aside when one of its budgets is used up.
+  int poison_workers_max = 3;    // Distinct workers that failed it themselves, by any class; each
+  int crash_workers_max = 3;     // gets one attempt. Of those, by a crash, ...
+  int memory_workers_max = 3;    // ... by lack of memory, ...
+  int invalid_workers_max = 2;   // ... and by an invalid result: it is no accident of a machine.
+  int lost_failures_max = 1024;  // Workers that vanished while rendering it: machines that are
+                                 // switched off must not spoil a job.
   int infrastructure_failures_max = 16;
-  int scene_failure_workers_max = 2;    // Distinct workers that say: the scene cannot be rendered.
+  // A worker that is alone on a farm fails so many tasks of a frame by lack of memory before the
+  // frame waits for another one.
+  int lone_memory_failures_max = 3;
+  // A job fails for these.
+  int loading_losses_max = 3;         // Workers that vanished one after the other while they loaded
+  int job_loading_losses_max = 6;     // a frame that nobody has loaded; the same of a job's frames.
+  int scene_failure_workers_max = 2;  // Distinct workers that say: the scene cannot be rendered.
   size_t worker_text_shown_max = 2000;  // Bytes of a worker's words in what a user reads.
   int failures_kept_max = 32;           // The last ones of a job, for people to look at.
-  int quarantine_jobs_min = 3;          // A worker failing so many jobs in a row, of tasks that
-                                        // others render, is sick.
-  size_t quarantines_max = 10'000;      // Beyond, the oldest are forgotten.
+  int sick_jobs_min = 3;                // A worker that failed tasks of so many jobs within this
+  absl::Duration sick_window = absl::Hours(1);            // time, which others rendered, is sick.
+  size_t quarantines_max = 10'000;                        // Beyond, the oldest are forgotten.
   absl::Duration retry_delay_initial = absl::Seconds(1);  // After infrastructure failures: of the
   absl::Duration retry_delay_max = absl::Minutes(1);      // worker, doubling.
 

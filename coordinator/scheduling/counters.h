@@ -36,8 +36,12 @@ struct Counters {
   uint64_t fields_trained = 0;    // Guiding fields that are durable.
   uint64_t workers_lost = 0;
   uint64_t workers_quarantined = 0;
-  uint64_t tasks_poisoned = 0;
-  uint64_t samples_accepted = 0;  // Pixel samples.
+  uint64_t workers_sick = 0;
+  uint64_t tasks_poisoned = 0;     // Set aside because workers failed them.
+  uint64_t tasks_killed = 0;       // Set aside by people.
+  uint64_t tasks_retried = 0;      // Brought back by people.
+  uint64_t frames_incomplete = 0;  // Ended with tasks that are set aside.
+  uint64_t samples_accepted = 0;   // Pixel samples.
   uint64_t rays_accepted = 0;
   uint64_t nonfinite_samples = 0;
   uint64_t jobs_refused = 0;  // Their owners have too much that is unfinished.

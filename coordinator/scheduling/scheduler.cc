@@ -217,6 +217,9 @@ void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
     of_scene->second.erase(index);
     if (of_scene->second.empty()) job->ready_by_scene.erase(of_scene);
   }
+  if (frame.phase == FrameRecord::Phase::kOpen && frame.tasks->Stuck()) {
+    stuck_frames_.insert({job->spec.job_id, frame.number()});
+  }
   UpdateReadyJob(job, KeyOf(*job));
 }
 
@@ -242,9 +245,9 @@ void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) 
   FrameRecord& frame = job->frames[index];
   if (frame.tasks != nullptr) open_pixels_ -= OpenPixelsOf(frame.settings());
   frame.tasks.reset();
-  frame.failures.clear();
   frame.phase = phase;
   const FrameId id{job->spec.job_id, frame.number()};
+  if (phase == FrameRecord::Phase::kDelivered) ForgetTroubles(&frame);
   DropChecks(id);
   doubtful_frames_.erase(id);
   round_frames_.erase(id);
@@ -314,8 +317,11 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
     const auto failures = frame.failures.find(rendered);
     if (failures == frame.failures.end()) return;
     suspects.merge(failures->second.suspects);
-    frame.failures.erase(failures);
+    ForgetTrouble(&frame, rendered);
   };
+  for (const Task& aside : frame.tasks->AsideOverlapping(task)) {
+    forget_failures(MakeTaskId(id, aside));
+  }
   for (const Task& covered : frame.tasks->Accept(task, cost.cpu_duration)) {
     for (const uint64_t holder : leases_.HoldersOf(MakeTaskId(id, covered))) {
       if (holder != lease_id) ++counters_.leases_cancelled;
@@ -336,7 +342,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   NoteDelivery(worker_id, samples, cost, grant_time, now);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
   UpdateReady(&job, index);
-  BlameSuspects(suspects, id.job_id, worker_id);
+  BlameSuspects(suspects, id.job_id, worker_id, now);
   return frame.phase == FrameRecord::Phase::kRendered;
 }
 
@@ -354,7 +360,6 @@ void Scheduler::NoteDelivery(const std::string& worker_id, uint64_t samples, con
     worker->busy_cpu_duration += cost.cpu_duration;
   }
   worker->last_result_time = now;
-  worker->failed_jobs.clear();
   worker->infrastructure_failures = 0;
 }
 
@@ -390,6 +395,7 @@ bool Scheduler::Deliver(const FrameId& id) {
   Close(&job, job.IndexOf(id.frame_number), FrameRecord::Phase::kDelivered);
   ++counters_.frames_delivered;
   ++job.delivered_count;
+  JudgeIncompleteJob(&job);
   if (job.delivered_count < static_cast<int32_t>(job.frames.size())) return false;
   EndJob(id.job_id, JobPhase::kSucceeded, "");
   return true;
@@ -403,9 +409,12 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
     DropLease(lease_id, /*put_back=*/true);
   }
   for (uint32_t i = 0; i < job.frames.size(); ++i) {
-    if (job.frames[i].phase != FrameRecord::Phase::kDelivered) {
-      Close(&job, i, FrameRecord::Phase::kClosed);
-    }
+    FrameRecord& frame = job.frames[i];
+    const bool has_ended = frame.phase == FrameRecord::Phase::kDelivered ||
+                           frame.phase == FrameRecord::Phase::kIncomplete;
+    if (!has_ended) Close(&job, i, FrameRecord::Phase::kClosed);
+    // Only a job that failed can be tried again.
+    if (phase != JobPhase::kFailed) frame.failures.clear();
   }
   job.phase = phase;
   job.failure = failure;
@@ -419,30 +428,5 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
 }
 
 std::vector<uint64_t> Scheduler::TakeEndedJobs() { return std::exchange(ended_jobs_, {}); }
-
-bool Scheduler::IsHeld(const FrameRecord& frame) const {
-  return !held_scenes_.empty() && held_scenes_.contains(frame.packed.scene().Hex());
-}
-
-std::string Scheduler::WaitingReason(const JobRecord& job) const {
-  if (job.phase != JobPhase::kLive || job.Paused()) return "";
-  if (leases_.CountOfJob(job.spec.job_id) > 0) return "";
-  for (const FrameRecord& frame : job.frames) {
-    if (held_scenes_.empty()) break;
-    const bool waits =
-        frame.phase == FrameRecord::Phase::kPending || frame.phase == FrameRecord::Phase::kOpen;
-    if (waits && IsHeld(frame)) return held_scenes_.at(frame.packed.scene().Hex());
-  }
-  if (workers_.LiveCount(job.spec.numeric_profile) > 0) return "";
-  if (workers_.LiveCount() == 0) return "no worker is connected";
-  std::string other;
-  for (const auto& [id, worker] : workers_.workers()) {
-    if (!worker.Live()) continue;
-    other = worker.numeric_profile;
-    break;
-  }
-  return absl::StrCat("no worker of the job's numeric profile \"", job.spec.numeric_profile,
-                      "\" is connected; the connected workers have \"", other, "\"");
-}
 
 }  // namespace sheaf::coordinator

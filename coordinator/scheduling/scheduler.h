@@ -19,11 +19,13 @@
 // field is there; other frames fill the gap. A worker that holds nothing and finds nothing ready is
 // leased a task that another one holds (a hedge), never its own.
 //
-// Failures (budgets in limits.h): a worker does not get a task again that it failed while a live
-// worker is left that did not. A job fails when a task fails for good: its message names tile and
-// samples. For that, failures count by identity (WorkerReport::identity), and strangers are not
-// enough: one of those that blame the work must have delivered results before, while anybody is
-// live who has.
+// Failures (budgets in limits.h): a worker never gets a task again that it failed by a crash, lack
+// of memory or an invalid result; one that it failed for trouble with its disk or network, only
+// while no other is there. A task that fails for good is set aside, and the rest of its frame goes
+// on; a frame that has nothing else left is incomplete, and a job with such a frame fails once all
+// others are done. For that, failures count by identity (WorkerReport::identity), and strangers are
+// not enough: one of those that blame the work must have delivered results before, while anybody is
+// live who has. A worker that fails what others render is sick.
 //
 // Thread safety: none; the owner holds one lock. Cost: O(log n) a lease, no scan over tasks.
 #pragma once
@@ -54,36 +56,24 @@
 #include "coordinator/scheduling/packed_frame.h"
 #include "coordinator/scheduling/pending_frames.h"
 #include "coordinator/scheduling/result_checks.h"
+#include "coordinator/scheduling/task_failures.h"
 #include "coordinator/scheduling/worker_table.h"
 
 namespace sheaf::coordinator {
-
-// The failures of one task so far.
-struct TaskFailures {
-  std::set<std::string> failed_by;      // Workers of every class but released.
-  std::set<std::string> identities;     // Of those.
-  std::set<std::string> crashed, lost;  // Identities, by class.
-  // Workers that are to blame if another one renders the task, with their words.
-  std::map<std::string, std::string> suspects;
-  int attempt_count = 0;  // Leases that ended without result.
-  int crash_count = 0;
-  int infrastructure_count = 0;
-  SteadyTime not_before = SteadyTime::InfinitePast();
-  std::string last_message;
-};
 
 // A frame as the scheduler sees it. Jobs have many: one that waits has less than 300 bytes of
 // memory, all told.
 struct FrameRecord {
   // kPending: not begun. kOpen: has tasks in memory. kRendered: all samples are done. kDelivered:
-  // the EXR is there. kClosed: its job ended before.
-  enum class Phase : uint8_t { kPending, kOpen, kRendered, kDelivered, kClosed };
+  // the EXR is there. kIncomplete: all is done but what is set aside. kClosed: its job ended
+  // before.
+  enum class Phase : uint8_t { kPending, kOpen, kRendered, kDelivered, kIncomplete, kClosed };
   PackedFrame packed;
   Phase phase = Phase::kPending;
-  bool loaded = false;                // Its scene, by any worker, ever.
-  std::unique_ptr<FrameTasks> tasks;  // While open or rendered.
-  absl::btree_map<TaskId, TaskFailures> failures;
-  absl::btree_map<std::string, FailureKind> refused_by;       // By worker: scene or memory.
+  bool loaded = false;                                   // Its scene, by any worker, ever.
+  std::unique_ptr<FrameTasks> tasks;                     // While open or rendered.
+  absl::btree_map<TaskId, TaskFailures> failures;        // Of a frame as a whole: FrameTroubleId.
+  absl::btree_map<std::string, FailureKind> refused_by;  // By worker: scene or memory.
   absl::btree_map<std::string, std::string> scene_failed_by;  // By identity, what it says.
   SteadyTime first_lease_time = SteadyTime::InfiniteFuture();
   uint64_t sample_count_done = 0;   // Pixel samples; valid in every phase.
@@ -98,6 +88,9 @@ struct FrameRecord {
 // Pixel samples of the whole frame, light paths included: where it is rendered in rounds, as far as
 // they are decided.
 uint64_t SampleCountTotal(const FrameRecord& frame);
+// Why a frame is incomplete: its tasks that are set aside, at most some of them by name. Empty
+// where none is.
+std::string IncompleteText(const FrameRecord& frame);
 
 struct JobRecord {
   JobSpec spec;  // Without frames: they are in `frames`.
@@ -112,6 +105,7 @@ struct JobRecord {
   uint64_t served = 0;  // Pixel samples leased, plus the share it began with.
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
   int32_t delivered_count = 0;
+  int32_t incomplete_count = 0;
 
   OwnerWork work;  // Of the owner's, while the job is live.
   FailureLog failures;
@@ -217,8 +211,24 @@ class Scheduler {
                   bool made_false_results = false);
   // Puts a quarantine of an earlier life back.
   void RestoreQuarantine(const QuarantineRecord& record);
-  // Returns whether the identity was in quarantine. What its workers failed is forgotten.
+  // Returns whether the identity was in quarantine, or a worker of it sick. What its workers failed
+  // is forgotten.
   bool LiftQuarantine(const std::string& identity);
+
+  // scheduler_troubles.cc
+  // Puts back what was durable of a task or frame, after the parts of its job.
+  void RestoreTrouble(const TaskTrouble& trouble);
+  // Nobody renders the tile, or without one the frame, any more; what is leased of a tile may still
+  // come. why: for people. Errors: kNotFound (no such frame or tile), kFailedPrecondition (the job
+  // has ended, or the frame is rendered).
+  absl::Status Kill(const FrameId& id, std::optional<uint32_t> tile, const std::string& why);
+  // Forgets the failures of a tile, a frame or a whole job; what was set aside is leased again.
+  // Frames that are incomplete or closed only lose their records: the owner opens them again.
+  void Retry(uint64_t job_id, std::optional<int32_t> frame, std::optional<uint32_t> tile);
+  // What changed of tasks since the last call, to be written down by the owner.
+  std::map<TaskId, TaskTrouble> TakeTroubles() { return std::exchange(changed_troubles_, {}); }
+  // Frames that became incomplete since the last call: their images need no memory any more.
+  std::vector<FrameId> TakeIncompleteFrames() { return std::exchange(incomplete_frames_, {}); }
 
   // The EXR of a rendered frame is there. Returns whether its job has succeeded by that.
   bool Deliver(const FrameId& id);
@@ -334,8 +344,11 @@ class Scheduler {
                    SteadyTime now);
   // Counts the job against those that failed what has been rendered by another identity.
   void BlameSuspects(const std::map<std::string, std::string>& suspects, uint64_t job_id,
-                     const std::string& rendered_by);
-  void NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words);
+                     const std::string& rendered_by, SteadyTime now);
+  // Somebody else rendered what the worker failed: enough of that and it is sick.
+  void NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words,
+                     SteadyTime now);
+  void DropLeasesOf(const WorkerRecord& worker);
   absl::Duration RetryDelay(int failure_count) const;
 
   // scheduler_loading.cc
@@ -347,8 +360,24 @@ class Scheduler {
   // From the failures that are known of a job. Before its parts.
   void RestoreLoadingLosses(JobRecord* job);
 
-  std::string TaskFailureText(const FrameRecord& frame, const Lease& lease,
-                              const TaskFailures& failures) const;
+  // scheduler_troubles.cc
+  TaskFailures& FailuresOf(FrameRecord* frame, const Lease& lease);
+  void NoteTrouble(const TaskId& id, const TaskFailures& failures);
+  void ForgetTrouble(FrameRecord* frame, const TaskId& id);
+  void ForgetTroubles(FrameRecord* frame);
+  // Sets the task aside, at once or when its last lease ends.
+  void SetAside(FrameRecord* frame, const TaskId& id, const std::string& why);
+  // Ends the frame as it is.
+  void GiveUpFrame(JobRecord* job, uint32_t index, const std::string& why);
+  void CloseIncomplete(JobRecord* job, uint32_t index);
+  void CloseStuckFrames();
+  // Fails a job of which all frames are delivered or incomplete.
+  void JudgeIncompleteJob(JobRecord* job);
+  // Refuses the frame to a worker without the memory for it, while that serves anything.
+  void RefuseForMemory(const FrameId& id, const std::string& worker_id);
+  // Which failures keep the workers that are there from the job's tasks; empty where none do.
+  std::string WhyOthersAreNeeded(const JobRecord& job) const;
+  std::string TaskFailureText(const FrameRecord& frame, const TaskFailures& failures) const;
 
   const Limits limits_;
   std::map<uint64_t, JobRecord> jobs_;
@@ -367,6 +396,9 @@ class Scheduler {
   std::map<std::string, OwnerWork> owner_work_;  // Of live jobs, by owner.
   std::vector<uint64_t> ended_jobs_;
   std::set<uint64_t> failure_jobs_;
+  std::set<FrameId> stuck_frames_;  // That may have nothing left but what is set aside.
+  std::map<TaskId, TaskTrouble> changed_troubles_;
+  std::vector<FrameId> incomplete_frames_;
   std::vector<QuarantineRecord> quarantines_;  // Not yet taken.
 };
 

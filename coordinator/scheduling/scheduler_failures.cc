@@ -7,9 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "common/base/printable.h"
-#include "coordinator/core/render_command.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {
@@ -22,7 +20,9 @@ bool Scheduler::Tick(SteadyTime now) {
   }
   workers_.ForgetOld(now);  // Not before: a worker that holds leases is known.
   if (!lost.empty()) JudgeDoubtfulScenes();
-  return !lost.empty();
+  const bool some_are_stuck = !stuck_frames_.empty();
+  CloseStuckFrames();
+  return !lost.empty() || some_are_stuck;
 }
 
 // With fewer workers left, one report of a broken scene may be all there ever will be.
@@ -69,7 +69,7 @@ void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, St
       Fail({lease_id, FailureKind::kReleased, ""}, report.worker_id, now);
     } else if (lease->grant_time + limits_.lease_age_max < now) {
       ++counters_.leases_expired;
-      Fail({lease_id, FailureKind::kLost, "the lease never ended: the renderer hangs"},
+      Fail({lease_id, FailureKind::kInternal, "the lease never ended: the renderer hangs"},
            report.worker_id, now);
     }
   }
@@ -87,6 +87,10 @@ void Scheduler::DropLease(uint64_t lease_id, bool put_back) {
   FrameRecord& frame = Frame(lease.frame);
   if (!put_back || holders_left > 0 || frame.tasks == nullptr) return;
   frame.tasks->PutBack(lease.task);
+  const auto failures = frame.failures.find(MakeTaskId(lease.frame, lease.task));
+  if (failures != frame.failures.end() && !failures->second.trouble.set_aside.empty()) {
+    frame.tasks->SetAside(lease.task);
+  }
   JobRecord& job = jobs_.at(lease.frame.job_id);
   UpdateReady(&job, job.IndexOf(lease.frame.frame_number));
 }
@@ -187,77 +191,32 @@ std::string Scheduler::Quote(const Lease& lease, const LeaseFailure& failure) co
 void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now) {
   FrameRecord& frame = Frame(lease.frame);
   if (frame.tasks == nullptr) return;
-  TaskFailures& record = frame.failures[MakeTaskId(lease.frame, lease.task)];
+  TaskFailures& record = FailuresOf(&frame, lease);
   ++record.attempt_count;
-  if (failure.kind == FailureKind::kReleased) return;
-  record.failed_by.insert(lease.worker_id);
-  record.identities.insert(lease.identity);
-  record.last_message = Quote(lease, failure);
-  const std::string& profile = jobs_.at(lease.frame.job_id).spec.numeric_profile;
-  bool for_good = false;
-  switch (failure.kind) {
-    case FailureKind::kInfrastructure:
-      ++record.infrastructure_count;
-      record.not_before = now + RetryDelay(record.infrastructure_count);
-      for_good = record.infrastructure_count >= limits_.infrastructure_failures_max;
-      break;
-    case FailureKind::kLost:
-      record.lost.insert(lease.identity);
-      for_good = static_cast<int>(record.lost.size()) >= limits_.lost_workers_max;
-      break;
-    case FailureKind::kInternal:
-    case FailureKind::kMemory: {
-      record.crashed.insert(lease.identity);
-      ++record.crash_count;
-      const bool distinct = static_cast<int>(record.crashed.size()) >= limits_.crash_workers_max;
-      // Where there are fewer workers than that, each failing again is as good a proof.
-      for_good = distinct || (record.crash_count >= limits_.crash_workers_max &&
-                              !OtherIdentitiesLive(profile, record.identities));
-      break;
-    }
-    case FailureKind::kLoading:
-      CountLoadingLoss(lease);
-      return;
-    case FailureKind::kScene:
-    case FailureKind::kReleased:
-      break;
+  if (failure.kind == FailureKind::kReleased || failure.kind == FailureKind::kScene) return;
+  if (failure.kind == FailureKind::kLoading) return CountLoadingLoss(lease);
+  const TaskId id = MakeTaskId(lease.frame, lease.task);
+  record.Add(lease.worker_id, lease.identity, failure.kind, Quote(lease, failure));
+  NoteTrouble(id, record);
+  if (failure.kind == FailureKind::kInfrastructure) {
+    record.not_before = now + RetryDelay(record.CountOf(FailureKind::kInfrastructure));
   }
-  if (!for_good || !AreBelieved(profile, record.identities)) return;
+  if (!record.IsPoison(limits_) || !record.trouble.set_aside.empty()) return;
+  const std::string& profile = jobs_.at(lease.frame.job_id).spec.numeric_profile;
+  // A loss is what the coordinator saw itself.
+  if (failure.kind != FailureKind::kLost && !AreBelieved(profile, record.Identities())) return;
   ++counters_.tasks_poisoned;
-  EndJob(lease.frame.job_id, JobPhase::kFailed, TaskFailureText(frame, lease, record));
-}
-
-std::string Scheduler::TaskFailureText(const FrameRecord& frame, const Lease& lease,
-                                       const TaskFailures& failures) const {
-  const PixelRect& r = lease.tile_rect;
-  const SampleBlock& b = lease.task.block;
-  return absl::StrCat("frame ", frame.number(), ", ", WorkText(lease.kind, r, b),
-                      ": failed ", failures.attempt_count, " times, on ",
-                      absl::StrJoin(failures.failed_by, ", "), "; last: ", failures.last_message,
-                      "; to reproduce: ", RenderCommand("SCENE", frame.settings(), r, b.End()),
-                      " (scene digest ", frame.packed.scene().Hex(), ")");
+  SetAside(&frame, id, TaskFailureText(frame, record));
 }
 
 void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {
   FrameRecord& frame = Frame(lease.frame);
   if (frame.tasks == nullptr) return;
-  if (failure.kind == FailureKind::kScene) {
-    frame.refused_by[lease.worker_id] = failure.kind;
-    frame.scene_failed_by[lease.identity] = Quote(lease, failure);
-    doubtful_frames_.insert(lease.frame);
-    JudgeScene(lease.frame);
-    return;
-  }
-  // Lack of memory concerns the whole scene: leave it to larger machines while there are others.
-  // The last machine left tries again, up to the task's budget.
-  std::set<std::string> refused{lease.worker_id};
-  for (const auto& [worker_id, kind] : frame.refused_by) refused.insert(worker_id);
-  if (OthersLive(jobs_.at(lease.frame.job_id).spec.numeric_profile, refused)) {
-    frame.refused_by[lease.worker_id] = failure.kind;
-  } else {
-    absl::erase_if(frame.refused_by,
-                   [](const auto& entry) { return entry.second == FailureKind::kMemory; });
-  }
+  if (failure.kind == FailureKind::kMemory) return RefuseForMemory(lease.frame, lease.worker_id);
+  frame.refused_by[lease.worker_id] = failure.kind;
+  frame.scene_failed_by[lease.identity] = Quote(lease, failure);
+  doubtful_frames_.insert(lease.frame);
+  JudgeScene(lease.frame);
 }
 
 void Scheduler::JudgeScene(const FrameId& id) {
@@ -288,7 +247,7 @@ void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
     return;
   }
   if (lease.is_check) {  // Somebody has rendered it.
-    NoteFailedJob(worker, lease.frame.job_id, Quote(lease, failure));
+    NoteFailedJob(worker, lease.frame.job_id, Quote(lease, failure), now);
     return;
   }
   // The scene may be at fault: nobody knows until another worker renders the task.
@@ -299,21 +258,34 @@ void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
 }
 
 void Scheduler::BlameSuspects(const std::map<std::string, std::string>& suspects, uint64_t job_id,
-                              const std::string& rendered_by) {
+                              const std::string& rendered_by, SteadyTime now) {
   const WorkerRecord* renderer = workers_.Find(rendered_by);
   for (const auto& [worker_id, words] : suspects) {
     WorkerRecord* worker = workers_.Find(worker_id);
     if (worker == nullptr || worker_id == rendered_by) continue;
     if (renderer != nullptr && renderer->identity == worker->identity) continue;
-    NoteFailedJob(worker, job_id, words);
+    NoteFailedJob(worker, job_id, words, now);
   }
 }
 
-void Scheduler::NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words) {
-  worker->failed_jobs.insert(job_id);
-  if (static_cast<int>(worker->failed_jobs.size()) < limits_.quarantine_jobs_min) return;
-  Quarantine(worker->identity, absl::StrCat("it failed ", worker->failed_jobs.size(),
-                                            " jobs in a row that others render; last: ", words));
+void Scheduler::NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words,
+                              SteadyTime now) {
+  worker->failed_jobs[job_id] = now;
+  std::erase_if(worker->failed_jobs,
+                [&](const auto& failed) { return failed.second + limits_.sick_window < now; });
+  const auto job_count = static_cast<int>(worker->failed_jobs.size());
+  if (job_count < limits_.sick_jobs_min || worker->Sick()) return;
+  workers_.SetSick(
+      worker,
+      absl::StrCat("it is sick: within ", absl::FormatDuration(limits_.sick_window),
+                   " it failed tasks of ", job_count, " jobs that others rendered; last: ", words));
+  ++counters_.workers_sick;
+  DropLeasesOf(*worker);
+}
+
+void Scheduler::DropLeasesOf(const WorkerRecord& worker) {
+  const std::set<uint64_t> held = worker.leases;
+  for (const uint64_t lease_id : held) DropLease(lease_id, /*put_back=*/true);
 }
 
 void Scheduler::Quarantine(const std::string& identity, const std::string& reason,
@@ -323,10 +295,7 @@ void Scheduler::Quarantine(const std::string& identity, const std::string& reaso
   if (!is_new) return;
   workers_.Quarantine(identity, reason);
   ++counters_.workers_quarantined;
-  for (const WorkerRecord* worker : workers_.WorkersOf(identity)) {
-    const std::set<uint64_t> held = worker->leases;
-    for (const uint64_t lease_id : held) DropLease(lease_id, /*put_back=*/true);
-  }
+  for (const WorkerRecord* worker : workers_.WorkersOf(identity)) DropLeasesOf(*worker);
 }
 
 void Scheduler::RestoreQuarantine(const QuarantineRecord& record) {
@@ -334,11 +303,15 @@ void Scheduler::RestoreQuarantine(const QuarantineRecord& record) {
 }
 
 bool Scheduler::LiftQuarantine(const std::string& identity) {
-  if (!workers_.quarantined().contains(identity)) return false;
+  bool was_excluded = workers_.quarantined().contains(identity);
   workers_.LiftQuarantine(identity);
   std::erase_if(quarantines_, [&](const auto& record) { return record.identity == identity; });
-  for (WorkerRecord* worker : workers_.WorkersOf(identity)) worker->failed_jobs.clear();
-  return true;
+  for (WorkerRecord* worker : workers_.WorkersOf(identity)) {
+    was_excluded |= worker->Sick();
+    worker->failed_jobs.clear();
+    workers_.SetSick(worker, "");
+  }
+  return was_excluded;
 }
 
 std::vector<QuarantineRecord> Scheduler::TakeQuarantines(absl::Time stamp) {

@@ -28,6 +28,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
         absl::StrCat("the farm has ", limits_.workers_max, " workers, the limit"));
   }
   ApplyReport(worker, report, now);
+  CloseStuckFrames();
   if (worker->Quarantined()) {
     return absl::PermissionDeniedError(
         absl::StrCat("worker ", report.worker_id, " is quarantined: ", worker->quarantine_reason));
@@ -35,7 +36,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   for (const uint64_t id : worker->leases) {
     worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).packed.scene().Hex());
   }
-  const size_t wanted = LeasesWanted(*worker);
+  const size_t wanted = worker->Sick() ? 0 : LeasesWanted(*worker);
   if (!worker->draining && now >= worker->no_work_before) {
     while (worker->leases.size() < wanted && MayHoldMore(*worker) && Grant(worker, now)) {
     }
@@ -233,8 +234,9 @@ bool Scheduler::MayRender(const FrameRecord& frame, const TaskId& task, const Wo
   if (found == frame.failures.end()) return true;
   const TaskFailures& failures = found->second;
   if (now < failures.not_before) return false;
-  return !failures.failed_by.contains(worker.worker_id) ||
-         !OthersLive(worker.numeric_profile, failures.failed_by);
+  if (!failures.trouble.set_aside.empty() || failures.IsFailedBy(worker.worker_id)) return false;
+  return !failures.HasInfrastructureFailureOf(worker.worker_id) ||
+         !OthersLive(worker.numeric_profile, failures.Workers());
 }
 
 bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {

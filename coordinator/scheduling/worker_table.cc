@@ -103,6 +103,12 @@ void WorkerTable::LiftQuarantine(const std::string& identity) {
   std::erase(quarantine_order_, std::string(identity));
 }
 
+void WorkerTable::SetSick(WorkerRecord* worker, const std::string& reason) {
+  CountLive(*worker, -1);
+  worker->sick_reason = reason;
+  CountLive(*worker, +1);
+}
+
 void WorkerTable::NoteResult(const std::string& identity) {
   const auto found = identities_.find(identity);
   if (found != identities_.end()) ++found->second.result_count;

@@ -27,6 +27,7 @@ struct WorkerRecord {
   bool draining = false;
   bool lost = false;
   std::string quarantine_reason;      // Empty while it is trusted.
+  std::string sick_reason;            // Why it gets no work, until a person lifts that; or empty.
   std::set<std::string> warm_scenes;  // Compiled in its memory, or of leases it holds.
   uint64_t scene_memory_bytes = 0;    // For the scenes in its memory; 0: not known.
   std::set<uint64_t> leases;          // Ids, held now.
@@ -38,14 +39,16 @@ struct WorkerRecord {
   // neither waited nor loaded; and the CPU time of those second ones.
   absl::Duration busy_duration, busy_cpu_duration;
   SteadyTime last_result_time = SteadyTime::InfinitePast();
-  std::set<uint64_t> failed_jobs;   // Since its last accepted result.
+  // Jobs of tasks that it failed and others rendered, and when that last was.
+  std::map<uint64_t, SteadyTime> failed_jobs;
   int infrastructure_failures = 0;  // Since its last accepted result.
   SteadyTime no_work_before = SteadyTime::InfinitePast();
 
   bool Quarantined() const { return !quarantine_reason.empty(); }
+  bool Sick() const { return !sick_reason.empty(); }
   // Whether it has ended in order: it said that it stops, and holds nothing more.
   bool Stopped() const { return draining && !lost && leases.empty(); }
-  bool Live() const { return !lost && !draining && !Quarantined(); }
+  bool Live() const { return !lost && !draining && !Quarantined() && !Sick(); }
   // Pixel samples per second and thread; 0 until a result is there.
   double SamplesPerThreadSecond() const;
   // The number of threads that samples get all of: at least a tenth of its own, at most all.
@@ -64,6 +67,8 @@ class WorkerTable {
   // Excludes all workers of the identity, also later ones.
   void Quarantine(const std::string& identity, const std::string& reason);
   void LiftQuarantine(const std::string& identity);
+  // Excludes one worker, not those that come after it; an empty reason ends that.
+  void SetSick(WorkerRecord* worker, const std::string& reason);
   // By identity, the reasons.
   const std::map<std::string, std::string>& quarantined() const { return quarantined_; }
   std::vector<WorkerRecord*> WorkersOf(const std::string& identity);

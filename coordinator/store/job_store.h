@@ -79,6 +79,7 @@ struct StoredJob {
   std::vector<StoredFrame> delivered;  // Ascending by number.
   std::string warning;                 // What its users should know of its images; mostly empty.
   std::map<int32_t, int32_t> corrections;  // By frame: how often it was, where that is not 0.
+  std::vector<TaskTrouble> troubles;       // Of tasks that failed or are set aside.
   std::string damage;                      // What of it changed on disk; empty: nothing.
 };
 
@@ -114,6 +115,11 @@ class JobStore {
                               absl::Time end_time, absl::Duration wall) = 0;
   // Replaces the job's stored failures.
   virtual absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) = 0;
+  // Replaces what is stored of each of these tasks; of one without failures that is not set aside,
+  // nothing stays.
+  virtual absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles) = 0;
+  // Without rows that changed on disk: their tasks are rendered again.
+  virtual absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id) = 0;
   // Who gets no work. Writing replaces what is stored of the identity; nothing happens where there
   // is nothing to remove. Loaded in the order of their times.
   virtual absl::Status WriteQuarantine(const QuarantineRecord& record) = 0;
@@ -168,7 +174,8 @@ class JobStore {
   };
   virtual absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) = 0;
 
-  // The frame that was delivered first among those that still have parts; none if there is none.
+  // The first frame that still has parts among those that were delivered or whose job failed; none
+  // if there is none.
   virtual absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() = 0;
 
   // Writes and removes some dummy data, to test whether the disk accepts writes (again).

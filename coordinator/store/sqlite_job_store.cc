@@ -77,6 +77,11 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::ReadJobs() {
   for (StoredJob& job : jobs) by_id[job.spec.job_id] = &job;
   if (absl::Status status = LoadEffects(by_id); !status.ok()) return status;
   if (absl::Status status = LoadFailures(by_id); !status.ok()) return status;
+  for (StoredJob& job : jobs) {
+    absl::StatusOr<std::vector<TaskTrouble>> troubles = ReadTroubles(job.spec.job_id);
+    if (!troubles.ok()) return troubles.status();
+    job.troubles = *std::move(troubles);
+  }
   return jobs;
 }
 

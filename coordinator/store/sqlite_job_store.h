@@ -47,6 +47,8 @@ class SqliteJobStore : public JobStore {
   absl::Status EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
                       absl::Time end_time, absl::Duration wall) override;
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override;
+  absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles) override;
+  absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id) override;
   absl::Status WriteQuarantine(const QuarantineRecord& record) override;
   absl::Status RemoveQuarantine(const std::string& identity) override;
   absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() override;
@@ -112,6 +114,8 @@ class SqliteJobStore : public JobStore {
   absl::Status LoadEffects(const std::map<uint64_t, StoredJob*>& jobs)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status LoadFailures(const std::map<uint64_t, StoredJob*>& jobs)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::StatusOr<std::vector<TaskTrouble>> ReadTroubles(uint64_t job_id)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // Runs `body`, which is annotated with database_mutex_, as one transaction.
   absl::Status InTransaction(const std::function<absl::Status()>& body)

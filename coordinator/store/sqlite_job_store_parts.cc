@@ -208,8 +208,9 @@ absl::StatusOr<std::optional<FrameId>> SqliteJobStore::OldestDeliveredWithParts(
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       "SELECT parts.job_id, parts.frame_number FROM parts JOIN frames USING(job_id, frame_number) "
-      "WHERE delivered = 1 ORDER BY parts.job_id, parts.frame_number LIMIT 1");
-  const absl::StatusOr<bool> row = query.Step();
+      "JOIN jobs USING(job_id) WHERE delivered = 1 OR phase = ? "
+      "ORDER BY parts.job_id, parts.frame_number LIMIT 1");
+  const absl::StatusOr<bool> row = query.Bind(StoredForm(JobPhase::kFailed)).Step();
   if (!row.ok()) return row.status();
   if (!*row) return std::optional<FrameId>();
   return std::optional<FrameId>(

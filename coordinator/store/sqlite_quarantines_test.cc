@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Who is in quarantine, what they made, and what was corrected, in the job store.
+// Who is in quarantine, what they made, and what was corrected, and who failed which task, in the
+// job store.
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -11,6 +12,7 @@
 
 #include "absl/time/clock.h"
 #include "common/base/digest.h"
+#include "coordinator/store/sqlite_database.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "gtest/gtest.h"
 
@@ -105,6 +107,49 @@ TEST_F(SqliteQuarantinesTest, CorrectionsAndWarningsSurviveAReopen) {
   EXPECT_EQ(after.at(0).warning, "corrected");
   ASSERT_TRUE(store_->DeliverFrame({job, 7}, {}).ok());
   EXPECT_EQ(store_->LoadJobs()->at(0).corrections.at(7), 1) << "delivery does not forget it";
+}
+
+TEST_F(SqliteQuarantinesTest, TroublesSurviveAReopen) {
+  const uint64_t job = CreateJob("first"), other = CreateJob("other");
+  TaskTrouble poison{{job, 7}, TaskKind::kCamera, {0, 16, 16, 32}, {16, 32}, {4, 0xf00f}, {}, ""};
+  poison.failures = {{"a", "node a", FailureKind::kInternal, 1, "the 'crash'"},
+                     {"", "", FailureKind::kLost, 12, "gone"},
+                     {"b", "b", FailureKind::kMemory, 2, ""}};
+  poison.set_aside = "failed on 2 workers";
+  TaskTrouble killed{{job, 7}, TaskKind::kCamera, {}, {0, 0}, {}, {}, "killed by ann"};
+  TaskTrouble passing = poison;
+  passing.frame.job_id = other;
+  passing.set_aside.clear();
+  ASSERT_TRUE(store_->WriteTroubles({poison, killed, passing}).ok());
+  poison.failures.pop_back();
+  ASSERT_TRUE(store_->WriteTroubles({poison}).ok());
+  Reopen();
+  auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok()) << jobs.status();
+  // Rows are ordered by worker.
+  std::swap(poison.failures[0], poison.failures[1]);
+  EXPECT_EQ(jobs->at(0).troubles, (std::vector<TaskTrouble>{killed, poison}));
+  ASSERT_EQ(jobs->at(1).troubles.size(), 1u);
+  EXPECT_EQ(jobs->at(1).troubles[0].failures.size(), 3u);
+  poison.failures.clear();
+  poison.set_aside.clear();
+  ASSERT_TRUE(store_->WriteTroubles({poison}).ok());
+  EXPECT_EQ(*store_->LoadTroubles(job), std::vector<TaskTrouble>{killed});
+}
+
+// A row that changed on disk says nothing: its task is rendered again.
+TEST_F(SqliteQuarantinesTest, TroublesThatChangedOnDiskAreForgotten) {
+  const uint64_t job = CreateJob("first");
+  const TaskTrouble killed{{job, 7}, TaskKind::kCamera, {}, {0, 0}, {}, {}, "killed by ann"};
+  ASSERT_TRUE(store_->WriteTroubles({killed}).ok());
+  store_.reset();
+  {
+    auto database = SqliteDatabase::Open(directory_ + "/farm.db");
+    ASSERT_TRUE(database.ok());
+    ASSERT_TRUE((*database)->Execute("UPDATE task_failures SET frame_number = 8").ok());
+  }
+  Reopen();
+  EXPECT_TRUE(store_->LoadTroubles(job)->empty());
 }
 
 }  // namespace

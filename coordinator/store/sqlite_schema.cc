@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 23;
+constexpr int64_t kSchemaVersion = 24;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -190,6 +190,16 @@ constexpr char kAddedBy23[] = R"sql(
 ALTER TABLE frames ADD COLUMN light_samples_max INTEGER NOT NULL DEFAULT 0;
 UPDATE frames SET seal = 0;
 )sql";
+constexpr char kAddedBy24[] = R"sql(
+CREATE TABLE task_failures(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, task_kind INTEGER NOT NULL,
+  x0 INTEGER NOT NULL, y0 INTEGER NOT NULL, x1 INTEGER NOT NULL, y1 INTEGER NOT NULL,
+  first INTEGER NOT NULL, count INTEGER NOT NULL, cell_size_px INTEGER NOT NULL,
+  cells INTEGER NOT NULL, worker_id TEXT NOT NULL, identity TEXT NOT NULL, kind INTEGER NOT NULL,
+  times INTEGER NOT NULL, words TEXT NOT NULL, seal INTEGER NOT NULL,
+  PRIMARY KEY(job_id, frame_number, task_kind, y0, x0, first, count, cells, worker_id, kind))
+  WITHOUT ROWID;
+)sql";
 
 }  // namespace
 
@@ -212,7 +222,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
                                kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
                                kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
                                kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21,
-                               kAddedBy22, kAddedBy23};
+                               kAddedBy22, kAddedBy23, kAddedBy24};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

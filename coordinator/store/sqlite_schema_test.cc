@@ -96,7 +96,8 @@ TEST_F(SqliteSchemaTest, EarlierSchemasAreMigrated) {
                     "ALTER TABLE frames DROP COLUMN stop_reason;"
                     "ALTER TABLE frames RENAME COLUMN image_digest TO picture_digest;"
                     "DROP TABLE rounds;DROP TABLE effects;DROP TABLE failures;"
-                    "DROP TABLE quarantines;ALTER TABLE jobs DROP COLUMN warning;"
+                    "DROP TABLE quarantines;DROP TABLE task_failures;"
+                    "ALTER TABLE jobs DROP COLUMN warning;"
                     "ALTER TABLE frames DROP COLUMN correction_count;"
                     "ALTER TABLE jobs DROP COLUMN failure_count;"
                     "ALTER TABLE jobs DROP COLUMN cell_size_px;"
@@ -144,7 +145,8 @@ TEST_F(SqliteSchemaTest, SealsOfSchema19AreReset) {
   ASSERT_TRUE(Database()
                   ->Execute("ALTER TABLE frames DROP COLUMN techniques;"
                             "ALTER TABLE frames DROP COLUMN light_samples_max;"
-                            "ALTER TABLE failures DROP COLUMN task_kind;PRAGMA user_version=19;")
+                            "ALTER TABLE failures DROP COLUMN task_kind;DROP TABLE task_failures;"
+                            "PRAGMA user_version=19;")
                   .ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
@@ -175,6 +177,7 @@ TEST_F(SqliteSchemaTest, PartsOfSchema20HaveNoKind) {
   ASSERT_TRUE(Database()
                   ->Execute("DROP TABLE parts;ALTER TABLE failures DROP COLUMN task_kind;"
                             "ALTER TABLE frames DROP COLUMN light_samples_max;"
+                            "DROP TABLE task_failures;"
                             "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, cells,"
                             "y1, x1, cell_size_px, sha256, size_bytes, worker_id, ray_count,"
                             "nonfinite_count, cpu_ns, identity, seal,"
@@ -201,7 +204,7 @@ TEST_F(SqliteSchemaTest, PartsOfSchema21HaveNoField) {
   store_.reset();
   ASSERT_TRUE(
       Database()
-          ->Execute("ALTER TABLE parts DROP COLUMN field;"
+          ->Execute("ALTER TABLE parts DROP COLUMN field;DROP TABLE task_failures;"
                     "ALTER TABLE frames DROP COLUMN light_samples_max;PRAGMA user_version=21;")
           .ok());
   Reopen();

@@ -280,6 +280,32 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("task_kind", row.failure.task_kind);
 }
 
+// The table `task_failures`: how often a worker failed a task by a class. A count of 0 stands for a
+// task that is set aside, and the words say why. A block of no samples stands for the whole frame.
+struct TroubleRow {
+  TaskTrouble task;  // Without its failures and why it is set aside.
+  TaskFailure failure;
+};
+template <RowOf<TroubleRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.task.frame.job_id);
+  visit("frame_number", row.task.frame.frame_number);
+  visit("task_kind", row.task.kind);
+  visit("x0", row.task.tile.x0);
+  visit("y0", row.task.tile.y0);
+  visit("x1", row.task.tile.x1);
+  visit("y1", row.task.tile.y1);
+  visit("first", row.task.block.first);
+  visit("count", row.task.block.count);
+  visit("cell_size_px", row.task.cells.size_px);
+  visit("cells", row.task.cells.mask);
+  visit("worker_id", row.failure.worker_id);
+  visit("identity", row.failure.identity);
+  visit("kind", row.failure.kind);
+  visit("times", row.failure.count);
+  visit("words", row.failure.words);
+}
+
 // The table `quarantines`.
 template <RowOf<QuarantineRecord> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {

@@ -66,6 +66,8 @@ export interface Frame {
   window: Rect;
   sample_count: number;
   complete: boolean;
+  // Why it has ended without an image; missing from coordinators without failure classes.
+  incomplete?: string;
   // Whether its guiding field is being trained; missing from coordinators without guiding.
   training?: boolean;
   preview_version: number;

@@ -100,7 +100,7 @@ export class ImageView {
 
 function noteOf(job: Job|undefined, frame: Frame|undefined): string {
   if (!job) return 'Select a job to see its image.';
-  if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason;
+  if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason.replace(/^waiting /, '');
   if (job.state === 'paused') return 'Paused before the first samples.';
   return frame ? 'No samples yet.' : '';
 }

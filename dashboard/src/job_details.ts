@@ -21,9 +21,10 @@ export class JobDetailsView {
     if (!job) return;
     setText(byId('job-title'), job.title || job.name);
     setBadge(byId('job-state'), job.state);
-    const message = job.failure || job.waiting_reason || job.warning || '';
+    const message =
+        job.failure || incompleteWordsOf(frame) || job.waiting_reason || job.warning || '';
     setText(byId('job-message'), message);
-    byId('job-message').dataset.failure = job.failure ? 'yes' : 'no';
+    byId('job-message').dataset.failure = job.failure || frame?.incomplete ? 'yes' : 'no';
     byId('job-message').hidden = !message;
     setProgress(byId('job-bar'), format.doneShare(job.progress), job.state);
     const output = byId<HTMLAnchorElement>('output');
@@ -50,6 +51,12 @@ export class JobDetailsView {
 function emptyWordsOf(store: Store): string {
   if (!store.jobMissing) return 'Select a job to see its image.';
   return 'There is no job ' + store.jobName + '. Select another one.';
+}
+
+// The selected frame's own, while its job goes on.
+function incompleteWordsOf(frame: Frame|undefined): string {
+  return frame?.incomplete ? 'Frame ' + frame.frame_number + ' is incomplete: ' + frame.incomplete :
+                             '';
 }
 
 // Samples that came with an image took no time here.

@@ -4,6 +4,7 @@
 // Feeds arbitrary requests to the router and the API behind it: a line of method and target, lines
 // of headers, an empty line, and the body. Answers have a status of HTTP, and JSON is valid.
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,6 +47,11 @@ struct ServedFarm {
     actions.cancel_job = actions.pause_job =
         actions.resume_job = [](const std::string&) { return absl::OkStatus(); };
     actions.set_job_priority = [](const std::string&, int32_t) { return absl::OkStatus(); };
+    actions.retry_tasks = [](const std::string&, std::optional<int32_t>, std::optional<uint32_t>) {
+      return absl::OkStatus();
+    };
+    actions.kill_tasks = [](const std::string&, int32_t, std::optional<uint32_t>,
+                            const std::string&) { return absl::OkStatus(); };
     actions.refine_job = [](const std::string&, const Refinement& refinement) {
       SHEAF_CHECK(refinement.samples > 0 && refinement.stop.target_error >= 0);
       return absl::OkStatus();

@@ -57,7 +57,7 @@ class MemoryTest(unittest.TestCase):
         return json.loads(done.stdout.splitlines()[-1])["failure"]
 
     def test_scene_beyond_the_worker_memory_fails_without_killing_workers(self):
-        with farm.Farm(["--lease-seconds", "2"]) as f:
+        with farm.Farm(["--lease-seconds", "2", "--poison-workers", "2"]) as f:
             workers = [self.start_worker(f) for _ in range(2)]
             huge = self.submit(f, self.scene(11))
             text = self.failure(f, huge)

@@ -106,7 +106,7 @@ class SandboxTest(unittest.TestCase):
             self.expect_next_job_renders(f, worker)
 
     def test_task_that_never_ends_is_stopped(self):
-        with farm.Farm() as f:
+        with farm.Farm(["--poison-workers", "1"]) as f:
             worker = f.start_worker("--task-seconds-max", "1")
             message, kinds = self.failure(f, self.submit(f, SCENE, *ENDLESS))
             self.assertIn("did not finish within 1s", message)

@@ -95,11 +95,13 @@ void Checks::CheckFrame(const Scheduler& scheduler, const FrameId& id, const Fra
     return;
   }
   const coordinator::FrameTasks& tasks = *frame.tasks;
-  const uint64_t known = tasks.sample_count_done() + tasks.sample_count_ready() + leased;
+  const uint64_t known =
+      tasks.sample_count_done() + tasks.sample_count_ready() + tasks.sample_count_aside() + leased;
   if (known != tasks.sample_count_total()) {
     world_.Broken(absl::StrCat(NameOf(id), ": of ", tasks.sample_count_total(), " samples ",
                                tasks.sample_count_done(), " are done, ", tasks.sample_count_ready(),
-                               " ready and ", leased, " leased"));
+                               " ready, ", tasks.sample_count_aside(), " set aside and ", leased,
+                               " leased"));
   }
   if (frame.sample_count_done != tasks.sample_count_done()) {
     world_.Broken(absl::StrCat(NameOf(id), " counts ", frame.sample_count_done,
@@ -202,14 +204,12 @@ void Checks::CheckLimits(Farm& farm, const coordinator::FarmOptions& options) {
     for (const FrameRecord& frame : job.frames) {
       open_frames += frame.tasks == nullptr ? 0 : 1;
       for (const auto& [task, failures] : frame.failures) {
-        const bool within = failures.infrastructure_count < limits.infrastructure_failures_max &&
-                            static_cast<int>(failures.crashed.size()) < limits.crash_workers_max &&
-                            static_cast<int>(failures.lost.size()) < limits.lost_workers_max;
-        if (within || of_strangers_.contains(task)) continue;
+        const bool is_aside = !failures.trouble.set_aside.empty();
+        if (is_aside || !failures.IsPoison(limits) || of_strangers_.contains(task)) continue;
         const auto has_results = [&](const std::string& identity) {
           return tables.scheduler.workers().ResultCount(identity) > 0;
         };
-        expect(std::ranges::none_of(failures.identities, has_results), "failures of a task");
+        expect(std::ranges::none_of(failures.Identities(), has_results), "failures of a task");
         of_strangers_.insert(task);
       }
     }

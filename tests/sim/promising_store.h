@@ -57,6 +57,12 @@ class PromisingStore : public coordinator::JobStore {
   absl::Status WriteFailures(uint64_t job_id, const coordinator::FailureLog& failures) override {
     return store_->WriteFailures(job_id, failures);
   }
+  absl::Status WriteTroubles(const std::vector<coordinator::TaskTrouble>& troubles) override {
+    return store_->WriteTroubles(troubles);
+  }
+  absl::StatusOr<std::vector<coordinator::TaskTrouble>> LoadTroubles(uint64_t job_id) override {
+    return store_->LoadTroubles(job_id);
+  }
   absl::Status WriteQuarantine(const coordinator::QuarantineRecord& record) override {
     absl::Status status = store_->WriteQuarantine(record);
     promises_.Quarantined(record, Certain(status));

@@ -99,7 +99,7 @@ void SimUser::ScheduleWish() {
 
 void SimUser::Wish() {
   if (is_asking_) return;
-  if (lets_it_end_) return Pause(false);
+  if (lets_it_end_) return has_retried_ || has_cancelled_ ? Pause(false) : Retry();
   switch (random_.Below(12)) {
     case 0:
     case 1:
@@ -128,6 +128,14 @@ void SimUser::Pause(bool paused) {
       paused ? "pause" : "resume",
       [paused](Farm& farm, uint64_t id) { return paused ? farm.PauseJob(id) : farm.ResumeJob(id); },
       [paused](const PromisedJob& job) { return job.paused.IsCertainly(paused); });
+}
+
+void SimUser::Retry() {
+  has_retried_ = true;
+  Ask(
+      "retry",
+      [](Farm& farm, uint64_t id) { return farm.RetryTasks(id, std::nullopt, std::nullopt); },
+      [](const PromisedJob& /*job*/) { return true; });
 }
 
 void SimUser::Cancel() {

@@ -43,6 +43,7 @@ class SimUser : public std::enable_shared_from_this<SimUser> {
   void Wish();
   void Pause(bool paused);
   void Cancel();
+  void Retry();
   void Refine();
   void Prioritize();
   void Ask(const char* what, Request request, Durable durable);
@@ -55,6 +56,7 @@ class SimUser : public std::enable_shared_from_this<SimUser> {
   coordinator::JobSpec spec_;
   std::optional<uint64_t> job_id_;
   bool has_cancelled_ = false;
+  bool has_retried_ = false;  // At the end, so that nothing waits for workers that are gone.
   bool is_asking_ = false;
   bool lets_it_end_ = false;
 };

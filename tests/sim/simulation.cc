@@ -18,7 +18,7 @@ constexpr absl::Duration kBackMax = absl::Seconds(30);
 constexpr absl::Duration kEndMax = absl::Minutes(40);
 constexpr uint64_t kEndEventsMax = 400'000;
 constexpr uint64_t kEndCheckInterval = 20;  // Events.
-constexpr size_t kHonestWorkersAtEnd = 2;
+constexpr size_t kHonestWorkersAtEnd = 3;
 // How many of the workers make false pixels at all, where there are any that do.
 constexpr double kBrokenWorkerFraction = 0.4;
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/sim/stranger.h"
 
+#include <optional>
 #include <vector>
 
 #include "common/base/digest.h"
@@ -152,6 +153,7 @@ void Stranger::SendRequest(Farm& farm) {
   const uint64_t id = 1000 + random_.Below(3);
   if (farm.CancelJob(id).ok() || farm.PauseJob(id).ok() || farm.ResumeJob(id).ok() ||
       farm.SetJobPriority(id, INT32_MIN).ok() || farm.RefineJob(id, {{}, UINT64_MAX}).ok() ||
+      farm.RetryTasks(id, std::nullopt, 7).ok() || farm.KillTasks({id, 0}, 3, "").ok() ||
       farm.FindOutput(id, 0).ok()) {
     world_.Broken("a request about a job that does not exist succeeds");
   }

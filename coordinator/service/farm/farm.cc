@@ -96,6 +96,7 @@ void Farm::RunOnce() {
   if (disk_fine || SteadyTime::Now() >= next_delivery_) {
     next_delivery_ = SteadyTime::Now() + kDeliveryRetryInterval;
     lifecycle_.SettleEnded();
+    lifecycle_.LimitKeptParts();
     // Nobody else may write meanwhile, and so notice that there is space again.
     if (!disk_fine) disk_.Note(store_->Probe());
     removals_.Retry();

@@ -19,6 +19,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -113,6 +114,21 @@ class Farm : public FarmView {
   // samples than it has); kUnavailable, kResourceExhausted (the disk).
   absl::Status RefineJob(uint64_t job_id, const Refinement& refinement) {
     return lifecycle_.Refine(job_id, refinement);
+  }
+
+  // Forgets the failures of a job, of a frame of it or of a task (a tile's number), and leases
+  // again what was set aside; a job that failed goes on. OK means: it is durable. Errors:
+  // kNotFound; kFailedPrecondition (it has ended otherwise); kUnavailable, kResourceExhausted (the
+  // disk, or the owner's limits).
+  absl::Status RetryTasks(uint64_t job_id, std::optional<int32_t> frame,
+                          std::optional<uint32_t> task) {
+    const ResultIntake::Pause pause(&intake_);
+    return lifecycle_.Retry(job_id, frame, task);
+  }
+  // Sets a task, or a whole frame, aside: nobody renders it until it is retried. OK means: it is
+  // durable. Errors: as RetryTasks; kFailedPrecondition where it is rendered.
+  absl::Status KillTasks(const FrameId& id, std::optional<uint32_t> task, const std::string& why) {
+    return lifecycle_.Kill(id, task, why);
   }
 
   struct SynchronizeAnswer {

@@ -36,6 +36,12 @@ absl::StatusOr<const JobRecord*> FarmTables::FindJob(uint64_t job_id) const {
 void FarmTables::NoteEndedJobs() {
   const absl::Time now = absl::Now();
   unsaved_failures.merge(scheduler.TakeFailureJobs(now));
+  for (auto& [id, trouble] : scheduler.TakeTroubles()) unsaved_troubles[id] = std::move(trouble);
+  for (const FrameId& id : scheduler.TakeIncompleteFrames()) {
+    const FrameRecord* frame = scheduler.FindFrame(id);
+    const bool goes_on = frame != nullptr && frame->tasks != nullptr;
+    if (!goes_on) open_frames.erase(id);
+  }
   for (QuarantineRecord& record : scheduler.TakeQuarantines(now)) {
     if (record.made_false_results) liars.push_back(record.identity);
     unsaved_quarantines.push_back(std::move(record));
@@ -151,6 +157,7 @@ const FarmLoad& FarmTables::LoadOf(const std::string& numeric_profile, SteadyTim
     }
     uint64_t left = 0;
     for (const FrameRecord& frame : job.frames) {
+      if (frame.phase == FrameRecord::Phase::kIncomplete) continue;
       const uint64_t expected = SamplesExpected({id, frame.number()}, frame);
       left += expected - std::min(expected, frame.sample_count_done);
     }

@@ -61,8 +61,9 @@ struct FarmTables {
   // Errors: kNotFound.
   absl::StatusOr<const JobRecord*> FindJob(uint64_t job_id) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
-  // Dates jobs that the scheduler has just ended, failures and quarantines. Call it under the lock
-  // that ended them, so that nobody sees an ended job without its time.
+  // Dates jobs that the scheduler has just ended, failures and quarantines, and frees the memory of
+  // incomplete frames. Call it under the lock that ended them, so that nobody sees an ended job
+  // without its time.
   void NoteEndedJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
 
   // Opens the frame if it is not open. on_disk: as OpenFrame has it. Requires: it has tasks.
@@ -104,6 +105,8 @@ struct FarmTables {
   std::vector<uint64_t> unsettled_jobs ABSL_GUARDED_BY(mutex);  // Ended, but not written down.
   // Jobs with failures that are not yet written down.
   std::set<uint64_t> unsaved_failures ABSL_GUARDED_BY(mutex);
+  // What changed of tasks and is not yet written down.
+  std::map<TaskId, TaskTrouble> unsaved_troubles ABSL_GUARDED_BY(mutex);
   // Identities that made false results, whose parts are still to be removed.
   std::vector<std::string> liars ABSL_GUARDED_BY(mutex);
   // Frames with parts that were made with another guiding field than a new one, still to be

@@ -208,7 +208,10 @@ void JobLifecycle::SettleEnded() {
       LogInfo(absl::StrCat("job ", job.job_id,
                            job.phase == JobPhase::kSucceeded ? " succeeded" : " was cancelled"));
     }
+    // What a job has that failed is kept for another try (LimitKeptParts).
+    const bool keeps_parts = job.phase == JobPhase::kFailed && !IsPilot(job.job_id);
     for (const FrameId& frame : job.frames) {
+      if (keeps_parts) continue;
       disk_.Note(store_.RemoveFrameParts(frame));
       previews_.RemoveFrom(frame, 0);
     }
@@ -223,6 +226,24 @@ void JobLifecycle::SaveFailures() {
   const MutexLock settling(&settle_mutex_);
   SaveNewFailures();
   SaveNewQuarantines();
+}
+
+absl::Status JobLifecycle::SaveNewTroubles() {
+  std::map<TaskId, TaskTrouble> changed;
+  std::vector<TaskTrouble> troubles;
+  {
+    const MutexLock lock(&tables_.mutex);
+    changed = std::exchange(tables_.unsaved_troubles, {});
+  }
+  if (changed.empty()) return absl::OkStatus();
+  troubles.reserve(changed.size());
+  for (const auto& [id, trouble] : changed) troubles.push_back(trouble);
+  absl::Status status = store_.WriteTroubles(troubles);
+  disk_.Note(status);
+  if (status.ok()) return status;
+  const MutexLock lock(&tables_.mutex);
+  tables_.unsaved_troubles.merge(changed);  // Not over newer ones.
+  return status;
 }
 
 void JobLifecycle::SaveNewQuarantines() {
@@ -265,6 +286,7 @@ absl::Status JobLifecycle::LiftQuarantine(const std::string& identity) {
 }
 
 void JobLifecycle::SaveNewFailures() {
+  SaveNewTroubles().IgnoreError();  // The disk's state is noted.
   std::map<uint64_t, FailureLog> logs;
   {
     const MutexLock lock(&tables_.mutex);

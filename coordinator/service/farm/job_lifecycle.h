@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -61,6 +62,9 @@ class JobLifecycle {
   absl::Status SetPaused(uint64_t job_id, bool paused);
   absl::Status SetPriority(uint64_t job_id, int32_t priority);
   absl::Status Refine(uint64_t job_id, const Refinement& refinement);
+  // Requires for Retry: no result is taken meanwhile.
+  absl::Status Retry(uint64_t job_id, std::optional<int32_t> frame, std::optional<uint32_t> task);
+  absl::Status Kill(const FrameId& id, std::optional<uint32_t> task, const std::string& why);
   void NotePilotRequest(uint64_t job_id);
   absl::Status LiftQuarantine(const std::string& identity);
 
@@ -99,6 +103,8 @@ class JobLifecycle {
   void CancelForgottenPilots() ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   void SaveNewQuarantines() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void SaveNewFailures() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
+  // Errors: those of the store; then it is tried again by the next call.
+  absl::Status SaveNewTroubles() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void EraseOpenFrames(uint64_t job_id);
 
   // job_restore.cc
@@ -142,7 +148,12 @@ class JobLifecycle {
   // has ended, or no result is taken meanwhile. Errors: those of the store; then no part is removed
   // and it can be called again.
   absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened,
-                            const std::vector<PartRow>& false_parts = {})
+                            const std::vector<PartRow>& false_parts = {},
+                            bool may_have_failed = false)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
+  // Opens those of a job's frames again that have ended without image.
+  absl::Status ReopenUndelivered(uint64_t job_id, std::optional<int32_t> frame,
+                                 std::optional<uint32_t> task)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   // Takes a job out of the tables, as it is before RestoreJob.
   void TakeOut(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobLifecycle that continues jobs that have ended: refined, or with images to be
-// made again.
+// The part of JobLifecycle that continues jobs that have ended: refined, with images to be made
+// again, or with failed work that is tried again; and that gives work up.
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -50,6 +50,17 @@ bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
     return frame.stop() == rule &&
            (refinement.samples == 0 || frame.settings().samples == refinement.samples);
   });
+}
+
+// Whether the frame has ended without an image.
+bool HasEnded(const FrameRecord& frame) {
+  return frame.phase == FrameRecord::Phase::kIncomplete ||
+         frame.phase == FrameRecord::Phase::kClosed;
+}
+
+std::string WorkName(std::optional<int32_t> frame, std::optional<uint32_t> task) {
+  return absl::StrCat(frame ? absl::StrCat(", frame ", *frame) : "",
+                      task ? absl::StrCat(", task ", *task) : "");
 }
 
 }  // namespace
@@ -187,7 +198,8 @@ void JobLifecycle::TakeOut(uint64_t job_id) {
 
 absl::Status JobLifecycle::ReopenFrames(StoredJob job,
                                         const std::vector<JobStore::ReopenedFrame>& reopened,
-                                        const std::vector<PartRow>& false_parts) {
+                                        const std::vector<PartRow>& false_parts,
+                                        bool may_have_failed) {
   const uint64_t job_id = job.spec.job_id;
   std::set<int32_t> undelivered;
   for (const JobStore::ReopenedFrame& frame : reopened) {
@@ -205,6 +217,10 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   }
   const absl::StatusOr<ResumedCounts> resumed = resumed_.Count(specs, job.spec.partition);
   if (!resumed.ok()) return resumed.status();
+  if (absl::Status saved = SaveNewTroubles(); !saved.ok()) return saved;
+  absl::StatusOr<std::vector<TaskTrouble>> troubles = store_.LoadTroubles(job_id);
+  if (!troubles.ok()) return troubles.status();
+  job.troubles = *std::move(troubles);
   absl::Status written = store_.ReopenJob(job_id, reopened);
   disk_.Note(written);
   if (!written.ok()) return written;
@@ -222,9 +238,8 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   const MutexLock lock(&tables_.mutex);
   const JobRecord& record = tables_.scheduler.jobs().at(job_id);
   // It was ended meanwhile, and that is written down soon.
-  if (record.phase == JobPhase::kFailed || record.phase == JobPhase::kCancelled) {
-    return absl::OkStatus();
-  }
+  const bool has_failed = record.phase == JobPhase::kFailed && !may_have_failed;
+  if (has_failed || record.phase == JobPhase::kCancelled) return absl::OkStatus();
   JobAccount& account = tables_.accounts.at(job_id);
   const SteadyTime until = std::min(SteadyTime::Now(), account.ended);
   account.job_wall_before = tables_.WallOfJob(record, until);
@@ -253,6 +268,98 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
                        reopened.size() == 1 ? " frame" : " frames"));
   RestoreJob(job, *std::move(rounds), &*parts, *resumed);
   account.wall_before = std::move(wall_before);
+  signals_.Changed();
+  return absl::OkStatus();
+}
+
+absl::Status JobLifecycle::Retry(uint64_t job_id, std::optional<int32_t> frame,
+                                 std::optional<uint32_t> task) {
+  const MutexLock settling(&settle_mutex_);
+  bool reopens = false;
+  {
+    const MutexLock lock(&tables_.mutex);
+    const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
+    if (!found.ok()) return found.status();
+    const JobRecord& job = **found;
+    if (job.phase == JobPhase::kSucceeded || job.phase == JobPhase::kCancelled) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          "jobs/", job_id, job.phase == JobPhase::kSucceeded ? " has succeeded" : " was cancelled",
+          "; only a job that goes on or has failed can be tried again"));
+    }
+    if (frame && !job.FindIndex(*frame)) {
+      return absl::NotFoundError(absl::StrCat("jobs/", job_id, " has no frame ", *frame));
+    }
+    for (const FrameRecord& record : job.frames) {
+      reopens |= (!frame || record.number() == *frame) && HasEnded(record);
+    }
+    if (job.phase == JobPhase::kFailed) {
+      if (!reopens) {
+        return absl::FailedPreconditionError(
+            absl::StrCat("jobs/", job_id, " has failed, but not by frame ", frame.value_or(0)));
+      }
+      JobSpec spec = job.spec;
+      for (const FrameRecord& record : job.frames) spec.frames.push_back(record.Spec());
+      absl::Status allowed = tables_.scheduler.CheckOwner(spec);
+      if (!allowed.ok()) return allowed;
+    }
+    tables_.scheduler.Retry(job_id, frame, task);
+    tables_.NoteEndedJobs();
+  }
+  if (absl::Status saved = SaveNewTroubles(); !saved.ok()) return saved;
+  if (reopens) {
+    absl::Status reopened = ReopenUndelivered(job_id, frame, task);
+    if (!reopened.ok()) return reopened;
+  }
+  LogInfo(absl::StrCat("job ", job_id, WorkName(frame, task), ": is tried again"));
+  signals_.Changed();
+  return absl::OkStatus();
+}
+
+absl::Status JobLifecycle::ReopenUndelivered(uint64_t job_id, std::optional<int32_t> frame,
+                                             std::optional<uint32_t> task) {
+  StoredJob job;
+  std::vector<int32_t> numbers;
+  {
+    const MutexLock lock(&tables_.mutex);
+    const JobRecord& record = tables_.scheduler.jobs().at(job_id);
+    job = StoredJobOf(record);
+    for (const FrameRecord& of_job : record.frames) {
+      if (HasEnded(of_job)) numbers.push_back(of_job.number());
+    }
+  }
+  absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> rounds = RoundsOf(job_id);
+  if (!rounds.ok()) return rounds.status();
+  std::vector<JobStore::ReopenedFrame> reopened;
+  for (const FrameSpec& spec : job.spec.frames) {
+    if (std::find(numbers.begin(), numbers.end(), spec.frame_number) == numbers.end()) continue;
+    reopened.push_back({spec, std::move((*rounds)[spec.frame_number])});
+  }
+  absl::Status done = ReopenFrames(std::move(job), reopened, /*false_parts=*/{},
+                                   /*may_have_failed=*/true);
+  if (!done.ok()) return done;
+  // Losses while loading are put back from the list of failures, which stays.
+  const MutexLock lock(&tables_.mutex);
+  tables_.scheduler.Retry(job_id, frame, task);
+  tables_.NoteEndedJobs();
+  return absl::OkStatus();
+}
+
+absl::Status JobLifecycle::Kill(const FrameId& id, std::optional<uint32_t> task,
+                                const std::string& why) {
+  {
+    const MutexLock settling(&settle_mutex_);  // No new beginning is written meanwhile.
+    {
+      const MutexLock lock(&tables_.mutex);
+      const absl::StatusOr<const JobRecord*> found = tables_.FindJob(id.job_id);
+      if (!found.ok()) return found.status();
+      absl::Status killed = tables_.scheduler.Kill(id, task, why);
+      tables_.NoteEndedJobs();
+      if (!killed.ok()) return killed;
+    }
+    if (absl::Status saved = SaveNewTroubles(); !saved.ok()) return saved;
+  }
+  LogInfo(absl::StrCat("job ", id.job_id, WorkName(id.frame_number, task), ": ", why));
+  SettleEnded();
   signals_.Changed();
   return absl::OkStatus();
 }

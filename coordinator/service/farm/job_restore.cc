@@ -107,6 +107,8 @@ void JobLifecycle::RestoreJob(const StoredJob& job, std::vector<StoredRound> rou
     return;
   }
   tables_.scheduler.RestoreEnded(job.spec.job_id, job.phase, job.failure);
+  if (job.phase != JobPhase::kFailed) return;
+  for (const TaskTrouble& trouble : job.troubles) tables_.scheduler.RestoreTrouble(trouble);
 }
 
 void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts,
@@ -144,6 +146,8 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
     if (!is_field) tiles.insert(*frame->tasks->grid().FindTile(row.key.tile, row.key.kind));
   }
   for (const auto& [id, tiles] : on_disk) tables_.Open(id, tiles);
+  for (const TaskTrouble& trouble : job.troubles) tables_.scheduler.RestoreTrouble(trouble);
+  tables_.NoteEndedJobs();  // It may have failed by that.
   for (const FrameSpec& spec : job.spec.frames) {
     const FrameId id{job.spec.job_id, spec.frame_number};
     if (tables_.scheduler.FindFrame(id)->phase == FrameRecord::Phase::kRendered) queue_.Add(id);

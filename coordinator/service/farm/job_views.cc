@@ -41,6 +41,17 @@ JobState StateOf(const JobRecord& job, bool begun) {
   return begun ? JobState::kRunning : JobState::kQueued;
 }
 
+void AddSetAside(const FrameRecord& frame, FrameView* view) {
+  for (const auto& [id, failures] : frame.failures) {
+    const TaskTrouble& trouble = failures.trouble;
+    if (trouble.set_aside.empty() || trouble.OfFrame()) continue;
+    if (view->set_aside.size() < kSetAsideShownMax) {
+      view->set_aside.push_back({id.tile, trouble.set_aside});
+    }
+    ++view->set_aside_count;
+  }
+}
+
 std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundRecord>& rounds,
                                const RoundPreviews& previews) {
   std::vector<RoundView> views;
@@ -124,6 +135,7 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   for (const FrameRecord& frame : job.frames) {
     FrameView of_frame = ViewOf(job, frame, with_frames, now);
     AddProgress(of_frame.progress, &view.progress);
+    view.frame_incomplete_count += of_frame.incomplete.empty() ? 0 : 1;
     view.training_frame_count += of_frame.is_training ? 1 : 0;
     NotePreviewFrame(of_frame, &view);
     if (!with_frames) continue;
@@ -165,6 +177,8 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
   }
   view.is_training = frame.phase == FrameRecord::Phase::kOpen && !frame.tasks->Trained();
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
+  if (frame.phase == FrameRecord::Phase::kIncomplete) view.incomplete = IncompleteText(frame);
+  if (with_spec) AddSetAside(frame, &view);
   const std::map<int32_t, int32_t>& corrections = tables_.accounts.at(id.job_id).corrections;
   const auto corrected = corrections.find(id.frame_number);
   if (corrected != corrections.end()) view.correction_count = corrected->second;

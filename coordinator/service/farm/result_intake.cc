@@ -58,7 +58,7 @@ class ResultIntake::TileReservation {
   TileReservation(ResultIntake* intake, TileName name) : intake_(*intake), name_(std::move(name)) {
     const MutexLock lock(&intake_.mutex_);
     const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
-      return !intake_.paused_ && !intake_.reserved_.contains(name_);
+      return intake_.pause_count_ == 0 && !intake_.reserved_.contains(name_);
     };
     intake_.released_.Wait(&intake_.mutex_, is_free);
     intake_.reserved_.insert(name_);
@@ -80,7 +80,7 @@ class ResultIntake::TileReservation {
 
 ResultIntake::Pause::Pause(ResultIntake* intake) : intake_(*intake) {
   const MutexLock lock(&intake_.mutex_);
-  intake_.paused_ = true;
+  ++intake_.pause_count_;
   const auto none_under_way = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
     return intake_.reserved_.empty();
   };
@@ -90,7 +90,7 @@ ResultIntake::Pause::Pause(ResultIntake* intake) : intake_(*intake) {
 ResultIntake::Pause::~Pause() {
   {
     const MutexLock lock(&intake_.mutex_);
-    intake_.paused_ = false;
+    --intake_.pause_count_;
   }
   intake_.released_.NotifyAll();
 }
@@ -236,7 +236,7 @@ absl::Status ResultIntake::Reject(const ResultReport& report, const std::string&
   {
     const MutexLock lock(&tables_.mutex);
     ++(tables_.scheduler.counters().*counter);
-    tables_.scheduler.Fail({report.lease_id, FailureKind::kInternal, "invalid result: " + why},
+    tables_.scheduler.Fail({report.lease_id, FailureKind::kInvalid, "invalid result: " + why},
                            report.worker_id, SteadyTime::Now());
     tables_.NoteEndedJobs();
   }

@@ -135,7 +135,7 @@ class ResultIntake {
   Mutex mutex_;
   CondVar released_;
   std::set<TileName> reserved_ ABSL_GUARDED_BY(mutex_);
-  bool paused_ ABSL_GUARDED_BY(mutex_) = false;
+  int pause_count_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 class ResultIntake::Pause {

@@ -17,6 +17,7 @@ WorkerState StateOf(const WorkerRecord& worker) {
   if (worker.lost) return WorkerState::kLost;
   if (worker.Stopped()) return WorkerState::kStopped;
   if (worker.draining) return WorkerState::kDraining;
+  if (worker.Sick()) return WorkerState::kSick;
   return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
 }
 
@@ -35,7 +36,7 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   view.result_count = worker.result_count;
   view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
   view.last_seen_time = stamp(worker.last_seen_time);
-  view.reason = worker.quarantine_reason;
+  view.reason = worker.Quarantined() ? worker.quarantine_reason : worker.sick_reason;
   for (const uint64_t id : worker.leases) {
     const Lease& lease = *tables_.scheduler.leases().Find(id);
     view.leases.push_back(

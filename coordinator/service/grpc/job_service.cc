@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -21,6 +22,12 @@
 
 namespace sheaf::coordinator {
 namespace {
+
+// What of a job a call names, after the job's name: "/frames/7/tasks/3".
+std::string PartName(std::optional<int32_t> frame, std::optional<uint32_t> task) {
+  return absl::StrCat(frame ? absl::StrCat("/frames/", *frame) : "",
+                      task ? absl::StrCat("/tasks/", *task) : "");
+}
 
 std::string JobNameOf(const JobView& job) { return absl::StrCat("jobs/", job.job_id); }
 
@@ -157,9 +164,9 @@ absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context
 grpc::Status JobService::Change(const grpc::ServerContext& context, const char* what,
                                 const std::string& name,
                                 const std::function<absl::Status(uint64_t)>& change,
-                                v1::Job* response) {
+                                v1::Job* response, const std::string& part) {
   const absl::StatusOr<JobView> view = TryChange(context, name, change);
-  NoteInAudit(context, access_, what, name, view.status());
+  NoteInAudit(context, access_, what, name + part, view.status());
   if (!view.ok()) return ToGrpcStatus(view.status());
   *response = ToWire(*view);
   return grpc::Status::OK;
@@ -201,6 +208,34 @@ grpc::Status JobService::RefineJob(grpc::ServerContext* context,
   return Change(
       *context, "RefineJob", request->name(),
       [&](uint64_t id) { return farm_->RefineJob(id, *refinement); }, response);
+}
+
+grpc::Status JobService::RetryTasks(grpc::ServerContext* context,
+                                    const v1::RetryTasksRequest* request, v1::Job* response) {
+  std::optional<int32_t> frame;
+  std::optional<uint32_t> task;
+  if (request->has_frame_number()) frame = request->frame_number();
+  if (request->has_task()) task = request->task();
+  if (task && !frame) {
+    return ToGrpcStatus(absl::InvalidArgumentError("task: needs the frame_number, too"));
+  }
+  return Change(
+      *context, "RetryTasks", request->name(),
+      [&](uint64_t id) { return farm_->RetryTasks(id, frame, task); }, response,
+      PartName(frame, task));
+}
+
+grpc::Status JobService::KillTasks(grpc::ServerContext* context,
+                                   const v1::KillTasksRequest* request, v1::Job* response) {
+  std::optional<uint32_t> task;
+  if (request->has_task()) task = request->task();
+  const std::string why = absl::StrCat("killed by ", OwnerOf(*context));
+  return Change(
+      *context, "KillTasks", request->name(),
+      [&](uint64_t id) {
+        return farm_->KillTasks({id, request->frame_number()}, task, why);
+      },
+      response, PartName(request->frame_number(), task));
 }
 
 grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,

@@ -42,6 +42,10 @@ class JobService final : public v1::JobService::Service {
                               const v1::SetJobPriorityRequest* request, v1::Job* response) override;
   grpc::Status RefineJob(grpc::ServerContext* context, const v1::RefineJobRequest* request,
                          v1::Job* response) override;
+  grpc::Status RetryTasks(grpc::ServerContext* context, const v1::RetryTasksRequest* request,
+                          v1::Job* response) override;
+  grpc::Status KillTasks(grpc::ServerContext* context, const v1::KillTasksRequest* request,
+                         v1::Job* response) override;
   grpc::Status LiftQuarantine(grpc::ServerContext* context,
                               const v1::LiftQuarantineRequest* request,
                               v1::LiftQuarantineResponse* response) override;
@@ -59,9 +63,10 @@ class JobService final : public v1::JobService::Service {
  private:
   absl::StatusOr<JobView> Find(const std::string& name) const;
   // Changes a job, by its number, if the caller may, and answers with how it is then. what: the
-  // call's name for the audit log.
+  // call's name for the audit log, where part follows the job's name.
   grpc::Status Change(const grpc::ServerContext& context, const char* what, const std::string& name,
-                      const std::function<absl::Status(uint64_t)>& change, v1::Job* response);
+                      const std::function<absl::Status(uint64_t)>& change, v1::Job* response,
+                      const std::string& part = "");
   absl::StatusOr<JobView> TryChange(const grpc::ServerContext& context, const std::string& name,
                                     const std::function<absl::Status(uint64_t)>& change);
   absl::StatusOr<JobView> TryCreate(const grpc::ServerContext& context,

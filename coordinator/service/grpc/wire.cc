@@ -155,6 +155,19 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   return wire;
 }
 
+void AddTroubles(const FrameView& view, v1::Job* job) {
+  if (view.incomplete.empty() && view.set_aside_count == 0) return;
+  v1::FrameTrouble& wire = *job->add_troubles();
+  wire.set_frame_number(view.frame_number);
+  wire.set_incomplete(view.incomplete);
+  wire.set_set_aside_task_count(view.set_aside_count);
+  for (const SetAsideView& aside : view.set_aside) {
+    v1::SetAsideTask& task = *wire.add_set_aside_tasks();
+    task.set_task(aside.task);
+    task.set_why(aside.why);
+  }
+}
+
 v1::Job::State ToWire(JobState state) {
   switch (state) {
     case JobState::kQueued:
@@ -173,22 +186,10 @@ v1::Job::State ToWire(JobState state) {
   return v1::Job::STATE_UNSPECIFIED;
 }
 
+// Both list the same states in the same order; the wire begins with one that is never sent.
 v1::Worker::State ToWire(WorkerState state) {
-  switch (state) {
-    case WorkerState::kIdle:
-      return v1::Worker::STATE_IDLE;
-    case WorkerState::kBusy:
-      return v1::Worker::STATE_BUSY;
-    case WorkerState::kDraining:
-      return v1::Worker::STATE_DRAINING;
-    case WorkerState::kLost:
-      return v1::Worker::STATE_LOST;
-    case WorkerState::kQuarantined:
-      return v1::Worker::STATE_QUARANTINED;
-    case WorkerState::kStopped:
-      return v1::Worker::STATE_STOPPED;
-  }
-  return v1::Worker::STATE_UNSPECIFIED;
+  static_assert(v1::Worker::State_ARRAYSIZE == kWorkerStateCount + 1);
+  return static_cast<v1::Worker::State>(1 + static_cast<int>(state));
 }
 
 absl::StatusOr<LeasePhase> FromWire(v1::LeaseState::Phase phase) {
@@ -388,6 +389,7 @@ v1::Job ToWire(const JobView& view) {
   wire.set_title(view.title);
   wire.set_state(ToWire(view.state));
   for (const FrameView& frame : view.frames) *wire.add_frames() = ToWire(wire.name(), frame);
+  for (const FrameView& frame : view.frames) AddTroubles(frame, &wire);
   SetTime(view.create_time, wire.mutable_create_time());
   if (view.end_time != absl::InfiniteFuture()) SetTime(view.end_time, wire.mutable_end_time());
   wire.set_failure(view.failure);
@@ -401,6 +403,7 @@ v1::Job ToWire(const JobView& view) {
   *wire.mutable_progress() = ToWire(view.progress);
   wire.set_waiting_reason(view.waiting_reason);
   wire.set_warning(view.warning);
+  wire.set_incomplete_frame_count(view.frame_incomplete_count);
   wire.set_training_frame_count(view.training_frame_count);
   for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
   return wire;

@@ -67,6 +67,10 @@ class HttpAccessTest : public testing::Test {
     FarmActions actions;
     actions.cancel_job = actions.pause_job = actions.resume_job = act;
     actions.set_job_priority = [act](const std::string& id, int32_t) { return act(id); };
+    actions.retry_tasks = [act](const std::string& id, std::optional<int32_t>,
+                                std::optional<uint32_t>) { return act(id); };
+    actions.kill_tasks = [act](const std::string& id, int32_t, std::optional<uint32_t>,
+                               const std::string&) { return act(id); };
     actions.refine_job = [act](const std::string& id, const Refinement&) { return act(id); };
     return actions;
   }
@@ -144,6 +148,7 @@ TEST_F(HttpAccessTest, EachRouteIsOpenByTheTableAlone) {
       std::string path = absl::StrReplaceAll(route.substr(method.size() + 1), {{"{}", "1"}});
       if (absl::EndsWith(path, ":priority")) path += "?value=3";
       if (absl::EndsWith(path, ":refine")) path += "?samples=32";
+      if (absl::EndsWith(path, ":kill")) path += "?frame=1";
       const int status = Send(method, path, session, "token=none").status;
       const bool to_login = status == 303 && method == "GET";
       const bool permitted = Permits(*RequirementOf(route), role);

@@ -158,6 +158,8 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"POST", job + ":resume",
        [this](const Request& r) { return ChangeJob(r, actions_.resume_job); }},
       {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
+      {"POST", job + ":retry", [this](const Request& r) { return RetryTasks(r); }},
+      {"POST", job + ":kill", [this](const Request& r) { return KillTasks(r); }},
       {"POST", job + ":refine", [this](const Request& r) { return RefineJob(r); }},
       {"GET", job + "/refine-price", [this](const Request& r) { return GetRefinePrice(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},

@@ -14,6 +14,9 @@
 //   POST /api/v1/jobs/ID:pause, ID:resume           stops or resumes granting leases; idempotent
 //   POST /api/v1/jobs/ID:priority?value=N           sets the priority, from -1000 to 1000; jobs of
 //        higher priority go first; idempotent
+//   POST /api/v1/jobs/ID:retry?frame=N&task=T       tries failed work again: of the job, or of one
+//        frame or task (the number of a tile)
+//   POST /api/v1/jobs/ID:kill?frame=N&task=T        gives up a frame, or one task of it
 //   POST /api/v1/jobs/ID:refine?target_error=E&samples=N
 //        refines a job that succeeded until its frames' relMSE is at most E, with at most N
 //        samples per pixel; without E, with N samples; idempotent
@@ -42,6 +45,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -68,6 +72,14 @@ struct FarmActions {
   // kInvalidArgument.
   std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;
   std::function<absl::Status(const std::string& job_id, int32_t priority)> set_job_priority;
+  // Tries failed work of a job, a frame or a task again, or sets a frame or a task aside. Errors:
+  // those of Farm::RetryTasks and KillTasks.
+  std::function<absl::Status(const std::string& job_id, std::optional<int32_t> frame,
+                             std::optional<uint32_t> task)>
+      retry_tasks;
+  std::function<absl::Status(const std::string& job_id, int32_t frame, std::optional<uint32_t> task,
+                             const std::string& why)>
+      kill_tasks;
   // Continues a job that succeeded. Errors: those of Farm::RefineJob.
   std::function<absl::Status(const std::string& job_id, const Refinement& refinement)> refine_job;
 };
@@ -96,6 +108,8 @@ class HttpApi {
   absl::Status ControlJob(const HttpRequest& request,
                           const std::function<absl::Status(const std::string&)>& act) const;
   HttpResponse SetPriority(const HttpRequest& request) const;
+  HttpResponse RetryTasks(const HttpRequest& request) const;  // These two in http_retry.cc.
+  HttpResponse KillTasks(const HttpRequest& request) const;
   HttpResponse RefineJob(const HttpRequest& request) const;  // These two in http_refine.cc.
   HttpResponse GetRefinePrice(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;

@@ -146,6 +146,7 @@ Json JobObject(const JobView& job) {
       {"end_time", TimeJson(job.end_time)},
       {"frame_count", job.frame_count},
       {"frame_complete_count", job.frame_complete_count},
+      {"incomplete_frame_count", job.frame_incomplete_count},
       {"training_frame_count", job.training_frame_count},
       {"preview_frame", PreviewFrameJson(job)},
       {"progress", ProgressJson(job.progress)},
@@ -157,6 +158,12 @@ Json LayersJson(const std::vector<LayerCount>& counts) {
   for (const LayerCount& count : counts) {
     json.push_back({{"layer", count.layer}, {"tile_count", count.tile_count}});
   }
+  return json;
+}
+
+Json SetAsideJson(const std::vector<SetAsideView>& tasks) {
+  Json json = Json::array();
+  for (const SetAsideView& task : tasks) json.push_back({{"task", task.task}, {"why", task.why}});
   return json;
 }
 
@@ -188,6 +195,9 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
   json.update(Json{
       {"training", frame.is_training},
       {"complete", frame.complete},
+      {"incomplete", frame.incomplete},
+      {"set_aside_tasks", SetAsideJson(frame.set_aside)},
+      {"set_aside_task_count", frame.set_aside_count},
       {"image_digest", frame.image_digest},
       {"preview_version", frame.preview_version},
       {"progress", ProgressJson(frame.progress)},

@@ -18,16 +18,17 @@ namespace {
 
 std::string Mark(const JobView& job) {
   const PreviewFrame preview_frame = job.preview_frame.value_or(PreviewFrame());
-  return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
-                      job.progress.sample_count_done, " ", job.frame_complete_count, " ",
-                      job.training_frame_count, " ", preview_frame.frame_number, " ",
-                      preview_frame.preview_version, " ", job.progress.nonfinite_count, " ",
-                      job.waiting_reason, " ", job.warning, " ", job.failure);
+  return absl::StrCat(
+      static_cast<int>(job.state), " ", job.priority, " ", job.progress.sample_count_done, " ",
+      job.frame_complete_count, " ", job.frame_incomplete_count, " ", job.training_frame_count, " ",
+      preview_frame.frame_number, " ", preview_frame.preview_version, " ",
+      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.warning, " ", job.failure);
 }
 
 std::string Mark(const FrameView& frame) {
   return absl::StrCat(frame.preview_version, " ", frame.progress.sample_count_done, " ",
-                      frame.complete ? 1 : 0, frame.is_training ? " training" : "");
+                      frame.complete ? 1 : 0, frame.is_training ? " training" : "", " ",
+                      frame.set_aside_count, frame.incomplete);
 }
 
 std::string Mark(const WorkerView& worker) {

@@ -338,6 +338,9 @@ TEST_F(CoordinatorAccessTest, SubmittersControlTheirOwnJobsAndOperatorsAll) {
   EXPECT_EQ(all_of(ben.get()), refused);
   EXPECT_EQ(code([&](auto... a) { return ben->RefineJob(a...); }, v1::RefineJobRequest()),
             grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_EQ(code([&](auto... a) { return ben->KillTasks(a...); }, v1::KillTasksRequest()),
+            grpc::StatusCode::PERMISSION_DENIED);
+  EXPECT_TRUE(AuditHas("user:ben", "KillTasks", "PERMISSION_DENIED"));
   EXPECT_TRUE(AuditHas("user:ben", "CancelJob", "PERMISSION_DENIED: the job belongs to anna"));
   EXPECT_EQ(all_of(olga.get()), std::vector<grpc::StatusCode>(4, grpc::StatusCode::OK));
   EXPECT_TRUE(AuditHas("user:anna", "CreateJob", "ok"));

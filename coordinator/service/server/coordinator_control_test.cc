@@ -75,6 +75,34 @@ TEST_F(CoordinatorServerTest, EndedJobsRefuseControl) {
             v1::Job::STATE_CANCELLED);
 }
 
+TEST_F(CoordinatorServerTest, WhatIsSetAsideSurvivesRestartsAndIsRetried) {
+  options_.farm.limits.poison_workers_max = 1;
+  Start();
+  const std::string name = Create(Request(64)).name();
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  worker.ReportFailure(worker.leases()[0].lease_id(), v1::LeaseFailure::KIND_INTERNAL, "it broke");
+  ASSERT_TRUE(worker.Synchronize(0).ok());
+  Start();
+  ASSERT_TRUE(MakeWorker("x").RenderAll().ok());
+  const v1::Job failed = Watch(name);
+  EXPECT_EQ(failed.state(), v1::Job::STATE_FAILED);
+  EXPECT_EQ(failed.incomplete_frame_count(), 1);
+  EXPECT_THAT(failed.failure(), HasSubstr("worker w says: it broke"));
+  ASSERT_EQ(failed.troubles_size(), 1);
+  EXPECT_EQ(failed.troubles(0).set_aside_tasks(0).task(), 0u);
+  Start();
+  EXPECT_EQ(Get(name).troubles(0).set_aside_task_count(), 1);
+  v1::RetryTasksRequest request;
+  request.set_frame_number(Get(name).frames(0).spec().frame_number());
+  request.set_task(0);
+  EXPECT_EQ(Control(&v1::JobService::Stub::RetryTasks, name, request).state(),
+            v1::Job::STATE_RUNNING);
+  ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
+  EXPECT_EQ(Watch(name).frames(0).image_digest(), ExpectedDigest(64));
+  EXPECT_LT(Counter("sheaf_results_accepted_total"), 4) << "what was there is not rendered again";
+}
+
 TEST_F(CoordinatorServerTest, PilotsAreHiddenAndUseNoJobIds) {
   options_.farm.limits.pilot_unasked_max = absl::InfiniteDuration();
   Start();

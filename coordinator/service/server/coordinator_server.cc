@@ -73,6 +73,14 @@ FarmActions ActionsOn(Farm* farm) {
   actions.set_job_priority = [=](const std::string& job, int32_t priority) {
     return by_number(job, [=](uint64_t id) { return farm->SetJobPriority(id, priority); });
   };
+  actions.retry_tasks = [=](const std::string& job, std::optional<int32_t> frame,
+                            std::optional<uint32_t> task) {
+    return by_number(job, [=](uint64_t id) { return farm->RetryTasks(id, frame, task); });
+  };
+  actions.kill_tasks = [=](const std::string& job, int32_t frame, std::optional<uint32_t> task,
+                           const std::string& why) {
+    return by_number(job, [=](uint64_t id) { return farm->KillTasks({id, frame}, task, why); });
+  };
   actions.refine_job = [=](const std::string& job, const Refinement& refinement) {
     return by_number(job, [=](uint64_t id) { return farm->RefineJob(id, refinement); });
   };

@@ -92,6 +92,11 @@ void AddOptions(CommandLine* line, CLI::App* app) {
                   "worker's first results more are. 0: none")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
+  app->add_option("--poison-workers", farm.limits.poison_workers_max,
+                  "A task that so many workers fail (by a crash, lack of memory or an invalid "
+                  "result) is set aside; each worker tries once. 1: for a farm of one worker")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
   AddLimitOptions(&line->server, app);
   app->add_option("--merge-memory-max", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();

@@ -61,6 +61,8 @@ const char* WorkerStateName(WorkerState state) {
       return "quarantined";
     case WorkerState::kStopped:
       return "stopped";
+    case WorkerState::kSick:
+      return "sick";
   }
   return "unknown";
 }

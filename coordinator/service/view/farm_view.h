@@ -32,6 +32,8 @@ inline constexpr char kCpuChannel[] = "cpu";
 // Maximum number of leases and of scenes that are listed for one worker.
 inline constexpr size_t kWorkerLeasesShownMax = 4;
 inline constexpr size_t kWorkerScenesShownMax = 8;
+// Maximum number of tasks that are set aside and listed for one frame.
+inline constexpr size_t kSetAsideShownMax = 16;
 
 // Progress of a frame or a job, and its cost.
 struct ProgressView {
@@ -60,6 +62,12 @@ struct RoundView {
   uint64_t preview_version = 0;  // The version of RoundPreview(); 0: not kept.
 };
 
+// A task that nobody renders, as it failed too often or a person set it aside.
+struct SetAsideView {
+  uint32_t task = 0;  // The number of its tile, by which it can be retried.
+  std::string why;
+};
+
 struct FrameView {
   int32_t frame_number = 0;
   std::string scene_digest;       // Hex, of the manifest blob.
@@ -77,10 +85,14 @@ struct FrameView {
   std::vector<RoundView> rounds;  // Ascending; empty without rounds, and in ListJobs.
   bool is_training = false;       // Whether its guiding field is still to be trained, though begun.
   bool complete = false;          // Whether the EXR is delivered.
-  int32_t correction_count = 0;   // How often it was delivered with results found false later.
-  std::string image_digest;       // Hex; empty until complete.
-  std::string output_path;        // The delivered EXR; empty until complete.
-  uint64_t preview_version = 0;   // Increases whenever Preview() changes.
+  std::string incomplete;         // Why it ended without an image; empty otherwise.
+  // At most kSetAsideShownMax of set_aside_count; empty in ListJobs.
+  std::vector<SetAsideView> set_aside;
+  int32_t set_aside_count = 0;
+  int32_t correction_count = 0;  // How often it was delivered with results found false later.
+  std::string image_digest;      // Hex; empty until complete.
+  std::string output_path;       // The delivered EXR; empty until complete.
+  uint64_t preview_version = 0;  // Increases whenever Preview() changes.
   ProgressView progress;
 };
 
@@ -114,6 +126,7 @@ struct JobView {
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture while it has not ended.
   int32_t frame_count = 0;
   int32_t frame_complete_count = 0;
+  int32_t frame_incomplete_count = 0;
   int32_t training_frame_count = 0;
   std::vector<EffectCost> effect_costs;  // Empty unless measured, and in ListJobs.
   ProgressView progress;                 // Sums over the frames.
@@ -126,9 +139,9 @@ struct JobView {
 void NotePreviewFrame(const FrameView& frame, JobView* job);
 
 // The states of the proto Worker.State.
-enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined, kStopped };
-inline constexpr size_t kWorkerStateCount = 6;
-// Returns "idle", "busy", "draining", "lost", "quarantined" or "stopped".
+enum class WorkerState { kIdle, kBusy, kDraining, kLost, kQuarantined, kStopped, kSick };
+inline constexpr size_t kWorkerStateCount = 7;
+// Returns "idle", "busy", "draining", "lost", "quarantined", "stopped" or "sick".
 const char* WorkerStateName(WorkerState state);
 
 // A lease that a worker holds.
@@ -154,7 +167,7 @@ struct WorkerView {
   uint64_t result_count = 0;
   double samples_per_second = 0;
   absl::Time last_seen_time;
-  std::string reason;  // Reason for the quarantine; empty otherwise.
+  std::string reason;  // Reason for the quarantine or sickness; empty otherwise.
   // At most kWorkerLeasesShownMax, in the order in which they are rendered.
   std::vector<LeaseView> leases;
   // File names of scenes in memory, at most kWorkerScenesShownMax of warm_scene_count.
