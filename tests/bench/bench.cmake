@@ -29,3 +29,5 @@ target_link_libraries(completions_bench PRIVATE sheaf::coordinator_server sheaf:
   sheaf::synthetic_worker GTest::gtest_main sheaf_warnings)
 add_executable(similarity_bench ${CMAKE_CURRENT_LIST_DIR}/similarity_bench.cc)
 target_link_libraries(similarity_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)
+add_executable(light_samples_bench ${CMAKE_CURRENT_LIST_DIR}/light_samples_bench.cc)
+target_link_libraries(light_samples_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)
