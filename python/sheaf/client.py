@@ -1,0 +1,318 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The client of a farm: submits scenes, follows and controls jobs, fetches images."""
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+import time
+from typing import Any, Callable, Generator, Sequence, Union
+
+import grpc
+from google.protobuf import duration_pb2
+
+from sheaf import errors
+from sheaf.address import coordinator_address
+from sheaf.connection import UNARY_SECONDS_MAX, Connection, transient_wait
+from sheaf.images import Image, read_image
+from sheaf.jobs import (Frame, Job, JobState, RefinementPrice, Worker, job_from, price_from,
+                        worker_from)
+from sheaf.programs import run_sheaf
+from sheaf.v1 import frame_pb2, job_pb2
+
+WATCH_SECONDS_MAX = 24 * 3600.0  # Of one call; a longer watch continues in the next.
+DOWNLOAD_SECONDS_MAX = 3600.0  # Of one attempt.
+IMAGE_BYTES_MAX = 1 << 35
+JOBS_PAGE_SIZE = 1000
+REWATCH_SECONDS = 0.2
+STOPPED_SAMPLES_MAX = 65536  # The maximum per pixel of a refinement that ends by a stop rule.
+
+JobLike = Union[Job, str, int]  # A job, "jobs/7", "7" or 7.
+
+
+def job_name(job: JobLike) -> str:
+    if isinstance(job, Job):
+        return job.name
+    text = str(job)
+    return text if text.startswith("jobs/") else "jobs/" + text
+
+
+def connect(address: str | None = None, *, insecure: bool = False,
+            programs: str | os.PathLike[str] | None = None) -> Client:
+    """Makes a client of the coordinator at "HOST:PORT" or "HOST" (port 7400).
+
+    Without an address, that of the environment variable SHEAF_COORDINATOR, otherwise
+    127.0.0.1:7400. It uses the certificate that `sheaf login` has stored for the address. insecure:
+    connect without encryption to another machine, for experiments. programs: the folder of Sheaf's
+    programs; default: PATH.
+
+    Raises NotLoggedInError and InvalidRequestError. A coordinator that does not answer is an error
+    of the first call.
+    """
+    return Client(Connection(coordinator_address(address), insecure, programs))
+
+
+class Client:
+    """Use with `with`, or close(). May be used by several threads.
+
+    Calls are repeated while the coordinator does not answer: for 4 s until it has answered once,
+    later for 15 minutes, with a warning of the logger "sheaf". Names of jobs are "jobs/7", "7" or
+    7. All calls raise SheafError or a kind of it.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._connection.close()
+
+    @property
+    def address(self) -> str:
+        return str(self._connection.address)
+
+    def submit(self, scene: str | os.PathLike[str], *, samples: int | None = None,
+               target_error: float | None = None, time_seconds: float | None = None,
+               cpu_hours: float | None = None, frames: str | None = None,
+               title: str | None = None, priority: int | None = None,
+               options: Sequence[str] = ()) -> Job:
+        """Submits a pbrt-v4 scene. The program `sheaf` reads and uploads it.
+
+        frames: "1-24" and the like, of a pattern such as shot.####.pbrt. options: more options of
+        `sheaf submit`, as ("--aov", "position"). Notes about the scene go to the logger "sheaf".
+        Raises SceneError with file, line and column.
+        """
+        path = os.fspath(scene)
+        arguments = ["submit", os.path.abspath(path) if path.startswith("-") else path,
+                     "--no-quote", "--coordinator", self.address]
+        if self._connection.insecure:
+            arguments.append("--insecure")
+        seconds = None if time_seconds is None else f"{time_seconds:.6f}s"
+        for option, value in (("--samples", samples), ("--target-error", target_error),
+                              ("--time", seconds), ("--budget", cpu_hours), ("--frames", frames),
+                              ("--title", title), ("--priority", priority)):
+            if value is not None:
+                arguments.append(f"{option}={value}")
+        answer = run_sheaf([*arguments, *options], self._connection.programs)
+        return self.get_job(str(json.loads(answer.splitlines()[-1])["name"]))
+
+    def list_jobs(self, count_max: int = 100, *, with_pilots: bool = False) -> list[Job]:
+        """Newest first, without their frames."""
+        jobs: list[Job] = []
+        token = ""
+        while len(jobs) < count_max:
+            request = job_pb2.ListJobsRequest(
+                page_size=min(JOBS_PAGE_SIZE, count_max - len(jobs)), page_token=token,
+                with_pilots=with_pilots)
+            response = self._unary("ListJobs", request)
+            jobs.extend(map(job_from, response.jobs))
+            token = response.next_page_token
+            if not token:
+                break
+        return jobs
+
+    def get_job(self, job: JobLike) -> Job:
+        return job_from(self._unary("GetJob", job_pb2.GetJobRequest(name=job_name(job))))
+
+    def watch(self, job: JobLike,
+              timeout_seconds: float | None = None) -> Generator[Job, None, None]:
+        """Yields the job now and after each change until it has ended, across restarts of the
+        coordinator. Raises WaitExpiredError after the timeout.
+        """
+        name = job_name(job)
+        end = None if timeout_seconds is None else time.monotonic() + timeout_seconds
+        while True:
+            messages, message = self._open_watch(name, end)
+            try:
+                while message is not None:
+                    present = job_from(message)
+                    yield present
+                    if present.state.has_ended:
+                        return
+                    message = self._next(messages)
+            finally:
+                messages.cancel()
+            self._check_end(name, end)
+            time.sleep(REWATCH_SECONDS)
+
+    def wait(self, job: JobLike, timeout_seconds: float | None = None,
+             on_change: Callable[[Job], object] | None = None) -> Job:
+        """Waits for the job's end and returns it.
+
+        Raises JobFailedError, JobCancelledError, and WaitExpiredError after the timeout.
+        """
+        last: Job | None = None
+        with contextlib.closing(self.watch(job, timeout_seconds)) as changes:
+            for last in changes:
+                if on_change is not None:
+                    on_change(last)
+        assert last is not None  # A watch yields at least once, or raises.
+        if last.state is JobState.FAILED:
+            raise errors.JobFailedError(f"{last.name}: failed: {last.failure}; correct the cause "
+                                        "and submit again", last)
+        if last.state is JobState.CANCELLED:
+            raise errors.JobCancelledError(f"{last.name}: was cancelled and has no images; submit "
+                                           "it again if they are needed", last)
+        return last
+
+    def cancel(self, job: JobLike) -> Job:
+        return job_from(self._unary("CancelJob", job_pb2.CancelJobRequest(name=job_name(job))))
+
+    def pause(self, job: JobLike) -> Job:
+        return job_from(self._unary("PauseJob", job_pb2.PauseJobRequest(name=job_name(job))))
+
+    def resume(self, job: JobLike) -> Job:
+        return job_from(self._unary("ResumeJob", job_pb2.ResumeJobRequest(name=job_name(job))))
+
+    def set_priority(self, job: JobLike, priority: int) -> Job:
+        """From -1000 to 1000; higher goes first."""
+        _check_priority(priority)
+        return job_from(self._unary("SetJobPriority", job_pb2.SetJobPriorityRequest(
+            name=job_name(job), priority=priority)))
+
+    def refine(self, job: JobLike, *, samples: int | None = None,
+               target_error: float | None = None, time_seconds: float | None = None,
+               cpu_seconds: float | None = None) -> Job:
+        """Continues a job that has succeeded. Totals since its start: samples per pixel (with
+        another limit: the maximum), relMSE, and for each frame wall time and CPU time.
+        """
+        stop = frame_pb2.StopRule()
+        if target_error is not None:
+            stop.target_error = target_error
+        for seconds, field in ((time_seconds, "time_max"), (cpu_seconds, "cpu_max")):
+            if seconds is not None:
+                getattr(stop, field).CopyFrom(_duration(seconds))
+        has_stop = stop != frame_pb2.StopRule()
+        if not has_stop and not samples:
+            raise errors.InvalidRequestError(
+                "a refinement needs a limit; give samples, target_error, time_seconds or "
+                "cpu_seconds")
+        request = job_pb2.RefineJobRequest(name=job_name(job))
+        request.sample_count = samples or STOPPED_SAMPLES_MAX
+        if has_stop:
+            request.stop.CopyFrom(stop)
+        self._unary("RefineJob", request)
+        return self.get_job(job)  # With its frames.
+
+    def price_refinement(self, job: JobLike,
+                         target_errors: Sequence[float]) -> list[RefinementPrice]:
+        """What it would cost to refine the job to each of the errors, at most 32."""
+        request = job_pb2.PriceRefinementRequest(name=job_name(job), target_errors=target_errors)
+        return list(map(price_from, self._unary("PriceRefinement", request).prices))
+
+    def list_workers(self) -> list[Worker]:
+        response = self._unary("ListWorkers", job_pb2.ListWorkersRequest())
+        return list(map(worker_from, response.workers))
+
+    def lift_quarantine(self, identity: str) -> None:
+        """Gives an identity in quarantine (Worker.identity) work again."""
+        self._unary("LiftQuarantine", job_pb2.LiftQuarantineRequest(identity=identity))
+
+    def image(self, job: JobLike, frame: int | None = None) -> Image:
+        """The image of a complete frame. frame: its number; may be omitted if there is one."""
+        with tempfile.TemporaryDirectory(prefix="sheaf-") as folder:
+            path = os.path.join(folder, "image.exr")
+            self.download(job, path, frame)
+            return read_image(path)
+
+    def download(self, job: JobLike, path: str | os.PathLike[str],
+                 frame: int | None = None) -> None:
+        """Writes the EXR of a complete frame, as a whole or not at all."""
+        name = self._frame_of(job, frame).name
+        target = os.fspath(path)
+        partial = f"{target}.{os.getpid()}.partial"
+        try:
+            with open(partial, "wb") as file:
+                self._connection.call(lambda stub: _download(stub, name, file))
+            os.replace(partial, target)
+        except OSError as error:
+            raise errors.FileError(f"{target}: cannot be written: {error.strerror}; choose another "
+                                   "path") from error
+        finally:
+            with contextlib.suppress(FileNotFoundError):
+                os.remove(partial)
+
+    def _frame_of(self, job: JobLike, number: int | None) -> Frame:
+        frames = self.get_job(job).frames
+        found = [f for f in frames if number is None or f.number == number]
+        if len(found) == 1:
+            return found[0]
+        known = ", ".join(str(f.number) for f in frames[:20]) + (" ..." if frames[20:] else "")
+        if number is None:
+            raise errors.InvalidRequestError(
+                f"{job_name(job)}: has {len(frames)} frames; say which, by frame=: {known}")
+        raise errors.NotFoundError(f"{job_name(job)}: has no frame {number}; it has {known}")
+
+    def _unary(self, method: str, request: Any) -> Any:
+        return self._connection.call(
+            lambda stub: getattr(stub, method)(request, timeout=UNARY_SECONDS_MAX))
+
+    def _open_watch(self, name: str, end: float | None) -> tuple[Any, job_pb2.Job | None]:
+        """A stream of the job, and its first message."""
+        def attempt(stub: Any) -> tuple[Any, job_pb2.Job | None]:
+            timeout = WATCH_SECONDS_MAX
+            if end is not None:
+                timeout = min(timeout, max(0.001, end - time.monotonic()))
+            messages = stub.WatchJob(job_pb2.WatchJobRequest(name=name), timeout=timeout)
+            return messages, next(messages, None)
+        try:
+            return self._connection.call(attempt, end)
+        except errors.UnreachableError:
+            self._check_end(name, end)
+            raise
+
+    @staticmethod
+    def _check_end(name: str, end: float | None) -> None:
+        if end is not None and time.monotonic() >= end:
+            raise errors.WaitExpiredError(f"{name}: has not ended in time, and goes on; wait "
+                                          "again, or cancel it")
+
+    def _next(self, messages: Any) -> job_pb2.Job | None:
+        """None at the end of the stream, also if it broke off and may be opened again."""
+        try:
+            message: job_pb2.Job | None = next(messages, None)
+            return message
+        except grpc.RpcError as failure:
+            if (transient_wait(failure) is None
+                    and failure.code() != grpc.StatusCode.DEADLINE_EXCEEDED):
+                raise self._connection.error_of(failure) from None
+            return None
+
+
+def _download(stub: Any, name: str, file: Any) -> None:
+    file.seek(0)
+    file.truncate()
+    request = job_pb2.ReadFrameOutputRequest(name=name)
+    messages = stub.ReadFrameOutput(request, timeout=DOWNLOAD_SECONDS_MAX)
+    try:
+        size = 0
+        for message in messages:
+            size += len(message.chunk)
+            if size > IMAGE_BYTES_MAX:
+                raise errors.LimitError(f"{name}: the image is larger than {IMAGE_BYTES_MAX} "
+                                        "bytes; fetch it with sheaf watch")
+            file.write(message.chunk)
+        file.flush()
+    finally:
+        messages.cancel()
+
+
+def _check_priority(priority: int) -> None:
+    if not -1000 <= priority <= 1000:
+        raise errors.InvalidRequestError(f"priority {priority}: is not from -1000 to 1000; choose "
+                                         "one in that range")
+
+
+def _duration(seconds: float) -> duration_pb2.Duration:
+    if not 0 < seconds < 1e9:
+        raise errors.InvalidRequestError(f"{seconds} seconds: are no time from 0 to 1e9; give a "
+                                         "positive one")
+    whole = int(seconds)
+    return duration_pb2.Duration(seconds=whole, nanos=int((seconds - whole) * 1e9))
