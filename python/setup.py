@@ -3,7 +3,8 @@
 """Takes the version from the project and generates sheaf.v1, the messages of proto/sheaf/v1.
 
 The generators are the programs protoc and grpc_python_plugin (Debian: protobuf-compiler,
-protobuf-compiler-grpc), otherwise the Python package grpcio-tools.
+protobuf-compiler-grpc, and libprotobuf-dev for protobuf's own messages), otherwise the Python
+package grpcio-tools.
 """
 import os
 import re
@@ -36,7 +37,8 @@ def generators():
     if find_spec("grpc_tools"):
         return [sys.executable, "-m", "grpc_tools.protoc"]
     sys.exit("sheaf: cannot generate the messages: protoc or grpc_python_plugin is missing; "
-             "install protobuf-compiler and protobuf-compiler-grpc (Debian) or grpcio-tools (pip)")
+             "install protobuf-compiler, protobuf-compiler-grpc and libprotobuf-dev (Debian) or "
+             "grpcio-tools (pip)")
 
 
 def generate(folder):

@@ -119,6 +119,22 @@ class PackageTest(unittest.TestCase):
                                                                  return_value=False):
                 sheaf.connect("farm.example", insecure=True).close()
 
+    def test_a_failed_job_is_an_exception(self):
+        from sheaf.jobs import job_from
+        from sheaf.v1 import job_pb2
+        failed = job_from(job_pb2.Job(name="jobs/3", state=job_pb2.Job.STATE_FAILED,
+                                      failure="room.pbrt:3:1: too large"))
+        client = sheaf.Client(mock.Mock())
+        with mock.patch.object(client, "watch", return_value=(job for job in [failed])):
+            with self.assertRaisesRegex(sheaf.JobFailedError, "room.pbrt:3:1: too large") as raised:
+                client.wait(3)
+        self.assertIs(raised.exception.job, failed)
+
+    def test_values_of_a_newer_coordinator(self):
+        from sheaf.jobs import job_from
+        from sheaf.v1 import job_pb2
+        self.assertIs(job_from(job_pb2.Job(state=77)).state, sheaf.JobState.UNKNOWN)
+
     def test_refusals_that_pass_are_told_from_others(self):
         from sheaf.connection import transient_wait
         refusal = mock.Mock()
@@ -176,6 +192,19 @@ class FarmTest(unittest.TestCase):
         self.assertTrue((numpy.diff(position[:, 6:-6, 1], axis=0) < 0).all())
         with self.assertRaisesRegex(sheaf.NotFoundError, "it has .*albedo"):
             image.layer("depht")
+
+    def test_frames_by_number(self):
+        for number in (1, 2):
+            write_scene(self.folder, f"shot.{number:04}.pbrt")
+        job = self.client.submit(os.path.join(self.folder, "shot.####.pbrt"), frames="1-2",
+                                 samples=1)
+        job = self.client.wait(job, WAIT_SECONDS)
+        self.assertEqual([frame.number for frame in job.frames], [1, 2])
+        self.assertEqual(self.client.image(job, 2).metadata["frameNumber"], "2")
+        with self.assertRaisesRegex(sheaf.InvalidRequestError, "has 2 frames; .*1, 2"):
+            self.client.image(job)
+        with self.assertRaisesRegex(sheaf.NotFoundError, "no frame 3; it has 1, 2"):
+            self.client.image(job, 3)
 
     def test_the_numbers_are_those_of_the_program(self):
         path = os.path.join(self.folder, "numbers.exr")
