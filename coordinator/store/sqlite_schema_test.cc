@@ -161,7 +161,8 @@ TEST_F(SqliteSchemaTest, SealsOfSchema22AreReset) {
   store_.reset();
   ASSERT_TRUE(
       Database()
-          ->Execute("ALTER TABLE frames DROP COLUMN light_samples_max;PRAGMA user_version=22;")
+          ->Execute("ALTER TABLE frames DROP COLUMN light_samples_max;DROP TABLE task_failures;"
+                    "PRAGMA user_version=22;")
           .ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
