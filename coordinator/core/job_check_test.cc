@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/core/job_check.h"
 
+#include "coordinator/core/cell_grid.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
