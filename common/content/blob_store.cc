@@ -134,6 +134,7 @@ absl::Status BlobWriter::Commit() {
   if (const auto state = StateOfFile(final_path_)) {
     store_->verified_.Remember(digest_.sha256_hex, *state);
   }
+  store_->NoteAsked(digest_);
   ::close(std::exchange(fd_, -1));
   return absl::OkStatus();
 }
@@ -187,14 +188,14 @@ absl::StatusOr<std::vector<BlobDigest>> BlobStore::FindMissing(
   std::vector<BlobDigest> missing;
   for (const BlobDigest& digest : digests) {
     if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
-    if (!PathOf(digest).ok()) missing.push_back(digest);
+    if (!HasFor(digest)) missing.push_back(digest);
   }
   return missing;
 }
 
 absl::StatusOr<BlobWriteStatus> BlobStore::GetWriteStatus(const BlobDigest& digest) const {
   if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
-  if (PathOf(digest).ok()) return BlobWriteStatus{digest.size_bytes, true};
+  if (HasFor(digest)) return BlobWriteStatus{digest.size_bytes, true};
   struct stat found {};
   if (::stat(PartialPath(digest).c_str(), &found) != 0) return BlobWriteStatus{};
   // A partial file that is too long was written for another size: restart.
@@ -207,7 +208,7 @@ absl::StatusOr<BlobWriter> BlobStore::BeginWrite(const BlobDigest& digest,
   if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
   absl::StatusOr<FileDescriptor> file = OpenAndLock(PartialPath(digest));
   if (!file.ok()) return file.status();
-  if (PathOf(digest).ok()) {
+  if (HasFor(digest)) {
     ::unlink(PartialPath(digest).c_str());
     return absl::AlreadyExistsError(absl::StrCat("blob ", digest.sha256_hex, " is complete"));
   }
@@ -226,7 +227,7 @@ absl::StatusOr<BlobWriter> BlobStore::BeginWrite(const BlobDigest& digest,
 
 absl::StatusOr<BlobDigest> BlobStore::Put(std::string_view bytes) const {
   BlobDigest digest{Sha256Hex(bytes), bytes.size()};
-  if (PathOf(digest).ok()) return digest;
+  if (HasFor(digest)) return digest;
   absl::StatusOr<BlobWriter> writer = BeginWrite(digest, 0);
   if (writer.status().code() == absl::StatusCode::kAlreadyExists) return digest;
   if (!writer.ok()) return writer.status();

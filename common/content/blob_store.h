@@ -17,11 +17,13 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -42,6 +44,17 @@ inline constexpr uint64_t kBlobChunkBytesMax = uint64_t{1} << 20;
 struct BlobWriteStatus {
   uint64_t committed_bytes = 0;  // Offset at which an upload resumes; size_bytes if complete.
   bool complete = false;
+};
+
+// A blob that was found for a client this recently, by FindMissing, GetWriteStatus, BeginWrite or
+// Put, is not removed: clients ask which blobs are there and submit afterwards.
+inline constexpr std::chrono::hours kAskedKept{1};
+
+// A blob in the store, or an upload of one that is not complete, in which case `digest` has the
+// size of what there is.
+struct StoredBlob {
+  BlobDigest digest;
+  std::chrono::nanoseconds age{0};  // Since it was written, or asked for.
 };
 
 class BlobStore;
@@ -126,6 +139,14 @@ class BlobStore {
   // Errors: kNotFound; kDataLoss (it was damaged, and is missing now).
   absl::Status Verify(const BlobDigest& digest) const;
 
+  // All blobs, and all uploads that are not complete, in no order. Does not verify them.
+  std::vector<StoredBlob> List() const;
+  std::vector<StoredBlob> ListUploads() const;
+  // Removes a blob; false where it was asked for within kAskedKept, or is not there.
+  bool Remove(const BlobDigest& digest) const;
+  // Removes an upload; false where it is being written, or is not there.
+  bool RemoveUpload(const BlobDigest& digest) const;
+
   // The number of files digested for verification, for tests and metrics.
   uint64_t digest_count() const { return digest_count_; }
   // The blobs found damaged since the last call, or passed to NoteLost.
@@ -141,18 +162,27 @@ class BlobStore {
  private:
   friend class BlobWriter;
   BlobStore(std::string directory, std::function<Clock::time_point()> now)
-      : directory_(std::move(directory)), verified_(std::move(now)) {}
+      : directory_(std::move(directory)), now_(std::move(now)), verified_(now_) {}
   // Digests the file.
   absl::Status VerifyFile(const BlobDigest& digest) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(LockOf(digest));
   void TakeOut(const BlobDigest& digest, const FileState& state) const;
+  // Whether it is there for a client that asks; then it counts as asked for.
+  bool HasFor(const BlobDigest& digest) const;
+  void NoteAsked(const BlobDigest& digest) const;
+  // Forgets those that nobody asked for within kAskedKept.
+  void ForgetAsked(Clock::time_point now) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(asked_mutex_);
   Mutex* LockOf(const BlobDigest& digest) const;
 
   const std::string directory_;
+  const std::function<Clock::time_point()> now_;
   mutable VerifiedFiles verified_;  // Keyed by digest.
   // By the first digit of the digest: one thread digests a blob while others wait for it.
   mutable std::array<Mutex, 16> verifying_;
   mutable std::atomic<uint64_t> digest_count_{0};
+  mutable Mutex asked_mutex_;  // Also held while a blob is removed.
+  // When blobs were last written or asked for, by digest.
+  mutable std::unordered_map<std::string, Clock::time_point> asked_ ABSL_GUARDED_BY(asked_mutex_);
   mutable Mutex lost_mutex_;
   mutable std::vector<BlobDigest> lost_ ABSL_GUARDED_BY(lost_mutex_);  // At most kLostNotedMax.
 };

@@ -174,6 +174,49 @@ TEST_F(BlobStoreTest, KeepsABoundedNumberOfDamagedBlobs) {
   EXPECT_EQ(static_cast<size_t>(std::distance(begin(files), end(files))), kDamagedKeptMax);
 }
 
+TEST_F(BlobStoreTest, ListsBlobsAndUploads) {
+  const BlobDigest stored = *store_->Put("stored"), begun = DigestOf("begun");
+  EXPECT_TRUE(store_->BeginWrite(begun, 0)->Append("beg").ok());
+  const std::vector<StoredBlob> blobs = store_->List(), uploads = store_->ListUploads();
+  ASSERT_EQ(blobs.size(), 1u);
+  EXPECT_EQ(blobs[0].digest, stored);
+  EXPECT_LT(blobs[0].age, std::chrono::minutes(10));
+  ASSERT_EQ(uploads.size(), 1u);
+  EXPECT_EQ(uploads[0].digest, (BlobDigest{begun.sha256_hex, 3}));
+}
+
+TEST_F(BlobStoreTest, BlobsThatAClientFoundAreNotRemoved) {
+  BlobStore::Clock::time_point now{};
+  store_ = *BlobStore::Open(directory_, [&now] { return now; });
+  const BlobDigest digest = *store_->Put("blob");
+  std::filesystem::last_write_time(
+      store_->FinalPath(digest),
+      std::filesystem::file_time_type::clock::now() - std::chrono::hours(50));
+  now += std::chrono::hours(30);
+  EXPECT_GT(store_->List().at(0).age, std::chrono::hours(29));
+  EXPECT_TRUE(store_->FindMissing({digest})->empty());
+  now += std::chrono::minutes(59);
+  EXPECT_LT(store_->List().at(0).age, std::chrono::hours(1));
+  EXPECT_FALSE(store_->Remove(digest));
+  now += std::chrono::minutes(2);
+  EXPECT_TRUE(store_->Remove(digest));
+  EXPECT_FALSE(store_->Remove(digest));
+  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+  EXPECT_TRUE(store_->TakeLost().empty()) << "it was not lost";
+  EXPECT_TRUE(store_->Put("blob").ok());
+}
+
+TEST_F(BlobStoreTest, UploadsInProgressAreNotRemoved) {
+  const BlobDigest digest = DigestOf("begun");
+  {
+    const auto writer = store_->BeginWrite(digest, 0);
+    ASSERT_TRUE(writer.ok());
+    EXPECT_FALSE(store_->RemoveUpload(digest));
+  }
+  EXPECT_TRUE(store_->RemoveUpload(digest));
+  EXPECT_FALSE(store_->RemoveUpload(digest));
+}
+
 TEST_F(BlobStoreTest, RefusesAnotherSizeThanStored) {
   BlobDigest digest = *store_->Put("four");
   digest.size_bytes = 5;
