@@ -80,7 +80,10 @@ struct StoredJob {
   std::string warning;                 // What its users should know of its images; mostly empty.
   std::map<int32_t, int32_t> corrections;  // By frame: how often it was, where that is not 0.
   std::vector<TaskTrouble> troubles;       // Of tasks that failed or are set aside.
-  std::string damage;                      // What of it changed on disk; empty: nothing.
+  bool pinned = false;                     // Nothing of it goes to make room.
+  // When its parts were removed to make room; InfiniteFuture: they were not since it last began.
+  absl::Time parts_removed_time = absl::InfiniteFuture();
+  std::string damage;  // What of it changed on disk; empty: nothing.
 };
 
 // Thread safety: all members may be called concurrently.
@@ -133,6 +136,16 @@ class JobStore {
   virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
   virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;
 
+  // Retention (coordinator/core/retention/retention.h).
+  virtual absl::Status SetPinned(uint64_t job_id, bool pinned) = 0;
+  // Notes that the parts of an ended job are about to be removed, by RemoveFrameParts.
+  virtual absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) = 0;
+  // Bytes of parts, by job that has some.
+  virtual absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() = 0;
+  // Removes an ended job: its rows, then its parts and images. Files that a stop or the disk leaves
+  // are removed when the store is opened next. Its id is not given again.
+  virtual absl::Status RemoveJob(uint64_t job_id) = 0;
+
   // Writes the bytes, then the row. Errors: kAlreadyExists if the key has a row.
   virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
   virtual absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) = 0;
@@ -140,6 +153,8 @@ class JobStore {
   virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                              const PixelRect& tile,
                                                              TaskKind kind) = 0;
+  // The rows of a job; without those that changed on disk.
+  virtual absl::StatusOr<std::vector<PartRow>> ListParts(uint64_t job_id) = 0;
   // CPU time of the stored parts of one of the camera's tiles.
   struct TileCost {
     PixelRect tile;
@@ -166,7 +181,8 @@ class JobStore {
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
   // Continues a job that has ended: marks these frames as not delivered, and replaces their rules,
-  // samples and rounds. The same again changes nothing, and counts no correction twice.
+  // samples, rounds and resumed images. The same again changes nothing, and counts no correction
+  // twice.
   struct ReopenedFrame {
     FrameSpec spec;
     std::vector<RoundRecord> rounds;
@@ -174,8 +190,8 @@ class JobStore {
   };
   virtual absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) = 0;
 
-  // The first frame that still has parts among those that were delivered or whose job failed; none
-  // if there is none.
+  // The first frame that still has parts among those of unpinned jobs that were delivered or whose
+  // job failed; none if there is none.
   virtual absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() = 0;
 
   // Writes and removes some dummy data, to test whether the disk accepts writes (again).

@@ -138,4 +138,23 @@ void RoundPreviews::RemoveFrom(const FrameId& frame, int32_t round) {
   }
 }
 
+std::map<uint64_t, uint64_t> RoundPreviews::BytesByJob() const {
+  const MutexLock lock(&mutex_);
+  std::map<uint64_t, uint64_t> bytes;
+  for (const auto& [name, entry] : entries_) bytes[name.first.job_id] += entry.size_bytes;
+  return bytes;
+}
+
+void RoundPreviews::RemoveJob(uint64_t job_id) {
+  const MutexLock lock(&mutex_);
+  while (true) {
+    const auto first = entries_.lower_bound(
+        {{job_id, std::numeric_limits<int32_t>::min()}, std::numeric_limits<int32_t>::min()});
+    if (first == entries_.end() || first->first.first.job_id != job_id) break;
+    Remove(Name(first->first));
+  }
+  std::error_code ignored;
+  fs::remove(absl::StrCat(directory_, "/", job_id), ignored);  // Succeeds if it is empty.
+}
+
 }  // namespace sheaf::coordinator

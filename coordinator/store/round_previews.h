@@ -46,6 +46,10 @@ class RoundPreviews {
   // Removes the previews of a frame from this round on.
   void RemoveFrom(const FrameId& frame, int32_t round);
 
+  // Bytes of previews, by job that has some.
+  std::map<uint64_t, uint64_t> BytesByJob() const;
+  void RemoveJob(uint64_t job_id);
+
  private:
   struct Entry {
     uint64_t version = 0;

@@ -88,5 +88,19 @@ TEST_F(RoundPreviewsTest, DropsOldestAndRevokedRounds) {
   EXPECT_EQ(previews_->VersionOf(kFrame, 0), 0u);
 }
 
+TEST_F(RoundPreviewsTest, RemovesThoseOfAJob) {
+  Keep({3, 1}, 0);
+  Keep({3, 2}, 1);
+  Keep({4, 1}, 0);
+  const std::map<uint64_t, uint64_t> bytes = previews_->BytesByJob();
+  ASSERT_EQ(bytes.size(), 2u);
+  EXPECT_EQ(bytes.at(4), std::filesystem::file_size(directory_ + "/4/1/0.exr"));
+  EXPECT_GT(bytes.at(3), bytes.at(4));
+  previews_->RemoveJob(3);
+  EXPECT_FALSE(std::filesystem::exists(directory_ + "/3"));
+  EXPECT_GT(previews_->VersionOf({4, 1}, 0), 0u);
+  EXPECT_EQ(previews_->BytesByJob().size(), 1u);
+}
+
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -56,11 +56,16 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override;
   absl::Status SetPaused(uint64_t job_id, bool paused) override;
   absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
+  absl::Status SetPinned(uint64_t job_id, bool pinned) override;
+  absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) override;
+  absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override;
+  absl::Status RemoveJob(uint64_t job_id) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
                                                      const PixelRect& tile,
                                                      TaskKind kind) override;
+  absl::StatusOr<std::vector<PartRow>> ListParts(uint64_t job_id) override;
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override;
   absl::StatusOr<std::string> ReadPart(const PartRow& row) override;
   absl::Status RemovePart(const PartRow& row) override;
@@ -93,7 +98,14 @@ class SqliteJobStore : public JobStore {
   absl::Status Initialize();
   absl::Status RefuseEmptied() const;
   // Finds jobs whose rows are lost, so that no other job replaces their images.
-  void FindUsedJobIds();
+  void FindUsedJobIds() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  void NoteUsedJobId(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // Removes what a stop left of removals: files of jobs that were removed, and folders of parts of
+  // frames of ended jobs that have no parts.
+  absl::Status FinishRemovals() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status RemoveFilesOf(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   std::string DatabasePath() const { return directory_ + "/farm.db"; }
   // Adds to a kDataLoss error how to recover from it.
   absl::Status Explained(const absl::Status& status) const;
@@ -135,7 +147,9 @@ class SqliteJobStore : public JobStore {
   std::atomic<uint64_t> parts_bytes_{0};
   uint64_t first_lease_id_ = 1;
   int64_t lost_commits_ = 0;
-  uint64_t next_job_id_ = 1, next_pilot_id_ = kFirstPilotId;  // As far as folders tell.
+  // As far as folders and removals tell.
+  uint64_t next_job_id_ ABSL_GUARDED_BY(database_mutex_) = 1;
+  uint64_t next_pilot_id_ ABSL_GUARDED_BY(database_mutex_) = kFirstPilotId;
 };
 
 }  // namespace sheaf::coordinator

@@ -131,7 +131,7 @@ absl::Status SqliteJobStore::Initialize() {
   if (!sum.ok()) return sum.status();
   parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
   FindUsedJobIds();
-  return absl::OkStatus();
+  return FinishRemovals();
 }
 
 void SqliteJobStore::FindUsedJobIds() {
@@ -139,11 +139,14 @@ void SqliteJobStore::FindUsedJobIds() {
     std::error_code ignored;
     for (const auto& entry : std::filesystem::directory_iterator(directory_ + folder, ignored)) {
       uint64_t job_id = 0;
-      if (!absl::SimpleAtoi(entry.path().filename().string(), &job_id)) continue;
-      uint64_t& next = IsPilot(job_id) ? next_pilot_id_ : next_job_id_;
-      next = std::max(next, job_id + 1);
+      if (absl::SimpleAtoi(entry.path().filename().string(), &job_id)) NoteUsedJobId(job_id);
     }
   }
+}
+
+void SqliteJobStore::NoteUsedJobId(uint64_t job_id) {
+  uint64_t& next = IsPilot(job_id) ? next_pilot_id_ : next_job_id_;
+  next = std::max(next, job_id + 1);
 }
 
 absl::Status SqliteJobStore::Probe() {

@@ -127,6 +127,14 @@ absl::StatusOr<std::vector<PartRow>> SqliteJobStore::FindTileParts(const FrameId
   return ReadPartRows(&query);
 }
 
+absl::StatusOr<std::vector<PartRow>> SqliteJobStore::ListParts(uint64_t job_id) {
+  const MutexLock lock(&database_mutex_);
+  SqliteStatement query =
+      database_->Prepare(absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"), "WHERE job_id = ?"));
+  query.Bind(job_id);
+  return ReadPartRows(&query);
+}
+
 absl::StatusOr<std::vector<JobStore::TileCost>> SqliteJobStore::TileCosts(const FrameId& frame) {
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
@@ -208,7 +216,7 @@ absl::StatusOr<std::optional<FrameId>> SqliteJobStore::OldestDeliveredWithParts(
   const MutexLock lock(&database_mutex_);
   SqliteStatement query = database_->Prepare(
       "SELECT parts.job_id, parts.frame_number FROM parts JOIN frames USING(job_id, frame_number) "
-      "JOIN jobs USING(job_id) WHERE delivered = 1 OR phase = ? "
+      "JOIN jobs USING(job_id) WHERE (delivered = 1 OR phase = ?) AND pinned = 0 "
       "ORDER BY parts.job_id, parts.frame_number LIMIT 1");
   const absl::StatusOr<bool> row = query.Bind(StoredForm(JobPhase::kFailed)).Step();
   if (!row.ok()) return row.status();

@@ -87,9 +87,14 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
   const MutexLock lock(&database_mutex_);
   return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) -> absl::Status {
     absl::Status status =
-        database_->Prepare("UPDATE jobs SET phase = 0, failure = '', end_ns = ? WHERE job_id = ?")
+        database_
+            ->Prepare(
+                "UPDATE jobs SET phase = 0, failure = '', end_ns = ?1, parts_removed_ns = CASE "
+                "WHEN (SELECT COUNT(*) FROM frames WHERE job_id = ?2) = ?3 THEN ?1 "
+                "ELSE parts_removed_ns END WHERE job_id = ?2")
             .Bind(ToNanoseconds(absl::InfiniteFuture()))
             .Bind(job_id)
+            .Bind(static_cast<int64_t>(frames.size()))
             .Run();
     for (const ReopenedFrame& frame : frames) {
       if (!status.ok()) return status;
@@ -107,7 +112,9 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
           absl::StrCat(UpdateOf<ReopenedRow>("frames"), "WHERE job_id = ? AND frame_number = ?"));
       const int64_t seal = Seal(FrameSpecRow{job_id, frame.spec}).seal;
       status =
-          BindRow(ReopenedRow{false, frame.spec.settings.samples, frame.spec.stop, seal}, &update)
+          BindRow(ReopenedRow{false, frame.spec.settings.samples, frame.spec.stop,
+                              frame.spec.resumed, seal},
+                  &update)
               .Bind(job_id)
               .Bind(id.frame_number)
               .Run();

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 24;
+constexpr int64_t kSchemaVersion = 25;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -200,6 +200,13 @@ CREATE TABLE task_failures(
   PRIMARY KEY(job_id, frame_number, task_kind, y0, x0, first, count, cells, worker_id, kind))
   WITHOUT ROWID;
 )sql";
+// The ids of jobs that were removed: of those whose files may be left, and of the last ones, so
+// that no id is given twice.
+constexpr char kAddedBy25[] = R"sql(
+ALTER TABLE jobs ADD COLUMN pinned INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN parts_removed_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
+CREATE TABLE removed_jobs(job_id INTEGER PRIMARY KEY);
+)sql";
 
 }  // namespace
 
@@ -218,11 +225,11 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
-                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
-                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
-                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21,
-                               kAddedBy22, kAddedBy23, kAddedBy24};
+  const char* const added[] = {
+      kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
+      kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
+      kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
+      kAddedBy23, kAddedBy24, kAddedBy25};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -21,6 +21,12 @@ namespace {
 
 using ::testing::HasSubstr;
 
+// Takes away what schemas 23 to 25 added.
+constexpr char kWithout23[] =
+    "ALTER TABLE frames DROP COLUMN light_samples_max;DROP TABLE task_failures;"
+    "ALTER TABLE jobs DROP COLUMN pinned;ALTER TABLE jobs DROP COLUMN parts_removed_ns;"
+    "DROP TABLE removed_jobs;";
+
 // A store with one job.
 class SqliteSchemaTest : public testing::Test {
  protected:
@@ -73,46 +79,46 @@ TEST_F(SqliteSchemaTest, EarlierSchemasAreMigrated) {
   store_.reset();
   ASSERT_TRUE(
       Database()
-          ->Execute("ALTER TABLE frames DROP COLUMN color;ALTER TABLE frames DROP COLUMN sensor;"
-                    "ALTER TABLE frames DROP COLUMN single_scattering;"
-                    "ALTER TABLE frames DROP COLUMN outputs;ALTER TABLE frames DROP COLUMN flip;"
-                    "ALTER TABLE frames DROP COLUMN primaries;ALTER TABLE jobs DROP COLUMN paused;"
-                    "ALTER TABLE frames DROP COLUMN white_balance_k;"
-                    "ALTER TABLE frames DROP COLUMN one_sequence;"
-                    "ALTER TABLE frames DROP COLUMN similarity_after;"
-                    "ALTER TABLE frames DROP COLUMN techniques;"
-                    "ALTER TABLE frames DROP COLUMN light_samples_max;"
-                    "ALTER TABLE frames DROP COLUMN max_component_value;"
-                    "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
-                    "ALTER TABLE frames DROP COLUMN target_error;"
-                    "ALTER TABLE frames DROP COLUMN time_max_ns;"
-                    "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
-                    "ALTER TABLE frames DROP COLUMN first_round_samples;"
-                    "ALTER TABLE frames DROP COLUMN tile_count;"
-                    "ALTER TABLE frames DROP COLUMN unreliable_tile_count;"
-                    "ALTER TABLE frames DROP COLUMN sample_count;"
-                    "ALTER TABLE frames DROP COLUMN part_bytes;"
-                    "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
-                    "ALTER TABLE frames DROP COLUMN stop_reason;"
-                    "ALTER TABLE frames RENAME COLUMN image_digest TO picture_digest;"
-                    "DROP TABLE rounds;DROP TABLE effects;DROP TABLE failures;"
-                    "DROP TABLE quarantines;DROP TABLE task_failures;"
-                    "ALTER TABLE jobs DROP COLUMN warning;"
-                    "ALTER TABLE frames DROP COLUMN correction_count;"
-                    "ALTER TABLE jobs DROP COLUMN failure_count;"
-                    "ALTER TABLE jobs DROP COLUMN cell_size_px;"
-                    "ALTER TABLE jobs DROP COLUMN wall_ns;"
-                    "DROP TABLE parts;ALTER TABLE frames DROP COLUMN seal;"
-                    "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, y1, x1,"
-                    "sha256, size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns,"
-                    "PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;"
-                    "INSERT INTO parts VALUES(1,7,32,64,16,4,48,96,'ab',9,'w',1,2,3);"
-                    "ALTER TABLE jobs DROP COLUMN owner;ALTER TABLE jobs DROP COLUMN seal;"
-                    "ALTER TABLE frames DROP COLUMN unreliable_layers;"
-                    "ALTER TABLE frames DROP COLUMN one_sequence_gain;"
-                    "ALTER TABLE frames DROP COLUMN resumed_sha256;"
-                    "ALTER TABLE frames DROP COLUMN resumed_bytes;"
-                    "UPDATE frames SET delivered = 1 WHERE frame_number = 7;PRAGMA user_version=1;")
+          ->Execute(absl::StrCat(
+              kWithout23,
+              "ALTER TABLE frames DROP COLUMN color;ALTER TABLE frames DROP COLUMN sensor;"
+              "ALTER TABLE frames DROP COLUMN single_scattering;"
+              "ALTER TABLE frames DROP COLUMN outputs;ALTER TABLE frames DROP COLUMN flip;"
+              "ALTER TABLE frames DROP COLUMN primaries;ALTER TABLE jobs DROP COLUMN paused;"
+              "ALTER TABLE frames DROP COLUMN white_balance_k;"
+              "ALTER TABLE frames DROP COLUMN one_sequence;"
+              "ALTER TABLE frames DROP COLUMN similarity_after;"
+              "ALTER TABLE frames DROP COLUMN techniques;"
+              "ALTER TABLE frames DROP COLUMN max_component_value;"
+              "ALTER TABLE frames DROP COLUMN pixel_stride_px;"
+              "ALTER TABLE frames DROP COLUMN target_error;"
+              "ALTER TABLE frames DROP COLUMN time_max_ns;"
+              "ALTER TABLE frames DROP COLUMN cpu_max_ns;"
+              "ALTER TABLE frames DROP COLUMN first_round_samples;"
+              "ALTER TABLE frames DROP COLUMN tile_count;"
+              "ALTER TABLE frames DROP COLUMN unreliable_tile_count;"
+              "ALTER TABLE frames DROP COLUMN sample_count;"
+              "ALTER TABLE frames DROP COLUMN part_bytes;"
+              "ALTER TABLE frames DROP COLUMN relative_mse_upper;"
+              "ALTER TABLE frames DROP COLUMN stop_reason;"
+              "ALTER TABLE frames RENAME COLUMN image_digest TO picture_digest;"
+              "DROP TABLE rounds;DROP TABLE effects;DROP TABLE failures;"
+              "DROP TABLE quarantines;ALTER TABLE jobs DROP COLUMN warning;"
+              "ALTER TABLE frames DROP COLUMN correction_count;"
+              "ALTER TABLE jobs DROP COLUMN failure_count;"
+              "ALTER TABLE jobs DROP COLUMN cell_size_px;"
+              "ALTER TABLE jobs DROP COLUMN wall_ns;"
+              "DROP TABLE parts;ALTER TABLE frames DROP COLUMN seal;"
+              "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, y1, x1,"
+              "sha256, size_bytes, worker_id, ray_count, nonfinite_count, cpu_ns,"
+              "PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;"
+              "INSERT INTO parts VALUES(1,7,32,64,16,4,48,96,'ab',9,'w',1,2,3);"
+              "ALTER TABLE jobs DROP COLUMN owner;ALTER TABLE jobs DROP COLUMN seal;"
+              "ALTER TABLE frames DROP COLUMN unreliable_layers;"
+              "ALTER TABLE frames DROP COLUMN one_sequence_gain;"
+              "ALTER TABLE frames DROP COLUMN resumed_sha256;"
+              "ALTER TABLE frames DROP COLUMN resumed_bytes;"
+              "UPDATE frames SET delivered = 1 WHERE frame_number = 7;PRAGMA user_version=1;"))
           .ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
@@ -143,10 +149,9 @@ TEST_F(SqliteSchemaTest, EarlierSchemasAreMigrated) {
 TEST_F(SqliteSchemaTest, SealsOfSchema19AreReset) {
   store_.reset();
   ASSERT_TRUE(Database()
-                  ->Execute("ALTER TABLE frames DROP COLUMN techniques;"
-                            "ALTER TABLE frames DROP COLUMN light_samples_max;"
-                            "ALTER TABLE failures DROP COLUMN task_kind;DROP TABLE task_failures;"
-                            "PRAGMA user_version=19;")
+                  ->Execute(absl::StrCat(
+                      kWithout23, "ALTER TABLE frames DROP COLUMN techniques;",
+                      "ALTER TABLE failures DROP COLUMN task_kind;PRAGMA user_version=19;"))
                   .ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
@@ -159,11 +164,7 @@ TEST_F(SqliteSchemaTest, SealsOfSchema19AreReset) {
 // The same for the schema before light splits.
 TEST_F(SqliteSchemaTest, SealsOfSchema22AreReset) {
   store_.reset();
-  ASSERT_TRUE(
-      Database()
-          ->Execute("ALTER TABLE frames DROP COLUMN light_samples_max;DROP TABLE task_failures;"
-                    "PRAGMA user_version=22;")
-          .ok());
+  ASSERT_TRUE(Database()->Execute(absl::StrCat(kWithout23, "PRAGMA user_version=22;")).ok());
   Reopen();
   const auto jobs = store_->LoadJobs();
   ASSERT_TRUE(jobs.ok()) << jobs.status();
@@ -176,16 +177,16 @@ TEST_F(SqliteSchemaTest, SealsOfSchema22AreReset) {
 TEST_F(SqliteSchemaTest, PartsOfSchema20HaveNoKind) {
   store_.reset();
   ASSERT_TRUE(Database()
-                  ->Execute("DROP TABLE parts;ALTER TABLE failures DROP COLUMN task_kind;"
-                            "ALTER TABLE frames DROP COLUMN light_samples_max;"
-                            "DROP TABLE task_failures;"
-                            "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, cells,"
-                            "y1, x1, cell_size_px, sha256, size_bytes, worker_id, ray_count,"
-                            "nonfinite_count, cpu_ns, identity, seal,"
-                            "PRIMARY KEY(job_id, frame_number, y0, x0, first, count, cells))"
-                            "WITHOUT ROWID;CREATE INDEX parts_by_identity ON parts(identity);"
-                            "INSERT INTO parts VALUES(1,7,32,64,16,4,5,48,96,8,'ab',9,'w',1,2,3,"
-                            "'me',77);PRAGMA user_version=20;")
+                  ->Execute(absl::StrCat(
+                      kWithout23,
+                      "DROP TABLE parts;ALTER TABLE failures DROP COLUMN task_kind;"
+                      "CREATE TABLE parts(job_id, frame_number, y0, x0, first, count, cells,"
+                      "y1, x1, cell_size_px, sha256, size_bytes, worker_id, ray_count,"
+                      "nonfinite_count, cpu_ns, identity, seal,"
+                      "PRIMARY KEY(job_id, frame_number, y0, x0, first, count, cells))"
+                      "WITHOUT ROWID;CREATE INDEX parts_by_identity ON parts(identity);"
+                      "INSERT INTO parts VALUES(1,7,32,64,16,4,5,48,96,8,'ab',9,'w',1,2,3,"
+                      "'me',77);PRAGMA user_version=20;"))
                   .ok());
   Reopen();
   const auto part = store_->FindPart({{1, 7}, {64, 32, 96, 48}, {16, 4}, {8, 5}});
@@ -203,16 +204,27 @@ TEST_F(SqliteSchemaTest, PartsOfSchema21HaveNoField) {
   const PartRow row{{{1, 7}, {64, 32, 96, 48}, {16, 4}}, {Sha256Hex("x"), 1}, "w", {}, "me"};
   ASSERT_TRUE(store_->WritePart(row, "x").ok());
   store_.reset();
-  ASSERT_TRUE(
-      Database()
-          ->Execute("ALTER TABLE parts DROP COLUMN field;DROP TABLE task_failures;"
-                    "ALTER TABLE frames DROP COLUMN light_samples_max;PRAGMA user_version=21;")
-          .ok());
+  ASSERT_TRUE(Database()
+                  ->Execute(absl::StrCat(kWithout23, "ALTER TABLE parts DROP COLUMN field;",
+                                         "PRAGMA user_version=21;"))
+                  .ok());
   Reopen();
   const auto part = store_->FindPart(row.key);
   ASSERT_TRUE(part.ok() && part->has_value());
   EXPECT_EQ((*part)->field, "");
   EXPECT_EQ((*part)->identity, "me");
+}
+
+// Jobs of before are not pinned, and keep their parts.
+TEST_F(SqliteSchemaTest, JobsOfSchema22AreNotPinned) {
+  store_.reset();
+  ASSERT_TRUE(Database()->Execute(absl::StrCat(kWithout23, "PRAGMA user_version=22;")).ok());
+  Reopen();
+  const auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok() && jobs->size() == 1);
+  EXPECT_FALSE((*jobs)[0].pinned);
+  EXPECT_EQ((*jobs)[0].parts_removed_time, absl::InfiniteFuture());
+  EXPECT_EQ((*jobs)[0].damage, "");
 }
 
 TEST_F(SqliteSchemaTest, LaterSchemasAreRefused) {

@@ -56,6 +56,8 @@ void VisitColumns(Row& sealed, const Visitor& visit) {
   visit("failure_count", row.failures.count);
   visit("wall_ns", row.wall_duration);
   visit("warning", row.warning);
+  visit("pinned", row.pinned);
+  visit("parts_removed_ns", row.parts_removed_time);
 }
 inline int64_t SealOf(const StoredJob& job) {
   return SealOfColumns([&job](const auto& visit) { VisitFixedColumns(job, visit); });
@@ -130,6 +132,7 @@ struct ReopenedRow {
   bool delivered = false;
   uint64_t samples = 0;
   StopRule stop;
+  BlobDigest resumed;
   int64_t seal = 0;  // Of the frame's specification.
 };
 template <RowOf<ReopenedRow> Row, typename Visitor>
@@ -137,6 +140,8 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("delivered", row.delivered);
   visit("samples", row.samples);
   VisitColumns(row.stop, visit);
+  visit("resumed_sha256", row.resumed.sha256_hex);
+  visit("resumed_bytes", row.resumed.size_bytes);
   visit("seal", row.seal);
 }
 

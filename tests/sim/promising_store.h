@@ -5,6 +5,7 @@
 // promised, and has the promises checked by what a new life reads.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -94,6 +95,17 @@ class PromisingStore : public coordinator::JobStore {
     promises_.Prioritized(job_id, priority, Certain(status));
     return status;
   }
+  // Farms of the simulation keep everything, unless parts exceed their limit.
+  absl::Status SetPinned(uint64_t job_id, bool pinned) override {
+    return store_->SetPinned(job_id, pinned);
+  }
+  absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) override {
+    return store_->NotePartsRemoved(job_id, time);
+  }
+  absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override {
+    return store_->PartsBytesByJob();
+  }
+  absl::Status RemoveJob(uint64_t job_id) override { return store_->RemoveJob(job_id); }
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override {
     absl::Status status = store_->WritePart(row, bytes);
     if (!absl::IsAlreadyExists(status)) promises_.Written(row, Certain(status));
@@ -106,6 +118,9 @@ class PromisingStore : public coordinator::JobStore {
                                                      const PixelRect& tile,
                                                      TaskKind kind) override {
     return store_->FindTileParts(frame, tile, kind);
+  }
+  absl::StatusOr<std::vector<PartRow>> ListParts(uint64_t job_id) override {
+    return store_->ListParts(job_id);
   }
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
     return store_->TileCosts(frame);

@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -67,6 +68,16 @@ class GatedJobStore : public JobStore {
     ++control_writes_;
     return full_ ? Full() : store_->SetPriority(job_id, priority);
   }
+  absl::Status SetPinned(uint64_t job_id, bool pinned) override {
+    return store_->SetPinned(job_id, pinned);
+  }
+  absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) override {
+    return store_->NotePartsRemoved(job_id, time);
+  }
+  absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override {
+    return store_->PartsBytesByJob();
+  }
+  absl::Status RemoveJob(uint64_t job_id) override { return store_->RemoveJob(job_id); }
   absl::StatusOr<std::vector<StoredJob>> LoadJobs() override { return store_->LoadJobs(); }
   absl::StatusOr<LoadedParts> LoadParts(uint64_t job_id) override {
     return store_->LoadParts(job_id);
@@ -93,6 +104,9 @@ class GatedJobStore : public JobStore {
   }
   absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override {
     return store_->LoadFrameRounds(frame);
+  }
+  absl::StatusOr<std::vector<PartRow>> ListParts(uint64_t job_id) override {
+    return store_->ListParts(job_id);
   }
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override {
     return store_->TileCosts(frame);
