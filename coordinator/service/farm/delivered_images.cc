@@ -19,6 +19,10 @@ std::string ImageName(const FrameId& id) {
   return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
 }
 
+absl::Status Removed(const FrameId& id) {
+  return absl::NotFoundError(ImageName(id) + ": the job was removed");
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> DeliveredImages::Find(uint64_t job_id, int32_t frame_number) const {
@@ -39,6 +43,15 @@ absl::StatusOr<std::string> DeliveredImages::FindDelivered(const FrameId& id) co
   if (!path.ok()) return path;
   if (absl::Status s = Check(id, *path); !s.ok()) return s;
   return path;
+}
+
+absl::StatusOr<uint64_t> DeliveredImages::Verify(const FrameId& id) const {
+  const absl::StatusOr<std::string> path = store_.OutputPath(id);
+  if (!path.ok()) return path.status();
+  verified_.Forget(*path);
+  if (absl::Status s = Check(id, *path); !s.ok()) return s;
+  const std::optional<FileState> state = StateOfFile(*path);
+  return state ? state->size_bytes : 0;
 }
 
 absl::Status DeliveredImages::Write(const FrameId& id, const FrameImage& image) {
@@ -74,9 +87,10 @@ absl::Status DeliveredImages::Check(const FrameId& id, const std::string& path) 
   std::string expected;
   {
     const MutexLock lock(&tables_.mutex);
-    const auto& delivered = tables_.accounts.at(id.job_id).delivered;
-    const auto frame = delivered.find(id.frame_number);
-    if (frame == delivered.end()) return absl::OkStatus();  // It is being made.
+    const auto account = tables_.accounts.find(id.job_id);
+    if (account == tables_.accounts.end()) return Removed(id);
+    const auto frame = account->second.delivered.find(id.frame_number);
+    if (frame == account->second.delivered.end()) return absl::OkStatus();  // It is being made.
     expected = frame->second.image_digest;
   }
   if (state) {
@@ -91,7 +105,9 @@ absl::Status DeliveredImages::Check(const FrameId& id, const std::string& path) 
   {
     const MutexLock tables_lock(&tables_.mutex);
     // False once it is being recreated, as it may be since the file was read.
-    const bool is_delivered = tables_.accounts.at(id.job_id).delivered.contains(id.frame_number);
+    const auto account = tables_.accounts.find(id.job_id);
+    if (account == tables_.accounts.end()) return Removed(id);
+    const bool is_delivered = account->second.delivered.contains(id.frame_number);
     const MutexLock lock(&mutex_);
     if (is_delivered && damaged_.insert(id).second) {
       ++damaged_count_;
@@ -116,7 +132,12 @@ void DeliveredImages::Heal(JobLifecycle* lifecycle) {
   {
     const MutexLock lock(&tables_.mutex);
     for (const FrameId& id : damaged) {
-      const JobPhase phase = tables_.scheduler.jobs().at(id.job_id).phase;
+      const auto job = tables_.scheduler.jobs().find(id.job_id);
+      if (job == tables_.scheduler.jobs().end()) {
+        settled.insert(id);  // It was removed.
+        continue;
+      }
+      const JobPhase phase = job->second.phase;
       if (phase == JobPhase::kLive) continue;  // Once it has ended.
       if (phase == JobPhase::kSucceeded) {
         remade[id.job_id].insert(id.frame_number);

@@ -32,6 +32,9 @@ class DeliveredImages {
   absl::StatusOr<std::string> Find(uint64_t job_id, int32_t frame_number) const;
   // The same of a frame that is known to be delivered.
   absl::StatusOr<std::string> FindDelivered(const FrameId& id) const;
+  // Reads the EXR of a delivered frame, also where it was verified before, and returns its size.
+  // Errors: kFailedPrecondition (damaged on disk, and being made again); kNotFound.
+  absl::StatusOr<uint64_t> Verify(const FrameId& id) const;
   // Writes the EXR and the thumbnail of a frame that is about to be delivered. A thumbnail that
   // cannot be written is not kept. Errors: those of WriteFrameImage.
   absl::Status Write(const FrameId& id, const FrameImage& image);

@@ -35,6 +35,10 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options,
   (*farm)->background_ = std::thread([f = farm->get()] {
     while (f->queue_.Wait(kBackgroundInterval)) f->RunOnce();
   });
+  if (Scrubber* const scrubber = (*farm)->scrubber_.get(); scrubber != nullptr) {
+    (*farm)->scrubbing_ =
+        std::jthread([scrubber](const std::stop_token& stop) { scrubber->Run(stop); });
+  }
   return farm;
 }
 
@@ -78,14 +82,22 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       delivery_(options.preview_interval_min,
                 {tables_, *store_, tiles_, rounds_, images_, lifecycle_, queue_, disk_, signals_}),
       lost_scenes_(&tables_, blobs_.get(), &signals_),
+      keeper_(options, {tables_, *store_, *blobs_, *round_previews_, lifecycle_}),
       previews_(&tables_, store_.get(), round_previews_.get(), &images_),
       job_views_(options.state_directory, &tables_, round_previews_.get(), &disk_),
       worker_views_(&tables_, blobs_.get()),
       pricing_(&tables_, store_.get()),
-      metrics_(&tables_, store_.get(), &images_) {}
+      metrics_(&tables_, store_.get(), &images_) {
+  if (options.scrub_bytes_per_second == 0) return;
+  scrubber_ = std::make_unique<Scrubber>(
+      options.scrub_bytes_per_second,
+      Scrubber::Parts{tables_, *store_, *blobs_, images_, lifecycle_, removals_});
+}
 
 Farm::~Farm() {
   queue_.Stop();
+  scrubbing_.request_stop();
+  if (scrubbing_.joinable()) scrubbing_.join();
   if (background_.joinable()) background_.join();
   lifecycle_.SaveFailures();
 }
@@ -104,6 +116,7 @@ void Farm::RunOnce() {
     images_.Heal(&lifecycle_);
     delivery_.DeliverFrames();
   }
+  keeper_.Update();
   lost_scenes_.Update();
   delivery_.RefreshFrames();
 }
@@ -183,6 +196,13 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
   if (!report.failures.empty()) lifecycle_.SettleEnded();
   signals_.Changed();
   return answer;
+}
+
+std::vector<MetricView> Farm::Metrics() const {
+  std::vector<MetricView> metrics = metrics_.List();
+  keeper_.AddMetrics(&metrics);
+  if (scrubber_ != nullptr) scrubber_->AddMetrics(&metrics);
+  return metrics;
 }
 
 }  // namespace sheaf::coordinator

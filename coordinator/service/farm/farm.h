@@ -11,6 +11,8 @@
 //                      guiding fields to workers
 //     FrameRounds      goes from one round of a frame to the next
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
+//     DiskKeeper       removes what is not kept any longer
+//     Scrubber         compares what is kept with its digests, in a thread of its own
 //     DeliveredImages, FramePreviews, JobViews, WorkerViews, RefinementPricing, FarmMetrics
 //                      answer queries
 //
@@ -25,6 +27,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
@@ -48,6 +51,8 @@
 #include "coordinator/service/farm/result_intake.h"
 #include "coordinator/service/farm/resumed_frames.h"
 #include "coordinator/service/farm/tile_builder.h"
+#include "coordinator/service/farm/upkeep/disk_keeper.h"
+#include "coordinator/service/farm/upkeep/scrubber.h"
 #include "coordinator/service/farm/worker_views.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/store/job_store.h"
@@ -130,6 +135,16 @@ class Farm : public FarmView {
   absl::Status KillTasks(const FrameId& id, std::optional<uint32_t> task, const std::string& why) {
     return lifecycle_.Kill(id, task, why);
   }
+  // A pinned job keeps all that is kept of it until it is not pinned any more. OK means: it is
+  // durable. Errors: kNotFound; kUnavailable (the disk).
+  absl::Status SetJobPinned(uint64_t job_id, bool pinned) {
+    return lifecycle_.SetPinned(job_id, pinned);
+  }
+  // Removes what the limits of retention say, and returns it. dry_run: only says what it would be.
+  // Errors: those of the store.
+  absl::StatusOr<std::vector<RemovalView>> CollectGarbage(bool dry_run) {
+    return keeper_.CollectForPeople(dry_run, absl::Now());
+  }
 
   struct SynchronizeAnswer {
     std::vector<LeaseGrant> leases;
@@ -185,7 +200,7 @@ class Farm : public FarmView {
     return pricing_.Price(job_id, target_errors);
   }
   std::vector<WorkerView> ListWorkers() const override { return worker_views_.List(); }
-  std::vector<MetricView> Metrics() const override { return metrics_.List(); }
+  std::vector<MetricView> Metrics() const override;
   absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                       const std::vector<std::string>& channels) const override {
     return previews_.Preview(job_id, frame_number, channels);
@@ -239,6 +254,7 @@ class Farm : public FarmView {
   // RunOnce's alone.
   FrameDelivery delivery_;
   LostScenes lost_scenes_;
+  DiskKeeper keeper_;
   SteadyTime next_delivery_ = SteadyTime::InfinitePast();
 
   FramePreviews previews_;
@@ -246,7 +262,10 @@ class Farm : public FarmView {
   WorkerViews worker_views_;
   RefinementPricing pricing_;
   FarmMetrics metrics_;
-  std::thread background_;  // Last: it uses everything above.
+  std::unique_ptr<Scrubber> scrubber_;  // Null where nothing is scrubbed.
+  // Last: they use everything above.
+  std::thread background_;
+  std::jthread scrubbing_;
 };
 
 }  // namespace sheaf::coordinator

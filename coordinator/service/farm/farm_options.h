@@ -9,6 +9,7 @@
 
 #include "absl/time/time.h"
 #include "coordinator/core/limits.h"
+#include "coordinator/core/retention/retention.h"
 #include "coordinator/store/durability.h"
 
 namespace sheaf::coordinator {
@@ -17,11 +18,14 @@ struct FarmOptions {
   std::string state_directory;
   Durability durability = Durability::kPowerLoss;  // For jobs and parts; images are durable.
   Limits limits;
-  // Parts of delivered frames are kept for RefineJob while all parts together are no more than
-  // this; then the oldest go.
+  RetentionLimits retention;  // What is kept of jobs that have ended.
+  // Parts of delivered frames, also of jobs that go on, are kept for RefineJob while all parts
+  // together are no more than this; then the oldest go.
   uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
   // Small images of the ends of rounds; the oldest go beyond it.
   uint64_t round_previews_bytes_max = uint64_t{2} << 30;
+  // At which what is stored is compared with its digests, again and again; 0: never.
+  uint64_t scrub_bytes_per_second = 0;
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =

@@ -37,8 +37,15 @@ struct JobAccount {
   std::map<int32_t, std::vector<RoundRecord>> rounds;
   std::map<int32_t, absl::Duration> wall_before;  // By frame: before this start.
   absl::Duration job_wall_before;                 // The same for the job as a whole.
-  std::string warning;                            // StoredJob's; so is the next one.
+  std::string warning;                            // StoredJob's; so are the next ones.
   std::map<int32_t, int32_t> corrections;
+  bool pinned = false;
+  absl::Time parts_removed_time = absl::InfiniteFuture();
+
+  // In this life.
+  bool EndedWithin(absl::Duration duration, SteadyTime now) const {
+    return ended != SteadyTime::InfiniteFuture() && now - ended < duration;
+  }
 };
 
 // An open frame and how it stands, as of its last refresh.

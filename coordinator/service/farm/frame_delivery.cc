@@ -127,7 +127,8 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
   {
     const MutexLock lock(&tables_.mutex);
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
-    if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();  // Job ended.
+    const bool is_wanted = record != nullptr && record->phase == FrameRecord::Phase::kRendered;
+    if (!is_wanted) return absl::OkStatus();  // Its job has ended.
     const bool waits = !tables_.liars.empty() ||  // Their results go first.
                        tables_.stale_fields.contains(id) ||
                        tables_.scheduler.AwaitsChecks(id, SteadyTime::Now());
@@ -153,7 +154,8 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
   {
     const MutexLock lock(&tables_.mutex);
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
-    if (record->phase != FrameRecord::Phase::kRendered) return absl::OkStatus();
+    const bool is_wanted = record != nullptr && record->phase == FrameRecord::Phase::kRendered;
+    if (!is_wanted) return absl::OkStatus();
     tables_.accounts[id.job_id].delivered[id.frame_number] = delivered;
     tables_.scheduler.Deliver(id);
     tables_.NoteEndedJobs();

@@ -2,10 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JobLifecycle: jobs from their creation to their durable end: create, pause, resume, prioritize,
-// cancel, refine, restore after a start. A change is durable before it is acknowledged.
+// cancel, refine, restore after a start; and what is kept of them afterwards. A change is durable
+// before it is acknowledged.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -83,6 +85,21 @@ class JobLifecycle {
   // has not succeeded, because it is refined meanwhile.
   absl::Status RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers);
 
+  // upkeep/job_retention.cc
+  // A pinned job keeps all that is kept of it. Errors: kNotFound; kUnavailable (the disk).
+  absl::Status SetPinned(uint64_t job_id, bool pinned);
+  // Each removes what is kept of a job that has ended, which is durable, and is not pinned. Errors:
+  // kNotFound; kFailedPrecondition (it is not such a job); those of the store. After those of
+  // RemoveParts some are gone, and the rest at another call.
+  absl::Status RemoveParts(uint64_t job_id, absl::Time now);
+  absl::Status RemovePreviews(uint64_t job_id);  // Also of a job that is not there any more.
+  absl::Status RemoveJob(uint64_t job_id);
+  // How often jobs that had ended began again, in this life.
+  uint64_t ReopenCount() ABSL_LOCKS_EXCLUDED(settle_mutex_);
+  // Calls `act` while none can, if none has since ReopenCount was `seen`. Returns whether it did.
+  bool IfNoneReopened(uint64_t seen, const std::function<void()>& act)
+      ABSL_LOCKS_EXCLUDED(settle_mutex_);
+
   // Lets time pass: workers are lost, leases expire, and pilots that nobody has asked for are
   // cancelled. Returns whether anything changed that a FarmView shows.
   bool Tick();
@@ -136,6 +153,8 @@ class JobLifecycle {
 
   // job_refinement.cc
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
+  // Has a frame whose parts were removed continue from its delivered image, where it can.
+  void ContinueFromImage(const JobSpec& job, JobStore::ReopenedFrame* frame) const;
   // The job with all its frames, to be put into the scheduler again.
   StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // By frame.
@@ -158,6 +177,9 @@ class JobLifecycle {
   // Takes a job out of the tables, as it is before RestoreJob.
   void TakeOut(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
+  // upkeep/job_retention.cc
+  absl::Status RequireUnused(uint64_t job_id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+
   // job_correction.cc
   // why: what was found of the parts, for people.
   absl::Status CorrectJob(uint64_t job_id, const std::string& why,
@@ -179,8 +201,9 @@ class JobLifecycle {
   DeliveryQueue& queue_;
   DiskState& disk_;
   FarmSignals& signals_;
+  uint64_t reopen_count_ ABSL_GUARDED_BY(settle_mutex_) = 0;
   // Held by one call at a time that writes down the ends of jobs, reopens or pauses one, or removes
-  // parts of delivered frames. Taken before the tables' mutex.
+  // what is kept of one. Taken before the tables' mutex.
   Mutex settle_mutex_;
 };
 

@@ -106,21 +106,31 @@ absl::Status JobLifecycle::CheckRefinement(const JobRecord& job,
 absl::Status JobLifecycle::Refine(uint64_t job_id, const Refinement& refinement) {
   const MutexLock settling(&settle_mutex_);  // No end or new beginning is written meanwhile.
   StoredJob job;
+  bool parts_removed = false;
   {
     const MutexLock lock(&tables_.mutex);
     const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
     if (!found.ok()) return found.status();
+    parts_removed = tables_.accounts.at(job_id).parts_removed_time != absl::InfiniteFuture();
     if (IsBeingRefined(**found, refinement)) return absl::OkStatus();
     if (absl::Status s = CheckRefinement(**found, refinement); !s.ok()) return s;
     job = StoredJobOf(**found);
   }
   absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> rounds = RoundsOf(job_id);
   if (!rounds.ok()) return rounds.status();
+  std::set<int32_t> with_parts;
+  if (parts_removed) {
+    const absl::StatusOr<std::vector<PartRow>> rows = store_.ListParts(job_id);
+    if (!rows.ok()) return rows.status();
+    for (const PartRow& row : *rows) with_parts.insert(row.key.frame.frame_number);
+  }
   std::vector<JobStore::ReopenedFrame> reopened;
   for (FrameSpec& frame : job.spec.frames) {
     std::optional<JobStore::ReopenedFrame> refined =
         Refined(frame, refinement, std::move((*rounds)[frame.frame_number]));
     if (!refined) continue;
+    const bool has_parts = !parts_removed || with_parts.contains(frame.frame_number);
+    if (!has_parts) ContinueFromImage(job.spec, &*refined);
     frame = refined->spec;
     reopened.push_back(*std::move(refined));
   }
@@ -131,6 +141,20 @@ absl::Status JobLifecycle::Refine(uint64_t job_id, const Refinement& refinement)
     if (absl::Status s = tables_.scheduler.CheckOwner(job.spec); !s.ok()) return s;
   }
   return ReopenFrames(std::move(job), reopened);
+}
+
+void JobLifecycle::ContinueFromImage(const JobSpec& job, JobStore::ReopenedFrame* frame) const {
+  const FrameId id{job.job_id, frame->spec.frame_number};
+  const absl::StatusOr<std::string> path = store_.OutputPath(id);
+  absl::Status continued = path.status();
+  if (path.ok()) continued = resumed_.ContinueFrom(*path, job.partition, &frame->spec);
+  if (continued.ok()) {
+    frame->rounds.clear();  // The first one is what the image has.
+    return;
+  }
+  LogInfo(absl::StrCat(
+      "job ", id.job_id, ": frame ", id.frame_number,
+      " is rendered again, because its parts were removed, and: ", continued.message()));
 }
 
 absl::Status JobLifecycle::RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers) {
@@ -221,6 +245,7 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   absl::StatusOr<std::vector<TaskTrouble>> troubles = store_.LoadTroubles(job_id);
   if (!troubles.ok()) return troubles.status();
   job.troubles = *std::move(troubles);
+  ++reopen_count_;
   absl::Status written = store_.ReopenJob(job_id, reopened);
   disk_.Note(written);
   if (!written.ok()) return written;
@@ -249,6 +274,9 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
     wall_before[frame.number()] = tables_.WallOf({job_id, frame.number()}, until);
   }
   account.end_time = absl::InfiniteFuture();
+  if (reopened.size() == record.frames.size()) {
+    account.parts_removed_time = absl::InfiniteFuture();
+  }
   account.ended = SteadyTime::InfiniteFuture();
   for (const auto& [number, delivered] : account.delivered) {
     if (undelivered.contains(number)) {

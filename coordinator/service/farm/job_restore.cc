@@ -71,6 +71,8 @@ absl::Status JobLifecycle::Load() {
     account.end_time = job.end_time;
     account.warning = job.warning;
     account.corrections = job.corrections;
+    account.pinned = job.pinned;
+    account.parts_removed_time = job.parts_removed_time;
     RestoreJob(job, *std::move(rounds), parts && resumed.ok() ? &*parts : nullptr,
                resumed.ok() ? *resumed : ResumedCounts());
     if (resumed.ok()) continue;

@@ -126,6 +126,8 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
         absl::StrCat(WhyWritesWait(disk), "; workers keep their results until it is");
   }
   view.warning = account.warning;
+  view.pinned = account.pinned;
+  view.parts_removed_time = account.parts_removed_time;
   view.create_time = account.create_time;
   view.end_time = account.end_time;
   view.failure_count = job.failures.count;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/frame_image.h"
@@ -45,6 +46,20 @@ absl::StatusOr<ResumedImage> ResumedFrames::Open(const FrameSpec& spec,
     if (!samples.ok()) return Annotate(samples.status(), about);
   }
   return resumed;
+}
+
+absl::Status ResumedFrames::ContinueFrom(const std::string& path, const Partition& partition,
+                                         FrameSpec* spec) const {
+  const absl::StatusOr<std::string> bytes =
+      ReadWholeFile(path, static_cast<uint64_t>(ImageBytesMax(spec->settings)));
+  if (!bytes.ok()) return bytes.status();
+  const absl::StatusOr<BlobDigest> image = blobs_.Put(*bytes);
+  if (!image.ok()) return image.status();
+  FrameSpec continued = *spec;
+  continued.resumed = *image;
+  const absl::Status opened = Open(continued, CellGrid(continued, partition)).status();
+  if (opened.ok()) *spec = std::move(continued);
+  return opened;
 }
 
 absl::StatusOr<ResumedCounts> ResumedFrames::Count(const std::vector<FrameSpec>& frames,

@@ -34,6 +34,11 @@ class ResumedFrames {
   absl::StatusOr<ResumedCounts> Count(const std::vector<FrameSpec>& frames,
                                       const Partition& partition) const;
 
+  // Stores the delivered image at `path` as a blob and has the frame continue from it. Errors:
+  // those of Open and of the disk; then the frame is as it was.
+  absl::Status ContinueFrom(const std::string& path, const Partition& partition,
+                            FrameSpec* spec) const;
+
  private:
   const BlobStore& blobs_;
   const std::string numeric_profile_;

@@ -122,6 +122,9 @@ struct JobView {
   std::string waiting_reason;  // Why the job makes no progress; empty otherwise.
   std::string warning;         // What its users should know of its images; mostly empty.
   int64_t failure_count = 0;   // Number of failed leases.
+  bool pinned = false;         // Nothing that is kept of it is removed.
+  // When its parts were removed to keep the disk free; InfiniteFuture: they were not.
+  absl::Time parts_removed_time = absl::InfiniteFuture();
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();  // InfiniteFuture while it has not ended.
   int32_t frame_count = 0;
@@ -187,6 +190,15 @@ struct RefinementPrices {
 struct FailureView {
   FailureRecord failure;
   std::string command;  // The command that renders the tile again on one machine.
+};
+
+// Things of one kind, of one job, that go for one reason (coordinator/core/retention/retention.h).
+struct RemovalView {
+  std::string kind;    // "parts", "upload", "blob", "previews" or "job".
+  std::string job_id;  // Empty: blobs and uploads.
+  std::string reason = {};
+  int64_t item_count = 0;
+  uint64_t size_bytes = 0;
 };
 
 // One value for /metrics, in Prometheus' terms.

@@ -1,0 +1,115 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// DiskKeeper: keeps the state directory within its limits. It lists what is stored, has
+// DecideRemovals (coordinator/core/retention/retention.h) say what goes, and removes that. Whatever
+// it removes is checked again under the locks of its owner, so nothing goes that a job has come to
+// need since it was listed.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/base/mutex.h"
+#include "common/base/steady_time.h"
+#include "common/content/blob_store.h"
+#include "coordinator/core/retention/retention.h"
+#include "coordinator/service/farm/farm_options.h"
+#include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/farm/job_lifecycle.h"
+#include "coordinator/service/view/farm_view.h"
+#include "coordinator/store/job_store.h"
+#include "coordinator/store/round_previews.h"
+
+namespace sheaf::coordinator {
+
+// Thread safety: all members may be called concurrently, except Update: one thread at a time.
+class DiskKeeper {
+ public:
+  // The objects that it works on; all must outlive it.
+  struct Parts {
+    FarmTables& tables;
+    JobStore& store;
+    const BlobStore& blobs;
+    RoundPreviews& previews;
+    JobLifecycle& lifecycle;
+  };
+  DiskKeeper(const FarmOptions& options, const Parts& parts);
+
+  // Removes what the limits say. Cheap where nothing is due.
+  void Update();
+  // What the limits say goes now, with what is removed of it; nothing where dry_run. Errors: those
+  // of the store.
+  absl::StatusOr<std::vector<Removal>> Collect(bool dry_run, absl::Time now);
+
+  // The same with blobs and uploads together, by reason.
+  absl::StatusOr<std::vector<RemovalView>> CollectForPeople(bool dry_run, absl::Time now);
+
+  void AddMetrics(std::vector<MetricView>* metrics) const;
+
+ private:
+  struct Stored {
+    std::vector<KeptItem> items;
+    DiskUse use;
+    uint64_t reopen_count = 0;  // JobLifecycle's, before anything was listed.
+  };
+  // What the jobs are, and which blobs they name.
+  struct JobUse {
+    bool in_use = false;
+    bool is_recent = false;  // It ended less than RetentionLimits::job_age_min ago.
+    absl::Time end_time;
+    std::vector<BlobDigest> scenes;  // Manifests.
+    std::vector<BlobDigest> images;  // That frames resume.
+  };
+  struct BlobUse {
+    bool in_use = false;
+    absl::Time end_time = absl::InfinitePast();  // The last of its jobs'.
+  };
+
+  absl::StatusOr<Stored> List(absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::map<uint64_t, JobUse> ListJobs() const;
+  void ListBlobs(const std::map<uint64_t, JobUse>& jobs, absl::Time now,
+                 std::vector<KeptItem>* items) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // The files of a scene. Errors: its manifest cannot be read.
+  absl::StatusOr<std::vector<std::string>> FilesOf(const BlobDigest& scene)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  DiskUse Measure() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Whether it is gone.
+  bool Remove(const KeptItem& item, absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Those of `removals` that are blobs or uploads; removes others from the list.
+  std::vector<Removal> RemoveAll(const std::vector<Removal>& removals, uint64_t reopen_count,
+                                 absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Duration AgeInterval() const;
+  void NoteOver(const DiskUse& use) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  const std::string state_directory_;
+  const RetentionLimits limits_;
+  FarmTables& tables_;
+  JobStore& store_;
+  const BlobStore& blobs_;
+  RoundPreviews& previews_;
+  JobLifecycle& lifecycle_;
+
+  mutable Mutex mutex_;  // Held by one pass at a time. Taken before those of JobLifecycle.
+  // Files by scene, as read from manifests, of the scenes that jobs name.
+  std::map<std::string, std::vector<std::string>> files_ ABSL_GUARDED_BY(mutex_);
+  uint64_t other_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // Without parts, as last walked.
+  SteadyTime next_walk_ ABSL_GUARDED_BY(mutex_) = SteadyTime::InfinitePast();
+  bool is_over_ ABSL_GUARDED_BY(mutex_) = false;  // And nothing is left to remove.
+  // Update's alone.
+  SteadyTime next_look_ = SteadyTime::InfinitePast(), next_age_pass_;
+
+  mutable Mutex counts_mutex_;
+  struct Counts {
+    uint64_t removed = 0, bytes = 0;
+  };
+  std::array<Counts, kKeptKindCount> counts_ ABSL_GUARDED_BY(counts_mutex_);
+  uint64_t state_bytes_ ABSL_GUARDED_BY(counts_mutex_) = 0;  // As last measured.
+};
+
+}  // namespace sheaf::coordinator
