@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf pause, resume, priority, cancel, retry and kill: commands that change an existing job.
+// sheaf pause, resume, priority, cancel, pin, unpin, retry and kill: commands that change an
+// existing job.
 #include <cstdint>
 #include <cstdio>
 #include <optional>
@@ -170,8 +171,44 @@ class KillCommand : public ControlCommand {
   std::optional<uint32_t> task_;
 };
 
+class PinCommand : public ControlCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command =
+        AddCommon(app, "pin", "Keep all of a job, however full the coordinator's disk is");
+    AddJob(command);
+    command->footer(
+        "Example:\n"
+        "  sheaf pin jobs/7\n"
+        "Its parts, the files of its scene and its images stay until: sheaf unpin jobs/7");
+    return command;
+  }
+
+ protected:
+  absl::StatusOr<v1::Job> Change(FarmClient* client) override { return client->PinJob(job_name()); }
+  std::string ResultText(const v1::Job&) const override { return "pinned"; }
+};
+
+class UnpinCommand : public ControlCommand {
+ public:
+  CLI::App* AddTo(CLI::App* app) override {
+    CLI::App* command = AddCommon(app, "unpin", "Undo sheaf pin");
+    AddJob(command);
+    command->footer("Example:\n  sheaf unpin jobs/7");
+    return command;
+  }
+
+ protected:
+  absl::StatusOr<v1::Job> Change(FarmClient* client) override {
+    return client->UnpinJob(job_name());
+  }
+  std::string ResultText(const v1::Job&) const override { return "not pinned"; }
+};
+
 }  // namespace
 
+std::unique_ptr<Command> MakePinCommand() { return std::make_unique<PinCommand>(); }
+std::unique_ptr<Command> MakeUnpinCommand() { return std::make_unique<UnpinCommand>(); }
 std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<CancelCommand>(); }
 std::unique_ptr<Command> MakePauseCommand() { return std::make_unique<PauseCommand>(); }
 std::unique_ptr<Command> MakeResumeCommand() { return std::make_unique<ResumeCommand>(); }

@@ -80,7 +80,8 @@ class ListCommand : public FarmCommand {
       std::printf("%-12s %-10s %6.1f%%  %-10s %-12s %s\n", job.name().c_str(),
                   JobStateName(job.state()).c_str(), 100 * FractionDone(job.progress()),
                   error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
-                  Printable(job.owner()).c_str(), Printable(job.title()).c_str());
+                  Printable(job.owner()).c_str(),
+                  absl::StrCat(Printable(job.title()), job.pinned() ? "  (pinned)" : "").c_str());
     }
     return ExitCode::kOk;
   }

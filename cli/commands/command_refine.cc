@@ -45,8 +45,9 @@ class RefineCommand : public FarmCommand {
         "  sheaf refine jobs/7 --target-error 0.001 --wait -o room.exr\n"
         "  sheaf refine 7 --samples 1024\n"
         "  sheaf refine 7 --price\n"
-        "Time and budget count from the start of the job. Parts that the coordinator no longer\n"
-        "keeps (--kept-parts-max) are rendered again.");
+        "Time and budget count from the start of the job. Where the coordinator has removed the\n"
+        "parts of the job (sheaf show says so), it continues from the image; single parts that it\n"
+        "no longer keeps (--kept-parts-max) are rendered again.");
     return command;
   }
 

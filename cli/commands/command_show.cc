@@ -15,6 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/time.h"
 #include "cli/commands/farm_command.h"
 #include "cli/image/terminal_image.h"
 #include "cli/image/view_transform.h"
@@ -68,6 +69,17 @@ void PrintTrouble(const v1::FrameTrouble& trouble) {
   }
 }
 
+// What is kept of the job.
+std::string KeptText(const v1::Job& job) {
+  if (job.has_parts_removed_time()) {
+    const absl::Time time = absl::FromUnixSeconds(job.parts_removed_time().seconds());
+    return absl::StrCat("parts removed on ",
+                        absl::FormatTime("%Y-%m-%d", time, absl::LocalTimeZone()),
+                        ": sheaf refine continues from its image", job.pinned() ? "; pinned" : "");
+  }
+  return job.pinned() ? "pinned: all, until sheaf unpin" : "as the coordinator's limits say";
+}
+
 void PrintJob(const v1::Job& job) {
   std::printf("%s  %s\n", job.name().c_str(), Printable(job.title()).c_str());
   std::printf("state      %s\n", JobStateName(job.state()).c_str());
@@ -82,6 +94,7 @@ void PrintJob(const v1::Job& job) {
               FormatCount(static_cast<double>(job.progress().ray_count())).c_str());
   std::printf("priority   %d\n", job.priority());
   std::printf("profile    %s\n", job.numeric_profile().c_str());
+  std::printf("kept       %s\n", KeptText(job).c_str());
   std::printf("\n%-8s %-12s %8s %7s  %-10s %-7s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE",
               "ERROR", "FLIP", "IMAGE");
   for (const v1::Frame& frame : job.frames()) PrintFrame(frame);

@@ -60,6 +60,9 @@ class FarmClient {
   absl::StatusOr<v1::Job> PauseJob(const std::string& name);
   absl::StatusOr<v1::Job> ResumeJob(const std::string& name);
   absl::StatusOr<v1::Job> SetJobPriority(const std::string& name, int32_t priority);
+  absl::StatusOr<v1::Job> PinJob(const std::string& name);
+  absl::StatusOr<v1::Job> UnpinJob(const std::string& name);
+  absl::StatusOr<v1::CollectGarbageResponse> CollectGarbage(bool dry_run);
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
   absl::StatusOr<v1::Job> RetryTasks(const v1::RetryTasksRequest& request);
   absl::StatusOr<v1::Job> KillTasks(const v1::KillTasksRequest& request);

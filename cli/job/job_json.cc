@@ -198,6 +198,8 @@ std::string JobJson(const v1::Job& job) {
       {"warning", job.warning()},
       {"incomplete_frame_count", job.incomplete_frame_count()},
       {"training_frame_count", job.training_frame_count()},
+      {"pinned", job.pinned()},
+      {"parts_removed_time", TimeJson(job.has_parts_removed_time(), job.parts_removed_time())},
       {"create_time", TimeJson(job.has_create_time(), job.create_time())},
       {"end_time", TimeJson(job.has_end_time(), job.end_time())},
       {"progress", ProgressJson(job.progress())},

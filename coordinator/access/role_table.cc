@@ -56,6 +56,9 @@ const std::vector<OperationRule>& RoleTable() {
       {"/sheaf.v1.JobService/RefineJob", kSubmit},
       {"/sheaf.v1.JobService/RetryTasks", kSubmit},
       {"/sheaf.v1.JobService/KillTasks", kSubmit},
+      {"/sheaf.v1.JobService/PinJob", kSubmit},
+      {"/sheaf.v1.JobService/UnpinJob", kSubmit},
+      {"/sheaf.v1.JobService/CollectGarbage", kOperate},
 
       {"/sheaf.v1.ContentService/FindMissing", kSubmit},
       {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},
@@ -106,6 +109,9 @@ const std::vector<OperationRule>& RoleTable() {
       {"POST /api/v1/jobs/{}:refine", kSubmit},
       {"POST /api/v1/jobs/{}:retry", kSubmit},
       {"POST /api/v1/jobs/{}:kill", kSubmit},
+      {"POST /api/v1/jobs/{}:pin", kSubmit},
+      {"POST /api/v1/jobs/{}:unpin", kSubmit},
+      {"POST /api/v1/gc", kOperate},
   };
   return *kTable;
 }

@@ -44,8 +44,11 @@ struct ServedFarm {
   }
   static FarmActions Actions() {
     FarmActions actions;
-    actions.cancel_job = actions.pause_job =
-        actions.resume_job = [](const std::string&) { return absl::OkStatus(); };
+    actions.cancel_job = actions.pause_job = actions.resume_job = actions.pin_job =
+        actions.unpin_job = [](const std::string&) { return absl::OkStatus(); };
+    actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
+      return std::vector<RemovalView>{{"blob", "", "no job names it", 1, 1}};
+    };
     actions.set_job_priority = [](const std::string&, int32_t) { return absl::OkStatus(); };
     actions.retry_tasks = [](const std::string&, std::optional<int32_t>, std::optional<uint32_t>) {
       return absl::OkStatus();

@@ -250,6 +250,15 @@ int main(int argc, char** argv) {
   actions.resume_job = [&](const std::string& job_id) {
     return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
   };
+  actions.pin_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) { job->pinned = true; });
+  };
+  actions.unpin_job = [&](const std::string& job_id) {
+    return change(job_id, [](JobView* job) { job->pinned = false; });
+  };
+  actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
+    return std::vector<RemovalView>();
+  };
   actions.set_job_priority = [&](const std::string& job_id, int32_t priority) {
     return change(job_id, [=](JobView* job) { job->priority = priority; });
   };

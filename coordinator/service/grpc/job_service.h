@@ -46,6 +46,14 @@ class JobService final : public v1::JobService::Service {
                           v1::Job* response) override;
   grpc::Status KillTasks(grpc::ServerContext* context, const v1::KillTasksRequest* request,
                          v1::Job* response) override;
+  // These three in job_service_retention.cc.
+  grpc::Status PinJob(grpc::ServerContext* context, const v1::PinJobRequest* request,
+                      v1::Job* response) override;
+  grpc::Status UnpinJob(grpc::ServerContext* context, const v1::UnpinJobRequest* request,
+                        v1::Job* response) override;
+  grpc::Status CollectGarbage(grpc::ServerContext* context,
+                              const v1::CollectGarbageRequest* request,
+                              v1::CollectGarbageResponse* response) override;
   grpc::Status LiftQuarantine(grpc::ServerContext* context,
                               const v1::LiftQuarantineRequest* request,
                               v1::LiftQuarantineResponse* response) override;

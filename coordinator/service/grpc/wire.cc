@@ -405,6 +405,9 @@ v1::Job ToWire(const JobView& view) {
   wire.set_warning(view.warning);
   wire.set_incomplete_frame_count(view.frame_incomplete_count);
   wire.set_training_frame_count(view.training_frame_count);
+  wire.set_pinned(view.pinned);
+  const absl::Time removed = view.parts_removed_time;
+  if (removed != absl::InfiniteFuture()) SetTime(removed, wire.mutable_parts_removed_time());
   for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
   return wire;
 }

@@ -115,8 +115,13 @@ std::vector<MetricView> HttpAccess::Metrics() const {
 
 void HttpAccess::NoteInAudit(const HttpRequest& request, const std::string& job_id,
                              const absl::Status& outcome) const {
+  NoteActInAudit(request, absl::StrCat("jobs/", job_id), outcome);
+}
+
+void HttpAccess::NoteActInAudit(const HttpRequest& request, const std::string& what,
+                                const absl::Status& outcome) const {
   access_->audit().Note(absl::StrCat(request.caller.Name(), " at ", request.peer),
-                        request.operation, absl::StrCat("jobs/", job_id), outcome);
+                        request.operation, what, outcome);
 }
 
 HttpResponse HttpAccess::SignIn(const HttpRequest& request) const {

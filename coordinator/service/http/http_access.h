@@ -38,6 +38,9 @@ class HttpAccess {
   // Records in the audit log that the request changed a job, or why it did not.
   void NoteInAudit(const HttpRequest& request, const std::string& job_id,
                    const absl::Status& outcome) const;
+  // The same of another act. what: what it concerned, for people.
+  void NoteActInAudit(const HttpRequest& request, const std::string& what,
+                      const absl::Status& outcome) const;
   // Counts of refusals by limit, as FarmView has metrics.
   std::vector<MetricView> Metrics() const;
   // The routes above. They refer to this object.

@@ -66,6 +66,11 @@ class HttpAccessTest : public testing::Test {
     };
     FarmActions actions;
     actions.cancel_job = actions.pause_job = actions.resume_job = act;
+    actions.pin_job = actions.unpin_job = act;
+    actions.collect_garbage = [act](bool) -> absl::StatusOr<std::vector<RemovalView>> {
+      if (absl::Status done = act(""); !done.ok()) return done;
+      return std::vector<RemovalView>();
+    };
     actions.set_job_priority = [act](const std::string& id, int32_t) { return act(id); };
     actions.retry_tasks = [act](const std::string& id, std::optional<int32_t>,
                                 std::optional<uint32_t>) { return act(id); };

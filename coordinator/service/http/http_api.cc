@@ -157,6 +157,10 @@ std::vector<HttpRoute> HttpApi::Routes() {
        [this](const Request& r) { return ChangeJob(r, actions_.pause_job); }},
       {"POST", job + ":resume",
        [this](const Request& r) { return ChangeJob(r, actions_.resume_job); }},
+      {"POST", job + ":pin", [this](const Request& r) { return ChangeJob(r, actions_.pin_job); }},
+      {"POST", job + ":unpin",
+       [this](const Request& r) { return ChangeJob(r, actions_.unpin_job); }},
+      {"POST", "/api/v1/gc", [this](const Request& r) { return CollectGarbage(r); }},
       {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
       {"POST", job + ":retry", [this](const Request& r) { return RetryTasks(r); }},
       {"POST", job + ":kill", [this](const Request& r) { return KillTasks(r); }},
@@ -266,6 +270,25 @@ HttpResponse HttpApi::SetPriority(const HttpRequest& request) const {
   return ChangeJob(request, [&](const std::string& job_id) {
     return actions_.set_job_priority(job_id, priority);
   });
+}
+
+HttpResponse HttpApi::CollectGarbage(const HttpRequest& request) const {
+  const std::string text = QueryValue(request, "dry_run");
+  if (!text.empty() && text != "0" && text != "1") {
+    return HttpErrorFromStatus(
+        absl::InvalidArgumentError(absl::StrCat("dry_run \"", text, "\" is neither 0 nor 1")));
+  }
+  const bool dry_run = text == "1";
+  const absl::StatusOr<std::vector<RemovalView>> removals = actions_.collect_garbage(dry_run);
+  if (access_ != nullptr && !dry_run) {
+    const std::string what =
+        removals.ok() ? absl::StrCat(removals->size(), " removals") : std::string("nothing");
+    access_->NoteActInAudit(request, what, removals.status());
+  }
+  if (!removals.ok()) return HttpErrorFromStatus(removals.status());
+  std::vector<std::string> list;
+  for (const RemovalView& removal : *removals) list.push_back(RemovalJson(removal));
+  return JsonResponse(ListJson("removals", list, ""));
 }
 
 absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {

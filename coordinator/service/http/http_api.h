@@ -12,6 +12,10 @@
 //        the command that renders its tile again on one machine
 //   POST /api/v1/jobs/ID:cancel                     cancels the job; idempotent
 //   POST /api/v1/jobs/ID:pause, ID:resume           stops or resumes granting leases; idempotent
+//   POST /api/v1/jobs/ID:pin, ID:unpin              whether all that is kept of it stays;
+//   idempotent POST /api/v1/gc?dry_run=1                       removes what is not kept any longer,
+//   and lists
+//        it; with dry_run=1 only lists it
 //   POST /api/v1/jobs/ID:priority?value=N           sets the priority, from -1000 to 1000; jobs of
 //        higher priority go first; idempotent
 //   POST /api/v1/jobs/ID:retry?frame=N&task=T       tries failed work again: of the job, or of one
@@ -82,6 +86,10 @@ struct FarmActions {
       kill_tasks;
   // Continues a job that succeeded. Errors: those of Farm::RefineJob.
   std::function<absl::Status(const std::string& job_id, const Refinement& refinement)> refine_job;
+  // Pins or unpins a job. Errors: kNotFound; kUnavailable (the disk).
+  std::function<absl::Status(const std::string&job_id)> pin_job, unpin_job;
+  // Farm::CollectGarbage.
+  std::function<absl::StatusOr<std::vector<RemovalView>>(bool dry_run)> collect_garbage;
 };
 
 class HttpApi {
@@ -112,6 +120,7 @@ class HttpApi {
   HttpResponse KillTasks(const HttpRequest& request) const;
   HttpResponse RefineJob(const HttpRequest& request) const;  // These two in http_refine.cc.
   HttpResponse GetRefinePrice(const HttpRequest& request) const;
+  HttpResponse CollectGarbage(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;
   HttpResponse GetPreview(const HttpRequest& request);
   HttpResponse GetFalseColor() const;

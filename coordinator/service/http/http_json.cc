@@ -142,6 +142,8 @@ Json JobObject(const JobView& job) {
       {"waiting_reason", job.waiting_reason},
       {"warning", job.warning},
       {"failure_count", job.failure_count},
+      {"pinned", job.pinned},
+      {"parts_removed_time", TimeJson(job.parts_removed_time)},
       {"create_time", TimeJson(job.create_time)},
       {"end_time", TimeJson(job.end_time)},
       {"frame_count", job.frame_count},
@@ -203,6 +205,16 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"progress", ProgressJson(frame.progress)},
   });
   return Dump(json);
+}
+
+std::string RemovalJson(const RemovalView& removal) {
+  return Dump({
+      {"kind", removal.kind},
+      {"job", removal.job_id.empty() ? Json() : Json(absl::StrCat("jobs/", removal.job_id))},
+      {"reason", removal.reason},
+      {"item_count", removal.item_count},
+      {"size_bytes", removal.size_bytes},
+  });
 }
 
 std::string FailureJson(const std::string& job_id, const FailureView& view) {

@@ -19,6 +19,9 @@ std::string JobJson(const JobView& job);
 // One frame of a job.
 std::string FrameJson(const std::string& job_id, const FrameView& frame);
 
+// What a removal takes.
+std::string RemovalJson(const RemovalView& removal);
+
 // One of a job's failures.
 std::string FailureJson(const std::string& job_id, const FailureView& view);
 std::string WorkerJson(const WorkerView& worker);

@@ -22,7 +22,9 @@ std::string Mark(const JobView& job) {
       static_cast<int>(job.state), " ", job.priority, " ", job.progress.sample_count_done, " ",
       job.frame_complete_count, " ", job.frame_incomplete_count, " ", job.training_frame_count, " ",
       preview_frame.frame_number, " ", preview_frame.preview_version, " ",
-      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.warning, " ", job.failure);
+      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.warning, " ", job.failure,
+      job.pinned ? " pinned" : "",
+      job.parts_removed_time == absl::InfiniteFuture() ? "" : " without parts");
 }
 
 std::string Mark(const FrameView& frame) {

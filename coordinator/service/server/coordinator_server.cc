@@ -81,6 +81,13 @@ FarmActions ActionsOn(Farm* farm) {
                            const std::string& why) {
     return by_number(job, [=](uint64_t id) { return farm->KillTasks({id, frame}, task, why); });
   };
+  actions.pin_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, true); });
+  };
+  actions.unpin_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, false); });
+  };
+  actions.collect_garbage = [=](bool dry_run) { return farm->CollectGarbage(dry_run); };
   actions.refine_job = [=](const std::string& job, const Refinement& refinement) {
     return by_number(job, [=](uint64_t id) { return farm->RefineJob(id, refinement); });
   };

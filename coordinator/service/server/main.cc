@@ -11,7 +11,9 @@
 #include <optional>
 #include <string>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
@@ -30,6 +32,9 @@ struct CommandLine {
   std::string log_level = "info";
   std::string port_file;
 };
+
+// A hard disk reads fifty times as much; a terabyte takes three days.
+constexpr uint64_t kScrubBytesPerSecondDefault = uint64_t{4} << 20;
 
 std::string DefaultStateDirectory() {
   const char* home = std::getenv("HOME");
@@ -60,6 +65,72 @@ void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
       ->group(group);
   app->add_option("--user-samples-max", farm.owner_samples_max,
                   "Pixels x samples of a user's unfinished jobs")
+      ->capture_default_str()
+      ->group(group);
+}
+
+// "7d", "12h", "90 min" or "forever". Errors: a message for people.
+std::string ParseKeptDuration(const std::string& text, absl::Duration* duration) {
+  if (text == "forever") {
+    *duration = absl::InfiniteDuration();
+    return "";
+  }
+  int64_t days = 0;
+  if (text.ends_with('d') && absl::SimpleAtoi(text.substr(0, text.size() - 1), &days)) {
+    *duration = absl::Hours(24) * days;
+  } else if (!absl::ParseDuration(text, duration)) {
+    return absl::StrCat("\"", text, "\" is no duration; give one as 7d, 12h, 30m or forever");
+  }
+  return *duration < absl::ZeroDuration() ? absl::StrCat(text, " is below 0") : "";
+}
+
+void AddDurationOption(const char* name, absl::Duration* duration, const char* help,
+                       const char* group, CLI::App* app) {
+  app->add_option_function<std::string>(
+         name,
+         [duration](const std::string& text) {
+           const std::string problem = ParseKeptDuration(text, duration);
+           if (!problem.empty()) throw CLI::ValidationError(problem);
+         },
+         help)
+      ->type_name("DURATION")
+      ->group(group);
+}
+
+// The options of what is kept of jobs that have ended.
+void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
+  RetentionLimits& limits = farm->retention;
+  farm->scrub_bytes_per_second = kScrubBytesPerSecondDefault;
+  const char* const group = "What is kept of jobs that have ended and are not pinned";
+  AddDurationOption("--keep-parts", &limits.parts_age_max,
+                    "Parts, with which sheaf refine continues, e.g. 12h (default 7d)", group, app);
+  AddDurationOption("--keep-jobs", &limits.jobs_age_max,
+                    "Jobs with their images, e.g. 90d (default forever)", group, app);
+  app->add_option("--disk-limit", limits.bytes_max,
+                  "Size of the state directory, e.g. 500G (default none). Above it the oldest go: "
+                  "parts first, then files of scenes, previews, and jobs with their images")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(group);
+  app->add_option("--disk-free-min", limits.free_bytes_min,
+                  "Free space of its file system, e.g. 10G (default 1G, at most 1/20 of it). Below "
+                  "it the oldest go, but no jobs")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(group);
+  app->add_option("--kept-parts-max", farm->kept_parts_bytes_max,
+                  "Disk space for parts, e.g. 20G: parts of delivered frames, also of jobs that go "
+                  "on, are kept within it for sheaf refine; the oldest are deleted first")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str()
+      ->group(group);
+  app->add_option("--scrub-rate", farm->scrub_bytes_per_second,
+                  "Bytes a second that are compared with their digests, e.g. 20M (default 4M); "
+                  "what is damaged is made good. 0: none")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(group);
+  app->add_option("--round-previews-max", farm->round_previews_bytes_max,
+                  "Disk space for small images of the ends of rounds, e.g. 2G; the oldest are "
+                  "deleted first, 0 keeps none")
+      ->transform(CLI::AsSizeValue(false))
       ->capture_default_str()
       ->group(group);
 }
@@ -100,16 +171,7 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   AddLimitOptions(&line->server, app);
   app->add_option("--merge-memory-max", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();
-  app->add_option("--kept-parts-max", farm.kept_parts_bytes_max,
-                  "Disk space for parts, e.g. 20G: parts of delivered frames are kept within it "
-                  "for sheaf refine; the oldest are deleted first")
-      ->transform(CLI::AsSizeValue(false))
-      ->capture_default_str();
-  app->add_option("--round-previews-max", farm.round_previews_bytes_max,
-                  "Disk space for small images of the ends of rounds, e.g. 2G; the oldest are "
-                  "deleted first, 0 keeps none")
-      ->transform(CLI::AsSizeValue(false))
-      ->capture_default_str();
+  AddRetentionOptions(&farm, app);
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
                 "For experiments: listen without encryption on addresses that other machines can "
                 "reach; everybody who reaches them controls the farm");

@@ -1,0 +1,48 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of JobService that decides what is kept: pins, and what is removed at once.
+#include "absl/strings/str_cat.h"
+#include "common/rpc/grpc_status.h"
+#include "coordinator/service/grpc/caller.h"
+#include "coordinator/service/grpc/job_service.h"
+
+namespace sheaf::coordinator {
+
+grpc::Status JobService::PinJob(grpc::ServerContext* context, const v1::PinJobRequest* request,
+                                v1::Job* response) {
+  return Change(
+      *context, "PinJob", request->name(),
+      [&](uint64_t id) { return farm_->SetJobPinned(id, /*pinned=*/true); }, response);
+}
+
+grpc::Status JobService::UnpinJob(grpc::ServerContext* context, const v1::UnpinJobRequest* request,
+                                  v1::Job* response) {
+  return Change(
+      *context, "UnpinJob", request->name(),
+      [&](uint64_t id) { return farm_->SetJobPinned(id, /*pinned=*/false); }, response);
+}
+
+grpc::Status JobService::CollectGarbage(grpc::ServerContext* context,
+                                        const v1::CollectGarbageRequest* request,
+                                        v1::CollectGarbageResponse* response) {
+  const absl::StatusOr<std::vector<RemovalView>> removals =
+      farm_->CollectGarbage(request->dry_run());
+  if (!request->dry_run()) {
+    const std::string what =
+        removals.ok() ? absl::StrCat(removals->size(), " removals") : std::string("nothing");
+    NoteInAudit(*context, access_, "CollectGarbage", what, removals.status());
+  }
+  if (!removals.ok()) return ToGrpcStatus(removals.status());
+  for (const RemovalView& view : *removals) {
+    v1::Removal& wire = *response->add_removals();
+    wire.set_kind(view.kind);
+    if (!view.job_id.empty()) wire.set_job_name(absl::StrCat("jobs/", view.job_id));
+    wire.set_reason(view.reason);
+    wire.set_item_count(view.item_count);
+    wire.set_size_bytes(view.size_bytes);
+  }
+  return grpc::Status::OK;
+}
+
+}  // namespace sheaf::coordinator
