@@ -34,6 +34,10 @@ export interface Job {
   warning?: string;
   // Number of failed leases.
   failure_count: number;
+  // Nothing that is kept of it is removed to keep the coordinator's disk free.
+  pinned?: boolean;
+  // When its parts were; null if they were not.
+  parts_removed_time?: string|null;
   create_time: string;
   end_time: string|null;
   frame_count: number;

@@ -105,7 +105,20 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'Samples that are not a number or infinite; anything but 0 is a defect'
     ],
     ['Created', format.clock(job.create_time)],
+    ...keptOf(job),
   ];
+}
+
+// What is kept of the job, where that is not the usual.
+function keptOf(job: Job): [string, string, string][] {
+  if (job.parts_removed_time) {
+    return [[
+      'Parts', 'removed ' + format.clock(job.parts_removed_time),
+      'The coordinator made room on its disk. Refining continues from the image.'
+    ]];
+  }
+  if (job.pinned) return [['Kept', 'pinned', 'All of it stays until sheaf unpin.']];
+  return [];
 }
 
 function priceOfErrorBars(frame: Frame|undefined): [string, string, string][] {
