@@ -24,8 +24,12 @@ Shape "loopsubdiv" "integer levels" 8 "integer indices" [0 1 2 0 2 3 0 3 1 1 3 2
   "point3 P" [-1 -1 5  1 -1 5  0 1 5  0 0 6]
 """
 WRONG = """Camera "perspective"
+Film "rgb" "integer xresolution" 16 "integer yresolution" 16
 WorldBegin
-Shape "spehre"
+LightSource "infinite"
+Texture "file" "spectrum" "imagemap" "string filename" "broken.png"
+Material "diffuse" "texture reflectance" "file"
+Shape "sphere"
 """
 FAILURES = 'sheaf_lease_failures_total{kind="%s"}'
 
@@ -79,6 +83,8 @@ class FailureClassesTest(unittest.TestCase):
             self.assertEqual(metrics["sheaf_tasks_poisoned_total"], 1)
             self.assertEqual(metrics["sheaf_frames_incomplete_total"], 1)
 
+            for worker in list(f.workers):
+                f.kill(worker)  # Nobody fails it again meanwhile.
             f.sheaf("retry", job)
             self.assertIn(self.state(f, job), ("queued", "running"))
             frame = json.loads(f.sheaf("show", job, "--json").stdout)["frames"][0]["frame_number"]
@@ -103,12 +109,14 @@ class FailureClassesTest(unittest.TestCase):
             self.assertGreaterEqual(f.metrics()[FAILURES % "memory"], 3)
 
     def test_scene_errors_end_the_job_at_once(self):
+        with open(os.path.join(self.folder, "broken.png"), "wb") as file:
+            file.write(b"no image")
         with farm.Farm() as f:
             f.start_worker()
             job = self.submit(f, self.scene(WRONG), "--samples", "1")
             shown = self.await_words(f, job, "state      failed")
             self.assertIn("cannot be rendered", shown)
-            self.assertIn("spehre", shown)
+            self.assertIn("broken.png", shown)
             self.assertEqual(f.metrics()[FAILURES % "scene"], 1)
 
 
