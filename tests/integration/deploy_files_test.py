@@ -1,0 +1,103 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The units of deploy/systemd and the templates of deploy/openjd and deploy/opencue.
+
+They call the programs with options that exist; the templates have the fields that OpenJD
+(specification 2023-09) and OpenCue (job specification cjsl-1.14) require. Neither farm manager is
+run here.
+"""
+import glob
+import json
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import unittest
+import xml.etree.ElementTree as xml
+
+from farm import ROOT, programs
+
+DEPLOY = os.path.join(ROOT, "deploy")
+
+
+def read(*names):
+    with open(os.path.join(DEPLOY, *names), encoding="utf-8") as file:
+        return file.read()
+
+
+def refused_options(command):
+    """The options of a command line that its program's --help does not list."""
+    help_text = subprocess.run([os.path.join(programs(), os.path.basename(command[0])), "--help"],
+                               capture_output=True, text=True, check=True, timeout=60).stdout
+    known = set(re.findall(r"^  (?:-\w, )?(--[a-z-]+)", help_text, re.M))
+    return {word.partition("=")[0] for word in command if word.startswith("--")} - known
+
+
+class DeployFilesTest(unittest.TestCase):
+    def test_units_call_programs_as_they_are(self):
+        units = sorted(glob.glob(os.path.join(DEPLOY, "systemd", "*.service")))
+        self.assertEqual(len(units), 3)
+        for path in units:
+            with open(path, encoding="utf-8") as file:
+                text = file.read()
+            command, = re.findall(r"^ExecStart=(.*)$", text, re.M)
+            self.assertEqual(refused_options(command.split()), set(), path)
+            user, = re.findall(r"^User=(.*)$", text, re.M)
+            self.assertRegex(read("systemd", "sheaf.sysusers.conf"), rf"(?m)^u {user} ")
+            if "sheaf-worker" in path:  # It makes namespaces and mounts of its own.
+                self.assertNotRegex(text, r"(?m)^(RestrictNamespaces|SystemCallFilter|ProcSubset)=")
+
+    def test_both_worker_units_are_confined_alike(self):
+        one, several = (read("systemd", name).partition("[Service]")[2]
+                        for name in ("sheaf-worker.service", "sheaf-worker@.service"))
+        self.assertEqual(several.replace("EnvironmentFile=-/etc/sheaf/worker-%i.conf\n", ""), one)
+
+    @unittest.skipUnless(shutil.which("systemd-analyze"), "systemd is not installed")
+    def test_systemd_knows_every_setting(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for unit in glob.glob(os.path.join(DEPLOY, "systemd", "*.service")):
+                path = os.path.join(folder, os.path.basename(unit).replace("@.", "@0."))
+                with open(unit, encoding="utf-8") as file:
+                    text = file.read().replace("/usr/local/bin", programs())
+                with open(path, "w", encoding="utf-8") as file:
+                    file.write(text)
+                done = subprocess.run(["systemd-analyze", "verify", path], capture_output=True,
+                                      text=True, timeout=60, check=False)
+                told = [line for line in done.stderr.splitlines() if path in line
+                        or os.path.basename(path) in line]
+                self.assertEqual((done.returncode, told), (0, []), unit)
+
+    def test_openjd_template(self):
+        template = json.loads(read("openjd", "sheaf-workers.json"))
+        self.assertEqual(template["specificationVersion"], "jobtemplate-2023-09")
+        self.assertLessEqual(len(template["name"]), 128)
+        parameters = {parameter["name"] for parameter in template["parameterDefinitions"]}
+        step, = template["steps"]
+        self.assertEqual(set(re.findall(r"\{\{Param\.(\w+)\}\}", json.dumps(template))),
+                         parameters)
+        for parameter in template["parameterDefinitions"]:
+            self.assertIn(parameter["type"], ("STRING", "INT"))
+        worker, = step["parameterSpace"]["taskParameterDefinitions"]
+        self.assertEqual((worker["type"], worker["range"]), ("INT", "1-{{Param.WorkerCount}}"))
+        run = step["script"]["actions"]["onRun"]
+        self.assertEqual(refused_options([run["command"], *run["args"]]), set())
+        grace = int(run["args"][run["args"].index("--grace-seconds") + 1])
+        self.assertGreater(run["cancelation"]["notifyPeriodInSeconds"], grace)
+
+    def test_opencue_template(self):
+        spec = xml.fromstring(read("opencue", "sheaf-workers.xml"))
+        self.assertEqual([child.tag for child in spec],
+                         ["facility", "show", "shot", "user", "uid", "job"])
+        job = spec.find("job")
+        self.assertTrue(job.get("name"))
+        layer, = job.find("layers")
+        self.assertEqual(layer.get("type"), "Render")
+        order = ["cmd", "range", "chunk", "cores", "threadable", "memory", "services"]
+        self.assertEqual([child.tag for child in layer], order)
+        self.assertEqual(refused_options(layer.find("cmd").text.split()), set())
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
