@@ -61,6 +61,12 @@ absl::Status MakeAuthority(const std::string& directory, absl::Time now) {
   return WriteSecret(AuthorityPath(directory), *certificate);
 }
 
+// UnixEpoch if it is no certificate.
+absl::Time ExpiryOf(const std::string& certificate_pem) {
+  const absl::StatusOr<CertificateTerms> terms = ReadCertificate(certificate_pem);
+  return terms.ok() ? terms->not_after : absl::UnixEpoch();
+}
+
 void AddAddress(const sockaddr* address, std::vector<std::string>* hosts) {
   char text[INET6_ADDRSTRLEN] = {};
   if (address->sa_family == AF_INET) {
@@ -138,6 +144,16 @@ absl::StatusOr<std::vector<std::string>> CertificateAuthority::Hosts() const {
   if (!text.ok()) return text.status();
   std::vector<std::string> hosts = absl::StrSplit(*text, '\n', absl::SkipEmpty());
   return hosts;
+}
+
+absl::Time CertificateAuthority::Expiry() const {
+  return ExpiryOf(issuer_.certificate_pem);
+}
+
+absl::Time CertificateAuthority::ServerExpiry() const {
+  const absl::StatusOr<std::string> present =
+      ReadWholeFile(server_files().certificate_path, kPemBytesMax);
+  return present.ok() ? ExpiryOf(*present) : absl::UnixEpoch();
 }
 
 absl::StatusOr<bool> CertificateAuthority::RenewServerCertificate(absl::Time now) const {

@@ -44,6 +44,10 @@ class CertificateAuthority {
   CredentialFiles server_files() const;
   // The names and addresses of the server certificate. Errors: those of files.
   absl::StatusOr<std::vector<std::string>> Hosts() const;
+  // When the authority's own certificate ends.
+  absl::Time Expiry() const;
+  // When the server certificate on disk ends; UnixEpoch if it cannot be read.
+  absl::Time ServerExpiry() const;
 
   // Issues the server certificate again if half of its life is over, or if hosts were added.
   // Returns whether it did. Errors: those of files.

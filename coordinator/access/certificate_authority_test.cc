@@ -77,6 +77,10 @@ TEST_F(CertificateAuthorityTest, RenewsItsServerInTime) {
   EXPECT_TRUE(*authority->RenewServerCertificate(kNow + kServerLifetime * 0.6));
   EXPECT_EQ(ReadCertificate(ServerCertificate(*authority))->not_after,
             kNow + kServerLifetime * 1.6);
+  EXPECT_EQ(authority->ServerExpiry(), kNow + kServerLifetime * 1.6);
+  EXPECT_EQ(authority->Expiry(), kNow + kAuthorityLifetime);
+  std::filesystem::remove(authority->server_files().certificate_path);
+  EXPECT_EQ(authority->ServerExpiry(), absl::UnixEpoch()) << "as if it had ended";
 }
 
 TEST_F(CertificateAuthorityTest, IssuesToIdentities) {

@@ -87,7 +87,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       job_views_(options.state_directory, &tables_, round_previews_.get(), &disk_),
       worker_views_(&tables_, blobs_.get()),
       pricing_(&tables_, store_.get()),
-      metrics_(&tables_, store_.get(), &images_) {
+      metrics_(options.state_directory, &tables_, store_.get(), &images_, &disk_) {
   if (options.scrub_bytes_per_second == 0) return;
   scrubber_ = std::make_unique<Scrubber>(
       options.scrub_bytes_per_second,

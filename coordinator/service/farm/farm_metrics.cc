@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <string>
+#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "coordinator/service/farm/worker_views.h"
@@ -129,8 +131,24 @@ std::vector<std::pair<uint64_t, JobCurve>> FarmMetrics::LiveCurves(size_t count_
   return curves;
 }
 
+std::vector<MetricView> FarmMetrics::ListDisk() const {
+  std::vector<MetricView> metrics = {
+      Gauge("disk_writable", "Whether the last write to the state directory succeeded: 1 or 0.",
+            disk_.Last().ok() ? 1 : 0)};
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(state_directory_, error);
+  if (error) return metrics;
+  metrics.push_back(Gauge("disk_free_bytes",
+                          "Bytes that the coordinator may still write to the state directory's "
+                          "disk.",
+                          static_cast<double>(space.available)));
+  metrics.push_back(Gauge("disk_size_bytes", "Size of the state directory's disk.",
+                          static_cast<double>(space.capacity)));
+  return metrics;
+}
+
 std::vector<MetricView> FarmMetrics::List() const {
-  std::vector<MetricView> metrics;
+  std::vector<MetricView> metrics = ListDisk();
   const MutexLock lock(&tables_.mutex);
   const Counters& counters = tables_.scheduler.counters();
   for (const CounterName& counter : kCounterNames) {
@@ -154,9 +172,14 @@ std::vector<MetricView> FarmMetrics::List() const {
                        static_cast<double>(by_state[state])});
   }
   int live_jobs = 0;
-  for (const auto& [id, job] : tables_.scheduler.jobs())
-    live_jobs += job.phase == JobPhase::kLive ? 1 : 0;
+  int paused_jobs = 0;
+  for (const auto& [id, job] : tables_.scheduler.jobs()) {
+    if (job.phase != JobPhase::kLive) continue;
+    ++live_jobs;
+    paused_jobs += job.Paused() ? 1 : 0;
+  }
   metrics.push_back(Gauge("jobs_live", "Jobs that have not ended.", live_jobs));
+  metrics.push_back(Gauge("jobs_paused", "Live jobs that people have paused.", paused_jobs));
   const std::vector<std::pair<uint64_t, JobCurve>> curves = LiveCurves(kJobMetricsMax);
   for (const JobMetric& metric : kJobMetrics) {
     for (const auto& [id, curve] : curves) {

@@ -6,10 +6,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "coordinator/service/farm/delivered_images.h"
+#include "coordinator/service/farm/disk_state.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/store/job_store.h"
@@ -27,9 +29,14 @@ struct JobCurve {
 // Thread safety: all members may be called concurrently.
 class FarmMetrics {
  public:
-  // All arguments must outlive the object.
-  FarmMetrics(FarmTables* tables, const JobStore* store, const DeliveredImages* images)
-      : tables_(*tables), store_(*store), images_(*images) {}
+  // All pointers must outlive the object.
+  FarmMetrics(std::string state_directory, FarmTables* tables, const JobStore* store,
+              const DeliveredImages* images, const DiskState* disk)
+      : state_directory_(std::move(state_directory)),
+        tables_(*tables),
+        store_(*store),
+        images_(*images),
+        disk_(*disk) {}
 
   // As FarmView has them.
   std::vector<MetricView> List() const;
@@ -38,10 +45,14 @@ class FarmMetrics {
   // How live jobs stand, the oldest first.
   std::vector<std::pair<uint64_t, JobCurve>> LiveCurves(size_t count_max) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // The state directory's disk; without its size where the system does not tell it.
+  std::vector<MetricView> ListDisk() const;
 
+  const std::string state_directory_;
   FarmTables& tables_;
   const JobStore& store_;
   const DeliveredImages& images_;
+  const DiskState& disk_;
 };
 
 }  // namespace sheaf::coordinator

@@ -3,6 +3,7 @@
 #include "coordinator/service/http/http_access.h"
 
 #include <array>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
@@ -109,6 +110,14 @@ std::vector<MetricView> HttpAccess::Metrics() const {
                        MetricView::Kind::kCounter, "limit",
                        IdentityLimitName(static_cast<IdentityLimit>(limit)),
                        static_cast<double>(refused[limit])});
+  }
+  for (const auto& [name, expiry] :
+       {std::pair("authority", access_->authority().Expiry()),
+        std::pair("server", access_->authority().ServerExpiry())}) {
+    metrics.push_back({"sheaf_certificate_expiry_time_seconds",
+                       "When a certificate of the coordinator ends, in Unix time.",
+                       MetricView::Kind::kGauge, "certificate", name,
+                       absl::ToDoubleSeconds(expiry - absl::UnixEpoch())});
   }
   return metrics;
 }

@@ -282,6 +282,11 @@ TEST_F(HttpAccessTest, StrangersAreRefusedForATimeAndOthersServed) {
   EXPECT_EQ(metrics.status, 200) << "who is signed in is not held up";
   EXPECT_THAT(metrics.body, HasSubstr("sheaf_refused_total{limit=\"stranger_calls\"} 2\n"));
   EXPECT_THAT(metrics.body, HasSubstr("sheaf_refused_total{limit=\"calls\"} 0\n"));
+  for (const std::string name : {"authority", "server"}) {
+    EXPECT_THAT(metrics.body,
+                testing::ContainsRegex("sheaf_certificate_expiry_time_seconds.certificate=\"" +
+                                       name + "\". [1-9]"));
+  }
 }
 
 // A TLS client that trusts the farm's authority.

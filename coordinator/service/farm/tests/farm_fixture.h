@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -129,6 +130,13 @@ class FarmTest : public testing::Test {
                           static_cast<double>(block.count);
     result.digest = {Sha256Hex(bytes), bytes.size()};
     return farm_->AddResult(result, bytes).status();
+  }
+  // The value of /metrics; NaN if there is none of that name.
+  double Metric(const std::string& name) const {
+    for (const MetricView& metric : farm_->Metrics()) {
+      if (metric.name == name) return metric.value;
+    }
+    return std::numeric_limits<double>::quiet_NaN();
   }
   // Renders what there is to do, in no less time.
   void Work(absl::Duration time_min = absl::ZeroDuration(),

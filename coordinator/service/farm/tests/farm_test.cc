@@ -31,6 +31,7 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   store_->full_ = true;
   Work(absl::ZeroDuration(), absl::StatusCode::kResourceExhausted);
   EXPECT_FALSE(farm_->Ready().ok());
+  EXPECT_EQ(Metric("sheaf_disk_writable"), 0);
   EXPECT_THAT(farm_->FindJob(job)->waiting_reason, HasSubstr("no space left"));
   store_->full_ = false;
   const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
@@ -38,6 +39,9 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
     absl::SleepFor(absl::Milliseconds(10));
   }
   EXPECT_TRUE(farm_->Ready().ok());
+  EXPECT_EQ(Metric("sheaf_disk_writable"), 1);
+  EXPECT_GT(Metric("sheaf_disk_free_bytes"), 0);
+  EXPECT_GE(Metric("sheaf_disk_size_bytes"), Metric("sheaf_disk_free_bytes"));
   EXPECT_EQ(farm_->FindJob(job)->waiting_reason, "");
   while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) Work();
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
@@ -76,6 +80,10 @@ TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {
   EXPECT_TRUE(farm_->ResumeJob(job).ok());
   EXPECT_TRUE(farm_->SetJobPriority(job, 0).ok());
   EXPECT_EQ(store_->control_writes_, 4);
+  EXPECT_EQ(Metric("sheaf_jobs_paused"), 0);
+  EXPECT_TRUE(farm_->PauseJob(job).ok());
+  EXPECT_EQ(Metric("sheaf_jobs_paused"), 1);
+  EXPECT_EQ(Metric("sheaf_jobs_live"), 1) << "it has not ended";
 }
 
 // A second call to cancel a job is not answered before the first is durable: after a power cut the
