@@ -146,9 +146,7 @@ absl::StatusOr<std::vector<std::string>> CertificateAuthority::Hosts() const {
   return hosts;
 }
 
-absl::Time CertificateAuthority::Expiry() const {
-  return ExpiryOf(issuer_.certificate_pem);
-}
+absl::Time CertificateAuthority::Expiry() const { return ExpiryOf(issuer_.certificate_pem); }
 
 absl::Time CertificateAuthority::ServerExpiry() const {
   const absl::StatusOr<std::string> present =

@@ -111,9 +111,8 @@ std::vector<MetricView> HttpAccess::Metrics() const {
                        IdentityLimitName(static_cast<IdentityLimit>(limit)),
                        static_cast<double>(refused[limit])});
   }
-  for (const auto& [name, expiry] :
-       {std::pair("authority", access_->authority().Expiry()),
-        std::pair("server", access_->authority().ServerExpiry())}) {
+  for (const auto& [name, expiry] : {std::pair("authority", access_->authority().Expiry()),
+                                     std::pair("server", access_->authority().ServerExpiry())}) {
     metrics.push_back({"sheaf_certificate_expiry_time_seconds",
                        "When a certificate of the coordinator ends, in Unix time.",
                        MetricView::Kind::kGauge, "certificate", name,
