@@ -172,8 +172,8 @@ class MonitoringTest(unittest.TestCase):
         # Selectors of labels too: what they select exists.
         for selector in set(re.findall(r"sheaf_\w+\{[^}]*\}", used)):
             self.assertTrue(prometheus.query(selector), selector)
-        busy = prometheus.query('sheaf_workers{state="busy"}')
-        self.assertEqual([sample["value"][1] for sample in busy], ["1"])
+        live = prometheus.query('sum(sheaf_workers{state=~"idle|busy"})')
+        self.assertEqual([sample["value"][1] for sample in live], ["1"])
         job = prometheus.query("sheaf_job_samples")[0]["metric"]
         self.assertEqual(job["exported_job"], "jobs/1", "as the dashboard names it")
         self.assertEqual([rule["name"] for rule in rules if rule["state"] == "firing"], [])
@@ -186,7 +186,7 @@ class MonitoringTest(unittest.TestCase):
             self.assertEqual(annotations["runbook"],
                              "docs/operations.md#" + rule["name"].lower())
             self.assertIn(rule["labels"]["severity"], ("warning", "critical"))
-        self.assertEqual(headings, [rule["name"] for rule in rules])
+        self.assertEqual(sorted(headings), sorted(rule["name"] for rule in rules))
 
 
 if __name__ == "__main__":
