@@ -31,88 +31,91 @@ std::optional<Role> LeastRole(Requirement requirement) {
   return std::nullopt;
 }
 
+using enum Requirement;
+constexpr OperationRule kRules[] = {
+    {"/sheaf.v1.AccessService/Enroll", kNothing},
+    {"/sheaf.v1.AccessService/RenewCertificate", kIdentity},
+    {"/sheaf.v1.AccessService/IssuePageToken", kView},
+
+    {"/sheaf.v1.JobService/GetJob", kView},
+    {"/sheaf.v1.JobService/ListJobs", kView},
+    {"/sheaf.v1.JobService/WatchJob", kView},
+    {"/sheaf.v1.JobService/ReadFrameOutput", kView},
+    {"/sheaf.v1.JobService/PriceRefinement", kView},
+    {"/sheaf.v1.JobService/LiftQuarantine", kOperate},
+    {"/sheaf.v1.JobService/ListWorkers", kView},
+    // With the role submit, only one's own jobs (AccessControl::AuthorizeJob).
+    {"/sheaf.v1.JobService/CreateJob", kSubmit},
+    {"/sheaf.v1.JobService/CancelJob", kSubmit},
+    {"/sheaf.v1.JobService/PauseJob", kSubmit},
+    {"/sheaf.v1.JobService/ResumeJob", kSubmit},
+    {"/sheaf.v1.JobService/SetJobPriority", kSubmit},
+    {"/sheaf.v1.JobService/RefineJob", kSubmit},
+    {"/sheaf.v1.JobService/RetryTasks", kSubmit},
+    {"/sheaf.v1.JobService/KillTasks", kSubmit},
+    {"/sheaf.v1.JobService/PinJob", kSubmit},
+    {"/sheaf.v1.JobService/UnpinJob", kSubmit},
+    {"/sheaf.v1.JobService/CollectGarbage", kOperate},
+
+    {"/sheaf.v1.ContentService/FindMissing", kSubmit},
+    {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},
+    {"/sheaf.v1.ContentService/WriteBlob", kSubmit},
+    {"/sheaf.v1.ContentService/ReadBlob", kWorkOrOperate},
+
+    {"/sheaf.v1.WorkerService/Synchronize", kWork},
+    {"/sheaf.v1.WorkerService/UploadResults", kWork},
+    {"/sheaf.v1.WorkerService/ReadGuidingField", kWork},
+
+    {"/grpc.health.v1.Health/Check", kIdentity},
+    {"/grpc.health.v1.Health/Watch", kIdentity},
+    {"/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", kView},
+
+    {"GET /login", kNothing},
+    {"POST /login", kNothing},
+    {"POST /logout", kNothing},
+    {"GET /login.html", kNothing},
+    {"GET /style.css", kNothing},
+    {"GET /favicon.svg", kNothing},
+    {"GET /licences.txt", kNothing},
+    {"GET /", kView},
+    {"GET /index.html", kView},
+    {"GET /app.js", kView},
+    {"GET /error_chart.js", kView},
+    {"GET /exposure_worker.js", kView},
+
+    {"GET /healthz", kNothing},
+    {"GET /readyz", kNothing},
+    {"GET /metrics", kScrape},
+    {"GET /api/v1/session", kView},
+    {"GET /api/v1/events", kView},
+    {"GET /api/v1/jobs", kView},
+    {"GET /api/v1/jobs/{}", kView},
+    {"GET /api/v1/jobs/{}/failures", kView},
+    {"GET /api/v1/jobs/{}/refine-price", kView},
+    {"GET /api/v1/jobs/{}/frames/{}", kView},
+    {"GET /api/v1/jobs/{}/frames/{}/preview.png", kView},
+    {"GET /api/v1/jobs/{}/frames/{}/output.exr", kView},
+    {"GET /api/v1/false-color.png", kView},
+    {"GET /api/v1/workers", kView},
+    {"GET /api/v1/counters", kView},
+    // As for gRPC, with the role submit only one's own jobs.
+    {"POST /api/v1/jobs/{}:cancel", kSubmit},
+    {"POST /api/v1/jobs/{}:pause", kSubmit},
+    {"POST /api/v1/jobs/{}:resume", kSubmit},
+    {"POST /api/v1/jobs/{}:priority", kSubmit},
+    {"POST /api/v1/jobs/{}:refine", kSubmit},
+    {"POST /api/v1/jobs/{}:retry", kSubmit},
+    {"POST /api/v1/jobs/{}:kill", kSubmit},
+    {"POST /api/v1/jobs/{}:pin", kSubmit},
+    {"POST /api/v1/jobs/{}:unpin", kSubmit},
+    {"POST /api/v1/gc", kOperate},
+};
+
 }  // namespace
 
 const std::vector<OperationRule>& RoleTable() {
-  using enum Requirement;
-  static const std::vector<OperationRule>* const kTable = new std::vector<OperationRule>{
-      {"/sheaf.v1.AccessService/Enroll", kNothing},
-      {"/sheaf.v1.AccessService/RenewCertificate", kIdentity},
-      {"/sheaf.v1.AccessService/IssuePageToken", kView},
-
-      {"/sheaf.v1.JobService/GetJob", kView},
-      {"/sheaf.v1.JobService/ListJobs", kView},
-      {"/sheaf.v1.JobService/WatchJob", kView},
-      {"/sheaf.v1.JobService/ReadFrameOutput", kView},
-      {"/sheaf.v1.JobService/PriceRefinement", kView},
-      {"/sheaf.v1.JobService/LiftQuarantine", kOperate},
-      {"/sheaf.v1.JobService/ListWorkers", kView},
-      // With the role submit, only one's own jobs (AccessControl::AuthorizeJob).
-      {"/sheaf.v1.JobService/CreateJob", kSubmit},
-      {"/sheaf.v1.JobService/CancelJob", kSubmit},
-      {"/sheaf.v1.JobService/PauseJob", kSubmit},
-      {"/sheaf.v1.JobService/ResumeJob", kSubmit},
-      {"/sheaf.v1.JobService/SetJobPriority", kSubmit},
-      {"/sheaf.v1.JobService/RefineJob", kSubmit},
-      {"/sheaf.v1.JobService/RetryTasks", kSubmit},
-      {"/sheaf.v1.JobService/KillTasks", kSubmit},
-      {"/sheaf.v1.JobService/PinJob", kSubmit},
-      {"/sheaf.v1.JobService/UnpinJob", kSubmit},
-      {"/sheaf.v1.JobService/CollectGarbage", kOperate},
-
-      {"/sheaf.v1.ContentService/FindMissing", kSubmit},
-      {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},
-      {"/sheaf.v1.ContentService/WriteBlob", kSubmit},
-      {"/sheaf.v1.ContentService/ReadBlob", kWorkOrOperate},
-
-      {"/sheaf.v1.WorkerService/Synchronize", kWork},
-      {"/sheaf.v1.WorkerService/UploadResults", kWork},
-      {"/sheaf.v1.WorkerService/ReadGuidingField", kWork},
-
-      {"/grpc.health.v1.Health/Check", kIdentity},
-      {"/grpc.health.v1.Health/Watch", kIdentity},
-      {"/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", kView},
-
-      {"GET /login", kNothing},
-      {"POST /login", kNothing},
-      {"POST /logout", kNothing},
-      {"GET /login.html", kNothing},
-      {"GET /style.css", kNothing},
-      {"GET /favicon.svg", kNothing},
-      {"GET /licences.txt", kNothing},
-      {"GET /", kView},
-      {"GET /index.html", kView},
-      {"GET /app.js", kView},
-      {"GET /error_chart.js", kView},
-      {"GET /exposure_worker.js", kView},
-
-      {"GET /healthz", kNothing},
-      {"GET /readyz", kNothing},
-      {"GET /metrics", kScrape},
-      {"GET /api/v1/session", kView},
-      {"GET /api/v1/events", kView},
-      {"GET /api/v1/jobs", kView},
-      {"GET /api/v1/jobs/{}", kView},
-      {"GET /api/v1/jobs/{}/failures", kView},
-      {"GET /api/v1/jobs/{}/refine-price", kView},
-      {"GET /api/v1/jobs/{}/frames/{}", kView},
-      {"GET /api/v1/jobs/{}/frames/{}/preview.png", kView},
-      {"GET /api/v1/jobs/{}/frames/{}/output.exr", kView},
-      {"GET /api/v1/false-color.png", kView},
-      {"GET /api/v1/workers", kView},
-      {"GET /api/v1/counters", kView},
-      // As for gRPC, with the role submit only one's own jobs.
-      {"POST /api/v1/jobs/{}:cancel", kSubmit},
-      {"POST /api/v1/jobs/{}:pause", kSubmit},
-      {"POST /api/v1/jobs/{}:resume", kSubmit},
-      {"POST /api/v1/jobs/{}:priority", kSubmit},
-      {"POST /api/v1/jobs/{}:refine", kSubmit},
-      {"POST /api/v1/jobs/{}:retry", kSubmit},
-      {"POST /api/v1/jobs/{}:kill", kSubmit},
-      {"POST /api/v1/jobs/{}:pin", kSubmit},
-      {"POST /api/v1/jobs/{}:unpin", kSubmit},
-      {"POST /api/v1/gc", kOperate},
-  };
+  static const auto* const kTable =
+      new std::vector<OperationRule>(std::begin(kRules), std::end(kRules));
   return *kTable;
 }
 
