@@ -112,7 +112,9 @@ TEST(CostForecastTest, TheNoisiestCellDecidesTheLightPasses) {
   for (int i = 0; i < 50; ++i) model.cells.push_back(CellOf(0.32));
   model.light = LightOf(100, 1e-6, 0.5);
   const Forecast forecast = ForecastTarget(model, {.target_error = 0.01}, kSamplesMax);
-  EXPECT_NEAR(forecast.light_passes, 2 * forecast.samples - 16, 1e-9);
+  const double noisy_samples = 2 * forecast.samples - 16;  // The mean of the noisy half.
+  EXPECT_GE(forecast.light_passes, noisy_samples);
+  EXPECT_LE(forecast.light_passes, 1.2 * noisy_samples);
 }
 
 TEST(CostForecastTest, TrainingsCostOnce) {
