@@ -436,18 +436,4 @@ v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {
   return wire;
 }
 
-v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome) {
-  switch (outcome) {
-    case ResultOutcome::kAccepted:
-      return v1::UploadResultsResponse::OUTCOME_ACCEPTED;
-    case ResultOutcome::kDuplicateEqual:
-      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_EQUAL;
-    case ResultOutcome::kDuplicateMismatch:
-      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_MISMATCH;
-    case ResultOutcome::kSuperseded:
-      return v1::UploadResultsResponse::OUTCOME_SUPERSEDED;
-  }
-  return v1::UploadResultsResponse::OUTCOME_UNSPECIFIED;
-}
-
 }  // namespace sheaf::coordinator

@@ -42,7 +42,6 @@ v1::EffectCost ToWire(const EffectCost& effect);
 v1::PriceRefinementResponse ToWire(const RefinementPrices& priced);
 v1::Worker ToWire(const WorkerView& view);
 v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer);
-v1::UploadResultsResponse::Outcome ToWire(ResultOutcome outcome);
 v1::Digest ToWire(const BlobDigest& digest);
 
 // "jobs/7" to "7". Errors: kInvalidArgument.

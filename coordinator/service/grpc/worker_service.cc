@@ -16,6 +16,20 @@
 namespace sheaf::coordinator {
 namespace {
 
+v1::UploadResultsResponse::Outcome WireOutcome(ResultOutcome outcome) {
+  switch (outcome) {
+    case ResultOutcome::kAccepted:
+      return v1::UploadResultsResponse::OUTCOME_ACCEPTED;
+    case ResultOutcome::kDuplicateEqual:
+      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_EQUAL;
+    case ResultOutcome::kDuplicateMismatch:
+      return v1::UploadResultsResponse::OUTCOME_DUPLICATE_MISMATCH;
+    case ResultOutcome::kSuperseded:
+      return v1::UploadResultsResponse::OUTCOME_SUPERSEDED;
+  }
+  return v1::UploadResultsResponse::OUTCOME_UNSPECIFIED;
+}
+
 // Puts the messages of an upload stream together into results, one at a time.
 class ResultAssembly {
  public:
@@ -55,7 +69,7 @@ class ResultAssembly {
     report_.reset();
     bytes_.clear();
     if (!outcome.ok()) return outcome.status();
-    response_->add_outcomes(ToWire(*outcome));
+    response_->add_outcomes(WireOutcome(*outcome));
     return absl::OkStatus();
   }
 
