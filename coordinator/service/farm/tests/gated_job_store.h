@@ -45,6 +45,12 @@ class GatedJobStore : public JobStore {
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override {
     return store_->WriteFailures(job_id, failures);
   }
+  absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles) override {
+    return store_->WriteTroubles(troubles);
+  }
+  absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id) override {
+    return store_->LoadTroubles(job_id);
+  }
   absl::Status WriteQuarantine(const QuarantineRecord& record) override {
     return store_->WriteQuarantine(record);
   }
