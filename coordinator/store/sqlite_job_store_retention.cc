@@ -89,7 +89,8 @@ absl::Status SqliteJobStore::RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes
   *parts_bytes = static_cast<uint64_t>(sum.Int64(0));
   absl::Status status =
       database_->Prepare("INSERT OR IGNORE INTO removed_jobs(job_id) VALUES(?)").Bind(job_id).Run();
-  for (const char* table : {"parts", "rounds", "effects", "failures", "frames", "jobs"}) {
+  for (const char* table :
+       {"parts", "rounds", "effects", "failures", "task_failures", "frames", "jobs"}) {
     if (!status.ok()) return status;
     status = database_->Prepare(absl::StrCat("DELETE FROM ", table, " WHERE job_id = ?"))
                  .Bind(job_id)

@@ -117,7 +117,10 @@ TEST_F(SqliteRetentionTest, PartsOfPinnedJobsAreNotTheOldest) {
 
 TEST_F(SqliteRetentionTest, ARemovedJobLeavesNothing) {
   const uint64_t job = FinishedJob("a"), other = FinishedJob("b");
+  const TaskTrouble killed{{job, 7}, TaskKind::kCamera, {}, {0, 0}, {}, {}, "killed by ann"};
+  ASSERT_TRUE(store_->WriteTroubles({killed}).ok());
   ASSERT_TRUE(store_->RemoveJob(job).ok());
+  EXPECT_TRUE(store_->LoadTroubles(job)->empty());
   EXPECT_EQ(store_->PartsBytes(), 5u);
   EXPECT_FALSE(Exists("parts/1"));
   EXPECT_FALSE(Exists("outputs/1"));
