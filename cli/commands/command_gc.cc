@@ -15,6 +15,8 @@
 namespace sheaf::cli {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 // "parts of jobs/7", "jobs/7 with its images", "12 blobs".
 std::string NameOf(const v1::Removal& removal) {
   if (removal.job_name().empty()) {
@@ -61,7 +63,6 @@ class GcCommand : public FarmCommand {
 
  private:
   void PrintJson(const v1::CollectGarbageResponse& response, uint64_t bytes) const {
-    using Json = nlohmann::ordered_json;
     Json removals = Json::array();
     for (const v1::Removal& removal : response.removals()) {
       removals.push_back({{"kind", removal.kind()},
