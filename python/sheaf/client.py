@@ -171,6 +171,29 @@ class Client:
     def resume(self, job: JobLike) -> Job:
         return job_from(self._unary("ResumeJob", job_pb2.ResumeJobRequest(name=job_name(job))))
 
+    def pin(self, job: JobLike) -> Job:
+        """Keeps all of the job, however full the coordinator's disk is, until unpin()."""
+        return job_from(self._unary("PinJob", job_pb2.PinJobRequest(name=job_name(job))))
+
+    def unpin(self, job: JobLike) -> Job:
+        return job_from(self._unary("UnpinJob", job_pb2.UnpinJobRequest(name=job_name(job))))
+
+    def retry(self, job: JobLike, *, frame: int | None = None, task: int | None = None) -> Job:
+        """Tries the failed work of the job again, of one frame, or of one task of a frame."""
+        request = job_pb2.RetryTasksRequest(name=job_name(job))
+        if frame is not None:
+            request.frame_number = frame
+        if task is not None:
+            request.task = task
+        return job_from(self._unary("RetryTasks", request))
+
+    def kill(self, job: JobLike, frame: int, *, task: int | None = None) -> Job:
+        """Gives up a frame or a task of it; the rest of the job goes on."""
+        request = job_pb2.KillTasksRequest(name=job_name(job), frame_number=frame)
+        if task is not None:
+            request.task = task
+        return job_from(self._unary("KillTasks", request))
+
     def set_priority(self, job: JobLike, priority: int) -> Job:
         """From -1000 to 1000; higher goes first."""
         _check_priority(priority)

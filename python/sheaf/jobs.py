@@ -35,6 +35,7 @@ class WorkerState(enum.Enum):
     LOST = 4
     QUARANTINED = 5
     STOPPED = 6
+    SICK = 7
 
 
 class StopReason(enum.Enum):

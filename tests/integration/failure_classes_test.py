@@ -2,8 +2,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """What becomes of tasks that fail, by class: who gets them again, what people are told, and what
-they can do about it. The causes are real: tasks that do not end, scenes beyond a worker's memory,
-scenes with errors.
+they can do about it. The causes are real: tasks that do not end, scenes beyond a worker's memory.
 """
 import json
 import os
@@ -14,7 +13,7 @@ import farm
 
 SCENE = os.path.join(farm.ROOT, "scenes", "showroom.pbrt")
 # One task, which no worker finishes within a second.
-ENDLESS = ("--crop", "200,80,232,112", "--tile-size", "32", "--samples", str(1 << 20),
+ENDLESS = ("--crop", "192,64,224,96", "--tile-size", "32", "--samples", str(1 << 20),
            "--pass-samples", str(1 << 20), "--lease-passes", "1")
 LARGE = """Camera "perspective"
 Film "rgb" "integer xresolution" 16 "integer yresolution" 16
@@ -22,14 +21,6 @@ WorldBegin
 LightSource "infinite"
 Shape "loopsubdiv" "integer levels" 8 "integer indices" [0 1 2 0 2 3 0 3 1 1 3 2]
   "point3 P" [-1 -1 5  1 -1 5  0 1 5  0 0 6]
-"""
-WRONG = """Camera "perspective"
-Film "rgb" "integer xresolution" 16 "integer yresolution" 16
-WorldBegin
-LightSource "infinite"
-Texture "file" "spectrum" "imagemap" "string filename" "broken.png"
-Material "diffuse" "texture reflectance" "file"
-Shape "sphere"
 """
 FAILURES = 'sheaf_lease_failures_total{kind="%s"}'
 
@@ -107,17 +98,6 @@ class FailureClassesTest(unittest.TestCase):
             shown = self.await_words(f, job, "state      failed")
             self.assertIn("lack the memory to load its scene", shown)
             self.assertGreaterEqual(f.metrics()[FAILURES % "memory"], 3)
-
-    def test_scene_errors_end_the_job_at_once(self):
-        with open(os.path.join(self.folder, "broken.png"), "wb") as file:
-            file.write(b"no image")
-        with farm.Farm() as f:
-            f.start_worker()
-            job = self.submit(f, self.scene(WRONG), "--samples", "1")
-            shown = self.await_words(f, job, "state      failed")
-            self.assertIn("cannot be rendered", shown)
-            self.assertIn("broken.png", shown)
-            self.assertEqual(f.metrics()[FAILURES % "scene"], 1)
 
 
 if __name__ == "__main__":

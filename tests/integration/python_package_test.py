@@ -76,7 +76,7 @@ class PackageTest(unittest.TestCase):
         with open(os.path.join(BUILT, "sheaf", "client.py"), encoding="utf-8") as file:
             text = file.read()
         unused = {call for call in calls if f'"{call}"' not in text and f".{call}(" not in text}
-        self.assertEqual(unused, {"CreateJob"})
+        self.assertEqual(unused, {"CreateJob", "CollectGarbage"})
 
     def test_states_are_those_of_the_messages(self):
         from sheaf.v1 import frame_pb2, job_pb2
@@ -240,6 +240,8 @@ class FarmTest(unittest.TestCase):
         job = self.endless_job()
         self.assertEqual(job.priority, -5)
         self.assertEqual(self.client.set_priority(job, 7).priority, 7)
+        self.assertTrue(self.client.pin(job).message.pinned)
+        self.assertFalse(self.client.unpin(job).message.pinned)
         self.assertIs(self.client.pause(job.name).state, sheaf.JobState.PAUSED)
         with self.assertRaisesRegex(sheaf.WaitExpiredError, "goes on"):
             self.client.wait(job, timeout_seconds=0.3)
@@ -248,6 +250,9 @@ class FarmTest(unittest.TestCase):
         self.assertEqual(len(self.client.list_jobs(1)), 1)
         with self.assertRaises(sheaf.WrongStateError):
             self.client.image(job)
+        frame = self.client.get_job(job).message.frames[0].frame_number
+        self.assertEqual(self.client.kill(job, frame).message.incomplete_frame_count, 1)
+        self.assertEqual(self.client.retry(job, frame=frame).message.incomplete_frame_count, 0)
         self.client.cancel(job)
         with self.assertRaises(sheaf.JobCancelledError) as raised:
             self.client.wait(job, WAIT_SECONDS)

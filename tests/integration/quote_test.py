@@ -91,27 +91,27 @@ class QuoteHereTest(unittest.TestCase):
 
 class QuotedTechniquesTest(unittest.TestCase):
     def test_light_passes_and_trainings_are_in_the_price(self):
-        """The room at 100 x 100 pixels, whose training is a tenth of the price or more."""
+        """The room at 240 x 240 pixels, with a target that takes several rounds."""
         with tempfile.TemporaryDirectory() as folder:
             scene = os.path.join(folder, "room.pbrt")
             with open(ROOM, encoding="utf-8") as file:
-                text = file.read().replace("resolution\" 400", "resolution\" 100")
+                text = file.read().replace("resolution\" 400", "resolution\" 240")
             with open(scene, "w", encoding="utf-8") as file:
                 file.write(text)
             for techniques in ("camera+light", "camera+light+guiding"):
                 flags = (scene, "--techniques", techniques, "--json")
                 quote, rows = quote_rows(farm.local("quote", *flags, "--local",
-                                                    "--targets", "0.1,0.05"))
-                out = farm.local("render", *flags, "--target-error", 0.05, "-o",
+                                                    "--targets", "0.05,0.025"))
+                out = farm.local("render", *flags, "--target-error", 0.025, "-o",
                                  os.path.join(folder, "room.exr"))
                 frame = json.loads(out.splitlines()[-1])["frames"][0]
                 hours = frame["progress"]["cpu_duration_seconds"] / 3600
-                ratio = hours / rows[0.05]["cpu_hours"]["value"]
+                ratio = hours / rows[0.025]["cpu_hours"]["value"]
                 self.assertLess(ratio, FACTOR_MAX, techniques)
                 self.assertGreater(ratio, 1 / FACTOR_MAX, techniques)
                 training = quote["training_cpu_hours"]
                 self.assertEqual(training > 0, "guiding" in techniques)
-                self.assertLess(training, rows[0.1]["cpu_hours"]["value"])
+                self.assertLess(training, rows[0.05]["cpu_hours"]["value"])
 
 
 class QuoteOnFarmTest(unittest.TestCase):

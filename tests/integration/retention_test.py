@@ -16,7 +16,7 @@ import client_case
 import farm
 from damaged_files import alter, blob_path
 
-JOB = ("--tile-size", "16", "--pass-samples", "16", "--samples", "32")
+JOB = ("--tile-size", "16", "--pass-samples", "16")
 JOBS = 8
 # So many pixels that a job's parts are larger than the database with its log.
 SCENE = client_case.SCENE.replace('"integer xresolution" 48 "integer yresolution" 32',
@@ -53,7 +53,8 @@ class RetentionTest(unittest.TestCase):
         f.start_coordinator()
 
     def finished_job(self, f):
-        done = f.sheaf("submit", self.scene, *JOB, "--wait", "-o", f.path("out.exr"), "--json")
+        done = f.sheaf("submit", self.scene, *JOB, "--samples", 32, "--wait", "-o",
+                       f.path("out.exr"), "--json")
         self.assertEqual(farm.image_digest(f.path("out.exr")), self.expected)
         return json.loads(done.stdout.splitlines()[-1])["name"]
 
