@@ -18,7 +18,7 @@ from setuptools.command.build_py import build_py
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(FOLDER)
-PROTOS = ("content", "frame", "job")  # What clients call, and what those files import.
+PROTOS = ("content", "frame", "job")  # The services of clients, and the files that these import.
 
 
 def project_version():

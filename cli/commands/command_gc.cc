@@ -37,8 +37,9 @@ class GcCommand : public FarmCommand {
         "Examples:\n"
         "  sheaf gc --dry-run\n"
         "  sheaf gc --json\n"
-        "The coordinator does this by itself. What is kept is set by its options --keep-parts,\n"
-        "--keep-jobs, --disk-limit and --disk-free-min, and by sheaf pin. Needs the role operate.");
+        "The coordinator does this by itself. Its options --keep-parts, --keep-jobs,\n"
+        "--disk-limit and --disk-free-min, and sheaf pin, set how much is kept. Needs the role\n"
+        "operate.");
     return command;
   }
 

@@ -53,7 +53,7 @@ void PrintFrame(const v1::Frame& frame) {
       frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
 }
 
-// What of a frame nobody renders, and why.
+// The tasks of a frame that nobody renders, and why.
 void PrintTrouble(const v1::FrameTrouble& trouble) {
   const int number = trouble.frame_number(), count = trouble.set_aside_task_count();
   if (count == 0) {
@@ -69,7 +69,7 @@ void PrintTrouble(const v1::FrameTrouble& trouble) {
   }
 }
 
-// What is kept of the job.
+// Says how much of the job is kept.
 std::string KeptText(const v1::Job& job) {
   if (job.has_parts_removed_time()) {
     const absl::Time time = absl::FromUnixSeconds(job.parts_removed_time().seconds());

@@ -50,7 +50,7 @@ struct Quote {
   int jobs_before = 0;                  // Active jobs of equal or higher priority.
   coordinator::FarmLoad load;           // Includes those jobs.
   double pilot_cpu_seconds = 0;
-  double training_cpu_seconds = 0;  // Of all frames; a part of each row's. 0: they have none.
+  double training_cpu_seconds = 0;  // For all frames; a part of each row's. 0: no training.
   // If it continues from an image: its mean samples per pixel so far.
   struct Start {
     double samples = 0, relative_mse = 0;

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 // Beyond so many, those that nobody asked for lately are forgotten.
 constexpr size_t kAskedNotedMax = 100'000;
 
-// Files of a folder with their sizes and ages. What cannot be read is left out.
+// Files of a folder with their sizes and ages. Unreadable ones are left out.
 void ListFiles(const std::string& folder, const std::string& extension,
                std::vector<StoredBlob>* files) {
   const auto now = fs::file_time_type::clock::now();

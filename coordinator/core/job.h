@@ -173,7 +173,7 @@ struct FailureRecord {
   friend bool operator==(const FailureRecord&, const FailureRecord&) = default;
 };
 
-// How often a worker failed a task by a class. Of lost workers only the number is known: their id
+// How often a worker failed a task by a class. For lost workers only the number is known: their id
 // and identity are empty.
 struct TaskFailure {
   std::string worker_id, identity;
@@ -183,7 +183,7 @@ struct TaskFailure {
   friend bool operator==(const TaskFailure&, const TaskFailure&) = default;
 };
 
-// What decides who may still render a task, which is durable. A block without samples stands for
+// Decides who may still render a task; durable. A block without samples stands for
 // the frame as a whole.
 struct TaskTrouble {
   FrameId frame;

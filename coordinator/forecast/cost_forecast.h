@@ -37,7 +37,7 @@ struct LightModel {
   uint64_t passes = 0;              // Those that `errors` is measured at; 0: the frame has none.
   std::vector<ErrorSums> errors;    // By cell: those that light passes add to those of the camera.
   double log_error_deviation = 0;   // As that of ErrorModel.
-  double cpu_seconds_per_pass = 0;  // Of the whole frame.
+  double cpu_seconds_per_pass = 0;  // For the whole frame.
   uint64_t passes_kept = 0;         // They exist and cost nothing.
 };
 

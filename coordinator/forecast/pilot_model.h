@@ -54,10 +54,10 @@ struct PilotImage {
   PilotLevel level;
   FrameImage image;
   std::vector<double> cpu_seconds_of_tiles;  // Only for images of lattices.
-  double light_cpu_seconds = 0;              // Of light passes; only for light images.
-  double training_cpu_seconds = 0;           // Of the training of a guided image.
+  double light_cpu_seconds = 0;              // Light passes alone; only in light images.
+  double training_cpu_seconds = 0;           // The training of a guided image.
 };
-// What a pilot needs beside camera samples.
+// The costs of a pilot beside camera samples.
 struct PilotTechniques {
   // Light paths of a pass over the pixels of the frame's window; 0: there are no light passes.
   double light_paths_per_pixel = 0;

@@ -72,7 +72,7 @@ struct FrameRecord {
   Phase phase = Phase::kPending;
   bool loaded = false;                                   // Its scene, by any worker, ever.
   std::unique_ptr<FrameTasks> tasks;                     // While open or rendered.
-  absl::btree_map<TaskId, TaskFailures> failures;        // Of a frame as a whole: FrameTroubleId.
+  absl::btree_map<TaskId, TaskFailures> failures;        // A whole frame's are at FrameTroubleId.
   absl::btree_map<std::string, FailureKind> refused_by;  // By worker: scene or memory.
   absl::btree_map<std::string, std::string> scene_failed_by;  // By identity, what it says.
   SteadyTime first_lease_time = SteadyTime::InfiniteFuture();
@@ -211,8 +211,8 @@ class Scheduler {
                   bool made_false_results = false);
   // Puts a quarantine of an earlier life back.
   void RestoreQuarantine(const QuarantineRecord& record);
-  // Returns whether the identity was in quarantine, or a worker of it sick. What its workers failed
-  // is forgotten.
+  // Returns whether the identity was in quarantine, or a worker of it sick. Forgets what its
+  // workers failed.
   bool LiftQuarantine(const std::string& identity);
 
   // scheduler_troubles.cc
@@ -225,7 +225,7 @@ class Scheduler {
   // Forgets the failures of a tile, a frame or a whole job; what was set aside is leased again.
   // Frames that are incomplete or closed only lose their records: the owner opens them again.
   void Retry(uint64_t job_id, std::optional<int32_t> frame, std::optional<uint32_t> tile);
-  // What changed of tasks since the last call, to be written down by the owner.
+  // The task failures that changed since the last call, to be written down by the owner.
   std::map<TaskId, TaskTrouble> TakeTroubles() { return std::exchange(changed_troubles_, {}); }
   // Frames that became incomplete since the last call: their images need no memory any more.
   std::vector<FrameId> TakeIncompleteFrames() { return std::exchange(incomplete_frames_, {}); }

@@ -11,7 +11,7 @@ namespace sheaf::coordinator {
 void TaskFailures::Add(const std::string& worker_id, const std::string& identity, FailureKind kind,
                        const std::string& words) {
   last_words = words;
-  // Who vanished is not to blame, and there may be many.
+  // Workers that vanished are not to blame, and there may be many.
   const bool is_named = kind != FailureKind::kLost;
   TaskFailure added{is_named ? worker_id : "", is_named ? identity : "", kind, 1, words};
   for (TaskFailure& failure : trouble.failures) {

@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 
 struct TaskFailures {
-  TaskTrouble trouble;  // What is durable of it.
+  TaskTrouble trouble;  // Its durable part.
   // Workers that are to blame if another one renders the task, with their words.
   std::map<std::string, std::string> suspects;
   std::string last_words;  // As people read them; empty where there is no failure.

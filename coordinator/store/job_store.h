@@ -79,11 +79,11 @@ struct StoredJob {
   std::vector<StoredFrame> delivered;  // Ascending by number.
   std::string warning;                 // What its users should know of its images; mostly empty.
   std::map<int32_t, int32_t> corrections;  // By frame: how often it was, where that is not 0.
-  std::vector<TaskTrouble> troubles;       // Of tasks that failed or are set aside.
+  std::vector<TaskTrouble> troubles;       // Tasks that failed or are set aside.
   bool pinned = false;                     // Nothing of it goes to make room.
   // When its parts were removed to make room; InfiniteFuture: they were not since it last began.
   absl::Time parts_removed_time = absl::InfiniteFuture();
-  std::string damage;  // What of it changed on disk; empty: nothing.
+  std::string damage;  // The files of it that changed on disk; empty: none.
 };
 
 // Thread safety: all members may be called concurrently.

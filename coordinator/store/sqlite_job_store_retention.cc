@@ -127,7 +127,7 @@ absl::Status SqliteJobStore::FinishRemovals() {
     const absl::Status status = RemoveFilesOf(job_id);
     if (!status.ok()) LogWarning(absl::StrCat("removing what is left: ", status.message()));
   }
-  // Of jobs that go on, LoadParts looks at each file.
+  // For jobs that go on, LoadParts looks at each file.
   const absl::StatusOr<std::vector<uint64_t>> ended =
       ReadIds(database_->Prepare("SELECT job_id FROM jobs WHERE phase != 0"));
   if (!ended.ok()) return ended.status();

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is removed from the job store, and what a stop in the middle of that leaves.
+// Removals from the job store, also when they stop in the middle.
 #include <filesystem>
 #include <fstream>
 #include <map>

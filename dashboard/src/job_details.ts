@@ -109,7 +109,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
   ];
 }
 
-// What is kept of the job, where that is not the usual.
+// Says how much of the job is kept, where that is not the usual.
 function keptOf(job: Job): [string, string, string][] {
   if (job.parts_removed_time) {
     return [[

@@ -16,7 +16,7 @@ import sheaf
 def main(first: str, second: str) -> None:
     a, b = sheaf.read_image(first), sheaf.read_image(second)
     difference = a.rgb - b.rgb
-    deviation = numpy.sqrt(a.error**2 + b.error**2)  # Of the difference of independent images.
+    deviation = numpy.sqrt(a.error**2 + b.error**2)  # For the difference of independent images.
     noisy = deviation > 0
     ratio = numpy.abs(difference[noisy]) / deviation[noisy]
     print(f"means {a.rgb.mean():.6g} and {b.rgb.mean():.6g}")

@@ -22,8 +22,8 @@ from sheaf.jobs import (Frame, Job, JobState, RefinementPrice, Worker, job_from,
 from sheaf.programs import run_sheaf
 from sheaf.v1 import frame_pb2, job_pb2
 
-WATCH_SECONDS_MAX = 24 * 3600.0  # Of one call; a longer watch continues in the next.
-DOWNLOAD_SECONDS_MAX = 3600.0  # Of one attempt.
+WATCH_SECONDS_MAX = 24 * 3600.0  # For one call; a longer watch continues in the next.
+DOWNLOAD_SECONDS_MAX = 3600.0  # For one attempt.
 IMAGE_BYTES_MAX = 1 << 35
 JOBS_PAGE_SIZE = 1000
 REWATCH_SECONDS = 0.2

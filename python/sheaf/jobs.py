@@ -14,7 +14,7 @@ from sheaf.v1 import frame_pb2, job_pb2
 
 
 class JobState(enum.Enum):
-    UNKNOWN = 0  # Of a newer coordinator.
+    UNKNOWN = 0  # From a newer coordinator.
     QUEUED = 1
     RUNNING = 2
     SUCCEEDED = 3
@@ -28,7 +28,7 @@ class JobState(enum.Enum):
 
 
 class WorkerState(enum.Enum):
-    UNKNOWN = 0  # Of a newer coordinator.
+    UNKNOWN = 0  # From a newer coordinator.
     IDLE = 1
     BUSY = 2
     DRAINING = 3
@@ -40,7 +40,7 @@ class WorkerState(enum.Enum):
 
 class StopReason(enum.Enum):
     """Why a frame ended."""
-    UNKNOWN = -1  # Of a newer coordinator.
+    UNKNOWN = -1  # From a newer coordinator.
     SAMPLES = 0
     TARGET_ERROR = 1
     TIME = 2
@@ -123,7 +123,7 @@ class Worker:
     samples_per_second: float
     last_seen_time: datetime.datetime
     identity: str
-    reason: str  # Of its quarantine.
+    reason: str  # For its quarantine.
     message: job_pb2.Worker = dataclasses.field(repr=False, compare=False)
 
 

@@ -56,7 +56,7 @@ class FailureClassesTest(unittest.TestCase):
             job = self.submit(f, SCENE, *ENDLESS)
             shown = self.await_words(f, job, "waiting for another worker: ")
             self.assertIn("failed this task by a crash (frame ", shown)
-            # Who failed it is durable.
+            # The failed-by set is durable.
             f.kill(f.coordinator)
             f.start_coordinator()
             farm.wait_until(lambda: f.metrics().get('sheaf_workers{state="idle"}') == 1, 60,

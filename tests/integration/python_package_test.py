@@ -250,7 +250,7 @@ class FarmTest(unittest.TestCase):
         self.assertEqual(len(self.client.list_jobs(1)), 1)
         with self.assertRaises(sheaf.WrongStateError):
             self.client.image(job)
-        frame = self.client.get_job(job).message.frames[0].frame_number
+        frame = self.client.get_job(job).frames[0].number
         self.assertEqual(self.client.kill(job, frame).message.incomplete_frame_count, 1)
         self.assertEqual(self.client.retry(job, frame=frame).message.incomplete_frame_count, 0)
         self.client.cancel(job)

@@ -156,7 +156,7 @@ class RetentionTest(unittest.TestCase):
                     time.sleep(0.001)
                 f.kill(f.coordinator)
             self.restart(f)
-            # What has rows has files, and what has none has no files.
+            # Jobs with rows have files, and others have none.
             self.assertEqual(self.folders_with_parts(f), self.jobs_with_rows(f))
             self.check_images(f, jobs)
 

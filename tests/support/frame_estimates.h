@@ -11,7 +11,7 @@
 
 namespace sheaf::render {
 
-// Of the sum of R, G and B, over the paths of all kinds.
+// Estimates the sum of R, G and B, over the paths of all kinds.
 inline std::vector<testing::Estimate> EstimatesOfBoth(const BothFilms& films) {
   return testing::EstimatesOfTiles(
       kReplicateCount,

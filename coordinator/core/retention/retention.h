@@ -17,10 +17,10 @@ namespace sheaf::coordinator {
 
 // In the order in which they go where space is short: what costs least to lose goes first.
 enum class KeptKind {
-  kParts,     // Of a job that has ended: it is refined from its image then.
+  kParts,     // All parts of an ended job: it is refined from its image then.
   kUpload,    // An upload that was given up.
   kBlob,      // A file of a scene: submitting the scene again brings it back.
-  kPreviews,  // Of the ends of a job's rounds.
+  kPreviews,  // The images of the ends of a job's rounds.
   kJob,       // The job's rows, its delivered images and thumbnails.
 };
 inline constexpr int kKeptKindCount = 5;
@@ -30,19 +30,19 @@ const char* KeptKindName(KeptKind kind);
 struct KeptItem {
   KeptKind kind = KeptKind::kParts;
   uint64_t job_id = 0;   // 0: of a blob or an upload.
-  BlobDigest blob = {};  // Of those alone.
+  BlobDigest blob = {};  // For blobs alone.
   uint64_t size_bytes = 0;
   // When the job ended; of a blob, when the last of its jobs ended or somebody last asked for it.
   absl::Time unused_since = absl::InfinitePast();
   bool in_use = false;   // A job needs it that has not ended, or is pinned.
-  bool is_named = true;  // Of a blob: whether any job names it.
+  bool is_named = true;  // For a blob: whether any job names it.
 };
 
 struct RetentionLimits {
   // After a job's end.
   absl::Duration parts_age_max = absl::Hours(7 * 24);
   absl::Duration jobs_age_max = absl::InfiniteDuration();  // Previews and images, too.
-  // Of blobs that no job names, and of uploads that nobody goes on with.
+  // For blobs that no job names, and for uploads that nobody goes on with.
   absl::Duration unnamed_age_max = absl::Hours(24);
   // Clients ask which blobs are there, and submit afterwards: no blob goes earlier than this.
   absl::Duration blob_age_min = absl::Hours(1);
@@ -62,7 +62,7 @@ inline constexpr uint64_t kRoomFraction = 20;  // 1 / 20.
 
 struct DiskUse {
   uint64_t bytes = 0;                // Below the state directory.
-  uint64_t free_bytes = UINT64_MAX;  // Of the file system; UINT64_MAX: unknown.
+  uint64_t free_bytes = UINT64_MAX;  // In the file system; UINT64_MAX: unknown.
   uint64_t capacity_bytes = 0;
 };
 
@@ -81,8 +81,9 @@ struct BytesOver {
 };
 BytesOver BytesOverOf(const DiskUse& use, const RetentionLimits& limits);
 
-// What goes, in this order: first what is too old; then, while space is short, kind by kind (as
-// KeptKind has them) what has been unused longest. Things of no bytes go by their age alone.
+// Returns the things that go, in this order: first the ones that are too old; then, while space is
+// short, kind by kind (as KeptKind has them) the ones that have been unused longest. Things of no
+// bytes go by their age alone.
 std::vector<Removal> DecideRemovals(std::vector<KeptItem> items, const DiskUse& use,
                                     const RetentionLimits& limits, absl::Time now);
 

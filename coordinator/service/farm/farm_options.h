@@ -18,7 +18,7 @@ struct FarmOptions {
   std::string state_directory;
   Durability durability = Durability::kPowerLoss;  // For jobs and parts; images are durable.
   Limits limits;
-  RetentionLimits retention;  // What is kept of jobs that have ended.
+  RetentionLimits retention;  // How much of ended jobs is kept.
   // Parts of delivered frames, also of jobs that go on, are kept for RefineJob while all parts
   // together are no more than this; then the oldest go.
   uint64_t kept_parts_bytes_max = uint64_t{20} << 30;

@@ -112,7 +112,7 @@ struct FarmTables {
   std::vector<uint64_t> unsettled_jobs ABSL_GUARDED_BY(mutex);  // Ended, but not written down.
   // Jobs with failures that are not yet written down.
   std::set<uint64_t> unsaved_failures ABSL_GUARDED_BY(mutex);
-  // What changed of tasks and is not yet written down.
+  // Task failures that changed and are not yet written down.
   std::map<TaskId, TaskTrouble> unsaved_troubles ABSL_GUARDED_BY(mutex);
   // Identities that made false results, whose parts are still to be removed.
   std::vector<std::string> liars ABSL_GUARDED_BY(mutex);

@@ -208,7 +208,7 @@ void JobLifecycle::SettleEnded() {
       LogInfo(absl::StrCat("job ", job.job_id,
                            job.phase == JobPhase::kSucceeded ? " succeeded" : " was cancelled"));
     }
-    // What a job has that failed is kept for another try (LimitKeptParts).
+    // A failed job keeps its parts for another try (LimitKeptParts).
     const bool keeps_parts = job.phase == JobPhase::kFailed && !IsPilot(job.job_id);
     for (const FrameId& frame : job.frames) {
       if (keeps_parts) continue;

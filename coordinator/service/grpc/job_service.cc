@@ -23,7 +23,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// What of a job a call names, after the job's name: "/frames/7/tasks/3".
+// The part of a job that a call names, after the job's name: "/frames/7/tasks/3".
 std::string PartName(std::optional<int32_t> frame, std::optional<uint32_t> task) {
   return absl::StrCat(frame ? absl::StrCat("/frames/", *frame) : "",
                       task ? absl::StrCat("/tasks/", *task) : "");

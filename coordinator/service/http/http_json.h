@@ -19,7 +19,7 @@ std::string JobJson(const JobView& job);
 // One frame of a job.
 std::string FrameJson(const std::string& job_id, const FrameView& frame);
 
-// What a removal takes.
+// The things that a removal takes.
 std::string RemovalJson(const RemovalView& removal);
 
 // One of a job's failures.

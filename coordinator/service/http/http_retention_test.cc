@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is kept, as HTTP says and changes it.
+// HTTP shows and changes how much is kept.
 #include <nlohmann/json.hpp>
 
 #include "coordinator/service/http/http_api.h"

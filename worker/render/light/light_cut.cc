@@ -48,7 +48,7 @@ class LightTree::Splitter {
     cut.parts_[0] = PartOf(all, 0, 0, kWidth);
     cut.size_ = 1;
     while (cut.size_ > 0 && cut.size_ < parts_max) {
-      // Of equals, the first.
+      // Among equals, the first.
       Cut::Part* const part = std::max_element(
           cut.parts_.data(), cut.parts_.data() + cut.size_,
           [](const Cut::Part& a, const Cut::Part& b) { return a.uncertainty < b.uncertainty; });
@@ -76,7 +76,7 @@ class LightTree::Splitter {
   float Variation(const Cut::Part& part) const {
     const Node& node = tree_.nodes_[part.node];
     const NodeEnergies& energies = tree_.energies_[part.node];
-    Vec3f lower{}, upper{};  // Of the boxes, relative to the point.
+    Vec3f lower{}, upper{};  // The corners of the boxes, relative to the point.
     float count = 0, square = 0;
     for (uint32_t i = part.first; i < part.end; ++i) {
       if (!(part.weights.of_child[i] > 0)) continue;
@@ -146,7 +146,7 @@ class LightTree::Splitter {
   const LightTree& tree_;
   const Receiver& receiver_;
   float estimate_of_all_ = 0;
-  float estimate_min_ = 0;  // Of a part.
+  float estimate_min_ = 0;  // For a part.
 };
 
 template <typename Row>

@@ -281,7 +281,7 @@ absl::StatusOr<DiskKeeper::Stored> DiskKeeper::List(absl::Time now) {
 void DiskKeeper::ListBlobs(const std::map<uint64_t, JobUse>& jobs, absl::Time now,
                            std::vector<KeptItem>* items) {
   std::map<std::string, BlobUse> uses;
-  std::map<std::string, std::vector<std::string>> files;  // Of scenes that jobs name.
+  std::map<std::string, std::vector<std::string>> files;  // The scenes' that jobs name.
   bool all_known = true;
   const auto note = [&uses](const std::string& hex, const JobUse& job) {
     BlobUse& use = uses[hex];

@@ -43,7 +43,7 @@ class DiskKeeper {
 
   // Removes what the limits say. Cheap where nothing is due.
   void Update();
-  // What the limits say goes now, with what is removed of it; nothing where dry_run. Errors: those
+  // Returns the things that the limits remove now; removes them unless dry_run. Errors: those
   // of the store.
   absl::StatusOr<std::vector<Removal>> Collect(bool dry_run, absl::Time now);
 
@@ -58,7 +58,7 @@ class DiskKeeper {
     DiskUse use;
     uint64_t reopen_count = 0;  // JobLifecycle's, before anything was listed.
   };
-  // What the jobs are, and which blobs they name.
+  // Lists the jobs, and the blobs that they name.
   struct JobUse {
     bool in_use = false;
     bool is_recent = false;  // It ended less than RetentionLimits::job_age_min ago.
