@@ -120,9 +120,8 @@ class RetryCommand : public ControlCommand {
         "Examples:\n"
         "  sheaf retry jobs/7\n"
         "  sheaf retry 7 --frame 12 --task 3\n"
-        "Failures are forgotten, so that workers get the tasks again that they failed. Results "
-        "that "
-        "are kept are not rendered again.");
+        "Failures are forgotten, so that workers get the tasks again that they failed. Results\n"
+        "that are kept are not rendered again.");
     return command;
   }
 

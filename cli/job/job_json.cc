@@ -6,8 +6,11 @@
 #include <google/protobuf/message.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <type_traits>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/time/time.h"
@@ -94,15 +97,15 @@ Json LayersJson(const v1::Frame& frame) {
   return json;
 }
 
-Json TroubleJson(const v1::FrameTrouble& trouble) {
+// Adds the tasks that nobody renders to the JSON of their frame.
+void AddTrouble(const v1::FrameTrouble& trouble, Json* frame) {
   Json tasks = Json::array();
   for (const v1::SetAsideTask& task : trouble.set_aside_tasks()) {
     tasks.push_back({{"task", task.task()}, {"why", task.why()}});
   }
-  return {{"frame_number", trouble.frame_number()},
-          {"incomplete", trouble.incomplete()},
-          {"set_aside_tasks", std::move(tasks)},
-          {"set_aside_task_count", trouble.set_aside_task_count()}};
+  (*frame)["incomplete"] = trouble.incomplete();
+  (*frame)["set_aside_tasks"] = std::move(tasks);
+  (*frame)["set_aside_task_count"] = trouble.set_aside_task_count();
 }
 
 Json RectJson(const v1::PixelRect& rect) {
@@ -204,7 +207,6 @@ std::string JobJson(const v1::Job& job) {
       {"end_time", TimeJson(job.has_end_time(), job.end_time())},
       {"progress", ProgressJson(job.progress())},
       {"effect_costs", Json::array()},
-      {"troubles", Json::array()},
       {"frames", Json::array()},
   };
   for (const v1::EffectCost& effect : job.effect_costs()) {
@@ -218,10 +220,16 @@ std::string JobJson(const v1::Job& job) {
                                     {"relative_mse", effect.relative_mse()},
                                     {"variance_ratio", effect.variance_ratio()}});
   }
+  std::map<int32_t, const v1::FrameTrouble*> troubles;
   for (const v1::FrameTrouble& trouble : job.troubles()) {
-    json["troubles"].push_back(TroubleJson(trouble));
+    troubles[trouble.frame_number()] = &trouble;
   }
-  for (const v1::Frame& frame : job.frames()) json["frames"].push_back(FrameJson(frame));
+  for (const v1::Frame& frame : job.frames()) {
+    Json of_frame = FrameJson(frame);
+    const auto trouble = troubles.find(frame.spec().frame_number());
+    AddTrouble(trouble == troubles.end() ? v1::FrameTrouble() : *trouble->second, &of_frame);
+    json["frames"].push_back(std::move(of_frame));
+  }
   return Dump(json);
 }
 

@@ -425,7 +425,7 @@ class ClientTest(ClientCase):
         plain = self.write("plain.pbrt", SCENE)
         light = ("--techniques", "camera+light")
         for what, command, *flags in (
-                ("quotes", "quote", "--local"), ("studies", "study", "--minutes", 0.2),
+                ("studies", "study", "--minutes", 0.2),
                 ("measurements of effects", "plan", "--measure"),
                 ("measurements of effects", "submit", "--measure", 1)):
             for scene, techniques in ((bdpt, ()), (plain, light)):
@@ -437,8 +437,7 @@ class ClientTest(ClientCase):
             done = self.expect(run("plan", bdpt, "--measure", "--measure-seconds", 0.1,
                                    "--techniques", techniques), OK)
             self.assertIn("us per sample", done.stdout)
-        done = self.farm.sheaf("submit", plain, "--samples", 1, *light, quote=True)
-        self.assertIn("no quote: quotes know paths from the camera alone", done.stderr)
+        self.expect(run("quote", bdpt, "--local"), OK)
 
     def test_completion(self):
         for shell, check in (("bash", ["bash", "-n"]), ("zsh", None), ("fish", None)):
