@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Who is in quarantine, what they made, and what was corrected, and who failed which task, in the
+// Quarantines, the results of those in quarantine, corrections, and failures of tasks, in the
 // job store.
 #include <filesystem>
 #include <map>

@@ -131,13 +131,13 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   view.create_time = account.create_time;
   view.end_time = account.end_time;
   view.failure_count = job.failures.count;
+  view.frame_incomplete_count = job.incomplete_count;
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   if (with_frames) view.effect_costs = job.spec.effect_costs;
   for (const FrameRecord& frame : job.frames) {
     FrameView of_frame = ViewOf(job, frame, with_frames, now);
     AddProgress(of_frame.progress, &view.progress);
-    view.frame_incomplete_count += of_frame.incomplete.empty() ? 0 : 1;
     view.training_frame_count += of_frame.is_training ? 1 : 0;
     NotePreviewFrame(of_frame, &view);
     if (!with_frames) continue;
