@@ -147,6 +147,16 @@ TEST_F(SqliteDamageTest, EmptiedDatabasesAreNotRecreated) {
   EXPECT_TRUE(Start().ok());
 }
 
+TEST_F(SqliteDamageTest, ChangedNamesOfColumnsAreRefusedWithARemedy) {
+  ASSERT_TRUE(
+      (*SqliteDatabase::Open(database_))->Execute("ALTER TABLE parts RENAME seal TO rea1").ok());
+  store_.reset();
+  const absl::Status status = Start();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss) << status;
+  EXPECT_THAT(std::string(status.message()), HasSubstr("parts.rea1 is unknown"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("backup"));
+}
+
 TEST_F(SqliteDamageTest, CorruptDatabasesNeverCrash) {
   store_.reset();
   std::ifstream file(database_, std::ios::binary);
@@ -190,8 +200,35 @@ TEST_F(SqliteDamageTest, SettingsThatChangeAreFound) {
   EXPECT_EQ(DamageAfterStart(), "the job's row");
 }
 
+TEST_F(SqliteDamageTest, StatesThatChangeAreFound) {
+  for (const char* change : {"paused = 1", "phase = 2", "priority = 64", "pinned = 1"}) {
+    SCOPED_TRACE(change);
+    ASSERT_TRUE(Start().ok());
+    ASSERT_TRUE(store_->SetPaused(1, false).ok());  // Seals what is there.
+    EXPECT_EQ(DamageAfterStart(), "");
+    Change(absl::StrCat("UPDATE jobs SET ", change));
+    EXPECT_EQ(DamageAfterStart(), "the job's state");
+  }
+}
+
+TEST_F(SqliteDamageTest, StatesThatAreChangedOnPurposeAreNotDamaged) {
+  ASSERT_TRUE(store_->SetPaused(1, true).ok());
+  ASSERT_TRUE(store_->SetPriority(1, 7).ok());
+  ASSERT_TRUE(store_->SetPinned(1, true).ok());
+  EXPECT_EQ(DamageAfterStart(), "");
+  ASSERT_TRUE(store_->EndJob(1, JobPhase::kSucceeded, "", absl::Now(), absl::Seconds(1)).ok());
+  ASSERT_TRUE(store_->NotePartsRemoved(1, absl::Now()).ok());
+  EXPECT_EQ(DamageAfterStart(), "");
+  auto jobs = store_->LoadJobs();
+  ASSERT_TRUE(jobs.ok());
+  ASSERT_TRUE(store_->ReopenJob(1, {{jobs->front().spec.frames[6], {}}}).ok());
+  EXPECT_EQ(DamageAfterStart(), "");
+}
+
 TEST_F(SqliteDamageTest, RowsOfEarlierVersionsHaveNoSeals) {
-  Change("UPDATE frames SET seed = 4, seal = 0 WHERE frame_number = 7; UPDATE jobs SET seal = 0");
+  Change(
+      "UPDATE frames SET seed = 4, seal = 0 WHERE frame_number = 7; "
+      "UPDATE jobs SET seal = 0, state_seal = 0, paused = 1");
   EXPECT_EQ(DamageAfterStart(), "");
 }
 

@@ -66,6 +66,9 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::ReadJobs() {
       database_->Prepare(absl::StrCat(SelectFrom<JobRow>("jobs"), "ORDER BY job_id"));
   absl::Status read = ReadRows<JobRow>(&query, [&jobs](JobRow row) {
     if (row.seal != kNoSeal && row.seal != SealOf(row.job)) row.job.damage = "the job's row";
+    if (row.state_seal != kNoSeal && row.state_seal != SealOfState(row.job)) {
+      row.job.damage = "the job's state";
+    }
     jobs.push_back(std::move(row.job));
     return absl::OkStatus();
   });
@@ -164,7 +167,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::InsertJob(const JobSpec& sp
   job.request_id = request_id;
   job.create_time = create_time;
   SqliteStatement insert = database_->Prepare(absl::StrCat("INSERT ", IntoTable<JobRow>("jobs")));
-  absl::Status status = BindRow(JobRow{job, SealOf(job)}, &insert).Run();
+  absl::Status status = BindRow(JobRow{job, SealOf(job), SealOfState(job)}, &insert).Run();
   if (!status.ok()) return status;
   if (status = InsertFrames(job.spec.job_id, spec.frames); !status.ok()) return status;
   if (status = InsertEffects(job.spec.job_id, spec.effect_costs); !status.ok()) return status;
@@ -188,37 +191,6 @@ absl::Status SqliteJobStore::InTransaction(const std::function<absl::Status()>& 
   if (status.ok()) status = database_->Execute("COMMIT");
   if (!status.ok()) database_->Execute("ROLLBACK").IgnoreError();
   return status;
-}
-
-absl::Status SqliteJobStore::EndJob(uint64_t job_id, JobPhase phase, const std::string& failure,
-                                    absl::Time end_time, absl::Duration wall) {
-  const MutexLock lock(&database_mutex_);
-  return database_
-      ->Prepare(
-          "UPDATE jobs SET phase = ?, failure = ?, end_ns = ?, wall_ns = ?, paused = 0 "
-          "WHERE job_id = ?")
-      .Bind(static_cast<int32_t>(phase))
-      .Bind(failure)
-      .Bind(ToNanoseconds(end_time))
-      .Bind(ToNanoseconds(wall))
-      .Bind(job_id)
-      .Run();
-}
-
-absl::Status SqliteJobStore::SetPaused(uint64_t job_id, bool paused) {
-  const MutexLock lock(&database_mutex_);
-  return database_->Prepare("UPDATE jobs SET paused = ? WHERE job_id = ?")
-      .Bind(paused ? 1 : 0)
-      .Bind(job_id)
-      .Run();
-}
-
-absl::Status SqliteJobStore::SetPriority(uint64_t job_id, int32_t priority) {
-  const MutexLock lock(&database_mutex_);
-  return database_->Prepare("UPDATE jobs SET priority = ? WHERE job_id = ?")
-      .Bind(priority)
-      .Bind(job_id)
-      .Run();
 }
 
 absl::StatusOr<std::string> SqliteJobStore::OutputPath(const FrameId& frame) {

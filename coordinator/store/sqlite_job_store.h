@@ -62,8 +62,7 @@ class SqliteJobStore : public JobStore {
   absl::Status RemoveJob(uint64_t job_id) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile,
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
                                                      TaskKind kind) override;
   absl::StatusOr<std::vector<PartRow>> ListParts(uint64_t job_id) override;
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override;
@@ -131,6 +130,11 @@ class SqliteJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // Runs `body`, which is annotated with database_mutex_, as one transaction.
   absl::Status InTransaction(const std::function<absl::Status()>& body)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // Seals the state of the job as it is now: after each change to it, in the same transaction.
+  absl::Status SealState(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // Runs an UPDATE of the job's state, whose last parameter is the job's id, and seals it.
+  absl::Status ChangeState(uint64_t job_id, SqliteStatement* update)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status InsertRound(const FrameId& frame, const RoundRecord& round)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);

@@ -108,6 +108,7 @@ absl::Status SqliteJobStore::Initialize() {
   if (absl::Status status = MigrateSchema(database_.get(), DatabasePath()); !status.ok()) {
     return status;
   }
+  if (absl::Status status = CheckSchema(database_.get()); !status.ok()) return status;
   lost_commits_ = database_->lost_commits();
   if (lost_commits_ > 0) {
     LogError(absl::StrCat(

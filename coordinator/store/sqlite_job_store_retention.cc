@@ -36,22 +36,6 @@ absl::StatusOr<std::vector<uint64_t>> ReadIds(SqliteStatement query) {
 
 }  // namespace
 
-absl::Status SqliteJobStore::SetPinned(uint64_t job_id, bool pinned) {
-  const MutexLock lock(&database_mutex_);
-  return database_->Prepare("UPDATE jobs SET pinned = ? WHERE job_id = ?")
-      .Bind(pinned ? 1 : 0)
-      .Bind(job_id)
-      .Run();
-}
-
-absl::Status SqliteJobStore::NotePartsRemoved(uint64_t job_id, absl::Time time) {
-  const MutexLock lock(&database_mutex_);
-  return database_->Prepare("UPDATE jobs SET parts_removed_ns = ? WHERE job_id = ?")
-      .Bind(ToNanoseconds(time))
-      .Bind(job_id)
-      .Run();
-}
-
 absl::StatusOr<std::map<uint64_t, uint64_t>> SqliteJobStore::PartsBytesByJob() {
   const MutexLock lock(&database_mutex_);
   std::map<uint64_t, uint64_t> bytes;

@@ -96,6 +96,7 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
             .Bind(job_id)
             .Bind(static_cast<int64_t>(frames.size()))
             .Run();
+    if (status.ok()) status = SealState(job_id);
     for (const ReopenedFrame& frame : frames) {
       if (!status.ok()) return status;
       const FrameId id{job_id, frame.spec.frame_number};
@@ -111,13 +112,12 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
       SqliteStatement update = database_->Prepare(
           absl::StrCat(UpdateOf<ReopenedRow>("frames"), "WHERE job_id = ? AND frame_number = ?"));
       const int64_t seal = Seal(FrameSpecRow{job_id, frame.spec}).seal;
-      status =
-          BindRow(ReopenedRow{false, frame.spec.settings.samples, frame.spec.stop,
-                              frame.spec.resumed, seal},
-                  &update)
-              .Bind(job_id)
-              .Bind(id.frame_number)
-              .Run();
+      status = BindRow(ReopenedRow{false, frame.spec.settings.samples, frame.spec.stop,
+                                   frame.spec.resumed, seal},
+                       &update)
+                   .Bind(job_id)
+                   .Bind(id.frame_number)
+                   .Run();
       if (!status.ok()) return status;
       status = database_->Prepare("DELETE FROM rounds WHERE job_id = ? AND frame_number = ?")
                    .Bind(job_id)

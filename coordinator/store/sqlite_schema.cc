@@ -2,14 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/store/sqlite_schema.h"
 
+#include <algorithm>
 #include <cstdint>
+#include <iterator>
+#include <memory>
+#include <set>
+#include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 25;
+constexpr int64_t kSchemaVersion = 26;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -207,6 +213,21 @@ ALTER TABLE jobs ADD COLUMN pinned INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN parts_removed_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
 CREATE TABLE removed_jobs(job_id INTEGER PRIMARY KEY);
 )sql";
+constexpr char kAddedBy26[] = "ALTER TABLE jobs ADD COLUMN state_seal INTEGER NOT NULL DEFAULT 0;";
+
+// "table.column" of all.
+absl::StatusOr<std::set<std::string>> ColumnsOf(SqliteDatabase* database) {
+  SqliteStatement query = database->Prepare(
+      "SELECT m.name || '.' || c.name FROM sqlite_master m JOIN pragma_table_info(m.name) c "
+      "WHERE m.type = 'table' AND m.name NOT LIKE 'sqlite_%'");
+  std::set<std::string> columns;
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return columns;
+    columns.insert(query.Text(0));
+  }
+}
 
 }  // namespace
 
@@ -225,17 +246,34 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {
-      kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
-      kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
-      kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
-      kAddedBy23, kAddedBy24, kAddedBy25};
+  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
+                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
+                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
+                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21,
+                               kAddedBy22, kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;
   }
   return database->Execute(
       absl::StrCat(statements, "PRAGMA user_version=", kSchemaVersion, ";COMMIT;"));
+}
+
+absl::Status CheckSchema(SqliteDatabase* database) {
+  absl::StatusOr<std::unique_ptr<SqliteDatabase>> made =
+      SqliteDatabase::Open(":memory:", Durability::kProcess);
+  if (!made.ok()) return made.status();
+  if (absl::Status status = MigrateSchema(made->get(), ":memory:"); !status.ok()) return status;
+  const absl::StatusOr<std::set<std::string>> wanted = ColumnsOf(made->get());
+  if (!wanted.ok()) return wanted.status();
+  const absl::StatusOr<std::set<std::string>> found = ColumnsOf(database);
+  if (!found.ok()) return found.status();
+  std::vector<std::string> differing;
+  std::ranges::set_symmetric_difference(*wanted, *found, std::back_inserter(differing));
+  if (differing.empty()) return absl::OkStatus();
+  return absl::DataLossError(
+      absl::StrCat("the names of its tables changed: ", differing.front(),
+                   wanted->contains(differing.front()) ? " is missing" : " is unknown"));
 }
 
 }  // namespace sheaf::coordinator

@@ -38,29 +38,40 @@ void VisitFixedColumns(Row& row, const Visitor& visit) {
   visit("create_ns", row.create_time);
 }
 
+// The columns of the table `jobs` that say how it goes on with a job.
+template <RowOf<StoredJob> Row, typename Visitor>
+void VisitStateColumns(Row& row, const Visitor& visit) {
+  visit("priority", row.spec.priority);
+  visit("phase", row.phase);
+  visit("end_ns", row.end_time);
+  visit("paused", row.paused);
+  visit("pinned", row.pinned);
+  visit("parts_removed_ns", row.parts_removed_time);
+}
+
 // The table `jobs`. Frames, effects and failures are in tables of their own.
 struct JobRow {
   StoredJob job;
-  int64_t seal = 0;  // Of the columns that never change.
+  int64_t seal = 0;        // Of the columns that never change.
+  int64_t state_seal = 0;  // Of those of VisitStateColumns.
 };
 template <RowOf<JobRow> Row, typename Visitor>
 void VisitColumns(Row& sealed, const Visitor& visit) {
   auto& row = sealed.job;
   VisitFixedColumns(row, visit);
+  VisitStateColumns(row, visit);
   visit("seal", sealed.seal);
-  visit("priority", row.spec.priority);
-  visit("phase", row.phase);
+  visit("state_seal", sealed.state_seal);
   visit("failure", row.failure);
-  visit("end_ns", row.end_time);
-  visit("paused", row.paused);
   visit("failure_count", row.failures.count);
   visit("wall_ns", row.wall_duration);
   visit("warning", row.warning);
-  visit("pinned", row.pinned);
-  visit("parts_removed_ns", row.parts_removed_time);
 }
 inline int64_t SealOf(const StoredJob& job) {
   return SealOfColumns([&job](const auto& visit) { VisitFixedColumns(job, visit); });
+}
+inline int64_t SealOfState(const StoredJob& job) {
+  return SealOfColumns([&job](const auto& visit) { VisitStateColumns(job, visit); });
 }
 
 // The stop rule of a frame, in the table `frames`.
