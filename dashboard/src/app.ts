@@ -84,23 +84,33 @@ for (const topic of ['jobs', 'workers', 'connection', 'selection'] as const) {
 store.listen('problems', drawProblems);
 byId('problems-dismiss').addEventListener('click', () => store.dismissProblems());
 store.listen('jobs', followNewest);
-new JobsView(store, (name) => {
-  location.hash = name;
-});
-new JobDetailsView(store);
-new JobActions(store);
-new EffectsView(store);
-new FailuresView(store);
-new FramesView(store, (name) => {
-  location.hash = name;
-}, () => live?.showMoreFrames());
-new ImageView(store);
-new WorkersView(store);
-new CountersView(store);
-addEventListener('hashchange', readAddress);
-readAddress();
-live = new Live(store);
-for (const topic of ['jobs', 'workers', 'frames', 'counters'] as const) store.touch(topic);
+
+// Each view is made in a task of its own, for none should take long.
+async function startViews() {
+  const select = (name: string) => {
+    location.hash = name;
+  };
+  const makers = [
+    () => new JobsView(store, select),
+    () => new JobDetailsView(store),
+    () => new JobActions(store),
+    () => new EffectsView(store),
+    () => new FailuresView(store),
+    () => new FramesView(store, select, () => live?.showMoreFrames()),
+    () => new ImageView(store),
+    () => new WorkersView(store),
+    () => new CountersView(store),
+  ];
+  for (const make of makers) {
+    make();
+    await new Promise((done) => setTimeout(done));
+  }
+  addEventListener('hashchange', readAddress);
+  readAddress();
+  live = new Live(store);
+  for (const topic of ['jobs', 'workers', 'frames', 'counters'] as const) store.touch(topic);
+  await startChart();
+}
 
 // The chart and its library are loaded after the page, which does not wait for them.
 async function startChart() {
@@ -111,4 +121,4 @@ async function startChart() {
     store.note('loading the chart', failure);
   }
 }
-void startChart();
+void startViews();

@@ -16,6 +16,10 @@ const PAGES_MAX = 80;
 const FRAMES_PAGE = 1000;
 const POLL_MS = 2000;
 const COUNTERS_MS = 3000;
+// The name of an object in the text of its event.
+const NAME = /"name":"([^"]+)"/;
+// Time limit for events that are read in one task.
+const APPLY_MS_MAX = 8;
 
 type Timer = ReturnType<typeof setInterval>;
 
@@ -24,6 +28,8 @@ export class Live {
   private pollTimer: Timer|undefined;
   private counterTimer: Timer|undefined;
   private loading: Promise<boolean>|null = null;
+  // The last event of each object that is not read yet, by the object's name.
+  private readonly changes = new Map<string, () => void>();
 
   constructor(private readonly store: Store) {
     document.addEventListener(
@@ -40,7 +46,8 @@ export class Live {
     source.onerror = () => this.onStreamLost();
     const follow = <Type>(type: string, apply: (object: Type) => void) =>
         source.addEventListener(type, (event: MessageEvent<string>) => {
-          apply(JSON.parse(event.data) as Type);
+          const name = NAME.exec(event.data)?.[1] ?? '';
+          this.enqueue(name, () => apply(JSON.parse(event.data) as Type));
         });
     follow<api.Job>('job', (job) => this.store.setJob(job));
     follow<api.Frame>('frame', (frame) => this.store.setFrame(frame));
@@ -48,6 +55,21 @@ export class Live {
     source.addEventListener('reset', () => this.refresh());
     this.counterTimer =
         setInterval(() => this.attempt('loading counters', () => this.loadCounters()), COUNTERS_MS);
+  }
+
+  // The browser hands over all events that arrived at once in one task; they are read in several.
+  private enqueue(name: string, change: () => void) {
+    if (this.changes.size === 0) setTimeout(() => this.applyChanges());
+    this.changes.set(name, change);
+  }
+  private applyChanges() {
+    const end = performance.now() + APPLY_MS_MAX;
+    for (const [name, change] of this.changes) {
+      this.changes.delete(name);
+      change();
+      if (performance.now() > end) break;
+    }
+    if (this.changes.size > 0) setTimeout(() => this.applyChanges());
   }
 
   private stop() {

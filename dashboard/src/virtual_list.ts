@@ -9,6 +9,8 @@ import {el} from './dom';
 
 // Rows drawn beyond each end of the visible ones, so that fast scrolling shows no gap.
 const OVERSCAN = 6;
+// Rows made in one animation frame, so that the first layout of a long list is several short tasks.
+const ROWS_MADE_MAX = 8;
 
 export interface VirtualListOptions<Item> {
   label: string;
@@ -38,6 +40,8 @@ export class VirtualList<Item> {
   private cellWidth = 0;
   private columns = 1;
   private scrollTop = 0;
+  // Rows were made in this animation frame.
+  private growing = false;
   private readonly onSelect: ((item: Item) => void)|undefined;
 
   constructor(
@@ -99,7 +103,7 @@ export class VirtualList<Item> {
     const first = firstRow * this.columns;
     const last = Math.min(this.items.length, (firstRow + visible) * this.columns);
     this.resizePool(last - first);
-    for (let index = first; index < last; ++index) {
+    for (let index = first; index < Math.min(last, first + this.rows.length); ++index) {
       const row = this.rows[index % this.rows.length];
       const item = this.items[index];
       if (!row || item === undefined) continue;
@@ -109,14 +113,21 @@ export class VirtualList<Item> {
   }
 
   private resizePool(count: number) {
-    while (this.rows.length < count) {
+    while (this.rows.length > count) this.rows.pop()?.remove();
+    if (this.rows.length >= count || this.growing) return;
+    const most = Math.min(count, this.rows.length + ROWS_MADE_MAX);
+    while (this.rows.length < most) {
       const row = this.options.makeRow();
       row.classList.add('vlist-row');
       row.setAttribute('role', this.onSelect ? 'option' : 'listitem');
       this.rows.push(row);
       this.space.append(row);
     }
-    while (this.rows.length > count) this.rows.pop()?.remove();
+    this.growing = true;
+    requestAnimationFrame(() => {
+      this.growing = false;
+      this.draw();
+    });
   }
 
   private drawRow(row: HTMLElement, item: Item, index: number, height: number) {
