@@ -61,19 +61,27 @@ std::string TemporaryName(const std::string& path) {
   return absl::StrCat(path, ".tmp-", ::getpid(), "-", counter.fetch_add(1));
 }
 
-absl::Status ReplaceFile(const std::string& path, std::string_view bytes, mode_t mode) {
-  const absl::StatusOr<std::string> file = FollowToFile(path);
-  if (!file.ok()) return file.status();
-  const std::string temporary = TemporaryName(*file);
-  if (absl::Status status = WriteNewFile(temporary, bytes, /*sync=*/true, mode); !status.ok()) {
+// Writes a temporary file beside `file` and renames it.
+absl::Status WriteAndRename(const std::string& file, std::string_view bytes, bool sync,
+                            mode_t mode) {
+  const std::string temporary = TemporaryName(file);
+  if (absl::Status status = WriteNewFile(temporary, bytes, sync, mode); !status.ok()) {
     ::unlink(temporary.c_str());
     return status;
   }
-  if (::rename(temporary.c_str(), file->c_str()) != 0) {
+  if (::rename(temporary.c_str(), file.c_str()) != 0) {
     const int error = errno;
     ::unlink(temporary.c_str());
-    return StatusFromErrno(error, absl::StrCat("renaming to ", path));
+    return StatusFromErrno(error, absl::StrCat("renaming to ", file));
   }
+  return absl::OkStatus();
+}
+
+absl::Status ReplaceFile(const std::string& path, std::string_view bytes, mode_t mode) {
+  const absl::StatusOr<std::string> file = FollowToFile(path);
+  if (!file.ok()) return file.status();
+  absl::Status renamed = WriteAndRename(*file, bytes, /*sync=*/true, mode);
+  if (!renamed.ok()) return renamed;
   std::string directory = std::filesystem::path(*file).parent_path().string();
   if (directory.empty()) directory = ".";
   Descriptor handle(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -128,6 +136,10 @@ absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes
   return ReplaceFile(path, bytes, kPublicMode);
 }
 
+absl::Status WriteFileUnsynced(const std::string& path, std::string_view bytes) {
+  return WriteAndRename(path, bytes, /*sync=*/false, kPublicMode);
+}
+
 absl::Status WriteSecretAtomically(const std::string& path, std::string_view bytes) {
   return ReplaceFile(path, bytes, kSecretMode);
 }
@@ -161,6 +173,19 @@ absl::Status MakeDirectories(const std::string& path) {
   std::filesystem::create_directories(path, error);
   if (error) return StatusFromErrno(error.value(), absl::StrCat("creating directory ", path));
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<FileSystemSync>> FileSystemSync::Open(const std::string& directory) {
+  const int fd = ::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return StatusFromErrno(errno, directory);
+  return std::unique_ptr<FileSystemSync>(new FileSystemSync(directory, fd));
+}
+
+FileSystemSync::~FileSystemSync() { ::close(fd_); }
+
+absl::Status FileSystemSync::Sync() const {
+  if (::syncfs(fd_) == 0) return absl::OkStatus();
+  return StatusFromErrno(errno, absl::StrCat("syncfs of the file system of ", directory_));
 }
 
 absl::Status MakePrivateDirectory(const std::string& path) {

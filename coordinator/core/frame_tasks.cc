@@ -24,8 +24,15 @@ bool FrameTasks::ForCells(uint32_t tile, uint64_t mask, const Visit& visit) cons
   return true;
 }
 
+void FrameTasks::Touch(uint32_t tile) {
+  for (; untouched_ <= tile && untouched_ < untouched_end_; ++untouched_) {
+    fresh_queue_.emplace(0, untouched_);
+  }
+}
+
 template <typename Change>
 void FrameTasks::ChangeFresh(uint32_t tile, uint64_t mask, const Change& change) {
+  Touch(tile);
   if (const std::optional<uint64_t> first = FirstFresh(tile)) fresh_queue_.erase({*first, tile});
   ForCells(tile, mask, [&](uint32_t index) {
     Cell& cell = cells_[index];
@@ -69,9 +76,8 @@ FrameTasks::FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& latt
     total_count_ += cell.PixelSamples(cell.samples);
   }
   ready_count_ = total_count_;
-  for (uint32_t tile = 0; tile < grid_.all_tile_count(); ++tile) {
-    fresh_queue_.emplace_hint(fresh_queue_.end(), 0, tile);
-  }
+  untouched_end_ = grid_.tile_count();
+  if (const auto training = grid_.training_tile()) fresh_queue_.emplace(0, *training);
 }
 
 void FrameTasks::Grow(uint32_t index, uint64_t samples) {
@@ -137,7 +143,9 @@ bool FrameTasks::Trained() const {
 }
 
 bool FrameTasks::HasReady() const {
-  if (Trained()) return !fresh_queue_.empty() || !returned_.empty();
+  if (Trained()) {
+    return untouched_ < untouched_end_ || !fresh_queue_.empty() || !returned_.empty();
+  }
   const uint32_t tile = *grid_.training_tile();  // The last one.
   return fresh_queue_.contains({0, tile}) ||
          returned_.lower_bound({tile, {0, 0}, 0}) != returned_.end();
@@ -161,6 +169,9 @@ std::optional<Task> FrameTasks::TakeReturned(const std::function<bool(const Task
 
 std::optional<Task> FrameTasks::TakeFresh(
     const std::function<uint64_t(const FreshBlock& block)>& block_samples_max) {
+  // An untouched tile comes before all others but those that have its first sample fresh, too.
+  const bool has_first = !fresh_queue_.empty() && fresh_queue_.begin()->first == 0;
+  if (Trained() && !has_first) Touch(untouched_);
   const auto next =
       Trained() ? fresh_queue_.begin() : fresh_queue_.find({0, *grid_.training_tile()});
   if (next == fresh_queue_.end()) return std::nullopt;

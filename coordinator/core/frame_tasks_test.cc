@@ -34,6 +34,18 @@ TEST(FrameTasksTest, FirstBlocksOfAllTilesComeFirst) {
   EXPECT_EQ(tasks.TakeFresh(AtMost(16))->block, (SampleBlock{16, 16}));
 }
 
+TEST(FrameTasksTest, ResultsOfLaterTilesLeaveTheOrder) {
+  FrameTasks tasks(CellGrid({0, 0, 64, 16}, 16, 16), 32);
+  EXPECT_EQ(tasks.Accept({2, {0, 16}, 1}).size(), 0u);
+  EXPECT_EQ(*tasks.TakeFresh(AtMost(16)), (Task{0, {0, 16}, 1}));
+  EXPECT_EQ(*tasks.TakeFresh(AtMost(32)), (Task{1, {0, 32}, 1}));
+  EXPECT_EQ(*tasks.TakeFresh(AtMost(32)), (Task{3, {0, 32}, 1}));
+  EXPECT_EQ(*tasks.TakeFresh(AtMost(32)), (Task{0, {16, 16}, 1}));
+  EXPECT_TRUE(tasks.HasReady());
+  EXPECT_EQ(*tasks.TakeFresh(AtMost(32)), (Task{2, {16, 16}, 1}));
+  EXPECT_FALSE(tasks.HasReady());
+}
+
 TEST(FrameTasksTest, BlocksCoverAllSamplesOnce) {
   FrameTasks tasks(CellGrid(kTwoTiles, 16, 16), 100);
   std::set<std::pair<uint32_t, uint64_t>> seen;

@@ -23,7 +23,7 @@ void SampleRanges::Add(Range range) {
 }
 
 void SampleRanges::Remove(Range range) {
-  std::vector<Range> rest;
+  Ranges rest;
   rest.reserve(ranges_.size() + 1);
   for (const Range& r : ranges_) {
     if (r.end <= range.first || range.end <= r.first) {

@@ -2,12 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SampleRanges: a set of sample indices as disjoint half-open ranges. A tile has few of them,
-// mostly one, so a sorted vector serves.
+// mostly one, so a sorted vector serves, and one range needs no memory of its own.
 #pragma once
 
 #include <cstdint>
-#include <vector>
-
+#include "absl/container/inlined_vector.h"
 #include "common/film/tile_geometry.h"
 
 namespace sheaf::coordinator {
@@ -20,6 +19,8 @@ class SampleRanges {
     friend bool operator==(const Range&, const Range&) = default;
   };
 
+  using Ranges = absl::InlinedVector<Range, 1>;
+
   SampleRanges() = default;
   explicit SampleRanges(Range range) { Add(range); }
 
@@ -30,14 +31,14 @@ class SampleRanges {
   bool Overlaps(Range range) const;
   bool empty() const { return ranges_.empty(); }
   uint64_t SampleCount() const;
-  const std::vector<Range>& ranges() const { return ranges_; }
+  const Ranges& ranges() const { return ranges_; }
 
   // Returns the largest aligned power-of-two block of at most block_samples_max samples that starts
   // at the lowest index. Requires: not empty; block_samples_max is a power of two.
   SampleBlock FirstBlock(uint64_t block_samples_max) const;
 
  private:
-  std::vector<Range> ranges_;  // Ascending, disjoint, not adjacent.
+  Ranges ranges_;  // Ascending, disjoint, not adjacent.
 };
 
 constexpr SampleRanges::Range RangeOf(SampleBlock block) { return {block.first, block.End()}; }

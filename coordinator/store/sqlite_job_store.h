@@ -12,8 +12,8 @@
 //     DIR/outputs/JOB/FRAME.thumbnail.exr  small copies of them, for overviews
 //
 // A part's file is written before its row, so a crash in between leaves only a file that was never
-// acknowledged. Rows of concurrent calls are committed together, so that many results share one
-// disk flush.
+// acknowledged. Parts of concurrent calls are a group: one syncfs makes their files durable, then
+// one commit their rows (docs/adr/0075).
 #pragma once
 
 #include <atomic>
@@ -21,9 +21,11 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "common/base/file.h"
 #include "common/base/mutex.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/sqlite_database.h"
@@ -85,12 +87,17 @@ class SqliteJobStore : public JobStore {
   std::string PartPath(const PartRow& row) const;
 
  private:
-  // A row that waits for the next shared commit.
-  struct PendingRow {
+  // A part that waits for its group's commit: its file is written, but not durable.
+  struct PendingPart {
     const PartRow* row = nullptr;
+    bool leads = false;  // It commits the next group.
     bool finished = false;
     absl::Status status;
+    CondVar changed;
   };
+  // Reserves a part's path: equal parts are written one after the other, so that none replaces the
+  // durable file of another.
+  class PathReservation;
 
   SqliteJobStore(std::string directory, Durability durability, int lock_fd)
       : directory_(std::move(directory)), durability_(durability), lock_fd_(lock_fd) {}
@@ -109,8 +116,11 @@ class SqliteJobStore : public JobStore {
   // Adds to a kDataLoss error how to recover from it.
   absl::Status Explained(const absl::Status& status) const;
   absl::StatusOr<std::vector<StoredJob>> ReadJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status CommitRow(const PartRow& row);
-  void CommitPending(const std::vector<PendingRow*>& rows);
+  absl::Status WriteNewPart(const PartRow& row, const std::string& path, const std::string& bytes);
+  // Returns when the group of the part is durable, or is not and will not be.
+  absl::Status CommitPart(const PartRow& row);
+  void CommitGroup(const std::vector<PendingPart*>& parts);
+  absl::Status CommitRows(const std::vector<PendingPart*>& parts);
   absl::Status InsertRow(const PartRow& row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
@@ -145,9 +155,11 @@ class SqliteJobStore : public JobStore {
   Mutex database_mutex_;
   std::unique_ptr<SqliteDatabase> database_ ABSL_GUARDED_BY(database_mutex_);
   Mutex pending_mutex_;
-  CondVar pending_changed_;
-  std::deque<PendingRow*> pending_ ABSL_GUARDED_BY(pending_mutex_);
-  bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;
+  std::deque<PendingPart*> pending_ ABSL_GUARDED_BY(pending_mutex_);
+  bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;      // Somebody leads, or is told to.
+  std::set<std::string> paths_ ABSL_GUARDED_BY(pending_mutex_);  // Being written.
+  CondVar path_released_;
+  std::unique_ptr<FileSystemSync> file_system_;  // Null where power loss is not survived.
   std::atomic<uint64_t> parts_bytes_{0};
   uint64_t first_lease_id_ = 1;
   int64_t lost_commits_ = 0;

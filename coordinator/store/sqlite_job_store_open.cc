@@ -102,6 +102,12 @@ absl::Status SqliteJobStore::Initialize() {
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> database =
       SqliteDatabase::Open(DatabasePath(), durability_);
   if (!database.ok()) return database.status();
+  if (durability_ == Durability::kPowerLoss) {
+    absl::StatusOr<std::unique_ptr<FileSystemSync>> file_system =
+        FileSystemSync::Open(directory_ + "/parts");
+    if (!file_system.ok()) return file_system.status();
+    file_system_ = *std::move(file_system);
+  }
   const MutexLock lock(&database_mutex_);
   database_ = std::move(*database);
   if (absl::Status status = database_->Check(kCheckTimeMax); !status.ok()) return status;

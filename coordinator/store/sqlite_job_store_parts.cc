@@ -3,6 +3,7 @@
 //
 // The part of SqliteJobStore that stores parts: first the bytes, then the row, then the call
 // returns OK.
+#include <algorithm>
 #include <filesystem>
 #include <system_error>
 #include <utility>
@@ -15,74 +16,111 @@
 #include "coordinator/store/stored_rows.h"
 
 namespace sheaf::coordinator {
+namespace {
+
+// The most parts of a group: their rows keep the database for some milliseconds.
+constexpr size_t kGroupPartsMax = 1024;
+
+}  // namespace
+
+class SqliteJobStore::PathReservation {
+ public:
+  PathReservation(SqliteJobStore* store, std::string path)
+      : store_(*store), path_(std::move(path)) {
+    const MutexLock lock(&store_.pending_mutex_);
+    const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(store_.pending_mutex_) {
+      return !store_.paths_.contains(path_);
+    };
+    store_.path_released_.Wait(&store_.pending_mutex_, is_free);
+    store_.paths_.insert(path_);
+  }
+  ~PathReservation() {
+    const MutexLock lock(&store_.pending_mutex_);
+    store_.paths_.erase(path_);
+    store_.path_released_.NotifyAll();
+  }
+  PathReservation(const PathReservation&) = delete;
+  PathReservation& operator=(const PathReservation&) = delete;
+
+ private:
+  SqliteJobStore& store_;
+  const std::string path_;
+};
 
 absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& bytes) {
-  // The key is checked first, so that a repeated result does not touch the disk.
-  const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
-  if (!existing.ok()) return existing.status();
-  if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
-  if (absl::Status s = MakeDirectories(FrameDirectory(row.key.frame)); !s.ok()) return s;
   const std::string path = PartPath(row);
-  const auto write = durability_ == Durability::kPowerLoss ? &WriteFileAtomically : &WriteFileOnce;
-  if (absl::Status s = write(path, bytes); !s.ok()) return s;
-  absl::Status status = CommitRow(row);
+  const PathReservation reservation(this, path);
+  std::error_code ignored;
+  // Only an equal part has the same path. The file of one that has a row is not touched; without a
+  // row it was never acknowledged.
+  if (std::filesystem::exists(path, ignored)) {
+    const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
+    if (!existing.ok()) return existing.status();
+    if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
+  }
+  absl::Status status = WriteNewPart(row, path, bytes);
   if (status.ok()) {
     parts_bytes_ += bytes.size();
-    return status;
-  }
-  // If two equal parts arrive at the same time, one call finds the other's row, and they share the
-  // file.
-  if (!absl::IsAlreadyExists(status)) {
-    std::error_code ignored;
+  } else {
     std::filesystem::remove(path, ignored);
   }
   return status;
 }
 
-// The first caller commits the rows of all waiting calls; calls that arrive meanwhile form the next
-// commit.
-absl::Status SqliteJobStore::CommitRow(const PartRow& row) {
-  PendingRow mine;
+absl::Status SqliteJobStore::WriteNewPart(const PartRow& row, const std::string& path,
+                                          const std::string& bytes) {
+  if (absl::Status s = MakeDirectories(FrameDirectory(row.key.frame)); !s.ok()) return s;
+  if (absl::Status s = WriteFileUnsynced(path, bytes); !s.ok()) return s;
+  return CommitPart(row);
+}
+
+// The first caller commits the parts of all waiting calls; calls that arrive meanwhile form the
+// next group, which the first of them commits. Each call waits for its own part alone, so that the
+// end of a group wakes nobody else.
+absl::Status SqliteJobStore::CommitPart(const PartRow& row) {
+  PendingPart mine;
   mine.row = &row;
   MutexLock lock(&pending_mutex_);
   pending_.push_back(&mine);
-  const auto may_act = [this, &mine]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(pending_mutex_) {
-    return mine.finished || !committing_;
-  };
-  while (true) {
-    pending_changed_.Wait(&pending_mutex_, may_act);
-    if (mine.finished) break;
-    committing_ = true;
-    const std::vector<PendingRow*> batch(pending_.begin(), pending_.end());
-    pending_.clear();
-    lock.Unlock();
-    CommitPending(batch);
-    lock.Lock();
-    for (PendingRow* pending : batch) pending->finished = true;
-    committing_ = false;
-    pending_changed_.NotifyAll();
+  mine.leads = !std::exchange(committing_, true);
+  mine.changed.Wait(&pending_mutex_, [&mine] { return mine.finished || mine.leads; });
+  if (mine.finished) return mine.status;
+  const auto count = static_cast<int64_t>(std::min(pending_.size(), kGroupPartsMax));
+  const std::vector<PendingPart*> group(pending_.begin(), pending_.begin() + count);
+  pending_.erase(pending_.begin(), pending_.begin() + count);
+  lock.Unlock();
+  CommitGroup(group);
+  lock.Lock();
+  for (PendingPart* part : group) {
+    part->finished = true;
+    part->changed.NotifyOne();
+  }
+  committing_ = !pending_.empty();
+  if (committing_) {
+    pending_.front()->leads = true;
+    pending_.front()->changed.NotifyOne();
   }
   return mine.status;
 }
 
-void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
+void SqliteJobStore::CommitGroup(const std::vector<PendingPart*>& parts) {
+  absl::Status shared = file_system_ == nullptr ? absl::OkStatus() : file_system_->Sync();
+  if (shared.ok()) shared = CommitRows(parts);
+  if (shared.ok()) return;
+  for (PendingPart* pending : parts) pending->status = shared;
+}
+
+absl::Status SqliteJobStore::CommitRows(const std::vector<PendingPart*>& parts) {
   const MutexLock lock(&database_mutex_);
-  absl::Status shared = database_->Execute("BEGIN IMMEDIATE");
-  if (shared.ok()) {
-    for (PendingRow* pending : rows) {
+  return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+    for (PendingPart* pending : parts) {
       pending->status = InsertRow(*pending->row);
       // A key that exists already affects only its own row. Other errors may have ended the
       // transaction, and later rows would then be inserted outside it.
-      if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) {
-        shared = pending->status;
-        break;
-      }
+      if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) return pending->status;
     }
-    if (shared.ok()) shared = database_->Execute("COMMIT");
-    if (!shared.ok()) database_->Execute("ROLLBACK").IgnoreError();
-  }
-  if (shared.ok()) return;
-  for (PendingRow* pending : rows) pending->status = shared;
+    return absl::OkStatus();
+  });
 }
 
 absl::Status SqliteJobStore::InsertRow(const PartRow& row) {

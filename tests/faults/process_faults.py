@@ -5,7 +5,7 @@ import signal
 
 import farm
 from kinds import kind
-from machine_faults import AFTER_RENAME, AFTER_ROW, BEFORE_RENAME
+from machine_faults import AFTER_GROUP, AFTER_RENAME, AFTER_ROW, BEFORE_GROUP, BEFORE_RENAME
 
 STILL_SECONDS = (0.2, 1.6)  # Around the duration of a lease.
 
@@ -54,6 +54,17 @@ def kill_coordinator_at(bench, point, path=""):
 @kind("coordinator killed after a part's file, before its row", bench="processes")
 def coordinator_killed_before_row(bench):
     kill_coordinator_at(bench, AFTER_RENAME, "/parts/")
+
+
+@kind("coordinator killed when a group of parts is written, before it is durable",
+      bench="processes")
+def coordinator_killed_before_group(bench):
+    kill_coordinator_at(bench, BEFORE_GROUP)
+
+
+@kind("coordinator killed when a group of parts is durable, before its rows", bench="processes")
+def coordinator_killed_after_group(bench):
+    kill_coordinator_at(bench, AFTER_GROUP)
 
 
 @kind("coordinator killed after a part's row, before its acknowledgement", bench="processes")

@@ -6,7 +6,7 @@ tests/support/machine_faults.cc, which is preloaded.
 import struct
 
 # Named points of tests/support/machine_faults.cc.
-BEFORE_RENAME, AFTER_RENAME, AFTER_ROW = 1, 2, 3
+BEFORE_RENAME, AFTER_RENAME, AFTER_ROW, BEFORE_GROUP, AFTER_GROUP = 1, 2, 3, 4, 5
 
 
 class MachineFaults:

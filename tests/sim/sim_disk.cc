@@ -183,6 +183,15 @@ int SimDisk::Sync(const NodePtr& node) {
   return 0;
 }
 
+int SimDisk::SyncAll() { return stopped_ ? EIO : SyncBelow(root_); }
+
+int SimDisk::SyncBelow(const NodePtr& node) {
+  for (const auto& [name, child] : node->entries) {
+    if (const int error = SyncBelow(child); error != 0) return error;
+  }
+  return node->changes.empty() && node->entry_changes.empty() ? 0 : Sync(node);
+}
+
 int SimDisk::Rename(const std::string& from, const std::string& to) {
   NodePtr node, source, target;
   std::string source_name, target_name;

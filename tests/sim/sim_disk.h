@@ -8,6 +8,9 @@
 //     fsync of a file      its bytes are durable, and so are the entry that created it and the
 //                          folders above it; an entry that a rename made is not
 //     fsync of a folder    its entries are durable
+//     syncfs               the same of every file and folder, one after the other, files before the
+//                          folder that holds them: where it fails or the machine stops, those
+//                          before are durable, and the others may be lost
 //     anything else        may be lost: changes of a file from some point on, and before it single
 //                          sectors; changes of a folder from some point on
 //
@@ -73,6 +76,7 @@ class SimDisk {
   int Write(const NodePtr& node, uint64_t offset, std::string_view bytes);
   int Truncate(const NodePtr& node, uint64_t size);
   int Sync(const NodePtr& node);
+  int SyncAll();
   int Rename(const std::string& from, const std::string& to);
   // folder: whether the entry must be a folder (rmdir) or a file (unlink).
   int Remove(const std::string& path, bool folder);
@@ -93,6 +97,7 @@ class SimDisk {
   NodePtr MakeNode(bool is_folder);
   static void Apply(const FileChange& change, std::string* bytes);
   static void MakeEntryDurable(const NodePtr& node);
+  int SyncBelow(const NodePtr& node);
   int LosePower(const NodePtr& node, Random* random);
 
   Gate gate_;

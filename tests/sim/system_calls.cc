@@ -295,10 +295,11 @@ int fsync(int descriptor) {
   if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_fsync, descriptor));
   return SyncOurs(descriptor);
 }
-int fdatasync(int descriptor) {
-  if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_fdatasync, descriptor));
-  return SyncOurs(descriptor);
+int syncfs(int descriptor) noexcept {
+  if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_syncfs, descriptor));
+  return Done(Opened(descriptor) == nullptr ? EBADF : Machine::Current()->disk().SyncAll());
 }
+int fdatasync(int descriptor) { return fsync(descriptor); }
 
 int ftruncate64(int descriptor, off64_t size) noexcept {
   if (!IsOurs(descriptor)) return static_cast<int>(::syscall(SYS_ftruncate, descriptor, size));

@@ -29,6 +29,8 @@ enum KillPoint : int64_t {
   kAfterRename = 2,
   kAfterRow = 3,  // Of the first part that is stored: the log of the database has been synchronized
                   // since its file was there.
+  kBeforeGroup = 4,  // Of parts: they are written, and about to be made durable together.
+  kAfterGroup = 5,   // They are durable, and their rows are about to be committed.
 };
 
 struct Faults {
@@ -139,6 +141,15 @@ ssize_t pwrite64(int file, const void* bytes, size_t count, off64_t offset) {
 }
 
 int fsync(int file) { return Synchronize(SYS_fsync, file); }
+
+// No regular file is named by it; the error is that of some file that could not be written.
+int syncfs(int file) noexcept {
+  KillAt(kBeforeGroup, "");
+  if (WriteError() == EIO) return Fail(EIO);
+  const auto result = static_cast<int>(::syscall(SYS_syncfs, file));
+  if (result == 0) KillAt(kAfterGroup, "");
+  return result;
+}
 
 int fdatasync(int file) { return Synchronize(SYS_fdatasync, file); }
 

@@ -75,7 +75,7 @@ const FrameRecord* FarmTables::ToOpen(const FrameId& id) const {
 void FarmTables::PrepareOpen(const FrameId& id) {
   const MutexLock preparing(&prepare_mutex);
   FrameSpec spec;
-  std::optional<CellGrid> grid;
+  Partition partition;
   std::vector<uint64_t> samples;
   uint64_t first_point_samples = 0;
   {
@@ -83,11 +83,12 @@ void FarmTables::PrepareOpen(const FrameId& id) {
     const FrameRecord* record = ToOpen(id);
     if (record == nullptr) return;
     spec = record->Spec();
-    grid = record->tasks->grid();
+    partition = scheduler.jobs().at(id.job_id).spec.partition;
     samples = record->tasks->SamplesOfCells();
     first_point_samples = FirstPointOf(id);
   }
-  auto open = std::make_shared<OpenFrame>(std::move(spec), *std::move(grid), std::move(samples),
+  CellGrid grid(spec, partition);  // As the frame's tasks have it.
+  auto open = std::make_shared<OpenFrame>(std::move(spec), std::move(grid), std::move(samples),
                                           first_point_samples, &merge_budget);
   const MutexLock lock(&mutex);
   if (ToOpen(id) != nullptr) open_frames[id].frame = std::move(open);

@@ -179,8 +179,10 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
   }
   view.is_training = frame.phase == FrameRecord::Phase::kOpen && !frame.tasks->Trained();
   view.complete = frame.phase == FrameRecord::Phase::kDelivered;
-  if (frame.phase == FrameRecord::Phase::kIncomplete) view.incomplete = IncompleteText(frame);
-  if (with_spec) AddSetAside(frame, &view);
+  if (with_spec) {
+    if (frame.phase == FrameRecord::Phase::kIncomplete) view.incomplete = IncompleteText(frame);
+    AddSetAside(frame, &view);
+  }
   const std::map<int32_t, int32_t>& corrections = tables_.accounts.at(id.job_id).corrections;
   const auto corrected = corrections.find(id.frame_number);
   if (corrected != corrections.end()) view.correction_count = corrected->second;
