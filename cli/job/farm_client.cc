@@ -89,6 +89,7 @@ FarmClient::FarmClient(std::shared_ptr<grpc::Channel> channel, std::string addre
       stop_(stop),
       jobs_(v1::JobService::NewStub(channel_)),
       content_(v1::ContentService::NewStub(channel_)),
+      transfer_(v1::TransferService::NewStub(channel_)),
       environment_(MakeEnvironment(stop)) {}
 
 absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientContext*)>& attempt,

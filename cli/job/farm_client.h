@@ -21,9 +21,11 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "common/content/blob_digest.h"
+#include "common/content/chunk_list.h"
 #include "common/rpc/retry.h"
 #include "sheaf/v1/content.grpc.pb.h"
 #include "sheaf/v1/job.grpc.pb.h"
+#include "sheaf/v1/transfer.grpc.pb.h"
 
 namespace sheaf::cli {
 
@@ -84,6 +86,12 @@ class FarmClient {
   // Uploads the rest after an earlier attempt. on_progress gets the number of bytes sent since its
   // last call. Errors: also kFailedPrecondition if the file no longer has its digest.
   absl::Status Upload(const BlobSource& blob, const std::function<void(uint64_t)>& on_progress);
+  // The same for several blobs in one call. Requires: they keep the limits of blob_batch.h.
+  absl::Status UploadSmall(const std::vector<const BlobSource*>& blobs,
+                           const std::function<void(uint64_t)>& on_progress);
+  // The same for a large blob, of which only the chunks are sent that the coordinator lacks.
+  absl::Status UploadByChunks(const BlobSource& blob,
+                              const std::function<void(uint64_t)>& on_progress);
 
  private:
   // Repeats attempt while it fails with a transient error.
@@ -91,6 +99,7 @@ class FarmClient {
                     absl::Duration deadline);
   absl::Status UploadOnce(grpc::ClientContext* context, const BlobSource& blob,
                           uint64_t offset_bytes, const std::function<void(uint64_t)>& on_progress);
+  absl::StatusOr<v1::PlanWriteResponse> PlanWrite(const ChunkList& list);
   absl::StatusOr<uint64_t> CommittedBytes(const BlobDigest& digest, bool* complete);
 
   const std::shared_ptr<grpc::Channel> channel_;
@@ -98,6 +107,7 @@ class FarmClient {
   const std::stop_token stop_;
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::ContentService::Stub> content_;
+  const std::unique_ptr<v1::TransferService::Stub> transfer_;
   const RetryEnvironment environment_;
   std::atomic<bool> answered_{false};
   std::atomic<bool> silent_{false};   // Whether a lasting outage has been reported.

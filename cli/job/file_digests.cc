@@ -3,9 +3,13 @@
 #include "cli/job/file_digests.h"
 
 #include <cerrno>
+#include <filesystem>
+#include <optional>
+#include <system_error>
 #include <tuple>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
 
@@ -29,6 +33,14 @@ absl::StatusOr<BlobDigest> FileDigests::Of(const std::string& path) {
     const MutexLock lock(&mutex_);
     if (const auto it = digests_.find(*before); it != digests_.end()) return it->second;
   }
+  std::error_code error;
+  const std::string absolute = std::filesystem::absolute(path, error).string();
+  const std::optional<FileState> state = StateOfFile(path);
+  const bool remembers = memory_ != nullptr && !error && state.has_value();
+  if (remembers) {
+    if (const std::optional<BlobDigest> known = memory_->Find(absolute, *state)) return *known;
+  }
+  const int64_t now_ns = absl::GetCurrentTimeNanos();
   const absl::StatusOr<FileDigest> digest = Sha256OfFile(path);
   if (!digest.ok()) return digest.status();
   const absl::StatusOr<Key> after = KeyOf(path);
@@ -38,6 +50,7 @@ absl::StatusOr<BlobDigest> FileDigests::Of(const std::string& path) {
         absl::StrCat(path, ": changed while it was being read; submit again"));
   }
   const BlobDigest blob{digest->sha256_hex, digest->size_bytes};
+  if (remembers && StateOfFile(path) == state) memory_->Remember(absolute, *state, blob, now_ns);
   const MutexLock lock(&mutex_);
   digests_[*before] = blob;
   return blob;

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FileDigests: SHA-256 of files. A file that several frames share is hashed once.
+// FileDigests: SHA-256 of files. A file that several frames share is hashed once, and one that has
+// not changed since an earlier command not at all (digest_memory.h).
 #pragma once
 
 #include <sys/stat.h>
@@ -10,6 +11,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "cli/job/digest_memory.h"
 #include "common/base/mutex.h"
 #include "common/content/blob_digest.h"
 
@@ -18,6 +20,9 @@ namespace sheaf::cli {
 // Thread safety: the member Of may be called concurrently.
 class FileDigests {
  public:
+  // memory must outlive the object; null: nothing is remembered.
+  explicit FileDigests(DigestMemory* memory = nullptr) : memory_(memory) {}
+
   // Errors: those of opening and reading; kFailedPrecondition if the file changes meanwhile.
   absl::StatusOr<BlobDigest> Of(const std::string& path);
 
@@ -31,6 +36,7 @@ class FileDigests {
   };
   static absl::StatusOr<Key> KeyOf(const std::string& path);
 
+  DigestMemory* const memory_;
   Mutex mutex_;
   std::map<Key, BlobDigest> digests_ ABSL_GUARDED_BY(mutex_);
 };

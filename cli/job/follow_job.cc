@@ -3,12 +3,9 @@
 #include "cli/job/follow_job.h"
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cstdio>
 #include <map>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -20,8 +17,6 @@
 #include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/file.h"
-#include "common/base/first_error.h"
-#include "common/base/mutex.h"
 #include "common/base/printable.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/rpc/address.h"
@@ -29,31 +24,7 @@
 namespace sheaf::cli {
 namespace {
 
-constexpr size_t kUploadsMax = 4;  // Concurrent, to hide the latency of many small files.
-constexpr std::chrono::seconds kUploadSilence{2};  // A shorter upload shows no progress.
 constexpr uint64_t kImageBytesMax = uint64_t{16} << 30;
-
-// Shows the number of bytes sent so far.
-class UploadProgress {
- public:
-  explicit UploadProgress(uint64_t total_bytes)
-      : total_bytes_(std::max<uint64_t>(total_bytes, 1)) {}
-  void Add(uint64_t size_bytes) {
-    const MutexLock lock(&mutex_);
-    sent_bytes_ += size_bytes;
-    const double fraction =
-        std::min(1.0, static_cast<double>(sent_bytes_) / static_cast<double>(total_bytes_));
-    line_.Show("uploading", fraction,
-               absl::StrFormat("%.0f %% of %sB", 100 * fraction,
-                               FormatCount(static_cast<double>(total_bytes_))));
-  }
-
- private:
-  Mutex mutex_;
-  ProgressLine line_ ABSL_GUARDED_BY(mutex_){kUploadSilence};
-  const uint64_t total_bytes_;
-  uint64_t sent_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
-};
 
 bool IsBlack(const FrameImage& image) {
   for (const char* name : {"R", "G", "B"}) {
@@ -95,35 +66,6 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
 }
 
 }  // namespace
-
-absl::Status UploadMissing(FarmClient* client, const PreparedJob& job) {
-  std::vector<BlobDigest> digests;
-  for (const auto& [hex, blob] : job.blobs) digests.push_back(blob.digest);
-  const absl::StatusOr<std::vector<BlobDigest>> missing = client->FindMissing(digests);
-  if (!missing.ok()) return missing.status();
-  if (missing->empty()) return absl::OkStatus();
-  uint64_t total_bytes = 0;
-  for (const BlobDigest& digest : *missing) total_bytes += digest.size_bytes;
-  UploadProgress progress(total_bytes);
-  std::atomic<size_t> next{0};
-  FirstError first_error;
-  {
-    std::vector<std::jthread> uploads;
-    for (size_t t = 0; t < std::min(kUploadsMax, missing->size()); ++t) {
-      uploads.emplace_back([&] {
-        for (size_t i = next++; i < missing->size(); i = next++) {
-          const BlobSource& blob = job.blobs.at((*missing)[i].sha256_hex);
-          const absl::Status status =
-              client->Upload(blob, [&](uint64_t size_bytes) { progress.Add(size_bytes); });
-          if (status.ok()) continue;
-          first_error.Update(status);
-          next = missing->size();
-        }
-      });
-    }
-  }
-  return first_error.Get();
-}
 
 absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
                                       ViewTransform view) {

@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/job/digest_memory.h"
 #include "cli/job/file_digests.h"
 #include "cli/job/frame_range.h"
 #include "cli/job/input_check.h"
@@ -136,7 +137,8 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
-  FileDigests digests;
+  DigestMemory memory(DigestMemory::DefaultPath());
+  FileDigests digests(&memory);
   InputChecks checks;
   RenderSettings settings = arguments.settings;
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
@@ -178,6 +180,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
     job.blobs.emplace(digest->sha256_hex, BlobSource{*digest, arguments.resume_from, ""});
     job.frames.front().resumed = *digest;
   }
+  memory.Save();
   return job;
 }
 

@@ -62,6 +62,12 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.ContentService/WriteBlob", kSubmit},
     {"/sheaf.v1.ContentService/ReadBlob", kWorkOrOperate},
 
+    {"/sheaf.v1.TransferService/WriteSmallBlobs", kSubmit},
+    {"/sheaf.v1.TransferService/PlanWrite", kSubmit},
+    {"/sheaf.v1.TransferService/WriteChunks", kSubmit},
+    {"/sheaf.v1.TransferService/LocateBlob", kWork},
+    {"/sheaf.v1.TransferService/ReportContent", kWork},
+
     {"/sheaf.v1.WorkerService/Synchronize", kWork},
     {"/sheaf.v1.WorkerService/UploadResults", kWork},
     {"/sheaf.v1.WorkerService/ReadGuidingField", kWork},

@@ -123,12 +123,13 @@ class Farm:
         self.address = f"{self.host}:{found['grpc']}"
         self.http = f"{self.host}:{found['http']}"
 
-    def start_worker(self, *arguments, threads=1):
+    def start_worker(self, *arguments, threads=1, cache="cache"):
+        """cache: the name of its folder of scene files; by default workers share one."""
         self.worker_count += 1
         process = self._start(f"worker{self.worker_count}", [
             *self.client_prefix, os.path.join(programs(), "sheaf-worker"),
             "--coordinator", self.address, "--threads", str(threads),
-            "--cache-dir", self.path("cache"), *arguments])
+            "--cache-dir", self.path(cache), *arguments])
         self.workers.append(process)
         return process
 

@@ -87,10 +87,14 @@ EmbeddedWorker::EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
     : worker_id_(agent_options.worker_id),
       cache_(std::move(cache)),
       scenes_(std::move(scenes)),
+      exchange_(options.reports_content ? std::make_unique<PeerExchange>(
+                                              control, worker_id_, options.peers, &cache_->blobs())
+                                        : nullptr),
       loader_(data, cache_.get(), scenes_.get(),
               {options.scene_memory_bytes_max, options.texture_memory_bytes_max,
                static_cast<uint32_t>(agent_options.thread_count),
-               static_cast<uint32_t>(agent_options.thread_count)}),
+               static_cast<uint32_t>(agent_options.thread_count)},
+              exchange_.get()),
       link_(control, data, options.coordinator),
       agent_(agent_options, &link_, &loader_) {}
 

@@ -20,6 +20,7 @@
 #include "worker/sandbox/scene_opener.h"
 #include "worker/service/frame_loader.h"
 #include "worker/service/grpc_coordinator_link.h"
+#include "worker/service/peer_exchange.h"
 
 namespace sheaf::worker {
 
@@ -33,6 +34,9 @@ struct WorkerOptions {
   int32_t leases_ahead = 2;
   std::chrono::milliseconds grace{10'000};
   std::chrono::milliseconds exit_when_idle{0};
+  // Whether the coordinator is told where scene files came from; without it no peers are asked.
+  bool reports_content = false;
+  PeerOptions peers;
   SandboxOptions sandbox;  // By default scenes render in this process: they are the user's own.
 };
 
@@ -64,6 +68,7 @@ class EmbeddedWorker {
   const std::string worker_id_;
   const std::unique_ptr<ContentCache> cache_;
   const std::unique_ptr<SceneOpener> scenes_;
+  const std::unique_ptr<PeerExchange> exchange_;  // Null without reports.
   FrameLoader loader_;
   GrpcCoordinatorLink link_;
   Agent agent_;

@@ -5,14 +5,15 @@
 #include <grpcpp/client_context.h>
 
 #include <functional>
+#include <set>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/mutex.h"
-#include "common/content/chunk_codec.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/manifest_codec.h"
@@ -28,6 +29,48 @@ using FieldFetch =
     std::function<absl::StatusOr<std::string>(const Lease& lease, std::stop_token stop)>;
 
 LoadResult Failed(FailureKind kind, const absl::Status& status) { return {nullptr, status, kind}; }
+
+// The fetches of one load: counts the blobs that were in the cache, and reports those that are now.
+class LoadFetches {
+ public:
+  LoadFetches(BlobFetcher* fetcher, PeerExchange* exchange, std::stop_token stop)
+      : fetcher_(fetcher), exchange_(exchange), stop_(std::move(stop)) {}
+
+  ContentCache::Fetch AsFetch() {
+    return
+        [this](const BlobDigest& blob, uint64_t offset_bytes, const ContentCache::Append& append) {
+          NoteFetched();  // The next blob is asked for once the one before is complete.
+          fetched_.insert(blob.sha256_hex);
+          fetching_ = blob;
+          return fetcher_->Fetch(blob, offset_bytes, append, stop_);
+        };
+  }
+  // The files are all in the cache.
+  void NoteAcquired(const std::vector<ManifestFile>& files) {
+    NoteFetched();
+    if (exchange_ == nullptr) return;
+    std::set<std::string> seen;
+    for (const ManifestFile& file : files) {
+      const BlobDigest& blob = file.digest;
+      if (!seen.insert(blob.sha256_hex).second || fetched_.contains(blob.sha256_hex)) continue;
+      exchange_->CountBlob(BlobSource::kCache);
+      exchange_->CountBytes(BlobSource::kCache, blob.size_bytes);
+      exchange_->NoteHeld(blob);  // Another worker of this machine may have fetched it.
+    }
+  }
+
+ private:
+  void NoteFetched() {
+    if (exchange_ != nullptr && !fetching_.sha256_hex.empty()) exchange_->NoteHeld(fetching_);
+    fetching_ = {};
+  }
+
+  BlobFetcher* const fetcher_;
+  PeerExchange* const exchange_;
+  const std::stop_token stop_;
+  std::set<std::string> fetched_;
+  BlobDigest fetching_;
+};
 
 // An open scene together with its files.
 class FrameScene : public LoadedScene {
@@ -94,37 +137,13 @@ class FrameScene : public LoadedScene {
 }  // namespace
 
 FrameLoader::FrameLoader(const std::shared_ptr<grpc::Channel>& channel, ContentCache* cache,
-                         SceneOpener* scenes, SceneLimits limits)
-    : stub_(v1::ContentService::NewStub(channel)),
+                         SceneOpener* scenes, SceneLimits limits, PeerExchange* exchange)
+    : fetcher_(channel, exchange),
+      exchange_(exchange),
       worker_stub_(v1::WorkerService::NewStub(channel)),
       cache_(cache),
       scenes_(scenes),
       limits_(limits) {}
-
-ContentCache::Fetch FrameLoader::FetchFromCoordinator(std::stop_token stop) const {
-  return [this, stop](const BlobDigest& digest, uint64_t offset_bytes,
-                      const ContentCache::Append& append) {
-    grpc::ClientContext context;
-    SetDeadline(&context, kStreamDeadline);
-    const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
-    v1::ReadBlobRequest request;
-    request.mutable_digest()->set_sha256_hex(digest.sha256_hex);
-    request.mutable_digest()->set_size_bytes(digest.size_bytes);
-    request.set_offset_bytes(offset_bytes);
-    const std::unique_ptr<grpc::ClientReader<v1::ReadBlobResponse>> reader =
-        stub_->ReadBlob(&context, request);
-    absl::Status appended;
-    v1::ReadBlobResponse response;
-    while (appended.ok() && reader->Read(&response)) {
-      const absl::StatusOr<std::string> bytes =
-          DecompressChunk(response.zstd_chunk(), kBlobChunkBytesMax);
-      appended = bytes.ok() ? append(*bytes) : absl::DataLossError(bytes.status().message());
-    }
-    if (!appended.ok()) context.TryCancel();
-    const absl::Status finished = FromGrpcStatus(reader->Finish());
-    return appended.ok() ? finished : appended;
-  };
-}
 
 absl::StatusOr<std::string> FrameLoader::FetchField(const Lease& lease,
                                                     std::stop_token stop) const {
@@ -162,10 +181,12 @@ absl::StatusOr<std::string> FrameLoader::FetchField(const Lease& lease,
 }
 
 LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
-  const ContentCache::Fetch fetch = FetchFromCoordinator(stop);
+  LoadFetches fetches(&fetcher_, exchange_, stop);
+  const std::vector<ManifestFile> manifest_files = {{"scene.manifest", lease.scene}};
   absl::StatusOr<ContentLease> manifest_file =
-      cache_->Acquire({{"scene.manifest", lease.scene}}, fetch, stop);
+      cache_->Acquire(manifest_files, fetches.AsFetch(), stop);
   if (!manifest_file.ok()) return Failed(FailureKind::kInfrastructure, manifest_file.status());
+  fetches.NoteAcquired(manifest_files);
   const absl::StatusOr<std::string> manifest_bytes =
       ReadWholeFile(manifest_file->local_paths().at("scene.manifest"), kManifestBytesMax);
   if (!manifest_bytes.ok()) return Failed(FailureKind::kInfrastructure, manifest_bytes.status());
@@ -175,8 +196,9 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   }
   const absl::StatusOr<Manifest> manifest = DecodeManifest(*manifest_bytes);
   if (!manifest.ok()) return Failed(FailureKind::kScene, manifest.status());
-  absl::StatusOr<ContentLease> files = cache_->Acquire(manifest->files, fetch, stop);
+  absl::StatusOr<ContentLease> files = cache_->Acquire(manifest->files, fetches.AsFetch(), stop);
   if (!files.ok()) return Failed(FailureKind::kInfrastructure, files.status());
+  fetches.NoteAcquired(manifest->files);
 
   OpenResult opened =
       scenes_->Open({manifest->main_file, files->local_paths(), lease.settings, limits_}, stop);

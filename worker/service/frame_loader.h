@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameLoader: loads a lease's scene from the coordinator's blobs. The guiding field of a guided
-// frame follows with the first lease that names it, once a scene.
+// FrameLoader: loads a lease's scene from blobs of the coordinator and of other workers. The
+// guiding field of a guided frame follows with the first lease that names it, once a scene.
 //
 //     manifest blob > files in the content cache > OpenScene
 #pragma once
@@ -15,29 +15,29 @@
 
 #include "absl/status/statusor.h"
 #include "common/content/content_cache.h"
-#include "sheaf/v1/content.grpc.pb.h"
 #include "sheaf/v1/worker.grpc.pb.h"
 #include "worker/agent/scene_loader.h"
 #include "worker/sandbox/scene_opener.h"
+#include "worker/service/blob_fetcher.h"
 
 namespace sheaf::worker {
 
 // Thread safety: Load may be called concurrently.
 class FrameLoader : public SceneLoader {
  public:
-  // Requires: cache and scenes outlive this, and this outlives every scene it loaded.
+  // Requires: cache, scenes and exchange outlive this, and this outlives every scene it loaded.
+  // exchange: null where all blobs come from the coordinator.
   FrameLoader(const std::shared_ptr<grpc::Channel>& channel, ContentCache* cache,
-              SceneOpener* scenes, SceneLimits limits);
+              SceneOpener* scenes, SceneLimits limits, PeerExchange* exchange = nullptr);
 
   LoadResult Load(const Lease& lease, std::stop_token stop) override;
 
  private:
-  ContentCache::Fetch FetchFromCoordinator(std::stop_token stop) const;
-
   // The verified bytes of the lease's guiding field. Errors: those of LoadedScene::Render.
   absl::StatusOr<std::string> FetchField(const Lease& lease, std::stop_token stop) const;
 
-  const std::unique_ptr<v1::ContentService::Stub> stub_;
+  BlobFetcher fetcher_;
+  PeerExchange* const exchange_;
   const std::unique_ptr<v1::WorkerService::Stub> worker_stub_;
   ContentCache* const cache_;
   SceneOpener* const scenes_;

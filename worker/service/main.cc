@@ -44,7 +44,21 @@ struct Arguments {
   std::string sandbox = "best";
   double load_seconds_max = 3600;
   double task_seconds_max = 3600;
+  bool no_peers = false;
 };
+
+void AddPeerOptions(CLI::App* app, Arguments* arguments) {
+  app->add_flag("--no-peers", arguments->no_peers,
+                "Fetch scene files from the coordinator alone, and serve none to other workers");
+  app->add_option("--peer-port", arguments->worker.peers.port,
+                  "Port at which other workers of the farm fetch scene files from this one, over\n"
+                  "mutual TLS; 0: the system chooses")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  app->add_option("--peer-bytes-per-second-max", arguments->worker.peers.bytes_per_second_max,
+                  "Limit of what they fetch, e.g. 100M (default: none)")
+      ->transform(CLI::AsSizeValue(false));
+}
 
 void AddSandboxOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--sandbox", arguments->sandbox,
@@ -134,6 +148,12 @@ absl::StatusOr<FarmConnection> Connect(const Arguments& arguments) {
   return ConnectionTo(address, store, arguments.insecure);
 }
 
+// Without certificates workers talk to each other on their own machine alone.
+bool MayUsePeers(const FarmConnection& connection) {
+  const absl::StatusOr<Address> coordinator = ParseAddress(connection.address);
+  return connection.files || (coordinator.ok() && IsLoopback(*coordinator));
+}
+
 int Work(const Arguments& arguments) {
   std::stop_source stop;
   // Before any thread exists, so that all threads block these signals.
@@ -152,8 +172,12 @@ int Work(const Arguments& arguments) {
   }
   std::optional<CertificateRenewal> renewal;
   if (connection->files) renewal.emplace(connection->address, *connection->files);
+  WorkerOptions options = arguments.worker;
+  options.reports_content = true;
+  options.peers.files = connection->files;
+  options.peers.enabled = !arguments.no_peers && MayUsePeers(*connection);
   const absl::StatusOr<std::unique_ptr<EmbeddedWorker>> worker =
-      EmbeddedWorker::Open(connection->Open(), connection->Open(), arguments.worker);
+      EmbeddedWorker::Open(connection->Open(), connection->Open(), options);
   if (!worker.ok()) {
     LogError(std::string(worker.status().message()));
     return kExitCannotStart;
@@ -194,6 +218,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);
   AddOptions(&app, &arguments);
   AddSandboxOptions(&app, &arguments);
+  AddPeerOptions(&app, &arguments);
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-worker: %s\n", text.c_str());
   };

@@ -64,6 +64,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
     : options_(options),
       store_(std::move(store)),
       blobs_(std::move(blobs)),
+      content_(blobs_.get()),
       round_previews_(std::move(round_previews)),
       tokens_(secret),
       choice_(secret),
@@ -159,9 +160,8 @@ void Farm::KeepProvenFailures(WorkerReport* report) {
         if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
         const std::string digest =
             tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
-        const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
-                              lease->tile_rect, lease->task.block,   lease->cells,
-                              lease->kind};
+        const LeasedWork work{lease->lease_id,   IdentityOf(*report), digest,     lease->tile_rect,
+                              lease->task.block, lease->cells,        lease->kind};
         if (tokens_.IsValid(work, failure.token)) return false;
         ++tables_.scheduler.counters().failures_refused;
         LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",
@@ -201,6 +201,7 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
 std::vector<MetricView> Farm::Metrics() const {
   std::vector<MetricView> metrics = metrics_.List();
   keeper_.AddMetrics(&metrics);
+  content_.AddMetrics(&metrics);
   if (scrubber_ != nullptr) scrubber_->AddMetrics(&metrics);
   return metrics;
 }

@@ -51,6 +51,7 @@
 #include "coordinator/service/farm/result_intake.h"
 #include "coordinator/service/farm/resumed_frames.h"
 #include "coordinator/service/farm/tile_builder.h"
+#include "coordinator/service/farm/transfer/content_exchange.h"
 #include "coordinator/service/farm/upkeep/disk_keeper.h"
 #include "coordinator/service/farm/upkeep/scrubber.h"
 #include "coordinator/service/farm/worker_views.h"
@@ -88,6 +89,7 @@ class Farm : public FarmView {
   void RunOnce();
 
   BlobStore& blobs() { return *blobs_; }
+  ContentExchange& content() { return content_; }
   const FarmOptions& options() const { return options_; }
   // For simulations, which look whether the tables agree with each other.
   FarmTables& tables() { return tables_; }
@@ -237,6 +239,7 @@ class Farm : public FarmView {
   const FarmOptions options_;
   const std::unique_ptr<JobStore> store_;
   const std::unique_ptr<BlobStore> blobs_;
+  ContentExchange content_;
   const std::unique_ptr<RoundPreviews> round_previews_;
   const LeaseTokens tokens_;
   const CheckChoice choice_;

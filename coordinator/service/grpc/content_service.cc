@@ -6,12 +6,12 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "common/base/digest.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/grpc_status.h"
 #include "coordinator/service/grpc/caller.h"
 #include "coordinator/service/grpc/drain_stream.h"
+#include "coordinator/service/grpc/upload_use.h"
 #include "coordinator/service/grpc/wire.h"
 
 namespace sheaf::coordinator {
@@ -83,25 +83,6 @@ grpc::Status ContentService::GetWriteStatus(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
-absl::Status ContentService::BeginUpload(const grpc::ServerContext& context,
-                                         uint64_t size_bytes) const {
-  const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
-  if (access_ == nullptr || !id.ok()) return absl::OkStatus();
-  const absl::Time now = absl::Now();
-  absl::Status allowed = access_->use().BeginUpload(*id, size_bytes, now);
-  if (!allowed.ok()) {
-    access_->NoteRefused(absl::StrCat(FormatIdentity(*id), " at ", context.peer()), "WriteBlob",
-                         allowed, now);
-  }
-  return allowed;
-}
-
-void ContentService::ReturnUpload(const grpc::ServerContext& context,
-                                  uint64_t missing_bytes) const {
-  const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
-  if (access_ != nullptr && id.ok()) access_->use().ReturnUpload(*id, missing_bytes);
-}
-
 grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
                                        grpc::ServerReader<v1::WriteBlobRequest>* reader,
                                        v1::WriteBlobResponse* response) {
@@ -120,11 +101,13 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
     return Finish(absl::OkStatus(), &message, reader);
   }
   if (!writer.ok()) return Finish(writer.status(), &message, reader);
-  const absl::Status allowed =
-      BeginUpload(*context, digest->size_bytes - writer->committed_bytes());
+  const uint64_t asked_bytes = digest->size_bytes - writer->committed_bytes();
+  const absl::Status allowed = BeginUpload(*context, access_, "WriteBlob", asked_bytes);
   if (!allowed.ok()) return Finish(allowed, &message, reader);
   const absl::Status status = WriteAll(&message, reader, &*writer, *digest);
-  ReturnUpload(*context, digest->size_bytes - writer->committed_bytes());
+  const uint64_t missing_bytes = digest->size_bytes - writer->committed_bytes();
+  ReturnUpload(*context, access_, missing_bytes);
+  if (content_ != nullptr) content_->NoteReceived(asked_bytes - missing_bytes);
   response->set_committed_bytes(writer->committed_bytes());
   return Finish(status, &message, reader);
 }
@@ -157,6 +140,7 @@ grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,
     v1::ReadBlobResponse response;
     response.set_zstd_chunk(CompressChunk(*chunk));
     if (!writer->Write(response)) break;
+    if (content_ != nullptr) content_->NoteSent(chunk->size());
     offset_bytes += chunk->size();
   }
   return grpc::Status::OK;

@@ -6,6 +6,7 @@
 
 #include "common/content/blob_store.h"
 #include "coordinator/access/access_control.h"
+#include "coordinator/service/farm/transfer/content_exchange.h"
 #include "sheaf/v1/content.grpc.pb.h"
 
 namespace sheaf::coordinator {
@@ -14,9 +15,11 @@ inline constexpr int kFindMissingDigestsMax = 10'000;
 
 class ContentService final : public v1::ContentService::Service {
  public:
-  // Both must outlive the service. access: null without certificates.
-  explicit ContentService(const BlobStore* blobs, AccessControl* access = nullptr)
-      : blobs_(blobs), access_(access) {}
+  // All must outlive the service. access: null without certificates. content: counts what is
+  // transferred; may be null.
+  explicit ContentService(const BlobStore* blobs, AccessControl* access = nullptr,
+                          ContentExchange* content = nullptr)
+      : blobs_(blobs), access_(access), content_(content) {}
 
   grpc::Status FindMissing(grpc::ServerContext* context, const v1::FindMissingRequest* request,
                            v1::FindMissingResponse* response) override;
@@ -30,13 +33,9 @@ class ContentService final : public v1::ContentService::Service {
                         grpc::ServerWriter<v1::ReadBlobResponse>* writer) override;
 
  private:
-  // Counts an upload of so many bytes. Errors: kResourceExhausted, recorded.
-  absl::Status BeginUpload(const grpc::ServerContext& context, uint64_t size_bytes) const;
-  // Takes back what did not come of it.
-  void ReturnUpload(const grpc::ServerContext& context, uint64_t missing_bytes) const;
-
   const BlobStore* const blobs_;
   AccessControl* const access_;
+  ContentExchange* const content_;
 };
 
 }  // namespace sheaf::coordinator

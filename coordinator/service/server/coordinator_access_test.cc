@@ -127,7 +127,7 @@ std::set<std::string> AllOperations() {
   // One message of each file links the file's descriptors in.
   for (const google::protobuf::FileDescriptor* file :
        {v1::EnrollRequest::descriptor()->file(), v1::Job::descriptor()->file(),
-        v1::FindMissingRequest::descriptor()->file(),
+        v1::FindMissingRequest::descriptor()->file(), v1::PlanWriteRequest::descriptor()->file(),
         v1::SynchronizeRequest::descriptor()->file()}) {
     EXPECT_NE(pool->FindFileByName(file->name()), nullptr);
     for (int i = 0; i < file->service_count(); ++i) {

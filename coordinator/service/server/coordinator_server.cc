@@ -150,7 +150,10 @@ void CoordinatorServer::AddListeningPort(const CoordinatorOptions& options,
 absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   job_service_ = std::make_unique<JobService>(farm_.get(), access_.get());
   worker_service_ = std::make_unique<WorkerService>(farm_.get(), access_.get());
-  content_service_ = std::make_unique<ContentService>(&farm_->blobs(), access_.get());
+  content_service_ =
+      std::make_unique<ContentService>(&farm_->blobs(), access_.get(), &farm_->content());
+  transfer_service_ =
+      std::make_unique<TransferService>(&farm_->blobs(), &farm_->content(), access_.get());
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
@@ -163,6 +166,7 @@ absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   builder.RegisterService(job_service_.get());
   builder.RegisterService(worker_service_.get());
   builder.RegisterService(content_service_.get());
+  builder.RegisterService(transfer_service_.get());
   server_ = builder.BuildAndStart();
   const bool listens = options.listen_address.empty() || port_ != 0;
   if (server_ == nullptr || !listens) return PortInUseError(options.listen_address);

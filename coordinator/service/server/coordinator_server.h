@@ -20,6 +20,7 @@
 #include "coordinator/service/grpc/access_service.h"
 #include "coordinator/service/grpc/content_service.h"
 #include "coordinator/service/grpc/job_service.h"
+#include "coordinator/service/grpc/transfer_service.h"
 #include "coordinator/service/grpc/worker_service.h"
 #include "coordinator/service/http/http_service.h"
 
@@ -87,6 +88,7 @@ class CoordinatorServer {
   std::unique_ptr<JobService> job_service_;
   std::unique_ptr<WorkerService> worker_service_;
   std::unique_ptr<ContentService> content_service_;
+  std::unique_ptr<TransferService> transfer_service_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<HttpService> http_;
   std::jthread certificate_upkeep_;
