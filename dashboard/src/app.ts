@@ -22,6 +22,7 @@ import {Live} from './live';
 import {ImageView} from './image_view';
 import {Store} from './store';
 import {startSession} from './session';
+import {SetAsideView} from './set_aside';
 import {startTheme} from './theme';
 import {WorkersView} from './workers';
 
@@ -88,9 +89,10 @@ new JobsView(store, (name) => {
   location.hash = name;
 });
 new JobDetailsView(store);
-new JobActions(store);
+const jobActions = new JobActions(store);
 new EffectsView(store);
 new FailuresView(store);
+new SetAsideView(store, jobActions);
 new FramesView(store, (name) => {
   location.hash = name;
 }, () => live?.showMoreFrames());
