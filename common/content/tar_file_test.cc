@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 
@@ -78,11 +79,11 @@ TEST_F(TarFileTest, TarExtractsIt) {
 
 TEST_F(TarFileTest, AnyByteOutsideOfContentThatChangedIsRefused) {
   const std::string bytes = Write();
+  const std::vector<TarEntry> entries = *List(bytes);
   const auto is_content = [&](size_t at) {
-    for (const TarEntry& entry : *List(bytes)) {
-      if (at >= entry.offset_bytes && at < entry.offset_bytes + entry.size_bytes) return true;
-    }
-    return false;
+    return std::ranges::any_of(entries, [at](const TarEntry& entry) {
+      return at >= entry.offset_bytes && at < entry.offset_bytes + entry.size_bytes;
+    });
   };
   for (size_t at = 0; at < bytes.size(); ++at) {
     if (is_content(at)) continue;
