@@ -10,20 +10,24 @@ namespace sheaf::cli {
 
 enum class ExitCode : int {
   kOk = 0,
-  kFailed = 1,  // The job failed, or compared images differ by more than the tolerance.
+  // The job failed, compared images differ by more than the tolerance, or a task failed as its
+  // bundle records.
+  kFailed = 1,
   kUsage = 2,
   kUnreachable = 3,  // The coordinator does not answer.
   kBadScene = 4,
   kCancelled = 5,  // The job was cancelled.
   kFile = 6,       // A file on this machine cannot be read or written.
+  kOtherwise = 7,  // A task failed otherwise than its bundle records.
   kInterrupted = 130,
 };
 
 // The lines of sheaf --help that list the exit codes.
 inline constexpr const char* kExitCodeHelp =
-    "Exit codes: 0 done; 1 the job failed, or images differ; 2 wrong usage; 3 the coordinator\n"
-    "does not answer; 4 the scene has errors; 5 the job was cancelled; 6 a file cannot be read or\n"
-    "written; 130 interrupted.";
+    "Exit codes: 0 done; 1 the job or task failed, or images differ; 2 wrong usage;\n"
+    "3 the coordinator does not answer; 4 the scene has errors; 5 the job was cancelled; 6 a file\n"
+    "cannot be read or written; 7 a task failed otherwise than its bundle records;\n"
+    "130 interrupted.";
 
 // Prints "sheaf: MESSAGE" to standard error and returns the code for a failed call.
 ExitCode ReportCallError(const absl::Status& status);

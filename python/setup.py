@@ -18,7 +18,8 @@ from setuptools.command.build_py import build_py
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(FOLDER)
-PROTOS = ("content", "frame", "job")  # The services of clients, and the files that these import.
+# The services of clients, and the files that these import.
+PROTOS = ("bundle", "content", "frame", "job", "worker")
 
 
 def project_version():

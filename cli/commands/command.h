@@ -34,6 +34,8 @@ std::unique_ptr<Command> MakeResumeCommand();
 std::unique_ptr<Command> MakePriorityCommand();
 std::unique_ptr<Command> MakeRetryCommand();
 std::unique_ptr<Command> MakeKillCommand();
+std::unique_ptr<Command> MakeBundleCommand();
+std::unique_ptr<Command> MakeReproCommand();
 std::unique_ptr<Command> MakeWorkersCommand();
 std::unique_ptr<Command> MakePinCommand();
 std::unique_ptr<Command> MakeUnpinCommand();

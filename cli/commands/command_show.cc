@@ -53,12 +53,13 @@ void PrintFrame(const v1::Frame& frame) {
       frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
 }
 
-// The tasks of a frame that nobody renders, and why.
-void PrintTrouble(const v1::FrameTrouble& trouble) {
+// The tasks of a frame that nobody renders, why, and the command that gets a failed one.
+void PrintTrouble(const std::string& job, const v1::FrameTrouble& trouble) {
   const int number = trouble.frame_number(), count = trouble.set_aside_task_count();
+  const std::string command = absl::StrCat("sheaf bundle ", job, " --frame ", number);
   if (count == 0) {
-    std::printf("frame %d is incomplete: %s\n", number,
-                PrintableLines(trouble.incomplete()).c_str());
+    std::printf("frame %d is incomplete: %s\n  to reproduce: %s\n", number,
+                PrintableLines(trouble.incomplete()).c_str(), command.c_str());
     return;
   }
   std::printf("frame %d %s: %d %s set aside\n", number,
@@ -66,6 +67,8 @@ void PrintTrouble(const v1::FrameTrouble& trouble) {
               count == 1 ? "task is" : "tasks are");
   for (const v1::SetAsideTask& task : trouble.set_aside_tasks()) {
     std::printf("  task %u: %s\n", task.task(), PrintableLines(task.why()).c_str());
+    if (task.failures().empty()) continue;
+    std::printf("    to reproduce: %s --task %u\n", command.c_str(), task.task());
   }
 }
 
@@ -98,7 +101,9 @@ void PrintJob(const v1::Job& job) {
   std::printf("\n%-8s %-12s %8s %7s  %-10s %-7s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE",
               "ERROR", "FLIP", "IMAGE");
   for (const v1::Frame& frame : job.frames()) PrintFrame(frame);
-  for (const v1::FrameTrouble& trouble : job.troubles()) PrintTrouble(trouble);
+  for (const v1::FrameTrouble& trouble : job.troubles()) {
+    PrintTrouble(job.name(), trouble);
+  }
 }
 
 void PrintFile(const std::string& path, const FrameImage& image, bool json) {

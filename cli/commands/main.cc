@@ -17,6 +17,7 @@
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
+#include "worker/sandbox/scene_server.h"
 
 namespace sheaf::cli {
 namespace {
@@ -36,6 +37,8 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakeCancelCommand());
   commands.push_back(MakeRetryCommand());
   commands.push_back(MakeKillCommand());
+  commands.push_back(MakeBundleCommand());
+  commands.push_back(MakeReproCommand());
   commands.push_back(MakeWorkersCommand());
   commands.push_back(MakePinCommand());
   commands.push_back(MakeUnpinCommand());
@@ -84,4 +87,9 @@ ExitCode Main(int argc, char** argv) {
 }  // namespace
 }  // namespace sheaf::cli
 
-int main(int argc, char** argv) { return static_cast<int>(sheaf::cli::Main(argc, argv)); }
+int main(int argc, char** argv) {
+  if (argc == 2 && std::string_view(argv[1]) == sheaf::worker::kSceneProcessFlag) {
+    return sheaf::worker::RunDirectSceneProcess();
+  }
+  return static_cast<int>(sheaf::cli::Main(argc, argv));
+}

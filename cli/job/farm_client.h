@@ -68,6 +68,11 @@ class FarmClient {
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
   absl::StatusOr<v1::Job> RetryTasks(const v1::RetryTasksRequest& request);
   absl::StatusOr<v1::Job> KillTasks(const v1::KillTasksRequest& request);
+  // Calls take with each message; after an interruption they begin anew. Errors: also those of
+  // take.
+  absl::Status ReadTaskBundle(
+      const v1::ReadTaskBundleRequest& request,
+      const std::function<absl::Status(const v1::ReadTaskBundleResponse&)>& take);
   absl::StatusOr<v1::PriceRefinementResponse> PriceRefinement(
       const v1::PriceRefinementRequest& request);
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max, bool with_pilots = false);

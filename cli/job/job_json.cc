@@ -101,7 +101,15 @@ Json LayersJson(const v1::Frame& frame) {
 void AddTrouble(const v1::FrameTrouble& trouble, Json* frame) {
   Json tasks = Json::array();
   for (const v1::SetAsideTask& task : trouble.set_aside_tasks()) {
-    tasks.push_back({{"task", task.task()}, {"why", task.why()}});
+    Json failures = Json::array();
+    for (const v1::RecordedFailure& failure : task.failures()) {
+      failures.push_back({{"kind", failure.kind()},
+                          {"worker", failure.worker()},
+                          {"count", failure.count()},
+                          {"message", failure.message()}});
+    }
+    tasks.push_back(
+        {{"task", task.task()}, {"why", task.why()}, {"failures", std::move(failures)}});
   }
   (*frame)["incomplete"] = trouble.incomplete();
   (*frame)["set_aside_tasks"] = std::move(tasks);

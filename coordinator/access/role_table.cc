@@ -53,6 +53,7 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/RefineJob", kSubmit},
     {"/sheaf.v1.JobService/RetryTasks", kSubmit},
     {"/sheaf.v1.JobService/KillTasks", kSubmit},
+    {"/sheaf.v1.JobService/ReadTaskBundle", kSubmit},
     {"/sheaf.v1.JobService/PinJob", kSubmit},
     {"/sheaf.v1.JobService/UnpinJob", kSubmit},
     {"/sheaf.v1.JobService/CollectGarbage", kOperate},

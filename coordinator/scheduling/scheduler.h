@@ -88,7 +88,7 @@ struct FrameRecord {
 // Pixel samples of the whole frame, light paths included: where it is rendered in rounds, as far as
 // they are decided.
 uint64_t SampleCountTotal(const FrameRecord& frame);
-// Why a frame is incomplete: its tasks that are set aside, at most some of them by name. Empty
+// Why a frame is incomplete: how many tasks are set aside, and one of them as an example. Empty
 // where none is.
 std::string IncompleteText(const FrameRecord& frame);
 
@@ -377,6 +377,8 @@ class Scheduler {
   void RefuseForMemory(const FrameId& id, const std::string& worker_id);
   // Which failures keep the workers that are there from the job's tasks; empty where none do.
   std::string WhyOthersAreNeeded(const JobRecord& job) const;
+  // The end of such a text: what a person can do about it.
+  std::string WhatEndsTheWait(const JobRecord& job, const FrameRecord& frame) const;
   std::string TaskFailureText(const FrameRecord& frame, const TaskFailures& failures) const;
 
   const Limits limits_;

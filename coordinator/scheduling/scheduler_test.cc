@@ -187,7 +187,7 @@ TEST_F(SchedulerTest, ThreeWorkersPoisonATask) {
   EXPECT_THAT(Job(job).failure, HasSubstr("a by a crash, b by a crash, c by a crash"));
   EXPECT_THAT(Job(job).failure, HasSubstr("[0, 32) x [0, 32)"));
   EXPECT_THAT(Job(job).failure, HasSubstr("segmentation fault"));
-  EXPECT_THAT(Job(job).failure, HasSubstr("--crop 0,0,32,32"));
+  EXPECT_THAT(Job(job).failure, HasSubstr(absl::StrCat("sheaf bundle jobs/", job)));
   EXPECT_EQ(scheduler_.leases().size(), 0u);
 }
 

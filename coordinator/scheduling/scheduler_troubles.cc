@@ -10,14 +10,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "coordinator/core/render_command.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {
 namespace {
-
-// Tasks of a frame, and frames of a job, that a message tells of.
-constexpr int kToldMax = 3;
 
 TaskId FrameTroubleId(const FrameId& id) { return {id, 0, 0, 0, 0}; }
 
@@ -26,17 +22,17 @@ Task TaskOf(const TaskId& id) { return {id.tile, {id.first, id.count}, id.cells}
 }  // namespace
 
 std::string IncompleteText(const FrameRecord& frame) {
-  std::string text;
+  std::string first;
   int count = 0;
   for (const auto& [id, failures] : frame.failures) {
     const std::string& why = failures.trouble.set_aside;
     if (why.empty()) continue;
     if (failures.trouble.OfFrame()) return why;
-    if (++count <= kToldMax) absl::StrAppend(&text, count == 1 ? "" : "; ", why);
+    if (++count == 1) first = why;
   }
   if (count == 0) return "";
-  return absl::StrCat(count, count == 1 ? " task is" : " tasks are", " set aside: ", text,
-                      count > kToldMax ? "; and others" : "");
+  if (count == 1) return absl::StrCat("1 task is set aside: ", first);
+  return absl::StrCat(count, " tasks are set aside, such as ", first);
 }
 
 TaskFailures& Scheduler::FailuresOf(FrameRecord* frame, const Lease& lease) {
@@ -118,19 +114,15 @@ void Scheduler::JudgeIncompleteJob(JobRecord* job) {
   const auto frame_count = static_cast<int32_t>(job->frames.size());
   if (job->incomplete_count == 0 || job->phase != JobPhase::kLive) return;
   if (job->delivered_count + job->incomplete_count < frame_count) return;
-  std::string text;
-  int told = 0;
-  for (const FrameRecord& frame : job->frames) {
-    if (frame.phase != FrameRecord::Phase::kIncomplete || ++told > kToldMax) continue;
-    absl::StrAppend(&text, told == 1 ? "" : "; ", "frame ", frame.number(), ": ",
-                    IncompleteText(frame));
-  }
+  const auto first =
+      std::ranges::find(job->frames, FrameRecord::Phase::kIncomplete, &FrameRecord::phase);
   EndJob(job->spec.job_id, JobPhase::kFailed,
          absl::StrCat(job->incomplete_count, " of ", frame_count,
                       frame_count == 1 ? " frame" : " frames",
-                      job->incomplete_count == 1 ? " is" : " are", " incomplete: ", text,
-                      told > kToldMax ? "; and others" : "", "; sheaf retry jobs/",
-                      job->spec.job_id, " tries again"));
+                      job->incomplete_count == 1 ? " is incomplete: " : " are incomplete, such as ",
+                      "frame ", first->number(), ": ", IncompleteText(*first),
+                      "; sheaf retry jobs/", job->spec.job_id, " tries again, sheaf bundle jobs/",
+                      job->spec.job_id, " reproduces a failure"));
 }
 
 std::string Scheduler::TaskFailureText(const FrameRecord& frame,
@@ -139,9 +131,7 @@ std::string Scheduler::TaskFailureText(const FrameRecord& frame,
   return absl::StrCat("frame ", frame.number(), ", ",
                       WorkText(trouble.kind, trouble.tile, trouble.block), ": failed on ",
                       failures.Workers().empty() ? "workers that disappeared" : failures.Text(),
-                      "; last: ", failures.last_words, "; to reproduce: ",
-                      RenderCommand("SCENE", frame.settings(), trouble.tile, trouble.block.End()),
-                      " (scene digest ", frame.packed.scene().Hex(), ")");
+                      "; last: ", failures.last_words);
 }
 
 void Scheduler::RefuseForMemory(const FrameId& id, const std::string& worker_id) {
@@ -307,6 +297,14 @@ bool Scheduler::IsHeld(const FrameRecord& frame) const {
   return !held_scenes_.empty() && held_scenes_.contains(frame.packed.scene().Hex());
 }
 
+std::string Scheduler::WhatEndsTheWait(const JobRecord& job, const FrameRecord& frame) const {
+  const int live = workers_.LiveCount(job.spec.numeric_profile);
+  return absl::StrCat("; what ends this: another worker, sheaf retry jobs/", job.spec.job_id,
+                      ", or sheaf kill jobs/", job.spec.job_id, " --frame ", frame.number(),
+                      "; on a farm with no more workers than ", live,
+                      ", sheaf-coordinator --poison-workers ", live);
+}
+
 std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {
   int scanned = 0;
   for (const uint32_t index : job.ready) {
@@ -322,7 +320,8 @@ std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {
       return absl::StrCat(
           "waiting for another worker: ", worker, " failed frame ", frame.number(), " by ",
           FailureKindText(kind),
-          refused.size() == 1 ? "" : absl::StrCat(", and so did ", refused.size() - 1, " others"));
+          refused.size() == 1 ? "" : absl::StrCat(", and so did ", refused.size() - 1, " others"),
+          WhatEndsTheWait(job, frame));
     }
     for (const auto& [id, failures] : frame.failures) {
       if (!failures.trouble.set_aside.empty()) continue;
@@ -338,7 +337,8 @@ std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {
       if (text.empty() || !nobody_is_left(failed)) continue;
       return absl::StrCat(
           "waiting for another worker: ", text, " (frame ", frame.number(), ", ",
-          WorkText(failures.trouble.kind, failures.trouble.tile, failures.trouble.block), ")");
+          WorkText(failures.trouble.kind, failures.trouble.tile, failures.trouble.block), ")",
+          WhatEndsTheWait(job, frame));
     }
   }
   return "";

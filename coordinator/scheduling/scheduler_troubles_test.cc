@@ -87,6 +87,23 @@ TEST_F(TroublesTest, BudgetsAreThoseOfTheirClass) {
   EXPECT_EQ(scheduler_.counters().failures[static_cast<size_t>(FailureKind::kInvalid)], 2u);
 }
 
+TEST_F(TroublesTest, MessagesGiveOneExampleAndACount) {
+  const uint64_t job = AddJob(2);
+  for (const std::string id : {"a", "b"}) Sync(id, 0);
+  for (int task = 0; task < 2; ++task) {
+    for (const std::string id : {"a", "b"}) {
+      Fail(Sync(id, 1).at(0), FailureKind::kInvalid, "refused");
+      Sync(id, 0);
+    }
+  }
+  const std::string text = IncompleteText(FrameOf(job));
+  EXPECT_THAT(text, HasSubstr("2 tasks are set aside, such as frame 1, tile [0, 32) x [0, 32)"));
+  EXPECT_EQ(text.find("refused"), text.rfind("refused")) << text;
+  ASSERT_TRUE(scheduler_.Kill({job, 2}, std::nullopt, "killed by anna").ok());
+  ASSERT_TRUE(scheduler_.Kill({job, 1}, std::nullopt, "killed by anna").ok());
+  EXPECT_THAT(Job(job).failure, HasSubstr("2 of 2 frames are incomplete, such as frame 1: "));
+}
+
 TEST_F(TroublesTest, ClassesAddUp) {
   AddJob();
   Sync("d", 0);
@@ -124,7 +141,11 @@ TEST_F(TroublesTest, AloneAWorkerGoesOnWithOtherTasksUntilItIsClear) {
   }
   EXPECT_TRUE(Sync("a", 1).empty());
   EXPECT_EQ(scheduler_.WaitingReason(Job(job)),
-            "waiting for another worker: a failed frame 1 by lack of memory");
+            absl::StrCat("waiting for another worker: a failed frame 1 by lack of memory; "
+                         "what ends this: another worker, sheaf retry jobs/",
+                         job, ", or sheaf kill jobs/", job,
+                         " --frame 1; on a farm with no more workers than 1, sheaf-coordinator "
+                         "--poison-workers 1"));
   EXPECT_FALSE(Sync("b", 1).empty());
 }
 

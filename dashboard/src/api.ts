@@ -42,9 +42,27 @@ export interface Job {
   end_time: string|null;
   frame_count: number;
   frame_complete_count: number;
+  // Frames that have ended without an image; missing from coordinators without failure classes.
+  incomplete_frame_count?: number;
   // The most active frame; null if no frame has an image yet.
   preview_frame: PreviewFrame|null;
   progress: Progress;
+}
+
+// How often a worker failed a task by a class; the worker is empty where it vanished.
+export interface TaskFailure {
+  kind: string;
+  worker: string;
+  count: number;
+  message: string;
+}
+
+// A task that nobody renders any more.
+export interface SetAsideTask {
+  task: number;
+  why: string;
+  // None where a person set it aside.
+  failures: TaskFailure[];
 }
 
 // A frame that has an image.
@@ -72,6 +90,9 @@ export interface Frame {
   complete: boolean;
   // Why it has ended without an image; missing from coordinators without failure classes.
   incomplete?: string;
+  // At most some of the tasks that nobody renders, and how many there are.
+  set_aside_tasks?: SetAsideTask[];
+  set_aside_task_count?: number;
   // Whether its guiding field is being trained; missing from coordinators without guiding.
   training?: boolean;
   preview_version: number;
@@ -284,6 +305,12 @@ export async function signOut() {
 export const cancelJob = (name: string) => act(name, ':cancel');
 export const pauseJob = (name: string) => act(name, ':pause');
 export const resumeJob = (name: string) => act(name, ':resume');
+// All failed work of the job, of a frame, or of a task of it.
+export const retryTasks = (name: string, frame: number|null, task: number|null) =>
+    act(name,
+        ':retry' + (frame === null ? '' : '?frame=' + frame) +
+            (task === null ? '' : '&task=' + task));
+export const killFrame = (name: string, frame: number) => act(name, ':kill?frame=' + frame);
 export const setPriority = (name: string, priority: number) =>
     act(name, ':priority?value=' + priority);
 export const refineJob = (name: string, targetError: number) =>

@@ -22,6 +22,7 @@ import {Live} from './live';
 import {ImageView} from './image_view';
 import {Store} from './store';
 import {startSession} from './session';
+import {SetAsideView} from './set_aside';
 import {startTheme} from './theme';
 import {WorkersView} from './workers';
 
@@ -93,9 +94,9 @@ async function startViews() {
   const makers = [
     () => new JobsView(store, select),
     () => new JobDetailsView(store),
-    () => new JobActions(store),
     () => new EffectsView(store),
     () => new FailuresView(store),
+    () => new SetAsideView(store, new JobActions(store)),
     () => new FramesView(store, select, () => live?.showMoreFrames()),
     () => new ImageView(store),
     () => new WorkersView(store),

@@ -6,12 +6,11 @@
 
 import * as api from './api';
 import type {Failure, Job} from './api';
-import {byId, child, el, setText} from './dom';
+import {commandField, copyCommand} from './command_field';
+import {byId, el, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
 
-// How long the button shows "Copied".
-const COPIED_MS = 2000;
 const ATTEMPT = 'loading failures';
 
 export class FailuresView {
@@ -78,37 +77,15 @@ export class FailuresView {
 
   private async onClick(event: MouseEvent) {
     const button = (event.target as Element).closest('button');
-    const field = button?.parentElement?.querySelector('input');
-    if (!button || !field) return;
-    const copied = await copy(field);
-    button.textContent = copied ? 'Copied' : 'Press Ctrl+C';
-    setTimeout(() => {
-      button.textContent = 'Copy';
-    }, COPIED_MS);
-  }
-}
-
-// Browsers provide the clipboard to secure origins only; elsewhere the text is at least selected.
-async function copy(field: HTMLInputElement): Promise<boolean> {
-  field.select();
-  try {
-    await navigator.clipboard.writeText(field.value);
-    return true;
-  } catch {
-    return document.execCommand('copy');
+    if (button) await copyCommand(button);
   }
 }
 
 function makeItem(failure: Failure): HTMLElement {
-  const item =
-      el('li', {}, el('p', {class: 'failure-message'}, failure.message || 'no reason was given'),
-         el('p', {class: 'job-small'}, whereOf(failure)),
-         el('div', {class: 'command'},
-            el('input', {readonly: '', 'aria-label': 'Command that renders the tile again'}),
-            el('button', {class: 'button', type: 'button'}, 'Copy')));
-  const field = child(child(item, 2), 0) as HTMLInputElement;
-  field.value = failure.command;
-  return item;
+  return el(
+      'li', {}, el('p', {class: 'failure-message'}, failure.message || 'no reason was given'),
+      el('p', {class: 'job-small'}, whereOf(failure)),
+      commandField(failure.command, 'Command that renders the tile again'));
 }
 
 function whereOf(failure: Failure): string {

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Actions on the selected job: pause, resume, set its priority, cancel, and refine it when it is
-// finished.
+// Actions on the selected job: pause, resume, set its priority, cancel, refine it when it is
+// finished, try its failed work again, and give up a frame.
 
 import * as api from './api';
-import type {Job} from './api';
+import type {Frame, Job} from './api';
 import {confirm} from './confirm';
 import {byId, setText} from './dom';
 import * as format from './format';
@@ -25,15 +25,19 @@ export class JobActions {
     byId('pause').addEventListener('click', () => this.pauseOrResume());
     byId('cancel').addEventListener('click', () => this.cancel());
     byId('refine').addEventListener('click', () => this.refine());
+    byId('retry').addEventListener('click', () => this.retry(null, null));
+    byId('kill-frame').addEventListener('click', () => this.killShownFrame());
     this.priority.addEventListener('change', () => this.setPriority());
     // Restores the priority if typed text was not submitted.
     this.priority.addEventListener('blur', this.draw);
-    for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
+    for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
   }
 
   private readonly draw = () => {
-    const {job} = this.store;
+    const {job, frame} = this.store;
     const ended = !job || format.hasEnded(job);
+    byId('retry').hidden = !job || !mayRetry(job, this.store.frames.sorted);
+    byId('kill-frame').hidden = ended || !frame || job.frame_count < 2 || !mayKill(frame);
     for (const id of ['priority-box', 'pause', 'cancel']) byId(id).hidden = ended;
     byId('refine').hidden = job?.state !== 'succeeded' || !job.progress.relative_mse;
     if (!job) return;
@@ -80,6 +84,33 @@ export class JobActions {
     if (target !== null) await this.act('refining', job, () => api.refineJob(job.name, target));
   }
 
+  // All failed work of the selected job, of a frame, or of a task of it.
+  retry(frame: number|null, task: number|null) {
+    const {job} = this.store;
+    if (!job) return;
+    const what = (task === null ? '' : 'task ' + task + ' of ') +
+        (frame === null ? '' : 'frame ' + frame + ' of ');
+    void this.act('retrying ' + what, job, () => api.retryTasks(job.name, frame, task));
+  }
+
+  private async killShownFrame() {
+    const {frame} = this.store;
+    if (frame) await this.killFrame(frame.frame_number);
+  }
+
+  async killFrame(frame: number) {
+    const {job} = this.store;
+    if (!job) return;
+    const sure = await confirm({
+      title: 'Give up frame ' + frame + '?',
+      text: 'It gets no image, and the job fails when its other frames are done. “Retry frame” ' +
+          'undoes this.',
+      no: 'Keep rendering',
+      yes: 'Give up frame',
+    });
+    if (sure) await this.act('giving up a frame of', job, () => api.killFrame(job.name, frame));
+  }
+
   private act(what: string, job: Job, ask: () => Promise<Job>): Promise<void> {
     this.asked += 1;
     this.turn = this.turn.then(() => this.finish(what + ' “' + titleOf(job) + '”', ask));
@@ -99,3 +130,12 @@ export class JobActions {
 }
 
 const titleOf = (job: Job) => job.title || job.name;
+
+const mayKill = (frame: Frame) => !frame.complete && !frame.incomplete;
+
+// Whether something of the job has failed for good.
+function mayRetry(job: Job, frames: readonly Frame[]): boolean {
+  if (job.state === 'succeeded' || job.state === 'cancelled') return false;
+  return job.state === 'failed' || (job.incomplete_frame_count ?? 0) > 0 ||
+      frames.some((frame) => (frame.set_aside_task_count ?? 0) > 0);
+}

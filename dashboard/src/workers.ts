@@ -43,6 +43,7 @@ export class WorkersView {
     const title = this.doingOf(worker) + '\n' + worker.numeric_profile + scenesOf(worker);
     if (row.title !== title) row.title = title;
     setBadge(child(top, 1), worker.state);
+    row.dataset.state = worker.state;
     setText(child(middle, 0), worker.reason || this.doingOf(worker));
     setText(child(middle, 1), 'seen ' + format.ago(worker.last_seen_time));
     setText(child(bottom, 0), speedOf(worker));

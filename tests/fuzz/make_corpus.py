@@ -312,6 +312,8 @@ def add_images(corpus):
             part = next(path for path in sorted(parts) if os.path.isfile(path))
             corpus.add("part", name, farm.read_bytes(part))
             corpus.add("frame_image", name, farm.read_bytes(f.path(name + ".exr")))
+            f.sheaf("bundle", job + ":1:0", "-o", f.path("a.tar"))
+            corpus.add("bundle", name, farm.read_bytes(f.path("a.tar")))
         corpus.add("image", "exr", b"\0" + farm.read_bytes(f.path("plain.exr")))
         f.sheaf("render", scene, "--samples", 1, "-o", f.path("a.exr"), "--png", f.path("a.png"))
         corpus.add("image", "png", b"\1" + farm.read_bytes(f.path("a.png")))

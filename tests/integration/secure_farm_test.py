@@ -154,6 +154,11 @@ class SecureFarmTest(unittest.TestCase):
         self.assertIn("user:vera has the role view", refused.stderr)
         refused = farm.person("ben", "cancel", job, check=False)
         self.assertIn("the job belongs to anna", refused.stderr)
+        bundle = ("bundle", job + ":1:0", "-o", farm.path("task.tar"))
+        refused = farm.person("ben", *bundle, check=False)
+        self.assertIn("the job belongs to anna", refused.stderr)
+        farm.person("anna", *bundle)
+        farm.person("olga", *bundle)
         refused = farm.person("nobody", "list", check=False)
         self.assertIn(f"the coordinator speaks TLS, and no certificate for {farm.address} is "
                       f"stored here; run sheaf login {farm.address}", refused.stderr)

@@ -21,6 +21,7 @@ sys.path += [HERE, os.path.join(HERE, "..", "integration")]
 from action_checks import MORE_FRAMES, check_clicks, check_dismissed  # noqa: E402
 from action_checks import check_more_frames, check_unknown_job, wait_for_problems  # noqa: E402
 from browser import Browser  # noqa: E402
+from aside_checks import check_set_aside  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
 from compare_checks import check_compare  # noqa: E402
 from control_checks import check_control, check_effects, check_refine  # noqa: E402
@@ -222,6 +223,10 @@ def check_figures(browser, farm):
     browser.screenshot(artefact("page-large.png"))
 
 
+def check_what_is_set_aside(browser, farm):
+    check_set_aside(browser, farm, lambda name: browser.screenshot(artefact(name)))
+
+
 def check_no_console_errors(browser, _):
     errors = browser.console_errors()
     assert not errors, "\n".join(errors)
@@ -394,8 +399,9 @@ def run_farm():
     checks = [check_page_follows_a_job, check_output_is_an_exr, check_layers_of_a_real_image,
               check_what_is_known_of_errors, check_pause_and_priority, check_workers_and_failures,
               check_cancel, check_frames, check_slider_between_rounds, check_side_by_side,
-              check_refining, check_cost_by_effect, check_figures, check_no_console_errors]
-    with Farm() as farm, Browser() as browser:
+              check_refining, check_cost_by_effect, check_figures, check_what_is_set_aside,
+              check_no_console_errors]
+    with Farm(["--poison-workers", "1"]) as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
 

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/log.h"
+#include "worker/agent/render_failure.h"
 #include "worker/agent/task_border.h"
 
 namespace sheaf::worker {
@@ -25,21 +26,6 @@ constexpr absl::Duration kReportLoadingMax = absl::Seconds(2);
 // not leased to this worker.
 bool IsRefusal(const absl::Status& status) {
   return absl::IsInvalidArgument(status) || absl::IsPermissionDenied(status);
-}
-
-// The class of an error of LoadedScene::Render.
-FailureKind KindOf(const absl::Status& status) {
-  switch (status.code()) {
-    case absl::StatusCode::kAborted:
-      return FailureKind::kReleased;
-    case absl::StatusCode::kResourceExhausted:
-      return FailureKind::kMemory;
-    case absl::StatusCode::kDataLoss:
-    case absl::StatusCode::kUnavailable:
-      return FailureKind::kInfrastructure;
-    default:
-      return FailureKind::kInternal;
-  }
 }
 
 std::string Describe(const FinishedPart& part) {
@@ -251,7 +237,7 @@ void Agent::RenderOne(const LeaseLedger::Task& task) {
   if (!stays_good) scenes_.Drop(task.lease, loaded.scene);
   const MutexLock lock(&mutex_);
   if (!status.ok()) {
-    Fail(id, KindOf(status), status);
+    Fail(id, RenderFailureKind(status), status);
     return;
   }
   ledger_.Finish(id);

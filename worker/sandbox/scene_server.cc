@@ -21,8 +21,10 @@
 #include "common/base/status.h"
 #include "worker/agent/task_border.h"
 #include "worker/sandbox/confinement.h"
+#include "worker/sandbox/direct_scenes.h"
 #include "worker/sandbox/message_channel.h"
 #include "worker/sandbox/scene_messages.h"
+#include "worker/sandbox/starting_room.h"
 #include "worker/wire/lease_codec.h"
 
 namespace sheaf::worker {
@@ -217,6 +219,12 @@ int RunSceneProcess(SceneOpener* scenes) {
   if (!status.ok()) LogError(std::string(status.message()));
   // At once, whatever its threads do: nobody waits for them.
   ::_exit(status.ok() ? EXIT_SUCCESS : EXIT_FAILURE);
+}
+
+int RunDirectSceneProcess() {
+  const StartingRoom room;
+  DirectScenes scenes([&room] { return room.Left(); });
+  return RunSceneProcess(&scenes);
 }
 
 }  // namespace sheaf::worker

@@ -15,4 +15,10 @@ namespace sheaf::worker {
 // worker closes it, and returns the exit code. Requires: one thread.
 int RunSceneProcess(SceneOpener* scenes);
 
+// The only argument of a program that is the process of one scene. It is for the programs that
+// start such processes alone, sheaf-worker and sheaf.
+inline constexpr char kSceneProcessFlag[] = "--scene-process";
+// RunSceneProcess with DirectScenes that take no more memory than this process may.
+int RunDirectSceneProcess();
+
 }  // namespace sheaf::worker

@@ -19,9 +19,7 @@
 #include "common/rpc/certificate_renewal.h"
 #include "common/rpc/enrolment.h"
 #include "common/rpc/farm_connection.h"
-#include "worker/sandbox/direct_scenes.h"
 #include "worker/sandbox/scene_server.h"
-#include "worker/sandbox/starting_room.h"
 #include "worker/service/embedded_worker.h"
 #include "worker/service/stop_signals.h"
 
@@ -30,8 +28,6 @@ namespace {
 
 constexpr int kExitCannotStart = 1;
 constexpr double kSecondsMax = 1e6;
-// Makes this program the process of one scene; for the worker itself only.
-constexpr char kSceneProcess[] = "--scene-process";
 
 struct Arguments {
   WorkerOptions worker;
@@ -195,15 +191,8 @@ int Work(const Arguments& arguments) {
   return 0;
 }
 
-// In the process of one scene.
-int RenderScene() {
-  const StartingRoom room;
-  DirectScenes scenes([&room] { return room.Left(); });
-  return RunSceneProcess(&scenes);
-}
-
 int Main(int argc, char** argv) {
-  if (argc == 2 && std::string_view(argv[1]) == kSceneProcess) return RenderScene();
+  if (argc == 2 && std::string_view(argv[1]) == kSceneProcessFlag) return RunDirectSceneProcess();
   Arguments arguments;
   arguments.worker.coordinator = kCoordinatorAddress;
   arguments.worker.cache_directory = DefaultCacheDirectory();
@@ -234,7 +223,7 @@ int Main(int argc, char** argv) {
   arguments.worker.exit_when_idle = Milliseconds(arguments.exit_when_idle_seconds);
   SandboxOptions& sandbox = arguments.worker.sandbox;
   sandbox.mode = SandboxModeFromName(arguments.sandbox).value();
-  sandbox.program.arguments = {"sheaf-worker", kSceneProcess};
+  sandbox.program.arguments = {"sheaf-worker", kSceneProcessFlag};
   sandbox.load_time_max = absl::Seconds(arguments.load_seconds_max);
   sandbox.task_time_max = absl::Seconds(arguments.task_seconds_max);
   return Work(arguments);

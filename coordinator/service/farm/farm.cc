@@ -87,6 +87,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       previews_(&tables_, store_.get(), round_previews_.get(), &images_),
       job_views_(options.state_directory, &tables_, round_previews_.get(), &disk_),
       worker_views_(&tables_, blobs_.get()),
+      task_reports_(&tables_, store_.get()),
       pricing_(&tables_, store_.get()),
       metrics_(options.state_directory, &tables_, store_.get(), &images_, &disk_) {
   if (options.scrub_bytes_per_second == 0) return;

@@ -13,8 +13,8 @@
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
 //     DiskKeeper       removes what is not kept any longer
 //     Scrubber         compares what is kept with its digests, in a thread of its own
-//     DeliveredImages, FramePreviews, JobViews, WorkerViews, RefinementPricing, FarmMetrics
-//                      answer queries
+//     DeliveredImages, FramePreviews, JobViews, WorkerViews, TaskReports, RefinementPricing,
+//     FarmMetrics      answer queries
 //
 // When a frame's last result is merged, the background thread develops the frame, writes the EXR,
 // and notes that it is delivered.
@@ -48,6 +48,7 @@
 #include "coordinator/service/farm/lost_scenes.h"
 #include "coordinator/service/farm/part_removals.h"
 #include "coordinator/service/farm/refinement_pricing.h"
+#include "coordinator/service/farm/reports/task_reports.h"
 #include "coordinator/service/farm/result_intake.h"
 #include "coordinator/service/farm/resumed_frames.h"
 #include "coordinator/service/farm/tile_builder.h"
@@ -167,6 +168,14 @@ class Farm : public FarmView {
     return intake_.ReadField(id, digest);
   }
 
+  // Errors: those of TaskReports::Find.
+  absl::StatusOr<TaskReport> FindTask(uint64_t job_id, std::optional<int32_t> frame,
+                                      std::optional<uint32_t> task) const {
+    return task_reports_.Find(job_id, frame, task);
+  }
+  // The bytes of a guiding field that a TaskReport names. Errors: those of JobStore::ReadPart.
+  absl::StatusOr<std::string> ReadPart(const PartRow& row) { return store_->ReadPart(row); }
+
   // Gives an identity work again; nothing happens where it is not in quarantine. OK means: that is
   // durable. Errors: kFailedPrecondition (its false results are still being removed);
   // kUnavailable, kResourceExhausted (the disk).
@@ -263,6 +272,7 @@ class Farm : public FarmView {
   FramePreviews previews_;
   JobViews job_views_;
   WorkerViews worker_views_;
+  TaskReports task_reports_;
   RefinementPricing pricing_;
   FarmMetrics metrics_;
   std::unique_ptr<Scrubber> scrubber_;  // Null where nothing is scrubbed.

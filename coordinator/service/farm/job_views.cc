@@ -46,7 +46,7 @@ void AddSetAside(const FrameRecord& frame, FrameView* view) {
     const TaskTrouble& trouble = failures.trouble;
     if (trouble.set_aside.empty() || trouble.OfFrame()) continue;
     if (view->set_aside.size() < kSetAsideShownMax) {
-      view->set_aside.push_back({id.tile, trouble.set_aside});
+      view->set_aside.push_back({id.tile, trouble.set_aside, trouble.failures});
     }
     ++view->set_aside_count;
   }

@@ -54,6 +54,10 @@ class JobService final : public v1::JobService::Service {
   grpc::Status CollectGarbage(grpc::ServerContext* context,
                               const v1::CollectGarbageRequest* request,
                               v1::CollectGarbageResponse* response) override;
+  // In job_service_bundle.cc.
+  grpc::Status ReadTaskBundle(grpc::ServerContext* context,
+                              const v1::ReadTaskBundleRequest* request,
+                              grpc::ServerWriter<v1::ReadTaskBundleResponse>* writer) override;
   grpc::Status LiftQuarantine(grpc::ServerContext* context,
                               const v1::LiftQuarantineRequest* request,
                               v1::LiftQuarantineResponse* response) override;
@@ -69,6 +73,9 @@ class JobService final : public v1::JobService::Service {
                            v1::ListWorkersResponse* response) override;
 
  private:
+  // The task that the request names, if the caller may control its job.
+  absl::StatusOr<TaskReport> FindTask(const grpc::ServerContext& context,
+                                      const v1::ReadTaskBundleRequest& request) const;
   absl::StatusOr<JobView> Find(const std::string& name) const;
   // Changes a job, by its number, if the caller may, and answers with how it is then. what: the
   // call's name for the audit log, where part follows the job's name.

@@ -165,6 +165,7 @@ void AddTroubles(const FrameView& view, v1::Job* job) {
     v1::SetAsideTask& task = *wire.add_set_aside_tasks();
     task.set_task(aside.task);
     task.set_why(aside.why);
+    for (const TaskFailure& failure : aside.failures) *task.add_failures() = ToWire(failure);
   }
 }
 

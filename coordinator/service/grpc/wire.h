@@ -43,6 +43,7 @@ v1::PriceRefinementResponse ToWire(const RefinementPrices& priced);
 v1::Worker ToWire(const WorkerView& view);
 v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer);
 v1::Digest ToWire(const BlobDigest& digest);
+v1::RecordedFailure ToWire(const TaskFailure& failure);
 
 // "jobs/7" to "7". Errors: kInvalidArgument.
 absl::StatusOr<std::string> ParseJobName(const std::string& name);

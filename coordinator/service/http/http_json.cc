@@ -165,7 +165,16 @@ Json LayersJson(const std::vector<LayerCount>& counts) {
 
 Json SetAsideJson(const std::vector<SetAsideView>& tasks) {
   Json json = Json::array();
-  for (const SetAsideView& task : tasks) json.push_back({{"task", task.task}, {"why", task.why}});
+  for (const SetAsideView& task : tasks) {
+    Json failures = Json::array();
+    for (const TaskFailure& failure : task.failures) {
+      failures.push_back({{"kind", FailureKindName(failure.kind)},
+                          {"worker", failure.worker_id},
+                          {"count", failure.count},
+                          {"message", failure.words}});
+    }
+    json.push_back({{"task", task.task}, {"why", task.why}, {"failures", std::move(failures)}});
+  }
   return json;
 }
 

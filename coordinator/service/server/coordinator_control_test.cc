@@ -93,6 +93,10 @@ TEST_F(CoordinatorServerTest, WhatIsSetAsideSurvivesRestartsAndIsRetried) {
   EXPECT_EQ(failed.troubles(0).set_aside_tasks(0).task(), 0u);
   Start();
   EXPECT_EQ(Get(name).troubles(0).set_aside_task_count(), 1);
+  const v1::SetAsideTask& aside = failed.troubles(0).set_aside_tasks(0);
+  ASSERT_EQ(aside.failures_size(), 1);
+  EXPECT_EQ(aside.failures(0).kind(), "internal");
+  EXPECT_EQ(aside.failures(0).worker(), "w");
   v1::RetryTasksRequest request;
   request.set_frame_number(Get(name).frames(0).spec().frame_number());
   request.set_task(0);

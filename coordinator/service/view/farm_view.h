@@ -66,6 +66,7 @@ struct RoundView {
 struct SetAsideView {
   uint32_t task = 0;  // The number of its tile, by which it can be retried.
   std::string why;
+  std::vector<TaskFailure> failures;  // None where a person set it aside.
 };
 
 struct FrameView {

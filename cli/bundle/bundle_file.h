@@ -1,0 +1,96 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// BundleWriter and Bundle: a task with all that rendering it again needs, in one file (README.md).
+// The file is untrusted: all of it is checked before any of it is used.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/base/digest.h"
+#include "common/content/content_cache.h"
+#include "common/content/manifest.h"
+#include "common/content/tar_file.h"
+#include "sheaf/v1/job.pb.h"
+#include "worker/agent/work.h"
+
+namespace sheaf::cli {
+
+inline constexpr int kBundleFormat = 1;
+inline constexpr uint64_t kTaskJsonBytesMax = uint64_t{4} << 20;
+// The files of a scene, its manifest, a guiding field, task.json and SHA256SUMS.
+inline constexpr size_t kBundleFilesMax = kManifestFilesMax + 4;
+
+// Writes what ReadTaskBundle sends. The file has its name once Finish has returned OK; without that
+// nothing stays. Thread safety: one thread at a time.
+class BundleWriter {
+ public:
+  // version: Sheaf's, for readers of the bundle.
+  BundleWriter(std::string path, std::string version);
+  ~BundleWriter();
+  BundleWriter(const BundleWriter&) = delete;
+  BundleWriter& operator=(const BundleWriter&) = delete;
+
+  // A message with a task begins the file anew. Errors: those of the disk; kDataLoss where bytes do
+  // not match their digest, or messages come in no order; kInvalidArgument (a file is too large).
+  absl::Status Take(const v1::ReadTaskBundleResponse& message);
+  // Errors: those of Take.
+  absl::Status Finish();
+  // The task of the last beginning.
+  const v1::TaskBundle& task() const { return task_; }
+  uint64_t size_bytes() const { return size_bytes_; }
+
+ private:
+  absl::Status Begin(const v1::TaskBundle& task);
+  absl::Status EndFile();
+
+  const std::string path_, partial_path_, version_;
+  v1::TaskBundle task_;
+  std::unique_ptr<TarWriter> tar_;
+  std::string sums_;
+  BlobDigest file_;  // The one that is being written; empty where none is.
+  std::unique_ptr<Sha256> hash_;
+  uint64_t size_bytes_ = 0;
+};
+
+// A bundle whose digests match. Thread safety: one thread at a time.
+class Bundle {
+ public:
+  // Reads all of it once. read: at offsets of the file, as OpenForReading has it.
+  // Errors: kDataLoss (cut short, altered, or no bundle), kInvalidArgument (a task that no worker
+  // would be given), kUnimplemented (another format), kResourceExhausted (too large); those of
+  // read.
+  static absl::StatusOr<Bundle> Open(ReadBytesAt read, uint64_t size_bytes);
+
+  const v1::TaskBundle& task() const { return task_; }
+  // The task as a worker gets it.
+  const worker::Lease& lease() const { return lease_; }
+  const Manifest& manifest() const { return manifest_; }
+  // For ContentCache::Acquire of the manifest's files; must not outlive the bundle.
+  ContentCache::Fetch Fetcher() const;
+  // The guiding field; empty where the task needs none.
+  absl::StatusOr<std::string> ReadField() const;
+
+ private:
+  explicit Bundle(ReadBytesAt read) : read_(std::move(read)) {}
+  // Compares all digests.
+  absl::Status Verify(const std::vector<TarEntry>& entries);
+  absl::Status ReadTask(const TarEntry& entry);
+  absl::Status ReadManifest();
+  // Errors: kDataLoss where there is no such file.
+  absl::StatusOr<TarEntry> Find(const BlobDigest& digest, const std::string& what) const;
+
+  ReadBytesAt read_;
+  std::map<std::string, TarEntry> files_;  // By digest.
+  v1::TaskBundle task_;
+  worker::Lease lease_;
+  Manifest manifest_;
+};
+
+}  // namespace sheaf::cli
