@@ -35,6 +35,7 @@ std::unique_ptr<Command> MakePriorityCommand();
 std::unique_ptr<Command> MakeRetryCommand();
 std::unique_ptr<Command> MakeKillCommand();
 std::unique_ptr<Command> MakeWorkersCommand();
+std::unique_ptr<Command> MakeShareCommand();
 std::unique_ptr<Command> MakePinCommand();
 std::unique_ptr<Command> MakeUnpinCommand();
 std::unique_ptr<Command> MakeGcCommand();
