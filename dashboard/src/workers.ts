@@ -83,7 +83,8 @@ function speedOf(worker: Worker): string {
 // "pool big, tags avx, ssd".
 function placeOf(worker: Worker): string {
   const tags = worker.tags ?? [];
-  return 'pool ' + (worker.pool ?? 'default') + (tags.length > 0 ? ', tags ' + tags.join(', ') : '');
+  const tagged = tags.length > 0 ? ', tags ' + tags.join(', ') : '';
+  return 'pool ' + (worker.pool ?? 'default') + tagged;
 }
 
 function cacheOf(worker: Worker): string {
