@@ -37,6 +37,7 @@ std::unique_ptr<Command> MakeKillCommand();
 std::unique_ptr<Command> MakeBundleCommand();
 std::unique_ptr<Command> MakeReproCommand();
 std::unique_ptr<Command> MakeWorkersCommand();
+std::unique_ptr<Command> MakeShareCommand();
 std::unique_ptr<Command> MakePinCommand();
 std::unique_ptr<Command> MakeUnpinCommand();
 std::unique_ptr<Command> MakeGcCommand();

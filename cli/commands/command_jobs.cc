@@ -7,10 +7,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "cli/commands/farm_command.h"
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
 #include "cli/progress_line.h"
+#include "common/base/memory_room.h"
 #include "common/base/printable.h"
 
 namespace sheaf::cli {
@@ -69,18 +71,18 @@ class ListCommand : public FarmCommand {
         client->ListJobs(static_cast<size_t>(limit_), all_);
     if (!jobs.ok()) return ReportCallError(jobs.status());
     if (!json())
-      std::printf("%-12s %-10s %7s  %-10s %-12s %s\n", "JOB", "STATE", "DONE", "ERROR", "OWNER",
-                  "TITLE");
+      std::printf("%-12s %-10s %7s  %-10s %-12s %-12s %s\n", "JOB", "STATE", "DONE", "ERROR",
+                  "OWNER", "SHOW", "TITLE");
     for (const v1::Job& job : *jobs) {
       if (json()) {
         std::printf("%s\n", JobJson(job).c_str());
         continue;
       }
       const double error = job.progress().relative_mse();
-      std::printf("%-12s %-10s %6.1f%%  %-10s %-12s %s\n", job.name().c_str(),
+      std::printf("%-12s %-10s %6.1f%%  %-10s %-12s %-12s %s\n", job.name().c_str(),
                   JobStateName(job.state()).c_str(), 100 * FractionDone(job.progress()),
                   error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
-                  Printable(job.owner()).c_str(),
+                  Printable(job.owner()).c_str(), Printable(job.show()).c_str(),
                   absl::StrCat(Printable(job.title()), job.pinned() ? "  (pinned)" : "").c_str());
     }
     return ExitCode::kOk;
@@ -90,6 +92,16 @@ class ListCommand : public FarmCommand {
   int limit_ = 100;
   bool all_ = false;
 };
+
+// "tags gpu-free, ssd; 60 GiB for scenes": empty where the worker has no tags.
+std::string TraitsText(const v1::Worker& worker) {
+  if (worker.tags().empty()) return "";
+  std::string text = absl::StrCat("tags ", Printable(absl::StrJoin(worker.tags(), ", ")));
+  if (worker.memory_bytes() > 0) {
+    absl::StrAppend(&text, "; ", FormatMemory(worker.memory_bytes()), " for scenes");
+  }
+  return text;
+}
 
 class WorkersCommand : public FarmCommand {
  public:
@@ -113,20 +125,23 @@ class WorkersCommand : public FarmCommand {
     const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
     if (!workers.ok()) return ReportCallError(workers.status());
     if (!json()) {
-      std::printf("%-36s %-11s %7s %6s %8s %12s  %s\n", "WORKER", "STATE", "THREADS", "LEASES",
-                  "RESULTS", "SAMPLES/S", "PROFILE");
+      std::printf("%-36s %-11s %7s %6s %8s %12s  %-12s %s\n", "WORKER", "STATE", "THREADS",
+                  "LEASES", "RESULTS", "SAMPLES/S", "POOL", "PROFILE");
     }
     for (const v1::Worker& worker : *workers) {
       if (json()) {
         std::printf("%s\n", WorkerJson(worker).c_str());
         continue;
       }
-      std::printf("%-36s %-11s %7d %6d %8llu %12s  %s\n",
+      std::printf("%-36s %-11s %7d %6d %8llu %12s  %-12s %s\n",
                   Printable(worker.name().substr(worker.name().find('/') + 1)).c_str(),
                   WorkerStateName(worker.state()).c_str(), worker.thread_count(),
                   worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
                   FormatCount(worker.samples_per_second()).c_str(),
-                  worker.numeric_profile().c_str());
+                  Printable(worker.pool()).c_str(), worker.numeric_profile().c_str());
+      if (const std::string has = TraitsText(worker); !has.empty()) {
+        std::printf("  %s\n", has.c_str());
+      }
       if (!worker.reason().empty()) {
         std::printf("  %s; lift it with sheaf workers --trust %s\n",
                     Printable(worker.reason()).c_str(), Printable(worker.identity()).c_str());

@@ -15,6 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/time.h"
 #include "cli/commands/farm_command.h"
 #include "cli/image/terminal_image.h"
@@ -22,6 +23,7 @@
 #include "cli/job/job_json.h"
 #include "cli/message.h"
 #include "cli/progress_line.h"
+#include "common/base/memory_room.h"
 #include "common/base/printable.h"
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/core/error_curve.h"
@@ -83,6 +85,22 @@ std::string KeptText(const v1::Job& job) {
   return job.pinned() ? "pinned: all, until sheaf unpin" : "as the coordinator's limits say";
 }
 
+// Says which workers the job may use.
+std::string RequirementsText(const v1::WorkerRequirements& required) {
+  std::string text = absl::StrCat("of the pool ", Printable(required.pool()));
+  if (!required.tags().empty()) {
+    absl::StrAppend(&text, ", with ", Printable(absl::StrJoin(required.tags(), ", ")));
+  }
+  if (required.memory_min_bytes() > 0) {
+    absl::StrAppend(&text, ", with ", FormatMemory(required.memory_min_bytes()), " for scenes");
+  }
+  if (required.memory_expected_bytes() > 0) {
+    absl::StrAppend(&text, "; its scenes need about ",
+                    FormatMemory(required.memory_expected_bytes()));
+  }
+  return text;
+}
+
 void PrintJob(const v1::Job& job) {
   std::printf("%s  %s\n", job.name().c_str(), Printable(job.title()).c_str());
   std::printf("state      %s\n", JobStateName(job.state()).c_str());
@@ -96,6 +114,8 @@ void PrintJob(const v1::Job& job) {
   std::printf("rays       %s\n",
               FormatCount(static_cast<double>(job.progress().ray_count())).c_str());
   std::printf("priority   %d\n", job.priority());
+  std::printf("show       %s\n", Printable(job.show()).c_str());
+  std::printf("workers    %s\n", RequirementsText(job.requirements()).c_str());
   std::printf("profile    %s\n", job.numeric_profile().c_str());
   std::printf("kept       %s\n", KeptText(job).c_str());
   std::printf("\n%-8s %-12s %8s %7s  %-10s %-7s %s\n", "FRAME", "PIXELS", "SAMPLES", "DONE",

@@ -40,6 +40,7 @@ class SubmitCommand : public Command {
     command->add_option("--priority", arguments_.priority, "Higher values run first")
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();
+    AddPlacementOptions(command, &arguments_);
     command
         ->add_option(
             "--measure", measure_seconds_,

@@ -40,6 +40,7 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakeBundleCommand());
   commands.push_back(MakeReproCommand());
   commands.push_back(MakeWorkersCommand());
+  commands.push_back(MakeShareCommand());
   commands.push_back(MakePinCommand());
   commands.push_back(MakeUnpinCommand());
   commands.push_back(MakeGcCommand());

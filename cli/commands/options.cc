@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
+#include "common/base/label.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 
@@ -249,6 +250,33 @@ void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
       ->add_option("--lease-passes", arguments->lease_pass_count,
                    "Maximum number of passes of one lease, a power of two; changes no pixel")
       ->check(CheckPowerOfTwo);
+}
+
+void AddPlacementOptions(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, "Shares and workers");
+  const CLI::Validator label([](const std::string& text) { return WhyNoLabel(text); }, "");
+  command
+      ->add_option("--show", arguments->show,
+                   "The show that the job is for: shows share the farm (default: default)")
+      ->envname("SHEAF_SHOW")
+      ->check(label)
+      ->type_name("NAME");
+  command
+      ->add_option("--pool", arguments->pool,
+                   "Only workers of this pool (sheaf-worker --pool; default: default)")
+      ->check(label)
+      ->type_name("NAME");
+  command
+      ->add_option("--require", arguments->required_tags,
+                   "Only workers with this tag (sheaf-worker --tag); may be given several times")
+      ->allow_extra_args(false)
+      ->check(label)
+      ->type_name("TAG");
+  command
+      ->add_option("--memory-min", arguments->memory_min_bytes,
+                   "Only workers that give scenes so much memory, e.g. 16G. Without it, those "
+                   "that have less than the scene is expected to need come last")
+      ->transform(CLI::AsSizeValue(false));
 }
 
 void AddFramesOption(CLI::App* command, JobArguments* arguments) {

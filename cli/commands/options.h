@@ -27,6 +27,9 @@ void AddFramesOption(CLI::App* command, JobArguments* arguments);
 void AddResumeOption(CLI::App* command, JobArguments* arguments);
 // How the work is partitioned: --tile-size, --cell-size, --pass-samples and --lease-passes.
 void AddPartitionOptions(CLI::App* command, JobArguments* arguments);
+// For whom and where the work is done: --show, by default from SHEAF_SHOW, --pool, --require and
+// --memory-min.
+void AddPlacementOptions(CLI::App* command, JobArguments* arguments);
 // --view, --display and --ocio; the last by default from OCIO.
 void AddViewOptions(CLI::App* command, ViewArguments* view);
 // The settings of a job, the paths of its images, and the partition of its work.

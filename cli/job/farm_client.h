@@ -77,6 +77,9 @@ class FarmClient {
       const v1::PriceRefinementRequest& request);
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max, bool with_pilots = false);
   absl::StatusOr<std::vector<v1::Worker>> ListWorkers();
+  absl::StatusOr<v1::Share> SetShare(const v1::SetShareRequest& request);
+  absl::Status ResetShare(const std::string& subject);
+  absl::StatusOr<std::vector<v1::Share>> ListShares();
   // Gives an identity in quarantine (Worker.identity) work again.
   absl::Status LiftQuarantine(const std::string& identity);
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests);

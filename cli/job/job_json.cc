@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/time/time.h"
@@ -34,6 +35,14 @@ std::string LowerName(std::string name) {
     return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   });
   return name;
+}
+
+// Null where it is not known, or nothing is required.
+Json MemoryJson(uint64_t bytes) { return bytes > 0 ? Json(bytes) : Json(); }
+
+template <typename Repeated>
+std::vector<std::string> Names(const Repeated& names) {
+  return {names.begin(), names.end()};
 }
 
 Json TimeJson(bool present, const google::protobuf::Timestamp& time) {
@@ -200,6 +209,11 @@ std::string JobJson(const v1::Job& job) {
       {"name", job.name()},
       {"title", job.title()},
       {"owner", job.owner()},
+      {"show", job.show()},
+      {"pool", job.requirements().pool()},
+      {"required_tags", Names(job.requirements().tags())},
+      {"memory_min_bytes", MemoryJson(job.requirements().memory_min_bytes())},
+      {"memory_expected_bytes", MemoryJson(job.requirements().memory_expected_bytes())},
       {"pilot", job.pilot()},
       {"state", JobStateName(job.state())},
       {"priority", job.priority()},
@@ -267,12 +281,26 @@ std::string WorkerJson(const v1::Worker& worker) {
       {"host", worker.host()},
       {"state", WorkerStateName(worker.state())},
       {"thread_count", worker.thread_count()},
+      {"pool", worker.pool()},
+      {"tags", Names(worker.tags())},
+      {"memory_bytes", MemoryJson(worker.memory_bytes())},
       {"numeric_profile", worker.numeric_profile()},
       {"lease_count", worker.lease_count()},
       {"result_count", worker.result_count()},
       {"samples_per_second", worker.samples_per_second()},
       {"last_seen_time", TimeJson(worker.has_last_seen_time(), worker.last_seen_time())},
       {"reason", worker.reason()},
+  });
+}
+
+std::string ShareJson(const v1::Share& share) {
+  return Dump({
+      {"subject", share.subject()},
+      {"weight", share.weight()},
+      {"threads_max", share.threads_max() > 0 ? Json(share.threads_max()) : Json()},
+      {"is_set", share.is_set()},
+      {"job_count", share.job_count()},
+      {"threads_held", share.threads_held()},
   });
 }
 

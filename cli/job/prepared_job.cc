@@ -29,6 +29,7 @@
 #include "common/scene/pbrt/scene_reader.h"
 #include "common/scene/visible_emitters.h"
 #include "worker/render/ablation/technique_measurement.h"
+#include "worker/render/scene/memory_estimate.h"
 
 namespace sheaf::cli {
 namespace {
@@ -89,6 +90,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
                   read.scene.film.filename,
                   read.scene.filter,
                   VisibleEmitters(read.scene, resolved->width_px, resolved->height_px)};
+  result.frame.memory_bytes = render::EstimateMemory(read.scene, *file->files).TotalBytes();
   return result;
 }
 
@@ -247,6 +249,15 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
   const std::string file_name = fs::path(arguments.scene).filename().string();
   request.set_title(arguments.title.empty() ? Printable(file_name) : arguments.title);
   request.set_priority(arguments.priority);
+  request.set_show(arguments.show);
+  v1::WorkerRequirements& requirements = *request.mutable_requirements();
+  requirements.set_pool(arguments.pool);
+  for (const std::string& tag : arguments.required_tags) requirements.add_tags(tag);
+  requirements.set_memory_min_bytes(arguments.memory_min_bytes);
+  for (const PreparedFrame& frame : job.frames) {
+    requirements.set_memory_expected_bytes(
+        std::max(requirements.memory_expected_bytes(), frame.memory_bytes));
+  }
   request.mutable_partition()->set_tile_size_px(arguments.tile_size_px);
   request.mutable_partition()->set_cell_size_px(arguments.cell_size_px);
   request.mutable_partition()->set_pass_sample_count(arguments.pass_sample_count);

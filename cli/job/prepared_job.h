@@ -39,6 +39,10 @@ struct JobArguments {
   ViewArguments view;  // The view that PNGs show.
   std::string title;   // Empty: the scene's file name.
   int32_t priority = 0;
+  std::string show;  // Empty: the default one.
+  std::string pool;  // The same.
+  std::vector<std::string> required_tags;
+  uint64_t memory_min_bytes = 0;
   RenderSettings settings;
   StopArguments stop;
   std::string resume_from;   // A delivered EXR that the frame continues from; empty: none.
@@ -56,6 +60,7 @@ struct PreparedFrame {
   FilterDescription filter = {};         // The scene's.
   std::vector<PixelRect> emitters = {};  // As returned by VisibleEmitters.
   BlobDigest resumed = {};               // The EXR to continue from; empty: none.
+  uint64_t memory_bytes = 0;             // That loading the scene is expected to need.
 };
 
 struct PreparedJob {

@@ -57,6 +57,9 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/PinJob", kSubmit},
     {"/sheaf.v1.JobService/UnpinJob", kSubmit},
     {"/sheaf.v1.JobService/CollectGarbage", kOperate},
+    {"/sheaf.v1.JobService/SetShare", kOperate},
+    {"/sheaf.v1.JobService/ResetShare", kOperate},
+    {"/sheaf.v1.JobService/ListShares", kView},
 
     {"/sheaf.v1.ContentService/FindMissing", kSubmit},
     {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},

@@ -16,6 +16,8 @@
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
+#include "coordinator/core/sharing/requirements.h"
+#include "coordinator/core/sharing/share_setting.h"
 #include "coordinator/core/stop_rule.h"
 
 namespace sheaf::coordinator {
@@ -59,6 +61,8 @@ struct JobSpec {
   bool pilot = false;   // Rendered for a quote; has an id among those of pilots (IsPilot).
   std::string title;
   std::string owner = kLocalOwner;  // The user's name.
+  std::string show = kDefaultShow;  // What it is for; shows share the farm (fair_share.h).
+  Requirements requirements;
   int32_t priority = 0;
   Partition partition;
   std::string numeric_profile;
@@ -225,6 +229,7 @@ struct WorkerReport {
   bool draining = false;
   std::vector<std::string> warm_scenes;  // Hex digests.
   uint64_t scene_memory_bytes = 0;       // Their memory; 0: not reported.
+  WorkerTraits traits = {};
 };
 
 inline const std::string& IdentityOf(const WorkerReport& report) {

@@ -106,6 +106,15 @@ struct Limits {
   size_t result_versions_max = 5;  // Different results of a task; then nobody can decide.
   absl::Duration check_wait_max = absl::Minutes(2);  // A rendered frame waits so long for checks.
 
+  // Shares, limits and requirements.
+  size_t share_settings_max = 10'000;   // That operators have set.
+  size_t idle_shares_max = 1'000;       // Users or shows without jobs that are ahead of others.
+  double share_lag_max_seconds = 10;    // Of each thread in use: what somebody who could not be
+                                        // served catches up with, at most.
+  int share_scan_max = 1024;            // Users and shows looked at for a lease.
+  size_t requirement_groups_max = 256;  // Different requirements of unfinished jobs.
+  int worker_kinds_scan_max = 256;      // Kinds of workers looked at for a job's memory.
+
   // Bounded scans, so that no call's cost grows with the farm.
   int job_scan_max = 64;
   int avoid_scan_max = 64;

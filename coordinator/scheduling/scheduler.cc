@@ -85,6 +85,12 @@ absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
         "there are ", live_job_count_, " unfinished jobs, the limit; try again later"));
   }
   if (absl::Status status = CheckPriority(spec.priority); !status.ok()) return status;
+  if (!requirement_groups_.HasRoom(spec.requirements, limits_.requirement_groups_max)) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "the unfinished jobs have ", limits_.requirement_groups_max,
+        " different requirements of workers, the limit; use a pool or tags that others use, or "
+        "try again later"));
+  }
   return CheckJobSpec(spec, limits_);
 }
 
@@ -105,6 +111,8 @@ void Scheduler::AddJob(const JobSpec& spec) {
               .pilot = spec.pilot,
               .title = spec.title,
               .owner = spec.owner,
+              .show = spec.show,
+              .requirements = spec.requirements,
               .priority = spec.priority,
               .partition = spec.partition,
               .numeric_profile = spec.numeric_profile,
@@ -119,9 +127,10 @@ void Scheduler::AddJob(const JobSpec& spec) {
                               [&frames = job.frames](uint32_t i) -> const PackedDigest& {
                                 return frames[i].packed.scene();
                               });
-  // A new job begins level with the least served one, not with a claim on everybody's past.
-  job.served = LeastServedBeside(job).value_or(0);
-  ready_jobs_[spec.numeric_profile].insert(KeyOf(job));
+  job.requirement_group = requirement_groups_.Add(spec.requirements);
+  shares_.AddJob({spec.job_id, spec.numeric_profile, spec.priority, spec.show, spec.owner,
+                  job.requirement_group});
+  UpdateReadyJob(&job);
   ++live_job_count_;
   job.work = WorkOf(spec);
   owner_work_[spec.owner] += job.work;
@@ -178,6 +187,7 @@ FrameTasks::Fit Scheduler::RestorePart(const FrameId& id, const PixelRect& tile,
     frame.sample_count_timed += frame.tasks->PixelSamples(task);
   }
   frame.cost.Add(cost);
+  shares_.NoteCost(id.job_id, frame.tasks->PixelSamples(task), cost.cpu_duration);
   if (frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kRendered;
   UpdateReady(&job, index);
   return fit;
@@ -195,15 +205,10 @@ FrameRecord& Scheduler::Frame(const FrameId& id) {
   return job.frames[job.IndexOf(id.frame_number)];
 }
 
-Scheduler::JobKey Scheduler::KeyOf(const JobRecord& job) {
-  return {-job.spec.priority, job.served, job.spec.job_id};
-}
-
-void Scheduler::UpdateReadyJob(JobRecord* job, const JobKey& key_before) {
-  std::set<JobKey>& ready = ready_jobs_[job->spec.numeric_profile];
-  ready.erase(key_before);
+void Scheduler::UpdateReadyJob(JobRecord* job) {
+  if (job->phase != JobPhase::kLive) return;
   const bool has_work = !job->pending.empty() || !job->ready.empty();
-  if (job->phase == JobPhase::kLive && has_work && !job->Paused()) ready.insert(KeyOf(*job));
+  shares_.SetReady(job->spec.job_id, has_work && !job->Paused());
 }
 
 void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
@@ -220,7 +225,7 @@ void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
   if (frame.phase == FrameRecord::Phase::kOpen && frame.tasks->Stuck()) {
     stuck_frames_.insert({job->spec.job_id, frame.number()});
   }
-  UpdateReadyJob(job, KeyOf(*job));
+  UpdateReadyJob(job);
 }
 
 bool Scheduler::MayOpen(const FrameRecord& frame) const {
@@ -312,6 +317,9 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   const Lease* lease = leases_.Find(lease_id);
   if (lease == nullptr) ++counters_.results_late;
   const SteadyTime grant_time = lease == nullptr ? SteadyTime::InfiniteFuture() : lease->grant_time;
+  if (lease != nullptr && lease->frame == id && lease->task == task) {
+    ChargeResult(*lease, cost, now);
+  }
   std::map<std::string, std::string> suspects;
   const auto forget_failures = [&](const TaskId& rendered) {
     const auto failures = frame.failures.find(rendered);
@@ -335,6 +343,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   frame.sample_count_done += samples;
   frame.sample_count_timed += samples;
   frame.cost.Add(cost);
+  shares_.NoteCost(id.job_id, samples, cost.cpu_duration);
   ++counters_.results_accepted;
   counters_.samples_accepted += samples;
   counters_.rays_accepted += cost.ray_count;
@@ -419,7 +428,8 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
   job.phase = phase;
   job.failure = failure;
   job.paused_time = SteadyTime::InfiniteFuture();
-  UpdateReadyJob(&job, KeyOf(job));
+  shares_.RemoveJob(job_id);
+  requirement_groups_.Release(job.requirement_group);
   --live_job_count_;
   const auto of_owner = owner_work_.find(job.spec.owner);
   of_owner->second -= job.work;

@@ -13,11 +13,12 @@
 //
 //     Pause        a person wants a job to wait: nothing new of it is leased
 //
-// Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm
-// in the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then
-// the tile with the fewest samples. Of a guided frame, nothing but its training is leased until its
-// field is there; other frames fill the gap. A worker that holds nothing and finds nothing ready is
-// leased a task that another one holds (a hedge), never its own.
+// Order of work: jobs by priority, then by shares (fair_share.h: shows, users, jobs), of those
+// whose requirements the worker meets; within a job a scene that is warm in the worker, then a
+// frame nobody works on yet, then any; within a frame returned blocks, then the tile with the
+// fewest samples. Of a guided frame, nothing but its training is leased until its field is there;
+// other frames fill the gap. A worker that holds nothing and finds nothing ready is leased a task
+// that another one holds (a hedge), never its own.
 //
 // Failures (budgets in limits.h): a worker never gets a task again that it failed by a crash, lack
 // of memory or an invalid result; one that it failed for trouble with its disk or network, only
@@ -32,6 +33,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -48,13 +50,17 @@
 #include "coordinator/core/frame_tasks.h"
 #include "coordinator/core/limits.h"
 #include "coordinator/core/owner_work.h"
+#include "coordinator/core/sharing/share_setting.h"
 #include "coordinator/core/work_left.h"
 #include "coordinator/scheduling/counters.h"
+#include "coordinator/scheduling/sharing/fair_share.h"
 #include "coordinator/scheduling/frames_by_digest.h"
+#include "coordinator/scheduling/sharing/held_threads.h"
 #include "coordinator/scheduling/lease_table.h"
 #include "coordinator/scheduling/loading_losses.h"
 #include "coordinator/scheduling/packed_frame.h"
 #include "coordinator/scheduling/pending_frames.h"
+#include "coordinator/scheduling/sharing/requirement_groups.h"
 #include "coordinator/scheduling/result_checks.h"
 #include "coordinator/scheduling/task_failures.h"
 #include "coordinator/scheduling/worker_table.h"
@@ -102,7 +108,7 @@ struct JobRecord {
   using FrameSet = std::set<uint32_t>;  // Indices into frames.
   FrameSet ready;                       // Open with something to lease.
   std::map<std::string, FrameSet> ready_by_scene;
-  uint64_t served = 0;  // Pixel samples leased, plus the share it began with.
+  int requirement_group = 0;  // Of the live jobs with these requirements.
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
   int32_t delivered_count = 0;
   int32_t incomplete_count = 0;
@@ -245,6 +251,16 @@ class Scheduler {
   // Requires: CheckPriority is OK.
   void SetPriority(uint64_t job_id, int32_t priority);
 
+  // scheduler_shares.cc
+  // From the next lease on; what is leased beyond a limit is finished. Requires: CheckShareSetting
+  // is OK.
+  void SetShare(const ShareSubject& subject, const ShareSetting& setting);
+  void ResetShare(const ShareSubject& subject);
+  // Those that were set.
+  const std::map<ShareSubject, ShareSetting>& share_settings() const { return share_settings_; }
+  const FairShare& shares() const { return shares_; }
+  const HeldThreads& held_threads() const { return held_threads_; }
+
   // No frame of these scenes is leased until they are no longer named; says why (WaitingReason).
   // Digests of manifests to reasons; replaces what was held before.
   void HoldScenes(std::map<std::string, std::string> reasons) { held_scenes_ = std::move(reasons); }
@@ -267,15 +283,10 @@ class Scheduler {
   const Counters& counters() const { return counters_; }
 
  private:
-  using JobKey = std::tuple<int32_t, uint64_t, uint64_t>;  // Minus priority, share, id.
-
   FrameRecord& Frame(const FrameId& id);
-  static JobKey KeyOf(const JobRecord& job);
-  // Keeps the ready sets true after a change to a frame or a job's share.
+  // Keeps the ready sets true after a change to a frame or a job.
   void UpdateReady(JobRecord* job, uint32_t index);
-  void UpdateReadyJob(JobRecord* job, const JobKey& key_before);
-  // The share of the least served job that is ready and has the same profile and priority.
-  std::optional<uint64_t> LeastServedBeside(const JobRecord& job) const;
+  void UpdateReadyJob(JobRecord* job);
   bool MayOpen(const FrameRecord& frame) const;
   void Open(JobRecord* job, uint32_t index);
   void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
@@ -290,7 +301,6 @@ class Scheduler {
                        SteadyTime now);
   bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
   bool GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
-  bool GrantFirstRender(WorkerRecord* worker, SteadyTime now);
   bool Hedge(WorkerRecord* worker, SteadyTime now);
   void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
                 bool is_check, SteadyTime now);
@@ -307,6 +317,27 @@ class Scheduler {
   // How often a worker that holds leases says what it does.
   absl::Duration BusyInterval() const;
 
+  // scheduler_shares.cc
+  // Leases from the first job by shares that has something for the worker.
+  bool GrantFirstRender(WorkerRecord* worker, SteadyTime now);
+  // Threads that a lease of the worker renders with.
+  static int ThreadsPerLease(const WorkerRecord& worker);
+  // Whether a lease more of the worker keeps the subject's limit.
+  bool KeepsLimit(const ShareSubject& subject, const WorkerRecord& worker) const;
+  // Whether the worker meets the job's requirements, and a lease more keeps all limits.
+  bool MayServe(const JobRecord& job, const WorkerRecord& worker) const;
+  // Charges a new lease to those who share the farm.
+  void ChargeLease(const JobRecord& job, const WorkerRecord& worker, const Lease& lease,
+                   uint64_t sample_count);
+  // The lease gave this result.
+  void ChargeResult(const Lease& lease, const ResultCost& cost, SteadyTime now);
+  // Whether the identity of a live worker that meets the job's requirements is accepted. A scan
+  // over workers where the job requires tags or memory.
+  bool AnyIdentityFits(const JobSpec& spec,
+                       const std::function<bool(const std::string&)>& accept) const;
+  // Why no worker may render anything of the job: requirements that none meets, or a limit.
+  std::string WhyNobodyMay(const JobRecord& job) const;
+
   // Whether HoldScenes named the frame's scene.
   bool IsHeld(const FrameRecord& frame) const;
 
@@ -321,11 +352,10 @@ class Scheduler {
                     SteadyTime grant_time, SteadyTime now);
 
   // scheduler_failures.cc
-  // Whether a live worker is left that is not in `failed`.
-  bool OthersLive(const std::string& numeric_profile, const std::set<std::string>& failed) const;
+  // Whether a live worker is left that meets the job's requirements and is not in `failed`.
+  bool OthersLive(const JobSpec& spec, const std::set<std::string>& failed) const;
   // The same of identities.
-  bool OtherIdentitiesLive(const std::string& numeric_profile,
-                           const std::set<std::string>& failed) const;
+  bool OtherIdentitiesLive(const JobSpec& spec, const std::set<std::string>& failed) const;
   // Whether what these identities say can end a job: one of them has delivered results, or nobody
   // who is live has. A scan over the live identities where all of them are strangers.
   bool AreBelieved(const std::string& numeric_profile,
@@ -383,7 +413,10 @@ class Scheduler {
 
   const Limits limits_;
   std::map<uint64_t, JobRecord> jobs_;
-  std::map<std::string, std::set<JobKey>> ready_jobs_;  // By numeric profile.
+  FairShare shares_{limits_};  // Live jobs.
+  HeldThreads held_threads_;
+  RequirementGroups requirement_groups_;  // Of live jobs.
+  std::map<ShareSubject, ShareSetting> share_settings_;
   FramesByDigest live_frames_;
   std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.

@@ -17,8 +17,7 @@ void Scheduler::ConsiderCheck(const FrameId& id, const Task& task, const ResultV
              : limits_.check_fraction;
   const bool is_training = Frame(id).tasks->grid().KindOf(task.tile) == TaskKind::kTraining;
   if (draw >= fraction && !is_training) return;
-  const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
-  if (!OtherIdentitiesLive(profile, {merged.identity})) return;
+  if (!OtherIdentitiesLive(jobs_.at(id.job_id).spec, {merged.identity})) return;
   checks_.Begin(MakeTaskId(id, task), merged);
   ++counters_.checks_begun;
 }
@@ -31,6 +30,7 @@ bool Scheduler::GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime no
     FrameRecord& frame = Frame(id.frame);
     if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
     if (!MayOpenFor(frame, *worker) || AwaitsField(frame, id.tile)) continue;
+    if (!MayServe(job, *worker)) continue;
     if (!checks_.Find(id)->MayBeDoneBy(worker->identity)) continue;
     // All that is rendered meanwhile depends on a field.
     const bool is_training = frame.tasks->grid().KindOf(id.tile) == TaskKind::kTraining;
@@ -56,6 +56,7 @@ CheckVerdict Scheduler::Compare(const FrameId& id, const Task& task, uint64_t le
     const uint64_t samples = Frame(id).tasks->PixelSamples(task);
     counters_.samples_checked += samples;
     NoteDelivery(worker_id, samples, cost, lease->grant_time, now);
+    ChargeResult(*lease, cost, now);
     DropLease(lease_id, /*put_back=*/true);
   }
   CheckVerdict verdict = checks_.Add(task_id, merged, version);
@@ -86,11 +87,10 @@ bool Scheduler::AwaitsChecks(const FrameId& id, SteadyTime now) {
   if (checks.empty() || job.Paused()) return false;
   const auto [wait_end, is_new] = check_wait_ends_.try_emplace(id, now + limits_.check_wait_max);
   if (now >= wait_end->second) return false;
-  const std::map<std::string, int>& live = workers_.LiveIdentities(job.spec.numeric_profile);
   return std::ranges::any_of(checks, [&](const TaskId& task) {
     const ResultCheck& check = *checks_.Find(task);
-    return check.leased || std::ranges::any_of(live, [&](const auto& identity) {
-             return check.MayBeDoneBy(identity.first);
+    return check.leased || AnyIdentityFits(job.spec, [&](const std::string& identity) {
+             return check.MayBeDoneBy(identity);
            });
   });
 }

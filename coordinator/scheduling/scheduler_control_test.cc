@@ -63,6 +63,7 @@ class SchedulerControlTest : public testing::Test {
     return scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id, {}, now_);
   }
   const JobRecord& Job(uint64_t id) { return scheduler_.jobs().at(id); }
+  double Share(uint64_t id) { return scheduler_.shares().ShareOfJob(id); }
 
   Limits limits_;
   Scheduler scheduler_{limits_, 1000};
@@ -139,11 +140,11 @@ TEST_F(SchedulerControlTest, ResumedAndPromotedJobsStartAtTheMinimumServed) {
   scheduler_.Pause(first, now_);
   Sync("a", 8);
   scheduler_.Resume(first, now_);
-  EXPECT_EQ(Job(first).served, Job(second).served);
+  EXPECT_EQ(Share(first), Share(second));
   const uint64_t urgent = AddJob(4, 10);
   Sync("b", 4);
   scheduler_.SetPriority(first, 10);
-  EXPECT_EQ(Job(first).served, Job(urgent).served);
+  EXPECT_EQ(Share(first), Share(urgent));
   std::map<uint64_t, int> leases;
   for (const Lease& lease : Sync("c", 8)) ++leases[lease.frame.job_id];
   EXPECT_EQ(leases, (std::map<uint64_t, int>{{first, 4}, {urgent, 4}}));

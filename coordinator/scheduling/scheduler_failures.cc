@@ -58,6 +58,9 @@ void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, St
     if (!worker->leases.contains(held.lease_id)) continue;
     listed.insert(held.lease_id);
     leases_.SetPhase(held.lease_id, held.phase);
+    const bool is_running =
+        held.phase == LeasePhase::kLoading || held.phase == LeasePhase::kRendering;
+    if (is_running) shares_.Run(held.lease_id, now);
     if (held.phase == LeasePhase::kRendering) NoteLoaded(leases_.Find(held.lease_id)->frame);
   }
   const std::set<uint64_t> leases = worker->leases;
@@ -79,7 +82,11 @@ void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, St
 void Scheduler::DropLease(uint64_t lease_id, bool put_back) {
   const Lease lease = *leases_.Find(lease_id);
   const int holders_left = leases_.Remove(lease_id);
-  if (WorkerRecord* worker = workers_.Find(lease.worker_id)) worker->leases.erase(lease_id);
+  if (WorkerRecord* worker = workers_.Find(lease.worker_id)) {
+    worker->leases.erase(lease_id);
+    shares_.End(lease_id, worker->last_seen_time);
+  }
+  held_threads_.Remove(lease_id);
   if (lease.is_check) {
     if (put_back) checks_.Return(MakeTaskId(lease.frame, lease.task));
     return;
@@ -150,23 +157,23 @@ absl::Duration Scheduler::RetryDelay(int failure_count) const {
   return std::min(delay, limits_.retry_delay_max);
 }
 
-bool Scheduler::OthersLive(const std::string& numeric_profile,
-                           const std::set<std::string>& failed) const {
+bool Scheduler::OthersLive(const JobSpec& spec, const std::set<std::string>& failed) const {
   int live_failed = 0;
   for (const std::string& id : failed) {
     const auto found = workers_.workers().find(id);
     if (found == workers_.workers().end()) continue;
     const WorkerRecord& worker = found->second;
-    if (worker.Live() && worker.numeric_profile == numeric_profile) ++live_failed;
+    const bool is_of_job =
+        worker.numeric_profile == spec.numeric_profile && Fits(spec.requirements, worker.traits);
+    if (worker.Live() && is_of_job) ++live_failed;
   }
-  return workers_.LiveCount(numeric_profile) > live_failed;
+  return workers_.kinds().LiveCount(spec.numeric_profile, spec.requirements) > live_failed;
 }
 
-bool Scheduler::OtherIdentitiesLive(const std::string& numeric_profile,
+bool Scheduler::OtherIdentitiesLive(const JobSpec& spec,
                                     const std::set<std::string>& failed) const {
-  const std::map<std::string, int>& live = workers_.LiveIdentities(numeric_profile);
-  const auto is_live = [&](const std::string& identity) { return live.contains(identity); };
-  return static_cast<int64_t>(live.size()) > std::ranges::count_if(failed, is_live);
+  return AnyIdentityFits(spec,
+                         [&](const std::string& identity) { return !failed.contains(identity); });
 }
 
 bool Scheduler::AreBelieved(const std::string& numeric_profile,
@@ -224,11 +231,12 @@ void Scheduler::JudgeScene(const FrameId& id) {
   if (frame.scene_failed_by.empty()) return;
   std::set<std::string> identities;
   for (const auto& [identity, message] : frame.scene_failed_by) identities.insert(identity);
-  const std::string& profile = jobs_.at(id.job_id).spec.numeric_profile;
+  const JobSpec& spec = jobs_.at(id.job_id).spec;
   // One report is enough where nobody is left to contradict it; results are a contradiction.
   const bool confirmed = static_cast<int>(identities.size()) >= limits_.scene_failure_workers_max &&
-                         frame.sample_count_done == 0 && AreBelieved(profile, identities);
-  if (!confirmed && OtherIdentitiesLive(profile, identities)) return;
+                         frame.sample_count_done == 0 &&
+                         AreBelieved(spec.numeric_profile, identities);
+  if (!confirmed && OtherIdentitiesLive(spec, identities)) return;
   EndJob(id.job_id, JobPhase::kFailed,
          absl::StrCat("frame ", id.frame_number,
                       " cannot be rendered: ", frame.scene_failed_by.rbegin()->second));

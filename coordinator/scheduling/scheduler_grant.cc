@@ -93,22 +93,6 @@ bool Scheduler::Grant(WorkerRecord* worker, SteadyTime now) {
          GrantCheck(worker, /*urgent_only=*/false, now);
 }
 
-bool Scheduler::GrantFirstRender(WorkerRecord* worker, SteadyTime now) {
-  const auto ready = ready_jobs_.find(worker->numeric_profile);
-  if (ready == ready_jobs_.end()) return false;
-  // Granting changes the set, so walk a copy of its bounded front.
-  std::vector<uint64_t> front;
-  for (const JobKey& key : ready->second) {
-    if (front.size() >= static_cast<size_t>(limits_.job_scan_max)) break;
-    front.push_back(std::get<2>(key));
-    if (front.size() == 1 && GrantFromJob(&jobs_.at(front[0]), worker, now)) return true;
-  }
-  for (size_t i = 1; i < front.size(); ++i) {
-    if (GrantFromJob(&jobs_.at(front[i]), worker, now)) return true;
-  }
-  return false;
-}
-
 bool Scheduler::GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now) {
   for (const std::string& scene : worker->warm_scenes) {
     if (const auto warm = job->ready_by_scene.find(scene); warm != job->ready_by_scene.end()) {
@@ -182,9 +166,7 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   worker->warm_scenes.insert(frame->packed.scene().Hex());
   frame->first_lease_time = std::min(frame->first_lease_time, now);
   ++counters_.leases_granted;
-  const JobKey key_before = KeyOf(*job);
-  job->served += frame->tasks->PixelSamples(task);
-  UpdateReadyJob(job, key_before);
+  ChargeLease(*job, *worker, stored, frame->tasks->PixelSamples(task));
 }
 
 uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
@@ -202,9 +184,7 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
   }
   const double rate = worker.SamplesPerThreadSecond();
   if (rate <= 0) return pass;
-  // A worker that asks for fewer leases than it has threads renders one lease with several.
-  const int threads_per_lease =
-      std::max(1, worker.thread_count / std::max(1, worker.requested_lease_count));
+  const int threads_per_lease = ThreadsPerLease(worker);
   const double pixels = static_cast<double>(block.pixel_count);
   const double seconds = block.first == 0 ? limits_.first_lease_target_seconds
                          : is_light       ? limits_.light_lease_target_seconds
@@ -236,7 +216,7 @@ bool Scheduler::MayRender(const FrameRecord& frame, const TaskId& task, const Wo
   if (now < failures.not_before) return false;
   if (!failures.trouble.set_aside.empty() || failures.IsFailedBy(worker.worker_id)) return false;
   return !failures.HasInfrastructureFailureOf(worker.worker_id) ||
-         !OthersLive(worker.numeric_profile, failures.Workers());
+         !OthersLive(jobs_.at(task.frame.job_id).spec, failures.Workers());
 }
 
 bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
@@ -249,6 +229,7 @@ bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
     if (first.worker_id == worker->worker_id) continue;
     if (AwaitsField(frame, first.task.tile)) continue;
     if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
+    if (!MayServe(job, *worker)) continue;
     if (!MayRender(frame, MakeTaskId(first.frame, first.task), *worker, now)) continue;
     ++counters_.leases_hedged;
     const Task task = first.task;

@@ -155,7 +155,7 @@ void Scheduler::RefuseForMemory(const FrameId& id, const std::string& worker_id)
   // The last machine left goes on with other tasks, for it may have had bad luck.
   std::set<std::string> refused{worker_id};
   for (const auto& [worker, kind] : frame.refused_by) refused.insert(worker);
-  if (is_final(worker_id) || OthersLive(job.spec.numeric_profile, refused)) {
+  if (is_final(worker_id) || OthersLive(job.spec, refused)) {
     frame.refused_by[worker_id] = FailureKind::kMemory;
   } else {
     absl::erase_if(frame.refused_by, [&](const auto& entry) {
@@ -313,7 +313,7 @@ std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {
     std::set<std::string> refused;
     for (const auto& [worker, kind] : frame.refused_by) refused.insert(worker);
     const auto nobody_is_left = [&](const std::set<std::string>& failed) {
-      return !failed.empty() && !OthersLive(job.spec.numeric_profile, failed);
+      return !failed.empty() && !OthersLive(job.spec, failed);
     };
     if (nobody_is_left(refused)) {
       const auto& [worker, kind] = *frame.refused_by.begin();
@@ -353,7 +353,10 @@ std::string Scheduler::WaitingReason(const JobRecord& job) const {
         frame.phase == FrameRecord::Phase::kPending || frame.phase == FrameRecord::Phase::kOpen;
     if (waits && IsHeld(frame)) return held_scenes_.at(frame.packed.scene().Hex());
   }
-  if (workers_.LiveCount(job.spec.numeric_profile) > 0) return WhyOthersAreNeeded(job);
+  if (workers_.LiveCount(job.spec.numeric_profile) > 0) {
+    const std::string why = WhyNobodyMay(job);
+    return why.empty() ? WhyOthersAreNeeded(job) : why;
+  }
   std::string other;
   bool some_are_sick = false;
   for (const auto& [id, worker] : workers_.workers()) {

@@ -28,9 +28,14 @@ void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {
   LiveWorkers& live = live_[worker.numeric_profile];
   live.count += sign;
   live_total_ += sign;
-  const auto identity = live.by_identity.try_emplace(worker.identity, 0).first;
-  identity->second += sign;
-  if (identity->second == 0) live.by_identity.erase(identity);
+  kinds_.Count(worker.numeric_profile, worker.traits, sign);
+  std::map<std::string, int>& of_pool = live.by_pool[worker.traits.pool];
+  for (std::map<std::string, int>* identities : {&live.by_identity, &of_pool}) {
+    const auto identity = identities->try_emplace(worker.identity, 0).first;
+    identity->second += sign;
+    if (identity->second == 0) identities->erase(identity);
+  }
+  if (of_pool.empty()) live.by_pool.erase(worker.traits.pool);
 }
 
 WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
@@ -52,6 +57,7 @@ WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
   SHEAF_CHECK(worker.identity == IdentityOf(report));
   worker.host = report.host;
   worker.numeric_profile = report.numeric_profile;
+  worker.traits = report.traits;
   worker.thread_count = report.thread_count;
   worker.requested_lease_count = report.requested_lease_count;
   worker.draining = report.draining;
@@ -155,6 +161,15 @@ const std::map<std::string, int>& WorkerTable::LiveIdentities(
   static const std::map<std::string, int> kNone;
   const auto found = live_.find(numeric_profile);
   return found == live_.end() ? kNone : found->second.by_identity;
+}
+
+const std::map<std::string, int>& WorkerTable::LiveIdentities(const std::string& numeric_profile,
+                                                              const std::string& pool) const {
+  static const std::map<std::string, int> kNone;
+  const auto found = live_.find(numeric_profile);
+  if (found == live_.end()) return kNone;
+  const auto of_pool = found->second.by_pool.find(pool);
+  return of_pool == found->second.by_pool.end() ? kNone : of_pool->second;
 }
 
 }  // namespace sheaf::coordinator

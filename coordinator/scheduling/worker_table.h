@@ -16,12 +16,14 @@
 #include "common/base/steady_time.h"
 #include "coordinator/core/job.h"
 #include "coordinator/core/limits.h"
+#include "coordinator/scheduling/sharing/requirement_groups.h"
 
 namespace sheaf::coordinator {
 
 struct WorkerRecord {
   std::string worker_id, host, numeric_profile;
   std::string identity;  // WorkerReport::identity.
+  WorkerTraits traits;
   int32_t thread_count = 1;
   int32_t requested_lease_count = 0;
   bool draining = false;
@@ -87,6 +89,11 @@ class WorkerTable {
   int LiveCount() const { return live_total_; }
   // The identities of those, each with the number of its live workers.
   const std::map<std::string, int>& LiveIdentities(const std::string& numeric_profile) const;
+  // The same of those of one pool.
+  const std::map<std::string, int>& LiveIdentities(const std::string& numeric_profile,
+                                                   const std::string& pool) const;
+  // The live workers, by what they say of themselves.
+  const WorkerKinds& kinds() const { return kinds_; }
   const std::map<std::string, WorkerRecord>& workers() const { return workers_; }
 
  private:
@@ -97,6 +104,7 @@ class WorkerTable {
   struct LiveWorkers {
     int count = 0;
     std::map<std::string, int> by_identity;
+    std::map<std::string, std::map<std::string, int>> by_pool;  // Then by identity.
   };
   void CountLive(const WorkerRecord& worker, int sign);
   void SetQuarantine(const std::string& identity, const std::string& reason);
@@ -108,6 +116,7 @@ class WorkerTable {
   std::map<std::string, IdentityRecord> identities_;             // Of known workers.
   std::map<std::string, std::string> quarantined_;
   std::deque<std::string> quarantine_order_;  // Those of quarantined_, the oldest first.
+  WorkerKinds kinds_;
   int live_total_ = 0;
 };
 

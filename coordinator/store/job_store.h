@@ -17,6 +17,7 @@
 #include "common/film/error/rare_layers.h"
 #include "coordinator/core/job.h"
 #include "coordinator/core/sample_rounds.h"
+#include "coordinator/core/sharing/share_setting.h"
 
 namespace sheaf::coordinator {
 
@@ -128,6 +129,11 @@ class JobStore {
   virtual absl::Status WriteQuarantine(const QuarantineRecord& record) = 0;
   virtual absl::Status RemoveQuarantine(const std::string& identity) = 0;
   virtual absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() = 0;
+  // What operators have set for users, shows and pools. Writing replaces what is stored of the
+  // subject; nothing happens where there is nothing to remove.
+  virtual absl::Status WriteShare(const ShareSubject& subject, const ShareSetting& setting) = 0;
+  virtual absl::Status RemoveShare(const ShareSubject& subject) = 0;
+  virtual absl::StatusOr<std::map<ShareSubject, ShareSetting>> LoadShares() = 0;
   // Replaces the job's warning.
   virtual absl::Status SetWarning(uint64_t job_id, const std::string& warning) = 0;
   // All parts of an identity, ascending by job.

@@ -26,6 +26,7 @@
 #include "absl/time/time.h"
 #include "common/film/error/rare_layers.h"
 #include "common/film/film_outputs.h"
+#include "coordinator/core/sharing/requirements.h"
 #include "coordinator/store/sqlite_database.h"
 #include "coordinator/store/stored_times.h"
 
@@ -53,6 +54,7 @@ inline int64_t StoredForm(absl::Time value) { return ToNanoseconds(value); }
 inline int64_t StoredForm(absl::Duration value) { return ToNanoseconds(value); }
 inline std::string StoredForm(const FilmOutputs& value) { return FormatOutputs(value); }
 inline std::string StoredForm(const std::vector<LayerCount>& value) { return FormatLayers(value); }
+inline std::string StoredForm(const std::vector<std::string>& tags) { return FormatTags(tags); }
 
 // Binds a member as the statement's next parameter.
 template <typename T>
@@ -96,6 +98,11 @@ absl::Status ReadValue(const SqliteStatement& row, int column, FilmOutputs* valu
 inline absl::Status ReadValue(const SqliteStatement& row, int column,
                               std::vector<LayerCount>* value) {
   *value = ParseLayers(row.Text(column));
+  return absl::OkStatus();
+}
+inline absl::Status ReadValue(const SqliteStatement& row, int column,
+                              std::vector<std::string>* tags) {
+  *tags = ParseTags(row.Text(column));
   return absl::OkStatus();
 }
 

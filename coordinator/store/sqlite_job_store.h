@@ -54,6 +54,9 @@ class SqliteJobStore : public JobStore {
   absl::Status WriteQuarantine(const QuarantineRecord& record) override;
   absl::Status RemoveQuarantine(const std::string& identity) override;
   absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() override;
+  absl::Status WriteShare(const ShareSubject& subject, const ShareSetting& setting) override;
+  absl::Status RemoveShare(const ShareSubject& subject) override;
+  absl::StatusOr<std::map<ShareSubject, ShareSetting>> LoadShares() override;
   absl::Status SetWarning(uint64_t job_id, const std::string& warning) override;
   absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override;
   absl::Status SetPaused(uint64_t job_id, bool paused) override;

@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 26;
+constexpr int64_t kSchemaVersion = 27;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -214,6 +214,17 @@ ALTER TABLE jobs ADD COLUMN parts_removed_ns INTEGER NOT NULL DEFAULT 9223372036
 CREATE TABLE removed_jobs(job_id INTEGER PRIMARY KEY);
 )sql";
 constexpr char kAddedBy26[] = "ALTER TABLE jobs ADD COLUMN state_seal INTEGER NOT NULL DEFAULT 0;";
+// Images do not depend on these columns: no seal covers them.
+constexpr char kAddedBy27[] = R"sql(
+ALTER TABLE jobs ADD COLUMN show TEXT NOT NULL DEFAULT 'default';
+ALTER TABLE jobs ADD COLUMN pool TEXT NOT NULL DEFAULT 'default';
+ALTER TABLE jobs ADD COLUMN required_tags TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN memory_min_bytes INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN memory_expected_bytes INTEGER NOT NULL DEFAULT 0;
+CREATE TABLE shares(
+  kind INTEGER NOT NULL, name TEXT NOT NULL, weight REAL NOT NULL, threads_max INTEGER NOT NULL,
+  PRIMARY KEY(kind, name)) WITHOUT ROWID;
+)sql";
 
 // "table.column" of all.
 absl::StatusOr<std::set<std::string>> ColumnsOf(SqliteDatabase* database) {
@@ -246,11 +257,11 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
-                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
-                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
-                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21,
-                               kAddedBy22, kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26};
+  const char* const added[] = {
+      kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
+      kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
+      kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
+      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26, kAddedBy27};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

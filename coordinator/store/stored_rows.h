@@ -66,6 +66,11 @@ void VisitColumns(Row& sealed, const Visitor& visit) {
   visit("failure_count", row.failures.count);
   visit("wall_ns", row.wall_duration);
   visit("warning", row.warning);
+  visit("show", row.spec.show);
+  visit("pool", row.spec.requirements.pool);
+  visit("required_tags", row.spec.requirements.tags);
+  visit("memory_min_bytes", row.spec.requirements.memory_min_bytes);
+  visit("memory_expected_bytes", row.spec.requirements.memory_expected_bytes);
 }
 inline int64_t SealOf(const StoredJob& job) {
   return SealOfColumns([&job](const auto& visit) { VisitFixedColumns(job, visit); });
@@ -320,6 +325,19 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("kind", row.failure.kind);
   visit("times", row.failure.count);
   visit("words", row.failure.words);
+}
+
+// The table `shares`.
+struct ShareRow {
+  ShareSubject subject;
+  ShareSetting setting;
+};
+template <RowOf<ShareRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("kind", row.subject.kind);
+  visit("name", row.subject.name);
+  visit("weight", row.setting.weight);
+  visit("threads_max", row.setting.threads_max);
 }
 
 // The table `quarantines`.

@@ -148,6 +148,9 @@ export interface Worker {
   host: string;
   state: string;
   thread_count: number;
+  // It renders only jobs of this pool, and jobs may require tags.
+  pool?: string;
+  tags?: string[];
   numeric_profile: string;
   lease_count: number;
   // The first leases: tasks being rendered before waiting ones.

@@ -40,7 +40,8 @@ export class WorkersView {
     const name = format.shortName(worker.name);
     setText(
         child(top, 0), worker.host && worker.host !== name ? name + ' on ' + worker.host : name);
-    const title = this.doingOf(worker) + '\n' + worker.numeric_profile + scenesOf(worker);
+    const title = [this.doingOf(worker), worker.numeric_profile, placeOf(worker)].join('\n') +
+        scenesOf(worker);
     if (row.title !== title) row.title = title;
     setBadge(child(top, 1), worker.state);
     row.dataset.state = worker.state;
@@ -78,6 +79,13 @@ function speedOf(worker: Worker): string {
   const results =
       worker.result_count === 1 ? '1 result' : format.exact(worker.result_count) + ' results';
   return [format.count(worker.samples_per_second) + '/s', threads, results].join(' · ');
+}
+
+// "pool big, tags avx, ssd".
+function placeOf(worker: Worker): string {
+  const tags = worker.tags ?? [];
+  const tagged = tags.length > 0 ? ', tags ' + tags.join(', ') : '';
+  return 'pool ' + (worker.pool ?? 'default') + tagged;
 }
 
 function cacheOf(worker: Worker): string {

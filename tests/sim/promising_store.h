@@ -74,6 +74,17 @@ class PromisingStore : public coordinator::JobStore {
     promises_.Lifted(identity, Certain(status));
     return status;
   }
+  absl::Status WriteShare(const coordinator::ShareSubject& subject,
+                          const coordinator::ShareSetting& setting) override {
+    return store_->WriteShare(subject, setting);
+  }
+  absl::Status RemoveShare(const coordinator::ShareSubject& subject) override {
+    return store_->RemoveShare(subject);
+  }
+  absl::StatusOr<std::map<coordinator::ShareSubject, coordinator::ShareSetting>> LoadShares()
+      override {
+    return store_->LoadShares();
+  }
   absl::StatusOr<std::vector<coordinator::QuarantineRecord>> LoadQuarantines() override {
     auto records = store_->LoadQuarantines();
     if (records.ok()) promises_.CheckQuarantines(*records);

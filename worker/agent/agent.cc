@@ -130,6 +130,9 @@ WorkerState Agent::MakeState(const LeaseLedger::Snapshot& snapshot) const {
   state.draining = stage_ != Stage::kWorking;
   state.warm_scenes = scenes_.WarmScenes();
   state.scene_memory_bytes = scenes_.MemoryBytes();
+  state.pool = options_.pool;
+  state.tags = options_.tags;
+  state.memory_bytes = options_.memory_bytes;
   // Parts in upload still hold their leases, but keep no thread busy.
   if (!state.draining) {
     state.requested_lease_count =

@@ -26,6 +26,9 @@ namespace sheaf::worker {
 
 struct AgentOptions {
   std::string worker_id, host, numeric_profile;
+  std::string pool;  // Empty: the default one.
+  std::vector<std::string> tags;
+  uint64_t memory_bytes = 0;  // For scenes, as the coordinator is told; 0: not known.
   int32_t thread_count = 1;
   // Leases that wait while every thread has one: hides the round trip to the coordinator.
   int32_t leases_ahead = 2;

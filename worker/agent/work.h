@@ -60,6 +60,9 @@ struct WorkerState {
   bool draining = false;
   std::vector<std::string> warm_scenes;
   uint64_t scene_memory_bytes = 0;  // Total size of those.
+  std::string pool;                 // Empty: the default one.
+  std::vector<std::string> tags;
+  uint64_t memory_bytes = 0;  // That it gives to scenes.
 };
 
 // The leases that the coordinator wants it to hold: the reply.

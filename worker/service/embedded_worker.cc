@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/memory_room.h"
 #include "common/scene/settings/render_settings.h"
 #include "worker/sandbox/direct_scenes.h"
 
@@ -32,6 +33,9 @@ AgentOptions MakeAgentOptions(const WorkerOptions& options) {
       absl::StrCat(agent.host, "-", ::getpid(), "-", absl::Hex(random(), absl::kZeroPad8));
   agent.numeric_profile = NumericProfile();
   agent.thread_count = options.thread_count > 0 ? options.thread_count : AvailableThreadCount();
+  agent.pool = options.pool;
+  agent.tags = options.tags;
+  agent.memory_bytes = std::min(options.scene_memory_bytes_max, FindMemoryRoom().bytes);
   agent.leases_ahead = options.leases_ahead;
   agent.scene_memory_bytes_max = options.scene_memory_bytes_max;
   agent.grace = options.grace;

@@ -12,6 +12,7 @@
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "common/content/content_cache.h"
@@ -26,6 +27,8 @@ namespace sheaf::worker {
 
 struct WorkerOptions {
   std::string coordinator = "this process";  // Its name in messages.
+  std::string pool;                          // Empty: the default one.
+  std::vector<std::string> tags;             // What it has that jobs may require.
   int32_t thread_count = 0;                  // 0: as many as this process may use.
   std::string cache_directory;
   uint64_t cache_bytes_max = uint64_t{20} << 30;

@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/label.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
@@ -56,6 +57,9 @@ void AddPeerOptions(CLI::App* app, Arguments* arguments) {
       ->transform(CLI::AsSizeValue(false));
 }
 
+// As the coordinator checks them.
+const CLI::Validator CheckLabel([](const std::string& text) { return WhyNoLabel(text); }, "");
+
 void AddSandboxOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--sandbox", arguments->sandbox,
                   "Each scene renders in a process of its own, without network, that sees no\n"
@@ -96,6 +100,16 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--threads", worker.thread_count, "Threads that render; 0: all processors")
       ->check(CLI::Range(0, 4096))
       ->capture_default_str();
+  app->add_option("--pool", worker.pool,
+                  "Pool of this machine: it renders only jobs of this pool (default: default)")
+      ->check(CheckLabel)
+      ->type_name("NAME");
+  app->add_option("--tag", worker.tags,
+                  "What this machine has that jobs may require (sheaf submit --require);\n"
+                  "may be given several times")
+      ->allow_extra_args(false)
+      ->check(CheckLabel)
+      ->type_name("NAME");
   app->add_option("--cache-dir", worker.cache_directory,
                   "Directory of scene files, shared by all workers of this machine")
       ->default_str(DefaultCacheDirectory());

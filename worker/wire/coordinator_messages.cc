@@ -126,6 +126,9 @@ v1::SynchronizeRequest ToWire(const WorkerState& state) {
   request.set_draining(state.draining);
   for (const std::string& scene : state.warm_scenes) request.add_warm_scenes(scene);
   request.set_scene_memory_bytes(state.scene_memory_bytes);
+  request.set_pool(state.pool);
+  for (const std::string& tag : state.tags) request.add_tags(tag);
+  request.set_memory_bytes(state.memory_bytes);
   return request;
 }
 

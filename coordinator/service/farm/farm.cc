@@ -55,6 +55,7 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::OpenWithoutThread(const FarmOptions&
   std::unique_ptr<Farm> farm(
       new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews), *secret));
   if (absl::Status status = farm->lifecycle_.Load(); !status.ok()) return status;
+  if (absl::Status status = farm->share_control_.Load(); !status.ok()) return status;
   return farm;
 }
 
@@ -83,6 +84,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       delivery_(options.preview_interval_min,
                 {tables_, *store_, tiles_, rounds_, images_, lifecycle_, queue_, disk_, signals_}),
       lost_scenes_(&tables_, blobs_.get(), &signals_),
+      share_control_(options.limits, {tables_, *store_, disk_, signals_}),
       keeper_(options, {tables_, *store_, *blobs_, *round_previews_, lifecycle_}),
       previews_(&tables_, store_.get(), round_previews_.get(), &images_),
       job_views_(options.state_directory, &tables_, round_previews_.get(), &disk_),

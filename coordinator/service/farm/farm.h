@@ -13,6 +13,7 @@
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
 //     DiskKeeper       removes what is not kept any longer
 //     Scrubber         compares what is kept with its digests, in a thread of its own
+//     ShareControl     weights and limits of users, shows and pools
 //     DeliveredImages, FramePreviews, JobViews, WorkerViews, TaskReports, RefinementPricing,
 //     FarmMetrics      answer queries
 //
@@ -51,6 +52,7 @@
 #include "coordinator/service/farm/reports/task_reports.h"
 #include "coordinator/service/farm/result_intake.h"
 #include "coordinator/service/farm/resumed_frames.h"
+#include "coordinator/service/farm/sharing/share_control.h"
 #include "coordinator/service/farm/tile_builder.h"
 #include "coordinator/service/farm/transfer/content_exchange.h"
 #include "coordinator/service/farm/upkeep/disk_keeper.h"
@@ -183,6 +185,9 @@ class Farm : public FarmView {
     return lifecycle_.LiftQuarantine(identity);
   }
 
+  // Weights and limits of users, shows and pools.
+  ShareControl& share_control() { return share_control_; }
+
   // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet, or damaged
   // on disk and being made again).
   absl::StatusOr<std::string> FindOutput(uint64_t job_id, int32_t frame_number) const {
@@ -266,6 +271,7 @@ class Farm : public FarmView {
   // RunOnce's alone.
   FrameDelivery delivery_;
   LostScenes lost_scenes_;
+  ShareControl share_control_;
   DiskKeeper keeper_;
   SteadyTime next_delivery_ = SteadyTime::InfinitePast();
 

@@ -116,6 +116,8 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   view.pilot = IsPilot(job.spec.job_id);
   view.title = job.spec.title;
   view.owner = job.spec.owner;
+  view.show = job.spec.show;
+  view.requirements = job.spec.requirements;
   view.priority = job.spec.priority;
   view.numeric_profile = job.spec.numeric_profile;
   view.partition = job.spec.partition;

@@ -31,6 +31,7 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   view.host = worker.host;
   view.state = StateOf(worker);
   view.thread_count = worker.thread_count;
+  view.traits = worker.traits;
   view.numeric_profile = worker.numeric_profile;
   view.lease_count = static_cast<int32_t>(worker.leases.size());
   view.result_count = worker.result_count;

@@ -58,6 +58,13 @@ class JobService final : public v1::JobService::Service {
   grpc::Status ReadTaskBundle(grpc::ServerContext* context,
                               const v1::ReadTaskBundleRequest* request,
                               grpc::ServerWriter<v1::ReadTaskBundleResponse>* writer) override;
+  // These three in job_service_shares.cc.
+  grpc::Status SetShare(grpc::ServerContext* context, const v1::SetShareRequest* request,
+                        v1::Share* response) override;
+  grpc::Status ResetShare(grpc::ServerContext* context, const v1::ResetShareRequest* request,
+                          v1::ResetShareResponse* response) override;
+  grpc::Status ListShares(grpc::ServerContext* context, const v1::ListSharesRequest* request,
+                          v1::ListSharesResponse* response) override;
   grpc::Status LiftQuarantine(grpc::ServerContext* context,
                               const v1::LiftQuarantineRequest* request,
                               v1::LiftQuarantineResponse* response) override;
@@ -86,6 +93,7 @@ class JobService final : public v1::JobService::Service {
                                     const std::function<absl::Status(uint64_t)>& change);
   absl::StatusOr<JobView> TryCreate(const grpc::ServerContext& context,
                                     const v1::CreateJobRequest& request);
+  absl::StatusOr<ShareView> TrySetShare(const v1::SetShareRequest& request);
   // Errors: kFailedPrecondition naming what is missing.
   absl::Status RequireBlobs(const JobSpec& spec) const;
   absl::Status RequireFilesOf(const BlobDigest& scene) const;

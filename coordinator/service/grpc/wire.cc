@@ -269,6 +269,7 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
   spec.pilot = request.pilot();
   spec.title = request.title();
   spec.priority = request.priority();
+  if (status = ReadSharing(request, &spec); !status.ok()) return status;
   spec.partition = FromWire(request.partition());
   spec.frames.reserve(static_cast<size_t>(request.frames_size()));
   for (const v1::FrameSpec& wire : request.frames()) {
@@ -332,6 +333,7 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
     report.warm_scenes.push_back(scene);
   }
   report.scene_memory_bytes = request.scene_memory_bytes();
+  if (status = ReadTraits(request, &report.traits); !status.ok()) return status;
   for (const v1::LeaseState& lease : request.leases()) {
     const absl::StatusOr<LeasePhase> phase = FromWire(lease.phase());
     if (!phase.ok()) return phase.status();
@@ -395,6 +397,8 @@ v1::Job ToWire(const JobView& view) {
   if (view.end_time != absl::InfiniteFuture()) SetTime(view.end_time, wire.mutable_end_time());
   wire.set_failure(view.failure);
   wire.set_owner(view.owner);
+  wire.set_show(view.show);
+  *wire.mutable_requirements() = ToWire(view.requirements);
   wire.set_priority(view.priority);
   wire.set_numeric_profile(view.numeric_profile);
   wire.mutable_partition()->set_tile_size_px(view.partition.tile_size_px);
@@ -420,6 +424,7 @@ v1::Worker ToWire(const WorkerView& view) {
   wire.set_host(view.host);
   wire.set_state(ToWire(view.state));
   wire.set_thread_count(view.thread_count);
+  WriteTraits(view.traits, &wire);
   wire.set_numeric_profile(view.numeric_profile);
   wire.set_lease_count(view.lease_count);
   wire.set_result_count(view.result_count);

@@ -41,6 +41,12 @@ absl::StatusOr<EffectCost> FromWire(const v1::EffectCost& wire);
 v1::EffectCost ToWire(const EffectCost& effect);
 v1::PriceRefinementResponse ToWire(const RefinementPrices& priced);
 v1::Worker ToWire(const WorkerView& view);
+// In wire_shares.cc, these five. Errors: kInvalidArgument.
+absl::Status ReadSharing(const v1::CreateJobRequest& request, JobSpec* spec);
+absl::Status ReadTraits(const v1::SynchronizeRequest& request, WorkerTraits* traits);
+void WriteTraits(const WorkerTraits& traits, v1::Worker* wire);
+v1::WorkerRequirements ToWire(const Requirements& requirements);
+v1::Share ToWire(const ShareView& view);
 v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer);
 v1::Digest ToWire(const BlobDigest& digest);
 v1::RecordedFailure ToWire(const TaskFailure& failure);

@@ -121,6 +121,9 @@ Json EffectsJson(const std::vector<EffectCost>& effects) {
   return json;
 }
 
+// Null where it is not known, or nothing is required.
+Json MemoryJson(uint64_t bytes) { return bytes > 0 ? Json(bytes) : Json(); }
+
 Json PreviewFrameJson(const JobView& job) {
   if (!job.preview_frame) return nullptr;
   const PreviewFrame& frame = *job.preview_frame;
@@ -136,6 +139,11 @@ Json JobObject(const JobView& job) {
       {"pilot", job.pilot},
       {"state", JobStateName(job.state)},
       {"owner", job.owner},
+      {"show", job.show},
+      {"pool", job.requirements.pool},
+      {"required_tags", job.requirements.tags},
+      {"memory_min_bytes", MemoryJson(job.requirements.memory_min_bytes)},
+      {"memory_expected_bytes", MemoryJson(job.requirements.memory_expected_bytes)},
       {"priority", job.priority},
       {"numeric_profile", job.numeric_profile},
       {"failure", job.failure},
@@ -262,13 +270,15 @@ std::string WorkerJson(const WorkerView& worker) {
       {"host", worker.host},
       {"state", WorkerStateName(worker.state)},
       {"thread_count", worker.thread_count},
+      {"pool", worker.traits.pool},
+      {"tags", worker.traits.tags},
+      {"memory_bytes", MemoryJson(worker.traits.memory_bytes)},
       {"numeric_profile", worker.numeric_profile},
       {"lease_count", worker.lease_count},
       {"leases", std::move(leases)},
       {"warm_scene_count", worker.warm_scene_count},
       {"warm_scenes", worker.warm_scenes},
-      {"scene_memory_bytes",
-       worker.scene_memory_bytes > 0 ? Json(worker.scene_memory_bytes) : Json()},
+      {"scene_memory_bytes", MemoryJson(worker.scene_memory_bytes)},
       {"result_count", worker.result_count},
       {"samples_per_second", worker.samples_per_second},
       {"last_seen_time", TimeJson(worker.last_seen_time)},

@@ -115,6 +115,8 @@ struct JobView {
   bool pilot = false;  // Rendered for a quote.
   std::string title;
   std::string owner;  // The user's name; "local" without certificates.
+  std::string show;
+  Requirements requirements;
   JobState state = JobState::kQueued;
   int32_t priority = 0;
   std::string numeric_profile;
@@ -166,6 +168,7 @@ struct WorkerView {
   std::string host;
   WorkerState state = WorkerState::kIdle;
   int32_t thread_count = 0;
+  WorkerTraits traits;
   std::string numeric_profile;
   int32_t lease_count = 0;
   uint64_t result_count = 0;
@@ -185,6 +188,15 @@ struct RefinementPrices {
   std::vector<RefinementPrice> prices;  // In the order of the targets.
   int32_t thread_count = 0;             // Threads of the workers that could render it.
   int32_t jobs_before_count = 0;        // Unfinished jobs of equal or higher priority.
+};
+
+// What is set for a user, a show or a pool, and what it holds.
+struct ShareView {
+  ShareSubject subject;
+  bool is_set = false;
+  ShareSetting setting;
+  int32_t job_count = 0;     // Unfinished.
+  int64_t threads_held = 0;  // By its leases, as HeldThreads counts.
 };
 
 // A failed lease of a job.

@@ -57,6 +57,15 @@ class GatedJobStore : public JobStore {
   absl::Status RemoveQuarantine(const std::string& identity) override {
     return store_->RemoveQuarantine(identity);
   }
+  absl::Status WriteShare(const ShareSubject& subject, const ShareSetting& setting) override {
+    return store_->WriteShare(subject, setting);
+  }
+  absl::Status RemoveShare(const ShareSubject& subject) override {
+    return store_->RemoveShare(subject);
+  }
+  absl::StatusOr<std::map<ShareSubject, ShareSetting>> LoadShares() override {
+    return store_->LoadShares();
+  }
   absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() override {
     return store_->LoadQuarantines();
   }

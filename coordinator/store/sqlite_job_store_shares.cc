@@ -1,0 +1,40 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of SqliteJobStore that keeps what operators have set for users, shows and pools.
+#include "absl/strings/str_cat.h"
+#include "coordinator/store/sqlite_columns.h"
+#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/stored_rows.h"
+
+namespace sheaf::coordinator {
+
+absl::Status SqliteJobStore::WriteShare(const ShareSubject& subject, const ShareSetting& setting) {
+  const MutexLock lock(&database_mutex_);
+  SqliteStatement insert =
+      database_->Prepare(absl::StrCat("INSERT OR REPLACE ", IntoTable<ShareRow>("shares")));
+  return BindRow(ShareRow{subject, setting}, &insert).Run();
+}
+
+absl::Status SqliteJobStore::RemoveShare(const ShareSubject& subject) {
+  const MutexLock lock(&database_mutex_);
+  return database_->Prepare("DELETE FROM shares WHERE kind = ? AND name = ?")
+      .Bind(static_cast<int32_t>(subject.kind))
+      .Bind(subject.name)
+      .Run();
+}
+
+absl::StatusOr<std::map<ShareSubject, ShareSetting>> SqliteJobStore::LoadShares() {
+  const MutexLock lock(&database_mutex_);
+  SqliteStatement query = database_->Prepare(SelectFrom<ShareRow>("shares"));
+  std::map<ShareSubject, ShareSetting> shares;
+  absl::Status read = ReadRows<ShareRow>(&query, [&shares](const ShareRow& row) {
+    // What changed on disk to nonsense is as if it were not set.
+    if (CheckShareSetting(row.subject, row.setting).ok()) shares[row.subject] = row.setting;
+    return absl::OkStatus();
+  });
+  if (!read.ok()) return read;
+  return shares;
+}
+
+}  // namespace sheaf::coordinator
