@@ -37,6 +37,8 @@ class SubmitCommand : public Command {
     command->add_flag("--no-quote", no_quote_, "Do not print a quote first (see sheaf quote)")
         ->envname("SHEAF_NO_QUOTE");
     command->add_option("--title", arguments_.title, "Title of the job (default: the file's name)");
+    command->add_option("--show", arguments_.show,
+                        "The production that the job is of, for accounts (see sheaf usage)");
     command->add_option("--priority", arguments_.priority, "Higher values run first")
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();

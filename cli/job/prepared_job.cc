@@ -242,6 +242,7 @@ v1::CreateJobRequest MakeCreateJobRequest(const JobArguments& arguments, const P
   v1::CreateJobRequest request;
   request.set_request_id(MakeRequestId());
   const std::string file_name = fs::path(arguments.scene).filename().string();
+  request.set_show(arguments.show);
   request.set_title(arguments.title.empty() ? Printable(file_name) : arguments.title);
   request.set_priority(arguments.priority);
   request.mutable_partition()->set_tile_size_px(arguments.tile_size_px);

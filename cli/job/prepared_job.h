@@ -38,6 +38,7 @@ struct JobArguments {
   std::string png;     // The same for a PNG; empty: no PNG.
   ViewArguments view;  // The view that PNGs show.
   std::string title;   // Empty: the scene's file name.
+  std::string show;    // The production, for accounts; may be empty.
   int32_t priority = 0;
   RenderSettings settings;
   StopArguments stop;

@@ -59,6 +59,7 @@ struct JobSpec {
   bool pilot = false;   // Rendered for a quote; has an id among those of pilots (IsPilot).
   std::string title;
   std::string owner = kLocalOwner;  // The user's name.
+  std::string show;                 // The production that it is of, for accounts; may be empty.
   int32_t priority = 0;
   Partition partition;
   std::string numeric_profile;

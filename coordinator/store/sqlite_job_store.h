@@ -62,8 +62,7 @@ class SqliteJobStore : public JobStore {
   absl::Status RemoveJob(uint64_t job_id) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile,
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
                                                      TaskKind kind) override;
   absl::StatusOr<std::vector<PartRow>> ListParts(uint64_t job_id) override;
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override;
@@ -72,6 +71,9 @@ class SqliteJobStore : public JobStore {
   absl::Status RemoveFrameParts(const FrameId& frame) override;
   absl::StatusOr<std::string> OutputPath(const FrameId& frame) override;
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override;
+  void NoteUsage(const UsageOf& of, const Usage& usage) override;
+  absl::Status WriteUsage() override;
+  absl::StatusOr<std::vector<UsageRow>> LoadUsage(const UsageQuery& query) override;
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override;
   absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) override;
   absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override;
@@ -113,6 +115,11 @@ class SqliteJobStore : public JobStore {
   absl::Status CommitRow(const PartRow& row);
   void CommitPending(const std::vector<PendingRow*>& rows);
   absl::Status InsertRow(const PartRow& row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // These run in a transaction of their caller (sqlite_job_store_usage.cc).
+  absl::Status AddUsage(const UsageOf& of, const Usage& usage)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status AddUsageOf(const std::vector<PendingRow*>& rows)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::StatusOr<CreatedJob> InsertJob(const JobSpec& spec, const std::string& request_id,
@@ -144,6 +151,8 @@ class SqliteJobStore : public JobStore {
   CondVar pending_changed_;
   std::deque<PendingRow*> pending_ ABSL_GUARDED_BY(pending_mutex_);
   bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;
+  Mutex usage_mutex_ ABSL_ACQUIRED_AFTER(database_mutex_);
+  std::map<UsageOf, Usage> waiting_usage_ ABSL_GUARDED_BY(usage_mutex_);
   std::atomic<uint64_t> parts_bytes_{0};
   uint64_t first_lease_id_ = 1;
   int64_t lost_commits_ = 0;

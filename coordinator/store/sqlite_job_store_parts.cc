@@ -78,6 +78,7 @@ void SqliteJobStore::CommitPending(const std::vector<PendingRow*>& rows) {
         break;
       }
     }
+    if (shared.ok()) shared = AddUsageOf(rows);
     if (shared.ok()) shared = database_->Execute("COMMIT");
     if (!shared.ok()) database_->Execute("ROLLBACK").IgnoreError();
   }

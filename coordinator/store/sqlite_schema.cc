@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 25;
+constexpr int64_t kSchemaVersion = 27;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -207,6 +207,19 @@ ALTER TABLE jobs ADD COLUMN pinned INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN parts_removed_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
 CREATE TABLE removed_jobs(job_id INTEGER PRIMARY KEY);
 )sql";
+constexpr char kAddedBy26[] = R"sql(
+ALTER TABLE jobs ADD COLUMN show TEXT NOT NULL DEFAULT '';
+)sql";
+// The accounts begin with this version.
+constexpr char kAddedBy27[] = R"sql(
+CREATE TABLE usage(
+  day INTEGER NOT NULL, owner TEXT NOT NULL, show TEXT NOT NULL, job_id INTEGER NOT NULL,
+  result_count INTEGER NOT NULL, sample_count INTEGER NOT NULL, ray_count INTEGER NOT NULL,
+  cpu_ns INTEGER NOT NULL, repeated_count INTEGER NOT NULL, repeated_cpu_ns INTEGER NOT NULL,
+  lost_count INTEGER NOT NULL, lost_cpu_ns INTEGER NOT NULL, upload_bytes INTEGER NOT NULL,
+  part_bytes INTEGER NOT NULL, image_bytes INTEGER NOT NULL,
+  PRIMARY KEY(day, owner, show, job_id)) WITHOUT ROWID;
+)sql";
 
 }  // namespace
 
@@ -229,7 +242,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
       kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
       kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
       kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
-      kAddedBy23, kAddedBy24, kAddedBy25};
+      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26, kAddedBy27};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -76,7 +76,7 @@ class PackageTest(unittest.TestCase):
         with open(os.path.join(BUILT, "sheaf", "client.py"), encoding="utf-8") as file:
             text = file.read()
         unused = {call for call in calls if f'"{call}"' not in text and f".{call}(" not in text}
-        self.assertEqual(unused, {"CreateJob", "CollectGarbage"})
+        self.assertEqual(unused, {"CreateJob", "CollectGarbage", "ListUsage"})
 
     def test_states_are_those_of_the_messages(self):
         from sheaf.v1 import frame_pb2, job_pb2

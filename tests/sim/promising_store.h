@@ -114,8 +114,7 @@ class PromisingStore : public coordinator::JobStore {
   absl::StatusOr<std::optional<PartRow>> FindPart(const coordinator::PartKey& key) override {
     return store_->FindPart(key);
   }
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile,
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
                                                      TaskKind kind) override {
     return store_->FindTileParts(frame, tile, kind);
   }
@@ -146,6 +145,14 @@ class PromisingStore : public coordinator::JobStore {
     absl::Status status = store_->DeliverFrame(frame, delivered);
     promises_.Delivered(frame, delivered.image_digest, Certain(status));
     return status;
+  }
+  void NoteUsage(const UsageOf& of, const coordinator::Usage& usage) override {
+    store_->NoteUsage(of, usage);
+  }
+  absl::Status WriteUsage() override { return store_->WriteUsage(); }
+  absl::StatusOr<std::vector<coordinator::UsageRow>> LoadUsage(
+      const coordinator::UsageQuery& query) override {
+    return store_->LoadUsage(query);
   }
   absl::Status AddRound(const FrameId& frame, const coordinator::RoundRecord& round) override {
     return store_->AddRound(frame, round);

@@ -83,6 +83,16 @@ grpc::Status ContentService::GetWriteStatus(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
+absl::Status ContentService::RequireRoom(const grpc::ServerContext& context,
+                                         uint64_t size_bytes) const {
+  absl::Status room = farm_->CheckOwnerBytes(OwnerOf(context), size_bytes);
+  if (room.ok() || access_ == nullptr) return room;
+  access_->use().NoteRefused(IdentityLimit::kStoredBytes);
+  access_->NoteRefused(absl::StrCat(CallerIdentity(context), " at ", context.peer()), "WriteBlob",
+                       room, absl::Now());
+  return room;
+}
+
 absl::Status ContentService::BeginUpload(const grpc::ServerContext& context,
                                          uint64_t size_bytes) const {
   const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
@@ -120,10 +130,12 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
     return Finish(absl::OkStatus(), &message, reader);
   }
   if (!writer.ok()) return Finish(writer.status(), &message, reader);
-  const absl::Status allowed =
-      BeginUpload(*context, digest->size_bytes - writer->committed_bytes());
+  const uint64_t bytes_before = writer->committed_bytes();
+  absl::Status allowed = RequireRoom(*context, digest->size_bytes - bytes_before);
+  if (allowed.ok()) allowed = BeginUpload(*context, digest->size_bytes - bytes_before);
   if (!allowed.ok()) return Finish(allowed, &message, reader);
   const absl::Status status = WriteAll(&message, reader, &*writer, *digest);
+  farm_->NoteUpload(OwnerOf(*context), *digest, writer->committed_bytes() - bytes_before);
   ReturnUpload(*context, digest->size_bytes - writer->committed_bytes());
   response->set_committed_bytes(writer->committed_bytes());
   return Finish(status, &message, reader);

@@ -6,6 +6,7 @@
 
 #include "common/content/blob_store.h"
 #include "coordinator/access/access_control.h"
+#include "coordinator/service/farm/farm.h"
 #include "sheaf/v1/content.grpc.pb.h"
 
 namespace sheaf::coordinator {
@@ -15,8 +16,8 @@ inline constexpr int kFindMissingDigestsMax = 10'000;
 class ContentService final : public v1::ContentService::Service {
  public:
   // Both must outlive the service. access: null without certificates.
-  explicit ContentService(const BlobStore* blobs, AccessControl* access = nullptr)
-      : blobs_(blobs), access_(access) {}
+  explicit ContentService(Farm* farm, AccessControl* access = nullptr)
+      : farm_(farm), blobs_(&farm->blobs()), access_(access) {}
 
   grpc::Status FindMissing(grpc::ServerContext* context, const v1::FindMissingRequest* request,
                            v1::FindMissingResponse* response) override;
@@ -30,11 +31,14 @@ class ContentService final : public v1::ContentService::Service {
                         grpc::ServerWriter<v1::ReadBlobResponse>* writer) override;
 
  private:
+  // Whether the caller may keep so many more bytes. Errors: kResourceExhausted, recorded.
+  absl::Status RequireRoom(const grpc::ServerContext& context, uint64_t size_bytes) const;
   // Counts an upload of so many bytes. Errors: kResourceExhausted, recorded.
   absl::Status BeginUpload(const grpc::ServerContext& context, uint64_t size_bytes) const;
   // Takes back what did not come of it.
   void ReturnUpload(const grpc::ServerContext& context, uint64_t missing_bytes) const;
 
+  Farm* const farm_;
   const BlobStore* const blobs_;
   AccessControl* const access_;
 };

@@ -54,6 +54,9 @@ class JobService final : public v1::JobService::Service {
   grpc::Status CollectGarbage(grpc::ServerContext* context,
                               const v1::CollectGarbageRequest* request,
                               v1::CollectGarbageResponse* response) override;
+  // In job_service_usage.cc.
+  grpc::Status ListUsage(grpc::ServerContext* context, const v1::ListUsageRequest* request,
+                         v1::ListUsageResponse* response) override;
   grpc::Status LiftQuarantine(grpc::ServerContext* context,
                               const v1::LiftQuarantineRequest* request,
                               v1::LiftQuarantineResponse* response) override;
@@ -82,6 +85,9 @@ class JobService final : public v1::JobService::Service {
   // Errors: kFailedPrecondition naming what is missing.
   absl::Status RequireBlobs(const JobSpec& spec) const;
   absl::Status RequireFilesOf(const BlobDigest& scene) const;
+  // Whether a job of the owner may begin, by what the owner keeps. Errors: kResourceExhausted,
+  // counted.
+  absl::Status RequireRoom(const std::string& owner) const;
 
   Farm* const farm_;
   AccessControl* const access_;

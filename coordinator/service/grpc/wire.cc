@@ -267,6 +267,10 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
   JobSpec spec;
   spec.pilot = request.pilot();
   spec.title = request.title();
+  if (request.show().size() > kShowBytesMax) {
+    return Invalid("show", absl::StrCat("longer than ", kShowBytesMax, " bytes"));
+  }
+  spec.show = request.show();
   spec.priority = request.priority();
   spec.partition = FromWire(request.partition());
   spec.frames.reserve(static_cast<size_t>(request.frames_size()));

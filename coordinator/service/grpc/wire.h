@@ -17,6 +17,7 @@ namespace sheaf::coordinator {
 // Limits of what a request may hold.
 inline constexpr size_t kTitleBytesMax = 1000;
 inline constexpr size_t kRequestIdBytesMax = 100;
+inline constexpr size_t kShowBytesMax = 100;
 inline constexpr size_t kWorkerTextBytesMax = 300;
 inline constexpr size_t kFailureTextBytesMax = 10'000;
 inline constexpr int kLeaseReportsMax = 10'000;

@@ -332,7 +332,7 @@ TEST_F(HttpAccessTest, ServesHttpsUnderTheFarmsAuthority) {
   const std::string answer =
       client.Send("GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   EXPECT_THAT(answer, StartsWith("HTTP/1.1 200 OK\r\n"));
-  EXPECT_THAT(answer, testing::EndsWith("ok\n"));
+  EXPECT_THAT(answer, testing::EndsWith("{\"healthy\":true}\n"));
 }
 
 TEST_F(HttpAccessTest, EventsNeedASessionAndEndWithIt) {

@@ -22,6 +22,7 @@
 #include "coordinator/service/grpc/job_service.h"
 #include "coordinator/service/grpc/worker_service.h"
 #include "coordinator/service/http/http_service.h"
+#include "coordinator/service/server/build_info.h"
 
 namespace sheaf::coordinator {
 
@@ -81,6 +82,7 @@ class CoordinatorServer {
   absl::Status StartGrpc(const CoordinatorOptions& options);
   absl::Status StartHttp(const CoordinatorOptions& options);
 
+  ServerMetrics metrics_{CoordinatorBuild()};  // Of the services below.
   std::unique_ptr<AccessControl> access_;
   std::unique_ptr<Farm> farm_;
   std::unique_ptr<AccessService> access_service_;

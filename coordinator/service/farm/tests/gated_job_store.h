@@ -103,8 +103,7 @@ class GatedJobStore : public JobStore {
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override {
     return store_->FindPart(key);
   }
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile,
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
                                                      TaskKind kind) override {
     return store_->FindTileParts(frame, tile, kind);
   }
@@ -133,6 +132,11 @@ class GatedJobStore : public JobStore {
   }
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override {
     return store_->DeliverFrame(frame, delivered);
+  }
+  void NoteUsage(const UsageOf& of, const Usage& usage) override { store_->NoteUsage(of, usage); }
+  absl::Status WriteUsage() override { return store_->WriteUsage(); }
+  absl::StatusOr<std::vector<UsageRow>> LoadUsage(const UsageQuery& query) override {
+    return store_->LoadUsage(query);
   }
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override {
     PassTheGate();
