@@ -62,7 +62,8 @@ class SqliteJobStore : public JobStore {
   absl::Status RemoveJob(uint64_t job_id) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
+                                                     const PixelRect& tile,
                                                      TaskKind kind) override;
   absl::StatusOr<std::vector<PartRow>> ListParts(uint64_t job_id) override;
   absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) override;

@@ -158,33 +158,6 @@ void Farm::RemoveFalseResults() {
   }
 }
 
-void Farm::WriteUsage() {
-  const absl::Status written = store_->WriteUsage();
-  if (!written.ok()) LogWarning(absl::StrCat("writing accounts: ", written.message()));
-}
-
-absl::StatusOr<UsageReport> Farm::ListUsage(const UsageQuery& query) {
-  UsageReport report;
-  const absl::StatusOr<std::vector<UsageRow>> rows = store_->LoadUsage(query);
-  if (!rows.ok()) return rows.status();
-  absl::StatusOr<std::vector<UsageSum>> sums = SumUsage(*rows, query);
-  if (!sums.ok()) return sums.status();
-  report.sums = *std::move(sums);
-  const absl::StatusOr<std::map<std::string, OwnerBytes>> owners = keeper_.BytesByOwner();
-  if (!owners.ok()) return owners.status();
-  for (const auto& [owner, bytes] : *owners) {
-    if (!query.owner.empty() && owner != query.owner) continue;
-    report.stored.push_back({owner, bytes, options_.limits.owner_bytes_max});
-  }
-  return report;
-}
-
-void Farm::NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes) {
-  if (bytes == 0) return;
-  keeper_.NoteUpload(owner, blob, bytes);
-  store_->NoteUsage({0, owner}, {.upload_bytes = bytes});
-}
-
 void Farm::KeepProvenFailures(WorkerReport* report) {
   const auto lacks_proof =
       [&](const LeaseFailure& failure) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex) {
@@ -192,8 +165,9 @@ void Farm::KeepProvenFailures(WorkerReport* report) {
         if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
         const std::string digest =
             tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
-        const LeasedWork work{lease->lease_id,   IdentityOf(*report), digest,     lease->tile_rect,
-                              lease->task.block, lease->cells,        lease->kind};
+        const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
+                              lease->tile_rect, lease->task.block,   lease->cells,
+                              lease->kind};
         if (tokens_.IsValid(work, failure.token)) return false;
         ++tables_.scheduler.counters().failures_refused;
         LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",
@@ -235,6 +209,33 @@ std::vector<MetricView> Farm::Metrics() const {
   keeper_.AddMetrics(&metrics);
   if (scrubber_ != nullptr) scrubber_->AddMetrics(&metrics);
   return metrics;
+}
+
+void Farm::WriteUsage() {
+  const absl::Status written = store_->WriteUsage();
+  if (!written.ok()) LogWarning(absl::StrCat("writing accounts: ", written.message()));
+}
+
+absl::StatusOr<UsageReport> Farm::ListUsage(const UsageQuery& query) {
+  UsageReport report;
+  const absl::StatusOr<std::vector<UsageRow>> rows = store_->LoadUsage(query);
+  if (!rows.ok()) return rows.status();
+  absl::StatusOr<std::vector<UsageSum>> sums = SumUsage(*rows, query);
+  if (!sums.ok()) return sums.status();
+  report.sums = *std::move(sums);
+  const absl::StatusOr<std::map<std::string, OwnerBytes>> owners = keeper_.BytesByOwner();
+  if (!owners.ok()) return owners.status();
+  for (const auto& [owner, bytes] : *owners) {
+    if (!query.owner.empty() && owner != query.owner) continue;
+    report.stored.push_back({owner, bytes, options_.limits.owner_bytes_max});
+  }
+  return report;
+}
+
+void Farm::NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes) {
+  if (bytes == 0) return;
+  keeper_.NoteUpload(owner, blob, bytes);
+  store_->NoteUsage({0, owner}, {.upload_bytes = bytes});
 }
 
 }  // namespace sheaf::coordinator

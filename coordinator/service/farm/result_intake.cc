@@ -138,28 +138,6 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   return Store(report, bytes, found, std::move(part->tile));
 }
 
-Usage ResultIntake::UsageOfResult(const ResultReport& report, uint64_t sample_count) {
-  return {.result_count = 1,
-          .sample_count = sample_count,
-          .ray_count = report.ray_count,
-          .cpu_duration = report.cpu_duration};
-}
-
-void ResultIntake::NoteLost(const ResultReport& report, uint64_t job_id) {
-  if (job_id == 0) return;
-  Usage usage = UsageOfResult(report, 0);
-  usage.lost_count = 1;
-  usage.lost_cpu_duration = report.cpu_duration;
-  store_.NoteUsage({job_id}, usage);
-}
-
-uint64_t ResultIntake::SamplesOf(const Scheduler::FoundTask& found) const {
-  const MutexLock lock(&tables_.mutex);
-  const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
-  const bool is_open = frame != nullptr && frame->tasks != nullptr;
-  return is_open ? frame->tasks->PixelSamples(found.task) : 0;
-}
-
 bool ResultIntake::HasField(const FrameId& id, const BlobDigest& digest) const {
   const FrameRecord* frame = tables_.scheduler.FindFrame(id);
   return frame != nullptr && frame->tasks != nullptr &&
@@ -204,8 +182,9 @@ void ResultIntake::LoseField(const PartRow& field, const absl::Status& why) {
 }
 
 absl::Status ResultIntake::CheckSender(const ResultReport& report) {
-  const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest, report.tile,
-                        report.block,    report.cells,    report.kind};
+  const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest,
+                        report.tile,     report.block,    report.cells,
+                        report.kind};
   const bool was_leased = tokens_.IsValid(work, report.token);
   std::string why = "the work was not leased to the sender, or the coordinator has another secret";
   {
@@ -353,8 +332,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   std::shared_ptr<OpenFrame> open;
   bool tile_complete = false;
   bool rendered = false;
-  const double draw =
-      choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells, report.kind);
+  const double draw = choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells,
+                                     report.kind);
   {
     const MutexLock lock(&tables_.mutex);
     const Scheduler::FoundTask again =
@@ -406,6 +385,28 @@ void ResultIntake::Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, Cel
   if (!tile_complete || !frame->merge.OnDisk(tile)) return;
   const absl::Status status = tiles_.Rebuild(frame, id, tile);
   if (!status.ok()) LogError(absl::StrCat("merging a tile from disk: ", status.message()));
+}
+
+Usage ResultIntake::UsageOfResult(const ResultReport& report, uint64_t sample_count) {
+  return {.result_count = 1,
+          .sample_count = sample_count,
+          .ray_count = report.ray_count,
+          .cpu_duration = report.cpu_duration};
+}
+
+void ResultIntake::NoteLost(const ResultReport& report, uint64_t job_id) {
+  if (job_id == 0) return;
+  Usage usage = UsageOfResult(report, 0);
+  usage.lost_count = 1;
+  usage.lost_cpu_duration = report.cpu_duration;
+  store_.NoteUsage({job_id}, usage);
+}
+
+uint64_t ResultIntake::SamplesOf(const Scheduler::FoundTask& found) const {
+  const MutexLock lock(&tables_.mutex);
+  const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
+  const bool is_open = frame != nullptr && frame->tasks != nullptr;
+  return is_open ? frame->tasks->PixelSamples(found.task) : 0;
 }
 
 }  // namespace sheaf::coordinator
