@@ -53,8 +53,8 @@ class RetentionTest(unittest.TestCase):
         f.start_coordinator()
 
     def finished_job(self, f):
-        done = f.sheaf("submit", self.scene, *JOB, "--samples", 32, "--show", "film", "--wait", "-o",
-                       f.path("out.exr"), "--json")
+        done = f.sheaf("submit", self.scene, *JOB, "--samples", 32, "--show", "film", "--wait",
+                       "-o", f.path("out.exr"), "--json")
         self.assertEqual(farm.image_digest(f.path("out.exr")), self.expected)
         return json.loads(done.stdout.splitlines()[-1])["name"]
 
