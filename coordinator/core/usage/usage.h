@@ -32,7 +32,7 @@ struct Usage {
   uint64_t sample_count = 0;  // Pixel samples and light paths of them.
   uint64_t ray_count = 0;
   absl::Duration cpu_duration = {};
-  // Of work that was done already: checks, hedges, and results that came twice.
+  // Of work that was done already: checks and hedges.
   uint64_t repeated_count = 0;
   absl::Duration repeated_cpu_duration = {};
   // Of results that no image has: late, invalid or false ones, and parts that the disk lost.

@@ -257,10 +257,10 @@ absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& rep
   const absl::StatusOr<std::optional<PartRow>> row =
       store_.FindPart({found.frame, report.tile, report.block, report.cells, report.kind});
   if (!row.ok()) return row.status();
-  Usage usage = UsageOfResult(report, SamplesOf(found));
-  usage.repeated_count = 1;
-  usage.repeated_cpu_duration = report.cpu_duration;
-  store_.NoteUsage({found.frame.job_id}, usage);
+  // A worker that missed the answer sends its result again; nobody rendered it twice.
+  const bool is_resent = row->has_value() && (*row)->worker_id == report.worker_id &&
+                         (*row)->digest == report.digest;
+  if (!is_resent) NoteRepeated(report, found);
   CheckVerdict verdict;
   bool is_equal = false;
   {
@@ -400,6 +400,13 @@ void ResultIntake::NoteLost(const ResultReport& report, uint64_t job_id) {
   usage.lost_count = 1;
   usage.lost_cpu_duration = report.cpu_duration;
   store_.NoteUsage({job_id}, usage);
+}
+
+void ResultIntake::NoteRepeated(const ResultReport& report, const Scheduler::FoundTask& found) {
+  Usage usage = UsageOfResult(report, SamplesOf(found));
+  usage.repeated_count = 1;
+  usage.repeated_cpu_duration = report.cpu_duration;
+  store_.NoteUsage({found.frame.job_id}, usage);
 }
 
 uint64_t ResultIntake::SamplesOf(const Scheduler::FoundTask& found) const {
