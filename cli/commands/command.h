@@ -41,6 +41,7 @@ std::unique_ptr<Command> MakeShareCommand();
 std::unique_ptr<Command> MakePinCommand();
 std::unique_ptr<Command> MakeUnpinCommand();
 std::unique_ptr<Command> MakeGcCommand();
+std::unique_ptr<Command> MakeUsageCommand();
 std::unique_ptr<Command> MakePlanCommand();
 std::unique_ptr<Command> MakeStudyCommand();
 std::unique_ptr<Command> MakeCompareCommand();

@@ -44,6 +44,7 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakePinCommand());
   commands.push_back(MakeUnpinCommand());
   commands.push_back(MakeGcCommand());
+  commands.push_back(MakeUsageCommand());
   commands.push_back(MakePlanCommand());
   commands.push_back(MakeStudyCommand());
   commands.push_back(MakeCompareCommand());

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The calls of FarmClient that decide what the coordinator keeps.
+// The calls of FarmClient that decide what the coordinator keeps, and tell of it.
 #include <grpcpp/client_context.h>
 
 #include "cli/job/farm_client.h"
@@ -43,6 +43,17 @@ absl::StatusOr<v1::CollectGarbageResponse> FarmClient::CollectGarbage(bool dry_r
   const absl::Status status = Call(
       [&](grpc::ClientContext* context) {
         return FromGrpcStatus(jobs_->CollectGarbage(context, request, &response));
+      },
+      kUnaryDeadline);
+  if (!status.ok()) return status;
+  return response;
+}
+
+absl::StatusOr<v1::ListUsageResponse> FarmClient::ListUsage(const v1::ListUsageRequest& request) {
+  v1::ListUsageResponse response;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) {
+        return FromGrpcStatus(jobs_->ListUsage(context, request, &response));
       },
       kUnaryDeadline);
   if (!status.ok()) return status;

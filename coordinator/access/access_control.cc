@@ -23,6 +23,18 @@ absl::Status RevokedError(const IdentityId& id) {
 
 }  // namespace
 
+const char* RefusalReasonName(RefusalReason reason) {
+  switch (reason) {
+    case RefusalReason::kRole:
+      return "role";
+    case RefusalReason::kCertificate:
+      return "certificate";
+    case RefusalReason::kLimit:
+      return "limit";
+  }
+  return "unknown";
+}
+
 std::string AccessControl::Directory(const std::string& state_directory) {
   return state_directory + "/access";
 }
@@ -164,7 +176,24 @@ absl::StatusOr<Caller> AccessControl::Decide(absl::StatusOr<Caller> caller,
 
 void AccessControl::NoteRefused(const std::string& who, std::string_view operation,
                                 const absl::Status& why, absl::Time now) {
+  const RefusalReason reason = absl::IsUnauthenticated(why)    ? RefusalReason::kCertificate
+                               : absl::IsPermissionDenied(why) ? RefusalReason::kRole
+                                                               : RefusalReason::kLimit;
+  refused_[static_cast<size_t>(reason)].fetch_add(1, std::memory_order_relaxed);
   audit_.NoteRefused(who, ShortName(operation), why, now);
+}
+
+std::array<uint64_t, kRefusalReasonCount> AccessControl::RefusedByReason() const {
+  std::array<uint64_t, kRefusalReasonCount> counts{};
+  for (size_t i = 0; i < counts.size(); ++i) {
+    counts[i] = refused_[i].load(std::memory_order_relaxed);
+  }
+  return counts;
+}
+
+std::string AccessControl::UsageOwnerOf(const Caller& caller) {
+  const std::optional<Role> role = caller.role();
+  return !role || *role >= Role::kOperate ? "" : caller.identity->id.name;
 }
 
 absl::Status AccessControl::AuthorizeJob(const Caller& caller, const std::string& owner) {
@@ -216,7 +245,7 @@ absl::StatusOr<std::string> AccessControl::SignIn(const std::string& token, cons
                                              : absl::StatusOr<Caller>(absl::UnauthenticatedError(
                                                    "the page's token is unknown, used or expired"));
   if (!caller.ok()) {
-    audit_.NoteRefused(peer, "sign in", caller.status(), now);
+    NoteRefused(peer, "sign in", caller.status(), now);
     return caller.status();
   }
   audit_.Note(absl::StrCat(caller->Name(), " at ", peer), "sign in", "page", absl::OkStatus());

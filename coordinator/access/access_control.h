@@ -6,6 +6,9 @@
 // A coordinator whose state directory has no authority has none, and lets everybody do everything.
 #pragma once
 
+#include <array>
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -30,6 +33,16 @@ struct CertificateLifetimes {
   absl::Duration worker = absl::Hours(24);
   absl::Duration user = absl::Hours(24 * 7);
 };
+// Why calls are refused; each has a counter.
+enum class RefusalReason {
+  kRole,         // The caller may not do it.
+  kCertificate,  // The caller shows no valid certificate, session or token.
+  kLimit,        // A limit of IdentityUse, or of the farm.
+};
+inline constexpr size_t kRefusalReasonCount = 3;
+// Returns "role", "certificate" or "limit".
+const char* RefusalReasonName(RefusalReason reason);
+
 inline constexpr size_t kVerifiedCertificatesMax = 10'000;  // Remembered as valid.
 
 // Thread safety: all members may be called concurrently.
@@ -52,6 +65,9 @@ class AccessControl {
   void NoteRefused(const std::string& who, std::string_view operation, const absl::Status& why,
                    absl::Time now);
 
+  // How many were recorded since the start, by RefusalReason.
+  std::array<uint64_t, kRefusalReasonCount> RefusedByReason() const;
+
   // The owner of this certificate; no certificate is a caller without an identity. Errors:
   // kUnauthenticated: of another authority, expired, revoked, or of an earlier enrolment.
   absl::StatusOr<Caller> Authenticate(const std::string& certificate_pem, absl::Time now);
@@ -68,6 +84,9 @@ class AccessControl {
   // The same for a scrape token, which is good for operations that require kScrape and no others.
   absl::StatusOr<Caller> AdmitScraper(const std::string& token, std::string_view operation,
                                       const std::string& peer, absl::Time now);
+  // Whose accounts the caller may see: "" means everybody's, as with the role operate or without
+  // certificates.
+  static std::string UsageOwnerOf(const Caller& caller);
   // Whether the caller may change a job of the owner. Errors: kPermissionDenied.
   static absl::Status AuthorizeJob(const Caller& caller, const std::string& owner);
 
@@ -121,6 +140,7 @@ class AccessControl {
   const std::unique_ptr<CertificateAuthority> authority_;
   const std::unique_ptr<IdentityStore> identities_;
   AuditLog audit_;
+  std::array<std::atomic<uint64_t>, kRefusalReasonCount> refused_{};
   PageSessions page_;
   IdentityUse use_;
   const CertificateLifetimes lifetimes_;

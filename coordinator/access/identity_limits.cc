@@ -28,6 +28,8 @@ const char* IdentityLimitName(IdentityLimit limit) {
       return "upload_bytes";
     case IdentityLimit::kConnections:
       return "connections";
+    case IdentityLimit::kStoredBytes:
+      return "stored_bytes";
   }
   return "unknown";
 }

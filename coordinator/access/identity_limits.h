@@ -41,9 +41,16 @@ struct IdentityLimits {
 inline constexpr size_t kStrangerAddressesMax = 10'000;
 
 // The limits for which calls are refused; each has a counter.
-enum class IdentityLimit { kCalls, kStrangerCalls, kStreams, kUploadBytes, kConnections };
-inline constexpr size_t kIdentityLimitCount = 5;
-// Returns "calls", "stranger_calls", "streams", "upload_bytes" or "connections".
+enum class IdentityLimit {
+  kCalls,
+  kStrangerCalls,
+  kStreams,
+  kUploadBytes,
+  kConnections,
+  kStoredBytes,  // Decided by the farm (coordinator/core/usage/owner_bytes.h).
+};
+inline constexpr size_t kIdentityLimitCount = 6;
+// Returns "calls", "stranger_calls", "streams", "upload_bytes", "connections" or "stored_bytes".
 const char* IdentityLimitName(IdentityLimit limit);
 
 // Thread safety: all members may be called concurrently. Every refusal is kResourceExhausted; its

@@ -114,7 +114,7 @@ TEST(IdentityUseTest, CountsRefusalsByLimit) {
   for (int i = 0; i < 4; ++i) use.NoteStrangerCall("192.0.2.7", kNow).IgnoreError();
   use.BeginUpload(kAnna, 1001, kNow).IgnoreError();
   use.NoteRefused(IdentityLimit::kConnections);
-  EXPECT_THAT(use.Refused(), testing::ElementsAre(0, 2, 0, 1, 1));
+  EXPECT_THAT(use.Refused(), testing::ElementsAre(0, 2, 0, 1, 1, 0));
   EXPECT_STREQ(IdentityLimitName(IdentityLimit::kUploadBytes), "upload_bytes");
 }
 

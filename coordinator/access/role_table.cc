@@ -44,6 +44,8 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/PriceRefinement", kView},
     {"/sheaf.v1.JobService/LiftQuarantine", kOperate},
     {"/sheaf.v1.JobService/ListWorkers", kView},
+    // Below the role operate, only of oneself (AccessControl::UsageOwnerOf).
+    {"/sheaf.v1.JobService/ListUsage", kView},
     // With the role submit, only one's own jobs (AccessControl::AuthorizeJob).
     {"/sheaf.v1.JobService/CreateJob", kSubmit},
     {"/sheaf.v1.JobService/CancelJob", kSubmit},
@@ -108,6 +110,7 @@ constexpr OperationRule kRules[] = {
     {"GET /api/v1/false-color.png", kView},
     {"GET /api/v1/workers", kView},
     {"GET /api/v1/counters", kView},
+    {"GET /api/v1/usage", kView},
     // As for gRPC, with the role submit only one's own jobs.
     {"POST /api/v1/jobs/{}:cancel", kSubmit},
     {"POST /api/v1/jobs/{}:pause", kSubmit},

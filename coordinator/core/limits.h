@@ -38,6 +38,7 @@ struct Limits {
   // The sums over the unfinished jobs of each user; without certificates there are no users.
   // Samples: of pixels.
   int64_t owner_jobs_max = 2'000;
+  uint64_t owner_bytes_max = UINT64_MAX;  // Kept on the disk for a user (owner_bytes.h).
   int64_t owner_frames_max = 200'000;
   uint64_t owner_samples_max = uint64_t{1} << 53;
   absl::Duration pilot_unasked_max = absl::Seconds(30);  // A pilot nobody asks for is cancelled.

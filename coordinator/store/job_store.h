@@ -18,6 +18,7 @@
 #include "coordinator/core/job.h"
 #include "coordinator/core/sample_rounds.h"
 #include "coordinator/core/sharing/share_setting.h"
+#include "coordinator/core/usage/usage.h"
 
 namespace sheaf::coordinator {
 
@@ -39,6 +40,7 @@ struct PartRow {
   std::string identity = {};  // Who answers for that worker (WorkerReport::identity).
   // The SHA-256 (hex) of the guiding field that it was made with; empty where there is none.
   std::string field = {};
+  uint64_t sample_count = 0;  // Pixel samples or light paths, for the accounts; not stored here.
 };
 
 // The properties of a frame whose EXR is written.
@@ -152,7 +154,8 @@ class JobStore {
   // are removed when the store is opened next. Its id is not given again.
   virtual absl::Status RemoveJob(uint64_t job_id) = 0;
 
-  // Writes the bytes, then the row. Errors: kAlreadyExists if the key has a row.
+  // Writes the bytes, then the row, and with it the job's account of the day. Errors:
+  // kAlreadyExists if the key has a row.
   virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
   virtual absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) = 0;
   // The rows of one tile, ascending by first sample.
@@ -176,6 +179,21 @@ class JobStore {
   // The path of a frame's EXR, which may not exist yet; its directory exists when this returns.
   virtual absl::StatusOr<std::string> OutputPath(const FrameId& frame) = 0;
   virtual absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) = 0;
+
+  // Accounts (coordinator/core/usage/usage.h). Whose usage it is: a job's, or an owner's upload,
+  // which has the job id 0.
+  struct UsageOf {
+    uint64_t job_id = 0;
+    std::string owner = {};  // Of uploads alone; the store knows those of jobs.
+    friend auto operator<=>(const UsageOf&, const UsageOf&) = default;
+  };
+  // Adds what no call above accounts for. It is in memory until the next WriteUsage.
+  virtual void NoteUsage(const UsageOf& of, const Usage& usage) = 0;
+  // Writes what NoteUsage added, and removes rows that are older than kUsageDaysKept. Does nothing
+  // where nothing was added. What was added stays in memory after an error.
+  virtual absl::Status WriteUsage() = 0;
+  // The rows of the days and the owner of the query, with what NoteUsage added.
+  virtual absl::StatusOr<std::vector<UsageRow>> LoadUsage(const UsageQuery& query) = 0;
 
   // Stores the decision at the end of a round, before any work on the next round starts. Does
   // nothing if the frame already has this round.

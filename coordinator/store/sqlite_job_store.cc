@@ -200,13 +200,21 @@ absl::StatusOr<std::string> SqliteJobStore::OutputPath(const FrameId& frame) {
 }
 
 absl::Status SqliteJobStore::DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) {
+  std::error_code error;
+  const std::string path =
+      absl::StrCat(directory_, "/outputs/", frame.job_id, "/", frame.frame_number, ".exr");
+  const uintmax_t image_bytes = std::filesystem::file_size(path, error);
   const MutexLock lock(&database_mutex_);
-  SqliteStatement update = database_->Prepare(
-      absl::StrCat(UpdateOf<DeliveredRow>("frames"), "WHERE job_id = ? AND frame_number = ?"));
-  return BindRow(DeliveredRow{true, delivered}, &update)
-      .Bind(frame.job_id)
-      .Bind(frame.frame_number)
-      .Run();
+  return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+    SqliteStatement update = database_->Prepare(
+        absl::StrCat(UpdateOf<DeliveredRow>("frames"), "WHERE job_id = ? AND frame_number = ?"));
+    absl::Status status = BindRow(DeliveredRow{true, delivered}, &update)
+                              .Bind(frame.job_id)
+                              .Bind(frame.frame_number)
+                              .Run();
+    if (!status.ok()) return status;
+    return AddUsage({frame.job_id}, {.image_bytes = error ? 0 : image_bytes});
+  });
 }
 
 }  // namespace sheaf::coordinator

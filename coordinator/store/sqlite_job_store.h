@@ -76,6 +76,9 @@ class SqliteJobStore : public JobStore {
   absl::Status RemoveFrameParts(const FrameId& frame) override;
   absl::StatusOr<std::string> OutputPath(const FrameId& frame) override;
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override;
+  void NoteUsage(const UsageOf& of, const Usage& usage) override;
+  absl::Status WriteUsage() override;
+  absl::StatusOr<std::vector<UsageRow>> LoadUsage(const UsageQuery& query) override;
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override;
   absl::StatusOr<std::vector<StoredRound>> LoadRounds(uint64_t job_id, bool with_cells) override;
   absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) override;
@@ -125,6 +128,11 @@ class SqliteJobStore : public JobStore {
   void CommitGroup(const std::vector<PendingPart*>& parts);
   absl::Status CommitRows(const std::vector<PendingPart*>& parts);
   absl::Status InsertRow(const PartRow& row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // These run in a transaction of their caller (sqlite_job_store_usage.cc).
+  absl::Status AddUsage(const UsageOf& of, const Usage& usage)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status AddUsageOf(const std::vector<PendingPart*>& parts)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   std::string FrameDirectory(const FrameId& frame) const;
   absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::StatusOr<CreatedJob> InsertJob(const JobSpec& spec, const std::string& request_id,
@@ -163,6 +171,8 @@ class SqliteJobStore : public JobStore {
   std::set<std::string> paths_ ABSL_GUARDED_BY(pending_mutex_);  // Being written.
   CondVar path_released_;
   std::unique_ptr<FileSystemSync> file_system_;  // Null where power loss is not survived.
+  Mutex usage_mutex_ ABSL_ACQUIRED_AFTER(database_mutex_);
+  std::map<UsageOf, Usage> waiting_usage_ ABSL_GUARDED_BY(usage_mutex_);
   std::atomic<uint64_t> parts_bytes_{0};
   uint64_t first_lease_id_ = 1;
   int64_t lost_commits_ = 0;

@@ -119,7 +119,7 @@ absl::Status SqliteJobStore::CommitRows(const std::vector<PendingPart*>& parts) 
       // transaction, and later rows would then be inserted outside it.
       if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) return pending->status;
     }
-    return absl::OkStatus();
+    return AddUsageOf(parts);
   });
 }
 

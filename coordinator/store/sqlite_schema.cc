@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 27;
+constexpr int64_t kSchemaVersion = 28;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -225,6 +225,16 @@ CREATE TABLE shares(
   kind INTEGER NOT NULL, name TEXT NOT NULL, weight REAL NOT NULL, threads_max INTEGER NOT NULL,
   PRIMARY KEY(kind, name)) WITHOUT ROWID;
 )sql";
+// The accounts begin with this version.
+constexpr char kAddedBy28[] = R"sql(
+CREATE TABLE usage(
+  day INTEGER NOT NULL, owner TEXT NOT NULL, show TEXT NOT NULL, job_id INTEGER NOT NULL,
+  result_count INTEGER NOT NULL, sample_count INTEGER NOT NULL, ray_count INTEGER NOT NULL,
+  cpu_ns INTEGER NOT NULL, repeated_count INTEGER NOT NULL, repeated_cpu_ns INTEGER NOT NULL,
+  lost_count INTEGER NOT NULL, lost_cpu_ns INTEGER NOT NULL, upload_bytes INTEGER NOT NULL,
+  part_bytes INTEGER NOT NULL, image_bytes INTEGER NOT NULL,
+  PRIMARY KEY(day, owner, show, job_id)) WITHOUT ROWID;
+)sql";
 
 // "table.column" of all.
 absl::StatusOr<std::set<std::string>> ColumnsOf(SqliteDatabase* database) {
@@ -261,7 +271,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
       kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
       kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
       kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
-      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26, kAddedBy27};
+      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26, kAddedBy27, kAddedBy28};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

@@ -340,6 +340,31 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("threads_max", row.setting.threads_max);
 }
 
+// The columns of the table `usage` that are sums.
+template <RowOf<Usage> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("result_count", row.result_count);
+  visit("sample_count", row.sample_count);
+  visit("ray_count", row.ray_count);
+  visit("cpu_ns", row.cpu_duration);
+  visit("repeated_count", row.repeated_count);
+  visit("repeated_cpu_ns", row.repeated_cpu_duration);
+  visit("lost_count", row.lost_count);
+  visit("lost_cpu_ns", row.lost_cpu_duration);
+  visit("upload_bytes", row.upload_bytes);
+  visit("part_bytes", row.part_bytes);
+  visit("image_bytes", row.image_bytes);
+}
+// The table `usage`.
+template <RowOf<UsageRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("day", row.day);
+  visit("owner", row.owner);
+  visit("show", row.show);
+  visit("job_id", row.job_id);
+  VisitColumns(row.usage, visit);
+}
+
 // The table `quarantines`.
 template <RowOf<QuarantineRecord> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {

@@ -46,6 +46,9 @@ struct ServedFarm {
     FarmActions actions;
     actions.cancel_job = actions.pause_job = actions.resume_job = actions.pin_job =
         actions.unpin_job = [](const std::string&) { return absl::OkStatus(); };
+    actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
+      return UsageReport();
+    };
     actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
       return std::vector<RemovalView>{{"blob", "", "no job names it", 1, 1}};
     };

@@ -166,7 +166,8 @@ class Farm:
         """Prometheus samples by name with labels, as floats."""
         from urllib.request import urlopen
         text = urlopen(f"http://{self.http}/metrics", timeout=10).read().decode()
-        return {m[1]: float(m[2]) for m in re.finditer(r"^(sheaf_\S+) (\S+)$", text, re.M)}
+        samples = re.finditer(r"^(sheaf_\w+(?:\{.*\})?) (\S+)$", text, re.M)
+        return {m[1]: float(m[2]) for m in samples}
 
 
 def samples_by_tile(acknowledged):

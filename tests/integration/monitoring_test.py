@@ -22,11 +22,12 @@ MONITORING = os.path.join(ROOT, "deploy", "monitoring")
 SCRAPE_SECONDS_MAX = 60
 
 # Metrics that a farm does not have from its start, with the reason.
-METRICS_OF_LIVE_JOBS = {  # One sample for each live job; there is none of no job.
+METRICS_OF_LIVE_JOBS = {  # One sample for each live job or its user; there is none of no job.
+    "sheaf_user_jobs", "sheaf_user_samples", "sheaf_user_cpu_seconds",
     "sheaf_job_samples", "sheaf_job_cpu_seconds", "sheaf_job_part_bytes",
     "sheaf_job_relative_mse", "sheaf_job_relative_mse_predicted", "sheaf_job_prediction_ratio"}
 METRICS_OF_CERTIFICATES = {  # A farm without certificates refuses no identity and has none to end.
-    "sheaf_refused_total", "sheaf_certificate_expiry_time_seconds"}
+    "sheaf_refused_total", "sheaf_calls_refused_total", "sheaf_certificate_expiry_time_seconds"}
 
 
 def program(name):
@@ -42,9 +43,9 @@ def read(*names):
         return file.read()
 
 
-def promtool(*arguments):
+def promtool(*arguments, text=None):
     done = subprocess.run([program("promtool"), *arguments], capture_output=True, text=True,
-                          cwd=MONITORING, timeout=120 * TIME_SCALE)
+                          input=text, cwd=MONITORING, timeout=120 * TIME_SCALE)
     if done.returncode != 0:
         raise AssertionError(f"promtool {' '.join(arguments)}\n{done.stdout}{done.stderr}")
     return done.stdout
@@ -58,7 +59,9 @@ def dashboard_queries():
 
 
 def metric_names(text):
-    return set(re.findall(r"\bsheaf_[a-z0-9_]+", text))
+    """Names as of TYPE lines: a histogram's series are of one name."""
+    return {re.sub("_seconds_(bucket|sum|count)$", "_seconds", name)
+            for name in re.findall(r"\bsheaf_[a-z0-9_]+", text)}
 
 
 class Prometheus:
@@ -134,18 +137,22 @@ class MonitoringTest(unittest.TestCase):
             farm.log_in("anna", "submit")
             token = farm.administer("scraper", "reader").stdout.strip()
 
+            def exposition():
+                return Browser(farm).send("GET", "/metrics",
+                                          headers={"Authorization": "Bearer " + token}).text
+
             def names():
-                answer = Browser(farm).send("GET", "/metrics",
-                                            headers={"Authorization": "Bearer " + token})
-                return metric_names("\n".join(re.findall(r"^# TYPE (\S+)", answer.text, re.M)))
+                return metric_names("\n".join(re.findall(r"^# TYPE (\S+)", exposition(), re.M)))
 
             idle = names()
             farm.enrol_worker("node7")
             farm.person("anna", "submit", farm.scene, *MANY)
             wait_until(lambda: METRICS_OF_LIVE_JOBS <= names(), 30, "metrics of the job")
             self.assertEqual(names() - idle, METRICS_OF_LIVE_JOBS)
+            promtool("check", "metrics", text=exposition())
             with Farm() as plain:
-                self.assertEqual(idle - {name.partition("{")[0] for name in plain.metrics()},
+                shown = [name.partition("{")[0] for name in plain.metrics()]
+                self.assertEqual(idle - metric_names("\n".join(shown)),
                                  METRICS_OF_CERTIFICATES)
             with Prometheus(farm) as prometheus:
                 self.watch(farm, prometheus, names())

@@ -53,8 +53,8 @@ class RetentionTest(unittest.TestCase):
         f.start_coordinator()
 
     def finished_job(self, f):
-        done = f.sheaf("submit", self.scene, *JOB, "--samples", 32, "--wait", "-o",
-                       f.path("out.exr"), "--json")
+        done = f.sheaf("submit", self.scene, *JOB, "--samples", 32, "--show", "film", "--wait",
+                       "-o", f.path("out.exr"), "--json")
         self.assertEqual(farm.image_digest(f.path("out.exr")), self.expected)
         return json.loads(done.stdout.splitlines()[-1])["name"]
 
@@ -131,7 +131,7 @@ class RetentionTest(unittest.TestCase):
         """Far too little room: all goes but the pinned job; a dry run says so first."""
         self.restart(f)
         self.assertEqual(json.loads(f.sheaf("gc", "--dry-run", "--json").stdout)["removals"], [])
-        self.restart(f, "--disk-limit", "1000")
+        self.restart(f, "--disk-limit", "1000", "--user-bytes-max", "2000")
 
         def left():
             lines = f.sheaf("list", "--json").stdout.splitlines()
@@ -139,10 +139,33 @@ class RetentionTest(unittest.TestCase):
         farm.wait_until(lambda: left() == [pinned], 20, "all other jobs removed")
         self.assertEqual(os.listdir(f.path("state", "outputs")), [pinned.split("/")[1]])
         self.assertEqual(self.folders_with_parts(f), {pinned})
+        self.check_usage(f, [pinned, *jobs])
         number = int(jobs[-1].split("/")[1])
         self.restart(f)
         self.assertEqual(self.finished_job(f), f"jobs/{number + 1}")
         self.check_images(f, [pinned])
+
+    def check_usage(self, f, jobs):
+        """Accounts outlive jobs; what the user still keeps is beyond the limit."""
+        usage = json.loads(f.sheaf("usage", "--by", "job", "--json").stdout)
+        rows = {row["job"]: row for row in usage["usage"]}
+        self.assertEqual(set(jobs) - set(rows), set())
+        for job in jobs:
+            self.assertEqual(rows[job]["show"], "film")
+            self.assertGreaterEqual(rows[job]["sample_count"], 32 * 144 * 96)
+            self.assertGreater(rows[job]["cpu_seconds"], 0)
+            self.assertGreater(rows[job]["image_bytes"], 0)
+        self.assertGreater(rows["uploads"]["upload_bytes"], 0)
+        csv = f.sheaf("usage", "--csv").stdout.splitlines()
+        self.assertEqual(len(csv), 2, csv)
+        self.assertIn("of 2.0 KiB: ", f.sheaf("usage").stdout)
+        [stored] = usage["stored"]
+        self.assertEqual((stored["user"], stored["bytes_max"]), ("local", 2000))
+        self.assertGreater(stored["part_bytes"], 2000, "the pinned job's")
+        refused = f.sheaf("submit", self.scene, *JOB, "--samples", 33, "--no-quote", check=False)
+        self.assertNotEqual(refused.returncode, 0)
+        for words in ("of parts", "sheaf unpin", "--user-bytes-max"):
+            self.assertIn(words, refused.stderr)
 
     def test_kill_during_removal(self):
         with farm.Farm() as f:

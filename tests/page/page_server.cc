@@ -256,6 +256,9 @@ int main(int argc, char** argv) {
   actions.unpin_job = [&](const std::string& job_id) {
     return change(job_id, [](JobView* job) { job->pinned = false; });
   };
+  actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
+    return UsageReport();
+  };
   actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
     return std::vector<RemovalView>();
   };

@@ -158,6 +158,14 @@ class PromisingStore : public coordinator::JobStore {
     promises_.Delivered(frame, delivered.image_digest, Certain(status));
     return status;
   }
+  void NoteUsage(const UsageOf& of, const coordinator::Usage& usage) override {
+    store_->NoteUsage(of, usage);
+  }
+  absl::Status WriteUsage() override { return store_->WriteUsage(); }
+  absl::StatusOr<std::vector<coordinator::UsageRow>> LoadUsage(
+      const coordinator::UsageQuery& query) override {
+    return store_->LoadUsage(query);
+  }
   absl::Status AddRound(const FrameId& frame, const coordinator::RoundRecord& round) override {
     return store_->AddRound(frame, round);
   }

@@ -3,6 +3,7 @@
 #include "coordinator/service/farm/farm.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <utility>
 #include <vector>
@@ -104,6 +105,7 @@ Farm::~Farm() {
   if (scrubbing_.joinable()) scrubbing_.join();
   if (background_.joinable()) background_.join();
   lifecycle_.SaveFailures();
+  WriteUsage();
 }
 
 void Farm::RunOnce() {
@@ -119,6 +121,10 @@ void Farm::RunOnce() {
     RemoveFalseResults();
     images_.Heal(&lifecycle_);
     delivery_.DeliverFrames();
+  }
+  if (const SteadyTime now = SteadyTime::Now(); disk_fine && now >= next_usage_write_) {
+    next_usage_write_ = now + kUsageWriteInterval;
+    WriteUsage();
   }
   keeper_.Update();
   lost_scenes_.Update();
@@ -207,6 +213,33 @@ std::vector<MetricView> Farm::Metrics() const {
   content_.AddMetrics(&metrics);
   if (scrubber_ != nullptr) scrubber_->AddMetrics(&metrics);
   return metrics;
+}
+
+void Farm::WriteUsage() {
+  const absl::Status written = store_->WriteUsage();
+  if (!written.ok()) LogWarning(absl::StrCat("writing accounts: ", written.message()));
+}
+
+absl::StatusOr<UsageReport> Farm::ListUsage(const UsageQuery& query) {
+  UsageReport report;
+  const absl::StatusOr<std::vector<UsageRow>> rows = store_->LoadUsage(query);
+  if (!rows.ok()) return rows.status();
+  absl::StatusOr<std::vector<UsageSum>> sums = SumUsage(*rows, query);
+  if (!sums.ok()) return sums.status();
+  report.sums = *std::move(sums);
+  const absl::StatusOr<std::map<std::string, OwnerBytes>> owners = keeper_.BytesByOwner();
+  if (!owners.ok()) return owners.status();
+  for (const auto& [owner, bytes] : *owners) {
+    if (!query.owner.empty() && owner != query.owner) continue;
+    report.stored.push_back({owner, bytes, options_.limits.owner_bytes_max});
+  }
+  return report;
+}
+
+void Farm::NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes) {
+  if (bytes == 0) return;
+  keeper_.NoteUpload(owner, blob, bytes);
+  store_->NoteUsage({0, owner}, {.upload_bytes = bytes});
 }
 
 }  // namespace sheaf::coordinator

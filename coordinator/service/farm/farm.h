@@ -151,6 +151,17 @@ class Farm : public FarmView {
     return keeper_.CollectForPeople(dry_run, absl::Now());
   }
 
+  // What jobs have taken and what is kept of them, of the query's owner or of all. Errors:
+  // kInvalidArgument (too many rows); those of the store.
+  absl::StatusOr<UsageReport> ListUsage(const UsageQuery& query);
+  // An owner has uploaded bytes of a file.
+  void NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes);
+  // Whether the owner may keep so many more bytes; 0: whether jobs of theirs may begin. Errors:
+  // those of DiskKeeper::CheckOwner.
+  absl::Status CheckOwnerBytes(const std::string& owner, uint64_t more) {
+    return keeper_.CheckOwner(owner, more);
+  }
+
   struct SynchronizeAnswer {
     std::vector<LeaseGrant> leases;
     absl::Duration next_synchronize;
@@ -229,7 +240,11 @@ class Farm : public FarmView {
                                            int32_t round) const override {
     return previews_.RoundPreview(job_id, frame_number, round);
   }
-  absl::Status Ready() const override { return disk_.Last(); }
+  // Whether the disk takes writes.
+  absl::Status Ready() const { return disk_.Last(); }
+  std::vector<ReadyCondition> Conditions() const override {
+    return {{"database", disk_.Last()}, {"disk", keeper_.CheckFreeSpace()}};
+  }
   uint64_t ChangeCount() const override { return signals_.ChangeCount(); }
   uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override {
     return signals_.WaitForChange(seen, timeout);
@@ -247,6 +262,8 @@ class Farm : public FarmView {
        const std::string& secret);
   // Removes the results of those who were found to make false ones, and those of lost fields.
   void RemoveFalseResults();
+  // Writes the accounts that wait; logs what fails.
+  void WriteUsage();
   // Removes the failures that do not prove that their lease is the sender's.
   void KeepProvenFailures(WorkerReport* report) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
@@ -274,6 +291,7 @@ class Farm : public FarmView {
   ShareControl share_control_;
   DiskKeeper keeper_;
   SteadyTime next_delivery_ = SteadyTime::InfinitePast();
+  SteadyTime next_usage_write_ = SteadyTime::InfinitePast();
 
   FramePreviews previews_;
   JobViews job_views_;

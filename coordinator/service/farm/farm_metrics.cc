@@ -78,21 +78,22 @@ MetricView Gauge(const std::string& name, const std::string& help, double value)
   return {"sheaf_" + name, help, MetricView::Kind::kGauge, "", "", value};
 }
 
-// Live jobs that /metrics tells of one by one, the oldest first.
+// Live jobs that /metrics tells of one by one, the oldest first; the rest together is kOther.
 constexpr size_t kJobMetricsMax = 200;
 
 struct JobMetric {
   const char* name;
   const char* help;
   double (*value)(const JobCurve&);
+  bool is_sum = false;  // Over jobs.
 };
 constexpr JobMetric kJobMetrics[] = {
     {"job_samples", "Pixel samples of a live job so far.",
-     [](const JobCurve& curve) { return curve.samples; }},
+     [](const JobCurve& curve) { return curve.samples; }, /*is_sum=*/true},
     {"job_cpu_seconds", "CPU time that a live job has taken.",
-     [](const JobCurve& curve) { return curve.cpu_seconds; }},
+     [](const JobCurve& curve) { return curve.cpu_seconds; }, /*is_sum=*/true},
     {"job_part_bytes", "Bytes of parts that a live job has received.",
-     [](const JobCurve& curve) { return curve.part_bytes; }},
+     [](const JobCurve& curve) { return curve.part_bytes; }, /*is_sum=*/true},
     {"job_relative_mse", "The largest relMSE of a live job's frames, at their last rounds.",
      [](const JobCurve& curve) { return curve.relative_mse; }},
     {"job_relative_mse_predicted",
@@ -104,31 +105,44 @@ constexpr JobMetric kJobMetrics[] = {
      }},
 };
 
-}  // namespace
-
-std::vector<std::pair<uint64_t, JobCurve>> FarmMetrics::LiveCurves(size_t count_max) const {
-  std::vector<std::pair<uint64_t, JobCurve>> curves;
-  for (const auto& [id, job] : tables_.scheduler.jobs()) {
-    if (job.phase != JobPhase::kLive) continue;
-    if (curves.size() == count_max) break;
-    JobCurve& curve = curves.emplace_back(id, JobCurve()).second;
-    for (const FrameRecord& frame : job.frames) {
-      curve.samples += static_cast<double>(frame.sample_count_done);
-      curve.cpu_seconds += absl::ToDoubleSeconds(frame.cost.cpu_duration);
-      curve.part_bytes += static_cast<double>(frame.cost.part_bytes);
-    }
-    for (const auto& [number, rounds] : tables_.accounts.at(id).rounds) {
-      curve.relative_mse = std::max(curve.relative_mse, rounds.back().relative_mse);
-      curve.predicted_relative_mse =
-          std::max(curve.predicted_relative_mse, rounds.back().predicted_relative_mse);
-      for (size_t i = 1; i < rounds.size(); ++i) {
-        if (!(rounds[i - 1].predicted_relative_mse > 0)) continue;
-        curve.ratio_sum += rounds[i].relative_mse / rounds[i - 1].predicted_relative_mse;
-        ++curve.prediction_count;
-      }
+// Adds how the errors of a job's frames came out against what was foretold.
+void AddErrors(const std::map<int32_t, std::vector<RoundRecord>>& rounds_by_frame,
+               JobCurve* curve) {
+  for (const auto& [number, rounds] : rounds_by_frame) {
+    curve->relative_mse = std::max(curve->relative_mse, rounds.back().relative_mse);
+    curve->predicted_relative_mse =
+        std::max(curve->predicted_relative_mse, rounds.back().predicted_relative_mse);
+    for (size_t i = 1; i < rounds.size(); ++i) {
+      if (!(rounds[i - 1].predicted_relative_mse > 0)) continue;
+      curve->ratio_sum += rounds[i].relative_mse / rounds[i - 1].predicted_relative_mse;
+      ++curve->prediction_count;
     }
   }
-  return curves;
+}
+
+}  // namespace
+
+FarmMetrics::LiveFigures FarmMetrics::ListLive(size_t count_max) const {
+  LiveFigures live;
+  for (const auto& [id, job] : tables_.scheduler.jobs()) {
+    if (job.phase != JobPhase::kLive) continue;
+    const bool is_shown = live.jobs.size() < count_max;
+    JobCurve& curve = is_shown ? live.jobs.emplace_back(id, JobCurve()).second : live.more;
+    live.more_count += is_shown ? 0 : 1;
+    UserFigures& user = live.users[job.spec.owner];
+    ++user.jobs;
+    for (const FrameRecord& frame : job.frames) {
+      const auto samples = static_cast<double>(frame.sample_count_done);
+      const double cpu_seconds = absl::ToDoubleSeconds(frame.cost.cpu_duration);
+      curve.samples += samples;
+      curve.cpu_seconds += cpu_seconds;
+      curve.part_bytes += static_cast<double>(frame.cost.part_bytes);
+      user.samples += samples;
+      user.cpu_seconds += cpu_seconds;
+    }
+    if (is_shown) AddErrors(tables_.accounts.at(id).rounds, &curve);
+  }
+  return live;
 }
 
 std::vector<MetricView> FarmMetrics::ListDisk() const {
@@ -180,13 +194,19 @@ std::vector<MetricView> FarmMetrics::List() const {
   }
   metrics.push_back(Gauge("jobs_live", "Jobs that have not ended.", live_jobs));
   metrics.push_back(Gauge("jobs_paused", "Live jobs that people have paused.", paused_jobs));
-  const std::vector<std::pair<uint64_t, JobCurve>> curves = LiveCurves(kJobMetricsMax);
+  const LiveFigures live = ListLive(kJobMetricsMax);
   for (const JobMetric& metric : kJobMetrics) {
-    for (const auto& [id, curve] : curves) {
-      metrics.push_back({absl::StrCat("sheaf_", metric.name), metric.help, MetricView::Kind::kGauge,
-                         "job", absl::StrCat("jobs/", id), metric.value(curve)});
+    const std::string name = absl::StrCat("sheaf_", metric.name);
+    for (const auto& [id, curve] : live.jobs) {
+      metrics.push_back({name, metric.help, MetricView::Kind::kGauge, "job",
+                         absl::StrCat("jobs/", id), metric.value(curve)});
+    }
+    if (live.more_count > 0 && metric.is_sum) {
+      metrics.push_back(
+          {name, metric.help, MetricView::Kind::kGauge, "job", kOther, metric.value(live.more)});
     }
   }
+  AddUserMetrics(live.users, &metrics);
   metrics.push_back({"sheaf_images_damaged_total",
                      "Delivered EXRs that were altered or removed on disk and are recreated.",
                      MetricView::Kind::kCounter, "", "",

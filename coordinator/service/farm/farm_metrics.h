@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/disk_state.h"
 #include "coordinator/service/farm/farm_tables.h"
+#include "coordinator/service/farm/upkeep/user_metrics.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/store/job_store.h"
 
@@ -42,9 +44,14 @@ class FarmMetrics {
   std::vector<MetricView> List() const;
 
  private:
-  // How live jobs stand, the oldest first.
-  std::vector<std::pair<uint64_t, JobCurve>> LiveCurves(size_t count_max) const
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  struct LiveFigures {
+    std::vector<std::pair<uint64_t, JobCurve>> jobs;  // The oldest first.
+    size_t more_count = 0;                            // Further live jobs.
+    JobCurve more;                                    // Their sums, without errors.
+    std::map<std::string, UserFigures> users;
+  };
+  // How live jobs stand, count_max of them one by one.
+  LiveFigures ListLive(size_t count_max) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // The state directory's disk; without its size where the system does not tell it.
   std::vector<MetricView> ListDisk() const;
 

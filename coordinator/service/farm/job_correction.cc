@@ -135,6 +135,10 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,
 
 void JobLifecycle::RemoveFalse(const std::vector<PartRow>& parts) {
   removals_.Remove(parts);
+  for (const PartRow& part : parts) {
+    store_.NoteUsage({part.key.frame.job_id},
+                     {.lost_count = 1, .lost_cpu_duration = part.cost.cpu_duration});
+  }
   const MutexLock lock(&tables_.mutex);
   tables_.scheduler.counters().parts_revoked += parts.size();
 }

@@ -124,6 +124,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
                   &Counters::results_other_field);
   }
   if (found.kind == Kind::kUnknown || found.kind == Kind::kPartial) {
+    NoteLost(report, found.frame.job_id);
     const MutexLock lock(&tables_.mutex);
     ++tables_.scheduler.counters().results_superseded;
     return ResultOutcome::kSuperseded;
@@ -233,13 +234,17 @@ absl::Status ResultIntake::Reject(const ResultReport& report, const std::string&
   const std::string text =
       absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
   LogWarning(text);
+  uint64_t job_id = 0;
   {
     const MutexLock lock(&tables_.mutex);
     ++(tables_.scheduler.counters().*counter);
+    const Lease* lease = tables_.scheduler.leases().Find(report.lease_id);
+    if (lease != nullptr) job_id = lease->frame.job_id;
     tables_.scheduler.Fail({report.lease_id, FailureKind::kInvalid, "invalid result: " + why},
                            report.worker_id, SteadyTime::Now());
     tables_.NoteEndedJobs();
   }
+  NoteLost(report, job_id);
   lifecycle_.SettleEnded();
   signals_.Changed();
   return absl::InvalidArgumentError(text);
@@ -252,6 +257,10 @@ absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& rep
   const absl::StatusOr<std::optional<PartRow>> row =
       store_.FindPart({found.frame, report.tile, report.block, report.cells, report.kind});
   if (!row.ok()) return row.status();
+  // A worker that missed the answer sends its result again; nobody rendered it twice.
+  const bool is_resent = row->has_value() && (*row)->worker_id == report.worker_id &&
+                         (*row)->digest == report.digest;
+  if (!is_resent) NoteRepeated(report, found);
   CheckVerdict verdict;
   bool is_equal = false;
   {
@@ -313,7 +322,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                     report.worker_id,
                     cost,
                     report.Sender(),
-                    report.field};
+                    report.field,
+                    SamplesOf(found)};
   absl::Status written = removals_.MakeRoom(row.key);
   if (written.ok()) written = store_.WritePart(row, bytes);
   disk_.Note(written);
@@ -347,6 +357,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   if (open == nullptr) {
     // While it was written its job ended, or a larger block that contains it was leased.
     removals_.Remove({row});
+    store_.NoteUsage({found.frame.job_id},
+                     {.lost_count = 1, .lost_cpu_duration = report.cpu_duration});
     return ResultOutcome::kSuperseded;
   }
   if (cost.nonfinite_count > 0) {
@@ -373,6 +385,35 @@ void ResultIntake::Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, Cel
   if (!tile_complete || !frame->merge.OnDisk(tile)) return;
   const absl::Status status = tiles_.Rebuild(frame, id, tile);
   if (!status.ok()) LogError(absl::StrCat("merging a tile from disk: ", status.message()));
+}
+
+Usage ResultIntake::UsageOfResult(const ResultReport& report, uint64_t sample_count) {
+  return {.result_count = 1,
+          .sample_count = sample_count,
+          .ray_count = report.ray_count,
+          .cpu_duration = report.cpu_duration};
+}
+
+void ResultIntake::NoteLost(const ResultReport& report, uint64_t job_id) {
+  if (job_id == 0) return;
+  Usage usage = UsageOfResult(report, 0);
+  usage.lost_count = 1;
+  usage.lost_cpu_duration = report.cpu_duration;
+  store_.NoteUsage({job_id}, usage);
+}
+
+void ResultIntake::NoteRepeated(const ResultReport& report, const Scheduler::FoundTask& found) {
+  Usage usage = UsageOfResult(report, SamplesOf(found));
+  usage.repeated_count = 1;
+  usage.repeated_cpu_duration = report.cpu_duration;
+  store_.NoteUsage({found.frame.job_id}, usage);
+}
+
+uint64_t ResultIntake::SamplesOf(const Scheduler::FoundTask& found) const {
+  const MutexLock lock(&tables_.mutex);
+  const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
+  const bool is_open = frame != nullptr && frame->tasks != nullptr;
+  return is_open ? frame->tasks->PixelSamples(found.task) : 0;
 }
 
 }  // namespace sheaf::coordinator

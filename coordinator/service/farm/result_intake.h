@@ -99,6 +99,14 @@ class ResultIntake {
 
   // Whether the sender may deliver the result. Errors: kPermissionDenied.
   absl::Status CheckSender(const ResultReport& report);
+  // The account of a result that makes no part.
+  static Usage UsageOfResult(const ResultReport& report, uint64_t sample_count);
+  // Notes a result that came to nothing, of a job where that is known (not 0).
+  void NoteLost(const ResultReport& report, uint64_t job_id);
+  // Notes a result of a task that was done already.
+  void NoteRepeated(const ResultReport& report, const Scheduler::FoundTask& found);
+  // Pixel samples or light paths of a task; 0 where its frame has ended.
+  uint64_t SamplesOf(const Scheduler::FoundTask& found) const ABSL_LOCKS_EXCLUDED(tables_.mutex);
   absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
                                              const Scheduler::FoundTask& found);
   // counter: what the result counts as.

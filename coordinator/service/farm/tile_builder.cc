@@ -52,6 +52,8 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
 void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
   LogWarning(absl::StrCat("a part is lost and will be rendered again: ", why.message()));
   removals_.Remove({row});
+  store_.NoteUsage({row.key.frame.job_id},
+                   {.lost_count = 1, .lost_cpu_duration = row.cost.cpu_duration});
   const MutexLock lock(&tables_.mutex);
   const FrameRecord* frame = tables_.scheduler.FindFrame(row.key.frame);
   if (frame == nullptr || frame->tasks == nullptr) return;

@@ -102,12 +102,12 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
   }
   if (!writer.ok()) return Finish(writer.status(), &message, reader);
   const uint64_t asked_bytes = digest->size_bytes - writer->committed_bytes();
-  const absl::Status allowed = BeginUpload(*context, access_, "WriteBlob", asked_bytes);
+  const absl::Status allowed = BeginUpload(*context, farm_, access_, "WriteBlob", asked_bytes);
   if (!allowed.ok()) return Finish(allowed, &message, reader);
   const absl::Status status = WriteAll(&message, reader, &*writer, *digest);
   const uint64_t missing_bytes = digest->size_bytes - writer->committed_bytes();
   ReturnUpload(*context, access_, missing_bytes);
-  if (content_ != nullptr) content_->NoteReceived(asked_bytes - missing_bytes);
+  NoteUpload(*context, farm_, *digest, asked_bytes - missing_bytes);
   response->set_committed_bytes(writer->committed_bytes());
   return Finish(status, &message, reader);
 }
@@ -140,7 +140,7 @@ grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,
     v1::ReadBlobResponse response;
     response.set_zstd_chunk(CompressChunk(*chunk));
     if (!writer->Write(response)) break;
-    if (content_ != nullptr) content_->NoteSent(chunk->size());
+    farm_->content().NoteSent(chunk->size());
     offset_bytes += chunk->size();
   }
   return grpc::Status::OK;

@@ -6,7 +6,7 @@
 
 #include "common/content/blob_store.h"
 #include "coordinator/access/access_control.h"
-#include "coordinator/service/farm/transfer/content_exchange.h"
+#include "coordinator/service/farm/farm.h"
 #include "sheaf/v1/content.grpc.pb.h"
 
 namespace sheaf::coordinator {
@@ -15,11 +15,9 @@ inline constexpr int kFindMissingDigestsMax = 10'000;
 
 class ContentService final : public v1::ContentService::Service {
  public:
-  // All must outlive the service. access: null without certificates. content: counts what is
-  // transferred; may be null.
-  explicit ContentService(const BlobStore* blobs, AccessControl* access = nullptr,
-                          ContentExchange* content = nullptr)
-      : blobs_(blobs), access_(access), content_(content) {}
+  // All must outlive the service. access: null without certificates.
+  explicit ContentService(Farm* farm, AccessControl* access = nullptr)
+      : farm_(farm), blobs_(&farm->blobs()), access_(access) {}
 
   grpc::Status FindMissing(grpc::ServerContext* context, const v1::FindMissingRequest* request,
                            v1::FindMissingResponse* response) override;
@@ -33,9 +31,9 @@ class ContentService final : public v1::ContentService::Service {
                         grpc::ServerWriter<v1::ReadBlobResponse>* writer) override;
 
  private:
+  Farm* const farm_;
   const BlobStore* const blobs_;
   AccessControl* const access_;
-  ContentExchange* const content_;
 };
 
 }  // namespace sheaf::coordinator

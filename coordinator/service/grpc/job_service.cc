@@ -95,6 +95,7 @@ absl::StatusOr<JobView> JobService::TryCreate(const grpc::ServerContext& context
   if (!spec.ok()) return spec.status();
   spec->owner = OwnerOf(context);
   if (absl::Status status = RequireBlobs(*spec); !status.ok()) return status;
+  if (absl::Status status = RequireRoom(spec->owner); !status.ok()) return status;
   const absl::StatusOr<uint64_t> id = farm_->CreateJob(*std::move(spec), request.request_id());
   if (!id.ok()) return id.status();
   return farm_->FindJobAlone(absl::StrCat(*id));

@@ -65,6 +65,9 @@ class JobService final : public v1::JobService::Service {
                           v1::ResetShareResponse* response) override;
   grpc::Status ListShares(grpc::ServerContext* context, const v1::ListSharesRequest* request,
                           v1::ListSharesResponse* response) override;
+  // In job_service_usage.cc.
+  grpc::Status ListUsage(grpc::ServerContext* context, const v1::ListUsageRequest* request,
+                         v1::ListUsageResponse* response) override;
   grpc::Status LiftQuarantine(grpc::ServerContext* context,
                               const v1::LiftQuarantineRequest* request,
                               v1::LiftQuarantineResponse* response) override;
@@ -97,6 +100,9 @@ class JobService final : public v1::JobService::Service {
   // Errors: kFailedPrecondition naming what is missing.
   absl::Status RequireBlobs(const JobSpec& spec) const;
   absl::Status RequireFilesOf(const BlobDigest& scene) const;
+  // Whether a job of the owner may begin, by what the owner keeps. Errors: kResourceExhausted,
+  // counted.
+  absl::Status RequireRoom(const std::string& owner) const;
 
   Farm* const farm_;
   AccessControl* const access_;

@@ -126,11 +126,13 @@ absl::Status TransferService::WriteSmall(const grpc::ServerContext& context,
   const absl::StatusOr<std::string> bytes =
       DecompressChunk(request.zstd_bytes(), kSmallBlobsBytesMax);
   if (!bytes.ok()) return bytes.status();
-  absl::Status status = BeginUpload(context, access_, "WriteSmallBlobs", bytes->size());
+  absl::Status status = BeginUpload(context, farm_, access_, "WriteSmallBlobs", bytes->size());
   if (!status.ok()) return status;
   status = PutSmallBlobs(*blobs_, digests, *bytes);
   if (status.ok()) {
-    content_->NoteReceived(bytes->size());
+    for (const BlobDigest& digest : digests) {
+      NoteUpload(context, farm_, digest, digest.size_bytes);
+    }
   } else {
     ReturnUpload(context, access_, bytes->size());
   }
@@ -177,7 +179,7 @@ grpc::Status TransferService::WriteChunks(grpc::ServerContext* context,
   if (absl::IsAlreadyExists(write.status())) return finish(absl::OkStatus());
   if (!write.ok()) return finish(write.status());
   const uint64_t asked_bytes = list->blob.size_bytes - message.offset_bytes();
-  absl::Status status = BeginUpload(*context, access_, "WriteChunks", asked_bytes);
+  absl::Status status = BeginUpload(*context, farm_, access_, "WriteChunks", asked_bytes);
   if (!status.ok()) return finish(status);
   uint64_t received_bytes = 0;
   status = WriteAll(reader, &message, &*write, &received_bytes);
@@ -188,7 +190,7 @@ grpc::Status TransferService::WriteChunks(grpc::ServerContext* context,
     status = write->Finish();
   }
   ReturnUpload(*context, access_, asked_bytes - received_bytes);
-  content_->NoteReceived(received_bytes);
+  NoteUpload(*context, farm_, list->blob, received_bytes);
   content_->NoteReused(write->reused_bytes());
   response->set_reused_bytes(write->reused_bytes());
   return finish(status);

@@ -6,7 +6,7 @@
 
 #include "common/content/blob_store.h"
 #include "coordinator/access/access_control.h"
-#include "coordinator/service/farm/transfer/content_exchange.h"
+#include "coordinator/service/farm/farm.h"
 #include "sheaf/v1/transfer.grpc.pb.h"
 
 namespace sheaf::coordinator {
@@ -22,8 +22,8 @@ inline constexpr absl::Duration kLocateRetry = absl::Milliseconds(100);
 class TransferService final : public v1::TransferService::Service {
  public:
   // All must outlive the service. access: null without certificates.
-  TransferService(const BlobStore* blobs, ContentExchange* content, AccessControl* access)
-      : blobs_(blobs), content_(content), access_(access) {}
+  TransferService(Farm* farm, AccessControl* access)
+      : farm_(farm), blobs_(&farm->blobs()), content_(&farm->content()), access_(access) {}
 
   grpc::Status WriteSmallBlobs(grpc::ServerContext* context,
                                const v1::WriteSmallBlobsRequest* request,
@@ -42,6 +42,7 @@ class TransferService final : public v1::TransferService::Service {
   absl::Status WriteSmall(const grpc::ServerContext& context,
                           const v1::WriteSmallBlobsRequest& request);
 
+  Farm* const farm_;
   const BlobStore* const blobs_;
   ContentExchange* const content_;
   AccessControl* const access_;

@@ -7,9 +7,25 @@
 #include "coordinator/service/grpc/caller.h"
 
 namespace sheaf::coordinator {
+namespace {
 
-absl::Status BeginUpload(const grpc::ServerContext& context, AccessControl* access,
+absl::Status RequireRoom(const grpc::ServerContext& context, Farm* farm, AccessControl* access,
                          const char* operation, uint64_t size_bytes) {
+  absl::Status room = farm->CheckOwnerBytes(OwnerOf(context), size_bytes);
+  if (room.ok() || access == nullptr) return room;
+  access->use().NoteRefused(IdentityLimit::kStoredBytes);
+  access->NoteRefused(absl::StrCat(CallerIdentity(context), " at ", context.peer()), operation,
+                      room, absl::Now());
+  return room;
+}
+
+}  // namespace
+
+absl::Status BeginUpload(const grpc::ServerContext& context, Farm* farm, AccessControl* access,
+                         const char* operation, uint64_t size_bytes) {
+  if (absl::Status room = RequireRoom(context, farm, access, operation, size_bytes); !room.ok()) {
+    return room;
+  }
   const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
   if (access == nullptr || !id.ok()) return absl::OkStatus();
   const absl::Time now = absl::Now();
@@ -25,6 +41,12 @@ void ReturnUpload(const grpc::ServerContext& context, AccessControl* access,
                   uint64_t missing_bytes) {
   const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
   if (access != nullptr && id.ok()) access->use().ReturnUpload(*id, missing_bytes);
+}
+
+void NoteUpload(const grpc::ServerContext& context, Farm* farm, const BlobDigest& blob,
+                uint64_t bytes) {
+  farm->NoteUpload(OwnerOf(context), blob, bytes);
+  farm->content().NoteReceived(bytes);
 }
 
 }  // namespace sheaf::coordinator

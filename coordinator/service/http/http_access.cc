@@ -102,6 +102,18 @@ bool HttpAccess::Admits(const std::string& operation, HttpRequest* request,
   return false;
 }
 
+absl::Status HttpAccess::CheckCertificates(absl::Time now) const {
+  for (const auto& [name, expiry] : {std::pair("authority", access_->authority().Expiry()),
+                                     std::pair("server", access_->authority().ServerExpiry())}) {
+    if (now < expiry) continue;
+    return absl::UnavailableError(
+        absl::StrCat("the certificate of the ", name, " ended at ",
+                     absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", expiry, absl::UTCTimeZone()),
+                     ": nobody can connect; the coordinator's log says why it is not renewed"));
+  }
+  return absl::OkStatus();
+}
+
 std::vector<MetricView> HttpAccess::Metrics() const {
   std::vector<MetricView> metrics;
   const std::array<uint64_t, kIdentityLimitCount> refused = access_->use().Refused();
@@ -110,6 +122,13 @@ std::vector<MetricView> HttpAccess::Metrics() const {
                        MetricView::Kind::kCounter, "limit",
                        IdentityLimitName(static_cast<IdentityLimit>(limit)),
                        static_cast<double>(refused[limit])});
+  }
+  const std::array<uint64_t, kRefusalReasonCount> reasons = access_->RefusedByReason();
+  for (size_t reason = 0; reason < reasons.size(); ++reason) {
+    metrics.push_back({"sheaf_calls_refused_total", "Calls that were refused, by reason.",
+                       MetricView::Kind::kCounter, "reason",
+                       RefusalReasonName(static_cast<RefusalReason>(reason)),
+                       static_cast<double>(reasons[reason])});
   }
   for (const auto& [name, expiry] : {std::pair("authority", access_->authority().Expiry()),
                                      std::pair("server", access_->authority().ServerExpiry())}) {

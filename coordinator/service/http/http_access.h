@@ -41,7 +41,11 @@ class HttpAccess {
   // The same of another act. what: what it concerned, for people.
   void NoteActInAudit(const HttpRequest& request, const std::string& what,
                       const absl::Status& outcome) const;
-  // Counts of refusals by limit, as FarmView has metrics.
+  // Whether the certificates of the server and its authority have not ended. Errors:
+  // kUnavailable, naming the one and what to do.
+  absl::Status CheckCertificates(absl::Time now) const;
+  // Counts of refusals by limit and by reason, and the ends of certificates, as FarmView has
+  // metrics.
   std::vector<MetricView> Metrics() const;
   // The routes above. They refer to this object.
   std::vector<HttpRoute> Routes() const;

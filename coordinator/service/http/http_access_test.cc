@@ -67,6 +67,10 @@ class HttpAccessTest : public testing::Test {
     FarmActions actions;
     actions.cancel_job = actions.pause_job = actions.resume_job = act;
     actions.pin_job = actions.unpin_job = act;
+    actions.list_usage = [this](const UsageQuery& query) -> absl::StatusOr<UsageReport> {
+      usage_owner_ = query.owner;
+      return UsageReport();
+    };
     actions.collect_garbage = [act](bool) -> absl::StatusOr<std::vector<RemovalView>> {
       if (absl::Status done = act(""); !done.ok()) return done;
       return std::vector<RemovalView>();
@@ -126,9 +130,28 @@ class HttpAccessTest : public testing::Test {
   const std::string directory_;
   FakeFarm farm_;
   int actions_ = 0;
+  std::string usage_owner_ = "nobody asked";  // Of the last query.
   std::unique_ptr<AccessControl> access_;
   std::unique_ptr<HttpService> service_;
 };
+
+TEST_F(HttpAccessTest, AccountsAreOnesOwnBelowTheRoleOperate) {
+  const std::string anna = SignIn(kAnna, Role::kSubmit);
+  EXPECT_EQ(Send("GET", "/api/v1/usage", anna).status, 200);
+  EXPECT_EQ(usage_owner_, "anna");
+  const std::string ben = SignIn(kBen, Role::kOperate);
+  EXPECT_EQ(Send("GET", "/api/v1/usage", ben).status, 200);
+  EXPECT_EQ(usage_owner_, "") << "everybody's";
+}
+
+TEST_F(HttpAccessTest, RefusalsAreCountedByReason) {
+  Send("GET", "/api/v1/jobs", "a made-up session");
+  Send("POST", "/api/v1/gc", SignIn(kAnna, Role::kView));
+  const auto refused = access_->RefusedByReason();
+  EXPECT_EQ(refused[static_cast<size_t>(RefusalReason::kCertificate)], 1u);
+  EXPECT_EQ(refused[static_cast<size_t>(RefusalReason::kRole)], 1u);
+  EXPECT_EQ(refused[static_cast<size_t>(RefusalReason::kLimit)], 0u);
+}
 
 TEST_F(HttpAccessTest, TheRoleTableNamesEachRoute) {
   std::set<std::string> named;
@@ -332,7 +355,7 @@ TEST_F(HttpAccessTest, ServesHttpsUnderTheFarmsAuthority) {
   const std::string answer =
       client.Send("GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   EXPECT_THAT(answer, StartsWith("HTTP/1.1 200 OK\r\n"));
-  EXPECT_THAT(answer, testing::EndsWith("ok\n"));
+  EXPECT_THAT(answer, testing::EndsWith("{\"healthy\":true}\n"));
 }
 
 TEST_F(HttpAccessTest, EventsNeedASessionAndEndWithIt) {

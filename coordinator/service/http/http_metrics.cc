@@ -19,12 +19,29 @@ std::string ValueText(double value) {
   return absl::StrFormat("%.17g", value);
 }
 
+const char* KindText(MetricView::Kind kind) {
+  switch (kind) {
+    case MetricView::Kind::kCounter:
+      return "counter";
+    case MetricView::Kind::kGauge:
+      return "gauge";
+    case MetricView::Kind::kHistogram:
+      return "histogram";
+  }
+  return "untyped";
+}
+
 std::string LabelText(const MetricView& metric) {
   if (metric.label_name.empty()) return "";
-  return absl::StrCat(
-      "{", metric.label_name, "=\"",
-      absl::StrReplaceAll(metric.label_value, {{"\\", "\\\\"}, {"\"", "\\\""}, {"\n", "\\n"}}),
-      "\"}");
+  std::string text;
+  const auto add = [&text](const std::string& name, const std::string& value) {
+    absl::StrAppend(&text, text.empty() ? "{" : ",", name, "=\"",
+                    absl::StrReplaceAll(value, {{"\\", "\\\\"}, {"\"", "\\\""}, {"\n", "\\n"}}),
+                    "\"");
+  };
+  add(metric.label_name, metric.label_value);
+  for (const auto& [name, value] : metric.more_labels) add(name, value);
+  return text + "}";
 }
 
 }  // namespace
@@ -35,12 +52,12 @@ std::string PrometheusText(const std::vector<MetricView>& metrics) {
   for (const MetricView& metric : metrics) {
     if (metric.name != name) {
       name = metric.name;
-      const bool counter = metric.kind == MetricView::Kind::kCounter;
       absl::StrAppend(&text, "# HELP ", name, " ",
                       absl::StrReplaceAll(metric.help, {{"\\", "\\\\"}, {"\n", "\\n"}}),
-                      "\n# TYPE ", name, counter ? " counter\n" : " gauge\n");
+                      "\n# TYPE ", name, " ", KindText(metric.kind), "\n");
     }
-    absl::StrAppend(&text, name, LabelText(metric), " ", ValueText(metric.value), "\n");
+    absl::StrAppend(&text, name, metric.suffix, LabelText(metric), " ", ValueText(metric.value),
+                    "\n");
   }
   return text;
 }

@@ -12,6 +12,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/base/steady_time.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -101,8 +102,11 @@ bool IsAddressLiteral(const std::string& name) {
 }  // namespace
 
 HttpRouter::HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts,
-                       const HttpAccess* access)
-    : routes_(std::move(routes)), allowed_hosts_(std::move(allowed_hosts)), access_(access) {
+                       const HttpAccess* access, CallTimes* times)
+    : routes_(std::move(routes)),
+      allowed_hosts_(std::move(allowed_hosts)),
+      access_(access),
+      times_(times) {
   for (std::string& host : allowed_hosts_) host = absl::AsciiStrToLower(host);
 }
 
@@ -164,6 +168,21 @@ HttpResponse HttpRouter::Answer(const HttpRoute& route, HttpRequest request) con
 }
 
 HttpResponse HttpRouter::Route(HttpRequest request) const {
+  if (times_ == nullptr) {
+    const HttpRoute* ignored = nullptr;
+    return FindAndAnswer(std::move(request), &ignored);
+  }
+  const SteadyTime begin = SteadyTime::Now();
+  const HttpRoute* route = nullptr;
+  HttpResponse response = FindAndAnswer(std::move(request), &route);
+  // What a stranger asks for is no label.
+  const std::string name =
+      route == nullptr ? "other" : absl::StrCat(route->method, " ", route->pattern);
+  times_->Note(name, absl::StrCat(response.status), SteadyTime::Now() - begin);
+  return response;
+}
+
+HttpResponse HttpRouter::FindAndAnswer(HttpRequest request, const HttpRoute** answering) const {
   HttpResponse refusal;
   if (!HostIsAllowed(request, &refusal)) return refusal;
   const size_t question = request.target.find('?');
@@ -174,7 +193,10 @@ HttpResponse HttpRouter::Route(HttpRequest request) const {
   bool path_known = false;
   for (const HttpRoute& route : routes_) {
     if (!PathMatches(route.pattern, path, &request.path_parameters)) continue;
-    if (route.method == request.method) return Answer(route, std::move(request));
+    if (route.method == request.method) {
+      *answering = &route;
+      return Answer(route, std::move(request));
+    }
     path_known = true;
   }
   if (path_known) {

@@ -14,6 +14,7 @@
 
 #include "coordinator/service/http/http_access.h"
 #include "coordinator/service/http/http_message.h"
+#include "coordinator/service/view/call_times.h"
 
 namespace sheaf::coordinator {
 
@@ -34,9 +35,10 @@ class HttpRouter {
  public:
   // allowed_hosts: names under which clients may reach the server, in addition to "localhost" and
   // numeric addresses (which no DNS answer can forge). access: who may use which route; null:
-  // everybody may use all. It must outlive the router.
+  // everybody may use all. times: gets the time of each request; may be null. Both must outlive the
+  // router.
   HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts,
-             const HttpAccess* access = nullptr);
+             const HttpAccess* access = nullptr, CallTimes* times = nullptr);
 
   // Always returns a response, also for refused requests and unknown paths. Thread safety: const,
   // as long as the functions of the routes are.
@@ -55,10 +57,13 @@ class HttpRouter {
   bool CallerIsAllowed(const std::string& operation, HttpRequest* request,
                        HttpResponse* refusal) const;
   HttpResponse Answer(const HttpRoute& route, HttpRequest request) const;
+  // *route: the one that answers; not changed where there is none.
+  HttpResponse FindAndAnswer(HttpRequest request, const HttpRoute** route) const;
 
   std::vector<HttpRoute> routes_;
   std::vector<std::string> allowed_hosts_;
   const HttpAccess* const access_;
+  CallTimes* const times_;
 };
 
 // The header, with any value, that every changing request must have.

@@ -34,8 +34,9 @@ HttpService::HttpService(const HttpServiceOptions& options, const FarmView& farm
                          FarmActions actions)
     : access_(AccessOf(options.access)),
       api_(farm, std::move(actions), absl::StrCat(absl::ToUnixMicros(absl::Now())),
-           PointerTo(access_)),
-      router_(AllRoutes(&api_, PointerTo(access_)), options.allowed_hosts, PointerTo(access_)),
+           PointerTo(access_), options.metrics),
+      router_(AllRoutes(&api_, PointerTo(access_)), options.allowed_hosts, PointerTo(access_),
+              options.metrics == nullptr ? nullptr : &options.metrics->http_requests),
       watcher_(farm, &hub_) {}
 
 absl::StatusOr<std::unique_ptr<HttpService>> HttpService::Start(const HttpServiceOptions& options,

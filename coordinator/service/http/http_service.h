@@ -26,6 +26,8 @@ struct HttpServiceOptions {
   std::vector<std::string> allowed_hosts;
   // Decides who may use the port; null: everybody who reaches it. It must outlive the service.
   AccessControl* access = nullptr;
+  // Gets the times of requests, and is shown in /metrics; null: none. It must outlive the service.
+  ServerMetrics* metrics = nullptr;
 };
 
 class HttpService {

@@ -18,6 +18,7 @@
 #include "common/rpc/channel.h"
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/grpc/call_gate.h"
+#include "coordinator/service/grpc/call_timer.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -87,6 +88,7 @@ FarmActions ActionsOn(Farm* farm) {
   actions.unpin_job = [=](const std::string& job) {
     return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, false); });
   };
+  actions.list_usage = [=](const UsageQuery& query) { return farm->ListUsage(query); };
   actions.collect_garbage = [=](bool dry_run) { return farm->CollectGarbage(dry_run); };
   actions.refine_job = [=](const std::string& job, const Refinement& refinement) {
     return by_number(job, [=](uint64_t id) { return farm->RefineJob(id, refinement); });
@@ -150,14 +152,13 @@ void CoordinatorServer::AddListeningPort(const CoordinatorOptions& options,
 absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   job_service_ = std::make_unique<JobService>(farm_.get(), access_.get());
   worker_service_ = std::make_unique<WorkerService>(farm_.get(), access_.get());
-  content_service_ =
-      std::make_unique<ContentService>(&farm_->blobs(), access_.get(), &farm_->content());
-  transfer_service_ =
-      std::make_unique<TransferService>(&farm_->blobs(), &farm_->content(), access_.get());
+  content_service_ = std::make_unique<ContentService>(farm_.get(), access_.get());
+  transfer_service_ = std::make_unique<TransferService>(farm_.get(), access_.get());
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   ApplyServerLimits(&builder);
+  TimeCalls(&metrics_.grpc_calls, &builder);
   AddListeningPort(options, &builder);
   if (access_ != nullptr) {
     access_service_ = std::make_unique<AccessService>(access_.get(), http_port());
@@ -181,6 +182,7 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
   http.server.address = address->host == "localhost" ? "127.0.0.1" : address->host;
   http.server.port = address->port;
   http.allowed_hosts = options.allowed_hosts;
+  http.metrics = &metrics_;
   http.server.allow_remote = options.insecure_remote_allowed || access_ != nullptr;
   if (access_ != nullptr) {
     http.access = access_.get();

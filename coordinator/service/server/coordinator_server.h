@@ -23,6 +23,7 @@
 #include "coordinator/service/grpc/transfer_service.h"
 #include "coordinator/service/grpc/worker_service.h"
 #include "coordinator/service/http/http_service.h"
+#include "coordinator/service/server/build_info.h"
 
 namespace sheaf::coordinator {
 
@@ -82,6 +83,7 @@ class CoordinatorServer {
   absl::Status StartGrpc(const CoordinatorOptions& options);
   absl::Status StartHttp(const CoordinatorOptions& options);
 
+  ServerMetrics metrics_{CoordinatorBuild()};  // Of the services below.
   std::unique_ptr<AccessControl> access_;
   std::unique_ptr<Farm> farm_;
   std::unique_ptr<AccessService> access_service_;

@@ -59,6 +59,12 @@ void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
       ->check(CLI::Range(int64_t{1}, int64_t{1'000'000}))
       ->capture_default_str()
       ->group(group);
+  app->add_option("--user-bytes-max", farm.owner_bytes_max,
+                  "Bytes that a user keeps on the coordinator, e.g. 200G (default none): parts, "
+                  "images, previews and files of scenes that no other user's jobs need. Beyond it "
+                  "uploads and new jobs are refused")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(group);
   app->add_option("--user-frames-max", farm.owner_frames_max, "Frames of a user's unfinished jobs")
       ->check(CLI::Range(int64_t{1}, int64_t{1'000'000'000}))
       ->capture_default_str()

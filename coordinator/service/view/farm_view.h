@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -18,6 +19,8 @@
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"
+#include "coordinator/core/usage/owner_bytes.h"
+#include "coordinator/core/usage/usage.h"
 #include "coordinator/forecast/refinement_price.h"
 
 namespace sheaf::coordinator {
@@ -216,12 +219,35 @@ struct RemovalView {
 
 // One value for /metrics, in Prometheus' terms.
 struct MetricView {
-  enum class Kind { kCounter, kGauge };
+  enum class Kind { kCounter, kGauge, kHistogram };
   std::string name;  // "sheaf_results_accepted_total".
   std::string help;  // One sentence.
   Kind kind = Kind::kCounter;
   std::string label_name, label_value;  // Both empty if the metric has no label.
   double value = 0;
+  // Further labels, in the order of their names in the text; label_name comes first.
+  std::vector<std::pair<std::string, std::string>> more_labels = {};
+  // Of a histogram's values: "_bucket", "_sum" or "_count", after the name.
+  std::string suffix = {};
+};
+
+// What must hold so that the coordinator accepts work.
+struct ReadyCondition {
+  std::string name;     // "database", "disk" or "certificate".
+  absl::Status status;  // OK, or why it does not hold and what to do.
+};
+
+// What a user keeps, and the limit of it.
+struct StoredView {
+  std::string user;
+  OwnerBytes bytes;
+  uint64_t bytes_max = UINT64_MAX;  // UINT64_MAX: none.
+};
+
+// What jobs have taken, and what is kept of them now.
+struct UsageReport {
+  std::vector<UsageSum> sums;
+  std::vector<StoredView> stored;  // Ascending by user.
 };
 
 // The image so far.
@@ -269,9 +295,8 @@ class FarmView {
   // Errors: kNotFound (no such frame, or no stored preview).
   virtual absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
                                                    int32_t round) const = 0;
-  // OK if the coordinator accepts work: its state is loaded and the disk accepts writes. Otherwise
-  // the reason, as kUnavailable or kResourceExhausted.
-  virtual absl::Status Ready() const = 0;
+  // The coordinator accepts work if all of them hold. Looks at the file system.
+  virtual std::vector<ReadyCondition> Conditions() const = 0;
 
   // Increases whenever anything above changes.
   virtual uint64_t ChangeCount() const = 0;

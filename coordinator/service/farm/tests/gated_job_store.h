@@ -143,6 +143,11 @@ class GatedJobStore : public JobStore {
   absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) override {
     return store_->DeliverFrame(frame, delivered);
   }
+  void NoteUsage(const UsageOf& of, const Usage& usage) override { store_->NoteUsage(of, usage); }
+  absl::Status WriteUsage() override { return store_->WriteUsage(); }
+  absl::StatusOr<std::vector<UsageRow>> LoadUsage(const UsageQuery& query) override {
+    return store_->LoadUsage(query);
+  }
   absl::Status AddRound(const FrameId& frame, const RoundRecord& round) override {
     PassTheGate();
     return store_->AddRound(frame, round);

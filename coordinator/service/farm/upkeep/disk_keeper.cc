@@ -61,6 +61,7 @@ std::string NameOf(const KeptItem& item) {
 DiskKeeper::DiskKeeper(const FarmOptions& options, const Parts& parts)
     : state_directory_(options.state_directory),
       limits_(options.retention),
+      owner_bytes_max_(options.limits.owner_bytes_max),
       tables_(parts.tables),
       store_(parts.store),
       blobs_(parts.blobs),
@@ -109,6 +110,23 @@ void DiskKeeper::NoteOver(const DiskUse& use) {
       state_directory_, ": ", use.bytes, " bytes, with ", use.free_bytes,
       " bytes free on its file system, are beyond the limits (--disk-limit, --disk-free-min), and "
       "nothing is left that may go: the rest is of jobs that have not ended or are pinned"));
+}
+
+uint64_t DiskKeeper::OutputBytes(uint64_t job_id) const {
+  return BytesBelow(absl::StrCat(state_directory_, "/outputs/", job_id));
+}
+
+absl::Status DiskKeeper::CheckFreeSpace() const {
+  std::error_code error;
+  const fs::space_info space = fs::space(state_directory_, error);
+  if (error) return absl::OkStatus();  // Unknown; a write tells.
+  DiskUse use;
+  use.free_bytes = space.available;
+  use.capacity_bytes = space.capacity;
+  if (BytesOverOf(use, limits_).free_space == 0) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("the file system of ", state_directory_, " has ", FormatBytes(use.free_bytes),
+                   " left, less than --disk-free-min; free space on it"));
 }
 
 DiskUse DiskKeeper::Measure() {
@@ -234,6 +252,7 @@ std::map<uint64_t, DiskKeeper::JobUse> DiskKeeper::ListJobs() const {
     use.in_use = job.phase == JobPhase::kLive || unsettled.contains(id) || account.pinned;
     use.is_recent = account.EndedWithin(limits_.job_age_min, SteadyTime::Now());
     use.end_time = account.end_time;
+    use.owner = job.spec.owner;
     const FrameRecord* last = nullptr;  // Mostly all frames share a scene.
     for (const FrameRecord& frame : job.frames) {
       if (last == nullptr || frame.packed.scene() != last->packed.scene()) {
@@ -271,7 +290,7 @@ absl::StatusOr<DiskKeeper::Stored> DiskKeeper::List(absl::Time now) {
   }
   for (const auto& [id, job] : jobs) {
     if (job.in_use || job.is_recent) continue;
-    add(KeptKind::kJob, id, BytesBelow(absl::StrCat(state_directory_, "/outputs/", id)));
+    add(KeptKind::kJob, id, OutputBytes(id));
   }
   ListBlobs(jobs, now, &stored.items);
   stored.use = Measure();

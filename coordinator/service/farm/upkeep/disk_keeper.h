@@ -19,6 +19,7 @@
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
 #include "coordinator/core/retention/retention.h"
+#include "coordinator/core/usage/owner_bytes.h"
 #include "coordinator/service/farm/farm_options.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/farm/job_lifecycle.h"
@@ -27,6 +28,12 @@
 #include "coordinator/store/round_previews.h"
 
 namespace sheaf::coordinator {
+
+// What users keep is listed at most so often; uploads since count at once.
+inline constexpr absl::Duration kOwnerBytesInterval = absl::Seconds(10);
+// Files whose uploader is known. At one more all are forgotten: those that no job needs are then
+// nobody's until they go, a day later.
+inline constexpr size_t kUploadersRememberedMax = 100'000;
 
 // Thread safety: all members may be called concurrently, except Update: one thread at a time.
 class DiskKeeper {
@@ -52,6 +59,16 @@ class DiskKeeper {
 
   void AddMetrics(std::vector<MetricView>* metrics) const;
 
+  // Of whom an uploaded file is, while no job names it. These are in owner_storage.cc.
+  void NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes);
+  // What each user keeps, up to kOwnerBytesInterval old. Errors: those of the store.
+  absl::StatusOr<std::map<std::string, OwnerBytes>> BytesByOwner();
+  // Whether the owner may add more bytes (CheckOwnerBytes). Concurrent calls of one owner may
+  // together exceed the limit by what they add. Errors: kResourceExhausted; those of the store.
+  absl::Status CheckOwner(const std::string& owner, uint64_t more);
+  // Whether the file system has its minimum of free space. Errors: kResourceExhausted.
+  absl::Status CheckFreeSpace() const;
+
  private:
   struct Stored {
     std::vector<KeptItem> items;
@@ -65,6 +82,7 @@ class DiskKeeper {
     absl::Time end_time;
     std::vector<BlobDigest> scenes;  // Manifests.
     std::vector<BlobDigest> images;  // That frames resume.
+    std::string owner;
   };
   struct BlobUse {
     bool in_use = false;
@@ -78,6 +96,9 @@ class DiskKeeper {
   // The files of a scene. Errors: its manifest cannot be read.
   absl::StatusOr<std::vector<std::string>> FilesOf(const BlobDigest& scene)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<std::map<std::string, OwnerBytes>> ListBytesByOwner(
+      const std::map<std::string, std::string>& uploaders) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  uint64_t OutputBytes(uint64_t job_id) const;
   DiskUse Measure() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Whether it is gone.
   bool Remove(const KeptItem& item, absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -89,6 +110,7 @@ class DiskKeeper {
 
   const std::string state_directory_;
   const RetentionLimits limits_;
+  const uint64_t owner_bytes_max_;
   FarmTables& tables_;
   JobStore& store_;
   const BlobStore& blobs_;
@@ -101,6 +123,11 @@ class DiskKeeper {
   uint64_t other_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // Without parts, as last walked.
   SteadyTime next_walk_ ABSL_GUARDED_BY(mutex_) = SteadyTime::InfinitePast();
   bool is_over_ ABSL_GUARDED_BY(mutex_) = false;  // And nothing is left to remove.
+  std::map<std::string, OwnerBytes> owner_bytes_ ABSL_GUARDED_BY(mutex_);
+  SteadyTime next_owner_bytes_ ABSL_GUARDED_BY(mutex_) = SteadyTime::InfinitePast();
+  Mutex uploads_mutex_ ABSL_ACQUIRED_AFTER(mutex_);
+  std::map<std::string, std::string> uploaders_ ABSL_GUARDED_BY(uploads_mutex_);    // By blob.
+  std::map<std::string, uint64_t> uploaded_since_ ABSL_GUARDED_BY(uploads_mutex_);  // By owner.
   // Update's alone.
   SteadyTime next_look_ = SteadyTime::InfinitePast(), next_age_pass_;
 
