@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 25;
+constexpr int64_t kSchemaVersion = 26;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -207,6 +207,19 @@ ALTER TABLE jobs ADD COLUMN pinned INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN parts_removed_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
 CREATE TABLE removed_jobs(job_id INTEGER PRIMARY KEY);
 )sql";
+constexpr char kAddedBy26[] = R"sql(
+CREATE TABLE dependencies(
+  job_id INTEGER NOT NULL, on_job_id INTEGER NOT NULL, by_frame INTEGER NOT NULL,
+  released INTEGER NOT NULL, removed INTEGER NOT NULL, PRIMARY KEY(job_id, on_job_id))
+  WITHOUT ROWID;
+CREATE INDEX dependencies_by_job ON dependencies(on_job_id);
+CREATE TABLE approvals(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, samples INTEGER NOT NULL,
+  approved INTEGER NOT NULL, seal INTEGER NOT NULL, PRIMARY KEY(job_id, frame_number))
+  WITHOUT ROWID;
+CREATE TABLE drains(
+  worker_id TEXT PRIMARY KEY, then_exit INTEGER NOT NULL, time_ns INTEGER NOT NULL) WITHOUT ROWID;
+)sql";
 
 }  // namespace
 
@@ -229,7 +242,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
       kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
       kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
       kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
-      kAddedBy23, kAddedBy24, kAddedBy25};
+      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;
