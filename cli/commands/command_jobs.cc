@@ -82,6 +82,9 @@ class ListCommand : public FarmCommand {
                   error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
                   Printable(job.owner()).c_str(),
                   absl::StrCat(Printable(job.title()), job.pinned() ? "  (pinned)" : "").c_str());
+      if (!job.waiting_reason().empty()) {
+        std::printf("  %s\n", PrintableLines(job.waiting_reason()).c_str());
+      }
     }
     return ExitCode::kOk;
   }
@@ -127,6 +130,10 @@ class WorkersCommand : public FarmCommand {
                   worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
                   FormatCount(worker.samples_per_second()).c_str(),
                   worker.numeric_profile().c_str());
+      if (worker.drained()) {
+        std::printf("  drained%s; give it work again with sheaf undrain\n",
+                    worker.then_exit() ? ", and ends when it holds nothing more" : "");
+      }
       if (!worker.reason().empty()) {
         std::printf("  %s; lift it with sheaf workers --trust %s\n",
                     Printable(worker.reason()).c_str(), Printable(worker.identity()).c_str());

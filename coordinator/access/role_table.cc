@@ -55,7 +55,11 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/KillTasks", kSubmit},
     {"/sheaf.v1.JobService/PinJob", kSubmit},
     {"/sheaf.v1.JobService/UnpinJob", kSubmit},
+    {"/sheaf.v1.JobService/ReleaseJob", kSubmit},
+    {"/sheaf.v1.JobService/ApproveFrames", kSubmit},
     {"/sheaf.v1.JobService/CollectGarbage", kOperate},
+    {"/sheaf.v1.JobService/DrainWorkers", kOperate},
+    {"/sheaf.v1.JobService/UndrainWorkers", kOperate},
 
     {"/sheaf.v1.ContentService/FindMissing", kSubmit},
     {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},
@@ -108,6 +112,8 @@ constexpr OperationRule kRules[] = {
     {"POST /api/v1/jobs/{}:kill", kSubmit},
     {"POST /api/v1/jobs/{}:pin", kSubmit},
     {"POST /api/v1/jobs/{}:unpin", kSubmit},
+    {"POST /api/v1/jobs/{}:release", kSubmit},
+    {"POST /api/v1/jobs/{}:approve", kSubmit},
     {"POST /api/v1/gc", kOperate},
 };
 

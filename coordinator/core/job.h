@@ -17,7 +17,7 @@
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
-#include "coordinator/core/job_holds.h"
+#include "coordinator/core/holds/job_holds.h"
 #include "coordinator/core/stop_rule.h"
 
 namespace sheaf::coordinator {

@@ -3,7 +3,7 @@
 #include "coordinator/core/owner_work.h"
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/core/job_approval.h"
+#include "coordinator/core/holds/job_approval.h"
 
 namespace sheaf::coordinator {
 namespace {

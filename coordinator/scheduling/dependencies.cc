@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/core/job_approval.h"
+#include "coordinator/core/holds/job_approval.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {
@@ -27,11 +27,11 @@ std::string Remedy(const JobRecords& jobs, const JobRecord& waiting, uint64_t jo
   const auto job = jobs.find(job_id);
   const bool can_retry = job != jobs.end() && job->second.phase != JobPhase::kCancelled;
   const std::string name = NameOf(waiting.spec.job_id);
-  return absl::StrCat("sheaf release ", name, " starts this job anyway",
-                      can_retry ? absl::StrCat(", sheaf retry ", NameOf(job_id), " tries that ",
-                                               "one again")
-                                : std::string(),
-                      ", sheaf cancel ", name, " ends this one");
+  return absl::StrCat(
+      "sheaf release ", name, " starts this job anyway",
+      can_retry ? absl::StrCat(", sheaf retry ", NameOf(job_id), " tries that ", "one again")
+                : std::string(),
+      ", sheaf cancel ", name, " ends this one");
 }
 
 std::string Frames(int count) { return absl::StrCat(count, count == 1 ? " frame" : " frames"); }
@@ -80,7 +80,7 @@ std::string WhyJobWaits(const JobRecords& jobs, const JobRecord& job) {
     }
     if (state == DependencyState::kAwaited && awaited == nullptr) awaited = &dependency;
   }
-  return awaited == nullptr ? "" : absl::StrCat("waits for ", NameOf(awaited->job_id));
+  return awaited == nullptr ? "" : absl::StrCat("waiting for ", NameOf(awaited->job_id));
 }
 
 std::string WhyFramesWait(const JobRecords& jobs, const JobRecord& job) {
@@ -88,13 +88,10 @@ std::string WhyFramesWait(const JobRecords& jobs, const JobRecord& job) {
   if (waiting.frame == nullptr) return "";
   const uint64_t job_id = waiting.dependency->job_id;
   const int32_t number = waiting.frame->number();
-  if (!waiting.is_broken) {
-    return absl::StrCat(Frames(waiting.count), waiting.count == 1 ? " waits" : " wait",
-                        " for other jobs: frame ", number, " for that of ", NameOf(job_id));
-  }
-  return absl::StrCat(Frames(waiting.count), waiting.count == 1 ? " waits" : " wait",
-                      " for other jobs: frame ", number, " for that of ", NameOf(job_id), ", which ",
-                      WhyBroken(jobs, job_id), ": ", Remedy(jobs, job, job_id));
+  const std::string text = absl::StrCat("waiting for other jobs, with ", Frames(waiting.count),
+                                        ": frame ", number, " for that of ", NameOf(job_id));
+  if (!waiting.is_broken) return text;
+  return absl::StrCat(text, ", which ", WhyBroken(jobs, job_id), ": ", Remedy(jobs, job, job_id));
 }
 
 }  // namespace
@@ -132,7 +129,8 @@ DependencyState StateForAll(const JobRecords& jobs, const JobRecord& job,
 
 bool IsBlocked(const JobRecords& jobs, const JobRecord& job) {
   return std::ranges::any_of(job.spec.dependencies, [&](const JobDependency& dependency) {
-    return !dependency.by_frame && StateOf(jobs, dependency, std::nullopt) != DependencyState::kDone;
+    return !dependency.by_frame &&
+           StateOf(jobs, dependency, std::nullopt) != DependencyState::kDone;
   });
 }
 
@@ -148,10 +146,8 @@ std::string WhyHeld(const JobRecords& jobs, const JobRecord& job) {
   std::string why;
   if (const int count = job.unapproved_count; count > 0) {
     const std::string name = NameOf(job.spec.job_id);
-    why = absl::StrCat(Frames(count), count == 1 ? " waits" : " wait",
-                       " for approval: sheaf approve ", name, " has ",
-                       count == 1 ? "it" : "them", " rendered to the end, sheaf cancel ", name,
-                       " rejects ", count == 1 ? "it" : "them");
+    why = absl::StrCat("waiting for approval: sheaf approve ", name, " has ", Frames(count),
+                       " rendered to the end, sheaf cancel ", name, " rejects the job");
   }
   const std::string frames = WhyFramesWait(jobs, job);
   return absl::StrCat(why, why.empty() || frames.empty() ? "" : "; ", frames);

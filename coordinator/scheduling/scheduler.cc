@@ -8,7 +8,7 @@
 #include "common/base/check.h"
 #include "common/film/frame_image.h"
 #include "coordinator/core/cell_grid.h"
-#include "coordinator/core/job_approval.h"
+#include "coordinator/core/holds/job_approval.h"
 #include "coordinator/core/job_check.h"
 
 namespace sheaf::coordinator {

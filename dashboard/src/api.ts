@@ -42,6 +42,8 @@ export interface Job {
   end_time: string|null;
   frame_count: number;
   frame_complete_count: number;
+  // Frames that wait for approval after a first pass; missing from coordinators without it.
+  unapproved_frame_count?: number;
   // The most active frame; null if no frame has an image yet.
   preview_frame: PreviewFrame|null;
   progress: Progress;
@@ -284,6 +286,7 @@ export async function signOut() {
 export const cancelJob = (name: string) => act(name, ':cancel');
 export const pauseJob = (name: string) => act(name, ':pause');
 export const resumeJob = (name: string) => act(name, ':resume');
+export const approveFrames = (name: string) => act(name, ':approve');
 export const setPriority = (name: string, priority: number) =>
     act(name, ':priority?value=' + priority);
 export const refineJob = (name: string, targetError: number) =>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Actions on the selected job: pause, resume, set its priority, cancel, and refine it when it is
-// finished.
+// Actions on the selected job: pause, resume, set its priority, approve its frames, cancel, and
+// refine it when it is finished.
 
 import * as api from './api';
 import type {Job} from './api';
@@ -23,6 +23,7 @@ export class JobActions {
 
   constructor(private readonly store: Store) {
     byId('pause').addEventListener('click', () => this.pauseOrResume());
+    byId('approve').addEventListener('click', () => this.approve());
     byId('cancel').addEventListener('click', () => this.cancel());
     byId('refine').addEventListener('click', () => this.refine());
     this.priority.addEventListener('change', () => this.setPriority());
@@ -35,6 +36,7 @@ export class JobActions {
     const {job} = this.store;
     const ended = !job || format.hasEnded(job);
     for (const id of ['priority-box', 'pause', 'cancel']) byId(id).hidden = ended;
+    byId('approve').hidden = ended || !job.unapproved_frame_count;
     byId('refine').hidden = job?.state !== 'succeeded' || !job.progress.relative_mse;
     if (!job) return;
     setText(byId('pause'), job.state === 'paused' ? 'Resume job' : 'Pause job');
@@ -52,6 +54,11 @@ export class JobActions {
       void this.act('resuming', job, () => api.resumeJob(job.name));
     else
       void this.act('pausing', job, () => api.pauseJob(job.name));
+  }
+
+  private approve() {
+    const {job} = this.store;
+    if (job) void this.act('approving', job, () => api.approveFrames(job.name));
   }
 
   private setPriority() {

@@ -45,7 +45,11 @@ struct ServedFarm {
   static FarmActions Actions() {
     FarmActions actions;
     actions.cancel_job = actions.pause_job = actions.resume_job = actions.pin_job =
-        actions.unpin_job = [](const std::string&) { return absl::OkStatus(); };
+        actions.release_job = [](const std::string&) { return absl::OkStatus(); };
+    actions.approve_frames = [](const std::string&, const std::vector<int32_t>&) {
+      return absl::OkStatus();
+    };
+    actions.unpin_job = [](const std::string&) { return absl::OkStatus(); };
     actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
       return std::vector<RemovalView>{{"blob", "", "no job names it", 1, 1}};
     };

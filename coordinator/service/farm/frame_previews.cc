@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/shrink_image.h"
-#include "coordinator/core/job_approval.h"
+#include "coordinator/core/holds/job_approval.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -59,8 +59,8 @@ absl::StatusOr<FramePreviews::ShownFrame> FramePreviews::Find(const std::string&
   shown.complete = frame->phase == FrameRecord::Phase::kDelivered;
   if (shown.complete) {
     const JobSpec& spec = tables_.scheduler.jobs().at(id).spec;
-    shown.version = IsUnapproved(spec, frame_number) ? kUnapprovedPreviewVersion
-                                                     : kDeliveredPreviewVersion;
+    shown.version =
+        IsUnapproved(spec, frame_number) ? kUnapprovedPreviewVersion : kDeliveredPreviewVersion;
   }
   if (const auto found = tables_.open_frames.find(shown.id);
       !shown.complete && found != tables_.open_frames.end() && found->second.preview_version > 0) {

@@ -64,7 +64,7 @@ class JobLifecycle {
   absl::Status SetPaused(uint64_t job_id, bool paused);
   absl::Status SetPriority(uint64_t job_id, int32_t priority);
   absl::Status Refine(uint64_t job_id, const Refinement& refinement);
-  // These two in job_holds.cc. Requires for Approve: no result is taken meanwhile.
+  // These two in holds/job_holds.cc. Requires for Approve: no result is taken meanwhile.
   absl::Status Release(uint64_t job_id);
   absl::Status Approve(uint64_t job_id, const std::vector<int32_t>& numbers);
   // Requires for Retry: no result is taken meanwhile.

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "coordinator/core/job_approval.h"
+#include "coordinator/core/holds/job_approval.h"
 
 #include <bit>
 

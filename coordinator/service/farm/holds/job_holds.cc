@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
-#include "coordinator/core/job_approval.h"
+#include "coordinator/core/holds/job_approval.h"
 #include "coordinator/service/farm/job_lifecycle.h"
 
 namespace sheaf::coordinator {
@@ -35,9 +35,8 @@ absl::StatusOr<std::set<int32_t>> ChooseWaiting(const JobRecord& job,
   const std::string name = absl::StrCat("jobs/", job.spec.job_id);
   std::set<int32_t> waiting;
   if (job.spec.approvals.empty()) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(name, " does not wait for approval: it was submitted without ",
-                     "--approve-after"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        name, " does not wait for approval: it was submitted without ", "--approve-after"));
   }
   for (const auto& [number, approval] : job.spec.approvals) {
     if (!approval.approved && IsDelivered(job, number)) waiting.insert(number);

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "coordinator/service/farm/worker_drains.h"
+#include "coordinator/service/farm/holds/worker_drains.h"
 
 #include <set>
 #include <utility>
