@@ -84,6 +84,9 @@ class ListCommand : public FarmCommand {
                   error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
                   Printable(job.owner()).c_str(), Printable(job.show()).c_str(),
                   absl::StrCat(Printable(job.title()), job.pinned() ? "  (pinned)" : "").c_str());
+      if (!job.waiting_reason().empty()) {
+        std::printf("  %s\n", PrintableLines(job.waiting_reason()).c_str());
+      }
     }
     return ExitCode::kOk;
   }
@@ -141,6 +144,10 @@ class WorkersCommand : public FarmCommand {
                   Printable(worker.pool()).c_str(), worker.numeric_profile().c_str());
       if (const std::string has = TraitsText(worker); !has.empty()) {
         std::printf("  %s\n", has.c_str());
+      }
+      if (worker.drained()) {
+        std::printf("  drained%s; give it work again with sheaf undrain\n",
+                    worker.then_exit() ? ", and ends when it holds nothing more" : "");
       }
       if (!worker.reason().empty()) {
         std::printf("  %s; lift it with sheaf workers --trust %s\n",

@@ -36,6 +36,7 @@ namespace {
 constexpr uint64_t kUnaskedBytesMax = uint64_t{256} << 20;
 constexpr uint64_t kAskedBytesMax = uint64_t{16} << 30;
 constexpr const char* kAuto = "auto";
+constexpr int kWaitingShownMax = 16;
 
 std::string Variable(const char* name) {
   const char* value = std::getenv(name);
@@ -74,6 +75,16 @@ void PrintTrouble(const std::string& job, const v1::FrameTrouble& trouble) {
   }
 }
 
+// The frames that wait for other jobs' or for approval, at most some of them.
+void PrintWaiting(const v1::Job& job) {
+  int count = 0;
+  for (const v1::Frame& frame : job.frames()) {
+    if (frame.waiting_reason().empty() || ++count > kWaitingShownMax) continue;
+    std::printf("frame %d %s\n", frame.spec().frame_number(), frame.waiting_reason().c_str());
+  }
+  if (count > kWaitingShownMax) std::printf("and %d more frames wait\n", count - kWaitingShownMax);
+}
+
 // Says how much of the job is kept.
 std::string KeptText(const v1::Job& job) {
   if (job.has_parts_removed_time()) {
@@ -110,6 +121,14 @@ void PrintJob(const v1::Job& job) {
   if (!job.warning().empty()) {
     std::printf("warning    %s\n", PrintableLines(job.warning()).c_str());
   }
+  for (const v1::JobDependency& dependency : job.dependencies()) {
+    std::printf("after      %s%s: %s\n", dependency.job_name().c_str(),
+                dependency.by_frame() ? ", frame by frame" : "", dependency.state().c_str());
+  }
+  if (const int count = job.unapproved_frame_count(); count > 0) {
+    std::printf("approval   %d %s: sheaf approve %s\n", count,
+                count == 1 ? "frame waits" : "frames wait", job.name().c_str());
+  }
   std::printf("progress   %s\n", FormatProgress(job).c_str());
   std::printf("rays       %s\n",
               FormatCount(static_cast<double>(job.progress().ray_count())).c_str());
@@ -124,6 +143,7 @@ void PrintJob(const v1::Job& job) {
   for (const v1::FrameTrouble& trouble : job.troubles()) {
     PrintTrouble(job.name(), trouble);
   }
+  PrintWaiting(job);
 }
 
 void PrintFile(const std::string& path, const FrameImage& image, bool json) {

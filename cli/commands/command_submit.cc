@@ -5,8 +5,10 @@
 // job; with --wait, stays until the job has ended.
 #include <cstdio>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "cli/commands/command.h"
 #include "cli/commands/effect_costs.h"
 #include "cli/commands/options.h"
@@ -25,6 +27,8 @@ namespace {
 
 // Longest wait for the quote of a submission.
 constexpr absl::Duration kQuoteWaitMax = absl::Seconds(30);
+// Follows a job in --after: each frame waits for the one of its number.
+constexpr char kByFrame[] = ":frames";
 
 class SubmitCommand : public Command {
  public:
@@ -41,6 +45,12 @@ class SubmitCommand : public Command {
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();
     AddPlacementOptions(command, &arguments_);
+    command->add_option("--after", after_,
+                        "Wait until this job is delivered; with JOB:frames, each frame until the "
+                        "job's frame of its number is. May be given several times");
+    command->add_option("--approve-after", approve_after_,
+                        "Render so many samples per pixel, a power of two; the rest after sheaf "
+                        "approve");
     command
         ->add_option(
             "--measure", measure_seconds_,
@@ -52,6 +62,8 @@ class SubmitCommand : public Command {
         "  sheaf submit room.pbrt --samples 256 --wait -o room.exr --png room.png\n"
         "  sheaf submit 'shot.####.pbrt' --frames 1-24 -o 'out/shot.####.exr' --wait\n"
         "  job=$(sheaf submit room.pbrt) && sheaf watch \"$job\" -o room.exr\n"
+        "  sheaf submit comp.pbrt --frames 1-24 --after jobs/7:frames\n"
+        "  sheaf submit room.pbrt --samples 4096 --approve-after 64\n"
         "First it prints a quote from a pilot of a few pixels; --no-quote skips it. Ctrl-C ends\n"
         "the wait, never the job.");
     return command;
@@ -99,6 +111,7 @@ class SubmitCommand : public Command {
       if (!costs.ok()) return ReportSceneError(costs.status());
       request.mutable_effect_costs()->Assign(costs->begin(), costs->end());
     }
+    AddHolds(&request);
     const absl::StatusOr<v1::Job> created = client.CreateJob(request);
     if (!created.ok()) return ReportCallError(created.status());
     if (wait_) return FollowToTheEnd(&client, created->name(), json_, *delivery);
@@ -118,6 +131,16 @@ class SubmitCommand : public Command {
   }
 
  private:
+  void AddHolds(v1::CreateJobRequest* request) const {
+    request->set_approve_after_samples(approve_after_);
+    for (const std::string& after : after_) {
+      absl::string_view job = after;
+      v1::JobDependency& dependency = *request->add_dependencies();
+      dependency.set_by_frame(absl::ConsumeSuffix(&job, kByFrame));
+      dependency.set_job_name(JobName(std::string(job)));
+    }
+  }
+
   // Prints the quote on standard error. A farm that cannot answer in time does not prevent the
   // submission.
   absl::Status PrintQuote(FarmClient* client, const PreparedJob& job) {
@@ -139,6 +162,8 @@ class SubmitCommand : public Command {
   FarmAddress coordinator_;
   bool wait_ = false, json_ = false, no_quote_ = false;
   double measure_seconds_ = 0;
+  std::vector<std::string> after_;
+  uint64_t approve_after_ = 0;
 };
 
 }  // namespace

@@ -43,6 +43,10 @@ std::vector<std::unique_ptr<Command>> MakeCommands() {
   commands.push_back(MakeShareCommand());
   commands.push_back(MakePinCommand());
   commands.push_back(MakeUnpinCommand());
+  commands.push_back(MakeReleaseCommand());
+  commands.push_back(MakeApproveCommand());
+  commands.push_back(MakeDrainCommand());
+  commands.push_back(MakeUndrainCommand());
   commands.push_back(MakeGcCommand());
   commands.push_back(MakeUsageCommand());
   commands.push_back(MakePlanCommand());

@@ -66,6 +66,10 @@ class FarmClient {
   absl::StatusOr<v1::Job> UnpinJob(const std::string& name);
   absl::StatusOr<v1::CollectGarbageResponse> CollectGarbage(bool dry_run);
   absl::StatusOr<v1::ListUsageResponse> ListUsage(const v1::ListUsageRequest& request);
+  absl::StatusOr<v1::Job> ReleaseJob(const std::string& name);
+  absl::StatusOr<v1::Job> ApproveFrames(const v1::ApproveFramesRequest& request);
+  absl::StatusOr<std::vector<v1::Worker>> DrainWorkers(const v1::DrainWorkersRequest& request);
+  absl::StatusOr<std::vector<v1::Worker>> UndrainWorkers(const v1::UndrainWorkersRequest& request);
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
   absl::StatusOr<v1::Job> RetryTasks(const v1::RetryTasksRequest& request);
   absl::StatusOr<v1::Job> KillTasks(const v1::KillTasksRequest& request);

@@ -186,6 +186,7 @@ Json FrameJson(const v1::Frame& frame) {
       {"unreliable_layers", LayersJson(frame)},
       {"training", frame.training()},
       {"complete", frame.complete()},
+      {"waiting_reason", frame.waiting_reason()},
       {"correction_count", frame.correction_count()},
       {"image_digest", frame.image_digest()},
       {"flip", frame.flip() > 0 ? Json(frame.flip()) : Json()},
@@ -223,6 +224,8 @@ std::string JobJson(const v1::Job& job) {
       {"warning", job.warning()},
       {"incomplete_frame_count", job.incomplete_frame_count()},
       {"training_frame_count", job.training_frame_count()},
+      {"unapproved_frame_count", job.unapproved_frame_count()},
+      {"dependencies", Json::array()},
       {"pinned", job.pinned()},
       {"parts_removed_time", TimeJson(job.has_parts_removed_time(), job.parts_removed_time())},
       {"create_time", TimeJson(job.has_create_time(), job.create_time())},
@@ -231,6 +234,11 @@ std::string JobJson(const v1::Job& job) {
       {"effect_costs", Json::array()},
       {"frames", Json::array()},
   };
+  for (const v1::JobDependency& dependency : job.dependencies()) {
+    json["dependencies"].push_back({{"job_name", dependency.job_name()},
+                                    {"by_frame", dependency.by_frame()},
+                                    {"state", dependency.state()}});
+  }
   for (const v1::EffectCost& effect : job.effect_costs()) {
     json["effect_costs"].push_back({{"name", effect.name()},
                                     {"problem", effect.problem()},
@@ -290,6 +298,8 @@ std::string WorkerJson(const v1::Worker& worker) {
       {"samples_per_second", worker.samples_per_second()},
       {"last_seen_time", TimeJson(worker.has_last_seen_time(), worker.last_seen_time())},
       {"reason", worker.reason()},
+      {"drained", worker.drained()},
+      {"then_exit", worker.then_exit()},
   });
 }
 

@@ -58,10 +58,14 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/ReadTaskBundle", kSubmit},
     {"/sheaf.v1.JobService/PinJob", kSubmit},
     {"/sheaf.v1.JobService/UnpinJob", kSubmit},
+    {"/sheaf.v1.JobService/ReleaseJob", kSubmit},
+    {"/sheaf.v1.JobService/ApproveFrames", kSubmit},
     {"/sheaf.v1.JobService/CollectGarbage", kOperate},
     {"/sheaf.v1.JobService/SetShare", kOperate},
     {"/sheaf.v1.JobService/ResetShare", kOperate},
     {"/sheaf.v1.JobService/ListShares", kView},
+    {"/sheaf.v1.JobService/DrainWorkers", kOperate},
+    {"/sheaf.v1.JobService/UndrainWorkers", kOperate},
 
     {"/sheaf.v1.ContentService/FindMissing", kSubmit},
     {"/sheaf.v1.ContentService/GetWriteStatus", kSubmit},
@@ -121,6 +125,8 @@ constexpr OperationRule kRules[] = {
     {"POST /api/v1/jobs/{}:kill", kSubmit},
     {"POST /api/v1/jobs/{}:pin", kSubmit},
     {"POST /api/v1/jobs/{}:unpin", kSubmit},
+    {"POST /api/v1/jobs/{}:release", kSubmit},
+    {"POST /api/v1/jobs/{}:approve", kSubmit},
     {"POST /api/v1/gc", kOperate},
 };
 

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,7 @@
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
+#include "coordinator/core/holds/job_holds.h"
 #include "coordinator/core/sharing/requirements.h"
 #include "coordinator/core/sharing/share_setting.h"
 #include "coordinator/core/stop_rule.h"
@@ -68,6 +70,8 @@ struct JobSpec {
   std::string numeric_profile;
   std::vector<FrameSpec> frames;         // Ascending by number.
   std::vector<EffectCost> effect_costs;  // For the first frame's scene; empty: not measured.
+  std::vector<JobDependency> dependencies;
+  std::map<int32_t, FrameApproval> approvals;  // By frame; empty: nothing waits for approval.
 };
 
 // Ids of pilots begin here, so that those of other jobs have no gaps.

@@ -30,11 +30,13 @@ struct Limits {
   size_t leases_per_identity_max = 16'384;  // Of all workers of one certificate.
   int warm_scenes_max = 64;                 // Looked at in one Synchronize.
   int workers_max = 100'000;
+  size_t drains_max = 10'000;  // Workers that people have taken out, at once.
   absl::Duration lost_worker_kept = absl::Hours(1);  // Then it is forgotten.
 
   // Jobs.
   int frames_per_job_max = 100'000;
   int live_jobs_max = 10'000;
+  size_t job_dependencies_max = 16;  // Jobs that a job waits for.
   // The sums over the unfinished jobs of each user; without certificates there are no users.
   // Samples: of pixels.
   int64_t owner_jobs_max = 2'000;

@@ -3,6 +3,7 @@
 #include "coordinator/core/owner_work.h"
 
 #include "absl/strings/str_cat.h"
+#include "coordinator/core/holds/job_approval.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -33,7 +34,10 @@ OwnerWork& OwnerWork::operator-=(const OwnerWork& other) {
 OwnerWork WorkOf(const JobSpec& spec) {
   OwnerWork work{1, static_cast<int64_t>(spec.frames.size()), 0};
   for (const FrameSpec& frame : spec.frames) {
-    work.samples += PathsPerSample(frame.settings) * frame.settings.samples;
+    const bool waits = IsUnapproved(spec, frame.frame_number);
+    work.samples +=
+        PathsPerSample(frame.settings) *
+        (waits ? spec.approvals.at(frame.frame_number).samples : frame.settings.samples);
   }
   return work;
 }

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PendingFrames: those of a job's frames that no worker has begun, the first of them, and the first
-// of a scene. Frames only leave. Ten bytes a frame; a call is O(log frames), amortized.
+// PendingFrames: those of a job's frames that no worker has begun and that wait for nothing, the
+// first of them, and the first of a scene. Less than ten bytes a frame; a call is O(log frames),
+// and a scan of a bit for each 4096 frames.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +15,24 @@
 
 namespace sheaf::coordinator {
 
+// A set of numbers below a size, as bits, with a bit for each word of them that has some.
+class NumberSet {
+ public:
+  NumberSet() = default;
+  // All of them.
+  explicit NumberSet(uint32_t size);
+
+  bool Has(uint32_t number) const { return words_[number / 64] >> (number % 64) & 1; }
+  void Insert(uint32_t number);
+  void Erase(uint32_t number);
+  // The first one that is no less; the size where there is none.
+  uint32_t NextFrom(uint32_t number) const;
+
+ private:
+  uint32_t size_ = 0;
+  std::vector<uint64_t> words_, used_words_;
+};
+
 class PendingFrames {
  public:
   using SceneOf = std::function<const PackedDigest&(uint32_t index)>;
@@ -24,22 +43,21 @@ class PendingFrames {
 
   bool empty() const { return count_ == 0; }
   // Requires: not empty.
-  uint32_t First() const { return first_; }
-  std::optional<uint32_t> FirstOf(const PackedDigest& scene);
+  uint32_t First() const { return pending_.NextFrom(0); }
+  std::optional<uint32_t> FirstOf(const PackedDigest& scene) const;
+  // Nothing happens to one that is there.
+  void Insert(uint32_t index);
   // Nothing happens to one that has left.
   void Erase(uint32_t index);
 
  private:
-  // The first position from this one on that is pending; the number of frames where none is.
-  uint32_t NextFrom(uint32_t position);
+  uint32_t PositionOf(uint32_t index) const;  // In by_scene_.
 
   SceneOf scene_of_;
-  std::vector<bool> pending_;
-  uint32_t count_ = 0, first_ = 0;
+  uint32_t count_ = 0;
+  NumberSet pending_;               // Indices.
   std::vector<uint32_t> by_scene_;  // Indices, by scene and index.
-  // By position in by_scene_: that itself while it is pending, later a position behind it, nearer
-  // to the next that is (union by path halving).
-  std::vector<uint32_t> next_;
+  NumberSet pending_by_scene_;      // Positions in by_scene_.
 };
 
 }  // namespace sheaf::coordinator

@@ -8,6 +8,7 @@
 #include "common/base/check.h"
 #include "common/film/frame_image.h"
 #include "coordinator/core/cell_grid.h"
+#include "coordinator/core/holds/job_approval.h"
 #include "coordinator/core/job_check.h"
 
 namespace sheaf::coordinator {
@@ -91,7 +92,11 @@ absl::Status Scheduler::CheckJob(const JobSpec& spec) const {
         " different requirements of workers, the limit; use a pool or tags that others use, or "
         "try again later"));
   }
-  return CheckJobSpec(spec, limits_);
+  if (absl::Status status = CheckDependencies(spec); !status.ok()) return status;
+  if (spec.approvals.empty()) return CheckJobSpec(spec, limits_);
+  JobSpec approved = spec;
+  approved.frames = ApprovedFrames(spec);
+  return CheckJobSpec(approved, limits_);
 }
 
 absl::Status Scheduler::CheckOwner(const JobSpec& spec) {
@@ -117,7 +122,9 @@ void Scheduler::AddJob(const JobSpec& spec) {
               .partition = spec.partition,
               .numeric_profile = spec.numeric_profile,
               .frames = {},
-              .effect_costs = spec.effect_costs};
+              .effect_costs = spec.effect_costs,
+              .dependencies = spec.dependencies,
+              .approvals = spec.approvals};
   job.frames.resize(spec.frames.size());
   for (size_t i = 0; i < spec.frames.size(); ++i) {
     const PackedFrame& frame = job.frames[i].packed = PackedFrame(spec.frames[i], &job.shapes);
@@ -134,6 +141,9 @@ void Scheduler::AddJob(const JobSpec& spec) {
   ++live_job_count_;
   job.work = WorkOf(spec);
   owner_work_[spec.owner] += job.work;
+  dependents_.Add(spec);
+  JudgeDependencies(&job);
+  JudgeDependents(spec.job_id);  // It may have been there before, as a job that had ended.
 }
 
 void Scheduler::RemoveJob(uint64_t job_id) {
@@ -208,13 +218,14 @@ FrameRecord& Scheduler::Frame(const FrameId& id) {
 void Scheduler::UpdateReadyJob(JobRecord* job) {
   if (job->phase != JobPhase::kLive) return;
   const bool has_work = !job->pending.empty() || !job->ready.empty();
-  shares_.SetReady(job->spec.job_id, has_work && !job->Paused());
+  shares_.SetReady(job->spec.job_id, has_work && job->MayLease());
 }
 
 void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
   const FrameRecord& frame = job->frames[index];
-  if (frame.phase != FrameRecord::Phase::kPending) job->pending.Erase(index);
-  if (frame.phase == FrameRecord::Phase::kOpen && frame.tasks->HasReady()) {
+  const bool is_pending = frame.phase == FrameRecord::Phase::kPending && !frame.blocked;
+  is_pending ? job->pending.Insert(index) : job->pending.Erase(index);
+  if (frame.phase == FrameRecord::Phase::kOpen && !frame.blocked && frame.tasks->HasReady()) {
     job->ready.insert(index);
     job->ready_by_scene[frame.packed.scene().Hex()].insert(index);
   } else if (job->ready.erase(index) > 0) {
@@ -258,6 +269,9 @@ void Scheduler::Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase) 
   round_frames_.erase(id);
   live_frames_.Erase(frame.packed.frame_digest(), id);
   UpdateReady(job, index);
+  if (phase != FrameRecord::Phase::kDelivered) return;
+  if (IsUnapproved(job->spec, id.frame_number)) ++job->unapproved_count;
+  JudgeDependentsOn(id);
 }
 
 Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const PixelRect& tile,
@@ -405,7 +419,8 @@ bool Scheduler::Deliver(const FrameId& id) {
   ++counters_.frames_delivered;
   ++job.delivered_count;
   JudgeIncompleteJob(&job);
-  if (job.delivered_count < static_cast<int32_t>(job.frames.size())) return false;
+  const int32_t done_count = job.delivered_count - job.unapproved_count;
+  if (done_count < static_cast<int32_t>(job.frames.size())) return false;
   EndJob(id.job_id, JobPhase::kSucceeded, "");
   return true;
 }
@@ -435,6 +450,8 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
   of_owner->second -= job.work;
   if (of_owner->second == OwnerWork()) owner_work_.erase(of_owner);
   ended_jobs_.push_back(job_id);
+  dependents_.Erase(job.spec);
+  JudgeDependents(job_id);
 }
 
 std::vector<uint64_t> Scheduler::TakeEndedJobs() { return std::exchange(ended_jobs_, {}); }

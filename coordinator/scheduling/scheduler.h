@@ -53,6 +53,7 @@
 #include "coordinator/core/sharing/share_setting.h"
 #include "coordinator/core/work_left.h"
 #include "coordinator/scheduling/counters.h"
+#include "coordinator/scheduling/dependencies.h"
 #include "coordinator/scheduling/sharing/fair_share.h"
 #include "coordinator/scheduling/frames_by_digest.h"
 #include "coordinator/scheduling/sharing/held_threads.h"
@@ -77,6 +78,7 @@ struct FrameRecord {
   PackedFrame packed;
   Phase phase = Phase::kPending;
   bool loaded = false;                                   // Its scene, by any worker, ever.
+  bool blocked = false;                                  // It waits for a frame of another job.
   std::unique_ptr<FrameTasks> tasks;                     // While open or rendered.
   absl::btree_map<TaskId, TaskFailures> failures;        // A whole frame's are at FrameTroubleId.
   absl::btree_map<std::string, FailureKind> refused_by;  // By worker: scene or memory.
@@ -112,6 +114,8 @@ struct JobRecord {
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
   int32_t delivered_count = 0;
   int32_t incomplete_count = 0;
+  bool blocked = false;          // As a whole it waits for another job.
+  int32_t unapproved_count = 0;  // Delivered frames that wait for approval.
 
   OwnerWork work;  // Of the owner's, while the job is live.
   FailureLog failures;
@@ -122,6 +126,7 @@ struct JobRecord {
   // Requires: there is such a frame.
   uint32_t IndexOf(int32_t frame_number) const;
   bool Paused() const { return paused_time != SteadyTime::InfiniteFuture(); }
+  bool MayLease() const { return !Paused() && !blocked; }
 };
 // The first of all its frames, in this life; InfiniteFuture before.
 SteadyTime FirstLeaseTime(const JobRecord& job);
@@ -163,6 +168,7 @@ class Scheduler {
   struct SynchronizeAnswer {
     std::vector<Lease> leases;
     absl::Duration next_synchronize;
+    bool exits = false;  // It shall end: a person wanted that, and it holds nothing more.
   };
   // Errors: kPermissionDenied (quarantined, or the id is another's), kResourceExhausted (too many
   // workers).
@@ -261,6 +267,21 @@ class Scheduler {
   const FairShare& shares() const { return shares_; }
   const HeldThreads& held_threads() const { return held_threads_; }
 
+  // scheduler_holds.cc
+  // Whether a new job may wait for those that it names. Errors: kInvalidArgument, kNotFound,
+  // kFailedPrecondition.
+  absl::Status CheckDependencies(const JobSpec& spec) const;
+  // The job waits for no other one any more.
+  void Release(uint64_t job_id);
+  // A job that was delivered goes: nobody waits for it any more. Before RemoveJob.
+  void NoteRemoved(uint64_t job_id);
+  // Whether a live job waits for this one.
+  bool IsAwaited(uint64_t job_id) const;
+  // A worker, known or not, finishes what it holds and gets nothing more, until Undrain; then_exit:
+  // it is told to end afterwards. The owner forgets those of workers that do not come any more.
+  void Drain(const std::string& worker_id, bool then_exit);
+  void Undrain(const std::string& worker_id);
+
   // No frame of these scenes is leased until they are no longer named; says why (WaitingReason).
   // Digests of manifests to reasons; replaces what was held before.
   void HoldScenes(std::map<std::string, std::string> reasons) { held_scenes_ = std::move(reasons); }
@@ -287,6 +308,14 @@ class Scheduler {
   // Keeps the ready sets true after a change to a frame or a job.
   void UpdateReady(JobRecord* job, uint32_t index);
   void UpdateReadyJob(JobRecord* job);
+  // scheduler_holds.cc
+  // Whether the job and its frames are blocked, after a change to jobs that they wait for.
+  void JudgeDependencies(JobRecord* job);
+  void JudgeFrame(JobRecord* job, uint32_t index);
+  // The same of those that wait for a job, or for a frame.
+  void JudgeDependents(uint64_t job_id);
+  void JudgeDependentsOn(const FrameId& frame);
+
   bool MayOpen(const FrameRecord& frame) const;
   void Open(JobRecord* job, uint32_t index);
   void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
@@ -417,6 +446,7 @@ class Scheduler {
   HeldThreads held_threads_;
   RequirementGroups requirement_groups_;  // Of live jobs.
   std::map<ShareSubject, ShareSetting> share_settings_;
+  Dependents dependents_;
   FramesByDigest live_frames_;
   std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.

@@ -28,7 +28,7 @@ bool Scheduler::GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime no
     if (++scanned > limits_.check_scan_max) return false;
     JobRecord& job = jobs_.at(id.frame.job_id);
     FrameRecord& frame = Frame(id.frame);
-    if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
+    if (!job.MayLease() || job.spec.numeric_profile != worker->numeric_profile) continue;
     if (!MayOpenFor(frame, *worker) || AwaitsField(frame, id.tile)) continue;
     if (!MayServe(job, *worker)) continue;
     if (!checks_.Find(id)->MayBeDoneBy(worker->identity)) continue;
@@ -84,7 +84,7 @@ void Scheduler::DropChecks(const FrameId& id) {
 bool Scheduler::AwaitsChecks(const FrameId& id, SteadyTime now) {
   const std::vector<TaskId> checks = checks_.OfFrame(id);
   const JobRecord& job = jobs_.at(id.job_id);
-  if (checks.empty() || job.Paused()) return false;
+  if (checks.empty() || !job.MayLease()) return false;
   const auto [wait_end, is_new] = check_wait_ends_.try_emplace(id, now + limits_.check_wait_max);
   if (now >= wait_end->second) return false;
   return std::ranges::any_of(checks, [&](const TaskId& task) {

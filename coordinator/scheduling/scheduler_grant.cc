@@ -37,7 +37,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
     worker->warm_scenes.insert(Frame(leases_.Find(id)->frame).packed.scene().Hex());
   }
   const size_t wanted = worker->Sick() ? 0 : LeasesWanted(*worker);
-  if (!worker->draining && now >= worker->no_work_before) {
+  if (!worker->Draining() && now >= worker->no_work_before) {
     while (worker->leases.size() < wanted && MayHoldMore(*worker) && Grant(worker, now)) {
     }
     if (worker->leases.empty() && wanted > 0 && MayHoldMore(*worker)) Hedge(worker, now);
@@ -45,6 +45,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   SynchronizeAnswer answer;
   for (const uint64_t id : worker->leases) answer.leases.push_back(*leases_.Find(id));
   answer.next_synchronize = NextSynchronize(*worker, now);
+  answer.exits = worker->drained_then_exit && worker->leases.empty();
   return answer;
 }
 
@@ -64,12 +65,12 @@ bool Scheduler::MayHoldMore(const WorkerRecord& worker) const {
 }
 
 bool Scheduler::RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const {
-  if (worker.draining || now < worker.no_work_before) return false;
+  if (worker.Draining() || now < worker.no_work_before) return false;
   int scanned = 0;
   for (const FrameId& id : round_frames_) {
     if (++scanned > limits_.job_scan_max) break;
     const JobRecord& job = jobs_.at(id.job_id);
-    if (!job.Paused() && job.spec.numeric_profile == worker.numeric_profile) return true;
+    if (job.MayLease() && job.spec.numeric_profile == worker.numeric_profile) return true;
   }
   return false;
 }
@@ -204,7 +205,7 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
 }
 
 bool Scheduler::MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const {
-  return !frame.refused_by.contains(worker.worker_id) && !IsHeld(frame);
+  return !frame.blocked && !frame.refused_by.contains(worker.worker_id) && !IsHeld(frame);
 }
 
 bool Scheduler::MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
@@ -228,7 +229,7 @@ bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
     FrameRecord& frame = Frame(first.frame);
     if (first.worker_id == worker->worker_id) continue;
     if (AwaitsField(frame, first.task.tile)) continue;
-    if (job.Paused() || job.spec.numeric_profile != worker->numeric_profile) continue;
+    if (!job.MayLease() || job.spec.numeric_profile != worker->numeric_profile) continue;
     if (!MayServe(job, *worker)) continue;
     if (!MayRender(frame, MakeTaskId(first.frame, first.task), *worker, now)) continue;
     ++counters_.leases_hedged;

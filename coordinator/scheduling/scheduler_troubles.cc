@@ -113,7 +113,8 @@ void Scheduler::CloseStuckFrames() {
 void Scheduler::JudgeIncompleteJob(JobRecord* job) {
   const auto frame_count = static_cast<int32_t>(job->frames.size());
   if (job->incomplete_count == 0 || job->phase != JobPhase::kLive) return;
-  if (job->delivered_count + job->incomplete_count < frame_count) return;
+  const int32_t done_count = job->delivered_count - job->unapproved_count;
+  if (done_count + job->incomplete_count < frame_count) return;
   const auto first =
       std::ranges::find(job->frames, FrameRecord::Phase::kIncomplete, &FrameRecord::phase);
   EndJob(job->spec.job_id, JobPhase::kFailed,
@@ -347,6 +348,7 @@ std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {
 std::string Scheduler::WaitingReason(const JobRecord& job) const {
   if (job.phase != JobPhase::kLive || job.Paused()) return "";
   if (leases_.CountOfJob(job.spec.job_id) > 0) return "";
+  if (std::string why = WhyHeld(jobs_, job); !why.empty()) return why;
   for (const FrameRecord& frame : job.frames) {
     if (held_scenes_.empty()) break;
     const bool waits =
@@ -358,16 +360,18 @@ std::string Scheduler::WaitingReason(const JobRecord& job) const {
     return why.empty() ? WhyOthersAreNeeded(job) : why;
   }
   std::string other;
-  bool some_are_sick = false;
+  bool some_are_sick = false, some_are_drained = false;
   for (const auto& [id, worker] : workers_.workers()) {
     some_are_sick |= worker.Sick() && !worker.lost;
+    some_are_drained |= worker.drained && !worker.draining && !worker.lost;
     if (!worker.Live()) continue;
     other = worker.numeric_profile;
     break;
   }
   if (workers_.LiveCount() == 0) {
-    return some_are_sick ? "all connected workers are sick; sheaf workers says why"
-                         : "no worker is connected";
+    return some_are_sick      ? "all connected workers are sick; sheaf workers says why"
+           : some_are_drained ? "all connected workers are drained; sheaf undrain gives them work"
+                              : "no worker is connected";
   }
   return absl::StrCat("no worker of the job's numeric profile \"", job.spec.numeric_profile,
                       "\" is connected; the connected workers have \"", other, "\"");

@@ -48,6 +48,7 @@ WorkerRecord* WorkerTable::Touch(const WorkerReport& report, SteadyTime now) {
     ++identities_[found->second.identity].worker_count;
     const auto quarantine = quarantined_.find(found->second.identity);
     if (quarantine != quarantined_.end()) found->second.quarantine_reason = quarantine->second;
+    ApplyDrain(&found->second);
   } else {
     CountLive(found->second, -1);
     heard_.erase({found->second.last_seen_time, report.worker_id});
@@ -112,6 +113,30 @@ void WorkerTable::LiftQuarantine(const std::string& identity) {
 void WorkerTable::SetSick(WorkerRecord* worker, const std::string& reason) {
   CountLive(*worker, -1);
   worker->sick_reason = reason;
+  CountLive(*worker, +1);
+}
+
+void WorkerTable::ApplyDrain(WorkerRecord* worker) const {
+  const auto drain = drains_.find(worker->worker_id);
+  worker->drained = drain != drains_.end();
+  worker->drained_then_exit = worker->drained && drain->second;
+}
+
+void WorkerTable::Drain(const std::string& worker_id, bool then_exit) {
+  drains_[worker_id] = then_exit;
+  WorkerRecord* worker = Find(worker_id);
+  if (worker == nullptr) return;
+  CountLive(*worker, -1);
+  ApplyDrain(worker);
+  CountLive(*worker, +1);
+}
+
+void WorkerTable::Undrain(const std::string& worker_id) {
+  if (drains_.erase(worker_id) == 0) return;
+  WorkerRecord* worker = Find(worker_id);
+  if (worker == nullptr) return;
+  CountLive(*worker, -1);
+  ApplyDrain(worker);
   CountLive(*worker, +1);
 }
 

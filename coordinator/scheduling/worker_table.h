@@ -26,7 +26,9 @@ struct WorkerRecord {
   WorkerTraits traits;
   int32_t thread_count = 1;
   int32_t requested_lease_count = 0;
-  bool draining = false;
+  bool draining = false;           // It said that it is stopping.
+  bool drained = false;            // A person has taken it out: it gets nothing more.
+  bool drained_then_exit = false;  // ... and shall end when it holds nothing more.
   bool lost = false;
   std::string quarantine_reason;      // Empty while it is trusted.
   std::string sick_reason;            // Why it gets no work, until a person lifts that; or empty.
@@ -50,7 +52,8 @@ struct WorkerRecord {
   bool Sick() const { return !sick_reason.empty(); }
   // Whether it has ended in order: it said that it stops, and holds nothing more.
   bool Stopped() const { return draining && !lost && leases.empty(); }
-  bool Live() const { return !lost && !draining && !Quarantined() && !Sick(); }
+  bool Draining() const { return draining || drained; }
+  bool Live() const { return !lost && !Draining() && !Quarantined() && !Sick(); }
   // Pixel samples per second and thread; 0 until a result is there.
   double SamplesPerThreadSecond() const;
   // The number of threads that samples get all of: at least a tenth of its own, at most all.
@@ -71,6 +74,9 @@ class WorkerTable {
   void LiftQuarantine(const std::string& identity);
   // Excludes one worker, not those that come after it; an empty reason ends that.
   void SetSick(WorkerRecord* worker, const std::string& reason);
+  // Takes a worker out, which may be unknown yet, or gives it work again.
+  void Drain(const std::string& worker_id, bool then_exit);
+  void Undrain(const std::string& worker_id);
   // By identity, the reasons.
   const std::map<std::string, std::string>& quarantined() const { return quarantined_; }
   std::vector<WorkerRecord*> WorkersOf(const std::string& identity);
@@ -108,6 +114,8 @@ class WorkerTable {
   };
   void CountLive(const WorkerRecord& worker, int sign);
   void SetQuarantine(const std::string& identity, const std::string& reason);
+  // Notes whether it is drained.
+  void ApplyDrain(WorkerRecord* worker) const;
 
   const Limits& limits_;
   std::map<std::string, WorkerRecord> workers_;
@@ -115,6 +123,7 @@ class WorkerTable {
   std::map<std::string, LiveWorkers> live_;                      // By numeric profile.
   std::map<std::string, IdentityRecord> identities_;             // Of known workers.
   std::map<std::string, std::string> quarantined_;
+  std::map<std::string, bool> drains_;  // By worker id, whether it exits then.
   std::deque<std::string> quarantine_order_;  // Those of quarantined_, the oldest first.
   WorkerKinds kinds_;
   int live_total_ = 0;

@@ -143,6 +143,13 @@ class JobStore {
   // A job that ends is no longer paused.
   virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
   virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;
+  // The job waits for no other one any more.
+  virtual absl::Status ReleaseJob(uint64_t job_id) = 0;
+  // Workers that people take out. Writing replaces what is stored of a worker; nothing happens
+  // where there is nothing to remove.
+  virtual absl::Status WriteDrains(const std::vector<DrainRecord>& records) = 0;
+  virtual absl::Status RemoveDrains(const std::vector<std::string>& worker_ids) = 0;
+  virtual absl::StatusOr<std::vector<DrainRecord>> LoadDrains() = 0;
 
   // Retention (coordinator/core/retention/retention.h).
   virtual absl::Status SetPinned(uint64_t job_id, bool pinned) = 0;
@@ -205,8 +212,8 @@ class JobStore {
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
   // Continues a job that has ended: marks these frames as not delivered, and replaces their rules,
-  // samples, rounds and resumed images. The same again changes nothing, and counts no correction
-  // twice.
+  // samples, rounds and resumed images. Frames that waited for approval, and get the samples of it,
+  // are approved. The same again changes nothing, and counts no correction twice.
   struct ReopenedFrame {
     FrameSpec spec;
     std::vector<RoundRecord> rounds;

@@ -80,6 +80,7 @@ absl::StatusOr<std::vector<StoredJob>> SqliteJobStore::ReadJobs() {
   for (StoredJob& job : jobs) by_id[job.spec.job_id] = &job;
   if (absl::Status status = LoadEffects(by_id); !status.ok()) return status;
   if (absl::Status status = LoadFailures(by_id); !status.ok()) return status;
+  if (absl::Status status = LoadHolds(by_id); !status.ok()) return status;
   for (StoredJob& job : jobs) {
     absl::StatusOr<std::vector<TaskTrouble>> troubles = ReadTroubles(job.spec.job_id);
     if (!troubles.ok()) return troubles.status();
@@ -171,6 +172,7 @@ absl::StatusOr<JobStore::CreatedJob> SqliteJobStore::InsertJob(const JobSpec& sp
   if (!status.ok()) return status;
   if (status = InsertFrames(job.spec.job_id, spec.frames); !status.ok()) return status;
   if (status = InsertEffects(job.spec.job_id, spec.effect_costs); !status.ok()) return status;
+  if (status = InsertHolds(job.spec.job_id, spec); !status.ok()) return status;
   return CreatedJob{job.spec.job_id, true};
 }
 

@@ -61,6 +61,10 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override;
   absl::Status SetPaused(uint64_t job_id, bool paused) override;
   absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
+  absl::Status ReleaseJob(uint64_t job_id) override;
+  absl::Status WriteDrains(const std::vector<DrainRecord>& records) override;
+  absl::Status RemoveDrains(const std::vector<std::string>& worker_ids) override;
+  absl::StatusOr<std::vector<DrainRecord>> LoadDrains() override;
   absl::Status SetPinned(uint64_t job_id, bool pinned) override;
   absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) override;
   absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override;
@@ -142,10 +146,19 @@ class SqliteJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Both add to the jobs in the map, which is keyed by job id, and ignore rows of other jobs.
+  absl::Status InsertHolds(uint64_t job_id, const JobSpec& spec)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // Approves the frame where it waits for so many samples, or fewer.
+  absl::Status NoteApproval(const FrameId& frame, uint64_t samples)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // Of a job that goes.
+  absl::Status RemoveHolds(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // All three add to the jobs in the map, which is keyed by job id, and ignore rows of other jobs.
   absl::Status LoadEffects(const std::map<uint64_t, StoredJob*>& jobs)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status LoadFailures(const std::map<uint64_t, StoredJob*>& jobs)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status LoadHolds(const std::map<uint64_t, StoredJob*>& jobs)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::StatusOr<std::vector<TaskTrouble>> ReadTroubles(uint64_t job_id)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);

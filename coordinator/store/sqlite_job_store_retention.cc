@@ -80,7 +80,7 @@ absl::Status SqliteJobStore::RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes
                  .Bind(job_id)
                  .Run();
   }
-  return status;
+  return status.ok() ? RemoveHolds(job_id) : status;
 }
 
 absl::Status SqliteJobStore::RemoveFilesOf(uint64_t job_id) {

@@ -119,6 +119,7 @@ absl::Status SqliteJobStore::ReopenJob(uint64_t job_id, const std::vector<Reopen
                    .Bind(id.frame_number)
                    .Run();
       if (!status.ok()) return status;
+      if (status = NoteApproval(id, frame.spec.settings.samples); !status.ok()) return status;
       status = database_->Prepare("DELETE FROM rounds WHERE job_id = ? AND frame_number = ?")
                    .Bind(job_id)
                    .Bind(id.frame_number)

@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 28;
+constexpr int64_t kSchemaVersion = 29;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -235,6 +235,19 @@ CREATE TABLE usage(
   part_bytes INTEGER NOT NULL, image_bytes INTEGER NOT NULL,
   PRIMARY KEY(day, owner, show, job_id)) WITHOUT ROWID;
 )sql";
+constexpr char kAddedBy29[] = R"sql(
+CREATE TABLE dependencies(
+  job_id INTEGER NOT NULL, on_job_id INTEGER NOT NULL, by_frame INTEGER NOT NULL,
+  released INTEGER NOT NULL, removed INTEGER NOT NULL, PRIMARY KEY(job_id, on_job_id))
+  WITHOUT ROWID;
+CREATE INDEX dependencies_by_job ON dependencies(on_job_id);
+CREATE TABLE approvals(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, samples INTEGER NOT NULL,
+  approved INTEGER NOT NULL, seal INTEGER NOT NULL, PRIMARY KEY(job_id, frame_number))
+  WITHOUT ROWID;
+CREATE TABLE drains(
+  worker_id TEXT PRIMARY KEY, then_exit INTEGER NOT NULL, time_ns INTEGER NOT NULL) WITHOUT ROWID;
+)sql";
 
 // "table.column" of all.
 absl::StatusOr<std::set<std::string>> ColumnsOf(SqliteDatabase* database) {
@@ -271,7 +284,7 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
       kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
       kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
       kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
-      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26, kAddedBy27, kAddedBy28};
+      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26, kAddedBy27, kAddedBy28, kAddedBy29};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

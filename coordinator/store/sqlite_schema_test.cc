@@ -21,14 +21,15 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// Takes away what schemas 23 to 28 added.
+// Takes away what schemas 23 to 29 added.
 constexpr char kWithout23[] =
     "ALTER TABLE frames DROP COLUMN light_samples_max;DROP TABLE task_failures;"
     "ALTER TABLE jobs DROP COLUMN pinned;ALTER TABLE jobs DROP COLUMN parts_removed_ns;"
     "DROP TABLE removed_jobs;ALTER TABLE jobs DROP COLUMN state_seal;"
     "ALTER TABLE jobs DROP COLUMN show;ALTER TABLE jobs DROP COLUMN pool;"
     "ALTER TABLE jobs DROP COLUMN required_tags;ALTER TABLE jobs DROP COLUMN memory_min_bytes;"
-    "ALTER TABLE jobs DROP COLUMN memory_expected_bytes;DROP TABLE shares;DROP TABLE usage;";
+    "ALTER TABLE jobs DROP COLUMN memory_expected_bytes;DROP TABLE shares;DROP TABLE usage;DROP "
+    "TABLE dependencies;DROP TABLE approvals;DROP TABLE drains;";
 
 // A store with one job.
 class SqliteSchemaTest : public testing::Test {

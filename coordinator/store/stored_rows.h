@@ -365,6 +365,42 @@ void VisitColumns(Row& row, const Visitor& visit) {
   VisitColumns(row.usage, visit);
 }
 
+// The table `dependencies`.
+struct DependencyRow {
+  uint64_t job_id = 0;  // The job that waits.
+  JobDependency dependency;
+};
+template <RowOf<DependencyRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.job_id);
+  visit("on_job_id", row.dependency.job_id);
+  visit("by_frame", row.dependency.by_frame);
+  visit("released", row.dependency.released);
+  visit("removed", row.dependency.removed);
+}
+
+// The table `approvals`. Sealed: the samples of images depend on it.
+struct ApprovalRow {
+  uint64_t job_id = 0;
+  int32_t frame_number = 0;
+  FrameApproval approval;
+};
+template <RowOf<ApprovalRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.job_id);
+  visit("frame_number", row.frame_number);
+  visit("samples", row.approval.samples);
+  visit("approved", row.approval.approved);
+}
+
+// The table `drains`.
+template <RowOf<DrainRecord> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("worker_id", row.worker_id);
+  visit("then_exit", row.then_exit);
+  visit("time_ns", row.time);
+}
+
 // The table `quarantines`.
 template <RowOf<QuarantineRecord> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {

@@ -44,6 +44,8 @@ export interface Job {
   frame_complete_count: number;
   // Frames that have ended without an image; missing from coordinators without failure classes.
   incomplete_frame_count?: number;
+  // Frames that wait for approval after a first pass; missing from coordinators without it.
+  unapproved_frame_count?: number;
   // The most active frame; null if no frame has an image yet.
   preview_frame: PreviewFrame|null;
   progress: Progress;
@@ -314,6 +316,7 @@ export const retryTasks = (name: string, frame: number|null, task: number|null) 
         ':retry' + (frame === null ? '' : '?frame=' + frame) +
             (task === null ? '' : '&task=' + task));
 export const killFrame = (name: string, frame: number) => act(name, ':kill?frame=' + frame);
+export const approveFrames = (name: string) => act(name, ':approve');
 export const setPriority = (name: string, priority: number) =>
     act(name, ':priority?value=' + priority);
 export const refineJob = (name: string, targetError: number) =>

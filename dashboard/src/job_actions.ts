@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Actions on the selected job: pause, resume, set its priority, cancel, refine it when it is
-// finished, try its failed work again, and give up a frame.
+// Actions on the selected job: pause, resume, set its priority, approve its frames, cancel, refine
+// it when it is finished, try its failed work again, and give up a frame.
 
 import * as api from './api';
 import type {Frame, Job} from './api';
@@ -23,6 +23,7 @@ export class JobActions {
 
   constructor(private readonly store: Store) {
     byId('pause').addEventListener('click', () => this.pauseOrResume());
+    byId('approve').addEventListener('click', () => this.approve());
     byId('cancel').addEventListener('click', () => this.cancel());
     byId('refine').addEventListener('click', () => this.refine());
     byId('retry').addEventListener('click', () => this.retry(null, null));
@@ -39,6 +40,7 @@ export class JobActions {
     byId('retry').hidden = !job || !mayRetry(job, this.store.frames.sorted);
     byId('kill-frame').hidden = ended || !frame || job.frame_count < 2 || !mayKill(frame);
     for (const id of ['priority-box', 'pause', 'cancel']) byId(id).hidden = ended;
+    byId('approve').hidden = ended || !job.unapproved_frame_count;
     byId('refine').hidden = job?.state !== 'succeeded' || !job.progress.relative_mse;
     if (!job) return;
     setText(byId('pause'), job.state === 'paused' ? 'Resume job' : 'Pause job');
@@ -56,6 +58,11 @@ export class JobActions {
       void this.act('resuming', job, () => api.resumeJob(job.name));
     else
       void this.act('pausing', job, () => api.pauseJob(job.name));
+  }
+
+  private approve() {
+    const {job} = this.store;
+    if (job) void this.act('approving', job, () => api.approveFrames(job.name));
   }
 
   private setPriority() {

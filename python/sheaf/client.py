@@ -178,6 +178,15 @@ class Client:
     def unpin(self, job: JobLike) -> Job:
         return job_from(self._unary("UnpinJob", job_pb2.UnpinJobRequest(name=job_name(job))))
 
+    def release(self, job: JobLike) -> Job:
+        """Starts a job that waits for other jobs, whatever became of them."""
+        return job_from(self._unary("ReleaseJob", job_pb2.ReleaseJobRequest(name=job_name(job))))
+
+    def approve(self, job: JobLike, frames: Sequence[int] = ()) -> Job:
+        """Has frames rendered to the end that wait for approval; by default all that wait."""
+        request = job_pb2.ApproveFramesRequest(name=job_name(job), frame_numbers=list(frames))
+        return job_from(self._unary("ApproveFrames", request))
+
     def retry(self, job: JobLike, *, frame: int | None = None, task: int | None = None) -> Job:
         """Tries the failed work of the job again, of one frame, or of one task of a frame."""
         request = job_pb2.RetryTasksRequest(name=job_name(job))

@@ -49,6 +49,10 @@ struct ServedFarm {
     actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
       return UsageReport();
     };
+        actions.release_job = [](const std::string&) { return absl::OkStatus(); };
+    actions.approve_frames = [](const std::string&, const std::vector<int32_t>&) {
+      return absl::OkStatus();
+    };
     actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
       return std::vector<RemovalView>{{"blob", "", "no job names it", 1, 1}};
     };

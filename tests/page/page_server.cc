@@ -250,6 +250,9 @@ int main(int argc, char** argv) {
   actions.resume_job = [&](const std::string& job_id) {
     return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
   };
+  actions.approve_frames = [&](const std::string& job_id, const std::vector<int32_t>&) {
+    return change(job_id, [](JobView* job) { job->unapproved_frame_count = 0; });
+  };
   actions.pin_job = [&](const std::string& job_id) {
     return change(job_id, [](JobView* job) { job->pinned = true; });
   };

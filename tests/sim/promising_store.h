@@ -106,6 +106,16 @@ class PromisingStore : public coordinator::JobStore {
     promises_.Prioritized(job_id, priority, Certain(status));
     return status;
   }
+  absl::Status ReleaseJob(uint64_t job_id) override { return store_->ReleaseJob(job_id); }
+  absl::Status WriteDrains(const std::vector<coordinator::DrainRecord>& records) override {
+    return store_->WriteDrains(records);
+  }
+  absl::Status RemoveDrains(const std::vector<std::string>& worker_ids) override {
+    return store_->RemoveDrains(worker_ids);
+  }
+  absl::StatusOr<std::vector<coordinator::DrainRecord>> LoadDrains() override {
+    return store_->LoadDrains();
+  }
   // Farms of the simulation keep everything, unless parts exceed their limit.
   absl::Status SetPinned(uint64_t job_id, bool pinned) override {
     return store_->SetPinned(job_id, pinned);

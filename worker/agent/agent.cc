@@ -97,13 +97,15 @@ void Agent::AdvanceStage(bool stop_requested) {
   if (!ledger_.Empty() || !outbox_.empty()) idle_since_ = now;
   const bool idle_for_long =
       options_.exit_when_idle.count() > 0 && now - idle_since_ >= options_.exit_when_idle;
-  if (stage_ == Stage::kWorking && (stop_requested || idle_for_long)) {
+  if (stage_ == Stage::kWorking && (stop_requested || told_to_exit_ || idle_for_long)) {
     stage_ = Stage::kFinishing;
     grace_end_ = now + options_.grace;
     farewell_end_ = grace_end_ + options_.farewell;
     ledger_.ReleaseQueued();
     news_ = true;
-    LogInfo(stop_requested ? "stopping: finishing the running tasks" : "idle: stopping");
+    LogInfo(stop_requested  ? "stopping: finishing the running tasks"
+            : told_to_exit_ ? "drained: stopping, as an operator wants"
+                            : "idle: stopping");
   }
   if (stage_ == Stage::kFinishing && now >= grace_end_ && ledger_.HasRunning()) {
     stage_ = Stage::kReleasing;
@@ -166,6 +168,7 @@ void Agent::Synchronize() {
   answered_.NotifyAll();
   backoff_ = options_.backoff_initial;
   next_synchronize_ = now_() + desired->next_synchronize;
+  told_to_exit_ |= desired->exit;
   const int new_count = ledger_.Apply(snapshot.sequence, desired->leases);
   // Granted before the coordinator knew that this worker is stopping.
   if (stage_ != Stage::kWorking && ledger_.HasQueued()) {

@@ -113,6 +113,7 @@ class Agent {
   ResultOutbox outbox_ ABSL_GUARDED_BY(mutex_);
   AgentCounts counts_ ABSL_GUARDED_BY(mutex_);
   Stage stage_ ABSL_GUARDED_BY(mutex_) = Stage::kWorking;
+  bool told_to_exit_ ABSL_GUARDED_BY(mutex_) = false;
   // News since the last call of Synchronize was made.
   bool news_ ABSL_GUARDED_BY(mutex_) = false;
   bool reachable_ ABSL_GUARDED_BY(mutex_) = true;      // Whether the last call was answered.

@@ -70,6 +70,7 @@ struct DesiredState {
   std::vector<Lease> leases;
   std::chrono::milliseconds next_synchronize{1000};
   std::chrono::milliseconds lease_duration{30'000};
+  bool exit = false;  // A person took the worker out, and it holds nothing more: it ends.
 };
 
 // A rendered task, encoded and ready to be sent, repeatedly if needed.

@@ -166,6 +166,7 @@ absl::StatusOr<DesiredState> FromWire(const v1::SynchronizeResponse& response) {
                                       kNextSynchronizeMin, kNextSynchronizeMax);
   state.lease_duration =
       std::max(FromWire(response.lease_duration()), std::chrono::milliseconds::zero());
+  state.exit = response.exit();
   return state;
 }
 

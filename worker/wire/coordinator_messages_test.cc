@@ -178,6 +178,9 @@ TEST(WireTest, BoundsTheNextCallTime) {
   EXPECT_GT(FromWire(response)->next_synchronize.count(), 0);
   response.mutable_next_synchronize_duration()->set_seconds(1'000'000'000);
   EXPECT_LE(FromWire(response)->next_synchronize, std::chrono::minutes(1));
+  EXPECT_FALSE(FromWire(response)->exit);
+  response.set_exit(true);
+  EXPECT_TRUE(FromWire(response)->exit);
 }
 
 TEST(WireTest, DurationsSaturate) {

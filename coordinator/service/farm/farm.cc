@@ -57,6 +57,7 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::OpenWithoutThread(const FarmOptions&
       new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews), *secret));
   if (absl::Status status = farm->lifecycle_.Load(); !status.ok()) return status;
   if (absl::Status status = farm->share_control_.Load(); !status.ok()) return status;
+  if (absl::Status status = farm->drains_.Load(); !status.ok()) return status;
   return farm;
 }
 
@@ -77,6 +78,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       lifecycle_(
           options, NumericProfile(),
           {tables_, *store_, removals_, *round_previews_, resumed_, queue_, disk_, signals_}),
+      drains_(options.limits, {tables_, *store_, disk_, signals_}),
       tiles_(&tables_, store_.get(), &resumed_, &removals_),
       rounds_(&tables_, store_.get(), round_previews_.get(), &disk_),
       images_(options.state_directory, &tables_, store_.get()),
@@ -126,6 +128,7 @@ void Farm::RunOnce() {
     next_usage_write_ = now + kUsageWriteInterval;
     WriteUsage();
   }
+  drains_.ForgetOld();
   keeper_.Update();
   lost_scenes_.Update();
   delivery_.RefreshFrames();
@@ -195,6 +198,7 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
           {std::move(lease), frame.frame_digest, frame.scene, frame.settings, /*token=*/""});
     }
     answer.next_synchronize = decided->next_synchronize;
+    answer.exits = decided->exits;
     answer.lease_duration = options_.limits.lease_duration;
   }
   for (LeaseGrant& grant : answer.leases) {

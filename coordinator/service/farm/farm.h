@@ -11,6 +11,7 @@
 //                      guiding fields to workers
 //     FrameRounds      goes from one round of a frame to the next
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
+//     WorkerDrains     takes workers out
 //     DiskKeeper       removes what is not kept any longer
 //     Scrubber         compares what is kept with its digests, in a thread of its own
 //     ShareControl     weights and limits of users, shows and pools
@@ -44,6 +45,7 @@
 #include "coordinator/service/farm/frame_delivery.h"
 #include "coordinator/service/farm/frame_previews.h"
 #include "coordinator/service/farm/frame_rounds.h"
+#include "coordinator/service/farm/holds/worker_drains.h"
 #include "coordinator/service/farm/job_lifecycle.h"
 #include "coordinator/service/farm/job_views.h"
 #include "coordinator/service/farm/lost_scenes.h"
@@ -118,6 +120,25 @@ class Farm : public FarmView {
     return lifecycle_.SetPriority(job_id, priority);
   }
 
+  // Starts a job that waits for others, whatever became of them. OK means: it is durable. Errors:
+  // kNotFound; kFailedPrecondition (it waits for none, or has ended); kUnavailable (the disk).
+  absl::Status ReleaseJob(uint64_t job_id) { return lifecycle_.Release(job_id); }
+  // Goes on with frames that wait for approval: with these or, where none is named, with all that
+  // wait now. Nothing happens to those that are approved. OK means: it is durable. Errors:
+  // kNotFound; kFailedPrecondition (the job or a frame does not wait); kUnavailable (the disk).
+  absl::Status ApproveFrames(uint64_t job_id, const std::vector<int32_t>& frames) {
+    const ResultIntake::Pause pause(&intake_);
+    return lifecycle_.Approve(job_id, frames);
+  }
+  // Errors: those of WorkerDrains.
+  absl::StatusOr<std::vector<std::string>> DrainWorkers(const ChosenWorkers& chosen,
+                                                        bool then_exit) {
+    return drains_.Drain(chosen, then_exit);
+  }
+  absl::StatusOr<std::vector<std::string>> UndrainWorkers(const ChosenWorkers& chosen) {
+    return drains_.Undrain(chosen);
+  }
+
   // Goes on with a job that succeeded, from the parts that are kept of it; what is not kept is
   // rendered again. Nothing happens where all of its frames are good enough. OK means: it is
   // durable. Errors: kNotFound; kFailedPrecondition (it has not succeeded); kInvalidArgument (fewer
@@ -166,6 +187,7 @@ class Farm : public FarmView {
     std::vector<LeaseGrant> leases;
     absl::Duration next_synchronize;
     absl::Duration lease_duration;
+    bool exits = false;  // As Scheduler has it.
   };
   // Errors: those of Scheduler::Synchronize.
   absl::StatusOr<SynchronizeAnswer> Synchronize(WorkerReport report);
@@ -281,6 +303,7 @@ class Farm : public FarmView {
   DeliveryQueue queue_;
   ResumedFrames resumed_;
   JobLifecycle lifecycle_;
+  WorkerDrains drains_;
   TileBuilder tiles_;
   FrameRounds rounds_;
   DeliveredImages images_;

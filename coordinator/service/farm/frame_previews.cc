@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/shrink_image.h"
+#include "coordinator/core/holds/job_approval.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -56,7 +57,11 @@ absl::StatusOr<FramePreviews::ShownFrame> FramePreviews::Find(const std::string&
   }
   shown.window = frame->settings().window;
   shown.complete = frame->phase == FrameRecord::Phase::kDelivered;
-  if (shown.complete) shown.version = kDeliveredPreviewVersion;
+  if (shown.complete) {
+    const JobSpec& spec = tables_.scheduler.jobs().at(id).spec;
+    shown.version =
+        IsUnapproved(spec, frame_number) ? kUnapprovedPreviewVersion : kDeliveredPreviewVersion;
+  }
   if (const auto found = tables_.open_frames.find(shown.id);
       !shown.complete && found != tables_.open_frames.end() && found->second.preview_version > 0) {
     shown.open = found->second.frame;

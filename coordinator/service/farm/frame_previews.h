@@ -21,6 +21,8 @@ namespace sheaf::coordinator {
 
 // The version of a delivered frame's preview, which never changes again.
 inline constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
+// The same of an image that waits for approval: the final one is another.
+inline constexpr uint64_t kUnapprovedPreviewVersion = kDeliveredPreviewVersion - 1;
 
 // Thread safety: all members may be called concurrently.
 class FramePreviews {

@@ -27,6 +27,12 @@ absl::Status RequireUnfinished(const JobRecord& job, const char* action) {
 }  // namespace
 
 absl::StatusOr<uint64_t> JobLifecycle::Create(JobSpec spec, const std::string& request_id) {
+  if (spec.dependencies.empty()) return CreateNew(std::move(spec), request_id);
+  const MutexLock settling(&settle_mutex_);
+  return CreateNew(std::move(spec), request_id);
+}
+
+absl::StatusOr<uint64_t> JobLifecycle::CreateNew(JobSpec spec, const std::string& request_id) {
   const absl::StatusOr<std::optional<uint64_t>> existing = store_.FindRequest(request_id);
   if (!existing.ok()) return existing.status();
   if (existing->has_value()) return **existing;

@@ -64,6 +64,9 @@ class JobLifecycle {
   absl::Status SetPaused(uint64_t job_id, bool paused);
   absl::Status SetPriority(uint64_t job_id, int32_t priority);
   absl::Status Refine(uint64_t job_id, const Refinement& refinement);
+  // These two in holds/job_holds.cc. Requires for Approve: no result is taken meanwhile.
+  absl::Status Release(uint64_t job_id);
+  absl::Status Approve(uint64_t job_id, const std::vector<int32_t>& numbers);
   // Requires for Retry: no result is taken meanwhile.
   absl::Status Retry(uint64_t job_id, std::optional<int32_t> frame, std::optional<uint32_t> task);
   absl::Status Kill(const FrameId& id, std::optional<uint32_t> task, const std::string& why);
@@ -117,6 +120,8 @@ class JobLifecycle {
   // By frame: its tiles of which parts are on disk.
   using TilesOnDisk = std::map<FrameId, std::set<uint32_t>>;
 
+  // Requires: a job that the new one waits for is not removed meanwhile.
+  absl::StatusOr<uint64_t> CreateNew(JobSpec spec, const std::string& request_id);
   void CancelForgottenPilots() ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   void SaveNewQuarantines() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void SaveNewFailures() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);

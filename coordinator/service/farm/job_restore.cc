@@ -159,7 +159,10 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
                          " results on disk"));
   }
   // All frames were delivered, but the coordinator was stopped before it noted the job's end.
-  if (job.delivered.size() == job.spec.frames.size()) {
+  const JobRecord& record = tables_.scheduler.jobs().at(job.spec.job_id);
+  const bool is_done =
+      job.delivered.size() == job.spec.frames.size() && record.unapproved_count == 0;
+  if (is_done) {
     tables_.scheduler.EndJob(job.spec.job_id, JobPhase::kSucceeded, "");
     tables_.NoteEndedJobs();
   }

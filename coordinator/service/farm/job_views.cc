@@ -9,6 +9,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "coordinator/core/holds/job_approval.h"
 #include "coordinator/service/farm/frame_previews.h"
 
 namespace sheaf::coordinator {
@@ -134,6 +135,12 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   view.end_time = account.end_time;
   view.failure_count = job.failures.count;
   view.frame_incomplete_count = job.incomplete_count;
+  view.unapproved_frame_count = job.unapproved_count;
+  const JobRecords& jobs = tables_.scheduler.jobs();
+  for (const JobDependency& dependency : job.spec.dependencies) {
+    view.dependencies.push_back({absl::StrCat(dependency.job_id), dependency.by_frame,
+                                 DependencyText(jobs, job, dependency)});
+  }
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   if (with_frames) view.effect_costs = job.spec.effect_costs;
@@ -155,7 +162,8 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
     progress.relative_mse /= static_cast<double>(progress.sample_count_done);
   }
   progress.wall_seconds = Seconds(tables_.WallOfJob(job, now));
-  if (job.phase == JobPhase::kLive && !job.Paused()) {
+  // Nobody knows how long a person takes.
+  if (job.phase == JobPhase::kLive && !job.Paused() && WhyHeld(jobs, job).empty()) {
     EstimateRemaining(job, now, &progress);
   }
   if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
@@ -185,12 +193,17 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
     if (frame.phase == FrameRecord::Phase::kIncomplete) view.incomplete = IncompleteText(frame);
     AddSetAside(frame, &view);
   }
+  view.waiting_reason = WhyFrameWaits(tables_.scheduler.jobs(), job, frame);
   const std::map<int32_t, int32_t>& corrections = tables_.accounts.at(id.job_id).corrections;
   const auto corrected = corrections.find(id.frame_number);
   if (corrected != corrections.end()) view.correction_count = corrected->second;
   ProgressView& progress = view.progress;
   progress.sample_count_done = frame.sample_count_done;
   progress.sample_count_total = tables_.SamplesExpected(id, frame);
+  if (IsUnapproved(job.spec, frame.number())) {
+    const uint64_t samples = job.spec.approvals.at(frame.number()).samples;
+    progress.sample_count_total = progress.sample_count_total / frame.settings().samples * samples;
+  }
   progress.nonfinite_count = frame.cost.nonfinite_count;
   progress.ray_count = frame.cost.ray_count;
   progress.cpu_seconds = Seconds(frame.cost.cpu_duration);
@@ -199,7 +212,8 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
     view.image_digest = delivered.image_digest;
     view.output_path =
         absl::StrCat(state_directory_, "/outputs/", id.job_id, "/", id.frame_number, ".exr");
-    view.preview_version = kDeliveredPreviewVersion;
+    view.preview_version = IsUnapproved(job.spec, frame.number()) ? kUnapprovedPreviewVersion
+                                                                  : kDeliveredPreviewVersion;
     progress.relative_mse = delivered.relative_mse;
     view.stop_reason = delivered.stop_reason;
     view.tile_count = delivered.tile_count;

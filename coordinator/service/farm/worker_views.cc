@@ -16,7 +16,7 @@ WorkerState StateOf(const WorkerRecord& worker) {
   if (worker.Quarantined()) return WorkerState::kQuarantined;
   if (worker.lost) return WorkerState::kLost;
   if (worker.Stopped()) return WorkerState::kStopped;
-  if (worker.draining) return WorkerState::kDraining;
+  if (worker.Draining()) return WorkerState::kDraining;
   if (worker.Sick()) return WorkerState::kSick;
   return worker.leases.empty() ? WorkerState::kIdle : WorkerState::kBusy;
 }
@@ -38,6 +38,8 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
   view.last_seen_time = stamp(worker.last_seen_time);
   view.reason = worker.Quarantined() ? worker.quarantine_reason : worker.sick_reason;
+  view.drained = worker.drained;
+  view.exits = worker.drained_then_exit;
   for (const uint64_t id : worker.leases) {
     const Lease& lease = *tables_.scheduler.leases().Find(id);
     view.leases.push_back(

@@ -68,6 +68,16 @@ class JobService final : public v1::JobService::Service {
   // In job_service_usage.cc.
   grpc::Status ListUsage(grpc::ServerContext* context, const v1::ListUsageRequest* request,
                          v1::ListUsageResponse* response) override;
+  // These four in job_service_holds.cc.
+  grpc::Status ReleaseJob(grpc::ServerContext* context, const v1::ReleaseJobRequest* request,
+                          v1::Job* response) override;
+  grpc::Status ApproveFrames(grpc::ServerContext* context, const v1::ApproveFramesRequest* request,
+                             v1::Job* response) override;
+  grpc::Status DrainWorkers(grpc::ServerContext* context, const v1::DrainWorkersRequest* request,
+                            v1::DrainWorkersResponse* response) override;
+  grpc::Status UndrainWorkers(grpc::ServerContext* context,
+                              const v1::UndrainWorkersRequest* request,
+                              v1::UndrainWorkersResponse* response) override;
   grpc::Status LiftQuarantine(grpc::ServerContext* context,
                               const v1::LiftQuarantineRequest* request,
                               v1::LiftQuarantineResponse* response) override;
@@ -97,6 +107,9 @@ class JobService final : public v1::JobService::Service {
   absl::StatusOr<JobView> TryCreate(const grpc::ServerContext& context,
                                     const v1::CreateJobRequest& request);
   absl::StatusOr<ShareView> TrySetShare(const v1::SetShareRequest& request);
+  // Adds those of these ids. Requires: ids is sorted.
+  void AddWorkers(const std::vector<std::string>& ids,
+                  google::protobuf::RepeatedPtrField<v1::Worker>* workers) const;
   // Errors: kFailedPrecondition naming what is missing.
   absl::Status RequireBlobs(const JobSpec& spec) const;
   absl::Status RequireFilesOf(const BlobDigest& scene) const;

@@ -149,6 +149,7 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   wire.set_correction_count(view.correction_count);
   wire.set_frame_digest(view.frame_digest);
   wire.set_training(view.is_training);
+  wire.set_waiting_reason(view.waiting_reason);
   wire.set_complete(view.complete);
   *wire.mutable_progress() = ToWire(view.progress);
   wire.set_image_digest(view.image_digest);
@@ -293,6 +294,7 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     frame.settings = *std::move(settings);
     spec.frames.push_back(std::move(frame));
   }
+  if (absl::Status held = TakeHolds(request, &spec); !held.ok()) return held;
   if (request.effect_costs_size() > kEffectCostsMax) {
     return Invalid("effect_costs", absl::StrCat("more than ", kEffectCostsMax));
   }
@@ -411,6 +413,7 @@ v1::Job ToWire(const JobView& view) {
   wire.set_incomplete_frame_count(view.frame_incomplete_count);
   wire.set_training_frame_count(view.training_frame_count);
   wire.set_pinned(view.pinned);
+  AddHolds(view, &wire);
   const absl::Time removed = view.parts_removed_time;
   if (removed != absl::InfiniteFuture()) SetTime(removed, wire.mutable_parts_removed_time());
   for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
@@ -431,6 +434,8 @@ v1::Worker ToWire(const WorkerView& view) {
   wire.set_samples_per_second(view.samples_per_second);
   SetTime(view.last_seen_time, wire.mutable_last_seen_time());
   wire.set_reason(view.reason);
+  wire.set_drained(view.drained);
+  wire.set_then_exit(view.exits);
   return wire;
 }
 
@@ -439,6 +444,7 @@ v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {
   for (const LeaseGrant& grant : answer.leases) *wire.add_leases() = ToWire(grant);
   SetDuration(answer.next_synchronize, wire.mutable_next_synchronize_duration());
   SetDuration(answer.lease_duration, wire.mutable_lease_duration());
+  wire.set_exit(answer.exits);
   return wire;
 }
 

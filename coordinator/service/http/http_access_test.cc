@@ -66,7 +66,10 @@ class HttpAccessTest : public testing::Test {
     };
     FarmActions actions;
     actions.cancel_job = actions.pause_job = actions.resume_job = act;
-    actions.pin_job = actions.unpin_job = act;
+    actions.pin_job = actions.unpin_job = actions.release_job = act;
+    actions.approve_frames = [act](const std::string& id, const std::vector<int32_t>&) {
+      return act(id);
+    };
     actions.list_usage = [this](const UsageQuery& query) -> absl::StatusOr<UsageReport> {
       usage_owner_ = query.owner;
       return UsageReport();

@@ -24,6 +24,9 @@
 //   POST /api/v1/jobs/ID:retry?frame=N&task=T       tries failed work again: of the job, or of one
 //        frame or task (the number of a tile)
 //   POST /api/v1/jobs/ID:kill?frame=N&task=T        gives up a frame, or one task of it
+//   POST /api/v1/jobs/ID:release                    starts a job that waits for others; idempotent
+//   POST /api/v1/jobs/ID:approve?frames=N,N,...     has frames rendered to the end that wait for
+//        approval: these, or all that wait now; idempotent
 //   POST /api/v1/jobs/ID:refine?target_error=E&samples=N
 //        refines a job that succeeded until its frames' relMSE is at most E, with at most N
 //        samples per pixel; without E, with N samples; idempotent
@@ -96,6 +99,10 @@ struct FarmActions {
   std::function<absl::Status(const std::string& job_id, const Refinement& refinement)> refine_job;
   // Pins or unpins a job. Errors: kNotFound; kUnavailable (the disk).
   std::function<absl::Status(const std::string&job_id)> pin_job, unpin_job;
+  // Farm::ReleaseJob and ApproveFrames.
+  std::function<absl::Status(const std::string& job_id)> release_job;
+  std::function<absl::Status(const std::string& job_id, const std::vector<int32_t>& frames)>
+      approve_frames;
   // Farm::CollectGarbage.
   std::function<absl::StatusOr<std::vector<RemovalView>>(bool dry_run)> collect_garbage;
   // Farm::ListUsage.
@@ -131,7 +138,8 @@ class HttpApi {
   HttpResponse SetPriority(const HttpRequest& request) const;
   HttpResponse RetryTasks(const HttpRequest& request) const;  // These two in http_retry.cc.
   HttpResponse KillTasks(const HttpRequest& request) const;
-  HttpResponse RefineJob(const HttpRequest& request) const;  // These two in http_refine.cc.
+  HttpResponse ApproveFrames(const HttpRequest& request) const;  // In http_retry.cc.
+  HttpResponse RefineJob(const HttpRequest& request) const;      // These two in http_refine.cc.
   HttpResponse GetRefinePrice(const HttpRequest& request) const;
   HttpResponse CollectGarbage(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;

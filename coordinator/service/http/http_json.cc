@@ -132,6 +132,16 @@ Json PreviewFrameJson(const JobView& job) {
           {"complete", frame.complete}};
 }
 
+Json DependenciesJson(const std::vector<DependencyView>& dependencies) {
+  Json json = Json::array();
+  for (const DependencyView& dependency : dependencies) {
+    json.push_back({{"job_name", absl::StrCat("jobs/", dependency.job_id)},
+                    {"by_frame", dependency.by_frame},
+                    {"state", dependency.state}});
+  }
+  return json;
+}
+
 Json JobObject(const JobView& job) {
   return {
       {"name", absl::StrCat("jobs/", job.job_id)},
@@ -158,6 +168,8 @@ Json JobObject(const JobView& job) {
       {"frame_complete_count", job.frame_complete_count},
       {"incomplete_frame_count", job.frame_incomplete_count},
       {"training_frame_count", job.training_frame_count},
+      {"unapproved_frame_count", job.unapproved_frame_count},
+      {"dependencies", DependenciesJson(job.dependencies)},
       {"preview_frame", PreviewFrameJson(job)},
       {"progress", ProgressJson(job.progress)},
   };
@@ -215,6 +227,7 @@ std::string FrameJson(const std::string& job_id, const FrameView& frame) {
       {"training", frame.is_training},
       {"complete", frame.complete},
       {"incomplete", frame.incomplete},
+      {"waiting_reason", frame.waiting_reason},
       {"set_aside_tasks", SetAsideJson(frame.set_aside)},
       {"set_aside_task_count", frame.set_aside_count},
       {"image_digest", frame.image_digest},
@@ -283,6 +296,8 @@ std::string WorkerJson(const WorkerView& worker) {
       {"samples_per_second", worker.samples_per_second},
       {"last_seen_time", TimeJson(worker.last_seen_time)},
       {"reason", worker.reason},
+      {"drained", worker.drained},
+      {"then_exit", worker.exits},
   });
 }
 

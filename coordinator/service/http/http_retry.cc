@@ -1,13 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of HttpApi that tries failed work again, or gives it up.
+// The part of HttpApi that tries failed work again, gives it up, or approves what waits for that.
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "coordinator/service/http/http_api.h"
 
 namespace sheaf::coordinator {
@@ -64,6 +66,21 @@ HttpResponse HttpApi::KillTasks(const HttpRequest& request) const {
   return ChangeJob(request, [&](const std::string& job_id) {
     return actions_.kill_tasks(job_id, *chosen->frame, chosen->task, why);
   });
+}
+
+HttpResponse HttpApi::ApproveFrames(const HttpRequest& request) const {
+  const std::string text = QueryValue(request, "frames");
+  std::vector<int32_t> frames;
+  for (const absl::string_view word : absl::StrSplit(text, ',', absl::SkipEmpty())) {
+    int32_t number = 0;
+    if (!absl::SimpleAtoi(word, &number)) {
+      return HttpErrorFromStatus(absl::InvalidArgumentError(
+          absl::StrCat("frames: \"", word, "\" is not an integer; list numbers, as in 3,5")));
+    }
+    frames.push_back(number);
+  }
+  return ChangeJob(
+      request, [&](const std::string& job_id) { return actions_.approve_frames(job_id, frames); });
 }
 
 }  // namespace sheaf::coordinator

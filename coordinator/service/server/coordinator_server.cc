@@ -89,6 +89,12 @@ FarmActions ActionsOn(Farm* farm) {
     return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, false); });
   };
   actions.list_usage = [=](const UsageQuery& query) { return farm->ListUsage(query); };
+  actions.release_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->ReleaseJob(id); });
+  };
+  actions.approve_frames = [=](const std::string& job, const std::vector<int32_t>& frames) {
+    return by_number(job, [&](uint64_t id) { return farm->ApproveFrames(id, frames); });
+  };
   actions.collect_garbage = [=](bool dry_run) { return farm->CollectGarbage(dry_run); };
   actions.refine_job = [=](const std::string& job, const Refinement& refinement) {
     return by_number(job, [=](uint64_t id) { return farm->RefineJob(id, refinement); });

@@ -90,6 +90,7 @@ struct FrameView {
   bool is_training = false;       // Whether its guiding field is still to be trained, though begun.
   bool complete = false;          // Whether the EXR is delivered.
   std::string incomplete;         // Why it ended without an image; empty otherwise.
+  std::string waiting_reason;     // That it waits for another job's, or for approval; or empty.
   // At most kSetAsideShownMax of set_aside_count; empty in ListJobs.
   std::vector<SetAsideView> set_aside;
   int32_t set_aside_count = 0;
@@ -112,6 +113,13 @@ enum class JobState { kQueued, kRunning, kPaused, kSucceeded, kFailed, kCancelle
 // Returns "queued", "running", "paused", "succeeded", "failed" or "cancelled".
 const char* JobStateName(JobState state);
 bool HasEnded(JobState state);
+
+// A job that another one waits for.
+struct DependencyView {
+  std::string job_id;
+  bool by_frame = false;  // Frame n waits for its frame n.
+  std::string state;      // "done", "released", "waits", "has failed" and the like, for people.
+};
 
 struct JobView {
   std::string job_id;  // The resource name is "jobs/" + job_id.
@@ -137,6 +145,8 @@ struct JobView {
   int32_t frame_complete_count = 0;
   int32_t frame_incomplete_count = 0;
   int32_t training_frame_count = 0;
+  int32_t unapproved_frame_count = 0;  // Delivered after a first pass, and wait for approval.
+  std::vector<DependencyView> dependencies;
   std::vector<EffectCost> effect_costs;  // Empty unless measured, and in ListJobs.
   ProgressView progress;                 // Sums over the frames.
   // The frame with most activity: the first one that is started but not complete, or else the last
@@ -178,6 +188,8 @@ struct WorkerView {
   double samples_per_second = 0;
   absl::Time last_seen_time;
   std::string reason;  // Reason for the quarantine or sickness; empty otherwise.
+  // A person has taken it out, and it ends when it holds nothing more.
+  bool drained = false, exits = false;
   // At most kWorkerLeasesShownMax, in the order in which they are rendered.
   std::vector<LeaseView> leases;
   // File names of scenes in memory, at most kWorkerScenesShownMax of warm_scene_count.

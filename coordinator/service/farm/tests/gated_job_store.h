@@ -83,6 +83,14 @@ class GatedJobStore : public JobStore {
     ++control_writes_;
     return full_ ? Full() : store_->SetPriority(job_id, priority);
   }
+  absl::Status ReleaseJob(uint64_t job_id) override { return store_->ReleaseJob(job_id); }
+  absl::Status WriteDrains(const std::vector<DrainRecord>& records) override {
+    return store_->WriteDrains(records);
+  }
+  absl::Status RemoveDrains(const std::vector<std::string>& worker_ids) override {
+    return store_->RemoveDrains(worker_ids);
+  }
+  absl::StatusOr<std::vector<DrainRecord>> LoadDrains() override { return store_->LoadDrains(); }
   absl::Status SetPinned(uint64_t job_id, bool pinned) override {
     return store_->SetPinned(job_id, pinned);
   }

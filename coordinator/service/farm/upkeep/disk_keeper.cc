@@ -249,7 +249,8 @@ std::map<uint64_t, DiskKeeper::JobUse> DiskKeeper::ListJobs() const {
   for (const auto& [id, job] : tables_.scheduler.jobs()) {
     const JobAccount& account = tables_.accounts.at(id);
     JobUse& use = jobs[id];
-    use.in_use = job.phase == JobPhase::kLive || unsettled.contains(id) || account.pinned;
+    use.in_use = job.phase == JobPhase::kLive || unsettled.contains(id) || account.pinned ||
+                 tables_.scheduler.IsAwaited(id);
     use.is_recent = account.EndedWithin(limits_.job_age_min, SteadyTime::Now());
     use.end_time = account.end_time;
     use.owner = job.spec.owner;

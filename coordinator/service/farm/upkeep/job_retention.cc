@@ -38,11 +38,10 @@ absl::Status JobLifecycle::RequireUnused(uint64_t job_id) const {
   const bool is_unsettled =
       std::find(tables_.unsettled_jobs.begin(), tables_.unsettled_jobs.end(), job_id) !=
       tables_.unsettled_jobs.end();
-  if ((*job)->phase != JobPhase::kLive && !is_unsettled && !tables_.accounts.at(job_id).pinned) {
-    return absl::OkStatus();
-  }
+  const bool is_kept = tables_.accounts.at(job_id).pinned || tables_.scheduler.IsAwaited(job_id);
+  if ((*job)->phase != JobPhase::kLive && !is_unsettled && !is_kept) return absl::OkStatus();
   return absl::FailedPreconditionError(
-      absl::StrCat("jobs/", job_id, " is pinned or has not ended"));
+      absl::StrCat("jobs/", job_id, " is pinned, has not ended, or another job waits for it"));
 }
 
 absl::Status JobLifecycle::RemoveParts(uint64_t job_id, absl::Time now) {
@@ -96,6 +95,7 @@ absl::Status JobLifecycle::RemoveJob(uint64_t job_id) {
   previews_.RemoveJob(job_id);
   {
     const MutexLock lock(&tables_.mutex);
+    tables_.scheduler.NoteRemoved(job_id);
     tables_.scheduler.RemoveJob(job_id);
     tables_.accounts.erase(job_id);
     tables_.unsaved_failures.erase(job_id);
