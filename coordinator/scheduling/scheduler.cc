@@ -122,6 +122,9 @@ void Scheduler::AddJob(const JobSpec& spec) {
   // A new job begins level with the least served one, not with a claim on everybody's past.
   job.served = LeastServedBeside(job).value_or(0);
   ready_jobs_[spec.numeric_profile].insert(KeyOf(job));
+  for (const uint32_t index : job.pending.FirstOfScenes(limits_.placement_scenes_max)) {
+    NoteSceneWork(&job, job.frames[index].packed.scene());
+  }
   ++live_job_count_;
   job.work = WorkOf(spec);
   owner_work_[spec.owner] += job.work;
@@ -202,8 +205,11 @@ Scheduler::JobKey Scheduler::KeyOf(const JobRecord& job) {
 void Scheduler::UpdateReadyJob(JobRecord* job, const JobKey& key_before) {
   std::set<JobKey>& ready = ready_jobs_[job->spec.numeric_profile];
   ready.erase(key_before);
-  const bool has_work = !job->pending.empty() || !job->ready.empty();
-  if (job->phase == JobPhase::kLive && has_work && !job->Paused()) ready.insert(KeyOf(*job));
+  std::set<JobKey>& opened = opened_jobs_[job->spec.numeric_profile];
+  opened.erase(key_before);
+  if (job->phase != JobPhase::kLive || job->Paused()) return;
+  if (!job->pending.empty() || !job->ready.empty()) ready.insert(KeyOf(*job));
+  if (!job->ready.empty()) opened.insert(KeyOf(*job));
 }
 
 void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
@@ -220,6 +226,7 @@ void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
   if (frame.phase == FrameRecord::Phase::kOpen && frame.tasks->Stuck()) {
     stuck_frames_.insert({job->spec.job_id, frame.number()});
   }
+  NoteSceneWork(job, frame.packed.scene());
   UpdateReadyJob(job, KeyOf(*job));
 }
 
@@ -332,6 +339,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   forget_failures(MakeTaskId(id, task));
   NoteLoaded(id);
   const uint64_t samples = frame.tasks->PixelSamples(task);
+  NoteSpeed(frame, worker_id, samples, cost);
   frame.sample_count_done += samples;
   frame.sample_count_timed += samples;
   frame.cost.Add(cost);

@@ -13,11 +13,13 @@
 //
 //     Pause        a person wants a job to wait: nothing new of it is leased
 //
-// Order of work: jobs by priority, then by fewest samples leased; within a job a scene that is warm
-// in the worker, then a frame nobody works on yet, then any; within a frame returned blocks, then
-// the tile with the fewest samples. Of a guided frame, nothing but its training is leased until its
-// field is there; other frames fill the gap. A worker that holds nothing and finds nothing ready is
-// leased a task that another one holds (a hedge), never its own.
+// Order of work: jobs by priority, then by fewest samples leased, but for a bounded time jobs of
+// that priority whose scenes are warm in the worker (placement.h); within a job a scene that is
+// warm in the worker, then a frame nobody works on yet, then the scene with most work for each
+// worker that has it; within a frame returned blocks, then the tile with the fewest samples. Of a
+// guided frame, nothing but its training is leased until its field is there; other frames fill the
+// gap. A worker that holds nothing and finds nothing ready is leased a task that another one holds
+// (a hedge), never its own.
 //
 // Failures (budgets in limits.h): a worker never gets a task again that it failed by a crash, lack
 // of memory or an invalid result; one that it failed for trouble with its disk or network, only
@@ -55,6 +57,7 @@
 #include "coordinator/scheduling/loading_losses.h"
 #include "coordinator/scheduling/packed_frame.h"
 #include "coordinator/scheduling/pending_frames.h"
+#include "coordinator/scheduling/placement/placement.h"
 #include "coordinator/scheduling/result_checks.h"
 #include "coordinator/scheduling/task_failures.h"
 #include "coordinator/scheduling/worker_table.h"
@@ -104,6 +107,8 @@ struct JobRecord {
   std::map<std::string, FrameSet> ready_by_scene;
   uint64_t served = 0;  // Pixel samples leased, plus the share it began with.
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
+  // Since when it is next in order and passed over (placement.h); InfiniteFuture: it is not.
+  SteadyTime passed_time = SteadyTime::InfiniteFuture();
   int32_t delivered_count = 0;
   int32_t incomplete_count = 0;
 
@@ -117,6 +122,9 @@ struct JobRecord {
   uint32_t IndexOf(int32_t frame_number) const;
   bool Paused() const { return paused_time != SteadyTime::InfiniteFuture(); }
 };
+// Pixel samples of the frame per second and thread of the worker: what the frame's samples cost so
+// far, on workers as fast as this one, or without any what other frames' do. 0: not known.
+double SamplesPerThreadSecond(const FrameRecord& frame, const WorkerRecord& worker);
 // The first of all its frames, in this life; InfiniteFuture before.
 SteadyTime FirstLeaseTime(const JobRecord& job);
 // sample_count_left: of all or some of the job's samples. A sample is expected to cost what those
@@ -285,7 +293,6 @@ class Scheduler {
   size_t LeasesWanted(const WorkerRecord& worker) const;
   bool MayHoldMore(const WorkerRecord& worker) const;
   bool Grant(WorkerRecord* worker, SteadyTime now);
-  bool GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now);
   bool GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames, WorkerRecord* worker,
                        SteadyTime now);
   bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
@@ -296,6 +303,9 @@ class Scheduler {
                 bool is_check, SteadyTime now);
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, const FrameTasks::FreshBlock& block) const;
+  // Compares what a result cost with what the frame's earlier results did. Before it is counted.
+  void NoteSpeed(const FrameRecord& frame, const std::string& worker_id, uint64_t samples,
+                 const ResultCost& cost);
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
                  SteadyTime now) const;
   bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
@@ -306,6 +316,24 @@ class Scheduler {
   absl::Duration NextSynchronize(const WorkerRecord& worker, SteadyTime now) const;
   // How often a worker that holds leases says what it does.
   absl::Duration BusyInterval() const;
+
+  // scheduler_placement.cc
+  // front: jobs in the order in which they are to be served. The order of equal priorities yields
+  // to warm scenes, as placement.h says.
+  bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
+  bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  bool GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  // Work of the job of scenes that the worker has, and any work of it.
+  bool GrantWarm(JobRecord* job, WorkerRecord* worker, SteadyTime now);
+  bool GrantCold(JobRecord* job, WorkerRecord* worker, SteadyTime now);
+  // The scene with which a cold worker would begin the job; empty where it cannot.
+  std::string ColdScene(JobRecord* job);
+  // Pixel samples of the job that can be leased, about.
+  double SamplesToLease(const JobRecord& job) const;
+  // Keep warm_workers_ and scene_jobs_ true.
+  void NoteWarm(const WorkerRecord& worker);
+  void NoteSceneWork(JobRecord* job, const PackedDigest& scene);
 
   // Whether HoldScenes named the frame's scene.
   bool IsHeld(const FrameRecord& frame) const;
@@ -381,7 +409,10 @@ class Scheduler {
 
   const Limits limits_;
   std::map<uint64_t, JobRecord> jobs_;
-  std::map<std::string, std::set<JobKey>> ready_jobs_;  // By numeric profile.
+  std::map<std::string, std::set<JobKey>> ready_jobs_;   // By numeric profile.
+  std::map<std::string, std::set<JobKey>> opened_jobs_;  // Those of them with open frames.
+  WarmWorkers warm_workers_;
+  SceneJobs scene_jobs_;  // Of jobs with few scenes (placement_scenes_max).
   FramesByDigest live_frames_;
   std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
