@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <string>
 #include <utility>
 
 namespace sheaf::coordinator {
@@ -34,12 +36,18 @@ double CpuSecondsOf(const WorkLeft& left) {
   return left.sample_count * left.cpu_seconds_per_sample;
 }
 
+int32_t HighestPriority(std::span<const SharedJob> jobs) {
+  int32_t highest = std::numeric_limits<int32_t>::min();
+  for (const SharedJob& job : jobs) highest = std::max(highest, job.left.priority);
+  return highest;
+}
+
 // The jobs that share the farm, while they are played forward.
 class Fluid {
  public:
   Fluid(std::span<const SharedJob> jobs, double threads) : jobs_(jobs), threads_(threads) {
     for (size_t i = 0; i < jobs.size(); ++i) {
-      left_.push_back(jobs[i].left);
+      left_.push_back(jobs[i]);
       active_.push_back(i);
       total_seconds_ += CpuSecondsOf(jobs[i].left) / threads;
     }
@@ -66,9 +74,9 @@ class Fluid {
       const double seconds = SecondsOf(i, shares);
       if (seconds <= step) {
         ending.emplace_back(i, seconds);
-        left_[i].sample_count = 0;
+        left_[i].left.sample_count = 0;
       } else {
-        left_[i].sample_count *= 1 - step / seconds;
+        left_[i].left.sample_count *= 1 - step / seconds;
       }
     }
     const double variance = VarianceSpent();
@@ -88,7 +96,7 @@ class Fluid {
 
   // The time until the job ends at its present share.
   double SecondsOf(size_t i, std::span<const double> shares) const {
-    const double work = CpuSecondsOf(left_[i]);
+    const double work = CpuSecondsOf(left_[i].left);
     if (work <= 0) return 0;
     return shares[i] > 0 ? work / (threads_ * shares[i]) : std::numeric_limits<double>::infinity();
   }
@@ -96,7 +104,7 @@ class Fluid {
     double variance = ended_variance_;
     for (size_t i = 0; i < active_.size(); ++i) {
       const SharedJob& job = jobs_[active_[i]];
-      const double spent = CpuSecondsOf(job.left) - CpuSecondsOf(left_[i]);
+      const double spent = CpuSecondsOf(job.left) - CpuSecondsOf(left_[i].left);
       variance += Squared(spent * CostDeviation(job.done_fraction));
     }
     return variance;
@@ -104,26 +112,55 @@ class Fluid {
 
   const std::span<const SharedJob> jobs_;
   const double threads_;
-  std::vector<size_t> active_;  // Indices of those that have work.
-  std::vector<WorkLeft> left_;  // Of active_.
+  std::vector<size_t> active_;   // Indices of those that have work.
+  std::vector<SharedJob> left_;  // Those, with what they have left.
   double now_ = 0, total_seconds_ = 0;
   double ended_variance_ = 0;  // Of the CPU time of jobs that have ended.
 };
 
 }  // namespace
 
-std::vector<double> ShareBySamples(std::span<const WorkLeft> jobs) {
-  int32_t highest = std::numeric_limits<int32_t>::min();
-  for (const WorkLeft& job : jobs) highest = std::max(highest, job.priority);
+std::vector<double> ShareBySamples(std::span<const SharedJob> jobs) {
+  const int32_t highest = HighestPriority(jobs);
   std::vector<double> shares(jobs.size(), 0);
   double sum = 0;
   for (size_t i = 0; i < jobs.size(); ++i) {
-    if (jobs[i].priority != highest) continue;
-    shares[i] = jobs[i].weight * jobs[i].cpu_seconds_per_sample;
+    if (jobs[i].left.priority != highest) continue;
+    shares[i] = jobs[i].left.weight * jobs[i].left.cpu_seconds_per_sample;
     sum += shares[i];
   }
   if (sum > 0) {
     for (double& share : shares) share /= sum;
+  }
+  return shares;
+}
+
+std::vector<double> ShareByTime(std::span<const SharedJob> jobs) {
+  const int32_t highest = HighestPriority(jobs);
+  struct User {
+    double weight = 1, job_weights = 0;
+  };
+  struct Show {
+    double weight = 1, user_weights = 0;
+    std::map<std::string, User> users;
+  };
+  std::map<std::string, Show> shows;
+  double show_weights = 0;
+  for (const SharedJob& job : jobs) {
+    if (job.left.priority != highest) continue;
+    const auto [show, is_new_show] = shows.try_emplace(job.show);
+    if (is_new_show) show_weights += show->second.weight = job.show_weight;
+    const auto [user, is_new_user] = show->second.users.try_emplace(job.user);
+    if (is_new_user) show->second.user_weights += user->second.weight = job.user_weight;
+    user->second.job_weights += job.left.weight;
+  }
+  std::vector<double> shares(jobs.size(), 0);
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    if (jobs[i].left.priority != highest) continue;
+    const Show& show = shows.at(jobs[i].show);
+    const User& user = show.users.at(jobs[i].user);
+    shares[i] = show.weight / show_weights * user.weight / show.user_weights * jobs[i].left.weight /
+                user.job_weights;
   }
   return shares;
 }

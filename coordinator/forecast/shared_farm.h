@@ -19,6 +19,7 @@
 #include <functional>
 #include <map>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "coordinator/core/work_left.h"
@@ -31,15 +32,21 @@ struct SharedJob {
   uint64_t job_id = 0;
   WorkLeft left;
   double done_fraction = 0;  // Of its samples: the more is done, the better its cost is known.
+  // For ShareByTime: whose it is, and their weights.
+  std::string show = {}, user = {};
+  double show_weight = 1, user_weight = 1;
 };
 
 // Returns the fraction of the farm's threads that each of the jobs gets while exactly these have
 // work. All costs per sample are positive. The fractions sum to 1.
-using SharePolicy = std::function<std::vector<double>(std::span<const WorkLeft> jobs)>;
+using SharePolicy = std::function<std::vector<double>(std::span<const SharedJob> jobs)>;
 
-// The scheduler's policy: jobs of the highest priority share all threads, so that their samples
-// grow in proportion to their weights.
-std::vector<double> ShareBySamples(std::span<const WorkLeft> jobs);
+// Jobs of the highest priority share all threads, so that their samples grow in proportion to their
+// weights.
+std::vector<double> ShareBySamples(std::span<const SharedJob> jobs);
+// The same, but they share the time of threads: first the shows, then the users of a show, then the
+// jobs of a user, each in proportion to its weight.
+std::vector<double> ShareByTime(std::span<const SharedJob> jobs);
 
 // The standard deviation of the logarithm of what the rest of a job costs over its forecast.
 double CostDeviation(double done_fraction);

@@ -48,24 +48,20 @@ TEST(SharedFarmTest, WeightsDivideSamples) {
   EXPECT_NEAR(SecondsOf(farm, 2), 200, 1e-9);
 }
 
-// Each user gets half, however many jobs they have: a policy that changes as jobs end.
-TEST(SharedFarmTest, PoliciesAreFunctions) {
-  const SharePolicy by_user = [](std::span<const WorkLeft> jobs) {
-    // The user is in the sign of the priority.
-    double of_first = 0;
-    for (const WorkLeft& job : jobs) of_first += job.priority > 0 ? 1 : 0;
-    const double of_second = static_cast<double>(jobs.size()) - of_first;
-    std::vector<double> shares;
-    for (const WorkLeft& job : jobs) {
-      const double same = job.priority > 0 ? of_first : of_second;
-      shares.push_back((of_first > 0 && of_second > 0 ? 0.5 : 1.0) / same);
-    }
-    return shares;
-  };
-  const SharedFarm farm({Job(1, 1, 100, 1), Job(2, -1, 100, 1), Job(3, -1, 100, 1)}, 1, by_user);
+// Each user gets half, however many jobs they have: shares change as jobs end.
+TEST(SharedFarmTest, UsersShareByTime) {
+  std::vector<SharedJob> jobs = {Job(1, 0, 100, 1), Job(2, 0, 10, 10), Job(3, 0, 100, 1)};
+  jobs[0].user = "anna";
+  jobs[1].user = jobs[2].user = "ben";
+  const SharedFarm farm(jobs, 1, ShareByTime);
   EXPECT_NEAR(SecondsOf(farm, 1), 200, 1e-9);
   EXPECT_NEAR(SecondsOf(farm, 2), 300, 1);
   EXPECT_NEAR(SecondsOf(farm, 3), 300, 1);
+  jobs[0].user_weight = 3;
+  EXPECT_NEAR(SecondsOf(SharedFarm(jobs, 1, ShareByTime), 1), 100 / 0.75, 1e-9);
+  jobs[0].show = "comet";
+  jobs[0].show_weight = 4;
+  EXPECT_NEAR(SecondsOf(SharedFarm(jobs, 1, ShareByTime), 1), 100 / 0.8, 1e-9);
 }
 
 TEST(SharedFarmTest, UnknownCostsAreThoseOfTheOthers) {

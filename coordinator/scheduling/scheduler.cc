@@ -123,7 +123,7 @@ void Scheduler::AddJob(const JobSpec& spec) {
   job.served = LeastServedBeside(job).value_or(0);
   ready_jobs_[spec.numeric_profile].insert(KeyOf(job));
   for (const uint32_t index : job.pending.FirstOfScenes(limits_.placement_scenes_max)) {
-    NoteSceneWork(&job, job.frames[index].packed.scene());
+    NoteWork(&job, job.frames[index].packed.scene());
   }
   ++live_job_count_;
   job.work = WorkOf(spec);
@@ -205,11 +205,8 @@ Scheduler::JobKey Scheduler::KeyOf(const JobRecord& job) {
 void Scheduler::UpdateReadyJob(JobRecord* job, const JobKey& key_before) {
   std::set<JobKey>& ready = ready_jobs_[job->spec.numeric_profile];
   ready.erase(key_before);
-  std::set<JobKey>& opened = opened_jobs_[job->spec.numeric_profile];
-  opened.erase(key_before);
-  if (job->phase != JobPhase::kLive || job->Paused()) return;
-  if (!job->pending.empty() || !job->ready.empty()) ready.insert(KeyOf(*job));
-  if (!job->ready.empty()) opened.insert(KeyOf(*job));
+  const bool has_work = !job->pending.empty() || !job->ready.empty();
+  if (job->phase == JobPhase::kLive && has_work && !job->Paused()) ready.insert(KeyOf(*job));
 }
 
 void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
@@ -226,7 +223,7 @@ void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
   if (frame.phase == FrameRecord::Phase::kOpen && frame.tasks->Stuck()) {
     stuck_frames_.insert({job->spec.job_id, frame.number()});
   }
-  NoteSceneWork(job, frame.packed.scene());
+  NoteWork(job, frame.packed.scene());
   UpdateReadyJob(job, KeyOf(*job));
 }
 

@@ -331,9 +331,16 @@ class Scheduler {
   std::string ColdScene(JobRecord* job);
   // Pixel samples of the job that can be leased, about.
   double SamplesToLease(const JobRecord& job) const;
-  // Keep warm_workers_ and scene_jobs_ true.
+  // Whether the job's work is leased to such workers at all.
+  static bool IsLeased(const JobRecord& job, const WorkerRecord& worker);
+  // The next in order first, as ready_jobs_ has them.
+  void SortByRight(std::vector<uint64_t>* jobs) const;
+  // The oldest jobs with open frames, in that order.
+  std::vector<uint64_t> OpenedJobs(const WorkerRecord& worker) const;
+  // Keep warm_workers_, scene_jobs_ and opened_jobs_ true, after a change of a worker, or of what
+  // the job has of a scene.
   void NoteWarm(const WorkerRecord& worker);
-  void NoteSceneWork(JobRecord* job, const PackedDigest& scene);
+  void NoteWork(JobRecord* job, const PackedDigest& scene);
 
   // Whether HoldScenes named the frame's scene.
   bool IsHeld(const FrameRecord& frame) const;
@@ -409,8 +416,8 @@ class Scheduler {
 
   const Limits limits_;
   std::map<uint64_t, JobRecord> jobs_;
-  std::map<std::string, std::set<JobKey>> ready_jobs_;   // By numeric profile.
-  std::map<std::string, std::set<JobKey>> opened_jobs_;  // Those of them with open frames.
+  std::map<std::string, std::set<JobKey>> ready_jobs_;     // By numeric profile.
+  std::map<std::string, std::set<uint64_t>> opened_jobs_;  // With open frames; likewise.
   WarmWorkers warm_workers_;
   SceneJobs scene_jobs_;  // Of jobs with few scenes (placement_scenes_max).
   FramesByDigest live_frames_;

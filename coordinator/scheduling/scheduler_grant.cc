@@ -104,14 +104,9 @@ bool Scheduler::GrantFirstRender(WorkerRecord* worker, SteadyTime now) {
     front.push_back(std::get<2>(key));
   }
   if (GrantPlaced(front, worker, now)) return true;
-  if (front.size() < static_cast<size_t>(limits_.job_scan_max)) return false;
   // Jobs that cannot open a frame yet may fill the front.
-  front.clear();
-  for (const JobKey& key : opened_jobs_[worker->numeric_profile]) {
-    if (front.size() >= static_cast<size_t>(limits_.job_scan_max)) break;
-    front.push_back(std::get<2>(key));
-  }
-  return GrantPlaced(front, worker, now);
+  const bool is_full = front.size() >= static_cast<size_t>(limits_.job_scan_max);
+  return is_full && GrantPlaced(OpenedJobs(*worker), worker, now);
 }
 
 bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames,

@@ -15,12 +15,41 @@ void Scheduler::NoteWarm(const WorkerRecord& worker) {
                     worker.Live() ? worker.warm_scenes : kNone);
 }
 
-void Scheduler::NoteSceneWork(JobRecord* job, const PackedDigest& scene) {
+void Scheduler::NoteWork(JobRecord* job, const PackedDigest& scene) {
+  std::set<uint64_t>& opened = opened_jobs_[job->spec.numeric_profile];
+  if (job->ready.empty()) {
+    opened.erase(job->spec.job_id);
+  } else {
+    opened.insert(job->spec.job_id);
+  }
   if (job->pending.scene_count() > limits_.placement_scenes_max) return;
   const std::string hex = scene.Hex();
   const bool has_work =
       job->ready_by_scene.contains(hex) || job->pending.FirstOf(scene).has_value();
   scene_jobs_.Set(hex, job->spec.job_id, has_work);
+}
+
+bool Scheduler::IsLeased(const JobRecord& job, const WorkerRecord& worker) {
+  return job.phase == JobPhase::kLive && !job.Paused() &&
+         job.spec.numeric_profile == worker.numeric_profile;
+}
+
+void Scheduler::SortByRight(std::vector<uint64_t>* jobs) const {
+  std::sort(jobs->begin(), jobs->end(),
+            [&](uint64_t a, uint64_t b) { return KeyOf(jobs_.at(a)) < KeyOf(jobs_.at(b)); });
+}
+
+std::vector<uint64_t> Scheduler::OpenedJobs(const WorkerRecord& worker) const {
+  std::vector<uint64_t> opened;
+  const auto found = opened_jobs_.find(worker.numeric_profile);
+  if (found == opened_jobs_.end()) return opened;
+  int scanned = 0;
+  for (const uint64_t id : found->second) {
+    if (++scanned > limits_.placement_jobs_max) break;
+    if (IsLeased(jobs_.at(id), worker)) opened.push_back(id);
+  }
+  SortByRight(&opened);
+  return opened;
 }
 
 bool Scheduler::GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now) {
@@ -55,25 +84,22 @@ bool Scheduler::GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* wo
 bool Scheduler::GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker,
                                   SteadyTime now) {
   const int32_t priority = jobs_.at(equals[0]).spec.priority;
-  std::set<JobKey> keys;
+  std::set<uint64_t> found;
   int scanned = 0;
   for (const std::string& scene : worker->warm_scenes) {
     for (const uint64_t id : scene_jobs_.Of(scene)) {
       if (++scanned > limits_.placement_jobs_max) break;
       const JobRecord& job = jobs_.at(id);
-      if (job.phase == JobPhase::kLive && !job.Paused() && job.spec.priority == priority &&
-          job.spec.numeric_profile == worker->numeric_profile) {
-        keys.insert(KeyOf(job));
-      }
+      if (IsLeased(job, *worker) && job.spec.priority == priority) found.insert(id);
     }
   }
   for (const uint64_t id : equals) {
-    const JobRecord& job = jobs_.at(id);
-    if (job.pending.scene_count() > limits_.placement_scenes_max) keys.insert(KeyOf(job));
+    if (jobs_.at(id).pending.scene_count() > limits_.placement_scenes_max) found.insert(id);
   }
-  return std::any_of(keys.begin(), keys.end(), [&](const JobKey& key) {
-    return GrantWarm(&jobs_.at(std::get<2>(key)), worker, now);
-  });
+  std::vector<uint64_t> jobs(found.begin(), found.end());
+  SortByRight(&jobs);
+  return std::any_of(jobs.begin(), jobs.end(),
+                     [&](uint64_t id) { return GrantWarm(&jobs_.at(id), worker, now); });
 }
 
 bool Scheduler::GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker,
