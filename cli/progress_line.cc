@@ -67,6 +67,25 @@ double FractionDone(const v1::Progress& progress) {
                            static_cast<double>(progress.sample_count_total()));
 }
 
+namespace {
+
+std::string FormatTimeLeft(const v1::Progress& progress) {
+  const double left = Seconds(progress.remaining_duration());
+  std::string text = absl::StrCat(FormatDuration(left), " left");
+  if (!progress.has_remaining_duration_low()) return text;
+  absl::StrAppend(&text, " (", FormatDuration(Seconds(progress.remaining_duration_low())), " to ",
+                  FormatDuration(Seconds(progress.remaining_duration_high())));
+  // Where other jobs make most of the difference people may want to know.
+  constexpr double kMuchLess = 0.7;
+  const double alone = Seconds(progress.remaining_duration_alone());
+  if (alone < kMuchLess * left) {
+    absl::StrAppend(&text, "; ", FormatDuration(alone), " without other jobs");
+  }
+  return absl::StrCat(text, ")");
+}
+
+}  // namespace
+
 std::string FormatProgress(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   std::string text = absl::StrFormat("%.1f %%", 100 * FractionDone(progress));
@@ -81,7 +100,7 @@ std::string FormatProgress(const v1::Job& job) {
   }
   if (progress.has_remaining_duration() &&
       progress.sample_count_done() < progress.sample_count_total()) {
-    absl::StrAppend(&text, ", ", FormatDuration(Seconds(progress.remaining_duration())), " left");
+    absl::StrAppend(&text, ", ", FormatTimeLeft(progress));
   }
   if (job.training_frame_count() == 1) absl::StrAppend(&text, "; training");
   if (job.training_frame_count() > 1) {

@@ -19,7 +19,8 @@ std::string FormatDuration(double seconds);
 std::string FormatTime(double seconds);
 // "1.23 k", "4.56 M", "7.89 G" and so on; below 1000 without a suffix.
 std::string FormatCount(double count);
-// "12.3 %, error (relMSE) 1.2e-03, 4.56 M samples/s, 0:42 left": the items that are known.
+// "12.3 %, error (relMSE) 1.2e-03, 4.56 M samples/s, 0:42 left (0:35 to 0:50)": the items that are
+// known.
 std::string FormatProgress(const v1::Job& job);
 // Merged pixel samples over the total, in [0, 1].
 double FractionDone(const v1::Progress& progress);

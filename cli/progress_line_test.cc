@@ -41,6 +41,19 @@ TEST(ProgressLineTest, OmitsUnknownValues) {
             "3 samples are not finite");
 }
 
+TEST(ProgressLineTest, TimeLeftHasABandAndSaysWhatOtherJobsTake) {
+  v1::Job job = HalfDone();
+  v1::Progress& progress = *job.mutable_progress();
+  progress.mutable_remaining_duration()->set_seconds(3120);
+  progress.mutable_remaining_duration_low()->set_seconds(2700);
+  progress.mutable_remaining_duration_high()->set_seconds(3600);
+  progress.mutable_remaining_duration_alone()->set_seconds(3000);
+  EXPECT_THAT(FormatProgress(job), HasSubstr(", 52:00 left (45:00 to 1:00:00)"));
+  progress.mutable_remaining_duration_alone()->set_seconds(240);
+  EXPECT_THAT(FormatProgress(job),
+              HasSubstr(", 52:00 left (45:00 to 1:00:00; 4:00 without other jobs)"));
+}
+
 TEST(ProgressLineTest, ReportsAPausedJob) {
   v1::Job job = HalfDone();
   job.set_state(v1::Job::STATE_PAUSED);

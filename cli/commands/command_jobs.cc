@@ -18,6 +18,13 @@
 namespace sheaf::cli {
 namespace {
 
+// The share of its leases for which the worker had to load the scene.
+std::string ColdShare(const v1::Worker& worker) {
+  if (worker.lease_granted_count() == 0) return "-";
+  return absl::StrFormat("%.0f %%", 100 * static_cast<double>(worker.lease_cold_count()) /
+                                        static_cast<double>(worker.lease_granted_count()));
+}
+
 class WatchCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
@@ -128,18 +135,19 @@ class WorkersCommand : public FarmCommand {
     const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
     if (!workers.ok()) return ReportCallError(workers.status());
     if (!json()) {
-      std::printf("%-36s %-11s %7s %6s %8s %12s  %-12s %s\n", "WORKER", "STATE", "THREADS",
-                  "LEASES", "RESULTS", "SAMPLES/S", "POOL", "PROFILE");
+      std::printf("%-36s %-11s %7s %6s %8s %6s %12s  %-12s %s\n", "WORKER", "STATE", "THREADS",
+                  "LEASES", "RESULTS", "COLD", "SAMPLES/S", "POOL", "PROFILE");
     }
     for (const v1::Worker& worker : *workers) {
       if (json()) {
         std::printf("%s\n", WorkerJson(worker).c_str());
         continue;
       }
-      std::printf("%-36s %-11s %7d %6d %8llu %12s  %-12s %s\n",
+      std::printf("%-36s %-11s %7d %6d %8llu %6s %12s  %-12s %s\n",
                   Printable(worker.name().substr(worker.name().find('/') + 1)).c_str(),
                   WorkerStateName(worker.state()).c_str(), worker.thread_count(),
                   worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
+                  ColdShare(worker).c_str(),
                   FormatCount(worker.samples_per_second()).c_str(),
                   Printable(worker.pool()).c_str(), worker.numeric_profile().c_str());
       if (const std::string has = TraitsText(worker); !has.empty()) {

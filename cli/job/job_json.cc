@@ -51,6 +51,10 @@ Json TimeJson(bool present, const google::protobuf::Timestamp& time) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", value, absl::UTCTimeZone());
 }
 
+Json SecondsJson(bool present, const google::protobuf::Duration& duration) {
+  return present ? Json(Seconds(duration)) : Json();
+}
+
 Json ProgressJson(const v1::Progress& progress) {
   return {
       {"sample_count_done", progress.sample_count_done()},
@@ -61,7 +65,13 @@ Json ProgressJson(const v1::Progress& progress) {
       {"cpu_duration_seconds", Seconds(progress.cpu_duration())},
       {"wall_duration_seconds", Seconds(progress.wall_duration())},
       {"remaining_duration_seconds",
-       progress.has_remaining_duration() ? Json(Seconds(progress.remaining_duration())) : Json()},
+       SecondsJson(progress.has_remaining_duration(), progress.remaining_duration())},
+      {"remaining_duration_low_seconds",
+       SecondsJson(progress.has_remaining_duration_low(), progress.remaining_duration_low())},
+      {"remaining_duration_high_seconds",
+       SecondsJson(progress.has_remaining_duration_high(), progress.remaining_duration_high())},
+      {"remaining_duration_alone_seconds",
+       SecondsJson(progress.has_remaining_duration_alone(), progress.remaining_duration_alone())},
   };
 }
 
@@ -296,6 +306,8 @@ std::string WorkerJson(const v1::Worker& worker) {
       {"lease_count", worker.lease_count()},
       {"result_count", worker.result_count()},
       {"samples_per_second", worker.samples_per_second()},
+      {"lease_granted_count", worker.lease_granted_count()},
+      {"lease_cold_count", worker.lease_cold_count()},
       {"last_seen_time", TimeJson(worker.has_last_seen_time(), worker.last_seen_time())},
       {"reason", worker.reason()},
       {"drained", worker.drained()},

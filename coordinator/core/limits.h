@@ -62,13 +62,24 @@ struct Limits {
   int64_t open_pixels_max = int64_t{32} << 20;
   int priority_magnitude_max = 1000;
 
+  // Placement (coordinator/scheduling/placement.h). A job that is next in order waits so long for a
+  // worker that has its scene: three leases.
+  absl::Duration warm_wait_max = absl::Seconds(30);
+  // A worker that began a scene is not taken from its warm work for so long: half of its time at
+  // most goes into loading where a scene takes as long to load.
+  absl::Duration warm_stay_min = absl::Seconds(30);
+  uint32_t placement_scenes_max = 64;  // Jobs with more scenes are not found by scene.
+  int placement_jobs_max = 256;        // Looked at by scene, for a lease.
+  int placement_frames_max = 16;       // Of a job, for its work left.
+
   // Size of leases where the job leaves it to the coordinator.
-  double lease_target_seconds = 3.0;  // Long against the cost of a result, short against a loss.
+  double lease_target_seconds = 10.0;  // Long against the cost of a result, short against a loss.
   double first_lease_target_seconds =
       0.25;                           // A tile's first lease is short: a whole preview early.
   uint64_t first_lease_fraction = 8;  // ... and at most 1/8 of the tile's samples.
-  double tail_divisor =
-      4.0;  // A lease is at most 1/(4 workers) of what is left: smaller at the end.
+  // A lease has at most 1/2 of what is left of the frame, divided among the leases that the farm
+  // renders at once: smaller at the end (coordinator/scheduling/lease_length.h).
+  double tail_divisor = 2.0;
   uint64_t lease_pass_count_max = 1024;
   // Light passes of a lease: a power of two. The worker holds the sums of so many for the whole
   // frame (LightPassAccumulator); a replicate has at most one of them.

@@ -17,6 +17,7 @@ struct WorkLeft {
   int32_t priority = 0;
   double sample_count = 0;            // Pixel samples.
   double cpu_seconds_per_sample = 0;  // 0: not known.
+  double weight = 1;                  // Its share of samples, relative to others of its priority.
 };
 
 }  // namespace sheaf::coordinator

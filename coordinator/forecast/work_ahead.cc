@@ -10,7 +10,7 @@ namespace sheaf::coordinator {
 namespace {
 
 std::pair<int32_t, double> OrderOf(const WorkLeft& job) {
-  return {-job.priority, job.sample_count};
+  return {-job.priority, job.sample_count / job.weight};
 }
 
 bool Before(const WorkLeft& a, const WorkLeft& b) { return OrderOf(a) < OrderOf(b); }
@@ -24,9 +24,9 @@ WorkAhead::WorkAhead(std::vector<WorkLeft> jobs) : jobs_(std::move(jobs)) {
   for (const WorkLeft& job : jobs_) {
     const bool costed = job.cpu_seconds_per_sample > 0;
     sums.cpu_seconds += job.sample_count * job.cpu_seconds_per_sample;
-    sums.cpu_seconds_per_sample += job.cpu_seconds_per_sample;
+    sums.cpu_seconds_per_sample += job.weight * job.cpu_seconds_per_sample;
     sums.uncosted_samples += costed ? 0 : job.sample_count;
-    sums.uncosted_jobs += costed ? 0 : 1;
+    sums.uncosted_weight += costed ? 0 : job.weight;
     before_.push_back(sums);
   }
 }
@@ -36,15 +36,16 @@ double WorkAhead::CpuSeconds(const WorkLeft& own) const {
   const auto index_of = [&](const WorkLeft& job) {
     return std::upper_bound(jobs_.begin(), jobs_.end(), job, Before) - jobs_.begin();
   };
-  // Jobs before `done` are completed first; those from there to `end` get as many samples as `own`.
+  // Jobs before `done` are completed first; those from there to `end` get as many samples as `own`,
+  // in proportion to their weights.
   const Sums& done = before_[index_of(own)];
   WorkLeft last_equal = own;
   last_equal.sample_count = std::numeric_limits<double>::infinity();
   const Sums& end = before_[index_of(last_equal)];
+  const double samples = own.sample_count / own.weight;  // Of a job of weight 1.
   const double uncosted =
-      done.uncosted_samples + own.sample_count * (end.uncosted_jobs - done.uncosted_jobs);
-  return done.cpu_seconds +
-         own.sample_count * (end.cpu_seconds_per_sample - done.cpu_seconds_per_sample) +
+      done.uncosted_samples + samples * (end.uncosted_weight - done.uncosted_weight);
+  return done.cpu_seconds + samples * (end.cpu_seconds_per_sample - done.cpu_seconds_per_sample) +
          own.cpu_seconds_per_sample * uncosted;
 }
 

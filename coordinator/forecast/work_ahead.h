@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // WorkAhead: the CPU time that a farm spends on other jobs before a given job is done. The
-// scheduler serves jobs of higher priority first, and gives jobs of equal priority equal numbers of
-// pixel samples (scheduler.h). So jobs of higher priority are completed before the job is, and each
-// job of equal priority gets as many samples as the job itself, or all that it has left:
+// scheduler serves jobs of higher priority first, and gives jobs of equal priority numbers of pixel
+// samples in proportion to their weights (scheduler.h). So jobs of higher priority are completed
+// before the job is, and each job of equal priority and weight gets as many samples as the job
+// itself, or all that it has left. SharedFarm (shared_farm.h) says when all jobs end, for any
+// policy:
 //
 //     WorkLeft of live jobs > WorkAhead > CpuSeconds / threads that are used = wall time
 #pragma once
@@ -14,6 +16,7 @@
 
 #include "coordinator/core/work_left.h"
 #include "coordinator/forecast/cost_forecast.h"
+#include "coordinator/forecast/shared_farm.h"
 
 namespace sheaf::coordinator {
 
@@ -32,12 +35,12 @@ class WorkAhead {
   // Sums over the first jobs of `jobs_`.
   struct Sums {
     double cpu_seconds = 0;             // For all their samples.
-    double cpu_seconds_per_sample = 0;  // For one sample of each.
+    double cpu_seconds_per_sample = 0;  // For one sample of each of weight 1.
     double uncosted_samples = 0;        // Samples of jobs whose cost is not known.
-    double uncosted_jobs = 0;
+    double uncosted_weight = 0;         // Of those.
   };
 
-  std::vector<WorkLeft> jobs_;  // By descending priority, then by ascending sample_count.
+  std::vector<WorkLeft> jobs_;  // By descending priority, then by ascending samples by weight.
   std::vector<Sums> before_;    // Sums over the jobs before each one, and last over all jobs.
 };
 
@@ -45,6 +48,7 @@ class WorkAhead {
 struct FarmLoad {
   double threads_used = 0;  // Sum over threads of the fraction of time spent on samples.
   WorkAhead ahead;
+  SharedFarm shared = {};  // Of the live jobs; empty where only `ahead` is needed.
 };
 
 // Returns the wall time of work that has not been submitted to the farm; 0 if there are no threads

@@ -26,6 +26,12 @@ TEST(WorkAheadTest, EqualPrioritiesGetEqualSamples) {
                    50 + 100 * 2 + 10 * 3);
 }
 
+TEST(WorkAheadTest, WeightsDivideSamples) {
+  // Three samples of the other for each of its own, and then one of three of them.
+  EXPECT_DOUBLE_EQ(WorkAhead({kOwn, {0, 1000, 2, 3}}).CpuSeconds(kOwn), 50 + 300 * 2);
+  EXPECT_DOUBLE_EQ(WorkAhead({kOwn, {0, 1000, 2}}).CpuSeconds({0, 300, 0.5, 3}), 50 + 100 * 2);
+}
+
 TEST(WorkAheadTest, PartialJobsFinishFirst) {
   EXPECT_DOUBLE_EQ(WorkAhead({kOwn, {0, 1000, 2}}).CpuSeconds({0, 10, 0.5}), 5 + 20);
 }

@@ -15,6 +15,7 @@ namespace sheaf::coordinator {
 struct Counters {
   uint64_t synchronize_calls = 0;
   uint64_t leases_granted = 0;    // Hedges included.
+  uint64_t leases_cold = 0;       // Of scenes that the worker did not have (placement.h).
   uint64_t leases_hedged = 0;     // Second leases of a task.
   uint64_t leases_expired = 0;    // The worker fell silent or the lease grew too old.
   uint64_t leases_cancelled = 0;  // Another result covers them, or the job ended.

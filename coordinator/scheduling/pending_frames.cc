@@ -60,6 +60,22 @@ PendingFrames::PendingFrames(uint32_t frame_count, SceneOf scene_of)
       pending_by_scene_(frame_count) {
   std::iota(by_scene_.begin(), by_scene_.end(), 0);
   std::ranges::stable_sort(by_scene_, {}, scene_of_);
+  for (uint32_t i = 0; i < frame_count; ++i) {
+    if (BeginsScene(i)) ++scene_count_;
+  }
+}
+
+bool PendingFrames::BeginsScene(uint32_t position) const {
+  return position == 0 || scene_of_(by_scene_[position]) != scene_of_(by_scene_[position - 1]);
+}
+
+std::vector<uint32_t> PendingFrames::FirstOfScenes(uint32_t scenes_max) const {
+  std::vector<uint32_t> indices;
+  if (scene_count_ > scenes_max) return indices;
+  for (uint32_t i = 0; i < by_scene_.size(); ++i) {
+    if (BeginsScene(i)) indices.push_back(by_scene_[i]);
+  }
+  return indices;
 }
 
 std::optional<uint32_t> PendingFrames::FirstOf(const PackedDigest& scene) const {

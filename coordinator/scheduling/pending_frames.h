@@ -42,6 +42,11 @@ class PendingFrames {
   PendingFrames(uint32_t frame_count, SceneOf scene_of);
 
   bool empty() const { return count_ == 0; }
+  uint32_t count() const { return count_; }
+  // Of all frames, those that have left among them.
+  uint32_t scene_count() const { return scene_count_; }
+  // The lowest frame of each scene, pending or not; none where there are more scenes than this.
+  std::vector<uint32_t> FirstOfScenes(uint32_t scenes_max) const;
   // Requires: not empty.
   uint32_t First() const { return pending_.NextFrom(0); }
   std::optional<uint32_t> FirstOf(const PackedDigest& scene) const;
@@ -52,9 +57,11 @@ class PendingFrames {
 
  private:
   uint32_t PositionOf(uint32_t index) const;  // In by_scene_.
+  // Whether the frame at this position of by_scene_ is the first of its scene.
+  bool BeginsScene(uint32_t position) const;
 
   SceneOf scene_of_;
-  uint32_t count_ = 0;
+  uint32_t count_ = 0, scene_count_ = 0;
   NumberSet pending_;               // Indices.
   std::vector<uint32_t> by_scene_;  // Indices, by scene and index.
   NumberSet pending_by_scene_;      // Positions in by_scene_.

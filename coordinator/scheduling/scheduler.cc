@@ -137,6 +137,9 @@ void Scheduler::AddJob(const JobSpec& spec) {
   job.requirement_group = requirement_groups_.Add(spec.requirements);
   shares_.AddJob({spec.job_id, spec.numeric_profile, spec.priority, spec.show, spec.owner,
                   job.requirement_group});
+  for (const uint32_t index : job.pending.FirstOfScenes(limits_.placement_scenes_max)) {
+    NoteWork(&job, job.frames[index].packed.scene());
+  }
   UpdateReadyJob(&job);
   ++live_job_count_;
   job.work = WorkOf(spec);
@@ -236,6 +239,7 @@ void Scheduler::UpdateReady(JobRecord* job, uint32_t index) {
   if (frame.phase == FrameRecord::Phase::kOpen && frame.tasks->Stuck()) {
     stuck_frames_.insert({job->spec.job_id, frame.number()});
   }
+  NoteWork(job, frame.packed.scene());
   UpdateReadyJob(job);
 }
 
@@ -354,6 +358,7 @@ bool Scheduler::Accept(const FrameId& id, const Task& task, uint64_t lease_id,
   forget_failures(MakeTaskId(id, task));
   NoteLoaded(id);
   const uint64_t samples = frame.tasks->PixelSamples(task);
+  NoteSpeed(frame, worker_id, samples, cost);
   frame.sample_count_done += samples;
   frame.sample_count_timed += samples;
   frame.cost.Add(cost);

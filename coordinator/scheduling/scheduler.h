@@ -14,11 +14,12 @@
 //     Pause        a person wants a job to wait: nothing new of it is leased
 //
 // Order of work: jobs by priority, then by shares (fair_share.h: shows, users, jobs), of those
-// whose requirements the worker meets; within a job a scene that is warm in the worker, then a
-// frame nobody works on yet, then any; within a frame returned blocks, then the tile with the
-// fewest samples. Of a guided frame, nothing but its training is leased until its field is there;
-// other frames fill the gap. A worker that holds nothing and finds nothing ready is leased a task
-// that another one holds (a hedge), never its own.
+// whose requirements the worker meets, but for a bounded time jobs of that priority whose scenes
+// are warm in the worker (placement.h); within a job a scene that is warm in the worker, then a
+// frame nobody works on yet, then the scene with most work for each worker that has it; within a
+// frame returned blocks, then the tile with the fewest samples. Of a guided frame, nothing but its
+// training is leased until its field is there; other frames fill the gap. A worker that holds
+// nothing and finds nothing ready is leased a task that another one holds (a hedge), never its own.
 //
 // Failures (budgets in limits.h): a worker never gets a task again that it failed by a crash, lack
 // of memory or an invalid result; one that it failed for trouble with its disk or network, only
@@ -61,6 +62,7 @@
 #include "coordinator/scheduling/loading_losses.h"
 #include "coordinator/scheduling/packed_frame.h"
 #include "coordinator/scheduling/pending_frames.h"
+#include "coordinator/scheduling/placement/placement.h"
 #include "coordinator/scheduling/sharing/requirement_groups.h"
 #include "coordinator/scheduling/result_checks.h"
 #include "coordinator/scheduling/task_failures.h"
@@ -112,6 +114,8 @@ struct JobRecord {
   std::map<std::string, FrameSet> ready_by_scene;
   int requirement_group = 0;  // Of the live jobs with these requirements.
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
+  // Since when it is next in order and passed over (placement.h); InfiniteFuture: it is not.
+  SteadyTime passed_time = SteadyTime::InfiniteFuture();
   int32_t delivered_count = 0;
   int32_t incomplete_count = 0;
   bool blocked = false;          // As a whole it waits for another job.
@@ -128,6 +132,9 @@ struct JobRecord {
   bool Paused() const { return paused_time != SteadyTime::InfiniteFuture(); }
   bool MayLease() const { return !Paused() && !blocked; }
 };
+// Pixel samples of the frame per second and thread of the worker: what the frame's samples cost so
+// far, on workers as fast as this one, or without any what other frames' do. 0: not known.
+double SamplesPerThreadSecond(const FrameRecord& frame, const WorkerRecord& worker);
 // The first of all its frames, in this life; InfiniteFuture before.
 SteadyTime FirstLeaseTime(const JobRecord& job);
 // sample_count_left: of all or some of the job's samples. A sample is expected to cost what those
@@ -325,7 +332,6 @@ class Scheduler {
   size_t LeasesWanted(const WorkerRecord& worker) const;
   bool MayHoldMore(const WorkerRecord& worker) const;
   bool Grant(WorkerRecord* worker, SteadyTime now);
-  bool GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now);
   bool GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames, WorkerRecord* worker,
                        SteadyTime now);
   bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
@@ -335,6 +341,9 @@ class Scheduler {
                 bool is_check, SteadyTime now);
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, const FrameTasks::FreshBlock& block) const;
+  // Compares what a result cost with what the frame's earlier results did. Before it is counted.
+  void NoteSpeed(const FrameRecord& frame, const std::string& worker_id, uint64_t samples,
+                 const ResultCost& cost);
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
                  SteadyTime now) const;
   bool MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const;
@@ -366,6 +375,31 @@ class Scheduler {
                        const std::function<bool(const std::string&)>& accept) const;
   // Why no worker may render anything of the job: requirements that none meets, or a limit.
   std::string WhyNobodyMay(const JobRecord& job) const;
+
+  // scheduler_placement.cc
+  // front: jobs in the order in which they are to be served. The order of equal priorities yields
+  // to warm scenes, as placement.h says.
+  bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
+  bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  bool GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  // Work of the job of scenes that the worker has, and any work of it.
+  bool GrantWarm(JobRecord* job, WorkerRecord* worker, SteadyTime now);
+  bool GrantCold(JobRecord* job, WorkerRecord* worker, SteadyTime now);
+  // The scene with which a cold worker would begin the job; empty where it cannot.
+  std::string ColdScene(JobRecord* job);
+  // Pixel samples of the job that can be leased, about.
+  double SamplesToLease(const JobRecord& job) const;
+  // Whether the job's work may be leased to the worker now.
+  bool IsLeased(const JobRecord& job, const WorkerRecord& worker) const;
+  // The next in order first: by priority, then as in `front`, whose jobs come before others.
+  void SortByRight(std::span<const uint64_t> front, std::vector<uint64_t>* jobs) const;
+  // The oldest jobs with open frames, in that order.
+  std::vector<uint64_t> OpenedJobs(const WorkerRecord& worker) const;
+  // Keep warm_workers_, scene_jobs_ and opened_jobs_ true, after a change of a worker, or of what
+  // the job has of a scene.
+  void NoteWarm(const WorkerRecord& worker);
+  void NoteWork(JobRecord* job, const PackedDigest& scene);
 
   // Whether HoldScenes named the frame's scene.
   bool IsHeld(const FrameRecord& frame) const;
@@ -447,6 +481,9 @@ class Scheduler {
   RequirementGroups requirement_groups_;  // Of live jobs.
   std::map<ShareSubject, ShareSetting> share_settings_;
   Dependents dependents_;
+  std::map<std::string, std::set<uint64_t>> opened_jobs_;  // With open frames, by numeric profile.
+  WarmWorkers warm_workers_;
+  SceneJobs scene_jobs_;  // Of jobs with few scenes (placement_scenes_max).
   FramesByDigest live_frames_;
   std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.

@@ -17,6 +17,7 @@ bool Scheduler::Tick(SteadyTime now) {
   for (const std::string& worker_id : lost) {
     ++counters_.workers_lost;
     LoseLeases(worker_id, now);
+    NoteWarm(*workers_.Find(worker_id));
   }
   workers_.ForgetOld(now);  // Not before: a worker that holds leases is known.
   if (!lost.empty()) JudgeDoubtfulScenes();

@@ -3,11 +3,10 @@
 //
 // The part of Scheduler that gives work out.
 #include <algorithm>
-#include <bit>
-#include <cmath>
 
 #include "absl/strings/str_cat.h"
 #include "coordinator/core/job_check.h"
+#include "coordinator/scheduling/placement/lease_length.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {
@@ -30,6 +29,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   ApplyReport(worker, report, now);
   CloseStuckFrames();
   if (worker->Quarantined()) {
+    NoteWarm(*worker);
     return absl::PermissionDeniedError(
         absl::StrCat("worker ", report.worker_id, " is quarantined: ", worker->quarantine_reason));
   }
@@ -44,6 +44,7 @@ absl::StatusOr<Scheduler::SynchronizeAnswer> Scheduler::Synchronize(const Worker
   }
   SynchronizeAnswer answer;
   for (const uint64_t id : worker->leases) answer.leases.push_back(*leases_.Find(id));
+  NoteWarm(*worker);
   answer.next_synchronize = NextSynchronize(*worker, now);
   answer.exits = worker->drained_then_exit && worker->leases.empty();
   return answer;
@@ -92,20 +93,6 @@ absl::Duration Scheduler::NextSynchronize(const WorkerRecord& worker, SteadyTime
 bool Scheduler::Grant(WorkerRecord* worker, SteadyTime now) {
   return GrantCheck(worker, /*urgent_only=*/true, now) || GrantFirstRender(worker, now) ||
          GrantCheck(worker, /*urgent_only=*/false, now);
-}
-
-bool Scheduler::GrantFromJob(JobRecord* job, WorkerRecord* worker, SteadyTime now) {
-  for (const std::string& scene : worker->warm_scenes) {
-    if (const auto warm = job->ready_by_scene.find(scene); warm != job->ready_by_scene.end()) {
-      if (GrantFromFrames(job, warm->second, worker, now)) return true;
-    }
-    if (const std::optional<uint32_t> warm = job->pending.FirstOf(PackedDigest(scene))) {
-      if (GrantByOpening(job, *warm, worker, now)) return true;
-    }
-  }
-  // A cold worker reads a scene in any case; on a frame of its own it stays warm for longest.
-  if (!job->pending.empty() && GrantByOpening(job, job->pending.First(), worker, now)) return true;
-  return GrantFromFrames(job, job->ready, worker, now);
 }
 
 bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frames,
@@ -164,10 +151,32 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   if (failures != frame->failures.end()) lease.attempt = failures->second.attempt_count;
   const Lease& stored = leases_.Add(std::move(lease));
   worker->leases.insert(stored.lease_id);
-  worker->warm_scenes.insert(frame->packed.scene().Hex());
-  frame->first_lease_time = std::min(frame->first_lease_time, now);
+  ++worker->lease_granted_count;
   ++counters_.leases_granted;
   ChargeLease(*job, *worker, stored, frame->tasks->PixelSamples(task));
+  if (worker->warm_scenes.insert(frame->packed.scene().Hex()).second) {
+    ++worker->lease_cold_count;
+    ++counters_.leases_cold;
+    worker->cold_lease_time = now;
+  }
+  if (!is_check) job->passed_time = SteadyTime::InfiniteFuture();
+  frame->first_lease_time = std::min(frame->first_lease_time, now);
+}
+
+double SamplesPerThreadSecond(const FrameRecord& frame, const WorkerRecord& worker) {
+  const double cpu_seconds = absl::ToDoubleSeconds(frame.cost.cpu_duration);
+  if (frame.sample_count_timed == 0 || cpu_seconds <= 0) return worker.SamplesPerThreadSecond();
+  return worker.RelativeSpeed() * static_cast<double>(frame.sample_count_timed) / cpu_seconds;
+}
+
+void Scheduler::NoteSpeed(const FrameRecord& frame, const std::string& worker_id, uint64_t samples,
+                          const ResultCost& cost) {
+  const double cpu_seconds = absl::ToDoubleSeconds(frame.cost.cpu_duration);
+  WorkerRecord* worker = workers_.Find(worker_id);
+  if (worker == nullptr || frame.sample_count_timed == 0 || cpu_seconds <= 0) return;
+  const double usual =
+      cpu_seconds * static_cast<double>(samples) / static_cast<double>(frame.sample_count_timed);
+  worker->NoteSpeed(usual, absl::ToDoubleSeconds(cost.cpu_duration));
 }
 
 uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
@@ -183,25 +192,21 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
         partition.pass_sample_count * (block.first == 0 ? 1 : partition.lease_pass_count);
     return is_light ? std::min(samples, passes_max) : samples;
   }
-  const double rate = worker.SamplesPerThreadSecond();
-  if (rate <= 0) return pass;
-  const int threads_per_lease = ThreadsPerLease(worker);
-  const double pixels = static_cast<double>(block.pixel_count);
   const double seconds = block.first == 0 ? limits_.first_lease_target_seconds
                          : is_light       ? limits_.light_lease_target_seconds
                                           : limits_.lease_target_seconds;
-  double samples = rate * threads_per_lease * seconds / pixels;
-  const double workers = std::max(1, workers_.LiveCount(job.spec.numeric_profile));
-  const double left = static_cast<double>(frame.tasks->sample_count_ready());
-  samples = std::min(samples, left / (limits_.tail_divisor * workers * pixels));
-  if (block.first == 0) {
-    samples = std::min(
-        samples, static_cast<double>(frame.settings().samples / limits_.first_lease_fraction));
-  }
-  const double passes =
-      std::clamp(samples / static_cast<double>(pass), 1.0,
-                 static_cast<double>(is_light ? passes_max : limits_.lease_pass_count_max));
-  return pass * std::bit_floor(static_cast<uint64_t>(passes));
+  const uint64_t first_max =
+      std::max<uint64_t>(1, frame.settings().samples / limits_.first_lease_fraction);
+  return LeaseSamples(
+      {.samples_per_second = SamplesPerThreadSecond(frame, worker) * ThreadsPerLease(worker),
+       .target_seconds = seconds,
+       .samples_left = static_cast<double>(frame.tasks->sample_count_ready()),
+       .slots = workers_.LiveSlots(job.spec.numeric_profile),
+       .pixel_count = block.pixel_count,
+       .samples_max = block.first == 0 ? first_max : 0,
+       .pass_samples = pass,
+       .passes_max = is_light ? passes_max : limits_.lease_pass_count_max},
+      limits_);
 }
 
 bool Scheduler::MayOpenFor(const FrameRecord& frame, const WorkerRecord& worker) const {

@@ -52,11 +52,12 @@ bool Scheduler::GrantFirstRender(WorkerRecord* worker, SteadyTime now) {
   };
   const std::vector<uint64_t> first = offer(1);
   if (first.empty()) return false;
-  if (GrantFromJob(&jobs_.at(first[0]), worker, now)) return true;
-  for (const uint64_t job_id : offer(static_cast<size_t>(limits_.job_scan_max))) {
-    if (job_id != first[0] && GrantFromJob(&jobs_.at(job_id), worker, now)) return true;
-  }
-  return false;
+  if (GrantWarm(&jobs_.at(first[0]), worker, now)) return true;
+  const std::vector<uint64_t> front = offer(static_cast<size_t>(limits_.job_scan_max));
+  if (GrantPlaced(front, worker, now)) return true;
+  // Jobs that cannot open a frame yet may fill the front.
+  const bool is_full = front.size() >= static_cast<size_t>(limits_.job_scan_max);
+  return is_full && GrantPlaced(OpenedJobs(*worker), worker, now);
 }
 
 void Scheduler::ChargeLease(const JobRecord& job, const WorkerRecord& worker, const Lease& lease,

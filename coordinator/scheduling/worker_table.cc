@@ -23,10 +23,28 @@ double WorkerRecord::ThreadsUsed() const {
   return std::clamp(fraction, 0.1, 1.0) * thread_count;
 }
 
+double WorkerRecord::RelativeSpeed() const {
+  // So much CPU time as if it had been as fast as others.
+  constexpr double kPriorSeconds = 10;
+  const double speed =
+      (kPriorSeconds + recent_usual_seconds) / (kPriorSeconds + recent_cpu_seconds);
+  return std::clamp(speed, 0.25, 4.0);
+}
+
+void WorkerRecord::NoteSpeed(double usual_seconds, double cpu_seconds) {
+  constexpr double kRecentSeconds = 300;
+  recent_usual_seconds += usual_seconds;
+  recent_cpu_seconds += cpu_seconds;
+  if (recent_cpu_seconds + recent_usual_seconds < 2 * kRecentSeconds) return;
+  recent_usual_seconds /= 2;
+  recent_cpu_seconds /= 2;
+}
+
 void WorkerTable::CountLive(const WorkerRecord& worker, int sign) {
   if (!worker.Live()) return;
   LiveWorkers& live = live_[worker.numeric_profile];
   live.count += sign;
+  live.slots += sign * std::min(worker.Slots(), limits_.leases_per_worker_max);
   live_total_ += sign;
   kinds_.Count(worker.numeric_profile, worker.traits, sign);
   std::map<std::string, int>& of_pool = live.by_pool[worker.traits.pool];
@@ -179,6 +197,11 @@ void WorkerTable::ForgetOld(SteadyTime now) {
 int WorkerTable::LiveCount(const std::string& numeric_profile) const {
   const auto found = live_.find(numeric_profile);
   return found == live_.end() ? 0 : found->second.count;
+}
+
+int WorkerTable::LiveSlots(const std::string& numeric_profile) const {
+  const auto found = live_.find(numeric_profile);
+  return found == live_.end() ? 0 : found->second.slots;
 }
 
 const std::map<std::string, int>& WorkerTable::LiveIdentities(

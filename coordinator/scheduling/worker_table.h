@@ -4,6 +4,7 @@
 // WorkerTable: the workers the coordinator has heard of, who of them is alive, and how they do.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -35,6 +36,9 @@ struct WorkerRecord {
   std::set<std::string> warm_scenes;  // Compiled in its memory, or of leases it holds.
   uint64_t scene_memory_bytes = 0;    // For the scenes in its memory; 0: not known.
   std::set<uint64_t> leases;          // Ids, held now.
+  uint64_t lease_granted_count = 0;   // Ever.
+  uint64_t lease_cold_count = 0;      // Those of scenes that it did not have.
+  SteadyTime cold_lease_time = SteadyTime::InfinitePast();  // Of the last of those.
   SteadyTime last_seen_time;
   uint64_t result_count = 0;    // Accepted.
   uint64_t sample_count = 0;    // Pixel samples of those.
@@ -43,6 +47,8 @@ struct WorkerRecord {
   // neither waited nor loaded; and the CPU time of those second ones.
   absl::Duration busy_duration, busy_cpu_duration;
   SteadyTime last_result_time = SteadyTime::InfinitePast();
+  // CPU time of results lately, and what others would have taken for them.
+  double recent_cpu_seconds = 0, recent_usual_seconds = 0;
   // Jobs of tasks that it failed and others rendered, and when that last was.
   std::map<uint64_t, SteadyTime> failed_jobs;
   int infrastructure_failures = 0;  // Since its last accepted result.
@@ -56,6 +62,12 @@ struct WorkerRecord {
   bool Live() const { return !lost && !Draining() && !Quarantined() && !Sick(); }
   // Pixel samples per second and thread; 0 until a result is there.
   double SamplesPerThreadSecond() const;
+  // How fast it renders, relative to the other workers on the same frames: from 1/4 to 4.
+  double RelativeSpeed() const;
+  // A result took cpu_seconds, of which others would have taken usual_seconds.
+  void NoteSpeed(double usual_seconds, double cpu_seconds);
+  // Leases that it renders at once.
+  int Slots() const { return std::max(1, std::min(thread_count, requested_lease_count)); }
   // The number of threads that samples get all of: at least a tenth of its own, at most all.
   double ThreadsUsed() const;
 };
@@ -93,6 +105,8 @@ class WorkerTable {
   // Live workers of a numeric profile.
   int LiveCount(const std::string& numeric_profile) const;
   int LiveCount() const { return live_total_; }
+  // Leases that those of a numeric profile render at once.
+  int LiveSlots(const std::string& numeric_profile) const;
   // The identities of those, each with the number of its live workers.
   const std::map<std::string, int>& LiveIdentities(const std::string& numeric_profile) const;
   // The same of those of one pool.
@@ -108,7 +122,7 @@ class WorkerTable {
     uint64_t result_count = 0;
   };
   struct LiveWorkers {
-    int count = 0;
+    int count = 0, slots = 0;
     std::map<std::string, int> by_identity;
     std::map<std::string, std::map<std::string, int>> by_pool;  // Then by identity.
   };

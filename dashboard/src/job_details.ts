@@ -66,15 +66,26 @@ function sampleRateOf(progress: Progress, frame: Frame|undefined): string {
   return format.count(progress.sample_count_done / wall);
 }
 
+function timeLeftOf(progress: Progress): string {
+  const left = format.duration(progress.remaining_duration_seconds);
+  if (progress.remaining_duration_low_seconds === null) return left;
+  return left + ' (' + format.duration(progress.remaining_duration_low_seconds) + ' to ' +
+      format.duration(progress.remaining_duration_high_seconds) + ')';
+}
+
+function alternativeOf(progress: Progress): string {
+  const alone = progress.remaining_duration_alone_seconds;
+  const without = alone === null ? '' : '; without them ' + format.duration(alone);
+  return 'Counts with the farm\'s other jobs and their ends' + without;
+}
+
 // [label, value, explanation] of each figure.
 function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] {
   const progress = job.progress;
   const wall = progress.wall_duration_seconds;
   return [
     ['Done', format.percent(format.doneShare(progress))],
-    [
-      'Time left', format.hasEnded(job) ? '–' : format.duration(progress.remaining_duration_seconds)
-    ],
+    ['Time left', format.hasEnded(job) ? '–' : timeLeftOf(progress), alternativeOf(progress)],
     ['Time', format.duration(wall), 'Since the first lease, without pauses'],
     [
       'Error of a pixel', format.typicalError(progress.relative_mse),

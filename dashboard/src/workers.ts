@@ -99,5 +99,9 @@ function cacheOf(worker: Worker): string {
 function scenesOf(worker: Worker): string {
   const more = worker.warm_scene_count - worker.warm_scenes.length;
   const names = worker.warm_scenes.join('\n') + (more > 0 ? '\nand ' + more + ' more' : '');
-  return names ? '\nScenes in its memory:\n' + names : '';
+  const loads = worker.lease_granted_count > 0 ?
+      '\nScenes loaded for ' + worker.lease_cold_count + ' of ' + worker.lease_granted_count +
+          ' leases' :
+      '';
+  return loads + (names ? '\nScenes in its memory:\n' + names : '');
 }

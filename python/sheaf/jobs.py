@@ -58,6 +58,8 @@ class Progress:
     cpu_seconds: float
     wall_seconds: float
     remaining_seconds: float | None
+    remaining_band: tuple[float, float] | None  # Of a job's: holds in 8 of 10 cases.
+    remaining_alone_seconds: float | None  # If no other job shared the farm.
 
     @property
     def fraction(self) -> float:
@@ -124,6 +126,8 @@ class Worker:
     last_seen_time: datetime.datetime
     identity: str
     reason: str  # For its quarantine.
+    lease_granted_count: int
+    lease_cold_count: int  # Those of scenes that it had to load first.
     message: job_pb2.Worker = dataclasses.field(repr=False, compare=False)
 
 
@@ -162,7 +166,8 @@ def worker_from(message: job_pb2.Worker) -> Worker:
         thread_count=message.thread_count, lease_count=message.lease_count,
         result_count=message.result_count, samples_per_second=message.samples_per_second,
         last_seen_time=_time(message.last_seen_time), identity=message.identity,
-        reason=message.reason, message=message)
+        reason=message.reason, lease_granted_count=message.lease_granted_count,
+        lease_cold_count=message.lease_cold_count, message=message)
 
 
 def price_from(message: job_pb2.RefinementPrice) -> RefinementPrice:
@@ -187,13 +192,17 @@ def _frame(message: frame_pb2.Frame) -> Frame:
 
 def _progress(message: frame_pb2.Progress) -> Progress:
     known = message.HasField("remaining_duration")
+    has_band = message.HasField("remaining_duration_low")
     return Progress(
         sample_count_done=message.sample_count_done,
         sample_count_total=message.sample_count_total,
         relative_mse=message.relative_mse or None, nonfinite_count=message.nonfinite_count,
         ray_count=message.ray_count, cpu_seconds=_seconds(message.cpu_duration),
         wall_seconds=_seconds(message.wall_duration),
-        remaining_seconds=_seconds(message.remaining_duration) if known else None)
+        remaining_seconds=_seconds(message.remaining_duration) if known else None,
+        remaining_band=(_seconds(message.remaining_duration_low),
+                        _seconds(message.remaining_duration_high)) if has_band else None,
+        remaining_alone_seconds=_seconds(message.remaining_duration_alone) if has_band else None)
 
 
 def _round(message: frame_pb2.Round) -> Round:

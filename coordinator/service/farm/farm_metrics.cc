@@ -22,6 +22,7 @@ struct CounterName {
 constexpr CounterName kCounterNames[] = {
     {"synchronize_calls", "Synchronize calls of workers.", &Counters::synchronize_calls},
     {"leases_granted", "Leases granted, hedges included.", &Counters::leases_granted},
+    {"leases_cold", "Leases of scenes that the worker had to load first.", &Counters::leases_cold},
     {"leases_hedged", "Leases of a task that another worker holds.", &Counters::leases_hedged},
     {"lease_expired", "Leases of workers that stopped responding.", &Counters::leases_expired},
     {"lease_cancelled", "Leases whose work is done or no longer wanted.",

@@ -151,20 +151,25 @@ const FarmLoad& FarmTables::LoadOf(const std::string& numeric_profile, SteadyTim
     }
   }
   std::vector<WorkLeft> jobs;
+  std::vector<SharedJob> shared;
   for (const auto& [id, job] : scheduler.jobs()) {
     if (job.phase != JobPhase::kLive || job.Paused() ||
         job.spec.numeric_profile != numeric_profile) {
       continue;
     }
-    uint64_t left = 0;
+    uint64_t left = 0, done = 0;
     for (const FrameRecord& frame : job.frames) {
       if (frame.phase == FrameRecord::Phase::kIncomplete) continue;
       const uint64_t expected = SamplesExpected({id, frame.number()}, frame);
       left += expected - std::min(expected, frame.sample_count_done);
+      done += frame.sample_count_done;
     }
     jobs.push_back(WorkLeftOf(job, left));
+    const double all = std::max(1.0, static_cast<double>(left) + static_cast<double>(done));
+    shared.push_back({id, jobs.back(), static_cast<double>(done) / all});
   }
   load.ahead = WorkAhead(std::move(jobs));
+  load.shared = SharedFarm(std::move(shared), load.threads_used);
   return load;
 }
 

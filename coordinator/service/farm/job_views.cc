@@ -165,6 +165,7 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   // Nobody knows how long a person takes.
   if (job.phase == JobPhase::kLive && !job.Paused() && WhyHeld(jobs, job).empty()) {
     EstimateRemaining(job, now, &progress);
+    AddBand(job, now, &progress);
   }
   if (job.phase == JobPhase::kSucceeded) progress.remaining_seconds = 0;
   const bool begun =
@@ -248,6 +249,17 @@ void JobViews::EstimateRemaining(const JobRecord& job, SteadyTime now,
   // A job that has just come is not in the load yet.
   const double alone = left.sample_count * left.cpu_seconds_per_sample;
   progress->remaining_seconds = std::max(alone, load.ahead.CpuSeconds(left)) / load.threads_used;
+}
+
+void JobViews::AddBand(const JobRecord& job, SteadyTime now, ProgressView* progress) const {
+  if (progress->remaining_seconds < 0) return;
+  const SharedFarm::End* end =
+      tables_.LoadOf(job.spec.numeric_profile, now).shared.Find(job.spec.job_id);
+  if (end == nullptr) return;
+  progress->remaining_seconds = end->wall_seconds.value;
+  progress->remaining_low_seconds = end->wall_seconds.low;
+  progress->remaining_high_seconds = end->wall_seconds.high;
+  progress->remaining_alone_seconds = end->alone_seconds;
 }
 
 }  // namespace sheaf::coordinator

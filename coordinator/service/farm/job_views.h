@@ -43,6 +43,9 @@ class JobViews {
   // For the samples that are left in progress, which is the job's or one of its frames'.
   void EstimateRemaining(const JobRecord& job, SteadyTime now, ProgressView* progress) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // Replaces that of a whole job by the forecast for all jobs of the farm, which has a band.
+  void AddBand(const JobRecord& job, SteadyTime now, ProgressView* progress) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
   const std::string state_directory_;
   FarmTables& tables_;

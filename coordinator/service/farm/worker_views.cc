@@ -35,6 +35,8 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   view.numeric_profile = worker.numeric_profile;
   view.lease_count = static_cast<int32_t>(worker.leases.size());
   view.result_count = worker.result_count;
+  view.lease_granted_count = worker.lease_granted_count;
+  view.lease_cold_count = worker.lease_cold_count;
   view.samples_per_second = worker.SamplesPerThreadSecond() * worker.thread_count;
   view.last_seen_time = stamp(worker.last_seen_time);
   view.reason = worker.Quarantined() ? worker.quarantine_reason : worker.sick_reason;

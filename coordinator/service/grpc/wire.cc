@@ -97,6 +97,14 @@ v1::Progress ToWire(const ProgressView& progress) {
   if (progress.remaining_seconds >= 0) {
     SetDuration(absl::Seconds(progress.remaining_seconds), wire.mutable_remaining_duration());
   }
+  if (progress.remaining_low_seconds >= 0) {
+    SetDuration(absl::Seconds(progress.remaining_low_seconds),
+                wire.mutable_remaining_duration_low());
+    SetDuration(absl::Seconds(progress.remaining_high_seconds),
+                wire.mutable_remaining_duration_high());
+    SetDuration(absl::Seconds(progress.remaining_alone_seconds),
+                wire.mutable_remaining_duration_alone());
+  }
   return wire;
 }
 
@@ -432,6 +440,8 @@ v1::Worker ToWire(const WorkerView& view) {
   wire.set_lease_count(view.lease_count);
   wire.set_result_count(view.result_count);
   wire.set_samples_per_second(view.samples_per_second);
+  wire.set_lease_granted_count(view.lease_granted_count);
+  wire.set_lease_cold_count(view.lease_cold_count);
   SetTime(view.last_seen_time, wire.mutable_last_seen_time());
   wire.set_reason(view.reason);
   wire.set_drained(view.drained);

@@ -53,10 +53,13 @@ void AddSettings(const FrameSettings& settings, SettingField::Shown shown, Json*
   });
 }
 
+// Null while it is unknown.
+Json SecondsLeftJson(double seconds) {
+  return seconds >= 0 && std::isfinite(seconds) ? Json(seconds) : Json();
+}
+
 Json ProgressJson(const ProgressView& progress) {
   const bool error_known = progress.relative_mse > 0 && std::isfinite(progress.relative_mse);
-  const bool remaining_known =
-      progress.remaining_seconds >= 0 && std::isfinite(progress.remaining_seconds);
   return {
       {"sample_count_done", progress.sample_count_done},
       {"sample_count_total", progress.sample_count_total},
@@ -65,7 +68,10 @@ Json ProgressJson(const ProgressView& progress) {
       {"ray_count", progress.ray_count},
       {"cpu_duration_seconds", progress.cpu_seconds},
       {"wall_duration_seconds", progress.wall_seconds},
-      {"remaining_duration_seconds", remaining_known ? Json(progress.remaining_seconds) : Json()},
+      {"remaining_duration_seconds", SecondsLeftJson(progress.remaining_seconds)},
+      {"remaining_duration_low_seconds", SecondsLeftJson(progress.remaining_low_seconds)},
+      {"remaining_duration_high_seconds", SecondsLeftJson(progress.remaining_high_seconds)},
+      {"remaining_duration_alone_seconds", SecondsLeftJson(progress.remaining_alone_seconds)},
   };
 }
 
@@ -294,6 +300,8 @@ std::string WorkerJson(const WorkerView& worker) {
       {"scene_memory_bytes", MemoryJson(worker.scene_memory_bytes)},
       {"result_count", worker.result_count},
       {"samples_per_second", worker.samples_per_second},
+      {"lease_granted_count", worker.lease_granted_count},
+      {"lease_cold_count", worker.lease_cold_count},
       {"last_seen_time", TimeJson(worker.last_seen_time)},
       {"reason", worker.reason},
       {"drained", worker.drained},

@@ -49,6 +49,9 @@ struct ProgressView {
   double wall_seconds = 0;  // Since the first lease, including refinements.
   // Takes the farm's other jobs into account; negative while unknown.
   double remaining_seconds = -1;
+  // The band that holds in 8 of 10 cases, and the time that would be left if no other job shared
+  // the farm. Of live jobs; negative while unknown.
+  double remaining_low_seconds = -1, remaining_high_seconds = -1, remaining_alone_seconds = -1;
 };
 
 // A point of a frame's error curve: its state at the end of a round (sample_rounds.h), or in
@@ -186,6 +189,8 @@ struct WorkerView {
   int32_t lease_count = 0;
   uint64_t result_count = 0;
   double samples_per_second = 0;
+  uint64_t lease_granted_count = 0;
+  uint64_t lease_cold_count = 0;  // Those of scenes that it had to load first.
   absl::Time last_seen_time;
   std::string reason;  // Reason for the quarantine or sickness; empty otherwise.
   // A person has taken it out, and it ends when it holds nothing more.
