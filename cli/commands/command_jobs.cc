@@ -147,8 +147,7 @@ class WorkersCommand : public FarmCommand {
                   Printable(worker.name().substr(worker.name().find('/') + 1)).c_str(),
                   WorkerStateName(worker.state()).c_str(), worker.thread_count(),
                   worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
-                  ColdShare(worker).c_str(),
-                  FormatCount(worker.samples_per_second()).c_str(),
+                  ColdShare(worker).c_str(), FormatCount(worker.samples_per_second()).c_str(),
                   Printable(worker.pool()).c_str(), worker.numeric_profile().c_str());
       if (const std::string has = TraitsText(worker); !has.empty()) {
         std::printf("  %s\n", has.c_str());

@@ -30,7 +30,7 @@ struct Limits {
   size_t leases_per_identity_max = 16'384;  // Of all workers of one certificate.
   int warm_scenes_max = 64;                 // Looked at in one Synchronize.
   int workers_max = 100'000;
-  size_t drains_max = 10'000;  // Workers that people have taken out, at once.
+  size_t drains_max = 10'000;                        // Workers that people have taken out, at once.
   absl::Duration lost_worker_kept = absl::Hours(1);  // Then it is forgotten.
 
   // Jobs.

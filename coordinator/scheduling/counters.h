@@ -23,11 +23,11 @@ struct Counters {
   uint64_t results_duplicate_equal = 0;
   uint64_t results_duplicate_mismatch = 0;
   uint64_t results_superseded = 0;
-  uint64_t results_late = 0;      // Accepted although their lease had ended.
-  uint64_t results_invalid = 0;   // Not a part of the key they came with.
+  uint64_t results_late = 0;         // Accepted although their lease had ended.
+  uint64_t results_invalid = 0;      // Not a part of the key they came with.
   uint64_t results_other_field = 0;  // Made with another guiding field than the frame's: refused.
-  uint64_t results_refused = 0;   // Not leased to the sender, or of a quarantined one.
-  uint64_t failures_refused = 0;  // Not of a lease of the sender.
+  uint64_t results_refused = 0;      // Not leased to the sender, or of a quarantined one.
+  uint64_t failures_refused = 0;     // Not of a lease of the sender.
   uint64_t checks_begun = 0;
   uint64_t checks_dropped = 0;    // Nobody was there to do them in time.
   uint64_t samples_checked = 0;   // Pixel samples rendered for checks.

@@ -14,12 +14,6 @@
 namespace sheaf::coordinator {
 namespace {
 
-uint64_t FirstRoundSamplesOf(const FrameRecord& frame) {
-  const uint64_t samples = frame.settings().samples;
-  const StopRule& stop = frame.stop();
-  return stop.IsActive() ? std::min(samples, stop.first_round_samples) : samples;
-}
-
 // The size of an open frame: its pixels, in units of an image without outputs.
 int64_t OpenPixelsOf(const FrameSettings& settings) {
   const auto channel_count = static_cast<int64_t>(ImageChannelCount(settings.outputs));
@@ -35,44 +29,6 @@ void GrowTasks(std::span<const uint64_t> samples, FrameTasks* tasks) {
 }
 
 }  // namespace
-
-uint64_t SampleCountTotal(const FrameRecord& frame) {
-  if (frame.tasks != nullptr) return frame.tasks->sample_count_total();
-  if (frame.phase == FrameRecord::Phase::kDelivered) return frame.sample_count_done;
-  const FrameSettings& settings = frame.settings();
-  const uint64_t paths = settings.lattice.All()
-                             ? PathsPerSample(settings)
-                             : static_cast<uint64_t>(settings.lattice.CountIn(settings.window));
-  return paths * FirstRoundSamplesOf(frame);
-}
-
-std::optional<uint32_t> JobRecord::FindIndex(int32_t frame_number) const {
-  const auto found = std::ranges::lower_bound(frames, frame_number, {}, &FrameRecord::number);
-  if (found == frames.end() || found->number() != frame_number) return std::nullopt;
-  return static_cast<uint32_t>(found - frames.begin());
-}
-
-uint32_t JobRecord::IndexOf(int32_t frame_number) const {
-  const std::optional<uint32_t> index = FindIndex(frame_number);
-  SHEAF_CHECK(index.has_value());
-  return *index;
-}
-
-SteadyTime FirstLeaseTime(const JobRecord& job) {
-  SteadyTime first = SteadyTime::InfiniteFuture();
-  for (const FrameRecord& frame : job.frames) first = std::min(first, frame.first_lease_time);
-  return first;
-}
-
-WorkLeft WorkLeftOf(const JobRecord& job, uint64_t sample_count_left) {
-  double cpu_seconds = 0, samples = 0;
-  for (const FrameRecord& frame : job.frames) {
-    cpu_seconds += absl::ToDoubleSeconds(frame.cost.cpu_duration);
-    samples += static_cast<double>(frame.sample_count_timed);
-  }
-  return {job.spec.priority, static_cast<double>(sample_count_left),
-          samples > 0 ? cpu_seconds / samples : 0};
-}
 
 Scheduler::Scheduler(const Limits& limits, uint64_t first_lease_id)
     : limits_(limits),

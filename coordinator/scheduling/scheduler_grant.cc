@@ -163,12 +163,6 @@ void Scheduler::AddLease(JobRecord* job, FrameRecord* frame, const Task& task, W
   frame->first_lease_time = std::min(frame->first_lease_time, now);
 }
 
-double SamplesPerThreadSecond(const FrameRecord& frame, const WorkerRecord& worker) {
-  const double cpu_seconds = absl::ToDoubleSeconds(frame.cost.cpu_duration);
-  if (frame.sample_count_timed == 0 || cpu_seconds <= 0) return worker.SamplesPerThreadSecond();
-  return worker.RelativeSpeed() * static_cast<double>(frame.sample_count_timed) / cpu_seconds;
-}
-
 void Scheduler::NoteSpeed(const FrameRecord& frame, const std::string& worker_id, uint64_t samples,
                           const ResultCost& cost) {
   const double cpu_seconds = absl::ToDoubleSeconds(frame.cost.cpu_duration);

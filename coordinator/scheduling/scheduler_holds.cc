@@ -94,10 +94,10 @@ bool Scheduler::IsAwaited(uint64_t job_id) const {
   if (jobs_.at(job_id).phase == JobPhase::kSucceeded) return false;
   const std::set<uint64_t>& dependents = dependents_.Of(job_id);
   return std::ranges::any_of(dependents, [&](uint64_t id) {
-    return std::ranges::any_of(
-        jobs_.at(id).spec.dependencies, [job_id](const JobDependency& dependency) {
-          return dependency.job_id == job_id && !dependency.released;
-        });
+    return std::ranges::any_of(jobs_.at(id).spec.dependencies,
+                               [job_id](const JobDependency& dependency) {
+                                 return dependency.job_id == job_id && !dependency.released;
+                               });
   });
 }
 

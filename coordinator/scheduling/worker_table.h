@@ -137,7 +137,7 @@ class WorkerTable {
   std::map<std::string, LiveWorkers> live_;                      // By numeric profile.
   std::map<std::string, IdentityRecord> identities_;             // Of known workers.
   std::map<std::string, std::string> quarantined_;
-  std::map<std::string, bool> drains_;  // By worker id, whether it exits then.
+  std::map<std::string, bool> drains_;        // By worker id, whether it exits then.
   std::deque<std::string> quarantine_order_;  // Those of quarantined_, the oldest first.
   WorkerKinds kinds_;
   int live_total_ = 0;

@@ -79,8 +79,7 @@ TEST_F(SqliteHoldsTest, DependenciesStayUntilTheyAreReleased) {
 
 TEST_F(SqliteHoldsTest, RemovedJobsAreRemembered) {
   const uint64_t first = Create(SpecOf({}), "a"), second = Create(SpecOf({{first}}), "b");
-  ASSERT_TRUE(
-      store_->EndJob(first, JobPhase::kSucceeded, "", absl::FromUnixSeconds(200), {}).ok());
+  ASSERT_TRUE(store_->EndJob(first, JobPhase::kSucceeded, "", absl::FromUnixSeconds(200), {}).ok());
   ASSERT_TRUE(store_->RemoveJob(first).ok());
   Reopen();
   EXPECT_TRUE(Job(second).spec.dependencies.at(0).removed);

@@ -50,9 +50,9 @@ absl::Status SqliteJobStore::LoadHolds(const std::map<uint64_t, StoredJob*>& job
 }
 
 absl::Status SqliteJobStore::NoteApproval(const FrameId& frame, uint64_t samples) {
-  SqliteStatement update = database_->Prepare(absl::StrCat(
-      UpdateOf<Sealed<ApprovalRow>>("approvals"),
-      "WHERE job_id = ? AND frame_number = ? AND samples <= ?"));
+  SqliteStatement update =
+      database_->Prepare(absl::StrCat(UpdateOf<Sealed<ApprovalRow>>("approvals"),
+                                      "WHERE job_id = ? AND frame_number = ? AND samples <= ?"));
   const ApprovalRow row{frame.job_id, frame.frame_number, {samples, /*approved=*/true}};
   return BindRow(Seal(row), &update)
       .Bind(frame.job_id)
@@ -86,8 +86,8 @@ absl::Status SqliteJobStore::ReleaseJob(uint64_t job_id) {
 absl::Status SqliteJobStore::WriteDrains(const std::vector<DrainRecord>& records) {
   const MutexLock lock(&database_mutex_);
   return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) -> absl::Status {
-    SqliteStatement insert = database_->Prepare(
-        absl::StrCat("INSERT OR REPLACE ", IntoTable<DrainRecord>("drains")));
+    SqliteStatement insert =
+        database_->Prepare(absl::StrCat("INSERT OR REPLACE ", IntoTable<DrainRecord>("drains")));
     for (const DrainRecord& record : records) {
       if (absl::Status status = BindRow(record, &insert).Run(); !status.ok()) return status;
     }

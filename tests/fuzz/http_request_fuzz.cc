@@ -49,7 +49,7 @@ struct ServedFarm {
     actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
       return UsageReport();
     };
-        actions.release_job = [](const std::string&) { return absl::OkStatus(); };
+    actions.release_job = [](const std::string&) { return absl::OkStatus(); };
     actions.approve_frames = [](const std::string&, const std::vector<int32_t>&) {
       return absl::OkStatus();
     };

@@ -135,8 +135,7 @@ class PromisingStore : public coordinator::JobStore {
   absl::StatusOr<std::optional<PartRow>> FindPart(const coordinator::PartKey& key) override {
     return store_->FindPart(key);
   }
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile,
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
                                                      TaskKind kind) override {
     return store_->FindTileParts(frame, tile, kind);
   }

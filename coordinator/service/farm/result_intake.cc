@@ -182,9 +182,8 @@ void ResultIntake::LoseField(const PartRow& field, const absl::Status& why) {
 }
 
 absl::Status ResultIntake::CheckSender(const ResultReport& report) {
-  const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest,
-                        report.tile,     report.block,    report.cells,
-                        report.kind};
+  const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest, report.tile,
+                        report.block,    report.cells,    report.kind};
   const bool was_leased = tokens_.IsValid(work, report.token);
   std::string why = "the work was not leased to the sender, or the coordinator has another secret";
   {
@@ -258,8 +257,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& rep
       store_.FindPart({found.frame, report.tile, report.block, report.cells, report.kind});
   if (!row.ok()) return row.status();
   // A worker that missed the answer sends its result again; nobody rendered it twice.
-  const bool is_resent = row->has_value() && (*row)->worker_id == report.worker_id &&
-                         (*row)->digest == report.digest;
+  const bool is_resent =
+      row->has_value() && (*row)->worker_id == report.worker_id && (*row)->digest == report.digest;
   if (!is_resent) NoteRepeated(report, found);
   CheckVerdict verdict;
   bool is_equal = false;
@@ -332,8 +331,8 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   std::shared_ptr<OpenFrame> open;
   bool tile_complete = false;
   bool rendered = false;
-  const double draw = choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells,
-                                     report.kind);
+  const double draw =
+      choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells, report.kind);
   {
     const MutexLock lock(&tables_.mutex);
     const Scheduler::FoundTask again =

@@ -44,9 +44,8 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
   view.exits = worker.drained_then_exit;
   for (const uint64_t id : worker.leases) {
     const Lease& lease = *tables_.scheduler.leases().Find(id);
-    view.leases.push_back(
-        {lease.frame, lease.tile_rect, lease.task.block, lease.phase, stamp(lease.grant_time),
-         lease.kind});
+    view.leases.push_back({lease.frame, lease.tile_rect, lease.task.block, lease.phase,
+                           stamp(lease.grant_time), lease.kind});
   }
   std::stable_sort(
       view.leases.begin(), view.leases.end(), [](const LeaseView& a, const LeaseView& b) {

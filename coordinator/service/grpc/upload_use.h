@@ -16,8 +16,8 @@
 
 namespace sheaf::coordinator {
 
-// Whether the caller may keep so many more bytes, and upload them today; counts them. access: null without certificates. operation: for the audit
-// log. Errors: kResourceExhausted, recorded.
+// Whether the caller may keep so many more bytes, and upload them today; counts them. access: null
+// without certificates. operation: for the audit log. Errors: kResourceExhausted, recorded.
 absl::Status BeginUpload(const grpc::ServerContext& context, Farm* farm, AccessControl* access,
                          const char* operation, uint64_t size_bytes);
 // Takes back what did not come of it.

@@ -164,20 +164,6 @@ v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
   return wire;
 }
 
-void AddTroubles(const FrameView& view, v1::Job* job) {
-  if (view.incomplete.empty() && view.set_aside_count == 0) return;
-  v1::FrameTrouble& wire = *job->add_troubles();
-  wire.set_frame_number(view.frame_number);
-  wire.set_incomplete(view.incomplete);
-  wire.set_set_aside_task_count(view.set_aside_count);
-  for (const SetAsideView& aside : view.set_aside) {
-    v1::SetAsideTask& task = *wire.add_set_aside_tasks();
-    task.set_task(aside.task);
-    task.set_why(aside.why);
-    for (const TaskFailure& failure : aside.failures) *task.add_failures() = ToWire(failure);
-  }
-}
-
 v1::Job::State ToWire(JobState state) {
   switch (state) {
     case JobState::kQueued:

@@ -40,6 +40,8 @@ v1::Job ToWire(const JobView& view);
 absl::StatusOr<EffectCost> FromWire(const v1::EffectCost& wire);
 v1::EffectCost ToWire(const EffectCost& effect);
 v1::PriceRefinementResponse ToWire(const RefinementPrices& priced);
+// In wire_troubles.cc. Adds the frame's, if it has any.
+void AddTroubles(const FrameView& view, v1::Job* job);
 // In wire_holds.cc, these two. Takes what holds the new job back. Errors: kInvalidArgument.
 absl::Status TakeHolds(const v1::CreateJobRequest& request, JobSpec* spec);
 void AddHolds(const JobView& view, v1::Job* job);

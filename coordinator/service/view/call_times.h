@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "absl/time/time.h"
-#include "common/base/histogram.h"
 #include "common/base/mutex.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/histogram.h"
 
 namespace sheaf::coordinator {
 

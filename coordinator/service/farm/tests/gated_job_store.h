@@ -120,8 +120,7 @@ class GatedJobStore : public JobStore {
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override {
     return store_->FindPart(key);
   }
-  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
-                                                     const PixelRect& tile,
+  absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
                                                      TaskKind kind) override {
     return store_->FindTileParts(frame, tile, kind);
   }

@@ -35,9 +35,8 @@ absl::Status JobLifecycle::SetPinned(uint64_t job_id, bool pinned) {
 absl::Status JobLifecycle::RequireUnused(uint64_t job_id) const {
   const absl::StatusOr<const JobRecord*> job = tables_.FindJob(job_id);
   if (!job.ok()) return job.status();
-  const bool is_unsettled =
-      std::find(tables_.unsettled_jobs.begin(), tables_.unsettled_jobs.end(), job_id) !=
-      tables_.unsettled_jobs.end();
+  const bool is_unsettled = std::find(tables_.unsettled_jobs.begin(), tables_.unsettled_jobs.end(),
+                                      job_id) != tables_.unsettled_jobs.end();
   const bool is_kept = tables_.accounts.at(job_id).pinned || tables_.scheduler.IsAwaited(job_id);
   if ((*job)->phase != JobPhase::kLive && !is_unsettled && !is_kept) return absl::OkStatus();
   return absl::FailedPreconditionError(

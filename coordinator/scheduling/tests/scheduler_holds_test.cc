@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "coordinator/core/holds/job_approval.h"
-#include "coordinator/scheduling/scheduler_fixture.h"
+#include "coordinator/scheduling/tests/scheduler_fixture.h"
 #include "gmock/gmock.h"
 
 namespace sheaf::coordinator {

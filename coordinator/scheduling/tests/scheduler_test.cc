@@ -10,7 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
-#include "coordinator/scheduling/scheduler_fixture.h"
+#include "coordinator/scheduling/tests/scheduler_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 

@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "common/base/histogram.h"
+#include "coordinator/service/view/histogram.h"
 
 #include <algorithm>
 
 #include "common/base/check.h"
 
-namespace sheaf {
+namespace sheaf::coordinator {
 
 Histogram::Histogram(std::span<const double> bounds) : bounds_(bounds), counts_(bounds.size() + 1) {
   SHEAF_CHECK(std::is_sorted(bounds.begin(), bounds.end()));
@@ -31,4 +31,4 @@ Histogram::Counts Histogram::Read() const {
   return counts;
 }
 
-}  // namespace sheaf
+}  // namespace sheaf::coordinator

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "common/base/histogram.h"
+#include "coordinator/service/view/histogram.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-namespace sheaf {
+namespace sheaf::coordinator {
 namespace {
 
 constexpr double kBounds[] = {0.01, 0.1, 1};
@@ -38,4 +38,4 @@ TEST(HistogramTest, LosesNothingOfConcurrentCalls) {
 }
 
 }  // namespace
-}  // namespace sheaf
+}  // namespace sheaf::coordinator

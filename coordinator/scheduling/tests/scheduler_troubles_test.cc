@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/scheduling/scheduler_fixture.h"
+#include "coordinator/scheduling/tests/scheduler_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 

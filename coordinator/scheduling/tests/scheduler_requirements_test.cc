@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "coordinator/scheduling/scheduler_fixture.h"
+#include "coordinator/scheduling/tests/scheduler_fixture.h"
 #include "gmock/gmock.h"
 
 namespace sheaf::coordinator {

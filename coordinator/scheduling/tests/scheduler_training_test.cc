@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "coordinator/scheduling/scheduler_fixture.h"
+#include "coordinator/scheduling/tests/scheduler_fixture.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {

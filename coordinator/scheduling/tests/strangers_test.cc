@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/time/clock.h"
-#include "coordinator/scheduling/scheduler_fixture.h"
+#include "coordinator/scheduling/tests/scheduler_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 

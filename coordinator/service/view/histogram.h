@@ -12,7 +12,7 @@
 
 #include "absl/time/time.h"
 
-namespace sheaf {
+namespace sheaf::coordinator {
 
 // Bounds of the duration of calls, in seconds: from a call that memory answers to one that waits
 // for a disk or for a person.
@@ -43,4 +43,4 @@ class Histogram {
   std::atomic<uint64_t> sum_ns_{0};
 };
 
-}  // namespace sheaf
+}  // namespace sheaf::coordinator
