@@ -17,6 +17,7 @@
 #include "coordinator/core/frame_tasks.h"
 #include "coordinator/core/owner_work.h"
 #include "coordinator/core/work_left.h"
+#include "coordinator/scheduling/lease_table.h"
 #include "coordinator/scheduling/loading_losses.h"
 #include "coordinator/scheduling/packed_frame.h"
 #include "coordinator/scheduling/pending_frames.h"
