@@ -199,6 +199,8 @@ class Scheduler {
   // is OK.
   void SetShare(const ShareSubject& subject, const ShareSetting& setting);
   void ResetShare(const ShareSubject& subject);
+  // 1 where none was set.
+  double WeightOf(const ShareSubject& subject) const;
   // Those that were set.
   const std::map<ShareSubject, ShareSetting>& share_settings() const { return share_settings_; }
   const FairShare& shares() const { return shares_; }

@@ -20,6 +20,11 @@ void Scheduler::ResetShare(const ShareSubject& subject) {
   shares_.ResetWeight(subject);
 }
 
+double Scheduler::WeightOf(const ShareSubject& subject) const {
+  const auto setting = share_settings_.find(subject);
+  return setting == share_settings_.end() ? 1 : setting->second.weight;
+}
+
 int Scheduler::ThreadsPerLease(const WorkerRecord& worker) {
   // A worker that asks for fewer leases than it has threads renders one lease with several.
   return std::max(1, worker.thread_count / std::max(1, worker.requested_lease_count));

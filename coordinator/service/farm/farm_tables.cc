@@ -153,7 +153,7 @@ const FarmLoad& FarmTables::LoadOf(const std::string& numeric_profile, SteadyTim
   std::vector<WorkLeft> jobs;
   std::vector<SharedJob> shared;
   for (const auto& [id, job] : scheduler.jobs()) {
-    if (job.phase != JobPhase::kLive || job.Paused() ||
+    if (job.phase != JobPhase::kLive || !job.MayLease() ||
         job.spec.numeric_profile != numeric_profile) {
       continue;
     }
@@ -166,10 +166,12 @@ const FarmLoad& FarmTables::LoadOf(const std::string& numeric_profile, SteadyTim
     }
     jobs.push_back(WorkLeftOf(job, left));
     const double all = std::max(1.0, static_cast<double>(left) + static_cast<double>(done));
-    shared.push_back({id, jobs.back(), static_cast<double>(done) / all});
+    shared.push_back({id, jobs.back(), static_cast<double>(done) / all, job.spec.show,
+                      job.spec.owner, scheduler.WeightOf({ShareKind::kShow, job.spec.show}),
+                      scheduler.WeightOf({ShareKind::kUser, job.spec.owner})});
   }
   load.ahead = WorkAhead(std::move(jobs));
-  load.shared = SharedFarm(std::move(shared), load.threads_used);
+  load.shared = SharedFarm(std::move(shared), load.threads_used, ShareByTime);
   return load;
 }
 

@@ -36,7 +36,7 @@ SharedFarm ForecastOf(const Scheduler& scheduler) {
     shared.push_back({id, WorkLeftOf(job, total - done),
                       static_cast<double>(done) / static_cast<double>(total)});
   }
-  return SharedFarm(std::move(shared), threads_used);
+  return SharedFarm(std::move(shared), threads_used, ShareByTime);
 }
 
 struct Forecasts {
