@@ -79,8 +79,7 @@ TEST_F(SqliteHoldsTest, DependenciesStayUntilTheyAreReleased) {
 
 TEST_F(SqliteHoldsTest, RemovedJobsAreRemembered) {
   const uint64_t first = Create(SpecOf({}), "a"), second = Create(SpecOf({{first}}), "b");
-  ASSERT_TRUE(
-      store_->EndJob(first, JobPhase::kSucceeded, "", absl::FromUnixSeconds(200), {}).ok());
+  ASSERT_TRUE(store_->EndJob(first, JobPhase::kSucceeded, "", absl::FromUnixSeconds(200), {}).ok());
   ASSERT_TRUE(store_->RemoveJob(first).ok());
   Reopen();
   EXPECT_TRUE(Job(second).spec.dependencies.at(0).removed);
@@ -119,8 +118,9 @@ TEST_F(SqliteHoldsTest, AChangedApprovalIsNoticed) {
 }
 
 TEST_F(SqliteHoldsTest, DrainsStayUntilTheyAreRemoved) {
-  const DrainRecord first{"a", true, absl::FromUnixSeconds(5)}, second{"b", false};
-  ASSERT_TRUE(store_->WriteDrains({second, {"a", false}}).ok());
+  const DrainRecord first{"a", true, absl::FromUnixSeconds(5)},
+      second{"b", false, absl::FromUnixSeconds(3)};
+  ASSERT_TRUE(store_->WriteDrains({second, {"a", false, absl::FromUnixSeconds(4)}}).ok());
   ASSERT_TRUE(store_->WriteDrains({first}).ok());
   Reopen();
   EXPECT_EQ(*store_->LoadDrains(), (std::vector<DrainRecord>{first, second}));
