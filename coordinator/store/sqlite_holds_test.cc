@@ -118,8 +118,9 @@ TEST_F(SqliteHoldsTest, AChangedApprovalIsNoticed) {
 }
 
 TEST_F(SqliteHoldsTest, DrainsStayUntilTheyAreRemoved) {
-  const DrainRecord first{"a", true, absl::FromUnixSeconds(5)}, second{"b", false};
-  ASSERT_TRUE(store_->WriteDrains({second, {"a", false}}).ok());
+  const DrainRecord first{"a", true, absl::FromUnixSeconds(5)},
+      second{"b", false, absl::FromUnixSeconds(3)};
+  ASSERT_TRUE(store_->WriteDrains({second, {"a", false, absl::FromUnixSeconds(4)}}).ok());
   ASSERT_TRUE(store_->WriteDrains({first}).ok());
   Reopen();
   EXPECT_EQ(*store_->LoadDrains(), (std::vector<DrainRecord>{first, second}));
