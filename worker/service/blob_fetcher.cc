@@ -186,13 +186,14 @@ absl::Status BlobFetcher::FetchFromPeer(const v1::Peer& peer, const ChunkList& l
     stream.Drop(chunk.size_bytes);
   }
   const bool is_whole = index == list.chunks.size();
-  if (!is_whole) context.TryCancel();
+  // A stream that broke off says why; one that is left is cancelled.
+  if (stream.is_malformed() || !progress->own.ok()) context.TryCancel();
   const grpc::Status finished = reader->Finish();
   if (is_whole) return absl::OkStatus();
   if (stream.is_malformed()) *kind = v1::PeerTrouble::KIND_WRONG_BYTES;
-  const bool is_refused = finished.error_code() == grpc::StatusCode::NOT_FOUND ||
-                          finished.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
-  if (is_refused) *kind = v1::PeerTrouble::KIND_REFUSED;
+  const grpc::StatusCode code = finished.error_code();
+  if (code == grpc::StatusCode::RESOURCE_EXHAUSTED) *kind = v1::PeerTrouble::KIND_REFUSED;
+  if (code == grpc::StatusCode::NOT_FOUND) *kind = v1::PeerTrouble::KIND_MISSING;
   const absl::Status status = FromGrpcStatus(finished);
   return status.ok() ? absl::UnavailableError("it ended too early") : status;
 }

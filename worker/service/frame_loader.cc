@@ -55,13 +55,15 @@ class LoadFetches {
       if (!seen.insert(blob.sha256_hex).second || fetched_.contains(blob.sha256_hex)) continue;
       exchange_->CountBlob(BlobSource::kCache);
       exchange_->CountBytes(BlobSource::kCache, blob.size_bytes);
-      exchange_->NoteHeld(blob);  // Another worker of this machine may have fetched it.
+      // Another worker of this machine may have fetched it.
+      exchange_->NoteHeld(blob, /*is_new=*/false);
     }
   }
 
  private:
   void NoteFetched() {
-    if (exchange_ != nullptr && !fetching_.sha256_hex.empty()) exchange_->NoteHeld(fetching_);
+    if (exchange_ != nullptr && !fetching_.sha256_hex.empty())
+      exchange_->NoteHeld(fetching_, /*is_new=*/true);
     fetching_ = {};
   }
 

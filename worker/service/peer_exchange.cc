@@ -38,7 +38,7 @@ PeerExchange::PeerExchange(const std::shared_ptr<grpc::Channel>& coordinator, st
     } else {
       LogWarning(std::string(server.status().message()));
     }
-    for (const StoredBlob& blob : blobs->List()) NoteHeld(blob.digest);
+    for (const StoredBlob& blob : blobs->List()) NoteHeld(blob.digest, /*is_new=*/false);
   }
   reporter_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
 }
@@ -136,10 +136,11 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> PeerExchange::ChannelTo(const v1:
   return channels_[key] = MakeChannel(peer.address(), credentials);
 }
 
-void PeerExchange::NoteHeld(const BlobDigest& blob) {
+void PeerExchange::NoteHeld(const BlobDigest& blob, bool is_new) {
   if (blob.size_bytes < kPeerBlobBytesMin) return;
   const MutexLock lock(&mutex_);
-  if (held_.size() >= kHeldBlobsMax || !held_.insert(blob.sha256_hex).second) return;
+  if (held_.size() >= kHeldBlobsMax) return;
+  if (!held_.insert(blob.sha256_hex).second && !is_new) return;
   unreported_.push_back(blob.sha256_hex);
   news_.NotifyAll();
 }

@@ -55,8 +55,9 @@ class PeerExchange {
   // Errors: those of reading the certificates.
   absl::StatusOr<std::shared_ptr<grpc::Channel>> ChannelTo(const v1::Peer& peer);
 
-  // The blob is complete in the cache.
-  void NoteHeld(const BlobDigest& blob);
+  // The blob is complete in the cache. is_new: it is since now, so others may have been told that
+  // it was missing.
+  void NoteHeld(const BlobDigest& blob, bool is_new);
   // The blob is being fetched from the coordinator, or no more.
   void NoteFetching(const BlobDigest& blob, bool is_fetching);
   void NoteTrouble(const std::string& peer_id, const BlobDigest& blob, v1::PeerTrouble::Kind kind);

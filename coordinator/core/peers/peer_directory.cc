@@ -14,6 +14,8 @@ const char* PeerTroubleKindName(PeerTroubleKind kind) {
       return "refused";
     case PeerTroubleKind::kWrongBytes:
       return "wrong_bytes";
+    case PeerTroubleKind::kMissing:
+      return "missing";
   }
   return "unreachable";
 }

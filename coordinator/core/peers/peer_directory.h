@@ -41,9 +41,9 @@ struct PeerContact {
   friend bool operator==(const PeerContact&, const PeerContact&) = default;
 };
 
-enum class PeerTroubleKind { kUnreachable, kRefused, kWrongBytes };
-inline constexpr size_t kPeerTroubleKindCount = 3;
-// Returns "unreachable", "refused" or "wrong_bytes".
+enum class PeerTroubleKind { kUnreachable, kRefused, kWrongBytes, kMissing };
+inline constexpr size_t kPeerTroubleKindCount = 4;
+// Returns "unreachable", "refused", "wrong_bytes" or "missing".
 const char* PeerTroubleKindName(PeerTroubleKind kind);
 
 // Where to fetch a blob. Neither peers nor from_coordinator: ask again later.
@@ -63,8 +63,8 @@ class PeerDirectory {
   // not, nobody waits for it.
   PeerAnswer Locate(const std::string& blob, const std::string& worker_id, bool serves,
                     const std::set<std::string>& tried, SteadyTime now);
-  // The accuser says that the peer did not give the blob: it is not asked for it again until it
-  // reports that it holds it.
+  // The accuser says that the peer did not give the blob: unless it was busy, it is not asked for
+  // it again until it reports that it holds it.
   void NoteTrouble(const std::string& peer_id, const std::string& blob, PeerTroubleKind kind,
                    const std::string& accuser, SteadyTime now);
 

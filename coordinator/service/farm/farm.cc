@@ -172,8 +172,9 @@ void Farm::KeepProvenFailures(WorkerReport* report) {
         if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
         const std::string digest =
             tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
-        const LeasedWork work{lease->lease_id,   IdentityOf(*report), digest,     lease->tile_rect,
-                              lease->task.block, lease->cells,        lease->kind};
+        const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
+                              lease->tile_rect, lease->task.block,   lease->cells,
+                              lease->kind};
         if (tokens_.IsValid(work, failure.token)) return false;
         ++tables_.scheduler.counters().failures_refused;
         LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",

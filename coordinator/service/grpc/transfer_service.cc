@@ -61,6 +61,8 @@ absl::StatusOr<PeerTroubleReport> FromWire(const v1::PeerTrouble& wire) {
       return PeerTroubleReport{wire.worker_id(), wire.sha256_hex(), PeerTroubleKind::kRefused};
     case v1::PeerTrouble::KIND_WRONG_BYTES:
       return PeerTroubleReport{wire.worker_id(), wire.sha256_hex(), PeerTroubleKind::kWrongBytes};
+    case v1::PeerTrouble::KIND_MISSING:
+      return PeerTroubleReport{wire.worker_id(), wire.sha256_hex(), PeerTroubleKind::kMissing};
     default:
       return absl::InvalidArgumentError("troubles: a kind that is not known");
   }
