@@ -19,8 +19,8 @@
 // Because returned blocks keep their shape, a late result of this life meets exactly its own block.
 // A result from before a restart may meet blocks that were cut otherwise; Fit says which of those
 // fit. Pure: no clock, no lock. Every operation is O(log tiles), amortized, and linear in what is
-// leased and returned of one tile, but the constructor, which takes some 20 ns a tile: a frame is
-// opened under the farm's lock.
+// leased and returned of one tile, but the constructor, which is linear in the tiles and allocates
+// nothing for each of them, because a frame is opened under the farm's lock.
 #pragma once
 
 #include <compare>
