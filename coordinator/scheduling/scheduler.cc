@@ -105,6 +105,7 @@ void Scheduler::AddJob(const JobSpec& spec) {
               .pilot = spec.pilot,
               .title = spec.title,
               .owner = spec.owner,
+              .show = spec.show,
               .priority = spec.priority,
               .partition = spec.partition,
               .numeric_profile = spec.numeric_profile,
