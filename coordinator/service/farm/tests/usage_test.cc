@@ -37,6 +37,7 @@ class FarmUsageTest : public FarmTest {
 
 TEST_F(FarmUsageTest, AJobsWorkIsAccountedFor) {
   StartWithoutThread();
+  store_->Open();
   const uint64_t job = MakeJob({});
   Finish(job);
   const auto report = farm_->ListUsage({.by = UsageBy::kJob});
