@@ -107,7 +107,7 @@ struct JobRecord {
   std::map<std::string, FrameSet> ready_by_scene;
   uint64_t served = 0;  // Pixel samples leased, plus the share it began with.
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
-  // Since when it is next in order and passed over (placement.h); InfiniteFuture: it is not.
+  // Since when it is passed over (placement.h), since its last lease; InfiniteFuture: it is not.
   SteadyTime passed_time = SteadyTime::InfiniteFuture();
   int32_t delivered_count = 0;
   int32_t incomplete_count = 0;
@@ -301,6 +301,8 @@ class Scheduler {
   bool Hedge(WorkerRecord* worker, SteadyTime now);
   void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
                 bool is_check, SteadyTime now);
+  // Leases of the job that are likely rendered at once: those held, and its part of the farm.
+  int LeaseSlots(const JobRecord& job) const;
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, const FrameTasks::FreshBlock& block) const;
   // Compares what a result cost with what the frame's earlier results did. Before it is counted.
@@ -322,6 +324,9 @@ class Scheduler {
   // to warm scenes, as placement.h says.
   bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
   bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  bool MayPassOver(JobRecord* job, const WorkerRecord& worker, SteadyTime now);
+  // Others go before these for now.
+  void NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now);
   bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   // Work of the job of scenes that the worker has, and any work of it.
