@@ -325,7 +325,7 @@ class Scheduler {
   bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
   bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool MayPassOver(JobRecord* job, const WorkerRecord& worker, SteadyTime now);
-  // Others go before these for now.
+  // Another job gets the lease.
   void NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now);
   bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
