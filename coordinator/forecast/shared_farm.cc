@@ -81,7 +81,10 @@ class Fluid {
     }
     const double variance = VarianceSpent();
     for (const auto& [i, seconds] : ending) ended(active_[i], now_ + seconds, variance);
-    now_ += step;
+    // What ended jobs leave of the step goes to the others, so the same work takes less time.
+    double idle = 0;
+    for (const auto& [i, seconds] : ending) idle += shares[i] * (step - seconds);
+    now_ += step - idle;
     for (auto at = ending.rbegin(); at != ending.rend(); ++at) {
       const auto i = static_cast<std::ptrdiff_t>(at->first);
       const SharedJob& job = jobs_[active_[at->first]];

@@ -72,7 +72,7 @@ struct JobRecord {
   std::map<std::string, FrameSet> ready_by_scene;
   int requirement_group = 0;  // Of the live jobs with these requirements.
   SteadyTime paused_time = SteadyTime::InfiniteFuture();  // InfiniteFuture while it is not paused.
-  // Since when it is next in order and passed over (placement.h); InfiniteFuture: it is not.
+  // Since when it is passed over (placement.h), since its last lease; InfiniteFuture: it is not.
   SteadyTime passed_time = SteadyTime::InfiniteFuture();
   int32_t delivered_count = 0;
   int32_t incomplete_count = 0;

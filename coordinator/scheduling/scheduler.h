@@ -271,6 +271,8 @@ class Scheduler {
   bool Hedge(WorkerRecord* worker, SteadyTime now);
   void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
                 bool is_check, SteadyTime now);
+  // Leases of the job that are likely rendered at once: those held, and its part of the farm.
+  int LeaseSlots(const JobRecord& job) const;
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, const FrameTasks::FreshBlock& block) const;
   // Compares what a result cost with what the frame's earlier results did. Before it is counted.
@@ -313,6 +315,9 @@ class Scheduler {
   // to warm scenes, as placement.h says.
   bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
   bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
+  bool MayPassOver(JobRecord* job, const WorkerRecord& worker, SteadyTime now);
+  // Another job gets the lease.
+  void NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now);
   bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   // Work of the job of scenes that the worker has, and any work of it.

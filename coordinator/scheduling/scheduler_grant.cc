@@ -173,6 +173,11 @@ void Scheduler::NoteSpeed(const FrameRecord& frame, const std::string& worker_id
   worker->NoteSpeed(usual, absl::ToDoubleSeconds(cost.cpu_duration));
 }
 
+int Scheduler::LeaseSlots(const JobRecord& job) const {
+  const int fair = workers_.LiveSlots(job.spec.numeric_profile) / std::max(1, live_job_count_);
+  return std::max(fair, static_cast<int>(leases_.CountOfJob(job.spec.job_id)));
+}
+
 uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                                     const WorkerRecord& worker,
                                     const FrameTasks::FreshBlock& block) const {
@@ -195,7 +200,7 @@ uint64_t Scheduler::BlockSamplesMax(const JobRecord& job, const FrameRecord& fra
       {.samples_per_second = SamplesPerThreadSecond(frame, worker) * ThreadsPerLease(worker),
        .target_seconds = seconds,
        .samples_left = static_cast<double>(frame.tasks->sample_count_ready()),
-       .slots = workers_.LiveSlots(job.spec.numeric_profile),
+       .slots = LeaseSlots(job),
        .pixel_count = block.pixel_count,
        .samples_max = block.first == 0 ? first_max : 0,
        .pass_samples = pass,

@@ -71,18 +71,29 @@ bool Scheduler::GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worke
 
 bool Scheduler::GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker,
                               SteadyTime now) {
-  JobRecord& next = jobs_.at(equals[0]);
-  if (GrantWarm(&next, worker, now)) return true;
-  const bool others_are_warm = warm_workers_.CountOf(worker->numeric_profile, ColdScene(&next)) > 0;
-  if (!MayPassOver({worker->cold_lease_time, next.passed_time, others_are_warm}, now, limits_) &&
-      GrantCold(&next, worker, now)) {
-    return true;
+  for (size_t i = 0; i < equals.size(); ++i) {
+    JobRecord& job = jobs_.at(equals[i]);
+    if (GrantWarm(&job, worker, now) ||
+        (!MayPassOver(&job, *worker, now) && GrantCold(&job, worker, now))) {
+      NotePassedOver(equals.first(i), now);
+      return true;
+    }
   }
-  const SteadyTime passed_before = next.passed_time;
-  next.passed_time = std::min(passed_before, now);
-  if (GrantWarmOfEquals(equals, worker, now) || GrantColdOfEquals(equals, worker, now)) return true;
-  next.passed_time = passed_before;
-  return false;
+  NotePassedOver(equals, now);
+  return GrantWarmOfEquals(equals, worker, now) || GrantColdOfEquals(equals, worker, now);
+}
+
+bool Scheduler::MayPassOver(JobRecord* job, const WorkerRecord& worker, SteadyTime now) {
+  const bool others_are_warm = warm_workers_.CountOf(worker.numeric_profile, ColdScene(job)) > 0;
+  return coordinator::MayPassOver({worker.cold_lease_time, job->passed_time, others_are_warm}, now,
+                                  limits_);
+}
+
+void Scheduler::NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now) {
+  for (const uint64_t id : jobs) {
+    JobRecord& job = jobs_.at(id);
+    job.passed_time = std::min(job.passed_time, now);
+  }
 }
 
 bool Scheduler::GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker,

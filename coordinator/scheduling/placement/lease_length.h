@@ -4,7 +4,7 @@
 // LeaseLength: how many samples a lease has where the job leaves it to the coordinator. Long frames
 // get leases of some seconds (Limits::lease_target_seconds). Towards the end of a frame leases
 // shrink, so that the last ones end together: a lease has at most 1 / (tail_divisor x slots) of
-// what is left, where slots is the number of leases that the farm renders at once.
+// what is left, where slots is the number of leases of the job that are rendered at once.
 //
 // With a divisor of 1 that is guided self-scheduling (Polychronopoulos and Kuck 1987, IEEE
 // Transactions on Computers C-36), which is right where samples cost the same everywhere. They do
@@ -24,7 +24,7 @@ struct LeaseLength {
   double samples_per_second = 0;  // Pixel samples of all threads of the lease; 0: not known.
   double target_seconds = 0;
   double samples_left = 0;    // Pixel samples of the frame that can be leased.
-  int slots = 1;              // Leases that live workers of the profile render at once.
+  int slots = 1;              // Leases of the job that are rendered at once.
   int64_t pixel_count = 1;    // Of the block.
   uint64_t samples_max = 0;   // Per pixel, where there is such a limit; 0: none.
   uint64_t pass_samples = 1;  // Per pixel; a power of two.

@@ -6,14 +6,15 @@
 // other scene is a cold start.
 //
 // Delay scheduling (Zaharia et al. 2010, "Delay Scheduling: A Simple Technique for Achieving
-// Locality and Fairness in Cluster Scheduling", EuroSys): the job that is next in order waits a
-// bounded time for a worker that is warm for it, while the worker takes work that it is warm for:
+// Locality and Fairness in Cluster Scheduling", EuroSys): a job whose turn it is waits a bounded
+// time for a worker that is warm for it, while this one takes work that it is warm for. A worker
+// walks the jobs in order and takes the first that is warm or must not be passed over:
 //
-//     the next job is warm                     the worker takes it
-//     the worker began a scene lately          it stays warm, so that loading was worth it
-//     nobody is warm for the next job's scene  the worker takes it: somebody has to load it
-//     the next job has waited for long         the worker takes it
-//     otherwise                                it stays warm; without such work, ColdOrder chooses
+//     the job is warm                          the worker takes it
+//     the worker began a scene lately          the next job: loading shall be worth it
+//     nobody is warm for the job's scene       the worker takes it: somebody has to load it
+//     the job has been passed over for long    the worker takes it
+//     otherwise                                the next job; after all of them, ColdOrder chooses
 //
 // Thread safety: none; the owner holds one lock. Cost: O(log n) a call, or linear where it says so.
 #pragma once

@@ -126,7 +126,7 @@ TEST_F(PlacementTest, LostWorkersAreNotWarm) {
 TEST_F(PlacementTest, JobsThatCannotOpenAFrameLeaveTheOthersTheirTurn) {
   const uint64_t big = AddJobOf("big", 1, 0, 5792);  // All pixels that may be open.
   EXPECT_EQ(Next("a", {}), big);
-  for (int i = 0; i < limits_.job_scan_max + 10; ++i) AddJobOf("s" + std::to_string(i));
+  for (int i = 0; i < limits_.job_scan_max + 10; ++i) AddJobOf("s" + std::to_string(i), 1, 0, 128);
   EXPECT_EQ(Next("b", {}), big);
   EXPECT_EQ(Next("a", {}), big);
 }

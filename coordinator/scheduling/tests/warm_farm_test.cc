@@ -49,18 +49,18 @@ struct Figures {
   absl::Duration longest_wait, makespan;
 };
 
-// 500 jobs of 20 scenes on 50 workers: 100 at once, then one every three seconds. A few scenes have
+// 500 jobs of 20 scenes on 50 workers: 100 at once, then one every two seconds. A few scenes have
 // most of the jobs, as in a production.
 Figures RenderManyScenes(const Limits& limits) {
   const std::vector<SimulatedScene> scenes(std::begin(kMeasured), std::end(kMeasured));
   SimulatedFarm farm(limits, {}, scenes);
   std::mt19937_64 random(7);
   for (uint64_t id = 1; id <= 500; ++id) {
-    if (id > 100) farm.RunUntil(SteadyTime() + absl::Seconds(3 * (id - 100)));
+    if (id > 100) farm.RunUntil(SteadyTime() + absl::Seconds(2 * (id - 100)));
     const double u = static_cast<double>(random() >> 11) * 0x1p-53;
     const auto scene = static_cast<size_t>(u * u * static_cast<double>(scenes.size()));
-    // Jobs of equal cost, about: five minutes of a thread each.
-    const double samples = 300 / (scenes[scene].seconds_per_sample * 256 * 256);
+    // Jobs of equal cost, about: three minutes of a thread each.
+    const double samples = 180 / (scenes[scene].seconds_per_sample * 256 * 256);
     farm.AddJob(id, scenes[scene].name, 1, 256, std::max<uint64_t>(16, std::llround(samples)));
   }
   farm.RunUntil(SteadyTime() + absl::Hours(24));
