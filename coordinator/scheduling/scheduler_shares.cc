@@ -75,7 +75,7 @@ void Scheduler::ChargeLease(const JobRecord& job, const WorkerRecord& worker, co
 
 void Scheduler::ChargeResult(const Lease& lease, const ResultCost& cost, SteadyTime now) {
   const WorkerRecord* worker = workers_.Find(lease.worker_id);
-  const int threads = worker == nullptr ? 1 : worker->thread_count;
+  const int threads = worker == nullptr ? 1 : std::max(1, worker->thread_count);
   const absl::Duration held = std::max(absl::ZeroDuration(), now - lease.grant_time);
   shares_.Deliver(lease.lease_id, cost.cpu_duration, held * threads);
 }

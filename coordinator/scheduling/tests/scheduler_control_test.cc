@@ -65,7 +65,14 @@ class SchedulerControlTest : public testing::Test {
   const JobRecord& Job(uint64_t id) { return scheduler_.jobs().at(id); }
   double Share(uint64_t id) { return scheduler_.shares().ShareOfJob(id); }
 
-  Limits limits_;
+  // The order of jobs alone, wherever their scenes are warm.
+  static Limits WithoutPlacement() {
+    Limits limits;
+    limits.warm_wait_max = limits.warm_stay_min = absl::ZeroDuration();
+    return limits;
+  }
+
+  Limits limits_ = WithoutPlacement();
   Scheduler scheduler_{limits_, 1000};
   SteadyTime now_;
   uint64_t last_job_id_ = 0;

@@ -111,6 +111,7 @@ TEST_F(SchedulerTest, PriorityOrdersJobsAndEqualsShare) {
   EXPECT_EQ(Sync("b", 1)[0].frame.job_id, low);
   const uint64_t equal = AddJob(1, 0);
   std::map<uint64_t, int> counts;
+  for (const uint64_t job : {low, equal}) warm_.push_back(Job(job).frames[0].packed.scene().Hex());
   for (const Lease& lease : Sync("c", 10)) ++counts[lease.frame.job_id];
   EXPECT_EQ(counts[low], 5);
   EXPECT_EQ(counts[equal], 5);

@@ -89,6 +89,7 @@ TEST_F(TroublesTest, BudgetsAreThoseOfTheirClass) {
 
 TEST_F(TroublesTest, MessagesGiveOneExampleAndACount) {
   const uint64_t job = AddJob(2);
+  ASSERT_TRUE(scheduler_.Kill({job, 2}, std::nullopt, "killed by anna").ok());
   for (const std::string id : {"a", "b"}) Sync(id, 0);
   for (int task = 0; task < 2; ++task) {
     for (const std::string id : {"a", "b"}) {
@@ -99,7 +100,6 @@ TEST_F(TroublesTest, MessagesGiveOneExampleAndACount) {
   const std::string text = IncompleteText(FrameOf(job));
   EXPECT_THAT(text, HasSubstr("2 tasks are set aside, such as frame 1, tile [0, 32) x [0, 32)"));
   EXPECT_EQ(text.find("refused"), text.rfind("refused")) << text;
-  ASSERT_TRUE(scheduler_.Kill({job, 2}, std::nullopt, "killed by anna").ok());
   ASSERT_TRUE(scheduler_.Kill({job, 1}, std::nullopt, "killed by anna").ok());
   EXPECT_THAT(Job(job).failure, HasSubstr("2 of 2 frames are incomplete, such as frame 1: "));
 }
@@ -167,7 +167,9 @@ TEST_F(TroublesTest, LateResultsHealWhatWasSetAside) {
 
 TEST_F(TroublesTest, WorkersFailingSeveralJobsAreSick) {
   Sync("b", 0);
-  for (int i = 0; i < limits_.sick_jobs_min; ++i) AddJob();
+  for (int i = 0; i < limits_.sick_jobs_min; ++i) {
+    warm_.push_back(Job(AddJob()).frames[0].packed.scene().Hex());
+  }
   std::vector<Lease> leases = Sync("a", 16);
   std::map<uint64_t, Lease> by_job;
   for (const Lease& lease : leases) by_job[lease.frame.job_id] = lease;
