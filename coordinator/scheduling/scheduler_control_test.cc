@@ -48,6 +48,7 @@ class SchedulerControlTest : public testing::Test {
     report.numeric_profile = "profile";
     report.thread_count = 4;  // Workers without results hold at most two leases a thread.
     report.requested_lease_count = wanted;
+    report.warm_scenes = warm_;
     const absl::StatusOr<Scheduler::SynchronizeAnswer> answer =
         scheduler_.Synchronize(report, now_);
     EXPECT_TRUE(answer.ok());
@@ -68,6 +69,7 @@ class SchedulerControlTest : public testing::Test {
   Scheduler scheduler_{limits_, 1000};
   SteadyTime now_;
   uint64_t last_job_id_ = 0;
+  std::vector<std::string> warm_;  // Scenes that workers say they have.
 };
 
 TEST_F(SchedulerControlTest, PausedJobsGetNoLeasesButFinishLeasedOnes) {
@@ -144,6 +146,10 @@ TEST_F(SchedulerControlTest, ResumedAndPromotedJobsStartAtTheMinimumServed) {
   Sync("b", 4);
   scheduler_.SetPriority(first, 10);
   EXPECT_EQ(Job(first).served, Job(urgent).served);
+  // Shares are exact where the worker has the scenes of both.
+  for (const uint64_t id : {first, urgent}) {
+    warm_.push_back(Sha256Hex(absl::StrCat("scene", id, "-1")));
+  }
   std::map<uint64_t, int> leases;
   for (const Lease& lease : Sync("c", 8)) ++leases[lease.frame.job_id];
   EXPECT_EQ(leases, (std::map<uint64_t, int>{{first, 4}, {urgent, 4}}));

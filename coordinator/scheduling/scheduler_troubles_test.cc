@@ -146,7 +146,9 @@ TEST_F(TroublesTest, LateResultsHealWhatWasSetAside) {
 
 TEST_F(TroublesTest, WorkersFailingSeveralJobsAreSick) {
   Sync("b", 0);
-  for (int i = 0; i < limits_.sick_jobs_min; ++i) AddJob();
+  for (int i = 0; i < limits_.sick_jobs_min; ++i) {
+    warm_.push_back(Sha256Hex(absl::StrCat("scene", AddJob(), "-1")));
+  }
   std::vector<Lease> leases = Sync("a", 16);
   std::map<uint64_t, Lease> by_job;
   for (const Lease& lease : leases) by_job[lease.frame.job_id] = lease;
