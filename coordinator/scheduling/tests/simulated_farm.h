@@ -74,7 +74,6 @@ class SimulatedFarm {
       frame.frame_digest = Sha256Hex(absl::StrCat("frame ", id, " ", i));
     }
     scheduler_.AddJob(job);
-    last_grants_[id] = now_;
     added_[id] = now_;
   }
 
@@ -101,8 +100,14 @@ class SimulatedFarm {
   }
   // How often a worker began a frame that it had no lease of before.
   size_t frame_starts() const { return frame_starts_.size(); }
-  // The longest time between two leases of a job, or before its first one.
-  absl::Duration longest_wait() const { return longest_wait_; }
+  // The longest time for which a job was passed over for the sake of warm scenes.
+  absl::Duration longest_passed() const { return longest_passed_; }
+  // From the time when a job was added to its end, on average.
+  absl::Duration MeanJobDuration() const {
+    absl::Duration sum;
+    for (const auto& [id, time] : ended_) sum += time - added_.at(id);
+    return ended_.empty() ? sum : sum / static_cast<int64_t>(ended_.size());
+  }
   double load_seconds() const { return load_seconds_; }
   double render_seconds() const { return render_seconds_; }
   // How long leases took, in the order of their ends.
@@ -143,6 +148,10 @@ class SimulatedFarm {
           {lease.lease_id, runs ? LeasePhase::kRendering : LeasePhase::kQueued});
     }
     report.warm_scenes = worker->used;
+    for (const auto& [id, job] : scheduler_.jobs()) {
+      if (job.phase != JobPhase::kLive) continue;
+      longest_passed_ = std::max(longest_passed_, now_ - std::min(now_, job.passed_time));
+    }
     const auto answer = scheduler_.Synchronize(report, now_);
     if (!answer.ok()) return;
     worker->held = answer->leases;
@@ -160,9 +169,6 @@ class SimulatedFarm {
   void NoteGrant(const Worker& worker, const Lease& lease) {
     if (lease.grant_time != now_) return;
     frame_starts_.insert({worker.id, lease.frame});
-    SteadyTime& last = last_grants_[lease.frame.job_id];
-    longest_wait_ = std::max(longest_wait_, now_ - last);
-    last = now_;
   }
 
   void FinishTasks(Worker* worker) {
@@ -240,9 +246,9 @@ class SimulatedFarm {
   SteadyTime now_;
   std::vector<Worker> workers_;
   std::multiset<std::pair<SteadyTime, int>> events_;
-  std::map<uint64_t, SteadyTime> added_, ended_, last_grants_;
+  std::map<uint64_t, SteadyTime> added_, ended_;
   std::set<std::pair<std::string, FrameId>> frame_starts_;
-  absl::Duration longest_wait_;
+  absl::Duration longest_passed_;
   double load_seconds_ = 0, render_seconds_ = 0;
   std::vector<double> lease_seconds_;
 };
