@@ -62,8 +62,8 @@ struct Limits {
   int64_t open_pixels_max = int64_t{32} << 20;
   int priority_magnitude_max = 1000;
 
-  // Placement (coordinator/scheduling/placement.h). A job that is next in order waits so long for a
-  // worker that has its scene: three leases.
+  // Placement (coordinator/scheduling/placement.h). A job is passed over for so long, without a
+  // lease, for the sake of warm scenes: three leases.
   absl::Duration warm_wait_max = absl::Seconds(30);
   // A worker that began a scene is not taken from its warm work for so long: half of its time at
   // most goes into loading where a scene takes as long to load.

@@ -315,7 +315,7 @@ class Scheduler {
   // to warm scenes, as placement.h says.
   bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
   bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
-  bool MayPassOver(JobRecord* job, const WorkerRecord& worker, SteadyTime now);
+  bool MayPassOver(const JobRecord& job, const WorkerRecord& worker, SteadyTime now) const;
   // Another job gets the lease.
   void NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now);
   bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);

@@ -74,7 +74,7 @@ bool Scheduler::GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* wo
   for (size_t i = 0; i < equals.size(); ++i) {
     JobRecord& job = jobs_.at(equals[i]);
     if (GrantWarm(&job, worker, now) ||
-        (!MayPassOver(&job, *worker, now) && GrantCold(&job, worker, now))) {
+        (!MayPassOver(job, *worker, now) && GrantCold(&job, worker, now))) {
       NotePassedOver(equals.first(i), now);
       return true;
     }
@@ -83,10 +83,9 @@ bool Scheduler::GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* wo
   return GrantWarmOfEquals(equals, worker, now) || GrantColdOfEquals(equals, worker, now);
 }
 
-bool Scheduler::MayPassOver(JobRecord* job, const WorkerRecord& worker, SteadyTime now) {
-  const bool others_are_warm = warm_workers_.CountOf(worker.numeric_profile, ColdScene(job)) > 0;
-  return coordinator::MayPassOver({worker.cold_lease_time, job->passed_time, others_are_warm}, now,
-                                  limits_);
+bool Scheduler::MayPassOver(const JobRecord& job, const WorkerRecord& worker,
+                            SteadyTime now) const {
+  return coordinator::MayPassOver({worker.cold_lease_time, job.passed_time}, now, limits_);
 }
 
 void Scheduler::NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now) {

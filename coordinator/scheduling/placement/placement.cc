@@ -61,10 +61,8 @@ const absl::btree_set<uint64_t>& SceneJobs::Of(const std::string& scene) const {
 }
 
 bool MayPassOver(const PassingOver& state, SteadyTime now, const Limits& limits) {
-  if (now < state.worker_cold_time + limits.warm_stay_min) return true;
-  if (!state.others_are_warm) return false;
   const SteadyTime since = std::min(state.job_passed_time, now);
-  return now < since + limits.warm_wait_max;
+  return now < state.worker_cold_time + limits.warm_stay_min && now < since + limits.warm_wait_max;
 }
 
 std::vector<size_t> ColdOrder(std::span<const ColdWork> choices,

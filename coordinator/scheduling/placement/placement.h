@@ -5,16 +5,18 @@
 // worker is warm for a scene that it has in memory or holds a lease of. Its first lease of any
 // other scene is a cold start.
 //
-// Delay scheduling (Zaharia et al. 2010, "Delay Scheduling: A Simple Technique for Achieving
-// Locality and Fairness in Cluster Scheduling", EuroSys): a job whose turn it is waits a bounded
-// time for a worker that is warm for it, while this one takes work that it is warm for. A worker
-// walks the jobs in order and takes the first that is warm or must not be passed over:
+// A bounded form of delay scheduling (Zaharia et al. 2010, "Delay Scheduling: A Simple Technique for
+// Achieving Locality and Fairness in Cluster Scheduling", EuroSys): a worker that has just loaded a
+// scene keeps to work that it is warm for, so that loading was worth it, and passes over jobs that
+// are next in order:
 //
-//     the job is warm                          the worker takes it
-//     the worker began a scene lately          the next job: loading shall be worth it
-//     nobody is warm for the job's scene       the worker takes it: somebody has to load it
-//     the job has been passed over for long    the worker takes it
-//     otherwise                                the next job; after all of them, ColdOrder chooses
+//     the next job is warm                the worker takes it
+//     the worker began a scene lately     it stays warm, and the job waits
+//     the next job has waited for long    the worker takes it
+//     otherwise                           the worker takes it
+//
+// A job does not wait for the workers that are warm for it, as there: they may all be busy with it,
+// and it would get less than its share for as long as others are there.
 //
 // Thread safety: none; the owner holds one lock. Cost: O(log n) a call, or linear where it says so.
 #pragma once
@@ -64,7 +66,6 @@ class SceneJobs {
 struct PassingOver {
   SteadyTime worker_cold_time;   // When the worker last began a scene; InfinitePast: never.
   SteadyTime job_passed_time;    // Since when the job has been passed over; InfiniteFuture: not.
-  bool others_are_warm = false;  // Whether a live worker is warm for the job's scene.
 };
 bool MayPassOver(const PassingOver& state, SteadyTime now, const Limits& limits);
 

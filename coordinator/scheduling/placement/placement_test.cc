@@ -55,11 +55,12 @@ TEST(MayPassOverTest, WaitsAreBounded) {
   const Limits limits;
   const SteadyTime now = SteadyTime() + absl::Hours(1);
   const SteadyTime never = SteadyTime::InfinitePast(), not_yet = SteadyTime::InfiniteFuture();
-  EXPECT_FALSE(MayPassOver({never, not_yet, false}, now, limits));
-  EXPECT_TRUE(MayPassOver({now - limits.warm_stay_min / 2, not_yet, false}, now, limits));
-  EXPECT_TRUE(MayPassOver({never, not_yet, true}, now, limits));
-  EXPECT_TRUE(MayPassOver({never, now - limits.warm_wait_max / 2, true}, now, limits));
-  EXPECT_FALSE(MayPassOver({never, now - limits.warm_wait_max, true}, now, limits));
+  const SteadyTime lately = now - limits.warm_stay_min / 2;
+  EXPECT_FALSE(MayPassOver({never, not_yet}, now, limits));
+  EXPECT_FALSE(MayPassOver({now - limits.warm_stay_min, not_yet}, now, limits));
+  EXPECT_TRUE(MayPassOver({lately, not_yet}, now, limits));
+  EXPECT_TRUE(MayPassOver({lately, now - limits.warm_wait_max / 2}, now, limits));
+  EXPECT_FALSE(MayPassOver({lately, now - limits.warm_wait_max}, now, limits));
 }
 
 }  // namespace

@@ -100,8 +100,14 @@ class SimulatedFarm {
   }
   // How often a worker began a frame that it had no lease of before.
   size_t frame_starts() const { return frame_starts_.size(); }
-  // The longest time for which a job was passed over for the sake of warm scenes.
-  absl::Duration longest_passed() const { return longest_passed_; }
+  // The longest time that a job waited for its first lease.
+  absl::Duration longest_wait() const {
+    absl::Duration longest;
+    for (const auto& [id, job] : scheduler_.jobs()) {
+      longest = std::max(longest, FirstLeaseTime(job) - added_.at(id));
+    }
+    return longest;
+  }
   // From the time when a job was added to its end, on average.
   absl::Duration MeanJobDuration() const {
     absl::Duration sum;
@@ -148,10 +154,6 @@ class SimulatedFarm {
           {lease.lease_id, runs ? LeasePhase::kRendering : LeasePhase::kQueued});
     }
     report.warm_scenes = worker->used;
-    for (const auto& [id, job] : scheduler_.jobs()) {
-      if (job.phase != JobPhase::kLive) continue;
-      longest_passed_ = std::max(longest_passed_, now_ - std::min(now_, job.passed_time));
-    }
     const auto answer = scheduler_.Synchronize(report, now_);
     if (!answer.ok()) return;
     worker->held = answer->leases;
@@ -248,7 +250,6 @@ class SimulatedFarm {
   std::multiset<std::pair<SteadyTime, int>> events_;
   std::map<uint64_t, SteadyTime> added_, ended_;
   std::set<std::pair<std::string, FrameId>> frame_starts_;
-  absl::Duration longest_passed_;
   double load_seconds_ = 0, render_seconds_ = 0;
   std::vector<double> lease_seconds_;
 };

@@ -435,7 +435,7 @@ TEST_F(CoordinatorAccessTest, NobodyKeepsOthersFromWorking) {
   const absl::Status other = GetJob(ChannelOf(kBen, Role::kView));
   EXPECT_FALSE(absl::IsResourceExhausted(other)) << other;
   using testing::ElementsAre;
-  EXPECT_THAT(server_->access()->use().Refused(), ElementsAre(1, 0, 1, 1, 0));
+  EXPECT_THAT(server_->access()->use().Refused(), ElementsAre(1, 0, 1, 1, 0, 0));
 }
 
 TEST_F(CoordinatorAccessTest, ARenewedCertificateIsTheCallersOwn) {

@@ -102,7 +102,7 @@ void Play(uint64_t seed, double fraction, Forecasts* forecasts) {
 }
 
 TEST(SharedForecastTest, ForecastsKnowOfTheOtherJobs) {
-  for (const double fraction : {0.05, 0.5}) {
+  for (const double fraction : {0.15, 0.5}) {
     SCOPED_TRACE(fraction);
     Forecasts forecasts;
     for (uint64_t seed = 1; seed <= kSeeds; ++seed) Play(seed, fraction, &forecasts);
