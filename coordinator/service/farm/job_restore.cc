@@ -87,6 +87,7 @@ absl::Status JobLifecycle::Load() {
 void JobLifecycle::RestoreJob(const StoredJob& job, std::vector<StoredRound> rounds,
                               const JobStore::LoadedParts* parts, const ResumedCounts& resumed) {
   tables_.scheduler.AddJob(job.spec);
+  tables_.loads.clear();  // Forecasts know of it at once.
   tables_.scheduler.RestoreFailures(job.spec.job_id, job.failures);
   JobAccount& account = tables_.accounts[job.spec.job_id];
   account.job_wall_before = std::max(account.job_wall_before, job.wall_duration);
