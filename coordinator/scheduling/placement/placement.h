@@ -5,10 +5,10 @@
 // worker is warm for a scene that it has in memory or holds a lease of. Its first lease of any
 // other scene is a cold start.
 //
-// A bounded form of delay scheduling (Zaharia et al. 2010, "Delay Scheduling: A Simple Technique for
-// Achieving Locality and Fairness in Cluster Scheduling", EuroSys): a worker that has just loaded a
-// scene keeps to work that it is warm for, so that loading was worth it, and passes over jobs that
-// are next in order:
+// A bounded form of delay scheduling (Zaharia et al. 2010, "Delay Scheduling: A Simple Technique
+// for Achieving Locality and Fairness in Cluster Scheduling", EuroSys): a worker that has just
+// loaded a scene keeps to work that it is warm for, so that loading was worth it, and passes over
+// jobs that are next in order:
 //
 //     the next job is warm                the worker takes it
 //     the worker began a scene lately     it stays warm, and the job waits
