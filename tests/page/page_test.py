@@ -28,7 +28,7 @@ from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 from focus_checks import TAB, check_tab_stops  # noqa: E402
 from figure_checks import NOTE_IMAGES, check_large_image  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
-from load_checks import NOTE_LONG_TASKS, check_lists  # noqa: E402
+from load_checks import NOTE_LONG_TASKS, check_lists, check_loading  # noqa: E402
 from round_checks import check_rounds  # noqa: E402
 from session_checks import check_session  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
@@ -248,7 +248,10 @@ def check_the_chart(browser, server):
 
 
 def check_thousands_of_jobs_and_workers(browser, server):
-    check_lists(browser, lambda: open_made_up(browser, server))
+    with Browser(traced=True) as traced:
+        traced.set_size(1440, 900)
+        check_loading(traced, lambda: open_made_up(traced, server))
+    check_lists(browser)
 
 
 def check_titles_are_text(browser, _):
