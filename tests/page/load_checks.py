@@ -13,7 +13,7 @@ ATTEMPT_COUNT_MAX = 8
 # Quantile of the times of a fixed piece of work that is compared with the shortest time.
 BUSY_SHARE = 0.9
 ROW_COUNT_MAX = 60
-# Attempts at loading. A trace that began late holds only some of a load's tasks, and does not count.
+# Attempts at loading. A trace that began late holds only some of the tasks, and does not count.
 LOADS = 8
 LOAD_TASK_COUNT_MIN = 1000
 

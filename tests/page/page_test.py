@@ -34,7 +34,7 @@ from session_checks import check_session  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
 from worker_checks import check_failures, check_workers  # noqa: E402
 
-PAGE_SECONDS_MAX = 20
+PAGE_SECONDS_MAX = 60
 IMAGE_SECONDS_MAX = 120
 # Samples per pixel of the first job: one of each replicate, so that its errors are known.
 SAMPLES = 16
