@@ -16,8 +16,8 @@ const PAGES_MAX = 80;
 const FRAMES_PAGE = 1000;
 const POLL_MS = 2000;
 const COUNTERS_MS = 3000;
-// The name of an object in the text of its event.
-const NAME = /"name":"([^"]+)"/;
+// Events that wait to be read; beyond it everything is fetched again.
+const CHANGES_MAX = 10000;
 // Time limit for events that are read in one task.
 const APPLY_MS_MAX = 8;
 
@@ -28,8 +28,8 @@ export class Live {
   private pollTimer: Timer|undefined;
   private counterTimer: Timer|undefined;
   private loading: Promise<boolean>|null = null;
-  // The last event of each object that is not read yet, by the object's name.
-  private readonly changes = new Map<string, () => void>();
+  // Events that are not read yet, in order.
+  private changes: (() => void)[] = [];
 
   constructor(private readonly store: Store) {
     document.addEventListener(
@@ -46,8 +46,7 @@ export class Live {
     source.onerror = () => this.onStreamLost();
     const follow = <Type>(type: string, apply: (object: Type) => void) =>
         source.addEventListener(type, (event: MessageEvent<string>) => {
-          const name = NAME.exec(event.data)?.[1] ?? '';
-          this.enqueue(name, () => apply(JSON.parse(event.data) as Type));
+          this.enqueue(() => apply(JSON.parse(event.data) as Type));
         });
     follow<api.Job>('job', (job) => this.store.setJob(job));
     follow<api.Frame>('frame', (frame) => this.store.setFrame(frame));
@@ -58,18 +57,19 @@ export class Live {
   }
 
   // The browser hands over all events that arrived at once in one task; they are read in several.
-  private enqueue(name: string, change: () => void) {
-    if (this.changes.size === 0) setTimeout(() => this.applyChanges());
-    this.changes.set(name, change);
+  private enqueue(change: () => void) {
+    if (this.changes.length === 0) setTimeout(() => this.applyChanges());
+    this.changes.push(change);
+    if (this.changes.length <= CHANGES_MAX) return;
+    this.changes = this.changes.slice(-1);
+    void this.refresh();
   }
   private applyChanges() {
     const end = performance.now() + APPLY_MS_MAX;
-    for (const [name, change] of this.changes) {
-      this.changes.delete(name);
-      change();
-      if (performance.now() > end) break;
-    }
-    if (this.changes.size > 0) setTimeout(() => this.applyChanges());
+    let done = 0;
+    while (done < this.changes.length && performance.now() < end) this.changes[done++]?.();
+    this.changes.splice(0, done);
+    if (this.changes.length > 0) setTimeout(() => this.applyChanges());
   }
 
   private stop() {

@@ -13,6 +13,9 @@ ATTEMPT_COUNT_MAX = 8
 # Quantile of the times of a fixed piece of work that is compared with the shortest time.
 BUSY_SHARE = 0.9
 ROW_COUNT_MAX = 60
+# Attempts at loading. A trace that began late holds only some of the tasks, and does not count.
+LOADS = 8
+LOAD_TASK_COUNT_MIN = 1000
 
 # For Browser.run_before_pages: records every long task from the beginning.
 NOTE_LONG_TASKS = """
@@ -80,12 +83,27 @@ def check_is_quick(browser, what, limit_ms, measure):
     raise AssertionError(f"{what}: {', '.join(texts)}; at most {limit_ms:.0f} ms are allowed")
 
 
-def check_lists(browser, reload):
-    """`reload` opens the page and waits until everything is listed."""
-    def load():
+def check_loading(traced, reload):
+    """The page loads in short tasks. `reload` opens the page in a traced browser and waits until
+    everything is listed; the first time the browser compiles the scripts. Tasks count with their
+    CPU time, as the server and the browser's other processes share the machine meanwhile."""
+    longest = []
+    for _ in range(LOADS):
+        traced.task_cpu_ms()
         reload()
-        return worst_ms(browser)
+        tasks = traced.task_cpu_ms()
+        if len(tasks) >= LOAD_TASK_COUNT_MIN:
+            longest.append(max(tasks))
+            if longest[-1] <= TASK_MS_MAX:
+                break
+    texts = ", ".join(f"{time:.0f} ms" for time in longest)
+    print(f"  CPU time of the longest task while loading: {texts}")
+    assert longest, "the browser notes no tasks"
+    assert longest[-1] <= TASK_MS_MAX, f"{texts}; at most {TASK_MS_MAX:.0f} ms are allowed"
 
+
+def check_lists(browser):
+    """The page lists everything."""
     def watch():
         browser.run(WATCH, WATCH_MS)
         return worst_ms(browser)
@@ -94,7 +112,6 @@ def check_lists(browser, reload):
         browser.run(SCROLL_ALL, name)
         return worst_ms(browser)
 
-    check_is_quick(browser, "longest task while loading", TASK_MS_MAX, load)
     check_is_quick(browser, "longest task while workers report", TASK_MS_MAX, watch)
     for name in ("jobs", "workers"):
         rows = browser.run("return document.querySelectorAll(`#${arguments[0]} .vlist-row`).length",
