@@ -36,8 +36,10 @@ SAMPLES = (16, 64, 256)
 # Unfinished jobs; a submission beyond them waits.
 LIVE_JOBS_MAX = 8
 JOB_SECONDS_MAX = 180
-# What happens, and how often beside the others.
+# What happens, and how often in each round; a round has an order of its own.
 ACTIONS = {"submit": 12, "cancel": 2, "kill a worker": 2, "kill the coordinator": 1}
+# Time from a submission to its cancellation.
+CANCEL_SECONDS_MAX = 0.3
 # Time between two kills of the coordinator: it must also work.
 COORDINATOR_SECONDS_MIN = 10
 DISK_LIMIT = "48M"
@@ -51,6 +53,7 @@ class Soak:
         os.mkdir(self.folder)
         self.live = {}  # Name of job to (scene, samples, time of submission).
         self.expected = {}  # (scene, samples) to the digest of one process.
+        self.round = []  # Actions left of this round.
         self.counts = {"submitted": 0, "delivered": 0, "cancelled": 0, "worker kills": 0,
                        "coordinator kills": 0}
         self.last_kill = time.monotonic()
@@ -75,11 +78,16 @@ class Soak:
         self.farm.start_worker("--queued-leases-max", "1", "--sandbox", "best")
 
     def act(self):
-        action = self.choice.choices(list(ACTIONS), list(ACTIONS.values()))[0]
+        if not self.round:
+            self.round = [name for name, count in ACTIONS.items() for _ in range(count)]
+            self.choice.shuffle(self.round)
+        action = self.round.pop()
         if action == "submit":
-            self.submit()
-        elif action == "cancel" and self.live:
-            self.cancel(self.choice.choice(sorted(self.live)))
+            self.submit(self.choice.choice(SAMPLES))
+        elif action == "cancel":
+            name = self.submit(max(SAMPLES))
+            time.sleep(self.choice.uniform(0, CANCEL_SECONDS_MAX))
+            self.cancel(name or self.choice.choice(sorted(self.live)))
         elif action == "kill a worker":
             self.farm.kill(self.choice.choice(self.farm.workers))
             self.start_worker()
@@ -87,15 +95,17 @@ class Soak:
         elif action == "kill the coordinator":
             self.kill_coordinator()
 
-    def submit(self):
+    def submit(self, samples):
+        """The name of the new job; None where enough are unfinished."""
         if len(self.live) >= LIVE_JOBS_MAX:
-            return
-        scene, samples = self.choice.randrange(SCENE_COUNT), self.choice.choice(SAMPLES)
+            return None
+        scene = self.choice.randrange(SCENE_COUNT)
         done = self.farm.sheaf("submit", self.scene(scene), "--samples", samples, "--tile-size", 16,
                                "--json")
         name = json.loads(done.stdout.splitlines()[-1])["name"]
         self.live[name] = scene, samples, time.monotonic()
         self.counts["submitted"] += 1
+        return name
 
     def cancel(self, name):
         done = self.farm.sheaf("cancel", name, check=False)
