@@ -114,6 +114,10 @@ CREATE = {
               f'"{DIGEST_B}" size_bytes: 9 }} }} {PARTITION} priority: 3',
     "effects": f'request_id: "r" pilot: true frames {{ {FRAME % 1} }} {PARTITION} effect_costs '
                '{ name: "fog" problem: "p" ablation: "none" time_fraction: 0.5 }',
+    "shared": f'request_id: "r" show: "film@7" frames {{ {FRAME % 1} }} {PARTITION} requirements '
+              '{ pool: "gold" tags: "avx512" tags: "big" memory_min_bytes: 1073741824 }',
+    "holds": f'request_id: "r" frames {{ {FRAME % 1} }} {PARTITION} approve_after_samples: 8 '
+             'dependencies { job_name: "jobs/3" by_frame: true }',
 }
 REFINE = {"error": 'name: "jobs/1" stop { target_error: 0.001 cpu_max { seconds: 5 } }',
           "samples": 'name: "jobs/1" sample_count: 4096'}
