@@ -13,7 +13,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
@@ -21,6 +20,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
+#include "common/base/mutex.h"
 #include "coordinator/core/frame_tasks.h"
 #include "coordinator/store/sqlite_job_store.h"
 
@@ -43,7 +43,7 @@ void MeasureParts(const std::string& directory, int writer_count, double seconds
   const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
   std::atomic<bool> stop = false;
   std::atomic<uint64_t> next = 0;
-  std::mutex mutex;
+  Mutex mutex;
   std::vector<double> milliseconds;
   const Clock::time_point begin = Clock::now();
   std::vector<std::jthread> threads;
@@ -61,7 +61,7 @@ void MeasureParts(const std::string& directory, int writer_count, double seconds
         SHEAF_CHECK((*store)->WritePart(row, bytes).ok());
         mine.push_back(MillisecondsSince(call));
       }
-      const std::lock_guard lock(mutex);
+      const MutexLock lock(&mutex);
       milliseconds.insert(milliseconds.end(), mine.begin(), mine.end());
     });
   }

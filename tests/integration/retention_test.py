@@ -84,6 +84,7 @@ class RetentionTest(unittest.TestCase):
             f.start_worker()
             pinned = self.finished_job(f)
             f.sheaf("pin", pinned)
+            f.sheaf("usage")  # Writes what was uploaded, which a kill may lose for some seconds.
             parts = bytes_below(f.path("state", "parts"))
             jobs = []
             limit = self.limit_for(f, parts)
