@@ -27,6 +27,9 @@ target_link_libraries(part_bench PRIVATE sheaf::film sheaf_warnings)
 add_executable(completions_bench ${CMAKE_CURRENT_LIST_DIR}/completions_bench.cc)
 target_link_libraries(completions_bench PRIVATE sheaf::coordinator_server sheaf::enrolment
   sheaf::synthetic_worker GTest::gtest_main sheaf_warnings)
+add_executable(connections_bench ${CMAKE_CURRENT_LIST_DIR}/connections_bench.cc)
+target_link_libraries(connections_bench PRIVATE sheaf::coordinator_server sheaf::enrolment
+  sheaf::synthetic_worker sheaf_warnings)
 add_executable(similarity_bench ${CMAKE_CURRENT_LIST_DIR}/similarity_bench.cc)
 target_link_libraries(similarity_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)
 add_executable(light_samples_bench ${CMAKE_CURRENT_LIST_DIR}/light_samples_bench.cc)

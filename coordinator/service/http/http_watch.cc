@@ -64,7 +64,8 @@ void FarmDifference::Publish(const FarmView& farm) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
     hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
-    if (HasEnded(job.state)) frames_.erase(job.job_id);
+    // A failed job may be tried again, and its frames then lose what viewers have seen of them.
+    if (HasEnded(job.state) && job.state != JobState::kFailed) frames_.erase(job.job_id);
   }
   for (const WorkerView& worker : farm.ListWorkers()) {
     if (!Differs(&workers_, worker.worker_id, Mark(worker)) || !watched) continue;
@@ -80,7 +81,10 @@ void FarmDifference::PublishFrames(const FarmView& farm, const std::string& job_
   for (const FrameView& frame : job->frames) {
     const std::string key = absl::StrCat("jobs/", job_id, "/frames/", frame.frame_number);
     std::string mark = Mark(frame);
-    if (mark == untouched || !Differs(&marks, key, std::move(mark))) continue;
+    // Frames that nothing happened to have no mark: there may be many.
+    const bool changed =
+        mark == untouched ? marks.erase(key) > 0 : Differs(&marks, key, std::move(mark));
+    if (!changed) continue;
     hub_->Publish({"frame", key, FrameJson(job_id, frame)});
   }
 }

@@ -43,6 +43,24 @@ TEST_F(HttpWatchTest, PublishesOnlyChanges) {
   EXPECT_THAT(events, Not(HasSubstr("event: worker")));
 }
 
+TEST_F(HttpWatchTest, FramesThatAreTriedAgainAreChanged) {
+  FarmDifference difference(&hub_);
+  const auto reader = hub_.Subscribe();
+  farm_.jobs[1].state = JobState::kFailed;
+  farm_.jobs[1].frames[0].incomplete = "1 task is set aside";
+  farm_.jobs[1].frames[0].set_aside_count = 1;
+  difference.Publish(farm_);
+  EXPECT_THAT(reader->Take(), HasSubstr("\"incomplete\":\"1 task is set aside\""));
+
+  farm_.jobs[1].state = JobState::kQueued;
+  farm_.jobs[1].frames[0].incomplete = "";
+  farm_.jobs[1].frames[0].set_aside_count = 0;
+  difference.Publish(farm_);
+  EXPECT_THAT(reader->Take(), HasSubstr("event: frame\ndata: {\"name\":\"jobs/1/frames/1\""));
+  difference.Publish(farm_);
+  EXPECT_EQ(reader->Take(), "");
+}
+
 TEST_F(HttpWatchTest, LateReadersGetLaterChanges) {
   FarmDifference difference(&hub_);
   difference.Publish(farm_);
