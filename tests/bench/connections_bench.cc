@@ -10,6 +10,7 @@
 //   connections_bench DIRECTORY [WORKERS...]   a new folder on the disk to measure; 100 1000 10000
 //                                              workers unless said otherwise
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -27,9 +28,11 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/check.h"
+#include "common/base/mutex.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/enrolment.h"
 #include "common/rpc/manifest_codec.h"
@@ -44,8 +47,8 @@ namespace {
 
 constexpr int kThreads = 8;  // Of the load; each has one certificate and its share of the workers.
 constexpr int kFrames = 2;
-constexpr int kEdgePx = 1024;
-constexpr int kTileEdgePx = 16;  // A part of about 24 KB.
+constexpr int kEdgePx = 768;
+constexpr int kTileEdgePx = 8;  // A part of about 24 KB.
 constexpr uint64_t kSamples = 16;
 constexpr int kLeasesAhead = 2;
 constexpr absl::Duration kMeasured = absl::Seconds(15);
@@ -60,6 +63,7 @@ v1::CreateJobRequest JobOf(Farm& farm) {
   SHEAF_CHECK(manifest.ok());
   v1::CreateJobRequest request;
   request.set_request_id("request");
+  request.set_title("connections");
   request.mutable_partition()->set_tile_size_px(kTileEdgePx);
   request.mutable_partition()->set_pass_sample_count(kSamples);
   request.mutable_partition()->set_lease_pass_count(1);
@@ -120,14 +124,18 @@ void Serve(const std::string& directory) {
     const auto secret = access->identities().MakeToken(
         {IdentityKind::kWorker, absl::StrCat("host", i)}, Role::kWork, absl::Now(), kTokenLifetime);
     SHEAF_CHECK(secret.ok());
-    told << *secret << '\n';
+    told << absl::BytesToHexString(*secret) << '\n';
   }
   const v1::CreateJobRequest request = JobOf((*server)->farm());
   const auto jobs = v1::JobService::NewStub((*server)->InProcessChannel());
   grpc::ClientContext context;
   SetDeadline(&context, kUnaryDeadline);
   v1::Job job;
-  SHEAF_CHECK(jobs->CreateJob(&context, request, &job).ok());
+  const grpc::Status created = jobs->CreateJob(&context, request, &job);
+  if (!created.ok()) {
+    std::fprintf(stderr, "no job: %s\n", created.error_message().c_str());
+    return;
+  }
   std::ofstream(directory + "/job") << request.SerializeAsString();
   told << access->authority().certificate_pem();
   told.close();
@@ -145,7 +153,10 @@ Told ReadTold(const std::string& directory) {
   std::ifstream file(directory + "/told");
   std::getline(file, told.address);
   told.secrets.resize(kThreads);
-  for (std::string& secret : told.secrets) std::getline(file, secret);
+  for (std::string& secret : told.secrets) {
+    std::getline(file, secret);
+    secret = absl::HexStringToBytes(secret);
+  }
   told.authority_pem.assign(std::istreambuf_iterator<char>(file), {});
   std::ifstream job(directory + "/job");
   SHEAF_CHECK(told.job.ParseFromIstream(&job));
@@ -158,6 +169,7 @@ class Coordinator {
   explicit Coordinator(const std::string& directory) : pid_(::fork()) {
     SHEAF_CHECK(pid_ >= 0);
     if (pid_ > 0) return;
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     ::execl("/proc/self/exe", "connections_bench", "--serve", directory.c_str(), nullptr);
     std::_Exit(1);
   }
@@ -168,6 +180,7 @@ class Coordinator {
   Coordinator(const Coordinator&) = delete;
   Coordinator& operator=(const Coordinator&) = delete;
 
+  pid_t pid() const { return pid_; }
   double CpuSeconds() const {
     std::ifstream file(absl::StrCat("/proc/", pid_, "/stat"));
     std::string text(std::istreambuf_iterator<char>(file), {});
@@ -203,19 +216,8 @@ double OwnCpuSeconds() {
 class Parts {
  public:
   explicit Parts(const std::vector<v1::Lease>& frames) {
-    const SyntheticWorker renderer(nullptr, "");
-    for (v1::Lease lease : frames) {
-      for (int32_t y = 0; y < kEdgePx; y += kTileEdgePx) {
-        for (int32_t x = 0; x < kEdgePx; x += kTileEdgePx) {
-          v1::PixelRect* const tile = lease.mutable_key()->mutable_tile();
-          tile->set_x0_px(x);
-          tile->set_y0_px(y);
-          tile->set_x1_px(x + kTileEdgePx);
-          tile->set_y1_px(y + kTileEdgePx);
-          parts_[KeyOf(lease)] = renderer.MakeUpload(lease);
-        }
-      }
-    }
+    std::vector<std::jthread> threads;
+    for (const v1::Lease& lease : frames) threads.emplace_back([=, this] { Render(lease); });
   }
   // The result of the lease, as the worker sends it.
   SyntheticWorker::Upload ResultOf(const v1::Lease& lease, const std::string& worker_id) const {
@@ -237,6 +239,23 @@ class Parts {
     return absl::StrCat(lease.key().frame_digest(), " ", lease.key().tile().x0_px(), " ",
                         lease.key().tile().y0_px());
   }
+  void Render(v1::Lease lease) {
+    const SyntheticWorker renderer(MakeChannel("localhost:1"), "");  // Sends nothing.
+    for (int32_t y = 0; y < kEdgePx; y += kTileEdgePx) {
+      for (int32_t x = 0; x < kEdgePx; x += kTileEdgePx) {
+        v1::PixelRect* const tile = lease.mutable_key()->mutable_tile();
+        tile->set_x0_px(x);
+        tile->set_y0_px(y);
+        tile->set_x1_px(x + kTileEdgePx);
+        tile->set_y1_px(y + kTileEdgePx);
+        SyntheticWorker::Upload upload = renderer.MakeUpload(lease);
+        const MutexLock lock(&mutex_);
+        parts_[KeyOf(lease)] = std::move(upload);
+      }
+    }
+  }
+
+  Mutex mutex_;  // While they are made.
   std::map<std::string, SyntheticWorker::Upload> parts_;
 };
 
@@ -287,7 +306,9 @@ std::vector<Connected> Connect(const Told& told, int thread, int count,
                                const std::string& directory) {
   const CredentialStore store(absl::StrCat(directory, "/clients/", thread));
   const std::string& secret = told.secrets[static_cast<size_t>(thread)];
-  SHEAF_CHECK(Enroll(told.address, {secret, told.authority_pem}, store).ok());
+  const auto enrolled = Enroll(told.address, {secret, told.authority_pem}, store);
+  if (!enrolled.ok()) std::fprintf(stderr, "%s\n", enrolled.status().ToString().c_str());
+  SHEAF_CHECK(enrolled.ok());
   const auto files = store.Find(told.address);
   SHEAF_CHECK(files.has_value());
   const auto credentials = MutualTlsCredentials(*files);
@@ -301,12 +322,14 @@ std::vector<Connected> Connect(const Told& told, int thread, int count,
   return workers;
 }
 
-void Measure(const std::string& directory, int worker_count) {
+void Measure(const std::string& directory, int worker_count, std::unique_ptr<Parts>* made) {
   std::filesystem::remove_all(directory);
   std::filesystem::create_directories(directory);
   const Coordinator coordinator(directory);
   const Told told = ReadTold(directory);
-  const Parts parts(LeasesOf(told.job));
+  // They are the same each time.
+  if (*made == nullptr) *made = std::make_unique<Parts>(LeasesOf(told.job));
+  const Parts& parts = **made;
   std::vector<std::vector<Connected>> workers(kThreads);
   const auto on_all_threads = [](const auto& work) {
     std::vector<std::jthread> threads;
@@ -318,6 +341,8 @@ void Measure(const std::string& directory, int worker_count) {
   });
   const double connect_seconds = absl::ToDoubleSeconds(absl::Now() - connecting);
   std::vector<Measured> measured(kThreads);
+  std::fprintf(stderr, "%d workers are connected; the coordinator is process %d\n", worker_count,
+               coordinator.pid());  // For a profiler.
   const double cpu = coordinator.CpuSeconds(), own_cpu = OwnCpuSeconds();
   const absl::Time begin = absl::Now();
   on_all_threads([&](int i) {
@@ -363,6 +388,7 @@ int main(int argc, char** argv) {
       "  connecting   part\n"
       "workers  results/s     coordinator     load       p50       p99       p50       p99"
       "       MiB           s    KiB\n");
-  for (const int count : counts) Measure(argv[1], count);
+  std::unique_ptr<Parts> parts;
+  for (const int count : counts) Measure(argv[1], count, &parts);
   return 0;
 }
