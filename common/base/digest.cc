@@ -8,7 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <cstdio>
-#include <vector>
+#include <memory>
 
 #include "common/base/check.h"
 #include "common/base/status.h"
@@ -55,9 +55,11 @@ absl::StatusOr<FileDigest> Sha256OfFile(const std::string& path) {
   if (!file) return StatusFromErrno(errno, path);
   Sha256 hash;
   FileDigest digest;
-  std::vector<char> buffer(size_t{1} << 20);
-  while (size_t n = std::fread(buffer.data(), 1, buffer.size(), file.get())) {
-    hash.Update(buffer.data(), n);
+  // Not set to zero, and no memory map of its own: scenes may have many small files.
+  constexpr size_t kBufferBytes = size_t{1} << 16;
+  const auto buffer = std::make_unique_for_overwrite<char[]>(kBufferBytes);
+  while (size_t n = std::fread(buffer.get(), 1, kBufferBytes, file.get())) {
+    hash.Update(buffer.get(), n);
     digest.size_bytes += n;
   }
   if (std::ferror(file.get())) return StatusFromErrno(errno, path);

@@ -14,7 +14,8 @@
 namespace sheaf {
 namespace {
 
-constexpr unsigned kReadBufferBytes = 1u << 18;
+// Of small files, which scenes may have many of, all is read at once.
+constexpr unsigned kReadBufferBytes = 1u << 18, kReadBufferBytesMin = 1u << 12;
 // Deflate compresses by at most 1032:1. Source: zlib technical details, "maximum compression
 // factor".
 constexpr uint64_t kInflateRatioMax = 1032;
@@ -30,8 +31,11 @@ absl::StatusOr<std::unique_ptr<TextInput>> TextInput::Open(const std::string& pa
   errno = 0;
   gzFile file = ::gzopen(path.c_str(), "rb");
   if (file == nullptr) return StatusFromErrno(errno == 0 ? ENOMEM : errno, path);
-  ::gzbuffer(file, kReadBufferBytes);
   uint64_t bound = static_cast<uint64_t>(info.st_size);
+  const bool size_is_known = S_ISREG(info.st_mode) && bound > 0;
+  ::gzbuffer(file, size_is_known ? static_cast<unsigned>(std::clamp<uint64_t>(
+                                       bound, kReadBufferBytesMin, kReadBufferBytes))
+                                 : kReadBufferBytes);
   if (::gzdirect(file) == 0) bound *= kInflateRatioMax;
   return std::unique_ptr<TextInput>(new TextInput(file, bound, bytes_max));
 }

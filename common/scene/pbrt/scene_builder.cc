@@ -46,11 +46,10 @@ SceneBuilder::SceneBuilder(SceneDescription* scene, FileSource* files, Diagnosti
 }
 
 int32_t SceneBuilder::AddFile(const std::string& canonical_name) {
-  for (size_t i = 0; i < scene_->files.size(); ++i) {
-    if (scene_->files[i] == canonical_name) return static_cast<int32_t>(i);
-  }
-  scene_->files.push_back(canonical_name);
-  return static_cast<int32_t>(scene_->files.size() - 1);
+  const auto [known, is_new] =
+      file_indices_.emplace(canonical_name, static_cast<int32_t>(scene_->files.size()));
+  if (is_new) scene_->files.push_back(canonical_name);
+  return known->second;
 }
 
 // --- Transformations ---------------------------------------------------------------------------

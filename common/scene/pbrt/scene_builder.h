@@ -10,6 +10,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "common/scene/file_source.h"
@@ -116,6 +117,7 @@ class SceneBuilder {
   int32_t MediumSlot(const std::string& name, SourceLocation location);
 
   SceneDescription* scene_;
+  std::unordered_map<std::string, int32_t> file_indices_;  // In SceneDescription::files.
   FileSource* files_;
   Diagnostics* diagnostics_;
   uint64_t memory_bytes_max_;

@@ -14,6 +14,13 @@ namespace {
 constexpr size_t kBufferBytes = size_t{1} << 18;
 static_assert(kBufferBytes >= 2 * Tokenizer::kTokenBytesMax);
 
+// Small files fit into a small buffer, with room to notice their end: scenes may have many. A size
+// of 0 is that of files whose size is not known, such as pipes.
+size_t BufferBytesFor(uint64_t file_bytes) {
+  if (file_bytes == 0) return kBufferBytes;
+  return static_cast<size_t>(std::min<uint64_t>(file_bytes + 1, kBufferBytes));
+}
+
 bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
 bool EndsWord(char c) {
@@ -46,7 +53,7 @@ char Unescape(char c) {
 }  // namespace
 
 Tokenizer::Tokenizer(std::unique_ptr<TextInput> input)
-    : input_(std::move(input)), buffer_(kBufferBytes) {}
+    : input_(std::move(input)), buffer_(BufferBytesFor(input_->size_bytes_bound())) {}
 
 Token Tokenizer::Next() {
   if (has_ungotten_) {
