@@ -49,7 +49,7 @@ def submit_beyond_memory(bench, told):
     the bench does not notice."""
     path = bench.farm.path("huge.pbrt")
     with open(path, "w", encoding="utf-8") as file:
-        file.write(HUGE % 10)
+        file.write(HUGE % 11)
     huge = bench.farm.sheaf("submit", path, "--samples", "1").stdout.strip()
     bench.begin(progress=False)
     said = bench.farm.sheaf("watch", huge, check=False)
