@@ -38,7 +38,7 @@ JOB_SECONDS_MAX = 60
 UNDISTURBED_JOBS = 5
 WORKERS = 2
 COORDINATOR_ARGUMENTS = ("--lease-seconds", str(LEASE_SECONDS), "--kept-parts-max", "64MB",
-                         "--round-previews-max", "1MB")
+                         "--round-previews-max", "1MB", "--poison-workers", str(WORKERS))
 
 
 class NotSurvived(Exception):
