@@ -17,7 +17,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 import numpy
 
-from sheaf_blender import jobs
+from sheaf_blender import jobs, passes
 from sheaf_blender.farm import page, program
 from sheaf_blender.scene import (closures, content, cryptomatte, materials, mesh_arrays, pixel_ops,
                                  ply, principled, report, sphere_map, strands, text, units, values)
@@ -386,6 +386,12 @@ class RestTest(unittest.TestCase):
             made.left_out("x", str(i))
         self.assertEqual(len(made.entries), report.ENTRIES_MAX)
         self.assertIn("10 more entries", made.lines()[-1])
+
+    def test_depth_is_along_the_axis(self):
+        cosines = passes.depth_cosines((-1.0, 1.0, -0.5, 0.5), (4, 2), ())
+        self.assertAlmostEqual(cosines[0, 0], 1 / math.sqrt(1 + 0.75**2 + 0.25**2))
+        part = passes.depth_cosines((-1.0, 1.0, -0.5, 0.5), (4, 2), (1, 3, 1, 2))
+        numpy.testing.assert_array_equal(part, cosines[1:2, 1:3])
 
     def test_addresses(self):
         self.assertEqual(page.with_default_port("farm:7400", 7480), "farm:7480")

@@ -71,8 +71,9 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         LAST_REPORTS[scene.name] = exported.report
         for line in exported.report.lines():
             print("Sheaf:", line)
-        print(f"Sheaf: exported in {exported.seconds:.2f} s; {exported.files_written} files "
-              f"written, {exported.files_kept} kept")
+        print(f"Sheaf: exported in {exported.seconds:.2f} s ({exported.cpu_seconds:.2f} s of CPU "
+              f"time); {exported.files_written} files written, {exported.files_kept} kept",
+              flush=True)
         return exported
 
     def _settings(self, scene):
@@ -92,8 +93,8 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         view_layer = depsgraph.view_layer_eval
         job = start_job(scene, exported.path, os.path.join(folder, "image.exr"),
                         passes.options(view_layer))
-        window = self._settings(scene).window
         settings = self._settings(scene)
+        window = settings.window
         size = ((window[1] - window[0], window[3] - window[2]) if window
                 else (settings.width, settings.height))
         for name, channels, ids, _ in passes.chosen_passes(scene, view_layer):
@@ -111,10 +112,12 @@ class SheafRenderEngine(bpy.types.RenderEngine):
             print("Sheaf:", note)
         if job.problem:
             self.report({"WARNING"}, f"Sheaf: {job.problem}")
-        print(f"Sheaf: {job.preview_count} previews shown")
+        print(f"Sheaf: {job.preview_count} previews shown", flush=True)
+        cosines = (passes.depth_cosines(exported.view_window, (settings.width, settings.height),
+                                        window) if exported.view_window else None)
         self._show(passes.arrays(images.read_layers(job.output), view_layer,
-                                 exported.object_names, scene.render.film_transparent), size,
-                   view_layer)
+                                 exported.object_names, scene.render.film_transparent, cosines),
+                   size, view_layer)
 
     def _follow(self, job, size):
         """Whether the image is complete; False after Esc."""

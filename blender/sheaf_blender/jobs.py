@@ -27,6 +27,7 @@ class RenderJob:
         self._options, self.title = list(options), title
         self._process = None
         self._page = None
+        self._page_problem = ""
         self._preview_time = 0.0
         self._shown_samples = 0
         self.state = None     # The last JSON of the job.
@@ -41,7 +42,9 @@ class RenderJob:
     @property
     def problem(self):
         """Why there are no tiles while the image is rendered; empty if there are."""
-        return self._page.problem if self._page and not self.preview_count else ""
+        if self.preview_count:
+            return ""
+        return self._page.problem if self._page else self._page_problem
 
     def preview(self):
         """The image so far (farm/images.decode_light), if there is a newer one; else None."""
@@ -111,7 +114,8 @@ class FarmRender(RenderJob):
         self.title += f" [{secrets.token_hex(4)}]"
         self._address, self._insecure, self._http_port = address, insecure, http_port
         self._farm = program.address_arguments(address, insecure)
-        self.name = None
+        self.name = None       # Of the job, once it is known.
+        self._is_submitted = False
         self._submit_messages = []
         self._process = Process(self._sheaf, ["submit", self._scene, "--no-quote", "--title",
                                               self.title, *self._farm, *self._options])
@@ -123,8 +127,9 @@ class FarmRender(RenderJob):
 
     def update(self):
         """Whether the image is here. Raises SheafError."""
-        if self.name is None:
-            return self._update_submission()
+        if not self._is_submitted:
+            self._update_submission()
+            return False
         self._read()
         code = self._process.exit_code
         if code is None:
@@ -134,23 +139,20 @@ class FarmRender(RenderJob):
         return True
 
     def _update_submission(self):
-        for answer in self._process.read():
-            self.name = answer.get("name", self.name)
+        self._read_name()
         code = self._process.exit_code
         if code is None:
-            self.name = None  # The submission ends before the watch begins.
-            return False
+            return
         if code != 0:
             raise SheafError(self._process.failure())
-        self._submit_messages = self._process.messages
+        self._is_submitted, self._submit_messages = True, self._process.messages
         if self.name is None:
             raise SheafError("sheaf submit named no job; its version does not fit the add-on")
         self._process = Process(self._sheaf, ["watch", self.name, "-o", self.output, *self._farm])
         try:
             self._page = Page.of_farm(self._sheaf, self._address, self._insecure, self._http_port)
-        except SheafError:
-            self._page = None
-        return False
+        except SheafError as error:
+            self._page_problem = f"tiles are not shown: {error}"
 
     def cancel(self):
         """Leaves no job of this render on the farm. Raises SheafError if nobody answers."""

@@ -60,7 +60,18 @@ def left_out(scene, view_layer, report):
             report.left_out(item, f"the pass {name.replace('_', ' ').title()}")
 
 
-def arrays(layers, view_layer, object_names, is_transparent):
+def depth_cosines(view_window, size, crop):
+    """Of the rays of the pixels to the camera's axis: Blender's depth is along the axis, Sheaf's
+    along the ray. view_window: see Exported; size: of the whole film; crop: x0, x1, y0, y1 or ().
+    """
+    x0, x1, y0, y1 = crop or (0, size[0], 0, size[1])
+    left, right, bottom, top = view_window
+    x = left + (right - left) * (numpy.arange(x0, x1) + 0.5) / size[0]
+    y = top + (bottom - top) * (numpy.arange(y0, y1) + 0.5) / size[1]
+    return 1 / numpy.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
+
+
+def arrays(layers, view_layer, object_names, is_transparent, cosines=None):
     """{name of the pass: (height, width, channels), rows from the top} of Layers."""
     alpha = layers.channels["A"]
     found = {"Combined": layers.stack("R", "G", "B", "A")}
@@ -68,6 +79,8 @@ def arrays(layers, view_layer, object_names, is_transparent):
         found["Combined"][..., 3] = 1
     depth = layers.stack("depth.Z")
     if depth is not None:
+        if cosines is not None:
+            depth = depth * cosines[..., None]
         found["Depth"] = numpy.where(alpha[..., None] > 0, depth, DEPTH_OF_NOTHING)
     found["Normal"] = layers.stack("normal.X", "normal.Y", "normal.Z")
     found["Position"] = layers.stack("P.X", "P.Y", "P.Z")

@@ -18,7 +18,7 @@ class Part:
     shading: shaders.Shading
     file: str
     triangle_area: float
-    corners: object = None       # For deformation; see MeshArrays.
+    arrays: object = None        # MeshArrays, if the mesh may deform.
     has_normals: bool = False
     later_file: str = ""         # The mesh when the shutter closes, if it deforms.
 
@@ -150,7 +150,7 @@ class Collector:
                 if max(self._constant_emission(shading)) > 0 else 0.0)
         part = Part(shading, path, area)
         if may_deform:
-            part.corners, part.has_normals = arrays, arrays.normals is not None
+            part.arrays, part.has_normals = arrays, arrays.normals is not None
         return part
 
     @staticmethod
@@ -173,6 +173,10 @@ class Collector:
             if geometry is not None and geometry.name not in done:
                 done.add(geometry.name)
                 self._read_deformed(geometry, instance_object)
+        for light, matrix in self.lights:
+            if later.get((light.name, (), ""), matrix) != matrix:
+                self._report.left_out(f'light "{light.name}"', "its motion while the shutter is "
+                                                               "open")
         return later
 
     def _read_deformed(self, geometry, instance_object):
@@ -180,7 +184,7 @@ class Collector:
         mesh = instance_object.to_mesh() if is_copy else instance_object.data
         try:
             for part in geometry.parts:
-                arrays = part.corners
+                arrays = part.arrays
                 found = meshes.read_at_corners(mesh, arrays.corners)
                 if found is None or (found[1] is None) != (not part.has_normals):
                     self._report.left_out(f'object "{instance_object.name}"',

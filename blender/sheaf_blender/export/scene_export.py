@@ -21,7 +21,9 @@ class Exported:
     path: str
     report: Report
     object_names: dict  # Cryptomatte's names in Sheaf: Blender's names.
+    view_window: tuple  # Edges of the film at distance 1; empty unless perspective.
     seconds: float
+    cpu_seconds: float
     files_written: int
     files_kept: int
 
@@ -44,7 +46,7 @@ def export_scene(depsgraph, path, content_root, settings, set_frame):
     set_frame(frame, subframe) evaluates depsgraph at another time, for motion blur. Raises OSError,
     and ValueError for scenes that cannot be written.
     """
-    start = time.monotonic()
+    start, cpu_start = time.monotonic(), time.thread_time()
     scene = depsgraph.scene
     report = Report()
     content = ContentFolder(content_root)
@@ -82,8 +84,12 @@ def export_scene(depsgraph, path, content_root, settings, set_frame):
         writer = SceneWriter(text, os.path.basename(path), textures, images, report)
         writer.write(geometries, later)
     os.replace(temporary, path)
-    return Exported(path, report, writer.object_names, time.monotonic() - start, content.written,
-                    content.kept)
+    if content.written:
+        content.prune()
+    return Exported(path, report, writer.object_names,
+                    camera_parameters.get("float screenwindow", ())
+                    if kind == "perspective" else (), time.monotonic() - start,
+                    time.thread_time() - cpu_start, content.written, content.kept)
 
 
 def _set_time(set_frame, time_frames):

@@ -185,8 +185,8 @@ class ShaderReader:
     def transparent(self, place):
         color = self.value(place, "Color")
         if not values.is_constant(color) or min(values.color(color)) < 0.999:
-            self.report.approximated(self.item, "the color of a Transparent BSDF is gray alpha over "
-                                                "black")
+            self.report.approximated(self.item, "the color of a Transparent BSDF is gray alpha "
+                                                "over black")
             return Closure(materials.diffuse(BLACK), closures.inverse(values.gray(color)))
         return closures.EMPTY
 

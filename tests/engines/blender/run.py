@@ -249,12 +249,15 @@ def export_time(bench):
     process = bench.start(bench.command("big", "sheaf", 1, bench.folder / "big.pbrt",
                                         "export_in_blender.py"))
     said, _ = process.communicate(timeout=RENDER_SECONDS_MAX)
-    found = re.findall(r"Sheaf: exported in ([\d.]+) s; (\d+) files written", said)
+    found = re.findall(r"Sheaf: exported in ([\d.]+) s \(([\d.]+) s of CPU time\); (\d+) files "
+                       r"written", said)
     check(len(found) == 2, f"it is exported twice {'' if len(found) == 2 else said[-1500:]}")
-    print(f"  {found[0][0]} s, then {found[1][0]} s")
-    check(min(float(seconds) for seconds, _ in found) < EXPORT_SECONDS_MAX,
-          f"an export takes less than {EXPORT_SECONDS_MAX:.0f} s")
-    check(found[1][1] == "0", "meshes that have not changed are not written again")
+    for wall, cpu, _ in found:
+        print(f"  {wall} s, {cpu} s of CPU time")
+    # CPU time, which other programs of the machine do not lengthen as they do wall time.
+    check(float(found[0][1]) < EXPORT_SECONDS_MAX,
+          f"an export takes less than {EXPORT_SECONDS_MAX:.0f} s of one processor")
+    check(found[1][2] == "0", "meshes that have not changed are not written again")
 
 
 def main():
