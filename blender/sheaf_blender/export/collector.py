@@ -53,6 +53,7 @@ class Collector:
         self._images, self._report, self._has_motion = images, report, has_motion
         self.geometries = {}
         self.lights = []
+        self._seen = {}
         self._shadings = {}
         self._taken = set()
         self._hair_done = set()
@@ -71,12 +72,16 @@ class Collector:
                 self._add_hair(instance, instance_object)
 
     def _add(self, instance, instance_object, kind):
+        # Objects of instances come and go at the same addresses, each with its data.
         data = instance_object.data
-        key = (instance_object.as_pointer(), data.as_pointer() if data else 0)
-        geometry = self.geometries.get(key)
+        seen = (instance_object.as_pointer(), data.as_pointer() if data else 0)
+        geometry = self._seen.get(seen)
         if geometry is None:
-            geometry = self._read(instance_object, kind)
-            self.geometries[key] = geometry
+            key = _geometry_key(instance_object, kind, seen)
+            geometry = self.geometries.get(key)
+            if geometry is None:
+                geometry = self.geometries[key] = self._read(instance_object, kind)
+            self._seen[seen] = geometry
         geometry.matrices.append(instance.matrix_world.copy())
         geometry.object_names.append(instance_object.name)
         if self._has_motion:
@@ -262,6 +267,16 @@ class Collector:
             return None
         return VolumeObject(stored, corners, shading,
                             getattr(volume.render, "space", "OBJECT") == "OBJECT")
+
+
+def _geometry_key(instance_object, kind, seen):
+    """Equal for objects of the same shape and materials: linked duplicates without modifiers share
+    their evaluated mesh.
+    """
+    if kind != "MESH":
+        return instance_object.original.as_pointer(), seen[1]
+    return seen[1], tuple(slot.material.name_full if slot.material else None
+                          for slot in instance_object.material_slots)
 
 
 def motion_key(instance, instance_object):

@@ -92,7 +92,7 @@ class SceneWriter:
             if part.later_file:
                 parameters["string filename1"] = part.later_file
             alpha = part.shading.closure.alpha
-            if alpha != 1.0:
+            if alpha != 1.0 and part.shading.has_surface:
                 parameters.update(self._textures.parameter("alpha", alpha, False))
             text.directive("NamedMaterial", material)
             if medium:

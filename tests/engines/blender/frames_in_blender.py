@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Runs inside Blender: submits the frames of a scene as one job, asks for it, fetches its images."""
+"""Runs inside Blender: submits frames of a scene as one job, and fetches their images."""
 import os
 import sys
 

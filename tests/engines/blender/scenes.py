@@ -205,8 +205,9 @@ def textures(b):
     y, x = numpy.mgrid[0:64, 0:64] / 64
     picture = numpy.stack([x, y, 0.5 + 0.5 * numpy.sin(12 * x)], axis=-1)
     image = b.image("picture", picture)
-    mask = b.image("mask", numpy.repeat((((x * 8).astype(int) + (y * 8).astype(int)) % 2)[..., None],
-                                        3, axis=2).astype(float), colorspace="Non-Color")
+    cells = ((x * 8).astype(int) + (y * 8).astype(int)) % 2
+    mask = b.image("mask", numpy.repeat(cells[..., None], 3, axis=2).astype(float),
+                   colorspace="Non-Color")
 
     floor, nodes, links, output = b.empty_material("Mapped")
     texture, mapping = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeMapping")

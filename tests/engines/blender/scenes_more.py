@@ -95,7 +95,8 @@ def hair(b):
     b.camera((0, -6, 2), (0, 0, 0.9))
     b.plane(material=b.diffuse("Floor", (0.5, 0.5, 0.5)))
     for i, material in enumerate((
-            b.material("Hair", "ShaderNodeBsdfHairPrincipled"), b.diffuse("Grass", (0.3, 0.6, 0.2)))):
+            b.material("Hair", "ShaderNodeBsdfHairPrincipled"),
+            b.diffuse("Grass", (0.3, 0.6, 0.2)))):
         head = b.sphere(f"Head {i}", (-1.2 + 2.4 * i, 0, 0.9), 0.6,
                         b.diffuse(f"Skin {i}", (0.6, 0.4, 0.3)), 24)
         head.data.materials.append(material)
@@ -112,7 +113,7 @@ def hair(b):
 
 
 def motion(b):
-    """Objects that move and turn, an instance that moves, a mesh that deforms, a camera that moves."""
+    """Objects and a camera that move, a mesh that deforms."""
     b.scene.render.use_motion_blur = True
     b.scene.render.motion_blur_shutter = 1.0
     camera = b.camera()
