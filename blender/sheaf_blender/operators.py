@@ -50,9 +50,12 @@ class SubmitFrames(_SheafOperator):
     bl_label = "Submit Frames"
 
     def run(self, context):
+        with tempfile.TemporaryDirectory(prefix="sheaf-blender-frames-") as folder:
+            self._submit(context, folder)  # The farm has all files when it returns.
+
+    def _submit(self, context, folder):
         scene = context.scene
         sheaf, address, insecure = _farm(context)
-        folder = tempfile.mkdtemp(prefix="sheaf-blender-frames-")
         pattern = os.path.join(folder, "frame.####.pbrt")
         frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
         exported = export_frames(scene, pattern, frames)
