@@ -1,0 +1,284 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the evaluated scene once: each geometry with all places where it stands."""
+import dataclasses
+
+import bpy
+
+from ..scene import mesh_arrays, ply
+from . import curves, meshes, shaders
+
+MESH_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+UNRENDERED_TYPES = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+
+
+@dataclasses.dataclass
+class Part:
+    """Triangles of one material."""
+    shading: shaders.Shading
+    file: str
+    triangle_area: float
+    arrays: object = None        # MeshArrays, if the mesh may deform.
+    has_normals: bool = False
+    later_file: str = ""         # The mesh when the shutter closes, if it deforms.
+
+
+@dataclasses.dataclass
+class Geometry:
+    name: str
+    parts: list
+    radius: float                                  # Of a sphere around its origin.
+    strands: list = dataclasses.field(default_factory=list)  # [(Shading, file)]
+    medium_grid: object = None                     # A VolumeObject.
+    matrices: list = dataclasses.field(default_factory=list)
+    object_names: list = dataclasses.field(default_factory=list)
+    keys: list = dataclasses.field(default_factory=list)  # To find the instances again later.
+    may_deform: bool = False
+
+
+@dataclasses.dataclass
+class VolumeObject:
+    """A grid file with the corners of the box around it, in the object's space."""
+    path: str
+    corners: list
+    shading: shaders.Shading
+    is_object_space: bool
+
+
+class Collector:
+    """geometries: by key, in the order of their first instance; lights: [(object, matrix)]."""
+
+    def __init__(self, depsgraph, content, images, report, has_motion):
+        self._depsgraph, self._content = depsgraph, content
+        self._images, self._report, self._has_motion = images, report, has_motion
+        self.geometries = {}
+        self.lights = []
+        self._seen = {}
+        self._shadings = {}
+        self._taken = set()
+        self._hair_done = set()
+
+    def collect(self):
+        for instance in self._depsgraph.object_instances:
+            instance_object = instance.object
+            kind = instance_object.type
+            if kind == "LIGHT":
+                if instance.show_self:
+                    self.lights.append((instance_object.original, instance.matrix_world.copy()))
+                continue
+            if instance.show_self and kind not in UNRENDERED_TYPES:
+                self._add(instance, instance_object, kind)
+            if instance.show_particles and instance_object.particle_systems:
+                self._add_hair(instance, instance_object)
+
+    def _add(self, instance, instance_object, kind):
+        # Objects of instances come and go at the same addresses, each with its data.
+        data = instance_object.data
+        seen = (instance_object.as_pointer(), data.as_pointer() if data else 0)
+        geometry = self._seen.get(seen)
+        if geometry is None:
+            key = _geometry_key(instance_object, kind, seen)
+            geometry = self.geometries.get(key)
+            if geometry is None:
+                geometry = self.geometries[key] = self._read(instance_object, kind)
+            self._seen[seen] = geometry
+        geometry.matrices.append(instance.matrix_world.copy())
+        geometry.object_names.append(instance_object.name)
+        if self._has_motion:
+            geometry.keys.append(motion_key(instance, instance_object))
+
+    def _read(self, instance_object, kind):
+        name = self._free_name(instance_object.name)
+        self._note_visibility(instance_object)
+        if kind in MESH_TYPES:
+            return self._read_mesh(name, instance_object, kind)
+        corners = [tuple(corner) for corner in instance_object.bound_box]
+        radius = max(sum(x * x for x in corner) for corner in corners) ** 0.5
+        if kind == "CURVES":
+            read = curves.read_curves_object(instance_object.data)
+            strands = self._strands(instance_object, 0, read) if read else []
+            return Geometry(name, [], radius, strands)
+        if kind == "VOLUME":
+            return Geometry(name, [], radius,
+                            medium_grid=self._read_volume(instance_object, corners))
+        self._report.left_out(f'object "{instance_object.name}"', f"its type {kind}")
+        return Geometry(name, [], 0.0)
+
+    def _free_name(self, wanted):
+        name, number = wanted, 1
+        while name in self._taken:
+            number += 1
+            name = f"{wanted} ({number})"
+        self._taken.add(name)
+        return name
+
+    def _note_visibility(self, instance_object):
+        hidden = [flag for flag in ("camera", "diffuse", "glossy", "transmission",
+                                    "volume_scatter", "shadow")
+                  if not getattr(instance_object, f"visible_{flag}", True)]
+        item = f'object "{instance_object.name}"'
+        if hidden:
+            self._report.left_out(item, "Ray Visibility: it is visible to all rays")
+        for flag, text in (("is_holdout", "Holdout"), ("is_shadow_catcher", "Shadow Catcher")):
+            if getattr(instance_object, flag, False):
+                self._report.left_out(item, text)
+
+    # Meshes.
+
+    def _read_mesh(self, name, instance_object, kind):
+        is_copy = kind != "MESH"
+        mesh = instance_object.to_mesh() if is_copy else instance_object.data
+        if mesh is None:
+            return Geometry(name, [], 0.0)
+        try:
+            slots = list(instance_object.material_slots)
+            shadings = [self.shading_of(slot.material) for slot in slots] or [self.shading_of(None)]
+            original = instance_object.original
+            may_deform = self._has_motion and (
+                bool(original.modifiers) or kind != "MESH"
+                or getattr(original.data, "shape_keys", None) is not None)
+            parts, radius = [], 0.0
+            for slot, arrays in meshes.read_parts(mesh, len(shadings)):
+                if len(arrays.positions) == 0:
+                    continue
+                radius = max(radius, float((arrays.positions.astype(float)**2).sum(axis=1).max()))
+                parts.append(self._part(shadings[slot], arrays, may_deform))
+            return Geometry(name, parts, radius**0.5, may_deform=may_deform)
+        finally:
+            if is_copy:
+                instance_object.to_mesh_clear()
+
+    def _part(self, shading, arrays, may_deform):
+        path = self._content.put(ply.ply_chunks(arrays.positions, arrays.triangles, arrays.normals,
+                                                arrays.uvs), ".ply")
+        area = (mesh_arrays.area(arrays.positions, arrays.triangles)
+                if max(self._constant_emission(shading)) > 0 else 0.0)
+        part = Part(shading, path, area)
+        if may_deform:
+            part.arrays, part.has_normals = arrays, arrays.normals is not None
+        return part
+
+    @staticmethod
+    def _constant_emission(shading):
+        emission = shading.closure.emission
+        return emission if isinstance(emission, tuple) else (1.0,)
+
+    def read_later(self):
+        """After the scene was set to the closing shutter: {motion key: matrix}, and the files of
+        meshes that have deformed.
+        """
+        later = {}
+        done = set()
+        by_name = {geometry.object_names[0]: geometry for geometry in self.geometries.values()
+                   if geometry.may_deform}
+        for instance in self._depsgraph.object_instances:
+            instance_object = instance.object
+            later[motion_key(instance, instance_object)] = instance.matrix_world.copy()
+            geometry = by_name.get(instance_object.name)
+            if geometry is not None and geometry.name not in done:
+                done.add(geometry.name)
+                self._read_deformed(geometry, instance_object)
+        for light, matrix in self.lights:
+            if later.get((light.name, (), ""), matrix) != matrix:
+                self._report.left_out(f'light "{light.name}"', "its motion while the shutter is "
+                                                               "open")
+        return later
+
+    def _read_deformed(self, geometry, instance_object):
+        is_copy = instance_object.type != "MESH"
+        mesh = instance_object.to_mesh() if is_copy else instance_object.data
+        try:
+            for part in geometry.parts:
+                arrays = part.arrays
+                found = meshes.read_at_corners(mesh, arrays.corners)
+                if found is None or (found[1] is None) != (not part.has_normals):
+                    self._report.left_out(f'object "{instance_object.name}"',
+                                          "its deformation: its mesh changes while the shutter is "
+                                          "open")
+                    return
+                positions, normals = found
+                if (positions == arrays.positions).all():
+                    continue
+                part.later_file = self._content.put(
+                    ply.ply_chunks(positions, arrays.triangles, normals, arrays.uvs), ".ply")
+        finally:
+            if is_copy:
+                instance_object.to_mesh_clear()
+
+    def shading_of(self, material):
+        key = material.name_full if material else None
+        if key not in self._shadings:
+            self._shadings[key] = shaders.read_material(material, self._report, self._images)
+        return self._shadings[key]
+
+    # Hair.
+
+    def _add_hair(self, instance, instance_object):
+        name = instance_object.name
+        for index, system in enumerate(instance_object.particle_systems):
+            settings = system.settings
+            if settings.type != "HAIR" or settings.render_type != "PATH":
+                continue
+            if instance.is_instance:
+                self._report.left_out(f'object "{name}"', "hair of instances")
+                return
+            if (name, index) in self._hair_done:
+                continue
+            self._hair_done.add((name, index))
+            read = curves.read_particle_hair(instance_object, system)
+            if read is None:
+                continue
+            strands = self._strands(instance_object, settings.material - 1, read)
+            geometry = Geometry(self._free_name(f"{name} {system.name}"), [], 0.0, strands)
+            geometry.matrices.append(None)  # It is in world space.
+            geometry.object_names.append(name)
+            geometry.keys.append(None)
+            self.geometries[("hair", name, index)] = geometry
+
+    def _strands(self, instance_object, slot, read):
+        slots = instance_object.material_slots
+        material = slots[min(slot, len(slots) - 1)].material if len(slots) else None
+        text = curves.text_of(read)
+        path = self._content.put([text.encode() + b"\n"], ".pbrt")
+        self._report.approximated(f'object "{instance_object.name}"',
+                                  "the radius of hair runs evenly from the mean at the root to "
+                                  "that at the tip")
+        return [(self.shading_of(material), path)]
+
+    # Volumes.
+
+    def _read_volume(self, instance_object, corners):
+        volume = instance_object.data
+        item = f'object "{instance_object.name}"'
+        volume.grids.load()
+        path = bpy.path.abspath(volume.grids.frame_filepath or volume.filepath)
+        slots = instance_object.material_slots
+        shading = self.shading_of(slots[0].material if len(slots) else None)
+        if not path or shading.medium is None:
+            self._report.left_out(item, "a volume without a file or without a volume shader")
+            return None
+        if shading.medium.density_grid not in ("", "density"):
+            self._report.left_out(item, f'Density Attribute "{shading.medium.density_grid}": the '
+                                        'grid "density" is used')
+        try:
+            stored = self._content.put_file(path)
+        except OSError as error:
+            self._report.left_out(item, f"{path}: {error.strerror}")
+            return None
+        return VolumeObject(stored, corners, shading,
+                            getattr(volume.render, "space", "OBJECT") == "OBJECT")
+
+
+def _geometry_key(instance_object, kind, seen):
+    """Equal for objects of the same shape and materials: linked duplicates without modifiers share
+    their evaluated mesh.
+    """
+    if kind != "MESH":
+        return instance_object.original.as_pointer(), seen[1]
+    return seen[1], tuple(slot.material.name_full if slot.material else None
+                          for slot in instance_object.material_slots)
+
+
+def motion_key(instance, instance_object):
+    return (instance_object.name, tuple(instance.persistent_id) if instance.is_instance else (),
+            instance.parent.name if instance.is_instance and instance.parent else "")

@@ -1,0 +1,169 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Light objects: point, spot, sun and area lights."""
+import math
+
+import bpy
+import mathutils
+
+from ..scene import units, values
+from . import node_links
+from .images import write_pixels
+from .node_values import NodeValues
+
+SIZE_MIN_M = 1e-5           # A light of less is a point.
+SUN_DISTANCE_SCENES = 1000  # Of the disk of a sun, in radii of the scene.
+
+
+def color_of(light, report, images):
+    """Color times the strength of the light's nodes; energy is not in it."""
+    color = tuple(light.color)
+    if getattr(light, "use_temperature", False):
+        color = tuple(c * t for c, t in zip(color, units.blackbody_rgb(light.temperature)))
+    if not light.use_nodes or light.node_tree is None:
+        return color
+    item = f'light "{light.name}"'
+    output = node_links.output_node(light.node_tree)
+    place = output and node_links.source(
+        node_links.input_of(node_links.Place(output), "Surface"))[0]
+    if place is None:
+        return color
+    if place.node.type != "EMISSION":
+        report.left_out(item, f'node "{place.node.name}"; the light has its color alone')
+        return color
+    reader = NodeValues(item, report, images)
+    found = reader.read(node_links.input_of(place, "Color"))
+    if not values.is_constant(found):
+        report.left_out(item, "a texture of its color")
+        found = (1.0, 1.0, 1.0)
+    strength = reader.number(node_links.input_of(place, "Strength"), 1.0)
+    return tuple(c * f * strength for c, f in zip(color, values.color(found)))
+
+
+def write_light(text, instance_object, matrix, color, scene_sphere, content, report):
+    """Writes a light. matrix: world from the light's space. scene_sphere: (center, radius) of what
+    is not at infinity.
+    """
+    light = instance_object.data
+    item = f'light "{instance_object.name}"'
+    report_common(light, item, report)
+    writer = {"POINT": _point, "SUN": _sun, "AREA": _area}.get(light.type)
+    text.directive("AttributeBegin")
+    if light.type == "SUN":
+        writer(text, light, matrix, color, scene_sphere, item, report)
+    elif light.type == "SPOT":
+        write_transform(text, matrix, None)
+        _spot(text, light, color, content, item, report)
+    else:
+        write_transform(text, matrix, None)
+        writer(text, light, matrix, color, item, report)
+    text.directive("AttributeEnd")
+
+
+def write_transform(text, matrix, motion):
+    if motion is None:
+        text.transform("ConcatTransform", matrix)
+        return
+    for time, placed in (("StartTime", matrix), ("EndTime", motion)):
+        text.raw("ActiveTransform " + time)
+        text.transform("ConcatTransform", placed)
+    text.raw("ActiveTransform All")
+
+
+def report_common(light, item, report):
+    if not getattr(light, "use_shadow", True) or not _cycles(light, "cast_shadow", True):
+        report.left_out(item, "a light without shadows")
+    if _cycles(light, "is_portal", False):
+        report.left_out(item, "a portal")
+    for name in ("diffuse_factor", "specular_factor", "volume_factor"):
+        if abs(getattr(light, name, 1.0) - 1) > 1e-3:
+            report.left_out(item, f"{name} {getattr(light, name):.2f}")
+
+
+def _cycles(light, name, usual):
+    return getattr(getattr(light, "cycles", None), name, usual)
+
+
+def _scaled(color, factor):
+    return tuple(max(0.0, c * factor) for c in color)
+
+
+def _visible_shape(instance_text, item, report):
+    report.approximated(item, f"{instance_text} is seen by the camera, and other light does "
+                        "not pass through it")
+
+
+def _point(text, light, matrix, color, item, report):
+    radius = light.shadow_soft_size
+    if radius * matrix.median_scale < SIZE_MIN_M:
+        text.directive("LightSource", "point",
+                       {"rgb I": _scaled(color, units.point_intensity(light.energy))})
+        return
+    # The radius does not grow with the object, as in Cycles.
+    size = radius / (matrix.median_scale or 1.0)
+    radiance = units.sphere_radiance(light.energy, radius)
+    text.directive("AreaLightSource", "diffuse", {"rgb L": _scaled(color, radiance)})
+    text.directive("Shape", "sphere", {"float radius": float(size)})
+    _visible_shape("its sphere", item, report)
+
+
+def _spot(text, light, color, content, item, report):
+    cone, delta = units.spot_cone(light.spot_size, light.spot_blend)
+    if light.shadow_soft_size >= SIZE_MIN_M:
+        report.approximated(item, "Radius of a spot light is 0: its shadows are sharp")
+    intensity = _scaled(color, units.point_intensity(light.energy))
+    if bpy.app.version < (4, 0, 0):
+        profile = units.spot_map(light.spot_size, light.spot_blend)
+        text.raw("Rotate 180 1 0 0")
+        text.directive("LightSource", "goniometric", {
+            "rgb I": intensity, "string filename": write_pixels(content, profile[::-1])})
+        return
+    text.directive("LightSource", "spot", {
+        "rgb I": intensity,
+        "point3 from": (0.0, 0.0, 0.0), "point3 to": (0.0, 0.0, -1.0),
+        "float coneangle": cone, "float conedeltaangle": max(delta, 0.0)})
+
+
+def _sun(text, light, matrix, color, scene_sphere, item, report):
+    direction = matrix.to_3x3() @ mathutils.Vector((0, 0, -1))
+    direction.normalize()
+    if light.angle < units.SUN_DISK_RADIANS_MIN:
+        text.directive("LightSource", "distant", {
+            "rgb L": _scaled(color, light.energy), "point3 from": tuple(map(float, -direction)),
+            "point3 to": (0.0, 0.0, 0.0)})
+        return
+    center, radius = scene_sphere
+    distance = SUN_DISTANCE_SCENES * max(radius, 1e-3)
+    half = min(light.angle / 2, math.radians(89))
+    # tan: the disk lies at the distance along its axis.
+    place = mathutils.Matrix.Translation(center - direction * distance)
+    turn = direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
+    text.transform("ConcatTransform", place @ turn)
+    text.directive("AreaLightSource", "diffuse", {
+        "rgb L": _scaled(color, units.sun_radiance(light.energy, 2 * half))})
+    text.directive("Shape", "disk", {"float radius": float(distance * math.tan(half))})
+    _visible_shape("the disk of the sun", item, report)
+
+
+def _area(text, light, matrix, color, item, report):
+    x = light.size
+    y = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+    is_round = light.shape in ("DISK", "ELLIPSE")
+    scale = matrix.to_scale()
+    # Cycles counts the size with the scale of the object.
+    surface = abs(x * scale.x * y * scale.y) * (math.pi / 4 if is_round else 1)
+    if surface <= 0:
+        report.left_out(item, "an area light without area")
+        return
+    radiance = units.area_radiance(light.energy, surface)
+    if abs(getattr(light, "spread", math.pi) - math.pi) > 1e-3:
+        report.left_out(item, "Spread")
+    text.directive("AreaLightSource", "diffuse", {"rgb L": _scaled(color, radiance)})
+    # It shines along -z.
+    text.raw(f"Scale {0.5 * x:.9g} {-0.5 * y:.9g} -1")
+    if is_round:
+        text.directive("Shape", "disk", {"float radius": 1.0})
+    else:
+        text.directive("Shape", "bilinearmesh", {
+            "point3 P": (-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 1.0, 1.0, 0.0)})
+    _visible_shape("its surface", item, report)

@@ -1,0 +1,67 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes of evaluated objects as arrays, read in bulk."""
+import numpy
+
+from ..scene import mesh_arrays
+
+
+def read_parts(mesh, slot_count):
+    """[(material slot, MeshArrays)] of an evaluated mesh; empty without triangles."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    if count == 0:
+        return []
+    triangles = _read(mesh.loop_triangles, "loops", 3 * count, numpy.int32).reshape(-1, 3)
+    corner_vertices = _read(mesh.loops, "vertex_index", len(mesh.loops), numpy.int32)
+    positions = read_positions(mesh)
+    uvs = _uvs(mesh)
+    normals = _normals(mesh)
+    slots = (_read(mesh.loop_triangles, "material_index", count, numpy.int32) if slot_count > 1
+             else None)
+    return [(slot, mesh_arrays.build(positions, corner_vertices, triangles[chosen], normals, uvs))
+            for slot, chosen in mesh_arrays.by_material(slots, slot_count)]
+
+
+def read_positions(mesh):
+    return _read(mesh.vertices, "co", 3 * len(mesh.vertices), numpy.float32).reshape(-1, 3)
+
+
+def read_at_corners(mesh, corners):
+    """(positions, normals or None) of the vertices that have these corners (MeshArrays.corners);
+    None if the mesh has other corners now.
+    """
+    if len(corners) and corners.max() >= len(mesh.loops):
+        return None
+    corner_vertices = _read(mesh.loops, "vertex_index", len(mesh.loops), numpy.int32)
+    normals = _normals(mesh)
+    return (read_positions(mesh)[corner_vertices[corners]],
+            None if normals is None else normals[corners])
+
+
+def _read(collection, name, count, kind):
+    values = numpy.empty(count, kind)
+    collection.foreach_get(name, values)
+    return values
+
+
+def _uvs(mesh):
+    layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    if layer is None:
+        return None
+    return _read(layer.data, "uv", 2 * len(mesh.loops), numpy.float32).reshape(-1, 2)
+
+
+def _normals(mesh):
+    """Of corners; None if all faces are flat, which needs no normals."""
+    if hasattr(mesh, "corner_normals"):  # Blender 4.1 and later.
+        if mesh.normals_domain == "FACE":
+            return None
+        return _read(mesh.corner_normals, "vector", 3 * len(mesh.loops),
+                     numpy.float32).reshape(-1, 3)
+    is_smooth = _read(mesh.polygons, "use_smooth", len(mesh.polygons), bool)
+    if not is_smooth.any() and not mesh.has_custom_normals:
+        return None
+    mesh.calc_normals_split()
+    normals = _read(mesh.loops, "normal", 3 * len(mesh.loops), numpy.float32).reshape(-1, 3)
+    return normals

@@ -1,0 +1,246 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Values of sockets: constants, images, and what nodes make of them."""
+from ..scene import pixel_ops, values
+from . import node_links
+
+RAMP_SAMPLES = 257
+_WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "black", "MIRROR": "repeat"}
+_FACTOR_BLENDS = pixel_ops.BLENDS
+
+
+class NodeValues:
+    """Evaluates the node tree of one item, as 'material "Gold"'."""
+
+    def __init__(self, item, report, images):
+        self.item, self._report, self._images = item, report, images
+
+    def read(self, wanted, usual=0.0):
+        """The value of a node_links.Input; usual if there is no such socket."""
+        if wanted is None:
+            return usual
+        place, output, own = node_links.source(wanted)
+        if place is None:
+            return _default(own.socket, usual)
+        reader = _READERS.get(place.node.type)
+        value = reader(self, place, output) if reader else None
+        if value is None:
+            self._report.left_out(self.item, f'node "{place.node.name}" ({place.node.bl_label}) '
+                                             f'behind "{wanted.socket.name}"; a constant is used')
+            return _default(wanted.socket, usual)
+        return value
+
+    def number(self, wanted, usual=0.0):
+        """A constant; a texture is replaced by its mean, and reported."""
+        value = values.gray(self.read(wanted, usual))
+        if values.is_constant(value):
+            return float(value)
+        self._report.approximated(self.item, f'a texture behind "{wanted.socket.name}": its mean '
+                                             "is used")
+        return self._images.mean(value)
+
+    def mean_of(self, value):
+        return self._images.mean(value)
+
+    def place_input(self, place, *names):
+        return self.read(node_links.input_of(place, *names))
+
+    # Readers return None for what has no counterpart.
+
+    def image(self, place, output):
+        node = place.node
+        if node.image is None:
+            return (0.0, 0.0, 0.0)
+        if node.projection != "FLAT":
+            return None
+        if node.extension == "MIRROR":
+            self._report.approximated(self.item, "an image that mirrors is repeated")
+        mapping = self._mapping(node_links.input_of(place, "Vector"))
+        value = self._images.value(node.image, node.image_user, _WRAPS[node.extension], mapping,
+                                   "point" if node.interpolation == "Closest" else "bilinear",
+                                   wants_alpha=output.name == "Alpha")
+        if value is None:
+            self._report.left_out(self.item, f'image "{node.image.name}" ({node.image.source}), '
+                                             "which cannot be read")
+            return (0.5, 0.5, 0.5)
+        return value
+
+    def _mapping(self, wanted):
+        """Scale and offset of u and v."""
+        unmapped = (1.0, 1.0, 0.0, 0.0)
+        place, output, _ = node_links.source(wanted)
+        if place is None:
+            return unmapped
+        if place.node.type == "MAPPING":
+            return self._node_mapping(place)
+        if place.node.type == "UVMAP" or (place.node.type == "TEX_COORD" and output.name == "UV"):
+            if place.node.type == "UVMAP" and place.node.uv_map:
+                self._report.approximated(self.item, f'UV map "{place.node.uv_map}": the one that '
+                                                     "is active for rendering is used")
+            return unmapped
+        self._report.approximated(self.item, f'texture coordinates of "{place.node.name}" '
+                                             f"({output.name}): uv is used")
+        return unmapped
+
+    def _node_mapping(self, place):
+        inner = self._mapping(node_links.input_of(place, "Vector"))
+        found = {name: self.read(node_links.input_of(place, name), usual)
+                 for name, usual in (("Location", (0.0,) * 3), ("Rotation", (0.0,) * 3),
+                                     ("Scale", (1.0,) * 3))}
+        if not all(values.is_constant(value) for value in found.values()):
+            self._report.left_out(self.item, "a Mapping node with textures")
+            return inner
+        location, rotation, scale = (values.color(value) for value in found.values())
+        if any(abs(angle) > 1e-6 for angle in rotation):
+            self._report.left_out(self.item, "Rotation of a Mapping node")
+        if place.node.vector_type == "TEXTURE":
+            scale = tuple(1 / (x or 1.0) for x in scale)
+            location = tuple(-x * s for x, s in zip(location, scale))
+        return (inner[0] * scale[0], inner[1] * scale[1],
+                inner[2] * scale[0] + location[0], inner[3] * scale[1] + location[1])
+
+    def checker(self, place, _):
+        first, second = (self.place_input(place, name) for name in ("Color1", "Color2"))
+        scale = self.number(node_links.input_of(place, "Scale"), 5.0)
+        vector = node_links.input_of(place, "Vector")
+        if node_links.source(vector)[0] is None:
+            self._report.approximated(self.item, "coordinates of a Checker Texture: uv is used")
+        u, v, du, dv = self._mapping(vector)
+        # Blender's first color is where the sum of the cells is odd.
+        return values.CheckerValue(second, first, (u * scale, v * scale, du * scale, dv * scale))
+
+    def mix_colors(self, place, output):
+        node = place.node
+        if node.type == "MIX" and node.data_type not in ("RGBA", "FLOAT"):
+            return None
+        suffix = {"RGBA": "Color", "FLOAT": "Float"}.get(getattr(node, "data_type", "RGBA"))
+        factor = self.place_input(place, "Factor_Float", "Fac")
+        a = self.place_input(place, f"A_{suffix}", "Color1")
+        b = self.place_input(place, f"B_{suffix}", "Color2")
+        blend = node.blend_type if suffix == "Color" else "MIX"
+        value = self._blended(blend, a, b, factor)
+        if value is not None and getattr(node, "use_clamp", getattr(node, "clamp_result", False)):
+            value = values.apply(value, "clamp", 0.0, 1.0)
+        return value
+
+    def _blended(self, blend, a, b, factor):
+        if blend == "MIX":
+            return values.mix(a, b, factor)
+        if blend not in _FACTOR_BLENDS:
+            return None
+        if values.is_constant(factor):
+            factor = values.gray(factor)
+            if values.is_constant(b):
+                return values.apply(a, "mix", blend, factor, values.color(b), True)
+            if values.is_constant(a):
+                return values.apply(b, "mix", blend, factor, values.color(a), False)
+        if blend != "MULTIPLY":
+            return None
+        product = values.multiply(a, b)
+        return None if product is None else values.mix(a, product, factor)
+
+    def math(self, place, _):
+        node = place.node
+        inputs = [values.gray(self.read(node_links.Input(socket, place.groups)))
+                  for socket in node.inputs if socket.enabled]
+        a = inputs[0]
+        b = inputs[1] if len(inputs) > 1 else 0.0
+        if node.operation == "MULTIPLY_ADD" and values.is_constant(inputs[2]):
+            product = values.multiply(a, b)
+            value = None if product is None else values.apply(product, "math", "ADD", inputs[2],
+                                                              True)
+        elif node.operation not in pixel_ops.MATH:
+            return None
+        elif values.is_constant(b):
+            value = values.apply(a, "math", node.operation, values.gray(b), True)
+        elif values.is_constant(a):
+            value = values.apply(b, "math", node.operation, values.gray(a), False)
+        else:
+            value = values.multiply(a, b) if node.operation == "MULTIPLY" else None
+        if value is not None and node.use_clamp:
+            value = values.apply(value, "clamp", 0.0, 1.0)
+        return value
+
+    def ramp(self, place, output):
+        ramp = place.node.color_ramp
+        samples = [ramp.evaluate(i / (RAMP_SAMPLES - 1)) for i in range(RAMP_SAMPLES)]
+        part = (lambda c: (c[3],) * 3) if output.name == "Alpha" else (lambda c: tuple(c[:3]))
+        return values.apply(self.place_input(place, "Fac"), "ramp", tuple(map(part, samples)))
+
+    def one_color(self, place, name, *arguments):
+        return values.apply(self.place_input(place, "Color"), name, *arguments)
+
+    def gamma(self, place, _):
+        return self.one_color(place, "gamma", self.number(node_links.input_of(place, "Gamma"), 1.0))
+
+    def invert(self, place, _):
+        return self.one_color(place, "invert", self.number(node_links.input_of(place, "Fac"), 1.0))
+
+    def bright_contrast(self, place, _):
+        return self.one_color(place, "bright_contrast",
+                              self.number(node_links.input_of(place, "Bright")),
+                              self.number(node_links.input_of(place, "Contrast")))
+
+    def hue_saturation(self, place, _):
+        numbers = [self.number(node_links.input_of(place, *names), usual) for names, usual in (
+            (("Hue",), 0.5), (("Saturation",), 1.0), (("Value",), 1.0), (("Fac", "Factor"), 1.0))]
+        return self.one_color(place, "hue_saturation", *numbers)
+
+    def to_gray(self, place, _):
+        return values.gray(self.place_input(place, "Color"))
+
+    def separate(self, place, output):
+        if getattr(place.node, "mode", "RGB") != "RGB":
+            return None
+        index = [socket.name for socket in place.node.outputs].index(output.name)
+        return values.apply(self.place_input(place, "Color", "Image"), "channel", index)
+
+    def combine(self, place, _):
+        if getattr(place.node, "mode", "RGB") != "RGB":
+            return None
+        parts = [values.gray(self.read(node_links.Input(socket, place.groups)))
+                 for socket in place.node.inputs]
+        return tuple(map(float, parts)) if all(map(values.is_constant, parts)) else None
+
+    def map_range(self, place, _):
+        node = place.node
+        if node.data_type != "FLOAT" or node.interpolation_type != "LINEAR":
+            return None
+        limits = [self.number(node_links.input_of(place, name), usual) for name, usual in (
+            ("From Min", 0.0), ("From Max", 1.0), ("To Min", 0.0), ("To Max", 1.0))]
+        return values.apply(values.gray(self.place_input(place, "Value")), "map_range", *limits,
+                            bool(node.clamp))
+
+    def clamp(self, place, _):
+        limits = [self.number(node_links.input_of(place, name), usual)
+                  for name, usual in (("Min", 0.0), ("Max", 1.0))]
+        return values.apply(values.gray(self.place_input(place, "Value")), "clamp", *limits)
+
+    def constant_output(self, _, output):
+        return _default(output, 0.0)
+
+    def blackbody(self, place, _):
+        from ..scene import units
+        return units.blackbody_rgb(self.number(node_links.input_of(place, "Temperature"), 1500.0))
+
+
+def _default(socket, usual):
+    value = getattr(socket, "default_value", None)
+    if value is None or isinstance(value, str):
+        return usual
+    if isinstance(value, (int, float)):
+        return float(value)
+    return tuple(float(x) for x in value)[:3]
+
+
+_READERS = {
+    "TEX_IMAGE": NodeValues.image, "TEX_CHECKER": NodeValues.checker,
+    "RGB": NodeValues.constant_output, "VALUE": NodeValues.constant_output,
+    "MIX_RGB": NodeValues.mix_colors, "MIX": NodeValues.mix_colors, "MATH": NodeValues.math,
+    "VALTORGB": NodeValues.ramp, "GAMMA": NodeValues.gamma, "INVERT": NodeValues.invert,
+    "BRIGHTCONTRAST": NodeValues.bright_contrast, "HUE_SAT": NodeValues.hue_saturation,
+    "RGBTOBW": NodeValues.to_gray, "SEPARATE_COLOR": NodeValues.separate,
+    "SEPRGB": NodeValues.separate, "COMBINE_COLOR": NodeValues.combine,
+    "COMBRGB": NodeValues.combine, "MAP_RANGE": NodeValues.map_range, "CLAMP": NodeValues.clamp,
+    "BLACKBODY": NodeValues.blackbody,
+}

@@ -1,0 +1,212 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the scene file from what the collector has read."""
+import mathutils
+import numpy
+
+from ..scene import materials, values
+from . import lights
+from .collector import Geometry
+
+_MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
+
+
+class SceneWriter:
+    """Writes shapes, instances and media. object_names: Cryptomatte's names of Sheaf, by which
+    pixels get the names of Blender's objects.
+    """
+
+    def __init__(self, text, file_name, textures, images, report):
+        self._text, self._file_name = text, file_name
+        self._textures, self._images, self._report = textures, images, report
+        self._materials = materials.MaterialTable(text, textures)
+        self._media = {}
+        self.object_names = {}
+
+    def write(self, geometries, later):
+        """later: {motion key: matrix when the shutter closes}; empty without motion blur."""
+        for geometry in geometries:
+            if not geometry.parts and not geometry.strands and geometry.medium_grid is None:
+                continue
+            names = [self._prepare(part.shading) for part in geometry.parts]
+            if geometry.medium_grid is not None:
+                self._write_grids(geometry)
+            elif len(geometry.matrices) == 1 or any(map(self._emits, geometry.parts)):
+                for i in range(len(geometry.matrices)):
+                    self._write_alone(geometry, names, i, later)
+            else:
+                self._write_instances(geometry, names, later)
+
+    def _prepare(self, shading):
+        """Writes the material and medium of a shading before shapes use them."""
+        closure = shading.closure
+        material = closure.material
+        if not shading.has_surface and shading.medium is not None:
+            material = materials.make("interface")
+        elif material is None:
+            material = materials.diffuse((0.0, 0.0, 0.0))
+        if shading.medium is not None and not materials.is_boundary(material):
+            self._report.left_out(f'material "{shading.name}"',
+                                  "its Volume, which its opaque surface hides")
+        return self._materials.name_of(material, shading.name), self._medium(shading)
+
+    def _medium(self, shading):
+        medium = shading.medium
+        if medium is None:
+            return ""
+        if shading.name not in self._media:
+            self._media[shading.name] = shading.name
+            if medium.blackbody > 0:
+                self._report.left_out(f'material "{shading.name}"',
+                                      "Blackbody of a volume without a grid")
+            self._text.directive("MakeNamedMedium", shading.name, {
+                "string type": "homogeneous", **_coefficients(medium, 1.0)})
+        return self._media[shading.name]
+
+    @staticmethod
+    def _emits(part):
+        emission = part.shading.closure.emission
+        return not values.is_constant(emission) or max(emission) > 0
+
+    def _write_alone(self, geometry, names, index, later):
+        text = self._text
+        text.directive("AttributeBegin")
+        matrix = geometry.matrices[index]
+        if matrix is not None:
+            lights.write_transform(text, matrix, self._motion(geometry, index, later))
+        self._write_shapes(geometry, names, geometry.object_names[index])
+        text.directive("AttributeEnd")
+
+    @staticmethod
+    def _motion(geometry, index, later):
+        """The matrix when the shutter closes, if it differs."""
+        if not later or geometry.keys[index] is None:
+            return None
+        closing = later.get(geometry.keys[index])
+        return None if closing is None or closing == geometry.matrices[index] else closing
+
+    def _write_shapes(self, geometry: Geometry, names, object_name):
+        text = self._text
+        for part, (material, medium) in zip(geometry.parts, names):
+            parameters = {"string filename": part.file}
+            if part.later_file:
+                parameters["string filename1"] = part.later_file
+            alpha = part.shading.closure.alpha
+            if alpha != 1.0 and part.shading.has_surface:
+                parameters.update(self._textures.parameter("alpha", alpha, False))
+            text.directive("NamedMaterial", material)
+            if medium:
+                text.raw(f'MediumInterface "{_plain(medium)}" ""')
+            emits = self._emits(part)
+            if emits:
+                text.directive("AttributeBegin")
+                self._write_emission(part)
+            self.object_names[f"{self._file_name}:{text.line}:1"] = object_name
+            text.directive("Shape", "plymesh", parameters)
+            if emits:
+                text.directive("AttributeEnd")
+            if medium:
+                text.raw('MediumInterface "" ""')
+        for shading, path in geometry.strands:
+            material, _ = self._prepare(shading)
+            text.directive("NamedMaterial", material)
+            text.directive("Include", path)
+
+    def _write_emission(self, part):
+        emission = part.shading.closure.emission
+        if not values.is_constant(emission):
+            self._report.approximated(f'material "{part.shading.name}"',
+                                      "a texture of Emission: its mean is used")
+            mean = [self._images.mean(values.apply(emission, "channel", i)) for i in range(3)]
+            emission = tuple(mean)
+        self._text.directive("AreaLightSource", "diffuse", {
+            "rgb L": tuple(max(0.0, c) for c in values.color(emission)), "bool twosided": True})
+
+    def _write_instances(self, geometry, names, later):
+        text = self._text
+        for shading, _ in geometry.strands:
+            self._prepare(shading)
+        text.directive("ObjectBegin", geometry.name)
+        self._write_shapes(geometry, names, geometry.object_names[0])
+        text.directive("ObjectEnd")
+        for i, name in enumerate(geometry.object_names):
+            self.object_names[f"{geometry.name}#{i + 1}"] = name
+        moving = {i: motion for i in range(len(geometry.matrices) if later else 0)
+                  if (motion := self._motion(geometry, i, later)) is not None}
+        place = f'ObjectInstance "{_plain(geometry.name)}"'
+        flat = numpy.array([[x for column in matrix.col for x in column]
+                            for matrix in geometry.matrices])
+        if not numpy.isfinite(flat).all():
+            raise ValueError(f'an instance of "{geometry.name}" has a transform that is not '
+                             "finite; correct it in Blender")
+        lines = [f"AttributeBegin ConcatTransform {_MATRIX_FORMAT % tuple(numbers)} {place} "
+                 "AttributeEnd" for i, numbers in enumerate(flat.tolist()) if i not in moving]
+        if lines:
+            text.raw("\n".join(lines))
+        for i, motion in moving.items():
+            text.directive("AttributeBegin")
+            lights.write_transform(text, geometry.matrices[i], motion)
+            text.raw(place)
+            text.directive("AttributeEnd")
+
+    def _write_grids(self, geometry):
+        """A box around each instance of a volume, filled with the grid of its file."""
+        grid, text = geometry.medium_grid, self._text
+        medium = grid.shading.medium
+        for i, matrix in enumerate(geometry.matrices):
+            scale = matrix.median_scale if grid.is_object_space else 1.0
+            name = f"{geometry.name} {i + 1}"
+            text.directive("AttributeBegin")
+            text.transform("ConcatTransform", matrix)
+            parameters = {"string type": "openvdb", "string filename": grid.path,
+                          **_coefficients(medium, 1 / (scale or 1.0))}
+            if medium.blackbody > 0:
+                parameters["float LeScale"] = medium.blackbody
+            text.directive("MakeNamedMedium", name, parameters)
+            text.raw(f'MediumInterface "{_plain(name)}" ""')
+            text.directive("Material", "interface")
+            self.object_names[f"{self._file_name}:{text.line}:1"] = geometry.object_names[i]
+            text.directive("Shape", "trianglemesh", _box(grid.corners))
+            text.directive("AttributeEnd")
+
+
+def _coefficients(medium, scale):
+    found = {"rgb sigma_a": medium.absorption, "rgb sigma_s": medium.scattering,
+             "float scale": float(scale),
+             "float g": min(max(medium.anisotropy, -0.99), 0.99)}
+    if max(medium.emission) > 0:
+        found["rgb Le"] = medium.emission
+    return found
+
+
+def _plain(name):
+    return "".join(c if c >= " " else " " for c in name).replace("\\", "\\\\").replace('"', '\\"')
+
+
+def _box(corners):
+    """The faces of Blender's bounding box, a little larger, seen from outside."""
+    low = [min(corner[i] for corner in corners) for i in range(3)]
+    high = [max(corner[i] for corner in corners) for i in range(3)]
+    margin = [1e-3 * (b - a) + 1e-6 for a, b in zip(low, high)]
+    box = [(a - m, b + m) for a, b, m in zip(low, high, margin)]
+    points = [box[0][i & 1] if axis == 0 else box[1][i >> 1 & 1] if axis == 1 else box[2][i >> 2]
+              for i in range(8) for axis in range(3)]
+    faces = [0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
+             2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5]
+    return {"point3 P": tuple(map(float, points)), "integer indices": tuple(faces)}
+
+
+def sphere_of(geometries):
+    """(center, radius) around all instances."""
+    centers, radii = [], []
+    for geometry in geometries:
+        for matrix in geometry.matrices:
+            if matrix is not None:
+                centers.append(matrix.translation)
+                radii.append(geometry.radius * max(abs(x) for x in matrix.to_scale()))
+    if not centers:
+        return mathutils.Vector((0, 0, 0)), 1.0
+    points = numpy.array([tuple(center) for center in centers])
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = float((numpy.linalg.norm(points - middle, axis=1) + numpy.array(radii)).max())
+    return mathutils.Vector(middle), radius

@@ -1,0 +1,144 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Operators: submit a range of frames as one job, see how it is, cancel it, fetch its images; and
+write a scene without rendering it.
+"""
+import os
+import tempfile
+
+import bpy
+
+from . import engine, jobs, passes
+from .farm import program
+from .farm.program import SheafError
+
+
+def _farm(context):
+    """(program, address, insecure)."""
+    chosen = engine.preferences()
+    return (program.find_program(bpy.path.abspath(chosen.program_folder)),
+            context.scene.sheaf.address or chosen.address, chosen.insecure)
+
+
+def export_frames(scene, pattern, frames):
+    """Writes a scene file for each frame, by the render's own evaluation. Returns [Exported]."""
+    before = scene.frame_current
+    only = engine.ExportOnly.present = engine.ExportOnly(pattern)
+    try:
+        for frame in frames:
+            scene.frame_set(frame)
+            bpy.ops.render.render(scene=scene.name)
+    finally:
+        engine.ExportOnly.present = None
+        scene.frame_set(before)
+    return only.exported
+
+
+class _SheafOperator(bpy.types.Operator):
+    def execute(self, context):
+        try:
+            self.run(context)
+        except (SheafError, OSError, RuntimeError) as error:
+            self.report({"ERROR"}, f"Sheaf: {error}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class SubmitFrames(_SheafOperator):
+    """Submit the frame range of the scene to the farm as one job"""
+    bl_idname = "sheaf.submit_frames"
+    bl_label = "Submit Frames"
+
+    def run(self, context):
+        with tempfile.TemporaryDirectory(prefix="sheaf-blender-frames-") as folder:
+            self._submit(context, folder)  # The farm has all files when it returns.
+
+    def _submit(self, context, folder):
+        scene = context.scene
+        sheaf, address, insecure = _farm(context)
+        pattern = os.path.join(folder, "frame.####.pbrt")
+        frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+        exported = export_frames(scene, pattern, frames)
+        if len(exported) != len(frames):
+            raise SheafError("a frame could not be exported; the messages above say why")
+        step = f"x{scene.frame_step}" if scene.frame_step > 1 else ""
+        text = (f"{frames[0]}-{frames[-1]}{step}" if len(frames) > 1 else str(frames[0]))
+        title = bpy.path.basename(bpy.data.filepath) or "untitled.blend"
+        name, notes = jobs.submit_frames(
+            sheaf, pattern, text,
+            [*engine.job_options(scene), *passes.options(context.view_layer)], title, address,
+            insecure)
+        for note in notes:
+            print("Sheaf:", note)
+        scene.sheaf.frames_job, scene.sheaf.frames_state = name, "submitted"
+        self.report({"INFO"}, f"Sheaf: {name}: {len(frames)} frames")
+
+
+class RefreshFrames(_SheafOperator):
+    """Ask the farm how the submitted frames are"""
+    bl_idname = "sheaf.refresh_frames"
+    bl_label = "Refresh"
+
+    def run(self, context):
+        own = context.scene.sheaf
+        state = jobs.job_state(_farm(context)[0], own.frames_job, *_farm(context)[1:])
+        own.frames_state = f"{state['state']}, {program.progress_text(state)[1]}"
+
+
+class CancelFrames(_SheafOperator):
+    """Cancel the job of the submitted frames"""
+    bl_idname = "sheaf.cancel_frames"
+    bl_label = "Cancel Job"
+
+    def run(self, context):
+        sheaf, address, insecure = _farm(context)
+        program.cancel(sheaf, context.scene.sheaf.frames_job, address, insecure)
+        context.scene.sheaf.frames_state = "cancelled"
+
+
+class FetchFrames(_SheafOperator):
+    """Wait for the submitted frames, and write them to the scene's output path as EXR"""
+    bl_idname = "sheaf.fetch_frames"
+    bl_label = "Fetch Images"
+
+    def run(self, context):
+        sheaf, address, insecure = _farm(context)
+        own = context.scene.sheaf
+        path = bpy.path.abspath(context.scene.render.filepath)
+        root, ending = os.path.splitext(path)
+        output = (root if ending.lower() in (".exr", ".png", ".jpg", ".tif") else path) + "####.exr"
+        jobs.download(sheaf, own.frames_job, output, address, insecure)
+        own.frames_state = f"images are at {output}"
+
+
+class ExportScene(_SheafOperator):
+    """Write the scene as Sheaf renders it, without rendering"""
+    bl_idname = "sheaf.export_scene"
+    bl_label = "Export Scene"
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH")
+
+    def invoke(self, context, event):
+        self.filepath = bpy.path.ensure_ext(bpy.data.filepath or "scene", ".pbrt")
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def run(self, context):
+        scene = context.scene
+        pattern = bpy.path.abspath(self.filepath)
+        if not export_frames(scene, pattern, [scene.frame_current]):
+            raise SheafError("the scene could not be exported; the messages above say why")
+
+
+class ShowReport(_SheafOperator):
+    """Open the list of what the last render approximated or left out as a text"""
+    bl_idname = "sheaf.show_report"
+    bl_label = "Open Report"
+
+    def run(self, context):
+        report = engine.LAST_REPORTS.get(context.scene.name)
+        text = (bpy.data.texts.get(engine.REPORT_TEXT)
+                or bpy.data.texts.new(engine.REPORT_TEXT))
+        text.from_string("\n".join(report.lines()) if report else "Nothing was exported yet.")
+
+
+CLASSES = (SubmitFrames, RefreshFrames, CancelFrames, FetchFrames, ExportScene, ShowReport)

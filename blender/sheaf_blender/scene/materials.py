@@ -1,0 +1,154 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Materials as values, and the tables that write each texture and each material once."""
+import dataclasses
+
+from . import values
+
+
+@dataclasses.dataclass(frozen=True)
+class Material:
+    """kind: a material of pbrt-v4. Inputs are sorted tuples of (name, value)."""
+    kind: str
+    colors: tuple = ()
+    floats: tuple = ()
+    others: tuple = ()       # (("bool remaproughness", False), ...)
+    parts: tuple = ()        # Of a mix: the two materials.
+    normal_map: object = None  # An ImageValue of tangent space normals.
+    bump: object = None        # A float value, in units of the scene.
+
+
+def make(kind, colors=None, floats=None, others=None, **more):
+    return Material(kind, tuple(sorted((colors or {}).items())),
+                    tuple(sorted((floats or {}).items())), tuple(sorted((others or {}).items())),
+                    **more)
+
+
+def diffuse(color):
+    return make("diffuse", {"reflectance": color})
+
+
+def mix(first, second, amount):
+    """amount: the weight of second."""
+    if values.is_constant(amount):
+        amount = values.gray(amount)
+        if amount <= 0 or first == second:
+            return first
+        if amount >= 1:
+            return second
+    return make("mix", floats={"amount": amount}, parts=(first, second))
+
+
+def with_bumps(material, normal_map, bump):
+    """The material, or all parts of a mix, with the map and the bumps."""
+    if material is None or (normal_map is None and bump is None):
+        return material
+    if material.kind == "mix":
+        return dataclasses.replace(material, parts=tuple(with_bumps(part, normal_map, bump)
+                                                         for part in material.parts))
+    if material.normal_map is not None or material.bump is not None:
+        return material
+    return dataclasses.replace(material, normal_map=normal_map,
+                               bump=None if normal_map is not None else bump)
+
+
+def is_boundary(material):
+    """Whether light enters the shape, so that a medium inside is seen."""
+    return material.kind in ("dielectric", "interface", "subsurface", "thindielectric") or any(
+        is_boundary(part) for part in material.parts)
+
+
+class TextureTable:
+    """Writes a Texture for each value that is no constant, once.
+
+    image_file: gives the path and the encoding of an ImageValue, or None if it cannot be written.
+    """
+
+    def __init__(self, text, image_file):
+        self._text = text
+        self.image_file = image_file
+        self._names = {}
+
+    def parameter(self, name, value, as_color):
+        """{"rgb NAME": ...}, {"float NAME": ...} or {"texture NAME": ...}."""
+        if values.is_constant(value):
+            if as_color:
+                return {f"rgb {name}": tuple(max(0.0, x) for x in values.color(value))}
+            return {f"float {name}": float(values.gray(value))}
+        return {f"texture {name}": self._texture(value, as_color)}
+
+    def _texture(self, value, as_color):
+        key = (value, as_color)
+        if key in self._names:
+            return self._names[key]
+        kind, parameters = self._class_of(value, as_color)
+        name = f"t{len(self._names) + 1}"
+        self._names[key] = name
+        self._text.directive("Texture", name, "spectrum" if as_color else "float", kind, parameters)
+        return name
+
+    def _class_of(self, value, as_color):
+        if isinstance(value, values.ImageValue):
+            found = self.image_file(value)
+            if found is None:
+                return "constant", ({"rgb value": (0.5, 0.5, 0.5)} if as_color
+                                    else {"float value": 0.5})
+            return "imagemap", {"string filename": found[0], "string encoding": found[1],
+                                "string wrap": value.wrap, "string filter": value.filter,
+                                **mapping(value.mapping)}
+        if isinstance(value, values.ScaleValue):
+            return "scale", {**self.parameter("tex", value.value, as_color),
+                             **self.parameter("scale", value.factor, False)}
+        parts = {**self.parameter("tex1", value.first, as_color),
+                 **self.parameter("tex2", value.second, as_color)}
+        if isinstance(value, values.MixValue):
+            return "mix", {**parts, **self.parameter("amount", value.amount, False)}
+        return "checkerboard", {**parts, **mapping(value.mapping)}
+
+
+def mapping(scale_and_offset):
+    names = ("uscale", "vscale", "udelta", "vdelta")
+    return {f"float {name}": value for name, value, usual
+            in zip(names, scale_and_offset, (1.0, 1.0, 0.0, 0.0)) if value != usual}
+
+
+class MaterialTable:
+    """Writes each material once, under the name that Blender has for it where that is free."""
+
+    def __init__(self, text, textures):
+        self._text = text
+        self._textures = textures
+        self._names = {}
+        self._taken = set()
+
+    def name_of(self, material, wanted):
+        if material in self._names:
+            return self._names[material]
+        parts = tuple(self.name_of(part, f"{wanted} {i + 1}")
+                      for i, part in enumerate(material.parts))
+        parameters = {"string type": material.kind}
+        if parts:
+            parameters["string materials"] = parts
+        for name, value in material.colors:
+            parameters.update(self._textures.parameter(name, value, True))
+        for name, value in material.floats:
+            parameters.update(self._textures.parameter(name, value, False))
+        parameters.update(material.others)
+        parameters.update(self._bumps(material))
+        name = wanted
+        while name in self._taken:
+            name += "'"
+        self._taken.add(name)
+        self._names[material] = name
+        self._text.directive("MakeNamedMaterial", name, parameters)
+        return name
+
+    def _bumps(self, material):
+        if material.kind == "mix" or material.kind == "hair":
+            return {}
+        if material.normal_map is not None:
+            found = self._textures.image_file(material.normal_map)
+            return {"string normalmap": found[0]} if found else {}
+        if material.bump is not None and not values.is_constant(material.bump):
+            return self._textures.parameter("displacement", material.bump, False)
+        return {}

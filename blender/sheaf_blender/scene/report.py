@@ -1,0 +1,50 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The report of an export: what is approximated and what is left out."""
+import dataclasses
+
+ENTRIES_MAX = 500  # More are counted, not kept: a panel cannot show them.
+
+APPROXIMATED, LEFT_OUT = "approximated", "left out"
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    kind: str  # APPROXIMATED or LEFT_OUT.
+    item: str  # As 'material "Gold"'.
+    text: str  # What, and what the image has instead.
+
+    def __str__(self):
+        return f"{self.item}: {self.text} ({self.kind})"
+
+
+class Report:
+    """Entries in the order of their first mention; repetitions count once."""
+
+    def __init__(self):
+        self._entries = {}
+        self.omitted = 0  # Entries beyond ENTRIES_MAX.
+
+    def approximated(self, item, text):
+        self._add(Entry(APPROXIMATED, item, text))
+
+    def left_out(self, item, text):
+        self._add(Entry(LEFT_OUT, item, text))
+
+    @property
+    def entries(self):
+        return list(self._entries)
+
+    def lines(self):
+        lines = [str(entry) for entry in self._entries]
+        if self.omitted:
+            lines.append(f"{self.omitted} more entries are not shown")
+        return lines
+
+    def _add(self, entry):
+        if entry in self._entries:
+            return
+        if len(self._entries) >= ENTRIES_MAX:
+            self.omitted += 1
+            return
+        self._entries[entry] = None

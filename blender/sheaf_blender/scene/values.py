@@ -1,0 +1,121 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Values of material inputs: numbers, colors, and textures made of images, scales and mixes.
+
+A constant is a float or a tuple of three floats (linear Rec.709). Operations on constants are
+computed at once; operations on images are noted in the image and applied when it is written
+(pixel_ops.py), so that a chain of nodes behind an image costs nothing when rendering.
+"""
+import dataclasses
+
+import numpy
+
+from . import pixel_ops
+
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+
+@dataclasses.dataclass(frozen=True)
+class ImageValue:
+    source: str                    # What the writer of images knows the image by.
+    encoding: str = "sRGB"         # Of its file: "sRGB" or "linear".
+    wrap: str = "repeat"           # "repeat", "clamp" or "black".
+    mapping: tuple = (1.0, 1.0, 0.0, 0.0)  # Scale and offset of u and v.
+    operations: tuple = ()         # ((name, arguments), ...) of pixel_ops.
+    filter: str = "bilinear"
+
+
+@dataclasses.dataclass(frozen=True)
+class ScaleValue:
+    value: object
+    factor: object  # A float value.
+
+
+@dataclasses.dataclass(frozen=True)
+class MixValue:
+    first: object
+    second: object
+    amount: object  # The weight of second.
+
+
+@dataclasses.dataclass(frozen=True)
+class CheckerValue:
+    first: object  # Where floor(u) + floor(v) is even.
+    second: object
+    mapping: tuple = (1.0, 1.0, 0.0, 0.0)
+
+
+def is_constant(value):
+    return isinstance(value, (int, float, tuple))
+
+
+def is_color(value):
+    if isinstance(value, tuple):
+        return True
+    if isinstance(value, ImageValue):
+        return not any(name in pixel_ops.GRAY for name, _ in value.operations)
+    if isinstance(value, ScaleValue):
+        return is_color(value.value)
+    if isinstance(value, (MixValue, CheckerValue)):
+        return is_color(value.first) or is_color(value.second)
+    return False
+
+
+def color(value):
+    """A constant as three floats; others as they are."""
+    return (float(value),) * 3 if isinstance(value, (int, float)) else value
+
+
+def gray(value):
+    """As Blender turns colors into numbers: by luminance."""
+    if isinstance(value, tuple):
+        return sum(weight * part for weight, part in zip(_LUMINANCE, value))
+    return apply(value, "gray") if is_color(value) else value
+
+
+def largest(value):
+    """An upper bound of a constant's channels; 1 for textures."""
+    return max(color(value)) if is_constant(value) else 1.0
+
+
+def apply(value, name, *arguments):
+    """The value after an operation of pixel_ops. Mixes and checkers pass it on to their parts,
+    which is exact for multiplications, and for other operations where the amount is 0 or 1.
+    """
+    if is_constant(value):
+        pixels = numpy.array([color(value)], numpy.float64)
+        result = tuple(float(x) for x in pixel_ops.run(pixels, ((name, arguments),))[0])
+        is_number = isinstance(value, (int, float)) or name in pixel_ops.GRAY
+        return result[0] if is_number and len(set(result)) == 1 else result
+    if isinstance(value, ImageValue):
+        return dataclasses.replace(value, operations=value.operations + ((name, arguments),))
+    if isinstance(value, ScaleValue):
+        if name == "multiply":
+            return ScaleValue(apply(value.value, name, *arguments), value.factor)
+        return ScaleValue(apply(value.value, name, *arguments), apply(value.factor, "clamp", 0, 1))
+    return dataclasses.replace(value, first=apply(value.first, name, *arguments),
+                               second=apply(value.second, name, *arguments))
+
+
+def multiply(a, b):
+    """None where the format has no such texture: the product of two colored ones."""
+    if is_constant(b):
+        return apply(a, "multiply", *color(b)) if b not in (1, 1.0, (1.0, 1.0, 1.0)) else a
+    if is_constant(a):
+        return multiply(b, a)
+    if not is_color(b):
+        return ScaleValue(a, b)
+    return ScaleValue(b, a) if not is_color(a) else None
+
+
+def mix(a, b, amount):
+    if is_constant(amount):
+        amount = min(max(gray(amount), 0.0), 1.0)
+        if amount == 0 or a == b:
+            return a
+        if amount == 1:
+            return b
+        if is_constant(a) and is_constant(b):
+            result = tuple(x + (y - x) * amount for x, y in zip(color(a), color(b)))
+            return result[0] if not (is_color(a) or is_color(b)) else result
+    return MixValue(a, b, gray(amount))

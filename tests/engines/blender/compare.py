@@ -1,0 +1,41 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Compares an image of Sheaf with that of Cycles, and writes both and their difference as a PNG."""
+import numpy
+import OpenImageIO
+
+
+def read(path):
+    file = OpenImageIO.ImageInput.open(str(path))
+    if file is None:
+        raise OSError(f"{path}: {OpenImageIO.geterror()}")
+    spec = file.spec()
+    pixels = file.read_image("float").reshape(spec.height, spec.width, spec.nchannels)
+    file.close()
+    return pixels[:, :, :3]
+
+
+def compare(folder, scene):
+    """Relative differences of the means of R, G and B, and SCENE.png: Cycles, Sheaf, difference."""
+    cycles, sheaf = (read(folder / f"{scene}.{engine}.exr") for engine in ("cycles", "sheaf"))
+    if cycles.shape != sheaf.shape:
+        raise ValueError(f"{scene}: sizes {cycles.shape} and {sheaf.shape} differ")
+    means = cycles.mean(axis=(0, 1)), sheaf.mean(axis=(0, 1))
+    gray = numpy.clip(0.5 + (sheaf - cycles) / (2 * means[0].mean()), 0, 1)
+    shown = numpy.concatenate([curve(cycles), curve(sheaf), gray], axis=1)
+    shown = numpy.repeat(numpy.repeat(shown, 4, axis=0), 4, axis=1)
+    spec = OpenImageIO.ImageSpec(shown.shape[1], shown.shape[0], 3, "uint8")
+    output = OpenImageIO.ImageOutput.create("x.png")
+    output.open(str(folder / f"{scene}.png"), spec)
+    output.write_image(numpy.ascontiguousarray(shown, numpy.float32))
+    output.close()
+    return (means[1] / means[0] - 1).tolist()
+
+
+def curve(light):
+    light = numpy.clip(light, 0, 1)
+    return numpy.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
+def same_pixels(first, second):
+    return numpy.array_equal(read(first), read(second))

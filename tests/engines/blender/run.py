@@ -1,0 +1,307 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Tests the Blender add-on in headless Blender: pictures against Cycles, Esc, frames, export time.
+
+  SHEAF_BIN=build/release/bin tests/engines/blender/run.py
+  tests/engines/blender/run.py --only lights,glass --samples 64 --keep out
+  tests/engines/blender/run.py --trixie          # Blender 4.3 in a chroot that it makes
+
+It installs what it needs (Debian's packages; needs root for that). Exit code 1 if a check fails.
+"""
+import argparse
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+PACKAGES = ("blender", "python3-numpy", "python3-openimageio", "python3-openvdb")
+SCENES = ("lights", "principled", "textures", "normals", "glass", "emission", "world", "volumes",
+          "instances", "hair", "motion", "lens", "mattes")
+MEAN_DIFFERENCE_MAX = 0.03  # Of the mean of each channel.
+# Scenes whose means differ by more, and why.
+EXPLAINED = {
+    "hair": (0.25, "Cycles 3.4 and Sheaf have different models of hair and of its thickness"),
+    "mattes": (0.06, "subsurface scattering behind a boundary is darker than Cycles' without one"),
+}
+EXPORT_SECONDS_MAX = 10.0
+START_SECONDS_MAX = 120
+RENDER_SECONDS_MAX = 3600
+CHROOT = pathlib.Path("/var/tmp/sheaf-blender-trixie")
+
+
+class Failed(Exception):
+    pass
+
+
+def check(condition, message):
+    print(("  ok: " if condition else "  FAILED: ") + message, flush=True)
+    if not condition:
+        raise Failed(message)
+
+
+def install():
+    missing = [p for p in PACKAGES if subprocess.run(
+        ["dpkg-query", "-W", "-f", "${db:Status-Status}", p], capture_output=True,
+        text=True, check=False).stdout != "installed"]
+    if missing:
+        subprocess.run(["apt-get", "install", "-y", "-q", "--no-install-recommends", *missing],
+                       check=True)
+
+
+def install_trixie():
+    """A chroot of Debian 13 with its Blender; the repository and the programs are bound into it."""
+    if not shutil.which("debootstrap"):
+        subprocess.run(["apt-get", "install", "-y", "-q", "--no-install-recommends",
+                        "debootstrap"], check=True)
+    if not (CHROOT / "etc/debian_version").exists():
+        subprocess.run(["debootstrap", "--variant=minbase", "trixie", CHROOT], check=True)
+    rc = CHROOT / "usr/sbin/policy-rc.d"
+    rc.write_text("#!/bin/sh\nexit 101\n")
+    rc.chmod(0o755)
+    shutil.copy("/etc/resolv.conf", CHROOT / "etc/resolv.conf")
+    in_chroot("apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -y -q "
+              "--no-install-recommends " + " ".join(PACKAGES))
+
+
+def in_chroot(command, **more):
+    mounts = "".join(f"mkdir -p {CHROOT}{path} && mount --bind {path} {CHROOT}{path} && "
+                     for path in more.pop("binds", ()))
+    return subprocess.run(["unshare", "-m", "sh", "-c", f"mount -t proc proc {CHROOT}/proc && "
+                           f"{mounts} exec chroot {CHROOT} sh -c '{command}'"], check=True, **more)
+
+
+class Bench:
+    """Runs Blender with the add-on, from a folder of its own."""
+
+    def __init__(self, arguments, folder):
+        self.arguments, self.folder = arguments, folder
+        addons = folder / "user" / "addons"
+        addons.mkdir(parents=True)
+        shutil.copytree(ROOT / "blender" / "sheaf_blender", addons / "sheaf_blender")
+        self.environment = {
+            "BLENDER_USER_SCRIPTS": str(folder / "user"), "PYTHONDONTWRITEBYTECODE": "1",
+            "SHEAF_BIN": str(arguments.programs), "SHEAF_TEST_CONTENT": str(folder / "content"),
+            "THREADS": str(arguments.threads), "HOME": str(folder), "PATH": os.environ["PATH"]}
+
+    def command(self, scene, engine, samples, output, script="in_blender.py"):
+        return ["blender", "-b", "--factory-startup", "--python-exit-code", "3", "--python",
+                str(HERE / script), "--", scene, engine, str(samples), str(output),
+                str(self.folder)]
+
+    def start(self, command, **extra):
+        if self.arguments.trixie:
+            binds = " ".join(f"mkdir -p {CHROOT}{p}; mount --bind {p} {CHROOT}{p};"
+                             for p in {str(ROOT), str(self.folder), str(self.arguments.programs)})
+            line = " ".join(f"{k}={v}" for k, v in {**self.environment, **extra}.items())
+            command = ["unshare", "-m", "sh", "-c",
+                       f"mount -t proc proc {CHROOT}/proc; {binds} "
+                       f"exec chroot {CHROOT} env {line} {' '.join(command)}"]
+        return subprocess.Popen(command, env={**os.environ, **self.environment, **extra},
+                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+    def run(self, *command, **extra):
+        process = self.start(self.command(*command), **extra)
+        try:
+            said, _ = process.communicate(timeout=RENDER_SECONDS_MAX)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise Failed(f"{command[0]}: Blender did not end in {RENDER_SECONDS_MAX} s") from None
+        if process.returncode != 0 or "Traceback" in said:
+            raise Failed(f"{command[0]} with {command[1]}: Blender failed:\n{said[-3000:]}")
+        return said
+
+
+def pictures(bench, compare):
+    failed = []
+    subprocess.run(["/usr/bin/python3", HERE / "make_cloud.py", bench.folder / "cloud.vdb"],
+                   check=True)
+    for scene in bench.arguments.only or SCENES:
+        print(scene, flush=True)
+        try:
+            said = bench.run(scene, "sheaf", bench.arguments.samples,
+                             bench.folder / f"{scene}.sheaf.exr")
+            for line in re.findall(r"^Sheaf: (.*\((?:approximated|left out)\))$", said, re.M):
+                print("   ", line)
+            bench.run(scene, "cycles", bench.arguments.cycles_samples,
+                      bench.folder / f"{scene}.cycles.exr")
+            found = compare.compare(bench.folder, scene)
+            limit, why = EXPLAINED.get(scene, (MEAN_DIFFERENCE_MAX, ""))
+            check(max(map(abs, found)) <= limit, f"{scene}: means differ by "
+                  f"{', '.join(f'{100 * x:+.2f}' for x in found)} % (at most {100 * limit:.0f})"
+                  + (f": {why}" if why else ""))
+        except Failed as failure:
+            failed.append(str(failure))
+            print("  FAILED:", failure, flush=True)
+    return failed
+
+
+class Farm:
+    """A coordinator and a worker on free ports of loopback."""
+
+    def __init__(self, programs, folder):
+        self.address, self.http = (free_port() for _ in range(2))
+        self.programs = programs
+        self.processes = [subprocess.Popen(
+            [programs / "sheaf-coordinator", "--listen", f"127.0.0.1:{self.address}", "--http",
+             f"127.0.0.1:{self.http}", "--state-dir", folder / "state"],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)]
+        self.wait()
+        self.processes.append(subprocess.Popen(
+            [programs / "sheaf-worker", "--coordinator", f"127.0.0.1:{self.address}", "--threads",
+             "1", "--cache-dir", folder / "cache"], stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL))
+
+    def wait(self):
+        end = time.monotonic() + START_SECONDS_MAX
+        while time.monotonic() < end:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", self.address)) == 0:
+                    return
+            time.sleep(0.1)
+        raise Failed("the coordinator does not answer")
+
+    def environment(self):
+        return {"SHEAF_TEST_FARM": f"127.0.0.1:{self.address}",
+                "SHEAF_TEST_HTTP_PORT": str(self.http)}
+
+    def jobs(self):
+        listed = subprocess.run([self.programs / "sheaf", "list", "--json", "--coordinator",
+                                 f"127.0.0.1:{self.address}"], capture_output=True, text=True,
+                                check=True).stdout
+        return [json.loads(line) for line in listed.splitlines()]
+
+    def stop(self):
+        for process in reversed(self.processes):
+            process.terminate()
+            process.wait()
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def farm_checks(bench, compare):
+    print("farm", flush=True)
+    (bench.folder / "farm").mkdir()
+    farm = Farm(bench.arguments.programs, bench.folder / "farm")
+    try:
+        said = bench.run("lights", "sheaf", 32, bench.folder / "farm.exr", **farm.environment())
+        check(re.search(r"Sheaf: [1-9]\d* previews shown", said), "tiles are shown while the farm "
+              "renders")
+        check([job["state"] for job in farm.jobs()] == ["succeeded"], "one job has succeeded")
+        local = bench.folder / "local.exr"
+        bench.run("lights", "sheaf", 32, local)
+        check(compare.same_pixels(local, bench.folder / "farm.exr"),
+              "the farm's image is that of this machine, to the bit")
+        cancel(bench, farm)
+        frames(bench, farm)
+    finally:
+        farm.stop()
+
+
+def cancel(bench, farm):
+    """SIGINT is Esc to a Blender without window: both set the flag that test_break() reads."""
+    for waits_for in ("running", "submitting"):
+        before = len(farm.jobs())
+        process = bench.start(bench.command("lights", "sheaf", 65536, bench.folder / "never.exr"),
+                              **farm.environment())
+        end = time.monotonic() + START_SECONDS_MAX
+        marker = "Sheaf: exported" if waits_for == "submitting" else None
+        for line in process.stdout:
+            if marker and marker in line:
+                break
+            if not marker and "Sheaf: exported" in line:
+                while len(farm.jobs()) == before and time.monotonic() < end:
+                    time.sleep(0.2)
+                time.sleep(1.0)
+                break
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=START_SECONDS_MAX)
+        left = [job for job in farm.jobs() if job["state"] not in ("succeeded", "cancelled")]
+        check(not left, f"Esc while {waits_for} leaves no job")
+
+
+def frames(bench, farm):
+    process = bench.start(bench.command("animation", "sheaf", 16, bench.folder / "shot",
+                                        "frames_in_blender.py"), **farm.environment())
+    said, _ = process.communicate(timeout=RENDER_SECONDS_MAX)
+    check(process.returncode == 0 and "FRAMES_OK" in said,
+          "four frames are one job, and their images arrive" if process.returncode == 0
+          else said[-2000:])
+    newest = farm.jobs()[0]
+    check(newest["state"] == "succeeded", f"{newest['name']} has succeeded")
+
+
+def export_time(bench):
+    print("export of 10^6 triangles and 10^5 instances", flush=True)
+    process = bench.start(bench.command("big", "sheaf", 1, bench.folder / "big.pbrt",
+                                        "export_in_blender.py"))
+    said, _ = process.communicate(timeout=RENDER_SECONDS_MAX)
+    found = re.findall(r"Sheaf: exported in ([\d.]+) s \(([\d.]+) s of CPU time\); (\d+) files "
+                       r"written", said)
+    check(len(found) == 2, f"it is exported twice {'' if len(found) == 2 else said[-1500:]}")
+    for wall, cpu, _ in found:
+        print(f"  {wall} s, {cpu} s of CPU time")
+    # CPU time, which other programs of the machine do not lengthen as they do wall time.
+    check(float(found[0][1]) < EXPORT_SECONDS_MAX,
+          f"an export takes less than {EXPORT_SECONDS_MAX:.0f} s of one processor")
+    check(found[1][2] == "0", "meshes that have not changed are not written again")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", type=lambda t: t.split(","), help="scenes, or farm, or export")
+    parser.add_argument("--samples", type=int, default=1024, help="of Sheaf (default 1024)")
+    parser.add_argument("--cycles-samples", type=int, default=1024)
+    parser.add_argument("--threads", type=int, default=os.cpu_count())
+    parser.add_argument("--programs", type=pathlib.Path,
+                        default=os.environ.get("SHEAF_BIN", ROOT / "build/release/bin"))
+    parser.add_argument("--keep", type=pathlib.Path, help="folder for images and PNGs")
+    parser.add_argument("--trixie", action="store_true", help="Blender 4.3, in a chroot")
+    arguments = parser.parse_args()
+    arguments.programs = pathlib.Path(arguments.programs).resolve()
+    install()
+    if arguments.trixie:
+        install_trixie()
+    if sys.executable != "/usr/bin/python3":  # Only Debian's Python sees its OpenImageIO.
+        os.execv("/usr/bin/python3", ["/usr/bin/python3", *sys.argv])
+    import compare
+    folder = arguments.keep or pathlib.Path(tempfile.mkdtemp(prefix="sheaf-blender-test-"))
+    folder = folder.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder / "user", ignore_errors=True)
+    shutil.rmtree(folder / "farm", ignore_errors=True)
+    bench = Bench(arguments, folder)
+    chosen = arguments.only or []
+    failed = []
+    steps = {"farm": lambda: farm_checks(bench, compare), "export": lambda: export_time(bench)}
+    arguments.only = [name for name in chosen if name not in steps]
+    if arguments.only or not chosen:
+        failed += pictures(bench, compare)
+    for name, step in steps.items():
+        if not chosen or name in chosen:
+            try:
+                step()
+            except Failed as failure:
+                failed.append(str(failure))
+    if not arguments.keep:
+        shutil.rmtree(folder, ignore_errors=True)
+    print("\n".join(["FAILED:", *failed]) if failed else "all checks passed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
