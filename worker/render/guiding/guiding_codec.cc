@@ -78,7 +78,7 @@ class GuidingFieldReader {
   explicit GuidingFieldReader(std::string_view bytes) : bytes_(bytes) {}
 
   absl::StatusOr<GuidingField> Read() {
-    if (bytes_.size() > kGuidingFieldBytesMax) return Wrong("is larger than any");
+    if (bytes_.size() > kGuidingDirectionsBytesMax) return Wrong("is larger than any");
     if (!bytes_.starts_with(kMagic)) return Wrong("does not begin as one");
     bytes_.remove_prefix(kMagic.size());
     uint32_t version = 0;

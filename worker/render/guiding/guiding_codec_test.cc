@@ -152,7 +152,7 @@ TEST(GuidingCodecTest, EachKindOfDamageHasItsReason) {
       {bytes.substr(0, kQuadsAt + kNodeBytes + 3), "ends too early"},
       {bytes + '\0', "goes on after its end"},
       {head + std::string(49, 1), "has a tree of regions that is too deep"},
-      {std::string(kGuidingFieldBytesMax + 1, 0), "is larger than any"},
+      {std::string(kGuidingDirectionsBytesMax + 1, 0), "is larger than any"},
   };
   for (const auto& c : cases) {
     EXPECT_NE(ErrorOf(c.bytes).find("the guiding field " + c.reason), std::string::npos)

@@ -44,9 +44,9 @@ inline constexpr uint32_t kGuidingNodesInRegionMax = 1u << 10;
 
 // Bytes of an encoded field: its head, its box, a byte for each node of the tree over space, a
 // double for each region, and 17 bytes for each four quads.
-inline constexpr size_t kGuidingFieldBytesMax = 8 + 48 + size_t{2} * kGuidingRegionsMax +
-                                                size_t{8} * kGuidingRegionsMax +
-                                                size_t{17} * (kGuidingQuadsMax / 4);
+inline constexpr size_t kGuidingDirectionsBytesMax =
+    8 + 48 + size_t{2} * kGuidingRegionsMax + size_t{8} * kGuidingRegionsMax +
+    size_t{17} * (kGuidingQuadsMax / 4);
 
 // The directions of one region. Thread-safe.
 class GuidingRegion {
@@ -96,7 +96,7 @@ class GuidingField {
   uint64_t memory_bytes() const;
 
   // The field as bytes, the same for equal fields on every machine. At most
-  // kGuidingFieldBytesMax.
+  // kGuidingDirectionsBytesMax.
   std::string Encode() const;
   // Errors: kDataLoss with the reason, for bytes that Encode did not make; never undefined
   // behavior, whatever the bytes. Bytes that are those of another field are taken for it: whoever

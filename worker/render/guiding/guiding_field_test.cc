@@ -326,7 +326,7 @@ TEST(GuidingFieldTest, LimitsAreKept) {
   EXPECT_LE(field.region_count(), kGuidingRegionsMax);
   EXPECT_GT(field.region_count(), kGuidingRegionsMax / 2);
   const std::string bytes = field.Encode();
-  EXPECT_LE(bytes.size(), kGuidingFieldBytesMax);
+  EXPECT_LE(bytes.size(), kGuidingDirectionsBytesMax);
   EXPECT_TRUE(GuidingField::Decode(bytes).ok());  // Checks the limits.
 }
 

@@ -62,7 +62,9 @@ struct MediumVertex {
                           const PathState<C>& path) const {
     if constexpr (C::kLines) {
       const LineOf<C>& line = path.media.line;
-      if (line.has_scattered) return LightSampleWeightOnLine(c, line, light, point.p, pdf);
+      if (line.has_scattered) {
+        return LightSampleWeightOnLine(c, line, light, point.p, guided.lights(), pdf);
+      }
     }
     if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
       return LightSampleWeightBesideLight(c, *this, light, pdf, path);
