@@ -170,9 +170,8 @@ float HitWeightOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t emitt
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return 0;
   if constexpr (C::kDirectLight == DirectLight::kByHitting) return 1;
   return static_cast<float>(MisWeight<C>(
-      Technique::kScattering,
-      PdfsOnLine(c, line, emitter, path.from, LightsFromLast<C>(path), light_pdf,
-                 static_cast<double>(path.pdf))));
+      Technique::kScattering, PdfsOnLine(c, line, emitter, path.from, LightsFromLast<C>(path),
+                                         light_pdf, static_cast<double>(path.pdf))));
 }
 
 // The light that is scattered at t towards the line's start, per incident radiance, times *weight.
@@ -252,7 +251,7 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   MediumState<C> media = path->media;
   SurfacePoint vertex;
   vertex.p = PointInMedium(c, path->ray, hit, t / Length(ToDouble(path->ray.d)), &media.near);
-  const GuidedDirectionsOf<C> guided = GuidedDirectionsAt(c, vertex.p);
+  const GuidedDirectionsOf<C> guided = GuidedDirectionsAt(c, {vertex.p});
   const ChosenLight chosen{for_line->light, scene.lights->ChoiceProbability(
                                                 for_line->light, vertex.p, {}, guided.lights())};
   if (!(chosen.probability > 0)) return;
