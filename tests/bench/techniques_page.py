@@ -68,7 +68,7 @@ def measure(sheaf, name, scene, samples, folder, pictures):
         if name in PICTURES and techniques in (TECHNIQUES[0], TECHNIQUES[-1]):
             png = os.path.join(pictures, f"{name}-{techniques.replace('+', '-')}.png")
         cpu_seconds = render(sheaf, scene, techniques, samples, 1, out, png)
-        compared = json.loads(run([sheaf, "compare", out, reference, "--json"]))
+        compared = json.loads(run([sheaf, "compare", reference, out, "--json"]))
         row[techniques] = {"cpu_seconds": cpu_seconds, "rel_mse": compared["relative_mse"]}
     plan = json.loads(run([sheaf, "plan", scene, "--measure", "--measure-seconds", "0.5",
                            "--json"]))

@@ -21,6 +21,7 @@ namespace {
 
 constexpr float kRho = 0.5f;
 constexpr int32_t kPixels = 8;
+constexpr Vec3f kUp{0, 1, 0};
 
 CompiledScenePtr CompileWith(const TestScene& t, Techniques techniques, uint64_t samples,
                              int32_t depth, const CompileTechniques& training = kSmallTraining) {
@@ -36,10 +37,10 @@ FilmTile FilmByCamera(const TestScene& t, uint64_t samples, int32_t depth) {
   return RenderAll(*CompileWith(t, Techniques::kCamera, samples, depth));
 }
 
-// The directions learned at a place of the scene; null where there are none.
-const GuidingRegion* LearnedAt(const CompiledScene& scene, Vec3d p) {
+// The directions learned at a place of the scene that faces n; null where there are none.
+const GuidingRegion* LearnedAt(const CompiledScene& scene, Vec3d p, Vec3f n) {
   return scene.guiding->fields()->directions.RegionAt(
-      ToFloat(p - scene.geometry.render_origin_world));
+      {ToFloat(p - scene.geometry.render_origin_world), n});
 }
 
 // A camera at the height that sees a square of the floor around x = z = 0 without perspective.
@@ -77,9 +78,9 @@ TEST(GuidingStability, L23LightThatFewPathsFind) {
       CompileGuided(t, DrawCount(16384, 65536), 2, {.training_paths_first = 4096});
   const TileMean guided = MeanOf(RenderAll(*scene));
   const TileMean camera = MeanOf(FilmByCamera(t, DrawCount(16384, 65536), 2));
-  const GuidingRegion* region = LearnedAt(*scene, {0, 0, 0});
+  const GuidingRegion* region = LearnedAt(*scene, {0, 0, 0}, kUp);
   ASSERT_NE(region, nullptr);
-  EXPECT_TRUE(std::isfinite(region->Fluence()));
+  EXPECT_TRUE(std::isfinite(region->ScatteredLight()));
   const double d_squared = 13, cosine = 3 / std::sqrt(d_squared);
   const double seen = static_cast<double>(kRadius * kRadius) * cosine / d_squared;
   const double expected = static_cast<double>(kRho * kLamp) * seen;
@@ -129,8 +130,8 @@ TEST(GuidingStability, L24RegionsThatSawNoLight) {
     if (camera.channel(FilmChannel::kRedHi)[i] == 0) in_box += static_cast<double>(value);
   }
   EXPECT_EQ(lit, guided.plane_size() / 2);
-  EXPECT_NE(LearnedAt(*scene, {-0.9, 0.5, 0}), nullptr);
-  EXPECT_EQ(LearnedAt(*scene, {0.9, 0.5, 0}), nullptr);
+  EXPECT_NE(LearnedAt(*scene, {-0.9, 0.5, 0}, kUp), nullptr);
+  EXPECT_EQ(LearnedAt(*scene, {0.9, 0.5, 0}, kUp), nullptr);
   ExpectHardCase({.row = "L24",
                   .figure = "light in a closed box",
                   .expected = 0,
@@ -220,7 +221,7 @@ TEST(GuidingStability, L26ScatteringThatCannotBeGuided) {
   const TileMean guided = MeanOf(RenderAll(*of_mirrors)),
                  camera = MeanOf(FilmByCamera(mirrors, samples, 6));
   for (const CompiledScenePtr* scene : {&of_floor, &of_mirrors}) {
-    EXPECT_EQ(LearnedAt(**scene, {0, 0, 0}), nullptr);
+    EXPECT_EQ(LearnedAt(**scene, {0, 0, 0}, kUp), nullptr);
   }
   std::printf("mirrors: %g +- %g by camera paths, %g +- %g guided\n",
               static_cast<double>(camera.mean.r), static_cast<double>(camera.standard_error.r),

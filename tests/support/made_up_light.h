@@ -38,6 +38,12 @@ Found FindLight(const Light& light, uint64_t i) {
   return {p, w, light(p, w) * 4 * kPi};
 }
 
+// The same as a path reports it.
+inline FoundLight Reported(Vec3f p, Vec3f w, double value) {
+  return {.from = {p}, .w = w, .scattered = value, .radiance = value, .pdf = 1};
+}
+inline FoundLight Reported(const Found& found) { return Reported(found.p, found.w, found.value); }
+
 // A field refined by 2^k count values in iteration k.
 template <typename Light>
 GuidingField Train(const Light& light, int iterations, uint64_t count) {
@@ -47,7 +53,7 @@ GuidingField Train(const Light& light, int iterations, uint64_t count) {
     GuidingStatistics statistics(field, -20);
     for (uint64_t n = 0; n < count << k; ++n) {
       const Found found = FindLight(light, i++);
-      statistics.Add(found.p, found.w, found.value);
+      statistics.Add(Reported(found));
     }
     GuidingField next = Refine(field, statistics, k);
     field = next;

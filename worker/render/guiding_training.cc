@@ -30,14 +30,14 @@ constexpr int kScaleBits = 20;
 // that neither the order of the paths nor the unit of the light matters.
 class ScaleSink : public GuidingSink {
  public:
-  void AddDirection(Vec3f, Vec3f, double value) override {
-    if (!(value > 0) || !std::isfinite(value)) return;
+  void AddDirection(const FoundLight& found) override {
+    if (!(found.scattered > 0) || !std::isfinite(found.scattered)) return;
     int exponent = 0;
-    std::frexp(value, &exponent);
+    std::frexp(found.scattered, &exponent);
     sum_.fetch_add(exponent, std::memory_order_relaxed);
     count_.fetch_add(1, std::memory_order_relaxed);
   }
-  void AddLight(Vec3f, uint32_t, bool) override {}
+  void AddLight(const GuidingPoint&, uint32_t, bool) override {}
   // 0 where there is no light.
   int Exponent() const {
     const int64_t count = count_;
@@ -53,8 +53,8 @@ class ScaleSink : public GuidingSink {
 class DirectionsSink : public GuidingSink {
  public:
   explicit DirectionsSink(GuidingStatistics* statistics) : statistics_(statistics) {}
-  void AddDirection(Vec3f p, Vec3f w, double value) override { statistics_->Add(p, w, value); }
-  void AddLight(Vec3f, uint32_t, bool) override {}
+  void AddDirection(const FoundLight& found) override { statistics_->Add(found); }
+  void AddLight(const GuidingPoint&, uint32_t, bool) override {}
 
  private:
   GuidingStatistics* const statistics_;
@@ -65,9 +65,9 @@ class LightsSink : public GuidingSink {
  public:
   LightsSink(const GuidingField& field, LightVisibilityStatistics* statistics)
       : field_(field), statistics_(statistics) {}
-  void AddDirection(Vec3f, Vec3f, double) override {}
-  void AddLight(Vec3f p, uint32_t light, bool is_visible) override {
-    statistics_->Add(field_.RegionIndexAt(p), light, is_visible);
+  void AddDirection(const FoundLight&) override {}
+  void AddLight(const GuidingPoint& from, uint32_t light, bool is_visible) override {
+    statistics_->Add(field_.RegionIndexAt(from), light, is_visible);
   }
 
  private:
@@ -93,11 +93,12 @@ class Training {
     if (!Trace(0, fields, std::min(kScalePaths, paths), &scale)) return Cancelled();
     const int unit_exponent = std::clamp(scale.Exponent() - kScaleBits, -kGuidingUnitExponentMax,
                                          kGuidingUnitExponentMax);
+    GuidingSums sums;
     for (uint32_t i = 0; i < kTrainingIterations; ++i) {
       GuidingStatistics statistics(fields.directions, unit_exponent);
       DirectionsSink sink(&statistics);
       if (!Trace(i, fields, paths << i, &sink)) return Cancelled();
-      fields.directions = Refine(fields.directions, statistics, static_cast<int>(i));
+      fields.directions = Refine(fields.directions, statistics, static_cast<int>(i), &sums);
     }
     LightVisibilityStatistics statistics(scene_.lights->choice(),
                                          static_cast<uint32_t>(fields.directions.region_count()));

@@ -3,10 +3,10 @@
 //
 // The bytes of a GuidingField, little-endian: "SHGF", the version as uint32, the box's lower and
 // upper corner as doubles, and the tree over space from its root. A node of that is a byte: 1, and
-// its two halves follow; or 0, and its region follows: its fluence as a double and, if that is not
-// 0, its quadtree by depth. A node of the quadtree is a byte, whose bit q says that quad q is
-// divided further, and four fractions as floats. Indices follow from the order, so none can be
-// wrong.
+// its two halves follow; or 0, and its region follows: its scattered light as a double and, if that
+// is not 0, its share as a float and its quadtree by depth. A node of the quadtree is a byte, whose
+// bit q says that quad q is divided further, and four fractions as floats. Indices follow from the
+// order, so none can be wrong.
 #include <bit>
 #include <cmath>
 #include <concepts>
@@ -21,7 +21,7 @@ namespace sheaf::render {
 namespace {
 
 constexpr std::string_view kMagic = "SHGF";
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 constexpr uint8_t kIsRegion = 0, kIsHalved = 1;
 
 // Four floats that were rounded from fractions of 1.
@@ -60,8 +60,9 @@ std::string GuidingField::Encode() const {
     }
     out.push_back(static_cast<char>(kIsRegion));
     const GuidingRegion& region = regions_[node & ~kRegionBit];
-    Put(region.fluence_, &out);
-    if (!(region.fluence_ > 0)) continue;
+    Put(region.scattered_light_, &out);
+    if (!(region.scattered_light_ > 0)) continue;
+    Put(region.share_, &out);
     for (const GuidingRegion::Node& quads : region.nodes_) {
       uint32_t divided = 0;
       for (uint32_t q = 0; q < 4; ++q) divided |= (quads.child[q] != 0 ? 1u : 0u) << q;
@@ -78,7 +79,7 @@ class GuidingFieldReader {
   explicit GuidingFieldReader(std::string_view bytes) : bytes_(bytes) {}
 
   absl::StatusOr<GuidingField> Read() {
-    if (bytes_.size() > kGuidingFieldBytesMax) return Wrong("is larger than any");
+    if (bytes_.size() > kGuidingDirectionsBytesMax) return Wrong("is larger than any");
     if (!bytes_.starts_with(kMagic)) return Wrong("does not begin as one");
     bytes_.remove_prefix(kMagic.size());
     uint32_t version = 0;
@@ -144,11 +145,15 @@ class GuidingFieldReader {
   }
 
   absl::Status ReadRegion(GuidingRegion* region) {
-    if (!Get(&region->fluence_)) return Truncated();
-    if (!std::isfinite(region->fluence_) || std::signbit(region->fluence_)) {
+    if (!Get(&region->scattered_light_)) return Truncated();
+    if (!std::isfinite(region->scattered_light_) || std::signbit(region->scattered_light_)) {
       return Wrong("has light that is negative or not finite");
     }
-    if (region->fluence_ > 0) {
+    if (region->scattered_light_ > 0) {
+      if (!Get(&region->share_)) return Truncated();
+      if (!(region->share_ >= kGuidedShareMin && region->share_ <= kGuidedShareMax)) {
+        return Wrong("has an impossible share of directions");
+      }
       if (absl::Status status = ReadQuads(region); !status.ok()) return status;
     }
     quad_count_ += 4 * region->nodes_.size();

@@ -16,7 +16,8 @@ namespace sheaf::render {
 namespace {
 
 // Where the parts of a field of one region begin.
-constexpr size_t kVersionAt = 4, kBoxAt = 8, kSpaceAt = 56, kFluenceAt = 57, kQuadsAt = 65;
+constexpr size_t kVersionAt = 4, kBoxAt = 8, kSpaceAt = 56, kLightAt = 57, kShareAt = 65,
+                 kQuadsAt = 69;
 constexpr size_t kNodeBytes = 17;
 
 std::string Bytes(double v) {
@@ -51,7 +52,7 @@ void AddTree(int depth, const std::string& region, int* count, std::string* out)
 
 // A field of one region.
 GuidingField Small() {
-  GuidingField field = Train(SkyAndSource, 1, 1000);
+  GuidingField field = Train(SkyAndSource, 1, 400);
   EXPECT_EQ(field.region_count(), 1u);
   return field;
 }
@@ -76,20 +77,21 @@ TEST(GuidingCodecTest, FieldsComeBack) {
   EXPECT_EQ(back->region_count(), field.region_count());
   for (uint64_t i = 0; i < 2000; ++i) {
     const Vec3f p = FindLight(SkyAndSource, i).p;
-    const GuidingRegion *a = field.RegionAt(p), *b = back->RegionAt(p);
+    const GuidingRegion *a = field.RegionAt({p}), *b = back->RegionAt({p});
     ASSERT_NE(a, nullptr);
     ASSERT_NE(b, nullptr);
     const std::array<float, 3> u = testing::CounterUniforms(5, i);
     const Vec3f w = a->Sample({u[0], u[1]});
     ASSERT_EQ(b->Sample({u[0], u[1]}), w);
     ASSERT_EQ(b->Pdf(w), a->Pdf(w));
-    ASSERT_EQ(b->Fluence(), a->Fluence());
+    ASSERT_EQ(b->ScatteredLight(), a->ScatteredLight());
+    ASSERT_EQ(b->share(), a->share());
   }
 }
 
 TEST(GuidingCodecTest, RegionsThatLearnedNothingComeBack) {
   const std::string bytes = GuidingField(BoxOf()).Encode();
-  EXPECT_EQ(bytes.size(), kQuadsAt);
+  EXPECT_EQ(bytes.size(), kShareAt);
   const absl::StatusOr<GuidingField> back = GuidingField::Decode(bytes);
   ASSERT_TRUE(back.ok()) << back.status();
   EXPECT_EQ(back->RegionAt({0, 0, 0}), nullptr);
@@ -116,7 +118,7 @@ TEST(GuidingCodecTest, DamageIsRefusedOrHarmless) {
       ASSERT_EQ(field->Encode(), damaged);
       const GuidingRegion* region = field->RegionAt({0.1f, 0.2f, 0.3f});
       ASSERT_NE(region, nullptr);
-      ASSERT_TRUE(std::isfinite(region->Fluence()));
+      ASSERT_TRUE(std::isfinite(region->ScatteredLight()));
       for (uint64_t i = 0; i < 20; ++i) {
         const std::array<float, 3> u = testing::CounterUniforms(at, i);
         const Vec3f w = region->Sample({u[0], u[1]});
@@ -136,15 +138,17 @@ TEST(GuidingCodecTest, EachKindOfDamageHasItsReason) {
     std::string bytes, reason;
   } cases[] = {
       {Replaced(bytes, 0, "X"), "does not begin as one"},
-      {Replaced(bytes, kVersionAt, "\2"), "has the unknown version 2"},
+      {Replaced(bytes, kVersionAt, "\1"), "has the unknown version 1"},
       {Replaced(bytes, kBoxAt, Bytes(2.0)), "has an impossible box"},
       {Replaced(bytes, kBoxAt + 24, Bytes(std::nan(""))), "has an impossible box"},
       {Replaced(bytes, kBoxAt + 24, Bytes(1e300)), "has an impossible box"},
       {Replaced(bytes, kSpaceAt, "\2"), "has a damaged tree of regions"},
-      {Replaced(bytes, kFluenceAt, Bytes(-1.0)), "has light that is negative or not finite"},
-      {Replaced(bytes, kFluenceAt, Bytes(-0.0)), "has light that is negative or not finite"},
-      {Replaced(bytes, kFluenceAt, Bytes(HUGE_VAL)), "has light that is negative or not finite"},
-      {Replaced(bytes, kFluenceAt, Bytes(0.0)), "goes on after its end"},
+      {Replaced(bytes, kLightAt, Bytes(-1.0)), "has light that is negative or not finite"},
+      {Replaced(bytes, kLightAt, Bytes(-0.0)), "has light that is negative or not finite"},
+      {Replaced(bytes, kLightAt, Bytes(HUGE_VAL)), "has light that is negative or not finite"},
+      {Replaced(bytes, kLightAt, Bytes(0.0)), "goes on after its end"},
+      {Replaced(bytes, kShareAt, Bytes(0.95f)), "has an impossible share of directions"},
+      {Replaced(bytes, kShareAt, Bytes(std::nanf(""))), "has an impossible share of directions"},
       {Replaced(bytes, kQuadsAt, "\x1f"), "has a damaged tree of directions"},
       {Replaced(bytes, kQuadsAt + 1, Bytes(0.0f)), "has a direction without density"},
       {Replaced(bytes, kQuadsAt + 1, Bytes(std::nanf(""))), "has a direction without density"},
@@ -152,7 +156,7 @@ TEST(GuidingCodecTest, EachKindOfDamageHasItsReason) {
       {bytes.substr(0, kQuadsAt + kNodeBytes + 3), "ends too early"},
       {bytes + '\0', "goes on after its end"},
       {head + std::string(49, 1), "has a tree of regions that is too deep"},
-      {std::string(kGuidingFieldBytesMax + 1, 0), "is larger than any"},
+      {std::string(kGuidingDirectionsBytesMax + 1, 0), "is larger than any"},
   };
   for (const auto& c : cases) {
     EXPECT_NE(ErrorOf(c.bytes).find("the guiding field " + c.reason), std::string::npos)
@@ -170,12 +174,12 @@ TEST(GuidingCodecTest, LimitsAreChecked) {
   EXPECT_EQ(ErrorOf(field(13, "", 0)), "");
   EXPECT_NE(ErrorOf(field(14, "", 0)).find("too many regions"), std::string::npos);
   // 256 even quads: 85 nodes, and 84 quads in a region that has learned nothing.
-  std::string region = Bytes(1.0);
+  std::string region = Bytes(1.0) + Bytes(0.5f);
   for (int i = 0; i < 85; ++i) region += EvenNode(i < 21 ? 0xf : 0);
   EXPECT_EQ(ErrorOf(field(13, region, 1400)), "");
   EXPECT_NE(ErrorOf(field(13, region, 2000)).find("too many directions"), std::string::npos);
   // One quad that is divided ten times, and one more time.
-  std::string deep = Bytes(1.0), deeper = deep;
+  std::string deep = Bytes(1.0) + Bytes(0.5f), deeper = deep;
   for (int i = 0; i < kGuidingQuadDepthMax; ++i) {
     const bool is_last = i + 1 == kGuidingQuadDepthMax;
     deep += EvenNode(is_last ? 0 : 1);
@@ -186,7 +190,7 @@ TEST(GuidingCodecTest, LimitsAreChecked) {
   EXPECT_NE(ErrorOf(field(0, deeper, 1)).find("tree of directions that is too large"),
             std::string::npos);
   // All quads are divided, until there are more nodes than a region can have.
-  std::string wide = Bytes(1.0);
+  std::string wide = Bytes(1.0) + Bytes(0.5f);
   for (int i = 0; i < 2000; ++i) wide += EvenNode(0xf);
   EXPECT_NE(ErrorOf(field(0, wide, 1)).find("tree of directions that is too large"),
             std::string::npos);

@@ -3,7 +3,9 @@
 #include "worker/render/guiding/guiding_field.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <span>
 #include <utility>
 
 #include "common/base/vector_bytes.h"
@@ -33,13 +35,19 @@ uint32_t MapCell(float s) {
 struct MapPosition {
   uint32_t x, y;
 };
-MapPosition MapPositionOf(Vec3f w) {
-  const Vec2f st = EqualAreaSphereToSquare(w);
-  return {MapCell(st.x), MapCell(st.y)};
-}
+MapPosition MapPositionOf(Vec2f st) { return {MapCell(st.x), MapCell(st.y)}; }
 size_t QuadAt(MapPosition p, int depth) {
   const int bit = kGuidingQuadDepthMax - 1 - depth;
   return (p.x >> bit & 1) | (p.y >> bit & 1) << 1;
+}
+
+// The axis that the normal is next to, and its sign; 0 without a normal.
+uint64_t SideOf(Vec3f n) {
+  const Vec3f a{std::fabs(n.x), std::fabs(n.y), std::fabs(n.z)};
+  size_t axis = a.y > a.x ? 1 : 0;
+  if (a.z > a[axis]) axis = 2;
+  if (!(a[axis] > 0)) return 0;
+  return 1 + 2 * axis + (n[axis] < 0 ? 1 : 0);
 }
 
 // The double next to v that a point can have; a bound that is not finite has no cells.
@@ -81,7 +89,7 @@ Vec3f GuidingRegion::Sample(Vec2f u) const {
 }
 
 float GuidingRegion::Pdf(Vec3f w) const {
-  const MapPosition p = MapPositionOf(w);
+  const MapPosition p = MapPositionOf(EqualAreaSphereToSquare(w));
   float pdf = kUniformPdf;
   uint32_t index = 0;
   int depth = 0;
@@ -94,13 +102,13 @@ float GuidingRegion::Pdf(Vec3f w) const {
   return pdf;
 }
 
-uint32_t GuidingRegion::QuadOf(Vec3f w) const {
-  const MapPosition p = MapPositionOf(w);
+GuidingRegion::Quad GuidingRegion::QuadOf(Vec2f st) const {
+  const MapPosition p = MapPositionOf(st);
   uint32_t index = 0;
   for (int depth = 0;; ++depth) {
     const size_t quad = QuadAt(p, depth);
     const uint32_t child = nodes_[index].child[quad];
-    if (child == 0) return 4 * index + static_cast<uint32_t>(quad);
+    if (child == 0) return {4 * index + static_cast<uint32_t>(quad), depth + 1};
     index = child;
   }
 }
@@ -116,7 +124,10 @@ GuidingField::GuidingField(Vec3d lower, Vec3d upper) : lower_(lower), upper_(upp
   Vec3d side = upper - lower;
   for (size_t i = 0; i < 3; ++i) cells_per_length_[i] = side[i] > 0 ? kCells / side[i] : 0;
   std::array<int, 3> bit{kCellBits, kCellBits, kCellBits};
-  for (Halving& halving : halvings_) {
+  for (int i = 0; i < kSideBits; ++i) {
+    halvings_[static_cast<size_t>(i)] = {kSideAxis, static_cast<uint8_t>(kSideBits - 1 - i)};
+  }
+  for (Halving& halving : std::span(halvings_).subspan(kSideBits)) {
     size_t axis = side.y > side.x ? 1 : 0;
     if (side.z > side[axis]) axis = 2;
     side[axis] *= 0.5;
@@ -138,22 +149,36 @@ void GuidingField::SetRegion(uint32_t node, GuidingRegion region) {
   regions_.push_back(std::move(region));
 }
 
-GuidingField::Place GuidingField::PlaceOf(Vec3f p) const {
+GuidingField::Place GuidingField::PlaceOf(const GuidingPoint& at) const {
   constexpr auto kCellMax = static_cast<double>((uint64_t{1} << kCellBits) - 1);
   Place place;
   for (size_t i = 0; i < 3; ++i) {
-    const double cell = (static_cast<double>(p[i]) - lower_[i]) * cells_per_length_[i];
+    const double cell = (static_cast<double>(at.p[i]) - lower_[i]) * cells_per_length_[i];
     place.cell[i] = static_cast<uint64_t>(cell > 0 ? std::min(cell, kCellMax) : 0.0);
   }
-  uint32_t node = space_[0];
-  while ((node & kRegionBit) == 0) node = space_[node + HalfOf(place, place.depth++)];
-  place.region = node & ~kRegionBit;
+  place.cell[kSideAxis] = SideOf(at.n);
+  FindRegion(&place);
   return place;
 }
 
-const GuidingRegion* GuidingField::RegionAt(Vec3f p) const {
-  const GuidingRegion& region = regions_[PlaceOf(p).region];
-  return region.fluence_ > 0 ? &region : nullptr;
+void GuidingField::FindRegion(Place* place) const {
+  place->depth = 0;
+  uint32_t node = space_[0];
+  while ((node & kRegionBit) == 0) node = space_[node + HalfOf(*place, place->depth++)];
+  place->region = node & ~kRegionBit;
+}
+
+int GuidingField::SizeBits(int depth, size_t axis) const {
+  int bits = kCellBits;
+  for (const Halving halving : std::span(halvings_).first(static_cast<size_t>(depth))) {
+    if (halving.axis == axis) bits = halving.bit;
+  }
+  return bits;
+}
+
+const GuidingRegion* GuidingField::RegionAt(const GuidingPoint& at) const {
+  const GuidingRegion& region = regions_[PlaceOf(at).region];
+  return region.scattered_light_ > 0 ? &region : nullptr;
 }
 
 uint64_t GuidingField::memory_bytes() const {

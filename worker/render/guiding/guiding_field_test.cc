@@ -114,11 +114,11 @@ TEST(GuidingFieldTest, SmallSourceIsFound) {
     GuidingStatistics statistics(field, -20);
     for (uint64_t i = 0; i < uint64_t{20000} << k; ++i) {
       const Found even = FindLight(SkyAndSource, i);
-      const GuidingRegion* region = field.RegionAt(even.p);
+      const GuidingRegion* region = field.RegionAt({even.p});
       const std::array<float, 3> u = testing::CounterUniforms(6, i);
       const Vec3f w = region != nullptr && u[2] < 0.5f ? region->Sample({u[0], u[1]}) : even.w;
       const double pdf = region != nullptr ? (kUniform + PdfAt(*region, w)) / 2 : kUniform;
-      statistics.Add(even.p, w, light(w) / pdf);
+      statistics.Add(Reported(even.p, w, light(w) / pdf));
     }
     GuidingField next = Refine(field, statistics, k);
     field = next;
@@ -128,7 +128,7 @@ TEST(GuidingFieldTest, SmallSourceIsFound) {
   constexpr int kPoints = 100, kDraws = 200;
   double density = 0;
   for (uint64_t i = 0; i < kPoints; ++i) {
-    const GuidingRegion* region = field.RegionAt(FindLight(SkyAndSource, i).p);
+    const GuidingRegion* region = field.RegionAt({FindLight(SkyAndSource, i).p});
     ASSERT_NE(region, nullptr);
     ASSERT_LT(PdfAt(*region, -kSource), kUniform);
     density += PdfAt(*region, kSource) / kPoints;
@@ -142,12 +142,12 @@ TEST(GuidingFieldTest, SmallSourceIsFound) {
   EXPECT_GT(density, 50 * kUniform);
 }
 
-TEST(GuidingFieldTest, FluenceIsTheIntegralOfRadiance) {
+TEST(GuidingFieldTest, ScatteredLightIsTheMeanOfValues) {
   const auto light = [](Vec3f, Vec3f w) { return w.z > 0 ? 3.0 : 1.0; };
   const GuidingField field = Train(light, 2, 20000);
   const GuidingRegion* region = field.RegionAt({0.1f, 0.2f, 0.3f});
   ASSERT_NE(region, nullptr);
-  EXPECT_NEAR(region->Fluence(), 8 * kPi, 1);
+  EXPECT_NEAR(region->ScatteredLight(), 8 * kPi, 1);
 }
 
 TEST(GuidingFieldTest, SidesOfAWallLearnTheirOwnDirections) {
@@ -162,6 +162,77 @@ TEST(GuidingFieldTest, SidesOfAWallLearnTheirOwnDirections) {
   EXPECT_GT(PdfAt(*left, kUp), 10 * PdfAt(*right, kUp));
 }
 
+// The same for both faces of a wall without thickness.
+TEST(GuidingFieldTest, FacesOfASurfaceLearnTheirOwnDirections) {
+  constexpr Vec3f kUp{0, 0, 1}, kTilted{0.3f, -0.2f, 0.9f};
+  // The first iteration divides the field.
+  GuidingField next(BoxOf());
+  for (int k = 0; k < 2; ++k) {
+    GuidingStatistics statistics(next, -20);
+    for (uint64_t i = 0; i < 20000; ++i) {
+      FoundLight found = Reported(FindLight(SkyAndSource, i));
+      found.from.p.z = 0;
+      found.from.n = i % 2 == 0 ? kTilted : -kTilted;
+      if (Dot(found.w, found.from.n) <= 0) found.scattered = 0;
+      statistics.Add(found);
+    }
+    GuidingField refined = Refine(next, statistics, k);
+    next = refined;
+  }
+  const GuidingRegion *above = next.RegionAt({{0.1f, 0.2f, 0}, kUp}),
+                      *below = next.RegionAt({{0.1f, 0.2f, 0}, -kUp});
+  ASSERT_NE(above, nullptr);
+  ASSERT_NE(below, nullptr);
+  EXPECT_GT(PdfAt(*above, kTilted), 10 * PdfAt(*below, kTilted));
+  EXPECT_GT(PdfAt(*below, -kTilted), 10 * PdfAt(*above, -kTilted));
+  // What has no normal, and faces another axis, is not theirs.
+  EXPECT_NE(next.RegionAt({{0.1f, 0.2f, 0}, {}}), above);
+  EXPECT_NE(next.RegionAt({{0.1f, 0.2f, 0}, {1, 0, 0}}), above);
+}
+
+// Paths that follow the field find all of the light, or those that follow scattering do.
+TEST(GuidingFieldTest, SharesFollowWhoFindsTheLight) {
+  const struct {
+    double scattering_part;
+    float expected;
+  } cases[] = {{0.02, kGuidedShareMax}, {0.5, kGuidedShareStart}, {0.98, kGuidedShareMin}};
+  for (const auto& c : cases) {
+    GuidingField field = Train(SkyAndSource, 1, 1000);
+    GuidingStatistics statistics(field, -20);
+    for (uint64_t i = 0; i < 1000; ++i) {
+      FoundLight found = Reported(FindLight(SkyAndSource, i));
+      // The rest of the light is found by the other one.
+      found.scattering_part = i % 10 == 0 ? 1 - c.scattering_part : c.scattering_part;
+      statistics.Add(found);
+    }
+    const GuidingField next = Refine(field, statistics, 0);
+    EXPECT_EQ(next.RegionAt({0, 0, 0})->share(), c.expected) << c.scattering_part;
+  }
+}
+
+// Light that only the first iteration found is kept, as a part of all.
+TEST(GuidingFieldTest, IterationsAreJoined) {
+  const GuidingField field(BoxOf());
+  GuidingSums sums;
+  GuidingStatistics first(field, -20);
+  for (int i = 0; i < 100; ++i) first.Add(Reported({0, 0, 0}, kSource, 1));
+  const GuidingField after_first = Refine(field, first, 0, &sums);
+  GuidingStatistics second(after_first, -20);
+  for (int i = 0; i < 300; ++i) second.Add(Reported({0, 0, 0}, -kSource, 1));
+  const GuidingField joined = Refine(after_first, second, 1, &sums);
+  const GuidingField alone = Refine(after_first, second, 1);
+  EXPECT_NEAR(joined.RegionAt({0, 0, 0})->ScatteredLight(), 1, 1e-6);
+  int of_joined = 0, of_alone = 0;
+  constexpr int kDraws = 1000;
+  for (uint64_t n = 0; n < kDraws; ++n) {
+    const std::array<float, 3> u = testing::CounterUniforms(8, n);
+    of_joined += Dot(joined.RegionAt({0, 0, 0})->Sample({u[0], u[1]}), kSource) > 0.8f;
+    of_alone += Dot(alone.RegionAt({0, 0, 0})->Sample({u[0], u[1]}), kSource) > 0.8f;
+  }
+  EXPECT_NEAR(of_joined, 0.25 * kDraws, 50);
+  EXPECT_LT(of_alone, 0.01 * kDraws);
+}
+
 TEST(GuidingFieldTest, UnlitRegionsHaveLearnedNothing) {
   const auto light = [](Vec3f p, Vec3f) { return p.y > 0 ? 1.0 : 0.0; };
   EXPECT_EQ(GuidingField(BoxOf()).RegionAt({0, 0, 0}), nullptr);
@@ -173,7 +244,7 @@ TEST(GuidingFieldTest, UnlitRegionsHaveLearnedNothing) {
   GuidingStatistics statistics(field, -20);
   for (uint64_t i = 0; i < 100000; ++i) {
     const Found found = FindLight(later, i);
-    statistics.Add(found.p, found.w, found.value);
+    statistics.Add(Reported(found));
   }
   const GuidingField turned = Refine(field, statistics, 2);
   EXPECT_EQ(turned.RegionAt({0.5f, 0.5f, 0.5f}), nullptr);
@@ -199,7 +270,7 @@ TEST(GuidingFieldTest, FlatAndEmptyBoxesWork) {
     GuidingStatistics statistics(field, 0);
     for (int i = 0; i < 10000; ++i) {
       const float x = static_cast<float>(i % 64) / 16;
-      statistics.Add({x, 2, 0.5f * (x - std::floor(x))}, {0, 0, 1}, 1);
+      statistics.Add(Reported({x, 2, 0.5f * (x - std::floor(x))}, {0, 0, 1}, 1));
     }
     const GuidingField next = Refine(field, statistics, 0);
     EXPECT_NE(next.RegionAt({3, 2, 0.2f}), nullptr);
@@ -215,7 +286,7 @@ TEST(GuidingFieldTest, NeitherOrderNorThreadsMatter) {
   const GuidingField field = Train(SkyAndSource, 1, 30000);
   const auto add = [](GuidingStatistics* statistics, uint64_t i) {
     const Found found = FindLight(SkyAndSource, i);
-    statistics->Add(found.p, found.w, found.value);
+    statistics->Add(Reported(found));
   };
   GuidingStatistics forwards(field, -20), backwards(field, -20), threaded(field, -20);
   for (uint64_t i = 0; i < kCount; ++i) add(&forwards, i);
@@ -241,8 +312,8 @@ TEST(GuidingFieldTest, ScalesChangeNoDecision) {
     GuidingStatistics of_plain(plain, -20), of_scaled(scaled, 0);
     for (uint64_t i = 0; i < 20000; ++i) {
       const Found found = FindLight(SkyAndSource, i);
-      of_plain.Add(found.p, found.w, found.value);
-      of_scaled.Add(found.p * kLength, found.w, found.value * kLight);
+      of_plain.Add(Reported(found));
+      of_scaled.Add(Reported(found.p * kLength, found.w, found.value * kLight));
     }
     GuidingField next_plain = Refine(plain, of_plain, k);
     GuidingField next_scaled = Refine(scaled, of_scaled, k);
@@ -253,14 +324,14 @@ TEST(GuidingFieldTest, ScalesChangeNoDecision) {
   EXPECT_EQ(plain.region_count(), scaled.region_count());
   for (uint64_t i = 0; i < 1000; ++i) {
     const Vec3f p = FindLight(SkyAndSource, i).p;
-    const GuidingRegion *a = plain.RegionAt(p), *b = scaled.RegionAt(p * kLength);
+    const GuidingRegion *a = plain.RegionAt({p}), *b = scaled.RegionAt({p * kLength});
     ASSERT_NE(a, nullptr);
     ASSERT_NE(b, nullptr);
     const std::array<float, 3> u = testing::CounterUniforms(4, i);
     const Vec3f w = a->Sample({u[0], u[1]});
     ASSERT_EQ(b->Sample({u[0], u[1]}), w);
     ASSERT_EQ(b->Pdf(w), a->Pdf(w));
-    ASSERT_EQ(b->Fluence(), a->Fluence() * kLight);
+    ASSERT_EQ(b->ScatteredLight(), a->ScatteredLight() * kLight);
   }
 }
 
@@ -272,12 +343,12 @@ TEST(GuidingFieldTest, FirefliesTakeABoundedPart) {
   GuidingStatistics without(field, -20), with(field, -20);
   for (uint64_t i = 0; i < 100000; ++i) {
     const Found found = FindLight(even, i);
-    without.Add(found.p, found.w, found.value);
-    with.Add(found.p, found.w, found.value);
+    without.Add(Reported(found));
+    with.Add(Reported(found));
   }
-  with.Add({0, 0, 0}, kSource, 1e30);
-  with.Add({0, 0, 0}, kSource, kInf);
-  with.Add({0, 0, 0}, kSource, static_cast<double>(kNan));
+  with.Add(Reported({0, 0, 0}, kSource, 1e30));
+  with.Add(Reported({0, 0, 0}, kSource, kInf));
+  with.Add(Reported({0, 0, 0}, kSource, static_cast<double>(kNan)));
   EXPECT_EQ(with.clamped(), 1u);
   EXPECT_EQ(with.non_finite(), 2u);
   EXPECT_EQ(without.clamped() + without.non_finite(), 0u);
@@ -285,19 +356,19 @@ TEST(GuidingFieldTest, FirefliesTakeABoundedPart) {
   for (uint64_t i = 0; i < 10000; ++i) {
     const Found found = FindLight(even, i);
     if (Dot(found.w, kSource) > 0.7f) continue;
-    const double before = PdfAt(*plain.RegionAt(found.p), found.w);
-    const double after = PdfAt(*disturbed.RegionAt(found.p), found.w);
+    const double before = PdfAt(*plain.RegionAt({found.p}), found.w);
+    const double after = PdfAt(*disturbed.RegionAt({found.p}), found.w);
     ASSERT_GT(after, before / 2);
     ASSERT_LT(after, before * 1.3);  // By joined quads, whose light is averaged.
   }
-  EXPECT_TRUE(std::isfinite(disturbed.RegionAt({0, 0, 0})->Fluence()));
+  EXPECT_TRUE(std::isfinite(disturbed.RegionAt({0, 0, 0})->ScatteredLight()));
 }
 
 TEST(GuidingFieldTest, OneDirectionIsFoundToTheLimit) {
   GuidingField field(BoxOf());
   for (int k = 0; k < 4; ++k) {
     GuidingStatistics statistics(field, -20);
-    for (int i = 0; i < 100; ++i) statistics.Add({0, 0, 0}, kSource, 1);
+    for (int i = 0; i < 100; ++i) statistics.Add(Reported({0, 0, 0}, kSource, 1));
     GuidingField next = Refine(field, statistics, k);
     field = next;
   }
@@ -318,7 +389,7 @@ TEST(GuidingFieldTest, LimitsAreKept) {
   GuidingField field(BoxOf());
   for (int k = 0; k < 8; ++k) {
     GuidingStatistics statistics(field, -20);
-    for (const Found& found : all) statistics.Add(found.p, found.w, found.value);
+    for (const Found& found : all) statistics.Add(Reported(found));
     GuidingField next = Refine(field, statistics, 0);
     EXPECT_GE(next.region_count(), field.region_count());
     field = next;
@@ -326,7 +397,7 @@ TEST(GuidingFieldTest, LimitsAreKept) {
   EXPECT_LE(field.region_count(), kGuidingRegionsMax);
   EXPECT_GT(field.region_count(), kGuidingRegionsMax / 2);
   const std::string bytes = field.Encode();
-  EXPECT_LE(bytes.size(), kGuidingFieldBytesMax);
+  EXPECT_LE(bytes.size(), kGuidingDirectionsBytesMax);
   EXPECT_TRUE(GuidingField::Decode(bytes).ok());  // Checks the limits.
 }
 
@@ -334,7 +405,7 @@ TEST(GuidingFieldTest, HalvingStopsAtTheGreatestDepth) {
   GuidingField field(BoxOf());
   for (int k = 0; k < 10; ++k) {
     GuidingStatistics statistics(field, -20);
-    for (int i = 0; i < 2001; ++i) statistics.Add({0.3f, 0.3f, 0.3f}, kSource, 1);
+    for (int i = 0; i < 2001; ++i) statistics.Add(Reported({0.3f, 0.3f, 0.3f}, kSource, 1));
     GuidingField next = Refine(field, statistics, 0);
     field = next;
   }

@@ -7,19 +7,34 @@
 #include <cstdint>
 
 #include "common/math/vec.h"
+#include "worker/render/guiding/guiding_point.h"
 
 namespace sheaf::render {
+
+// A direction that a path took, and what it found there.
+struct FoundLight {
+  GuidingPoint from;
+  Vec3f w;  // Unit.
+  // >= 0: the light that the vertex scatters back from w, as a multiple of the light that the path
+  // would carry there, as the mean over the components of color. An estimate of the integral over
+  // all directions of what scatters times radiance, by a sample of density `pdf` per solid angle.
+  double scattered = 0;
+  double radiance = 0;
+  double pdf = 0;
+  // The part of the density that scattering has, in 0 to 1; the field has the rest. -1: the field
+  // was not asked.
+  double scattering_part = -1;
+  // The direction is one that no field can sample: only the part counts.
+  bool is_specular = false;
+};
 
 // Functions may be called from many threads.
 class GuidingSink {
  public:
   virtual ~GuidingSink() = default;
-  // A path went from p along w (unit), a direction that scattering or the field sampled. value >=
-  // 0: the radiance that it found there, as the mean over the components of color, over the density
-  // of w per solid angle.
-  virtual void AddDirection(Vec3f p, Vec3f w, double value) = 0;
-  // A sample of the light was tried from p: it was visible, or hidden.
-  virtual void AddLight(Vec3f p, uint32_t light, bool is_visible) = 0;
+  virtual void AddDirection(const FoundLight& found) = 0;
+  // A sample of the light was tried from there: it was visible, or hidden.
+  virtual void AddLight(const GuidingPoint& from, uint32_t light, bool is_visible) = 0;
 };
 
 }  // namespace sheaf::render

@@ -6,10 +6,12 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <utility>
 
 #include "common/base/check.h"
 #include "common/base/vector_bytes.h"
 #include "common/math/elementary.h"
+#include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {
@@ -32,7 +34,7 @@ double SplitValues(int iteration) {
 }  // namespace
 
 GuidingStatistics::GuidingStatistics(const GuidingField& field, int unit_exponent)
-    : field_(field), numbers_(field.regions_.size() * kParts) {
+    : field_(field), numbers_(field.regions_.size() * kParts), shares_(field.regions_.size()) {
   SHEAF_CHECK(std::abs(unit_exponent) <= kGuidingUnitExponentMax);
   units_per_value_ = elementary::PowerOfTwo(-unit_exponent);
   value_of_unit_ = elementary::PowerOfTwo(unit_exponent);
@@ -44,37 +46,44 @@ GuidingStatistics::GuidingStatistics(const GuidingField& field, int unit_exponen
   sums_ = std::vector<std::atomic<uint64_t>>(quads);
 }
 
-void GuidingStatistics::Add(Vec3f p, Vec3f w, double value) {
-  const GuidingField::Place place = field_.PlaceOf(p);
+void GuidingStatistics::Add(const FoundLight& found) {
+  const GuidingField::Place place = field_.PlaceOf(found.from);
+  const GuidingRegion& region = field_.regions_[place.region];
+  if (found.scattering_part >= 0 && std::isfinite(found.scattered)) {
+    shares_.Add(place.region, region.share_, found.scattered * units_per_value_,
+                found.scattering_part);
+  }
+  if (found.is_specular) return;
   size_t part = 0;
   for (int i = 0; i < GuidingField::kHalvingsCounted; ++i) {
     part = 2 * part + field_.HalfOf(place, place.depth + i);
   }
   numbers_[place.region * kParts + part].fetch_add(1, kRelaxed);
-  if (!std::isfinite(value)) {
+  if (!std::isfinite(found.scattered)) {
     non_finite_.fetch_add(1, kRelaxed);
     return;
   }
-  double units = value * units_per_value_;
+  double units = found.scattered * units_per_value_;
   if (units > kGuidingValueMax) {
     clamped_.fetch_add(1, kRelaxed);
     units = kGuidingValueMax;
   }
   if (!(units >= 0.5)) return;  // Rounds to 0.
-  sums_[first_quad_[place.region] + field_.regions_[place.region].QuadOf(w)].fetch_add(
-      static_cast<uint64_t>(units + 0.5), kRelaxed);
+  const uint32_t quad = region.QuadOf(EqualAreaSphereToSquare(found.w)).index;
+  sums_[first_quad_[place.region] + quad].fetch_add(static_cast<uint64_t>(units + 0.5), kRelaxed);
 }
 
 uint64_t GuidingStatistics::memory_bytes() const {
-  return sizeof(*this) + VectorBytes(first_quad_, sums_, numbers_);
+  return sizeof(*this) + VectorBytes(first_quad_, sums_, numbers_) + shares_.memory_bytes();
 }
 
 // One call of Refine. Sums become doubles, which are added in the order of the nodes: the same bits
 // everywhere.
 class GuidingRefinement {
  public:
-  GuidingRefinement(const GuidingField& field, const GuidingStatistics& statistics)
-      : old_(field), statistics_(statistics), regions_(field.regions_.size()) {
+  GuidingRefinement(const GuidingField& field, const GuidingStatistics& statistics,
+                    const GuidingSums& earlier)
+      : old_(field), statistics_(statistics), earlier_(earlier), regions_(field.regions_.size()) {
     for (size_t r = 0; r < regions_.size(); ++r) Load(r);
     LoadDepths(0, 0);
   }
@@ -88,6 +97,8 @@ class GuidingRefinement {
     Copy(0, 0, values, &field);
     return field;
   }
+  // By the field that Make returned.
+  GuidingSums TakeSums() { return std::move(sums_); }
 
  private:
   static constexpr size_t kParts = GuidingStatistics::kParts;
@@ -96,10 +107,12 @@ class GuidingRefinement {
   struct Region {
     std::vector<std::array<double, 4>> weights;  // [node][quad]: sums, of the nodes below too.
     double total = 0;
+    double number = 0;                                // Of values, in all iterations.
     std::array<double, kParts + 1> numbers_before{};  // Values in all parts before this one.
     int depth = 0;
     size_t copies = 1;  // Regions that take its place.
     GuidingRegion refined;
+    std::vector<double> refined_sums;  // [node][quad]: 0 where a node divides the quad.
   };
   // Parts [begin, end) of a region, at some depth in the tree over space.
   struct Parts {
@@ -110,15 +123,21 @@ class GuidingRefinement {
   void Load(size_t r) {
     const Nodes& nodes = old_.regions_[r].nodes_;
     Region& region = regions_[r];
+    const auto found_in = [&](size_t quad) {
+      return statistics_.sums_[statistics_.first_quad_[r] + quad].load(kRelaxed);
+    };
+    bool finds_light = false;
+    for (size_t quad = 0; quad < 4 * nodes.size(); ++quad) finds_light |= found_in(quad) > 0;
+    const bool has_earlier = finds_light && r < earlier_.quads.size();
+    const auto sum_in = [&](size_t quad) {
+      return static_cast<double>(found_in(quad)) + (has_earlier ? earlier_.quads[r][quad] : 0);
+    };
     region.weights.resize(nodes.size());
     const auto sum_of = [](const std::array<double, 4>& w) { return w[0] + w[1] + w[2] + w[3]; };
     for (size_t i = nodes.size(); i-- > 0;) {
       for (size_t q = 0; q < 4; ++q) {
         const size_t child = nodes[i].child[q];
-        const size_t quad = statistics_.first_quad_[r] + 4 * i + q;
-        region.weights[i][q] = child != 0
-                                   ? sum_of(region.weights[child])
-                                   : static_cast<double>(statistics_.sums_[quad].load(kRelaxed));
+        region.weights[i][q] = child != 0 ? sum_of(region.weights[child]) : sum_in(4 * i + q);
       }
     }
     region.total = sum_of(region.weights[0]);
@@ -126,6 +145,7 @@ class GuidingRefinement {
       const uint64_t number = statistics_.numbers_[r * kParts + part].load(kRelaxed);
       region.numbers_before[part + 1] = region.numbers_before[part] + static_cast<double>(number);
     }
+    region.number = region.numbers_before[kParts] + (has_earlier ? earlier_.numbers[r] : 0);
   }
 
   void LoadDepths(uint32_t index, int depth) {
@@ -168,10 +188,12 @@ class GuidingRefinement {
     for (size_t r = 0; r < regions_.size(); ++r) {
       Region& region = regions_[r];
       region.refined = GuidingRegion();
+      region.refined_sums.assign(4 * region.refined.nodes_.size(), 0);
       if (region.total > 0) {
-        region.refined.fluence_ =
-            region.total / region.numbers_before[kParts] * statistics_.value_of_unit_;
-        region.refined.nodes_ = MakeQuadtree(old_.regions_[r].nodes_, region, fraction);
+        region.refined.scattered_light_ = region.total / region.number * statistics_.value_of_unit_;
+        region.refined.share_ =
+            statistics_.shares_.BestOf(static_cast<uint32_t>(r), old_.regions_[r].share_);
+        MakeQuadtree(old_.regions_[r].nodes_, fraction, &region);
       }
       quads += 4 * region.refined.nodes_.size() * region.copies;
       if (quads > kGuidingQuadsMax) return false;
@@ -179,7 +201,9 @@ class GuidingRefinement {
     return true;
   }
 
-  static Nodes MakeQuadtree(const Nodes& old, const Region& region, double fraction) {
+  // Sets the refined region's nodes and their sums.
+  static void MakeQuadtree(const Nodes& old, double fraction, Region* its) {
+    const Region& region = *its;
     // A square that becomes a node. source: the node that it was before; -1: it lay in one quad,
     // over which its light is taken to be even.
     struct Square {
@@ -193,6 +217,7 @@ class GuidingRefinement {
     };
     std::vector<Square> squares{{0, region.total, 0}};
     Nodes nodes;
+    std::vector<double> sums;
     for (size_t i = 0; i < squares.size(); ++i) {
       const Square square = squares[i];
       const size_t source = static_cast<size_t>(std::max(square.source, 0));
@@ -203,21 +228,24 @@ class GuidingRefinement {
         const bool was_node = square.source >= 0;
         const double weight = was_node ? region.weights[source][q] : square.weight / 4;
         node.fraction[q] = static_cast<float>(probability(weight, depth) / whole);
+        sums.push_back(weight);
         if (!(weight > fraction * region.total) || depth >= kGuidingQuadDepthMax ||
             squares.size() >= kGuidingNodesInRegionMax) {
           continue;
         }
         const int child = was_node ? old[source].child[q] : 0;
+        sums.back() = 0;
         node.child[q] = static_cast<uint16_t>(squares.size());
         squares.push_back({child != 0 ? child : -1, weight, depth});
       }
       nodes.push_back(node);
     }
     nodes.shrink_to_fit();
-    return nodes;
+    its->refined.nodes_ = std::move(nodes);
+    its->refined_sums = std::move(sums);
   }
 
-  void Copy(uint32_t from, uint32_t to, double values, GuidingField* field) const {
+  void Copy(uint32_t from, uint32_t to, double values, GuidingField* field) {
     const uint32_t node = old_.space_[from];
     if ((node & GuidingField::kRegionBit) != 0) {
       const Region& region = regions_[node & ~GuidingField::kRegionBit];
@@ -229,9 +257,10 @@ class GuidingRefinement {
     Copy(node + 1, first + 1, values, field);
   }
   void CopyRegion(const Region& region, const Parts& parts, uint32_t to, double values,
-                  GuidingField* field) const {
+                  GuidingField* field) {
     if (!IsHalved(region, parts, values)) {
       field->SetRegion(to, region.refined);
+      AddSums(region, parts);
       return;
     }
     const uint32_t first = field->Halve(to);
@@ -239,13 +268,34 @@ class GuidingRefinement {
     CopyRegion(region, HalfOf(parts, 1), first + 1, values, field);
   }
 
+  // A part of a region has found as much of its light as it has of its values.
+  void AddSums(const Region& region, const Parts& parts) {
+    const double all = region.numbers_before[kParts];
+    const double part =
+        all > 0 ? (region.numbers_before[parts.end] - region.numbers_before[parts.begin]) / all : 1;
+    std::vector<double>& quads = sums_.quads.emplace_back(region.refined_sums);
+    for (double& sum : quads) sum *= part;
+    sums_.numbers.push_back(region.number * part);
+  }
+
   const GuidingField& old_;
   const GuidingStatistics& statistics_;
+  const GuidingSums& earlier_;
+  GuidingSums sums_;
   std::vector<Region> regions_;
 };
 
+GuidingField Refine(const GuidingField& field, const GuidingStatistics& statistics, int iteration,
+                    GuidingSums* sums) {
+  GuidingRefinement refinement(field, statistics, *sums);
+  GuidingField refined = refinement.Make(iteration);
+  *sums = refinement.TakeSums();
+  return refined;
+}
+
 GuidingField Refine(const GuidingField& field, const GuidingStatistics& statistics, int iteration) {
-  return GuidingRefinement(field, statistics).Make(iteration);
+  GuidingSums sums;
+  return Refine(field, statistics, iteration, &sums);
 }
 
 }  // namespace sheaf::render

@@ -12,6 +12,8 @@
 
 #include "common/math/vec.h"
 #include "worker/render/guiding/guiding_field.h"
+#include "worker/render/guiding/guiding_shares.h"
+#include "worker/render/guiding/guiding_sink.h"
 
 namespace sheaf::render {
 
@@ -26,10 +28,18 @@ inline constexpr double kGuidingQuadFraction = 0.01;
 // A region with more values is halved, in iteration 0; each later iteration has about twice as many
 // values and needs the square root of 2 times as many, so that both the number of regions and the
 // values of each grow. Source of the rule: Mueller et al. 2017.
-inline constexpr double kGuidingSplitValues = 2000;
+inline constexpr double kGuidingSplitValues = 500;
 // Where a limit would be exceeded, the thresholds above grow by this factor until it is kept: all
 // regions are treated alike.
 inline constexpr double kGuidingThresholdGrowth = 1.25;
+
+// What all iterations have found so far, by the regions and quads of a field. Each has the weight
+// of its paths: every one of them estimates the same integrals. Source of the idea, with images
+// instead of statistics: Mueller 2019. Empty before the first iteration.
+struct GuidingSums {
+  std::vector<std::vector<double>> quads;  // [region][4 * node + quad]: in units.
+  std::vector<double> numbers;             // [region]: of values.
+};
 
 // Sums for the next field, by region and quad of the last one. Add may be called from many threads;
 // the other functions after all calls of Add.
@@ -38,11 +48,12 @@ class GuidingStatistics {
   // field outlives *this and stays where it is. unit_exponent: values are counted in units of
   // 2^unit_exponent. Requires: |unit_exponent| <= kGuidingUnitExponentMax.
   GuidingStatistics(const GuidingField& field, int unit_exponent);
-  // A path went from p along w (unit) and found light. value >= 0: its radiance over the pdf of w.
-  // 0 counts too: the path found nothing.
+  // A path took a direction. Its value is what the vertex scattered of the light that it found
+  // (FoundLight::scattered): samples are to follow the product of scattering and light. 0 counts
+  // too: the path found nothing.
   // Values above kGuidingValueMax units count as that many; those that are not finite count as 0
   // (and are counted).
-  void Add(Vec3f p, Vec3f w, double value);
+  void Add(const FoundLight& found);
 
   // Numbers of values that were too large, and not finite.
   uint64_t clamped() const { return clamped_; }
@@ -61,6 +72,7 @@ class GuidingStatistics {
   std::vector<size_t> first_quad_;              // [region]: its first index in sums_.
   std::vector<std::atomic<uint64_t>> sums_;     // [region][node][quad]: in units.
   std::vector<std::atomic<uint64_t>> numbers_;  // [region][part]: values there.
+  GuidingShares shares_;
   std::atomic<uint64_t> clamped_{0}, non_finite_{0};
 };
 
@@ -71,6 +83,13 @@ class GuidingStatistics {
 // A region is halved at most 6 times at once, where its values are: their numbers in the parts are
 // known. Its halves have its directions and its light. A region without light forgets what it had
 // learned.
+//
+// *sums: what earlier iterations found, by `field`; becomes what all have found, by the new field.
+// A region keeps of it only what this iteration, which has more paths than all before, confirms by
+// any light: halves inherit light that is not theirs.
+GuidingField Refine(const GuidingField& field, const GuidingStatistics& statistics, int iteration,
+                    GuidingSums* sums);
+// The same by the statistics alone.
 GuidingField Refine(const GuidingField& field, const GuidingStatistics& statistics, int iteration);
 
 }  // namespace sheaf::render

@@ -24,7 +24,7 @@ struct LearnedFields {
 };
 
 inline constexpr size_t kLearnedFieldsBytesMax =
-    kGuidingFieldBytesMax + kLightVisibilityBytesMax + 2 * sizeof(uint64_t);
+    kGuidingDirectionsBytesMax + kLightVisibilityBytesMax + 2 * sizeof(uint64_t);
 static_assert(kGuidingRegionsMax <= kLightVisibilityRegionsMax);
 
 }  // namespace sheaf::render

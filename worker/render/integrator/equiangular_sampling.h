@@ -128,14 +128,13 @@ PhaseMixture<typename C::Color> PhaseOnLine(const Context<C>& c, const LineOf<C>
 }
 
 // The density of Technique::kLine for p, at t, and a point of the light that light sampling from p
-// finds with light_pdf.
+// finds with light_pdf. known: what is known of the lights at p.
 template <typename C>
 double LineTechniquePdf(const Context<C>& c, const LineOf<C>& line, uint32_t light, Vec3f p,
-                        double t, float light_pdf) {
+                        LightVisibilityRow known, double t, float light_pdf) {
   const auto distances = DistancesOn(c, line, light);
   if (!distances) return 0;
-  const float chosen_there =
-      c.scene.lights->ChoiceProbability(light, p, {}, GuidedDirectionsAt(c, p).lights());
+  const float chosen_there = c.scene.lights->ChoiceProbability(light, p, {}, known);
   if (!(chosen_there > 0)) return 0;
   const float chosen_for_line = c.scene.lights->ChoiceProbability(light, line.choice_point);
   return static_cast<double>(light_pdf) / static_cast<double>(chosen_there) *
@@ -143,23 +142,26 @@ double LineTechniquePdf(const Context<C>& c, const LineOf<C>& line, uint32_t lig
 }
 
 // The densities of all techniques for p, where the path was scattered on the line, and a point of
-// the light that light sampling finds with light_pdf and scattering with scattering_pdf.
+// the light that light sampling finds with light_pdf and scattering with scattering_pdf. known:
+// what is known of the lights at p.
 template <typename C>
 TechniquePdfs PdfsOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t light, Vec3f p,
-                         float light_pdf, double scattering_pdf) {
+                         LightVisibilityRow known, float light_pdf, double scattering_pdf) {
   return {static_cast<double>(light_pdf) * line.density, scattering_pdf * line.density,
-          LineTechniquePdf(c, line, light, p, line.t, light_pdf)};
+          LineTechniquePdf(c, line, light, p, known, line.t, light_pdf)};
 }
 
-// The weight of a light sample at p, where scattering towards the light has density pdf.
+// The weight of a light sample at p, where scattering towards the light has density pdf. known:
+// what is known of the lights at p.
 template <typename C>
 float LightSampleWeightOnLine(const Context<C>& c, const LineOf<C>& line,
-                              const LightSampleOf<typename C::Color>& light, Vec3f p, float pdf) {
+                              const LightSampleOf<typename C::Color>& light, Vec3f p,
+                              LightVisibilityRow known, float pdf) {
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return 1;
   if constexpr (C::kDirectLight == DirectLight::kByHitting) return light.is_delta ? 1 : 0;
   const double scattering_pdf = light.is_delta ? 0 : static_cast<double>(pdf);
   return static_cast<float>(MisWeight<C>(
-      Technique::kLight, PdfsOnLine(c, line, light.light, p, light.pdf, scattering_pdf)));
+      Technique::kLight, PdfsOnLine(c, line, light.light, p, known, light.pdf, scattering_pdf)));
 }
 // The weight of an emitter that the path's ray hits, where light sampling has density light_pdf.
 template <typename C>
@@ -168,8 +170,8 @@ float HitWeightOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t emitt
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return 0;
   if constexpr (C::kDirectLight == DirectLight::kByHitting) return 1;
   return static_cast<float>(MisWeight<C>(
-      Technique::kScattering,
-      PdfsOnLine(c, line, emitter, path.from, light_pdf, static_cast<double>(path.pdf))));
+      Technique::kScattering, PdfsOnLine(c, line, emitter, path.from, LightsFromLast<C>(path),
+                                         light_pdf, static_cast<double>(path.pdf))));
 }
 
 // The light that is scattered at t towards the line's start, per incident radiance, times *weight.
@@ -249,7 +251,7 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   MediumState<C> media = path->media;
   SurfacePoint vertex;
   vertex.p = PointInMedium(c, path->ray, hit, t / Length(ToDouble(path->ray.d)), &media.near);
-  const GuidedDirectionsOf<C> guided = GuidedDirectionsAt(c, vertex.p);
+  const GuidedDirectionsOf<C> guided = GuidedDirectionsAt(c, {vertex.p});
   const ChosenLight chosen{for_line->light, scene.lights->ChoiceProbability(
                                                 for_line->light, vertex.p, {}, guided.lights())};
   if (!(chosen.probability > 0)) return;

@@ -7,6 +7,7 @@
 // Models for Light Transport Simulation". docs/adr/0065.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <type_traits>
 
@@ -15,26 +16,29 @@
 
 namespace sheaf::render {
 
-// The probability with which a direction is taken from the field. The rest is a defense: a field
-// that is wrong at a vertex costs at most a factor 1 / (1 - kGuidedShare) in variance.
-inline constexpr float kGuidedShare = 0.5f;
-
 class GuidedDirections {
  public:
   GuidedDirections() = default;
   // region: null where scattering alone samples directions. lights: what is known of lights there.
   GuidedDirections(const GuidingRegion* region, LightVisibilityRow lights)
-      : region_(region), lights_(lights) {}
+      : region_(region), share_(region != nullptr ? region->share() : 0), lights_(lights) {}
 
   bool active() const { return region_ != nullptr; }
   LightVisibilityRow lights() const { return lights_; }
+  // GuidingRegion::ScatteredLight; 0 where scattering alone samples directions.
+  float ScatteredLight() const {
+    return active() ? static_cast<float>(region_->ScatteredLight()) : 0;
+  }
   // The probability with which a direction is taken from scattering.
-  float ScatteringShare() const { return active() ? 1 - kGuidedShare : 1; }
+  float ScatteringShare() const { return 1 - share_; }
+  // The part that scattering has of a density that is `scale` times as large (0: scattering has
+  // none).
+  float ScatteringPart(float scale) const { return scale > 0 ? ScatteringShare() / scale : 0; }
   // Whether *u, uniform, takes the direction from the field. Makes *u uniform again.
   bool Selects(float* u) const {
     if (!active()) return false;
-    const bool selects = *u < kGuidedShare;
-    *u = selects ? *u / kGuidedShare : (*u - kGuidedShare) / (1 - kGuidedShare);
+    const bool selects = *u < share_;
+    *u = std::min(kBelowOneFloat, selects ? *u / share_ : (*u - share_) / (1 - share_));
     return selects;
   }
   // Requires: active().
@@ -42,11 +46,14 @@ class GuidedDirections {
   // The density of w, which scattering samples with density `scattering`. Per solid angle.
   float Pdf(float scattering, Vec3f w) const {
     if (!active()) return scattering;
-    return (1 - kGuidedShare) * scattering + kGuidedShare * region_->Pdf(w);
+    return (1 - share_) * scattering + share_ * region_->Pdf(w);
   }
 
  private:
+  static constexpr float kBelowOneFloat = 1 - 0x1p-24f;
+
   const GuidingRegion* region_ = nullptr;
+  float share_ = 0;
   LightVisibilityRow lights_;
 };
 
@@ -60,16 +67,16 @@ struct NoGuidedDirections {
 template <typename C>
 using GuidedDirectionsOf = std::conditional_t<C::kGuided, GuidedDirections, NoGuidedDirections>;
 
-// The directions and lights that the fields know at p. may_guide: false where there is no choice of
-// directions.
+// The directions and lights that the fields know there. may_guide: false where there is no choice
+// of directions.
 template <typename C>
 GuidedDirectionsOf<C> GuidedDirectionsAt([[maybe_unused]] const Context<C>& c,
-                                         [[maybe_unused]] Vec3f p,
+                                         [[maybe_unused]] const GuidingPoint& at,
                                          [[maybe_unused]] bool may_guide = true) {
   if constexpr (C::kGuided) {
     if (c.guiding.fields != nullptr) {
       const GuidingField& field = c.guiding.fields->directions;
-      const uint32_t index = field.RegionIndexAt(p);
+      const uint32_t index = field.RegionIndexAt(at);
       return {may_guide ? field.RegionOrNull(index) : nullptr,
               c.guiding.fields->lights.RowOf(index)};
     }
@@ -77,11 +84,11 @@ GuidedDirectionsOf<C> GuidedDirectionsAt([[maybe_unused]] const Context<C>& c,
   return {};
 }
 
-// Remembers that a sample of the light was tried from p, if the path is one of a training.
+// Remembers that a sample of the light was tried from there, if the path is one of a training.
 template <typename C>
-void NoteLight(const Context<C>& c, Vec3f p, uint32_t light, bool is_visible) {
+void NoteLight(const Context<C>& c, const GuidingPoint& from, uint32_t light, bool is_visible) {
   if constexpr (C::kGuided) {
-    if (c.guiding.training != nullptr) c.guiding.training->NoteLight(p, light, is_visible);
+    if (c.guiding.training != nullptr) c.guiding.training->NoteLight(from, light, is_visible);
   }
 }
 
@@ -92,11 +99,31 @@ LightVisibilityRow LightsFromLast(const PathState<C>& path) {
   return {};
 }
 
-// Remembers the direction that the path takes at p, if the path is one of a training.
+// Before the vertex scatters the path, in a direction whose density is that of scattering times
+// density_scale.
 template <typename C>
-void NoteDirection(const Context<C>& c, Vec3f p, const PathState<C>& path) {
-  if (c.guiding.training == nullptr || path.specular) return;
-  c.guiding.training->Note(p, path.ray.d, path.pdf, path.throughput, path.radiance);
+void NoteGuiding(const GuidedDirections& guided, float density_scale, PathState<C>* path) {
+  GuidedState<typename C::Color>& state = path->guided;
+  state.throughput_before = path->throughput;
+  state.scattering_part = guided.ScatteringPart(density_scale);
+  const float light = MaxComponent(path->throughput) * guided.ScatteredLight();
+  if (!(state.first_light > 0)) state.first_light = light;
+  state.expected_light = light > 0 ? light / state.first_light : 0;
+}
+
+// Remembers the direction that the path takes there, before roulette, if the path is one of a
+// training.
+template <typename C, typename Vertex>
+void NoteDirection(const Context<C>& c, const Vertex& vertex, const PathState<C>& path) {
+  if (c.guiding.training == nullptr || (path.specular && !vertex.guided.active())) return;
+  c.guiding.training->Note({{vertex.point.p, vertex.light_hint},
+                            path.ray.d,
+                            path.pdf,
+                            vertex.guided.active() ? path.guided.scattering_part : -1,
+                            path.specular,
+                            path.guided.throughput_before,
+                            path.throughput,
+                            path.radiance});
 }
 
 }  // namespace sheaf::render

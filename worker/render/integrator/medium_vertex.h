@@ -62,7 +62,9 @@ struct MediumVertex {
                           const PathState<C>& path) const {
     if constexpr (C::kLines) {
       const LineOf<C>& line = path.media.line;
-      if (line.has_scattered) return LightSampleWeightOnLine(c, line, light, point.p, pdf);
+      if (line.has_scattered) {
+        return LightSampleWeightOnLine(c, line, light, point.p, guided.lights(), pdf);
+      }
     }
     if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
       return LightSampleWeightBesideLight(c, *this, light, pdf, path);
@@ -89,9 +91,10 @@ struct MediumVertex {
 
  private:
   void Record(const Context<C>& c, const PathState<C>& path, FilmSample* film) const;
-  // A direction in which a camera path may go on. *roulette_scale: multiplied by its
-  // PathState::roulette_scale.
+  // A direction in which a camera path may go on. *density_scale and *roulette_scale: as for
+  // surfaces.
   typename PhaseMixture<Color>::Sample SampleDirection(const std::array<float, 4>& u,
+                                                       float* density_scale,
                                                        float* roulette_scale) const;
   PhaseMixture<Color> MakePhase(const Context<C>& c, const PathState<C>& path) const;
 };
@@ -165,7 +168,7 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
   phase = MakePhase(c, *path);
   if constexpr (C::kGuided) {
     // Walks beneath a surface are short, and see no light that others do not.
-    if (!path->media.properties.is_subsurface) guided = GuidedDirectionsAt(c, point.p);
+    if (!path->media.properties.is_subsurface) guided = GuidedDirectionsAt(c, {point.p});
   }
   CountScattering(c, *path, &path->media);
   return true;
@@ -173,7 +176,8 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
 
 template <typename C>
 typename PhaseMixture<typename C::Color>::Sample MediumVertex<C>::SampleDirection(
-    const std::array<float, 4>& u, [[maybe_unused]] float* roulette_scale) const {
+    const std::array<float, 4>& u, [[maybe_unused]] float* density_scale,
+    [[maybe_unused]] float* roulette_scale) const {
   float u_lobe = u[2];
   if constexpr (C::kGuided && !C::kFromLight) {
     typename PhaseMixture<Color>::Sample sample;
@@ -187,7 +191,8 @@ typename PhaseMixture<typename C::Color>::Sample MediumVertex<C>::SampleDirectio
     const BsdfValueOf<Color> value = EvalScattering(sample.w);
     sample.pdf = guided.Pdf(value.pdf, sample.w);
     sample.weight = sample.pdf > 0 ? value.f_cos * (1 / sample.pdf) : Color{};
-    if (value.pdf > 0) *roulette_scale *= sample.pdf / value.pdf;
+    *density_scale = value.pdf > 0 ? sample.pdf / value.pdf : 0;
+    if (value.pdf > 0) *roulette_scale *= *density_scale;
     return sample;
   }
   return phase.SampleDirection(d, u_lobe, {u[0], u[1]});
@@ -196,7 +201,10 @@ typename PhaseMixture<typename C::Color>::Sample MediumVertex<C>::SampleDirectio
 template <typename C>
 bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  const typename PhaseMixture<Color>::Sample sample = SampleDirection(u, &path->roulette_scale);
+  float density_scale = 1;
+  const typename PhaseMixture<Color>::Sample sample =
+      SampleDirection(u, &density_scale, &path->roulette_scale);
+  if constexpr (C::kGuided) NoteGuiding(guided, density_scale, path);
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
   const uint8_t flags = path->media.properties.is_hidden ? uint8_t{kBsdfSpecular} : uint8_t{0};
@@ -212,6 +220,8 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->ray.d = sample.w;
   path->ray.source = {};
   path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(sample.w);
+  // Remember the direction, and learn later what light came from there.
+  if constexpr (C::kGuided) NoteDirection(c, *this, *path);
   return SurvivesRoulette(c, u[3], path);
 }
 

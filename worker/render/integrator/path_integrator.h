@@ -39,10 +39,7 @@ void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
       if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
     }
     // Sample the direction in which the path continues; Russian roulette may end it.
-    if (!vertex.Scatter(c, path)) return false;
-    // Remember the direction, and learn later what light came from there.
-    if constexpr (C::kGuided) NoteDirection(c, vertex.point.p, *path);
-    return true;
+    return vertex.Scatter(c, path);
   };
   Vertex<C> vertex;
   for (;;) {

@@ -84,8 +84,15 @@ struct LightEnd {
 };
 
 // The state of paths in guided frames.
+template <typename Color>
 struct GuidedState {
   LightVisibilityRow lights;  // What is known of lights at `from`.
+  Color throughput_before;    // Before the last vertex scattered the path.
+  // The light that paths bring through the last vertex, as they carry it to the camera: what its
+  // region scatters, over the same of the first vertex; 0: unknown.
+  float expected_light = 0;
+  float first_light = 0;      // That of the first vertex.
+  float scattering_part = 1;  // Of the density of the path's direction: FoundLight.
 };
 
 // The state of paths in frames that split the lights.
@@ -117,7 +124,7 @@ struct PathState {
   [[no_unique_address]] StateIf<C::kBothEnds,
                                 std::conditional_t<C::kFromLight, LightEnd, CameraEnd>>
       other_end;
-  [[no_unique_address]] StateIf<C::kGuided, GuidedState> guided;
+  [[no_unique_address]] StateIf<C::kGuided, GuidedState<Color>> guided;
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   Vec3f camera_o;               // The origin of the camera ray.
   bool is_camera_path = true;   // No vertex so far.

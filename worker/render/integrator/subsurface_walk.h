@@ -81,6 +81,7 @@ bool ScatterNearPlane(const Context<C>& c, Vec3d d, PathState<C>* path) {
   CountScattering(c, *path, &path->media);
   path->specular = true;
   path->history.AddMedium(true);
+  if constexpr (C::kGuided) path->guided.expected_light = 0;
   path->ray.d = sample.w;
   return SurvivesRoulette(c, u[3], path);
 }

@@ -116,8 +116,10 @@ struct SurfaceVertex {
   OptionalNormal PerturbNormal(const Context<C>& c, const TangentPlane& tangents, Vec3f wo);
   // A direction in which a path from a light may go on, in the shading frame.
   std::optional<BsdfSampleOf<Color>> SampleScattering(const std::array<float, 4>& u) const;
-  // The same for a camera path. *roulette_scale: multiplied by its PathState::roulette_scale.
+  // The same for a camera path. *density_scale: the density over that of scattering, 0 where that
+  // is 0. *roulette_scale: multiplied by its PathState::roulette_scale.
   std::optional<BsdfSampleOf<Color>> SampleDirection(const std::array<float, 4>& u,
+                                                     float* density_scale,
                                                      float* roulette_scale) const;
   // Continues the path along wi. False where it ends.
   bool Continue(const Context<C>& c, Vec3f wi, const BsdfSampleOf<Color>& sample, float u_roulette,
@@ -202,11 +204,11 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
   }
   const Vec3f wo = -path->ray.d;
   wo_local = point.shading.ToLocal(wo);
+  if (!Transmits<C::kTraits>(bsdf)) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
   if constexpr (C::kGuided) {
-    guided = GuidedDirectionsAt(c, point.p, /*may_guide=*/!bsdf.specular);
+    guided = GuidedDirectionsAt(c, {point.p, light_hint}, /*may_guide=*/!bsdf.specular);
   }
   if constexpr (C::kSplitsLights) splits = LightSplitsAt(c, *path);
-  if (!Transmits<C::kTraits>(bsdf)) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
   return true;
 }
 
@@ -234,7 +236,8 @@ inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleSc
 
 template <typename C>
 inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDirection(
-    const std::array<float, 4>& u, float* roulette_scale) const {
+    const std::array<float, 4>& u, [[maybe_unused]] float* density_scale,
+    float* roulette_scale) const {
   if constexpr (C::kGuided) {
     std::array<float, 4> stretched = u;
     if (guided.Selects(&stretched[2])) {
@@ -245,7 +248,8 @@ inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDi
       if (value.f_cos.IsBlack()) return std::nullopt;
       sample.pdf = guided.Pdf(value.pdf, w);
       sample.weight = value.f_cos * (1 / sample.pdf);
-      if (value.pdf > 0) *roulette_scale *= sample.pdf / value.pdf;
+      *density_scale = value.pdf > 0 ? sample.pdf / value.pdf : 0;
+      if (value.pdf > 0) *roulette_scale *= *density_scale;
       return sample;
     }
     std::optional<BsdfSampleOf<Color>> sample = SampleScattering(stretched);
@@ -256,6 +260,7 @@ inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDi
                       : guided.Pdf(sample->pdf, point.shading.ToWorld(sample->wi)) / sample->pdf;
       sample->pdf *= scale;
       sample->weight *= 1 / scale;
+      *density_scale = scale;
       *roulette_scale *= scale * sample->eta_scale;
     } else if (sample) {
       *roulette_scale *= sample->eta_scale;
@@ -271,11 +276,13 @@ inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleDi
 template <typename C>
 bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
-  float roulette_scale = path->roulette_scale;
-  const std::optional<BsdfSampleOf<Color>> sample = SampleDirection(u, &roulette_scale);
+  float roulette_scale = path->roulette_scale, density_scale = 1;
+  const std::optional<BsdfSampleOf<Color>> sample =
+      SampleDirection(u, &density_scale, &roulette_scale);
   if (!sample.has_value()) return false;
   const Vec3f wi = point.shading.ToWorld(sample->wi);
   if (!AgreesOnSide(sample->wi.z, Dot(wi, point.ng))) return false;
+  if constexpr (C::kGuided) NoteGuiding(guided, density_scale, path);
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
   NoteScattering(c, *this, wi, sample->pdf, sample->flags, path);
@@ -334,6 +341,8 @@ inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
   path->ray.source = point.id;
   // Prefetches the radiance of infinite lights, in case the ray hits nothing.
   path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(wi);
+  // Remember the direction, and learn later what light came from there.
+  if constexpr (C::kGuided) NoteDirection(c, *this, *path);
   return SurvivesRoulette(c, u_roulette, path);
 }
 

@@ -26,50 +26,56 @@ class TrainingRecords {
  public:
   using Color = typename C::Color;
 
-  // The path goes from p along w (unit), which it sampled with density pdf, with the throughput;
-  // `radiance` is what it found before.
-  void Note(Vec3f p, Vec3f w, float pdf, const Color& throughput, const Color& radiance) {
+  // A direction that the path took.
+  struct Direction {
+    GuidingPoint from;
+    Vec3f w;                              // Unit.
+    float pdf = 0, scattering_part = -1;  // As in FoundLight.
+    bool is_specular = false;
+    Color throughput_before, throughput;  // Before and after the vertex scattered the path.
+    Color radiance;                       // What the path had found before.
+  };
+  void Note(const Direction& direction) {
     if (count_ == records_.size()) return;
-    records_[count_++] = {p, w, pdf, throughput, radiance};
+    records_[count_++] = direction;
   }
-  // The path sampled the light from p, which was visible or hidden.
-  void NoteLight(Vec3f p, uint32_t light, bool is_visible) {
+  // The path sampled the light from there, which was visible or hidden.
+  void NoteLight(const GuidingPoint& from, uint32_t light, bool is_visible) {
     if (light_count_ == lights_.size()) return;
-    lights_[light_count_++] = {p, light, is_visible};
+    lights_[light_count_++] = {from, light, is_visible};
   }
   // The path has ended, and found `radiance` in all.
   void GiveTo(const Color& radiance, GuidingSink* sink) const {
     for (size_t i = 0; i < count_; ++i) {
-      const Record& record = records_[i];
-      double sum = 0, components = 0;
+      const Direction& record = records_[i];
+      double scattered = 0, arriving = 0, components = 0;
       for (size_t j = 0; j < kComponentCount<Color>; ++j) {
-        const auto carried = static_cast<double>(record.throughput[j]);
-        if (!(carried > 0)) continue;
-        const auto gained =
-            static_cast<double>(radiance[j]) - static_cast<double>(record.before[j]);
-        sum += std::max(0.0, gained) / carried;
+        const auto before = static_cast<double>(record.throughput_before[j]),
+                   carried = static_cast<double>(record.throughput[j]);
+        if (!(before > 0)) continue;
+        const double gained = std::max(
+            0.0, static_cast<double>(radiance[j]) - static_cast<double>(record.radiance[j]));
+        scattered += gained / before;
+        if (carried > 0) arriving += gained / carried;
         components += 1;
       }
       if (components == 0) continue;
-      sink->AddDirection(record.p, record.w, sum / components / static_cast<double>(record.pdf));
+      sink->AddDirection({record.from, record.w, scattered / components, arriving / components,
+                          static_cast<double>(record.pdf),
+                          static_cast<double>(record.scattering_part), record.is_specular});
     }
     for (size_t i = 0; i < light_count_; ++i) {
-      sink->AddLight(lights_[i].p, lights_[i].light, lights_[i].is_visible);
+      sink->AddLight(lights_[i].from, lights_[i].light, lights_[i].is_visible);
     }
   }
 
  private:
-  struct Record {
-    Vec3f p, w;
-    float pdf = 0;
-    Color throughput, before;
-  };
   struct TriedLight {
-    Vec3f p;
+    GuidingPoint from;
     uint32_t light = 0;
     bool is_visible = false;
   };
-  std::array<Record, kTrainingVerticesMax> records_;
+  std::array<Direction, kTrainingVerticesMax> records_;
   std::array<TriedLight, kTrainingVerticesMax> lights_;
   size_t count_ = 0, light_count_ = 0;
 };
