@@ -63,7 +63,8 @@ class PackageTest(unittest.TestCase):
         done = subprocess.run(
             ["/usr/bin/mypy", "--config-file", os.path.join(PACKAGE, "pyproject.toml"),
              "--python-executable", sys.executable, "--cache-dir", os.path.join(BUILT, ".mypy"),
-             "-p", "sheaf", *(part for path in sorted(glob.glob(PACKAGE + "/examples/*.py"))
+             "-p", "sheaf", "-p", "sheaf_autoscaler",
+             *(part for path in sorted(glob.glob(PACKAGE + "/examples/*.py"))
                               for part in ("-m", os.path.basename(path)[:-3]))],
             cwd=BUILT, env=dict(os.environ, MYPYPATH=f"{BUILT}:{PACKAGE}/examples"),
             capture_output=True, text=True, timeout=120 * farms.TIME_SCALE)
@@ -77,8 +78,7 @@ class PackageTest(unittest.TestCase):
             text = file.read()
         unused = {call for call in calls if f'"{call}"' not in text and f".{call}(" not in text}
         self.assertEqual(unused, {"CreateJob", "CollectGarbage", "SetShare", "ResetShare",
-                                  "ListShares", "ListUsage", "DrainWorkers", "UndrainWorkers",
-                                  "ReadTaskBundle"})
+                                  "ListShares", "ListUsage", "ReadTaskBundle"})
 
     def test_states_are_those_of_the_messages(self):
         from sheaf.v1 import frame_pb2, job_pb2
