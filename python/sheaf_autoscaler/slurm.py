@@ -42,7 +42,7 @@ class SlurmOptions:
 
 
 class SlurmEngine:
-    """command: the worker's. Variables of Slurm in it, as $SLURM_JOB_ID, are replaced on the node."""
+    """command: the worker's. Variables of Slurm in it are replaced on the node."""
 
     def __init__(self, options: SlurmOptions, command: Sequence[str]) -> None:
         self._options = options

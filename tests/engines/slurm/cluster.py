@@ -40,7 +40,8 @@ ReturnToService=2
 SelectType=select/cons_tres
 SelectTypeParameters=CR_CPU
 SchedulerType=sched/backfill
-SchedulerParameters=sched_interval=1,batch_sched_delay=0,bf_interval=1,requeue_delay=1,preempt_send_user_signal
+SchedulerParameters=sched_interval=1,batch_sched_delay=0,bf_interval=1,requeue_delay=1,\
+preempt_send_user_signal
 PreemptType=preempt/partition_prio
 PreemptMode=REQUEUE
 PreemptExemptTime=0
