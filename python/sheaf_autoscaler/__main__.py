@@ -14,7 +14,7 @@ import threading
 from typing import Callable
 
 from .controller import Bounds, Controller, FarmError, Step
-from .engine import Engine, EngineError
+from .engine import INSTANCE_PREFIX, Engine, EngineError
 from .local import LocalEngine
 from .slurm import SlurmEngine, SlurmOptions
 
@@ -178,7 +178,8 @@ def main() -> int:
     bounds = Bounds(options.min, options.max, options.threads, options.cool_down,
                     options.queue_time, options.start_time)
     with client:
-        return run(Controller(reader, engine, bounds), options)
+        prefix = f"{INSTANCE_PREFIX}{options.engine}."
+        return run(Controller(reader, engine, bounds, prefix), options)
 
 
 if __name__ == "__main__":

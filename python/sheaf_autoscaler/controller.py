@@ -96,10 +96,13 @@ class ThreadUse:
 
 
 class Controller:
-    """Call step() every few seconds, from one thread."""
+    """Call step() every few seconds, from one thread. prefix: of the names of the engine's instances,
+    so that workers of other engines count as those that somebody else started.
+    """
 
-    def __init__(self, farm: Farm, engine: Engine, bounds: Bounds) -> None:
-        self._farm, self._engine, self._bounds = farm, engine, bounds
+    def __init__(self, farm: Farm, engine: Engine, bounds: Bounds,
+                 prefix: str = INSTANCE_PREFIX) -> None:
+        self._farm, self._engine, self._bounds, self._prefix = farm, engine, bounds, prefix
         self._targets: collections.deque[tuple[float, int]] = collections.deque()
         self._thread_use = ThreadUse()
         self._inspected = -math.inf
@@ -131,7 +134,7 @@ class Controller:
 
     def _split(self, look: Look) -> tuple[list[WorkerState], list[WorkerState]]:
         """Workers of instances of this engine, and others of the pool."""
-        ours = [w for w in look.workers if any(t.startswith(INSTANCE_PREFIX) for t in w.tags)]
+        ours = [w for w in look.workers if any(t.startswith(self._prefix) for t in w.tags)]
         return ours, [w for w in look.workers if w not in ours and not w.leaving]
 
     def _wanted(self, look: Look, others: Sequence[WorkerState]) -> Wanted:

@@ -19,9 +19,12 @@ from .engine import INSTANCE_PREFIX, EngineError, Instance, InstanceState
 COMMAND_SECONDS_MAX = 30
 # Tasks of one array: below the least MaxArraySize that sites set.
 ARRAY_TASKS_MAX = 500
-# States of squeue(1) that hold a machine no more, or only until the node is cleaned.
+# States of squeue(1) that hold a machine no more, or only until the node is cleaned; those of tasks
+# that are queued again are others.
 GONE_STATES = frozenset(("COMPLETING", "COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "BOOT_FAIL",
-                         "DEADLINE", "OUT_OF_MEMORY", "STAGE_OUT"))
+                         "DEADLINE", "OUT_OF_MEMORY", "STAGE_OUT", "NODE_FAIL", "PREEMPTED",
+                         "REVOKED"))
+HELD_STATES = frozenset(("REQUEUE_HOLD", "SPECIAL_EXIT"))
 _NAME = re.compile(re.escape(INSTANCE_PREFIX) + r"slurm\.(\d+)\.(\d+)")
 
 
@@ -107,9 +110,9 @@ def instance_of(line: str) -> Instance | None:
     if state in GONE_STATES or not task.isdigit():
         return None
     name = f"{INSTANCE_PREFIX}slurm.{job}.{task}"
-    if state == "PENDING":
+    if state == "PENDING" or state in HELD_STATES:
         # Held: by a person, or by Slurm after failed launches. Others wait for a machine.
-        held = "held" in reason.lower() or reason.startswith("JobHeld")
+        held = state in HELD_STATES or "held" in reason.lower()
         return Instance(name, InstanceState.STUCK if held else InstanceState.WAITING, 0.0, reason)
     if state in ("RUNNING", "SUSPENDED", "STOPPED"):
         return Instance(name, InstanceState.RUNNING, seconds_of(used), node)

@@ -219,6 +219,11 @@ class PoolTest(unittest.TestCase):
         look = pool.look()
         with mock.patch.object(pool, "look", lambda: dataclasses.replace(look, workers=(other,))):
             self.assertEqual(Controller(pool, pool, BOUNDS).step().target, 4)
+            of_slurm = dataclasses.replace(other, tags=("instance.slurm.1.0",))
+            with mock.patch.object(pool, "look",
+                                   lambda: dataclasses.replace(look, workers=(of_slurm,))):
+                self.assertEqual(
+                    Controller(pool, pool, BOUNDS, "instance.local.").step().target, 4)
 
     def test_thread_use_is_measured(self):
         pool = SimPool([SimJob("jobs/1", 4000, 4000, 0.2)], thread_use=0.5)
@@ -237,8 +242,9 @@ class SlurmTest(unittest.TestCase):
                 ("7_1|PENDING|0:00||JobHeldUser", (InstanceState.STUCK, 0)),
                 ("7_2|RUNNING|1-02:03:04|n1|None", (InstanceState.RUNNING, 93784)),
                 ("7_2|CONFIGURING|0:01|n1|None", (InstanceState.WAITING, 0)),
-                ("7_2|COMPLETING|0:09|n1|None", None), ("7_2|NODE_FAIL|0:09||x|y",
-                                                        (InstanceState.WAITING, 0)),
+                ("7_2|COMPLETING|0:09|n1|None", None), ("7_2|NODE_FAIL|0:09||x|y", None),
+                ("7_2|REQUEUE_HOLD|0:00||x", (InstanceState.STUCK, 0)),
+                ("7_2|REQUEUED|0:00||x", (InstanceState.WAITING, 0)),
                 ("7_[3-4]|PENDING|0:00||None", None)):
             found = instance_of(line)
             self.assertEqual(found and (found.state, found.running_seconds), expected, line)

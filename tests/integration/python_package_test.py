@@ -311,6 +311,43 @@ class OtherFarmsTest(unittest.TestCase):
                 farm.start_worker()
                 self.assertIs(list(changes)[-1].state, sheaf.JobState.SUCCEEDED)
 
+    def test_the_autoscaler_starts_workers_and_drains_them(self):
+        """Also over its own death: it has no state."""
+        def start():
+            command = [sys.executable, "-m", "sheaf_autoscaler", "--engine", "local",
+                       "--coordinator", farm.address, "--threads", "1", "--max", "2",
+                       "--cool-down", "2s", "--queue-time", "1s", "--look-every", "0.3s",
+                       "--worker", os.path.join(farms.programs(), "sheaf-worker"),
+                       "--cache-dir", farm.path("cache"), "--log-file", farm.path("workers.log")]
+            with open(farm.path("autoscaler.log"), "ab") as log:
+                return subprocess.Popen(command, env=dict(os.environ, PYTHONPATH=BUILT),
+                                        stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+        def running():
+            return [w for w in client.list_workers() if any(
+                tag.startswith("instance.local.") for tag in w.message.tags)
+                and w.state in (sheaf.WorkerState.IDLE, sheaf.WorkerState.BUSY)]
+        with farms.Farm() as farm, tempfile.TemporaryDirectory() as folder:
+            with sheaf.connect(farm.address, programs=farms.programs()) as client:
+                autoscaler = start()
+                try:
+                    client.wait(client.submit(write_scene(folder, "a.pbrt"), samples=4 * FEW),
+                                WAIT_SECONDS)
+                    autoscaler.kill()
+                    autoscaler.wait()
+                    self.assertTrue(running(), "they outlive it")
+                    autoscaler = start()
+                    farms.wait_until(lambda: not running(), 30, "no workers after the cool-down")
+                    client.wait(client.submit(write_scene(folder, "b.pbrt"), samples=FEW),
+                                WAIT_SECONDS)
+                    farms.wait_until(lambda: not running(), 30, "no workers again")
+                finally:
+                    autoscaler.terminate()
+                    autoscaler.wait()
+                    for worker in running():  # Where the test has failed.
+                        client.drain([worker.name], then_exit=True)
+            self.assertEqual(farm.metrics()["sheaf_workers_lost_total"], 0)
+
     def test_a_farm_with_certificates(self):
         with SecureFarm() as farm:
             def home(name):
