@@ -96,7 +96,7 @@ class ThreadUse:
 
 
 class Controller:
-    """Call step() every few seconds, from one thread. prefix: of the names of the engine's instances,
+    """Call step() every few seconds, from one thread. prefix: of the names of the instances,
     so that workers of other engines count as those that somebody else started.
     """
 
