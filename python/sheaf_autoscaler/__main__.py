@@ -22,6 +22,7 @@ LOG = logging.getLogger("sheaf-autoscaler")
 # Without a controller, the workers of a pool that may be empty end after so many cool-downs.
 ORPHAN_COOL_DOWNS = 4
 WORKERS_LIMIT = 10_000
+SECONDS_MIN = 0.1
 NAME = re.compile(r"[A-Za-z0-9._@-]{1,32}")
 UNITS = {"s": 1, "m": 60, "h": 3600, "d": 86400}
 
@@ -34,6 +35,14 @@ def duration(text: str) -> float:
     if not parts or "".join(n + u for n, u in parts) != text:
         raise argparse.ArgumentTypeError(f'"{text}": write for example 90s, 10m or 1h30m')
     return sum(float(number) * UNITS[unit] for number, unit in parts)
+
+
+def some_time(text: str) -> float:
+    """A duration that divides, or is slept for."""
+    seconds = duration(text)
+    if seconds < SECONDS_MIN:
+        raise argparse.ArgumentTypeError(f'"{text}": is less than {SECONDS_MIN} s; give more')
+    return seconds
 
 
 def name(text: str) -> str:
@@ -71,11 +80,11 @@ def parser() -> argparse.ArgumentParser:
         help="of each worker, in GiB; jobs that require more are left to others")
     add("--cool-down", type=duration, default=300.0, metavar="TIME",
         help="a worker that was not needed for so long goes (default: 5m)")
-    add("--queue-time", type=duration, default=600.0, metavar="TIME",
+    add("--queue-time", type=some_time, default=600.0, metavar="TIME",
         help="work without a deadline should take so long (default: 10m)")
     add("--start-time", type=duration, default=30.0, metavar="TIME",
         help="from the wish for a worker to its first lease (default: 30s)")
-    add("--look-every", type=duration, default=5.0, metavar="TIME", help="default: 5s")
+    add("--look-every", type=some_time, default=5.0, metavar="TIME", help="default: 5s")
     add("--worker", default="sheaf-worker", metavar="PATH", help="the program of workers")
     add("--worker-option", action="append", default=[], metavar="OPTION",
         help="passed on to workers, as --worker-option=--sandbox=required")

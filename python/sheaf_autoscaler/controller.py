@@ -158,7 +158,8 @@ class Controller:
         if not self._targets:  # After a start, what is there stays for a cool-down.
             self._targets.append((now, min(staying, self._bounds.workers_max)))
         self._targets.append((now, target))
-        while now - self._targets[0][0] >= self._bounds.cool_down_seconds:
+        while (len(self._targets) > 1
+               and now - self._targets[0][0] >= self._bounds.cool_down_seconds):
             self._targets.popleft()
 
     def _note_losses(self, look: Look, staying: int, is_connected: bool) -> None:

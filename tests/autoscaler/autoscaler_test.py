@@ -133,6 +133,11 @@ class PoolTest(unittest.TestCase):
         self.assertLess(pool.now - pool.jobs[0].end_time, COOL_DOWN + 10)
         self.assertEqual(pool.worker_seconds > 0, True)
 
+    def test_no_cool_down(self):
+        pool = SimPool([SimJob("jobs/1", 1000, 1000, 0.2)])
+        simulate(pool, Controller(pool, pool, dataclasses.replace(BOUNDS, cool_down_seconds=0)))
+        self.assertLess(pool.now - pool.jobs[0].end_time, 20)
+
     def test_the_floor_stays(self):
         pool = SimPool([SimJob("jobs/1", 100, 100, 0.2)])
         simulate(pool, Controller(pool, pool, dataclasses.replace(BOUNDS, workers_min=2)))
@@ -329,7 +334,8 @@ class CommandLineTest(unittest.TestCase):
 
     def test_refusals(self):
         for words in (["--threads", "0"], ["--threads", "2", "--max", "0"],
-                      ["--threads", "2", "--pool", "a b"], ["--threads", "2", "--cool-down", "5x"]):
+                      ["--threads", "2", "--pool", "a b"], ["--threads", "2", "--cool-down", "5x"],
+                      ["--threads", "2", "--look-every", "0s"]):
             done = subprocess.run(
                 [sys.executable, "-m", "sheaf_autoscaler", "--engine", "local", *words],
                 env=dict(os.environ, PYTHONPATH=sys.path[0]), capture_output=True, text=True,
