@@ -12,7 +12,8 @@ import time
 
 START_SECONDS_MAX = 60
 SLURMD_TIMEOUT_SECONDS = 5  # A silent node is down after it.
-PREEMPTION_GRACE_SECONDS = 5
+# More than the --grace-seconds of the workers.
+PREEMPTION_GRACE_SECONDS = KILL_WAIT_SECONDS = 30
 
 CONFIGURATION = """\
 ClusterName=sheaf
@@ -48,7 +49,7 @@ PreemptExemptTime=0
 SlurmctldTimeout=30
 SlurmdTimeout={slurmd_timeout}
 MinJobAge=10
-KillWait=10
+KillWait={kill_wait}
 SlurmdParameters=config_overrides
 NodeName=n[1-{nodes}] NodeHostname=localhost NodeAddr=127.0.0.1 Port=[{first}-{last}] CPUs=1 \
 RealMemory=4000 State=UNKNOWN
@@ -104,7 +105,7 @@ class Cluster:
             file.write(CONFIGURATION.format(
                 folder=self.folder, port=self._port, nodes=len(self.nodes), first=self._port + 1,
                 last=self._port + len(self.nodes), slurmd_timeout=SLURMD_TIMEOUT_SECONDS,
-                grace=PREEMPTION_GRACE_SECONDS))
+                grace=PREEMPTION_GRACE_SECONDS, kill_wait=KILL_WAIT_SECONDS))
         self._munged = subprocess.Popen(
             ["munged", "--foreground", "--force", f"--socket={self.path('munge', 'socket')}",
              f"--key-file={self.path('munge', 'key')}", f"--pid-file={self.path('munge', 'pid')}",

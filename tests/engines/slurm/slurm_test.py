@@ -13,6 +13,7 @@ import logging
 import os
 import random
 import shutil
+import signal
 import statistics
 import subprocess
 import sys
@@ -211,10 +212,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--times", type=int, default=20, help="of each kind of fault")
     parser.add_argument("--kind", action="append", choices=sorted(KINDS))
+    parser.add_argument("--blocks", type=int, default=24,
+                        help=f"of samples of a fault's job, of {TILES} tasks each")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=600, help="no fault begins later")
     options = parser.parse_args()
     random.seed(options.seed)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))  # Ends the cluster, too.
     logging.basicConfig(level=logging.WARNING)
     package = tempfile.mkdtemp(prefix="sheaf-package-")
     subprocess.run([sys.executable, "setup.py", "-q", "build", "--build-base", package,
@@ -235,14 +239,14 @@ def main():
 
 
 def play_faults(slurm, options, end):
-    blocks = 24
-    expected = slurm.wait(slurm.submit(blocks, 256))
+    expected = slurm.wait(slurm.submit(options.blocks, 256))
     kinds = options.kind or list(KINDS)
     results = {kind: [] for kind in kinds}
     for _ in range(options.times):
         for kind in kinds:  # In turns.
             if time.monotonic() < end:
-                results[kind].append(play_fault(slurm, kind, blocks, expected))
+                results[kind].append(play_fault(slurm, kind, options.blocks, expected))
+                print(kind, *results[kind][-1], file=sys.stderr, flush=True)
     print("| fault | times | image equal | workers lost | job s, median | max |", flush=True)
     print("|---|---|---|---|---|---|")
     ok = True
