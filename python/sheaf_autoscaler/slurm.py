@@ -130,9 +130,9 @@ def seconds_of(text: str) -> float:
 
 def _quoted(word: str) -> str:
     """For a shell. Variables of Slurm stay, so that paths may name them."""
-    if not re.search(r"\$\{?SLURM_\w+", word):
+    if not re.search(r"\$\{?SLURMD?_\w+", word):
         return shlex.quote(word)
-    if re.search(r'[`"\\]|\$(?!\{?SLURM_)', word):
+    if re.search(r'[`"\\]|\$(?!\{?SLURMD?_)', word):
         raise EngineError(f"{word}: has a variable of Slurm and other characters of a shell; use "
                           "letters, digits, / and - beside the variable")
     return f'"{word}"'

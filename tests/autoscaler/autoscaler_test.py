@@ -268,7 +268,8 @@ class SlurmTest(unittest.TestCase):
                 ["--engine", "slurm", "--threads", "4", "--slurm-partition", "render",
                  "--slurm-account", "film", "--slurm-qos", "low", "--slurm-constraint", "avx2",
                  "--slurm-exclusive", "--slurm-option=--nice=50",
-                 "--cache-dir", "/scratch/$SLURM_JOB_USER/cache", "--worker-option=a b"])
+                 "--cache-dir", "/scratch/$SLURM_JOB_USER/$SLURMD_NODENAME",
+                 "--worker-option=a b"])
             engine = make_engine(options, "farm:7400")
             with mock.patch.dict(os.environ, PATH=f"{folder}:{os.environ['PATH']}"):
                 engine.grow(3)
@@ -284,7 +285,7 @@ class SlurmTest(unittest.TestCase):
             self.assertIn("--name=sheaf-default-", squeue)
             with open(os.path.join(folder, "script"), encoding="utf-8") as file:
                 script = file.read()
-            self.assertIn('"/scratch/$SLURM_JOB_USER/cache"', script)
+            self.assertIn('"/scratch/$SLURM_JOB_USER/$SLURMD_NODENAME"', script)
             self.assertIn("'a b'", script)
             self.assertTrue(script.startswith("#!/bin/bash\nexec sheaf-worker "))
             self.assertIn("instance.slurm.$SLURM_ARRAY_JOB_ID.$SLURM_ARRAY_TASK_ID", script)
