@@ -18,6 +18,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
 #include "cli/commands/farm_command.h"
+#include "cli/duration.h"
 #include "cli/image/terminal_image.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/job_json.h"
@@ -96,6 +97,20 @@ std::string KeptText(const v1::Job& job) {
   return job.pinned() ? "pinned: all, until sheaf unpin" : "as the coordinator's limits say";
 }
 
+// Says until when the job should be done, and whether it will be, by the band of its time left.
+std::string DeadlineText(const v1::Job& job) {
+  const absl::Time deadline = absl::FromUnixSeconds(job.deadline().time().seconds());
+  std::string text = absl::FormatTime("%Y-%m-%d %H:%M", deadline, absl::LocalTimeZone());
+  const v1::Progress& progress = job.progress();
+  if (job.has_end_time() || !progress.has_remaining_duration_high()) return text;
+  const double left = absl::ToDoubleSeconds(deadline - absl::Now());
+  return absl::StrCat(text,
+                      Seconds(progress.remaining_duration_high()) <= left  ? ", made"
+                      : Seconds(progress.remaining_duration_low()) <= left ? ", at risk"
+                                                                           : ", missed",
+                      " by the forecast");
+}
+
 // Says which workers the job may use.
 std::string RequirementsText(const v1::WorkerRequirements& required) {
   std::string text = absl::StrCat("of the pool ", Printable(required.pool()));
@@ -128,6 +143,9 @@ void PrintJob(const v1::Job& job) {
   if (const int count = job.unapproved_frame_count(); count > 0) {
     std::printf("approval   %d %s: sheaf approve %s\n", count,
                 count == 1 ? "frame waits" : "frames wait", job.name().c_str());
+  }
+  if (job.has_deadline()) {
+    std::printf("deadline   %s\n", DeadlineText(job).c_str());
   }
   std::printf("progress   %s\n", FormatProgress(job).c_str());
   std::printf("rays       %s\n",

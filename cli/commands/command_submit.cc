@@ -18,6 +18,7 @@
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
 #include "cli/message.h"
+#include "cli/quote/deadline.h"
 #include "cli/quote/quote.h"
 #include "common/rpc/address.h"
 #include "worker/render/ablation/plan_measurement.h"
@@ -51,6 +52,9 @@ class SubmitCommand : public Command {
     command->add_option("--approve-after", approve_after_,
                         "Render so many samples per pixel, a power of two; the rest after sheaf "
                         "approve");
+    command->add_option("--deadline", deadline_,
+                        "Until when it should be done: 18:00 or \"2026-05-04 18:00\". The quote "
+                        "says whether the farm makes it; sheaf-autoscaler keeps workers for it");
     command
         ->add_option(
             "--measure", measure_seconds_,
@@ -64,6 +68,7 @@ class SubmitCommand : public Command {
         "  job=$(sheaf submit room.pbrt) && sheaf watch \"$job\" -o room.exr\n"
         "  sheaf submit comp.pbrt --frames 1-24 --after jobs/7:frames\n"
         "  sheaf submit room.pbrt --samples 4096 --approve-after 64\n"
+        "  sheaf submit room.pbrt --target-error 0.01 --deadline 18:00\n"
         "First it prints a quote from a pilot of a few pixels; --no-quote skips it. Ctrl-C ends\n"
         "the wait, never the job.");
     return command;
@@ -71,6 +76,9 @@ class SubmitCommand : public Command {
 
   ExitCode Run() override {
     if (absl::Status status = CheckJobArguments(arguments_); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
+    if (absl::Status status = ReadDeadline(); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);
     }
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
@@ -99,12 +107,10 @@ class SubmitCommand : public Command {
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
     }
-    if (!no_quote_) {
-      if (absl::Status status = PrintQuote(&client, *job); absl::IsCancelled(status)) {
-        return ReportCallError(status);
-      }
-    }
     v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, *job);
+    if (absl::Status status = QuoteAndJudge(&client, *job, &request); !status.ok()) {
+      return ReportCallError(status);
+    }
     if (measure_seconds_ > 0) {
       const absl::StatusOr<std::vector<v1::EffectCost>> costs =
           MeasureEffects(arguments_, measure_seconds_);
@@ -141,9 +147,45 @@ class SubmitCommand : public Command {
     }
   }
 
+  absl::Status ReadDeadline() {
+    if (deadline_.empty()) return absl::OkStatus();
+    const absl::StatusOr<absl::Time> time =
+        ParseDeadline(deadline_, absl::Now(), absl::LocalTimeZone());
+    if (time.ok()) deadline_time_ = *time;
+    return time.status();
+  }
+
+  // Prints the quote, unless it is not wanted, and judges the deadline by it. Errors: kCancelled.
+  absl::Status QuoteAndJudge(FarmClient* client, const PreparedJob& job,
+                             v1::CreateJobRequest* request) {
+    const absl::StatusOr<Quote> quote =
+        no_quote_ ? absl::StatusOr<Quote>(absl::UnavailableError("not wanted"))
+                  : PrintQuote(client, job);
+    if (absl::IsCancelled(quote.status())) return quote.status();
+    if (deadline_.empty()) return absl::OkStatus();
+    v1::Deadline& deadline = *request->mutable_deadline();
+    deadline.mutable_time()->set_seconds(absl::ToUnixSeconds(deadline_time_));
+    const QuoteRow* const row =
+        quote.ok() ? RowOfJob(*quote, arguments_.stop.target_error) : nullptr;
+    if (row == nullptr) {
+      PrintNote(
+          "without a quote nobody knows yet whether the farm makes the deadline; sheaf show "
+          "tells the time left");
+      return absl::OkStatus();
+    }
+    PrintInfo(JudgeDeadline(deadline_time_, absl::Now(), absl::LocalTimeZone(), *row,
+                            quote->thread_count));
+    if (row->cpu_seconds.value > 0) {
+      deadline.mutable_cpu_seconds()->set_value(row->cpu_seconds.value);
+      deadline.mutable_cpu_seconds()->set_low(row->cpu_seconds.low);
+      deadline.mutable_cpu_seconds()->set_high(row->cpu_seconds.high);
+    }
+    return absl::OkStatus();
+  }
+
   // Prints the quote on standard error. A farm that cannot answer in time does not prevent the
   // submission.
-  absl::Status PrintQuote(FarmClient* client, const PreparedJob& job) {
+  absl::StatusOr<Quote> PrintQuote(FarmClient* client, const PreparedJob& job) {
     QuoteArguments asked{.targets = kQuotedErrors, .wait_max = kQuoteWaitMax};
     if (const double target = arguments_.stop.target_error; target > 0) {
       asked.targets = {target};
@@ -155,13 +197,15 @@ class SubmitCommand : public Command {
     } else if (!absl::IsCancelled(quote.status())) {
       PrintNote(absl::StrCat("no quote: ", quote.status().message()));
     }
-    return quote.status();
+    return quote;
   }
 
   JobArguments arguments_;
   FarmAddress coordinator_;
   bool wait_ = false, json_ = false, no_quote_ = false;
   double measure_seconds_ = 0;
+  std::string deadline_;
+  absl::Time deadline_time_ = absl::InfiniteFuture();
   std::vector<std::string> after_;
   uint64_t approve_after_ = 0;
 };

@@ -236,6 +236,8 @@ std::string JobJson(const v1::Job& job) {
       {"training_frame_count", job.training_frame_count()},
       {"unapproved_frame_count", job.unapproved_frame_count()},
       {"dependencies", Json::array()},
+      {"deadline_time", TimeJson(job.has_deadline(), job.deadline().time())},
+      {"held", job.held()},
       {"pinned", job.pinned()},
       {"parts_removed_time", TimeJson(job.has_parts_removed_time(), job.parts_removed_time())},
       {"create_time", TimeJson(job.has_create_time(), job.create_time())},

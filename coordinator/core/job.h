@@ -17,6 +17,7 @@
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
+#include "coordinator/core/deadline.h"
 #include "coordinator/core/holds/job_holds.h"
 #include "coordinator/core/sharing/requirements.h"
 #include "coordinator/core/sharing/share_setting.h"
@@ -72,6 +73,7 @@ struct JobSpec {
   std::vector<EffectCost> effect_costs;  // For the first frame's scene; empty: not measured.
   std::vector<JobDependency> dependencies;
   std::map<int32_t, FrameApproval> approvals;  // By frame; empty: nothing waits for approval.
+  Deadline deadline;
 };
 
 // Ids of pilots begin here, so that those of other jobs have no gaps.

@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int64_t kSchemaVersion = 29;
+constexpr int64_t kSchemaVersion = 30;
 
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -248,6 +248,13 @@ CREATE TABLE approvals(
 CREATE TABLE drains(
   worker_id TEXT PRIMARY KEY, then_exit INTEGER NOT NULL, time_ns INTEGER NOT NULL) WITHOUT ROWID;
 )sql";
+// Images do not depend on these columns: no seal covers them.
+constexpr char kAddedBy30[] = R"sql(
+ALTER TABLE jobs ADD COLUMN deadline_ns INTEGER NOT NULL DEFAULT 9223372036854775807;
+ALTER TABLE jobs ADD COLUMN quoted_cpu_seconds REAL NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN quoted_cpu_seconds_low REAL NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN quoted_cpu_seconds_high REAL NOT NULL DEFAULT 0;
+)sql";
 
 // "table.column" of all.
 absl::StatusOr<std::set<std::string>> ColumnsOf(SqliteDatabase* database) {
@@ -280,11 +287,12 @@ absl::Status MigrateSchema(SqliteDatabase* database, const std::string& path) {
   }
   if (version == kSchemaVersion) return absl::OkStatus();
   std::string statements = absl::StrCat("BEGIN;", version == 0 ? kSchema : "");
-  const char* const added[] = {
-      kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,  kAddedBy7,  kAddedBy8,
-      kAddedBy9,  kAddedBy10, kAddedBy11, kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15,
-      kAddedBy16, kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21, kAddedBy22,
-      kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26, kAddedBy27, kAddedBy28, kAddedBy29};
+  const char* const added[] = {kAddedBy2,  kAddedBy3,  kAddedBy4,  kAddedBy5,  kAddedBy6,
+                               kAddedBy7,  kAddedBy8,  kAddedBy9,  kAddedBy10, kAddedBy11,
+                               kAddedBy12, kAddedBy13, kAddedBy14, kAddedBy15, kAddedBy16,
+                               kAddedBy17, kAddedBy18, kAddedBy19, kAddedBy20, kAddedBy21,
+                               kAddedBy22, kAddedBy23, kAddedBy24, kAddedBy25, kAddedBy26,
+                               kAddedBy27, kAddedBy28, kAddedBy29, kAddedBy30};
   int64_t adds = 2;
   for (const char* of_version : added) {
     if (version < adds++) statements += of_version;

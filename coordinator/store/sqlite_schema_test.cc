@@ -21,7 +21,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// Takes away what schemas 23 to 29 added.
+// Takes away what schemas 23 to 30 added.
 constexpr char kWithout23[] =
     "ALTER TABLE frames DROP COLUMN light_samples_max;DROP TABLE task_failures;"
     "ALTER TABLE jobs DROP COLUMN pinned;ALTER TABLE jobs DROP COLUMN parts_removed_ns;"
@@ -29,7 +29,10 @@ constexpr char kWithout23[] =
     "ALTER TABLE jobs DROP COLUMN show;ALTER TABLE jobs DROP COLUMN pool;"
     "ALTER TABLE jobs DROP COLUMN required_tags;ALTER TABLE jobs DROP COLUMN memory_min_bytes;"
     "ALTER TABLE jobs DROP COLUMN memory_expected_bytes;DROP TABLE shares;DROP TABLE usage;DROP "
-    "TABLE dependencies;DROP TABLE approvals;DROP TABLE drains;";
+    "TABLE dependencies;DROP TABLE approvals;DROP TABLE drains;"
+    "ALTER TABLE jobs DROP COLUMN deadline_ns;ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds;"
+    "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds_low;"
+    "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds_high;";
 
 // A store with one job.
 class SqliteSchemaTest : public testing::Test {

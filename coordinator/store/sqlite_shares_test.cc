@@ -21,6 +21,7 @@ TEST(SqliteSharesTest, SettingsAndRequirementsSurviveAReopen) {
   const ShareSetting setting{2.5, 64};
   JobSpec spec;
   spec.show = "comet";
+  spec.deadline = {absl::FromUnixSeconds(1'700'000'000), 90, 80, 110};
   spec.requirements = {"big", {"avx", "ssd"}, uint64_t{1} << 34, 12345};
   spec.frames.resize(1);
   spec.frames[0].scene = {Sha256Hex("scene"), 1};
@@ -42,6 +43,7 @@ TEST(SqliteSharesTest, SettingsAndRequirementsSurviveAReopen) {
   ASSERT_TRUE(jobs.ok() && jobs->size() == 1);
   EXPECT_EQ((*jobs)[0].damage, "");
   EXPECT_EQ((*jobs)[0].spec.show, "comet");
+  EXPECT_EQ((*jobs)[0].spec.deadline, spec.deadline);
   EXPECT_EQ((*jobs)[0].spec.requirements, spec.requirements);
   store->reset();
   std::filesystem::remove_all(directory);

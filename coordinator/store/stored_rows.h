@@ -71,6 +71,10 @@ void VisitColumns(Row& sealed, const Visitor& visit) {
   visit("required_tags", row.spec.requirements.tags);
   visit("memory_min_bytes", row.spec.requirements.memory_min_bytes);
   visit("memory_expected_bytes", row.spec.requirements.memory_expected_bytes);
+  visit("deadline_ns", row.spec.deadline.time);
+  visit("quoted_cpu_seconds", row.spec.deadline.cpu_seconds);
+  visit("quoted_cpu_seconds_low", row.spec.deadline.cpu_seconds_low);
+  visit("quoted_cpu_seconds_high", row.spec.deadline.cpu_seconds_high);
 }
 inline int64_t SealOf(const StoredJob& job) {
   return SealOfColumns([&job](const auto& visit) { VisitFixedColumns(job, visit); });

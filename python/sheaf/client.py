@@ -40,18 +40,20 @@ def job_name(job: JobLike) -> str:
 
 
 def connect(address: str | None = None, *, insecure: bool = False,
-            programs: str | os.PathLike[str] | None = None) -> Client:
+            programs: str | os.PathLike[str] | None = None,
+            answer_seconds: float | None = None) -> Client:
     """Makes a client of the coordinator at "HOST:PORT" or "HOST" (port 7400).
 
     Without an address, that of the environment variable SHEAF_COORDINATOR, otherwise
     127.0.0.1:7400. It uses the certificate that `sheaf login` has stored for the address. insecure:
     connect without encryption to another machine, for experiments. programs: the folder of Sheaf's
-    programs; default: PATH.
+    programs; default: PATH. answer_seconds: for how long calls are repeated while the coordinator
+    does not answer; default: see Client.
 
     Raises NotLoggedInError and InvalidRequestError. A coordinator that does not answer is an error
     of the first call.
     """
-    return Client(Connection(coordinator_address(address), insecure, programs))
+    return Client(Connection(coordinator_address(address), insecure, programs, answer_seconds))
 
 
 class Client:
@@ -242,6 +244,18 @@ class Client:
     def list_workers(self) -> list[Worker]:
         response = self._unary("ListWorkers", job_pb2.ListWorkersRequest())
         return list(map(worker_from, response.workers))
+
+    def drain(self, workers: Sequence[str], *, then_exit: bool = False) -> list[Worker]:
+        """They finish what they hold and get nothing more, until undrain(). then_exit: they end
+        then. workers: names as Worker.name has them.
+        """
+        request = job_pb2.DrainWorkersRequest(names=list(workers), then_exit=then_exit)
+        return list(map(worker_from, self._unary("DrainWorkers", request).workers))
+
+    def undrain(self, workers: Sequence[str]) -> list[Worker]:
+        """Gives workers work again."""
+        request = job_pb2.UndrainWorkersRequest(names=list(workers))
+        return list(map(worker_from, self._unary("UndrainWorkers", request).workers))
 
     def lift_quarantine(self, identity: str) -> None:
         """Gives an identity in quarantine (Worker.identity) work again."""

@@ -74,8 +74,10 @@ class Connection:
     """May be used by several threads."""
 
     def __init__(self, address: Address, insecure: bool,
-                 programs: str | os.PathLike[str] | None) -> None:
+                 programs: str | os.PathLike[str] | None,
+                 answer_seconds: float | None = None) -> None:
         self.address, self.insecure, self.programs = address, insecure, programs
+        self._answer_seconds = answer_seconds
         self._lock = threading.Lock()
         self._answered = False
         self._credentials: Credentials | None = None
@@ -97,8 +99,10 @@ class Connection:
 
         end: by time.monotonic(), no attempt begins later.
         """
-        limit = time.monotonic() + (LATER_ANSWER_SECONDS if self._answered
-                                    else FIRST_ANSWER_SECONDS)
+        repeated_for: float = LATER_ANSWER_SECONDS if self._answered else FIRST_ANSWER_SECONDS
+        if self._answer_seconds is not None:
+            repeated_for = self._answer_seconds
+        limit = time.monotonic() + repeated_for
         limit = limit if end is None else min(limit, end)
         backoff, told, reopened = BACKOFF_SECONDS_MIN, False, False
         while True:

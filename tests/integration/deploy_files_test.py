@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The units of deploy/systemd and the templates of deploy/openjd and deploy/opencue.
+"""The units of deploy/systemd, the templates of deploy/openjd and deploy/opencue, and the manifests
+of deploy/kubernetes.
 
 They call the programs with options that exist; the templates have the fields that OpenJD
 (specification 2023-09) and OpenCue (job specification cjsl-1.14) require. Neither farm manager is
-run here.
+run here. Schemas of the manifests: tests/engines/kubernetes.
 """
 import glob
 import json
@@ -97,6 +98,43 @@ class DeployFilesTest(unittest.TestCase):
         order = ["cmd", "range", "chunk", "cores", "threadable", "memory", "services"]
         self.assertEqual([child.tag for child in layer], order)
         self.assertEqual(refused_options(layer.find("cmd").text.split()), set())
+
+    def test_kubernetes_manifests(self):
+        arguments = {}
+        for program in ("worker", "coordinator"):
+            text = read("kubernetes", "base", program + ".yaml")
+            text = text[text.index(f'command: ["sheaf-{program}"]'):]
+            arguments[program] = re.findall(r"^            - (--\S+)$", text, re.M)
+            self.assertGreater(len(arguments[program]), 3)
+            self.assertEqual(refused_options(["sheaf-" + program, *arguments[program]]), set())
+        grace, = (a for a in arguments["worker"] if a.startswith("--grace-seconds="))
+        notice = re.search(r"terminationGracePeriodSeconds: (\d+)",
+                           read("kubernetes", "base", "worker.yaml"))
+        self.assertGreater(int(notice[1]), int(grace.partition("=")[2]))
+        patched = 0
+        for path in glob.glob(os.path.join(DEPLOY, "kubernetes", "overlays", "*", "kust*.yaml")):
+            with open(path, encoding="utf-8") as file:
+                text = file.read()
+            # Patches name arguments by their place: that of the same option.
+            replaced = re.findall(r"containers/0/args/(\d+)\n +value: (--[a-z-]+)=", text)
+            for place, option in replaced:
+                self.assertEqual(arguments["worker"][int(place)].partition("=")[0], option, path)
+                patched += 1
+            for option in re.findall(r"containers/0/args/-\n +value: (--[a-z-]+)", text):
+                known = [p for p in arguments if not refused_options(["sheaf-" + p, option])]
+                self.assertNotEqual(known, [], path)
+        self.assertEqual(patched, 2)
+        metrics = set(re.findall(r"query: sum\((\w+)", read("kubernetes", "overlays", "production",
+                                                           "scaling.yaml")))
+        self.assertEqual(metrics, {"sheaf_work_left_cpu_seconds", "sheaf_workers"})
+
+    def test_image_has_run_time_packages_and_programs(self):
+        text = read("image", "Containerfile")
+        self.assertIn("\nUSER 10001:10001\n", text)
+        self.assertIn("\nHEALTHCHECK ", text)
+        packages = re.findall(r"^run (\S+)$", read("packages.txt"), re.M)
+        self.assertGreater(len(packages), 10)
+        self.assertFalse([p for p in packages if p.endswith("-dev")])
 
 
 if __name__ == "__main__":

@@ -63,7 +63,8 @@ class PackageTest(unittest.TestCase):
         done = subprocess.run(
             ["/usr/bin/mypy", "--config-file", os.path.join(PACKAGE, "pyproject.toml"),
              "--python-executable", sys.executable, "--cache-dir", os.path.join(BUILT, ".mypy"),
-             "-p", "sheaf", *(part for path in sorted(glob.glob(PACKAGE + "/examples/*.py"))
+             "-p", "sheaf", "-p", "sheaf_autoscaler",
+             *(part for path in sorted(glob.glob(PACKAGE + "/examples/*.py"))
                               for part in ("-m", os.path.basename(path)[:-3]))],
             cwd=BUILT, env=dict(os.environ, MYPYPATH=f"{BUILT}:{PACKAGE}/examples"),
             capture_output=True, text=True, timeout=120 * farms.TIME_SCALE)
@@ -77,8 +78,7 @@ class PackageTest(unittest.TestCase):
             text = file.read()
         unused = {call for call in calls if f'"{call}"' not in text and f".{call}(" not in text}
         self.assertEqual(unused, {"CreateJob", "CollectGarbage", "SetShare", "ResetShare",
-                                  "ListShares", "ListUsage", "DrainWorkers", "UndrainWorkers",
-                                  "ReadTaskBundle"})
+                                  "ListShares", "ListUsage", "ReadTaskBundle"})
 
     def test_states_are_those_of_the_messages(self):
         from sheaf.v1 import frame_pb2, job_pb2
@@ -310,6 +310,43 @@ class OtherFarmsTest(unittest.TestCase):
                 farm.start_coordinator()
                 farm.start_worker()
                 self.assertIs(list(changes)[-1].state, sheaf.JobState.SUCCEEDED)
+
+    def test_the_autoscaler_starts_workers_and_drains_them(self):
+        """Also over its own death: it has no state."""
+        def start():
+            command = [sys.executable, "-m", "sheaf_autoscaler", "--engine", "local",
+                       "--coordinator", farm.address, "--threads", "1", "--max", "2",
+                       "--cool-down", "2s", "--queue-time", "1s", "--look-every", "0.3s",
+                       "--worker", os.path.join(farms.programs(), "sheaf-worker"),
+                       "--cache-dir", farm.path("cache"), "--log-file", farm.path("workers.log")]
+            with open(farm.path("autoscaler.log"), "ab") as log:
+                return subprocess.Popen(command, env=dict(os.environ, PYTHONPATH=BUILT),
+                                        stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+        def running():
+            return [w for w in client.list_workers() if any(
+                tag.startswith("instance.local.") for tag in w.message.tags)
+                and w.state in (sheaf.WorkerState.IDLE, sheaf.WorkerState.BUSY)]
+        with farms.Farm() as farm, tempfile.TemporaryDirectory() as folder:
+            with sheaf.connect(farm.address, programs=farms.programs()) as client:
+                autoscaler = start()
+                try:
+                    client.wait(client.submit(write_scene(folder, "a.pbrt"), samples=4 * FEW),
+                                WAIT_SECONDS)
+                    autoscaler.kill()
+                    autoscaler.wait()
+                    self.assertTrue(running(), "they outlive it")
+                    autoscaler = start()
+                    farms.wait_until(lambda: not running(), 30, "no workers after the cool-down")
+                    client.wait(client.submit(write_scene(folder, "b.pbrt"), samples=FEW),
+                                WAIT_SECONDS)
+                    farms.wait_until(lambda: not running(), 30, "no workers again")
+                finally:
+                    autoscaler.terminate()
+                    autoscaler.wait()
+                    for worker in running():  # Where the test has failed.
+                        client.drain([worker.name], then_exit=True)
+            self.assertEqual(farm.metrics()["sheaf_workers_lost_total"], 0)
 
     def test_a_farm_with_certificates(self):
         with SecureFarm() as farm:

@@ -58,6 +58,23 @@ class SchedulingHoldsTest(unittest.TestCase):
             return there[0] if len(there) == 1 else None
         return farm.wait_until(find, SECONDS_MAX, "one worker")
 
+    def test_deadlines_are_kept(self):
+        with farm.Farm() as f:
+            job = self.submit(f, "--deadline", "2100-01-02 10:30")
+            refused = f.sheaf("submit", self.scene, "--deadline", "2001-01-01 10:00", check=False)
+            self.assertEqual(refused.returncode, client_case.USAGE)
+            self.assertIn("has passed", refused.stderr)
+            self.assertIsNone(self.show(f, self.submit(f))["deadline_time"])
+            stated = self.show(f, job)["deadline_time"]
+            self.assertTrue(stated.startswith("2100-01-0"), stated)
+            self.assertFalse(self.show(f, job)["held"])
+            self.assertGreater(f.metrics()['sheaf_work_left_cpu_seconds{pool="default"}'], 0)
+            f.sheaf("pause", job)
+            self.assertTrue(self.show(f, job)["held"])
+            self.restart(f)
+            self.assertEqual(self.show(f, job)["deadline_time"], stated)
+            self.assertIn("deadline   2100-01-0", f.sheaf("show", job).stdout)
+
     def test_jobs_wait_for_jobs_and_frames_for_frames(self):
         with farm.Farm() as f:
             first = f.sheaf(*self.shot).stdout.strip()

@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "coordinator/scheduling/dependencies.h"
 #include "coordinator/service/farm/worker_views.h"
 
 namespace sheaf::coordinator {
@@ -146,6 +147,26 @@ FarmMetrics::LiveFigures FarmMetrics::ListLive(size_t count_max) const {
   return live;
 }
 
+std::vector<LeasableWork> FarmMetrics::ListLeasable() const {
+  std::vector<LeasableWork> works;
+  const JobRecords& jobs = tables_.scheduler.jobs();
+  for (const auto& [id, job] : jobs) {
+    if (job.phase != JobPhase::kLive || job.Paused() || !WhyHeld(jobs, job).empty()) continue;
+    uint64_t left = 0, all = 0;
+    for (const FrameRecord& frame : job.frames) {
+      if (frame.phase == FrameRecord::Phase::kIncomplete) continue;
+      const uint64_t expected = tables_.SamplesExpected({id, frame.number()}, frame);
+      left += expected - std::min(expected, frame.sample_count_done);
+      all += expected;
+    }
+    if (left == 0) continue;
+    double cost = WorkLeftOf(job, left).cpu_seconds_per_sample;
+    if (cost <= 0) cost = job.spec.deadline.cpu_seconds / static_cast<double>(all);
+    works.push_back({job.spec.requirements.pool, static_cast<double>(left), cost});
+  }
+  return works;
+}
+
 std::vector<MetricView> FarmMetrics::ListDisk() const {
   std::vector<MetricView> metrics = {
       Gauge("disk_writable", "Whether the last write to the state directory succeeded: 1 or 0.",
@@ -208,6 +229,7 @@ std::vector<MetricView> FarmMetrics::List() const {
     }
   }
   AddUserMetrics(live.users, &metrics);
+  AddWorkMetrics(ListLeasable(), &metrics);
   metrics.push_back({"sheaf_images_damaged_total",
                      "Delivered EXRs that were altered or removed on disk and are recreated.",
                      MetricView::Kind::kCounter, "", "",

@@ -15,6 +15,7 @@
 #include "coordinator/service/farm/disk_state.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/farm/upkeep/user_metrics.h"
+#include "coordinator/service/farm/upkeep/work_metrics.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/store/job_store.h"
 
@@ -52,6 +53,8 @@ class FarmMetrics {
   };
   // How live jobs stand, count_max of them one by one.
   LiveFigures ListLive(size_t count_max) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // Of all live jobs that are not held.
+  std::vector<LeasableWork> ListLeasable() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // The state directory's disk; without its size where the system does not tell it.
   std::vector<MetricView> ListDisk() const;
 

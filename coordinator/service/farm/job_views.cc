@@ -136,7 +136,9 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   view.failure_count = job.failures.count;
   view.frame_incomplete_count = job.incomplete_count;
   view.unapproved_frame_count = job.unapproved_count;
+  view.deadline = job.spec.deadline;
   const JobRecords& jobs = tables_.scheduler.jobs();
+  view.held = job.phase == JobPhase::kLive && (job.Paused() || !WhyHeld(jobs, job).empty());
   for (const JobDependency& dependency : job.spec.dependencies) {
     view.dependencies.push_back({absl::StrCat(dependency.job_id), dependency.by_frame,
                                  DependencyText(jobs, job, dependency)});

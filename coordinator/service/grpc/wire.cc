@@ -289,6 +289,7 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
     spec.frames.push_back(std::move(frame));
   }
   if (absl::Status held = TakeHolds(request, &spec); !held.ok()) return held;
+  if (absl::Status due = ReadDeadline(request, &spec); !due.ok()) return due;
   if (request.effect_costs_size() > kEffectCostsMax) {
     return Invalid("effect_costs", absl::StrCat("more than ", kEffectCostsMax));
   }
@@ -408,6 +409,7 @@ v1::Job ToWire(const JobView& view) {
   wire.set_training_frame_count(view.training_frame_count);
   wire.set_pinned(view.pinned);
   AddHolds(view, &wire);
+  AddDeadline(view, &wire);
   const absl::Time removed = view.parts_removed_time;
   if (removed != absl::InfiniteFuture()) SetTime(removed, wire.mutable_parts_removed_time());
   for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);

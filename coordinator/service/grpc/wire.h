@@ -45,6 +45,9 @@ void AddTroubles(const FrameView& view, v1::Job* job);
 // In wire_holds.cc, these two. Takes what holds the new job back. Errors: kInvalidArgument.
 absl::Status TakeHolds(const v1::CreateJobRequest& request, JobSpec* spec);
 void AddHolds(const JobView& view, v1::Job* job);
+// In wire_deadline.cc, these two. Errors: kInvalidArgument.
+absl::Status ReadDeadline(const v1::CreateJobRequest& request, JobSpec* spec);
+void AddDeadline(const JobView& view, v1::Job* job);
 v1::Worker ToWire(const WorkerView& view);
 // In wire_shares.cc, these five. Errors: kInvalidArgument.
 absl::Status ReadSharing(const v1::CreateJobRequest& request, JobSpec* spec);

@@ -176,6 +176,8 @@ Json JobObject(const JobView& job) {
       {"training_frame_count", job.training_frame_count},
       {"unapproved_frame_count", job.unapproved_frame_count},
       {"dependencies", DependenciesJson(job.dependencies)},
+      {"deadline_time", TimeJson(job.deadline.time)},
+      {"held", job.held},
       {"preview_frame", PreviewFrameJson(job)},
       {"progress", ProgressJson(job.progress)},
   };

@@ -150,6 +150,8 @@ struct JobView {
   int32_t training_frame_count = 0;
   int32_t unapproved_frame_count = 0;  // Delivered after a first pass, and wait for approval.
   std::vector<DependencyView> dependencies;
+  Deadline deadline;
+  bool held = false;  // Nothing of it may be leased now: paused, or it waits for jobs or people.
   std::vector<EffectCost> effect_costs;  // Empty unless measured, and in ListJobs.
   ProgressView progress;                 // Sums over the frames.
   // The frame with most activity: the first one that is started but not complete, or else the last

@@ -81,9 +81,13 @@ TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {
   EXPECT_TRUE(farm_->SetJobPriority(job, 0).ok());
   EXPECT_EQ(store_->control_writes_, 4);
   EXPECT_EQ(Metric("sheaf_jobs_paused"), 0);
+  EXPECT_GT(Metric("sheaf_work_left_cpu_seconds"), 0);
+  EXPECT_FALSE(farm_->FindJob(absl::StrCat(job))->held);
   EXPECT_TRUE(farm_->PauseJob(job).ok());
   EXPECT_EQ(Metric("sheaf_jobs_paused"), 1);
   EXPECT_EQ(Metric("sheaf_jobs_live"), 1) << "it has not ended";
+  EXPECT_EQ(Metric("sheaf_work_left_cpu_seconds"), 0) << "nothing of it may be leased";
+  EXPECT_TRUE(farm_->FindJob(absl::StrCat(job))->held);
 }
 
 // A second call to cancel a job is not answered before the first is durable: after a power cut the

@@ -1,0 +1,20 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Deadline: until when a job should be done, as its submitter says. It changes nothing in the order
+// of work: whoever starts workers may keep enough of them for it (docs/elastic.md).
+#pragma once
+
+#include "absl/time/time.h"
+
+namespace sheaf::coordinator {
+
+struct Deadline {
+  absl::Time time = absl::InfiniteFuture();  // InfiniteFuture: there is none.
+  // What the job was quoted to take, CPU time of workers, with the ends of its 80 % band; 0: no
+  // quote was made.
+  double cpu_seconds = 0, cpu_seconds_low = 0, cpu_seconds_high = 0;
+  friend bool operator==(const Deadline&, const Deadline&) = default;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,90 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""LocalEngine: workers as processes of this machine. They outlive the autoscaler, which finds them
+again in /proc by their tag.
+"""
+from __future__ import annotations
+
+import logging
+import os
+import secrets
+import signal
+import subprocess
+import time
+from typing import Iterator, Sequence
+
+from .engine import INSTANCE_PREFIX, EngineError, Instance, InstanceState
+
+LOG = logging.getLogger("sheaf-autoscaler")
+LOG_BYTES_MAX = 16 << 20  # Of the workers' log; a longer one is begun anew.
+CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+class LocalEngine:
+    """pool: told apart by its name, in the user's processes. command: the worker's, without tag.
+    log_path: of all workers.
+    """
+
+    def __init__(self, pool: str, command: Sequence[str], log_path: str) -> None:
+        self._prefix = f"{INSTANCE_PREFIX}local.{pool}."
+        self._command, self._log_path = list(command), log_path
+        self._children: list[subprocess.Popen[bytes]] = []
+
+    def count(self) -> int:
+        return len(self._processes())
+
+    def grow(self, count: int) -> None:
+        try:
+            too_long = os.path.getsize(self._log_path) > LOG_BYTES_MAX
+        except FileNotFoundError:
+            too_long = False
+        try:
+            with open(self._log_path, "wb" if too_long else "ab") as log:
+                for _ in range(count):
+                    self._children.append(subprocess.Popen(
+                        [*self._command, "--tag", self._prefix + secrets.token_hex(4)],
+                        stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True))
+        except OSError as error:
+            raise EngineError(f"a worker cannot be started: {error}; give --worker the program and "
+                              "--log-file a file that can be written") from error
+
+    def shrink(self, names: Sequence[str]) -> None:
+        for pid, name in self._processes():
+            if name in names:
+                try:
+                    os.kill(pid, signal.SIGTERM)
+                except ProcessLookupError:
+                    continue
+
+    def describe(self) -> list[Instance]:
+        now = time.clock_gettime(time.CLOCK_BOOTTIME)
+        instances = []
+        for pid, name in self._processes():
+            try:
+                with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
+                    # proc(5): field 22, counted after the name in parentheses, is the start.
+                    began = int(file.read().rpartition(")")[2].split()[19]) / CLOCK_TICKS
+            except (OSError, ValueError, IndexError):
+                continue
+            instances.append(Instance(name, InstanceState.RUNNING, now - began, f"process {pid}"))
+        return instances
+
+    def _processes(self) -> list[tuple[int, str]]:
+        self._children = [child for child in self._children if child.poll() is None]
+        return list(self._find())
+
+    def _find(self) -> Iterator[tuple[int, str]]:
+        own = os.getuid()
+        for entry in os.scandir("/proc"):
+            if not entry.name.isdigit():
+                continue
+            try:
+                if entry.stat().st_uid != own:
+                    continue
+                with open(f"/proc/{entry.name}/cmdline", "rb") as file:
+                    words = file.read().decode("utf-8", "replace").split("\0")
+            except OSError:  # It has ended.
+                continue
+            # The scene processes of a worker have other arguments.
+            if len(words) > 2 and words[-3] == "--tag" and words[-2].startswith(self._prefix):
+                yield int(entry.name), words[-2]
