@@ -68,7 +68,7 @@ class S3Cases:
         with self.job(fault.replace(" ", "-")) as (f, job, proxy, _):
             proxy.fault, proxy.share = fault, share
             if words:
-                farm.wait_until(lambda: words in f.log("coordinator"), 60, f"\"{words}\" in the log")
+                farm.wait_until(lambda: words in f.log("coordinator"), 60, words + " in the log")
             else:
                 time.sleep(FAULT_SECONDS)
             proxy.heal()
