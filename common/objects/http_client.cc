@@ -17,6 +17,8 @@ namespace sheaf {
 namespace {
 
 constexpr size_t kHeadersMax = 100;
+// How long a large body waits for a server that does not know "Expect: 100-continue".
+constexpr absl::Duration kExpectTimeMax = absl::Milliseconds(200);
 
 struct FreeList {
   void operator()(curl_slist* list) const { curl_slist_free_all(list); }
@@ -80,7 +82,7 @@ int IsCancelled(void* user, curl_off_t, curl_off_t, curl_off_t, curl_off_t) {
   return static_cast<const std::atomic<bool>*>(user)->load() ? 1 : 0;
 }
 
-HeaderList HeadersOf(const HttpRequest& request) {
+HeaderList HeadersOf(const HttpRequest& request, bool is_signed) {
   HeaderList list;
   const auto add = [&list](const std::string& line) {
     curl_slist* const longer = curl_slist_append(list.get(), line.c_str());
@@ -89,8 +91,8 @@ HeaderList HeadersOf(const HttpRequest& request) {
     list.reset(longer);
   };
   for (const auto& [name, value] : request.headers) add(absl::StrCat(name, ": ", value));
-  // A server that does not know "Expect: 100-continue" would cost a second for each large body.
-  add("Expect:");
+  // libcurl 7.88 would sign this header, which it does not send.
+  if (!is_signed) add("Expect:");
   return list;
 }
 
@@ -143,6 +145,8 @@ void HttpClient::Connection::SetUp(const HttpRequest& request, Transfer* transfe
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_LIMIT, 1L);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_TIME,
                    static_cast<long>(absl::ToInt64Seconds(kHttpStallTimeMax)));
+  curl_easy_setopt(handle, CURLOPT_EXPECT_100_TIMEOUT_MS,
+                   static_cast<long>(absl::ToInt64Milliseconds(kExpectTimeMax)));
   curl_easy_setopt(handle, CURLOPT_HTTPHEADER, headers);
   curl_easy_setopt(handle, CURLOPT_WRITEFUNCTION, WriteResponse);
   curl_easy_setopt(handle, CURLOPT_WRITEDATA, transfer);
@@ -206,7 +210,7 @@ absl::StatusOr<HttpResponse> HttpClient::Send(const HttpRequest& request,
   Transfer transfer;
   transfer.body = request.body;
   transfer.response_bytes_max = request.response_bytes_max;
-  const HeaderList headers = HeadersOf(request);
+  const HeaderList headers = HeadersOf(request, signing != nullptr);
   std::unique_ptr<Connection> connection = Take();
   connection->error[0] = '\0';
   connection->SetUp(request, &transfer, headers.get(), ca_file_);
