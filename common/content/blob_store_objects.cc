@@ -84,9 +84,9 @@ absl::Status BlobStore::MakeVisible(const BlobDigest& digest,
   const MutexLock lock(ObjectLockOf(digest));
   if (objects_ != nullptr && !HasObject(digest)) {
     if (absl::Status put = objects_->PutFile(ObjectKeyOf(digest), partial_path); !put.ok()) {
-      // To clients that code says that they may not upload.
-      return absl::IsPermissionDenied(put) ? absl::UnavailableError(std::string(put.message()))
-                                           : put;
+      // To clients other codes say that they did something wrong.
+      return absl::IsResourceExhausted(put) ? put
+                                            : absl::UnavailableError(std::string(put.message()));
     }
     const MutexLock known_lock(&known_mutex_);
     known_[digest.sha256_hex] = {digest.size_bytes, absl::Now()};

@@ -82,8 +82,8 @@ absl::Status SqliteJobStore::WriteObject(const PartRow& row, const std::string& 
     if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
     status = parts_->Put(name, bytes, PutMode::kReplace);
   }
-  if (!absl::IsPermissionDenied(status)) return status;
-  // To a worker that code says that its result is refused.
+  if (!absl::IsPermissionDenied(status) && !absl::IsFailedPrecondition(status)) return status;
+  // To a worker these codes say that its result is refused, or is to be sent otherwise.
   return absl::UnavailableError(std::string(status.message()));
 }
 

@@ -66,12 +66,12 @@ class CoordinatorObjectsTest : public CoordinatorServerTest {
   }
   static int Put(const PutTicket& ticket, const std::string& bytes) {
     HttpClient http("");
-    HttpRequest request;
+    sheaf::HttpRequest request;
     request.method = "PUT";
     request.url = ticket.url;
     request.headers = ticket.headers;
     request.body = bytes;
-    const absl::StatusOr<HttpResponse> response = http.Send(request, nullptr);
+    const absl::StatusOr<sheaf::HttpResponse> response = http.Send(request, nullptr);
     return response.ok() ? response->status : 0;
   }
 
