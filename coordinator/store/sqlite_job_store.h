@@ -140,6 +140,8 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::vector<StoredJob>> ReadJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // The object of a part that has no row. Errors: kAlreadyExists (it has one).
   absl::Status WriteObject(const PartRow& row, const std::string& bytes);
+  // After a commit that failed.
+  void RemoveUnlessAcknowledged(const PartRow& row);
   // Returns when the group of the part is durable, or is not and will not be.
   absl::Status CommitPart(const PartRow& row);
   void CommitGroup(const std::vector<PendingPart*>& parts);

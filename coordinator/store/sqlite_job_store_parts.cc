@@ -45,16 +45,23 @@ class SqliteJobStore::NameReservation {
 };
 
 absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& bytes) {
-  const std::string name = NameOf(row);
-  const NameReservation reservation(this, name);
+  const NameReservation reservation(this, NameOf(row));
   if (absl::Status written = WriteObject(row, bytes); !written.ok()) return written;
   absl::Status status = CommitPart(row);
   if (status.ok()) {
     parts_bytes_ += bytes.size();
   } else {
-    parts_->Remove(name).IgnoreError();  // What is left has no row.
+    RemoveUnlessAcknowledged(row);
   }
   return status;
+}
+
+void SqliteJobStore::RemoveUnlessAcknowledged(const PartRow& row) {
+  // A store that cannot tell what is there has replaced the object of an equal part.
+  const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
+  if (!existing.ok()) return;
+  if (existing->has_value() && (*existing)->digest == row.digest) return;
+  parts_->Remove(NameOf(row)).IgnoreError();  // What is left has no row.
 }
 
 absl::Status SqliteJobStore::AddStoredPart(const PartRow& row, const std::string& bytes) {
