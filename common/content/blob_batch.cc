@@ -9,8 +9,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
-#include <set>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -102,16 +100,9 @@ absl::Status WriteTogether(const BlobStore& store, const std::vector<BlobDigest>
     if (file->ok()) written.emplace_back(&blob, *std::move(file));
   }
   if (absl::Status status = SyncAll(store.directory()); !status.ok()) return status;
-  std::set<std::string> directories;
   for (const auto& [blob, file] : written) {
-    const std::string path = store.FinalPath(*blob);
-    const std::string directory = path.substr(0, path.rfind('/'));
-    if (directories.insert(directory).second) {
-      if (absl::Status status = MakeDirectories(directory); !status.ok()) return status;
-    }
-    if (std::rename(store.PartialPath(*blob).c_str(), path.c_str()) != 0) {
-      return StatusFromErrno(errno, absl::StrCat("renaming to ", path));
-    }
+    const absl::Status visible = store.MakeVisible(*blob, store.PartialPath(*blob));
+    if (!visible.ok()) return visible;
   }
   return SyncAll(store.directory());
 }

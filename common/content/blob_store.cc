@@ -26,6 +26,11 @@ constexpr int kLockAttemptsMax = 16;
 constexpr size_t kReadBufferBytes = size_t{1} << 18;
 constexpr size_t kLostNotedMax = 1000;
 
+size_t FirstDigit(const std::string& hex) {
+  const char digit = hex.front();
+  return static_cast<size_t>(digit <= '9' ? digit - '0' : digit - 'a' + 10);
+}
+
 absl::Status SyncDirectory(const std::string& path) {
   const FileDescriptor directory(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!directory.ok() || ::fsync(directory.get()) != 0) {
@@ -125,11 +130,10 @@ absl::Status BlobWriter::Commit() {
   }
   ::fchmod(fd_, 0444);  // A blob never changes; the mode only helps to notice attempts.
   if (::fsync(fd_) != 0) return StatusFromErrno(errno, absl::StrCat("fsync of ", partial_path_));
-  const std::string directory = final_path_.substr(0, final_path_.rfind('/'));
-  if (absl::Status status = MakeDirectories(directory); !status.ok()) return status;
-  if (::rename(partial_path_.c_str(), final_path_.c_str()) != 0) {
-    return StatusFromErrno(errno, absl::StrCat("renaming ", partial_path_, " to ", final_path_));
+  if (absl::Status status = store_->MakeVisible(digest_, partial_path_); !status.ok()) {
+    return status;
   }
+  const std::string directory = final_path_.substr(0, final_path_.rfind('/'));
   if (absl::Status status = SyncDirectory(directory); !status.ok()) return status;
   if (const auto state = StateOfFile(final_path_)) {
     store_->verified_.Remember(digest_.sha256_hex, *state);
@@ -140,13 +144,16 @@ absl::Status BlobWriter::Commit() {
 }
 
 absl::StatusOr<std::unique_ptr<BlobStore>> BlobStore::Open(const std::string& directory,
-                                                           std::function<Clock::time_point()> now) {
+                                                           std::function<Clock::time_point()> now,
+                                                           ObjectStore* objects) {
   for (const char* below : {"partial", "damaged"}) {
     if (absl::Status status = MakeDirectories(absl::StrCat(directory, "/", below)); !status.ok()) {
       return status;
     }
   }
-  return std::unique_ptr<BlobStore>(new BlobStore(directory, std::move(now)));
+  std::unique_ptr<BlobStore> store(new BlobStore(directory, std::move(now), objects));
+  if (absl::Status status = store->ListObjects(); !status.ok()) return status;
+  return store;
 }
 
 std::string BlobStore::FinalPath(const BlobDigest& digest) const {
@@ -161,13 +168,15 @@ absl::StatusOr<FileState> BlobStore::StateOf(const BlobDigest& digest) const {
   if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
   const std::string path = FinalPath(digest);
   std::optional<FileState> state = StateOfFile(path);
-  if (state && !verified_.Contains(digest.sha256_hex, *state)) {
+  if (state ? !verified_.Contains(digest.sha256_hex, *state) : HasObject(digest)) {
     const MutexLock lock(LockOf(digest));
     state = StateOfFile(path);
-    if (state && !verified_.Contains(digest.sha256_hex, *state)) {
-      if (absl::Status status = VerifyFile(digest); !status.ok()) return status;
-      state = StateOfFile(path);
-    }
+    absl::Status status;
+    if (state && !verified_.Contains(digest.sha256_hex, *state)) status = VerifyFile(digest);
+    const bool is_lost = !state || absl::IsDataLoss(status);
+    if (is_lost && HasObject(digest)) status = Restore(digest);
+    if (!status.ok()) return status;
+    state = StateOfFile(path);
   }
   if (!state) return StatusFromErrno(errno, absl::StrCat("blob ", digest.sha256_hex));
   if (state->size_bytes != digest.size_bytes) {
@@ -308,8 +317,11 @@ void BlobStore::NoteLost(const BlobDigest& digest) const {
 }
 
 Mutex* BlobStore::LockOf(const BlobDigest& digest) const {
-  const char digit = digest.sha256_hex.front();
-  return &verifying_[static_cast<size_t>(digit <= '9' ? digit - '0' : digit - 'a' + 10)];
+  return &verifying_[FirstDigit(digest.sha256_hex)];
+}
+
+Mutex* BlobStore::ObjectLockOf(const BlobDigest& digest) const {
+  return &storing_[FirstDigit(digest.sha256_hex)];
 }
 
 }  // namespace sheaf

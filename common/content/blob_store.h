@@ -13,6 +13,10 @@
 //     DIR/partial/HEX.part    an upload in progress, or an interrupted one that can be resumed
 //     DIR/damaged/HEX         a blob whose bytes no longer match its name, kept for diagnosis: the
 //                             last kDamagedKeptMax, of kDamagedBytesMax together
+//
+// With an ObjectStore, each blob lies there, too, as "ab/abcdef...", before Commit returns OK. What
+// the directory loses is fetched from there when it is asked for. Only one BlobStore may write to
+// the ObjectStore. This part is in blob_store_objects.cc.
 #pragma once
 
 #include <array>
@@ -34,6 +38,7 @@
 #include "common/content/blob_digest.h"
 #include "common/content/file_state.h"
 #include "common/content/verified_files.h"
+#include "common/objects/object_store.h"
 
 namespace sheaf {
 
@@ -103,9 +108,11 @@ class BlobStore {
  public:
   using Clock = VerifiedFiles::Clock;
 
-  // Creates the directory if it is missing.
+  // Creates the directory if it is missing. objects: where blobs lie, too, which must outlive the
+  // store; null: nowhere. Errors: of files, and of listing the objects.
   static absl::StatusOr<std::unique_ptr<BlobStore>> Open(
-      const std::string& directory, std::function<Clock::time_point()> now = Clock::now);
+      const std::string& directory, std::function<Clock::time_point()> now = Clock::now,
+      ObjectStore* objects = nullptr);
 
   // Returns the digests that are not stored (or are damaged, or have another size), in the order of
   // digests.
@@ -139,6 +146,11 @@ class BlobStore {
   // Errors: kNotFound; kDataLoss (it was damaged, and is missing now).
   absl::Status Verify(const BlobDigest& digest) const;
 
+  // Compares the blob's object with its name, and writes it again where it is damaged or lost.
+  // Returns whether that was necessary; nothing happens without an ObjectStore. Requires: Verify
+  // has returned OK. Errors: those of files and of the ObjectStore.
+  absl::StatusOr<bool> RepairObject(const BlobDigest& digest) const;
+
   // All blobs, and all uploads that are not complete, in no order. Does not verify them.
   std::vector<StoredBlob> List() const;
   std::vector<StoredBlob> ListUploads() const;
@@ -154,6 +166,11 @@ class BlobStore {
   // Records that a requested blob is missing although it should be present.
   void NoteLost(const BlobDigest& digest) const;
 
+  // Makes the verified and durable file of a blob the blob: its object is stored, then the file is
+  // renamed to its final name, which the caller makes durable. Errors: of files and of the
+  // ObjectStore.
+  absl::Status MakeVisible(const BlobDigest& digest, const std::string& partial_path) const;
+
   const std::string& directory() const { return directory_; }
   // The blob's path, whether it exists or not. Requires: CheckDigest is OK.
   std::string FinalPath(const BlobDigest& digest) const;
@@ -161,8 +178,26 @@ class BlobStore {
 
  private:
   friend class BlobWriter;
-  BlobStore(std::string directory, std::function<Clock::time_point()> now)
-      : directory_(std::move(directory)), now_(std::move(now)), verified_(now_) {}
+  BlobStore(std::string directory, std::function<Clock::time_point()> now, ObjectStore* objects)
+      : directory_(std::move(directory)),
+        now_(std::move(now)),
+        objects_(objects),
+        verified_(now_) {}
+  // Notes which objects there are.
+  absl::Status ListObjects();
+  bool HasObject(const BlobDigest& digest) const;
+  // Fetches the blob from its object. Errors: kNotFound (there is none); kDataLoss (it is damaged,
+  // and counts as lost from now on); kUnavailable.
+  absl::Status Restore(const BlobDigest& digest) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(LockOf(digest));
+  absl::Status FetchTo(const BlobDigest& digest, const std::string& path) const;
+  // The digest of an object's bytes. Errors: those of ObjectStore::GetRange.
+  absl::StatusOr<std::string> DigestOfObject(const BlobDigest& digest) const;
+  // Adds blobs of which there is an object alone.
+  void AddObjects(std::vector<StoredBlob>* blobs) const;
+  // Whether there was an object.
+  bool RemoveObject(const BlobDigest& digest) const;
+  Mutex* ObjectLockOf(const BlobDigest& digest) const;
   // Digests the file.
   absl::Status VerifyFile(const BlobDigest& digest) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(LockOf(digest));
@@ -176,9 +211,18 @@ class BlobStore {
 
   const std::string directory_;
   const std::function<Clock::time_point()> now_;
+  ObjectStore* const objects_;
   mutable VerifiedFiles verified_;  // Keyed by digest.
   // By the first digit of the digest: one thread digests a blob while others wait for it.
   mutable std::array<Mutex, 16> verifying_;
+  // Likewise: an object is either stored or removed.
+  mutable std::array<Mutex, 16> storing_;
+  struct KnownObject {
+    uint64_t size_bytes = 0;
+    absl::Time written;
+  };
+  mutable Mutex known_mutex_;
+  mutable std::unordered_map<std::string, KnownObject> known_ ABSL_GUARDED_BY(known_mutex_);
   mutable std::atomic<uint64_t> digest_count_{0};
   mutable Mutex asked_mutex_;  // Also held while a blob is removed.
   // When blobs were last written or asked for, by digest.

@@ -49,6 +49,7 @@ std::vector<StoredBlob> BlobStore::List() const {
        it.increment(error)) {
     if (it->path().filename().string().size() == 2) ListFiles(it->path().string(), "", &blobs);
   }
+  AddObjects(&blobs);
   const Clock::time_point now = now_();
   const MutexLock lock(&asked_mutex_);
   for (StoredBlob& blob : blobs) {
@@ -68,11 +69,15 @@ std::vector<StoredBlob> BlobStore::ListUploads() const {
 
 bool BlobStore::Remove(const BlobDigest& digest) const {
   if (!CheckDigest(digest).ok()) return false;
-  const MutexLock lock(&asked_mutex_);
-  const auto asked = asked_.find(digest.sha256_hex);
-  if (asked != asked_.end() && now_() - asked->second <= kAskedKept) return false;
-  verified_.Forget(digest.sha256_hex);
-  return ::unlink(FinalPath(digest).c_str()) == 0;
+  bool is_removed = false;
+  {
+    const MutexLock lock(&asked_mutex_);
+    const auto asked = asked_.find(digest.sha256_hex);
+    if (asked != asked_.end() && now_() - asked->second <= kAskedKept) return false;
+    verified_.Forget(digest.sha256_hex);
+    is_removed = ::unlink(FinalPath(digest).c_str()) == 0;
+  }
+  return RemoveObject(digest) || is_removed;
 }
 
 bool BlobStore::RemoveUpload(const BlobDigest& digest) const {

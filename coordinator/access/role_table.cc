@@ -80,6 +80,7 @@ constexpr OperationRule kRules[] = {
 
     {"/sheaf.v1.WorkerService/Synchronize", kWork},
     {"/sheaf.v1.WorkerService/UploadResults", kWork},
+    {"/sheaf.v1.WorkerService/PlanUploads", kWork},
     {"/sheaf.v1.WorkerService/ReadGuidingField", kWork},
 
     {"/grpc.health.v1.Health/Check", kIdentity},

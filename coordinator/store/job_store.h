@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "common/film/error/rare_layers.h"
+#include "common/objects/object_store.h"
 #include "coordinator/core/job.h"
 #include "coordinator/core/sample_rounds.h"
 #include "coordinator/core/sharing/share_setting.h"
@@ -164,6 +165,12 @@ class JobStore {
   // Writes the bytes, then the row, and with it the job's account of the day. Errors:
   // kAlreadyExists if the key has a row.
   virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
+  // The same for a part whose bytes somebody else has stored with a ticket; they are written where
+  // that came to nothing.
+  virtual absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) = 0;
+  // The permission to store the bytes of a part that has no row; none where only this process can
+  // store them.
+  virtual std::optional<PutTicket> TicketFor(const PartRow& row) = 0;
   virtual absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) = 0;
   // The rows of one tile, ascending by first sample.
   virtual absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame,
@@ -177,7 +184,8 @@ class JobStore {
     absl::Duration cpu_duration;
   };
   virtual absl::StatusOr<std::vector<TileCost>> TileCosts(const FrameId& frame) = 0;
-  // Errors: kNotFound; kDataLoss if the bytes do not match the row's digest.
+  // The bytes of a row, or of a part that was stored with a ticket and has none yet. Errors:
+  // kNotFound; kDataLoss if the bytes do not match the row's digest.
   virtual absl::StatusOr<std::string> ReadPart(const PartRow& row) = 0;
   virtual absl::Status RemovePart(const PartRow& row) = 0;
   // Removes rows, then bytes.

@@ -17,16 +17,20 @@
 
 namespace sheaf::coordinator {
 
-std::string SqliteJobStore::FrameDirectory(const FrameId& frame) const {
-  return absl::StrCat(directory_, "/parts/", frame.job_id, "/", frame.frame_number);
+std::string SqliteJobStore::FolderOf(const FrameId& frame) {
+  return absl::StrCat(frame.job_id, "/", frame.frame_number, "/");
+}
+
+std::string SqliteJobStore::NameOf(const PartRow& row) {
+  const PixelRect& t = row.key.tile;
+  return absl::StrCat(FolderOf(row.key.frame), t.x0, "_", t.y0, "_", t.x1, "_", t.y1, "-",
+                      row.key.block.first, "-", row.key.block.count, "-",
+                      row.digest.sha256_hex.substr(0, 16),
+                      row.key.kind == TaskKind::kTraining ? ".field" : ".exr");
 }
 
 std::string SqliteJobStore::PartPath(const PartRow& row) const {
-  const PixelRect& t = row.key.tile;
-  return absl::StrCat(FrameDirectory(row.key.frame), "/", t.x0, "_", t.y0, "_", t.x1, "_", t.y1,
-                      "-", row.key.block.first, "-", row.key.block.count, "-",
-                      row.digest.sha256_hex.substr(0, 16),
-                      row.key.kind == TaskKind::kTraining ? ".field" : ".exr");
+  return absl::StrCat(directory_, "/parts/", NameOf(row));
 }
 
 absl::Status SqliteJobStore::LoadFrames(StoredJob* job) {
@@ -101,29 +105,28 @@ absl::StatusOr<JobStore::LoadedParts> SqliteJobStore::LoadParts(uint64_t job_id)
     if (!all.ok()) return all.status();
     rows = std::move(*all);
   }
+  std::map<std::string, uint64_t> stored;  // Sizes by name.
+  absl::Status listed = parts_->List(
+      absl::StrCat(job_id, "/"),
+      [&stored](const StoredObject& object) { stored[object.key] = object.size_bytes; });
+  if (!listed.ok()) return listed;
   std::set<std::string> known, lost;
-  for (const PartRow& row : loaded.lost) lost.insert(PartPath(row));
+  for (const PartRow& row : loaded.lost) lost.insert(NameOf(row));
   for (PartRow& row : rows) {
-    std::error_code error;
-    const std::string path = PartPath(row);
-    const uintmax_t size = std::filesystem::file_size(path, error);
-    if (error || size != row.digest.size_bytes) {
-      lost.insert(path);
+    const std::string name = NameOf(row);
+    const auto object = stored.find(name);
+    if (object == stored.end() || object->second != row.digest.size_bytes) {
+      lost.insert(name);
       loaded.lost.push_back(std::move(row));
       continue;
     }
-    known.insert(path);
+    known.insert(name);
     loaded.rows.push_back(std::move(row));
   }
-  std::error_code error;
-  const std::string directory = absl::StrCat(directory_, "/parts/", job_id);
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(directory, error)) {
-    std::error_code ignored;
-    if (entry.is_regular_file(ignored) && !known.contains(entry.path().string())) {
-      const bool has_row = lost.contains(entry.path().string());
-      if (!has_row && entry.path().extension() == ".exr") ++loaded.files_without_row;
-      std::filesystem::remove(entry.path(), ignored);
-    }
+  for (const auto& [name, size_bytes] : stored) {
+    if (known.contains(name)) continue;
+    if (!lost.contains(name) && name.ends_with(".exr")) ++loaded.files_without_row;
+    parts_->Remove(name).IgnoreError();  // Nothing reads it.
   }
   return loaded;
 }

@@ -7,12 +7,13 @@
 //     DIR/farm.db                          SQLite, WAL, synchronous=FULL: jobs, frames, parts
 //     DIR/parts/JOB/FRAME/X0_Y0_X1_Y1-FIRST-COUNT-DIGEST.exr
 //                                          parts, until their frame is delivered; of a training:
-//                                          its guiding field, with the extension .field
+//                                          its guiding field, with the extension .field; or
+//                                          objects of these names in another ObjectStore
 //     DIR/outputs/JOB/FRAME.exr            delivered images
 //     DIR/outputs/JOB/FRAME.thumbnail.exr  small copies of them, for overviews
 //
-// A part's file is written before its row, so a crash in between leaves only a file that was never
-// acknowledged. Parts of concurrent calls are a group: one syncfs makes their files durable, then
+// A part's object is written before its row, so a crash in between leaves only one that was never
+// acknowledged. Parts of concurrent calls are a group: one Sync makes their objects durable, then
 // one commit their rows (docs/adr/0075).
 #pragma once
 
@@ -25,8 +26,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/file.h"
 #include "common/base/mutex.h"
+#include "common/objects/object_store.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/sqlite_database.h"
 
@@ -34,11 +35,13 @@ namespace sheaf::coordinator {
 
 class SqliteJobStore : public JobStore {
  public:
-  // Creates the directory if it does not exist. Errors: kFailedPrecondition (another coordinator
-  // uses it, or its schema is of a later version); kPermissionDenied, kResourceExhausted,
-  // kUnavailable, kDataLoss, with the path.
+  // Creates the directory if it does not exist. parts: where parts lie, which must outlive the
+  // store; null: files in DIR/parts. Errors: also those of parts; kFailedPrecondition (another
+  // coordinator uses it, or its schema is of a later version); kPermissionDenied,
+  // kResourceExhausted, kUnavailable, kDataLoss, with the path.
   static absl::StatusOr<std::unique_ptr<SqliteJobStore>> Open(
-      const std::string& directory, Durability durability = Durability::kPowerLoss);
+      const std::string& directory, Durability durability = Durability::kPowerLoss,
+      ObjectStore* parts = nullptr);
   ~SqliteJobStore() override;
 
   absl::StatusOr<std::vector<StoredJob>> LoadJobs() override;
@@ -70,6 +73,8 @@ class SqliteJobStore : public JobStore {
   absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override;
   absl::Status RemoveJob(uint64_t job_id) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
+  absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) override;
+  std::optional<PutTicket> TicketFor(const PartRow& row) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
   absl::StatusOr<std::vector<PartRow>> FindTileParts(const FrameId& frame, const PixelRect& tile,
                                                      TaskKind kind) override;
@@ -93,7 +98,7 @@ class SqliteJobStore : public JobStore {
   uint64_t FirstLeaseId() const override { return first_lease_id_; }
   int64_t LostCommits() const override { return lost_commits_; }
 
-  // The path of a part's bytes; for tests and diagnosis.
+  // The path of a part's bytes where parts are files; for tests and diagnosis.
   std::string PartPath(const PartRow& row) const;
 
  private:
@@ -105,28 +110,38 @@ class SqliteJobStore : public JobStore {
     absl::Status status;
     CondVar changed;
   };
-  // Reserves a part's path: equal parts are written one after the other, so that none replaces the
-  // durable file of another.
-  class PathReservation;
+  // Reserves a part's name: equal parts are written one after the other, so that none replaces the
+  // durable object of another.
+  class NameReservation;
 
-  SqliteJobStore(std::string directory, Durability durability, int lock_fd)
-      : directory_(std::move(directory)), durability_(durability), lock_fd_(lock_fd) {}
+  SqliteJobStore(std::string directory, Durability durability, int lock_fd, ObjectStore* parts)
+      : directory_(std::move(directory)),
+        durability_(durability),
+        lock_fd_(lock_fd),
+        parts_(parts) {}
   absl::Status Initialize();
   absl::Status RefuseEmptied() const;
   // Finds jobs whose rows are lost, so that no other job replaces their images.
-  void FindUsedJobIds() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status FindUsedJobIds() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   void NoteUsedJobId(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // Removes what a stop left of removals: files of jobs that were removed, and folders of parts of
   // frames of ended jobs that have no parts.
   absl::Status FinishRemovals() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status RemoveFilesOf(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  absl::Status RemoveFramesWithoutParts(uint64_t job_id)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
+  // Without the lock where others work meanwhile: a server may take its time.
+  absl::Status RemoveFilesOf(uint64_t job_id);
+  absl::Status NoteFilesRemoved(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   std::string DatabasePath() const { return directory_ + "/farm.db"; }
   // Adds to a kDataLoss error how to recover from it.
   absl::Status Explained(const absl::Status& status) const;
   absl::StatusOr<std::vector<StoredJob>> ReadJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status WriteNewPart(const PartRow& row, const std::string& path, const std::string& bytes);
+  // The object of a part that has no row. Errors: kAlreadyExists (it has one).
+  absl::Status WriteObject(const PartRow& row, const std::string& bytes);
+  // After a commit that failed.
+  void RemoveUnlessAcknowledged(const PartRow& row);
   // Returns when the group of the part is durable, or is not and will not be.
   absl::Status CommitPart(const PartRow& row);
   void CommitGroup(const std::vector<PendingPart*>& parts);
@@ -137,7 +152,8 @@ class SqliteJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status AddUsageOf(const std::vector<PendingPart*>& parts)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  std::string FrameDirectory(const FrameId& frame) const;
+  static std::string FolderOf(const FrameId& frame);  // Of its parts, with a "/" at the end.
+  static std::string NameOf(const PartRow& row);      // Of its object.
   absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::StatusOr<CreatedJob> InsertJob(const JobSpec& spec, const std::string& request_id,
                                        absl::Time create_time)
@@ -176,14 +192,15 @@ class SqliteJobStore : public JobStore {
   const std::string directory_;
   const Durability durability_;
   const int lock_fd_;
+  std::unique_ptr<ObjectStore> own_parts_;  // Files, where no other store is given.
+  ObjectStore* parts_;
   Mutex database_mutex_;
   std::unique_ptr<SqliteDatabase> database_ ABSL_GUARDED_BY(database_mutex_);
   Mutex pending_mutex_;
   std::deque<PendingPart*> pending_ ABSL_GUARDED_BY(pending_mutex_);
   bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;      // Somebody leads, or is told to.
-  std::set<std::string> paths_ ABSL_GUARDED_BY(pending_mutex_);  // Being written.
-  CondVar path_released_;
-  std::unique_ptr<FileSystemSync> file_system_;  // Null where power loss is not survived.
+  std::set<std::string> names_ ABSL_GUARDED_BY(pending_mutex_);  // Of parts being written.
+  CondVar name_released_;
   Mutex usage_mutex_ ABSL_ACQUIRED_AFTER(database_mutex_);
   std::map<UsageOf, Usage> waiting_usage_ ABSL_GUARDED_BY(usage_mutex_);
   std::atomic<uint64_t> parts_bytes_{0};

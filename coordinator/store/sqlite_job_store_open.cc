@@ -20,6 +20,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/status.h"
+#include "common/objects/folder_objects.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "coordinator/store/sqlite_schema.h"
 
@@ -47,17 +48,19 @@ absl::StatusOr<int> LockDirectory(const std::string& directory) {
 
 // The size of a test write: more than a row, less than most parts.
 constexpr size_t kProbeBytes = size_t{1} << 20;
+constexpr char kProbeName[] = "probe";
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<SqliteJobStore>> SqliteJobStore::Open(const std::string& directory,
-                                                                     Durability durability) {
+                                                                     Durability durability,
+                                                                     ObjectStore* parts) {
   for (const std::string sub : {"", "/parts", "/outputs"}) {
     if (absl::Status status = MakeDirectories(directory + sub); !status.ok()) return status;
   }
   const absl::StatusOr<int> lock = LockDirectory(directory);
   if (!lock.ok()) return lock.status();
-  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(directory, durability, *lock));
+  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(directory, durability, *lock, parts));
   if (absl::Status status = store->Initialize(); !status.ok()) return store->Explained(status);
   return store;
 }
@@ -102,11 +105,12 @@ absl::Status SqliteJobStore::Initialize() {
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> database =
       SqliteDatabase::Open(DatabasePath(), durability_);
   if (!database.ok()) return database.status();
-  if (durability_ == Durability::kPowerLoss) {
-    absl::StatusOr<std::unique_ptr<FileSystemSync>> file_system =
-        FileSystemSync::Open(directory_ + "/parts");
-    if (!file_system.ok()) return file_system.status();
-    file_system_ = *std::move(file_system);
+  if (parts_ == nullptr) {
+    absl::StatusOr<std::unique_ptr<FolderObjects>> files =
+        FolderObjects::Open(directory_ + "/parts", durability_ == Durability::kPowerLoss);
+    if (!files.ok()) return files.status();
+    own_parts_ = *std::move(files);
+    parts_ = own_parts_.get();
   }
   const MutexLock lock(&database_mutex_);
   database_ = std::move(*database);
@@ -137,18 +141,23 @@ absl::Status SqliteJobStore::Initialize() {
   const absl::StatusOr<bool> sum = bytes.Step();
   if (!sum.ok()) return sum.status();
   parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
-  FindUsedJobIds();
+  if (absl::Status found = FindUsedJobIds(); !found.ok()) return found;
   return FinishRemovals();
 }
 
-void SqliteJobStore::FindUsedJobIds() {
-  for (const char* folder : {"/parts", "/outputs"}) {
-    std::error_code ignored;
-    for (const auto& entry : std::filesystem::directory_iterator(directory_ + folder, ignored)) {
-      uint64_t job_id = 0;
-      if (absl::SimpleAtoi(entry.path().filename().string(), &job_id)) NoteUsedJobId(job_id);
-    }
+absl::Status SqliteJobStore::FindUsedJobIds() {
+  const auto note = [this](const std::string& name) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+    uint64_t job_id = 0;
+    if (absl::SimpleAtoi(name, &job_id)) NoteUsedJobId(job_id);
+  };
+  const absl::StatusOr<std::vector<std::string>> of_parts = parts_->ListFolders("");
+  if (!of_parts.ok()) return of_parts.status();
+  for (const std::string& name : *of_parts) note(name);
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(directory_ + "/outputs", ignored)) {
+    note(entry.path().filename().string());
   }
+  return absl::OkStatus();
 }
 
 void SqliteJobStore::NoteUsedJobId(uint64_t job_id) {
@@ -157,11 +166,10 @@ void SqliteJobStore::NoteUsedJobId(uint64_t job_id) {
 }
 
 absl::Status SqliteJobStore::Probe() {
-  const std::string path = directory_ + "/parts/probe";
-  absl::Status written = WriteFileOnce(path, std::string(kProbeBytes, '\0'));
-  std::error_code ignored;
-  std::filesystem::remove(path, ignored);
+  const absl::Status written =
+      parts_->Put(kProbeName, std::string(kProbeBytes, '\0'), PutMode::kReplace);
   if (!written.ok()) return written;
+  parts_->Remove(kProbeName).IgnoreError();  // The next one replaces it.
   const MutexLock lock(&database_mutex_);
   return database_->Execute("UPDATE meta SET value = value WHERE key = 'lives'");
 }

@@ -1,16 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqliteJobStore that stores parts: first the bytes, then the row, then the call
+// The part of SqliteJobStore that stores parts: first the object, then the row, then the call
 // returns OK.
 #include <algorithm>
-#include <filesystem>
-#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/base/digest.h"
-#include "common/base/file.h"
+#include "common/base/log.h"
 #include "coordinator/store/sqlite_columns.h"
 #include "coordinator/store/sqlite_job_store.h"
 #include "coordinator/store/stored_rows.h"
@@ -23,55 +20,82 @@ constexpr size_t kGroupPartsMax = 1024;
 
 }  // namespace
 
-class SqliteJobStore::PathReservation {
+class SqliteJobStore::NameReservation {
  public:
-  PathReservation(SqliteJobStore* store, std::string path)
-      : store_(*store), path_(std::move(path)) {
+  NameReservation(SqliteJobStore* store, std::string name)
+      : store_(*store), name_(std::move(name)) {
     const MutexLock lock(&store_.pending_mutex_);
     const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(store_.pending_mutex_) {
-      return !store_.paths_.contains(path_);
+      return !store_.names_.contains(name_);
     };
-    store_.path_released_.Wait(&store_.pending_mutex_, is_free);
-    store_.paths_.insert(path_);
+    store_.name_released_.Wait(&store_.pending_mutex_, is_free);
+    store_.names_.insert(name_);
   }
-  ~PathReservation() {
+  ~NameReservation() {
     const MutexLock lock(&store_.pending_mutex_);
-    store_.paths_.erase(path_);
-    store_.path_released_.NotifyAll();
+    store_.names_.erase(name_);
+    store_.name_released_.NotifyAll();
   }
-  PathReservation(const PathReservation&) = delete;
-  PathReservation& operator=(const PathReservation&) = delete;
+  NameReservation(const NameReservation&) = delete;
+  NameReservation& operator=(const NameReservation&) = delete;
 
  private:
   SqliteJobStore& store_;
-  const std::string path_;
+  const std::string name_;
 };
 
 absl::Status SqliteJobStore::WritePart(const PartRow& row, const std::string& bytes) {
-  const std::string path = PartPath(row);
-  const PathReservation reservation(this, path);
-  std::error_code ignored;
-  // Only an equal part has the same path. The file of one that has a row is not touched; without a
-  // row it was never acknowledged.
-  if (std::filesystem::exists(path, ignored)) {
-    const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
-    if (!existing.ok()) return existing.status();
-    if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
-  }
-  absl::Status status = WriteNewPart(row, path, bytes);
+  const NameReservation reservation(this, NameOf(row));
+  if (absl::Status written = WriteObject(row, bytes); !written.ok()) return written;
+  absl::Status status = CommitPart(row);
   if (status.ok()) {
     parts_bytes_ += bytes.size();
   } else {
-    std::filesystem::remove(path, ignored);
+    RemoveUnlessAcknowledged(row);
   }
   return status;
 }
 
-absl::Status SqliteJobStore::WriteNewPart(const PartRow& row, const std::string& path,
-                                          const std::string& bytes) {
-  if (absl::Status s = MakeDirectories(FrameDirectory(row.key.frame)); !s.ok()) return s;
-  if (absl::Status s = WriteFileUnsynced(path, bytes); !s.ok()) return s;
-  return CommitPart(row);
+void SqliteJobStore::RemoveUnlessAcknowledged(const PartRow& row) {
+  // A store that cannot tell what is there has replaced the object of an equal part.
+  const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
+  if (!existing.ok()) return;
+  if (existing->has_value() && (*existing)->digest == row.digest) return;
+  parts_->Remove(NameOf(row)).IgnoreError();  // What is left has no row.
+}
+
+absl::Status SqliteJobStore::AddStoredPart(const PartRow& row, const std::string& bytes) {
+  const NameReservation reservation(this, NameOf(row));
+  const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
+  if (!existing.ok()) return existing.status();
+  if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
+  // An earlier part of the same name may have been removed since this one was stored.
+  const absl::StatusOr<uint64_t> size_bytes = parts_->Head(NameOf(row));
+  const bool is_there = size_bytes.ok() && *size_bytes == row.digest.size_bytes;
+  absl::Status status = is_there ? absl::OkStatus() : WriteObject(row, bytes);
+  if (status.ok()) status = CommitPart(row);
+  if (status.ok()) parts_bytes_ += bytes.size();
+  return status;
+}
+
+absl::Status SqliteJobStore::WriteObject(const PartRow& row, const std::string& bytes) {
+  const std::string name = NameOf(row);
+  absl::Status status = parts_->Put(name, bytes, PutMode::kIfAbsent);
+  if (absl::IsAlreadyExists(status)) {
+    // Only an equal part has the same name. The object of one that has a row is not touched;
+    // without a row it was never acknowledged.
+    const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
+    if (!existing.ok()) return existing.status();
+    if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
+    status = parts_->Put(name, bytes, PutMode::kReplace);
+  }
+  if (!absl::IsPermissionDenied(status) && !absl::IsFailedPrecondition(status)) return status;
+  // To a worker these codes say that its result is refused, or is to be sent otherwise.
+  return absl::UnavailableError(std::string(status.message()));
+}
+
+std::optional<PutTicket> SqliteJobStore::TicketFor(const PartRow& row) {
+  return parts_->TicketToPut(NameOf(row), {row.digest.sha256_hex, row.digest.size_bytes});
 }
 
 // The first caller commits the parts of all waiting calls; calls that arrive meanwhile form the
@@ -104,7 +128,7 @@ absl::Status SqliteJobStore::CommitPart(const PartRow& row) {
 }
 
 void SqliteJobStore::CommitGroup(const std::vector<PendingPart*>& parts) {
-  absl::Status shared = file_system_ == nullptr ? absl::OkStatus() : file_system_->Sync();
+  absl::Status shared = parts_->Sync();
   if (shared.ok()) shared = CommitRows(parts);
   if (shared.ok()) return;
   for (PendingPart* pending : parts) pending->status = shared;
@@ -189,14 +213,7 @@ absl::StatusOr<std::vector<JobStore::TileCost>> SqliteJobStore::TileCosts(const 
 }
 
 absl::StatusOr<std::string> SqliteJobStore::ReadPart(const PartRow& row) {
-  const std::string path = PartPath(row);
-  absl::StatusOr<std::string> bytes = ReadWholeFile(path, row.digest.size_bytes + 1);
-  if (!bytes.ok()) return bytes;
-  if (bytes->size() != row.digest.size_bytes || Sha256Hex(*bytes) != row.digest.sha256_hex) {
-    return absl::DataLossError(path +
-                               ": the bytes do not match the digest under which they were stored");
-  }
-  return bytes;
+  return parts_->Get(NameOf(row), {row.digest.sha256_hex, row.digest.size_bytes});
 }
 
 absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
@@ -222,8 +239,9 @@ absl::Status SqliteJobStore::RemovePart(const PartRow& row) {
     }
   }
   parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
-  std::error_code ignored;
-  std::filesystem::remove(PartPath(row), ignored);
+  // What is left has no row, and goes with its frame or at the next start.
+  const absl::Status gone = parts_->Remove(NameOf(row));
+  if (!gone.ok()) LogWarning(absl::StrCat("removing a part: ", gone.message()));
   return absl::OkStatus();
 }
 
@@ -244,9 +262,11 @@ absl::Status SqliteJobStore::RemoveFrameParts(const FrameId& frame) {
     if (!status.ok()) return status;
   }
   parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
-  std::error_code ignored;
-  std::filesystem::remove_all(FrameDirectory(frame), ignored);
-  std::filesystem::remove(std::filesystem::path(FrameDirectory(frame)).parent_path(), ignored);
+  const absl::Status gone = parts_->RemoveFolder(FolderOf(frame));
+  if (!gone.ok()) {
+    LogWarning(absl::StrCat("removing parts, of which some are left until the next start: ",
+                            gone.message()));
+  }
   return absl::OkStatus();
 }
 

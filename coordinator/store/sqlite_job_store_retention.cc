@@ -50,15 +50,22 @@ absl::StatusOr<std::map<uint64_t, uint64_t>> SqliteJobStore::PartsBytesByJob() {
 }
 
 absl::Status SqliteJobStore::RemoveJob(uint64_t job_id) {
-  const MutexLock lock(&database_mutex_);
-  uint64_t parts_bytes = 0;
-  absl::Status removed = InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
-    return RemoveRowsOf(job_id, &parts_bytes);
-  });
-  if (!removed.ok()) return removed;
-  parts_bytes_ -= std::min<uint64_t>(parts_bytes, parts_bytes_);
-  NoteUsedJobId(job_id);
-  if (absl::Status status = RemoveFilesOf(job_id); !status.ok()) {
+  {
+    const MutexLock lock(&database_mutex_);
+    uint64_t parts_bytes = 0;
+    absl::Status removed = InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+      return RemoveRowsOf(job_id, &parts_bytes);
+    });
+    if (!removed.ok()) return removed;
+    parts_bytes_ -= std::min<uint64_t>(parts_bytes, parts_bytes_);
+    NoteUsedJobId(job_id);
+  }
+  absl::Status status = RemoveFilesOf(job_id);
+  if (status.ok()) {
+    const MutexLock lock(&database_mutex_);
+    status = NoteFilesRemoved(job_id);
+  }
+  if (!status.ok()) {
     LogWarning(absl::StrCat("job ", job_id, " is removed, but files of it are left until the next ",
                             "start: ", status.message()));
   }
@@ -84,12 +91,16 @@ absl::Status SqliteJobStore::RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes
 }
 
 absl::Status SqliteJobStore::RemoveFilesOf(uint64_t job_id) {
-  for (const char* folder : {"/parts/", "/outputs/"}) {
-    std::error_code error;
-    const std::string path = absl::StrCat(directory_, folder, job_id);
-    fs::remove_all(path, error);
-    if (error) return absl::UnavailableError(absl::StrCat(path, ": ", error.message()));
-  }
+  absl::Status status = parts_->RemoveFolder(absl::StrCat(job_id, "/"));
+  if (!status.ok()) return status;
+  std::error_code error;
+  const std::string images = absl::StrCat(directory_, "/outputs/", job_id);
+  fs::remove_all(images, error);
+  if (error) return absl::UnavailableError(absl::StrCat(images, ": ", error.message()));
+  return absl::OkStatus();
+}
+
+absl::Status SqliteJobStore::NoteFilesRemoved(uint64_t job_id) {
   // The last id of its kind stays, so that a start does not give it again.
   return database_
       ->Prepare(
@@ -108,31 +119,41 @@ absl::Status SqliteJobStore::FinishRemovals() {
   if (!removed.ok()) return removed.status();
   for (const uint64_t job_id : *removed) {
     NoteUsedJobId(job_id);
-    const absl::Status status = RemoveFilesOf(job_id);
+    absl::Status status = RemoveFilesOf(job_id);
+    if (status.ok()) status = NoteFilesRemoved(job_id);
     if (!status.ok()) LogWarning(absl::StrCat("removing what is left: ", status.message()));
   }
-  // For jobs that go on, LoadParts looks at each file.
+  // For jobs that go on, LoadParts looks at each part.
   const absl::StatusOr<std::vector<uint64_t>> ended =
       ReadIds(database_->Prepare("SELECT job_id FROM jobs WHERE phase != 0"));
   if (!ended.ok()) return ended.status();
+  const std::set<uint64_t> ended_ids(ended->begin(), ended->end());
+  const absl::StatusOr<std::vector<std::string>> jobs = parts_->ListFolders("");
+  if (!jobs.ok()) return jobs.status();
+  for (const std::string& job : *jobs) {
+    uint64_t job_id = 0;
+    if (!absl::SimpleAtoi(job, &job_id) || !ended_ids.contains(job_id)) continue;
+    if (absl::Status status = RemoveFramesWithoutParts(job_id); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SqliteJobStore::RemoveFramesWithoutParts(uint64_t job_id) {
   SqliteStatement any =
       database_->Prepare("SELECT 1 FROM parts WHERE job_id = ? AND frame_number = ? LIMIT 1");
-  for (const uint64_t job_id : *ended) {
-    const std::string folder = absl::StrCat(directory_, "/parts/", job_id);
-    std::vector<fs::path> frames;
-    std::error_code error;
-    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-      frames.push_back(it->path());
-    }
-    for (const fs::path& path : frames) {
-      int32_t number = 0;
-      if (!absl::SimpleAtoi(path.filename().string(), &number)) continue;
-      const absl::StatusOr<bool> has_parts = any.Bind(job_id).Bind(number).Step();
-      if (!has_parts.ok()) return has_parts.status();
-      if (!*has_parts) fs::remove_all(path, error);
-    }
-    fs::remove(folder, error);  // Succeeds if it is empty.
+  const std::string folder = absl::StrCat(job_id, "/");
+  const absl::StatusOr<std::vector<std::string>> frames = parts_->ListFolders(folder);
+  if (!frames.ok()) return frames.status();
+  absl::Status removed;
+  if (frames->empty()) removed = parts_->RemoveFolder(folder);
+  for (const std::string& frame : *frames) {
+    int32_t number = 0;
+    if (!absl::SimpleAtoi(frame, &number)) continue;
+    const absl::StatusOr<bool> has_parts = any.Bind(job_id).Bind(number).Step();
+    if (!has_parts.ok()) return has_parts.status();
+    if (!*has_parts) removed.Update(parts_->RemoveFolder(absl::StrCat(folder, frame, "/")));
   }
+  if (!removed.ok()) LogWarning(absl::StrCat("removing what is left: ", removed.message()));
   return absl::OkStatus();
 }
 

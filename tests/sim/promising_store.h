@@ -132,6 +132,12 @@ class PromisingStore : public coordinator::JobStore {
     if (!absl::IsAlreadyExists(status)) promises_.Written(row, Certain(status));
     return status;
   }
+  absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) override {
+    absl::Status status = store_->AddStoredPart(row, bytes);
+    if (!absl::IsAlreadyExists(status)) promises_.Written(row, Certain(status));
+    return status;
+  }
+  std::optional<PutTicket> TicketFor(const PartRow& row) override { return store_->TicketFor(row); }
   absl::StatusOr<std::optional<PartRow>> FindPart(const coordinator::PartKey& key) override {
     return store_->FindPart(key);
   }

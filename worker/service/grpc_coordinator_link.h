@@ -16,6 +16,7 @@
 #include "common/base/mutex.h"
 #include "sheaf/v1/worker.grpc.pb.h"
 #include "worker/agent/coordinator_link.h"
+#include "worker/service/direct_upload.h"
 
 namespace sheaf::worker {
 
@@ -33,9 +34,12 @@ class GrpcCoordinatorLink : public CoordinatorLink {
  private:
   // Registers a call for Abort during its lifetime.
   class RunningCall;
+  absl::StatusOr<std::vector<PutTicket>> PlanUploads(const std::string& worker_id,
+                                                     const std::vector<const FinishedPart*>& parts);
 
   const std::unique_ptr<v1::WorkerService::Stub> control_, data_;
   const std::string address_;
+  DirectUpload direct_;
   Mutex mutex_;
   std::set<grpc::ClientContext*> running_ ABSL_GUARDED_BY(mutex_);
   bool aborted_ ABSL_GUARDED_BY(mutex_) = false;

@@ -16,7 +16,7 @@ void DiskState::Note(const absl::Status& written) {
   last_ = written;
   if (!changed) return;
   if (written.ok()) {
-    LogInfo("the state directory is writable again");
+    LogInfo("the coordinator's store is writable again");
   } else {
     LogError(absl::StrCat(WhyWritesWait(written), "; results are not acknowledged until it is"));
   }
@@ -29,7 +29,7 @@ absl::Status DiskState::Last() const {
 }
 
 std::string WhyWritesWait(const absl::Status& disk) {
-  return absl::StrCat("the coordinator's state directory is not writable: ", disk.message());
+  return absl::StrCat("the coordinator's store is not writable: ", disk.message());
 }
 
 }  // namespace sheaf::coordinator

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// DiskState: whether the state directory can be written, as the last write found it.
+// DiskState: whether the state directory, and the object store where parts lie in one, can be
+// written, as the last write found it.
 #pragma once
 
 #include <string>
@@ -30,7 +31,7 @@ class DiskState {
   absl::Status last_ ABSL_GUARDED_BY(mutex_);
 };
 
-// "the coordinator's state directory takes no writes: ...". Requires: `disk` is an error.
+// "the coordinator's store is not writable: ...". Requires: `disk` is an error.
 std::string WhyWritesWait(const absl::Status& disk);
 
 }  // namespace sheaf::coordinator

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/base/steady_time.h"
+#include "coordinator/service/farm/upkeep/object_metrics.h"
 #include "coordinator/store/farm_secret.h"
 #include "coordinator/store/sqlite_job_store.h"
 
@@ -24,7 +25,7 @@ constexpr absl::Duration kDeliveryRetryInterval = absl::Seconds(5);
 
 absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options) {
   absl::StatusOr<std::unique_ptr<SqliteJobStore>> store =
-      SqliteJobStore::Open(options.state_directory, options.durability);
+      SqliteJobStore::Open(options.state_directory, options.durability, options.parts);
   if (!store.ok()) return store.status();
   return Open(options, *std::move(store));
 }
@@ -46,7 +47,7 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options,
 absl::StatusOr<std::unique_ptr<Farm>> Farm::OpenWithoutThread(const FarmOptions& options,
                                                               std::unique_ptr<JobStore> store) {
   absl::StatusOr<std::unique_ptr<BlobStore>> blobs =
-      BlobStore::Open(options.state_directory + "/content");
+      BlobStore::Open(options.state_directory + "/content", BlobStore::Clock::now, options.content);
   if (!blobs.ok()) return blobs.status();
   absl::StatusOr<std::unique_ptr<RoundPreviews>> round_previews = RoundPreviews::Open(
       options.state_directory + "/rounds", {.bytes_max = options.round_previews_bytes_max});
@@ -172,9 +173,8 @@ void Farm::KeepProvenFailures(WorkerReport* report) {
         if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
         const std::string digest =
             tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
-        const LeasedWork work{lease->lease_id,  IdentityOf(*report), digest,
-                              lease->tile_rect, lease->task.block,   lease->cells,
-                              lease->kind};
+        const LeasedWork work{lease->lease_id,   IdentityOf(*report), digest,     lease->tile_rect,
+                              lease->task.block, lease->cells,        lease->kind};
         if (tokens_.IsValid(work, failure.token)) return false;
         ++tables_.scheduler.counters().failures_refused;
         LogWarning(absl::StrCat("worker ", report->worker_id, " reports a failure of lease ",
@@ -200,6 +200,7 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
     }
     answer.next_synchronize = decided->next_synchronize;
     answer.exits = decided->exits;
+    answer.direct_uploads = options_.parts != nullptr;
     answer.lease_duration = options_.limits.lease_duration;
   }
   for (LeaseGrant& grant : answer.leases) {
@@ -217,6 +218,7 @@ std::vector<MetricView> Farm::Metrics() const {
   keeper_.AddMetrics(&metrics);
   content_.AddMetrics(&metrics);
   if (scrubber_ != nullptr) scrubber_->AddMetrics(&metrics);
+  if (options_.parts != nullptr) AddObjectMetrics(*options_.parts, &metrics);
   return metrics;
 }
 

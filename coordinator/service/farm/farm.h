@@ -187,7 +187,8 @@ class Farm : public FarmView {
     std::vector<LeaseGrant> leases;
     absl::Duration next_synchronize;
     absl::Duration lease_duration;
-    bool exits = false;  // As Scheduler has it.
+    bool exits = false;           // As Scheduler has it.
+    bool direct_uploads = false;  // Workers store results themselves, by tickets.
   };
   // Errors: those of Scheduler::Synchronize.
   absl::StatusOr<SynchronizeAnswer> Synchronize(WorkerReport report);
@@ -196,6 +197,13 @@ class Farm : public FarmView {
   // Errors: those of ResultIntake::Add.
   absl::StatusOr<ResultOutcome> AddResult(const ResultReport& report, const std::string& bytes) {
     return intake_.Add(report, bytes);
+  }
+  // Errors: those of ResultIntake::AddStored and TicketFor.
+  absl::StatusOr<ResultOutcome> AddStoredResult(const ResultReport& report) {
+    return intake_.AddStored(report);
+  }
+  absl::StatusOr<std::optional<PutTicket>> TicketFor(const ResultReport& report) {
+    return intake_.TicketFor(report);
   }
 
   // Errors: those of ResultIntake::ReadField.

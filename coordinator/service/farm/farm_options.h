@@ -8,6 +8,7 @@
 #include <string>
 
 #include "absl/time/time.h"
+#include "common/objects/object_store.h"
 #include "coordinator/core/limits.h"
 #include "coordinator/core/retention/retention.h"
 #include "coordinator/store/durability.h"
@@ -16,6 +17,9 @@ namespace sheaf::coordinator {
 
 struct FarmOptions {
   std::string state_directory;
+  // Where parts and files of scenes lie, which must outlive the farm; null: in the state directory.
+  ObjectStore* parts = nullptr;
+  ObjectStore* content = nullptr;
   Durability durability = Durability::kPowerLoss;  // For jobs and parts; images are durable.
   Limits limits;
   RetentionLimits retention;  // How much of ended jobs is kept.

@@ -110,8 +110,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   FrameSettings settings;
   {
     const MutexLock lock(&tables_.mutex);
-    found = tables_.scheduler.FindTask(report.frame_digest, report.tile, report.block, report.cells,
-                                       report.lease_id, report.kind, report.field);
+    found = FindTask(report);
     if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
       numeric_profile = tables_.scheduler.jobs().at(found.frame.job_id).spec.numeric_profile;
       settings = tables_.scheduler.FindFrame(found.frame)->settings();
@@ -316,15 +315,13 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
                                                   std::optional<FilmTile> part) {
   const ResultCost cost{report.ray_count, part ? NonfiniteCount(*part) : 0, report.cpu_duration,
                         report.digest.size_bytes};
-  const PartRow row{{found.frame, report.tile, report.block, report.cells, report.kind},
-                    report.digest,
-                    report.worker_id,
-                    cost,
-                    report.Sender(),
-                    report.field,
-                    SamplesOf(found)};
+  PartRow row = RowOf(report, found.frame);
+  row.cost = cost;
+  row.sample_count = SamplesOf(found);
   absl::Status written = removals_.MakeRoom(row.key);
-  if (written.ok()) written = store_.WritePart(row, bytes);
+  if (written.ok()) {
+    written = report.is_stored ? store_.AddStoredPart(row, bytes) : store_.WritePart(row, bytes);
+  }
   disk_.Note(written);
   if (!written.ok()) return written;
   tables_.PrepareOpen(found.frame);
@@ -335,9 +332,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
       choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells, report.kind);
   {
     const MutexLock lock(&tables_.mutex);
-    const Scheduler::FoundTask again =
-        tables_.scheduler.FindTask(report.frame_digest, report.tile, report.block, report.cells,
-                                   report.lease_id, report.kind, report.field);
+    const Scheduler::FoundTask again = FindTask(report);
     const bool wanted =
         again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
     if (wanted) {

@@ -45,6 +45,7 @@ struct ResultReport {
   std::string field;
   uint64_t ray_count = 0;
   absl::Duration cpu_duration;
+  bool is_stored = false;  // The sender has stored the bytes, by a ticket.
 
   const std::string& Sender() const { return identity.empty() ? worker_id : identity; }
 };
@@ -83,6 +84,13 @@ class ResultIntake {
   // kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
   absl::StatusOr<ResultOutcome> Add(const ResultReport& report, const std::string& bytes);
 
+  // These are in transfer/stored_results.cc. The permission to store the result's bytes; none where
+  // it is not wanted, or only the coordinator can store it. Errors: kPermissionDenied, as Add.
+  absl::StatusOr<std::optional<PutTicket>> TicketFor(const ResultReport& report);
+  // Add for a result that the sender has stored. Errors: also kFailedPrecondition (the bytes are
+  // not there, or others; the sender is to send them).
+  absl::StatusOr<ResultOutcome> AddStored(const ResultReport& report);
+
   // The verified bytes of a frame's guiding field, which is stored as the part of its training. One
   // that is lost or damaged is trained again. Errors: kNotFound (the frame has no such field, or it
   // is lost: the frame is leased again when it has one); others of the store.
@@ -97,6 +105,10 @@ class ResultIntake {
   // Holds a tile's reservation: results of one tile are taken one at a time.
   class TileReservation;
 
+  Scheduler::FoundTask FindTask(const ResultReport& report) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // The row of a result for a frame, without what is counted in it.
+  static PartRow RowOf(const ResultReport& report, const FrameId& frame);
   // Whether the sender may deliver the result. Errors: kPermissionDenied.
   absl::Status CheckSender(const ResultReport& report);
   // The account of a result that makes no part.

@@ -364,6 +364,7 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
   }
   report.lease_id = header.lease_id();
   report.token = header.token();
+  report.is_stored = header.stored();
   report.worker_id = header.worker_id();
   absl::Status named = CheckText("worker_id", report.worker_id, kWorkerTextBytesMax);
   if (!named.ok()) return named;
@@ -443,6 +444,7 @@ v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {
   SetDuration(answer.next_synchronize, wire.mutable_next_synchronize_duration());
   SetDuration(answer.lease_duration, wire.mutable_lease_duration());
   wire.set_exit(answer.exits);
+  wire.set_direct_uploads(answer.direct_uploads);
   return wire;
 }
 

@@ -16,6 +16,8 @@
 namespace sheaf::coordinator {
 namespace {
 
+constexpr int kPlannedUploadsMax = 16;
+
 v1::UploadResultsResponse::Outcome WireOutcome(ResultOutcome outcome) {
   switch (outcome) {
     case ResultOutcome::kAccepted:
@@ -30,10 +32,23 @@ v1::UploadResultsResponse::Outcome WireOutcome(ResultOutcome outcome) {
   return v1::UploadResultsResponse::OUTCOME_UNSPECIFIED;
 }
 
+// The report of a header. identity: the sender's, as CallerIdentity says.
+absl::StatusOr<ResultReport> ReportOf(const v1::ResultHeader& header, const Farm& farm,
+                                      const std::string& identity) {
+  absl::StatusOr<ResultReport> report = FromWire(header);
+  if (!report.ok()) return report;
+  if (report->digest.size_bytes > farm.options().part_bytes_max) {
+    return absl::InvalidArgumentError(absl::StrCat("a result of ", report->digest.size_bytes,
+                                                   " bytes is larger than ",
+                                                   farm.options().part_bytes_max));
+  }
+  report->identity = identity;
+  return report;
+}
+
 // Puts the messages of an upload stream together into results, one at a time.
 class ResultAssembly {
  public:
-  // identity: the sender's, as CallerIdentity says.
   ResultAssembly(Farm* farm, std::string identity, v1::UploadResultsResponse* response)
       : farm_(farm), identity_(std::move(identity)), response_(response) {}
 
@@ -44,15 +59,9 @@ class ResultAssembly {
         return absl::InvalidArgumentError(
             absl::StrCat("more than ", kResultsPerUploadMax, " results in one upload"));
       }
-      absl::StatusOr<ResultReport> report = FromWire(message.header());
+      absl::StatusOr<ResultReport> report = ReportOf(message.header(), *farm_, identity_);
       if (!report.ok()) return report.status();
-      if (report->digest.size_bytes > farm_->options().part_bytes_max) {
-        return absl::InvalidArgumentError(absl::StrCat("a result of ", report->digest.size_bytes,
-                                                       " bytes is larger than ",
-                                                       farm_->options().part_bytes_max));
-      }
       report_ = *std::move(report);
-      report_->identity = identity_;
     }
     if (!report_) return absl::InvalidArgumentError("the first message has no header");
     if (bytes_.size() + message.chunk().size() > report_->digest.size_bytes) {
@@ -65,7 +74,8 @@ class ResultAssembly {
   // Gives the result under way, if any, to the farm.
   absl::Status Finish() {
     if (!report_) return absl::OkStatus();
-    const absl::StatusOr<ResultOutcome> outcome = farm_->AddResult(*report_, bytes_);
+    const absl::StatusOr<ResultOutcome> outcome =
+        report_->is_stored ? farm_->AddStoredResult(*report_) : farm_->AddResult(*report_, bytes_);
     report_.reset();
     bytes_.clear();
     if (!outcome.ok()) return outcome.status();
@@ -112,6 +122,31 @@ grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
   if (context->IsCancelled())
     return ToGrpcStatus(absl::CancelledError("the upload was interrupted"));
   return ToGrpcStatus(assembly.Finish());
+}
+
+grpc::Status WorkerService::PlanUploads(grpc::ServerContext* context,
+                                        const v1::PlanUploadsRequest* request,
+                                        v1::PlanUploadsResponse* response) {
+  if (request->results_size() > kPlannedUploadsMax) {
+    return ToGrpcStatus(
+        absl::InvalidArgumentError(absl::StrCat("results: more than ", kPlannedUploadsMax)));
+  }
+  const std::string identity = CallerIdentity(*context);
+  for (const v1::ResultHeader& header : request->results()) {
+    const absl::StatusOr<ResultReport> report = ReportOf(header, *farm_, identity);
+    if (!report.ok()) return ToGrpcStatus(report.status());
+    const absl::StatusOr<std::optional<PutTicket>> ticket = farm_->TicketFor(*report);
+    if (!ticket.ok()) return ToGrpcStatus(ticket.status());
+    v1::UploadTicket* const wire = response->add_tickets();
+    if (!ticket->has_value()) continue;
+    wire->set_url((*ticket)->url);
+    for (const auto& [name, value] : (*ticket)->headers) {
+      v1::HttpHeader* const to = wire->add_headers();
+      to->set_name(name);
+      to->set_value(value);
+    }
+  }
+  return grpc::Status::OK;
 }
 
 grpc::Status WorkerService::ReadGuidingField(

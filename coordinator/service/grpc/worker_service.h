@@ -23,6 +23,8 @@ class WorkerService final : public v1::WorkerService::Service {
   grpc::Status UploadResults(grpc::ServerContext* context,
                              grpc::ServerReader<v1::UploadResultsRequest>* reader,
                              v1::UploadResultsResponse* response) override;
+  grpc::Status PlanUploads(grpc::ServerContext* context, const v1::PlanUploadsRequest* request,
+                           v1::PlanUploadsResponse* response) override;
   grpc::Status ReadGuidingField(grpc::ServerContext* context,
                                 const v1::ReadGuidingFieldRequest* request,
                                 grpc::ServerWriter<v1::ReadGuidingFieldResponse>* writer) override;

@@ -114,7 +114,16 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
     WarnOfInsecureAddress(address);
   }
   std::unique_ptr<CoordinatorServer> server(new CoordinatorServer());
-  absl::StatusOr<std::unique_ptr<Farm>> farm = Farm::Open(options.farm);
+  FarmOptions farm_options = options.farm;
+  if (!options.objects_url.empty()) {
+    absl::StatusOr<FarmObjects> objects =
+        OpenFarmObjects(options.objects_url, options.farm.state_directory, options.environment);
+    if (!objects.ok()) return objects.status();
+    server->objects_ = *std::move(objects);
+    farm_options.parts = server->objects_.parts.get();
+    farm_options.content = server->objects_.content.get();
+  }
+  absl::StatusOr<std::unique_ptr<Farm>> farm = Farm::Open(farm_options);
   if (!farm.ok()) return farm.status();
   server->farm_ = std::move(*farm);
   if (certified) {

@@ -24,6 +24,7 @@
 #include "coordinator/service/grpc/worker_service.h"
 #include "coordinator/service/http/http_service.h"
 #include "coordinator/service/server/build_info.h"
+#include "coordinator/service/server/farm_objects.h"
 
 namespace sheaf::coordinator {
 
@@ -35,6 +36,9 @@ inline constexpr absl::Duration kConnectionAgeMax = absl::Hours(1);
 
 struct CoordinatorOptions {
   FarmOptions farm;
+  // "s3://BUCKET/PREFIX": where parts and files of scenes lie; empty: in the state directory.
+  std::string objects_url;
+  Environment environment = ProcessEnvironment;  // That has the key to it.
   // Of certificates that are issued; without effect where the state directory has no authority.
   CertificateLifetimes certificate_lifetimes;
   // For each user and worker; without effect likewise.
@@ -54,8 +58,8 @@ struct CoordinatorOptions {
 class CoordinatorServer {
  public:
   // Loads the state, then serves until destroyed or stopped.
-  // Errors: those of Farm::Open, AccessControl::Open and RequireSafeAddress; kUnavailable (a port
-  // is taken), with the address. One line each.
+  // Errors: those of OpenFarmObjects, Farm::Open, AccessControl::Open and RequireSafeAddress;
+  // kUnavailable (a port is taken), with the address. One line each.
   static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(
       const CoordinatorOptions& options);
   ~CoordinatorServer();
@@ -85,6 +89,7 @@ class CoordinatorServer {
 
   ServerMetrics metrics_{CoordinatorBuild()};  // Of the services below.
   std::unique_ptr<AccessControl> access_;
+  FarmObjects objects_;  // Of the farm; none where it has no object store.
   std::unique_ptr<Farm> farm_;
   std::unique_ptr<AccessService> access_service_;
   std::unique_ptr<JobService> job_service_;

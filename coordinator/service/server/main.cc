@@ -160,6 +160,12 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   app->add_option("--state-dir", farm.state_directory,
                   "Directory of jobs, parts, scenes and images")
       ->capture_default_str();
+  app->add_option("--objects", line->server.objects_url,
+                  "Bucket of an S3 server in which parts and files of scenes lie, as "
+                  "s3://BUCKET/PREFIX (default: the state directory). Key, endpoint and region "
+                  "come from AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_ENDPOINT_URL and "
+                  "AWS_REGION, or from ~/.aws")
+      ->type_name("URL");
   app->add_option("--lease-seconds", line->lease_seconds,
                   "A worker that is silent for longer counts as lost; its work goes to others")
       ->check(CLI::Range(0.5, 86400.0))

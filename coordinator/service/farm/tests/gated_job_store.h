@@ -116,6 +116,11 @@ class GatedJobStore : public JobStore {
     if (holds_parts_) PassTheGate();
     return full_ ? Full() : store_->WritePart(row, bytes);
   }
+  absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) override {
+    if (holds_parts_) PassTheGate();
+    return full_ ? Full() : store_->AddStoredPart(row, bytes);
+  }
+  std::optional<PutTicket> TicketFor(const PartRow& row) override { return store_->TicketFor(row); }
   absl::Status Probe() override { return full_ ? Full() : store_->Probe(); }
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override {
     return store_->FindPart(key);

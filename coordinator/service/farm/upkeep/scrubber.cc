@@ -55,7 +55,9 @@ void Scrubber::Run(const std::stop_token& stop) {
 bool Scrubber::Pass(const std::stop_token& stop) {
   for (const StoredBlob& blob : parts_.blobs.List()) {
     const BlobDigest& digest = blob.digest;
-    if (absl::IsDataLoss(parts_.blobs.Verify(digest))) {
+    const absl::Status verified = parts_.blobs.Verify(digest);
+    if (verified.ok()) ScrubObject(digest);
+    if (absl::IsDataLoss(verified)) {
       NoteDamage(Kind::kBlob, digest.sha256_hex, [this, digest] {
         return parts_.blobs.PathOf(digest).ok() ? State::kWhole : State::kDamaged;
       });
@@ -73,6 +75,19 @@ bool Scrubber::Pass(const std::stop_token& stop) {
   const MutexLock lock(&mutex_);
   last_pass_ = absl::Now();
   return true;
+}
+
+void Scrubber::ScrubObject(const BlobDigest& digest) {
+  const absl::StatusOr<bool> repaired = parts_.blobs.RepairObject(digest);
+  if (!repaired.ok()) {
+    LogWarning(absl::StrCat("comparing a file in the object store: ", repaired.status().message()));
+  }
+  if (!repaired.value_or(false)) return;
+  LogWarning(absl::StrCat("scrubbing: lost or damaged in the object store, and stored again: blob ",
+                          digest.sha256_hex));
+  const MutexLock lock(&mutex_);
+  ++damaged_count_.at(static_cast<size_t>(Kind::kBlob));
+  ++repaired_count_.at(static_cast<size_t>(Kind::kBlob));
 }
 
 Scrubber::Frames Scrubber::FramesOf(uint64_t job_id) const {

@@ -70,6 +70,8 @@ class Scrubber {
   };
   Frames FramesOf(uint64_t job_id) const;
   bool PassJob(uint64_t job_id, const std::stop_token& stop);
+  // The object of a blob whose file is whole.
+  void ScrubObject(const BlobDigest& digest);
   void ScrubPart(const PartRow& row, bool is_remade);
   // Counts the bytes and waits as long as they may take. Returns false where it was stopped.
   bool Pace(uint64_t bytes, const std::stop_token& stop);
