@@ -18,6 +18,7 @@
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/completion.h"
 #include "common/rpc/address.h"
 #include "common/rpc/certificate_renewal.h"
 #include "common/rpc/enrolment.h"
@@ -252,6 +253,7 @@ int Main(int argc, char** argv) {
   AddSandboxOptions(&app, &arguments);
   AddPeerOptions(&app, &arguments);
   AddYieldOptions(&app, &arguments.yield);
+  AddCompletionOption(&app);
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-worker: %s\n", text.c_str());
   };

@@ -18,6 +18,7 @@
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/completion.h"
 #include "common/rpc/address.h"
 #include "common/scene/settings/render_settings.h"
 #include "common/service_manager/service_manager.h"
@@ -242,6 +243,7 @@ int Main(int argc, char** argv) {
   AddOptions(&line, &app);
   AccessCommands commands(DefaultStateDirectory());
   commands.AddTo(&app);
+  AddCompletionOption(&app);
   app.footer(
       "Examples:\n"
       "  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400\n"
