@@ -45,7 +45,9 @@ class DeployFilesTest(unittest.TestCase):
             command, = re.findall(r"^ExecStart=(.*)$", text, re.M)
             self.assertEqual(refused_options(command.split()), set(), path)
             user, = re.findall(r"^User=(.*)$", text, re.M)
-            self.assertRegex(read("systemd", "sheaf.sysusers.conf"), rf"(?m)^u {user} ")
+            program = os.path.basename(command.split()[0])
+            self.assertRegex(read("systemd", program + ".sysusers.conf"), rf"(?m)^u {user} ")
+            self.assertRegex(text, r"(?m)^Type=notify$[^[]*^WatchdogSec=")
             if "sheaf-worker" in path:  # It makes namespaces and mounts of its own.
                 self.assertNotRegex(text, r"(?m)^(RestrictNamespaces|SystemCallFilter|ProcSubset)=")
 
