@@ -59,8 +59,8 @@ class Maker:
     def make_man_pages(self, program, section, see_also):
         """The page of a program and of each of its commands; see_also: of other programs."""
         text = self.output_of(program, "--help")
-        commands = re.findall(r"^  ([a-z]+)  ", text.partition("\nSubcommands:\n")[2].split("\n\n")[0],
-                              re.M)
+        listed = text.partition("\nSubcommands:\n")[2].split("\n\n")[0]
+        commands = re.findall(r"^  ([a-z]+)  ", listed, re.M)
         date = time.strftime("%Y-%m-%d", time.gmtime(self.options.date))
         version = f"Sheaf {self.options.version}"
         pages = {program: text}
