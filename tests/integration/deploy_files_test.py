@@ -65,8 +65,8 @@ class DeployFilesTest(unittest.TestCase):
                     text = file.read().replace("/usr/local/bin", programs())
                 with open(path, "w", encoding="utf-8") as file:
                     file.write(text)
-                done = subprocess.run(["systemd-analyze", "verify", "--man=no", path], capture_output=True,
-                                      text=True, timeout=60, check=False)
+                done = subprocess.run(["systemd-analyze", "verify", "--man=no", path],
+                                      capture_output=True, text=True, timeout=60, check=False)
                 told = [line for line in done.stderr.splitlines() if path in line
                         or os.path.basename(path) in line]
                 self.assertEqual((done.returncode, told), (0, []), unit)
