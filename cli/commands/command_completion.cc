@@ -9,12 +9,12 @@
 #include <thread>
 
 #include "cli/commands/command.h"
-#include "cli/commands/completion_script.h"
 #include "cli/commands/options.h"
 #include "cli/job/farm_channel.h"
 #include "cli/job/farm_client.h"
 #include "common/base/mutex.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/completion.h"
 #include "common/rpc/address.h"
 
 namespace sheaf::cli {
@@ -23,21 +23,8 @@ namespace {
 // Short, since a person waits for the completion.
 constexpr std::chrono::milliseconds kJobNamesWait{1500};
 constexpr size_t kJobNamesMax = 100;
-
-CompletionCommand Describe(const CLI::App& command) {
-  CompletionCommand description{command.get_name(), command.get_description(), {}};
-  for (const CLI::Option* option : command.get_options()) {
-    if (option->get_positional()) {
-      description.choices = ChoicesOf(*option);
-      description.takes_job = option->get_name() == "JOB";
-    }
-    for (const std::string& name : option->get_lnames()) {
-      description.options.push_back({"--" + name, option->get_description(),
-                                     option->get_items_expected_max() > 0, ChoicesOf(*option)});
-    }
-  }
-  return description;
-}
+// Prints the names of jobs; nothing where no coordinator answers.
+constexpr char kJobNamesCommand[] = "sheaf completion jobs 2>/dev/null";
 
 class CompletionCommandLine : public Command {
  public:
@@ -65,10 +52,7 @@ class CompletionCommandLine : public Command {
     const Shell shell = wanted_ == Wanted::kBash  ? Shell::kBash
                         : wanted_ == Wanted::kZsh ? Shell::kZsh
                                                   : Shell::kFish;
-    std::vector<CompletionCommand> commands;
-    for (const CLI::App* command : app_->get_subcommands({}))
-      commands.push_back(Describe(*command));
-    std::fputs(CompletionScript(shell, commands).c_str(), stdout);
+    std::fputs(CompletionScript(shell, DescribeProgram(*app_, kJobNamesCommand)).c_str(), stdout);
     return ExitCode::kOk;
   }
 

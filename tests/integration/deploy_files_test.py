@@ -46,7 +46,9 @@ class DeployFilesTest(unittest.TestCase):
             command, = re.findall(r"^ExecStart=(.*)$", text, re.M)
             self.assertEqual(refused_options(command.split()), set(), path)
             user, = re.findall(r"^User=(.*)$", text, re.M)
-            self.assertRegex(read("systemd", "sheaf.sysusers.conf"), rf"(?m)^u {user} ")
+            program = os.path.basename(command.split()[0])
+            self.assertRegex(read("systemd", program + ".sysusers.conf"), rf"(?m)^u {user} ")
+            self.assertRegex(text, r"(?m)^Type=notify$[^[]*^WatchdogSec=")
             if "sheaf-worker" in path:  # It makes namespaces and mounts of its own.
                 self.assertNotRegex(text, r"(?m)^(RestrictNamespaces|SystemCallFilter|ProcSubset)=")
 
@@ -64,8 +66,8 @@ class DeployFilesTest(unittest.TestCase):
                     text = file.read().replace("/usr/local/bin", programs())
                 with open(path, "w", encoding="utf-8") as file:
                     file.write(text)
-                done = subprocess.run(["systemd-analyze", "verify", path], capture_output=True,
-                                      text=True, timeout=60, check=False)
+                done = subprocess.run(["systemd-analyze", "verify", "--man=no", path],
+                                      capture_output=True, text=True, timeout=60, check=False)
                 told = [line for line in done.stderr.splitlines() if path in line
                         or os.path.basename(path) in line]
                 self.assertEqual((done.returncode, told), (0, []), unit)

@@ -32,6 +32,7 @@ ROOMS = {
 LAYERS = {
     "common/base": (),
     "common/command_line": ("common/base",),
+    "common/service_manager": ("common/base",),
     "common/tls": ("common/base",),
     "common/math": ("common/base",),
     "common/film": ("common/base", "common/math"),
@@ -47,6 +48,7 @@ LAYERS = {
                      "worker/render"),
     "worker/wire": ("common/", "worker/agent"),
     "worker/sandbox": ("common/", "worker/agent", "worker/wire", "worker/render"),
+    "worker/yield": ("common/base",),
     "worker/service": ("common/", "worker/"),
     "coordinator/core": ("common/base", "common/math", "common/film", "common/scene",
                          "common/content"),

@@ -49,6 +49,7 @@ Agent::Agent(AgentOptions options, CoordinatorLink* link, SceneLoader* loader,
       now_(std::move(now)),
       scenes_(loader, options_.scene_memory_bytes_max),
       outbox_(options_.unsent_bytes_max),
+      last_turn_(now_()),
       backoff_(options_.backoff_initial) {
   SHEAF_CHECK(options_.thread_count >= 1 && options_.leases_ahead >= 0);
 }
@@ -58,10 +59,15 @@ AgentCounts Agent::counts() const {
   return counts_;
 }
 
+Agent::Clock::duration Agent::SinceLastTurn() const {
+  const MutexLock lock(&mutex_);
+  return now_() - last_turn_;
+}
+
 absl::Status Agent::Run(std::stop_token stop) {
   {
     const MutexLock lock(&mutex_);
-    next_synchronize_ = idle_since_ = now_();
+    next_synchronize_ = next_look_ = idle_since_ = now_();
     last_synchronize_ = now_() - options_.synchronize_spacing;
   }
   std::vector<std::jthread> threads;
@@ -74,6 +80,8 @@ absl::Status Agent::Run(std::stop_token stop) {
   {
     const MutexLock lock(&mutex_);
     while (true) {
+      last_turn_ = now_();
+      LookAround();
       AdvanceStage(stop.stop_requested());
       if (stage_ == Stage::kDone) break;
       if (now_() >= next_synchronize_) Synchronize();
@@ -97,7 +105,9 @@ void Agent::AdvanceStage(bool stop_requested) {
   if (!ledger_.Empty() || !outbox_.empty()) idle_since_ = now;
   const bool idle_for_long =
       options_.exit_when_idle.count() > 0 && now - idle_since_ >= options_.exit_when_idle;
-  if (stage_ == Stage::kWorking && (stop_requested || told_to_exit_ || idle_for_long)) {
+  if (stage_ == Stage::kWorking || stage_ == Stage::kAway) AdvanceAway(now);
+  if ((stage_ == Stage::kWorking || stage_ == Stage::kAway) &&
+      (stop_requested || told_to_exit_ || idle_for_long)) {
     stage_ = Stage::kFinishing;
     grace_end_ = now + options_.grace;
     farewell_end_ = grace_end_ + options_.farewell;
@@ -112,13 +122,40 @@ void Agent::AdvanceStage(bool stop_requested) {
     ledger_.StopRunning();
     LogInfo("the grace period is over: returning the running tasks");
   }
-  if (stage_ == Stage::kWorking) return;
+  if (stage_ == Stage::kWorking || stage_ == Stage::kAway) return;
   const bool is_done = ledger_.Empty() && outbox_.empty() && (!news_ || !reachable_);
   // If the coordinator does not answer, there is no reason to wait beyond the grace period.
   const bool given_up = now >= farewell_end_ || (now >= grace_end_ && !reachable_);
   if (is_done || (given_up && !ledger_.HasRunning()) || now >= farewell_end_ + options_.farewell) {
     stage_ = Stage::kDone;
   }
+}
+
+void Agent::LookAround() {
+  if (!options_.why_away || now_() < next_look_) return;
+  const bool frees_scenes = stage_ == Stage::kAway && !ledger_.HasRunning();
+  mutex_.Unlock();
+  if (frees_scenes) scenes_.Clear();
+  const std::string reason = options_.why_away(scenes_.MemoryBytes());
+  mutex_.Lock();
+  away_reason_ = reason;
+  next_look_ = now_() + options_.away_interval;
+}
+
+void Agent::AdvanceAway(Clock::time_point now) {
+  if (stage_ == Stage::kWorking && !away_reason_.empty()) {
+    stage_ = Stage::kAway;
+    grace_end_ = now + options_.grace;
+    ledger_.ReleaseQueued();
+    news_ = true;
+    LogInfo(absl::StrCat("takes no work: ", away_reason_));
+  }
+  if (stage_ == Stage::kAway && away_reason_.empty()) {
+    stage_ = Stage::kWorking;
+    news_ = true;
+    LogInfo("takes work again");
+  }
+  if (stage_ == Stage::kAway && now >= grace_end_) ledger_.StopRunning();
 }
 
 WorkerState Agent::MakeState(const LeaseLedger::Snapshot& snapshot) const {
@@ -180,9 +217,11 @@ void Agent::Synchronize() {
 
 void Agent::WaitForNextSynchronize(std::stop_token stop) {
   Clock::time_point until = next_synchronize_;
+  if (options_.why_away) until = std::min(until, next_look_);
   if (stage_ == Stage::kFinishing) until = std::min(until, grace_end_);
+  if (stage_ == Stage::kAway && now_() < grace_end_) until = std::min(until, grace_end_);
   const auto has_news = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return HasNews(); };
-  const bool stopping = stage_ != Stage::kWorking;
+  const bool stopping = stage_ != Stage::kWorking && stage_ != Stage::kAway;
   const absl::Duration duration =
       absl::FromChrono(std::max(until - now_(), Clock::duration::zero()));
   if (stopping) {
@@ -261,7 +300,7 @@ void Agent::RequestLeases() {
 
 void Agent::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status) {
   if (absl::IsCancelled(status)) {
-    ledger_.Fail(lease_id, FailureKind::kReleased, "the worker is stopping");
+    ledger_.Fail(lease_id, FailureKind::kReleased, "the worker gives it back");
   } else {
     LogWarning(absl::StrCat("lease ", lease_id, " failed: ", std::string(status.message())));
     ledger_.Fail(lease_id, kind, std::string(status.message()));

@@ -45,6 +45,12 @@ struct AgentOptions {
   std::chrono::milliseconds backoff_max{3'000};
   // Minimum time between two calls of Synchronize, so that short tasks share one.
   std::chrono::milliseconds synchronize_spacing{5};
+  // Returns why this worker shall take no work now, for people; empty: it may. Called by Run, about
+  // once per away_interval, with the memory of the loaded scenes. Where it names a reason, running
+  // tasks continue for the grace period, then all leases are returned and all scenes freed; where
+  // it names none any more, the worker goes on. Null: never a reason.
+  std::function<std::string(uint64_t scene_bytes)> why_away;
+  std::chrono::milliseconds away_interval{1'000};
 };
 
 // Counts for the log and for tests.
@@ -68,12 +74,21 @@ class Agent {
   absl::Status Run(std::stop_token stop);
 
   AgentCounts counts() const;
+  // How long ago Run took its last turn, or this was made. It takes one for each call of
+  // Synchronize, and waits for the coordinator for as long as the link does.
+  Clock::duration SinceLastTurn() const;
 
  private:
-  enum class Stage { kWorking, kFinishing, kReleasing, kDone };
+  // kAway: it takes no work for a while.
+  enum class Stage { kWorking, kAway, kFinishing, kReleasing, kDone };
   // The control thread. Releases the mutex while it waits for the coordinator.
   void Synchronize() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void AdvanceStage(bool stop_requested) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Asks why_away when it is time, and frees the scenes of a worker that is away. Releases the
+  // mutex meanwhile.
+  void LookAround() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Goes away, gives back what it holds, and comes back.
+  void AdvanceAway(Clock::time_point now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void WaitForNextSynchronize(std::stop_token stop) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Answered calls follow news closely; unanswered ones wait for their backoff.
   bool HasNews() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return news_ && reachable_; }
@@ -114,6 +129,7 @@ class Agent {
   AgentCounts counts_ ABSL_GUARDED_BY(mutex_);
   Stage stage_ ABSL_GUARDED_BY(mutex_) = Stage::kWorking;
   bool told_to_exit_ ABSL_GUARDED_BY(mutex_) = false;
+  std::string away_reason_ ABSL_GUARDED_BY(mutex_);
   // News since the last call of Synchronize was made.
   bool news_ ABSL_GUARDED_BY(mutex_) = false;
   bool reachable_ ABSL_GUARDED_BY(mutex_) = true;      // Whether the last call was answered.
@@ -121,6 +137,8 @@ class Agent {
   // The sequence of the last answered snapshot.
   uint64_t answered_sequence_ ABSL_GUARDED_BY(mutex_) = 0;
   Clock::time_point next_synchronize_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point next_look_ ABSL_GUARDED_BY(mutex_);
+  Clock::time_point last_turn_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point last_synchronize_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point grace_end_ ABSL_GUARDED_BY(mutex_);
   Clock::time_point farewell_end_ ABSL_GUARDED_BY(mutex_);

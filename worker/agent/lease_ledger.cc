@@ -98,7 +98,7 @@ void LeaseLedger::ReleaseQueued() {
   for (auto it = held_.begin(); it != held_.end();) {
     const auto here = it++;
     if (here->second.phase != LeasePhase::kQueued) continue;
-    Fail(here->first, FailureKind::kReleased, "the worker is stopping");
+    Fail(here->first, FailureKind::kReleased, "the worker gives it back");
   }
 }
 

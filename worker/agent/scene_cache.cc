@@ -69,6 +69,12 @@ void SceneCache::Drop(const Lease& lease, const SharedScene& scene) {
   if (it != entries_.end() && it->second.scene == scene) entries_.erase(it);
 }
 
+void SceneCache::Clear() {
+  std::vector<SharedScene> evicted;  // Outlives the lock.
+  const MutexLock lock(&mutex_);
+  evicted = EvictAll();
+}
+
 std::vector<std::string> SceneCache::WarmScenes() const {
   const MutexLock lock(&mutex_);
   std::set<std::string> manifests;

@@ -54,6 +54,9 @@ class SceneCache {
   // Drops a scene that failed: the next request loads it again.
   void Drop(const Lease& lease, const SharedScene& scene);
 
+  // Drops all scenes.
+  void Clear();
+
   // Digests of the manifests of the scenes in memory, in ascending order.
   std::vector<std::string> WarmScenes() const;
   // Total over the scenes in memory.

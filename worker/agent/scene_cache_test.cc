@@ -131,5 +131,17 @@ TEST(SceneCacheTest, WaitingLeasesLoadAfterACancellation) {
   EXPECT_EQ(loader.load_count, 2);
 }
 
+TEST(SceneCacheTest, ClearDropsAllScenes) {
+  FakeLoader loader;
+  SceneCache cache(&loader, 100);
+  const SharedScene in_use = cache.Get(LeaseOf("a"), {}).scene;
+  cache.Get(LeaseOf("b"), {});
+  cache.Clear();
+  EXPECT_EQ(cache.MemoryBytes(), 0u);
+  EXPECT_TRUE(cache.MustLoad(LeaseOf("a")));
+  EXPECT_EQ(in_use->memory_bytes(), 10u);  // A thread may still render it.
+  EXPECT_NE(cache.Get(LeaseOf("a"), {}).scene, in_use);
+}
+
 }  // namespace
 }  // namespace sheaf::worker

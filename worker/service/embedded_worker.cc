@@ -40,6 +40,7 @@ AgentOptions MakeAgentOptions(const WorkerOptions& options) {
   agent.scene_memory_bytes_max = options.scene_memory_bytes_max;
   agent.grace = options.grace;
   agent.exit_when_idle = options.exit_when_idle;
+  agent.why_away = options.why_away;
   return agent;
 }
 

@@ -9,6 +9,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <stop_token>
 #include <string>
@@ -37,11 +38,16 @@ struct WorkerOptions {
   int32_t leases_ahead = 2;
   std::chrono::milliseconds grace{10'000};
   std::chrono::milliseconds exit_when_idle{0};
+  std::function<std::string(uint64_t scene_bytes)> why_away;  // As in AgentOptions.
   // Whether the coordinator is told where scene files came from; without it no peers are asked.
   bool reports_content = false;
   PeerOptions peers;
   SandboxOptions sandbox;  // By default scenes render in this process: they are the user's own.
 };
+
+// A turn of the agent waits for one call of Synchronize, which has a deadline of 10 s, and freeing
+// scenes takes a moment; what takes longer than this will not end.
+inline constexpr std::chrono::seconds kTurnMax{60};
 
 // Number of processors that this process may use.
 int32_t AvailableThreadCount();
@@ -60,6 +66,8 @@ class EmbeddedWorker {
   // As Agent::Run.
   absl::Status Run(std::stop_token stop) { return agent_.Run(stop); }
   const std::string& worker_id() const { return worker_id_; }
+  // Whether Run goes on taking turns. Blocks where the agent's lock is never released.
+  bool IsAlive() const { return agent_.SinceLastTurn() < kTurnMax; }
   AgentCounts counts() const { return agent_.counts(); }
 
  private:

@@ -6,23 +6,29 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <optional>
 #include <stop_token>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/label.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/completion.h"
 #include "common/rpc/address.h"
 #include "common/rpc/certificate_renewal.h"
 #include "common/rpc/enrolment.h"
 #include "common/rpc/farm_connection.h"
+#include "common/service_manager/service_manager.h"
+#include "common/service_manager/watchdog.h"
 #include "worker/sandbox/scene_server.h"
 #include "worker/service/embedded_worker.h"
 #include "worker/service/stop_signals.h"
+#include "worker/service/yield_command_line.h"
 
 namespace sheaf::worker {
 namespace {
@@ -42,6 +48,7 @@ struct Arguments {
   double load_seconds_max = 3600;
   double task_seconds_max = 3600;
   bool no_peers = false;
+  YieldArguments yield;
 };
 
 void AddPeerOptions(CLI::App* app, Arguments* arguments) {
@@ -164,10 +171,27 @@ bool MayUsePeers(const FarmConnection& connection) {
   return connection.files || (coordinator.ok() && IsLoopback(*coordinator));
 }
 
+// Why the worker takes no work now, which the service manager hears as well.
+std::function<std::string(uint64_t)> TellWhyAway(const ServiceManager& manager,
+                                                 std::function<std::string(uint64_t)> why_away,
+                                                 const std::string& at_work) {
+  if (!why_away) return nullptr;
+  return [&manager, at_work, told = at_work,
+          why_away = std::move(why_away)](uint64_t scene_bytes) mutable {
+    std::string reason = why_away(scene_bytes);
+    const std::string status = reason.empty() ? at_work : "takes no work: " + reason;
+    if (status != std::exchange(told, status)) manager.Status(status);
+    return reason;
+  };
+}
+
 int Work(const Arguments& arguments) {
+  // Before any thread exists, as it changes the environment.
+  const ServiceManager manager;
   std::stop_source stop;
-  // Before any thread exists, so that all threads block these signals.
-  const StopSignals signals([&stop](int, int count) {
+  // Before any other thread exists, so that all threads block these signals.
+  const StopSignals signals([&stop, &manager](int, int count) {
+    manager.Stopping();
     if (count > 1) {
       LogWarning(
           "second request to stop: exiting at once; leases expire and other workers take them");
@@ -186,6 +210,8 @@ int Work(const Arguments& arguments) {
   options.reports_content = true;
   options.peers.files = connection->files;
   options.peers.enabled = !arguments.no_peers && MayUsePeers(*connection);
+  const std::string at_work = absl::StrCat("works for ", arguments.worker.coordinator);
+  options.why_away = TellWhyAway(manager, WhyAwayBy(arguments.yield), at_work);
   const absl::StatusOr<std::unique_ptr<EmbeddedWorker>> worker =
       EmbeddedWorker::Open(connection->Open(), connection->Open(), options);
   if (!worker.ok()) {
@@ -195,7 +221,10 @@ int Work(const Arguments& arguments) {
   if (arguments.worker.sandbox.mode == SandboxMode::kNone) {
     LogInfo("scenes render in this process, unprotected (--sandbox=none)");
   }
-  LogInfo(absl::StrCat((*worker)->worker_id(), " works for ", arguments.worker.coordinator));
+  LogInfo(absl::StrCat((*worker)->worker_id(), " ", at_work));
+  // Ready as soon as it waits for work: the coordinator may be away for long.
+  manager.Ready(at_work);
+  const Watchdog watchdog(&manager, [&worker] { return (*worker)->IsAlive(); });
   const absl::Status status = (*worker)->Run(stop.get_token());
   if (!status.ok()) LogWarning(std::string(status.message()));
   const AgentCounts counts = (*worker)->counts();
@@ -217,11 +246,14 @@ int Main(int argc, char** argv) {
   app.footer(
       "Examples:\n"
       "  sheaf-worker --coordinator farm.example.org:7400 --threads 16\n"
-      "  sheaf-worker --coordinator farm.example.org --token token");
+      "  sheaf-worker --coordinator farm.example.org --token token\n"
+      "  sheaf-worker --coordinator farm.example.org --hours 19:00-07:00,Sat-Sun --yield-load 1");
   app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);
   AddOptions(&app, &arguments);
   AddSandboxOptions(&app, &arguments);
   AddPeerOptions(&app, &arguments);
+  AddYieldOptions(&app, &arguments.yield);
+  AddCompletionOption(&app);
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-worker: %s\n", text.c_str());
   };
@@ -233,6 +265,10 @@ int Main(int argc, char** argv) {
   // Our own errors are one line each; gRPC's internal ones beside them help nobody.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   RaiseOpenFileLimit();
+  if (const absl::Status applied = ApplyNice(arguments.yield); !applied.ok()) {
+    report(std::string(applied.message()));
+    return absl::IsInvalidArgument(applied) ? kUsageExitCode : kExitCannotStart;
+  }
   arguments.worker.grace = Milliseconds(arguments.grace_seconds);
   arguments.worker.exit_when_idle = Milliseconds(arguments.exit_when_idle_seconds);
   SandboxOptions& sandbox = arguments.worker.sandbox;

@@ -18,8 +18,11 @@
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
+#include "common/command_line/completion.h"
 #include "common/rpc/address.h"
 #include "common/scene/settings/render_settings.h"
+#include "common/service_manager/service_manager.h"
+#include "common/service_manager/watchdog.h"
 #include "coordinator/service/server/access_commands.h"
 #include "coordinator/service/server/coordinator_server.h"
 
@@ -212,6 +215,7 @@ sigset_t BlockStopSignals() {
 }
 
 int Serve(const CommandLine& line) {
+  const ServiceManager manager;
   const sigset_t signals = BlockStopSignals();
   absl::StatusOr<std::unique_ptr<CoordinatorServer>> server = CoordinatorServer::Start(line.server);
   if (!server.ok()) return Fail(server.status());
@@ -225,8 +229,13 @@ int Serve(const CommandLine& line) {
                        (*server)->http_url().empty() ? "" : ", the page at ", (*server)->http_url(),
                        ", state in ", line.server.farm.state_directory));
   LogInfo(absl::StrCat("numeric profile ", NumericProfile()));
+  manager.Ready(absl::StrCat("serving gRPC on port ", (*server)->port()));
+  // It answers once it has the farm's lock; no job has the number 0.
+  Farm& farm = (*server)->farm();
+  const Watchdog watchdog(&manager, [&farm] { return !farm.FindJob("0").ok(); });
   int received = 0;
   sigwait(&signals, &received);
+  manager.Stopping();
   LogInfo("stopping");
   (*server)->Stop();
   return 0;
@@ -240,6 +249,7 @@ int Main(int argc, char** argv) {
   AddOptions(&line, &app);
   AccessCommands commands(DefaultStateDirectory());
   commands.AddTo(&app);
+  AddCompletionOption(&app);
   app.footer(
       "Examples:\n"
       "  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400\n"

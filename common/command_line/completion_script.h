@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace sheaf::cli {
+namespace sheaf {
 
 struct CompletionOption {
   std::string name;  // "--samples"
@@ -23,12 +23,17 @@ struct CompletionCommand {
   bool takes_job = false;
 };
 
-// The command that prints the names of the coordinator's jobs, one per line.
-inline constexpr char kJobNamesCommand[] = "sheaf completion jobs 2>/dev/null";
+struct CompletionProgram {
+  std::string name;                       // "sheaf"
+  std::vector<CompletionOption> options;  // Without a command.
+  std::vector<CompletionCommand> commands;
+  // Prints the names of the coordinator's jobs, one per line; for commands that take one.
+  std::string job_names_command;
+};
 
 enum class Shell { kBash, kZsh, kFish };
 
-// The script that completes subcommands, their options and option values.
-std::string CompletionScript(Shell shell, const std::vector<CompletionCommand>& commands);
+// The script that completes subcommands, options and their values.
+std::string CompletionScript(Shell shell, const CompletionProgram& program);
 
-}  // namespace sheaf::cli
+}  // namespace sheaf
