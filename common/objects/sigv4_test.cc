@@ -64,8 +64,8 @@ TEST(SigV4Test, SignsTheExampleOfAList) {
 
 TEST(SigV4Test, MakesTheUrlOfTheExample) {
   SignedRequest request{"GET", "/test.txt", {}, {{"host", kExampleHost}}, "UNSIGNED-PAYLOAD"};
-  EXPECT_EQ(PresignedUrl(std::string("https://") + kExampleHost, request, kExampleKey, "us-east-1",
-                         ExampleTime(), absl::Seconds(86400)),
+  EXPECT_EQ(PresignedUrl("https://examplebucket.s3.amazonaws.com", request, kExampleKey,
+                         "us-east-1", ExampleTime(), absl::Seconds(86400)),
             "https://examplebucket.s3.amazonaws.com/test.txt?X-Amz-Algorithm=AWS4-HMAC-SHA256"
             "&X-Amz-Credential=AKIAIOSFODNN7EXAMPLE%2F20130524%2Fus-east-1%2Fs3%2Faws4_request"
             "&X-Amz-Date=20130524T000000Z&X-Amz-Expires=86400&X-Amz-SignedHeaders=host"
