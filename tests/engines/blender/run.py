@@ -245,8 +245,8 @@ def export_time(bench):
     found = re.findall(r"Sheaf: exported in ([\d.]+) s \(([\d.]+) s of CPU time\); (\d+) files "
                        r"written", said)
     check(len(found) == 2, f"it is exported twice {'' if len(found) == 2 else said[-1500:]}")
-    for wall, cpu, _ in found:
-        print(f"  {wall} s, {cpu} s of CPU time")
+    for wall, cpu, written in found:
+        print(f"  {wall} s, {cpu} s of CPU time, {written} files written")
     # CPU time, which other programs of the machine do not lengthen as they do wall time.
     check(float(found[0][1]) < EXPORT_SECONDS_MAX,
           f"an export takes less than {EXPORT_SECONDS_MAX:.0f} s of one processor")
