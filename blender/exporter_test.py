@@ -134,6 +134,14 @@ class ContentTest(unittest.TestCase):
         self.assertGreater(os.stat(path).st_mtime, 1)
         self.assertNotEqual(second.put([b"abd"], ".ply"), path)
 
+    def test_what_stands_for_the_bytes_names_them(self):
+        folder = content.ContentFolder(self.root)
+        path = folder.put([b"normal 0.1"], ".ply", [b"smooth"])
+        self.assertEqual(folder.put([b"normal 0.10000001"], ".ply", [b"smooth"]), path)
+        with open(path, "rb") as file:
+            self.assertEqual(file.read(), b"normal 0.1")
+        self.assertNotEqual(folder.put([b"normal 0.1"], ".ply", [b"sharp"]), path)
+
     def test_a_failed_write_leaves_nothing(self):
         def fail(file):
             file.write(b"half")

@@ -149,8 +149,10 @@ class Collector:
                 instance_object.to_mesh_clear()
 
     def _part(self, shading, arrays, may_deform):
+        # The closing shutter's mesh must have the vertices of this very file.
+        source = None if may_deform else arrays.source
         path = self._content.put(ply.ply_chunks(arrays.positions, arrays.triangles, arrays.normals,
-                                                arrays.uvs), ".ply")
+                                                arrays.uvs), ".ply", source)
         area = (mesh_arrays.area(arrays.positions, arrays.triangles)
                 if max(self._constant_emission(shading)) > 0 else 0.0)
         part = Part(shading, path, area)

@@ -114,7 +114,7 @@ def _spot(text, light, color, content, item, report):
     intensity = _scaled(color, units.point_intensity(light.energy))
     if bpy.app.version < (4, 0, 0):
         profile = units.spot_map(light.spot_size, light.spot_blend)
-        text.raw("Rotate 180 1 0 0")
+        text.raw("Rotate -90 1 0 0")  # pbrt-v4 has the poles of the map along y.
         text.directive("LightSource", "goniometric", {
             "rgb I": intensity, "string filename": write_pixels(content, profile[::-1])})
         return

@@ -19,8 +19,16 @@ def read_parts(mesh, slot_count):
     normals = _normals(mesh)
     slots = (_read(mesh.loop_triangles, "material_index", count, numpy.int32) if slot_count > 1
              else None)
-    return [(slot, mesh_arrays.build(positions, corner_vertices, triangles[chosen], normals, uvs))
-            for slot, chosen in mesh_arrays.by_material(slots, slot_count)]
+    normals_source = None if normals is None else _normals_source(mesh)
+    parts = []
+    for slot, chosen in mesh_arrays.by_material(slots, slot_count):
+        arrays = mesh_arrays.build(positions, corner_vertices, triangles[chosen], normals, uvs)
+        if normals_source is not None:
+            source = [positions, corner_vertices, triangles[chosen], *normals_source,
+                      *([] if uvs is None else [uvs])]
+            arrays.source = [numpy.array([array.size for array in source]), *source]
+        parts.append((slot, arrays))
+    return parts
 
 
 def read_positions(mesh):
@@ -50,6 +58,21 @@ def _uvs(mesh):
     if layer is None:
         return None
     return _read(layer.data, "uv", 2 * len(mesh.loops), numpy.float32).reshape(-1, 2)
+
+
+def _normals_source(mesh):
+    """What Blender computes the normals from, beside the shape: arrays. None if they are given by
+    the mesh, or are the same to the bit each time.
+
+    Before 4.1 threads add up the normals of faces in any order: last bits differ from one
+    evaluation to the next.
+    """
+    if hasattr(mesh, "corner_normals") or mesh.has_custom_normals:
+        return None
+    count = len(mesh.edges)
+    return [_read(mesh.polygons, "use_smooth", len(mesh.polygons), bool),
+            _read(mesh.edges, "use_edge_sharp", count, bool),
+            numpy.array([mesh.use_auto_smooth, mesh.auto_smooth_angle], numpy.float32)]
 
 
 def _normals(mesh):

@@ -26,10 +26,13 @@ class ContentFolder:
         self._index_path = self.root / "known-files.json"
         self._known = self._read_index()
 
-    def put(self, chunks, suffix):
-        """Stores bytes, given as a list of buffers. Returns the absolute path."""
+    def put(self, chunks, suffix, source=None):
+        """Stores bytes, given as a list of buffers. Returns the absolute path.
+
+        source: buffers that stand for the bytes, where these may differ in ways that do not count.
+        """
         digest = hashlib.blake2b(digest_size=DIGEST_BYTES)
-        for chunk in chunks:
+        for chunk in chunks if source is None else source:
             digest.update(chunk)
         return self.put_named(digest.hexdigest(), suffix,
                               lambda file: [file.write(chunk) for chunk in chunks])

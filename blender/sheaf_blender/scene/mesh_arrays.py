@@ -16,6 +16,8 @@ class MeshArrays:
     normals: numpy.ndarray | None      # (n, 3) float32
     uvs: numpy.ndarray | None          # (n, 2) float32
     corners: numpy.ndarray             # (n,) int32
+    # Arrays that determine the above but for the last bits of the normals; None: they do not.
+    source: list | None = None
 
 
 def weld(corner_vertices, normals=None, uvs=None):
