@@ -14,7 +14,7 @@ from .export.scene_export import Settings, export_scene
 from .farm import images, program
 from .farm.program import SheafError
 
-# What the last export of each scene had to approximate or leave out; the panel shows it.
+# Reports of each scene's last export, by the scene's name; the panel shows them.
 LAST_REPORTS = {}
 REPORT_TEXT = "Sheaf report"
 

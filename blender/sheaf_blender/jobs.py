@@ -5,6 +5,7 @@ import json
 import os
 import re
 import secrets
+import shutil
 import time
 
 from .farm import program
@@ -100,7 +101,6 @@ class LocalRender(RenderJob):
         self._clean()
 
     def _clean(self):
-        import shutil
         shutil.rmtree(self._state_folder, ignore_errors=True)
 
 

@@ -99,7 +99,7 @@ std::vector<v1::Lease> LeasesOf(const v1::CreateJobRequest& job) {
   return leases;
 }
 
-// What the coordinator's process tells the load, by a file: port, one-time tokens, and the job.
+// The coordinator's process tells the load by a file: address, one-time tokens, and the job.
 struct Told {
   std::string address;
   std::vector<std::string> secrets;  // One for each thread.

@@ -36,7 +36,7 @@ SAMPLES = (16, 64, 256)
 # Unfinished jobs; a submission beyond them waits.
 LIVE_JOBS_MAX = 8
 JOB_SECONDS_MAX = 180
-# What happens, and how often in each round; a round has an order of its own.
+# Actions, and how often each comes in a round; every round has an order of its own.
 ACTIONS = {"submit": 12, "cancel": 2, "kill a worker": 2, "kill the coordinator": 1}
 # Time from a submission to its cancellation.
 CANCEL_SECONDS_MAX = 0.3

@@ -14,7 +14,7 @@
 namespace sheaf {
 namespace {
 
-// Of small files, which scenes may have many of, all is read at once.
+// Small files are read at once, with a small buffer: scenes may have many.
 constexpr unsigned kReadBufferBytes = 1u << 18, kReadBufferBytesMin = 1u << 12;
 // Deflate compresses by at most 1032:1. Source: zlib technical details, "maximum compression
 // factor".
