@@ -15,7 +15,6 @@ namespace {
 // The wire has the numbers of stored frames.
 static_assert(static_cast<int>(StopReason::kCpu) == v1::STOP_REASON_CPU &&
               v1::StopReason_ARRAYSIZE == kStopReasonCount);
-
 static_assert(static_cast<int>(TaskKind::kTraining) == v1::TASK_KIND_TRAINING &&
               v1::TaskKind_ARRAYSIZE == 3);
 
