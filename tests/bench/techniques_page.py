@@ -95,10 +95,10 @@ def page(rows, samples, public):
         "# Techniques, scene by scene", "",
         "Made by `tests/bench/techniques_page.py`. Each image has "
         f"{samples} samples a pixel; relMSE is against a reference of "
-        f"{samples * REFERENCE_FACTOR} by all techniques, which has noise of its own. CPU seconds are those of the "
-        "whole process, with loading and training. Efficiency is error times CPU seconds, relative "
-        "to camera paths. The last column says what `--techniques auto` chooses from its small "
-        "image, for the samples that the scene asks for.", "",
+        f"{samples * REFERENCE_FACTOR} by all techniques, which has noise of its own. CPU seconds "
+        "are those of the whole process, with loading and training. Efficiency is error times CPU "
+        "seconds, relative to camera paths. The last column says what `--techniques auto` chooses "
+        "from its small image, for the samples that the scene asks for.", "",
         "| scene | techniques | relMSE | CPU s | efficiency | light that light paths find | auto |",
         "|---|---|---|---|---|---|---|"]
     for row in rows:
