@@ -18,6 +18,7 @@ add_library(OpenImageIO::OpenImageIO ALIAS PkgConfig::OpenImageIO)
 pkg_check_modules(OpenColorIO REQUIRED IMPORTED_TARGET GLOBAL OpenColorIO)  # display views
 add_library(OpenColorIO::OpenColorIO ALIAS PkgConfig::OpenColorIO)
 pkg_check_modules(sqlite3 REQUIRED IMPORTED_TARGET sqlite3)   # durable state
+pkg_check_modules(libpq REQUIRED IMPORTED_TARGET libpq)       # durable state of several coordinators
 pkg_check_modules(libseccomp REQUIRED IMPORTED_TARGET libseccomp)  # filters of system calls
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
 pkg_check_modules(blosc REQUIRED IMPORTED_TARGET GLOBAL blosc)  # volume grids

@@ -1,0 +1,141 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of SqlJobStore that removes what is not kept any longer. The database says first that
+// something is gone, and its files go afterwards: a stop in between leaves files that nothing
+// names, which the next start removes.
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "coordinator/store/row_columns.h"
+#include "coordinator/store/sql_job_store.h"
+#include "coordinator/store/stored_times.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The first column of all rows, as ids. Errors: those of Step.
+absl::StatusOr<std::vector<uint64_t>> ReadIds(Statement query) {
+  std::vector<uint64_t> ids;
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return ids;
+    ids.push_back(static_cast<uint64_t>(query.Int64(0)));
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::map<uint64_t, uint64_t>> SqlJobStore::PartsBytesByJob() {
+  const MutexLock lock(&database_mutex_);
+  std::map<uint64_t, uint64_t> bytes;
+  Statement query = database_->Prepare(
+      "SELECT job_id, CAST(SUM(size_bytes) AS BIGINT) FROM parts GROUP BY job_id");
+  while (true) {
+    const absl::StatusOr<bool> row = query.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) return bytes;
+    bytes[static_cast<uint64_t>(query.Int64(0))] = static_cast<uint64_t>(query.Int64(1));
+  }
+}
+
+absl::Status SqlJobStore::RemoveJob(uint64_t job_id) {
+  const MutexLock lock(&database_mutex_);
+  uint64_t parts_bytes = 0;
+  absl::Status removed = InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+    return RemoveRowsOf(job_id, &parts_bytes);
+  });
+  if (!removed.ok()) return removed;
+  parts_bytes_ -= std::min<uint64_t>(parts_bytes, parts_bytes_);
+  NoteUsedJobId(job_id);
+  if (absl::Status status = RemoveFilesOf(job_id); !status.ok()) {
+    LogWarning(absl::StrCat("job ", job_id, " is removed, but files of it are left until the next ",
+                            "start: ", status.message()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes) {
+  Statement sum = database_->Prepare(
+      "SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) FROM parts WHERE job_id = ?");
+  const absl::StatusOr<bool> row = sum.Bind(job_id).Step();
+  if (!row.ok()) return row.status();
+  *parts_bytes = static_cast<uint64_t>(sum.Int64(0));
+  absl::Status status =
+      database_->Prepare("INSERT INTO removed_jobs(job_id) VALUES(?) ON CONFLICT DO NOTHING")
+          .Bind(job_id)
+          .Run();
+  for (const char* table :
+       {"parts", "rounds", "effects", "failures", "task_failures", "frames", "jobs"}) {
+    if (!status.ok()) return status;
+    status = database_->Prepare(absl::StrCat("DELETE FROM ", table, " WHERE job_id = ?"))
+                 .Bind(job_id)
+                 .Run();
+  }
+  return status.ok() ? RemoveHolds(job_id) : status;
+}
+
+absl::Status SqlJobStore::RemoveFilesOf(uint64_t job_id) {
+  for (const char* folder : {"/parts/", "/outputs/"}) {
+    std::error_code error;
+    const std::string path = absl::StrCat(directory_, folder, job_id);
+    fs::remove_all(path, error);
+    if (error) return absl::UnavailableError(absl::StrCat(path, ": ", error.message()));
+  }
+  // The last id of its kind stays, so that a start does not give it again.
+  return database_
+      ->Prepare(
+          "DELETE FROM removed_jobs WHERE job_id = ? AND job_id < (SELECT MAX(job_id) FROM "
+          "removed_jobs WHERE (job_id >= ?) = (? >= ?))")
+      .Bind(job_id)
+      .Bind(kFirstPilotId)
+      .Bind(job_id)
+      .Bind(kFirstPilotId)
+      .Run();
+}
+
+absl::Status SqlJobStore::FinishRemovals() {
+  const absl::StatusOr<std::vector<uint64_t>> removed =
+      ReadIds(database_->Prepare("SELECT job_id FROM removed_jobs"));
+  if (!removed.ok()) return removed.status();
+  for (const uint64_t job_id : *removed) {
+    NoteUsedJobId(job_id);
+    const absl::Status status = RemoveFilesOf(job_id);
+    if (!status.ok()) LogWarning(absl::StrCat("removing what is left: ", status.message()));
+  }
+  // For jobs that go on, LoadParts looks at each file.
+  const absl::StatusOr<std::vector<uint64_t>> ended =
+      ReadIds(database_->Prepare("SELECT job_id FROM jobs WHERE phase != 0"));
+  if (!ended.ok()) return ended.status();
+  Statement any =
+      database_->Prepare("SELECT 1 FROM parts WHERE job_id = ? AND frame_number = ? LIMIT 1");
+  for (const uint64_t job_id : *ended) {
+    const std::string folder = absl::StrCat(directory_, "/parts/", job_id);
+    std::vector<fs::path> frames;
+    std::error_code error;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+      frames.push_back(it->path());
+    }
+    for (const fs::path& path : frames) {
+      int32_t number = 0;
+      if (!absl::SimpleAtoi(path.filename().string(), &number)) continue;
+      const absl::StatusOr<bool> has_parts = any.Bind(job_id).Bind(number).Step();
+      if (!has_parts.ok()) return has_parts.status();
+      if (!*has_parts) fs::remove_all(path, error);
+    }
+    fs::remove(folder, error);  // Succeeds if it is empty.
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sheaf::coordinator
