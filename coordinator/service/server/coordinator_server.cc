@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <stop_token>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -105,7 +106,7 @@ FarmActions ActionsOn(Farm* farm) {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
-    const CoordinatorOptions& options) {
+    const CoordinatorOptions& options, std::unique_ptr<JobStore> store) {
   const bool certified = AccessControl::Exists(options.farm.state_directory);
   for (const std::string& address : {options.listen_address, options.http_address}) {
     if (address.empty() || certified) continue;
@@ -114,7 +115,8 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
     WarnOfInsecureAddress(address);
   }
   std::unique_ptr<CoordinatorServer> server(new CoordinatorServer());
-  absl::StatusOr<std::unique_ptr<Farm>> farm = Farm::Open(options.farm);
+  absl::StatusOr<std::unique_ptr<Farm>> farm =
+      store == nullptr ? Farm::Open(options.farm) : Farm::Open(options.farm, std::move(store));
   if (!farm.ok()) return farm.status();
   server->farm_ = std::move(*farm);
   if (certified) {

@@ -53,11 +53,12 @@ struct CoordinatorOptions {
 
 class CoordinatorServer {
  public:
-  // Loads the state, then serves until destroyed or stopped.
+  // Loads the state, then serves until destroyed or stopped. store: null: one of its own in the
+  // state directory.
   // Errors: those of Farm::Open, AccessControl::Open and RequireSafeAddress; kUnavailable (a port
   // is taken), with the address. One line each.
   static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(
-      const CoordinatorOptions& options);
+      const CoordinatorOptions& options, std::unique_ptr<JobStore> store = nullptr);
   ~CoordinatorServer();
 
   // Lets calls under way finish for a moment and stops. Acknowledged results are durable in any

@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -22,6 +23,7 @@
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/service/server/access_commands.h"
 #include "coordinator/service/server/coordinator_server.h"
+#include "coordinator/service/server/shared_database.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -31,6 +33,8 @@ struct CommandLine {
   double lease_seconds = 30;
   std::string log_level = "info";
   std::string port_file;
+  std::string database;  // The URL of a PostgreSQL database; empty: SQLite in the state directory.
+  double takeover_seconds = absl::ToDoubleSeconds(kOwnerSilenceMax);
 };
 
 // A hard disk reads fifty times as much; a terabyte takes three days.
@@ -160,6 +164,18 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   app->add_option("--state-dir", farm.state_directory,
                   "Directory of jobs, parts, scenes and images")
       ->capture_default_str();
+  app->add_option("--database", line->database,
+                  "PostgreSQL database of jobs, e.g. postgresql://sheaf@db.example.org/farm, for "
+                  "several coordinators: one owns the farm, and another one takes over when it is "
+                  "silent. All have the same state directory, on a disk that they share (default: "
+                  "SQLite in the state directory)")
+      ->envname("SHEAF_DATABASE")
+      ->type_name("URL");
+  app->add_option("--takeover-seconds", line->takeover_seconds,
+                  "With --database: a coordinator that does not reach the database for longer "
+                  "loses the farm to one that stands by")
+      ->check(CLI::Range(0.5, 3600.0))
+      ->capture_default_str();
   app->add_option("--lease-seconds", line->lease_seconds,
                   "A worker that is silent for longer counts as lost; its work goes to others")
       ->check(CLI::Range(0.5, 86400.0))
@@ -205,9 +221,28 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
+// Sleeps; false: a signal asked to stop.
+bool SleepUnlessSignalled(const sigset_t& signals, absl::Duration duration) {
+  const timespec time = absl::ToTimespec(duration);
+  return sigtimedwait(&signals, nullptr, &time) < 0;
+}
+
 int Serve(const CommandLine& line) {
   const sigset_t signals = BlockStopSignals();
-  absl::StatusOr<std::unique_ptr<CoordinatorServer>> server = CoordinatorServer::Start(line.server);
+  absl::StatusOr<OwnedFarm> owned = OwnedFarm();
+  if (!line.database.empty()) {
+    owned = OwnFarm(
+        {line.database, line.server.farm.state_directory, line.server.listen_address,
+         absl::Seconds(line.takeover_seconds)},
+        [&signals](absl::Duration duration) { return SleepUnlessSignalled(signals, duration); });
+    if (absl::IsCancelled(owned.status())) {
+      LogInfo("stopping");
+      return 0;
+    }
+    if (!owned.ok()) return Fail(owned.status());
+  }
+  absl::StatusOr<std::unique_ptr<CoordinatorServer>> server =
+      CoordinatorServer::Start(line.server, std::move(owned->store));
   if (!server.ok()) return Fail(server.status());
   if (!line.port_file.empty()) {
     const absl::Status written = WriteFileAtomically(
@@ -238,7 +273,9 @@ int Main(int argc, char** argv) {
       "Examples:\n"
       "  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400\n"
       "  sheaf-coordinator init --name farm.example.org && sheaf-coordinator --listen [::]:7400\n"
-      "After init, connections are encrypted and every caller needs a certificate.");
+      "After init, connections are encrypted and every caller needs a certificate.\n"
+      "Two coordinators, of which one stands by (docs/operations.md):\n"
+      "  sheaf-coordinator --state-dir /shared/sheaf --database postgresql://sheaf@db/farm");
   app.set_version_flag("--version", "sheaf-coordinator " SHEAF_VERSION);
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());

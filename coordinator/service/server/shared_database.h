@@ -1,0 +1,38 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The coordinators that share a PostgreSQL database and a state directory: one owns the farm, the
+// others stand by (docs/adr/0082).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "coordinator/store/database/farm_ownership.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::coordinator {
+
+struct SharedDatabaseOptions {
+  std::string url;  // postgresql://USER@HOST:PORT/DATABASE
+  std::string state_directory;
+  std::string listen_address;  // Names this coordinator, with its machine.
+  absl::Duration silence_max = kOwnerSilenceMax;
+};
+
+struct OwnedFarm {
+  std::unique_ptr<FarmOwnership> ownership;  // Outlives the store.
+  std::unique_ptr<JobStore> store;
+};
+
+// Stands by until this coordinator owns the farm. From then on, the process ends with a message and
+// exit code 1 if another coordinator takes the farm over: what it has in memory is out of date.
+// sleep: returns false if the caller wants to stop. Errors: kCancelled (it did); those of
+// FarmOwnership::Acquire, PostgresDatabase::Open and SqlJobStore::Open.
+absl::StatusOr<OwnedFarm> OwnFarm(const SharedDatabaseOptions& options,
+                                  const std::function<bool(absl::Duration)>& sleep);
+
+}  // namespace sheaf::coordinator
