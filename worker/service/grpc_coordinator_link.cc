@@ -31,12 +31,14 @@ bool WritePart(grpc::ClientWriter<v1::UploadResultsRequest>* writer, const Finis
     request.mutable_header()->set_stored(true);
     return writer->Write(request);
   }
+  v1::UploadResultsRequest request;
+  *request.mutable_header() = ToWire(part, worker_id);
   for (size_t offset = 0; offset == 0 || offset < part.exr_bytes.size();
        offset += kStreamChunkBytesMax) {
-    v1::UploadResultsRequest request;
-    if (offset == 0) *request.mutable_header() = ToWire(part, worker_id);
-    request.set_chunk(part.exr_bytes.substr(offset, kStreamChunkBytesMax));
+    const size_t size_bytes = std::min(kStreamChunkBytesMax, part.exr_bytes.size() - offset);
+    request.set_chunk(part.exr_bytes.data() + offset, size_bytes);
     if (!writer->Write(request)) return false;
+    request.clear_header();
   }
   return true;
 }

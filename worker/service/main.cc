@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/kept_memory.h"
 #include "common/base/label.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
@@ -242,6 +243,7 @@ int Work(const Arguments& arguments) {
 
 int Main(int argc, char** argv) {
   if (argc == 2 && std::string_view(argv[1]) == kSceneProcessFlag) return RunDirectSceneProcess();
+  KeepFreedMemory();
   Arguments arguments;
   arguments.worker.coordinator = kCoordinatorAddress;
   arguments.worker.cache_directory = DefaultCacheDirectory();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 #include <vector>
 
@@ -197,18 +198,47 @@ absl::StatusOr<Pilot> RenderPilot(const SceneDescription& scene, const FrameSett
   return pilot;
 }
 
-// The mean over the pixels of variance_of(pixel) over the squared mean of the combined image.
-template <typename VarianceOf>
-double RelativeMse(const std::vector<double>& image, const VarianceOf& variance_of) {
-  double mean = 0;
-  for (const double value : image) mean += value / static_cast<double>(image.size());
-  const double dark = kDarkFraction * mean;
-  if (!(dark > 0)) return 0;
-  double sum = 0;
-  for (size_t pixel = 0; pixel < image.size(); ++pixel) {
-    sum += variance_of(pixel) / (image[pixel] * image[pixel] + dark * dark);
+// The squares that squared errors are relative to, by pixel; empty for a black image. One image for
+// all techniques, without rare bright samples: an error relative to a pixel that has such a sample
+// looks small, so that a technique would seem the better the more of them it has. The image is the
+// mean of all pilots' and, of that, the median of each pixel and its neighbours.
+std::vector<double> CommonSquares(std::initializer_list<const Pilot*> pilots, int32_t width_px,
+                                  int32_t height_px) {
+  std::vector<double> image(static_cast<size_t>(width_px) * height_px);
+  double total = 0;
+  for (const Pilot* pilot : pilots) {
+    for (size_t pixel = 0; pixel < image.size(); ++pixel) {
+      image[pixel] += MeanOf(pilot->means[pixel]) / static_cast<double>(pilots.size());
+    }
   }
-  return sum / static_cast<double>(image.size());
+  for (const double value : image) total += value;
+  const double dark = kDarkFraction * total / static_cast<double>(image.size());
+  std::vector<double> squares;
+  if (!(dark > 0)) return squares;
+  for (int32_t y = 0; y < height_px; ++y) {
+    for (int32_t x = 0; x < width_px; ++x) {
+      std::array<double, 9> near;
+      size_t count = 0;
+      for (int32_t v = std::max(0, y - 1); v <= std::min(height_px - 1, y + 1); ++v) {
+        for (int32_t u = std::max(0, x - 1); u <= std::min(width_px - 1, x + 1); ++u) {
+          near[count++] = image[static_cast<size_t>(v) * width_px + u];
+        }
+      }
+      std::nth_element(near.begin(), near.begin() + count / 2, near.begin() + count);
+      squares.push_back(near[count / 2] * near[count / 2] + dark * dark);
+    }
+  }
+  return squares;
+}
+
+// The mean over the pixels of variance_of(pixel) over its square.
+template <typename VarianceOf>
+double RelativeMse(const std::vector<double>& squares, const VarianceOf& variance_of) {
+  double sum = 0;
+  for (size_t pixel = 0; pixel < squares.size(); ++pixel) {
+    sum += variance_of(pixel) / squares[pixel];
+  }
+  return squares.empty() ? 0 : sum / static_cast<double>(squares.size());
 }
 
 }  // namespace
@@ -260,23 +290,23 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
   result.width_px = small.width_px;
   result.height_px = small.height_px;
   result.samples = kTechniquePilotSamples;
-  std::vector<double> image;
+  const std::vector<double> squares =
+      CommonSquares({&*camera, &*both, &*guided, &*guided_both}, small.width_px, small.height_px);
   double total = 0;
-  for (const Replicates& replicates : both->means) {
-    image.push_back(MeanOf(replicates));
-    total += kReplicateCount * image.back();
-  }
+  for (const Replicates& replicates : both->means) total += kReplicateCount * MeanOf(replicates);
   const auto complete = [&](const Pilot& pilot) -> TechniqueCost {
-    return {RelativeMse(image, [&](size_t pixel) { return SampleVarianceOf(pilot.means[pixel]); }),
-            pilot.rays};
+    return {
+        RelativeMse(squares, [&](size_t pixel) { return SampleVarianceOf(pilot.means[pixel]); }),
+        pilot.rays};
   };
   // `finder` has the light that `pilot` may miss.
   const auto alone = [&](const Pilot& pilot, const Pilot& finder) -> TechniqueCost {
     const auto variance_of = [&](size_t pixel) {
-      const double missed = finder.moments[pixel] - image[pixel] * image[pixel];
+      const double mean = MeanOf(finder.means[pixel]);
+      const double missed = finder.moments[pixel] - mean * mean;
       return std::max(SampleVarianceOf(pilot.means[pixel]), missed);
     };
-    return {RelativeMse(image, variance_of), pilot.rays};
+    return {RelativeMse(squares, variance_of), pilot.rays};
   };
   result.camera = alone(*camera, *both);
   result.both = complete(*both);
