@@ -6,9 +6,8 @@
 //
 //   - parameters are "?", or "?1", "?2" and so on throughout the statement;
 //   - INSERT ... ON CONFLICT (the former's columns by the table's name), not INSERT OR;
-//   - sums are CAST(SUM(x) AS BIGINT), conditions are comparisons ("delivered = 1"), and there is
-//   no
-//     MIN or MAX of two values;
+//   - sums are CAST(SUM(x) AS BIGINT), conditions are comparisons ("delivered = 1");
+//   - there is no MIN or MAX of two values;
 //   - a whole number has 64 bits, and text is UTF-8 without zero bytes.
 //
 // Scripts that make tables have SQLite's types; PostgresDatabase turns them into its own
