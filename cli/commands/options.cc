@@ -148,9 +148,10 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
 
 void AddCoordinatorOption(CLI::App* command, FarmAddress* coordinator) {
   command
-      ->add_option("--coordinator", coordinator->address,
-                   absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ",
-                                kCoordinatorPort, ")"))
+      ->add_option(
+          "--coordinator", coordinator->address,
+          absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ", kCoordinatorPort,
+                       "); of several that share a farm: all, separated by commas"))
       ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
       ->type_name("ADDRESS")

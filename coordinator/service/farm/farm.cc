@@ -13,7 +13,7 @@
 #include "common/base/steady_time.h"
 #include "coordinator/service/farm/upkeep/object_metrics.h"
 #include "coordinator/store/farm_secret.h"
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -24,8 +24,8 @@ constexpr absl::Duration kDeliveryRetryInterval = absl::Seconds(5);
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options) {
-  absl::StatusOr<std::unique_ptr<SqliteJobStore>> store =
-      SqliteJobStore::Open(options.state_directory, options.durability, options.parts);
+  absl::StatusOr<std::unique_ptr<SqlJobStore>> store =
+      SqlJobStore::Open(options.state_directory, options.durability, options.parts);
   if (!store.ok()) return store.status();
   return Open(options, *std::move(store));
 }

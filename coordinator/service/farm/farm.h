@@ -79,7 +79,7 @@ struct LeaseGrant {
 class Farm : public FarmView {
  public:
   // Loads the state and starts the background thread.
-  // Errors: those of SqliteJobStore::Open, BlobStore::Open and RoundPreviews::Open.
+  // Errors: those of SqlJobStore::Open, BlobStore::Open and RoundPreviews::Open.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options);
   // The same with a store of another kind.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options,

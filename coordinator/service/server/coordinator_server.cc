@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <stop_token>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -19,6 +20,7 @@
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/grpc/call_gate.h"
 #include "coordinator/service/grpc/call_timer.h"
+#include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -102,10 +104,20 @@ FarmActions ActionsOn(Farm* farm) {
   return actions;
 }
 
+// database: null: a file of the state directory.
+absl::StatusOr<std::unique_ptr<Farm>> OpenFarm(const FarmOptions& options,
+                                               std::unique_ptr<Database> database) {
+  if (database == nullptr) return Farm::Open(options);
+  absl::StatusOr<std::unique_ptr<SqlJobStore>> store = SqlJobStore::Open(
+      options.state_directory, std::move(database), options.durability, options.parts);
+  if (!store.ok()) return store.status();
+  return Farm::Open(options, *std::move(store));
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
-    const CoordinatorOptions& options) {
+    const CoordinatorOptions& options, std::unique_ptr<Database> database) {
   const bool certified = AccessControl::Exists(options.farm.state_directory);
   for (const std::string& address : {options.listen_address, options.http_address}) {
     if (address.empty() || certified) continue;
@@ -123,7 +135,7 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
     farm_options.parts = server->objects_.parts.get();
     farm_options.content = server->objects_.content.get();
   }
-  absl::StatusOr<std::unique_ptr<Farm>> farm = Farm::Open(farm_options);
+  absl::StatusOr<std::unique_ptr<Farm>> farm = OpenFarm(farm_options, std::move(database));
   if (!farm.ok()) return farm.status();
   server->farm_ = std::move(*farm);
   if (certified) {
