@@ -47,7 +47,8 @@ def shrink(source, target, width_px):
     spec = image.spec()
     if spec.width > width_px:
         height_px = max(1, round(spec.height * width_px / spec.width))
-        image = oiio.ImageBufAlgo.resize(image, roi=oiio.ROI(0, width_px, 0, height_px, 0, 1, 0, 3))
+        target_px = oiio.ROI(0, width_px, 0, height_px, 0, 1, 0, 3)
+        image = oiio.ImageBufAlgo.resize(image, roi=target_px)
     if not image.write(target):
         sys.exit(f"{target}: {image.geterror()}")
 
@@ -57,9 +58,9 @@ def render(options, scene, target):
     row = {"name": os.path.splitext(os.path.basename(scene))[0], "image": None, "problem": ""}
     with tempfile.TemporaryDirectory() as folder:
         png = os.path.join(folder, "image.png")
-        done = subprocess.run(
-            [options.sheaf, "render", scene, "--samples", str(options.samples), "--json", "-o", png],
-            capture_output=True, text=True, timeout=SECONDS_MAX)
+        done = subprocess.run([options.sheaf, "render", scene, "--samples", str(options.samples),
+                               "--json", "-o", png],
+                              capture_output=True, text=True, timeout=SECONDS_MAX)
         if done.returncode:
             said = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
             errors = [line["message"] for line in said if line["severity"] == "error"]
@@ -83,10 +84,11 @@ def number(value):
 def page(rows, arguments, folder):
     command = "tests/bench/gallery.py SHEAF" + "".join(" " + shlex.quote(a) for a in arguments)
     lines = ["# Gallery", "",
-             f"Made by `{command}`. Images are made smaller for this page; time and error are those of",
-             "the whole image: CPU time of rendering, without the reading of the scene; relMSE as",
-             "estimated by the image's own error bars, and FLIP ([accuracy](accuracy.md)). Few samples",
-             "show where noise is; [scenes/README.md](../scenes/README.md) says what each scene is for.",
+             f"Made by `{command}`. Images are made smaller for this page; time and error are",
+             "those of the whole image: CPU time of rendering, without the reading of the scene;",
+             "relMSE as estimated by the image's own error bars, and FLIP ([accuracy](accuracy.md)).",
+             "Few samples show where noise is. [scenes/README.md](../scenes/README.md) says what each",
+             "scene is for.",
              "",
              "| scene | image | pixels | samples a pixel | CPU time | relMSE | FLIP |",
              "|---|---|---|---|---|---|---|"]
@@ -96,7 +98,8 @@ def page(rows, arguments, folder):
             lines.append(f"| {row['name']} | not rendered: {words} | | | | | |")
             continue
         path = os.path.relpath(row["image"], folder)
-        lines.append(f"| {row['name']} | ![{row['name']}]({path}) | {row['width']} x {row['height']} "
+        name = row["name"]
+        lines.append(f"| {name} | ![{name}]({path}) | {row['width']} x {row['height']} "
                      f"| {row['samples']} | {row['cpu_seconds']:.1f} s "
                      f"| {number(row['relative_mse'])} | {number(row['flip'])} |")
     return "\n".join(lines) + "\n"
@@ -117,19 +120,20 @@ def main():
     pictures = os.path.join(options.out, "gallery")
     os.makedirs(pictures, exist_ok=True)
     rows = []
+    # The page names what was asked for, but no folder of this machine.
+    arguments = [a for a in sys.argv[2:] if not os.path.isdir(a) and a != "--public"]
     for scene in scenes:
         name = os.path.splitext(os.path.basename(scene))[0]
         if options.scene and name not in options.scene:
             continue
         rows.append(render(options, scene, os.path.join(pictures, name + ".png")))
         print(name, rows[-1].get("cpu_seconds", rows[-1]["problem"]), flush=True)
+        with open(os.path.join(options.out, "gallery.md"), "w", encoding="utf-8") as file:
+            file.write(page(rows, arguments, options.out))  # So that an interruption loses little.
     size = sum(os.path.getsize(row["image"]) for row in rows if row["image"])
     if size > IMAGES_BYTES_MAX:
         print(f"the images have {size >> 10} KiB together, more than {IMAGES_BYTES_MAX >> 10}: do "
               "not commit them; choose a smaller --width", file=sys.stderr)
-    arguments = [a for a in sys.argv[2:] if not os.path.isdir(a) and a != "--public"]
-    with open(os.path.join(options.out, "gallery.md"), "w", encoding="utf-8") as file:
-        file.write(page(rows, arguments, options.out))
 
 
 if __name__ == "__main__":

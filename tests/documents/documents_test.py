@@ -194,6 +194,18 @@ class DocumentsTest(unittest.TestCase):
         self.assertGreater(len(quoted), 25)
         self.expect_none([words for words in quoted if words not in code], "nobody says")
 
+    def test_tests_of_first_use_exist(self):
+        named = re.findall(r"`([A-Za-z_]{12,})`",
+                           read("tests/documents/first_use.md").partition("|---|")[2])
+        tests = "".join(read(path) for path in sources("tests", endings=(".py",)))
+        for folder in ("tests", "common", "cli", "coordinator", "worker"):
+            for path in glob.glob(os.path.join(ROOT, folder, "**", "*_test.*"), recursive=True):
+                if path.endswith((".py", ".cc")):
+                    tests += read(os.path.relpath(path, ROOT))
+        self.assertGreater(len(named), 25)
+        self.expect_none([name for name in named if not re.search(
+            rf'def {name}\(|, {name}\)|\{{"{name}"', tests)], "no such test")
+
     def test_python_examples_are_run(self):
         ran = read("tests/integration/python_package_test.py")
         for path in glob.glob(os.path.join(ROOT, "python", "examples", "*.py")):

@@ -57,7 +57,8 @@ class Reader:
         line = line.partition("  #")[0].rstrip()
         line = line.replace("[::]:7400", f"127.0.0.1:{self.port}")
         line = line.replace("[::]:7480", f"127.0.0.1:{self.http}")
-        line = line.replace("--coordinator farm.example.org", f"--coordinator 127.0.0.1:{self.port}")
+        line = line.replace("--coordinator farm.example.org",
+                            f"--coordinator 127.0.0.1:{self.port}")
         line = line.replace("farm.example.org", "127.0.0.1")
         if line.startswith("sheaf-coordinator init"):
             line += f" --port {self.port}"
