@@ -9,11 +9,11 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "common/scene/formats/number.h"
 #include "common/scene/pbrt/scene_builder.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
 #include "common/scene/pbrt/statements/light_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
 ParameterList SceneBuilder::Parameters(const std::string& owner,
@@ -62,9 +62,8 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
 void SceneBuilder::ColorSpace(const std::string& name, SourceLocation location) {
   const std::optional<Primaries> primaries = PrimariesFromName(name);
   if (!primaries.has_value()) {
-    diagnostics_->Error(location,
-                        absl::StrCat("color space \"", name, "\" is unknown; Sheaf supports ",
-                                     absl::StrJoin(PrimariesNames(), ", ")));
+    diagnostics_->Error(location, absl::StrCat("color space \"", name, "\" is unknown",
+                                               SupportedNamesHint(name, PrimariesNames())));
     return;
   }
   state_.primaries = *primaries;

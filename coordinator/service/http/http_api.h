@@ -15,9 +15,8 @@
 //        the command that renders its tile again on one machine
 //   POST /api/v1/jobs/ID:cancel                     cancels the job; idempotent
 //   POST /api/v1/jobs/ID:pause, ID:resume           stops or resumes granting leases; idempotent
-//   POST /api/v1/jobs/ID:pin, ID:unpin              whether all that is kept of it stays;
-//   idempotent POST /api/v1/gc?dry_run=1                       removes what is not kept any longer,
-//   and lists
+//   POST /api/v1/jobs/ID:pin, ID:unpin              whether all of it stays; idempotent
+//   POST /api/v1/gc?dry_run=1                       removes what is not kept any longer, and lists
 //        it; with dry_run=1 only lists it
 //   POST /api/v1/jobs/ID:priority?value=N           sets the priority, from -1000 to 1000; jobs of
 //        higher priority go first; idempotent

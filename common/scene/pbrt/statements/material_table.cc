@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 #include "common/scene/spectrum/spectrum.h"
 
 namespace sheaf {
@@ -37,11 +38,15 @@ void ForEachDescribed(const Visit& visit) {
   visit_all(static_cast<const decltype(MaterialDescription::material)*>(nullptr));
 }
 
-// Each followed by a comma.
-std::string DescribedTypes() {
-  std::string types;
+std::vector<std::string> KnownTypes() {
+  std::vector<std::string> types;
   ForEachDescribed(
-      [&]<typename Material>(const Material&) { absl::StrAppend(&types, Material::kType, ", "); });
+      [&]<typename Material>(const Material&) { types.emplace_back(Material::kType); });
+  for (const char* type :
+       {"diffusetransmission", "conductor", "dielectric", "thindielectric", "coateddiffuse",
+        "coatedconductor", "hair", "measured", "subsurface", "mix", "interface"}) {
+    types.emplace_back(type);
+  }
   return types;
 }
 
@@ -167,11 +172,8 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     }
     material = InterfaceMaterial{};
   } else {
-    parameters.Error(absl::StrCat(
-        parameters.owner(), ": type \"", type, "\" is unknown; Sheaf does ", DescribedTypes(),
-        "diffusetransmission, conductor, dielectric, thindielectric, coateddiffuse, "
-        "coatedconductor, hair, measured, subsurface, mix and "
-        "interface"));
+    parameters.Error(absl::StrCat(parameters.owner(), ": type \"", type, "\" is unknown",
+                                  SupportedNamesHint(type, KnownTypes())));
     return description;
   }
   if (std::holds_alternative<DielectricMaterial>(material) ||

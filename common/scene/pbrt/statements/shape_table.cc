@@ -13,6 +13,7 @@
 #include "common/scene/loop_subdivision.h"
 #include "common/scene/pbrt/statements/curve_reader.h"
 #include "common/scene/pbrt/statements/mesh_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
 namespace {
@@ -71,9 +72,10 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
   } else if (type == "curve") {
     is_good = SetCurve(parameters, shape);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf supports trianglemesh, plymesh, "
-                                  "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(), " is not supported",
+        SupportedNamesHint(type, {"trianglemesh", "plymesh", "loopsubdiv", "bilinearmesh", "sphere",
+                                  "disk", "cylinder", "curve"})));
     return false;
   }
   parameters.ReportUnused();
