@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "cli/job/frame_range.h"
 #include "cli/job/format/image_format.h"
 #include "cli/job/job_json.h"

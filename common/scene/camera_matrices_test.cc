@@ -30,8 +30,8 @@ CameraDescription CameraAt(double x) {
 
 TEST(CameraMatricesTest, PerspectiveMapsTheFrameToItsCorners) {
   const CameraMatrices matrices = CameraMatricesOf(CameraAt(10));
-  ASSERT_EQ(matrices.world_to_camera.size(), 16);
-  ASSERT_EQ(matrices.world_to_ndc.size(), 16);
+  ASSERT_EQ(matrices.world_to_camera.size(), 16u);
+  ASSERT_EQ(matrices.world_to_ndc.size(), 16u);
   EXPECT_DOUBLE_EQ(Multiply({13, 2, 5, 1}, matrices.world_to_camera)[0], 3);
   // 90 degrees along the shorter side: at a depth of 5 the frame is 20 wide and 10 high.
   for (const auto& [x, y, u, v] : {std::array<double, 4>{0, 5, 0, 0},
@@ -59,7 +59,7 @@ TEST(CameraMatricesTest, OrthographicDoesNotDependOnDepth) {
 TEST(CameraMatricesTest, OtherCamerasHaveNoPlane) {
   CameraDescription camera = CameraAt(0);
   camera.kind = CameraDescription::Kind::kEquirectangular;
-  EXPECT_EQ(CameraMatricesOf(camera).world_to_camera.size(), 16);
+  EXPECT_EQ(CameraMatricesOf(camera).world_to_camera.size(), 16u);
   EXPECT_TRUE(CameraMatricesOf(camera).world_to_ndc.empty());
   camera.world_from_camera.start.m[0][0] = 0;
   EXPECT_TRUE(CameraMatricesOf(camera).world_to_camera.empty());

@@ -3,7 +3,7 @@
 #include "cli/job/format/image_format.h"
 
 #include <cstdint>
-#include <limits>
+#include <map>
 #include <optional>
 #include <utility>
 #include <vector>

@@ -30,7 +30,7 @@ struct ExrFormat {
   ExrCompression compression = ExrCompression::kZip;
   // Otherwise several where the compression needs them: kDwaa and kDwab would also take the R, G
   // and B of mattes and errors for colors, so data have parts of their own with kZip.
-  std::optional<ExrParts> parts;
+  std::optional<ExrParts> parts = std::nullopt;
   int32_t tile_size_px = 0;  // 0: scan lines.
 
   bool IsDwa() const {

@@ -144,7 +144,7 @@ TEST(ExrFormatTest, EveryChannelHasAComponentOfOneLetter) {
   std::set<std::string> names;
   for (const std::string& name : MakeImage().channel_names) {
     const std::string in_file = FileChannelName(name);
-    EXPECT_EQ(in_file.substr(in_file.rfind('.') + 1).size(), 1) << in_file;
+    EXPECT_EQ(in_file.substr(in_file.rfind('.') + 1).size(), 1u) << in_file;
     EXPECT_EQ(ImageChannelName(in_file), name);
     EXPECT_TRUE(names.insert(in_file).second) << in_file;
   }

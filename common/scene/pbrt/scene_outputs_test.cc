@@ -107,7 +107,7 @@ TEST(SceneOutputsTest, NamesForMattesArePrintable) {
       "WorldBegin\nObjectBegin \"o\"\nShape \"sphere\" \"string name\" \"Ball\"\nObjectEnd\n"
       "ObjectInstance \"o\"\n");
   ASSERT_TRUE(of_object.ok()) << of_object.status();
-  EXPECT_EQ(of_object->diagnostics.size(), 1);
+  EXPECT_EQ(of_object->diagnostics.size(), 1u);
   EXPECT_EQ(of_object->scene.shapes[0].matte_name, kNone);
 }
 
@@ -119,7 +119,7 @@ TEST(SceneOutputsTest, CurvesOfOtherNamesStayApart) {
   };
   const auto result = Read("WorldBegin\n" + curve("a") + curve("a") + curve("b"));
   ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->scene.shapes.size(), 2);
+  EXPECT_EQ(result->scene.shapes.size(), 2u);
 }
 
 }  // namespace

@@ -103,7 +103,7 @@ TEST(MatteNamesTest, EqualIdsOfTwoNamesAreReported) {
   ASSERT_EQ(CryptomatteIdBits(one), CryptomatteIdBits(two));
   AddShape(&scene, 2, one);
   AddShape(&scene, 2, two);
-  ASSERT_EQ(MatteCollisions(scene).size(), 1);
+  ASSERT_EQ(MatteCollisions(scene).size(), 1u);
   EXPECT_THAT(MatteCollisions(scene)[0], HasSubstr("rename"));
 }
 
