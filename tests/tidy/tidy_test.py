@@ -20,7 +20,7 @@ FUNCTION_LINES_MAX = 80
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
-    "cli": ". < image < job | job/format | bundle < quote < study < commands",
+    "cli": ". < image < job/format < job | bundle < quote < study < commands",
     "common/film": ". < light < error < exr",
     "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt",
     "worker/render": "traits < color < sampling < geometry "
