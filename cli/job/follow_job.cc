@@ -92,8 +92,11 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const Prepa
   }
   if (absl::Status status = CheckOutputs(outputs, InputPaths(job)); !status.ok()) return status;
   const ImagePaths patterns = OutputPatterns(arguments, job);
-  delivery.options =
-      absl::StrCat("-o ", ShellQuoted(patterns.exr), FormatOptions(arguments.format));
+  delivery.options = absl::StrCat("-o ", ShellQuoted(patterns.exr));
+  for (const auto& [option, value] : FormatOptions(arguments.format)) {
+    absl::StrAppend(&delivery.options, " ", option, value.empty() ? "" : " ",
+                    value.empty() ? "" : ShellQuoted(value));
+  }
   if (patterns.png.empty()) return delivery;
   for (const auto& [flag, value] :
        {std::pair("--png", patterns.png), std::pair("--ocio", arguments.view.config),

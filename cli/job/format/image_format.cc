@@ -12,7 +12,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "cli/job/output_files.h"
 #include "common/base/printable.h"
 
 namespace sheaf::cli {
@@ -76,11 +75,11 @@ void AddAttributes(const ImageFormat& format, const v1::Frame& frame, absl::Time
   }
 }
 
-std::string FormatOptions(const ImageFormat& format) {
+std::vector<std::pair<std::string, std::string>> FormatOptions(const ImageFormat& format) {
   const ImageFormat usual;
-  std::string options;
+  std::vector<std::pair<std::string, std::string>> options;
   const auto add = [&options](const char* option, const std::string& value) {
-    absl::StrAppend(&options, " ", option, value.empty() ? "" : " ", value);
+    options.emplace_back(option, value);
   };
   if (format.exr.type != usual.exr.type) add("--exr-type", ExrTypeName(format.exr.type));
   if (format.exr.compression != usual.exr.compression) {
@@ -88,9 +87,9 @@ std::string FormatOptions(const ImageFormat& format) {
   }
   if (format.exr.parts) add("--exr-parts", ExrPartsName(*format.exr.parts));
   if (format.exr.tile_size_px != 0) add("--exr-tiles", absl::StrCat(format.exr.tile_size_px));
-  if (!format.owner.empty()) add("--exr-owner", ShellQuoted(format.owner));
-  if (!format.comments.empty()) add("--exr-comments", ShellQuoted(format.comments));
-  if (!format.frames_per_second.empty()) add("--exr-fps", ShellQuoted(format.frames_per_second));
+  if (!format.owner.empty()) add("--exr-owner", format.owner);
+  if (!format.comments.empty()) add("--exr-comments", format.comments);
+  if (!format.frames_per_second.empty()) add("--exr-fps", format.frames_per_second);
   if (format.date) add("--exr-date", "");
   if (format.render_time) add("--exr-render-time", "");
   return options;

@@ -7,6 +7,8 @@
 #pragma once
 
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
@@ -35,8 +37,7 @@ absl::Status CheckImageFormat(const ImageFormat& format);
 void AddAttributes(const ImageFormat& format, const v1::Frame& frame, absl::Time now,
                    FrameImage* image);
 
-// The options of `sheaf watch` that give the format, each with a space in front: " --exr-type
-// half".
-std::string FormatOptions(const ImageFormat& format);
+// The options of `sheaf watch` that give the format, and their values; flags have none.
+std::vector<std::pair<std::string, std::string>> FormatOptions(const ImageFormat& format);
 
 }  // namespace sheaf::cli

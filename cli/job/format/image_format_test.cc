@@ -10,16 +10,18 @@ namespace sheaf::cli {
 namespace {
 
 TEST(ImageFormatTest, OptionsNameWhatDiffers) {
-  EXPECT_EQ(FormatOptions({}), "");
+  EXPECT_TRUE(FormatOptions({}).empty());
   ImageFormat format;
   format.exr = {ExrType::kHalf, ExrCompression::kPiz, ExrParts::kMulti, 64};
   format.owner = "Anna B";
   format.frames_per_second = "25";
   format.date = true;
   EXPECT_FALSE(format.IsDefault());
-  EXPECT_EQ(FormatOptions(format),
-            " --exr-type half --exr-compression piz --exr-parts multi --exr-tiles 64 --exr-owner "
-            "'Anna B' --exr-fps 25 --exr-date");
+  const std::vector<std::pair<std::string, std::string>> expected{
+      {"--exr-type", "half"}, {"--exr-compression", "piz"}, {"--exr-parts", "multi"},
+      {"--exr-tiles", "64"},  {"--exr-owner", "Anna B"},    {"--exr-fps", "25"},
+      {"--exr-date", ""}};
+  EXPECT_EQ(FormatOptions(format), expected);
 }
 
 TEST(ImageFormatTest, WrongWishesAreRefused) {
