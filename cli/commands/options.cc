@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
+#include "cli/commands/format_options.h"
 #include "common/base/label.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
@@ -219,6 +220,7 @@ void AddImageOptions(CLI::App* command, JobArguments* arguments) {
                       "Image to write at the end: .exr or .png; #### is the frame number");
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
+  AddFormatOptions(command, &arguments->format);
 }
 
 void AddResumeOption(CLI::App* command, JobArguments* arguments) {
@@ -296,6 +298,7 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
       "Image to write: .exr, or .png with an .exr beside it; #### is the frame number");
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
+  AddFormatOptions(command, &arguments->format);
   AddResumeOption(command, arguments);
   AddPartitionOptions(command, arguments);
 }

@@ -25,10 +25,12 @@
 #include "common/base/status.h"
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/settings_codec.h"
+#include "common/scene/camera_matrices.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
 #include "common/scene/visible_emitters.h"
 #include "worker/render/ablation/technique_measurement.h"
+#include "worker/render/scene/matte_names.h"
 #include "worker/render/scene/memory_estimate.h"
 
 namespace sheaf::cli {
@@ -72,6 +74,11 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   if (std::string note = ComparisonNote(read.scene, *resolved); !note.empty()) {
     result.diagnostics.push_back(std::move(note));
   }
+  if (resolved->outputs.HasIds()) {
+    for (const std::string& line : render::MatteCollisions(read.scene)) {
+      result.diagnostics.push_back(absl::StrCat(path, ": warning: ", line));
+    }
+  }
   std::vector<ManifestFile> files;
   for (const auto& [name, local_path] : file->files->FilesUsed()) {
     const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
@@ -79,7 +86,10 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
     files.push_back({name, *digest});
     result.blobs.push_back({*digest, local_path, ""});
   }
-  const Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
+  Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
+  CameraMatrices camera = CameraMatricesOf(read.scene.camera);
+  manifest.world_to_camera = std::move(camera.world_to_camera);
+  manifest.world_to_ndc = std::move(camera.world_to_ndc);
   if (absl::Status status = CheckManifest(manifest); !status.ok()) return status;
   const std::string bytes = EncodeManifest(manifest);
   const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
@@ -118,6 +128,7 @@ absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
 }  // namespace
 
 absl::Status CheckImageNames(const JobArguments& arguments) {
+  if (absl::Status status = CheckImageFormat(arguments.format); !status.ok()) return status;
   const absl::Status status = CheckOutputName("-o", arguments.output, {".exr", ".png"});
   return status.ok() ? CheckOutputName("--png", arguments.png, {".png"}) : status;
 }

@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
+#include "cli/job/format/image_format.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"
 
@@ -37,6 +38,7 @@ struct JobArguments {
   std::string output;  // A path or pattern; empty: taken from the scene.
   std::string png;     // The same for a PNG; empty: no PNG.
   ViewArguments view;  // The view that PNGs show.
+  ImageFormat format;  // Of EXRs.
   std::string title;   // Empty: the scene's file name.
   int32_t priority = 0;
   std::string show;  // Empty: the default one.
@@ -69,7 +71,8 @@ struct PreparedJob {
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
 };
 
-// Errors: kInvalidArgument if the names of the images do not match their formats.
+// Errors: kInvalidArgument if the names of the images do not match their formats; those of
+// CheckImageFormat.
 absl::Status CheckImageNames(const JobArguments& arguments);
 // Errors: kInvalidArgument if the arguments contradict each other: wrong usage, not a wrong scene.
 absl::Status CheckJobArguments(const JobArguments& arguments);

@@ -150,6 +150,7 @@ struct ShapeDescription {
   bool has_alpha = false;
   MediumBoundary media;
   SourceLocation location;
+  int32_t matte_name = kNone;  // Index in matte_names, where the scene gives a name.
 };
 struct ObjectDefinition {
   std::string name;
@@ -160,6 +161,7 @@ struct ObjectInstance {
   int32_t object = kNone;
   TransformOverTime world_from_instance;
   SourceLocation location;
+  int32_t matte_name = kNone;  // As for shapes.
 };
 
 // --- Lights ------------------------------------------------------------------------------------
@@ -308,6 +310,7 @@ struct SceneDescription {
   std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;
   std::vector<ObjectInstance> instances;
+  std::vector<std::string> matte_names;  // Of shapes and instances ("string name"), none twice.
   std::vector<AreaLightDescription> area_lights;
   std::vector<LightDescription> lights;
 };

@@ -54,7 +54,9 @@ std::vector<std::string> KnownTypes() {
 
 int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
   parameters.set_owner(absl::StrCat("material \"", type, "\""));
+  std::string name = parameters.GetString("name", "");  // Before Make reports what is unused.
   MaterialDescription material = Make(type, parameters);
+  material.name = std::move(name);
   material.location = parameters.location();
   const auto index = static_cast<int32_t>(scene_->materials.size());
   scene_->materials.push_back(std::move(material));

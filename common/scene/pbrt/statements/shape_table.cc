@@ -279,8 +279,9 @@ bool ShapeTable::JoinCurves(const std::vector<int32_t>& earlier, const ShapeDesc
     const ShapeDescription& other = scene_->shapes[earlier[earlier.size() - i]];
     const auto* curves = std::get_if<CurveShape>(&other.shape);
     if (curves == nullptr || scene_->curve_sets[curves->curves].kind != from.kind ||
-        other.material != shape.material || other.has_alpha != shape.has_alpha ||
-        other.alpha.texture != shape.alpha.texture || other.alpha.value != shape.alpha.value ||
+        other.material != shape.material || other.matte_name != shape.matte_name ||
+        other.has_alpha != shape.has_alpha || other.alpha.texture != shape.alpha.texture ||
+        other.alpha.value != shape.alpha.value ||
         other.reverse_orientation != shape.reverse_orientation ||
         !IsSamePlace(other.world_from_object, shape.world_from_object)) {
       continue;
