@@ -17,7 +17,7 @@
 namespace sheaf::cli {
 namespace {
 
-constexpr int32_t kTileSizePx = 16;
+constexpr int32_t kCropTilePx = 16;
 constexpr int kRegionCount = 2;
 // Sizes in pixels, multiples of a tile's, in order of preference.
 constexpr std::pair<int32_t, int32_t> kSizes[] = {{192, 144}, {128, 96}, {96, 64}, {64, 48}};
@@ -25,15 +25,15 @@ constexpr std::pair<int32_t, int32_t> kSizes[] = {{192, 144}, {128, 96}, {96, 64
 constexpr uint64_t kBlocksForFours = 64, kBlocksLeast = 8, kBlocksMost = 256;
 constexpr uint64_t kPriceCount = 4;
 
-int32_t Clamp(int32_t first, int32_t size, int32_t begin, int32_t end) {
+int32_t Place(int32_t first, int32_t size, int32_t begin, int32_t end) {
   return std::clamp(first, begin, std::max(begin, end - size));
 }
 
 PixelRect CropAround(const PixelRect& tile, const PixelRect& window, const CropPlan& plan) {
   const int32_t width = std::min(plan.width_px, window.Width());
   const int32_t height = std::min(plan.height_px, window.Height());
-  const int32_t x = Clamp((tile.x0 + tile.x1 - width) / 2, width, window.x0, window.x1);
-  const int32_t y = Clamp((tile.y0 + tile.y1 - height) / 2, height, window.y0, window.y1);
+  const int32_t x = Place((tile.x0 + tile.x1 - width) / 2, width, window.x0, window.x1);
+  const int32_t y = Place((tile.y0 + tile.y1 - height) / 2, height, window.y0, window.y1);
   return {x, y, x + width, y + height};
 }
 
@@ -83,7 +83,7 @@ CropPlan PlanCrops(double tile_blocks) {
   for (const auto& [width, height] : kSizes) {
     plan.width_px = width;
     plan.height_px = height;
-    const double tiles = kRegionCount * (width / kTileSizePx) * (height / kTileSizePx);
+    const double tiles = kRegionCount * (width / kCropTilePx) * (height / kCropTilePx);
     blocks = std::bit_floor(
         static_cast<uint64_t>(std::clamp(tile_blocks / tiles, 1.0, double{kBlocksMost})));
     if (blocks >= kBlocksForFours) break;
@@ -137,7 +137,7 @@ absl::StatusOr<std::vector<StudyCrop>> RenderCrops(const render::CompiledScene& 
   std::vector<Region> rendered(regions.size());
   for (size_t i = 0; i < regions.size(); ++i) {
     crops.push_back({regions[i], {}});
-    rendered[i].tiles = CutTiles(regions[i].rect, kTileSizePx);
+    rendered[i].tiles = CutTiles(regions[i].rect, kCropTilePx);
     rendered[i].renderer = std::make_unique<TileRenderer>(scene, rendered[i].tiles, threads);
   }
   uint64_t done = 0;
