@@ -25,6 +25,8 @@ export class ImageViewport {
   // two determines the region.
   private partner: ImageViewport|null = null;
   private isLed = false;
+  // Called with the image point under the cursor, 0 to 1 along each side; null outside of the image.
+  onPoint: (point: Point|null) => void = () => {};
 
   // `onView` is called after every change of the zoom.
   constructor(
@@ -167,7 +169,10 @@ export class ImageViewport {
   }
 
   private onPointerMove(event: PointerEvent) {
-    if (!this.dragged) return;
+    if (!this.dragged) {
+      this.onPoint(this.bitmap && this.view.imagePointOf(this.pointOf(event)));
+      return;
+    }
     const at = this.pointOf(event);
     this.view.panBy(at.x - this.dragged.x, at.y - this.dragged.y);
     this.dragged = at;
