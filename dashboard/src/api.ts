@@ -350,7 +350,9 @@ export const getSession = () => request<Session>(BASE + 'session');
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 
 // The header tells the coordinator that its own page sends the request, not another site.
-const OWN_PAGE = {'X-Sheaf-Request': '1'};
+const OWN_PAGE = {
+  'X-Sheaf-Request': '1'
+};
 const act = (name: string, action: string) =>
     request<Job>(pathOf(name) + action, {method: 'POST', headers: OWN_PAGE});
 export async function signOut() {
@@ -361,14 +363,13 @@ export const cancelJob = (name: string) => act(name, ':cancel');
 export const pauseJob = (name: string) => act(name, ':pause');
 export const resumeJob = (name: string) => act(name, ':resume');
 // All failed work of the job, of a frame, or of a task of it.
-export const retryTasks = (name: string, frame: number|null, task: number|null) =>
-    act(name,
-        ':retry' + (frame === null ? '' : '?frame=' + frame) +
-            (task === null ? '' : '&task=' + task));
+export const retryTasks = (name: string, frame: number|null, task: number|null) => act(
+    name,
+    ':retry' + (frame === null ? '' : '?frame=' + frame) + (task === null ? '' : '&task=' + task));
 export const killFrame = (name: string, frame: number) => act(name, ':kill?frame=' + frame);
 // Removes a job that has ended, with its images.
-export const deleteJob = (name: string) => request<{name: string}>(
-    pathOf(name) + ':delete', {method: 'POST', headers: OWN_PAGE});
+export const deleteJob = (name: string) =>
+    request<{name: string}>(pathOf(name) + ':delete', {method: 'POST', headers: OWN_PAGE});
 export const approveFrames = (name: string) => act(name, ':approve');
 export const setPriority = (name: string, priority: number) =>
     act(name, ':priority?value=' + priority);

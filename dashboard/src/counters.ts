@@ -41,7 +41,7 @@ const isAlarming = (counter: Counter) => FAILURE.test(counter.name) && counter.v
 function drawAlarms(count: number) {
   const words = byId('counter-alarms');
   words.hidden = count === 0;
-  setText(words, count === 1 ? '1 counter of failures' : count + ' counters of failures');
+  setText(words, count === 1 ? '1 alert' : count + ' alerts');
 }
 
 const keyOf = (counter: Counter) => counter.name + '=' + counter.label_value;

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Error against samples per pixel or time of the shown job on logarithmic axes. Path tracing should give a
-// straight line that falls by one half for four times the samples. The dotted line extrapolates the
-// last points; the dashed line marks the frame's target error, if it has one. The compared job has a line of its
-// own.
+// Error against samples per pixel or time of the shown job on logarithmic axes. Path tracing should
+// give a straight line that falls by one half for four times the samples. The dotted line
+// extrapolates the last points; the dashed line marks the frame's target error, if it has one. The
+// compared job has a line of its own.
 
 import 'uplot/dist/uPlot.min.css';
 
@@ -192,12 +192,7 @@ export class ErrorChart {
         {stroke: color('--accent'), width: 2, points: {show: false}, spanGaps: true},
         {stroke: color('--accent'), width: 2, dash: [2, 5], points: {show: false}, spanGaps: true},
         {stroke: color('--good'), width: 1.5, dash: [8, 5], points: {show: false}},
-        {
-          stroke: color('--calm'),
-          width: 2,
-          points: {show: true, size: 5},
-          spanGaps: true
-        },
+        {stroke: color('--calm'), width: 2, points: {show: true, size: 5}, spanGaps: true},
       ],
     };
   }
@@ -267,8 +262,8 @@ function wordsOf(curve: Curve, abscissa: Abscissa): string {
   const now = 'Now ±' + format.share(errors.at(-1) ?? 0) + ' ' + words(xs.at(-1) ?? 0);
   const aim = target > 0 ? '; target ±' + format.share(target) : '';
   const lead = end ? '; extrapolates to ±' + format.share(end.error) + ' ' + words(end.x) : '';
-  const other = besideXs.length > 0 ? '; compared job: ±' +
-          format.share(besideErrors.at(-1) ?? 0) + ' ' + words(besideXs.at(-1) ?? 0) :
+  const other = besideXs.length > 0 ? '; compared job: ±' + format.share(besideErrors.at(-1) ?? 0) +
+          ' ' + words(besideXs.at(-1) ?? 0) :
                                       '';
   return now + aim + lead + other + '.';
 }

@@ -108,11 +108,11 @@ function makeItem(job: Job|undefined, failures: readonly Failure[]): HTMLElement
       if (job.failure.includes(message)) messages.delete(message);
   }
   const frame = newest.frame_number;
-  const log = el(
-      'details', {class: 'failure-log'},
-      el('summary', {}, 'Log: ' + (failures.length === 1 ? '1 failure' : failures.length +
-                                           ' failures')),
-      el('pre', {tabindex: '0'}, failures.map(lineOf).join('\n')));
+  const log =
+      el('details', {class: 'failure-log'},
+         el('summary', {},
+            'Log: ' + (failures.length === 1 ? '1 failure' : failures.length + ' failures')),
+         el('pre', {tabindex: '0'}, failures.map(lineOf).join('\n')));
   const retry = job && job.state === 'failed' ?
       [el('button',
           {class: 'button', type: 'button', 'data-act': 'retry', 'data-frame': String(frame)},
@@ -124,23 +124,24 @@ function makeItem(job: Job|undefined, failures: readonly Failure[]): HTMLElement
          el('span', {class: 'spread'}), ...retry),
       log,
       commandField(
-          `sheaf bundle ${job?.name ?? ''} --frame ${frame} -o failed.tar && sheaf repro failed.tar`,
+          `sheaf bundle ${job?.name ?? ''} --frame ${
+              frame} -o failed.tar && sheaf repro failed.tar`,
           'Command that renders the failed task again, in any folder'),
-      commandField(newest.command, 'Command that renders the tile again, in the folder of the scene'));
+      commandField(
+          newest.command, 'Command that renders the tile again, in the folder of the scene'));
 }
 
-const lineOf = (failure: Failure) =>
-    [format.clock(failure.time), format.shortName(failure.worker), failure.kind,
-     failure.message || 'no reason was given'].join('  ');
+const lineOf = (failure: Failure) => [format.clock(failure.time), format.shortName(failure.worker),
+                                      failure.kind, failure.message || 'no reason was given']
+                                         .join('  ');
 
 function whereOf(failure: Failure): string {
-  const range =
-      failure.first_sample + ' to ' + (failure.first_sample + failure.sample_count - 1);
+  const range = failure.first_sample + ' to ' + (failure.first_sample + failure.sample_count - 1);
   const work = failure.task === 'training' ? 'training' :
       failure.task === 'light'             ? 'light passes ' + range :
-      'tile at ' + format.place(failure.tile) + ', samples ' + range;
+                                 'tile at ' + format.place(failure.tile) + ', samples ' + range;
   return [
-    'frame ' + failure.frame_number + ', ' + work,
-    failure.kind, 'on ' + format.shortName(failure.worker), format.clock(failure.time)
+    'frame ' + failure.frame_number + ', ' + work, failure.kind,
+    'on ' + format.shortName(failure.worker), format.clock(failure.time)
   ].join(' · ');
 }

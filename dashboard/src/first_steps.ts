@@ -100,6 +100,7 @@ function noteOf(farm: FarmAddress): string {
   if (farm.tls) return 'A token is good once, within an hour.';
   const {hostname} = location;
   const isLocal = hostname === 'localhost' || hostname === '[::1]' || hostname.startsWith('127.');
-  return isLocal ? 'Workers on other machines need certificates: sheaf-coordinator init makes them.' :
-                   '';
+  return isLocal ?
+      'Workers on other machines need certificates: sheaf-coordinator init makes them.' :
+      '';
 }

@@ -25,7 +25,7 @@ export class ImageViewport {
   // two determines the region.
   private partner: ImageViewport|null = null;
   private isLed = false;
-  // Called with the image point under the cursor, 0 to 1 along each side; null outside of the image.
+  // Called with the image point under the cursor, 0 to 1 along each side; null outside of it.
   onPoint: (point: Point|null) => void = () => {};
 
   // `onView` is called after every change of the zoom.
@@ -80,6 +80,10 @@ export class ImageViewport {
   // Screen pixels per image pixel.
   get scale(): number {
     return this.view.scale;
+  }
+
+  get hasImage(): boolean {
+    return this.bitmap !== null;
   }
 
   get isFitted(): boolean {

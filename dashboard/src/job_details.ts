@@ -141,10 +141,10 @@ function errorWordsOf(job: Job): string {
       ' Now: ' + format.typicalError(job.progress.relative_mse) + ', relMSE ' +
           format.error(job.progress.relative_mse) + '.' :
       '';
-  return '±2 % means: the error of a pixel is typically 2 % of its value (the root mean square over ' +
-      'the pixels; dark pixels count against a tenth of the image’s mean). The list, the chart, ' +
-      'targets and the layer “Standard error” use the same scale. sheaf and EXR metadata give its ' +
-      'square, the relMSE: --target-error 0.0004 is ±2 %.' + now;
+  return '±2 % means: the error of a pixel is typically 2 % of its value (the root mean square ' +
+      'over the pixels; dark pixels count against a tenth of the image’s mean). The list, the ' +
+      'chart, targets and the layer “Standard error” use the same scale. sheaf and EXR metadata ' +
+      'give its square, the relMSE: --target-error 0.0004 is ±2 %.' + now;
 }
 
 // "shot.0007.png".

@@ -47,9 +47,7 @@ export class JobsView {
         byId('job-count'),
         isFiltered ? shown.length + ' of ' + all.length : format.exact(all.length));
     byId('jobs-empty').hidden = shown.length > 0;
-    setText(
-        byId('jobs-empty'),
-        all.length ? 'No job matches.' : 'No jobs yet.');
+    setText(byId('jobs-empty'), all.length ? 'No job matches.' : 'No jobs yet.');
     byId('jobs').hidden = shown.length === 0;
     this.list.setItems(shown, this.store.jobName);
   };
@@ -99,8 +97,7 @@ function factsOf(job: Job, share: number): string {
   const facts = job.state === 'succeeded' ? [] : [format.percent(share)];
   if (job.frame_count > 1)
     facts.push(job.frame_complete_count + ' of ' + job.frame_count + ' frames');
-  if (job.progress.relative_mse)
-    facts.push(format.typicalError(job.progress.relative_mse));
+  if (job.progress.relative_mse) facts.push(format.typicalError(job.progress.relative_mse));
   return facts.join(' · ');
 }
 

@@ -61,7 +61,8 @@ export class PixelReadout {
     if (!event.shiftKey || !isImage || !step || !frame) return;
     event.preventDefault();
     const {x0_px, y0_px, x1_px, y1_px} = frame.window;
-    const from = this.place ?? {x: Math.floor((x0_px + x1_px) / 2), y: Math.floor((y0_px + y1_px) / 2)};
+    const from =
+        this.place ?? {x: Math.floor((x0_px + x1_px) / 2), y: Math.floor((y0_px + y1_px) / 2)};
     this.place = {
       x: Math.min(x1_px - 1, Math.max(x0_px, from.x + step[0])),
       y: Math.min(y1_px - 1, Math.max(y0_px, from.y + step[1])),
@@ -137,9 +138,8 @@ function rowsOf(own: Pixel, other: Pixel|null): [string, string][] {
     const error = values.get('stderr.' + name);
     const that = others.get(name);
     const bounds = error === undefined ? '' : ' ± ' + words(error);
-    const both = typeof that === 'number' && typeof value === 'number' ?
-        ', ' + words(value - that) :
-        '';
+    const both =
+        typeof that === 'number' && typeof value === 'number' ? ', ' + words(value - that) : '';
     return [name, words(value) + bounds + (that === undefined ? '' : ` (${words(that)}${both})`)];
   });
 }

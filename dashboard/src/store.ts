@@ -197,7 +197,7 @@ export class Store {
     return {points: [...noted.points, ...seen]};
   }
 
-  // The curve of the compared frame; null where nothing is compared.
+  // The curve of the compared frame, or the end of it; null where nothing is compared.
   get besideCurve(): CurveSource|null {
     const {beside} = this;
     if (!beside) return null;
@@ -205,6 +205,8 @@ export class Store {
     if (noted.points.length > 0) return noted;
     const only = new WatchedCurve();
     only.add(beside.progress);
+    const job = this.jobs.get(beside.name.replace(/\/frames\/.*/, ''));
+    if (job?.frame_count === 1) only.add(job.progress);
     return only;
   }
 

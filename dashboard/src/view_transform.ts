@@ -73,8 +73,7 @@ export class ViewTransform {
 
   // Shows the same part of this image as `other` shows of its image, whatever their sizes.
   follow(other: ViewTransform) {
-    this.chosenScale =
-        other.isFitted ? null : other.scale * other.image.width / this.image.width;
+    this.chosenScale = other.isFitted ? null : other.scale * other.image.width / this.image.width;
     this.centre = {...other.centre};
   }
 

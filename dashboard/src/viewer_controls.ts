@@ -16,6 +16,8 @@ import type {ImageViewport} from './image_viewport';
 const ZOOM_STEP = 2;
 const PAN_SHARE = 0.125;
 
+const ZOOM_BUTTONS = ['zoom-in', 'zoom-out', 'zoom-fit', 'image-zoom'];
+
 const LEGENDS: Record<Layer, string> = {
   image: '',
   light: '',
@@ -32,8 +34,8 @@ export class ViewerControls {
   private readonly layerSelect = byId<HTMLSelectElement>('layer');
   private readonly exposure = byId<HTMLInputElement>('exposure');
 
-  // isColor: whether a layer of the frame can be exposed. `onChange` is called when the layer or the
-  // exposure changes.
+  // isColor: whether a layer of the frame can be exposed. `onChange` is called when the layer or
+  // the exposure changes.
   constructor(
       private readonly viewport: ImageViewport, private readonly isColor: (name: string) => boolean,
       private readonly onChange: () => void) {
@@ -79,8 +81,9 @@ export class ViewerControls {
 
   // Updates the zoom controls from the viewport.
   drawZoom() {
-    const {scale, isFitted} = this.viewport;
-    setText(byId('zoom-level'), format.zoom(scale));
+    const {scale, isFitted, hasImage} = this.viewport;
+    setText(byId('zoom-level'), hasImage ? format.zoom(scale) : '–');
+    for (const id of ZOOM_BUTTONS) byId<HTMLButtonElement>(id).disabled = !hasImage;
     byId('zoom-fit').setAttribute('aria-pressed', String(isFitted));
     byId('image-zoom').setAttribute('aria-pressed', String(scale === 1));
   }
@@ -129,7 +132,7 @@ export class ViewerControls {
     if (event.ctrlKey || event.metaKey || event.altKey || isReadout) return;
     const act = this.actionOf(event.key) ??
         ((event.target as Element).classList.contains('image-box') ? this.panOf(event.key) :
-                                                                       undefined);
+                                                                     undefined);
     if (!act) return;
     event.preventDefault();
     act();

@@ -1,6 +1,8 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels, layers and differences in the viewer, over a made-up job that has ended. For page_test.py.
+"""Pixels, layers and differences in the viewer, over a made-up job that has ended.
+
+For page_test.py.
 """
 import re
 
