@@ -67,7 +67,8 @@ FrameImage MakeImage(uint64_t samples, std::mt19937* random) {
         image.planes[3 + c][pixel] = colors[c] * spread;
       }
       image.planes[6][pixel] = count;
-      for (size_t c = 0; c < 3; ++c) planes[c][pixel] = r2 < 1 ? 0.9f - 0.3f * float(c) : 0.2f;
+      for (size_t c = 0; c < 3; ++c)
+        planes[c][pixel] = r2 < 1 ? 0.9f - 0.3f * static_cast<float>(c) : 0.2f;
       const float normal[3] = {u * 3, -v * 3, std::sqrt(std::max(0.0f, 1 - r2))};
       for (size_t c = 0; c < 3; ++c) planes[3 + c][pixel] = r2 < 1 ? normal[c] : 0;
       planes[6][pixel] = r2 < 1 ? 4 - normal[2] : 20 - 8 * v;

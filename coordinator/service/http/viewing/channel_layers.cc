@@ -20,10 +20,12 @@ namespace sheaf::coordinator {
 namespace {
 
 // The fractions of values at which ranges begin and end.
-constexpr double kLowFraction = 0.01, kHighFraction = 0.99;
+constexpr double kChannelLowFraction = 0.01, kChannelHighFraction = 0.99;
 
 // "albedo" of "albedo.R"; the name itself if it has no dot.
-std::string LayerName(const std::string& channel) { return channel.substr(0, channel.rfind('.')); }
+std::string LayerOfChannel(const std::string& channel) {
+  return channel.substr(0, channel.rfind('.'));
+}
 
 // Those that are shown as ImageLayers.
 bool IsOfImage(const std::string& channel) {
@@ -33,7 +35,7 @@ bool IsOfImage(const std::string& channel) {
 
 bool IsTriple(const std::vector<std::string>& names, size_t first, const char* suffixes) {
   if (first + 2 >= names.size()) return false;
-  const std::string layer = LayerName(names[first]);
+  const std::string layer = LayerOfChannel(names[first]);
   for (size_t i = 0; i < 3; ++i) {
     if (names[first + i] != absl::StrCat(layer, ".", std::string(1, suffixes[i]))) return false;
   }
@@ -52,7 +54,7 @@ bool IsIdNumber(const std::string& channel) {
 
 // The pixel of the image at the first corner of the square of a displayed pixel, for values whose
 // mean means nothing, and the number of pixels displayed.
-struct Grid {
+struct ChannelGrid {
   int32_t factor = 1, width_px = 0, height_px = 0;
   size_t image_width_px = 0;
   size_t IndexOf(int32_t x, int32_t y) const {
@@ -60,8 +62,8 @@ struct Grid {
   }
 };
 
-Grid GridOf(const FrameImage& image) {
-  Grid grid;
+ChannelGrid ChannelGridOf(const FrameImage& image) {
+  ChannelGrid grid;
   grid.factor = ShrinkFactor(image.window.Width(), image.window.Height(), kPreviewPixelCountMax);
   grid.width_px = image.window.Width() / grid.factor;
   grid.height_px = image.window.Height() / grid.factor;
@@ -71,7 +73,7 @@ Grid GridOf(const FrameImage& image) {
 
 // Calls shade(index) for each displayed pixel.
 template <class Shade>
-DisplayImage Display(const Grid& grid, const Shade& shade) {
+DisplayImage DisplayWith(const ChannelGrid& grid, const Shade& shade) {
   DisplayImage display;
   display.width_px = grid.width_px;
   display.height_px = grid.height_px;
@@ -82,7 +84,7 @@ DisplayImage Display(const Grid& grid, const Shade& shade) {
   return display;
 }
 
-LayerRange RangeOf(const std::vector<float>& plane) {
+LayerRange ChannelRange(const std::vector<float>& plane) {
   std::vector<float> known;
   for (const float value : plane) {
     if (std::isfinite(value)) known.push_back(value);
@@ -94,16 +96,16 @@ LayerRange RangeOf(const std::vector<float>& plane) {
     std::nth_element(known.begin(), place, known.end());
     return double{*place};
   };
-  const double low = at(kLowFraction);
-  return {low, at(kHighFraction)};
+  const double low = at(kChannelLowFraction);
+  return {low, at(kChannelHighFraction)};
 }
 
-double PlaceIn(const LayerRange& range, float value) {
+double ShareOfRange(const LayerRange& range, float value) {
   const double span = range.high - range.low;
   return span > 0 ? std::clamp((double{value} - range.low) / span, 0.0, 1.0) : 1;
 }
 
-uint8_t LevelOf(double share) {
+uint8_t ShareLevel(double share) {
   // NaN becomes 0.
   return static_cast<uint8_t>(std::lround(255 * (share > 0 ? std::min(share, 1.0) : 0.0)));
 }
@@ -124,26 +126,28 @@ Rgb8 ColorOfId(float id) {
 
 using ThreePlanes = std::array<const std::vector<float>*, 3>;
 
-DisplayImage DisplayDirection(const Grid& grid, const ThreePlanes& planes) {
-  return Display(grid, [&](size_t i) {
-    const auto level = [&](size_t c) { return LevelOf(0.5 + 0.5 * double{(*planes[c])[i]}); };
+DisplayImage DisplayDirection(const ChannelGrid& grid, const ThreePlanes& planes) {
+  return DisplayWith(grid, [&](size_t i) {
+    const auto level = [&](size_t c) { return ShareLevel(0.5 + 0.5 * double{(*planes[c])[i]}); };
     return Rgb8{level(0), level(1), level(2)};
   });
 }
 
-DisplayImage DisplayVector(const Grid& grid, const ThreePlanes& planes) {
+DisplayImage DisplayVector(const ChannelGrid& grid, const ThreePlanes& planes) {
   std::array<LayerRange, 3> ranges;
-  for (size_t c = 0; c < 3; ++c) ranges[c] = RangeOf(*planes[c]);
-  return Display(grid, [&](size_t i) {
-    const auto level = [&](size_t c) { return LevelOf(PlaceIn(ranges[c], (*planes[c])[i])); };
+  for (size_t c = 0; c < 3; ++c) ranges[c] = ChannelRange(*planes[c]);
+  return DisplayWith(grid, [&](size_t i) {
+    const auto level = [&](size_t c) {
+      return ShareLevel(ShareOfRange(ranges[c], (*planes[c])[i]));
+    };
     return Rgb8{level(0), level(1), level(2)};
   });
 }
 
-DisplayImage DisplayScalar(const Grid& grid, const std::vector<float>& plane) {
-  const LayerRange range = RangeOf(plane);
-  DisplayImage display = Display(grid, [&](size_t i) {
-    return std::isfinite(plane[i]) ? Viridis(PlaceIn(range, plane[i])) : kUnknownColor;
+DisplayImage DisplayScalar(const ChannelGrid& grid, const std::vector<float>& plane) {
+  const LayerRange range = ChannelRange(plane);
+  DisplayImage display = DisplayWith(grid, [&](size_t i) {
+    return std::isfinite(plane[i]) ? Viridis(ShareOfRange(range, plane[i])) : kUnknownColor;
   });
   display.range = range;
   return display;
@@ -176,13 +180,13 @@ std::vector<ChannelLayer> ChannelLayersOf(const FilmOutputs& outputs) {
     if (IsCryptomatte(name)) {
       // The others of the layer are further ids and coverages.
       if (absl::EndsWith(name, "00.R")) {
-        layers.push_back({LayerName(name), ChannelKind::kId, {name}});
+        layers.push_back({LayerOfChannel(name), ChannelKind::kId, {name}});
       }
       continue;
     }
     const bool is_color = IsTriple(names, i, "RGB");
     if (is_color || IsTriple(names, i, "XYZ")) {
-      const std::string layer = LayerName(name);
+      const std::string layer = LayerOfChannel(name);
       const ChannelKind vector = layer == "P" ? ChannelKind::kVector : ChannelKind::kDirection;
       layers.push_back(
           {layer, is_color ? ChannelKind::kColor : vector, {name, names[i + 1], names[i + 2]}});
@@ -214,14 +218,14 @@ absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const C
     for (const std::vector<float>* plane : planes) color.planes.push_back(*plane);
     return MakeDisplayImage(color, as);
   }
-  const Grid grid = GridOf(image);
+  const ChannelGrid grid = ChannelGridOf(image);
   switch (layer.kind) {
     case ChannelKind::kDirection:
       return DisplayDirection(grid, {planes[0], planes[1], planes[2]});
     case ChannelKind::kVector:
       return DisplayVector(grid, {planes[0], planes[1], planes[2]});
     case ChannelKind::kId:
-      return Display(grid, [&](size_t i) { return ColorOfId((*planes[0])[i]); });
+      return DisplayWith(grid, [&](size_t i) { return ColorOfId((*planes[0])[i]); });
     default:
       return DisplayScalar(grid, *planes[0]);
   }

@@ -24,7 +24,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-absl::StatusOr<ChannelLayer> FindLayer(const FrameView& frame, const std::string& name) {
+absl::StatusOr<ChannelLayer> FindChannelLayer(const FrameView& frame, const std::string& name) {
   for (ChannelLayer& layer : ChannelLayersOf(frame.settings.outputs)) {
     if (layer.name == name) return std::move(layer);
   }
@@ -33,21 +33,21 @@ absl::StatusOr<ChannelLayer> FindLayer(const FrameView& frame, const std::string
 }
 
 // JSON has no other numbers than finite ones.
-Json ValueJson(float value) {
+Json PixelValueJson(float value) {
   if (std::isfinite(value)) return value;
   if (std::isnan(value)) return "nan";
   return value > 0 ? "inf" : "-inf";
 }
 
-struct FrameName {
+struct NamedFrame {
   std::string job_id;
   int32_t number = 0;
 };
 
 // "jobs/8/frames/1". Errors: kInvalidArgument.
-absl::StatusOr<FrameName> ParseFrameName(const std::string& text) {
+absl::StatusOr<NamedFrame> ParseFrame(const std::string& text) {
   const std::vector<std::string> parts = absl::StrSplit(text, '/');
-  FrameName name;
+  NamedFrame name;
   if (parts.size() != 4 || parts[0] != "jobs" || parts[2] != "frames" ||
       !absl::SimpleAtoi(parts[3], &name.number)) {
     return absl::InvalidArgumentError(
@@ -64,8 +64,8 @@ absl::StatusOr<DifferenceKind> ParseDifferenceKind(const std::string& text) {
       absl::StrCat("difference \"", text, "\" is neither absolute nor relative"));
 }
 
-absl::StatusOr<ViewedImage> Encode(const absl::StatusOr<DisplayImage>& display,
-                                   const std::string& version) {
+absl::StatusOr<ViewedImage> EncodeView(const absl::StatusOr<DisplayImage>& display,
+                                       const std::string& version) {
   if (!display.ok()) return display.status();
   absl::StatusOr<std::string> png =
       EncodePng(display->width_px, display->height_px, display->pixels);
@@ -92,7 +92,7 @@ HttpResponse HttpApi::GetLayers(const HttpRequest& request) const {
                       {"kind", ChannelKindName(layer.kind)},
                       {"channels", layer.channels}});
   }
-  return JsonResponse(Json{{"layers", std::move(layers)}}.dump());
+  return JsonResponse(Json::object({{"layers", std::move(layers)}}).dump());
 }
 
 HttpResponse HttpApi::GetPixel(const HttpRequest& request) const {
@@ -107,10 +107,11 @@ HttpResponse HttpApi::GetPixel(const HttpRequest& request) const {
   if (!pixel.ok()) return HttpErrorFromStatus(pixel.status());
   Json channels = Json::array();
   for (const auto& [name, value] : pixel->channels) {
-    channels.push_back({{"name", name}, {"value", ValueJson(value)}});
+    channels.push_back({{"name", name}, {"value", PixelValueJson(value)}});
   }
   return JsonResponse(
-      Json{{"version", pixel->version}, {"x", *x}, {"y", *y}, {"channels", std::move(channels)}}
+      Json::object(
+          {{"version", pixel->version}, {"x", *x}, {"y", *y}, {"channels", std::move(channels)}})
           .dump());
 }
 
@@ -129,7 +130,7 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
     const absl::StatusOr<DifferenceKind> kind =
         ParseDifferenceKind(QueryValue(request, "difference"));
     if (!kind.ok()) return kind.status();
-    const absl::StatusOr<FrameName> other_name = ParseFrameName(with);
+    const absl::StatusOr<NamedFrame> other_name = ParseFrame(with);
     if (!other_name.ok()) return other_name.status();
     absl::StatusOr<PreviewView> image = farm_.Preview(job_id, frame.frame_number, {"R", "G", "B"});
     if (!image.ok()) return image.status();
@@ -140,8 +141,8 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
       const Chromaticities& to = image->image.color.chromaticities;
       if (absl::Status same = ConvertColor(to, &other->image); !same.ok()) return same;
     }
-    return Encode(MakeDifference(image->image, other->image, *kind),
-                  absl::StrCat(version_of(image->version), "-", other->version));
+    return EncodeView(MakeDifference(image->image, other->image, *kind),
+                      absl::StrCat(version_of(image->version), "-", other->version));
   }
   const std::string name = QueryValue(request, "layer");
   const std::optional<ImageLayer> as = ImageLayerFromName(name);
@@ -150,12 +151,12 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
         absl::StrCat("layer \"", name, "\" is neither image nor light, as of= and size=full need"));
   }
   if (const std::string of = QueryValue(request, "of"); !of.empty()) {
-    const absl::StatusOr<ChannelLayer> layer = FindLayer(frame, of);
+    const absl::StatusOr<ChannelLayer> layer = FindChannelLayer(frame, of);
     if (!layer.ok()) return layer.status();
     const absl::StatusOr<PreviewView> view =
         farm_.Preview(job_id, frame.frame_number, layer->channels);
     if (!view.ok()) return view.status();
-    return Encode(MakeChannelDisplay(view->image, *layer, *as), version_of(view->version));
+    return EncodeView(MakeChannelDisplay(view->image, *layer, *as), version_of(view->version));
   }
   if (!frame.complete) {
     return absl::FailedPreconditionError(
@@ -165,7 +166,8 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
   const absl::StatusOr<PreviewView> view =
       farm_.Preview(job_id, frame.frame_number, {"R", "G", "B"});
   if (!view.ok()) return view.status();
-  return Encode(MakeDisplayImage(view->image, *as, /*full_size=*/true), version_of(view->version));
+  return EncodeView(MakeDisplayImage(view->image, *as, /*full_size=*/true),
+                    version_of(view->version));
 }
 
 HttpResponse HttpApi::DeleteJob(const HttpRequest& request) const {
@@ -173,12 +175,13 @@ HttpResponse HttpApi::DeleteJob(const HttpRequest& request) const {
   const absl::Status done = ControlJob(request, actions_.delete_job);
   if (access_ != nullptr) access_->NoteInAudit(request, job_id, done);
   if (!done.ok()) return HttpErrorFromStatus(done);
-  return JsonResponse(Json{{"name", absl::StrCat("jobs/", job_id)}}.dump());
+  return JsonResponse(Json::object({{"name", absl::StrCat("jobs/", job_id)}}).dump());
 }
 
 HttpResponse HttpApi::GetFarm() const {
   const FarmAddress address = actions_.address ? actions_.address() : FarmAddress();
-  return JsonResponse(Json{{"grpc_port", address.grpc_port}, {"tls", address.tls}}.dump());
+  return JsonResponse(
+      Json::object({{"grpc_port", address.grpc_port}, {"tls", address.tls}}).dump());
 }
 
 }  // namespace sheaf::coordinator

@@ -17,18 +17,18 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr double kFloorFraction = 0.1;
+constexpr double kDifferenceFloorFraction = 0.1;
 // The quantile of the differences at which the colors end, and the ratio of their ends.
-constexpr double kHighFraction = 0.99;
+constexpr double kDifferenceHighFraction = 0.99;
 constexpr double kRangeRatio = 1000;
 
-using Planes = std::array<const std::vector<float>*, 3>;
+using ColorPlanes = std::array<const std::vector<float>*, 3>;
 
-Planes PlanesOf(const FrameImage& image) {
+ColorPlanes ColorPlanesOf(const FrameImage& image) {
   return {image.Find("R"), image.Find("G"), image.Find("B")};
 }
 
-double MeanOf(const Planes& planes) {
+double MeanOfColor(const ColorPlanes& planes) {
   double sum = 0, count = 0;
   for (const std::vector<float>* plane : planes) {
     for (const float value : *plane) {
@@ -42,7 +42,7 @@ double MeanOf(const Planes& planes) {
 
 // Root of the mean square over the square of a displayed pixel: differences of either sign do not
 // cancel. NaN if a value is no number.
-struct Shrinking {
+struct SquareShrinking {
   int32_t factor = 1;
   size_t width_px = 0;
   template <class Square>
@@ -58,14 +58,15 @@ struct Shrinking {
   }
 };
 
-LayerRange RangeOf(const std::vector<float>& values) {
+LayerRange DifferenceRange(const std::vector<float>& values) {
   std::vector<float> known;
   for (const float value : values) {
     if (std::isfinite(value) && value > 0) known.push_back(value);
   }
   if (known.empty()) return {};
-  const auto at = known.begin() + static_cast<std::ptrdiff_t>(
-                                      kHighFraction * static_cast<double>(known.size() - 1));
+  const auto at =
+      known.begin() +
+      static_cast<std::ptrdiff_t>(kDifferenceHighFraction * static_cast<double>(known.size() - 1));
   std::nth_element(known.begin(), at, known.end());
   return {double{*at} / kRangeRatio, double{*at}};
 }
@@ -81,8 +82,8 @@ absl::StatusOr<DisplayImage> MakeDifference(const FrameImage& image, const Frame
                      " pixels and one of ", other.window.Width(), " by ", other.window.Height(),
                      " have no difference; compare them side by side"));
   }
-  const Planes a = PlanesOf(image), b = PlanesOf(other);
-  const double floor = kFloorFraction * MeanOf(b);
+  const ColorPlanes a = ColorPlanesOf(image), b = ColorPlanesOf(other);
+  const double floor = kDifferenceFloorFraction * MeanOfColor(b);
   const auto square = [&](size_t i) {
     double sum = 0;
     for (size_t c = 0; c < 3; ++c) {
@@ -95,7 +96,7 @@ absl::StatusOr<DisplayImage> MakeDifference(const FrameImage& image, const Frame
     return sum / 3;
   };
   DisplayImage display;
-  const Shrinking shrink{
+  const SquareShrinking shrink{
       ShrinkFactor(image.window.Width(), image.window.Height(), kPreviewPixelCountMax),
       static_cast<size_t>(image.window.Width())};
   display.width_px = image.window.Width() / shrink.factor;
@@ -104,7 +105,7 @@ absl::StatusOr<DisplayImage> MakeDifference(const FrameImage& image, const Frame
   for (int32_t y = 0; y < display.height_px; ++y) {
     for (int32_t x = 0; x < display.width_px; ++x) values.push_back(shrink.RootMean(x, y, square));
   }
-  const LayerRange range = RangeOf(values);
+  const LayerRange range = DifferenceRange(values);
   display.range = range;
   for (const float value : values) {
     if (!std::isfinite(value)) {
