@@ -90,6 +90,12 @@ FarmActions ActionsOn(Farm* farm) {
   actions.unpin_job = [=](const std::string& job) {
     return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, false); });
   };
+  actions.delete_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->DeleteJob(id); });
+  };
+  actions.read_pixel = [=](const std::string& job, int32_t frame, int32_t x_px, int32_t y_px) {
+    return farm->ReadPixel(job, frame, x_px, y_px);
+  };
   actions.list_usage = [=](const UsageQuery& query) { return farm->ListUsage(query); };
   actions.release_job = [=](const std::string& job) {
     return by_number(job, [=](uint64_t id) { return farm->ReleaseJob(id); });
@@ -198,6 +204,7 @@ absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   server_ = builder.BuildAndStart();
   const bool listens = options.listen_address.empty() || port_ != 0;
   if (server_ == nullptr || !listens) return PortInUseError(options.listen_address);
+  shown_port_ = port_;
   return absl::OkStatus();
 }
 
@@ -219,8 +226,10 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
     if (!hosts.ok()) return hosts.status();
     http.allowed_hosts.insert(http.allowed_hosts.end(), hosts->begin(), hosts->end());
   }
+  FarmActions actions = ActionsOn(farm_.get());
+  actions.address = [this] { return FarmAddress{shown_port_, access_ != nullptr}; };
   absl::StatusOr<std::unique_ptr<HttpService>> service =
-      HttpService::Start(http, *farm_, ActionsOn(farm_.get()));
+      HttpService::Start(http, *farm_, std::move(actions));
   if (!service.ok()) return service.status();
   http_ = std::move(*service);
   return absl::OkStatus();

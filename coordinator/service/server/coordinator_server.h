@@ -9,6 +9,7 @@
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <thread>
@@ -102,6 +103,7 @@ class CoordinatorServer {
   std::unique_ptr<HttpService> http_;
   std::jthread certificate_upkeep_;
   int port_ = 0;
+  std::atomic<int> shown_port_ = 0;  // The same, for the threads of http_.
 };
 
 }  // namespace sheaf::coordinator
