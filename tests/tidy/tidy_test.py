@@ -92,13 +92,16 @@ DOORS = {
     r"embree\d/": r"^worker/render/accel/embree_door\.h$",
     r"worker/render/accel/embree_(door|callbacks)\.h": r"^worker/render/accel/",
     r"curl/": r"^common/objects/http_client\.cc$",
+    r"tiny_gltf\.h": r"^common/scene/gltf/tinygltf_door\.h$",
+    r"common/scene/gltf/tinygltf_door\.h": r"^common/scene/gltf/",
     r"tinyxml2\.h": r"^common/objects/s3_xml\.cc$",
     r"seccomp\.h": r"^worker/sandbox/system_call_filter\.cc$",
     r"sqlite3\.h": r"^coordinator/store/",
     r"boost/math/": r"^common/math/normal_distribution",
     r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
-    r"nlohmann/": r"^(cli/|coordinator/access/audit_log\.cc$|coordinator/service/http/)",
+    r"nlohmann/": r"^(cli/|common/scene/gltf/tinygltf\.cc$|coordinator/access/audit_log\.cc$|"
+        r"coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
         r"^(common/rpc/|worker/(sandbox|service|wire)/|coordinator/service/(grpc|server)/|cli/)",
 }
