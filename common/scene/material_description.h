@@ -120,10 +120,10 @@ struct MeasuredMaterial {
 // Metal, plastic and glass in one, as glTF's metallic-roughness material with its extensions and
 // Blender's Principled BSDF mean it (principled_lobe.h says how it scatters).
 struct PrincipledMaterial {
-  ColorInput base_color;                   // Diffuse, of metal, and of what crosses.
-  ColorInput specular_tint, sheen_color;   // Tint of a dielectric's reflection at normal incidence.
+  ColorInput base_color;                  // Diffuse, of metal, and of what crosses.
+  ColorInput specular_tint, sheen_color;  // Tint of a dielectric's reflection at normal incidence.
   FloatInput metallic, roughness{.value = 0.5f};  // alpha = roughness^2.
-  FloatInput specular{.value = 1};         // Scales a dielectric's reflection.
+  FloatInput specular{.value = 1};                // Scales a dielectric's reflection.
   FloatInput transmission, coat, iridescence;
   // Opacity. Less than 1 becomes a mix with an interface when the file is read.
   FloatInput alpha{.value = 1};
@@ -141,8 +141,8 @@ struct PrincipledMaterial {
 
   static constexpr float kIndexMin = 1, kIndexMax = 10, kThicknessMaxNm = 10000;
   static constexpr float kRotationMax = 1000;
-  // visitor(name, input, least, greatest) for each number with its range; only a FloatInput may be a
-  // texture.
+  // visitor(name, input, least, greatest) for each number with its range; only a FloatInput may be
+  // a texture.
   template <typename Material, typename Visitor>
   static void ForEachNumber(Material& m, const Visitor& visitor) {
     visitor("metallic", m.metallic, 0, 1);
