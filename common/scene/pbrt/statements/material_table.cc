@@ -51,6 +51,7 @@ int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
   parameters.set_owner(absl::StrCat("material \"", type, "\""));
   MaterialDescription material = Make(type, parameters);
   material.location = parameters.location();
+  material = WithAlpha(std::move(material));
   const auto index = static_cast<int32_t>(scene_->materials.size());
   scene_->materials.push_back(std::move(material));
   return index;
@@ -76,6 +77,8 @@ void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) 
   }
   // Make may refer to further materials, which moves the vector.
   MaterialDescription made = Make(type, parameters);
+  made.location = parameters.location();
+  made = WithAlpha(std::move(made));
   made.name = std::move(scene_->materials[index].name);
   made.location = scene_->materials[index].location;
   scene_->materials[index] = std::move(made);
@@ -157,6 +160,8 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     material = MakeMeasured(parameters);
   } else if (type == "subsurface") {
     material = MakeSubsurface(parameters);
+  } else if (type == "principled") {
+    material = MakePrincipled(parameters);
   } else if (type == "mix") {
     material = MakeMix(parameters);
   } else if (type == "interface" || type.empty() || type == "none") {
@@ -170,7 +175,7 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     parameters.Error(absl::StrCat(
         parameters.owner(), ": type \"", type, "\" is unknown; Sheaf does ", DescribedTypes(),
         "diffusetransmission, conductor, dielectric, thindielectric, coateddiffuse, "
-        "coatedconductor, hair, measured, subsurface, mix and "
+        "coatedconductor, hair, measured, principled, subsurface, mix and "
         "interface"));
     return description;
   }
