@@ -9,7 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "cli/exit_code.h"
-#include "cli/job/gltf_inputs.h"
+#include "cli/gltf/gltf_inputs.h"
 #include "cli/job/prepared_job.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"

@@ -16,7 +16,7 @@
 #include "absl/status/statusor.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
-#include "cli/job/gltf_inputs.h"
+#include "cli/gltf/gltf_inputs.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"
 

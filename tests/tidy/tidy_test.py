@@ -20,9 +20,9 @@ FUNCTION_LINES_MAX = 80
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
-    "cli": ". < image < job | bundle < quote < study < commands",
+    "cli": ". < image | gltf < job | bundle < quote < study < commands",
     "common/film": ". < light < error < exr",
-    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt",
+    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt < gltf",
     "worker/render": "traits < color < sampling < geometry "
                      "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",

@@ -106,7 +106,8 @@ TEST(GltfReaderTest, ReadsATriangle) {
 
 TEST(GltfReaderTest, SharedMeshesBecomeInstances) {
   const auto read = Read(File(R"("materials": [{}], "nodes": [{"mesh": 0}, {"mesh": 0,
-    "translation": [4, 0, 0]}, {"mesh": 0, "scale": [0, 0, 0]}], "scenes": [{"nodes": [0, 1, 2]}])"));
+    "translation": [4, 0, 0]}, {"mesh": 0, "scale": [0, 0, 0]}],
+    "scenes": [{"nodes": [0, 1, 2]}])"));
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->scene.objects.size(), 1u);
   EXPECT_EQ(read->scene.instances.size(), 2u);

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/job/gltf_inputs.h"
+#include "cli/gltf/gltf_inputs.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
