@@ -22,7 +22,8 @@ FUNCTION_LINES_MAX = 80
 ROOMS = {
     "cli": ". < image | gltf < job | bundle < quote < study < commands",
     "common/film": ". < light < error < exr",
-    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt < gltf",
+    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt "
+                    "< gltf",
     "worker/render": "traits < color < sampling < geometry "
                      "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
