@@ -49,9 +49,9 @@ struct ReadFrameResult {
 };
 
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
-                                          const RenderSettings& settings, FileDigests* digests,
-                                          InputChecks* checks) {
-  const absl::StatusOr<SceneFile> file = ReadSceneFile(path);
+                                          const RenderSettings& settings, GltfInputs* gltf,
+                                          FileDigests* digests, InputChecks* checks) {
+  const absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
   if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
     return status;
@@ -111,10 +111,11 @@ absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments)
     return absl::InvalidArgumentError(absl::StrCat(
         arguments.scene, ": is a pattern; give its frames, for example --frames 1-24"));
   }
-  if (!is_pattern) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "--frames needs a scene with #### where the number goes, as in shot.####.pbrt; got ",
-        arguments.scene));
+  if (!is_pattern && !IsGltfName(arguments.scene)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--frames needs a glTF scene, or one with #### where the number goes, as in "
+                     "shot.####.pbrt; got ",
+                     arguments.scene));
   }
   return ParseFrameRange(arguments.frames);
 }
@@ -153,6 +154,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   DigestMemory memory(DigestMemory::DefaultPath());
   FileDigests digests(&memory);
   InputChecks checks;
+  GltfInputs gltf(arguments.gltf);
   RenderSettings settings = arguments.settings;
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
   std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
@@ -167,13 +169,14 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
           results[i].emplace(ReadFrame(ExpandPattern(arguments.scene, number), number, settings,
-                                       &digests, &checks));
+                                       &gltf, &digests, &checks));
           if (!results[i]->ok()) failed = true;
         }
       });
     }
   }
   PreparedJob job;
+  job.derived = gltf.derived();
   std::set<std::string> seen;
   for (std::optional<absl::StatusOr<ReadFrameResult>>& result : results) {
     if (!result.has_value()) continue;  // Another frame failed first.
@@ -206,7 +209,9 @@ ImagePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job)
     if (job.frames.size() == 1 && !job.frames.front().film_filename.empty()) {
       name = fs::path(job.frames.front().film_filename).filename();
     }
-    exr = name.replace_extension(".exr").string();
+    // A glTF file holds all frames.
+    const bool needs_number = job.frames.size() > 1 && !IsPattern(name.string());
+    exr = name.replace_extension(needs_number ? ".####.exr" : ".exr").string();
   }
   if (IsPng(exr)) {
     if (png.empty()) png = exr;

@@ -20,9 +20,10 @@ FUNCTION_LINES_MAX = 80
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
-    "cli": ". < image < job/format < job | bundle < quote < study < commands",
+    "cli": ". < image | gltf < job/format < job | bundle < quote < study < commands",
     "common/film": ". < light < error < exr",
-    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt",
+    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt "
+                    "< gltf",
     "worker/render": "traits < color < sampling < geometry "
                      "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
@@ -92,6 +93,8 @@ DOORS = {
     r"embree\d/": r"^worker/render/accel/embree_door\.h$",
     r"worker/render/accel/embree_(door|callbacks)\.h": r"^worker/render/accel/",
     r"curl/": r"^common/objects/http_client\.cc$",
+    r"tiny_gltf\.h": r"^common/scene/gltf/tinygltf_door\.h$",
+    r"common/scene/gltf/tinygltf_door\.h": r"^common/scene/gltf/",
     r"tinyxml2\.h": r"^common/objects/s3_xml\.cc$",
     r"seccomp\.h": r"^worker/sandbox/system_call_filter\.cc$",
     r"sqlite3\.h": r"^coordinator/store/database/sqlite_database\.cc$",
@@ -99,7 +102,8 @@ DOORS = {
     r"boost/math/": r"^common/math/normal_distribution",
     r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
-    r"nlohmann/": r"^(cli/|coordinator/access/audit_log\.cc$|coordinator/service/http/)",
+    r"nlohmann/": r"^(cli/|common/scene/gltf/tinygltf\.cc$|coordinator/access/audit_log\.cc$|"
+        r"coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
         r"^(common/rpc/|worker/(sandbox|service|wire)/|coordinator/service/(grpc|server)/|cli/)",
 }

@@ -44,7 +44,7 @@ std::vector<std::string> KnownTypes() {
       [&]<typename Material>(const Material&) { types.emplace_back(Material::kType); });
   for (const char* type :
        {"diffusetransmission", "conductor", "dielectric", "thindielectric", "coateddiffuse",
-        "coatedconductor", "hair", "measured", "subsurface", "mix", "interface"}) {
+        "coatedconductor", "hair", "measured", "principled", "subsurface", "mix", "interface"}) {
     types.emplace_back(type);
   }
   return types;
@@ -56,8 +56,9 @@ int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
   parameters.set_owner(absl::StrCat("material \"", type, "\""));
   std::string name = parameters.GetString("name", "");  // Before Make reports what is unused.
   MaterialDescription material = Make(type, parameters);
-  material.name = std::move(name);
   material.location = parameters.location();
+  material = WithAlpha(std::move(material));
+  material.name = std::move(name);
   const auto index = static_cast<int32_t>(scene_->materials.size());
   scene_->materials.push_back(std::move(material));
   return index;
@@ -83,6 +84,8 @@ void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) 
   }
   // Make may refer to further materials, which moves the vector.
   MaterialDescription made = Make(type, parameters);
+  made.location = parameters.location();
+  made = WithAlpha(std::move(made));
   made.name = std::move(scene_->materials[index].name);
   made.location = scene_->materials[index].location;
   scene_->materials[index] = std::move(made);
@@ -164,6 +167,8 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     material = MakeMeasured(parameters);
   } else if (type == "subsurface") {
     material = MakeSubsurface(parameters);
+  } else if (type == "principled") {
+    material = MakePrincipled(parameters);
   } else if (type == "mix") {
     material = MakeMix(parameters);
   } else if (type == "interface" || type.empty() || type == "none") {
