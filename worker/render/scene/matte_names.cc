@@ -19,7 +19,7 @@ namespace {
 constexpr const char* kMaterialTypes[] = {
     "diffuse",       "diffusetransmission", "conductor", "dielectric", "thindielectric",
     "coateddiffuse", "coatedconductor",     "hair",      "measured",   "mix",
-    "interface",     "subsurface"};
+    "interface",     "subsurface",          "principled"};
 static_assert(std::size(kMaterialTypes) ==
               std::variant_size_v<decltype(MaterialDescription::material)>);
 // In the order of ShapeDescription::shape.
