@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/duration.h"
-#include "cli/job/farm_size.h"
+#include "cli/quote/farm_size.h"
 #include "cli/quote/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/job/farm_size.h"
+#include "cli/quote/farm_size.h"
 
 namespace sheaf::cli {
 
