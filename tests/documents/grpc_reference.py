@@ -33,8 +33,8 @@ HEAD = """# gRPC reference
 
 Made by `tests/documents/grpc_reference.py` from the comments in proto/sheaf/v1: change those, not
 this page. The port is 7400 unless `sheaf-coordinator --listen` says otherwise. It has health
-checking (`grpc.health.v1.Health`) and reflection, so that tools such as grpcurl find the services by
-themselves. With certificates, calls need mutual TLS; *role* says who may make a call
+checking (`grpc.health.v1.Health`) and reflection, so that tools such as grpcurl find the services
+by themselves. With certificates, calls need mutual TLS; *role* says who may make a call
 ([security](../security.md#identities-and-roles)). Fields marked *repeated* are lists; *one of*
 fields exclude each other.
 """

@@ -248,7 +248,8 @@ def check_bare_study(browser, pages):
 def main():
     checks = [check_whole_study, check_words_and_names, check_crops_come_first, check_minutes,
               check_one_error_scale, check_few_distinct_curves, check_time_labels,
-              check_front_and_floors, check_legend_toggles, check_tips, check_focus_is_visible, check_theme_button,
+              check_front_and_floors, check_legend_toggles, check_tips, check_focus_is_visible,
+              check_theme_button,
               check_unfolded_tables, check_empty_study, check_bare_study]
     with Browser() as browser:
         passed, failed = run_checks(checks, browser, StudyPages(sys.argv[1]))

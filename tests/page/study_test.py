@@ -45,8 +45,8 @@ class Study:
 def check_page(browser, study):
     counts = check_study_page(browser, study.page, ENTRIES_MIN,
                               lambda name: browser.screenshot(artefact(f"study-{name}.png")))
-    for chart in ("prices-cards", "chart-error", "chart-gain", "chart-bias", "chart-rate", "chart-effects",
-                  "chart-paths"):
+    for chart in ("prices-cards", "chart-error", "chart-gain", "chart-bias", "chart-rate",
+                  "chart-effects", "chart-paths"):
         assert counts[chart] > 0, counts
 
 
