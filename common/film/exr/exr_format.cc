@@ -34,7 +34,7 @@ constexpr char kMattes[] = "Crypto";
 
 Imf::Compression CompressionOf(ExrCompression compression) {
   switch (compression) {
-    case ExrCompression::kNone:
+    case ExrCompression::kUncompressed:
       return Imf::NO_COMPRESSION;
     case ExrCompression::kZip:
       return Imf::ZIP_COMPRESSION;
