@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "cli/gltf/gltf_inputs.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
-#include "cli/gltf/gltf_inputs.h"
 #include "cli/job/format/image_format.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"

@@ -85,10 +85,10 @@ def page(rows, arguments, folder):
     command = "tests/bench/gallery.py SHEAF" + "".join(" " + shlex.quote(a) for a in arguments)
     lines = ["# Gallery", "",
              f"Made by `{command}`.",
-             "Images are made smaller for this page; time and error are those of the whole image: CPU",
-             "time of rendering, without the reading of the scene; relMSE as estimated by the image's",
-             "own error bars, and FLIP ([accuracy](accuracy.md)). Few samples show where noise is.",
-             "[scenes/README.md](../scenes/README.md) says what each scene is for.",
+             "Images are made smaller for this page; time and error are those of the whole image:",
+             "CPU time of rendering, without the reading of the scene; relMSE as estimated by the",
+             "image's own error bars, and FLIP ([accuracy](accuracy.md)). Few samples show where",
+             "noise is. [scenes/README.md](../scenes/README.md) says what each scene is for.",
              "",
              "| scene | image | pixels | samples a pixel | CPU time | relMSE | FLIP |",
              "|---|---|---|---|---|---|---|"]

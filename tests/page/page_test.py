@@ -59,8 +59,8 @@ ARROW_DOWN, ENTER, ESCAPE = "\ue015", "\ue007", "\ue00c"
 DIALOG_IS_OPEN = "return document.getElementById('confirm').open"
 TAB_STOP_COUNT_MAX = 40
 TAB_STOPS = {"skip", "theme", "job-filter", "job-state-filter", "jobs", "layer", "exposure",
-             "zoom-out", "zoom-in", "zoom-fit", "image-zoom", "image-box", "frames", "abscissa", "workers",
-             "tab-workers", "beside-job"}
+             "zoom-out", "zoom-in", "zoom-fit", "image-zoom", "image-box", "frames",
+             "abscissa", "workers", "tab-workers", "beside-job"}
 # Name of the focused element, and whether an outline shows the focus; a switch shows it on its
 # label.
 FOCUSED = """
