@@ -347,7 +347,7 @@ class ClientTest(ClientCase):
                 with self.subTest(name=name, command=command):
                     done = self.expect(self.farm.sheaf(command, path, check=False), BAD_SCENE)
                     self.assertIn(word, done.stderr)
-                    self.assertIn("not a pbrt-v4 scene", done.stderr)
+                    self.assertIn("not a pbrt-v4 or glTF scene", done.stderr)
                     self.assertTrue(all(c.isprintable() or c == "\n" for c in done.stderr))
 
     def test_scene_messages_are_printable(self):

@@ -45,8 +45,10 @@ def mark_front(entries):
     points = [point for e in entries if e["is_unbiased"] for point in e["points"]]
     for point in points:
         point["on_pareto_front"] = not any(
-            other["cpu_seconds"] < point["cpu_seconds"]
-            and other["relative_mse"] < point["relative_mse"] for other in points)
+            other["cpu_seconds"] <= point["cpu_seconds"]
+            and other["relative_mse"] <= point["relative_mse"]
+            and (other["cpu_seconds"], other["relative_mse"])
+            != (point["cpu_seconds"], point["relative_mse"]) for other in points)
 
 
 def whole_study():
