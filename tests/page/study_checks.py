@@ -14,8 +14,8 @@ SETTLE_SECONDS = 0.3
 CHARTS = ("prices-cards", "chart-error", "chart-gain", "chart-bias", "chart-rate", "chart-effects",
           "chart-paths", "chart-tiles")
 # The elements that represent one number in a chart.
-MARKS = {"prices-cards": ".price", "chart-error": ".error-plot path.point", "chart-gain": "rect.bar",
-         "chart-bias": "rect.limit, .dot",
+MARKS = {"prices-cards": ".price", "chart-error": ".error-plot path.point",
+         "chart-gain": "rect.bar", "chart-bias": "rect.limit, .dot",
          "chart-rate": "circle.dot", "chart-effects": "rect.bar, circle.dot",
          "chart-paths": "rect.bar", "chart-tiles": ".tile-plot rect"}
 IS_DRAWN = """
