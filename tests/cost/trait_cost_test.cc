@@ -193,6 +193,11 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
       EXPECT_NE(traits & kOfMedia, 0u) << variant.name << " for " << traits;
       continue;
     }
+    // So do scenes with principled materials.
+    if (Has(variant.traits, Trait::kPrincipled)) {
+      EXPECT_TRUE(Has(traits, Trait::kPrincipled)) << variant.name << " for " << traits;
+      continue;
+    }
     // So do guided frames, and those that split the lights.
     constexpr uint32_t kRequested = TraitSet(Trait::kGuiding, Trait::kLightSplits);
     if ((variant.traits & kRequested) != 0) {

@@ -18,6 +18,9 @@
 namespace sheaf::render {
 namespace {
 
+// Samples between two looks at whether to stop: tens of milliseconds, at least a pixel.
+constexpr uint64_t kSamplesToStopMax = 1 << 16;
+
 // Calls render for each run of pixels of the tile's row that have samples of the block.
 template <typename Render>
 void RenderChosen(const PixelLattice& lattice, const PixelRect& tile, int32_t y, SampleBlock block,
@@ -71,19 +74,28 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   std::optional<PixelAccumulator> accumulator;
   RayCounts counts;
   bool stopped = false;
+  // Returns at a stop: a row of many samples takes long.
+  const auto render_run = [&](int32_t x0, int32_t x1, int32_t y, SampleBlock samples) {
+    const auto step = static_cast<int32_t>(std::max<uint64_t>(
+        1, std::min<uint64_t>(kSamplesToStopMax / samples.count, static_cast<uint64_t>(x1 - x0))));
+    for (int32_t x = x0; x < x1; x += step) {
+      stopped = stopped || stop.stop_requested();
+      if (stopped) return;
+      render_row(scene, x, std::min(x + step, x1), y, samples, &*accumulator, &counts);
+    }
+  };
   const uint32_t raised_majorants = RetryWithMajorants(scene.majorant_factor, &counts, [&] {
     film.emplace(tile, block, scene.settings.outputs);
     accumulator.emplace(&*film);
     for (int32_t y = tile.y0; y < tile.y1; ++y) {
-      stopped = stop.stop_requested();
-      if (stopped) return false;
       if (lattice.All()) {
-        render_row(scene, tile.x0, tile.x1, y, block, &*accumulator, &counts);
-        continue;
+        render_run(tile.x0, tile.x1, y, block);
+      } else {
+        RenderChosen(lattice, tile, y, block, [&](int32_t x0, int32_t x1, SampleBlock samples) {
+          render_run(x0, x1, y, samples);
+        });
       }
-      RenderChosen(lattice, tile, y, block, [&](int32_t x0, int32_t x1, SampleBlock samples) {
-        render_row(scene, x0, x1, y, samples, &*accumulator, &counts);
-      });
+      if (stopped) return false;
     }
     return true;
   });
