@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/address_list.h"
 
+#include <grpcpp/generic/async_generic_service.h>
 #include <grpcpp/grpcpp.h>
-#include <grpcpp/health_check_service_interface.h>
 
 #include <memory>
 #include <string>
@@ -54,13 +54,14 @@ TEST(AddressListTest, TheAddressThatAnsweredIsKnown) {
 // A server that has a port, and answers calls with "unimplemented".
 struct Server {
   explicit Server(int wanted = 0) {
-    grpc::EnableDefaultHealthCheckService(true);
     grpc::ServerBuilder builder;
     ApplyServerLimits(&builder);
     builder.AddListeningPort(absl::StrCat("127.0.0.1:", wanted), grpc::InsecureServerCredentials(),
                              &port);
+    builder.RegisterCallbackGenericService(&service);
     server = builder.BuildAndStart();
   }
+  grpc::CallbackGenericService service;
   int port = 0;
   std::unique_ptr<grpc::Server> server;
 };

@@ -70,7 +70,7 @@ class Reader:
         log = open(os.path.join(self.folder, "log"), "ab")
         self.daemons.append(subprocess.Popen(
             ["bash", "-c", "exec " + line], cwd=self.folder, env=self.environment, stdout=log,
-            stderr=log, stdin=subprocess.DEVNULL))
+            stderr=log, stdin=subprocess.DEVNULL, start_new_session=True))
         log.close()
         if "sheaf-coordinator" in line:
             farm.wait_until(lambda: self.answers(), 30, "a coordinator")
@@ -83,11 +83,11 @@ class Reader:
 
     def end_daemons(self):
         for process in reversed(self.daemons):
-            process.send_signal(signal.SIGTERM)
+            os.killpg(process.pid, signal.SIGTERM)  # A shell between them would not pass it on.
             try:
                 process.wait(timeout=30)
             except subprocess.TimeoutExpired:
-                process.kill()
+                os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
         self.daemons = []
 
