@@ -19,8 +19,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The fractions of values at which ranges begin and end.
-constexpr double kChannelLowFraction = 0.01, kChannelHighFraction = 0.99;
+// The fraction of values beyond each end of a range.
+constexpr double kChannelLeftOutFraction = 0.01;
 
 // "albedo" of "albedo.R"; the name itself if it has no dot.
 std::string LayerOfChannel(const std::string& channel) {
@@ -90,14 +90,15 @@ LayerRange ChannelRange(const std::vector<float>& plane) {
     if (std::isfinite(value)) known.push_back(value);
   }
   if (known.empty()) return {};
-  const auto at = [&known](double fraction) {
-    const auto place = known.begin() + static_cast<std::ptrdiff_t>(
-                                           fraction * static_cast<double>(known.size() - 1));
+  const auto left_out =
+      static_cast<size_t>(kChannelLeftOutFraction * static_cast<double>(known.size() - 1));
+  const auto at = [&known](size_t index) {
+    const auto place = known.begin() + static_cast<std::ptrdiff_t>(index);
     std::nth_element(known.begin(), place, known.end());
     return double{*place};
   };
-  const double low = at(kChannelLowFraction);
-  return {low, at(kChannelHighFraction)};
+  const double low = at(left_out);
+  return {low, at(known.size() - 1 - left_out)};
 }
 
 double ShareOfRange(const LayerRange& range, float value) {

@@ -19,7 +19,7 @@ const ChannelLayer* Find(const std::vector<ChannelLayer>& layers, const std::str
 
 TEST(ChannelLayersTest, NamesEachChannelOnceButThoseOfTheImage) {
   FilmOutputs outputs;
-  ASSERT_TRUE(AddAovs("position,geometric-normal,uv,motion,object-id", &outputs).ok());
+  ASSERT_TRUE(AddAovs("position,normal-geometric,uv,motion,object-id", &outputs).ok());
   ASSERT_TRUE(AddCryptomattes("object", &outputs).ok());
   outputs.light_groups = {"default", "key"};
   const std::vector<ChannelLayer> layers = ChannelLayersOf(outputs);
