@@ -110,6 +110,9 @@ export class VirtualList<Item> {
       const isDrawn = row.dataset.index === String(index) && this.drawn.get(row) === item;
       if (!scrolled || !isDrawn) this.drawRow(row, item, index, height);
     }
+    // The selected row may be scrolled out of sight, and so out of the document.
+    if (!this.rows.some((row) => row.getAttribute('aria-selected') === 'true'))
+      this.root.removeAttribute('aria-activedescendant');
   }
 
   private resizePool(count: number) {

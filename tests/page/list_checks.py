@@ -69,8 +69,8 @@ def check_search(browser):
     browser.run(FILTER, "user:anna", "failed")
     wait_until(lambda: all(" of anna" in title for title in browser.run(OWNERS)) and
                browser.run(OWNERS), CHANGE_SECONDS_MAX, "failed jobs of one user")
-    browser.run(FILTER, "shot 17 show:film", "")
-    wait_until(lambda: all(title.startswith("shot 17 ") and "show film" in title
+    browser.run(FILTER, "shot 18 show:film", "")
+    wait_until(lambda: all(title.startswith("shot 18 ") and "show film" in title
                            for title in browser.run(OWNERS)) and browser.run(OWNERS),
                CHANGE_SECONDS_MAX, "jobs of one title")
     browser.run(FILTER, "user:nobody", "")
