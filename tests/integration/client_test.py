@@ -335,7 +335,6 @@ class ClientTest(ClientCase):
         """
         foreign = (("room.blend", b"BLENDER-v305\x1b]0;owned\x07\x00REND", "Blender"),
                    ("packed.blend", b"\x28\xb5\x2f\xfd\x00\x1b[2J", "Blender"),
-                   ("room.glb", b"glTF\x02\x00\x00\x00", "glTF"),
                    ("room.xml", b'<scene version="3.0.0">', "Mitsuba"),
                    ("room.abc", b"Ogawa\xff", "Alembic"), ("room", b"PXR-USDC\x00", "USD"),
                    ("noise", bytes(range(256)), "binary"))
