@@ -99,17 +99,32 @@ QuoteRow MakeRow(const std::vector<PilotFrame>& frames, const JobArguments& argu
   return row;
 }
 
-// What this wall time buys, with the band of its error.
-template <typename RowOfTarget>
-QuoteRow RowOfMinutes(double minutes, const RowOfTarget& row_of) {
+Banded Scaled(const Banded& value, double factor) {
+  return {value.value * factor, value.low * factor, value.high * factor};
+}
+
+// What this wall time buys, with the band of its error. targets: the rows of errors, which fall. A
+// forecast of an error as low as ten minutes often give would cost more than the whole quote.
+QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets) {
   const double seconds = 60 * minutes;
   const auto least = [&](double Banded::*bound) {
-    return LeastErrorIn(seconds, [&](double error) { return row_of(error).wall_seconds.*bound; });
+    std::vector<ErrorTime> known;
+    for (const QuoteRow& row : targets) {
+      if (row.reached) known.push_back({row.target_error, row.wall_seconds.*bound});
+    }
+    return LeastErrorIn(seconds, known);
   };
   QuoteRow row;
   const std::optional<double> error = least(&Banded::value);
   if (error) {
-    row = row_of(*error);
+    const auto distance = [&](const QuoteRow& of) {
+      return of.reached ? std::fabs(std::log(of.target_error / *error)) : HUGE_VAL;
+    };
+    const QuoteRow& near = *std::min_element(
+        targets.begin(), targets.end(),
+        [&](const QuoteRow& a, const QuoteRow& b) { return distance(a) < distance(b); });
+    row.samples = Scaled(near.samples, near.target_error / *error);
+    row.cpu_seconds = Scaled(near.cpu_seconds, near.target_error / *error);
     // A low time means a low error.
     row.relative_mse = {*error, std::min(*error, least(&Banded::low).value_or(*error)),
                         std::max(*error, least(&Banded::high).value_or(kMinutesErrorMax))};
@@ -171,16 +186,23 @@ absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
 
 }  // namespace
 
-std::optional<double> LeastErrorIn(double seconds,
-                                   const std::function<double(double)>& seconds_of) {
-  constexpr int kSteps = 14;  // To a thousandth of an error.
-  if (seconds_of(kMinutesErrorMax) > seconds) return std::nullopt;
-  double low = std::log(kMinutesErrorMin), high = std::log(kMinutesErrorMax);
-  for (int i = 0; i < kSteps; ++i) {
-    const double middle = (low + high) / 2;
-    (seconds_of(std::exp(middle)) > seconds ? low : high) = middle;
+std::optional<double> LeastErrorIn(double seconds, const std::vector<ErrorTime>& known) {
+  if (known.empty() || !(seconds > 0)) return std::nullopt;
+  // The first that takes longer, and the last that does not.
+  const auto longer = std::find_if(known.begin(), known.end(),
+                                   [&](const ErrorTime& at) { return at.seconds > seconds; });
+  double error = 0;
+  if (longer == known.begin()) {
+    error = longer->error * longer->seconds / seconds;
+  } else if (longer == known.end()) {
+    error = known.back().error * known.back().seconds / seconds;
+  } else {
+    const ErrorTime &a = *(longer - 1), &b = *longer;
+    const double share = std::log(seconds / a.seconds) / std::log(b.seconds / a.seconds);
+    error = a.error * std::pow(b.error / a.error, share);
   }
-  return std::exp(high);
+  if (error > kMinutesErrorMax) return std::nullopt;
+  return std::max(error, kMinutesErrorMin);
 }
 
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
@@ -218,19 +240,20 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
         Quote::Start{coordinator::PixelSamples(*start) / static_cast<double>(sum.pixel_count),
                      sum.RelativeMse()};
   }
-  const auto row_of_target = [&](double target) {
-    QuoteRow row =
+  for (const double target : asked.targets) {
+    QuoteRow& row = quote.rows.emplace_back(
         MakeRow(*frames, arguments, quote, [&](const ErrorModel& model, double deviations) {
           return coordinator::ForecastTarget(model, {.target_error = target}, kStoppedSamplesMax,
                                              deviations);
-        });
+        }));
     row.target_error = target;
-    return row;
-  };
-  for (const double target : asked.targets) quote.rows.push_back(row_of_target(target));
+  }
   if (quote.thread_count > 0) {
+    std::vector<QuoteRow> falling = quote.rows;
+    std::sort(falling.begin(), falling.end(),
+              [](const QuoteRow& a, const QuoteRow& b) { return a.target_error > b.target_error; });
     for (const double minutes : asked.minutes) {
-      quote.rows.push_back(RowOfMinutes(minutes, row_of_target));
+      quote.rows.push_back(RowOfMinutes(minutes, falling));
     }
   }
   if (asked.with_samples && !arguments.stop.IsActive()) {

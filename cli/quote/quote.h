@@ -15,7 +15,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -84,10 +83,14 @@ struct QuoteArguments {
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked);
 
-// The least error that takes at most this many seconds, as seconds_of(error) says, which falls as
-// the error rises: by bisection between kMinutesErrorMin and kMinutesErrorMax. nullopt if even the
-// largest of them takes longer.
-std::optional<double> LeastErrorIn(double seconds, const std::function<double(double)>& seconds_of);
+// How long an image of an error takes.
+struct ErrorTime {
+  double error = 0, seconds = 0;  // relMSE.
+};
+// The least error that takes at most this many seconds: by power laws between the known ones, which
+// fall in error, and as 1 / seconds beyond them, the rate of Monte Carlo. At least
+// kMinutesErrorMin; nullopt if kMinutesErrorMax takes longer, or nothing is known.
+std::optional<double> LeastErrorIn(double seconds, const std::vector<ErrorTime>& known);
 
 // A table for people, what each price buys, with a line that states the basis of the forecast.
 std::string FormatQuote(const Quote& quote);

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include <nlohmann/json.hpp>
 
 namespace sheaf::cli {
@@ -64,13 +66,16 @@ TEST(QuoteTest, TableHasARowPerErrorAndABasisLine) {
             "time for all of the farm's 8 threads; nothing is denoised\n");
 }
 
-// 600 seconds at an error of 0.01, and less for larger ones.
-TEST(QuoteTest, LeastErrorInATimeIsFoundByBisection) {
-  const auto seconds_of = [](double error) { return 6 / error; };
-  ASSERT_TRUE(LeastErrorIn(600, seconds_of));
-  EXPECT_NEAR(*LeastErrorIn(600, seconds_of), 0.01, 2e-5);
-  EXPECT_LE(seconds_of(*LeastErrorIn(600, seconds_of)), 600);
-  EXPECT_FALSE(LeastErrorIn(0.5, seconds_of));
+TEST(QuoteTest, LeastErrorInATimeFollowsPowerLaws) {
+  // Between the two the time grows as error^-1.5.
+  const std::vector<ErrorTime> known = {{0.04, 10}, {0.01, 80}};
+  EXPECT_NEAR(*LeastErrorIn(80, known), 0.01, 1e-9);
+  EXPECT_NEAR(*LeastErrorIn(std::sqrt(10.0 * 80), known), 0.02, 1e-9);
+  EXPECT_NEAR(*LeastErrorIn(800, known), 0.001, 1e-9);
+  EXPECT_NEAR(*LeastErrorIn(5, known), 0.08, 1e-9);
+  EXPECT_EQ(*LeastErrorIn(1e9, known), kMinutesErrorMin);
+  EXPECT_FALSE(LeastErrorIn(0.01, known)) << "an error above the largest";
+  EXPECT_FALSE(LeastErrorIn(80, {}));
 }
 
 TEST(QuoteTest, ATooShortTimeSaysSo) {
