@@ -232,8 +232,8 @@ class QuoteOnFarmTest(unittest.TestCase):
             f.start_worker()
             farm.wait_until(lambda: f.sheaf("workers").stdout.count("\n") > 1, 30, "a worker")
             quoted = f.sheaf("submit", ROOM, "--target-error", 0.05, quote=True)
-            self.assertRegex(quoted.stderr, r"\n0\.05 +[0-9.]+  .* to ")
-            self.assertNotIn("\n0.1 ", quoted.stderr)
+            self.assertRegex(quoted.stderr, r" to .* \(relMSE 0\.05\)")
+            self.assertNotIn("(relMSE 0.1)", quoted.stderr)
             silent = f.sheaf("submit", ROOM, "--target-error", 0.05, "--no-quote", quote=True)
             self.assertNotIn("pilot", silent.stderr)
 
