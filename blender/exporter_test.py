@@ -243,40 +243,6 @@ class MaterialTest(unittest.TestCase):
     def setUp(self):
         self.report = report.Report()
 
-    def principled(self, **inputs):
-        return principled.principled_material(principled.PrincipledInputs(**inputs), "m",
-                                              self.report)
-
-    def test_a_coat_keeps_the_albedo(self):
-        material = self.principled(base_color=(0.8, 0.4, 0.1), adds_layers=True)
-        self.assertEqual(material.kind, "coateddiffuse")
-        ior = dict(material.floats)["eta"]
-        self.assertAlmostEqual(ior, 1.5)
-        outside = principled.fresnel_mean(ior)
-        self.assertAlmostEqual(outside, 0.0918, 3)  # Of glass: Judd 1942.
-        inside = 1 - (1 - outside) / ior**2
-        base = numpy.array(dict(material.colors)["reflectance"])
-        seen = (1 - outside) * (1 - inside) * base / (1 - inside * base)
-        numpy.testing.assert_allclose(seen, (0.8, 0.4, 0.1), atol=1e-6)
-
-    def test_kinds(self):
-        self.assertEqual(self.principled(reflectance=0.0).kind, "diffuse")
-        metal = self.principled(metallic=1.0, roughness=0.3)
-        self.assertEqual(metal.kind, "conductor")
-        self.assertAlmostEqual(dict(metal.floats)["roughness"], 0.09)
-        self.assertEqual(dict(metal.others), {"bool remaproughness": False})
-        glass = self.principled(transmission=1.0, base_color=(1.0, 1.0, 1.0))
-        self.assertEqual((glass.kind, dict(glass.floats)["eta"]), ("dielectric", 1.5))
-        self.assertEqual(self.principled(metallic=0.5).kind, "mix")
-        self.assertEqual(self.principled(subsurface=1.0).kind, "subsurface")
-
-    def test_what_is_lost_is_reported(self):
-        self.principled(transmission=1.0, base_color=(1.0, 0.5, 0.5))
-        self.principled(coat=0.5)
-        lines = "\n".join(self.report.lines())
-        self.assertIn("color of glass", lines)
-        self.assertIn("Coat above a base", lines)
-
     def test_mix_of_transparent_is_alpha(self):
         solid = closures.Closure(materials.diffuse((0.5, 0.5, 0.5)))
         mixed = closures.mix(closures.EMPTY, solid, 0.25, "m", self.report)
@@ -304,7 +270,7 @@ class MaterialTest(unittest.TestCase):
 
     def test_tables_write_each_thing_once(self):
         image = values.ImageValue("a", "linear", "clamp", (2.0, 1.0, 0.5, 0.0))
-        gold = principled.conductor(image, 0.5)
+        gold = principled.metal(image, {"roughness": 0.5})
 
         def write(scene):
             textures = materials.TextureTable(scene, lambda value: ("/x.png", value.encoding))
@@ -317,7 +283,7 @@ class MaterialTest(unittest.TestCase):
         self.assertIn('Texture "t1" "spectrum" "imagemap" "string filename" "/x.png" "string '
                       'encoding" "linear" "string wrap" "clamp"', lines[0])
         self.assertIn('"float uscale" 2 "float udelta" 0.5', lines[0])
-        self.assertIn('"texture reflectance" "t1"', lines[1])
+        self.assertIn('"string type" "principled" "texture base_color" "t1"', lines[1])
 
 
 class ValuesTest(unittest.TestCase):
