@@ -346,6 +346,29 @@ class RestTest(unittest.TestCase):
         part = passes.depth_cosines((-1.0, 1.0, -0.5, 0.5), (4, 2), (1, 3, 1, 2))
         numpy.testing.assert_array_equal(part, cosines[1:2, 1:3])
 
+    def test_mist_as_cycles_shows_it(self):
+        # World > Mist Pass of Blender: from the start over the depth; 1 where nothing is.
+        distance = numpy.array([1.0, 5.0, 15.0, 25.0, 0.0])
+        alpha = numpy.array([1.0, 1.0, 1.0, 0.5, 0.0])
+        numpy.testing.assert_allclose(passes.mist(distance, alpha, 5.0, 20.0, 2.0),
+                                      [0, 0, 0.25, 1, 1])
+        numpy.testing.assert_allclose(passes.mist(distance, alpha, 5.0, 20.0, 0.5)[2], 0.5**0.5)
+
+    def test_vectors_point_back_with_y_up(self):
+        # A shutter of half a frame: 2 pixels to the right and 1 down are 4 and 2 in a frame.
+        numpy.testing.assert_array_equal(passes.vector(numpy.array([2.0, 1.0]), 0.5),
+                                         [-4, 2, -4, 2])
+
+    def test_mattes_are_described_by_the_names_of_blenders_files(self):
+        found = dict(passes.matte_metadata({
+            "cryptomatte/abc1234/name": "CryptoObject", "cryptomatte/abc1234/manifest": "{}",
+            "cryptomatte/abc1234/hash": "MurmurHash3_32", "Software": "x"}, "View Layer"))
+        self.assertEqual(sorted(found.values()), ["MurmurHash3_32", "View Layer.CryptoObject",
+                                                  "{}"])
+        prefixes = {field.rpartition("/")[0] for field in found}
+        self.assertEqual(len(prefixes), 1)
+        self.assertRegex(prefixes.pop(), "^cryptomatte/[0-9a-f]{7}$")
+
     def test_addresses(self):
         self.assertEqual(page.with_default_port("farm:7400", 7480), "farm:7480")
         self.assertEqual(page.with_default_port("farm", 7480), "farm:7480")
