@@ -32,7 +32,7 @@ MODELS = {
     "plastic.gltf": (5.0, (0, 0, 0), "< 4: " + ADDED),
     "emission.glb": (5.0, (0, 0, 0), ""),
     "transmission.glb": (5.0, (0, 0, 0), "Blender imports a thin sheet as solid glass"),
-    "volume.glb": (5.0, (0, 0, 0), ""),
+    "volume.glb": (5.0, (0, 0, 0), "Blender absorbs 1 - color where the format says -log(color)"),
     "clearcoat.glb": (5.0, (0, 0, 0), "< 4: Clearcoat has a quarter of its weight"),
     "sheen.glb": (5.0, (0, 0, 0), "Cycles has other models of sheen"),
     "specular.glb": (5.0, (0, 0, 0), "< 4: " + ADDED),

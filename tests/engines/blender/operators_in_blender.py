@@ -74,7 +74,8 @@ def export_and_report(scene, output):
     assert bpy.ops.sheaf.show_report() == {"FINISHED"}
     assert "the pass Shadow (left out)" in bpy.data.texts[engine.REPORT_TEXT].as_string()
     assert any("the pass Shadow" in line for line in draw(panels.SHEAF_PT_report).labels)
-    refused(bpy.ops.sheaf.export_scene, "there is no folder /nowhere/a", filepath="/nowhere/a/b.pbrt")
+    refused(bpy.ops.sheaf.export_scene, "there is no folder /nowhere/a",
+            filepath="/nowhere/a/b.pbrt")
 
 
 def frames(scene, output):
