@@ -38,7 +38,7 @@ MODELS = {
     "specular.glb": (5.0, (0, 0, 0), "< 4: " + ADDED),
     "textures.glb": (5.0, (0, 0, 0), "Blender reads an image that is color and data as data"),
     "mask.gltf": (5.0, (0, 0, 0), "Cycles blends where the format cuts"),
-    "emission-map.glb": (5.0, (0, 0, 0), ""),
+    "emission-map.glb": (5.0, (0, 0, 0), "Cycles interpolates encoded texels, here of 8 x 8"),
     "shared-mesh.glb": (20.0, (5, 0, 0), "< 4: " + ADDED),
     "strip-and-fan.glb": (6.0, (1, 0.5, 0), "< 4: " + ADDED),
     "sparse.glb": (6.0, (1, 1, 0), "< 4: " + ADDED),
