@@ -120,7 +120,8 @@ TEST(GltfReaderTest, VolumesAbsorbInside) {
     "KHR_materials_transmission": {"transmissionFactor": 1},
     "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 0.5,
                              "attenuationColor": [0.25, 1, 1]}}}],
-    "nodes": [{"mesh": 0}, {"mesh": 0, "translation": [4, 0, 0]}], "scenes": [{"nodes": [0, 1]}])"));
+    "nodes": [{"mesh": 0}, {"mesh": 0, "translation": [4, 0, 0]}],
+    "scenes": [{"nodes": [0, 1]}])"));
   ASSERT_TRUE(read.ok()) << read.status();
   const SceneDescription& scene = read->scene;
   ASSERT_EQ(scene.media.size(), 1u);
