@@ -171,9 +171,14 @@ class UnitsTest(unittest.TestCase):
 
     def test_radiance_that_cycles_shows(self):
         # A camera of Cycles (Blender 3.4) that looks at lights of 100 W.
-        self.assertAlmostEqual(units.area_radiance(100, 1.0), 25.0)
-        self.assertAlmostEqual(units.area_radiance(100, math.pi / 4), 31.83099, 4)
+        self.assertAlmostEqual(units.area_radiance(100, 1.0, False), 25.0)
+        self.assertAlmostEqual(units.area_radiance(100, math.pi / 4, False), 31.83099, 4)
         self.assertAlmostEqual(units.sphere_radiance(100, 0.5), 10.132118, 5)
+        # A plane of albedo 0.5 at a distance of 6, below small lights of 500 W, of Cycles 3.4 and
+        # 4.3: the ratio of what it shows.
+        self.assertAlmostEqual(units.area_radiance(500, 0.01, True)
+                               / units.area_radiance(500, 0.01, False), 0.67003 / 0.52588,
+                               delta=0.002)
 
     def test_a_sun_of_any_size_gives_its_irradiance(self):
         angle = 0.8
@@ -243,40 +248,6 @@ class MaterialTest(unittest.TestCase):
     def setUp(self):
         self.report = report.Report()
 
-    def principled(self, **inputs):
-        return principled.principled_material(principled.PrincipledInputs(**inputs), "m",
-                                              self.report)
-
-    def test_a_coat_keeps_the_albedo(self):
-        material = self.principled(base_color=(0.8, 0.4, 0.1), adds_layers=True)
-        self.assertEqual(material.kind, "coateddiffuse")
-        ior = dict(material.floats)["eta"]
-        self.assertAlmostEqual(ior, 1.5)
-        outside = principled.fresnel_mean(ior)
-        self.assertAlmostEqual(outside, 0.0918, 3)  # Of glass: Judd 1942.
-        inside = 1 - (1 - outside) / ior**2
-        base = numpy.array(dict(material.colors)["reflectance"])
-        seen = (1 - outside) * (1 - inside) * base / (1 - inside * base)
-        numpy.testing.assert_allclose(seen, (0.8, 0.4, 0.1), atol=1e-6)
-
-    def test_kinds(self):
-        self.assertEqual(self.principled(reflectance=0.0).kind, "diffuse")
-        metal = self.principled(metallic=1.0, roughness=0.3)
-        self.assertEqual(metal.kind, "conductor")
-        self.assertAlmostEqual(dict(metal.floats)["roughness"], 0.09)
-        self.assertEqual(dict(metal.others), {"bool remaproughness": False})
-        glass = self.principled(transmission=1.0, base_color=(1.0, 1.0, 1.0))
-        self.assertEqual((glass.kind, dict(glass.floats)["eta"]), ("dielectric", 1.5))
-        self.assertEqual(self.principled(metallic=0.5).kind, "mix")
-        self.assertEqual(self.principled(subsurface=1.0).kind, "subsurface")
-
-    def test_what_is_lost_is_reported(self):
-        self.principled(transmission=1.0, base_color=(1.0, 0.5, 0.5))
-        self.principled(coat=0.5)
-        lines = "\n".join(self.report.lines())
-        self.assertIn("color of glass", lines)
-        self.assertIn("Coat above a base", lines)
-
     def test_mix_of_transparent_is_alpha(self):
         solid = closures.Closure(materials.diffuse((0.5, 0.5, 0.5)))
         mixed = closures.mix(closures.EMPTY, solid, 0.25, "m", self.report)
@@ -304,7 +275,7 @@ class MaterialTest(unittest.TestCase):
 
     def test_tables_write_each_thing_once(self):
         image = values.ImageValue("a", "linear", "clamp", (2.0, 1.0, 0.5, 0.0))
-        gold = principled.conductor(image, 0.5)
+        gold = principled.metal(image, {"roughness": 0.5})
 
         def write(scene):
             textures = materials.TextureTable(scene, lambda value: ("/x.png", value.encoding))
@@ -317,7 +288,7 @@ class MaterialTest(unittest.TestCase):
         self.assertIn('Texture "t1" "spectrum" "imagemap" "string filename" "/x.png" "string '
                       'encoding" "linear" "string wrap" "clamp"', lines[0])
         self.assertIn('"float uscale" 2 "float udelta" 0.5', lines[0])
-        self.assertIn('"texture reflectance" "t1"', lines[1])
+        self.assertIn('"string type" "principled" "texture base_color" "t1"', lines[1])
 
 
 class ValuesTest(unittest.TestCase):
@@ -379,6 +350,29 @@ class RestTest(unittest.TestCase):
         self.assertAlmostEqual(cosines[0, 0], 1 / math.sqrt(1 + 0.75**2 + 0.25**2))
         part = passes.depth_cosines((-1.0, 1.0, -0.5, 0.5), (4, 2), (1, 3, 1, 2))
         numpy.testing.assert_array_equal(part, cosines[1:2, 1:3])
+
+    def test_mist_as_cycles_shows_it(self):
+        # World > Mist Pass of Blender: from the start over the depth; 1 where nothing is.
+        distance = numpy.array([1.0, 5.0, 15.0, 25.0, 0.0])
+        alpha = numpy.array([1.0, 1.0, 1.0, 0.5, 0.0])
+        numpy.testing.assert_allclose(passes.mist(distance, alpha, 5.0, 20.0, 2.0),
+                                      [0, 0, 0.25, 1, 1])
+        numpy.testing.assert_allclose(passes.mist(distance, alpha, 5.0, 20.0, 0.5)[2], 0.5**0.5)
+
+    def test_vectors_point_back_with_y_up(self):
+        # A shutter of half a frame: 2 pixels to the right and 1 down are 4 and 2 in a frame.
+        numpy.testing.assert_array_equal(passes.vector(numpy.array([2.0, 1.0]), 0.5),
+                                         [-4, 2, -4, 2])
+
+    def test_mattes_are_described_by_the_names_of_blenders_files(self):
+        found = dict(passes.matte_metadata({
+            "cryptomatte/abc1234/name": "CryptoObject", "cryptomatte/abc1234/manifest": "{}",
+            "cryptomatte/abc1234/hash": "MurmurHash3_32", "Software": "x"}, "View Layer"))
+        self.assertEqual(sorted(found.values()), ["MurmurHash3_32", "View Layer.CryptoObject",
+                                                  "{}"])
+        prefixes = {field.rpartition("/")[0] for field in found}
+        self.assertEqual(len(prefixes), 1)
+        self.assertRegex(prefixes.pop(), "^cryptomatte/[0-9a-f]{7}$")
 
     def test_addresses(self):
         self.assertEqual(page.with_default_port("farm:7400", 7480), "farm:7480")

@@ -92,7 +92,7 @@ class SheafRenderEngine(bpy.types.RenderEngine):
     def _render(self, depsgraph, scene, exported, folder):
         view_layer = depsgraph.view_layer_eval
         job = start_job(scene, exported.path, os.path.join(folder, "image.exr"),
-                        passes.options(view_layer))
+                        passes.options(scene, view_layer))
         settings = self._settings(scene)
         window = settings.window
         size = ((window[1] - window[0], window[3] - window[2]) if window
@@ -115,9 +115,10 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         print(f"Sheaf: {job.preview_count} previews shown", flush=True)
         cosines = (passes.depth_cosines(exported.view_window, (settings.width, settings.height),
                                         window) if exported.view_window else None)
-        self._show(passes.arrays(images.read_layers(job.output), view_layer,
-                                 scene.render.film_transparent, cosines),
-                   size, view_layer)
+        layers = images.read_layers(job.output)
+        self._show(passes.arrays(layers, scene, view_layer, cosines), size, view_layer)
+        for field, value in passes.matte_metadata(layers.metadata, view_layer.name):
+            self.get_result().stamp_data_add_field(field, value)
 
     def _follow(self, job, size):
         """Whether the image is complete; False after Esc."""

@@ -39,7 +39,8 @@ class _SheafOperator(bpy.types.Operator):
         try:
             self.run(context)
         except (SheafError, OSError, RuntimeError) as error:
-            self.report({"ERROR"}, f"Sheaf: {error}")
+            words = str(error).replace("Error: Sheaf: ", "").strip()  # Of the engine's own report.
+            self.report({"ERROR"}, f"Sheaf: {words}")
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -66,8 +67,8 @@ class SubmitFrames(_SheafOperator):
         title = bpy.path.basename(bpy.data.filepath) or "untitled.blend"
         name, notes = jobs.submit_frames(
             sheaf, pattern, text,
-            [*engine.job_options(scene), *passes.options(context.view_layer)], title, address,
-            insecure)
+            [*engine.job_options(scene), *passes.options(scene, context.view_layer)], title,
+            address, insecure)
         for note in notes:
             print("Sheaf:", note)
         scene.sheaf.frames_job, scene.sheaf.frames_state = name, "submitted"
@@ -125,6 +126,9 @@ class ExportScene(_SheafOperator):
     def run(self, context):
         scene = context.scene
         pattern = bpy.path.abspath(self.filepath)
+        folder = os.path.dirname(pattern) or "."
+        if not os.path.isdir(folder):
+            raise SheafError(f"there is no folder {folder}; make it, or choose another")
         if not export_frames(scene, pattern, [scene.frame_current]):
             raise SheafError("the scene could not be exported; the messages above say why")
 

@@ -12,7 +12,7 @@ _FOREIGN = {"VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes", "RENDER_PT_simpl
 _SHARED_ENGINES = {"BLENDER_RENDER", "BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"}
 _SHARED_EEVEE = {"EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
                  "EEVEE_MATERIAL_PT_volume", "EEVEE_WORLD_PT_surface", "EEVEE_WORLD_PT_volume",
-                 "DATA_PT_EEVEE_light"}
+                 "EEVEE_WORLD_PT_mist", "DATA_PT_EEVEE_light"}
 
 
 class _Panel:
@@ -79,9 +79,9 @@ class SHEAF_PT_passes(_Panel, bpy.types.Panel):
 
     def draw(self, context):
         own, layer, column = context.scene.sheaf, context.view_layer, self.column()
-        for name in ("z", "normal", "position", "uv"):
+        for name in ("z", "mist", "normal", "position", "uv", "vector"):
             column.prop(layer, f"use_pass_{name}")
-        for name in ("pass_albedo", "pass_error", "pass_samples"):
+        for name in ("pass_denoising", "pass_light_paths", "pass_error", "pass_samples"):
             column.prop(own, name)
         for kind in ("object", "material", "asset"):
             column.prop(layer, f"use_pass_cryptomatte_{kind}", text=f"Cryptomatte {kind.title()}")

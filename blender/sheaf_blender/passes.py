@@ -1,13 +1,26 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Blender's render passes from the layers of Sheaf's images."""
+import hashlib
+
 import numpy
 
 DEPTH_OF_NOTHING = 1e10  # As Cycles.
 CRYPTOMATTE_LEVELS = 3
+CRYPTOMATTE_KEY_LENGTH = 7  # Of the format.
 CRYPTOMATTE_KINDS = (("object", "CryptoObject"), ("material", "CryptoMaterial"),
                      ("asset", "CryptoAsset"))
-ALBEDO, ERROR, SAMPLES = "Sheaf Albedo", "Sheaf Error", "Sheaf Samples"
+ERROR, SAMPLES = "Sheaf Error", "Sheaf Samples"
+# The names of Cycles, which node trees of the compositor are linked to.
+DENOISING_NORMAL, DENOISING_ALBEDO = "Denoising Normal", "Denoising Albedo"
+LIGHT_PATHS = ("emission", "specular-emission", "direct", "indirect", "caustic", "volume-single",
+               "volume-multiple", "subsurface", "volume-emission")
+MIST_POWERS = {"QUADRATIC": 2.0, "LINEAR": 1.0, "INVERSE_QUADRATIC": 0.5}
+# What Blender offers for view layers and Sheaf does not have.
+_UNKNOWN = ("object_index", "material_index", "shadow", "ambient_occlusion", "emit", "environment",
+            "diffuse_direct", "diffuse_indirect", "diffuse_color", "glossy_direct",
+            "glossy_indirect", "glossy_color", "transmission_direct", "transmission_indirect",
+            "transmission_color", "subsurface_direct", "subsurface_indirect", "subsurface_color")
 
 
 def wanted_mattes(view_layer):
@@ -20,11 +33,15 @@ def chosen_passes(scene, view_layer):
     """[(name, channels, ids of channels, type)] of the passes besides the image."""
     settings = scene.sheaf
     found = [(name, *kind) for use, name, *kind in (
-        ("z", "Depth", 1, "Z", "VALUE"), ("normal", "Normal", 3, "XYZ", "VECTOR"),
-        ("position", "Position", 3, "XYZ", "VECTOR"), ("uv", "UV", 3, "UVA", "VECTOR"))
-        if getattr(view_layer, f"use_pass_{use}", False)]
-    if settings.pass_albedo:
-        found.append((ALBEDO, 3, "RGB", "COLOR"))
+        ("z", "Depth", 1, "Z", "VALUE"), ("mist", "Mist", 1, "Z", "VALUE"),
+        ("normal", "Normal", 3, "XYZ", "VECTOR"), ("position", "Position", 3, "XYZ", "VECTOR"),
+        ("uv", "UV", 3, "UVA", "VECTOR")) if getattr(view_layer, f"use_pass_{use}", False)]
+    if _has_vector(scene, view_layer):
+        found.append(("Vector", 4, "XYZW", "VECTOR"))
+    if settings.pass_denoising:
+        found += [(DENOISING_NORMAL, 3, "XYZ", "VECTOR"), (DENOISING_ALBEDO, 3, "RGB", "COLOR")]
+    if settings.pass_light_paths:
+        found += [(light_path_pass(kind), 3, "RGB", "COLOR") for kind in LIGHT_PATHS]
     if settings.pass_error:
         found.append((ERROR, 3, "RGB", "COLOR"))
     if settings.pass_samples:
@@ -35,13 +52,24 @@ def chosen_passes(scene, view_layer):
     return found
 
 
-def options(view_layer):
+def light_path_pass(kind):
+    return "Sheaf " + kind.replace("-", " ").title()
+
+
+def _has_vector(scene, view_layer):
+    """Sheaf knows how far a surface moves while the shutter is open."""
+    return view_layer.use_pass_vector and scene.render.use_motion_blur
+
+
+def options(scene, view_layer):
     """Options of `sheaf` for the passes of the view layer."""
-    aovs = [aov for name, aov in (("position", "position"), ("uv", "uv"))
-            if getattr(view_layer, f"use_pass_{name}", False)]
+    aovs = [name for name in ("position", "uv") if getattr(view_layer, f"use_pass_{name}", False)]
+    if _has_vector(scene, view_layer):
+        aovs.append("motion")
     mattes = [kind for kind, _ in wanted_mattes(view_layer)]
     return ((["--aov", ",".join(aovs)] if aovs else [])
-            + (["--cryptomatte", ",".join(mattes)] if mattes else []))
+            + (["--cryptomatte", ",".join(mattes)] if mattes else [])
+            + (["--light-paths"] if scene.sheaf.pass_light_paths else []))
 
 
 def left_out(scene, view_layer, report):
@@ -49,13 +77,37 @@ def left_out(scene, view_layer, report):
     if scene.render.film_transparent:
         report.approximated("film", "Transparent: alpha is right, the color includes the world")
     item = f'view layer "{view_layer.name}"'
-    for name in ("mist", "vector", "object_index", "material_index", "shadow",
-                 "ambient_occlusion", "emit", "environment", "diffuse_direct", "diffuse_indirect",
-                 "diffuse_color", "glossy_direct", "glossy_indirect", "glossy_color",
-                 "transmission_direct", "transmission_indirect", "transmission_color",
-                 "subsurface_direct", "subsurface_indirect", "subsurface_color"):
+    for name in _UNKNOWN:
         if getattr(view_layer, f"use_pass_{name}", False):
             report.left_out(item, f"the pass {name.replace('_', ' ').title()}")
+    if view_layer.use_pass_vector:
+        if _has_vector(scene, view_layer):
+            report.approximated(item, "the pass Vector is the even motion of the open shutter, "
+                                      "scaled to a frame")
+        else:
+            report.left_out(item, "the pass Vector, which needs Motion Blur")
+
+
+def mist_settings(scene):
+    """(start, depth, power), or None without the pass's world."""
+    if scene.world is None:
+        return None
+    mist = scene.world.mist_settings
+    return mist.start, mist.depth, MIST_POWERS[mist.falloff]
+
+
+def mist(distance, alpha, start, depth, power):
+    """Blender's mist: 0 before the start, 1 behind start + depth and where nothing is."""
+    fraction = numpy.clip((distance - start) / max(depth, 1e-6), 0, 1) ** power
+    return alpha * fraction + (1 - alpha)
+
+
+def vector(motion, shutter_frames):
+    """Blender's vector, in pixels with y up: to where a surface was a frame ago, and from where it
+    will be. motion: from opening to closing, y down.
+    """
+    back = numpy.stack([-motion[..., 0], motion[..., 1]], axis=-1) / shutter_frames
+    return numpy.concatenate([back, back], axis=-1)
 
 
 def depth_cosines(view_window, size, crop):
@@ -69,32 +121,52 @@ def depth_cosines(view_window, size, crop):
     return 1 / numpy.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
 
 
-def arrays(layers, view_layer, is_transparent, cosines=None):
-    """{name of the pass: (height, width, channels), rows from the top} of Layers."""
-    alpha = layers.channels["A"]
+def arrays(layers, scene, view_layer, cosines=None):
+    """{name of the pass: (height, width, channels), rows from the top} of Layers. cosines: see
+    depth_cosines; None if depth is along the axis already.
+    """
+    alpha = layers.channels["A"][..., None]
     found = {"Combined": layers.stack("R", "G", "B", "A")}
-    if not is_transparent:
+    if not scene.render.film_transparent:
         found["Combined"][..., 3] = 1
-    depth = layers.stack("depth.Z")
-    if depth is not None:
-        if cosines is not None:
-            depth = depth * cosines[..., None]
-        found["Depth"] = numpy.where(alpha[..., None] > 0, depth, DEPTH_OF_NOTHING)
-    found["Normal"] = layers.stack("normal.X", "normal.Y", "normal.Z")
+    distance = layers.stack("depth.Z")
+    if distance is not None:
+        depth = distance if cosines is None else distance * cosines[..., None]
+        found["Depth"] = numpy.where(alpha > 0, depth, DEPTH_OF_NOTHING)
+        if (settings := mist_settings(scene)) is not None:
+            found["Mist"] = mist(distance, alpha, *settings)
+    found["Normal"] = found[DENOISING_NORMAL] = layers.stack("normal.X", "normal.Y", "normal.Z")
     found["Position"] = layers.stack("P.X", "P.Y", "P.Z")
-    uv = layers.stack("u", "v")
+    uv, motion = layers.stack("u", "v"), layers.stack("motion.X", "motion.Y")
     if uv is not None:
-        found["UV"] = numpy.concatenate([uv, (alpha[..., None] > 0).astype(numpy.float32)], axis=-1)
-    found[ALBEDO] = layers.stack("albedo.R", "albedo.G", "albedo.B")
-    found[ERROR] = layers.stack("stderr.R", "stderr.G", "stderr.B")
+        found["UV"] = numpy.concatenate([uv, (alpha > 0).astype(numpy.float32)], axis=-1)
+    if motion is not None:
+        found["Vector"] = vector(motion, scene.render.motion_blur_shutter)
+    for name, layer in ((DENOISING_ALBEDO, "albedo"), (ERROR, "stderr"),
+                        *((light_path_pass(kind), kind) for kind in LIGHT_PATHS)):
+        found[name] = layers.stack(*(f"{layer}.{c}" for c in "RGB"))
     found[SAMPLES] = layers.stack("samples.X")
     for _, name in wanted_mattes(view_layer):
-        levels = [layers.stack(*(f"{name}{level:02d}.{c}" for c in "RGBA"))
-                  for level in range(CRYPTOMATTE_LEVELS)]
-        if any(level is None for level in levels):
-            continue
-        found.update({f"{name}{i:02d}": level for i, level in enumerate(levels)})
+        for level in range(CRYPTOMATTE_LEVELS):
+            found[f"{name}{level:02d}"] = layers.stack(*(f"{name}{level:02d}.{c}" for c in "RGBA"))
     return {name: array for name, array in found.items() if array is not None}
+
+
+def matte_metadata(metadata, view_layer_name):
+    """Cryptomatte's attributes of an image of Sheaf, for layers that are named as Blender's files
+    name them: [(field, value)].
+    """
+    names = {key.split("/")[1]: value for key, value in metadata.items()
+             if key.startswith("cryptomatte/") and key.endswith("/name")}
+    found = []
+    for key, name in names.items():
+        full = f"{view_layer_name}.{name}"
+        new = hashlib.blake2b(full.encode(), digest_size=4).hexdigest()[:CRYPTOMATTE_KEY_LENGTH]
+        found += [(f"cryptomatte/{new}/{field}",
+                   full if field == "name" else str(metadata[f"cryptomatte/{key}/{field}"]))
+                  for field in ("name", "hash", "conversion", "manifest")
+                  if f"cryptomatte/{key}/{field}" in metadata]
+    return found
 
 
 def set_passes(render_passes, arrays, width, height):

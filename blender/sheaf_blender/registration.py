@@ -57,7 +57,11 @@ class SheafSettings(bpy.types.PropertyGroup):
                                           subtype="PIXEL")
     more_options: bpy.props.StringProperty(
         name="More options", description="Of sheaf render or sheaf submit, as --color spectral")
-    pass_albedo: bpy.props.BoolProperty(name="Albedo")
+    pass_denoising: bpy.props.BoolProperty(
+        name="Denoising Data", description="Normal and albedo, as the Denoise node takes them")
+    pass_light_paths: bpy.props.BoolProperty(
+        name="Kinds of Light", description="The light by its way to the camera: seen, direct, "
+        "indirect, caustic, of volumes and subsurface; together they are the image")
     pass_error: bpy.props.BoolProperty(name="Standard error")
     pass_samples: bpy.props.BoolProperty(name="Samples")
     frames_job: bpy.props.StringProperty(name="Job", description="Of the frames submitted last")

@@ -155,7 +155,7 @@ def _area(text, light, matrix, color, item, report):
     if surface <= 0:
         report.left_out(item, "an area light without area")
         return
-    radiance = units.area_radiance(light.energy, surface)
+    radiance = units.area_radiance(light.energy, surface, bpy.app.version >= (4, 0, 0))
     if abs(getattr(light, "spread", math.pi) - math.pi) > 1e-3:
         report.left_out(item, "Spread")
     text.directive("AreaLightSource", "diffuse", {"rgb L": _scaled(color, radiance)})

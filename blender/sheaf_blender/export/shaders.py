@@ -3,14 +3,10 @@
 """Material node trees as closures (scene/closures.py) and media."""
 import dataclasses
 
-import bpy
-
 from ..scene import closures, materials, principled, values
 from ..scene.closures import BLACK, Closure
-from . import node_links
+from . import node_links, principled_node
 from .node_values import NodeValues
-
-_LAYERED = bpy.app.version >= (4, 0, 0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,67 +95,28 @@ class ShaderReader:
     # Shaders.
 
     def principled(self, place):
-        reflectance, ior = self._specular(place)
-        subsurface = self.number(place, "Subsurface Weight", "Subsurface")
-        radius = self.value(place, "Subsurface Radius") if subsurface > 0 else (1.0, 0.2, 0.1)
-        if not values.is_constant(radius):
-            self.report.left_out(self.item, "a texture of Subsurface Radius")
-            radius = (1.0, 0.2, 0.1)
-        scale = self.number(place, "Subsurface Scale", usual=1.0) if _LAYERED else 1.0
-        color = self.value(place, "Base Color")
-        inputs = principled.PrincipledInputs(
-            base_color=color, metallic=values.gray(self.value(place, "Metallic")),
-            roughness=values.gray(self.value(place, "Roughness")), ior=ior,
-            reflectance=reflectance,
-            transmission=values.gray(self.value(place, "Transmission Weight", "Transmission")),
-            alpha=values.gray(self.value(place, "Alpha")), subsurface=subsurface,
-            subsurface_radius=tuple(scale * x for x in values.color(radius)),
-            anisotropic=self.number(place, "Anisotropic"),
-            coat=self.number(place, "Coat Weight", "Clearcoat"),
-            coat_roughness=self.number(place, "Coat Roughness", "Clearcoat Roughness"),
-            coat_ior=self.number(place, "Coat IOR", usual=1.5), adds_layers=not _LAYERED)
-        for name, text in (("Sheen Weight", "Sheen"), ("Sheen", "Sheen"),
-                           ("Thin Film Thickness", "Thin Film")):
-            self.note_used(place, name, 0.0, text)
-        if not _LAYERED and subsurface > 0:
-            inputs.base_color = values.mix(color, self.value(place, "Subsurface Color"), subsurface)
-        self._note_mean_roughness(inputs)
-        material = principled.principled_material(inputs, self.item, self.report)
+        inputs = principled_node.read_inputs(self, place)
+        material = principled.principled_material(inputs, self.item, self.report,
+                                                  self.values.mean_of)
         emission = values.color(self.value(place, "Emission Color", "Emission"))
         strength = self.value(place, "Emission Strength")
-        return Closure(material, inputs.alpha, self._emission(emission, strength))
-
-    def _note_mean_roughness(self, inputs):
-        """Coats and glass take no map of their roughness."""
-        if values.is_constant(inputs.roughness):
-            return
-        if values.is_constant(inputs.metallic) and values.gray(inputs.metallic) >= 1:
-            return
-        mean = self.values.mean_of(inputs.roughness)
-        self.report.approximated(self.item, f"a map of Roughness: its mean {mean:.2f} is used")
-        inputs.roughness = mean
-
-    def _specular(self, place):
-        """(reflectance at normal incidence of the base, index of refraction of glass)."""
-        ior = self.number(place, "IOR", usual=1.5)
-        level = self.number(place, "Specular IOR Level", "Specular", usual=0.5)
-        if not _LAYERED:
-            self.note_used(place, "Specular Tint", 0.0, "Specular Tint")
-            return 0.08 * level, ior
-        return 2 * level * ((ior - 1) / (ior + 1)) ** 2, ior
+        return Closure(material, values.gray(self.value(place, "Alpha")),
+                       self._emission(emission, strength))
 
     def diffuse(self, place):
         self.note_used(place, "Roughness", 0.0, "Roughness of a Diffuse BSDF (Oren-Nayar)")
         return Closure(materials.diffuse(self.value(place, "Color")))
 
     def glossy(self, place):
-        anisotropy = self.number(place, "Anisotropy")
-        if anisotropy:
-            self.report.approximated(self.item, "Anisotropy follows the uv of the mesh, without "
-                                                "Rotation")
         self._note_facets(place)
-        return Closure(principled.conductor(self.value(place, "Color"), self._roughness(place),
-                                            max(0.0, anisotropy)))
+        anisotropy = min(max(self.number(place, "Anisotropy"), -0.99), 0.99)
+        turns = 0.0
+        if anisotropy:  # Where it is positive, the facets are rougher across the tangent.
+            principled_node.note_tangent(self, place, "Anisotropy")
+            turns = self.number(place, "Rotation") + (0.25 if anisotropy > 0 else 0.0)
+        return Closure(principled.metal(
+            self.value(place, "Color"), principled.facets(
+                self._roughness(place), 1 - abs(anisotropy), turns, self.values.mean_of)))
 
     def _note_facets(self, place):
         model = getattr(place.node, "distribution", "GGX")
@@ -173,14 +130,19 @@ class ShaderReader:
 
     def glass(self, place):
         self._note_facets(place)
-        roughness = self._roughness(place)
-        return Closure(principled.glass_material(self.value(place, "Color"), roughness,
-                                                 self.number(place, "IOR", usual=1.45), self.item,
-                                                 self.report))
+        color = self.value(place, "Color")
+        return self._glass(place, color, 1.45, specular_tint=color)
 
     def refraction(self, place):
-        self.report.approximated(self.item, "a Refraction BSDF also reflects (a dielectric)")
-        return self.glass(place)
+        self._note_facets(place)
+        self.report.approximated(self.item, "a Refraction BSDF also reflects what cannot leave "
+                                            "(total reflection)")
+        return self._glass(place, self.value(place, "Color"), 1.45, specular=0.0)
+
+    def _glass(self, place, color, usual_ior, **more):
+        return Closure(principled.glass(color, self._roughness(place),
+                                        self.number(place, "IOR", usual=usual_ior), self.item,
+                                        self.report, **more))
 
     def transparent(self, place):
         color = self.value(place, "Color")
@@ -254,13 +216,12 @@ class ShaderReader:
             ior = 1 / max(1 - self.number(fresnel, "Blend", usual=0.5), 1e-3)
         a, b = first.material, second.material
         mean = principled.fresnel_mean(max(ior, 1.0001))
-        if a and b and a.kind == "diffuse" and b.kind == "conductor":
-            roughness = dict(b.floats).get("roughness", 0.0)
-            if values.is_constant(roughness):
-                self.report.approximated(self.item, "Diffuse and Glossy mixed by Fresnel are a "
-                                                    "coateddiffuse of the same albedo")
-                return Closure(principled.coated(dict(a.colors)["reflectance"],
-                                                 values.gray(roughness) ** 0.5, ior, False))
+        if a and b and a.kind == "diffuse" and "metallic" in dict(b.floats):
+            self.report.approximated(self.item, "Diffuse and Glossy mixed by Fresnel are a layer "
+                                                "over a base, white at grazing angles")
+            return Closure(principled.coated(
+                dict(a.colors)["reflectance"], dict(b.floats)["roughness"], ior,
+                dict(b.colors)["base_color"]))
         self.report.approximated(self.item, f'a mix by "{fresnel.node.name}" has the mean weight '
                                             f"{mean:.2f} in all directions")
         return closures.mix(first, second, mean, self.item, self.report)

@@ -8,7 +8,7 @@ from . import values
 
 @dataclasses.dataclass(frozen=True)
 class Material:
-    """kind: a material of pbrt-v4. Inputs are sorted tuples of (name, value)."""
+    """kind: a material of pbrt-v4, or "principled". Inputs are sorted tuples of (name, value)."""
     kind: str
     colors: tuple = ()
     floats: tuple = ()
@@ -54,8 +54,9 @@ def with_bumps(material, normal_map, bump):
 
 def is_boundary(material):
     """Whether light enters the shape, so that a medium inside is seen."""
-    return material.kind in ("dielectric", "interface", "subsurface", "thindielectric") or any(
-        is_boundary(part) for part in material.parts)
+    crosses = ("transmission" in dict(material.floats) if material.kind == "principled" else
+               material.kind in ("dielectric", "interface", "subsurface"))
+    return crosses or any(is_boundary(part) for part in material.parts)
 
 
 class TextureTable:

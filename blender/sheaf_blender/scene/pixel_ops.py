@@ -128,10 +128,11 @@ def _hue_saturation(p, hue, saturation, value, factor):
     return numpy.maximum(p + (turned - p) * factor, 0)
 
 
-def _under_coat(p, transmitted, reflected_inside):
-    """The base below a coat that gives the albedo p through it; see principled.py."""
-    p = numpy.clip(p, 0, 1)
-    return numpy.clip(p / (transmitted + p * reflected_inside), 0, 1)
+def _hue(p, amount):
+    """Towards the color at a luminance of 1, from white; black is white."""
+    luminance = _gray(p)
+    hue = numpy.where(luminance > 0, p / numpy.where(luminance > 0, luminance, 1), 1)
+    return 1 + (hue - 1) * amount
 
 
 def _normal_strength(p, strength):
@@ -147,5 +148,5 @@ _OPERATIONS = {
     "gray": _gray, "channel": _channel, "multiply": _multiply, "mix": _mix, "math": _math,
     "gamma": _gamma, "invert": _invert, "bright_contrast": _bright_contrast, "clamp": _clamp,
     "map_range": _map_range, "ramp": _ramp, "hue_saturation": _hue_saturation,
-    "under_coat": _under_coat, "normal_strength": _normal_strength,
+    "hue": _hue, "normal_strength": _normal_strength,
 }

@@ -3,8 +3,8 @@
 """Blender's units of light as radiance and radiant intensity.
 
 A light of P watts is not P watts of flux for all kinds: Cycles defines for each kind how P becomes
-radiance, and these are its definitions (measured with Cycles of Blender 3.4: a camera that looks at
-the light, and a white plane below it). All values are of linear Rec.709 channels.
+radiance, and these are its definitions (measured with Cycles of Blender 3.4 and 4.3: a camera that
+looks at the light, and a plane below it). All values are of linear Rec.709 channels.
 """
 import math
 
@@ -26,9 +26,11 @@ def sphere_radiance(power_w, radius_m):
     return power_w / (4 * math.pi**2 * radius_m**2)
 
 
-def area_radiance(power_w, area_m2):
-    """Radiance of an area light. Its flux is pi / 4 of the power."""
-    return power_w / (4 * area_m2)
+def area_radiance(power_w, area_m2, is_flux):
+    """Radiance of an area light. is_flux: its flux is the power, as since Blender 4.0; before, it
+    is pi / 4 of the power.
+    """
+    return power_w / ((math.pi if is_flux else 4) * area_m2)
 
 
 def sun_radiance(irradiance, angle_rad):

@@ -24,6 +24,7 @@
 #include "common/scene/gltf/meshes.h"
 #include "common/scene/gltf/node_tree.h"
 #include "common/scene/gltf/values.h"
+#include "common/scene/pbrt/principled_media.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 
 namespace sheaf {
@@ -407,6 +408,7 @@ absl::StatusOr<ReadSceneResult> ReadGltf(const std::string& main_file, FileSourc
   Diagnostics diagnostics(&result.scene, limits);
   gltf::Builder(**model, main_file, &files, view, limits, &diagnostics, &result.scene).Build();
   if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
+  AddPrincipledMedia(&result.scene, &diagnostics);
   result.diagnostics = diagnostics.TakeAll();
   return result;
 }

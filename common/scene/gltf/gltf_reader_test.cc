@@ -115,6 +115,23 @@ TEST(GltfReaderTest, SharedMeshesBecomeInstances) {
   EXPECT_THAT(Notes(*read), HasSubstr("scaled to nothing"));
 }
 
+TEST(GltfReaderTest, VolumesAbsorbInside) {
+  const auto read = Read(File(R"("materials": [{"extensions": {
+    "KHR_materials_transmission": {"transmissionFactor": 1},
+    "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 0.5,
+                             "attenuationColor": [0.25, 1, 1]}}}],
+    "nodes": [{"mesh": 0}, {"mesh": 0, "translation": [4, 0, 0]}],
+    "scenes": [{"nodes": [0, 1]}])"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  const SceneDescription& scene = read->scene;
+  ASSERT_EQ(scene.media.size(), 1u);
+  ASSERT_EQ(scene.shapes.size(), 1u);
+  EXPECT_EQ(scene.shapes[0].media.inside, 0);
+  EXPECT_EQ(scene.shapes[0].media.outside, kNone);
+  EXPECT_NEAR(scene.media[0].sigma_a.rgb[0], 2 * std::log(4.0f), 1e-5f);
+  EXPECT_EQ(scene.media[0].sigma_a.rgb[1], 0);
+}
+
 TEST(GltfReaderTest, AnimationsGiveTheFrameAndItsBlur) {
   const std::string rest = kOneNode + R"(, "animations": [{"samplers": [
     {"input": 3, "output": 4}, {"input": 3, "output": 5}], "channels": [

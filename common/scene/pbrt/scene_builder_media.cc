@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/pbrt/constant_grid.h"
+#include "common/scene/pbrt/principled_media.h"
 #include "common/scene/pbrt/scene_builder.h"
 #include "common/scene/pbrt/statements/medium_parameters.h"
 #include "common/scene/pbrt/statements/option_parameters.h"
@@ -104,7 +105,7 @@ void SceneBuilder::FinishMedia() {
   const std::string& integrator = scene_->sampling.integrator;
   if (scene_->media.empty() || !IntegratorIgnoresMedia(integrator)) {
     FinishSubsurface();
-    if (!IntegratorIgnoresMedia(integrator)) FinishPrincipledMedia();
+    if (!IntegratorIgnoresMedia(integrator)) AddPrincipledMedia(scene_, diagnostics_);
     if (!diagnostics_->HasErrors()) ConvertConstantGrids(scene_);
     return;
   }

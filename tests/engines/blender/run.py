@@ -26,8 +26,8 @@ import time
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 PACKAGES = ("blender", "python3-numpy", "python3-openimageio", "python3-openvdb")
-SCENES = ("lights", "principled", "textures", "normals", "glass", "emission", "world", "volumes",
-          "instances", "hair", "motion", "lens", "mattes")
+SCENES = ("lights", "principled", "coats", "textures", "normals", "glass", "emission", "world",
+          "volumes", "instances", "hair", "motion", "lens", "mattes")
 MEAN_DIFFERENCE_MAX = 0.03  # Of the mean of each channel.
 EXPORT_SECONDS_MAX = 10.0
 START_SECONDS_MAX = 120
@@ -205,6 +205,20 @@ def farm_checks(bench, compare):
         farm.stop()
 
 
+def operators(bench):
+    print("operators", flush=True)
+    (bench.folder / "operators").mkdir()
+    farm = Farm(bench.arguments.programs, bench.folder / "operators")
+    try:
+        said = bench.run("animation", "sheaf", 16, bench.folder / "button",
+                         script="operators_in_blender.py", **farm.environment())
+        check("OPERATORS_OK" in said, "each button of the panels works, or says why not")
+        left = [job for job in farm.jobs() if job["state"] not in ("succeeded", "cancelled")]
+        check(not left, "they leave no job")
+    finally:
+        farm.stop()
+
+
 def cancel(bench, farm):
     """SIGINT is Esc to a Blender without window: both set the flag that test_break() reads."""
     for waits_for in ("running", "submitting"):
@@ -289,10 +303,37 @@ def exr_checks(bench, compare):
                   f'the matte "{name}" of {image.name} covers that object alone')
 
 
+def passes(bench):
+    """F12 with all passes, by Sheaf and by Cycles."""
+    import passes_checks
+    print("passes", flush=True)
+    images, picked = {}, "Right ball"
+    for engine in ("sheaf", "cycles"):
+        path = bench.folder / f"passes.{engine}.exr"
+        bench.run(picked.replace(" ", "\\ ") if bench.arguments.trixie else picked, engine, "64",
+                  path, script="passes_in_blender.py")
+        images[engine], attributes = passes_checks.read(path)
+        if engine == "sheaf":
+            passes_checks.check_geometry(images["sheaf"], check)
+            passes_checks.check_light(images["sheaf"], check)
+        passes_checks.check_mattes(images[engine], attributes, picked, check)
+    passes_checks.check_like_cycles(images["sheaf"], images["cycles"], check)
+
+
+def gltf(bench, compare, only):
+    import gltf_against_cycles
+    print("glTF", flush=True)
+    failed = gltf_against_cycles.check_models(bench, compare, only)
+    if failed:
+        raise Failed("; ".join(failed))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", type=lambda t: t.split(","), help="scenes, or exr, farm, export")
+    parser.add_argument("--only", type=lambda t: t.split(","),
+                        help="scenes, or gltf, passes, exr, farm, operators, export")
+    parser.add_argument("--models", type=lambda t: t.split(","), help="of glTF, to compare")
     parser.add_argument("--samples", type=int, default=1024, help="of Sheaf (default 1024)")
     parser.add_argument("--cycles-samples", type=int, default=1024)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
@@ -312,12 +353,15 @@ def main():
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "user", ignore_errors=True)
-    shutil.rmtree(folder / "farm", ignore_errors=True)
+    for name in ("farm", "operators"):
+        shutil.rmtree(folder / name, ignore_errors=True)
     bench = Bench(arguments, folder)
     chosen = arguments.only or []
     failed = []
-    steps = {"exr": lambda: exr_checks(bench, compare),
-             "farm": lambda: farm_checks(bench, compare), "export": lambda: export_time(bench)}
+    steps = {"gltf": lambda: gltf(bench, compare, arguments.models),
+             "passes": lambda: passes(bench), "exr": lambda: exr_checks(bench, compare),
+             "farm": lambda: farm_checks(bench, compare),
+             "operators": lambda: operators(bench), "export": lambda: export_time(bench)}
     arguments.only = [name for name in chosen if name not in steps]
     if arguments.only or not chosen:
         failed += pictures(bench, compare)

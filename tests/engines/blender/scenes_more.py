@@ -195,11 +195,62 @@ def mattes(b):
     b.sphere("Wax", (1.6, 0, 0.8), 0.8, b.material(
         "Wax", "ShaderNodeSubsurfaceScattering", Color=(0.8, 0.6, 0.4, 1), Scale=0.05,
         Radius=(1, 1, 1)))
-    layer = b.scene.view_layers[0]
-    layer.use_pass_z = layer.use_pass_normal = layer.use_pass_position = layer.use_pass_uv = True
-    layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_material = True
+    all_passes(b.scene.view_layers[0])
     b.light("AREA", (-3, -4, 6), (0, 0, 0), energy=500, size=2.0)
     b.background(0.4)
+
+
+def coats(b):
+    """What layers and tints of the Principled BSDF look like: a clear coat, sheen, brushed metal, a
+    tinted reflection, half transmission; and colored glass of its own shader.
+    """
+    b.camera(lens=36)
+    b.background(0.4, (0.8, 0.9, 1))
+    b.plane(material=b.diffuse("Floor", (0.4, 0.4, 0.4)))
+    is_layered = bpy.app.version >= (4, 0, 0)
+    tint = (0.4, 0.6, 1.0, 1) if is_layered else 1.0
+    kinds = (
+        ((0.6, 0.1, 0.1), {"Coat_Weight|Clearcoat": 1.0, "Roughness": 0.6}),
+        ((0.2, 0.1, 0.3), {"Sheen_Weight|Sheen": 1.0, "Specular_IOR_Level|Specular": 0.0}),
+        ((0.9, 0.7, 0.4), {"Metallic": 1.0, "Roughness": 0.35, "Anisotropic": 0.8,
+                           "Anisotropic_Rotation": 0.1}),
+        ((0.1, 0.2, 0.6), {"Specular_Tint": tint, "Specular_IOR_Level|Specular": 0.8,
+                           "Roughness": 0.3}),
+        ((0.9, 0.6, 0.3), {"Transmission_Weight|Transmission": 0.5, "Roughness": 0.1}))
+    for i, (color, inputs) in enumerate(kinds):
+        material = b.material(f"Layers {i}", "ShaderNodeBsdfPrincipled", Base_Color=(*color, 1),
+                              **inputs)
+        b.sphere(f"Ball {i}", (-3.0 + 1.2 * i, 0, 0.55), 0.55, material)
+    b.sphere("Glass", (3.0, 0, 0.55), 0.55, b.material(
+        "Glass", "ShaderNodeBsdfGlass", Color=(0.9, 0.5, 0.5, 1), IOR=1.4, Roughness=0.0))
+    b.light("AREA", (-3, -5, 6), (0, 0, 0), energy=500, size=3.0)
+
+
+def layers(b):
+    """A plane and two balls from straight above, one of which moves; for passes and mattes."""
+    camera = b.camera((0, 0, 5), (0, 0, 0))
+    camera.rotation_euler = (0, 0, 0)
+    camera.data.sensor_width, camera.data.lens = 32, 40  # Four units wide at a distance of five.
+    b.plane(material=b.diffuse("Floor", (0.5, 0.5, 0.5)))
+    b.sphere("Left ball", (-1, 0, 0), 0.4, b.diffuse("Red", (0.8, 0.2, 0.1)))
+    moving = b.sphere("Right ball", (1, 0, 0), 0.4, b.diffuse("Blue", (0.1, 0.2, 0.8)))
+    for frame, x in ((0, 0.0), (4, 2.0)):
+        moving.location.x = x
+        moving.keyframe_insert("location", frame=frame)
+    for curve in moving.animation_data.action.fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    b.scene.frame_set(2)
+    mist = b.scene.world.mist_settings
+    mist.start, mist.depth, mist.falloff = 2.0, 6.0, "QUADRATIC"
+    b.background(0.8)
+
+
+def all_passes(layer):
+    """Those that Sheaf has."""
+    for name in ("z", "mist", "normal", "position", "uv", "vector", "cryptomatte_object",
+                 "cryptomatte_material"):
+        setattr(layer, f"use_pass_{name}", True)
 
 
 def big(b):
