@@ -100,10 +100,10 @@ class SharedFarm:
             f"127.0.0.1:{http}", "--state-dir", self.path("state"), "--database", self.server.url,
             "--lease-seconds", "2", "--port-file", self.port_file(index), *self.arguments)
 
-    def revive(self):
+    def revive(self, indices=(0, 1)):
         """Starts coordinators that stopped themselves, as a service manager does."""
-        for index, process in enumerate(self.coordinators):
-            if process.poll() is not None:
+        for index in indices:
+            if self.coordinators[index].poll() is not None:
                 self.stopped_themselves += 1
                 self.start(index)
 
@@ -176,8 +176,11 @@ class Run:
         self.farm.coordinators[owner].wait()
         os.remove(self.farm.port_file(owner))
         other = 1 - owner
-        farm.wait_until(lambda: self.farm.metric(other, "sheaf_leases_granted_total") > 0, 60,
-                        "the other coordinator's first lease")
+
+        def has_leased():
+            self.farm.revive([other])
+            return self.farm.metric(other, "sheaf_leases_granted_total") > 0
+        farm.wait_until(has_leased, 60, "the other coordinator's first lease")
         self.takeover_seconds.append(time.monotonic() - killed)
         self.lost += len(before - self.farm.acknowledged())
         self.farm.start(owner)
