@@ -16,7 +16,7 @@ DENOISING_NORMAL, DENOISING_ALBEDO = "Denoising Normal", "Denoising Albedo"
 LIGHT_PATHS = ("emission", "specular-emission", "direct", "indirect", "caustic", "volume-single",
                "volume-multiple", "subsurface", "volume-emission")
 MIST_POWERS = {"QUADRATIC": 2.0, "LINEAR": 1.0, "INVERSE_QUADRATIC": 0.5}
-# What Blender offers for view layers and Sheaf does not have.
+# Passes of Blender's view layers that Sheaf does not have.
 _UNKNOWN = ("object_index", "material_index", "shadow", "ambient_occlusion", "emit", "environment",
             "diffuse_direct", "diffuse_indirect", "diffuse_color", "glossy_direct",
             "glossy_indirect", "glossy_color", "transmission_direct", "transmission_indirect",

@@ -103,7 +103,7 @@ Banded Scaled(const Banded& value, double factor) {
   return {value.value * factor, value.low * factor, value.high * factor};
 }
 
-// What this wall time buys, with the band of its error. targets: the rows of errors, which fall. A
+// The row of a wall time, with the band of its error. targets: the rows of errors, which fall. A
 // forecast of an error as low as ten minutes often give would cost more than the whole quote.
 QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets) {
   const double seconds = 60 * minutes;

@@ -26,7 +26,8 @@ struct CropRegion {
 
 // The crop at one of the prices.
 struct CropImage {
-  // Of the crop alone, estimated from its replicates. With one sequence it is an upper estimate.
+  // The error of the crop alone, estimated from its replicates. With one sequence it is an upper
+  // estimate.
   double relative_mse = 0;
   std::string png;  // The bytes of a file, as `sheaf render --png` shows images.
 };

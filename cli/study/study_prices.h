@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the given settings yield for a number of samples or a time, from the measured curve of a
+// The yield of the given settings for a number of samples or a time, from the measured curve of a
 // study. Pure functions.
 #pragma once
 

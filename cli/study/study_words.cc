@@ -51,7 +51,7 @@ std::string OfBase(const StudyResult& result) {
   return text + ".";
 }
 
-// What ten minutes buy, here and on the farm.
+// The error that ten minutes give, here and on the farm.
 void AddAskedTime(const StudyResult& result, std::vector<std::string>* lines) {
   if (!(result.cpu_seconds_per_sample > 0)) return;
   const auto buys = [&](int threads) -> std::string {

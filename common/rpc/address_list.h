@@ -21,7 +21,7 @@ inline constexpr absl::Duration kFollowInterval = absl::Milliseconds(500);
 std::vector<std::string> SplitAddresses(const std::string& addresses);
 bool HasSeveralAddresses(const std::string& addresses);
 
-// What a gRPC channel connects to, in the order of the list. One address stays as it is. Names of
+// The target of a gRPC channel, in the order of the list. One address stays as it is. Names of
 // several are resolved now, since gRPC takes lists of numeric addresses alone; those that cannot be
 // resolved are left out with a warning.
 std::string ChannelTarget(const std::string& addresses);

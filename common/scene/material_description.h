@@ -133,7 +133,7 @@ struct PrincipledMaterial {
   float coat_roughness = 0, coat_ior = 1.5f;
   float sheen_roughness = 0.3f;
   float iridescence_ior = 1.3f, iridescence_thickness_nm = 400;
-  // What remains inside of light after the distance, in scene units; 0: nothing is absorbed.
+  // Light that remains inside after the distance, in scene units; 0: nothing is absorbed.
   ColorSpec attenuation_color;
   float attenuation_distance = 0;
   ColorSpec emission;  // Radiance, for shapes without an area light of their own.

@@ -59,10 +59,10 @@ struct ImageTexture {
   float scale = 1;
   bool invert = false;
   Rgb tint = Rgb::Gray(1);  // Multiplies colors, beside scale.
-  // Of float textures: the channel (0: red ... 3: alpha) that gives the value. Without it, alpha or
-  // the mean of the colors does, as in pbrt-v4. An image without alpha has an alpha of 1.
+  // For float textures: the channel (0: red ... 3: alpha) that gives the value. Without it, alpha
+  // or the mean of the colors does, as in pbrt-v4. An image without alpha has an alpha of 1.
   std::optional<int32_t> channel = {};
-  // Of float textures: values become 1 where they are at least this, and 0 elsewhere.
+  // For float textures: values become 1 where they are at least this, and 0 elsewhere.
   std::optional<float> threshold = {};
 };
 struct CheckerboardTexture {

@@ -247,7 +247,7 @@ export interface JobWithFrames extends Job {
 // "difference" and "relative" compare with another frame.
 export type Layer = 'image'|'light'|'error'|'samples'|'time'|'difference'|'relative';
 
-// What the viewer shows of a frame.
+// The part of a frame that the viewer shows.
 export interface View {
   layer: Layer;
   // The name of a ChannelLayer to show as image or light; '' for the color.

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What to do in a farm without jobs: commands with the address of this coordinator, to be copied.
+// First steps in a farm without jobs: commands with the address of this coordinator, to be copied.
 // A step that is done says so.
 
 import * as api from './api';

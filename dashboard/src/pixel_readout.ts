@@ -26,7 +26,7 @@ export class PixelReadout {
   private readonly list = byId('pixel-values');
   private place: Place|null = null;
   private asking = false;
-  // What is shown or being asked for.
+  // The pixel that is shown or being asked for.
   private shown = '';
 
   constructor(private readonly store: Store, viewports: readonly ImageViewport[]) {

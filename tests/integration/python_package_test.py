@@ -372,7 +372,7 @@ class OtherFarmsTest(unittest.TestCase):
             farm.log_in("otto", "view")
             with home("nobody"), self.assertRaisesRegex(sheaf.NotLoggedInError, "speaks TLS"):
                 sheaf.connect(farm.address)
-            # Of two coordinators that share the farm, the first stands by.
+            # The first of two coordinators that share the farm stands by.
             both = f"{farm.address.partition(':')[0]}:{free_port()},{farm.address}"
             with home("anna"), sheaf.connect(both, programs=farms.programs()) as client:
                 job = client.submit(farm.scene, samples=FEW)

@@ -40,7 +40,7 @@ def check_pixel_readout(browser):
     place = browser.run(TEXT, "pixel-place")
     found = re.match(r"Pixel (\d+), (\d+): linear values ± standard error$", place)
     assert found and int(found[1]) in (319, 320) and int(found[2]) in (179, 180), place
-    # What the page shows is what the coordinator says.
+    # The page shows the numbers of the coordinator.
     exact = browser.run("""
       return fetch(`/api/v1/${location.hash.slice(1)}/frames/1/pixel?x=${arguments[0]}` +
           `&y=${arguments[1]}`).then((r) => r.json()).then((p) => p.channels[0]);""",

@@ -459,7 +459,7 @@ def run_farm():
 
 def run_made_up():
     # The restart comes last: a browser reports every refused connection as an error.
-    # What is observed of a job's error is forgotten when another one is selected, which
+    # The observed error of a job is forgotten when another one is selected, which
     # check_keyboard does.
     checks = [check_the_chart, check_focus_is_visible, check_the_viewer, check_looks,
               check_thousands_of_jobs_and_workers, check_list_and_tabs, check_errors_and_effects,

@@ -30,7 +30,7 @@ struct Furnace {
   double standard_error = 0;  // Of the component with the largest.
 };
 
-// What leaves of light from everywhere, as flux: radiance within a solid counts eta^2 times.
+// Light that leaves of light from everywhere, as flux: radiance within a solid counts eta^2 times.
 Furnace RunFurnace(const Bsdf& bsdf, Vec3f wo, int count) {
   std::mt19937 engine(5);
   std::uniform_real_distribution<float> uniform(0, 1);

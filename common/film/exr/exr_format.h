@@ -45,7 +45,7 @@ const char* ExrTypeName(ExrType type);
 const char* ExrCompressionName(ExrCompression compression);
 const char* ExrPartsName(ExrParts parts);
 
-// What the format does to the pixels: "half", "dwaa", "half, dwaa"; empty if they keep their bits.
+// The format's effect on pixels: "half", "dwaa", "half, dwaa"; empty if they keep their bits.
 // A file states it in its attribute "sheaf:rounding" (kRoundingKey).
 std::string RoundingOf(const ExrFormat& format);
 

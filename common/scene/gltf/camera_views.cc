@@ -16,7 +16,7 @@ namespace {
 constexpr int32_t kDefaultWidth = 1280, kDefaultHeight = 720;
 constexpr double kDegrees = 57.29577951308232;
 constexpr double kAspectMin = 0.01, kAspectMax = 100;
-// Of the camera that frames a scene: full angle of its height, and the air around the scene.
+// The camera that frames a scene: full angle of its height, and the air around the scene.
 constexpr double kDefaultFov = 0.7, kAir = 1.1;
 
 // The axes of the node without its scales: x right, y up, looking along +z (glTF: along -z).

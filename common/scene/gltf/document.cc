@@ -106,7 +106,7 @@ absl::Status CheckCodecs(const std::string& main_file, std::string_view json) {
   return absl::OkStatus();
 }
 
-// What the parser's callbacks know.
+// State of the parser's callbacks.
 struct Access {
   std::string main_file;
   FileSource* files;

@@ -27,7 +27,7 @@ struct TextureRef {
   bool IsSet() const { return index >= 0; }
 };
 TextureRef RefOf(int index, int uv_set, const tinygltf::ExtensionMap& extensions);
-// Of an extension's member, such as "clearcoatTexture".
+// The texture of an extension's member, such as "clearcoatTexture".
 TextureRef RefOf(const tinygltf::Value* extension, const std::string& key);
 
 class ImageTextures {

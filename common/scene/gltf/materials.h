@@ -17,7 +17,7 @@
 
 namespace sheaf::gltf {
 
-// What a shape gets from its material. Indices as in ShapeDescription.
+// Properties that a shape gets from its material. Indices as in ShapeDescription.
 struct Surface {
   int32_t material = kNone, area_light = kNone;
   FloatInput alpha{.value = 1};

@@ -30,7 +30,7 @@ std::string TextOf(const tinygltf::Value* object, const std::string& key);
 std::vector<double> NumbersOf(const tinygltf::Value* object, const std::string& key, size_t count,
                               std::vector<double> fallback);
 Rgb ColorOf(const tinygltf::Value* object, const std::string& key, Rgb fallback);
-// Of a list of any length; `fallback` if it has fewer than three numbers.
+// Three numbers of a list of any length; `fallback` if it has fewer than three numbers.
 Rgb ColorOfNumbers(const std::vector<double>& numbers, Rgb fallback);
 ColorSpec Color(Rgb rgb);
 

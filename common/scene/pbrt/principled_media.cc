@@ -13,7 +13,8 @@
 namespace sheaf {
 namespace {
 
-// What remains of light after the distance; less counts as this, so that absorption is finite.
+// The least light that remains after the distance; less counts as this, so that absorption is
+// finite.
 constexpr float kRemainderMin = 1e-6f;
 
 bool Transmits(const PrincipledMaterial& material) {

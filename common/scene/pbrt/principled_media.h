@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What principled materials say of the inside of their shapes, for every reader of scenes.
+// The inside of shapes of principled materials, for every reader of scenes.
 #pragma once
 
 #include <cstdint>

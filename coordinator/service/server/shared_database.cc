@@ -24,7 +24,7 @@ std::string NameOf(const std::string& listen_address) {
 }
 
 // Ends the process at once: nothing of it may go on with a state that is not the farm's any more.
-// What it acknowledged is stored.
+// A result that it acknowledged is stored.
 [[noreturn]] void StopDeposed(const absl::Status& why) {
   LogError(absl::StrCat(why.message(),
                         "; this coordinator stops. What it acknowledged is stored, and workers and "

@@ -13,7 +13,7 @@ namespace sheaf::coordinator {
 
 struct PixelView {
   uint64_t version = 0;  // The FrameView::preview_version of the image.
-  // Of all channels, linear, by their names in FrameImage.
+  // Values of all channels, linear, by their names in FrameImage.
   std::vector<std::pair<std::string, float>> channels;
 };
 

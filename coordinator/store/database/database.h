@@ -26,7 +26,7 @@
 
 namespace sheaf::coordinator {
 
-// What an implementation does for a Statement. Parameters count from 1, columns from 0; errors of
+// The work of an implementation for a Statement. Parameters count from 1, columns from 0; errors of
 // preparing and binding are returned by Step.
 class PreparedStatement {
  public:
@@ -113,7 +113,8 @@ class Database {
   virtual absl::Status Check(absl::Duration time_max) = 0;
   // How many commits were lost when it was opened, at most: see lost_commits.h.
   virtual int64_t LostCommits() const { return 0; }
-  // What people do about a damaged database that belongs to a state directory: a sentence or more.
+  // The advice to people about a damaged database that belongs to a state directory: a sentence or
+  // more.
   virtual std::string Remedy(const std::string& state_directory) const = 0;
 
  protected:

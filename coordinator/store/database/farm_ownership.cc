@@ -74,7 +74,7 @@ std::string FarmOwnership::Lease() const {
 }
 
 absl::Status FarmOwnership::MakeTables() {
-  // Who may use the tables may not always make them.
+  // A user of the tables may not always make them.
   const absl::StatusOr<PostgresResult> there =
       connection_->Run("SELECT 1 WHERE to_regclass('sheaf_owner.lease') IS NOT NULL");
   if (!there.ok()) return there.status();

@@ -125,7 +125,7 @@ std::string PostgresResult::Text(int row, int column) const {
 
 absl::StatusOr<std::unique_ptr<PostgresConnection>> PostgresConnection::Open(
     const std::string& url, const std::string& settings) {
-  // What stands before "dbname" holds where the URL says nothing else.
+  // The part before "dbname" holds where the URL says nothing else.
   const std::array<const char*, 5> names = {"connect_timeout", "tcp_user_timeout",
                                             "fallback_application_name", "dbname", nullptr};
   const std::array<const char*, 5> values = {kConnectTimeout, kTcpUserTimeout, "sheaf-coordinator",

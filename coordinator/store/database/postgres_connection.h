@@ -40,7 +40,7 @@ class PostgresResult {
   int RowCount() const;
   // How many rows the statement inserted, changed or removed.
   int64_t ChangedRows() const;
-  // What the server did, e.g. "COMMIT".
+  // The server's answer, e.g. "COMMIT".
   std::string Command() const;
   int64_t Int64(int row, int column) const;
   double Double(int row, int column) const;

@@ -86,7 +86,7 @@ absl::StatusOr<std::unique_ptr<PostgresDatabase>> PostgresDatabase::Open(
 }
 
 absl::Status PostgresDatabase::MakeSchema(const std::string& schema) {
-  // Who may use a schema may not always make one.
+  // A user of a schema may not always make one.
   const absl::StatusOr<PostgresResult> there = connection_->Run(
       absl::StrCat("SELECT 1 WHERE to_regclass('", schema, ".schema_version') IS NOT NULL"));
   if (!there.ok()) return there.status();

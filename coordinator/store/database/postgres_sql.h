@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What PostgreSQL says differently from SQLite, in one place: parameters of statements, and types
+// The differences of PostgreSQL from SQLite, in one place: parameters of statements, and types
 // of tables. The rest of the SQL is the same for both (database.h).
 //
 // Sources: "PREPARE", "Numeric Types" and "Binary Data Types" of PostgreSQL's manual; "Datatypes In

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the store relies on in each kind of database: migrations, transactions, and values that come
+// Properties that the store needs of each database: migrations, transactions, and values that come
 // back as they were.
 #include <cmath>
 #include <limits>

@@ -408,7 +408,9 @@ TEST_P(JobStoreTest, LeaseIdsAreUniqueAcrossRestarts) {
 
 TEST_P(JobStoreTest, SecondStoreOnADirectoryIsRefused) {
   // With PostgreSQL the epoch protects it (ownership_test.cc).
-  if (GetParam() == DatabaseKind::kPostgres) GTEST_SKIP();
+  if (GetParam() == DatabaseKind::kPostgres) {
+    GTEST_SKIP() << "with PostgreSQL the epoch protects the state (ownership_test.cc)";
+  }
   const absl::Status status = OpenStore().status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr(directory_));

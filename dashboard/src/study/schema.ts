@@ -83,7 +83,7 @@ export interface Price {
 }
 
 export interface CropImage {
-  // Of the crop alone, estimated from its replicates.
+  // The error of the crop alone, estimated from its replicates.
   relative_mse: number|null;
   png_base64: string;
 }
@@ -115,7 +115,7 @@ export interface Study {
   pixels: number|null;
   seconds: number|null;
   threads: number|null;
-  // Of the base, for one sample of every pixel.
+  // The time of the base, for one sample of every pixel.
   cpu_seconds_per_sample: number|null;
   // The fraction of threads' time that goes into samples.
   thread_use: number;

@@ -19,7 +19,7 @@ GLTF = pathlib.Path(__file__).resolve().parents[2] / "gltf"
 WIDTH, HEIGHT = 96, 64  # As scenes.py.
 MEAN_DIFFERENCE_MAX = 0.03
 SURROUNDING = 0.5   # Radiance.
-# Of models that say nothing: glTF's own default is rough white metal, which shows no extension.
+# For models that say nothing: glTF's own default is rough white metal, which shows no extension.
 BODY = {"metallicFactor": 0, "roughnessFactor": 0.3, "baseColorFactor": [0.5, 0.35, 0.2, 1]}
 GLASS = {"metallicFactor": 0, "roughnessFactor": 0}
 SUN = {"type": "directional", "intensity": 1.5, "color": [1, 0.95, 0.9]}

@@ -5,7 +5,7 @@ import numpy
 import OpenImageIO
 
 LAYER = "ViewLayer"
-# Of the scene `layers` (scenes_more.py).
+# For the scene `layers` (scenes_more.py).
 HEIGHT, MIST, SPEED = 5.0, (2.0, 6.0), 0.5
 BALLS = {"Left ball": (-1.0, 0.0), "Right ball": (1.0, 0.0)}
 SCALE = 24.0  # Pixels per unit on the plane: the film shows 4 units in 96 pixels.

@@ -66,7 +66,7 @@ struct HairFiber {
   float sin_tilt;  // Sine of the angle of the scales.
 };
 
-// What a principled surface is made of: fractions, in [0, 1].
+// The parts of a principled surface: fractions, in [0, 1].
 struct PrincipledBase {
   float metallic, transmission;
 };

@@ -35,7 +35,7 @@ class PrincipledAt {
 
   static constexpr float kInvPi = static_cast<float>(1 / kPi);
 
-  // What sheen and coat leave to the base, of light at a cosine.
+  // The share that sheen and coat leave to the base, of light at a cosine.
   float Below(float mu) const { return BelowSheen(mu) * (1 - bsdf_.top.coat * CoatAlbedoAt(mu)); }
   float BelowSheen(float mu) const {
     return s_.has_sheen ? 1 - sheen_max_ * s_.sheen.albedo.At(FindMu(mu)) : 1;

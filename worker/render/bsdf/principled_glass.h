@@ -13,7 +13,7 @@
 
 namespace sheaf::render {
 
-// What crosses a sheet leaves by the same lobe as what it reflects, on the other side.
+// Light that crosses a sheet leaves by the lobe of what it reflects, on the other side.
 template <typename Color>
 void PrincipledAt<Color>::AddSheet(Vec3f wi, BsdfValueOf<Color>* value) const {
   const bool crosses = wi.z < 0;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the rough surfaces of principled materials reflect and let through, tabulated over the
+// Reflection and transmission of rough principled surfaces, tabulated over the
 // cosine of incidence for each alpha. The Fresnel term of a tinted dielectric is linear in two
 // colors, F = f0 + (f90 - f0) rise(c), where rise goes from 0 at normal incidence to 1 as the exact
 // Fresnel term does; a metal's is, with Schlick's weight in its place. So a few curves give the
@@ -59,7 +59,7 @@ struct PrincipledRow {
   FacetShares out, in;    // Light from the side of index 1, and from inside.
   AveragedCurve schlick;  // Reflected outside, weighted by Schlick's weight.
   LossLobe mirror_loss;   // 1 - out.mirror.
-  // What a dielectric without tint loses on either side. Only their densities are used: what is
+  // The loss of a dielectric without tint on either side. Only their densities are used: what is
   // returned follows from the shares.
   LossLobe glass_loss_out, glass_loss_in;
 };
@@ -87,7 +87,7 @@ struct PrincipledTable {
   static PrincipledTable MakeForAllAlphas(const PrincipledTableOptions& options);
 };
 
-// What is the same all over a principled material, and the tables it refers to.
+// The constants of a principled material, and the tables it refers to.
 struct PrincipledSurface {
   FresnelRise rise;
   bool thin = false;

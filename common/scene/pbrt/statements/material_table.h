@@ -62,7 +62,7 @@ class MaterialTable {
   MeasuredMaterial MakeMeasured(ParameterList& parameters);
   SubsurfaceMaterial MakeSubsurface(ParameterList& parameters);
   PrincipledMaterial MakePrincipled(ParameterList& parameters);
-  // What a principled material absorbs inside.
+  // The absorption inside of a principled material.
   void GetInterior(ParameterList& parameters, PrincipledMaterial* material);
   // A principled material with an alpha becomes a mix of an interface and itself, which are added.
   MaterialDescription WithAlpha(MaterialDescription description);
