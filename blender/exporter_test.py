@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the add-on that need no Blender: text, meshes, units, maps, materials, mattes.
+"""The parts of the add-on that need no Blender: text, meshes, units, maps, materials.
 
 Run: exporter_test.py. Needs numpy.
 """
@@ -19,7 +19,7 @@ import numpy
 
 from sheaf_blender import jobs, passes
 from sheaf_blender.farm import page, program
-from sheaf_blender.scene import (closures, content, cryptomatte, materials, mesh_arrays, pixel_ops,
+from sheaf_blender.scene import (closures, content, materials, mesh_arrays, pixel_ops,
                                  ply, principled, report, sphere_map, strands, text, units, values)
 
 
@@ -42,12 +42,6 @@ class TextTest(unittest.TestCase):
             self.assertEqual(numpy.float32(text.number(value)), value)
         with self.assertRaisesRegex(ValueError, "correct the value"):
             text.number(math.nan)
-
-    def test_lines_are_counted(self):
-        scene = text.SceneText(io.StringIO())
-        scene.raw("a\nb")
-        scene.directive("AttributeBegin")
-        self.assertEqual(scene.line, 4)
 
     def test_matrices_are_written_by_columns(self):
         rows = [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12], [0, 0, 0, 1]]
@@ -363,21 +357,6 @@ class ValuesTest(unittest.TestCase):
 
 
 class RestTest(unittest.TestCase):
-    def test_cryptomatte_ids(self):
-        # Test vectors of the reference MurmurHash3_x86_32.
-        for data, expected in ((b"", 0), (b"test", 0xBA6BD213),
-                               (b"Hello, world!", 0xC0363E43)):
-            self.assertEqual(cryptomatte.murmur3(data), expected)
-
-    def test_cryptomatte_is_renamed(self):
-        level = numpy.zeros((1, 2, 4), numpy.float32)
-        level[0, 0, 0] = numpy.uint32(cryptomatte.id_bits("main.pbrt:9:1")).view(numpy.float32)
-        level[0, 0, 1] = 0.75
-        renamed = cryptomatte.renamed([level], {"main.pbrt:9:1": "Ball", "x#2": "Tree"})[0]
-        self.assertEqual(renamed[0, 0, 0].view(numpy.uint32), cryptomatte.id_bits("Ball"))
-        self.assertEqual(renamed[0, 0, 1], 0.75)
-        self.assertEqual(renamed[0, 1, 0], 0)
-
     def test_strands_pass_through_their_points(self):
         points = numpy.float32([[0, 0, 0], [1, 0, 0], [2, 1, 0]])
         bezier = strands.bezier_points(points)

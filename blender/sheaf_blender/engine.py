@@ -116,7 +116,7 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         cosines = (passes.depth_cosines(exported.view_window, (settings.width, settings.height),
                                         window) if exported.view_window else None)
         self._show(passes.arrays(images.read_layers(job.output), view_layer,
-                                 exported.object_names, scene.render.film_transparent, cosines),
+                                 scene.render.film_transparent, cosines),
                    size, view_layer)
 
     def _follow(self, job, size):

@@ -3,8 +3,6 @@
 """Blender's render passes from the layers of Sheaf's images."""
 import numpy
 
-from .scene import cryptomatte
-
 DEPTH_OF_NOTHING = 1e10  # As Cycles.
 CRYPTOMATTE_LEVELS = 3
 CRYPTOMATTE_KINDS = (("object", "CryptoObject"), ("material", "CryptoMaterial"),
@@ -71,7 +69,7 @@ def depth_cosines(view_window, size, crop):
     return 1 / numpy.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
 
 
-def arrays(layers, view_layer, object_names, is_transparent, cosines=None):
+def arrays(layers, view_layer, is_transparent, cosines=None):
     """{name of the pass: (height, width, channels), rows from the top} of Layers."""
     alpha = layers.channels["A"]
     found = {"Combined": layers.stack("R", "G", "B", "A")}
@@ -89,13 +87,12 @@ def arrays(layers, view_layer, object_names, is_transparent, cosines=None):
         found["UV"] = numpy.concatenate([uv, (alpha[..., None] > 0).astype(numpy.float32)], axis=-1)
     found[ALBEDO] = layers.stack("albedo.R", "albedo.G", "albedo.B")
     found[ERROR] = layers.stack("stderr.R", "stderr.G", "stderr.B")
-    found[SAMPLES] = layers.stack("samples")
-    for kind, name in wanted_mattes(view_layer):
+    found[SAMPLES] = layers.stack("samples.X")
+    for _, name in wanted_mattes(view_layer):
         levels = [layers.stack(*(f"{name}{level:02d}.{c}" for c in "RGBA"))
                   for level in range(CRYPTOMATTE_LEVELS)]
         if any(level is None for level in levels):
             continue
-        levels = cryptomatte.renamed(levels, object_names if kind == "object" else {})
         found.update({f"{name}{i:02d}": level for i, level in enumerate(levels)})
     return {name: array for name, array in found.items() if array is not None}
 

@@ -10,6 +10,7 @@
 #include "cli/commands/options.h"
 #include "cli/job/farm_channel.h"
 #include "common/rpc/address.h"
+#include "common/rpc/address_list.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "sheaf/v1/access.grpc.pb.h"
@@ -46,7 +47,8 @@ class PageCommand : public Command {
                                                 " has no certificates; its page needs no token")));
     }
     if (!status.ok()) return ReportCallError(NoCoordinatorAnswers(coordinator_.address, status));
-    const absl::StatusOr<Address> address = ParseAddress(coordinator_.address);
+    const absl::StatusOr<Address> address =
+        ParseAddress(AnsweringAddress(coordinator_.address, context.peer()));
     if (!address.ok()) return ReportError(ExitCode::kUsage, address.status());
     const Address page{address->host, static_cast<uint16_t>(response.http_port())};
     std::printf("https://%s/login\n%s\n", FormatAddress(page).c_str(), response.token().c_str());

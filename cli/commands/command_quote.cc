@@ -35,6 +35,12 @@ class QuoteCommand : public Command {
         ->check(CLI::Range(1e-9, 1e3))
         ->capture_default_str();
     command
+        ->add_option("--minutes", asked_.minutes,
+                     "Wall times in minutes to quote the least error for, 10,60,...")
+        ->delimiter(',')
+        ->check(CLI::Range(0.01, 1e6))
+        ->capture_default_str();
+    command
         ->add_option("--priority", arguments_.priority,
                      "Priority of the quoted job: higher values run first and wait for fewer jobs")
         ->check(CLI::Range(-1000, 1000))
@@ -51,8 +57,10 @@ class QuoteCommand : public Command {
         "Examples:\n"
         "  sheaf quote room.pbrt\n"
         "  sheaf quote room.pbrt --local --targets 0.02,0.01\n"
+        "  sheaf quote room.pbrt --minutes 10,60\n"
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
         "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
+        "An error is the typical error of a pixel, the root of relMSE. Nothing is denoised.\n"
         "A pilot renders a few of the pixels, at no more than 3 % of the price of the loosest\n"
         "error, before all other jobs. Bands are 80 % prediction intervals. Wall times include\n"
         "the time that the farm's other jobs take first. With --resume-from the price covers\n"
@@ -98,7 +106,7 @@ class QuoteCommand : public Command {
   }
 
   JobArguments arguments_;
-  QuoteArguments asked_{.targets = kQuotedErrors};
+  QuoteArguments asked_{.targets = kQuotedErrors, .minutes = kQuotedMinutes};
   LocalFarmOptions farm_;
   FarmAddress coordinator_;
   bool here_ = false, json_ = false;

@@ -5,17 +5,22 @@
 // JSON.
 #include <algorithm>
 #include <cstdio>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
+#include "cli/interruption.h"
 #include "cli/job/camera_paths_check.h"
+#include "cli/job/farm_channel.h"
 #include "cli/job/opened_scene.h"
 #include "cli/job/output_files.h"
 #include "cli/message.h"
+#include "cli/quote/farm_size.h"
 #include "cli/study/study.h"
 #include "cli/study/study_page.h"
 #include "common/base/file.h"
@@ -39,13 +44,21 @@ class StudyCommand : public Command {
         ->capture_default_str();
     command->add_option("--threads", options_.threads, "Threads that render (default: all)")
         ->check(CLI::Range(1, 4096));
+    AddCoordinatorOption(command, &coordinator_);
+    coordinator_option_ = command->get_option("--coordinator");
+    coordinator_option_->description(
+        absl::StrCat(coordinator_option_->get_description(),
+                     "; if named, prices are given for its workers too, which render nothing"));
     command->footer(
         "Examples:\n"
         "  sheaf study room.pbrt -o room.html\n"
+        "  sheaf study room.pbrt --coordinator farm.example.org -o room.html\n"
         "  sheaf study room.pbrt --minutes 60 --json-output room.json\n"
         "Tiles spread over the frame are rendered with each setting in turn and compared with one\n"
-        "reference that the study renders. Everything is rendered on this machine. Studies do not\n"
-        "know light paths (--techniques).");
+        "reference that the study renders. Crops show the image at four prices. Everything is\n"
+        "rendered on this machine; the times of a farm are those of as fast threads, and sheaf\n"
+        "quote measures its own. Nothing is denoised. Studies do not know light paths\n"
+        "(--techniques).");
     return command;
   }
 
@@ -79,6 +92,7 @@ class StudyCommand : public Command {
     if (options_.threads == 0) {
       options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
     }
+    if (const ExitCode code = DescribeFarm(); code != ExitCode::kOk) return code;
     options_.on_progress = [](const std::string& line) { PrintInfo(line); };
     absl::StatusOr<StudyResult> result =
         RunStudy(scene, opened.settings, *opened.file.files, options_);
@@ -91,6 +105,21 @@ class StudyCommand : public Command {
   absl::Status CheckNames() const {
     const absl::Status status = CheckOutputName("-o", page_path_, {".html", ".htm"});
     return status.ok() ? CheckOutputName("--json-output", json_path_, {".json"}) : status;
+  }
+
+  // Counts the workers of the named coordinator. Nothing else is asked of the farm, so that an
+  // address that does not answer costs no study.
+  ExitCode DescribeFarm() {
+    if (coordinator_option_->count() == 0) return ExitCode::kOk;
+    const Interruption interruption;
+    const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
+    if (!channel.ok()) return ReportCallError(channel.status());
+    FarmClient client(*channel, coordinator_.address, interruption.token());
+    const absl::StatusOr<FarmSize> size = SizeOfFarm(&client);
+    if (!size.ok()) return ReportCallError(size.status());
+    options_.farm = StudyFarm{coordinator_.address, size->worker_count, size->thread_count,
+                              size->other_job_count};
+    return ExitCode::kOk;
   }
 
   ExitCode Deliver(const StudyResult& result) const {
@@ -111,7 +140,9 @@ class StudyCommand : public Command {
   }
 
   JobArguments arguments_;
-  StudyOptions options_{.minutes = 10, .threads = 0, .on_progress = {}};
+  StudyOptions options_{.minutes = 10, .threads = 0, .farm = {}, .on_progress = {}};
+  FarmAddress coordinator_;
+  CLI::Option* coordinator_option_ = nullptr;
   std::string page_path_, json_path_;
   bool json_ = false;
 };

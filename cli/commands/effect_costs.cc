@@ -33,12 +33,15 @@ v1::EffectCost ToWire(const render::EffectMeasurement& effect) {
 absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& arguments,
                                                            double seconds) {
   std::string scene = arguments.scene;
-  if (IsPattern(scene)) {
+  int32_t number = 1;
+  if (!arguments.frames.empty()) {
     const absl::StatusOr<std::vector<int32_t>> numbers = ParseFrameRange(arguments.frames);
     if (!numbers.ok()) return numbers.status();
-    scene = ExpandPattern(scene, numbers->front());
+    number = numbers->front();
+    scene = ExpandPattern(scene, number);
   }
-  const absl::StatusOr<SceneFile> file = ReadSceneFile(scene);
+  GltfInputs gltf(arguments.gltf);
+  const absl::StatusOr<SceneFile> file = ReadSceneFile(scene, &gltf, number);
   if (!file.ok()) return file.status();
   const absl::StatusOr<FrameSettings> settings =
       ResolveSettings(file->read.scene, arguments.settings);

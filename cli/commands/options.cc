@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
+#include "cli/commands/format_options.h"
 #include "common/base/label.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
@@ -94,6 +95,53 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
                     "Write the contribution of each kind of path: direct, caustic, fog ...");
 }
 
+std::string CheckOneLine(const std::string& text) {
+  return text.find('\n') == std::string::npos ? "" : "a name has one line";
+}
+
+// Parses "640x480".
+void ParseSize(const std::string& text, GltfArguments* gltf) {
+  const std::vector<std::string> items = absl::StrSplit(text, 'x');
+  const auto parse = [](const std::string& item, int32_t* pixels) {
+    return absl::SimpleAtoi(item, pixels) && *pixels > 0 && *pixels <= GltfView::kSizePxMax;
+  };
+  if (items.size() == 2 && parse(items[0], &gltf->width_px) && parse(items[1], &gltf->height_px)) {
+    return;
+  }
+  throw CLI::ValidationError("--size", text + ": expected WIDTHxHEIGHT in pixels, as in 640x480");
+}
+
+// Options that say what a glTF file leaves open.
+void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
+  const OptionGroup group(command, "glTF scenes");
+  const CLI::Validator one_line(CheckOneLine, "");
+  command
+      ->add_option("--camera", gltf->camera,
+                   "Camera, by its name or its node's (default: the first; if there is none, one "
+                   "that sees the whole scene)")
+      ->check(one_line);
+  command
+      ->add_option("--animation", gltf->animation,
+                   "Animation, by its name (default: the first, with those that move other things)")
+      ->check(one_line);
+  command->add_option("--fps", gltf->fps, "Frames per second: frame N shows (N - 1) / fps seconds")
+      ->check(CLI::Range(1e-3, GltfArguments::kFpsMax))
+      ->capture_default_str();
+  command
+      ->add_option("--shutter", gltf->shutter,
+                   "How long the shutter is open, in frames; 0: no motion blur")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  command
+      ->add_option("--environment", gltf->environment,
+                   "Image of what surrounds the scene: equirectangular, .exr or .hdr (default: "
+                   "none; a dim white one if the scene has no light)")
+      ->check(CLI::ExistingFile);
+  command->add_option_function<std::string>(
+      "--size", [gltf](const std::string& text) { ParseSize(text, gltf); },
+      "Size of the image, WIDTHxHEIGHT (default: 720 high, as wide as the camera says)");
+}
+
 constexpr char kMeasuredTechniques[] = "auto";
 
 // Options for light transport.
@@ -148,9 +196,10 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
 
 void AddCoordinatorOption(CLI::App* command, FarmAddress* coordinator) {
   command
-      ->add_option("--coordinator", coordinator->address,
-                   absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ",
-                                kCoordinatorPort, ")"))
+      ->add_option(
+          "--coordinator", coordinator->address,
+          absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ", kCoordinatorPort,
+                       "); of several that share a farm: all, separated by commas"))
       ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
       ->type_name("ADDRESS")
@@ -167,7 +216,8 @@ void AddJsonFlag(CLI::App* command, bool* json) {
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   RenderSettings& settings = arguments->settings;
   const OptionGroup group(command, "Scene and samples");
-  command->add_option("SCENE", arguments->scene, "Scene file (pbrt-v4 format)")->required();
+  command->add_option("SCENE", arguments->scene, "Scene file: pbrt-v4, or glTF 2.0 (.gltf, .glb)")
+      ->required();
   command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
       ->check(CLI::PositiveNumber);
   command
@@ -178,6 +228,7 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option_function<std::string>(
       "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
       "Render only the pixels X0,Y0,X1,Y1 (X1 and Y1 excluded)");
+  AddGltfOptions(command, &arguments->gltf);
   AddOutputOptions(command, &settings);
   AddTransportOptions(command, &settings);
 }
@@ -218,6 +269,7 @@ void AddImageOptions(CLI::App* command, JobArguments* arguments) {
                       "Image to write at the end: .exr or .png; #### is the frame number");
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
+  AddFormatOptions(command, &arguments->format);
 }
 
 void AddResumeOption(CLI::App* command, JobArguments* arguments) {
@@ -281,8 +333,10 @@ void AddPlacementOptions(CLI::App* command, JobArguments* arguments) {
 
 void AddFramesOption(CLI::App* command, JobArguments* arguments) {
   const OptionGroup group(command, "Scene and samples");
-  command->add_option("--frames", arguments->frames,
-                      "Frames of a pattern such as shot.####.pbrt: 1-24, 1-100x5 or 1,4,9-12");
+  command->add_option(
+      "--frames", arguments->frames,
+      "Frames of a pattern such as shot.####.pbrt, or of a glTF scene: 1-24, 1-100x5 or "
+      "1,4,9-12");
 }
 
 void AddJobOptions(CLI::App* command, JobArguments* arguments) {
@@ -295,6 +349,7 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
       "Image to write: .exr, or .png with an .exr beside it; #### is the frame number");
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
+  AddFormatOptions(command, &arguments->format);
   AddResumeOption(command, arguments);
   AddPartitionOptions(command, arguments);
 }

@@ -10,7 +10,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "cli/job/frame_range.h"
+#include "cli/job/format/image_format.h"
 #include "cli/job/job_json.h"
 #include "cli/job/output_files.h"
 #include "cli/job/summary.h"
@@ -37,13 +39,11 @@ bool IsBlack(const FrameImage& image) {
 }
 
 absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePaths& paths,
-                       const ViewTransform& view) {
+                       const Delivery& delivery) {
   const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kImageBytesMax);
   if (!bytes.ok()) return bytes.status();
   std::optional<FrameImage> image;
-  const auto write_exr = [&](const std::string& path) -> absl::Status {
-    if (absl::Status status = WriteFileAtomically(path, *bytes); !status.ok()) return status;
-    absl::StatusOr<FrameImage> read = ReadFrameImage(path);
+  const auto check = [&](absl::StatusOr<FrameImage> read) -> absl::Status {
     if (!read.ok()) return read.status();
     if (ImageDigest(*read) != frame.image_digest()) {
       return absl::DataLossError("it is not the image that the coordinator delivered");
@@ -51,11 +51,27 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
     image = *std::move(read);
     return absl::OkStatus();
   };
+  const ImageFormat& format = delivery.format;
+  const auto write_exr = [&](const std::string& path) -> absl::Status {
+    if (format.IsDefault()) {
+      if (absl::Status status = WriteFileAtomically(path, *bytes); !status.ok()) return status;
+      return check(ReadFrameImage(path));
+    }
+    if (absl::Status status = check(DecodeFrameImage(*bytes)); !status.ok()) return status;
+    AddAttributes(format, frame, absl::Now(), &*image);
+    return WriteFileAtomically(path, EncodeFrameImage(*image, format.exr));
+  };
   if (absl::Status status = WriteOrKeep(paths.exr, write_exr); !status.ok()) return status;
   if (!paths.png.empty()) {
     const absl::Status status = WriteOrKeep(
-        paths.png, [&](const std::string& path) { return WriteView(view, *image, path); });
+        paths.png, [&](const std::string& path) { return WriteView(delivery.view, *image, path); });
     if (!status.ok()) return status;
+  }
+  if (const int64_t cut = format.exr.type == ExrType::kHalf ? CountBeyondHalf(*image) : 0;
+      cut > 0) {
+    PrintNote(absl::StrCat(paths.exr, ": ", cut,
+                           " values beyond the range of 16-bit floats are cut at 65504; "
+                           "--exr-type float keeps them"));
   }
   PrintInfo(absl::StrCat(FormatImageSummary(frame, paths),
                          IsBlack(*image)
@@ -69,7 +85,7 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
 
 absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
                                       ViewTransform view) {
-  Delivery delivery{OutputPaths(arguments, job), std::move(view), ""};
+  Delivery delivery{OutputPaths(arguments, job), std::move(view), arguments.format, ""};
   std::vector<std::string> outputs;
   for (const ImagePaths& paths : delivery.paths) {
     outputs.insert(outputs.end(), {paths.exr, paths.png});
@@ -77,6 +93,10 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const Prepa
   if (absl::Status status = CheckOutputs(outputs, InputPaths(job)); !status.ok()) return status;
   const ImagePaths patterns = OutputPatterns(arguments, job);
   delivery.options = absl::StrCat("-o ", ShellQuoted(patterns.exr));
+  for (const auto& [option, value] : FormatOptions(arguments.format)) {
+    absl::StrAppend(&delivery.options, " ", option, value.empty() ? "" : " ",
+                    value.empty() ? "" : ShellQuoted(value));
+  }
   if (patterns.png.empty()) return delivery;
   for (const auto& [flag, value] :
        {std::pair("--png", patterns.png), std::pair("--ocio", arguments.view.config),
@@ -94,7 +114,8 @@ absl::Status ProbeOutputs(const JobArguments& arguments) {
 
 absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
                                       ViewTransform view) {
-  if (arguments.output.empty() && arguments.png.empty()) return Delivery{{}, std::move(view), ""};
+  if (arguments.output.empty() && arguments.png.empty())
+    return Delivery{{}, std::move(view), {}, ""};
   PreparedJob frames;
   for (const v1::Frame& frame : job.frames()) {
     frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});
@@ -133,7 +154,7 @@ absl::Status SaveImages(FarmClient* client, const v1::Job& job, const Delivery& 
   absl::Status first;
   for (size_t i = 0; i < delivery.paths.size() && i < static_cast<size_t>(job.frames_size()); ++i) {
     const absl::Status status =
-        SaveImage(client, job.frames(static_cast<int>(i)), delivery.paths[i], delivery.view);
+        SaveImage(client, job.frames(static_cast<int>(i)), delivery.paths[i], delivery);
     if (status.ok()) continue;
     if (!absl::IsFailedPrecondition(status)) return status;
     if (first.ok()) {

@@ -23,6 +23,7 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
 struct Delivery {
   std::vector<ImagePaths> paths;  // One per frame, by ascending frame number; empty: no images.
   ViewTransform view;             // For PNGs.
+  ImageFormat format;             // Of EXRs.
   std::string options;            // The same as options of `sheaf watch`, "-o room.exr".
 };
 // Checks everything that is known before the scene is read. Errors: those of CheckOutputs.

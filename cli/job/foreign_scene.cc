@@ -9,16 +9,17 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/scene/formats/text_input.h"
+#include "common/scene/gltf/gltf_view.h"
 
 namespace sheaf::cli {
 namespace {
 
 constexpr size_t kHeadBytes = 4096;
 
-constexpr char kAssimp[] = "convert it, for example with: assimp export ROOM.glb room.pbrt";
+constexpr char kAssimp[] = "convert it, for example with: assimp export ROOM.fbx room.glb";
+constexpr char kGltfName[] = "name it .gltf or .glb";
 constexpr char kByBlender[] =
-    "open it in Blender and export it as pbrt-v4 with an add-on, or as glTF and convert that with: "
-    "assimp export room.glb room.pbrt";
+    "open it in Blender and export it as glTF, or as pbrt-v4 with Sheaf's add-on";
 constexpr char kByHand[] = "docs/pbrt-v4.md describes the scenes that Sheaf reads";
 constexpr char kImage[] = "give the scene that uses it";
 constexpr char kMesh[] =
@@ -37,8 +38,7 @@ struct Format {
 using namespace std::string_view_literals;  // NOLINT: magic numbers hold zeros.
 constexpr Format kFormats[] = {
     {"BLENDER"sv, ".blend"sv, "a Blender file", kByBlender},
-    {"glTF"sv, ".glb"sv, "a glTF file", kAssimp},
-    {""sv, ".gltf"sv, "a glTF file", kAssimp},
+    {"glTF"sv, ""sv, "a glTF file", kGltfName},
     {"PXR-USDC"sv, ".usdc"sv, "a USD file", kByBlender},
     {"#usda"sv, ".usda"sv, "a USD file", kByBlender},
     {""sv, ".usd"sv, "a USD file", kByBlender},
@@ -73,12 +73,13 @@ bool EndsSo(const std::string& path, std::string_view ending) {
 
 absl::Status Refusal(const std::string& path, const std::string& what, const std::string& advice) {
   return absl::InvalidArgumentError(
-      absl::StrCat(path, ": is ", what, ", not a pbrt-v4 scene; ", advice));
+      absl::StrCat(path, ": is ", what, ", not a pbrt-v4 or glTF scene; ", advice));
 }
 
 }  // namespace
 
 absl::Status CheckSceneFormat(const std::string& path, const std::string& head) {
+  if (IsGltfName(path)) return absl::OkStatus();  // Its reader says what is wrong with it.
   // The name is checked first: a .blend may be compressed, and a .usdz is a zip archive.
   for (const Format& format : kFormats) {
     if (EndsSo(path, format.ending)) return Refusal(path, format.what, format.advice);
@@ -96,7 +97,7 @@ absl::Status CheckSceneFormat(const std::string& path, const std::string& head) 
   }
   if (text.starts_with("{")) {
     const bool is_gltf = absl::StrContains(text, "\"asset\"");
-    return Refusal(path, is_gltf ? "a glTF file" : "a JSON file", is_gltf ? kAssimp : kByHand);
+    return Refusal(path, is_gltf ? "a glTF file" : "a JSON file", is_gltf ? kGltfName : kByHand);
   }
   if (head.find('\0') != std::string::npos) return Refusal(path, "a binary file", kByHand);
   return absl::OkStatus();

@@ -19,10 +19,12 @@ std::string Refusal(const std::string& path, const std::string& head) {
 }
 
 TEST(ForeignSceneTest, FormatsAreRecognizedByTheirFirstBytes) {
-  EXPECT_THAT(Refusal("x", "BLENDER-v305"), HasSubstr("x: is a Blender file, not a pbrt-v4 scene"));
-  EXPECT_THAT(Refusal("x", "BLENDER-v305"), HasSubstr("export it as pbrt-v4"));
+  EXPECT_THAT(Refusal("x", "BLENDER-v305"),
+              HasSubstr("x: is a Blender file, not a pbrt-v4 or glTF scene"));
+  EXPECT_THAT(Refusal("x", "BLENDER-v305"), HasSubstr("export it as glTF"));
   EXPECT_THAT(Refusal("x", "glTF\x02"), HasSubstr("a glTF file"));
-  EXPECT_THAT(Refusal("x", "\n{ \"asset\": {\"version\": \"2.0\"}}"), HasSubstr("assimp export"));
+  EXPECT_THAT(Refusal("x", "\n{ \"asset\": {\"version\": \"2.0\"}}"),
+              HasSubstr("name it .gltf or .glb"));
   EXPECT_THAT(Refusal("x", "PXR-USDC"), HasSubstr("a USD file"));
   EXPECT_THAT(Refusal("x", "#usda 1.0\n"), HasSubstr("a USD file"));
   EXPECT_THAT(Refusal("x", "<?xml version=\"1.0\"?>\n<scene version=\"3.0.0\">"),

@@ -10,20 +10,27 @@
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
 #include "common/scene/black_image.h"
+#include "common/scene/gltf/scene_file_reader.h"
 
 namespace sheaf::cli {
 
-absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path) {
+absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* gltf,
+                                        int32_t frame_number) {
   if (absl::Status status = CheckSceneFormatOf(path); !status.ok()) return status;
   const std::filesystem::path scene(path);
   const std::string directory = scene.parent_path().string();
-  auto files = std::make_unique<DirectoryFileSource>(directory.empty() ? "." : directory);
+  auto files =
+      std::make_unique<DirectoryFileSource>(directory.empty() ? "." : directory, gltf->derived());
+  const std::string main_file = scene.filename().string();
+  if (absl::Status status = gltf->Add(main_file, frame_number, files.get()); !status.ok()) {
+    return status;
+  }
   SceneReaderLimits limits;
   if (const MemoryRoom room = FindMemoryRoom(); room.bytes < limits.memory_bytes_max) {
     limits.memory_bytes_max = room.bytes;
     limits.memory_limit = "the remainder of " + room.limit;
   }
-  absl::StatusOr<ReadSceneResult> read = ReadScene(scene.filename().string(), *files, limits);
+  absl::StatusOr<ReadSceneResult> read = ReadSceneByName(main_file, *files, limits);
   if (!read.ok()) return read.status();
   if (std::string black = WhyBlack(read->scene); !black.empty()) {
     read->diagnostics.push_back({SceneDiagnostic::Severity::kWarning, std::move(black)});
@@ -32,7 +39,8 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path) {
 }
 
 ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
-  absl::StatusOr<SceneFile> file = ReadSceneFile(arguments.scene);
+  GltfInputs gltf(arguments.gltf);
+  absl::StatusOr<SceneFile> file = ReadSceneFile(arguments.scene, &gltf);
   if (!file.ok()) return ReportSceneError(file.status());
   for (const SceneDiagnostic& diagnostic : file->read.diagnostics) {
     PrintSceneNote(diagnostic.text);

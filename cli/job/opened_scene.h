@@ -9,6 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "cli/exit_code.h"
+#include "cli/gltf/gltf_inputs.h"
 #include "cli/job/prepared_job.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
@@ -19,8 +20,10 @@ struct SceneFile {
   std::unique_ptr<DirectoryFileSource> files;
   ReadSceneResult read;
 };
-// Also warns if the scene's image is necessarily black. Errors: those of ReadScene.
-absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path);
+// Also warns if the scene's image is necessarily black. gltf outlives the call; its derived files
+// are kept by the result. Errors: those of ReadSceneByName and GltfInputs::Add.
+absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* gltf,
+                                        int32_t frame_number = 1);
 
 struct OpenedScene {
   SceneFile file;

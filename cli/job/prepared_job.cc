@@ -25,10 +25,12 @@
 #include "common/base/status.h"
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/settings_codec.h"
+#include "common/scene/camera_matrices.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
 #include "common/scene/visible_emitters.h"
 #include "worker/render/ablation/technique_measurement.h"
+#include "worker/render/scene/matte_names.h"
 #include "worker/render/scene/memory_estimate.h"
 
 namespace sheaf::cli {
@@ -47,9 +49,9 @@ struct ReadFrameResult {
 };
 
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
-                                          const RenderSettings& settings, FileDigests* digests,
-                                          InputChecks* checks) {
-  const absl::StatusOr<SceneFile> file = ReadSceneFile(path);
+                                          const RenderSettings& settings, GltfInputs* gltf,
+                                          FileDigests* digests, InputChecks* checks) {
+  const absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
   if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
     return status;
@@ -72,6 +74,11 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   if (std::string note = ComparisonNote(read.scene, *resolved); !note.empty()) {
     result.diagnostics.push_back(std::move(note));
   }
+  if (resolved->outputs.HasIds()) {
+    for (const std::string& line : render::MatteCollisions(read.scene)) {
+      result.diagnostics.push_back(absl::StrCat(path, ": warning: ", line));
+    }
+  }
   std::vector<ManifestFile> files;
   for (const auto& [name, local_path] : file->files->FilesUsed()) {
     const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
@@ -79,7 +86,10 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
     files.push_back({name, *digest});
     result.blobs.push_back({*digest, local_path, ""});
   }
-  const Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
+  Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
+  CameraMatrices camera = CameraMatricesOf(read.scene.camera);
+  manifest.world_to_camera = std::move(camera.world_to_camera);
+  manifest.world_to_ndc = std::move(camera.world_to_ndc);
   if (absl::Status status = CheckManifest(manifest); !status.ok()) return status;
   const std::string bytes = EncodeManifest(manifest);
   const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
@@ -101,10 +111,11 @@ absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments)
     return absl::InvalidArgumentError(absl::StrCat(
         arguments.scene, ": is a pattern; give its frames, for example --frames 1-24"));
   }
-  if (!is_pattern) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "--frames needs a scene with #### where the number goes, as in shot.####.pbrt; got ",
-        arguments.scene));
+  if (!is_pattern && !IsGltfName(arguments.scene)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--frames needs a glTF scene, or one with #### where the number goes, as in "
+                     "shot.####.pbrt; got ",
+                     arguments.scene));
   }
   return ParseFrameRange(arguments.frames);
 }
@@ -118,6 +129,7 @@ absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
 }  // namespace
 
 absl::Status CheckImageNames(const JobArguments& arguments) {
+  if (absl::Status status = CheckImageFormat(arguments.format); !status.ok()) return status;
   const absl::Status status = CheckOutputName("-o", arguments.output, {".exr", ".png"});
   return status.ok() ? CheckOutputName("--png", arguments.png, {".png"}) : status;
 }
@@ -142,6 +154,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   DigestMemory memory(DigestMemory::DefaultPath());
   FileDigests digests(&memory);
   InputChecks checks;
+  GltfInputs gltf(arguments.gltf);
   RenderSettings settings = arguments.settings;
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
   std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
@@ -156,13 +169,14 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
           results[i].emplace(ReadFrame(ExpandPattern(arguments.scene, number), number, settings,
-                                       &digests, &checks));
+                                       &gltf, &digests, &checks));
           if (!results[i]->ok()) failed = true;
         }
       });
     }
   }
   PreparedJob job;
+  job.derived = gltf.derived();
   std::set<std::string> seen;
   for (std::optional<absl::StatusOr<ReadFrameResult>>& result : results) {
     if (!result.has_value()) continue;  // Another frame failed first.
@@ -195,7 +209,9 @@ ImagePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job)
     if (job.frames.size() == 1 && !job.frames.front().film_filename.empty()) {
       name = fs::path(job.frames.front().film_filename).filename();
     }
-    exr = name.replace_extension(".exr").string();
+    // A glTF file holds all frames.
+    const bool needs_number = job.frames.size() > 1 && !IsPattern(name.string());
+    exr = name.replace_extension(needs_number ? ".####.exr" : ".exr").string();
   }
   if (IsPng(exr)) {
     if (png.empty()) png = exr;

@@ -9,12 +9,15 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
+#include "cli/gltf/gltf_inputs.h"
+#include "cli/job/format/image_format.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"
 
@@ -32,17 +35,20 @@ using coordinator::kStoppedSamplesMax;
 
 // The arguments that submit and render share.
 struct JobArguments {
-  std::string scene;   // A path, or a pattern with #### when frames is given.
+  // A path, or a pattern with #### when frames is given; of a glTF file a path in any case.
+  std::string scene;
   std::string frames;  // As for ParseFrameRange; empty for a single image.
   std::string output;  // A path or pattern; empty: taken from the scene.
   std::string png;     // The same for a PNG; empty: no PNG.
   ViewArguments view;  // The view that PNGs show.
+  ImageFormat format;  // Of EXRs.
   std::string title;   // Empty: the scene's file name.
   int32_t priority = 0;
   std::string show;  // Empty: the default one.
   std::string pool;  // The same.
   std::vector<std::string> required_tags;
   uint64_t memory_min_bytes = 0;
+  GltfArguments gltf;
   RenderSettings settings;
   StopArguments stop;
   std::string resume_from;   // A delivered EXR that the frame continues from; empty: none.
@@ -67,9 +73,11 @@ struct PreparedJob {
   std::vector<PreparedFrame> frames;
   std::map<std::string, BlobSource> blobs;  // By digest.
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
+  std::shared_ptr<DerivedFiles> derived;    // Keeps files among the blobs until they are uploaded.
 };
 
-// Errors: kInvalidArgument if the names of the images do not match their formats.
+// Errors: kInvalidArgument if the names of the images do not match their formats; those of
+// CheckImageFormat.
 absl::Status CheckImageNames(const JobArguments& arguments);
 // Errors: kInvalidArgument if the arguments contradict each other: wrong usage, not a wrong scene.
 absl::Status CheckJobArguments(const JobArguments& arguments);

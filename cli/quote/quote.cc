@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/duration.h"
+#include "cli/quote/farm_size.h"
 #include "cli/quote/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
@@ -98,6 +99,28 @@ QuoteRow MakeRow(const std::vector<PilotFrame>& frames, const JobArguments& argu
   return row;
 }
 
+// What this wall time buys, with the band of its error.
+template <typename RowOfTarget>
+QuoteRow RowOfMinutes(double minutes, const RowOfTarget& row_of) {
+  const double seconds = 60 * minutes;
+  const auto least = [&](double Banded::*bound) {
+    return LeastErrorIn(seconds, [&](double error) { return row_of(error).wall_seconds.*bound; });
+  };
+  QuoteRow row;
+  const std::optional<double> error = least(&Banded::value);
+  if (error) {
+    row = row_of(*error);
+    // A low time means a low error.
+    row.relative_mse = {*error, std::min(*error, least(&Banded::low).value_or(*error)),
+                        std::max(*error, least(&Banded::high).value_or(kMinutesErrorMax))};
+  }
+  row.reached = error.has_value();
+  row.target_error = 0;
+  row.minutes_given = minutes;
+  row.wall_seconds = {seconds, seconds, seconds};
+  return row;
+}
+
 coordinator::WorkLeft WorkLeftOf(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   const auto done = static_cast<double>(progress.sample_count_done());
@@ -107,15 +130,10 @@ coordinator::WorkLeft WorkLeftOf(const v1::Job& job) {
 }
 
 absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quote* quote) {
-  constexpr size_t kJobsMax = 1000;
   const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
   if (!workers.ok()) return workers.status();
-  for (const v1::Worker& worker : *workers) {
-    const bool works =
-        worker.state() == v1::Worker::STATE_IDLE || worker.state() == v1::Worker::STATE_BUSY;
-    if (works) quote->thread_count += worker.thread_count();
-  }
-  const absl::StatusOr<std::vector<v1::Job>> jobs = client->ListJobs(kJobsMax);
+  quote->thread_count = SizeOf(*workers, {}).thread_count;
+  const absl::StatusOr<std::vector<v1::Job>> jobs = client->ListJobs(kLoadJobsMax);
   if (!jobs.ok()) return jobs.status();
   std::vector<coordinator::WorkLeft> left;
   for (const v1::Job& job : *jobs) {
@@ -153,6 +171,18 @@ absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
 
 }  // namespace
 
+std::optional<double> LeastErrorIn(double seconds,
+                                   const std::function<double(double)>& seconds_of) {
+  constexpr int kSteps = 14;  // To a thousandth of an error.
+  if (seconds_of(kMinutesErrorMax) > seconds) return std::nullopt;
+  double low = std::log(kMinutesErrorMin), high = std::log(kMinutesErrorMax);
+  for (int i = 0; i < kSteps; ++i) {
+    const double middle = (low + high) / 2;
+    (seconds_of(std::exp(middle)) > seconds ? low : high) = middle;
+  }
+  return std::exp(high);
+}
+
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
   Quote quote;
@@ -188,13 +218,20 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
         Quote::Start{coordinator::PixelSamples(*start) / static_cast<double>(sum.pixel_count),
                      sum.RelativeMse()};
   }
-  for (const double target : asked.targets) {
-    QuoteRow& row = quote.rows.emplace_back(
+  const auto row_of_target = [&](double target) {
+    QuoteRow row =
         MakeRow(*frames, arguments, quote, [&](const ErrorModel& model, double deviations) {
           return coordinator::ForecastTarget(model, {.target_error = target}, kStoppedSamplesMax,
                                              deviations);
-        }));
+        });
     row.target_error = target;
+    return row;
+  };
+  for (const double target : asked.targets) quote.rows.push_back(row_of_target(target));
+  if (quote.thread_count > 0) {
+    for (const double minutes : asked.minutes) {
+      quote.rows.push_back(RowOfMinutes(minutes, row_of_target));
+    }
   }
   if (asked.with_samples && !arguments.stop.IsActive()) {
     const uint64_t samples = settings.samples;

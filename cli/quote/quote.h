@@ -15,6 +15,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -32,9 +33,11 @@ namespace sheaf::cli {
 using Banded = coordinator::Estimate;
 
 struct QuoteRow {
-  double target_error = 0;                // 0: the number of samples is given instead.
-  std::optional<uint64_t> samples_given;  // Per pixel.
-  bool reached = true;                    // Within the limit of samples per pixel.
+  double target_error = 0;                     // 0: samples or minutes are given instead.
+  std::optional<uint64_t> samples_given = {};  // Per pixel.
+  double minutes_given = 0;                    // Wall time.
+  // Within the limit of samples per pixel; or, if minutes are given, with any error quoted.
+  bool reached = true;
   Banded relative_mse;
   Banded samples;  // Final samples per pixel, the mean over pixels and frames.
   // For all frames. wall: includes the farm's other jobs in that time; 0 if there are no workers.
@@ -61,10 +64,15 @@ struct Quote {
 
 // The targets quoted when none is requested.
 inline const std::vector<double> kQuotedErrors = {0.1, 0.05, 0.02, 0.01};
+// The minutes for which the least error is quoted when none are requested.
+inline const std::vector<double> kQuotedMinutes = {10};
+// The errors that may be quoted for a time.
+inline constexpr double kMinutesErrorMin = 1e-6, kMinutesErrorMax = 10;
 
 struct QuoteArguments {
-  std::vector<double> targets;  // Values of relMSE.
-  bool with_samples = true;     // Also adds a row for the requested number of samples.
+  std::vector<double> targets;       // Values of relMSE.
+  std::vector<double> minutes = {};  // Wall times to quote errors for, if there are workers.
+  bool with_samples = true;          // Also adds a row for the requested number of samples.
   absl::Duration wait_max = absl::InfiniteDuration();  // For all pilots together.
 };
 
@@ -76,7 +84,12 @@ struct QuoteArguments {
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked);
 
-// A table for people, with a line that states the basis of the forecast.
+// The least error that takes at most this many seconds, as seconds_of(error) says, which falls as
+// the error rises: by bisection between kMinutesErrorMin and kMinutesErrorMax. nullopt if even the
+// largest of them takes longer.
+std::optional<double> LeastErrorIn(double seconds, const std::function<double(double)>& seconds_of);
+
+// A table for people, what each price buys, with a line that states the basis of the forecast.
 std::string FormatQuote(const Quote& quote);
 std::string QuoteJson(const Quote& quote);
 

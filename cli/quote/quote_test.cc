@@ -22,6 +22,7 @@ Quote MakeTestQuote() {
   target.cpu_seconds = {7200, 5400, 9000};
   target.wall_seconds = {950, 710, 1180};
   QuoteRow samples = target;
+  samples.target_error = 0;
   samples.samples_given = 64;
   samples.relative_mse = {0.015, 0.012, 0.019};
   quote.rows = {target, samples};
@@ -43,15 +44,42 @@ TEST(QuoteTest, TrainingsAreStated) {
 }
 
 TEST(QuoteTest, TableHasARowPerErrorAndABasisLine) {
-  EXPECT_EQ(FormatQuote(MakeTestQuote()),
-            "error (relMSE)                  samples  CPU time (80 % band)               "
-            "wall time (80 % band)\n"
-            "0.02                               48.0  2 h (90 min to 2.5 h)              "
-            "15.8 min (11.8 min to 19.7 min)\n"
-            "0.015 (0.012 to 0.019)               64  2 h (90 min to 2.5 h)              "
-            "15.8 min (11.8 min to 19.7 min)\n"
-            "640 x 360 px; errors fall as 1 / samples^1.25; the pilot took 500 ms; wall time for "
-            "all of the farm's 8 threads\n");
+  Quote quote = MakeTestQuote();
+  QuoteRow minutes = quote.rows[1];
+  minutes.samples_given.reset();
+  minutes.target_error = 0;
+  minutes.minutes_given = 10;
+  minutes.relative_mse = {0.0009, 0.0004, 0.0016};
+  quote.rows.push_back(minutes);
+  EXPECT_EQ(FormatQuote(quote),
+            "wall time (80 % band)              CPU time (80 % band)                samples  error "
+            "of a pixel\n"
+            "15.8 min (11.8 min to 19.7 min)    2 h (90 min to 2.5 h)                  48.0  "
+            "±14 % (relMSE 0.02): strong noise\n"
+            "15.8 min (11.8 min to 19.7 min)    2 h (90 min to 2.5 h)                    64  "
+            "±12 % (±11 % to ±14 %; relMSE 0.015): strong noise\n"
+            "10 min                             2 h (90 min to 2.5 h)                  48.0  "
+            "±3.0 % (±2.0 % to ±4.0 %; relMSE 0.0009): fine grain\n"
+            "640 x 360 px; half the error takes 3.0 times as long; the pilot took 500 ms; wall "
+            "time for all of the farm's 8 threads; nothing is denoised\n");
+}
+
+// 600 seconds at an error of 0.01, and less for larger ones.
+TEST(QuoteTest, LeastErrorInATimeIsFoundByBisection) {
+  const auto seconds_of = [](double error) { return 6 / error; };
+  ASSERT_TRUE(LeastErrorIn(600, seconds_of));
+  EXPECT_NEAR(*LeastErrorIn(600, seconds_of), 0.01, 2e-5);
+  EXPECT_LE(seconds_of(*LeastErrorIn(600, seconds_of)), 600);
+  EXPECT_FALSE(LeastErrorIn(0.5, seconds_of));
+}
+
+TEST(QuoteTest, ATooShortTimeSaysSo) {
+  Quote quote = MakeTestQuote();
+  QuoteRow& row = quote.rows.emplace_back();
+  row.minutes_given = 0.01;
+  row.reached = false;
+  EXPECT_NE(FormatQuote(quote).find("too short for any useful error"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["rows"][2]["minutes"], 0.01);
 }
 
 TEST(QuoteTest, QuotesOnlyMissingSamples) {
@@ -59,7 +87,8 @@ TEST(QuoteTest, QuotesOnlyMissingSamples) {
   quote.start = Quote::Start{16, 0.0336};
   const std::string text = FormatQuote(quote);
   EXPECT_NE(text.find("samples  additional CPU time (80 % band)"), std::string::npos) << text;
-  EXPECT_NE(text.find("; 16.0 samples exist already, with an error of 0.034; "), std::string::npos);
+  EXPECT_NE(text.find("; 16.0 samples exist already, with an error of ±18 % (relMSE 0.034); "),
+            std::string::npos);
   EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["start"]["samples"], 16);
   EXPECT_TRUE(nlohmann::json::parse(QuoteJson(MakeTestQuote()))["start"].is_null());
 }

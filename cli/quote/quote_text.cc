@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A Quote as text and as JSON.
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/error_text.h"
 #include "cli/progress_line.h"
 #include "cli/quote/quote.h"
 
@@ -20,17 +23,30 @@ std::string FormatBanded(const Banded& time) {
                       FormatTime(time.high), ")");
 }
 
+// Widths of the columns of the table.
+constexpr int kTimeColumns = 34, kSamplesColumns = 8;
+
+std::string ErrorOf(const QuoteRow& row) {
+  const Banded& error = row.relative_mse;
+  if (row.target_error > 0) {
+    return absl::StrCat(FormatBothErrors(row.target_error), ": ", NoiseWords(row.target_error));
+  }
+  return absl::StrFormat("%s (%s to %s; relMSE %.2g): %s", FormatPixelError(error.value),
+                         FormatPixelError(error.low), FormatPixelError(error.high), error.value,
+                         NoiseWords(error.value));
+}
+
 std::string FormatRow(const QuoteRow& row) {
-  const std::string error = row.samples_given
-                                ? absl::StrFormat("%.2g (%.2g to %.2g)", row.relative_mse.value,
-                                                  row.relative_mse.low, row.relative_mse.high)
-                                : absl::StrFormat("%.3g", row.target_error);
   const std::string samples = row.samples_given ? absl::StrCat(*row.samples_given)
                                                 : absl::StrFormat("%.1f", row.samples.value);
-  return absl::StrFormat(
-      "%-28s %10s  %-34s %s%s\n", error, samples, FormatBanded(row.cpu_seconds),
-      FormatBanded(row.wall_seconds),
-      row.reached ? "" : "  not reached within the maximum of samples per pixel");
+  const std::string wall =
+      row.minutes_given > 0 ? FormatTime(60 * row.minutes_given) : FormatBanded(row.wall_seconds);
+  std::string text = absl::StrFormat("%-*s %-*s %*s  ", kTimeColumns, wall, kTimeColumns,
+                                     FormatBanded(row.cpu_seconds), kSamplesColumns, samples);
+  if (row.reached) return absl::StrCat(text, ErrorOf(row), "\n");
+  if (row.minutes_given > 0) return text + "too short for any useful error\n";
+  return absl::StrCat(text, ErrorOf(row),
+                      "; not reached within the maximum of samples per pixel\n");
 }
 
 Json BandedJson(const Banded& banded) {
@@ -50,9 +66,9 @@ Json StartJson(const Quote& quote) {
 
 std::string FormatQuote(const Quote& quote) {
   std::string text =
-      absl::StrFormat("%-28s %10s  %-34s %s\n", "error (relMSE)", "samples",
+      absl::StrFormat("%-*s %-*s %*s  %s\n", kTimeColumns, "wall time (80 % band)", kTimeColumns,
                       quote.start ? "additional CPU time (80 % band)" : "CPU time (80 % band)",
-                      "wall time (80 % band)");
+                      kSamplesColumns, "samples", "error of a pixel");
   for (const QuoteRow& row : quote.rows) text += FormatRow(row);
   absl::StrAppendFormat(&text, "%d x %d px", quote.width_px, quote.height_px);
   if (quote.frame_count > 1) {
@@ -60,10 +76,11 @@ std::string FormatQuote(const Quote& quote) {
                           quote.pilot_frame_count);
   }
   if (quote.start) {
-    absl::StrAppendFormat(&text, "; %.1f samples exist already, with an error of %.2g",
-                          quote.start->samples, quote.start->relative_mse);
+    absl::StrAppendFormat(&text, "; %.1f samples exist already, with an error of %s",
+                          quote.start->samples, FormatBothErrors(quote.start->relative_mse));
   }
-  absl::StrAppendFormat(&text, "; errors fall as 1 / samples^%.2f; the pilot took %s", quote.rate,
+  absl::StrAppendFormat(&text, "; half the error takes %.1f times as long; the pilot took %s",
+                        std::pow(4, 1 / std::max(quote.rate, 0.1)),
                         FormatTime(quote.pilot_cpu_seconds));
   if (quote.training_cpu_seconds > 0) {
     absl::StrAppendFormat(&text, "; prices include %s for the training of path guiding%s",
@@ -80,14 +97,15 @@ std::string FormatQuote(const Quote& quote) {
     absl::StrAppendFormat(&text, ", including the time of %d other %s", quote.jobs_before,
                           quote.jobs_before == 1 ? "job" : "jobs");
   }
-  return text + "\n";
+  return text + "; nothing is denoised\n";
 }
 
 std::string QuoteJson(const Quote& quote) {
   Json rows = Json::array();
   for (const QuoteRow& row : quote.rows) {
     rows.push_back(
-        {{"target_error", row.samples_given ? Json() : Json(row.target_error)},
+        {{"target_error", row.target_error > 0 ? Json(row.target_error) : Json()},
+         {"minutes", row.minutes_given > 0 ? Json(row.minutes_given) : Json()},
          {"sample_count", row.samples_given ? Json(*row.samples_given) : Json()},
          {"reached", row.reached},
          {"relative_mse", BandedJson(row.relative_mse)},

@@ -27,8 +27,8 @@ constexpr size_t kTilesMin = 24;
 constexpr size_t kTilesMax = 2048;
 constexpr uint64_t kBlocksMin = 4, kBlocksMax = 64;  // For each setting; powers of two.
 // Fractions of the time; the rest is for compiling scenes.
-constexpr double kReferenceFraction = 0.3, kLadderFraction = 0.4, kPathsFraction = 0.08,
-                 kEffectsFraction = 0.15;
+constexpr double kReferenceFraction = 0.27, kLadderFraction = 0.36, kCropsFraction = 0.08,
+                 kPathsFraction = 0.08, kEffectsFraction = 0.15;
 constexpr uint64_t kReferenceSeed = 0x5ea5eed;
 constexpr uint64_t kPathSamples = 64;
 // Guess of a setting's mean cost relative to the base; the clock ends the measurement in any case.
@@ -62,13 +62,13 @@ class Study {
         {"rendering the reference", &Study::MakeReference},
         {"rendering with each setting", &Study::MeasureLadder},
         {"rendering with adaptive sampling", &Study::MeasureStopping},
+        {"rendering crops of the image", &Study::RenderPrices},
         {"measuring kinds of paths", &Study::MeasurePaths},
         {"measuring effects", &Study::MeasureEffects}};
     for (const auto& [what, step] : steps) {
       PrintInfo(what);
       if (absl::Status status = (this->*step)(); !status.ok()) return status;
     }
-    TileSumsToCurves();
     result_.seconds = Seconds();
     result_.recommendation = Recommend(result_);
     return std::move(result_);
@@ -97,7 +97,7 @@ class Study {
     result_.not_studied = MissingLadders(PlanOf(*base_));
     const std::vector<PixelRect> trial_tiles = ChooseTiles(settings_.window, kTilesMin);
     TileRenderer trial(*base_, trial_tiles, options_.threads);
-    double seconds_per_tile = 0;
+    double seconds_per_tile = 0;   // For a block.
     for (int i = 0; i < 2; ++i) {  // The first run warms caches.
       const double begin = Seconds();
       if (absl::Status status = trial.RenderBlock(); !status.ok()) return status;
@@ -126,6 +126,7 @@ class Study {
     reference_blocks_ = static_cast<uint64_t>(std::max(
         2.0 * static_cast<double>(blocks_),
         kReferenceFraction * Budget() / (seconds_per_tile * static_cast<double>(tiles_.size()))));
+    crop_plan_ = PlanCrops(kCropsFraction * Budget() / std::max(seconds_per_tile, 1e-7));
     for (const PixelRect& tile : tiles_) {
       pixel_counts_.push_back(static_cast<double>(tile.PixelCount()));
       result_.pixels += tile.PixelCount();
@@ -133,6 +134,7 @@ class Study {
     result_.width_px = settings_.window.Width();
     result_.height_px = settings_.window.Height();
     result_.threads = options_.threads;
+    result_.farm = options_.farm;
     scale_ =
         static_cast<double>(settings_.window.PixelCount()) / static_cast<double>(result_.pixels);
     return absl::OkStatus();
@@ -229,7 +231,7 @@ class Study {
     const auto on_part = [&](size_t tile, const FilmTile& part) {
       for (Clamped& one : clamped) one.tiles.Add(tile, part);
     };
-    const double until = (1 - kEffectsFraction - kPathsFraction) * Budget();
+    const double until = (1 - kEffectsFraction - kPathsFraction - kCropsFraction) * Budget();
     for (uint64_t block = 0; block < blocks_ && (block < kBlocksMin || Seconds() < until);
          ++block) {
       for (size_t i = 0; i < running.size(); ++i) {
@@ -264,6 +266,8 @@ class Study {
       base_seconds_per_sample_.push_back(base.cpu_seconds(tile) /
                                          static_cast<double>(base.samples(tile)));
     }
+    result_.cpu_seconds_per_sample =
+        scale_ * base.CpuSeconds() / static_cast<double>(base.samples(0));
     std::vector<PixelRect> rects;
     target_ = EstimateError(base.Pack(&rects)).relative_mse;
     return absl::OkStatus();
@@ -278,7 +282,7 @@ class Study {
     if (setting == ladder_.end() || !(target_ > 0)) return absl::OkStatus();
     StudyMeasurement measured{*setting, {}};
     TileRenderer renderer(*base_, tiles_, options_.threads);
-    const double until = (1 - kEffectsFraction - kPathsFraction) * Budget() * 1.1;
+    const double until = (1 - kEffectsFraction - kPathsFraction - kCropsFraction) * Budget() * 1.1;
     const uint64_t samples_max = 4 * blocks_ * kStudyBlockSamples;
     std::vector<uint64_t> wanted(tiles_.size(), kStudyBlockSamples);
     std::vector<coordinator::CellRound> before;
@@ -306,6 +310,27 @@ class Study {
       before = std::move(tiles);
     }
     measurements_.insert(measurements_.begin() + 1, std::move(measured));
+    return absl::OkStatus();
+  }
+
+  // Analyzes the measurements, which say where errors are, and renders crops there.
+  absl::Status RenderPrices() {
+    result_.curves = AnalyzeStudy(measurements_, pixel_counts_);
+    const StudyCheckpoint& last = measurements_.front().checkpoints.back();
+    const bool tells_variance = !settings_.one_sequence;
+    const std::vector<CropRegion> regions =
+        ChooseCrops(settings_.window, crop_plan_, tiles_,
+                    tells_variance ? last.variance : last.error, pixel_counts_);
+    const double until = Seconds() + 2 * kCropsFraction * Budget();
+    absl::StatusOr<std::vector<StudyCrop>> crops = RenderCrops(
+        *base_, regions, crop_plan_, options_.threads, [&] { return Seconds() < until; });
+    if (!crops.ok()) return crops.status();
+    result_.crops = *std::move(crops);
+    for (size_t i = 0; i < result_.crops.front().images.size(); ++i) {
+      const auto samples = static_cast<double>(crop_plan_.blocks[i] * kStudyBlockSamples);
+      result_.prices.push_back({samples, samples * result_.cpu_seconds_per_sample,
+                                ErrorAt(result_.curves.front(), samples)});
+    }
     return absl::OkStatus();
   }
 
@@ -343,6 +368,7 @@ class Study {
       if (noise.kinds[k].light == 0) continue;
       result_.paths.push_back({static_cast<LightPathKind>(k), noise.kinds[k]});
     }
+    result_.assessed_tile_count = count;
     if (count < tiles_.size()) {
       result_.not_studied.push_back(absl::StrCat("kinds of paths of ", tiles_.size() - count,
                                                  " of ", tiles_.size(),
@@ -380,8 +406,6 @@ class Study {
     return absl::OkStatus();
   }
 
-  void TileSumsToCurves() { result_.curves = AnalyzeStudy(measurements_, pixel_counts_); }
-
   const SceneDescription& scene_;
   FrameSettings settings_;
   FileSource& files_;
@@ -394,6 +418,7 @@ class Study {
   std::vector<double> pixel_counts_;
   double scale_ = 1;  // Pixels of the window over those of the tiles.
   uint64_t blocks_ = 0, reference_blocks_ = 0;
+  CropPlan crop_plan_;
   StudyReference reference_;
   std::vector<double> reference_variance_;  // By tile, as ErrorOf returns.
   std::vector<StudyMeasurement> measurements_;

@@ -6,18 +6,23 @@
 // samples:
 //
 //     MakeLadder > reference > MeasureLadder > AnalyzeStudy > Recommend
+//     ChooseCrops > RenderCrops: the image at four prices
 //     MeasurePlan: each effect;  PathNoiseSums: each kind of path
 //
-// Everything runs on this machine; the cost is its CPU time.
+// Everything runs on this machine; the cost is its CPU time. Times on a farm are those of as fast
+// threads.
 #pragma once
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "cli/study/study_analysis.h"
+#include "cli/study/study_crops.h"
+#include "cli/study/study_prices.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/settings/render_settings.h"
@@ -49,9 +54,14 @@ struct StudyResult {
   int threads = 0;
   uint64_t reference_samples = 0;
   double reference_relative_mse = 0, reference_cpu_seconds = 0;
-  std::vector<StudyCurve> curves;  // The base is the first.
+  std::vector<StudyCurve> curves;     // The base is the first.
+  double cpu_seconds_per_sample = 0;  // Of the base: for one sample of every pixel of the image.
+  std::vector<StudyCrop> crops;
+  std::vector<StudyPrice> prices;  // Those that the crops' images have, in their order.
+  std::optional<StudyFarm> farm;   // If a coordinator was named.
   render::PlanMeasurement effects;
-  std::vector<StudyPath> paths;  // Kinds with a contribution.
+  std::vector<StudyPath> paths;    // Kinds with a contribution.
+  size_t assessed_tile_count = 0;  // Those whose reliability is known.
   std::vector<UnreliableTile> unreliable_tiles;
   std::vector<std::string> recommendation, not_studied;
 };
@@ -59,6 +69,7 @@ struct StudyResult {
 struct StudyOptions {
   double minutes = 10;  // Approximate duration.
   int threads = 1;
+  std::optional<StudyFarm> farm = {};  // The farm to name prices for.
   // Receives the progress, a line at a time.
   std::function<void(const std::string&)> on_progress;
 };

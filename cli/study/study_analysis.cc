@@ -166,9 +166,11 @@ StudyCurve CurveOf(const StudyMeasurement& base, const StudyMeasurement& measure
   return curve;
 }
 
+// Biased settings render other images, so they do not compete.
 void MarkFront(std::vector<StudyCurve>* curves) {
   std::vector<StudyPoint*> points;
   for (StudyCurve& curve : *curves) {
+    if (!curve.setting.is_unbiased) continue;
     for (StudyPoint& point : curve.points) points.push_back(&point);
   }
   std::sort(points.begin(), points.end(), [](const StudyPoint* a, const StudyPoint* b) {

@@ -44,7 +44,9 @@ struct Estimate {
 struct StudyPoint {
   double samples = 0, cpu_seconds = 0;
   Estimate relative_mse;
-  bool on_pareto_front = false;  // No other point has a smaller error in less time.
+  // No point of a setting that renders the same image has a smaller error in less time; false for
+  // biased settings.
+  bool on_pareto_front = false;
 };
 
 struct StudyCurve {

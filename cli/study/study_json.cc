@@ -3,7 +3,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/escaping.h"
 #include "cli/study/study.h"
+#include "coordinator/core/work_left.h"
 
 namespace sheaf::cli {
 namespace {
@@ -32,6 +34,7 @@ Json CurveJson(const StudyCurve& curve) {
                {"flag", curve.setting.flag},
                {"is_base", curve.setting.is_base},
                {"is_unbiased", curve.setting.is_unbiased},
+               {"keeps_error_bars", curve.setting.keeps_error_bars},
                {"points", std::move(points)},
                {"rate", curve.rate ? Number(curve.rate->value) : Json()},
                {"rate_error", curve.rate ? Number(curve.rate->error) : Json()},
@@ -59,12 +62,44 @@ Json EffectJson(const render::EffectMeasurement& effect) {
           {"problem", Json()}};
 }
 
+Json PriceJson(const StudyPrice& price) {
+  const std::optional<Estimate>& error = price.relative_mse;
+  return {{"samples", price.samples},
+          {"cpu_seconds", price.cpu_seconds},
+          {"relative_mse", error ? Number(error->value) : Json()},
+          {"relative_mse_error", error ? Number(error->error) : Json()}};
+}
+
+Json CropJson(const StudyCrop& crop) {
+  const PixelRect& rect = crop.region.rect;
+  const bool is_largest = crop.region.kind == CropKind::kLargestError;
+  Json json = {{"kind", is_largest ? "largest error" : "representative"},
+               {"x0", rect.x0},
+               {"y0", rect.y0},
+               {"x1", rect.x1},
+               {"y1", rect.y1},
+               {"images", Json::array()}};
+  for (const CropImage& image : crop.images) {
+    json["images"].push_back({{"relative_mse", Number(image.relative_mse)},
+                              {"png_base64", absl::Base64Escape(image.png)}});
+  }
+  return json;
+}
+
+Json FarmJson(const std::optional<StudyFarm>& farm) {
+  if (!farm) return {};
+  return {{"address", farm->address},
+          {"worker_count", farm->worker_count},
+          {"thread_count", farm->thread_count},
+          {"other_job_count", farm->other_job_count}};
+}
+
 const char* NameOf(LightPathKind kind) { return kLightPathNames[static_cast<size_t>(kind)].name; }
 
 }  // namespace
 
 std::string StudyJson(const StudyResult& result) {
-  Json json = {{"format", 1},
+  Json json = {{"format", 2},
                {"scene", result.scene},
                {"width_px", result.width_px},
                {"height_px", result.height_px},
@@ -75,12 +110,20 @@ std::string StudyJson(const StudyResult& result) {
                 {{"samples", result.reference_samples},
                  {"relative_mse", Number(result.reference_relative_mse)},
                  {"cpu_seconds", result.reference_cpu_seconds}}},
+               {"cpu_seconds_per_sample", Number(result.cpu_seconds_per_sample)},
+               {"thread_use", coordinator::kUsualThreadUse},
+               {"farm", FarmJson(result.farm)},
+               {"prices", Json::array()},
+               {"crops", Json::array()},
                {"entries", Json::array()},
                {"effects", Json::array()},
                {"paths", Json::array()},
+               {"assessed_tile_count", result.assessed_tile_count},
                {"unreliable_tiles", Json::array()},
                {"recommendation", result.recommendation},
                {"not_studied", result.not_studied}};
+  for (const StudyPrice& price : result.prices) json["prices"].push_back(PriceJson(price));
+  for (const StudyCrop& crop : result.crops) json["crops"].push_back(CropJson(crop));
   for (const StudyCurve& curve : result.curves) json["entries"].push_back(CurveJson(curve));
   for (const render::EffectMeasurement& effect : result.effects.effects) {
     json["effects"].push_back(EffectJson(effect));

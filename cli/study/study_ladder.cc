@@ -34,12 +34,14 @@ class Ladder {
 
   void AddSampling() {
     const bool one = given_.one_sequence;
-    Add(one ? "16 sequences" : "one sequence",
-        one ? "a pixel's samples from 16 independent sequences, whose spread gives the displayed "
-              "error"
-            : "a pixel's samples from one sequence; displayed errors are upper estimates",
-        one ? "" : "--one-sequence")
-        .settings.one_sequence = !one;
+    StudySetting& other =
+        Add(one ? "16 sequences" : "one sequence",
+            one ? "a pixel's samples from 16 independent sequences, whose spread gives the "
+                  "displayed error"
+                : "a pixel's samples from one sequence; displayed errors are upper estimates",
+            one ? "" : "--one-sequence");
+    other.settings.one_sequence = !one;
+    other.keeps_error_bars = one;
     StudySetting& stop = Add("adaptive sampling", "adaptive sampling in rounds", "--target-error");
     stop.stops_tiles = true;
     StudySetting& never = Add("no roulette", "no Russian roulette", "");

@@ -21,9 +21,10 @@ struct StudySetting {
   FrameSettings settings;
   render::CompileTechniques techniques;
   bool is_base = false;
-  bool is_unbiased = true;   // Relative to the given settings: images differ by noise only.
-  bool is_truer = false;     // If biased: it includes light that the given settings omit.
-  bool stops_tiles = false;  // Tiles get samples in rounds, as with --target-error.
+  bool is_unbiased = true;       // Relative to the given settings: images differ by noise only.
+  bool is_truer = false;         // If biased: it includes light that the given settings omit.
+  bool keeps_error_bars = true;  // False if it gives up the true error bars of the base.
+  bool stops_tiles = false;      // Tiles get samples in rounds, as with --target-error.
   // Samples of the base are clamped to this many times the image's mean; 0: no clamping.
   double clamp_means = 0;
 };

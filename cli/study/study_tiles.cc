@@ -103,6 +103,14 @@ FrameImage TileRenderer::Pack(std::vector<PixelRect>* rects) const {
   return packed;
 }
 
+FrameImage TileRenderer::Join(const PixelRect& window) const {
+  const FrameSettings& settings = SettingsOf(scene_);
+  FrameImage image =
+      MakeFrameImage(window, settings.width_px, settings.height_px, settings.outputs);
+  for (const TileTree& tree : trees_) DevelopTile(tree.Root(), &image);
+  return image;
+}
+
 absl::StatusOr<StudyReference> RenderReference(TileRenderer* renderer, size_t tile_count,
                                                uint64_t blocks,
                                                const std::function<bool()>& may_go_on) {

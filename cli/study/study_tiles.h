@@ -50,6 +50,9 @@ class TileRenderer {
   // All tiles, one below the other, separated by as many empty rows as error estimates reach, so
   // that the image's size does not depend on the frame's. *rects: where each tile is.
   FrameImage Pack(std::vector<PixelRect>* rects) const;
+  // The tiles at their own places, in an image of this window. Requires: the window contains them,
+  // and all have samples.
+  FrameImage Join(const PixelRect& window) const;
 
  private:
   FrameImage DevelopImage(size_t tile) const;

@@ -7,49 +7,81 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "cli/error_text.h"
+#include "cli/progress_line.h"
 #include "cli/study/study.h"
 
 namespace sheaf::cli {
 namespace {
 
-// A gain counts as different from 1 if it is this many standard errors away.
-constexpr double kReportedGainDeviations = 2;
+// A value is claimed to be larger or smaller than another one if this many standard errors exclude
+// that they are equal.
+constexpr double kClaimDeviations = 2;
 // Smaller gains are not mentioned.
 constexpr double kGainMin = 1.03;
 constexpr double kEffectTimeMin = 0.05;
 constexpr double kNoiseFractionMin = 0.25;
+// The time for which the second sentence says what it buys.
+constexpr double kAskedMinutes = 10;
 
 const LightPathName& PathNameOf(LightPathKind kind) {
   return kLightPathNames[static_cast<size_t>(kind)];
 }
 
-std::string OfBase(const StudyCurve& base) {
+std::string ThreadsText(int threads) {
+  return absl::StrCat(threads, threads == 1 ? " thread" : " threads");
+}
+
+std::string OfBase(const StudyResult& result) {
+  const StudyCurve& base = result.curves.front();
   if (base.points.empty()) {
     return "The errors of the settings as given cannot be distinguished from 0: give the study "
            "more minutes.";
   }
   const StudyPoint& last = base.points.back();
   std::string text = absl::StrFormat(
-      "As given, %.0f samples per pixel take %.3g CPU seconds and have relMSE %.2g +- %.1g",
-      last.samples, last.cpu_seconds, last.relative_mse.value, last.relative_mse.error);
+      "As given, %.0f samples per pixel have an error of %s and take %s of CPU time, on the %s of "
+      "this machine about %s",
+      last.samples, FormatBothErrors(last.relative_mse.value), FormatTime(last.cpu_seconds),
+      ThreadsText(result.threads), FormatTime(WallSecondsOn(result.threads, last.cpu_seconds)));
   if (base.rate) {
-    absl::StrAppendFormat(
-        &text,
-        "; errors fall as 1 / samples^%.2f, so a quarter of the error takes %.1f times as long",
-        base.rate->value, std::pow(4, 1 / std::max(base.rate->value, 0.1)));
+    absl::StrAppendFormat(&text, "; half the error takes %.1f times as long",
+                          std::pow(4, 1 / std::max(base.rate->value, 0.1)));
   }
   return text + ".";
 }
 
+// What ten minutes buy, here and on the farm.
+void AddAskedTime(const StudyResult& result, std::vector<std::string>* lines) {
+  if (!(result.cpu_seconds_per_sample > 0)) return;
+  const auto buys = [&](int threads) -> std::string {
+    const double samples = SamplesIn(60 * kAskedMinutes, threads, result.cpu_seconds_per_sample);
+    const std::optional<Estimate> error = ErrorAt(result.curves.front(), samples);
+    if (!error || samples < 1) return "";
+    return absl::StrFormat("%s (%s samples per pixel)", FormatBothErrors(error->value),
+                           FormatCount(std::floor(samples)));
+  };
+  const std::string here = buys(std::max(1, result.threads));
+  if (here.empty()) return;
+  std::string text =
+      absl::StrFormat("In %g minutes, this machine reaches about %s", kAskedMinutes, here);
+  if (result.farm && result.farm->thread_count > 0) {
+    absl::StrAppend(&text, "; the ", ThreadsText(result.farm->thread_count), " of the farm at ",
+                    result.farm->address, ", if they are as fast, ",
+                    buys(result.farm->thread_count));
+  }
+  lines->push_back(text + ". Nothing is denoised.");
+}
+
 bool IsFaster(const StudyCurve& curve) {
   return curve.gain && curve.gain->value > kGainMin &&
-         curve.gain->value - kReportedGainDeviations * curve.gain->error > 1;
+         curve.gain->value - kClaimDeviations * curve.gain->error > 1;
 }
 
 std::string GainText(const StudyCurve& curve) {
   const bool faster = curve.gain->value > 1;
   const double ratio = faster ? curve.gain->value : 1 / curve.gain->value;
-  return absl::StrFormat("%.2f +- %.2f times as %s", ratio,
+  return absl::StrFormat("%.2f ± %.2f times as %s", ratio,
                          ratio * curve.gain->error / curve.gain->value, faster ? "fast" : "slow");
 }
 
@@ -57,30 +89,52 @@ std::string FlagText(const StudySetting& setting) {
   return setting.flag.empty() ? "" : absl::StrCat(" (", setting.flag, ")");
 }
 
+std::string NameText(const StudySetting& setting) {
+  return absl::StrCat("\"", setting.name, "\"", FlagText(setting));
+}
+
+// Settings that render the same image: advice among those that keep the error bars, then what is
+// undecided, what is slower, and last what gives up error bars.
 void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
   const StudyCurve* best = nullptr;
-  std::vector<std::string> slower;
+  std::vector<std::string> slower, undecided, without_bars;
   for (const StudyCurve& curve : result.curves) {
-    if (curve.setting.is_base || !curve.setting.is_unbiased || !curve.gain) continue;
-    if (IsFaster(curve) && !curve.setting.flag.empty() &&
-        (best == nullptr || curve.gain->value > best->gain->value)) {
-      best = &curve;
+    const StudySetting& setting = curve.setting;
+    if (setting.is_base || !setting.is_unbiased || !curve.gain) continue;
+    if (curve.gain->value + kClaimDeviations * curve.gain->error < 1 / kGainMin) {
+      slower.push_back(absl::StrCat(setting.name, " (", GainText(curve), ")"));
     }
-    if (curve.gain->value + kReportedGainDeviations * curve.gain->error < 1 / kGainMin) {
-      slower.push_back(absl::StrCat(curve.setting.name, " (", GainText(curve), ")"));
+    if (setting.flag.empty()) continue;
+    if (!setting.keeps_error_bars) {
+      if (IsFaster(curve)) {
+        without_bars.push_back(absl::StrCat(NameText(setting), " would be ", GainText(curve),
+                                            " to the same error, but gives no true error bars."));
+      }
+    } else if (IsFaster(curve)) {
+      if (best == nullptr || curve.gain->value > best->gain->value) best = &curve;
+    } else if (curve.gain->value > kGainMin) {
+      undecided.push_back(absl::StrCat(NameText(setting), " measured ", GainText(curve)));
     }
   }
   if (best != nullptr) {
-    lines->push_back(absl::StrCat("Use \"", best->setting.name, "\"", FlagText(best->setting),
-                                  ": the same expectation, ", GainText(*best),
-                                  " to the same error; ", best->setting.how, "."));
+    lines->push_back(absl::StrCat("Use ", NameText(best->setting),
+                                  ": the same image and true "
+                                  "error bars, ",
+                                  GainText(*best), " to the same error; ", best->setting.how, "."));
   } else {
     lines->emplace_back(
-        "No available setting with the same expectation reaches the same error faster.");
+        "No setting that renders the same image with true error bars was found to reach the same "
+        "error faster.");
+  }
+  if (!undecided.empty()) {
+    lines->push_back(absl::StrCat("Undecided, as two standard errors do not exclude a ratio of 1: ",
+                                  absl::StrJoin(undecided, ", "),
+                                  "; a study of more minutes decides."));
   }
   if (!slower.empty()) {
     lines->push_back(absl::StrCat("Slower than as given: ", absl::StrJoin(slower, ", "), "."));
   }
+  std::move(without_bars.begin(), without_bars.end(), std::back_inserter(*lines));
 }
 
 void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
@@ -89,19 +143,19 @@ void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
     const StudySetting& setting = curve.setting;
     if (setting.is_unbiased || setting.flag.empty() || !curve.bias_floor) continue;
     const Estimate& floor = *curve.bias_floor;
-    const std::string name = absl::StrCat("\"", setting.name, "\"", FlagText(setting));
+    const std::string name = NameText(setting);
     if (!curve.HasBias()) {
       if (!IsFaster(curve)) continue;
-      lines->push_back(absl::StrFormat(
-          "%s is %s. Its bias is too small to be measured here: below relMSE %.1g.", name,
-          GainText(curve), std::max(0.0, floor.value) + kReportedGainDeviations * floor.error));
+      lines->push_back(absl::StrCat(
+          name, " is biased, and ", GainText(curve),
+          ". Its bias is too small to be measured here: below ",
+          FormatBothErrors(std::max(0.0, floor.value) + kClaimDeviations * floor.error), "."));
       continue;
     }
     if (setting.is_truer) {
-      lines->push_back(
-          absl::StrFormat("As given, the scene omits light: the image of %s differs by relMSE %.2g "
-                          "+- %.1g and is closer to the truth.",
-                          name, floor.value, floor.error));
+      lines->push_back(absl::StrCat("As given, the scene omits light: the image of ", name,
+                                    " differs by ", FormatBothErrors(floor.value),
+                                    " and is closer to the truth."));
       continue;
     }
     if (curve.points.empty() || base.points.empty()) continue;
@@ -109,9 +163,9 @@ void AddBiased(const StudyResult& result, std::vector<std::string>* lines) {
       return of.points.back().cpu_seconds / of.points.back().samples;
     };
     lines->push_back(absl::StrFormat(
-        "%s changes the image: its error never falls below relMSE %.2g +- %.1g. A sample takes "
-        "%.0f %% of the time; it may be acceptable for targets well above that floor.",
-        name, floor.value, floor.error,
+        "%s is biased and renders another image: its error never falls below %s. A sample takes "
+        "%.0f %% of the time; it may be acceptable for errors well above that.",
+        name, FormatBothErrors(floor.value),
         100 * seconds_per_sample(curve) / seconds_per_sample(base)));
   }
 }
@@ -121,11 +175,16 @@ void AddEffects(const StudyResult& result, std::vector<std::string>* lines) {
   const double error = result.curves.front().points.back().relative_mse.value;
   for (const render::EffectMeasurement& effect : result.effects.effects) {
     if (!effect.problem.empty() || effect.TimeFraction() < kEffectTimeMin) continue;
-    const double loss = std::max(0.0, effect.relative_mse);
-    lines->push_back(absl::StrFormat(
-        "%.0f %% of the time is spent on \"%s\". Without it, the image differs by relMSE %.2g, %s "
-        "than the remaining error.",
-        100 * effect.TimeFraction(), effect.name, loss, loss < error ? "less" : "more"));
+    if (effect.time_ratio.value - kClaimDeviations * effect.time_ratio.error <= 1) continue;
+    const std::string cost = absl::StrFormat("%.0f %% of the time is spent on \"%s\". Without it, ",
+                                             100 * effect.TimeFraction(), effect.name);
+    if (!(effect.relative_mse > 0)) {
+      lines->push_back(cost + "no difference is seen.");
+      continue;
+    }
+    lines->push_back(
+        absl::StrCat(cost, "the image differs by ", FormatBothErrors(effect.relative_mse), ", ",
+                     effect.relative_mse < error ? "less" : "more", " than the remaining error."));
   }
 }
 
@@ -142,14 +201,21 @@ void AddPaths(const StudyResult& result, std::vector<std::string>* lines) {
   for (const UnreliableTile& tile : result.unreliable_tiles) {
     ++counts[static_cast<size_t>(tile.kind)];
   }
-  std::vector<std::string> blamed;
+  std::vector<size_t> kinds;
   for (size_t k = 0; k < counts.size(); ++k) {
-    if (counts[k] > 0) blamed.push_back(absl::StrCat(kLightPathNames[k].name, " in ", counts[k]));
+    if (counts[k] > 0) kinds.push_back(k);
   }
-  lines->push_back(absl::StrCat(result.unreliable_tiles.size(),
-                                " of the tiles contain fireflies; their error estimates are "
-                                "unreliable. Main cause: ",
-                                absl::StrJoin(blamed, ", "), "."));
+  std::sort(kinds.begin(), kinds.end(), [&](size_t a, size_t b) { return counts[a] > counts[b]; });
+  std::vector<std::string> causes;
+  for (const size_t k : kinds) {
+    causes.push_back(absl::StrCat(kLightPathNames[k].name, " (", counts[k],
+                                  counts[k] == 1 ? " tile)" : " tiles)"));
+  }
+  lines->push_back(absl::StrCat(
+      result.unreliable_tiles.size(), " of ", result.assessed_tile_count,
+      " tiles contain fireflies; error bars of their pixels may be too small, while the errors "
+      "above include them. More samples help. Main cause: ",
+      absl::StrJoin(causes, ", then "), "."));
 }
 
 }  // namespace
@@ -157,7 +223,8 @@ void AddPaths(const StudyResult& result, std::vector<std::string>* lines) {
 std::vector<std::string> Recommend(const StudyResult& result) {
   std::vector<std::string> lines;
   if (result.curves.empty()) return lines;
-  lines.push_back(OfBase(result.curves.front()));
+  lines.push_back(OfBase(result));
+  AddAskedTime(result, &lines);
   AddUnbiased(result, &lines);
   AddBiased(result, &lines);
   AddEffects(result, &lines);

@@ -3,6 +3,7 @@
 #include "common/content/manifest.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
@@ -10,6 +11,11 @@
 #include "common/base/status.h"
 
 namespace sheaf {
+namespace {
+
+constexpr size_t kMatrixNumbers = 16;
+
+}  // namespace
 
 absl::Status CheckDigest(const BlobDigest& digest) {
   if (IsSha256Hex(digest.sha256_hex)) return absl::OkStatus();
@@ -44,6 +50,11 @@ absl::Status CheckManifest(const Manifest& manifest) {
     }
     previous = &file.name;
     has_main_file = has_main_file || file.name == manifest.main_file;
+  }
+  for (const std::vector<float>* matrix : {&manifest.world_to_camera, &manifest.world_to_ndc}) {
+    const bool is_finite = std::ranges::all_of(*matrix, [](float v) { return std::isfinite(v); });
+    if ((matrix->empty() || matrix->size() == kMatrixNumbers) && is_finite) continue;
+    return absl::InvalidArgumentError("scene manifest: a matrix is not 16 finite numbers");
   }
   if (has_main_file) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("scene manifest: the main file \"",

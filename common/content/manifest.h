@@ -25,6 +25,8 @@ struct ManifestFile {
 struct Manifest {
   std::string main_file;            // One of `files`.
   std::vector<ManifestFile> files;  // In ascending order of name, no name twice.
+  // The camera's matrices for images (common/scene/camera_matrices.h): 16 finite numbers, or none.
+  std::vector<float> world_to_camera = {}, world_to_ndc = {};
   friend bool operator==(const Manifest&, const Manifest&) = default;
 };
 

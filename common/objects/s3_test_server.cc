@@ -263,7 +263,7 @@ std::string S3TestServer::WhyNotSigned(const Request& request) const {
   }
   absl::Time time;
   std::string error;
-  if (!absl::ParseTime("%Y%m%dT%H%M%SZ", time_text, absl::UTCTimeZone(), &time, &error)) {
+  if (!absl::ParseTime("%E4Y%m%dT%H%M%SZ", time_text, absl::UTCTimeZone(), &time, &error)) {
     return "AccessDenied";
   }
   const absl::Time now = absl::Now() + clock_ahead_;

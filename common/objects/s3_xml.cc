@@ -12,6 +12,8 @@ namespace {
 
 using tinyxml2::XMLElement;
 
+constexpr bool kCompact = true;  // Without spaces between elements.
+
 std::string TextOf(const XMLElement* parent, const char* name) {
   const XMLElement* child = parent == nullptr ? nullptr : parent->FirstChildElement(name);
   const char* text = child == nullptr ? nullptr : child->GetText();
@@ -105,36 +107,36 @@ absl::StatusOr<std::vector<std::string>> ParseFailedRemovals(const std::string& 
 }
 
 std::string FormatCompletedUpload(const std::vector<std::string>& etags) {
-  tinyxml2::XMLPrinter printer(nullptr, /*compact=*/true);
-  printer.OpenElement("CompleteMultipartUpload");
+  tinyxml2::XMLPrinter printer(nullptr, kCompact);
+  printer.OpenElement("CompleteMultipartUpload", kCompact);
   for (size_t i = 0; i < etags.size(); ++i) {
-    printer.OpenElement("Part");
-    printer.OpenElement("PartNumber");
+    printer.OpenElement("Part", kCompact);
+    printer.OpenElement("PartNumber", kCompact);
     printer.PushText(static_cast<int64_t>(i + 1));
-    printer.CloseElement();
-    printer.OpenElement("ETag");
+    printer.CloseElement(kCompact);
+    printer.OpenElement("ETag", kCompact);
     printer.PushText(etags[i].c_str());
-    printer.CloseElement();
-    printer.CloseElement();
+    printer.CloseElement(kCompact);
+    printer.CloseElement(kCompact);
   }
-  printer.CloseElement();
+  printer.CloseElement(kCompact);
   return printer.CStr();
 }
 
 std::string FormatRemovals(const std::vector<std::string>& keys) {
-  tinyxml2::XMLPrinter printer(nullptr, /*compact=*/true);
-  printer.OpenElement("Delete");
-  printer.OpenElement("Quiet");
+  tinyxml2::XMLPrinter printer(nullptr, kCompact);
+  printer.OpenElement("Delete", kCompact);
+  printer.OpenElement("Quiet", kCompact);
   printer.PushText("true");
-  printer.CloseElement();
+  printer.CloseElement(kCompact);
   for (const std::string& key : keys) {
-    printer.OpenElement("Object");
-    printer.OpenElement("Key");
+    printer.OpenElement("Object", kCompact);
+    printer.OpenElement("Key", kCompact);
     printer.PushText(key.c_str());
-    printer.CloseElement();
-    printer.CloseElement();
+    printer.CloseElement(kCompact);
+    printer.CloseElement(kCompact);
   }
-  printer.CloseElement();
+  printer.CloseElement(kCompact);
   return printer.CStr();
 }
 

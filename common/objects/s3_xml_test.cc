@@ -49,8 +49,8 @@ TEST(S3XmlTest, ReadsErrors) {
 
 TEST(S3XmlTest, WritesBodies) {
   EXPECT_EQ(FormatCompletedUpload({"\"e\""}),
-            "<CompleteMultipartUpload><Part><PartNumber>1</PartNumber><ETag>&quot;e&quot;</ETag>"
-            "</Part></CompleteMultipartUpload>");
+            "<CompleteMultipartUpload><Part><PartNumber>1</PartNumber><ETag>\"e\"</ETag></Part>"
+            "</CompleteMultipartUpload>");
   EXPECT_EQ(FormatRemovals({"a&b"}),
             "<Delete><Quiet>true</Quiet><Object><Key>a&amp;b</Key></Object></Delete>");
 }

@@ -21,7 +21,7 @@ struct S3Credentials {
   std::string session_token;  // Of temporary keys; empty where there is none.
 };
 
-// What is signed of a request.
+// The parts of a request that its signature covers.
 struct SignedRequest {
   std::string method;                          // "PUT".
   std::string path;                            // "/bucket/key", not encoded.

@@ -5,9 +5,12 @@
 #include <arpa/inet.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/rpc/address_list.h"
 
 namespace sheaf {
 namespace {
@@ -55,10 +58,18 @@ absl::StatusOr<Address> ParseAddress(const std::string& text,
 }
 
 std::string CompleteCoordinatorAddress(std::string& text) {
-  const absl::StatusOr<Address> address = ParseAddress(text, kCoordinatorPort);
-  if (!address.ok()) return std::string(address.status().message());
-  if (address->port == 0) return std::string(Malformed(text, "the port is 0").message());
-  text = FormatAddress(*address);
+  std::vector<std::string> addresses = SplitAddresses(text);
+  if (addresses.size() > kCoordinatorAddressesMax) {
+    return absl::StrCat("\"", text, "\": a farm has at most ", kCoordinatorAddressesMax,
+                        " coordinators");
+  }
+  for (std::string& each : addresses) {
+    const absl::StatusOr<Address> address = ParseAddress(each, kCoordinatorPort);
+    if (!address.ok()) return std::string(address.status().message());
+    if (address->port == 0) return std::string(Malformed(each, "the port is 0").message());
+    each = FormatAddress(*address);
+  }
+  text = absl::StrJoin(addresses, ",");
   return "";
 }
 

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/rpc/address.h"
+#include "common/rpc/address_list.h"
 
 namespace sheaf {
 namespace {
@@ -26,6 +27,15 @@ int Milliseconds(absl::Duration duration) {
   return static_cast<int>(absl::ToInt64Milliseconds(duration));
 }
 
+// Coordinators that share a state directory have one certificate, with the names of all: it is
+// checked for the first of them, whichever is called.
+void NameFirstHost(const std::string& addresses, grpc::ChannelArguments* arguments) {
+  const absl::StatusOr<Address> first = ParseAddress(SplitAddresses(addresses).front());
+  if (!first.ok()) return;
+  arguments->SetSslTargetNameOverride(first->host);
+  arguments->SetString(GRPC_ARG_DEFAULT_AUTHORITY, first->host);
+}
+
 }  // namespace
 
 std::shared_ptr<grpc::Channel> MakeChannel(
@@ -39,13 +49,16 @@ std::shared_ptr<grpc::Channel> MakeChannel(
   // Despite its name this limits the duration of one connection attempt; it delays no other
   // attempt.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, Milliseconds(kConnectTimeout));
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, kReconnectBackoffMaxMs);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, HasSeveralAddresses(address)
+                                                          ? Milliseconds(kFollowInterval)
+                                                          : kReconnectBackoffMaxMs);
+  if (HasSeveralAddresses(address)) NameFirstHost(address, &arguments);
   // Channels of one process do not share connections: a worker's upload must not delay its
   // heartbeat.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   return grpc::CreateCustomChannel(
-      address, credentials != nullptr ? credentials : grpc::InsecureChannelCredentials(),
-      arguments);
+      ChannelTarget(address),
+      credentials != nullptr ? credentials : grpc::InsecureChannelCredentials(), arguments);
 }
 
 void SetDeadline(grpc::ClientContext* context, absl::Duration duration) {

@@ -10,6 +10,7 @@
 #include "absl/time/clock.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/rpc/address_list.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/retry.h"
@@ -66,7 +67,7 @@ absl::StatusOr<Enrolment> Enroll(const std::string& address, const EnrolmentToke
   credentials.certificate_pem = response.certificate_pem();
   const absl::StatusOr<CertificateTerms> terms = ReadCertificate(credentials.certificate_pem);
   if (!terms.ok()) return terms.status();
-  absl::StatusOr<CredentialFiles> files = store.Put(credentials, {address});
+  absl::StatusOr<CredentialFiles> files = store.Put(credentials, SplitAddresses(address));
   if (!files.ok()) return files.status();
   return Enrolment{response.identity(), response.role(), terms->not_after, *std::move(files)};
 }

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/rpc/address.h"
+#include "common/rpc/address_list.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/tls_credentials.h"
 
@@ -42,11 +43,16 @@ std::shared_ptr<grpc::Channel> FarmConnection::Open() const {
 
 absl::StatusOr<FarmConnection> ConnectionTo(const std::string& address,
                                             const CredentialStore& store, bool insecure) {
-  FarmConnection connection{address, store.Find(address)};
+  FarmConnection connection{address, std::nullopt};
+  bool remote = false;
+  for (const std::string& each : SplitAddresses(address)) {
+    // Coordinators of one farm have one authority.
+    if (!connection.files) connection.files = store.Find(each);
+    const absl::StatusOr<Address> parsed = ParseAddress(each);
+    if (!parsed.ok()) return parsed.status();
+    remote = remote || !IsLoopback(*parsed);
+  }
   if (connection.files) return connection;
-  const absl::StatusOr<Address> parsed = ParseAddress(address);
-  if (!parsed.ok()) return parsed.status();
-  const bool remote = !IsLoopback(*parsed);
   if (remote && !insecure) {
     return NoCertificateError("no certificate for the coordinator at ", address,
                               ", or, for experiments on a network that you trust, connect without "

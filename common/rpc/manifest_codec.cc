@@ -21,6 +21,10 @@ std::string EncodeManifest(const Manifest& manifest) {
     out->mutable_digest()->set_sha256_hex(file.digest.sha256_hex);
     out->mutable_digest()->set_size_bytes(file.digest.size_bytes);
   }
+  message.mutable_world_to_camera()->Assign(manifest.world_to_camera.begin(),
+                                            manifest.world_to_camera.end());
+  message.mutable_world_to_ndc()->Assign(manifest.world_to_ndc.begin(),
+                                         manifest.world_to_ndc.end());
   std::string bytes;
   {
     google::protobuf::io::StringOutputStream stream(&bytes);
@@ -47,6 +51,9 @@ absl::StatusOr<Manifest> DecodeManifest(const std::string& bytes) {
     manifest.files.push_back(
         {file.name(), {file.digest().sha256_hex(), file.digest().size_bytes()}});
   }
+  manifest.world_to_camera.assign(message.world_to_camera().begin(),
+                                  message.world_to_camera().end());
+  manifest.world_to_ndc.assign(message.world_to_ndc().begin(), message.world_to_ndc().end());
   if (absl::Status status = CheckManifest(manifest); !status.ok()) return status;
   return manifest;
 }

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace sheaf {
 namespace {
 
@@ -15,6 +17,18 @@ TEST(ManifestCodecTest, RoundTrips) {
   const absl::StatusOr<Manifest> back = DecodeManifest(EncodeManifest(manifest));
   ASSERT_TRUE(back.ok()) << back.status();
   EXPECT_EQ(*back, manifest);
+}
+
+TEST(ManifestCodecTest, MatricesOfTheCameraRoundTrip) {
+  Manifest manifest = MakeManifest("a", {{"a", {kHex, 1}}});
+  manifest.world_to_camera.assign(16, 0.1f);
+  const absl::StatusOr<Manifest> back = DecodeManifest(EncodeManifest(manifest));
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(*back, manifest);
+  manifest.world_to_ndc.assign(15, 1);
+  EXPECT_FALSE(CheckManifest(manifest).ok());
+  manifest.world_to_ndc.assign(16, std::numeric_limits<float>::infinity());
+  EXPECT_FALSE(CheckManifest(manifest).ok());
 }
 
 TEST(ManifestCodecTest, EqualScenesHaveEqualBytes) {

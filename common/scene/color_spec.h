@@ -16,8 +16,8 @@ inline constexpr int32_t kNone = -1;  // Refers to nothing.
 
 struct SourceLocation {
   int32_t file = kNone;  // Index in SceneDescription::files.
-  int32_t line = 0;      // From 1.
-  int32_t column = 0;    // From 1.
+  int32_t line = 0;      // From 1; 0: the file as a whole. In glTF: a node, from 1.
+  int32_t column = 0;    // From 1. In glTF: a primitive of its mesh, from 1.
 };
 
 enum class ColorRole { kReflectance, kIlluminant, kUnbounded };

@@ -46,6 +46,11 @@ std::string CanonicalFileName(const std::string& reference) {
 absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& canonical_name) {
   if (canonical_name.empty())
     return NotFound(canonical_name, "cannot be opened: its name is empty");
+  {
+    const MutexLock lock(&mutex_);
+    const auto derived = derived_paths_.find(canonical_name);
+    if (derived != derived_paths_.end()) return derived->second;
+  }
   std::string path = JoinPath(directory_, canonical_name);
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0) {
@@ -54,6 +59,17 @@ absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& ca
   if (S_ISDIR(info.st_mode)) return NotFound(canonical_name, "is a directory, not a file");
   const MutexLock lock(&mutex_);
   files_used_[canonical_name] = path;
+  return path;
+}
+
+absl::StatusOr<std::string> DirectoryFileSource::DerivedPath(const std::string& canonical_name,
+                                                             std::string_view bytes) {
+  if (derived_ == nullptr) return LocalPath(canonical_name);
+  absl::StatusOr<std::string> path = derived_->Put(bytes, canonical_name);
+  if (!path.ok()) return path.status();
+  const MutexLock lock(&mutex_);
+  derived_paths_[canonical_name] = *path;
+  files_used_[canonical_name] = *path;
   return path;
 }
 

@@ -10,9 +10,11 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 #include "common/base/mutex.h"
+#include "common/scene/derived_files.h"
 
 namespace sheaf {
 
@@ -25,20 +27,35 @@ class FileSource {
   // A path on this machine under which the file can be opened. Remembers the name for FilesUsed.
   // Errors: kNotFound, naming the file as the scene writes it.
   virtual absl::StatusOr<std::string> LocalPath(const std::string& canonical_name) = 0;
+  // The same for a file that a reader takes out of another one, such as an image within a glTF
+  // file. Where scenes are submitted it is written, and uploaded under this name like the others;
+  // elsewhere it is there already, and bytes are not used. Errors: also those of DerivedFiles::Put.
+  virtual absl::StatusOr<std::string> DerivedPath(const std::string& canonical_name,
+                                                  std::string_view /*bytes*/) {
+    return LocalPath(canonical_name);
+  }
 };
 
 // Files below (and beside) the directory of a main scene file on this machine.
 class DirectoryFileSource : public FileSource {
  public:
-  explicit DirectoryFileSource(std::string directory) : directory_(std::move(directory)) {}
+  // derived: where derived files go; without it there can be none.
+  explicit DirectoryFileSource(std::string directory,
+                               std::shared_ptr<DerivedFiles> derived = nullptr)
+      : directory_(std::move(directory)), derived_(std::move(derived)) {}
+  // A derived file hides one of its name in the directory.
   absl::StatusOr<std::string> LocalPath(const std::string& canonical_name) override;
+  absl::StatusOr<std::string> DerivedPath(const std::string& canonical_name,
+                                          std::string_view bytes) override;
   // Maps the canonical name of every file requested so far to its local path: the files that a
   // submission uploads.
   std::map<std::string, std::string> FilesUsed() const;
 
  private:
   std::string directory_;
+  std::shared_ptr<DerivedFiles> derived_;
   mutable Mutex mutex_;
+  std::map<std::string, std::string> derived_paths_ ABSL_GUARDED_BY(mutex_);
   std::map<std::string, std::string> files_used_ ABSL_GUARDED_BY(mutex_);
 };
 

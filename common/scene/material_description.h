@@ -117,6 +117,51 @@ struct MeasuredMaterial {
   std::string file;             // Canonical name for FileSource of an RGL file (.bsdf).
   bool is_anisotropic = false;  // It was measured in more than one direction around the normal.
 };
+// Metal, plastic and glass in one, as glTF's metallic-roughness material with its extensions and
+// Blender's Principled BSDF mean it (principled_lobe.h says how it scatters).
+struct PrincipledMaterial {
+  ColorInput base_color;                  // Diffuse, of metal, and of what crosses.
+  ColorInput specular_tint, sheen_color;  // Tint of a dielectric's reflection at normal incidence.
+  FloatInput metallic, roughness{.value = 0.5f};  // alpha = roughness^2.
+  FloatInput specular{.value = 1};                // Scales a dielectric's reflection.
+  FloatInput transmission, coat, iridescence;
+  // Opacity. Less than 1 becomes a mix with an interface when the file is read.
+  FloatInput alpha{.value = 1};
+  float anisotropy = 0, rotation_radians = 0;  // The rougher direction, from dp/du towards dp/dv.
+  float ior = 1.5f;
+  bool thin = false;  // A sheet: what crosses is not refracted, and there is no inside.
+  float coat_roughness = 0, coat_ior = 1.5f;
+  float sheen_roughness = 0.3f;
+  float iridescence_ior = 1.3f, iridescence_thickness_nm = 400;
+  // What remains inside of light after the distance, in scene units; 0: nothing is absorbed.
+  ColorSpec attenuation_color;
+  float attenuation_distance = 0;
+  ColorSpec emission;  // Radiance, for shapes without an area light of their own.
+  float emission_strength = 1;
+
+  static constexpr float kIndexMin = 1, kIndexMax = 10, kThicknessMaxNm = 10000;
+  static constexpr float kRotationMax = 1000;
+  // visitor(name, input, least, greatest) for each number with its range; only a FloatInput may be
+  // a texture.
+  template <typename Material, typename Visitor>
+  static void ForEachNumber(Material& m, const Visitor& visitor) {
+    visitor("metallic", m.metallic, 0, 1);
+    visitor("roughness", m.roughness, 0, 1);
+    visitor("specular", m.specular, 0, 1);
+    visitor("transmission", m.transmission, 0, 1);
+    visitor("coat", m.coat, 0, 1);
+    visitor("iridescence", m.iridescence, 0, 1);
+    visitor("alpha", m.alpha, 0, 1);
+    visitor("anisotropy", m.anisotropy, 0, 1);
+    visitor("anisotropy_rotation", m.rotation_radians, -kRotationMax, kRotationMax);
+    visitor("ior", m.ior, kIndexMin, kIndexMax);
+    visitor("coat_roughness", m.coat_roughness, 0, 1);
+    visitor("coat_ior", m.coat_ior, kIndexMin, kIndexMax);
+    visitor("sheen_roughness", m.sheen_roughness, 0, 1);
+    visitor("iridescence_ior", m.iridescence_ior, kIndexMin, kIndexMax);
+    visitor("iridescence_thickness_nm", m.iridescence_thickness_nm, 0, kThicknessMaxNm);
+  }
+};
 struct MixMaterial {
   int32_t material[2] = {kNone, kNone};
   FloatInput amount;
@@ -127,7 +172,8 @@ struct MaterialDescription {
   std::string name;  // Empty for unnamed ones.
   std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
                ThinDielectricMaterial, CoatedDiffuseMaterial, CoatedConductorMaterial, HairMaterial,
-               MeasuredMaterial, MixMaterial, InterfaceMaterial, SubsurfaceMaterial>
+               MeasuredMaterial, MixMaterial, InterfaceMaterial, SubsurfaceMaterial,
+               PrincipledMaterial>
       material;
   SourceLocation location;
   int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].

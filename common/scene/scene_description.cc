@@ -10,8 +10,9 @@ std::string FormatLocation(const SceneDescription& scene, SourceLocation locatio
   if (location.file < 0 || location.file >= static_cast<int32_t>(scene.files.size())) {
     return "(no location)";
   }
-  return absl::StrCat(scene.files[static_cast<size_t>(location.file)], ":", location.line, ":",
-                      location.column);
+  const std::string& file = scene.files[static_cast<size_t>(location.file)];
+  if (location.line == 0) return file;
+  return absl::StrCat(file, ":", location.line, ":", location.column);
 }
 
 }  // namespace sheaf

@@ -31,10 +31,12 @@ struct UvMapping {
   enum class Kind { kUv, kPlanar, kSpherical, kCylindrical };
   Kind kind = Kind::kUv;
   float scale_u = 1, scale_v = 1, offset_u = 0, offset_v = 0;
+  // kUv also adds turn_u * v to u, and turn_v * u to v: a rotation, with the scales.
+  float turn_u = 0, turn_v = 0;
   Vec3f planar_u{1, 0, 0}, planar_v{0, 1, 0};
   Matrix4 texture_from_world;  // For planar, spherical, cylindrical and 3-D checkerboards.
 };
-enum class TextureWrap { kRepeat, kBlack, kClamp, kOctahedral };
+enum class TextureWrap { kRepeat, kBlack, kClamp, kOctahedral, kMirror };
 enum class ColorEncoding {
   kAuto,
   kLinear,
@@ -50,11 +52,18 @@ struct ImageTexture {
   std::string file;  // Canonical name for FileSource.
   UvMapping mapping;
   TextureWrap wrap = TextureWrap::kRepeat;
+  std::optional<TextureWrap> wrap_v = {};  // If it differs along v; neither is kOctahedral then.
   enum class Filter { kPoint, kBilinear, kTrilinear, kEwa } filter = Filter::kBilinear;
   ColorEncoding encoding = ColorEncoding::kAuto;
   float encoding_gamma = 1;
   float scale = 1;
   bool invert = false;
+  Rgb tint = Rgb::Gray(1);  // Multiplies colors, beside scale.
+  // Of float textures: the channel (0: red ... 3: alpha) that gives the value. Without it, alpha or
+  // the mean of the colors does, as in pbrt-v4. An image without alpha has an alpha of 1.
+  std::optional<int32_t> channel = {};
+  // Of float textures: values become 1 where they are at least this, and 0 elsewhere.
+  std::optional<float> threshold = {};
 };
 struct CheckerboardTexture {
   int32_t dimensions = 2;  // 2 or 3.
@@ -150,6 +159,7 @@ struct ShapeDescription {
   bool has_alpha = false;
   MediumBoundary media;
   SourceLocation location;
+  int32_t matte_name = kNone;  // Index in matte_names, where the scene gives a name.
 };
 struct ObjectDefinition {
   std::string name;
@@ -160,6 +170,7 @@ struct ObjectInstance {
   int32_t object = kNone;
   TransformOverTime world_from_instance;
   SourceLocation location;
+  int32_t matte_name = kNone;  // As for shapes.
 };
 
 // --- Lights ------------------------------------------------------------------------------------
@@ -308,11 +319,12 @@ struct SceneDescription {
   std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;
   std::vector<ObjectInstance> instances;
+  std::vector<std::string> matte_names;  // Of shapes and instances ("string name"), none twice.
   std::vector<AreaLightDescription> area_lights;
   std::vector<LightDescription> lights;
 };
 
-// "scenes/room.pbrt:41:7"; "(no location)" if there is none.
+// "scenes/room.pbrt:41:7"; without line: "scenes/room.glb"; "(no location)" if there is no file.
 std::string FormatLocation(const SceneDescription& scene, SourceLocation location);
 
 }  // namespace sheaf

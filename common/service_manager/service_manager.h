@@ -38,7 +38,7 @@ class ServiceManager {
   void KeepAlive() const;
 
  private:
-  // What does not arrive is dropped: no program waits for its manager.
+  // A message that does not arrive is dropped: no program waits for its manager.
   void Send(const std::string& lines) const;
 
   int socket_ = -1;

@@ -35,7 +35,7 @@ int64_t Stored(IdentityKind kind) { return static_cast<int64_t>(kind); }
 absl::StatusOr<std::unique_ptr<IdentityStore>> IdentityStore::Open(const std::string& path) {
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> database = SqliteDatabase::Open(path);
   if (!database.ok()) return database.status();
-  if (const int64_t lost = (*database)->lost_commits(); lost > 0) {
+  if (const int64_t lost = (*database)->LostCommits(); lost > 0) {
     LogError(absl::StrCat(path, "-wal: bits changed in the log of the database. Up to ", lost,
                           " of the last enrolments and revocations are lost: repeat them, and "
                           "check the disk"));
@@ -45,7 +45,7 @@ absl::StatusOr<std::unique_ptr<IdentityStore>> IdentityStore::Open(const std::st
 }
 
 absl::StatusOr<int64_t> IdentityStore::Count(const std::string& query) {
-  SqliteStatement statement = database_->Prepare(query);
+  Statement statement = database_->Prepare(query);
   const absl::StatusOr<bool> row = statement.Step();
   if (!row.ok()) return row.status();
   return statement.Int64(0);
@@ -105,7 +105,7 @@ absl::StatusOr<std::string> IdentityStore::MakeToken(const IdentityId& id, Role 
 absl::Status IdentityStore::Revoke(const IdentityId& id, absl::Time now) {
   const MutexLock lock(&mutex_);
   cached_version_ = -1;
-  SqliteStatement revoke = database_->Prepare(
+  Statement revoke = database_->Prepare(
       "UPDATE identities SET revoked_ns = MIN(revoked_ns, ?) WHERE kind = ? AND name = ? "
       "RETURNING name");
   const absl::StatusOr<bool> found =
@@ -134,7 +134,7 @@ absl::StatusOr<Identity> IdentityStore::UseToken(const std::string& secret,
   {
     const MutexLock lock(&mutex_);
     // One statement, so that of several callers at most one key gets the token.
-    SqliteStatement use = database_->Prepare(
+    Statement use = database_->Prepare(
         "UPDATE tokens SET used_ns = ?, key_sha256 = ? "
         "WHERE secret_sha256 = ? AND expire_ns > ? AND key_sha256 IN (?, ?) "
         "RETURNING kind, name");
@@ -169,7 +169,7 @@ absl::Status IdentityStore::RemoveExpired(const char* table, absl::Time now) {
 }
 
 absl::StatusOr<int64_t> IdentityStore::CountScrapeTokens(const IdentityId& id) {
-  SqliteStatement statement =
+  Statement statement =
       database_->Prepare("SELECT COUNT(*) FROM scrape_tokens WHERE kind = ? AND name = ?");
   const absl::StatusOr<bool> row = statement.Bind(Stored(id.kind)).Bind(id.name).Step();
   if (!row.ok()) return row.status();
@@ -217,7 +217,7 @@ absl::StatusOr<Identity> IdentityStore::FindScrapeToken(const std::string& token
   IdentityId id;
   {
     const MutexLock lock(&mutex_);
-    SqliteStatement find = database_->Prepare(
+    Statement find = database_->Prepare(
         "SELECT kind, name FROM scrape_tokens WHERE secret_sha256 = ? AND expire_ns > ?");
     const absl::StatusOr<bool> found = find.Bind(Sha256Hex(token)).Bind(ToNanoseconds(now)).Step();
     if (!found.ok()) return found.status();
@@ -238,7 +238,7 @@ absl::Status IdentityStore::Refresh() {
   if (absl::Status status = version_.Run(); !status.ok()) return status;
   if (version == cached_version_) return absl::OkStatus();
   std::map<IdentityId, Identity> read;
-  SqliteStatement query =
+  Statement query =
       database_->Prepare("SELECT kind, name, role, generation, revoked_ns FROM identities");
   while (true) {
     const absl::StatusOr<bool> there = query.Step();

@@ -16,7 +16,7 @@
 #include "absl/time/time.h"
 #include "common/base/mutex.h"
 #include "coordinator/access/identity.h"
-#include "coordinator/store/sqlite_database.h"
+#include "coordinator/store/database/sqlite_database.h"
 
 namespace sheaf::coordinator {
 
@@ -74,7 +74,7 @@ class IdentityStore {
 
   Mutex mutex_;
   const std::unique_ptr<SqliteDatabase> database_ ABSL_PT_GUARDED_BY(mutex_);
-  SqliteStatement version_ ABSL_GUARDED_BY(mutex_);
+  Statement version_ ABSL_GUARDED_BY(mutex_);
   // The identities as of the database's change number; -1: not read yet, or changed here.
   int64_t cached_version_ ABSL_GUARDED_BY(mutex_) = -1;
   std::map<IdentityId, Identity> cache_ ABSL_GUARDED_BY(mutex_);

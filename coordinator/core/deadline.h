@@ -11,8 +11,7 @@ namespace sheaf::coordinator {
 
 struct Deadline {
   absl::Time time = absl::InfiniteFuture();  // InfiniteFuture: there is none.
-  // What the job was quoted to take, CPU time of workers, with the ends of its 80 % band; 0: no
-  // quote was made.
+  // CPU time of workers by the job's quote, with the ends of its 80 % band; 0: no quote was made.
   double cpu_seconds = 0, cpu_seconds_low = 0, cpu_seconds_high = 0;
   friend bool operator==(const Deadline&, const Deadline&) = default;
 };

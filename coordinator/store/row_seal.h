@@ -13,7 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "coordinator/store/sqlite_columns.h"
+#include "coordinator/store/row_columns.h"
 
 namespace sheaf::coordinator {
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The rows of the job store's tables: the columns of each and the members that they store
-// (sqlite_columns.h). sqlite_schema.cc creates the tables.
+// (row_columns.h). job_schema.cc creates the tables.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@
 #include "absl/status/statusor.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "coordinator/store/job_store.h"
+#include "coordinator/store/row_columns.h"
 #include "coordinator/store/row_seal.h"
-#include "coordinator/store/sqlite_columns.h"
 
 namespace sheaf::coordinator {
 
@@ -204,7 +204,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
 
 // Reads all rows of a statement from SelectFrom<Sealed<PartRow>>; rows that changed on disk are put
 // into `changed`, and left out where that is null. Errors: those of Step.
-inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(SqliteStatement* query,
+inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(Statement* query,
                                                          std::vector<PartRow>* changed = nullptr) {
   std::vector<PartRow> parts;
   absl::Status read = ReadRows<Sealed<PartRow>>(query, [&](Sealed<PartRow> part) {
@@ -227,7 +227,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("y0", row.tile.y0);
   visit("x1", row.tile.x1);
   visit("y1", row.tile.y1);
-  visit("SUM(cpu_ns)", row.cpu_duration);
+  visit("CAST(SUM(cpu_ns) AS BIGINT)", row.cpu_duration);
 }
 
 // The table `rounds`, without its column of cells.

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Times and durations as SqliteJobStore stores them: nanoseconds; infinite values are stored as the
+// Times and durations as SqlJobStore stores them: nanoseconds; infinite values are stored as the
 // largest number.
 #pragma once
 

@@ -30,6 +30,9 @@ export interface Rect {
 export interface Job {
   name: string;
   title: string;
+  // The user and the show; missing from coordinators without them.
+  owner?: string;
+  show?: string;
   state: string;
   priority: number;
   failure: string;
@@ -240,8 +243,35 @@ export interface JobWithFrames extends Job {
   next_page_token: string;
 }
 
-// Layers of an image, named as by the coordinator. "light" is the image before exposure.
-export type Layer = 'image'|'light'|'error'|'samples'|'time';
+// Layers of an image, named as by the coordinator. "light" is the image before exposure;
+// "difference" and "relative" compare with another frame.
+export type Layer = 'image'|'light'|'error'|'samples'|'time'|'difference'|'relative';
+
+// What the viewer shows of a frame.
+export interface View {
+  layer: Layer;
+  // The name of a ChannelLayer to show as image or light; '' for the color.
+  of: string;
+  // The frame that differences are from; null for none.
+  other: Frame|null;
+}
+
+// A layer beside the color: one or three channels.
+export interface ChannelLayer {
+  name: string;
+  kind: 'color'|'direction'|'vector'|'scalar'|'id';
+  channels: string[];
+}
+
+// "nan", "inf" or "-inf" where it is no number.
+export type PixelValue = number|string;
+
+export interface Pixel {
+  version: number;
+  x: number;
+  y: number;
+  channels: {name: string; value: PixelValue}[];
+}
 
 // The values at the ends of the false-color scale; both are 0 while unknown.
 export interface LayerRange {
@@ -258,6 +288,14 @@ export interface Preview {
 export interface Session {
   user: string;
   role: string;
+}
+
+// How workers and the command line reach the coordinator.
+export interface FarmAddress {
+  // 0: it listens on no port of its own.
+  grpc_port: number;
+  // Whether it has certificates, so that everybody needs one.
+  tls: boolean;
 }
 
 // A request that the coordinator refused, with its message.
@@ -296,6 +334,10 @@ export const listJobs = (pageSize: number, token: string) =>
     request<JobPage>(BASE + 'jobs' + query(pageSize, token));
 export const getJob = (name: string, pageSize: number, token: string) =>
     request<JobWithFrames>(pathOf(name) + query(pageSize, token));
+export const getLayers = (frameName: string) =>
+    request<{layers: ChannelLayer[]}>(pathOf(frameName) + '/layers');
+export const getPixel = (frame: Frame, x: number, y: number) =>
+    request<Pixel>(pathOf(frame.name) + '/pixel?x=' + x + '&y=' + y);
 export const getFrame = (name: string) => request<Frame>(pathOf(name));
 export const listFailures = (name: string) =>
     request<{failures: Failure[]}>(pathOf(name) + '/failures');
@@ -303,11 +345,14 @@ export const getRefinePrices = (name: string, targets: readonly number[]) =>
     request<RefinePrices>(pathOf(name) + '/refine-price?target_error=' + targets.join(','));
 export const listWorkers = (pageSize: number, token: string) =>
     request<WorkerPage>(BASE + 'workers' + query(pageSize, token));
+export const getFarm = () => request<FarmAddress>(BASE + 'farm');
 export const getSession = () => request<Session>(BASE + 'session');
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 
 // The header tells the coordinator that its own page sends the request, not another site.
-const OWN_PAGE = {'X-Sheaf-Request': '1'};
+const OWN_PAGE = {
+  'X-Sheaf-Request': '1'
+};
 const act = (name: string, action: string) =>
     request<Job>(pathOf(name) + action, {method: 'POST', headers: OWN_PAGE});
 export async function signOut() {
@@ -318,11 +363,13 @@ export const cancelJob = (name: string) => act(name, ':cancel');
 export const pauseJob = (name: string) => act(name, ':pause');
 export const resumeJob = (name: string) => act(name, ':resume');
 // All failed work of the job, of a frame, or of a task of it.
-export const retryTasks = (name: string, frame: number|null, task: number|null) =>
-    act(name,
-        ':retry' + (frame === null ? '' : '?frame=' + frame) +
-            (task === null ? '' : '&task=' + task));
+export const retryTasks = (name: string, frame: number|null, task: number|null) => act(
+    name,
+    ':retry' + (frame === null ? '' : '?frame=' + frame) + (task === null ? '' : '&task=' + task));
 export const killFrame = (name: string, frame: number) => act(name, ':kill?frame=' + frame);
+// Removes a job that has ended, with its images.
+export const deleteJob = (name: string) =>
+    request<{name: string}>(pathOf(name) + ':delete', {method: 'POST', headers: OWN_PAGE});
 export const approveFrames = (name: string) => act(name, ':approve');
 export const setPriority = (name: string, priority: number) =>
     act(name, ':priority?value=' + priority);
@@ -332,13 +379,23 @@ export const refineJob = (name: string, targetError: number) =>
 export const eventsPath = BASE + 'events';
 export const falseColorPath = BASE + 'false-color.png';
 // The present image, or the image at the end of a round.
-export const previewPath = (frame: Frame, layer: Layer, round: number|null) => pathOf(frame.name) +
-    '/preview.png?layer=' + layer +
-    (round === null ? '&version=' + frame.preview_version :
-                      '&round=' + round + '&version=' + frame.rounds?.[round]?.preview_version);
+export function previewPath(frame: Frame, view: View, round: number|null): string {
+  const path = pathOf(frame.name) + '/preview.png?';
+  const {layer, of, other} = view;
+  if (other) {
+    const kind = layer === 'relative' ? 'relative' : 'absolute';
+    return path + 'difference=' + kind + '&with=' + encodeURIComponent(other.name) +
+        '&version=' + frame.preview_version + '-' + other.preview_version;
+  }
+  const what = 'layer=' + layer + (of ? '&of=' + encodeURIComponent(of) : '');
+  if (round === null) return path + what + '&version=' + frame.preview_version;
+  return path + what + '&round=' + round + '&version=' + frame.rounds?.[round]?.preview_version;
+}
 export const thumbnailPath = (frame: PreviewFrame) =>
     pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
+// The delivered image in full size, for programs that read no EXR.
+export const outputPngPath = (frame: Frame) => pathOf(frame.name) + '/preview.png?size=full';
 
 // The image so far; null if there is none yet. Its levels are as sent, independent of the screen.
 export async function getPreview(path: string): Promise<Preview|null> {

@@ -13,16 +13,18 @@ import {CountersView} from './counters';
 import {byId, setText} from './dom';
 import {EffectsView} from './effects';
 import {FailuresView} from './failures';
+import {FirstStepsView} from './first_steps';
 import * as format from './format';
 import {FramesView} from './frames';
+import {ImageView} from './image_view';
 import {JobActions} from './job_actions';
 import {JobDetailsView} from './job_details';
 import {JobsView} from './jobs';
 import {Live} from './live';
-import {ImageView} from './image_view';
-import {Store} from './store';
 import {startSession} from './session';
 import {SetAsideView} from './set_aside';
+import {Store} from './store';
+import {startTabs} from './tabs';
 import {startTheme} from './theme';
 import {WorkersView} from './workers';
 
@@ -78,6 +80,7 @@ function drawProblems() {
 }
 
 startTheme();
+startTabs(byId('farm-tabs'));
 void startSession(store);
 for (const topic of ['jobs', 'workers', 'connection', 'selection'] as const) {
   store.listen(topic, drawHead);
@@ -91,16 +94,19 @@ async function startViews() {
   const select = (name: string) => {
     location.hash = name;
   };
+  let made: JobActions|null = null;
+  const actions = () => made ??= new JobActions(store);
   const makers = [
     () => new JobsView(store, select),
     () => new JobDetailsView(store),
     () => new EffectsView(store),
-    () => new FailuresView(store),
-    () => new SetAsideView(store, new JobActions(store)),
+    () => new FailuresView(store, actions()),
+    () => new SetAsideView(store, actions()),
     () => new FramesView(store, select, () => live?.showMoreFrames()),
     () => new ImageView(store),
     () => new WorkersView(store),
     () => new CountersView(store),
+    () => new FirstStepsView(store),
   ];
   for (const make of makers) {
     make();

@@ -22,6 +22,7 @@ export class CountersView {
     const counters = [...this.store.counters];
     counters.sort((a, b) => Number(FAILURE.test(b.name)) - Number(FAILURE.test(a.name)));
     byId('counters-empty').hidden = counters.length > 0;
+    drawAlarms(counters.filter(isAlarming).length);
     const keys = counters.map(keyOf);
     if (keys.join() !== [...this.cells.keys()].join()) {
       this.cells = new Map(counters.map((counter) => [keyOf(counter), makeCell(counter)]));
@@ -32,6 +33,15 @@ export class CountersView {
       if (cell) updateCell(cell, counter);
     }
   };
+}
+
+const isAlarming = (counter: Counter) => FAILURE.test(counter.name) && counter.value > 0;
+
+// The counters are in a tab that is hidden at first: the head of the panel tells of failures.
+function drawAlarms(count: number) {
+  const words = byId('counter-alarms');
+  words.hidden = count === 0;
+  setText(words, count === 1 ? '1 alert' : count + ' alerts');
 }
 
 const keyOf = (counter: Counter) => counter.name + '=' + counter.label_value;
@@ -50,6 +60,5 @@ function makeCell(counter: Counter): HTMLElement {
 function updateCell(cell: HTMLElement, counter: Counter) {
   const whole = Number.isInteger(counter.value) && counter.value < 1e7;
   setText(child(cell, 1), whole ? format.exact(counter.value) : format.count(counter.value));
-  const alarming = FAILURE.test(counter.name) && counter.value > 0;
-  cell.dataset.alarm = alarming ? 'yes' : 'no';
+  cell.dataset.alarm = isAlarming(counter) ? 'yes' : 'no';
 }

@@ -9,6 +9,9 @@ import {byId, child, el, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
 
+// A share that is further below 0 than so many standard errors is no chance.
+const ERRORS_OF_CHANCE = 2;
+
 export class EffectsView {
   private shown: readonly EffectCost[] = [];
 
@@ -20,7 +23,7 @@ export class EffectsView {
     const {effects} = this.store;
     byId('effects-section').hidden = !this.store.job;
     byId('effects-empty').hidden = effects.length > 0;
-    byId('effects').hidden = effects.length === 0;
+    for (const id of ['effects', 'effects-legend']) byId(id).hidden = effects.length === 0;
     if (effects === this.shown) return;
     this.shown = effects;
     byId('effects').replaceChildren(...effects.map(makeRow));
@@ -47,14 +50,22 @@ function makeRow(effect: EffectCost): HTMLElement {
 
 const percentOf = (share: number) => (100 * Math.max(0, Math.min(1, share))).toFixed(2) + '%';
 
-// "31 ± 2 % of the time; 12 ± 0.5 % of the light; noise × 1.3".
+// "31 ± 2 % of the time; 12 ± 0.5 % of the light; variance × 1.3". Shares lie between 0 and 100 %:
+// what is measured below 0 by more than chance is a saving, and says so.
 function wordsOf(effect: EffectCost): string {
   // 0 if unknown.
   const ratio = effect.variance_ratio;
   const noise = ratio > 0 ? '; variance × ' + Number(ratio.toPrecision(2)) : '';
-  const light = withError(-effect.mean_change, effect.mean_change_error);
-  return withError(effect.time_fraction, effect.time_fraction_error) + ' of the time; ' + light +
-      ' of the light' + noise;
+  const {time_fraction: time, time_fraction_error: timeError} = effect;
+  const {mean_change: change, mean_change_error: changeError} = effect;
+  return shareWords(time, timeError, 'of the time', 'saves ') + '; ' +
+      shareWords(-change, changeError, 'of the light', 'removes ') + noise;
+}
+
+function shareWords(share: number, error: number, what: string, below: string): string {
+  if (share >= 0) return withError(Math.min(1, share), error) + ' ' + what;
+  if (share < -ERRORS_OF_CHANCE * error) return below + withError(-share, error) + ' ' + what;
+  return 'nothing measurable ' + what + ' (± ' + format.share(error) + ')';
 }
 
 // Rounded to the first uncertain digit.

@@ -1,9 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Error against samples or time of the shown job on logarithmic axes. Path tracing should give a
-// straight line that falls by one half for four times the samples. The dotted line extrapolates the
-// last points; the dashed line marks the frame's target error, if it has one.
+// Error against samples per pixel or time of the shown job on logarithmic axes. Path tracing should
+// give a straight line that falls by one half for four times the samples. The dotted line
+// extrapolates the last points; the dashed line marks the frame's target error, if it has one. The
+// compared job has a line of its own.
 
 import 'uplot/dist/uPlot.min.css';
 
@@ -14,6 +15,7 @@ import {fitPowerLaw} from './curve';
 import {byId, setText} from './dom';
 import * as format from './format';
 import {labelled, ticksOf} from './log_ticks';
+import {pixelsOf} from './store';
 import type {Store} from './store';
 
 interface Size {
@@ -36,17 +38,18 @@ const REACH = 4;
 const REACH_MAX = 1000;
 
 interface Axis {
-  of: (point: CurvePoint) => number;
+  // pixels: those that the point's samples are of.
+  of: (point: CurvePoint, pixels: number) => number;
   tick: (value: number) => string;
-  // "with 3 M samples".
+  // "with 64 samples per pixel".
   words: (value: number) => string;
 }
 
 const ABSCISSAS: Record<Abscissa, Axis> = {
   samples: {
-    of: (point) => point.sampleCount,
-    tick: format.roundCount,
-    words: (value) => 'with ' + format.count(value) + ' samples',
+    of: (point, pixels) => point.sampleCount / pixels,
+    tick: format.roundNumber,
+    words: (value) => 'with ' + format.roundNumber(value) + ' samples per pixel',
   },
   seconds: {
     of: (point) => point.wallSeconds,
@@ -72,6 +75,9 @@ interface Curve {
   end: {x: number; error: number}|null;
   // 0 for none.
   target: number;
+  // Those of the compared job; empty without one.
+  besideXs: number[];
+  besideErrors: number[];
 }
 
 export class ErrorChart {
@@ -87,7 +93,9 @@ export class ErrorChart {
   private drawn = '';
 
   constructor(private readonly store: Store) {
-    for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
+    for (const topic of ['jobs', 'frames', 'selection', 'beside'] as const) {
+      store.listen(topic, this.draw);
+    }
     for (const input of document.querySelectorAll<HTMLInputElement>('input[name="abscissa"]')) {
       input.addEventListener('change', () => {
         this.abscissa = input.value as Abscissa;
@@ -104,13 +112,14 @@ export class ErrorChart {
 
   private readonly draw = () => {
     const {points} = this.store.curve;
+    const other = this.store.besideCurve?.points ?? [];
     const key = [
       this.store.jobName, points.length, points.at(-1)?.sampleCount, this.abscissa,
-      this.store.targetError
+      this.store.targetError, this.store.beside?.name, other.length, other.at(-1)?.sampleCount
     ].join();
     if (key === this.drawn) return;
     this.drawn = key;
-    const curve = makeCurve(points, this.abscissa, this.store.targetError);
+    const curve = this.makeCurve(points, other);
     byId('chart-section').hidden = curve.xs.length < 2;
     if (curve.xs.length < 2) return;
     const data = dataOf(curve);
@@ -122,6 +131,20 @@ export class ErrorChart {
       this.drawn = '';
     setText(byId('chart-words'), wordsOf(curve, this.abscissa));
   };
+
+  private makeCurve(points: readonly CurvePoint[], other: readonly CurvePoint[]): Curve {
+    const {abscissa, store} = this;
+    const {xs, errors} = columnsOf(points, abscissa, store.curvePixels);
+    const beside = columnsOf(other, abscissa, pixelsOf(store.beside));
+    return {
+      xs,
+      errors,
+      end: endOf(xs, errors, store.targetError),
+      target: store.targetError,
+      besideXs: beside.xs,
+      besideErrors: beside.errors,
+    };
+  }
 
   // Looked up once per theme: each query may make the browser recompute all styles.
   private colorOf(name: string): string {
@@ -166,25 +189,26 @@ export class ErrorChart {
       ],
       series: [
         {},
-        {stroke: color('--accent'), width: 2, points: {show: false}},
+        {stroke: color('--accent'), width: 2, points: {show: false}, spanGaps: true},
         {stroke: color('--accent'), width: 2, dash: [2, 5], points: {show: false}, spanGaps: true},
         {stroke: color('--good'), width: 1.5, dash: [8, 5], points: {show: false}},
+        {stroke: color('--calm'), width: 2, points: {show: true, size: 5}, spanGaps: true},
       ],
     };
   }
 }
 
-function makeCurve(points: readonly CurvePoint[], abscissa: Abscissa, target: number): Curve {
+function columnsOf(points: readonly CurvePoint[], abscissa: Abscissa, pixels: number) {
   const {of} = ABSCISSAS[abscissa];
   const xs: number[] = [];
   const errors: number[] = [];
   for (const point of points) {
     // The chart needs strictly ascending x; time may not advance between two points.
-    if (!(of(point) > (xs.at(-1) ?? 0))) continue;
-    xs.push(of(point));
+    if (!(of(point, pixels) > (xs.at(-1) ?? 0))) continue;
+    xs.push(of(point, pixels));
     errors.push(Math.sqrt(point.relativeMse));
   }
-  return {xs, errors, end: endOf(xs, errors, target), target};
+  return {xs, errors};
 }
 
 function endOf(xs: number[], errors: number[], target: number): {x: number; error: number}|null {
@@ -208,16 +232,21 @@ function reachOf(law: PowerLaw, last: number, target: number): number {
   return toTarget > 1 ? Math.min(REACH_MAX, toTarget) : REACH;
 }
 
-// Columns of the chart: x, measured, extrapolated, target.
-function dataOf({xs, errors, end, target}: Curve): uPlot.AlignedData {
-  const allX = end ? [...xs, end.x] : xs;
-  const lastIndex = xs.length - 1;
-  const extrapolated = allX.map((_, i) => {
-    if (!end || i < lastIndex) return null;
-    return i === lastIndex ? errors[i] ?? null : end.error;
-  });
-  const measured = allX.map((_, i) => errors[i] ?? null);
-  return [allX, measured, extrapolated, allX.map(() => target > 0 ? target : null)];
+// Columns of the chart: x, measured, extrapolated, target, compared.
+function dataOf(curve: Curve): uPlot.AlignedData {
+  const {xs, errors, end, target, besideXs, besideErrors} = curve;
+  const allX = [...new Set([...xs, ...end ? [end.x] : [], ...besideXs])].sort((a, b) => a - b);
+  const column = (of: readonly number[], values: readonly number[]) => {
+    const byX = new Map(of.map((x, i) => [x, values[i] ?? null]));
+    return allX.map((x) => byX.get(x) ?? null);
+  };
+  const last = xs.length - 1;
+  const extrapolated =
+      end ? column([xs[last] ?? 0, end.x], [errors[last] ?? 0, end.error]) : allX.map(() => null);
+  return [
+    allX, column(xs, errors), extrapolated, allX.map(() => target > 0 ? target : null),
+    column(besideXs, besideErrors)
+  ];
 }
 
 // Slightly more than the drawn range; null if there is no data.
@@ -227,10 +256,14 @@ function range(_: uPlot, low: number|null, high: number|null): [number, number] 
 }
 
 // A description of the chart in one sentence, also for people who cannot see it.
-function wordsOf({xs, errors, end, target}: Curve, abscissa: Abscissa): string {
+function wordsOf(curve: Curve, abscissa: Abscissa): string {
+  const {xs, errors, end, target, besideXs, besideErrors} = curve;
   const {words} = ABSCISSAS[abscissa];
   const now = 'Now ±' + format.share(errors.at(-1) ?? 0) + ' ' + words(xs.at(-1) ?? 0);
   const aim = target > 0 ? '; target ±' + format.share(target) : '';
   const lead = end ? '; extrapolates to ±' + format.share(end.error) + ' ' + words(end.x) : '';
-  return now + aim + lead + '.';
+  const other = besideXs.length > 0 ? '; compared job: ±' + format.share(besideErrors.at(-1) ?? 0) +
+          ' ' + words(besideXs.at(-1) ?? 0) :
+                                      '';
+  return now + aim + lead + other + '.';
 }

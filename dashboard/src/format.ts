@@ -37,6 +37,10 @@ export function percent(share: number): string {
 // The same without trailing zeros, for axes: 1e7 -> "10 M".
 export const roundCount = (value: number) => count(value).replace(/\.0+(?= )/, '');
 
+// Two digits below 10, for axes: 0.25 -> "0.25", 64 -> "64", 1e7 -> "10 M".
+export const roundNumber = (value: number) =>
+    value < 10 ? String(Number(value.toPrecision(2))) : roundCount(value);
+
 // 0.05 -> "5 %", 0.00123 -> "0.12 %": two significant digits.
 export function share(value: number): string {
   return Number((value * 100).toPrecision(2)) + ' %';

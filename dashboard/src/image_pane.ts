@@ -6,7 +6,7 @@
 // link skips versions instead of queueing them.
 
 import * as api from './api';
-import type {Frame, Layer, LayerRange} from './api';
+import type {Frame, Layer, LayerRange, View} from './api';
 import {byId, setText} from './dom';
 import {Exposure} from './exposure';
 import {ImageViewport} from './image_viewport';
@@ -25,7 +25,7 @@ export interface Wanted {
   frame: Frame|undefined;
   // Null for the present image.
   round: number|null;
-  layer: Layer;
+  view: View;
   stops: number;
   // Text shown if there is no image.
   note: string;
@@ -92,16 +92,16 @@ export class ImagePane {
   hurry() {
     clearTimeout(this.rest);
     this.rest = undefined;
-    const {layer, stops} = this.options.wanted();
-    if (this.shown && this.shown === this.wantedPath() && layer === 'light') {
+    const {view, stops} = this.options.wanted();
+    if (this.shown && this.shown === this.wantedPath() && view.layer === 'light') {
       this.exposure.ask(this.shown, null, stops);
     }
     this.draw();
   }
 
   private wantedPath(): string {
-    const {frame, layer, round} = this.options.wanted();
-    return frame ? api.previewPath(frame, layer, round) : '';
+    const {frame, view, round} = this.options.wanted();
+    return frame ? api.previewPath(frame, view, round) : '';
   }
 
   private drawNote(note: string) {
@@ -125,7 +125,7 @@ export class ImagePane {
   private async fetch(frame: Frame, path: string) {
     this.fetching = true;
     const begin = performance.now();
-    const {layer} = this.options.wanted();
+    const {layer} = this.options.wanted().view;
     try {
       const preview = await api.getPreview(path);
       this.store.note(this.attempt, null);
@@ -174,7 +174,7 @@ export class ImagePane {
 // Whether the fetched image is still wanted, possibly in a newer version.
 function isSame(wanted: Wanted, frame: Frame, path: string): boolean {
   if (wanted.frame?.name !== frame.name) return false;
-  return api.previewPath(frame, wanted.layer, wanted.round) === path;
+  return api.previewPath(frame, wanted.view, wanted.round) === path;
 }
 
 // Size of a frame's preview.

@@ -1,14 +1,18 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The viewer: the image of the shown frame and, for comparison, another one beside it. Both use the
-// same layer and exposure and show the same region.
+// The viewer: the image of the shown frame and, for comparison, another one beside it, over a part
+// of it, or as their difference. Both use the same layer and exposure and show the same region.
 
 import type {Frame, Job, Layer, LayerRange} from './api';
 import {CompareChoice} from './compare_choice';
+import {CompareModeChoice} from './compare_mode';
 import {byId, setText} from './dom';
 import {ImagePane} from './image_pane';
+import type {Wanted} from './image_pane';
 import {linkViewports} from './image_viewport';
+import {LayerChoice} from './layer_choice';
+import {PixelReadout} from './pixel_readout';
 import {RoundSlider} from './round_slider';
 import type {Store} from './store';
 import {ViewerControls, rangeWords} from './viewer_controls';
@@ -19,6 +23,8 @@ export class ImageView {
   private readonly controls: ViewerControls;
   private readonly rounds = new RoundSlider(() => this.pane.hurry());
   private readonly choice: CompareChoice;
+  private readonly layers: LayerChoice;
+  private readonly mode: CompareModeChoice;
   private job: string|null = null;
   private rangeWords = '';
   private besideWords = '';
@@ -26,7 +32,7 @@ export class ImageView {
   constructor(private readonly store: Store) {
     this.pane = new ImagePane(store, {
       name: 'image',
-      wanted: () => this.wanted(store.frame, noteOf(store.job, store.frame), this.rounds.round),
+      wanted: () => this.wantedOfShown(),
       onView: () => this.controls.drawZoom(),
       onRange: (layer, range) => this.onRange(layer, range),
     });
@@ -39,10 +45,21 @@ export class ImageView {
         this.drawNames();
       },
     });
-    this.controls = new ViewerControls(this.pane.viewport, () => {
+    const hurry = () => {
       this.pane.hurry();
       this.beside.hurry();
+    };
+    this.layers = new LayerChoice(store, () => {
+      this.controls.redraw();
+      hurry();
     });
+    this.controls =
+        new ViewerControls(this.pane.viewport, (name) => this.layers.isColor(name), hurry);
+    this.mode = new CompareModeChoice(store, () => {
+      hurry();
+      this.drawNames();
+    });
+    new PixelReadout(store, [this.pane.viewport, this.beside.viewport]);
     this.choice = new CompareChoice(store);
     linkViewports(this.pane.viewport, this.beside.viewport);
     for (const topic of ['frames', 'selection'] as const) store.listen(topic, this.draw);
@@ -60,19 +77,32 @@ export class ImageView {
   };
 
   private readonly drawBeside = () => {
-    const {beside} = this.store;
-    byId('images').dataset.compare = beside ? 'yes' : 'no';
-    byId('beside-box').hidden = !beside;
+    this.mode.draw();
+    if (this.mode.isDifference) this.pane.hurry();
     this.choice.draw();
     this.beside.draw();
     this.drawNames();
   };
 
-  private wanted(frame: Frame|undefined, note: string, chosen: number|null) {
-    const {layer, stops} = this.controls;
-    if (layer !== 'time') return {frame, layer, stops, note, round: chosen};
+  // The shown frame, or its difference from the compared one.
+  private wantedOfShown(): Wanted {
+    const {store} = this;
+    const note = noteOf(store.job, store.frame);
+    const other = store.beside;
+    if (!this.mode?.isDifference || !other || other.preview_version === 0)
+      return this.wanted(store.frame, note, this.rounds.round);
+    const layer: Layer = this.mode.mode === 'relative' ? 'relative' : 'difference';
+    return {frame: store.frame, view: {layer, of: '', other}, stops: 0, round: null, note};
+  }
+
+  private wanted(frame: Frame|undefined, note: string, chosen: number|null): Wanted {
+    const {layer, of, stops} = this.controls;
+    const view = {layer, of, other: null};
+    // Other layers are kept for the present image alone.
+    if (of) return {frame, view, stops, round: null, note};
+    if (layer !== 'time') return {frame, view, stops, note, round: chosen};
     // Times are recorded over all rounds together.
-    return {frame, layer, stops, round: null, note: 'No times are kept for this frame.'};
+    return {frame, view, stops, round: null, note: 'No times are kept for this frame.'};
   }
 
   private onRange(layer: Layer, range: LayerRange|null) {
@@ -101,6 +131,8 @@ export class ImageView {
 function noteOf(job: Job|undefined, frame: Frame|undefined): string {
   if (!job) return 'Select a job to see its image.';
   if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason.replace(/^waiting /, '');
+  if (job.state === 'failed') return 'The job failed before there was an image.';
+  if (job.state === 'cancelled') return 'The job was cancelled before there was an image.';
   if (job.state === 'paused') return 'Paused before the first samples.';
   return frame ? 'No samples yet.' : '';
 }

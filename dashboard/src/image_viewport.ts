@@ -25,6 +25,8 @@ export class ImageViewport {
   // two determines the region.
   private partner: ImageViewport|null = null;
   private isLed = false;
+  // Called with the image point under the cursor, 0 to 1 along each side; null outside of it.
+  onPoint: (point: Point|null) => void = () => {};
 
   // `onView` is called after every change of the zoom.
   constructor(
@@ -78,6 +80,10 @@ export class ImageViewport {
   // Screen pixels per image pixel.
   get scale(): number {
     return this.view.scale;
+  }
+
+  get hasImage(): boolean {
+    return this.bitmap !== null;
   }
 
   get isFitted(): boolean {
@@ -167,7 +173,10 @@ export class ImageViewport {
   }
 
   private onPointerMove(event: PointerEvent) {
-    if (!this.dragged) return;
+    if (!this.dragged) {
+      this.onPoint(this.bitmap && this.view.imagePointOf(this.pointOf(event)));
+      return;
+    }
     const at = this.pointOf(event);
     this.view.panBy(at.x - this.dragged.x, at.y - this.dragged.y);
     this.dragged = at;

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Actions on the selected job: pause, resume, set its priority, approve its frames, cancel, refine
-// it when it is finished, try its failed work again, and give up a frame.
+// it when it is finished, try its failed work again, give up a frame, and delete it.
 
 import * as api from './api';
 import type {Frame, Job} from './api';
@@ -25,6 +25,7 @@ export class JobActions {
     byId('pause').addEventListener('click', () => this.pauseOrResume());
     byId('approve').addEventListener('click', () => this.approve());
     byId('cancel').addEventListener('click', () => this.cancel());
+    byId('delete').addEventListener('click', () => this.delete());
     byId('refine').addEventListener('click', () => this.refine());
     byId('retry').addEventListener('click', () => this.retry(null, null));
     byId('kill-frame').addEventListener('click', () => this.killShownFrame());
@@ -42,6 +43,8 @@ export class JobActions {
     for (const id of ['priority-box', 'pause', 'cancel']) byId(id).hidden = ended;
     byId('approve').hidden = ended || !job.unapproved_frame_count;
     byId('refine').hidden = job?.state !== 'succeeded' || !job.progress.relative_mse;
+    byId('delete').hidden = !job || !ended;
+    byId<HTMLButtonElement>('delete').disabled = job?.pinned ?? false;
     if (!job) return;
     setText(byId('pause'), job.state === 'paused' ? 'Resume job' : 'Pause job');
     const isTyped =
@@ -82,6 +85,27 @@ export class JobActions {
       yes: 'Cancel job',
     });
     if (sure) await this.act('cancelling', job, () => api.cancelJob(job.name));
+  }
+
+  private async delete() {
+    const {job} = this.store;
+    if (!job) return;
+    const sure = await confirm({
+      title: 'Delete “' + titleOf(job) + '”?',
+      text: 'Its images and all that is kept of it are removed from the coordinator. This cannot ' +
+          'be undone.',
+      no: 'Keep job',
+      yes: 'Delete job',
+    });
+    if (!sure) return;
+    const attempt = 'deleting “' + titleOf(job) + '”';
+    this.store.note(attempt, null);
+    try {
+      await api.deleteJob(job.name);
+      this.store.removeJob(job.name);
+    } catch (failure) {
+      this.store.note(attempt, failure);
+    }
   }
 
   private async refine() {

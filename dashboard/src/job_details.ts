@@ -29,7 +29,14 @@ export class JobDetailsView {
     setProgress(byId('job-bar'), format.doneShare(job.progress), job.state);
     const output = byId<HTMLAnchorElement>('output');
     output.hidden = !frame || !frame.complete;
-    if (frame && frame.complete) output.href = api.outputPath(frame);
+    const png = byId<HTMLAnchorElement>('output-png');
+    png.hidden = output.hidden;
+    if (frame && frame.complete) {
+      output.href = api.outputPath(frame);
+      png.href = api.outputPngPath(frame);
+      png.download = pngNameOf(job, frame);
+    }
+    setText(byId('error-words'), errorWordsOf(job));
     this.drawFacts(job, frame);
   };
 
@@ -49,6 +56,8 @@ export class JobDetailsView {
 }
 
 function emptyWordsOf(store: Store): string {
+  // The first steps are shown instead.
+  if (store.jobs.sorted.length === 0 && !store.jobMissing) return '';
   if (!store.jobMissing) return 'Select a job to see its image.';
   return 'There is no job ' + store.jobName + '. Select another one.';
 }
@@ -88,10 +97,10 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
     ['Time left', format.hasEnded(job) ? '–' : timeLeftOf(progress), alternativeOf(progress)],
     ['Time', format.duration(wall), 'Since the first lease, without pauses'],
     [
-      'Error of a pixel', format.typicalError(progress.relative_mse),
-      'Typical relative error, estimated from replicates'
+      'Error', format.typicalError(progress.relative_mse),
+      'The typical relative error of a pixel, estimated from replicates; see “What the error means”'
     ],
-    ['relMSE', format.error(progress.relative_mse), 'Relative mean squared error, estimated'],
+    ...targetOf(frame),
     ...priceOfErrorBars(frame),
     [
       'FLIP', frame?.flip ? frame.flip.toFixed(3) : '–',
@@ -120,6 +129,30 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
   ];
 }
 
+function targetOf(frame: Frame|undefined): [string, string, string][] {
+  const target = frame?.stop?.target_error;
+  if (!target) return [];
+  return [['Target', format.typicalError(target), 'The error at which the shown frame stops']];
+}
+
+// The one scale of errors on the page, and its relation to that of the command line.
+function errorWordsOf(job: Job): string {
+  const now = job.progress.relative_mse ?
+      ' Now: ' + format.typicalError(job.progress.relative_mse) + ', relMSE ' +
+          format.error(job.progress.relative_mse) + '.' :
+      '';
+  return '±2 % means: the error of a pixel is typically 2 % of its value (the root mean square ' +
+      'over the pixels; dark pixels count against a tenth of the image’s mean). The list, the ' +
+      'chart, targets and the layer “Standard error” use the same scale. sheaf and EXR metadata ' +
+      'give its square, the relMSE: --target-error 0.0004 is ±2 %.' + now;
+}
+
+// "shot.0007.png".
+function pngNameOf(job: Job, frame: Frame): string {
+  const title = (job.title || job.name).replace(/\.pbrt$/, '').replace(/[^A-Za-z0-9.-]/g, '_');
+  return title + '.' + String(frame.frame_number).padStart(4, '0') + '.png';
+}
+
 // Says how much of the job is kept, where that is not the usual.
 function keptOf(job: Job): [string, string, string][] {
   if (job.parts_removed_time) {
@@ -135,8 +168,8 @@ function keptOf(job: Job): [string, string, string][] {
 function priceOfErrorBars(frame: Frame|undefined): [string, string, string][] {
   if (!frame?.one_sequence_gain) return [];
   return [[
-    'Cost of error bars', `${frame.one_sequence_gain.toFixed(1)} × relMSE`,
-    'The shown frame is smooth: --one-sequence would reduce its relMSE by about this factor, but ' +
+    'Cost of error bars', `${Math.sqrt(frame.one_sequence_gain).toFixed(1)} × error`,
+    'The shown frame is smooth: --one-sequence would reduce its error by about this factor, but ' +
         'gives no true error bars (sheaf study measures it)'
   ]];
 }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The list of jobs, newest first, with thumbnails and a filter.
+// The list of jobs, newest first, with thumbnails and filters by state and by words.
 
 import type {Job} from './api';
 import {badge, byId, child, el, progressBar, setBadge, setProgress, setText} from './dom';
@@ -10,10 +10,18 @@ import type {Store} from './store';
 import {Thumbnails} from './thumbnails';
 import {VirtualList} from './virtual_list';
 
+// Prefixes of words in the filter that look at one field.
+const FIELDS: Record<string, (job: Job) => string> = {
+  'user:': (job) => job.owner ?? '',
+  'show:': (job) => job.show ?? '',
+  'state:': (job) => job.state,
+};
+
 export class JobsView {
   private readonly list: VirtualList<Job>;
   private readonly thumbnails = new Thumbnails();
   private readonly filter = byId<HTMLInputElement>('job-filter');
+  private readonly state = byId<HTMLSelectElement>('job-state-filter');
 
   constructor(private readonly store: Store, select: (name: string) => void) {
     this.list = new VirtualList(byId('jobs'), {
@@ -25,19 +33,21 @@ export class JobsView {
       onSelect: (job) => select(job.name),
     });
     this.filter.addEventListener('input', () => this.draw());
+    this.state.addEventListener('change', () => this.draw());
     for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
   }
 
   private readonly draw = () => {
     const all = this.store.jobs.sorted;
-    const words = this.filter.value.trim().toLowerCase();
-    const shown = words ? all.filter((job) => matches(job, words)) : all;
+    const words = this.filter.value.toLowerCase().split(/\s+/).filter((word) => word !== '');
+    const state = this.state.value;
+    const isFiltered = words.length > 0 || state !== '';
+    const shown = isFiltered ? all.filter((job) => matches(job, state, words)) : all;
     setText(
-        byId('job-count'), words ? shown.length + ' of ' + all.length : format.exact(all.length));
+        byId('job-count'),
+        isFiltered ? shown.length + ' of ' + all.length : format.exact(all.length));
     byId('jobs-empty').hidden = shown.length > 0;
-    setText(
-        byId('jobs-empty'),
-        all.length ? 'No job matches.' : 'No jobs yet. Submit one with: sheaf submit scene.pbrt');
+    setText(byId('jobs-empty'), all.length ? 'No job matches.' : 'No jobs yet.');
     byId('jobs').hidden = shown.length === 0;
     this.list.setItems(shown, this.store.jobName);
   };
@@ -45,34 +55,49 @@ export class JobsView {
   private updateRow(row: HTMLElement, job: Job) {
     this.thumbnails.show(child(child(row, 0), 0) as HTMLImageElement, job.preview_frame);
     const words = child(row, 1);
-    const [top, bar, bottom] = [child(words, 0), child(words, 1), child(words, 2)];
-    setText(child(top, 0), job.title || job.name);
-    setBadge(child(top, 1), job.state);
+    const [title, bottom, bar] = [child(words, 0), child(words, 1), child(words, 2)];
+    setText(title, job.title || job.name);
     const share = format.doneShare(job.progress);
+    setBadge(child(bottom, 0), job.state);
+    setText(child(bottom, 1), factsOf(job, share));
+    setText(child(bottom, 2), timeOf(job));
     setProgress(bar, share, job.state);
-    setText(child(bottom, 0), factsOf(job, share));
-    setText(child(bottom, 1), timeOf(job));
+    const more = whoseOf(job);
+    if (row.title !== more) row.title = more;
   }
 }
 
-const matches = (job: Job, words: string) =>
-    (job.title + ' ' + job.state + ' ' + job.name).toLowerCase().includes(words);
+function matches(job: Job, state: string, words: readonly string[]): boolean {
+  if (state && job.state !== state) return false;
+  const all = [job.title, job.state, job.name, job.owner ?? '', job.show ?? ''];
+  const text = all.join(' ').toLowerCase();
+  return words.every((word) => {
+    const field = Object.keys(FIELDS).find((prefix) => word.startsWith(prefix));
+    if (!field) return text.includes(word);
+    return FIELDS[field]?.(job).toLowerCase().includes(word.slice(field.length)) ?? false;
+  });
+}
+
+// "turntable\njobs/7 of anna, show film".
+function whoseOf(job: Job): string {
+  const owner = job.owner ? ' of ' + job.owner : '';
+  return job.title + '\n' + job.name + owner + (job.show ? ', show ' + job.show : '');
+}
 
 function makeRow(): HTMLElement {
   return el(
       'div', {class: 'job-row'}, el('div', {class: 'job-image'}, Thumbnails.make()),
-      el('div', {class: 'job-words'},
-         el('div', {class: 'job-line'}, el('span', {class: 'job-title'}), badge('queued')),
-         progressBar('Progress'),
-         el('div', {class: 'job-line job-small'}, el('span', {class: 'job-facts'}), el('span'))));
+      el('div', {class: 'job-words'}, el('span', {class: 'job-title'}),
+         el('div', {class: 'job-line job-small'}, badge('queued'), el('span', {class: 'job-facts'}),
+            el('span')),
+         progressBar('Progress')));
 }
 
 function factsOf(job: Job, share: number): string {
-  const facts = [format.percent(share)];
+  const facts = job.state === 'succeeded' ? [] : [format.percent(share)];
   if (job.frame_count > 1)
     facts.push(job.frame_complete_count + ' of ' + job.frame_count + ' frames');
-  if (job.progress.relative_mse)
-    facts.push('error ' + format.typicalError(job.progress.relative_mse));
+  if (job.progress.relative_mse) facts.push(format.typicalError(job.progress.relative_mse));
   return facts.join(' · ');
 }
 

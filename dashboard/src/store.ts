@@ -21,6 +21,13 @@ const TELL_MS_MAX = 8;
 // Minimum number of rounds of a frame that make a curve.
 const ROUNDS_MIN = 2;
 
+// At least 1.
+export function pixelsOf(frame: Frame|undefined): number {
+  if (!frame) return 1;
+  const {x0_px, y0_px, x1_px, y1_px} = frame.window;
+  return Math.max(1, (x1_px - x0_px) * (y1_px - y0_px));
+}
+
 export class Store {
   readonly jobs = new SortedMap<Job>(newestFirst);
   readonly workers = new SortedMap<Worker>((a, b) => a.name < b.name ? -1 : 1);
@@ -105,6 +112,17 @@ export class Store {
     this.touch('jobs');
   }
 
+  // The next job of the list is selected, if it was this one.
+  removeJob(name: string) {
+    const others = this.jobs.sorted.filter((job) => job.name !== name);
+    const at = this.jobs.sorted.findIndex((job) => job.name === name);
+    this.jobs.keepOnly(new Set(others.map((job) => job.name)));
+    if (this.beside?.name.startsWith(name + '/')) this.setBeside(undefined);
+    const next = others[Math.min(at, others.length - 1)];
+    if (this.jobName === name) this.selectJob(next?.name ?? '');
+    this.touch('jobs');
+  }
+
   setJobMissing(missing: boolean) {
     if (this.jobMissing === missing) return;
     this.jobMissing = missing;
@@ -177,6 +195,26 @@ export class Store {
     const last = noted.points.at(-1)?.sampleCount ?? 0;
     const seen = this.watchedCurve.points.filter((point) => point.sampleCount > last);
     return {points: [...noted.points, ...seen]};
+  }
+
+  // The curve of the compared frame, or the end of it; null where nothing is compared.
+  get besideCurve(): CurveSource|null {
+    const {beside} = this;
+    if (!beside) return null;
+    const noted = curveOfRounds(beside.rounds ?? []);
+    if (noted.points.length > 0) return noted;
+    const only = new WatchedCurve();
+    only.add(beside.progress);
+    const job = this.jobs.get(beside.name.replace(/\/frames\/.*/, ''));
+    if (job?.frame_count === 1) only.add(job.progress);
+    return only;
+  }
+
+  // Pixels that the points of the curve count samples of.
+  get curvePixels(): number {
+    const rounds = this.frame?.rounds ?? [];
+    const frames = rounds.length < ROUNDS_MIN ? this.job?.frame_count ?? 1 : 1;
+    return pixelsOf(this.frame) * frames;
   }
 
   // The target error of a pixel for the shown frame, the root of its relMSE; 0 for none.

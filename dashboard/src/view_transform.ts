@@ -62,10 +62,18 @@ export class ViewTransform {
     };
   }
 
+  // The image point, 0 to 1 along each side, that is shown at a point of the box; null outside of
+  // the image.
+  imagePointOf(at: Point): Point|null {
+    const {scale, origin} = this;
+    const x = (at.x - origin.x) / (this.image.width * scale);
+    const y = (at.y - origin.y) / (this.image.height * scale);
+    return x >= 0 && x < 1 && y >= 0 && y < 1 ? {x, y} : null;
+  }
+
   // Shows the same part of this image as `other` shows of its image, whatever their sizes.
   follow(other: ViewTransform) {
-    this.chosenScale =
-        other.isFitted ? null : other.scale * other.image.width / this.image.width;
+    this.chosenScale = other.isFitted ? null : other.scale * other.image.width / this.image.width;
     this.centre = {...other.centre};
   }
 

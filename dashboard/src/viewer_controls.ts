@@ -6,6 +6,7 @@
 
 import type {Layer, LayerRange} from './api';
 import {falseColorPath} from './api';
+import {LAYER_PREFIX} from './layer_choice';
 import {byId, setText} from './dom';
 import {STOPS_MAX, STOPS_STEP} from './exposure';
 import * as format from './format';
@@ -15,11 +16,17 @@ import type {ImageViewport} from './image_viewport';
 const ZOOM_STEP = 2;
 const PAN_SHARE = 0.125;
 
+const ZOOM_BUTTONS = ['zoom-in', 'zoom-out', 'zoom-fit', 'image-zoom'];
+
 const LEGENDS: Record<Layer, string> = {
   image: '',
   light: '',
   error: 'Standard error of a pixel, relative to its value; logarithmic. Gray: not known yet.',
   samples: 'Samples of a pixel. Gray: none yet.',
+  difference: 'Difference from the compared image, root mean square of red, green and blue; ' +
+      'logarithmic. Gray: no number.',
+  relative: 'The same, relative to the compared image (dark pixels: to a tenth of its mean); ' +
+      'logarithmic. Gray: no number.',
   time: 'Processor time of a pixel, the mean over its tile; logarithmic. Gray: not known.',
 };
 
@@ -27,8 +34,11 @@ export class ViewerControls {
   private readonly layerSelect = byId<HTMLSelectElement>('layer');
   private readonly exposure = byId<HTMLInputElement>('exposure');
 
-  // `onChange` is called when the layer or the exposure changes.
-  constructor(private readonly viewport: ImageViewport, private readonly onChange: () => void) {
+  // isColor: whether a layer of the frame can be exposed. `onChange` is called when the layer or
+  // the exposure changes.
+  constructor(
+      private readonly viewport: ImageViewport, private readonly isColor: (name: string) => boolean,
+      private readonly onChange: () => void) {
     this.exposure.min = String(-STOPS_MAX);
     this.exposure.max = String(STOPS_MAX);
     this.exposure.step = String(STOPS_STEP);
@@ -50,14 +60,30 @@ export class ViewerControls {
 
   // The layer to fetch: another exposure needs the linear light instead of the finished image.
   get layer(): Layer {
-    const chosen = this.layerSelect.value as Layer;
-    return chosen === 'image' && this.stops !== 0 ? 'light' : chosen;
+    if (this.canExpose) return this.stops !== 0 ? 'light' : 'image';
+    return this.of ? 'image' : this.layerSelect.value as Layer;
+  }
+
+  // The chosen layer beside the color; '' for none.
+  get of(): string {
+    const {value} = this.layerSelect;
+    return value.startsWith(LAYER_PREFIX) ? value.slice(LAYER_PREFIX.length) : '';
+  }
+
+  // The choice of layers has changed by itself.
+  redraw() {
+    this.drawExposure();
+  }
+
+  private get canExpose(): boolean {
+    return this.layerSelect.value === 'image' || (this.of !== '' && this.isColor(this.of));
   }
 
   // Updates the zoom controls from the viewport.
   drawZoom() {
-    const {scale, isFitted} = this.viewport;
-    setText(byId('zoom-level'), format.zoom(scale));
+    const {scale, isFitted, hasImage} = this.viewport;
+    setText(byId('zoom-level'), hasImage ? format.zoom(scale) : '–');
+    for (const id of ZOOM_BUTTONS) byId<HTMLButtonElement>(id).disabled = !hasImage;
     byId('zoom-fit').setAttribute('aria-pressed', String(isFitted));
     byId('image-zoom').setAttribute('aria-pressed', String(scale === 1));
   }
@@ -69,13 +95,13 @@ export class ViewerControls {
     const colors = byId<HTMLImageElement>('legend-colors');
     if (!colors.src) colors.src = falseColorPath;
     const words = (value: number) => valueWords(layer, range, value);
-    const middle =
-        layer !== 'samples' ? Math.sqrt(range.low * range.high) : (range.low + range.high) / 2;
+    const isLinear = layer === 'samples' || layer === 'image';
+    const middle = isLinear ? (range.low + range.high) / 2 : Math.sqrt(range.low * range.high);
     const single = range.low === range.high;
     setText(byId('legend-low'), single ? '' : words(range.low));
     setText(byId('legend-middle'), single ? '' : words(middle));
     setText(byId('legend-high'), words(range.high));
-    setText(byId('legend-words'), LEGENDS[layer]);
+    setText(byId('legend-words'), LEGENDS[layer] || this.of + ', linear. Gray: no number.');
   }
 
   private changed() {
@@ -84,7 +110,7 @@ export class ViewerControls {
   }
 
   private drawExposure() {
-    const usable = this.layerSelect.value === 'image';
+    const usable = this.canExpose;
     setText(byId('exposure-value'), format.signed(this.stops));
     this.exposure.setAttribute('aria-valuetext', format.signed(this.stops) + ' stops');
     this.exposure.disabled = !usable;
@@ -102,10 +128,11 @@ export class ViewerControls {
   }
 
   private onKey(event: KeyboardEvent) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const isReadout = event.shiftKey && event.key.startsWith('Arrow');
+    if (event.ctrlKey || event.metaKey || event.altKey || isReadout) return;
     const act = this.actionOf(event.key) ??
         ((event.target as Element).classList.contains('image-box') ? this.panOf(event.key) :
-                                                                       undefined);
+                                                                     undefined);
     if (!act) return;
     event.preventDefault();
     act();
@@ -140,8 +167,10 @@ export class ViewerControls {
 }
 
 function valueWords(layer: Layer, range: LayerRange, value: number): string {
-  if (!(range.high > 0)) return '–';
-  if (layer === 'error') return format.share(value);
+  if (layer === 'image') return String(Number(value.toPrecision(3)));
+  if (!(range.high > 0)) return layer === 'difference' || layer === 'relative' ? '0' : '–';
+  if (layer === 'difference') return String(Number(value.toPrecision(2)));
+  if (layer === 'error' || layer === 'relative') return format.share(value);
   return layer === 'time' ? format.shortTime(value) : format.exact(value);
 }
 

@@ -21,7 +21,7 @@ from man_page import man_page
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 PACKAGES = ("sheaf", "sheaf-coordinator", "sheaf-worker", "sheaf-common", "python3-sheaf")
-# Of whom the help must not speak: options have defaults in the home directory.
+# The help must not name this user: options have defaults in the home directory.
 HOME = "/home/somebody"
 
 

@@ -1,16 +1,20 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Addresses of coordinators, "HOST:PORT" or "HOST", read as the program `sheaf` reads them."""
+"""Addresses of coordinators, "HOST:PORT" or "HOST", read as the program `sheaf` reads them; those
+of several that share a farm with commas between them.
+"""
 from __future__ import annotations
 
 import dataclasses
 import ipaddress
 import os
 import re
+import socket
 
 from sheaf.errors import InvalidRequestError
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 7400
+ADDRESSES_MAX = 8  # Coordinators of a farm.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +47,57 @@ def parse_address(text: str) -> Address:
     return Address(match[1] or match[2], port)
 
 
-def coordinator_address(text: str | None) -> Address:
-    """The given address, otherwise that of the environment, otherwise loopback."""
+@dataclasses.dataclass(frozen=True)
+class Addresses:
+    """The coordinators of a farm. One serves; the others refuse connections until they take
+    over.
+    """
+    each: tuple[Address, ...]  # At least one.
+
+    def __str__(self) -> str:
+        return ",".join(map(str, self.each))
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine reaches them."""
+        return all(address.is_loopback for address in self.each)
+
+    def target(self) -> str:
+        """What a gRPC channel connects to. It takes lists of numeric addresses alone, so names of
+        several are resolved now; those that cannot be are left out.
+        """
+        if len(self.each) == 1:
+            return str(self.each[0])
+        hosts = [(found, address.port) for address in self.each
+                 if any((found := _resolve(address.host)).values())]
+        if not hosts:
+            return str(self.each[0])  # gRPC says what is wrong.
+        # A list is of one family. An IPv4 address can be written as one of IPv6.
+        if all(found[socket.AF_INET] for found, _ in hosts):
+            return "ipv4:" + ",".join(f"{f[socket.AF_INET]}:{port}" for f, port in hosts)
+        return "ipv6:" + ",".join(
+            f"[{f[socket.AF_INET6] or '::ffff:' + f[socket.AF_INET]}]:{port}" for f, port in hosts)
+
+
+def _resolve(host: str) -> dict[socket.AddressFamily, str]:
+    """The first numeric address of each family; "" where there is none."""
+    found = {socket.AF_INET: "", socket.AF_INET6: ""}
+    try:
+        for family, _, _, _, address in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM):
+            if family in found:
+                found[family] = found[family] or str(address[0])
+    except OSError:
+        pass
+    return found
+
+
+def coordinator_addresses(text: str | None) -> Addresses:
+    """The given addresses, otherwise those of the environment, otherwise loopback. Raises
+    InvalidRequestError.
+    """
     text = text or os.environ.get("SHEAF_COORDINATOR") or f"{DEFAULT_HOST}:{DEFAULT_PORT}"
-    return parse_address(text)
+    parts = text.split(",")
+    if len(parts) > ADDRESSES_MAX:
+        raise InvalidRequestError(
+            f'addresses "{text}": a farm has at most {ADDRESSES_MAX} coordinators; name fewer')
+    return Addresses(tuple(map(parse_address, parts)))

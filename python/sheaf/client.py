@@ -14,7 +14,7 @@ import grpc
 from google.protobuf import duration_pb2
 
 from sheaf import errors
-from sheaf.address import coordinator_address
+from sheaf.address import coordinator_addresses
 from sheaf.connection import UNARY_SECONDS_MAX, Connection, transient_wait
 from sheaf.images import Image, read_image
 from sheaf.jobs import (Frame, Job, JobState, RefinementPrice, Worker, job_from, price_from,
@@ -42,7 +42,8 @@ def job_name(job: JobLike) -> str:
 def connect(address: str | None = None, *, insecure: bool = False,
             programs: str | os.PathLike[str] | None = None,
             answer_seconds: float | None = None) -> Client:
-    """Makes a client of the coordinator at "HOST:PORT" or "HOST" (port 7400).
+    """Makes a client of the coordinator at "HOST:PORT" or "HOST" (port 7400). The addresses of
+    several that share a farm have commas between them.
 
     Without an address, that of the environment variable SHEAF_COORDINATOR, otherwise
     127.0.0.1:7400. It uses the certificate that `sheaf login` has stored for the address. insecure:
@@ -53,7 +54,7 @@ def connect(address: str | None = None, *, insecure: bool = False,
     Raises NotLoggedInError and InvalidRequestError. A coordinator that does not answer is an error
     of the first call.
     """
-    return Client(Connection(coordinator_address(address), insecure, programs, answer_seconds))
+    return Client(Connection(coordinator_addresses(address), insecure, programs, answer_seconds))
 
 
 class Client:

@@ -15,7 +15,7 @@ from typing import Any, Callable, TypeVar
 import grpc
 
 from sheaf import errors
-from sheaf.address import Address
+from sheaf.address import Addresses
 from sheaf.credentials import Credentials, find_credentials, open_channel, renew_if_old
 from sheaf.programs import LOG
 
@@ -73,7 +73,7 @@ def transient_wait(failure: grpc.RpcError) -> float | None:
 class Connection:
     """May be used by several threads."""
 
-    def __init__(self, address: Address, insecure: bool,
+    def __init__(self, address: Addresses, insecure: bool,
                  programs: str | os.PathLike[str] | None,
                  answer_seconds: float | None = None) -> None:
         self.address, self.insecure, self.programs = address, insecure, programs

@@ -16,7 +16,7 @@ import time
 
 import grpc
 
-from sheaf.address import Address
+from sheaf.address import Address, Addresses
 from sheaf.errors import NotLoggedInError, SheafError
 from sheaf.programs import LOG, run_sheaf
 
@@ -34,9 +34,10 @@ _CHANNEL_OPTIONS = [
     ("grpc.keepalive_timeout_ms", 20_000),
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.min_reconnect_backoff_ms", 20_000),  # The limit of one attempt, despite its name.
-    ("grpc.max_reconnect_backoff_ms", 2_000),
     ("grpc.use_local_subchannel_pool", 1),
 ]
+RECONNECT_BACKOFF_MS_MAX = 2_000
+FOLLOW_BACKOFF_MS_MAX = 500  # Of several addresses: a takeover lasts some seconds.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,8 +60,14 @@ def credentials_folder() -> pathlib.Path:
     return root / "sheaf" / "coordinators"
 
 
-def find_credentials(address: Address) -> Credentials | None:
-    """Those for the address. Raises NotLoggedInError if they cannot be read."""
+def find_credentials(addresses: Addresses) -> Credentials | None:
+    """Those for one of the addresses: coordinators of one farm have one authority. Raises
+    NotLoggedInError if they cannot be read.
+    """
+    return next((found for each in addresses.each if (found := _find_for(each))), None)
+
+
+def _find_for(address: Address) -> Credentials | None:
     try:
         folders = sorted(credentials_folder().iterdir())[:COORDINATORS_MAX]
     except OSError:
@@ -81,7 +88,7 @@ def find_credentials(address: Address) -> Credentials | None:
     return None
 
 
-def renew_if_old(address: Address, credentials: Credentials,
+def renew_if_old(addresses: Addresses, credentials: Credentials,
                  programs: str | os.PathLike[str] | None) -> None:
     """Lets `sheaf`, which renews certificates at each call, make one, if the certificate is old.
 
@@ -90,10 +97,11 @@ def renew_if_old(address: Address, credentials: Credentials,
     if credentials.age_seconds < RENEW_AFTER_SECONDS:
         return
     try:
-        run_sheaf(["workers", "--coordinator", str(address)], programs, RENEW_SECONDS_MAX)
+        run_sheaf(["workers", "--coordinator", str(addresses)], programs,
+                  RENEW_SECONDS_MAX)
     except SheafError as error:
         LOG.warning("the certificate for %s was not renewed, and ends seven days after it was "
-                    "issued: %s", address, error)
+                    "issued: %s", addresses, error)
 
 
 def _speaks_tls(address: Address) -> bool:
@@ -110,25 +118,39 @@ def _speaks_tls(address: Address) -> bool:
         return False
 
 
-def _no_certificate(what: str, address: Address, or_else: str = "") -> NotLoggedInError:
+def _no_certificate(what: str, address: Address | Addresses, or_else: str = "") -> NotLoggedInError:
     return NotLoggedInError(f"{what} {address} is stored here; run sheaf login {address} with a "
                             f"token of sheaf-coordinator enroll user NAME{or_else}")
 
 
-def open_channel(address: Address, credentials: Credentials | None,
+def _channel_options(addresses: Addresses) -> list[tuple[str, object]]:
+    several = len(addresses.each) > 1
+    options: list[tuple[str, object]] = [
+        *_CHANNEL_OPTIONS, ("grpc.max_reconnect_backoff_ms",
+                            FOLLOW_BACKOFF_MS_MAX if several else RECONNECT_BACKOFF_MS_MAX)]
+    if several:
+        # Coordinators that share a state directory have one certificate, with the names of all: it
+        # is checked for the first of them, whichever is called.
+        first = addresses.each[0].host
+        options += [("grpc.ssl_target_name_override", first), ("grpc.default_authority", first)]
+    return options
+
+
+def open_channel(addresses: Addresses, credentials: Credentials | None,
                  insecure: bool) -> grpc.Channel:
     """insecure: another machine may be reached in plain text. Raises NotLoggedInError."""
+    options = _channel_options(addresses)
     if credentials is not None:
         tls = grpc.ssl_channel_credentials(credentials.authority, credentials.key,
                                            credentials.certificate)
-        return grpc.secure_channel(str(address), tls, _CHANNEL_OPTIONS)
-    if not address.is_loopback and not insecure:
-        raise _no_certificate("no certificate for the coordinator at", address,
+        return grpc.secure_channel(addresses.target(), tls, options)
+    if not addresses.is_loopback and not insecure:
+        raise _no_certificate("no certificate for the coordinator at", addresses,
                               ", or, for experiments on a network that you trust, connect without "
                               "encryption by insecure=True")
-    if _speaks_tls(address):
-        raise _no_certificate("the coordinator speaks TLS, and no certificate for", address)
-    if not address.is_loopback:
+    if any(_speaks_tls(address) for address in addresses.each):
+        raise _no_certificate("the coordinator speaks TLS, and no certificate for", addresses)
+    if not addresses.is_loopback:
         LOG.warning("insecure: the connection to %s is neither encrypted nor authenticated",
-                    address)
-    return grpc.insecure_channel(str(address), _CHANNEL_OPTIONS)
+                    addresses)
+    return grpc.insecure_channel(addresses.target(), options)

@@ -19,6 +19,7 @@ Array = numpy.typing.NDArray[numpy.float32]
 
 _METADATA_PREFIX = "sheaf:"
 _COMPONENT_ORDER = "RGBAXYZ"
+_ROW_PARTS = {"size": "x", "window": ","}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,14 +92,26 @@ def read_image(path: str | os.PathLike[str]) -> Image:
         raise _unreadable(name, OpenImageIO.geterror())
     try:
         spec = file.spec()
-        values = file.read_image(OpenImageIO.FLOAT)
-        if values is None:
-            raise _unreadable(name, file.geterror())
-        metadata = {attribute.name.removeprefix(_METADATA_PREFIX): str(attribute.value)
+        window = (spec.x, spec.y, spec.x + spec.width, spec.y + spec.height)
+        metadata = {attribute.name.removeprefix(_METADATA_PREFIX):
+                    _text(attribute.name, attribute.value)
                     for attribute in spec.extra_attribs
                     if attribute.name.startswith(_METADATA_PREFIX)}
-        return _image(name, list(spec.channelnames), values,
-                      (spec.x, spec.y, spec.x + spec.width, spec.y + spec.height), metadata)
+        channels: list[str] = []
+        parts: list[Any] = []
+        index = 0
+        while True:  # A file has a part for each layer, or one for all.
+            values = file.read_image(OpenImageIO.FLOAT)
+            if values is None:
+                raise _unreadable(name, file.geterror())
+            if (spec.x, spec.y, spec.x + spec.width, spec.y + spec.height) == window:
+                channels += list(spec.channelnames)
+                parts.append(values.reshape(spec.height, spec.width, spec.nchannels))
+            index += 1
+            if not file.seek_subimage(index, 0):
+                break
+            spec = file.spec()
+        return _image(name, channels, numpy.concatenate(parts, axis=-1), window, metadata)
     finally:
         file.close()
 
@@ -119,6 +132,19 @@ def _image(name: str, channels: list[str], values: Any, window: tuple[int, int, 
         layers[layer] = _planes(values, [place[channel] for channel in its])
     return Image(rgb=_planes(values, [place[channel] for channel in "RGB"]), layers=layers,
                  window=window, metadata=metadata)
+
+
+def _text(name: str, value: Any) -> str:
+    """The text of a number, a size or a window, as versions wrote it that had only texts."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (tuple, list)):
+        numbers = list(value)
+        separator = _ROW_PARTS.get(name.removeprefix(_METADATA_PREFIX), " ")
+        if separator == "," and len(numbers) == 4:  # The file has the last pixel, not the end.
+            numbers[2:] = [numbers[2] + 1, numbers[3] + 1]
+        return separator.join(map(str, numbers))
+    return str(value)
 
 
 def _planes(values: Any, places: list[int]) -> Array:

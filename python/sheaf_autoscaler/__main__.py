@@ -68,7 +68,8 @@ def parser() -> argparse.ArgumentParser:
         "--threads 16 --max 20 --slurm-partition render --slurm-qos low")
     add = made.add_argument
     add("--engine", choices=("slurm", "local"), required=True, help="what starts workers")
-    add("--coordinator", help="HOST:PORT (default 127.0.0.1:7400; also from SHEAF_COORDINATOR)")
+    add("--coordinator", help="HOST:PORT (default 127.0.0.1:7400; also from SHEAF_COORDINATOR); "
+        "of several that share a farm: all, separated by commas")
     add("--insecure", action="store_true", help="for experiments: without encryption")
     add("--pool", type=name, default="default", help="pool of the workers (default: %(default)s)")
     add("--tag", type=name, action="append", default=[],

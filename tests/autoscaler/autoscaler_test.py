@@ -57,7 +57,7 @@ class DeadlineTest(unittest.TestCase):
             steps[0] += 1
             if preempted and steps[0] % 120 == 0:  # Every ten minutes.
                 pool.preempt()
-            # What submit says: whether the largest pool makes it, by the band.
+            # The words of submit: whether the largest pool makes it, by the band.
             jobs = [job.work() for job in pool.open_jobs()]
             ends = demand.ends_of(jobs, bounds.workers_max * 0.95) if jobs else {}
             for job in pool.open_jobs():

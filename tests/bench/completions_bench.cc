@@ -4,9 +4,11 @@
 // The price of TLS and of checks: results per second that a coordinator accepts from synthetic
 // workers over loopback, without both and with both, in turns. A job has many small tasks, so that
 // the workers' rendering costs little. Prints each run, the medians and their ratio; the target is
-// at least 0.8.
+// at least 0.8. Likewise the price of PostgreSQL against SQLite, if a database is given.
 //
 //   completions_bench        SHEAF_BENCH_ROUNDS=N: rounds, 5 unless said otherwise
+//                            SHEAF_BENCH_DATABASE=URL: of a PostgreSQL database, whose tables of
+//                            jobs are removed
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
@@ -20,6 +22,8 @@
 #include "common/rpc/enrolment.h"
 #include "common/rpc/farm_connection.h"
 #include "coordinator/service/server/coordinator_server_fixture.h"
+#include "coordinator/service/server/shared_database.h"
+#include "coordinator/store/database/postgres_database.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -33,8 +37,8 @@ constexpr absl::Duration kRunMax = absl::Minutes(5);
 
 class CompletionsBench : public CoordinatorServerTest {
  protected:
-  // Results per second of one job.
-  double Run(bool protect) {
+  // Results per second of one job. database: the URL of PostgreSQL's; empty: SQLite.
+  double Run(bool protect, const std::string& database = "") {
     std::filesystem::remove_all(directory_);
     if (protect) {
       EXPECT_TRUE(CertificateAuthority::Create(AccessControl::Directory(directory_),
@@ -43,7 +47,7 @@ class CompletionsBench : public CoordinatorServerTest {
     }
     options_.listen_address = "127.0.0.1:0";
     options_.farm.limits.check_fraction = protect ? Limits().check_fraction : 0;
-    Start();
+    StartOn(database);
     std::vector<std::unique_ptr<SyntheticWorker>> workers;
     for (int i = 0; i < kWorkerCount; ++i) {
       const std::string name = absl::StrCat("w", i);
@@ -69,6 +73,25 @@ class CompletionsBench : public CoordinatorServerTest {
   }
 
  private:
+  void StartOn(const std::string& database) {
+    if (database.empty()) return Start();
+    server_.reset();
+    {
+      const auto connection = PostgresConnection::Open(database, "");
+      ASSERT_TRUE(connection.ok()) << connection.status();
+      ASSERT_TRUE(
+          (*connection)->Run(absl::StrCat("DROP SCHEMA IF EXISTS ", kJobsSchema, " CASCADE")).ok());
+    }
+    owned_ = OwnedFarm();
+    absl::StatusOr<OwnedFarm> owned =
+        OwnFarm({database, "the bench"}, [](absl::Duration) { return false; });
+    ASSERT_TRUE(owned.ok()) << owned.status();
+    owned_ = *std::move(owned);
+    auto server = CoordinatorServer::Start(options_, std::move(owned_.database));
+    ASSERT_TRUE(server.ok()) << server.status();
+    server_ = *std::move(server);
+    jobs_ = v1::JobService::NewStub(server_->InProcessChannel());
+  }
   v1::CreateJobRequest Job() {
     v1::CreateJobRequest request = Request(/*samples=*/16);
     v1::FrameSettings* settings = request.mutable_frames(0)->mutable_settings();
@@ -106,6 +129,8 @@ class CompletionsBench : public CoordinatorServerTest {
       while (!worker->leases().empty() && !stop) worker->RenderOne().status().IgnoreError();
     }
   }
+
+  OwnedFarm owned_;
 };
 
 double Median(std::vector<double> values) {
@@ -113,10 +138,29 @@ double Median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-TEST_F(CompletionsBench, TlsAndChecks) {
+int Rounds() {
   const char* rounds = std::getenv("SHEAF_BENCH_ROUNDS");
+  return rounds == nullptr ? 5 : std::atoi(rounds);
+}
+
+TEST_F(CompletionsBench, Databases) {
+  const char* database = std::getenv("SHEAF_BENCH_DATABASE");
+  if (database == nullptr) GTEST_SKIP() << "SHEAF_BENCH_DATABASE names none";
+  std::vector<double> sqlite, postgres;
+  for (int i = 0; i < Rounds(); ++i) {
+    for (const bool on_postgres : {i % 2 == 0, i % 2 != 0}) {
+      const double rate = Run(/*protect=*/false, on_postgres ? database : "");
+      (on_postgres ? postgres : sqlite).push_back(rate);
+      std::printf("%s: %.0f results/s\n", on_postgres ? "PostgreSQL" : "SQLite", rate);
+    }
+  }
+  std::printf("medians: %.0f results/s on SQLite, %.0f on PostgreSQL (target at least 1000)\n",
+              Median(sqlite), Median(postgres));
+}
+
+TEST_F(CompletionsBench, TlsAndChecks) {
   std::vector<double> plain, secured;
-  for (int i = 0; i < (rounds == nullptr ? 5 : std::atoi(rounds)); ++i) {
+  for (int i = 0; i < Rounds(); ++i) {
     // The order alternates, so that a machine that slows down favors neither.
     for (const bool protect : {i % 2 == 0, i % 2 != 0}) {
       const double rate = Run(protect);

@@ -5,14 +5,16 @@
 // second by the number of calls that write at the same time, with the 50th and 99th percentile of a
 // call; and the time to open a frame of 262,144 tiles, which is spent under the farm's lock.
 //
-//   store_bench DIRECTORY [SECONDS]    a new folder on the disk to measure; seconds a row, 3 unless
-//                                      said otherwise
+//   store_bench DIRECTORY [SECONDS [URL]]   a new folder on the disk to measure; seconds a row, 3
+//                                           unless said otherwise; a PostgreSQL database, whose
+//                                           tables of jobs are removed first
 #include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -22,7 +24,9 @@
 #include "common/base/digest.h"
 #include "common/base/mutex.h"
 #include "coordinator/core/frame_tasks.h"
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/database/farm_ownership.h"
+#include "coordinator/store/database/postgres_database.h"
+#include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -36,8 +40,31 @@ double MillisecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
 }
 
-void MeasureParts(const std::string& directory, int writer_count, double seconds) {
-  const auto store = SqliteJobStore::Open(directory);
+absl::StatusOr<std::unique_ptr<SqlJobStore>> OpenStore(const std::string& directory,
+                                                       const FarmOwnership* owner,
+                                                       const std::string& url) {
+  if (owner == nullptr) return SqlJobStore::Open(directory);
+  const auto connection = PostgresConnection::Open(url, "");
+  SHEAF_CHECK(connection.ok());
+  SHEAF_CHECK(
+      (*connection)->Run(absl::StrCat("DROP SCHEMA IF EXISTS ", kJobsSchema, " CASCADE")).ok());
+  auto database = PostgresDatabase::Open(url, kJobsSchema, WriteFence{owner->epoch(), nullptr});
+  SHEAF_CHECK(database.ok());
+  return SqlJobStore::Open(directory, *std::move(database));
+}
+
+std::unique_ptr<FarmOwnership> OwnFarm(const std::string& url) {
+  if (url.empty()) return nullptr;
+  auto owner = FarmOwnership::Acquire(
+      {.url = url, .name = "store_bench", .sleep = [](absl::Duration) { return false; }});
+  SHEAF_CHECK(owner.ok());
+  (*owner)->Keep([](const absl::Status&) { SHEAF_CHECK(false); });
+  return *std::move(owner);
+}
+
+void MeasureParts(const std::string& directory, const FarmOwnership* owner, const std::string& url,
+                  int writer_count, double seconds) {
+  const auto store = OpenStore(directory, owner, url);
   SHEAF_CHECK(store.ok());
   const std::string bytes(kPartBytes, 'x');
   const BlobDigest digest{Sha256Hex(bytes), bytes.size()};
@@ -94,13 +121,17 @@ void MeasureOpening() {
 
 int main(int argc, char** argv) {
   if (argc < 2 || std::filesystem::exists(argv[1])) {
-    std::fprintf(stderr, "usage: store_bench DIRECTORY [SECONDS]; the directory must be new\n");
+    std::fprintf(stderr,
+                 "usage: store_bench DIRECTORY [SECONDS [URL]]; the directory must be new\n");
     return 2;
   }
   const double seconds = argc > 2 ? std::atof(argv[2]) : 3;
+  const std::string url = argc > 3 ? argv[3] : "";
+  const auto owner = sheaf::coordinator::OwnFarm(url);
   sheaf::coordinator::MeasureOpening();
   for (const int writers : {1, 16, 100, 1000}) {
-    sheaf::coordinator::MeasureParts(absl::StrCat(argv[1], "/", writers), writers, seconds);
+    sheaf::coordinator::MeasureParts(absl::StrCat(argv[1], "/", writers), owner.get(), url, writers,
+                                     seconds);
   }
   std::filesystem::remove_all(argv[1]);
   return 0;

@@ -26,7 +26,7 @@
 #include "absl/time/clock.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -63,7 +63,7 @@ PartRow RowOf(uint64_t job, uint32_t index, const std::string& bytes) {
 // The life that is killed: writes parts from `first` on, and tells of each that is acknowledged.
 [[noreturn]] void WriteUntilKilled(const std::string& directory, uint64_t job, uint32_t first,
                                    int told) {
-  absl::StatusOr<std::unique_ptr<SqliteJobStore>> store = SqliteJobStore::Open(directory);
+  absl::StatusOr<std::unique_ptr<SqlJobStore>> store = SqlJobStore::Open(directory);
   if (!store.ok()) ::_exit(1);
   std::atomic<uint32_t> next = first;
   std::vector<std::thread> threads;
@@ -85,7 +85,7 @@ class GroupKillTest : public testing::Test {
  protected:
   GroupKillTest() : directory_(testing::TempDir() + "sheaf-group-kill") {
     std::filesystem::remove_all(directory_);
-    const auto store = SqliteJobStore::Open(directory_);
+    const auto store = SqlJobStore::Open(directory_);
     SHEAF_CHECK(store.ok());
     JobSpec spec;
     spec.numeric_profile = "profile";
@@ -157,7 +157,7 @@ TEST_F(GroupKillTest, NothingAcknowledgedIsLost) {
     ASSERT_FALSE(acknowledged.empty());
     acknowledged_count += acknowledged.size();
     const size_t files_before = CountFiles();
-    const auto store = SqliteJobStore::Open(directory_);
+    const auto store = SqlJobStore::Open(directory_);
     ASSERT_TRUE(store.ok()) << store.status();
     const auto parts = (*store)->LoadParts(job_);
     ASSERT_TRUE(parts.ok()) << parts.status();

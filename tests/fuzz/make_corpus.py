@@ -15,13 +15,17 @@ import os
 import struct
 import subprocess
 import sys
+import tempfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 sys.path.insert(0, os.path.join(ROOT, "tests", "integration"))
+sys.path.insert(0, os.path.join(ROOT, "tests", "gltf"))
 import farm  # pylint: disable=wrong-import-position
+import make_models  # pylint: disable=wrong-import-position
 
 SCENES = os.path.join(ROOT, "scenes")
+GLTF_BYTES_MAX = 2 << 10  # The small ones say enough about the format.
 TEXT_BYTES_MAX = 12 << 10  # Longer files of scenes are left out.
 TINY = """LookAt 0 0 -3  0 0 0  0 1 0
 Camera "perspective" "float fov" 45
@@ -330,12 +334,22 @@ def add_images(corpus):
                + struct.pack("<I", len(TINY) << 3 | 1)[:3] + TINY.encode())
 
 
+def add_gltf(corpus):
+    with tempfile.TemporaryDirectory() as folder:
+        for path, _ in make_models.write_models(folder):
+            with open(path, "rb") as file:
+                content = file.read()
+            if len(content) <= GLTF_BYTES_MAX:
+                corpus.add("gltf", os.path.basename(path), content)
+
+
 def main():
     corpus = Corpus(sys.argv[1] if len(sys.argv) > 1 else os.path.join(HERE, "corpus"))
     add_scene_files(corpus)
     add_messages(corpus)
     add_texts(corpus)
     add_images(corpus)
+    add_gltf(corpus)
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ class PackageTest(unittest.TestCase):
             self.assertEqual({e.name: e.value for e in kind if e.name != "UNKNOWN"}, names)
 
     def test_addresses(self):
-        from sheaf.address import coordinator_address, parse_address
+        from sheaf.address import coordinator_addresses, parse_address
         for text, complete, loopback in (
                 ("farm", "farm:7400", False), ("farm:1", "farm:1", False),
                 ("localhost", "localhost:7400", True), ("127.9.0.1:80", "127.9.0.1:80", True),
@@ -101,7 +101,20 @@ class PackageTest(unittest.TestCase):
             with self.assertRaisesRegex(sheaf.InvalidRequestError, "write for example"):
                 parse_address(text)
         with mock.patch.dict(os.environ, SHEAF_COORDINATOR="node:5"):
-            self.assertEqual(str(coordinator_address(None)), "node:5")
+            self.assertEqual(str(coordinator_addresses(None)), "node:5")
+        several = coordinator_addresses("localhost,127.0.0.2:7401")
+        self.assertEqual(str(several), "localhost:7400,127.0.0.2:7401")
+        self.assertTrue(several.is_loopback)
+        self.assertFalse(coordinator_addresses("localhost,10.0.0.1").is_loopback)
+        for text, target in (
+                ("farm", "farm:7400"), ("localhost,127.0.0.2:7401",
+                                        "ipv4:127.0.0.1:7400,127.0.0.2:7401"),
+                ("[::1],10.0.0.2", "ipv6:[::1]:7400,[::ffff:10.0.0.2]:7400"),
+                ("nowhere.invalid,127.0.0.1:1", "ipv4:127.0.0.1:1")):
+            self.assertEqual(coordinator_addresses(text).target(), target)
+        for text in ("a,,b", "a,", ",".join("abcdefghi")):
+            with self.assertRaises(sheaf.InvalidRequestError):
+                coordinator_addresses(text)
 
     def test_nobody_answers(self):
         with mock.patch("sheaf.connection.FIRST_ANSWER_SECONDS", 0.2):
@@ -312,10 +325,12 @@ class OtherFarmsTest(unittest.TestCase):
                 self.assertIs(list(changes)[-1].state, sheaf.JobState.SUCCEEDED)
 
     def test_the_autoscaler_starts_workers_and_drains_them(self):
-        """Also over its own death: it has no state."""
+        """Also over its own death: it has no state. It and its workers know another coordinator,
+        which stands by.
+        """
         def start():
             command = [sys.executable, "-m", "sheaf_autoscaler", "--engine", "local",
-                       "--coordinator", farm.address, "--threads", "1", "--max", "2",
+                       "--coordinator", both, "--threads", "1", "--max", "2",
                        "--cool-down", "2s", "--queue-time", "1s", "--look-every", "0.3s",
                        "--worker", os.path.join(farms.programs(), "sheaf-worker"),
                        "--cache-dir", farm.path("cache"), "--log-file", farm.path("workers.log")]
@@ -328,7 +343,8 @@ class OtherFarmsTest(unittest.TestCase):
                 tag.startswith("instance.local.") for tag in w.message.tags)
                 and w.state in (sheaf.WorkerState.IDLE, sheaf.WorkerState.BUSY)]
         with farms.Farm() as farm, tempfile.TemporaryDirectory() as folder:
-            with sheaf.connect(farm.address, programs=farms.programs()) as client:
+            both = f"127.0.0.1:{free_port()},{farm.address}"
+            with sheaf.connect(both, programs=farms.programs()) as client:
                 autoscaler = start()
                 try:
                     client.wait(client.submit(write_scene(folder, "a.pbrt"), samples=4 * FEW),
@@ -356,7 +372,9 @@ class OtherFarmsTest(unittest.TestCase):
             farm.log_in("otto", "view")
             with home("nobody"), self.assertRaisesRegex(sheaf.NotLoggedInError, "speaks TLS"):
                 sheaf.connect(farm.address)
-            with home("anna"), sheaf.connect(farm.address, programs=farms.programs()) as client:
+            # Of two coordinators that share the farm, the first stands by.
+            both = f"{farm.address.partition(':')[0]}:{free_port()},{farm.address}"
+            with home("anna"), sheaf.connect(both, programs=farms.programs()) as client:
                 job = client.submit(farm.scene, samples=FEW)
                 self.assertEqual(job.owner, "anna")
             with home("otto"), sheaf.connect(farm.address, programs=farms.programs()) as client:

@@ -10,12 +10,15 @@ import re
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 import unittest
 
 import client_case
 import farm
+sys.path.insert(0, os.path.join(farm.ROOT, "tests", "engines", "postgresql"))
+import postgres  # noqa: E402
 
 SECONDS_MAX = 30
 WATCHDOG_SECONDS = 0.4
@@ -74,6 +77,28 @@ class ServiceTest(unittest.TestCase):
             f.coordinator.terminate()
             manager.await_line("STOPPING=1")
             self.assertEqual(f.coordinator.wait(SECONDS_MAX * farm.TIME_SCALE), 0)
+
+    @unittest.skipIf(postgres.programs() is None, "tests/engines/postgresql/install")
+    def test_a_coordinator_that_stands_by_tells_its_manager(self):
+        manager = self.manager()
+        with postgres.Server(fsync=False) as server:
+            with farm.Farm(coordinator_arguments=("--database", server.url)) as f:
+                second = subprocess.Popen(
+                    [os.path.join(farm.programs(), "sheaf-coordinator"), "--listen", "127.0.0.1:0",
+                     "--http", "", "--state-dir", f.path("state"), "--database", server.url],
+                    env=manager.environment, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                self.addCleanup(second.wait)
+                self.addCleanup(second.kill)
+                manager.await_line("READY=1\nSTATUS=standing by: the coordinator .* owns the farm")
+                for _ in range(3):
+                    self.assertEqual(manager.next(), "WATCHDOG=1")
+                f.kill(f.coordinator)
+                manager.await_line(r"READY=1\nSTATUS=serving gRPC on port \d+$")
+                for _ in range(3):
+                    self.assertEqual(manager.next(), "WATCHDOG=1")
+                second.terminate()
+                manager.await_line("STOPPING=1")
+                self.assertEqual(second.wait(SECONDS_MAX * farm.TIME_SCALE), 0)
 
     def test_a_worker_tells_its_manager(self):
         manager = self.manager()

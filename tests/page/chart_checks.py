@@ -49,8 +49,8 @@ def wait_for_words(browser, pattern):
 
 def check_chart(browser):
     """The curve, its fitted line and the target are drawn; keys switch the axis."""
-    found = wait_for_words(browser, r"^Now ±([\d.]+) % with .* samples; target ±2 %; "
-                                    r"extrapolates to ±([\d.]+) % with .* samples\.$")
+    found = wait_for_words(browser, r"^Now ±([\d.]+) % with .* samples per pixel; target ±2 %; "
+                                    r"extrapolates to ±([\d.]+) % with .* samples per pixel\.$")
     assert float(found[1]) > float(found[2]) >= 2, found[0]
     assert browser.run(COUNT_POINTS, "--accent") > 50, "no curve"
     assert browser.run(COUNT_POINTS, "--good") > 50, "no target"
@@ -60,4 +60,4 @@ def check_chart(browser):
     browser.press(ARROW_RIGHT)
     wait_for_words(browser, r"^Now ±.* for [\d.]+ s of processor time;")
     browser.press(ARROW_RIGHT)
-    wait_for_words(browser, r"^Now ±.* with .* samples;")
+    wait_for_words(browser, r"^Now ±.* with .* samples per pixel;")

@@ -7,10 +7,13 @@
 //   sheaf_page_server JOBS SECONDS [PORT [WORKERS [FRAMES]]]    prints "listening on URL", ends
 //   after SECONDS
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <random>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -29,15 +32,23 @@ constexpr int kFrameCount = 24;
 // Edge of a tile in pixels; tiles have different numbers of samples.
 constexpr int kTilePx = 40;
 constexpr int kWorkerCount = 3;
+// No program listens there.
+constexpr int kGrpcPort = 7411;
 // Steps from the first sample to the last.
 constexpr int kStepCount = 120;
 constexpr absl::Duration kStep = absl::Milliseconds(250);
+
+constexpr std::array kLayerChannels = {"albedo.R", "albedo.G", "albedo.B", "normal.X",
+                                       "normal.Y", "normal.Z", "depth.Z"};
 
 // A soft sphere in front of a horizon, with the noise of this many samples. Its lit side is
 // brighter than a screen can show.
 FrameImage MakeImage(uint64_t samples, std::mt19937* random) {
   FrameImage image = MakeFakeImage(kWidthPx, kHeightPx, 0);
   std::normal_distribution<float> noise(0, 1);
+  // The layers that every image has.
+  std::vector<std::vector<float>> planes(kLayerChannels.size(),
+                                         std::vector<float>(image.planes[0].size()));
   for (int y = 0; y < kHeightPx; ++y) {
     for (int x = 0; x < kWidthPx; ++x) {
       const float u = (static_cast<float>(x) - 0.5f * kWidthPx) / kHeightPx;
@@ -56,7 +67,16 @@ FrameImage MakeImage(uint64_t samples, std::mt19937* random) {
         image.planes[3 + c][pixel] = colors[c] * spread;
       }
       image.planes[6][pixel] = count;
+      for (size_t c = 0; c < 3; ++c)
+        planes[c][pixel] = r2 < 1 ? 0.9f - 0.3f * static_cast<float>(c) : 0.2f;
+      const float normal[3] = {u * 3, -v * 3, std::sqrt(std::max(0.0f, 1 - r2))};
+      for (size_t c = 0; c < 3; ++c) planes[3 + c][pixel] = r2 < 1 ? normal[c] : 0;
+      planes[6][pixel] = r2 < 1 ? 4 - normal[2] : 20 - 8 * v;
     }
+  }
+  for (size_t i = 0; i < planes.size(); ++i) {
+    image.channel_names.emplace_back(kLayerChannels[i]);
+    image.planes.push_back(std::move(planes[i]));
   }
   return image;
 }
@@ -66,6 +86,8 @@ JobView MakeJob(int number, absl::Time create_time) {
   job.title = number % 7 == 3 ? "<script>alert(1)</script> & a rather long title that must be cut"
                               : absl::StrCat("shot ", number % 40 + 10, " / turntable");
   job.create_time = create_time;
+  job.owner = number % 3 == 0 ? "anna" : "ben";
+  job.show = number % 2 == 0 ? "film" : "test";
   job.state = number % 11 == 5 ? JobState::kFailed : JobState::kSucceeded;
   if (job.state == JobState::kFailed) {
     job.failure_count = 2;
@@ -125,6 +147,7 @@ void EndRound(FrameView* frame, double relative_mse) {
 
 // Advances the running job by one step.
 void Step(FakeFarm* farm, int step, std::mt19937* random) {
+  if (farm->jobs.empty()) return;
   JobView& job = farm->jobs[0];
   if (job.state != JobState::kRunning) return;
   const double fraction = static_cast<double>(step) / kStepCount;
@@ -175,12 +198,15 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
   farm->failures.assign(2, {failure,
                             "sheaf render turntable.0007.pbrt --crop 320,160,360,200 "
                             "--samples 32 --seed 0 --max-depth 5"});
-  farm->jobs.push_back(MakeRunningJob(job_count, frame_count));
-  farm->jobs.back().effect_costs = {
+  if (job_count > 0) farm->jobs.push_back(MakeRunningJob(job_count, frame_count));
+  const std::vector<EffectCost> effect_costs = {
       {"lens", "", "a pinhole", 0.043, 0.011, -0.0021, 0.0032, 1e-4, 1.02},
       {"indirect light", "", "direct light alone", 0.62, 0.018, -0.41, 0.006, 0.3, 1.7},
       {"choice of lights", "", "by power alone", -0.08, 0.03, 0.0004, 0.002, 1e-5, 0.31},
-      {"media", "the time limit was reached", "", 0, 0, 0, 0, 0, 0}};
+      {"motion", "", "a shutter of no length", -0.004, 0.011, 0.0021, 0.0032, 1e-4, 1.0},
+      {"media", "the time limit was reached", "", 0, 0, 0, 0, 0, 0},
+      {"everything", "", "an empty scene", 1.04, 0.02, -0.97, 0.01, 0.9, 40}};
+  if (job_count > 0) farm->jobs.back().effect_costs = effect_costs;
   farm->prices.thread_count = worker_count;
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
@@ -225,7 +251,7 @@ int main(int argc, char** argv) {
   FakeFarm farm;
   const int worker_count = argc > 4 ? std::atoi(argv[4]) : kWorkerCount;
   const int frame_count = argc > 5 ? std::atoi(argv[5]) : kFrameCount;
-  FillFarm(&farm, std::max(1, job_count), std::max(1, worker_count), std::max(1, frame_count));
+  FillFarm(&farm, std::max(0, job_count), std::max(0, worker_count), std::max(1, frame_count));
   const auto change = [&farm](const std::string& job_id, auto apply) {
     absl::Status status = absl::NotFoundError(absl::StrCat("no job jobs/", job_id));
     farm.Update([&](FakeFarm& it) {
@@ -250,6 +276,19 @@ int main(int argc, char** argv) {
   actions.resume_job = [&](const std::string& job_id) {
     return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
   };
+  actions.delete_job = [&](const std::string& job_id) {
+    absl::Status found = change(job_id, [](JobView*) {});
+    farm.Update([&](FakeFarm& it) {
+      std::erase_if(it.jobs, [&](const JobView& job) { return job.job_id == job_id; });
+    });
+    return found;
+  };
+  actions.read_pixel = [&](const std::string&, int32_t, int32_t x_px, int32_t y_px) {
+    absl::StatusOr<PixelView> pixel;
+    farm.Update([&](FakeFarm& it) { pixel = FakePixel(it.preview, x_px, y_px); });
+    return pixel;
+  };
+  actions.address = [] { return FarmAddress{kGrpcPort, false}; };
   actions.approve_frames = [&](const std::string& job_id, const std::vector<int32_t>&) {
     return change(job_id, [](JobView* job) { job->unapproved_frame_count = 0; });
   };

@@ -22,6 +22,7 @@ from action_checks import MORE_FRAMES, check_clicks, check_dismissed  # noqa: E4
 from action_checks import check_more_frames, check_unknown_job, wait_for_problems  # noqa: E402
 from browser import Browser  # noqa: E402
 from aside_checks import check_set_aside  # noqa: E402
+from axe_checks import check_accessible, check_first_screen  # noqa: E402
 from chart_checks import ADD_TARGETS, check_chart  # noqa: E402
 from compare_checks import check_compare  # noqa: E402
 from control_checks import check_control, check_effects, check_refine  # noqa: E402
@@ -29,7 +30,11 @@ from farm import Farm, ROOT, TIME_SCALE, programs, wait_until  # noqa: E402
 from focus_checks import TAB, check_tab_stops  # noqa: E402
 from figure_checks import NOTE_IMAGES, check_large_image  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
+from job_checks import check_effect_shares, check_failed_job, check_first_steps  # noqa: E402
+from job_checks import check_one_error_scale, check_png_download  # noqa: E402
+from list_checks import check_job_list  # noqa: E402
 from load_checks import NOTE_LONG_TASKS, check_lists, check_loading  # noqa: E402
+from look_checks import check_looking  # noqa: E402
 from round_checks import check_rounds  # noqa: E402
 from session_checks import check_session  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
@@ -43,15 +48,19 @@ IMAGE_SECONDS_MAX = 120
 SAMPLES = 16
 MADE_UP_JOB_COUNT = 5000
 MADE_UP_WORKER_COUNT = 1000
+MADE_UP_WIDTH_PX = 640
+# A number that page_server.cc lets fail.
+MADE_UP_FAILED_JOB = "jobs/4988"
+assert int(MADE_UP_FAILED_JOB[5:]) % 11 == 5
 # Limit from the server's start, with a wide margin.
 MADE_UP_RENDER_SECONDS_MAX = 60
 MADE_UP_SECONDS = int(240 * TIME_SCALE)
 ARROW_DOWN, ENTER, ESCAPE = "\ue015", "\ue007", "\ue00c"
 DIALOG_IS_OPEN = "return document.getElementById('confirm').open"
-TAB_STOP_COUNT_MAX = 30
-TAB_STOPS = {"skip", "theme", "job-filter", "jobs", "layer", "exposure", "zoom-out", "zoom-in",
-             "zoom-fit", "image-zoom", "image-box", "frames", "abscissa", "workers",
-             "beside-job"}
+TAB_STOP_COUNT_MAX = 40
+TAB_STOPS = {"skip", "theme", "job-filter", "job-state-filter", "jobs", "layer", "exposure",
+             "zoom-out", "zoom-in", "zoom-fit", "image-zoom", "image-box", "frames", "abscissa", "workers",
+             "tab-workers", "beside-job"}
 # Name of the focused element, and whether an outline shows the focus; a switch shows it on its
 # label.
 FOCUSED = """
@@ -317,6 +326,43 @@ def check_frames_come_in_pages(browser, _):
         other.stop()
 
 
+def check_list_and_tabs(browser, _):
+    check_job_list(browser)
+
+
+def check_errors_and_effects(browser, _):
+    check_one_error_scale(browser)
+    check_effect_shares(browser)
+
+
+def check_looks(browser, _):
+    check_png_download(browser, MADE_UP_WIDTH_PX)
+    check_looking(browser, f"jobs/{MADE_UP_JOB_COUNT - 1}",
+                  lambda name: browser.screenshot(artefact(name)))
+
+
+def check_failures_of_a_job(browser, _):
+    check_failed_job(browser, MADE_UP_FAILED_JOB, lambda name: browser.screenshot(artefact(name)))
+    browser.run("location.hash = 'jobs/' + arguments[0]", MADE_UP_JOB_COUNT)
+    wait_until(lambda: browser.run(TEXT, "job-title").startswith("turntable"), PAGE_SECONDS_MAX,
+               "the selected job")
+
+
+def check_accessibility(browser, _):
+    check_first_screen(browser)
+    check_accessible(browser)
+
+
+def check_an_empty_farm(browser, _):
+    other = MadeUpServer()
+    other.start(job_count=0, worker_count=0)
+    try:
+        check_first_steps(browser, other.url, lambda name: browser.screenshot(artefact(name)))
+    finally:
+        browser.open("about:blank")
+        other.stop()
+
+
 def check_every_width(browser, _):
     """No horizontal scrolling from a phone to a wall display, in light and dark."""
     for name, width_px, height_px, dark in (("narrow", 400, 1800, False), ("dark", 1440, 900, True),
@@ -414,8 +460,10 @@ def run_farm():
 def run_made_up():
     # The restart comes last: a browser reports every refused connection as an error.
     checks = [check_the_chart, check_focus_is_visible, check_thousands_of_jobs_and_workers,
-              check_titles_are_text, check_keyboard, check_address_of_no_job, check_the_viewer,
-              check_mouse, check_every_width, check_a_thousand_frames, check_frames_come_in_pages,
+              check_list_and_tabs, check_errors_and_effects, check_titles_are_text, check_keyboard,
+              check_address_of_no_job, check_the_viewer, check_looks, check_failures_of_a_job,
+              check_accessibility, check_mouse, check_every_width, check_a_thousand_frames,
+              check_frames_come_in_pages, check_an_empty_farm,
               check_no_console_errors, check_page_survives_a_restart]
     server = MadeUpServer()
     server.start(MADE_UP_JOB_COUNT, MADE_UP_WORKER_COUNT)

@@ -6,14 +6,16 @@ import re
 import time
 
 from farm import wait_until
+from study_fixture import SHOWN_MAX
 
 DRAW_SECONDS_MAX = 10
 # Between two inspections of a page during a new layout.
 SETTLE_SECONDS = 0.3
-CHARTS = ("chart-error", "chart-gain", "chart-bias", "chart-rate", "chart-effects", "chart-paths",
-          "chart-tiles")
+CHARTS = ("prices-cards", "chart-error", "chart-gain", "chart-bias", "chart-rate", "chart-effects",
+          "chart-paths", "chart-tiles")
 # The elements that represent one number in a chart.
-MARKS = {"chart-error": "path.point", "chart-gain": "rect.bar", "chart-bias": "rect.limit, .dot",
+MARKS = {"prices-cards": ".price", "chart-error": "path.point", "chart-gain": "rect.bar",
+         "chart-bias": "rect.limit, .dot",
          "chart-rate": "circle.dot", "chart-effects": "rect.bar, circle.dot",
          "chart-paths": "rect.bar", "chart-tiles": ".tile-plot rect"}
 IS_DRAWN = """
@@ -66,6 +68,22 @@ def look_at(browser, chart):
     return count
 
 
+# For each image of a crop: whether it was decoded, at which size, and its text.
+CROPS = """
+  return [...document.querySelectorAll(".crop img")].map(
+    (image) => [image.complete && image.naturalWidth, image.naturalHeight, image.alt]);
+"""
+
+
+def check_crops(browser):
+    """Every crop is a decoded image with a text, and the first section holds them all."""
+    for width_px, height_px, text in browser.run(CROPS):
+        assert width_px > 0 and height_px > 0 and "per pixel" in text, (width_px, height_px, text)
+    inside = "return document.querySelector('main > section').querySelectorAll('.crop').length"
+    assert browser.run(inside) == browser.run("return document.querySelectorAll('.crop').length")
+    assert browser.run("return document.querySelector('main > section').id") == "prices"
+
+
 def check_study_page(browser, path, entries_min, screenshot=None):
     """Opens the file and asserts that it is complete: every chart exists and is drawn, or says why
     not; nothing scrolls horizontally at any width; nothing is fetched; no errors.
@@ -97,9 +115,10 @@ def check_study_page(browser, path, entries_min, screenshot=None):
             browser.set_size(width_px, height_px)
             time.sleep(SETTLE_SECONDS)
             screenshot(name)
+    check_crops(browser)
     drawn = browser.run("return [...document.querySelectorAll('#chart-error .line')]"
                         ".filter((line) => line.querySelector('.point')).length")
-    assert drawn >= entries_min, f"{drawn} entries are drawn, not {entries_min}"
+    assert entries_min <= drawn <= SHOWN_MAX, f"{drawn} entries are drawn, not {entries_min}"
     assert browser.run("return document.getElementById('recommendation').textContent.length > 0")
     fetched = browser.run(FETCHED)
     assert not fetched, fetched

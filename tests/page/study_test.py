@@ -5,6 +5,7 @@ headless Chromium, and its results compared with known properties of the scene.
 
 Screenshots are kept in SHEAF_ARTEFACTS. Ends with "N passed, N failed".
 """
+import base64
 import json
 import math
 import os
@@ -21,7 +22,7 @@ from study_checks import check_study_page  # noqa: E402
 MINUTES = 0.6
 # On any machine; compiling scenes and the last block add to the requested time.
 SECONDS_MAX = 10 * 60 * MINUTES * TIME_SCALE
-ENTRIES_MIN = 6
+ENTRIES_MIN = 5
 
 
 class Study:
@@ -44,8 +45,8 @@ class Study:
 def check_page(browser, study):
     counts = check_study_page(browser, study.page, ENTRIES_MIN,
                               lambda name: browser.screenshot(artefact(f"study-{name}.png")))
-    for chart in ("chart-error", "chart-gain", "chart-bias", "chart-rate", "chart-effects",
-                  "chart-paths"):
+    for chart in ("prices-cards", "chart-error", "chart-gain", "chart-bias", "chart-rate",
+                  "chart-effects", "chart-paths"):
         assert counts[chart] > 0, counts
 
 
@@ -90,6 +91,34 @@ def check_generic_variant_costs_time_alone(_, study):
     assert generic["gain"]["value"] < 1, generic["gain"]
 
 
+def check_crops_are_rendered(_, study):
+    """Two regions at four prices; more samples cost more and have less error."""
+    prices, crops = study.data["prices"], study.data["crops"]
+    assert [crop["kind"] for crop in crops] == ["largest error", "representative"], crops
+    assert len(prices) == 4, prices
+    for crop in crops:
+        errors = [image["relative_mse"] for image in crop["images"]]
+        assert errors == sorted(errors, reverse=True) and len(errors) == len(prices), errors
+        for image in crop["images"]:
+            assert base64.b64decode(image["png_base64"]).startswith(b"\x89PNG")
+    costs = [price["cpu_seconds"] for price in prices]
+    assert costs == sorted(costs) and costs[0] > 0, costs
+    errors = [price["relative_mse"] for price in prices]
+    assert errors == sorted(errors, reverse=True), errors
+    assert study.data["farm"] is None
+
+
+def check_first_advice_keeps_error_bars(_, study):
+    advice = [line for line in study.data["recommendation"] if line.startswith("Use ")]
+    assert all("one sequence" not in line for line in advice), advice
+
+
+def check_front_is_of_one_image(_, study):
+    for entry in study.data["entries"]:
+        if not entry["is_unbiased"]:
+            assert not any(point["on_pareto_front"] for point in entry["points"]), entry["name"]
+
+
 def check_shares_add_up(_, study):
     for share in ("light_fraction", "noise_fraction"):
         total = math.fsum(path[share] for path in study.data["paths"])
@@ -100,6 +129,8 @@ def main():
     checks = [check_page, check_words_are_those_of_the_page, check_errors_fall,
               check_no_bias_where_there_is_none, check_bias_is_found,
               check_generic_variant_costs_time_alone, check_shares_add_up,
+              check_crops_are_rendered, check_first_advice_keeps_error_bars,
+              check_front_is_of_one_image,
               check_options_of_images_are_refused]
     study = Study()
     with Browser() as browser:

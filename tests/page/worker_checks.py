@@ -14,7 +14,7 @@ ENTER = "\ue007"
 ROWS = "return [...document.querySelectorAll('#workers .vlist-row')].map((row) => row.textContent)"
 TITLES = "return [...document.querySelectorAll('#workers .vlist-row')].map((row) => row.title)"
 FAILURES = "return [...document.querySelectorAll('#failures li')].map((item) => item.textContent)"
-COMMAND = "return document.querySelector('#failures input').value"
+COMMANDS = "return [...document.querySelectorAll('#failures input')].map((i) => i.value)"
 # All failures: one that arrives meanwhile comes before the one whose button was pressed.
 COPIES = "return [...document.querySelectorAll('#failures button')].map((b) => b.textContent)"
 
@@ -30,7 +30,9 @@ def check_workers(browser):
 
 
 def check_failures(browser, farm, folder):
-    """A worker without memory for the scene fails; the command on the page renders its tile."""
+    """A worker without memory for the scene fails; the commands on the page fetch its task, in any
+    folder, and render its tile.
+    """
     assert browser.run(HIDDEN, "failures-section"), "failures of a job that has none"
     poor = farm.start_worker("--scene-memory-max", "1K")
     wait_until(lambda: browser.run(FAILURES), CHANGE_SECONDS_MAX, "a failure on the page")
@@ -41,7 +43,13 @@ def check_failures(browser, farm, folder):
     browser.press(ENTER)
     wait_until(lambda: {"Copied", "Press Ctrl+C"} & set(browser.run(COPIES)), CHANGE_SECONDS_MAX,
                "the answer of the button")
-    words = shlex.split(browser.run(COMMAND))
+    anywhere, beside_scene = browser.run(COMMANDS)[:2]
+    words = shlex.split(anywhere.split("&&")[0])
+    assert words[:3] == ["sheaf", "bundle", "jobs/2"] and words[-2] == "-o", words
+    bundle = os.path.join(folder, words[-1])
+    farm.sheaf(*words[1:-1], bundle)
+    assert os.path.getsize(bundle) > 0
+    words = shlex.split(beside_scene)
     assert words[:3] == ["sheaf", "render", "cornell-box.pbrt"], words
     output = os.path.join(folder, "tile.exr")
     command = [os.path.join(programs(), "sheaf"), *words[1:], "-o", output]

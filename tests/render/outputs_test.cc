@@ -250,8 +250,8 @@ TEST(OutputsTest, IdsAndTheirNames) {
     settings.outputs.AddIdNumber(kind);
   }
   const FrameImage image = RenderImage(Balls().scene, settings);
-  EXPECT_THAT(image.id_names[0], ElementsAre("ball#1", "ball#2", "wall.pbrt:12:3"));
-  EXPECT_THAT(image.id_names[1], ElementsAre("paint", "room.pbrt:4:1"));
+  EXPECT_THAT(image.id_names[0], ElementsAre("ball#1", "ball#2", "diffuse.mesh#1"));
+  EXPECT_THAT(image.id_names[1], ElementsAre("diffuse#1", "paint"));
   EXPECT_THAT(image.id_names[2], ElementsAre("ball", "wall.pbrt"));
   const auto is = [&](const char* channel, int32_t x, const char* name) {
     const float id = At(image, channel, x, 8);
@@ -260,7 +260,7 @@ TEST(OutputsTest, IdsAndTheirNames) {
   // A ball's center is 1 off the axis at a depth of 1.5: 5.3 pixels from the image center.
   EXPECT_TRUE(is("CryptoObject00.R", 2, "ball#1"));
   EXPECT_TRUE(is("CryptoObject00.R", 13, "ball#2"));
-  EXPECT_TRUE(is("CryptoObject00.R", 8, "wall.pbrt:12:3"));
+  EXPECT_TRUE(is("CryptoObject00.R", 8, "diffuse.mesh#1"));
   EXPECT_TRUE(is("CryptoMaterial00.R", 13, "paint"));
   EXPECT_TRUE(is("CryptoAsset00.R", 2, "ball"));
   EXPECT_EQ(At(image, "CryptoObject00.G", 8, 8), 1);

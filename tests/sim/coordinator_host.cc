@@ -39,7 +39,7 @@ void CollectImages(const SimDisk::NodePtr& folder, std::vector<SimDisk::NodePtr>
 // in a small simulation. Made on a machine of its own, so that nothing else is left of it.
 std::string MakeDatabase() {
   Machine machine(0);
-  SHEAF_CHECK(coordinator::SqliteJobStore::Open(kStateDirectory).ok());  // Closed at once.
+  SHEAF_CHECK(coordinator::SqlJobStore::Open(kStateDirectory).ok());  // Closed at once.
   SimDisk::NodePtr node;
   SHEAF_CHECK(machine.disk().Find(kDatabase, &node) == 0);
   return node->bytes;
@@ -102,7 +102,7 @@ int CoordinatorHost::Gate(SimDisk::Operation operation, const std::string& path,
 }
 
 absl::StatusOr<std::unique_ptr<coordinator::Farm>> CoordinatorHost::Open() {
-  auto store = coordinator::SqliteJobStore::Open(kStateDirectory);
+  auto store = coordinator::SqlJobStore::Open(kStateDirectory);
   if (!store.ok()) return store.status();
   promises_.CheckLog((*store)->LostCommits());
   return coordinator::Farm::OpenWithoutThread(

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/sql_job_store.h"
 #include "tests/sim/machine.h"
 #include "tests/sim/promises.h"
 
@@ -23,7 +23,7 @@ class PromisingStore : public coordinator::JobStore {
   using FrameId = coordinator::FrameId;
   using PartRow = coordinator::PartRow;
 
-  PromisingStore(std::unique_ptr<coordinator::SqliteJobStore> store, Machine* machine,
+  PromisingStore(std::unique_ptr<coordinator::SqlJobStore> store, Machine* machine,
                  Promises* promises)
       : store_(std::move(store)), machine_(*machine), promises_(*promises) {}
 
@@ -212,7 +212,7 @@ class PromisingStore : public coordinator::JobStore {
     return status.ok() && !machine_.disk().stopped();
   }
 
-  const std::unique_ptr<coordinator::SqliteJobStore> store_;
+  const std::unique_ptr<coordinator::SqlJobStore> store_;
   Machine& machine_;
   Promises& promises_;
 };

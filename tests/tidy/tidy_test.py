@@ -20,9 +20,10 @@ FUNCTION_LINES_MAX = 80
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
-    "cli": ". < image < job | bundle < quote < study < commands",
+    "cli": ". < image | gltf < job/format < job | bundle < quote < study < commands",
     "common/film": ". < light < error < exr",
-    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt",
+    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt "
+                    "< gltf",
     "worker/render": "traits < color < sampling < geometry "
                      "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
@@ -92,13 +93,17 @@ DOORS = {
     r"embree\d/": r"^worker/render/accel/embree_door\.h$",
     r"worker/render/accel/embree_(door|callbacks)\.h": r"^worker/render/accel/",
     r"curl/": r"^common/objects/http_client\.cc$",
+    r"tiny_gltf\.h": r"^common/scene/gltf/tinygltf_door\.h$",
+    r"common/scene/gltf/tinygltf_door\.h": r"^common/scene/gltf/",
     r"tinyxml2\.h": r"^common/objects/s3_xml\.cc$",
     r"seccomp\.h": r"^worker/sandbox/system_call_filter\.cc$",
-    r"sqlite3\.h": r"^coordinator/store/",
+    r"sqlite3\.h": r"^coordinator/store/database/sqlite_database\.cc$",
+    r"libpq-fe\.h": r"^coordinator/store/database/postgres_connection\.cc$",
     r"boost/math/": r"^common/math/normal_distribution",
     r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
-    r"nlohmann/": r"^(cli/|coordinator/access/audit_log\.cc$|coordinator/service/http/)",
+    r"nlohmann/": r"^(cli/|common/scene/gltf/tinygltf\.cc$|coordinator/access/audit_log\.cc$|"
+        r"coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
         r"^(common/rpc/|worker/(sandbox|service|wire)/|coordinator/service/(grpc|server)/|cli/)",
 }
@@ -245,6 +250,19 @@ class TidyTest(unittest.TestCase):
                     if p != own
                     for n, line in enumerate(read(p).split("\n"), 1) if LEFT_OVERS.search(line)]
         self.expect_none(problems, "left-over markers")
+
+    def test_tables_have_a_head_and_equal_rows(self):
+        # A blank line within a table ends it: the rest is a block without a head.
+        problems = []
+        for path in tracked(".md"):
+            text = re.sub(r"^```.*?^```", lambda fence: "\n" * fence.group().count("\n"),
+                          read(path), flags=re.M | re.S)
+            for block in re.finditer(r"(?:^\|.*\n)+", text, re.M):
+                rows = [re.sub(r"`+[^`]*`+|\\\|", "", row) for row in block.group().splitlines()]
+                has_head = len(rows) > 1 and re.fullmatch(r"[|:\- ]+", rows[1])
+                if not has_head or len({row.rstrip().count("|") for row in rows}) > 1:
+                    problems.append(f"{path}:{text.count(chr(10), 0, block.start()) + 1}")
+        self.expect_none(problems, "a table without a head, or with rows of unequal length")
 
     def test_every_proto_field_is_documented(self):
         problems = []

@@ -11,7 +11,7 @@
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
-#include "common/scene/pbrt/scene_reader.h"
+#include "common/scene/gltf/scene_file_reader.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/light_pass.h"
 #include "worker/render/scene/memory_estimate.h"
@@ -186,7 +186,7 @@ OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
   SceneReaderLimits reader_limits;
   reader_limits.memory_bytes_max = room.bytes;
   reader_limits.memory_limit = room.limit;
-  absl::StatusOr<ReadSceneResult> read = ReadScene(inputs.main_file, *source, reader_limits);
+  absl::StatusOr<ReadSceneResult> read = ReadSceneByName(inputs.main_file, *source, reader_limits);
   if (!read.ok()) return Failed(KindOf(read.status()), read.status());
   if (stop.stop_requested()) {
     return Failed(FailureKind::kReleased, absl::CancelledError("stopped while its scene was read"));

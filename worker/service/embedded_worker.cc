@@ -12,7 +12,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
 #include "common/base/memory_room.h"
+#include "common/rpc/address_list.h"
 #include "common/scene/settings/render_settings.h"
 #include "worker/sandbox/direct_scenes.h"
 
@@ -41,6 +43,9 @@ AgentOptions MakeAgentOptions(const WorkerOptions& options) {
   agent.grace = options.grace;
   agent.exit_when_idle = options.exit_when_idle;
   agent.why_away = options.why_away;
+  if (HasSeveralAddresses(options.coordinator)) {
+    agent.backoff_max = absl::ToChronoMilliseconds(kFollowInterval);
+  }
   return agent;
 }
 

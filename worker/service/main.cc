@@ -4,6 +4,7 @@
 // sheaf-worker: parses its command line, connects, and works until it is requested to stop.
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
@@ -21,6 +22,7 @@
 #include "common/command_line/command_line.h"
 #include "common/command_line/completion.h"
 #include "common/rpc/address.h"
+#include "common/rpc/address_list.h"
 #include "common/rpc/certificate_renewal.h"
 #include "common/rpc/enrolment.h"
 #include "common/rpc/farm_connection.h"
@@ -88,9 +90,10 @@ void AddSandboxOptions(CLI::App* app, Arguments* arguments) {
 
 void AddOptions(CLI::App* app, Arguments* arguments) {
   WorkerOptions& worker = arguments->worker;
-  app->add_option("--coordinator", arguments->worker.coordinator,
-                  absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ",
-                               kCoordinatorPort, ")"))
+  app->add_option(
+         "--coordinator", arguments->worker.coordinator,
+         absl::StrCat("Address of the coordinator, HOST:PORT or HOST (port ", kCoordinatorPort,
+                      "); of several that share a farm: all, separated by commas"))
       ->transform(CLI::Validator(CompleteCoordinatorAddress, ""))
       ->envname("SHEAF_COORDINATOR")
       ->capture_default_str();
@@ -168,8 +171,11 @@ absl::StatusOr<FarmConnection> Connect(const Arguments& arguments) {
 
 // Without certificates workers talk to each other on their own machine alone.
 bool MayUsePeers(const FarmConnection& connection) {
-  const absl::StatusOr<Address> coordinator = ParseAddress(connection.address);
-  return connection.files || (coordinator.ok() && IsLoopback(*coordinator));
+  return connection.files ||
+         std::ranges::all_of(SplitAddresses(connection.address), [](const std::string& address) {
+           const absl::StatusOr<Address> coordinator = ParseAddress(address);
+           return coordinator.ok() && IsLoopback(*coordinator);
+         });
 }
 
 // Why the worker takes no work now, which the service manager hears as well.

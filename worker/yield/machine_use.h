@@ -18,7 +18,7 @@
 
 namespace sheaf::worker {
 
-// What is not known is absent.
+// Unknown fields are absent.
 struct MachineReading {
   std::optional<double> processor_seconds;   // Since boot, at ordinary priority.
   std::optional<uint64_t> memory_available;  // In bytes.

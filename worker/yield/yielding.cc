@@ -20,7 +20,7 @@ std::string Yielding::Reason(SteadyTime now, const MachineReading& reading, uint
   }
   if (options_.memory_available_min > 0 && reading.memory_available) {
     if (away_.empty()) bytes_to_come_back_ = scene_bytes;
-    // What it still has will be free.
+    // The memory of its present scenes will be free.
     const uint64_t missing = bytes_to_come_back_ - std::min(scene_bytes, bytes_to_come_back_);
     if (*reading.memory_available < options_.memory_available_min + missing) {
       return absl::StrCat(FormatMemory(*reading.memory_available),

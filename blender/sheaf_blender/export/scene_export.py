@@ -20,7 +20,6 @@ from .scene_writer import SceneWriter, sphere_of
 class Exported:
     path: str
     report: Report
-    object_names: dict  # Cryptomatte's names in Sheaf: Blender's names.
     view_window: tuple  # Edges of the film at distance 1; empty unless perspective.
     seconds: float
     cpu_seconds: float
@@ -81,12 +80,12 @@ def export_scene(depsgraph, path, content_root, settings, set_frame):
         for light_object, matrix in collector.lights:
             color = lights.color_of(light_object.data, report, images)
             lights.write_light(text, light_object, matrix, color, sphere, content, report)
-        writer = SceneWriter(text, os.path.basename(path), textures, images, report)
+        writer = SceneWriter(text, textures, images, report)
         writer.write(geometries, later)
     os.replace(temporary, path)
     if content.written:
         content.prune()
-    return Exported(path, report, writer.object_names,
+    return Exported(path, report,
                     camera_parameters.get("float screenwindow", ())
                     if kind == "perspective" else (), time.monotonic() - start,
                     time.thread_time() - cpu_start, content.written, content.kept)

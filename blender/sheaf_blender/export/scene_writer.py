@@ -5,6 +5,7 @@ import mathutils
 import numpy
 
 from ..scene import materials, values
+from ..scene.text import parameters_text
 from . import lights
 from .collector import Geometry
 
@@ -12,16 +13,13 @@ _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
 
 
 class SceneWriter:
-    """Writes shapes, instances and media. object_names: Cryptomatte's names of Sheaf, by which
-    pixels get the names of Blender's objects.
-    """
+    """Writes shapes, instances and media, with the names of Blender's objects for mattes."""
 
-    def __init__(self, text, file_name, textures, images, report):
-        self._text, self._file_name = text, file_name
+    def __init__(self, text, textures, images, report):
+        self._text = text
         self._textures, self._images, self._report = textures, images, report
         self._materials = materials.MaterialTable(text, textures)
         self._media = {}
-        self.object_names = {}
 
     def write(self, geometries, later):
         """later: {motion key: matrix when the shutter closes}; empty without motion blur."""
@@ -85,10 +83,11 @@ class SceneWriter:
         closing = later.get(geometry.keys[index])
         return None if closing is None or closing == geometry.matrices[index] else closing
 
-    def _write_shapes(self, geometry: Geometry, names, object_name):
+    def _write_shapes(self, geometry: Geometry, names, object_name=None):
+        """object_name: of shapes that stand alone; instances name those of an object."""
         text = self._text
         for part, (material, medium) in zip(geometry.parts, names):
-            parameters = {"string filename": part.file}
+            parameters = {"string filename": part.file, **_name(object_name)}
             if part.later_file:
                 parameters["string filename1"] = part.later_file
             alpha = part.shading.closure.alpha
@@ -101,7 +100,6 @@ class SceneWriter:
             if emits:
                 text.directive("AttributeBegin")
                 self._write_emission(part)
-            self.object_names[f"{self._file_name}:{text.line}:1"] = object_name
             text.directive("Shape", "plymesh", parameters)
             if emits:
                 text.directive("AttributeEnd")
@@ -110,7 +108,11 @@ class SceneWriter:
         for shading, path in geometry.strands:
             material, _ = self._prepare(shading)
             text.directive("NamedMaterial", material)
+            text.directive("AttributeBegin")
+            if object_name is not None:
+                text.directive("Attribute", "shape", _name(object_name))
             text.directive("Include", path)
+            text.directive("AttributeEnd")
 
     def _write_emission(self, part):
         emission = part.shading.closure.emission
@@ -127,26 +129,25 @@ class SceneWriter:
         for shading, _ in geometry.strands:
             self._prepare(shading)
         text.directive("ObjectBegin", geometry.name)
-        self._write_shapes(geometry, names, geometry.object_names[0])
+        self._write_shapes(geometry, names)
         text.directive("ObjectEnd")
-        for i, name in enumerate(geometry.object_names):
-            self.object_names[f"{geometry.name}#{i + 1}"] = name
         moving = {i: motion for i in range(len(geometry.matrices) if later else 0)
                   if (motion := self._motion(geometry, i, later)) is not None}
-        place = f'ObjectInstance "{_plain(geometry.name)}"'
+        places = [f'ObjectInstance "{_plain(geometry.name)}"{parameters_text(_name(name))}'
+                  for name in geometry.object_names]
         flat = numpy.array([[x for column in matrix.col for x in column]
                             for matrix in geometry.matrices])
         if not numpy.isfinite(flat).all():
             raise ValueError(f'an instance of "{geometry.name}" has a transform that is not '
                              "finite; correct it in Blender")
-        lines = [f"AttributeBegin ConcatTransform {_MATRIX_FORMAT % tuple(numbers)} {place} "
+        lines = [f"AttributeBegin ConcatTransform {_MATRIX_FORMAT % tuple(numbers)} {places[i]} "
                  "AttributeEnd" for i, numbers in enumerate(flat.tolist()) if i not in moving]
         if lines:
             text.raw("\n".join(lines))
         for i, motion in moving.items():
             text.directive("AttributeBegin")
             lights.write_transform(text, geometry.matrices[i], motion)
-            text.raw(place)
+            text.raw(places[i])
             text.directive("AttributeEnd")
 
     def _write_grids(self, geometry):
@@ -165,8 +166,8 @@ class SceneWriter:
             text.directive("MakeNamedMedium", name, parameters)
             text.raw(f'MediumInterface "{_plain(name)}" ""')
             text.directive("Material", "interface")
-            self.object_names[f"{self._file_name}:{text.line}:1"] = geometry.object_names[i]
-            text.directive("Shape", "trianglemesh", _box(grid.corners))
+            text.directive("Shape", "trianglemesh",
+                           {**_box(grid.corners), **_name(geometry.object_names[i])})
             text.directive("AttributeEnd")
 
 
@@ -177,6 +178,13 @@ def _coefficients(medium, scale):
     if max(medium.emission) > 0:
         found["rgb Le"] = medium.emission
     return found
+
+
+def _name(name):
+    """Sheaf takes printable names of mattes."""
+    if name is None:
+        return {}
+    return {"string name": "".join(c if c.isprintable() else "_" for c in name)}
 
 
 def _plain(name):

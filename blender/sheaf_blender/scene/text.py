@@ -42,11 +42,10 @@ def matrix_text(matrix):
 
 
 class SceneText:
-    """Directives in the order of their calls; `line` is the line of the next one."""
+    """Directives in the order of their calls."""
 
     def __init__(self, file):
         self._file = file
-        self.line = 1
 
     def directive(self, name, *arguments, **_):
         """Arguments: strings are quoted, dictionaries are parameters."""
@@ -59,7 +58,6 @@ class SceneText:
     def raw(self, text):
         """text: whole lines without the last line end."""
         self._file.write(text + "\n")
-        self.line += text.count("\n") + 1
 
     def transform(self, name, matrix):
         self.raw(f"{name} {matrix_text(matrix)}")

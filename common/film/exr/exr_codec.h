@@ -61,13 +61,15 @@ inline constexpr int64_t kImageBytesMax = int64_t{1} << 35;
 // The most that a file may have beyond its pixels: metadata.
 inline constexpr int64_t kImageHeaderBytesMax = int64_t{1} << 26;
 
-// Writes atomically (temporary file, fsync, rename). Errors carry the path and the reason.
+// Writes atomically (temporary file, fsync, rename), in the default format of exr_format.h. Errors
+// carry the path and the reason.
 absl::Status WriteFrameImage(const FrameImage& image, const std::string& path);
 std::string EncodeFrameImage(const FrameImage& image);
-// Reads the first part of any flat EXR, scan lines or tiles: its half, float and uint channels as
-// float32, without subsampled ones. R, G and B must be present, bare or under a layer ("beauty.R";
-// the first layer that has all three is then renamed); their primaries are those of the file, or
-// sRGB's if it names none. Attributes "sheaf:KEY" become metadata, "cryptomatte/..." attributes.
+// Reads any flat EXR, scan lines or tiles, of one part or several (those with the first one's data
+// window): its half, float and uint channels as float32, without subsampled ones. R, G and B must
+// be present, bare or under a layer ("beauty.R"; the first layer that has all three is then
+// renamed); their primaries are those of the file, or sRGB's if it names none. Channels have the
+// names of exr_channels.h, attributes the texts of exr_attributes.h.
 // image_bytes_max bounds the memory of the image and of its file: a small file may declare a large
 // image.
 // Errors: kInvalidArgument, kDataLoss as above; kResourceExhausted beyond image_bytes_max; those of

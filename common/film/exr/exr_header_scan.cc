@@ -3,6 +3,7 @@
 //
 #include "common/film/exr/exr_header_scan.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <optional>
@@ -134,6 +135,11 @@ absl::Status ParseAttribute(const std::string& name, const std::string& type,
     return Malformed(absl::StrCat("attribute \"", name, "\" has the wrong size for a ", type));
   }
   if (type == "string") header->strings[name] = std::string(value);
+  static constexpr std::string_view kNumbers[] = {"int", "float", "rational",
+                                                  "v2i", "box2i", "m44f"};
+  if (std::ranges::find(kNumbers, type) != std::end(kNumbers)) {
+    header->numbers[name] = std::string(value);
+  }
   static constexpr std::pair<std::string_view, std::string_view> kNeeded[] = {
       {"channels", "chlist"},         {"dataWindow", "box2i"},    {"displayWindow", "box2i"},
       {"compression", "compression"}, {"lineOrder", "lineOrder"}, {"tiles", "tiledesc"}};

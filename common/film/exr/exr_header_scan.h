@@ -38,6 +38,9 @@ struct ExrHeader {
   std::optional<std::array<float, 8>> chromaticities;
   std::map<std::string, std::string> types;    // Attribute name to its type's name.
   std::map<std::string, std::string> strings;  // The attributes of type string.
+  // The values as they lie in the file of the attributes of these types: int, float, rational, v2i,
+  // box2i, m44f; each of its type's size.
+  std::map<std::string, std::string> numbers;
 };
 
 struct ExrFileHeader {

@@ -14,30 +14,6 @@
 #include "common/base/check.h"
 
 namespace sheaf {
-namespace {
-
-class MemoryOutput : public Imf::OStream {
- public:
-  explicit MemoryOutput(size_t bytes_expected) : Imf::OStream("memory") {
-    bytes_.reserve(bytes_expected);
-  }
-  void write(const char bytes[], int size) override {
-    const size_t end = position_ + static_cast<size_t>(size);
-    if (bytes_.size() < end) bytes_.resize(end);
-    std::memcpy(bytes_.data() + position_, bytes, static_cast<size_t>(size));
-    position_ = end;
-  }
-  uint64_t tellp() override { return position_; }
-  void seekp(uint64_t position) override { position_ = position; }
-  std::string Take() { return std::move(bytes_); }
-
- private:
-  std::string bytes_;
-  size_t position_ = 0;
-};
-
-}  // namespace
-
 bool MemoryInput::read(char out[], int size) {
   // OpenEXR expects an exception here and converts it into one of its own; Guard catches those.
   if (size < 0 || position_ > bytes_.size() ||
@@ -47,6 +23,13 @@ bool MemoryInput::read(char out[], int size) {
   std::memcpy(out, bytes_.data() + position_, static_cast<size_t>(size));
   position_ += static_cast<size_t>(size);
   return position_ < bytes_.size();
+}
+
+void MemoryOutput::write(const char bytes[], int size) {
+  const size_t end = position_ + static_cast<size_t>(size);
+  if (bytes_.size() < end) bytes_.resize(end);
+  std::memcpy(bytes_.data() + position_, bytes, static_cast<size_t>(size));
+  position_ = end;
 }
 
 void SetText(Imf::Header* header, const std::string& name, const std::string& text) {

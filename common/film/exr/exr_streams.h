@@ -8,6 +8,7 @@
 #include <ImfHeader.h>
 #include <ImfIO.h>
 
+#include <cstddef>
 #include <exception>
 #include <string>
 #include <string_view>
@@ -34,6 +35,21 @@ class MemoryInput : public Imf::IStream {
  private:
   std::string_view bytes_;
   uint64_t position_ = 0;
+};
+
+class MemoryOutput : public Imf::OStream {
+ public:
+  explicit MemoryOutput(size_t bytes_expected) : Imf::OStream("memory") {
+    bytes_.reserve(bytes_expected);
+  }
+  void write(const char bytes[], int size) override;
+  uint64_t tellp() override { return position_; }
+  void seekp(uint64_t position) override { position_ = position; }
+  std::string Take() { return std::move(bytes_); }
+
+ private:
+  std::string bytes_;
+  size_t position_ = 0;
 };
 
 // Runs calls of OpenEXR, which reports errors by exceptions, and returns a status.

@@ -118,6 +118,12 @@ absl::StatusOr<ResumedImage> ResumedImage::Make(FrameImage image, const FilmOutp
         "it does not identify its frame (sheaf:frameDigest, sheaf:imageDigest): only an EXR "
         "delivered by this version of Sheaf can be resumed");
   }
+  const auto rounding = image.metadata.find(kRoundingKey);
+  if (rounding != image.metadata.end()) {
+    return Refuse(absl::StrCat("its pixels were rounded when it was written (", rounding->second,
+                               "): continue from a copy written with --exr-type float and a "
+                               "compression without loss"));
+  }
   if (absl::Status status = CheckOutputs(outputs); !status.ok()) return status;
   const auto weight = image.metadata.find(kSampleWeightKey);
   if (weight != image.metadata.end() && weight->second == "signed") {

@@ -27,6 +27,8 @@ inline constexpr char kFrameDigestKey[] = "frameDigest";
 inline constexpr char kImageDigestKey[] = "imageDigest";
 // "signed" if filters weight samples other than by 1: the sums then cannot be recovered.
 inline constexpr char kSampleWeightKey[] = "sampleWeight";
+// What rounded the pixels when the file was written (exr_format.h): "half", "dwaa".
+inline constexpr char kRoundingKey[] = "rounding";
 
 // Thread safety: const members may be called concurrently.
 class ResumedImage {

@@ -212,7 +212,6 @@ bool PbrtParser::ParseNamedDirective(std::string_view word, SourceLocation locat
       {"CoordSysTransform", &SceneBuilder::CoordSysTransform},
       {"NamedMaterial", &SceneBuilder::NamedMaterial},
       {"ObjectBegin", &SceneBuilder::ObjectBegin},
-      {"ObjectInstance", &SceneBuilder::ObjectInstance},
   };
   struct WithParameters {
     std::string_view word;
@@ -230,6 +229,7 @@ bool PbrtParser::ParseNamedDirective(std::string_view word, SourceLocation locat
       {"MakeNamedMaterial", &SceneBuilder::MakeNamedMaterial},
       {"MakeNamedMedium", &SceneBuilder::MakeNamedMedium},
       {"Material", &SceneBuilder::Material},
+      {"ObjectInstance", &SceneBuilder::ObjectInstance},
       {"PixelFilter", &SceneBuilder::PixelFilter},
       {"Sampler", &SceneBuilder::Sampler},
       {"Shape", &SceneBuilder::Shape},

@@ -316,6 +316,7 @@ void SceneBuilder::EndOfScene() {
   }
   SettleFrame(frame_, &scene_->camera, &scene_->film);
   FinishMedia();
+  FinishPrincipledEmission();
   FinishObjects();
   textures_.Finish();
   materials_.Finish();

@@ -80,7 +80,7 @@ class SceneBuilder {
   void Texture(const std::string& name, const std::string& type, const std::string& kind,
                std::vector<Parameter> own, SourceLocation location);
   void Shape(const std::string& type, std::vector<Parameter> own, SourceLocation location);
-  void ObjectInstance(const std::string& name, SourceLocation location);
+  void ObjectInstance(const std::string& name, std::vector<Parameter> own, SourceLocation location);
   void LightSource(const std::string& type, std::vector<Parameter> own, SourceLocation location);
   void AreaLightSource(const std::string& type, std::vector<Parameter> own,
                        SourceLocation location);
@@ -111,7 +111,14 @@ class SceneBuilder {
   // Adds the interiors of subsurface materials to the media, and sets them inside the shapes of
   // those materials.
   void FinishSubsurface();
+  // Adds what principled materials absorb inside, and what they emit, to the shapes of those
+  // materials that have no medium inside or area light of their own.
+  void FinishPrincipledMedia();
+  void FinishPrincipledEmission();
   void FinishObjects();
+  // The index of "string name" in SceneDescription::matte_names; kNone without one, or where it
+  // cannot be a name (reported).
+  int32_t MatteName(ParameterList& parameters);
   bool ObjectSlot(const std::string& name, SourceLocation location, int32_t* object);
   // The index of the medium of that name, defined or not; kNone for an empty name.
   int32_t MediumSlot(const std::string& name, SourceLocation location);
@@ -133,8 +140,9 @@ class SceneBuilder {
   int32_t open_object_ = kNone;
   std::map<std::string, std::pair<Matrix4, Matrix4>> coordinate_systems_;
   std::map<std::string, int32_t> objects_;
-  std::vector<bool> object_is_defined_;   // Parallel to SceneDescription::objects.
-  std::map<std::string, int32_t> media_;  // Indices in SceneDescription::media.
+  std::map<std::string, int32_t> matte_names_;  // Indices in SceneDescription::matte_names.
+  std::vector<bool> object_is_defined_;         // Parallel to SceneDescription::objects.
+  std::map<std::string, int32_t> media_;        // Indices in SceneDescription::media.
   struct MediumUse {
     bool is_made = false, is_used = false;
   };

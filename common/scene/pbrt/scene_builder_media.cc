@@ -104,6 +104,7 @@ void SceneBuilder::FinishMedia() {
   const std::string& integrator = scene_->sampling.integrator;
   if (scene_->media.empty() || !IntegratorIgnoresMedia(integrator)) {
     FinishSubsurface();
+    if (!IntegratorIgnoresMedia(integrator)) FinishPrincipledMedia();
     if (!diagnostics_->HasErrors()) ConvertConstantGrids(scene_);
     return;
   }

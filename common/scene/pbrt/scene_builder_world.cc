@@ -3,17 +3,19 @@
 //
 // The part of SceneBuilder that handles options and the contents of the world: materials, textures,
 // shapes, instances and lights.
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
 #include <variant>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/base/printable.h"
 #include "common/scene/formats/number.h"
 #include "common/scene/pbrt/scene_builder.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
 #include "common/scene/pbrt/statements/light_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
 ParameterList SceneBuilder::Parameters(const std::string& owner,
@@ -62,9 +64,8 @@ void SceneBuilder::Option(const std::string& name, const std::string& value,
 void SceneBuilder::ColorSpace(const std::string& name, SourceLocation location) {
   const std::optional<Primaries> primaries = PrimariesFromName(name);
   if (!primaries.has_value()) {
-    diagnostics_->Error(location,
-                        absl::StrCat("color space \"", name, "\" is unknown; Sheaf supports ",
-                                     absl::StrJoin(PrimariesNames(), ", ")));
+    diagnostics_->Error(location, absl::StrCat("color space \"", name, "\" is unknown",
+                                               SupportedNamesHint(name, PrimariesNames())));
     return;
   }
   state_.primaries = *primaries;
@@ -201,9 +202,29 @@ void SceneBuilder::Texture(const std::string& name, const std::string& type,
 
 // --- Shapes, instances, lights -----------------------------------------------------------------
 
+int32_t SceneBuilder::MatteName(ParameterList& parameters) {
+  const std::string name = parameters.GetString("name", "");
+  if (name.empty()) return kNone;
+  constexpr size_t kNameBytesMax = 255;
+  if (name.size() > kNameBytesMax || FindUnprintable(name) != std::string::npos) {
+    parameters.ErrorAt(*parameters.Find("name"),
+                       absl::StrCat("cannot name a matte: names have at most ", kNameBytesMax,
+                                    " bytes, all of printable UTF-8"));
+    return kNone;
+  }
+  const auto [entry, is_new] =
+      matte_names_.emplace(name, static_cast<int32_t>(scene_->matte_names.size()));
+  if (is_new) {
+    if (!shapes_.ChargeMemory(2 * sizeof name + name.size(), parameters.location())) return kNone;
+    scene_->matte_names.push_back(name);
+  }
+  return entry->second;
+}
+
 void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
                          SourceLocation location) {
   if (!RequireWorld("Shape", location)) return;
+  const bool is_named = std::ranges::find(own, "name", &Parameter::name) != own.end();
   ParameterList parameters =
       Parameters(absl::StrCat("shape \"", type, "\""), "shape", std::move(own), location);
   ShapeDescription shape;
@@ -233,6 +254,11 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
       shape.area_light = state_.area_light;
     }
   }
+  if (open_object_ == kNone) {
+    shape.matte_name = MatteName(parameters);
+  } else if (is_named) {
+    parameters.NoteWithoutEffect("name", "mattes name the shapes of an object by its instances");
+  }
   if (!shapes_.SetShape(type, parameters, &shape)) return;
   // Hair has no interior that a ray could be in.
   if (!std::holds_alternative<CurveShape>(shape.shape)) shape.media = state_.media;
@@ -244,7 +270,8 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
   scene_->shapes.push_back(std::move(shape));
 }
 
-void SceneBuilder::ObjectInstance(const std::string& name, SourceLocation location) {
+void SceneBuilder::ObjectInstance(const std::string& name, std::vector<Parameter> own,
+                                  SourceLocation location) {
   if (!RequireWorld("ObjectInstance", location)) return;
   if (open_object_ != kNone) {
     diagnostics_->Error(location,
@@ -253,6 +280,12 @@ void SceneBuilder::ObjectInstance(const std::string& name, SourceLocation locati
   }
   struct ObjectInstance instance;
   instance.location = location;
+  if (!own.empty()) {
+    ParameterList parameters =
+        Parameters(absl::StrCat("instance of \"", name, "\""), "", std::move(own), location);
+    instance.matte_name = MatteName(parameters);
+    parameters.ReportUnused();
+  }
   instance.world_from_instance = CurrentTransform();
   if (!ObjectSlot(name, location, &instance.object)) return;
   Matrix4 inverse;

@@ -128,13 +128,13 @@ constexpr BadScene kBadScenes[] = {
     {"UndefinedObject", "WorldBegin\nObjectInstance \"a\"\n",
      "main.pbrt:2:1: object \"a\" is used here but not defined"},
     {"UnknownShape", "WorldBegin\nShape \"paraboloid\"\n",
-     "main.pbrt:2:1: shape \"paraboloid\" is not supported; Sheaf supports trianglemesh, plymesh, "
+     "main.pbrt:2:1: shape \"paraboloid\" is not supported; supported: trianglemesh, plymesh, "
      "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"},
     {"UnknownCamera", "Camera \"fisheye\"\nWorldBegin\n",
-     "main.pbrt:1:1: camera \"fisheye\" is not supported; Sheaf supports perspective, "
+     "main.pbrt:1:1: camera \"fisheye\" is not supported; supported: perspective, "
      "orthographic, spherical and realistic"},
     {"UnknownLight", "WorldBegin\nLightSource \"laser\"\n",
-     "main.pbrt:2:1: light \"laser\" is not supported; Sheaf supports infinite, distant, point, "
+     "main.pbrt:2:1: light \"laser\" is not supported; supported: infinite, distant, point, "
      "spot, goniometric and projection"},
     {"NoSlide", "WorldBegin\nLightSource \"projection\" \"float fov\" 30\n",
      "main.pbrt:2:1: light \"projection\" needs an image to project; give \"string filename\""},
@@ -156,6 +156,11 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:24: light \"infinite\": parameter \"portal\" is not a rectangle"},
     {"UnknownMaterial", "WorldBegin\nMaterial \"velvet\"\n",
      "main.pbrt:2:1: material \"velvet\": type \"velvet\" is unknown"},
+    {"NearestMaterial", "WorldBegin\nMaterial \"difuse\"\n",
+     "main.pbrt:2:1: material \"difuse\": type \"difuse\" is unknown; did you mean "
+     "\"diffuse\"?; supported: diffuse, "},
+    {"NearestShape", "WorldBegin\nShape \"spher\"\n",
+     "main.pbrt:2:1: shape \"spher\" is not supported; did you mean \"sphere\"?; supported: "},
     {"HairOutsideOfItsRange", "WorldBegin\nMaterial \"hair\" \"float alpha\" 91\n",
      "main.pbrt:2:17: material \"hair\": parameter \"alpha\" is 91 but must lie in [-90, 90]"},
     {"MeasuredWithoutItsFile", "WorldBegin\nMaterial \"measured\" \"string filename\" \"a.bsdf\"\n",
@@ -181,7 +186,7 @@ constexpr BadScene kBadScenes[] = {
      "\"no.png\""},
     {"FilmType", "Film \"deep\"\nWorldBegin\n", "main.pbrt:1:1: film \"deep\" is unknown"},
     {"Sensor", "Film \"rgb\" \"string sensor\" \"canon_eos_101d\"\nWorldBegin\n",
-     "main.pbrt:1:12: film \"rgb\": parameter \"sensor\" \"canon_eos_101d\" is unknown; Sheaf "},
+     "main.pbrt:1:12: film \"rgb\": parameter \"sensor\" \"canon_eos_101d\" is unknown; did you "},
     {"Filter", "PixelFilter \"catmull\"\nWorldBegin\n",
      "main.pbrt:1:1: filter \"catmull\" is not supported"},
     {"Integrator", "Integrator \"ambientocclusion\"\nWorldBegin\n",
@@ -202,14 +207,14 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:1: this is pbrt-v3 (a texture of type color)"},
     {"Sampler", "Sampler \"best\"\nWorldBegin\n", "main.pbrt:1:1: sampler \"best\" is unknown"},
     {"ColorSpace", "ColorSpace \"prophoto\"\nWorldBegin\n",
-     "main.pbrt:1:1: color space \"prophoto\" is unknown; Sheaf supports srgb, aces2065-1, "
+     "main.pbrt:1:1: color space \"prophoto\" is unknown; supported: srgb, aces2065-1, "
      "rec2020, dci-p3"},
     {"BadLuminaire", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"bad.IES\"\n",
      "main.pbrt:2:27: light \"goniometric\": parameter \"filename\" cannot be read: bad.IES:2:1: "
      "expected the number of lamps, a number, not \"x\""},
     {"UnknownMapping", "Camera \"spherical\" \"string mapping\" \"cube\"\nWorldBegin\n",
-     "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; Sheaf "
-     "supports equalarea and equirectangular"},
+     "main.pbrt:1:20: camera \"spherical\": parameter \"mapping\" \"cube\" is not supported; "
+     "supported: equalarea and equirectangular"},
     {"Option", "Option \"forcediffuse\" true\nWorldBegin\n",
      "main.pbrt:1:1: option \"forcediffuse\" is not supported"},
     {"Medium", "MediumInterface \"\" \"fog\"\nWorldBegin\n",

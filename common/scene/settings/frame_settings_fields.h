@@ -4,7 +4,7 @@
 // VisitFrameSettings: every field of FrameSettings with its names, described once. The messages'
 // codec, JSON, the job store's columns and the frame digest follow from it. A new setting needs a
 // member of FrameSettings, a line here, a field of v1::FrameSettings, a column in
-// coordinator/store/sqlite_schema.cc, and its source in ResolveSettings.
+// coordinator/store/job_schema.cc, and its source in ResolveSettings.
 #pragma once
 
 #include "common/scene/settings/render_settings.h"

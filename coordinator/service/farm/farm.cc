@@ -13,7 +13,7 @@
 #include "common/base/steady_time.h"
 #include "coordinator/service/farm/upkeep/object_metrics.h"
 #include "coordinator/store/farm_secret.h"
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -24,8 +24,8 @@ constexpr absl::Duration kDeliveryRetryInterval = absl::Seconds(5);
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Farm>> Farm::Open(const FarmOptions& options) {
-  absl::StatusOr<std::unique_ptr<SqliteJobStore>> store =
-      SqliteJobStore::Open(options.state_directory, options.durability, options.parts);
+  absl::StatusOr<std::unique_ptr<SqlJobStore>> store =
+      SqlJobStore::Open(options.state_directory, options.durability, options.parts);
   if (!store.ok()) return store.status();
   return Open(options, *std::move(store));
 }
@@ -85,8 +85,8 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       images_(options.state_directory, &tables_, store_.get()),
       intake_({tokens_, choice_, tables_, *store_, removals_, tiles_, lifecycle_, queue_, disk_,
                signals_}),
-      delivery_(options.preview_interval_min,
-                {tables_, *store_, tiles_, rounds_, images_, lifecycle_, queue_, disk_, signals_}),
+      delivery_(options.preview_interval_min, {tables_, *store_, tiles_, rounds_, images_,
+                                               lifecycle_, queue_, disk_, signals_, *blobs_}),
       lost_scenes_(&tables_, blobs_.get(), &signals_),
       share_control_(options.limits, {tables_, *store_, disk_, signals_}),
       keeper_(options, {tables_, *store_, *blobs_, *round_previews_, lifecycle_}),

@@ -61,6 +61,7 @@
 #include "coordinator/service/farm/upkeep/scrubber.h"
 #include "coordinator/service/farm/worker_views.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/pixel_view.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/round_previews.h"
 
@@ -79,7 +80,7 @@ struct LeaseGrant {
 class Farm : public FarmView {
  public:
   // Loads the state and starts the background thread.
-  // Errors: those of SqliteJobStore::Open, BlobStore::Open and RoundPreviews::Open.
+  // Errors: those of SqlJobStore::Open, BlobStore::Open and RoundPreviews::Open.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options);
   // The same with a store of another kind.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options,
@@ -228,6 +229,16 @@ class Farm : public FarmView {
 
   // Weights and limits of users, shows and pools.
   ShareControl& share_control() { return share_control_; }
+
+  // Removes a job that has ended, with its images, at once. Errors: kNotFound;
+  // kFailedPrecondition (it has not ended, is pinned, or another job waits for it); kUnavailable
+  // (the disk).
+  absl::Status DeleteJob(uint64_t job_id) { return lifecycle_.DeleteJob(job_id); }
+  // Errors: those of FramePreviews::ReadPixel.
+  absl::StatusOr<PixelView> ReadPixel(const std::string& job_id, int32_t frame_number, int32_t x_px,
+                                      int32_t y_px) const {
+    return previews_.ReadPixel(job_id, frame_number, x_px, y_px);
+  }
 
   // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet, or damaged
   // on disk and being made again).

@@ -53,7 +53,7 @@ class FarmMetrics {
   };
   // How live jobs stand, count_max of them one by one.
   LiveFigures ListLive(size_t count_max) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // Of all live jobs that are not held.
+  // Sums over all live jobs that are not held.
   std::vector<LeasableWork> ListLeasable() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // The state directory's disk; without its size where the system does not tell it.
   std::vector<MetricView> ListDisk() const;

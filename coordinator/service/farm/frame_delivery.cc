@@ -128,7 +128,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
     const MutexLock lock(&tables_.mutex);
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
     const bool is_wanted = record != nullptr && record->phase == FrameRecord::Phase::kRendered;
-    if (!is_wanted) return absl::OkStatus();  // Its job has ended.
+    if (!is_wanted) return absl::OkStatus();      // Its job has ended.
     const bool waits = !tables_.liars.empty() ||  // Their results go first.
                        tables_.stale_fields.contains(id) ||
                        tables_.scheduler.AwaitsChecks(id, SteadyTime::Now());
@@ -190,6 +190,7 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   if (!is_sparse) rounds_.AddMetadata(id, image);
   if (is_sparse || IsPilot(id.job_id)) AddPilotFindings(id, frame);
   image->attributes = CryptomatteAttributes(*image);
+  image->attributes.merge(attributes_.Of(frame->spec.scene));
   *delivered = Account(id, *frame);
   AddFindings(*delivered, frame->merge, image);
   if (absl::Status s = images_.Write(id, *image); !s.ok()) return s;

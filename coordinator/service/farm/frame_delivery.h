@@ -16,6 +16,7 @@
 #include "coordinator/service/farm/farm_signals.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/farm/frame_rounds.h"
+#include "coordinator/service/farm/delivery/image_attributes.h"
 #include "coordinator/service/farm/job_lifecycle.h"
 #include "coordinator/service/farm/tile_builder.h"
 #include "coordinator/store/job_store.h"
@@ -36,6 +37,7 @@ class FrameDelivery {
     DeliveryQueue& queue;
     DiskState& disk;
     FarmSignals& signals;
+    const BlobStore& blobs;
   };
   FrameDelivery(absl::Duration preview_interval_min, const Parts& parts)
       : preview_interval_min_(preview_interval_min),
@@ -47,7 +49,8 @@ class FrameDelivery {
         lifecycle_(parts.lifecycle),
         queue_(parts.queue),
         disk_(parts.disk),
-        signals_(parts.signals) {}
+        signals_(parts.signals),
+        attributes_(&parts.blobs) {}
 
   // Develops tiles that have changed, of frames whose previews are old enough.
   void RefreshFrames();
@@ -79,6 +82,7 @@ class FrameDelivery {
   DeliveryQueue& queue_;
   DiskState& disk_;
   FarmSignals& signals_;
+  const ImageAttributes attributes_;
 };
 
 }  // namespace sheaf::coordinator

@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/exr/exr_pixel.h"
 #include "common/film/shrink_image.h"
 #include "coordinator/core/holds/job_approval.h"
 
@@ -152,6 +153,35 @@ absl::StatusOr<PreviewView> FramePreviews::RoundPreview(const std::string& job_i
   absl::StatusOr<FrameImage> image = rounds_.Read(shown->id, round);
   if (!image.ok()) return image.status();
   return PreviewView{version, *std::move(image), shown->complete};
+}
+
+absl::StatusOr<PixelView> FramePreviews::ReadPixel(const std::string& job_id, int32_t frame_number,
+                                                   int32_t x_px, int32_t y_px) const {
+  const absl::StatusOr<ShownFrame> shown = Find(job_id, frame_number);
+  if (!shown.ok()) return shown.status();
+  const PixelRect& window = shown->window;
+  if (x_px < window.x0 || x_px >= window.x1 || y_px < window.y0 || y_px >= window.y1) {
+    return absl::OutOfRangeError(absl::StrCat(Name(shown->id), ": no pixel ", x_px, ", ", y_px,
+                                              " is rendered; they are ", window.x0, ",", window.y0,
+                                              " to ", window.x1, ",", window.y1));
+  }
+  PixelView pixel{shown->version, {}};
+  if (shown->complete) {
+    const absl::StatusOr<std::string> path = images_.FindDelivered(shown->id);
+    if (!path.ok()) return path.status();
+    auto values = ReadImagePixel(*path, x_px, y_px);
+    if (!values.ok()) return values.status();
+    pixel.channels = *std::move(values);
+    return pixel;
+  }
+  if (shown->open == nullptr) return NoSamplesYet(shown->id);
+  const MutexLock lock(&shown->open->mutex);
+  const FrameImage& image = shown->open->merge.image();
+  const auto index = static_cast<size_t>(image.window.IndexOf(x_px, y_px));
+  for (size_t i = 0; i < image.planes.size(); ++i) {
+    pixel.channels.emplace_back(image.channel_names[i], image.planes[i][index]);
+  }
+  return pixel;
 }
 
 }  // namespace sheaf::coordinator

@@ -14,6 +14,7 @@
 #include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/pixel_view.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/round_previews.h"
 
@@ -38,6 +39,11 @@ class FramePreviews {
   absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id, int32_t frame_number) const;
   absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
                                            int32_t round) const;
+  // All channels of a pixel of the image so far, or as delivered. Errors: kNotFound (no such
+  // frame); kUnavailable (no samples yet); kOutOfRange (outside of the rendered pixels); those of
+  // ReadImagePixel.
+  absl::StatusOr<PixelView> ReadPixel(const std::string& job_id, int32_t frame_number, int32_t x_px,
+                                      int32_t y_px) const;
 
  private:
   // A frame whose image is asked for; open is null where it has no samples in memory.

@@ -114,6 +114,9 @@ void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   frame->next_point_samples = NextPoint(record);
   {
     const MutexLock lock(&tables_.mutex);
+    // The last parts came meanwhile: the record counts them, but its image is without them.
+    const bool all_came = tables_.scheduler.FindFrame(id)->phase == FrameRecord::Phase::kRendered;
+    if (!ended && all_came) return;
     if (const RoundRecord* last = tables_.LastRoundOf(id)) {
       if (last->sample_count >= record.sample_count) return;  // Noted before a restart.
       record.round = last->round + 1;

@@ -96,7 +96,9 @@ class JobLifecycle {
   // RemoveParts some are gone, and the rest at another call.
   absl::Status RemoveParts(uint64_t job_id, absl::Time now);
   absl::Status RemovePreviews(uint64_t job_id);  // Also of a job that is not there any more.
-  absl::Status RemoveJob(uint64_t job_id);
+  absl::Status RemoveJob(uint64_t job_id);  // kFailedPrecondition also if it has only just ended.
+  // The same at a person's request, also if it has only just ended.
+  absl::Status DeleteJob(uint64_t job_id);
   // How often jobs that had ended began again, in this life.
   uint64_t ReopenCount() ABSL_LOCKS_EXCLUDED(settle_mutex_);
   // Calls `act` while none can, if none has since ReopenCount was `seen`. Returns whether it did.
@@ -184,6 +186,7 @@ class JobLifecycle {
 
   // upkeep/job_retention.cc
   absl::Status RequireUnused(uint64_t job_id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  absl::Status RemoveUnused(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
 
   // job_correction.cc
   // why: what was found of the parts, for people.

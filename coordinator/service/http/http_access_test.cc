@@ -66,7 +66,9 @@ class HttpAccessTest : public testing::Test {
     };
     FarmActions actions;
     actions.cancel_job = actions.pause_job = actions.resume_job = act;
-    actions.pin_job = actions.unpin_job = actions.release_job = act;
+    actions.pin_job = actions.unpin_job = actions.release_job = actions.delete_job = act;
+    actions.read_pixel = [](const std::string&, int32_t, int32_t,
+                            int32_t) -> absl::StatusOr<PixelView> { return PixelView(); };
     actions.approve_frames = [act](const std::string& id, const std::vector<int32_t>&) {
       return act(id);
     };

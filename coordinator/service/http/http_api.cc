@@ -92,7 +92,7 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   const std::string size = QueryValue(request, "size");
   const bool thumbnail = size == "thumbnail";
   if (!size.empty() && (!thumbnail || *layer != ImageLayer::kImage)) {
-    return absl::InvalidArgumentError("the only other size is thumbnail, for layer image only");
+    return absl::InvalidArgumentError("other sizes are thumbnail and full, for layer image only");
   }
   PreviewChoice choice{*layer, thumbnail, std::nullopt};
   const std::string round = QueryValue(request, "round");
@@ -107,6 +107,21 @@ absl::StatusOr<PreviewChoice> ChoiceOf(const HttpRequest& request) {
   }
   choice.round = number;
   return choice;
+}
+
+HttpResponse ViewResponse(const HttpRequest& request, const absl::StatusOr<ViewedImage>& image) {
+  if (!image.ok()) return HttpErrorFromStatus(image.status());
+  const std::string etag = absl::StrCat("\"", image->version, "\"");
+  if (ClientHas(request, etag)) return NotModified(etag);
+  HttpResponse response;
+  response.content_type = "image/png";
+  response.headers = {{"ETag", etag}, {"Cache-Control", "no-cache"}};
+  if (image->range) {
+    response.headers.emplace_back(kRangeHeader,
+                                  absl::StrCat(image->range->low, " ", image->range->high));
+  }
+  response.body = image->png;
+  return response;
 }
 
 }  // namespace
@@ -159,6 +174,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"POST", job + ":pin", [this](const Request& r) { return ChangeJob(r, actions_.pin_job); }},
       {"POST", job + ":unpin",
        [this](const Request& r) { return ChangeJob(r, actions_.unpin_job); }},
+      {"POST", job + ":delete", [this](const Request& r) { return DeleteJob(r); }},
       {"POST", "/api/v1/gc", [this](const Request& r) { return CollectGarbage(r); }},
       {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
       {"POST", job + ":retry", [this](const Request& r) { return RetryTasks(r); }},
@@ -170,6 +186,9 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", job + "/refine-price", [this](const Request& r) { return GetRefinePrice(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
       {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
+      {"GET", frame + "/layers", [this](const Request& r) { return GetLayers(r); }},
+      {"GET", frame + "/pixel", [this](const Request& r) { return GetPixel(r); }},
+      {"GET", "/api/v1/farm", [this](const Request&) { return GetFarm(); }},
       {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
       {"GET", frame + "/output.exr", [this](const Request& r) { return GetOutput(r); }},
       {"GET", "/api/v1/workers", [this](const Request& r) { return ListWorkers(r); }},
@@ -310,6 +329,7 @@ HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
 HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   const absl::StatusOr<FrameView> frame = FindFrame(request);
   if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  if (IsView(request)) return ViewResponse(request, View(request, *frame));
   const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
   if (!choice.ok()) return HttpErrorFromStatus(choice.status());
   const auto etag = [&](uint64_t version) {

@@ -13,11 +13,12 @@
 //   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
 //   GET  /api/v1/jobs/ID/failures                   the last failed leases, newest first, each with
 //        the command that renders its tile again on one machine
+//   POST /api/v1/jobs/ID:delete                     removes a job that has ended, with its images:
+//        {"name": "jobs/7"}
 //   POST /api/v1/jobs/ID:cancel                     cancels the job; idempotent
 //   POST /api/v1/jobs/ID:pause, ID:resume           stops or resumes granting leases; idempotent
-//   POST /api/v1/jobs/ID:pin, ID:unpin              whether all that is kept of it stays;
-//   idempotent POST /api/v1/gc?dry_run=1                       removes what is not kept any longer,
-//   and lists
+//   POST /api/v1/jobs/ID:pin, ID:unpin              whether all of it stays; idempotent
+//   POST /api/v1/gc?dry_run=1                       removes what is not kept any longer, and lists
 //        it; with dry_run=1 only lists it
 //   POST /api/v1/jobs/ID:priority?value=N           sets the priority, from -1000 to 1000; jobs of
 //        higher priority go first; idempotent
@@ -42,9 +43,23 @@
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&round=R
 //        a small copy of a layer at the end of a round (from 0); 404 if it is not kept: the frame's
 //        rounds[R].preview_version is then 0
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=image&of=NAME
+//        a layer of .../layers instead of the color; layer=light for those of kind color
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?with=jobs/8/frames/1&difference=absolute
+//        the difference from another frame's image, or its ratio (relative), in false color with
+//        X-Sheaf-Range
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?size=full
+//        the delivered image in its own size
+//   GET  /api/v1/jobs/ID/frames/N/layers            the layers beside the color: {"layers":
+//        [{"name": "albedo", "kind": "color", "channels": ["albedo.R", ...]}, ...]}
+//   GET  /api/v1/jobs/ID/frames/N/pixel?x=X&y=Y     all channels of a pixel, linear: {"version": 3,
+//        "x": 10, "y": 20, "channels": [{"name": "R", "value": 0.18}, ...]}; values that are no
+//        number are "nan", "inf" and "-inf"
 //   GET  /api/v1/false-color.png                    the false colors from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered image
 //   GET  /api/v1/workers?page_size&page_token       workers; all of them without page_size
+//   GET  /api/v1/farm                               how workers and sheaf reach the coordinator:
+//        {"grpc_port": 7400, "tls": false}; 0 for no port
 //   GET  /api/v1/session                            who is signed in: {"user": "anna", "role":
 //        "submit"}; both are "" for a coordinator without certificates
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON, without
@@ -69,6 +84,7 @@
 #include "coordinator/service/http/http_preview.h"
 #include "coordinator/service/http/http_router.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/pixel_view.h"
 #include "coordinator/service/view/server_metrics.h"
 
 namespace sheaf::coordinator {
@@ -78,6 +94,19 @@ inline constexpr char kRangeHeader[] = "X-Sheaf-Range";
 // Objects on a page of a list.
 inline constexpr int kPageSizeDefault = 100;
 inline constexpr int kPageSizeMax = 1000;
+
+// How workers and clients other than browsers reach the coordinator.
+struct FarmAddress {
+  int grpc_port = 0;  // 0: it listens on none.
+  bool tls = false;   // Whether everybody needs a certificate.
+};
+
+// An image that is encoded for one request. version: for its ETag.
+struct ViewedImage {
+  std::string version;
+  std::string png;
+  std::optional<LayerRange> range;
+};
 
 // Actions on the farm that the page offers.
 struct FarmActions {
@@ -103,6 +132,14 @@ struct FarmActions {
   std::function<absl::Status(const std::string& job_id)> release_job;
   std::function<absl::Status(const std::string& job_id, const std::vector<int32_t>& frames)>
       approve_frames;
+  // Removes a job that has ended. Errors: those of Farm::DeleteJob.
+  std::function<absl::Status(const std::string& job_id)> delete_job;
+  // All channels of a pixel. Errors: those of Farm::ReadPixel.
+  std::function<absl::StatusOr<PixelView>(const std::string& job_id, int32_t frame_number,
+                                          int32_t x_px, int32_t y_px)>
+      read_pixel;
+  // May be null: no address is known.
+  std::function<FarmAddress()> address;
   // Farm::CollectGarbage.
   std::function<absl::StatusOr<std::vector<RemovalView>>(bool dry_run)> collect_garbage;
   // Farm::ListUsage.
@@ -141,6 +178,13 @@ class HttpApi {
   HttpResponse ApproveFrames(const HttpRequest& request) const;  // In http_retry.cc.
   HttpResponse RefineJob(const HttpRequest& request) const;      // These two in http_refine.cc.
   HttpResponse GetRefinePrice(const HttpRequest& request) const;
+  HttpResponse GetLayers(const HttpRequest& request) const;  // These in viewing/http_viewing.cc.
+  HttpResponse GetPixel(const HttpRequest& request) const;
+  HttpResponse DeleteJob(const HttpRequest& request) const;
+  HttpResponse GetFarm() const;
+  // Whether the request is for an image that View makes, and not the cache of previews.
+  static bool IsView(const HttpRequest& request);
+  absl::StatusOr<ViewedImage> View(const HttpRequest& request, const FrameView& frame) const;
   HttpResponse CollectGarbage(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;
   HttpResponse GetPreview(const HttpRequest& request);

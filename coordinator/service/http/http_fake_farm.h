@@ -15,6 +15,7 @@
 #include "common/base/mutex.h"
 #include "common/film/shrink_image.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/pixel_view.h"
 
 namespace sheaf::coordinator {
 
@@ -140,6 +141,20 @@ class FakeFarm : public FarmView {
   mutable CondVar changed_;
   uint64_t change_count_ ABSL_GUARDED_BY(mutex_) = 1;
 };
+
+// The pixel of an image that FakeFarm shows, as Farm::ReadPixel returns it.
+inline absl::StatusOr<PixelView> FakePixel(const PreviewView& preview, int32_t x_px, int32_t y_px) {
+  const PixelRect& window = preview.image.window;
+  if (x_px < window.x0 || x_px >= window.x1 || y_px < window.y0 || y_px >= window.y1) {
+    return absl::OutOfRangeError(absl::StrCat("no pixel ", x_px, ", ", y_px));
+  }
+  PixelView pixel{preview.version, {}};
+  const auto index = static_cast<size_t>(window.IndexOf(x_px, y_px));
+  for (size_t i = 0; i < preview.image.planes.size(); ++i) {
+    pixel.channels.emplace_back(preview.image.channel_names[i], preview.image.planes[i][index]);
+  }
+  return pixel;
+}
 
 // A running job of one frame, 4 x 2 pixels at 16 samples, with a quarter of its samples.
 inline JobView MakeFakeJob(const std::string& job_id) {

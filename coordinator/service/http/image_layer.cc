@@ -246,13 +246,14 @@ std::vector<std::string> ChannelsOf(ImageLayer layer) {
   return {};
 }
 
-absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLayer layer) {
+absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLayer layer,
+                                              bool full_size) {
   const bool is_color = layer == ImageLayer::kImage || layer == ImageLayer::kLight;
   // Errors are computed in the image's own primaries, as standard errors are not converted.
   if (is_color && !(image.color.chromaticities == Chromaticities())) {
     FrameImage shown = image;
     if (absl::Status status = ConvertColor(Chromaticities(), &shown); !status.ok()) return status;
-    return MakeDisplayImage(shown, layer);
+    return MakeDisplayImage(shown, layer, full_size);
   }
   Source source;
   for (const std::string& channel : ChannelsOf(layer)) {
@@ -262,7 +263,9 @@ absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLaye
     }
   }
   source.width_px = image.window.Width();
-  source.factor = ShrinkFactor(source.width_px, image.window.Height(), kPreviewPixelCountMax);
+  if (!full_size) {
+    source.factor = ShrinkFactor(source.width_px, image.window.Height(), kPreviewPixelCountMax);
+  }
   source.shown_width_px = source.width_px / source.factor;
   source.shown_height_px = image.window.Height() / source.factor;
   DisplayImage display;

@@ -59,7 +59,8 @@ struct DisplayImage {
 // The gray of unknown values in false color, for example of pixels without enough samples.
 inline constexpr Rgb8 kUnknownColor{96, 96, 96};
 
-// Errors: kInternal if the image lacks a channel of ChannelsOf(layer).
-absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLayer layer);
+// full_size: not shrunk. Errors: kInternal if the image lacks a channel of ChannelsOf(layer).
+absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLayer layer,
+                                              bool full_size = false);
 
 }  // namespace sheaf::coordinator

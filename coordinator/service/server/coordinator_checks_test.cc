@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "coordinator/service/server/coordinator_server_fixture.h"
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/sql_job_store.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -137,7 +137,7 @@ TEST_F(CoordinatorChecksTest, ACorrectionThatWasInterruptedIsDoneAtTheNextStart)
   ASSERT_EQ(Finish(name, {&liar}).state(), v1::Job::STATE_SUCCEEDED);
   server_.reset();
   {
-    const auto store = SqliteJobStore::Open(directory_);
+    const auto store = SqlJobStore::Open(directory_);
     ASSERT_TRUE(store.ok());
     ASSERT_TRUE((*store)->WriteQuarantine({"liar", "it lied", true, absl::Now()}).ok());
   }

@@ -173,6 +173,7 @@ TEST_F(CoordinatorObjectsTest, ARefusalIsToldAndNothingIsLost) {
   EXPECT_TRUE(absl::IsUnavailable(refused)) << "a worker keeps its result: " << refused;
   EXPECT_THAT(std::string(refused.message()), testing::HasSubstr("key TESTKEY may not do this"));
   EXPECT_THAT(Get(job.name()).waiting_reason(), testing::HasSubstr("TESTKEY"));
+  ASSERT_TRUE(worker.Synchronize(1).ok());
   fake_.Cause({"PUT", FaultKind::kStatus, 507, "InsufficientStorage"});
   EXPECT_TRUE(absl::IsResourceExhausted(worker.RenderOne().status()));
   ASSERT_TRUE(worker.RenderAll().ok());

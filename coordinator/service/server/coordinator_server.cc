@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <stop_token>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -19,6 +20,7 @@
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/grpc/call_gate.h"
 #include "coordinator/service/grpc/call_timer.h"
+#include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -88,6 +90,12 @@ FarmActions ActionsOn(Farm* farm) {
   actions.unpin_job = [=](const std::string& job) {
     return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, false); });
   };
+  actions.delete_job = [=](const std::string& job) {
+    return by_number(job, [=](uint64_t id) { return farm->DeleteJob(id); });
+  };
+  actions.read_pixel = [=](const std::string& job, int32_t frame, int32_t x_px, int32_t y_px) {
+    return farm->ReadPixel(job, frame, x_px, y_px);
+  };
   actions.list_usage = [=](const UsageQuery& query) { return farm->ListUsage(query); };
   actions.release_job = [=](const std::string& job) {
     return by_number(job, [=](uint64_t id) { return farm->ReleaseJob(id); });
@@ -102,10 +110,20 @@ FarmActions ActionsOn(Farm* farm) {
   return actions;
 }
 
+// database: null: a file of the state directory.
+absl::StatusOr<std::unique_ptr<Farm>> OpenFarm(const FarmOptions& options,
+                                               std::unique_ptr<Database> database) {
+  if (database == nullptr) return Farm::Open(options);
+  absl::StatusOr<std::unique_ptr<SqlJobStore>> store = SqlJobStore::Open(
+      options.state_directory, std::move(database), options.durability, options.parts);
+  if (!store.ok()) return store.status();
+  return Farm::Open(options, *std::move(store));
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
-    const CoordinatorOptions& options) {
+    const CoordinatorOptions& options, std::unique_ptr<Database> database) {
   const bool certified = AccessControl::Exists(options.farm.state_directory);
   for (const std::string& address : {options.listen_address, options.http_address}) {
     if (address.empty() || certified) continue;
@@ -123,7 +141,7 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
     farm_options.parts = server->objects_.parts.get();
     farm_options.content = server->objects_.content.get();
   }
-  absl::StatusOr<std::unique_ptr<Farm>> farm = Farm::Open(farm_options);
+  absl::StatusOr<std::unique_ptr<Farm>> farm = OpenFarm(farm_options, std::move(database));
   if (!farm.ok()) return farm.status();
   server->farm_ = std::move(*farm);
   if (certified) {
@@ -186,6 +204,7 @@ absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
   server_ = builder.BuildAndStart();
   const bool listens = options.listen_address.empty() || port_ != 0;
   if (server_ == nullptr || !listens) return PortInUseError(options.listen_address);
+  shown_port_ = port_;
   return absl::OkStatus();
 }
 
@@ -207,8 +226,10 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
     if (!hosts.ok()) return hosts.status();
     http.allowed_hosts.insert(http.allowed_hosts.end(), hosts->begin(), hosts->end());
   }
+  FarmActions actions = ActionsOn(farm_.get());
+  actions.address = [this] { return FarmAddress{shown_port_, access_ != nullptr}; };
   absl::StatusOr<std::unique_ptr<HttpService>> service =
-      HttpService::Start(http, *farm_, ActionsOn(farm_.get()));
+      HttpService::Start(http, *farm_, std::move(actions));
   if (!service.ok()) return service.status();
   http_ = std::move(*service);
   return absl::OkStatus();

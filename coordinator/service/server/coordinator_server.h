@@ -9,6 +9,7 @@
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <thread>
@@ -25,6 +26,7 @@
 #include "coordinator/service/http/http_service.h"
 #include "coordinator/service/server/build_info.h"
 #include "coordinator/service/server/farm_objects.h"
+#include "coordinator/store/database/database.h"
 
 namespace sheaf::coordinator {
 
@@ -57,11 +59,12 @@ struct CoordinatorOptions {
 
 class CoordinatorServer {
  public:
-  // Loads the state, then serves until destroyed or stopped.
-  // Errors: those of OpenFarmObjects, Farm::Open, AccessControl::Open and RequireSafeAddress;
-  // kUnavailable (a port is taken), with the address. One line each.
+  // Loads the state, then serves until destroyed or stopped. database: that of jobs, which other
+  // coordinators may share (shared_database.h); null: a file of the state directory.
+  // Errors: those of OpenFarmObjects, SqlJobStore::Open, Farm::Open, AccessControl::Open and
+  // RequireSafeAddress; kUnavailable (a port is taken), with the address. One line each.
   static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(
-      const CoordinatorOptions& options);
+      const CoordinatorOptions& options, std::unique_ptr<Database> database = nullptr);
   ~CoordinatorServer();
 
   // Lets calls under way finish for a moment and stops. Acknowledged results are durable in any
@@ -100,6 +103,7 @@ class CoordinatorServer {
   std::unique_ptr<HttpService> http_;
   std::jthread certificate_upkeep_;
   int port_ = 0;
+  std::atomic<int> shown_port_ = 0;  // The same, for the threads of http_.
 };
 
 }  // namespace sheaf::coordinator

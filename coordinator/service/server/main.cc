@@ -8,11 +8,14 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
@@ -25,6 +28,7 @@
 #include "common/service_manager/watchdog.h"
 #include "coordinator/service/server/access_commands.h"
 #include "coordinator/service/server/coordinator_server.h"
+#include "coordinator/service/server/shared_database.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -34,10 +38,16 @@ struct CommandLine {
   double lease_seconds = 30;
   std::string log_level = "info";
   std::string port_file;
+  std::string database;  // The URL of a PostgreSQL database; empty: SQLite in the state directory.
+  double takeover_seconds = absl::ToDoubleSeconds(kOwnerSilenceMax);
 };
 
 // A hard disk reads fifty times as much; a terabyte takes three days.
 constexpr uint64_t kScrubBytesPerSecondDefault = uint64_t{4} << 20;
+
+// How long a coordinator that takes a farm over may load it, with a watchdog; as TimeoutStartSec of
+// its unit (deploy/systemd).
+constexpr absl::Duration kLoadMax = absl::Minutes(15);
 
 std::string DefaultStateDirectory() {
   const char* home = std::getenv("HOME");
@@ -163,6 +173,18 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   app->add_option("--state-dir", farm.state_directory,
                   "Directory of jobs, parts, scenes and images")
       ->capture_default_str();
+  app->add_option("--database", line->database,
+                  "PostgreSQL database of jobs, e.g. postgresql://sheaf@db.example.org/farm, for "
+                  "several coordinators: one owns the farm, and another one takes over when it is "
+                  "silent. All have the same state directory, on a disk that they share (default: "
+                  "SQLite in the state directory)")
+      ->envname("SHEAF_DATABASE")
+      ->type_name("URL");
+  app->add_option("--takeover-seconds", line->takeover_seconds,
+                  "With --database: a coordinator that does not reach the database for longer "
+                  "loses the farm to one that stands by")
+      ->check(CLI::Range(0.5, 3600.0))
+      ->capture_default_str();
   app->add_option("--objects", line->server.objects_url,
                   "Bucket of an S3 server in which parts and files of scenes lie, as "
                   "s3://BUCKET/PREFIX (default: the state directory). Key, endpoint and region "
@@ -214,10 +236,52 @@ sigset_t BlockStopSignals() {
   return signals;
 }
 
+// Sleeps; false: a signal asked to stop.
+bool SleepUnlessSignalled(const sigset_t& signals, absl::Duration duration) {
+  const timespec time = absl::ToTimespec(duration);
+  return sigtimedwait(&signals, nullptr, &time) < 0;
+}
+
+// Stands by until this coordinator owns the farm. The service manager takes one that stands by for
+// started, and hears that it lives.
+absl::StatusOr<OwnedFarm> StandBy(const CommandLine& line, const ServiceManager& manager,
+                                  const sigset_t& signals) {
+  SharedDatabaseOptions options{line.database, line.server.listen_address,
+                                absl::Seconds(line.takeover_seconds)};
+  options.standing_by = [&manager](const std::string& words) { manager.Ready(words); };
+  return OwnFarm(options, [&manager, &signals](absl::Duration duration) {
+    manager.KeepAlive();
+    return SleepUnlessSignalled(signals, duration);
+  });
+}
+
+// Starts the server. The watchdog of one that stood by waits for the farm to be loaded.
+absl::StatusOr<std::unique_ptr<CoordinatorServer>> Load(const CommandLine& line,
+                                                        const ServiceManager& manager,
+                                                        std::unique_ptr<Database> database) {
+  const absl::Time begin = absl::Now();
+  std::optional<Watchdog> watchdog;
+  if (database != nullptr) {
+    watchdog.emplace(&manager, [begin] { return absl::Now() - begin < kLoadMax; });
+  }
+  return CoordinatorServer::Start(line.server, std::move(database));
+}
+
 int Serve(const CommandLine& line) {
   const ServiceManager manager;
   const sigset_t signals = BlockStopSignals();
-  absl::StatusOr<std::unique_ptr<CoordinatorServer>> server = CoordinatorServer::Start(line.server);
+  absl::StatusOr<OwnedFarm> owned = OwnedFarm();
+  if (!line.database.empty()) {
+    owned = StandBy(line, manager, signals);
+    if (absl::IsCancelled(owned.status())) {
+      manager.Stopping();
+      LogInfo("stopping");
+      return 0;
+    }
+    if (!owned.ok()) return Fail(owned.status());
+  }
+  absl::StatusOr<std::unique_ptr<CoordinatorServer>> server =
+      Load(line, manager, std::move(owned->database));
   if (!server.ok()) return Fail(server.status());
   if (!line.port_file.empty()) {
     const absl::Status written = WriteFileAtomically(
@@ -254,7 +318,9 @@ int Main(int argc, char** argv) {
       "Examples:\n"
       "  sheaf-coordinator --state-dir /var/lib/sheaf --listen 127.0.0.1:7400\n"
       "  sheaf-coordinator init --name farm.example.org && sheaf-coordinator --listen [::]:7400\n"
-      "After init, connections are encrypted and every caller needs a certificate.");
+      "After init, connections are encrypted and every caller needs a certificate.\n"
+      "Two coordinators, of which one stands by (docs/operations.md):\n"
+      "  sheaf-coordinator --state-dir /shared/sheaf --database postgresql://sheaf@db/farm");
   app.set_version_flag("--version", "sheaf-coordinator " SHEAF_VERSION);
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());

@@ -11,10 +11,9 @@ import {barChart} from './bars';
 import {errorTimeChart} from './error_time_chart';
 import * as numbers from './numbers';
 import {isKnown} from './numbers';
-import {linearBetween, logScale} from './scale';
+import {errorScale, linearBetween, logScale} from './scale';
 import type {Entry, Study} from './schema';
 import {section} from './section';
-import {seriesAt} from './svg';
 import {numbersTable} from './table';
 
 // An undetected bias floor is limited to this many standard errors, in the text and in the drawing.
@@ -27,41 +26,42 @@ const yes = (is: boolean) => is ? 'yes' : 'no';
 
 const baseOf = (study: Study) => study.entries.find((entry) => entry.is_base);
 
-const rowsOf = (study: Study, cellOf: (entry: Entry) => Cell): Row[] =>
-    study.entries.map((entry, i) => ({
-                        name: entry.name + (entry.is_base ? ' (base)' : ''),
-                        note: entry.how,
-                        series: seriesAt(i),
-                        cells: [cellOf(entry)],
-                      }));
+const rowsOf = (study: Study, cellOf: (entry: Entry) => Cell): Row[] => study.entries.map(
+    (entry) => ({
+      name: entry.name + (entry.is_base ? ' (base)' : '') + (entry.is_unbiased ? '' : ' (biased)'),
+      note: entry.how,
+      series: null,
+      cells: [cellOf(entry)],
+    }));
 
 export function errorSection(study: Study): HTMLElement {
   const rows = study.entries.flatMap(
-      ({name, points}) => points.map(
+      ({name, is_unbiased, points}) => points.map(
           (point) =>
-              [name, numbers.samples(point.samples), numbers.time(point.cpu_seconds),
+              [name, yes(!is_unbiased), numbers.samples(point.samples),
+               numbers.time(point.cpu_seconds), numbers.typicalError(point.relative_mse),
                numbers.plain(point.relative_mse), numbers.plain(point.relative_mse_error),
-               numbers.typicalError(point.relative_mse), yes(point.on_pareto_front)]));
+               yes(point.on_pareto_front)]));
   const floors = study.entries.filter(({bias_floor: floor}) => floor?.is_significant).length;
   return section(
       'error', 'Error against processor time',
       [
         'Each point is the image at a number of samples per pixel: lower and further left is ' +
             'better. Vertical bars are one standard error.',
-        'The thick line is the Pareto front, the least error for each time; its corners are the ' +
-            'points that no other point beats in both. The dotted line is the Monte Carlo rate ' +
-            'from the base: half the error for twice the time. ' +
-            (floors ? 'Dashed lines are bias floors: no number of samples has a smaller error.' :
+        'The thick line is the efficient front: the least error for each time, among the curves ' +
+            'shown that render the same image. The thin line is the Monte Carlo rate from the ' +
+            'base: half the error for four times the time. ' +
+            (floors ? 'Dotted lines are bias floors: no number of samples has a smaller error.' :
                       'No entry has a significant bias floor.')
       ],
       errorTimeChart(study),
       numbersTable(
           'errors and times',
           [
-            'Entry', 'Samples', 'Processor time', 'relMSE', 'Standard error',
-            'Typical error of a pixel', 'On the front'
+            'Entry', 'Biased', 'Samples', 'Processor time', 'Error of a pixel', 'relMSE',
+            'Standard error of relMSE', 'On the front'
           ],
-          rows));
+          rows, 2));
 }
 
 export function gainSection(study: Study): HTMLElement {
@@ -115,8 +115,8 @@ function floorWords(entry: Entry): string {
   const floor = entry.bias_floor;
   const limit = limitOf(entry);
   if (!floor || limit === null) return 'not known';
-  return floor.is_significant ? numbers.measured(floor.relative_mse, floor.error) :
-                                'none found, below ' + numbers.plain(limit);
+  return floor.is_significant ? numbers.typicalError(floor.relative_mse) :
+                                'none found, below ' + numbers.typicalError(limit);
 }
 
 export function biasSection(study: Study): HTMLElement {
@@ -126,8 +126,8 @@ export function biasSection(study: Study): HTMLElement {
     return [floor.relative_mse, (floor.relative_mse ?? 0) + (floor.error ?? 0)];
   });
   const column: Column = {
-    heading: 'relMSE that remains at any number of samples',
-    scale: logScale([...floorValues, ...study.entries.map(bestErrorOf)], numbers.powerTick),
+    heading: 'Error of a pixel that remains at any number of samples',
+    scale: errorScale([...floorValues, ...study.entries.map(bestErrorOf)]),
     origin: null,
     marks: [],
   };

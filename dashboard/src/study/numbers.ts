@@ -100,6 +100,18 @@ export function time(seconds: Maybe): string {
 export const typicalError = (relativeMse: Maybe) =>
     isKnown(relativeMse) && relativeMse >= 0 ? format.typicalError(relativeMse) : UNKNOWN;
 
+// Tick of an axis of errors of a pixel: 0.02 -> "±2 %".
+export const errorTick = (error: number) => '±' + Number((100 * error).toPrecision(2)) + ' %';
+
+// A relMSE with its standard error, as errors of a pixel: "±3.2 % (3.1 to 3.3)".
+export function measuredError(relativeMse: Maybe, error: Maybe): string {
+  const words = typicalError(relativeMse);
+  if (!isKnown(relativeMse) || !isKnown(error) || !(error > 0) || error >= relativeMse)
+    return words;
+  const percent = (value: number) => typicalError(value).slice(1, -2);
+  return words + ` (${percent(relativeMse - error)} to ${percent(relativeMse + error)})`;
+}
+
 // Label of an axis: 0.25 -> "25 %".
 export const roundShare = (value: number) =>
     withMinus(String(Number((100 * value).toPrecision(3)))) + ' %';

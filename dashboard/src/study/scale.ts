@@ -31,29 +31,97 @@ const MARGIN = 1.25;
 const SPAN_MIN = 4;
 // Maximum number of labels on a narrow chart.
 const LABELS_MAX = 6;
+// An axis of times has finer ticks, if it would otherwise have fewer labels.
+const LABELS_MIN = 3;
+const TIME_UNITS: [string, number, string][] = [
+  ['\u00b5s', 1e-6, 'thousand'],
+  ['ms', 1e-3, 'thousand'],
+  ['s', 1, 'sixty'],
+  ['min', 60, 'sixty'],
+  ['h', 3600, 'day'],
+  ['d', 86400, 'thousand'],
+];
+// Numbers of a unit, up to the next one.
+const ROUND: Record<string, number[]> = {
+  thousand: [1, 2, 5, 10, 20, 50, 100, 200, 500],
+  sixty: [1, 2, 5, 10, 20, 30],
+  day: [1, 2, 5, 10],
+};
+const FINE: Record<string, number[]> = {
+  thousand: [1, 1.5, 2, 3, 4, 5, 7, 10, 15, 20, 30, 40, 50, 70, 100, 150, 200, 300, 400, 500, 700],
+  sixty: [1, 1.5, 2, 3, 4, 5, 7, 10, 15, 20, 25, 30, 40, 50],
+  day: [1, 1.5, 2, 3, 4, 5, 7, 10, 15, 20],
+};
+// Leading digits of the labels of errors; the first that are not too many are used.
+const ERROR_DIGITS = [[1, 2, 5], [1, 3], [1]];
 const LINEAR_STEPS = [1, 2, 5, 10];
 const LINEAR_TICKS_MAX = 5;
 
 const clamp = (share: number) => Math.max(0, Math.min(1, share));
 
-// Covers the values that are above 0; `words` formats a tick.
-export function logScale(values: Maybe[], words: Words = numbers.tick): Scale {
+// Ends of a logarithmic axis for the values that are above 0.
+function rangeOf(values: Maybe[]): [number, number] {
   const known = values.filter(isKnown).filter((value) => value > 0);
+  if (!known.length) return [1, 10];
   // reduce, not spread: a call accepts only some thousands of arguments.
-  let low = known.reduce((a, b) => Math.min(a, b), Infinity) / MARGIN;
-  let high = known.reduce((a, b) => Math.max(a, b), 0) * MARGIN;
-  if (!known.length) [low, high] = [1, 10];
+  const low = known.reduce((a, b) => Math.min(a, b), Infinity) / MARGIN;
+  const high = known.reduce((a, b) => Math.max(a, b), 0) * MARGIN;
   const wider = Math.sqrt(Math.max(1, SPAN_MIN * low / high));
-  low /= wider;
-  high *= wider;
+  return [low / wider, high * wider];
+}
+
+function logBetween(low: number, high: number, ticks: Tick[]): Scale {
   const span = Math.log(high / low);
-  const ticks = ticksOf(low, high);
-  const shown = thinned(labelled(ticks));
   return {
     has: (value): value is number => isKnown(value) && value > 0,
     at: (value) => value > 0 ? clamp(Math.log(value / low) / span) : 0,
-    ticks: ticks.map((value) => ({value, words: shown.has(value) ? words(value) : ''})),
+    ticks,
   };
+}
+
+// Covers the values that are above 0; `words` formats a tick.
+export function logScale(values: Maybe[], words: Words = numbers.tick): Scale {
+  const [low, high] = rangeOf(values);
+  const ticks = ticksOf(low, high);
+  const shown = thinned(labelled(ticks));
+  return logBetween(
+      low, high, ticks.map((value) => ({value, words: shown.has(value) ? words(value) : ''})));
+}
+
+// Covers the relMSE that are above 0; ticks are round errors of a pixel, their roots.
+export function errorScale(values: Maybe[]): Scale {
+  const [low, high] =
+      rangeOf(values.map((value) => isKnown(value) && value > 0 ? Math.sqrt(value) : null));
+  const roots = ticksOf(low, high);
+  const digits = ERROR_DIGITS.find((set) => countOf(roots, set) <= LABELS_MAX) ?? [1];
+  return logBetween(
+      low ** 2, high ** 2,
+      roots.map((root) => ({
+                  value: root ** 2,
+                  words: digits.includes(leadingOf(root)) ? numbers.errorTick(root) : '',
+                })));
+}
+
+const leadingOf = (value: number) => Math.round(value / 10 ** Math.floor(Math.log10(value) + 1e-9));
+
+const countOf = (ticks: number[], digits: number[]) =>
+    ticks.filter((tick) => digits.includes(leadingOf(tick))).length;
+
+// Covers times in seconds; ticks are round in the unit that they are written in.
+export function timeScale(values: Maybe[]): Scale {
+  const [low, high] = rangeOf(values);
+  const inside = (factors: Record<string, number[]>) =>
+      TIME_UNITS
+          .flatMap(([unit, size, kind]) => (factors[kind] ?? []).map((factor) => ({
+                                                                       value: factor * size,
+                                                                       words: factor + ' ' + unit,
+                                                                     })))
+          .filter(({value}) => value >= low && value <= high);
+  const round = inside(ROUND);
+  const ticks = round.length >= LABELS_MIN ? round : inside(FINE);
+  const step = Math.ceil(ticks.length / LABELS_MAX);
+  return logBetween(
+      low, high, ticks.map(({value, words}, i) => ({value, words: i % step === 0 ? words : ''})));
 }
 
 function thinned(labels: (number|null)[]): Set<number> {

@@ -8,8 +8,8 @@ import type {Column, Row} from './bars';
 import {barChart} from './bars';
 import * as numbers from './numbers';
 import {isKnown} from './numbers';
-import {linearBetween, linearScale, logScale} from './scale';
-import type {Study} from './schema';
+import {errorScale, linearBetween, linearScale, logScale} from './scale';
+import type {Effect, Study} from './schema';
 import {section} from './section';
 import {seriesAt} from './svg';
 import {numbersTable} from './table';
@@ -18,6 +18,10 @@ import {kindNames, placeOf, tileMap} from './tile_map';
 // If one replicate contributes at least this fraction of a kind's variance, its error bars are
 // unreliable.
 const RARE_SHARE_MAX = 0.5;
+
+// A loss that noise hides may be measured below 0.
+const lossOf = ({relative_mse: loss}: Effect) =>
+    isKnown(loss) && loss <= 0 ? 'none seen' : numbers.typicalError(loss);
 
 export function effectsSection(study: Study): HTMLElement {
   const {effects} = study;
@@ -35,8 +39,8 @@ export function effectsSection(study: Study): HTMLElement {
       marks: [1],
     },
     {
-      heading: 'relMSE of the image without',
-      scale: logScale(effects.map((effect) => effect.relative_mse), numbers.powerTick),
+      heading: 'Error of the image without',
+      scale: errorScale(effects.map((effect) => effect.relative_mse)),
       origin: null,
       marks: [],
     },
@@ -52,7 +56,7 @@ export function effectsSection(study: Study): HTMLElement {
             [
               {value: effect.time_fraction, words: numbers.share(effect.time_fraction)},
               {value: effect.variance_ratio, words: numbers.times(effect.variance_ratio)},
-              {value: effect.relative_mse, words: numbers.plain(effect.relative_mse)},
+              {value: effect.relative_mse, words: lossOf(effect)},
             ],
       }));
   return section(
@@ -122,8 +126,8 @@ export function pathsSection(study: Study): HTMLElement {
             'too rarely for reliable error bars; such a fraction is marked.'
       ],
       barChart(
-          'chart-paths', 'Fraction of the light and of the noise of each kind of path',
-          columns, rows, 'Light and noise were not separated by kinds of paths.'),
+          'chart-paths', 'Fraction of the light and of the noise of each kind of path', columns,
+          rows, 'Light and noise were not separated by kinds of paths.'),
       numbersTable(
           'kinds of paths',
           [
@@ -139,11 +143,16 @@ export function pathsSection(study: Study): HTMLElement {
 }
 
 export function tilesSection(study: Study): HTMLElement {
+  const count = study.unreliable_tiles.length;
+  const all = study.assessed_tile_count;
+  const found = count && all ? count + ' of ' + all + ' tiles contain fireflies. ' : '';
   return section(
       'tiles', 'Where error bars are unreliable',
-      ['Rendered tiles with unreliable errors, because too few of their samples make the noise. ' +
-       'The color is the kind of path with the largest fraction of the tile’s variance; ' +
-       'stronger colors are larger fractions.'],
+      [found +
+       'In these tiles a few very bright samples make most of the noise, so error bars of their ' +
+       'pixels may be too small; the errors above include them. More samples help. The color is ' +
+       'the kind of path with the largest fraction of the tile’s variance; stronger colors are ' +
+       'larger fractions.'],
       tileMap(study),
       numbersTable(
           'unreliable tiles', ['Tile', 'Kind of path', 'Fraction of the variance'],

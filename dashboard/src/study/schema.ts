@@ -12,7 +12,8 @@ export interface Point {
   // Against the reference, with its standard error.
   relative_mse: number|null;
   relative_mse_error: number|null;
-  // Whether no other point has both a lower cost and a smaller error.
+  // Whether no point of a setting that renders the same image has both a lower cost and a smaller
+  // error.
   on_pareto_front: boolean;
 }
 
@@ -25,6 +26,8 @@ export interface Entry {
   is_base: boolean;
   // Whether it has the same expected value as the base, independent of the measurement.
   is_unbiased: boolean;
+  // False if it gives up the true error bars of the base.
+  keeps_error_bars: boolean;
   points: Point[];
   // Exponent with which the variance falls with the number of samples; 1 is plain Monte Carlo.
   rate: number|null;
@@ -71,6 +74,40 @@ export interface Tile {
   fraction: number|null;
 }
 
+// The whole image at a number of samples per pixel.
+export interface Price {
+  samples: number;
+  cpu_seconds: number|null;
+  relative_mse: number|null;
+  relative_mse_error: number|null;
+}
+
+export interface CropImage {
+  // Of the crop alone, estimated from its replicates.
+  relative_mse: number|null;
+  png_base64: string;
+}
+
+// A region of the image at each of the prices, in their order.
+export interface Crop {
+  // "largest error" or "representative".
+  kind: string;
+  x0: number;
+  y0: number;
+  x1: number;
+  y1: number;
+  images: CropImage[];
+}
+
+// The farm that was named. It rendered nothing for the study.
+export interface StudyFarm {
+  address: string;
+  worker_count: number;
+  thread_count: number;
+  // Unfinished jobs, which times leave out.
+  other_job_count: number;
+}
+
 export interface Study {
   scene: string;
   width_px: number;
@@ -78,17 +115,26 @@ export interface Study {
   pixels: number|null;
   seconds: number|null;
   threads: number|null;
+  // Of the base, for one sample of every pixel.
+  cpu_seconds_per_sample: number|null;
+  // The fraction of threads' time that goes into samples.
+  thread_use: number;
+  farm: StudyFarm|null;
+  prices: Price[];
+  crops: Crop[];
   // Its own error is subtracted from all others.
   reference: {samples: number|null; relative_mse: number | null; cpu_seconds: number | null}|null;
   entries: Entry[];
   effects: Effect[];
   paths: PathKind[];
+  // Tiles whose reliability is known.
+  assessed_tile_count: number;
   unreliable_tiles: Tile[];
   recommendation: string[];
   not_studied: string[];
 }
 
-const FORMAT = 1;
+const FORMAT = 2;
 
 // The study that the page contains. Throws if its format is unknown.
 export function readStudy(json: string): Study {
@@ -102,11 +148,21 @@ export function readStudy(json: string): Study {
     pixels: read.pixels ?? null,
     seconds: read.seconds ?? null,
     threads: read.threads ?? null,
+    cpu_seconds_per_sample: read.cpu_seconds_per_sample ?? null,
+    thread_use: read.thread_use ?? 1,
+    farm: read.farm ?? null,
+    prices: read.prices ?? [],
+    crops: read.crops ?? [],
     reference: read.reference ?? null,
-    entries: (read.entries ?? []).map((entry) => ({...entry, points: entry.points ?? []})),
+    entries: (read.entries ?? []).map((entry) => ({
+                                        ...entry,
+                                        points: entry.points ?? [],
+                                        keeps_error_bars: entry.keeps_error_bars ?? true,
+                                      })),
     // An effect that was not measured has only a name and a problem.
     effects: (read.effects ?? []).map((effect) => ({...effect, ablation: effect.ablation ?? ''})),
     paths: read.paths ?? [],
+    assessed_tile_count: read.assessed_tile_count ?? 0,
     unreliable_tiles: read.unreliable_tiles ?? [],
     recommendation: read.recommendation ?? [],
     not_studied: read.not_studied ?? [],

@@ -11,6 +11,7 @@ import {startTheme} from '../theme';
 import {biasSection, entriesList, errorSection, gainSection, rateSection} from './entry_sections';
 import * as numbers from './numbers';
 import {isKnown} from './numbers';
+import {pricesSection} from './prices';
 import {effectsSection, pathsSection, tilesSection} from './scene_sections';
 import type {Study} from './schema';
 import {readStudy} from './schema';
@@ -41,9 +42,7 @@ function facts(study: Study): HTMLElement {
          fact(
              'Reference',
              reference ? numbers.count(reference.samples) + ' samples per pixel' : 'none'),
-         fact(
-             'Error of the reference',
-             reference ? 'relMSE ' + numbers.plain(reference.relative_mse) : '–'),
+         fact('Error of the reference', numbers.typicalError(reference?.relative_mse)),
          fact('Time of the reference', numbers.time(reference?.cpu_seconds)));
   return section(
       'facts', 'Scope of the study',
@@ -68,9 +67,9 @@ function start() {
   setText(byId('title'), 'Study of ' + study.scene);
   byId('sections')
       .append(
-          summary(study), errorSection(study), gainSection(study), biasSection(study),
-          rateSection(study), effectsSection(study), pathsSection(study), tilesSection(study),
-          facts(study), notStudied(study));
+          pricesSection(study), summary(study), errorSection(study), gainSection(study),
+          biasSection(study), rateSection(study), effectsSection(study), pathsSection(study),
+          tilesSection(study), facts(study), notStudied(study));
 }
 
 try {

@@ -52,7 +52,18 @@ export function seriesAt(index: number): Series {
   return {color: 'var(--series-' + index % COLOR_COUNT + ')', shape};
 }
 
-// The mark before a name in a legend. `style` determines its color and outline.
+// The mark before a name in the legend of curves: a piece of the curve with its mark.
+export function curveSwatch({color, shape}: Series, isBiased: boolean): SVGElement {
+  const line =
+      svg('line', {class: isBiased ? 'curve biased' : 'curve', x1: -14, x2: 14, y1: 0, y2: 0});
+  const mark = svg('path', {class: 'point', d: shape(5)});
+  const box = svg(
+      'svg', {class: 'swatch wide', viewBox: '-15 -8 30 16', 'aria-hidden': 'true'}, line, mark);
+  box.style.setProperty('--series', color);
+  return box;
+}
+
+// The mark before a name in a legend.
 export function swatch({color, shape}: Series): SVGElement {
   const mark = svg('path', {d: shape(5)});
   mark.style.fill = color;

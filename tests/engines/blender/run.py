@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Tests the Blender add-on in headless Blender: pictures against Cycles, Esc, frames, export time.
+"""Tests the Blender add-on in headless Blender: pictures against Cycles, Esc, frames,
+images in the compositor, export time.
 
   SHEAF_BIN=build/release/bin tests/engines/blender/run.py
   tests/engines/blender/run.py --only lights,glass --samples 64 --keep out
@@ -104,8 +105,8 @@ class Bench:
         return subprocess.Popen(command, env={**os.environ, **self.environment, **extra},
                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
-    def run(self, *command, **extra):
-        process = self.start(self.command(*command), **extra)
+    def run(self, *command, script="in_blender.py", **extra):
+        process = self.start(self.command(*command, script=script), **extra)
         try:
             said, _ = process.communicate(timeout=RENDER_SECONDS_MAX)
         except subprocess.TimeoutExpired:
@@ -252,10 +253,46 @@ def export_time(bench):
     check(found[1][2] == "0", "meshes that have not changed are not written again")
 
 
+MATTES = """LookAt 0 -6 0  0 0 0  0 0 1
+Camera "perspective" "float fov" 40
+Film "rgb" "integer xresolution" 96 "integer yresolution" 64
+WorldBegin
+LightSource "infinite"
+Material "diffuse"
+AttributeBegin Translate 1.2 0 0
+Shape "sphere" "float radius" 0.8 "string name" "Left ball" AttributeEnd
+ObjectBegin "ball" Shape "sphere" "float radius" 0.8 ObjectEnd
+AttributeBegin Translate -1.2 0 0 ObjectInstance "ball" "string name" "Right ball" AttributeEnd
+"""
+MATTE_SPOTS = {"Left ball": (30, 32), "Right ball": (65, 32)}  # Centers, in pixels.
+
+
+def exr_checks(bench, compare):
+    """Blender opens Sheaf's files, and its Cryptomatte node finds objects by their names."""
+    print("exr", flush=True)
+    scene = bench.folder / "mattes.pbrt"
+    scene.write_text(MATTES, "utf-8")
+    for form in ([], ["--exr-type", "half", "--exr-parts", "multi"]):
+        image = bench.folder / f"mattes{len(form)}.exr"
+        subprocess.run([bench.arguments.programs / "sheaf", "render", scene, "--samples", "16",
+                        "--cryptomatte", "object,material", "--aov", "position,uv,object-id", "-o",
+                        image, *form], check=True, stderr=subprocess.DEVNULL)
+        for name, spot in MATTE_SPOTS.items():
+            matte = bench.folder / "matte.exr"
+            said = bench.run(str(image), name, "96x64", matte, script="read_in_blender.py")
+            wrong = [line for line in said.splitlines()
+                     if "multilayer read" in line or "no rect" in line]
+            check(not wrong, f"Blender knows all channels of {image.name} {wrong[:3]}")
+            found = compare.read(matte)[:, :, 0]
+            others = [found[y, x] for other, (x, y) in MATTE_SPOTS.items() if other != name]
+            check(found[spot[1], spot[0]] > 0.99 and max(others) < 0.01,
+                  f'the matte "{name}" of {image.name} covers that object alone')
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", type=lambda t: t.split(","), help="scenes, or farm, or export")
+    parser.add_argument("--only", type=lambda t: t.split(","), help="scenes, or exr, farm, export")
     parser.add_argument("--samples", type=int, default=1024, help="of Sheaf (default 1024)")
     parser.add_argument("--cycles-samples", type=int, default=1024)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
@@ -279,7 +316,8 @@ def main():
     bench = Bench(arguments, folder)
     chosen = arguments.only or []
     failed = []
-    steps = {"farm": lambda: farm_checks(bench, compare), "export": lambda: export_time(bench)}
+    steps = {"exr": lambda: exr_checks(bench, compare),
+             "farm": lambda: farm_checks(bench, compare), "export": lambda: export_time(bench)}
     arguments.only = [name for name in chosen if name not in steps]
     if arguments.only or not chosen:
         failed += pictures(bench, compare)

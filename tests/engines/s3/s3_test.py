@@ -125,13 +125,15 @@ class S3rverTest(S3Cases, unittest.TestCase):
     server_class = servers.S3rver
 
     def test_full_disk(self):
-        with self.job("disk", size_max="64m") as (f, job, _, server):
+        with self.job("disk", size_max="256m") as (f, job, _, server):
             filler = os.path.join(server.folder, "filler")
             with contextlib.suppress(OSError), open(filler, "wb") as file:
                 while True:
                     file.write(bytes(1 << 20))
             farm.wait_until(lambda: "is not writable" in f.log("coordinator"), 90, "the log tells")
             os.remove(filler)
+            server.kill()
+            server.start()  # It ends where its disk is full.
             self.finish(f, job)
 
 

@@ -97,6 +97,7 @@ DiffuseMaterial DiffuseLike(const Material& material) {
   }
 }
 DiffuseMaterial DiffuseLike(const ConductorMaterial& metal) { return DiffuseMetal(metal); }
+DiffuseMaterial DiffuseLike(const PrincipledMaterial& material) { return {material.base_color}; }
 
 // Replaces the materials that have no plainer form and whose lobe needs the trait.
 template <Trait kTrait>
@@ -351,6 +352,8 @@ constexpr Change kChanges[] = {
      }},
     {Trait::kLightSplits, "each vertex takes one light sample",
      [](AblatedScene* without) { without->settings.light_samples = 0; }},
+    {Trait::kPrincipled, "principled materials are diffuse, of their base color",
+     [](AblatedScene* without) { MakeDiffuseWhatNeeds<Trait::kPrincipled>(&without->scene); }},
 };
 // Textures need files.
 static_assert(std::size(kChanges) == kTraitCount - 1);

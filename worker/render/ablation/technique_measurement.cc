@@ -199,35 +199,22 @@ absl::StatusOr<Pilot> RenderPilot(const SceneDescription& scene, const FrameSett
 }
 
 // The squares that squared errors are relative to, by pixel; empty for a black image. One image for
-// all techniques, without rare bright samples: an error relative to a pixel that has such a sample
-// looks small, so that a technique would seem the better the more of them it has. The image is the
-// mean of all pilots' and, of that, the median of each pixel and its neighbours.
-std::vector<double> CommonSquares(std::initializer_list<const Pilot*> pilots, int32_t width_px,
-                                  int32_t height_px) {
-  std::vector<double> image(static_cast<size_t>(width_px) * height_px);
+// all techniques, the mean of all pilots': an error relative to a pixel that has a rare bright
+// sample looks small, so that a technique would seem the better the more of them it shares with the
+// image.
+std::vector<double> CommonSquares(std::initializer_list<const Pilot*> pilots) {
+  std::vector<double> squares((*pilots.begin())->means.size());
   double total = 0;
-  for (const Pilot* pilot : pilots) {
-    for (size_t pixel = 0; pixel < image.size(); ++pixel) {
-      image[pixel] += MeanOf(pilot->means[pixel]) / static_cast<double>(pilots.size());
-    }
+  for (size_t pixel = 0; pixel < squares.size(); ++pixel) {
+    double mean = 0;
+    for (const Pilot* pilot : pilots) mean += MeanOf(pilot->means[pixel]);
+    mean /= static_cast<double>(pilots.size());
+    squares[pixel] = mean * mean;
+    total += mean;
   }
-  for (const double value : image) total += value;
-  const double dark = kDarkFraction * total / static_cast<double>(image.size());
-  std::vector<double> squares;
-  if (!(dark > 0)) return squares;
-  for (int32_t y = 0; y < height_px; ++y) {
-    for (int32_t x = 0; x < width_px; ++x) {
-      std::array<double, 9> near;
-      size_t count = 0;
-      for (int32_t v = std::max(0, y - 1); v <= std::min(height_px - 1, y + 1); ++v) {
-        for (int32_t u = std::max(0, x - 1); u <= std::min(width_px - 1, x + 1); ++u) {
-          near[count++] = image[static_cast<size_t>(v) * width_px + u];
-        }
-      }
-      std::nth_element(near.begin(), near.begin() + count / 2, near.begin() + count);
-      squares.push_back(near[count / 2] * near[count / 2] + dark * dark);
-    }
-  }
+  const double dark = kDarkFraction * total / static_cast<double>(squares.size());
+  if (!(dark > 0)) return {};
+  for (double& square : squares) square += dark * dark;
   return squares;
 }
 
@@ -290,8 +277,7 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
   result.width_px = small.width_px;
   result.height_px = small.height_px;
   result.samples = kTechniquePilotSamples;
-  const std::vector<double> squares =
-      CommonSquares({&*camera, &*both, &*guided, &*guided_both}, small.width_px, small.height_px);
+  const std::vector<double> squares = CommonSquares({&*camera, &*both, &*guided, &*guided_both});
   double total = 0;
   for (const Replicates& replicates : both->means) total += kReplicateCount * MeanOf(replicates);
   const auto complete = [&](const Pilot& pilot) -> TechniqueCost {

@@ -20,6 +20,7 @@
 namespace sheaf::render {
 
 class MeasuredBrdf;
+struct PrincipledSurface;
 
 enum BsdfFlags : uint8_t {
   kBsdfSpecular = 1,      // Delta distribution: pdf has no meaning, no light sampling, no MIS.
@@ -40,6 +41,7 @@ enum class BsdfKind : uint8_t {
   kCoatedConductor,
   kHair,
   kMeasured,
+  kPrincipled,
   kInterface,  // Not there: rays pass straight through.
 };
 
@@ -64,6 +66,14 @@ struct HairFiber {
   float sin_tilt;  // Sine of the angle of the scales.
 };
 
+// What a principled surface is made of: fractions, in [0, 1].
+struct PrincipledBase {
+  float metallic, transmission;
+};
+struct PrincipledTop {
+  float coat, specular;
+};
+
 // Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the
 // material table; where blend > 0 the row that follows in memory counts with that weight.
 struct BsdfShape {
@@ -73,26 +83,35 @@ struct BsdfShape {
   // GGX widths; both below kSmoothAlpha is a delta lobe. Hair: variance of its first lobe along the
   // fibre, and scale of the logistic distribution around it.
   float alpha_x = 0, alpha_y = 0;
-  float eta = 1;    // Relative index, inside over outside of the surface's +z side.
-  float blend = 0;  // Weight of the second row of the tables below.
+  float eta = 1;  // Relative index, inside over outside of the surface's +z side.
+  // Weight of the second row of the tables below. Principled: weight of the thin film.
+  float blend = 0;
   // Coats: never null. Conductors and dielectrics: null for single scattering alone; for conductors
   // with a row, color is the tint that repeated reflection gives the returned energy.
-  const CoatRow* coat = nullptr;
-  union {  // By kind: conductors; coated ones, whose row is never null; hair; measured.
+  union {
+    const CoatRow* coat = nullptr;
+    PrincipledBase base;
+  };
+  union {  // By kind: conductors; coated ones, whose row is never null; hair; measured; principled.
     const ConductorEnergyRow* conductor_energy = nullptr;
     const ConductorCoatRow* conductor_coat;
     HairFiber hair;
-    const MeasuredBrdf* measured;  // Never null.
+    const MeasuredBrdf* measured;         // Never null.
+    const PrincipledSurface* principled;  // Never null.
   };
-  const DielectricEnergyRow* dielectric_energy = nullptr;
+  union {
+    const DielectricEnergyRow* dielectric_energy = nullptr;
+    PrincipledTop top;
+  };
 };
 template <typename Color>
 struct BsdfOf : BsdfShape {
   Color color{};          // Reflectance (diffuse, coat base); conductors: energy; hair: absorption.
   Color conductor_eta{};  // Complex index, against what is outside of the metal. Diffuse
                           // transmission: what crosses. Measured: the wavelengths in nm.
-  Color conductor_k{};
-  Color albedo{};  // For the albedo channel.
+                          // Principled: tint of the reflection at normal incidence.
+  Color conductor_k{};    // Principled: color of the sheen.
+  Color albedo{};  // For the albedo channel. Principled, in spectral transport: wavelengths in nm.
 };
 using Bsdf = BsdfOf<Rgb>;
 using BsdfSample = BsdfSampleOf<Rgb>;

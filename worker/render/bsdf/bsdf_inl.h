@@ -76,8 +76,8 @@ float PdfBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
 // Whether light may arrive from behind the surface. False for interfaces, which rays pass.
 template <uint32_t kTraits>
 bool Transmits(const BsdfShape& bsdf) {
-  return Lobes::Choose<kTraits, bool>(bsdf.kind,
-                                      []<typename Lobe>(Lobe) { return Lobe::kTransmits; });
+  return Lobes::Choose<kTraits, bool>(
+      bsdf.kind, [&]<typename Lobe>(Lobe) { return Lobe::kTransmits && Lobe::MayCross(bsdf); });
 }
 
 }  // namespace sheaf::render

@@ -29,6 +29,8 @@ struct LobeBase {
   static constexpr bool kHasSides = true;
   // Whether light may leave on the other side than wo's, straight through interfaces excepted.
   static constexpr bool kTransmits = false;
+  // Whether it does for this Bsdf, of a lobe of which it may.
+  static bool MayCross(const BsdfShape&) { return true; }
 };
 
 template <typename... Lobes>

@@ -14,13 +14,14 @@
 #include "worker/render/bsdf/interface_lobe.h"
 #include "worker/render/bsdf/lobe.h"
 #include "worker/render/bsdf/measured_lobe.h"
+#include "worker/render/bsdf/principled_lobe.h"
 #include "worker/render/bsdf/thin_dielectric_lobe.h"
 
 namespace sheaf::render {
 
 using Lobes = LobeList<DiffuseLobe, ConductorLobe, DielectricLobe, ThinDielectricLobe,
                        DiffuseTransmissionLobe, CoatedDiffuseLobe, CoatedConductorLobe, HairLobe,
-                       MeasuredLobe, InterfaceLobe>;
+                       MeasuredLobe, PrincipledLobe, InterfaceLobe>;
 
 // The lobe that the surfaces of a material scatter by. Not for mixes and subsurface materials.
 template <typename Material>

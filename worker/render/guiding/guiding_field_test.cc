@@ -185,7 +185,7 @@ TEST(GuidingFieldTest, FacesOfASurfaceLearnTheirOwnDirections) {
   ASSERT_NE(below, nullptr);
   EXPECT_GT(PdfAt(*above, kTilted), 10 * PdfAt(*below, kTilted));
   EXPECT_GT(PdfAt(*below, -kTilted), 10 * PdfAt(*above, -kTilted));
-  // What has no normal, and faces another axis, is not theirs.
+  // Samples without a normal, and those of another axis, are not theirs.
   EXPECT_NE(next.RegionAt({{0.1f, 0.2f, 0}, {}}), above);
   EXPECT_NE(next.RegionAt({{0.1f, 0.2f, 0}, {1, 0, 0}}), above);
 }

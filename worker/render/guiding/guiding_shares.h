@@ -20,7 +20,7 @@
 
 namespace sheaf::render {
 
-// What a share may be. A share that is not the best of all costs little: moments are flat there.
+// The choices of a share. One that is not the best of all costs little: moments are flat there.
 inline constexpr std::array<float, 5> kGuidingShares{kGuidedShareMin, 0.3f, 0.5f, 0.7f,
                                                      kGuidedShareMax};
 // Contributions are squared in units of 2^12 units of the statistics, and squares are at most 2^40:

@@ -33,7 +33,7 @@ inline constexpr double kGuidingSplitValues = 500;
 // regions are treated alike.
 inline constexpr double kGuidingThresholdGrowth = 1.25;
 
-// What all iterations have found so far, by the regions and quads of a field. Each has the weight
+// The findings of all iterations so far, by the regions and quads of a field. Each has the weight
 // of its paths: every one of them estimates the same integrals. Source of the idea, with images
 // instead of statistics: Mueller 2019. Empty before the first iteration.
 struct GuidingSums {

@@ -157,8 +157,9 @@ BsdfOf<Color> MakeBsdf(const CompiledMaterial& material, const SurfaceInputs<Col
     case BsdfKind::kInterface:
       bsdf.specular = true;
       break;
-    case BsdfKind::kHair:  // Created at each hit, by MakeHair and MakeMeasured.
+    case BsdfKind::kHair:  // These three are created at each hit.
     case BsdfKind::kMeasured:
+    case BsdfKind::kPrincipled:
     case BsdfKind::kBlack:
       bsdf.albedo = {};
       break;
@@ -322,6 +323,11 @@ BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
   if constexpr (Has(kTraits, Trait::kMeasured)) {
     if (chosen->measured != nullptr) return MakeMeasured(*chosen->measured, wavelengths);
   }
+  if constexpr (Has(kTraits, Trait::kPrincipled)) {
+    if (chosen->principled != nullptr) {
+      return MakePrincipled<Color>(*impl_->textures, *chosen->principled, point, wavelengths);
+    }
+  }
   if constexpr (Has(kTraits, Trait::kTextures)) {
     if (chosen->varies) {
       bsdf = MakeBsdf(*chosen, InputsAt<Color>(*impl_->textures, *chosen, point, wavelengths));
@@ -367,6 +373,7 @@ uint64_t MaterialTable::memory_bytes() const {
   for (const auto& [key, rows] : tables.conductors) bytes += VectorBytes(rows);
   for (const auto& [key, rows] : tables.dielectrics) bytes += VectorBytes(rows);
   for (const auto& [file, brdf] : tables.measured) bytes += sizeof brdf + brdf.memory_bytes();
+  bytes += tables.principled.memory_bytes();
   return bytes;
 }
 

@@ -38,7 +38,7 @@ class MaterialBuilder {
     if (status = SetBumps(&m); !status.ok()) return status;
     m.varies = m.color.texture != kNone || m.conductor_eta.texture != kNone ||
                m.conductor_k.texture != kNone || RoughnessVaries(m);
-    if (m.is_mix || m.hair != nullptr || m.measured != nullptr) return m;
+    if (m.is_mix || m.hair != nullptr || m.measured != nullptr || m.principled != nullptr) return m;
     m.constant =
         MakeBsdf(m, SurfaceInputs<Rgb>{m.color.value, m.conductor_eta.value, m.conductor_k.value,
                                        m.roughness_u.value, m.roughness_v.value});
@@ -364,6 +364,16 @@ class MaterialBuilder {
               .first;
     }
     m->measured = &known->second;
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(const PrincipledMaterial& d, CompiledMaterial* m) {
+    m->kind = BsdfKind::kPrincipled;
+    const PrincipledOptions options{options_.spectral, !options_.single_scattering};
+    const absl::StatusOr<const CompiledPrincipled*> principled =
+        CompilePrincipled(d, textures_, options, &tables_.principled);
+    if (!principled.ok()) return Error(std::string(principled.status().message()));
+    m->principled = *principled;
     return absl::OkStatus();
   }
 

@@ -20,6 +20,7 @@
 #include "worker/render/bsdf/fresnel.h"
 #include "worker/render/bsdf/measured_brdf.h"
 #include "worker/render/material/material.h"
+#include "worker/render/material/principled.h"
 #include "worker/render/material/texture_program.h"
 
 namespace sheaf::render {
@@ -64,8 +65,9 @@ struct CompiledMaterial {
   // For subsurface materials with textured reflectance.
   ColorOperand subsurface_reflectance;
   const AlbedoCurve* subsurface_albedo = nullptr;
-  const CompiledHair* hair = nullptr;      // For hair, which uses no other member.
-  const MeasuredBrdf* measured = nullptr;  // Likewise.
+  const CompiledHair* hair = nullptr;              // For hair, which uses no other member.
+  const MeasuredBrdf* measured = nullptr;          // Likewise.
+  const CompiledPrincipled* principled = nullptr;  // Likewise.
   // Normal or bump map: at most one of the two.
   int32_t normal_map = kNone;  // Texture.
   FloatOperand displacement;
@@ -107,6 +109,7 @@ struct ScatteringTables {
   std::map<std::pair<float, float>, AlbedoCurve> subsurface_albedos;  // By index and asymmetry.
   std::deque<CompiledHair> hairs;
   std::map<std::string, MeasuredBrdf> measured;  // By file.
+  PrincipledTables principled;
 };
 
 struct MaterialTable::Impl {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/render/material/texture_mean.h"
 
+#include <type_traits>
 #include <variant>
 
 #include "absl/status/statusor.h"
@@ -59,6 +60,12 @@ class Replacer {
     if constexpr (requires { m->albedo; }) Replace(&m->albedo);
     if constexpr (requires { m->conductor; }) Replace(&m->conductor);
     if constexpr (requires { m->amount; }) Replace(&m->amount);
+    if constexpr (std::is_same_v<Material, PrincipledMaterial>) {
+      for (ColorInput* input : {&m->base_color, &m->specular_tint, &m->sheen_color}) Replace(input);
+      PrincipledMaterial::ForEachNumber(*m, [&](const char*, auto& input, float, float) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(input)>, FloatInput>) Replace(&input);
+      });
+    }
   }
 
  private:

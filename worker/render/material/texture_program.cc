@@ -22,6 +22,7 @@ float Sanitize(float coordinate) {
 // Reduces an image coordinate: only the fraction matters where the image repeats.
 float Reduce(float coordinate, TextureWrap wrap) {
   const float finite = Sanitize(coordinate);
+  if (wrap == TextureWrap::kMirror) return finite - 2 * std::floor(0.5f * finite);
   return wrap == TextureWrap::kRepeat ? finite - std::floor(finite)
                                       : std::clamp(finite, -2.0f, 3.0f);
 }
@@ -34,33 +35,52 @@ int Modulo(int a, int n) {
   return r < 0 ? r + n : r;
 }
 
-}  // namespace
+float ChannelOf(const Texel& texel, int channels, int channel) {
+  if (channel == 3) return channels == 4 ? texel[3] : 1;
+  return texel[channels == 1 ? 0 : static_cast<size_t>(channel)];
+}
 
-bool WrapTexel(TextureWrap wrap, int width, int height, TexelIndex& texel) {
+// Along one axis of n texels; false where the mode gives black.
+bool WrapAlong(TextureWrap wrap, int n, int& i) {
   switch (wrap) {
     case TextureWrap::kRepeat:
-      texel = {Modulo(texel.x, width), Modulo(texel.y, height)};
+      i = Modulo(i, n);
       return true;
-    case TextureWrap::kClamp:
-      texel = {std::clamp(texel.x, 0, width - 1), std::clamp(texel.y, 0, height - 1)};
+    case TextureWrap::kMirror: {
+      const int r = Modulo(i, 2 * n);
+      i = r < n ? r : 2 * n - 1 - r;
       return true;
+    }
     case TextureWrap::kBlack:
-      return texel.x >= 0 && texel.x < width && texel.y >= 0 && texel.y < height;
+      return i >= 0 && i < n;
+    case TextureWrap::kClamp:
     case TextureWrap::kOctahedral:
-      // Each edge of the octahedral map adjoins itself, reversed.
-      texel = {std::clamp(texel.x, -width, 2 * width - 1),
-               std::clamp(texel.y, -height, 2 * height - 1)};
-      if (texel.x < 0 || texel.x >= width) {
-        texel.x = texel.x < 0 ? -1 - texel.x : 2 * width - 1 - texel.x;
-        texel.y = height - 1 - texel.y;
-      }
-      if (texel.y < 0 || texel.y >= height) {
-        texel.y = texel.y < 0 ? -1 - texel.y : 2 * height - 1 - texel.y;
-        texel.x = width - 1 - texel.x;
-      }
+      i = std::clamp(i, 0, n - 1);
       return true;
   }
   return false;
+}
+
+}  // namespace
+
+bool WrapTexel(TextureWrap wrap_x, TextureWrap wrap_y, int width, int height, TexelIndex& texel) {
+  return WrapAlong(wrap_x, width, texel.x) && WrapAlong(wrap_y, height, texel.y);
+}
+
+bool WrapTexel(TextureWrap wrap, int width, int height, TexelIndex& texel) {
+  if (wrap != TextureWrap::kOctahedral) return WrapTexel(wrap, wrap, width, height, texel);
+  // Each edge of the octahedral map adjoins itself, reversed.
+  texel = {std::clamp(texel.x, -width, 2 * width - 1),
+           std::clamp(texel.y, -height, 2 * height - 1)};
+  if (texel.x < 0 || texel.x >= width) {
+    texel.x = texel.x < 0 ? -1 - texel.x : 2 * width - 1 - texel.x;
+    texel.y = height - 1 - texel.y;
+  }
+  if (texel.y < 0 || texel.y >= height) {
+    texel.y = texel.y < 0 ? -1 - texel.y : 2 * height - 1 - texel.y;
+    texel.x = width - 1 - texel.x;
+  }
+  return true;
 }
 
 ColorOperand TextureProgram::Operand(const ColorInput& input, ColorRole role) const {
@@ -116,7 +136,9 @@ Vec2f TextureProgram::SlopeStep(const FloatOperand& operand) const {
 Vec2f TextureProgram::MapTo2d(const Node& node, const TexturePoint& point) const {
   const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
   if (node.mapping == UvMapping::Kind::kUv) {
-    return {m.scale_u * point.uv.x + m.offset_u, m.scale_v * point.uv.y + m.offset_v};
+    const Vec2f uv{m.scale_u * point.uv.x + m.offset_u, m.scale_v * point.uv.y + m.offset_v};
+    if (m.turn_u == 0 && m.turn_v == 0) return uv;
+    return uv + Vec2f{m.turn_u * point.uv.y, m.turn_v * point.uv.x};
   }
   const Vec3f p = Vec3f{Dot(m.rows[0], point.p_world), Dot(m.rows[1], point.p_world),
                         Dot(m.rows[2], point.p_world)} +
@@ -157,7 +179,7 @@ Texel TextureProgram::LookUp(const Node& node, const TexturePoint& point) const 
   const Vec2f st = MapTo2d(node, point);
   // Rows are stored from the top; t points upwards.
   const float x = Reduce(st.x, node.wrap) * static_cast<float>(node.image.width) - 0.5f;
-  const float y = Reduce(1 - st.y, node.wrap) * static_cast<float>(node.image.height) - 0.5f;
+  const float y = Reduce(1 - st.y, node.wrap_v) * static_cast<float>(node.image.height) - 0.5f;
   const float x_floor = std::floor(node.nearest ? x + 0.5f : x);
   const float y_floor = std::floor(node.nearest ? y + 0.5f : y);
   const int x0 = static_cast<int>(x_floor), y0 = static_cast<int>(y_floor);
@@ -167,7 +189,11 @@ Texel TextureProgram::LookUp(const Node& node, const TexturePoint& point) const 
   float weight[4] = {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy};
   if (node.nearest) weight[0] = 1;
   for (size_t i = 0; i < count; ++i) {
-    if (WrapTexel(node.wrap, node.image.width, node.image.height, where[i])) continue;
+    const bool inside =
+        node.wrap == TextureWrap::kOctahedral
+            ? WrapTexel(node.wrap, node.image.width, node.image.height, where[i])
+            : WrapTexel(node.wrap, node.wrap_v, node.image.width, node.image.height, where[i]);
+    if (inside) continue;
     where[i] = {0, 0};
     weight[i] = 0;
   }
@@ -192,7 +218,7 @@ Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
       const Texel texel = LookUp(node, point);
       Rgb color =
           node.image.channels == 1 ? Rgb::Gray(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
-      color *= node.scale;
+      color *= node.tint * node.scale;
       if (node.invert) color = Rgb::Gray(1) - color;
       // This form keeps NaN, so that a failed read is noticed.
       for (size_t c = 0; c < 3; ++c) color[c] = color[c] < 0 ? 0 : color[c];
@@ -227,7 +253,9 @@ float TextureProgram::EvaluateFloat(int32_t texture, const TexturePoint& point) 
       float value = texel[0];
       if (node.image.channels == 3) value = (texel[0] + texel[1] + texel[2]) * (1.0f / 3);
       if (node.image.channels == 4) value = texel[3];
+      if (node.channel != kNone) value = ChannelOf(texel, node.image.channels, node.channel);
       value *= node.scale;
+      if (node.is_threshold) return value >= node.threshold ? 1 : 0;
       if (!node.invert) return value;
       return value > 1 ? 0 : 1 - value;
     }

@@ -38,6 +38,8 @@ struct FloatOperand {
 
 // Wraps texel indices; returns false where the wrap mode gives black. Requires: width, height > 0.
 bool WrapTexel(TextureWrap wrap, int width, int height, TexelIndex& texel);
+// The same with modes of their own along x and y, neither of which is kOctahedral.
+bool WrapTexel(TextureWrap wrap_x, TextureWrap wrap_y, int width, int height, TexelIndex& texel);
 
 class TextureProgram {
  public:
@@ -76,8 +78,12 @@ class TextureProgram {
   struct Node {
     Kind kind = Kind::kConstant;
     UvMapping::Kind mapping = UvMapping::Kind::kUv;
-    TextureWrap wrap = TextureWrap::kRepeat;
+    TextureWrap wrap = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
     bool is_color = false, nearest = false, invert = false;
+    int8_t channel = kNone;     // Of an image as a float texture; kNone: pbrt-v4's choice.
+    bool is_threshold = false;  // Its values are 1 from `threshold` on, else 0.
+    float threshold = 0;
+    Rgb tint = Rgb::Gray(1);
     ColorRole role = ColorRole::kReflectance;  // Role of the colors of an image.
     int32_t mapping_index = kNone;             // In mappings_.
     TextureImage image;
@@ -89,6 +95,7 @@ class TextureProgram {
   // Mappings in float, ready for use.
   struct Mapping {
     float scale_u = 1, scale_v = 1, offset_u = 0, offset_v = 0;
+    float turn_u = 0, turn_v = 0;
     Vec3f planar_u, planar_v;
     Vec3f rows[3];  // Linear part of texture_from_world.
     Vec3f origin;   // Its translation.

@@ -130,6 +130,8 @@ class TextureProgram::Builder {
     m.scale_v = mapping.scale_v;
     m.offset_u = mapping.offset_u;
     m.offset_v = mapping.offset_v;
+    m.turn_u = mapping.turn_u;
+    m.turn_v = mapping.turn_v;
     m.planar_u = mapping.planar_u;
     m.planar_v = mapping.planar_v;
     for (size_t row = 0; row < 3; ++row) {
@@ -166,6 +168,11 @@ class TextureProgram::Builder {
     SetMapping(t.mapping, node);
     node->kind = Kind::kImage;
     node->wrap = t.wrap;
+    node->wrap_v = t.wrap_v.value_or(t.wrap);
+    node->channel = static_cast<int8_t>(t.channel.value_or(kNone));
+    node->is_threshold = t.threshold.has_value();
+    node->threshold = t.threshold.value_or(0);
+    node->tint = t.tint;
     node->nearest = t.filter == ImageTexture::Filter::kPoint;
     node->invert = t.invert;
     node->scale = t.scale;

@@ -131,6 +131,17 @@ class NeedsCollector {
     needs_.traits |= Bit(Trait::kMeasured);
     needs_.anisotropic |= m.is_anisotropic;
   }
+  void Add(const PrincipledMaterial& m) {
+    needs_.traits |= Bit(Trait::kPrincipled);
+    needs_.anisotropic |= m.anisotropy > 0;
+    ReadReflectance(m.base_color);
+    ReadReflectance(m.specular_tint);
+    ReadReflectance(m.sheen_color);
+    for (const FloatInput* input :
+         {&m.metallic, &m.roughness, &m.specular, &m.transmission, &m.coat, &m.iridescence}) {
+      Read(*input);
+    }
+  }
   void Add(const MixMaterial& m) {
     needs_.traits |= Bit(Trait::kAlpha);
     Read(m.amount);

@@ -58,6 +58,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kNestedDielectrics, "nested dielectrics", 1.26},
     {Trait::kGuiding, "guiding"},
     {Trait::kLightSplits, "light splits"},
+    {Trait::kPrincipled, "principled materials"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 

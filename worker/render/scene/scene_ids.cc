@@ -7,6 +7,8 @@
 namespace sheaf::render {
 namespace {
 
+constexpr char kMainAsset[] = "scene";
+
 absl::Status CheckCount(size_t count, const char* what) {
   if (count <= kIdMax) return absl::OkStatus();
   return absl::ResourceExhaustedError(
@@ -34,11 +36,10 @@ absl::StatusOr<SceneIds> SceneIds::Make(const SceneDescription& scene,
   for (const PlacedGroup& placed : geometry.moving) {
     ids.instance_of_placed_.push_back(placed.instance);
   }
-  std::vector<uint32_t> instance_count(scene.objects.size());
   for (const ObjectInstance& instance : scene.instances) {
     ids.object_of_instance_.push_back(instance.object);
-    ids.ordinal_of_instance_.push_back(++instance_count[static_cast<size_t>(instance.object)]);
   }
+  ids.names_ = MatteNames(scene);
   return ids;
 }
 
@@ -57,19 +58,13 @@ uint32_t SceneIds::IdOf(IdKind kind, const SurfacePoint& point) const {
 }
 
 std::string SceneIds::NameOf(IdKind kind, uint32_t id, const SceneDescription& scene) const {
-  if (kind == IdKind::kMaterial) {
-    const MaterialDescription& material = scene.materials[id - 1];
-    return material.name.empty() ? FormatLocation(scene, material.location) : material.name;
-  }
+  if (kind == IdKind::kMaterial) return names_.OfMaterial(scene, id - 1);
   if (kind == IdKind::kObject) {
-    if (id <= shape_count_) return FormatLocation(scene, scene.shapes[id - 1].location);
-    const size_t instance = id - 1 - shape_count_;
-    const ObjectDefinition& object =
-        scene.objects[static_cast<size_t>(object_of_instance_[instance])];
-    return absl::StrCat(object.name, "#", ordinal_of_instance_[instance]);
+    return id <= shape_count_ ? names_.OfShape(scene, id - 1)
+                              : names_.OfInstance(scene, id - 1 - shape_count_);
   }
   if (id >= file_count_ + 2) return scene.objects[id - file_count_ - 2].name;
-  return id == 1 ? FormatLocation(scene, {}) : scene.files[id - 2];
+  return id <= 2 ? kMainAsset : scene.files[id - 2];
 }
 
 void SceneIds::NameAll(const SceneDescription& scene, FilmTile* tile) const {

@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneIds: numbers and names for the ids of a scene's surfaces (IdKind). The file format names
-// only object definitions and materials, so other items are named by their location in the scene:
+// SceneIds: numbers and names for the ids of a scene's surfaces (IdKind):
 //
-//   object    "scene.pbrt:12:1" for a shape of the world; "tree#3" for the third instance of "tree"
-//   material  its name, or the place of an unnamed one
-//   asset     the object definition for an instance; else the file that contains the shape
+//   object    a shape of the world, or an instance (matte_names.h)
+//   material  its name (matte_names.h)
+//   asset     the object definition for an instance; else the included file that contains the
+//             shape, or "scene" for the main one, whose name differs from frame to frame
 //
 // The order in the scene determines the numbers, so all workers agree.
 #pragma once
@@ -19,6 +19,7 @@
 #include "common/film/film_tile.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/geometry/surface_point.h"
+#include "worker/render/scene/matte_names.h"
 
 namespace sheaf::render {
 
@@ -39,10 +40,10 @@ class SceneIds {
  private:
   // By PrimitiveId::placed: index of the instance, or kNone for a moving shape of the world.
   std::vector<int32_t> instance_of_placed_;
-  std::vector<uint32_t> ordinal_of_instance_;  // From 1, among instances of the same object.
   std::vector<int32_t> object_of_instance_;
   std::vector<int32_t> file_of_shape_;
   uint32_t shape_count_ = 0, file_count_ = 0;
+  MatteNames names_;
 };
 
 }  // namespace sheaf::render

@@ -40,8 +40,9 @@ enum class Trait : uint32_t {
   kMovingVolumes = 1u << 26,        // Media moved by velocities within an open shutter.
   kGuiding = 1u << 27,              // Directions sampled from a learned field.
   kLightSplits = 1u << 28,          // Several light samples at a vertex.
+  kPrincipled = 1u << 29,           // Principled materials.
 };
-inline constexpr int kTraitCount = 29;
+inline constexpr int kTraitCount = 30;
 
 constexpr bool Has(uint32_t traits, Trait trait) {
   return (traits & static_cast<uint32_t>(trait)) != 0;

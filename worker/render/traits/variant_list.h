@@ -60,6 +60,10 @@ constexpr uint32_t Guided(uint32_t traits) { return traits | TraitSet(Trait::kGu
 // The same with several light samples at a vertex.
 constexpr uint32_t LightSplit(uint32_t traits) { return traits | TraitSet(Trait::kLightSplits); }
 
+// Principled materials, such as those of glTF files, with what such scenes have besides.
+inline constexpr uint32_t kPrincipledTraits =
+    Mapped(CommonTraits(true, false, false, true)) | TraitSet(Trait::kPrincipled);
+
 // Fog, smoke and absorbing glass. Medium boundaries are often null interfaces, so all of these
 // include cut-outs.
 constexpr uint32_t MediaTraits(bool environment) {
@@ -133,6 +137,7 @@ inline constexpr uint32_t kCloudTraits = TraitSet(
   X("studio", ::sheaf::render::kStudioTraits)                                         \
   X("cloud", ::sheaf::render::kCloudTraits)                                           \
   X("colored glass", ::sheaf::render::kColoredGlassTraits)                            \
+  X("principled", ::sheaf::render::kPrincipledTraits)                                 \
   SHEAF_COMMON_VARIANTS(X, "", )                                                      \
   SHEAF_COMMON_VARIANTS(X, "mapped ", ::sheaf::render::Mapped)                        \
   SHEAF_MEDIA_VARIANTS(X, "", )                                                       \

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/scene/formats/ies_reader.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
 namespace {
@@ -210,9 +211,9 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
     has_power = true;
     light.light = GetProjection(parameters, files);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf supports infinite, distant, point, "
-                                  "spot, goniometric and projection"));
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported",
+                                  SupportedNamesHint(type, {"infinite", "distant", "point", "spot",
+                                                            "goniometric", "projection"})));
     return std::nullopt;
   }
   Matrix4 inverse;
@@ -229,7 +230,8 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
 std::optional<AreaLightDescription> GetAreaLight(const std::string& type, ParameterList& parameters,
                                                  FileSource& files) {
   if (type != "diffuse") {
-    parameters.Error(absl::StrCat(parameters.owner(), " is not supported; Sheaf supports diffuse"));
+    parameters.Error(absl::StrCat(parameters.owner(), " is not supported",
+                                  SupportedNamesHint(type, {"diffuse"})));
     return std::nullopt;
   }
   AreaLightDescription light;

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 #include "common/scene/spectrum/spectrum.h"
 
 namespace sheaf {
@@ -37,11 +38,15 @@ void ForEachDescribed(const Visit& visit) {
   visit_all(static_cast<const decltype(MaterialDescription::material)*>(nullptr));
 }
 
-// Each followed by a comma.
-std::string DescribedTypes() {
-  std::string types;
+std::vector<std::string> KnownTypes() {
+  std::vector<std::string> types;
   ForEachDescribed(
-      [&]<typename Material>(const Material&) { absl::StrAppend(&types, Material::kType, ", "); });
+      [&]<typename Material>(const Material&) { types.emplace_back(Material::kType); });
+  for (const char* type :
+       {"diffusetransmission", "conductor", "dielectric", "thindielectric", "coateddiffuse",
+        "coatedconductor", "hair", "measured", "principled", "subsurface", "mix", "interface"}) {
+    types.emplace_back(type);
+  }
   return types;
 }
 
@@ -49,8 +54,11 @@ std::string DescribedTypes() {
 
 int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
   parameters.set_owner(absl::StrCat("material \"", type, "\""));
+  std::string name = parameters.GetString("name", "");  // Before Make reports what is unused.
   MaterialDescription material = Make(type, parameters);
   material.location = parameters.location();
+  material = WithAlpha(std::move(material));
+  material.name = std::move(name);
   const auto index = static_cast<int32_t>(scene_->materials.size());
   scene_->materials.push_back(std::move(material));
   return index;
@@ -76,6 +84,8 @@ void MaterialTable::AddNamed(const std::string& name, ParameterList parameters) 
   }
   // Make may refer to further materials, which moves the vector.
   MaterialDescription made = Make(type, parameters);
+  made.location = parameters.location();
+  made = WithAlpha(std::move(made));
   made.name = std::move(scene_->materials[index].name);
   made.location = scene_->materials[index].location;
   scene_->materials[index] = std::move(made);
@@ -157,6 +167,8 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     material = MakeMeasured(parameters);
   } else if (type == "subsurface") {
     material = MakeSubsurface(parameters);
+  } else if (type == "principled") {
+    material = MakePrincipled(parameters);
   } else if (type == "mix") {
     material = MakeMix(parameters);
   } else if (type == "interface" || type.empty() || type == "none") {
@@ -167,11 +179,8 @@ MaterialDescription MaterialTable::Make(const std::string& type, ParameterList& 
     }
     material = InterfaceMaterial{};
   } else {
-    parameters.Error(absl::StrCat(
-        parameters.owner(), ": type \"", type, "\" is unknown; Sheaf does ", DescribedTypes(),
-        "diffusetransmission, conductor, dielectric, thindielectric, coateddiffuse, "
-        "coatedconductor, hair, measured, subsurface, mix and "
-        "interface"));
+    parameters.Error(absl::StrCat(parameters.owner(), ": type \"", type, "\" is unknown",
+                                  SupportedNamesHint(type, KnownTypes())));
     return description;
   }
   if (std::holds_alternative<DielectricMaterial>(material) ||

@@ -61,6 +61,11 @@ class MaterialTable {
   HairMaterial MakeHair(ParameterList& parameters);
   MeasuredMaterial MakeMeasured(ParameterList& parameters);
   SubsurfaceMaterial MakeSubsurface(ParameterList& parameters);
+  PrincipledMaterial MakePrincipled(ParameterList& parameters);
+  // What a principled material absorbs inside.
+  void GetInterior(ParameterList& parameters, PrincipledMaterial* material);
+  // A principled material with an alpha becomes a mix of an interface and itself, which are added.
+  MaterialDescription WithAlpha(MaterialDescription description);
   MixMaterial MakeMix(ParameterList& parameters);
   // Fills in the parameters of a coat, independent of its base. eta_name: parameter of its index of
   // refraction.

@@ -11,6 +11,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 #include "common/scene/spectrum/primaries.h"
 
 namespace sheaf {
@@ -334,7 +335,8 @@ bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, File
         parameters.owner(),
         type.empty() ? " needs \"string type\""
                      : absl::StrCat(": type \"", type, "\" is not supported"),
-        "; Sheaf supports homogeneous, uniformgrid, rgbgrid, cloud, nanovdb and openvdb"));
+        SupportedNamesHint(
+            type, {"homogeneous", "uniformgrid", "rgbgrid", "cloud", "nanovdb", "openvdb"})));
     parameters.IgnoreAll();
     return false;
   }

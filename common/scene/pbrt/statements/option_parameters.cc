@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 #include "common/scene/settings/techniques.h"
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/sensor.h"
@@ -143,9 +143,9 @@ void GetSensor(ParameterList& parameters, FilmDescription* film) {
   } else if (!IsSensor(film->sensor)) {
     std::vector<std::string> names = SensorNames();
     names.insert(names.begin(), "cie1931");
-    parameters.ErrorAt(*parameters.Find("sensor"),
-                       absl::StrCat("\"", film->sensor, "\" is unknown; Sheaf supports ",
-                                    absl::StrJoin(names, ", ")));
+    parameters.ErrorAt(
+        *parameters.Find("sensor"),
+        absl::StrCat("\"", film->sensor, "\" is unknown", SupportedNamesHint(film->sensor, names)));
     film->sensor.clear();
   }
   const float clamp = parameters.GetFloat("maxcomponentvalue", INFINITY);
@@ -175,9 +175,9 @@ void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription
                                                   ": the image is written in red, green and blue; "
                                                   "Sheaf writes no channels of wavelengths"));
   } else if (type != "rgb") {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is unknown; Sheaf supports rgb and gbuffer, and writes albedo, "
-                                  "normal and depth with every image"));
+    parameters.Error(absl::StrCat(parameters.owner(), " is unknown",
+                                  SupportedNamesHint(type, {"rgb", "gbuffer"}),
+                                  ", and every image has albedo, normal and depth"));
     return;
   }
   film->width_px = parameters.GetInteger("xresolution", 1280);
@@ -235,8 +235,8 @@ void SetFilter(const std::string& type, ParameterList& parameters, FilterDescrip
     if (!(filter->tau > 0)) parameters.ErrorAt(*parameters.Find("tau"), "must be greater than 0");
   } else {
     parameters.Error(absl::StrCat(
-        parameters.owner(),
-        " is not supported; Sheaf supports box, triangle, gaussian, mitchell and sinc"));
+        parameters.owner(), " is not supported",
+        SupportedNamesHint(type, {"box", "triangle", "gaussian", "mitchell", "sinc"})));
     return;
   }
   filter->radius_x_px = parameters.GetFloat("xradius", radius);

@@ -11,6 +11,7 @@
 #include "common/base/status.h"
 #include "common/scene/formats/lens_reader.h"
 #include "common/scene/pbrt/statements/option_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
 namespace {
@@ -183,10 +184,9 @@ void GetMapping(ParameterList& parameters, CameraDescription* camera) {
   } else if (mapping == "equirectangular") {
     camera->kind = CameraDescription::Kind::kEquirectangular;
   } else {
-    parameters.ErrorAt(
-        *parameters.Find("mapping"),
-        absl::StrCat("\"", mapping,
-                     "\" is not supported; Sheaf supports equalarea and equirectangular"));
+    parameters.ErrorAt(*parameters.Find("mapping"),
+                       absl::StrCat("\"", mapping, "\" is not supported",
+                                    SupportedNamesHint(mapping, {"equalarea", "equirectangular"})));
   }
   for (const char* name : {"lensradius", "focaldistance"}) {
     parameters.FindTyped(name, ParameterType::kFloat);
@@ -218,8 +218,8 @@ void SetCamera(const std::string& type, ParameterList& parameters, FileSource& f
     GetRealistic(parameters, files, &camera->lens);
   } else {
     parameters.Error(absl::StrCat(
-        parameters.owner(),
-        " is not supported; Sheaf supports perspective, orthographic, spherical and realistic"));
+        parameters.owner(), " is not supported",
+        SupportedNamesHint(type, {"perspective", "orthographic", "spherical", "realistic"})));
     return;
   }
   GetShutter(parameters, camera);

@@ -13,6 +13,7 @@
 #include "common/scene/loop_subdivision.h"
 #include "common/scene/pbrt/statements/curve_reader.h"
 #include "common/scene/pbrt/statements/mesh_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
 namespace {
@@ -71,9 +72,10 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
   } else if (type == "curve") {
     is_good = SetCurve(parameters, shape);
   } else {
-    parameters.Error(absl::StrCat(parameters.owner(),
-                                  " is not supported; Sheaf supports trianglemesh, plymesh, "
-                                  "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"));
+    parameters.Error(absl::StrCat(
+        parameters.owner(), " is not supported",
+        SupportedNamesHint(type, {"trianglemesh", "plymesh", "loopsubdiv", "bilinearmesh", "sphere",
+                                  "disk", "cylinder", "curve"})));
     return false;
   }
   parameters.ReportUnused();
@@ -277,8 +279,9 @@ bool ShapeTable::JoinCurves(const std::vector<int32_t>& earlier, const ShapeDesc
     const ShapeDescription& other = scene_->shapes[earlier[earlier.size() - i]];
     const auto* curves = std::get_if<CurveShape>(&other.shape);
     if (curves == nullptr || scene_->curve_sets[curves->curves].kind != from.kind ||
-        other.material != shape.material || other.has_alpha != shape.has_alpha ||
-        other.alpha.texture != shape.alpha.texture || other.alpha.value != shape.alpha.value ||
+        other.material != shape.material || other.matte_name != shape.matte_name ||
+        other.has_alpha != shape.has_alpha || other.alpha.texture != shape.alpha.texture ||
+        other.alpha.value != shape.alpha.value ||
         other.reverse_orientation != shape.reverse_orientation ||
         !IsSamePlace(other.world_from_object, shape.world_from_object)) {
       continue;

@@ -9,6 +9,7 @@
 #include "common/base/check.h"
 #include "common/scene/formats/number.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/supported_names.h"
 #include "common/scene/spectrum/spectrum.h"
 
 namespace sheaf {
@@ -119,8 +120,8 @@ void TextureTable::Declare(const std::string& name, const std::string& type,
     texture.texture = MakeMix(parameters, texture.is_color);
   } else {
     parameters.Error(absl::StrCat(
-        parameters.owner(), ": class \"", kind,
-        "\" is not supported; Sheaf supports constant, imagemap, checkerboard, scale and mix"));
+        parameters.owner(), ": class \"", kind, "\" is not supported",
+        SupportedNamesHint(kind, {"constant", "imagemap", "checkerboard", "scale", "mix"})));
     is_known = false;
   }
   is_declaring_ = false;

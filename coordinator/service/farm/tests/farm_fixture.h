@@ -22,7 +22,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/service/farm/farm.h"
 #include "coordinator/service/farm/tests/gated_job_store.h"
-#include "coordinator/store/sqlite_job_store.h"
+#include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
 
@@ -60,7 +60,7 @@ class FarmTest : public testing::Test {
   std::unique_ptr<GatedJobStore> OpenStore() {
     farm_.reset();
     options_.state_directory = directory_;
-    auto sqlite = SqliteJobStore::Open(directory_);
+    auto sqlite = SqlJobStore::Open(directory_);
     SHEAF_CHECK(sqlite.ok());
     auto gated = std::make_unique<GatedJobStore>(*std::move(sqlite));
     store_ = gated.get();

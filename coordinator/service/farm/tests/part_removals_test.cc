@@ -14,7 +14,7 @@
 #include "common/base/digest.h"
 #include "common/base/mutex.h"
 #include "coordinator/service/farm/tests/farm_fixture.h"
-#include "coordinator/store/sqlite_database.h"
+#include "coordinator/store/database/sqlite_database.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {

@@ -9,7 +9,7 @@
 
 #include "coordinator/service/farm/tests/farm_fixture.h"
 #include "coordinator/service/farm/upkeep/user_metrics.h"
-#include "coordinator/store/sqlite_database.h"
+#include "coordinator/store/database/sqlite_database.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -96,7 +96,7 @@ TEST_F(FarmUsageTest, NotesReachTheDiskByThemselves) {
   farm_->RunOnce();
   const auto rows = SqliteDatabase::Open(directory_ + "/farm.db");
   ASSERT_TRUE(rows.ok());
-  SqliteStatement query = (*rows)->Prepare("SELECT upload_bytes FROM usage WHERE owner = 'ben'");
+  Statement query = (*rows)->Prepare("SELECT upload_bytes FROM usage WHERE owner = 'ben'");
   const absl::StatusOr<bool> found = query.Step();
   ASSERT_TRUE(found.ok() && *found);
   EXPECT_EQ(query.Int64(0), 1);

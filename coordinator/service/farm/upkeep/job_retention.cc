@@ -82,11 +82,24 @@ absl::Status JobLifecycle::RemoveJob(uint64_t job_id) {
   const MutexLock settling(&settle_mutex_);
   {
     const MutexLock lock(&tables_.mutex);
-    if (absl::Status unused = RequireUnused(job_id); !unused.ok()) return unused;
+    if (absl::Status found = RequireUnused(job_id); !found.ok()) return found;
     const absl::Duration age_min = options_.retention.job_age_min;
     if (tables_.accounts.at(job_id).EndedWithin(age_min, SteadyTime::Now())) {
       return absl::FailedPreconditionError(absl::StrCat("jobs/", job_id, " has only just ended"));
     }
+  }
+  return RemoveUnused(job_id);
+}
+
+absl::Status JobLifecycle::DeleteJob(uint64_t job_id) {
+  const MutexLock settling(&settle_mutex_);
+  return RemoveUnused(job_id);
+}
+
+absl::Status JobLifecycle::RemoveUnused(uint64_t job_id) {
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (absl::Status unused = RequireUnused(job_id); !unused.ok()) return unused;
   }
   absl::Status removed = store_.RemoveJob(job_id);
   disk_.Note(removed);

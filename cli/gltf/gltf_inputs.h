@@ -1,0 +1,61 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// GltfInputs: what a glTF scene needs beside its file before it is read here or submitted: the view
+// (GltfView) that flags describe, and the environment as an equal-area map.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "common/base/mutex.h"
+#include "common/scene/derived_files.h"
+#include "common/scene/file_source.h"
+#include "common/scene/gltf/gltf_view.h"
+
+namespace sheaf::cli {
+
+// The flags for glTF scenes; those of pbrt-v4 say all of this themselves.
+struct GltfArguments {
+  std::string camera, animation;        // Names; empty: the file's first.
+  std::string environment;              // Path of an equirectangular image; empty: none.
+  double fps = 24;                      // Frame N is at (N - 1) / fps seconds.
+  double shutter = 0.5;                 // How long it is open, in frames.
+  int32_t width_px = 0, height_px = 0;  // 0: by the camera.
+
+  static constexpr double kFpsMax = 10000;
+  bool AreDefault() const { return *this == GltfArguments(); }
+  friend bool operator==(const GltfArguments&, const GltfArguments&) = default;
+};
+
+GltfView ViewOf(const GltfArguments& arguments, int32_t frame_number);
+
+// The bytes of a PFM image that is the equal-area map (common of pbrt-v4) of an equirectangular one
+// whose center is the direction +x, its right +z and its top +y, as three.js and Blender's glTF
+// exporter have it. Errors: those of ReadImage; kInvalidArgument if it is not twice as wide as
+// high.
+absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path);
+
+// Thread safety: members may be called concurrently.
+class GltfInputs {
+ public:
+  explicit GltfInputs(GltfArguments arguments)
+      : arguments_(std::move(arguments)), derived_(std::make_shared<DerivedFiles>()) {}
+
+  // Where the files lie; they end with the last owner.
+  const std::shared_ptr<DerivedFiles>& derived() const { return derived_; }
+  // Adds view and environment to the files of a glTF scene, or does nothing for another one.
+  // Errors: kInvalidArgument for flags that another scene cannot have; EqualAreaEnvironment's.
+  absl::Status Add(const std::string& main_file, int32_t frame_number, FileSource* files);
+
+ private:
+  const GltfArguments arguments_;
+  const std::shared_ptr<DerivedFiles> derived_;
+  Mutex mutex_;
+  std::optional<absl::StatusOr<std::string>> environment_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace sheaf::cli

@@ -1,0 +1,414 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/gltf/gltf_reader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/gltf/accessors.h"
+#include "common/scene/gltf/animation.h"
+#include "common/scene/gltf/camera_views.h"
+#include "common/scene/gltf/deformation.h"
+#include "common/scene/gltf/document.h"
+#include "common/scene/gltf/image_textures.h"
+#include "common/scene/gltf/lights.h"
+#include "common/scene/gltf/materials.h"
+#include "common/scene/gltf/meshes.h"
+#include "common/scene/gltf/node_tree.h"
+#include "common/scene/gltf/values.h"
+#include "common/scene/pbrt/syntax/diagnostics.h"
+
+namespace sheaf {
+namespace gltf {
+namespace {
+
+constexpr char kInstancing[] = "EXT_mesh_gpu_instancing";
+constexpr int32_t kDefaultSamples = 64, kDefaultDepth = 12;
+
+constexpr const char* kKnownExtensions[] = {
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "EXT_texture_webp",
+    kInstancing,
+};
+// Those that have messages of their own where they are used.
+constexpr const char* kNamedElsewhere[] = {"KHR_materials_dispersion", "KHR_texture_basisu",
+                                           "KHR_materials_pbrSpecularGlossiness"};
+
+template <typename List>
+bool Contains(const List& list, const std::string& name) {
+  return std::any_of(std::begin(list), std::end(list),
+                     [&](const char* known) { return name == known; });
+}
+
+class Builder {
+ public:
+  Builder(const tinygltf::Model& model, const std::string& main_file, FileSource* files,
+          const GltfView& view, const SceneReaderLimits& limits, Diagnostics* diagnostics,
+          SceneDescription* scene)
+      : model_(model),
+        view_(view),
+        diagnostics_(diagnostics),
+        scene_(scene),
+        accessors_(&model, diagnostics, limits),
+        textures_(&model, main_file, files, diagnostics, scene),
+        materials_(&model, &textures_, diagnostics, scene),
+        meshes_(&model, &accessors_, diagnostics, limits) {}
+
+  void Build() {
+    CheckExtensions();
+    std::optional<NodeTree> tree = NodeTree::Make(model_, diagnostics_);
+    if (!tree) return;
+    const Animations animations(model_, view_.animation, &accessors_, diagnostics_);
+    if (diagnostics_->HasErrors()) return;
+    start_ = animations.At(view_.time_s, tree->poses());
+    moves_ = !animations.IsEmpty() && view_.shutter_s > 0;
+    end_ = moves_ ? animations.At(view_.time_s + view_.shutter_s, tree->poses()) : start_;
+    world_start_ = tree->WorldMatrices(start_);
+    world_end_ = moves_ ? tree->WorldMatrices(end_) : world_start_;
+    CountUses(tree->shown());
+    for (const int node : tree->shown()) {
+      if (diagnostics_->Exhausted()) return;
+      AddMeshOf(node);
+      AddLightOf(model_, node, world_start_[static_cast<size_t>(node)], diagnostics_, scene_);
+    }
+    if (scene_->shapes.empty() && !diagnostics_->HasErrors()) {
+      diagnostics_->Warning(kFile, "shows no mesh");
+    }
+    AddEnvironment(view_.environment, diagnostics_, scene_);
+    SetCameraOf(model_, tree->shown(), view_, world_start_, world_end_, bounds_, diagnostics_,
+                scene_);
+    scene_->sampling.samples_per_pixel = kDefaultSamples;
+    scene_->sampling.max_depth = kDefaultDepth;
+    scene_->sampling.sampler = "zsobol";
+    scene_->sampling.integrator = "volpath";
+  }
+
+ private:
+  void CheckExtensions() {
+    for (const std::string& name : model_.extensionsUsed) {
+      if (Contains(kKnownExtensions, name) || Contains(kNamedElsewhere, name)) continue;
+      const auto& required = model_.extensionsRequired;
+      if (std::find(required.begin(), required.end(), name) == required.end()) {
+        diagnostics_->Note(kFile, absl::StrCat("the extension ", name, " has no effect"));
+      } else {
+        diagnostics_->Error(kFile, absl::StrCat("needs the extension ", name,
+                                                ", which Sheaf does "
+                                                "not support; export it without"));
+      }
+    }
+  }
+
+  const tinygltf::Value* Instancing(const tinygltf::Node& node) const {
+    return Find(node.extensions, kInstancing);
+  }
+
+  // How often each mesh is placed as it is: several placements become instances.
+  void CountUses(const std::vector<int>& shown) {
+    for (const int n : shown) {
+      const tinygltf::Node& node = model_.nodes[static_cast<size_t>(n)];
+      if (node.skin < 0) uses_[node.mesh] += Instancing(node) != nullptr ? 2 : 1;
+    }
+  }
+
+  void AddMeshOf(int n) {
+    const tinygltf::Node& node = model_.nodes[static_cast<size_t>(n)];
+    if (node.mesh < 0) return;
+    const std::string what = Named("node", n, node.name);
+    if (!HasIndex(model_.meshes, node.mesh)) {
+      diagnostics_->Error(kFile, absl::StrCat(what, " has the mesh ", node.mesh,
+                                              ", which does not exist; export the file again"));
+      return;
+    }
+    TransformOverTime place;
+    place.start = world_start_[static_cast<size_t>(n)];
+    place.end = world_end_[static_cast<size_t>(n)];
+    std::vector<TransformOverTime> places = {place};
+    if (Instancing(node) != nullptr && !ReadInstances(node, what, &places)) return;
+    std::vector<Matrix4> joints_start, joints_end;
+    if (node.skin >= 0 && !ReadSkin(node.skin, what, &joints_start, &joints_end)) return;
+    const tinygltf::Mesh& mesh = model_.meshes[static_cast<size_t>(node.mesh)];
+    std::vector<ShapeDescription> shapes;
+    bool emits = false, is_shared = uses_[node.mesh] > 1;
+    for (size_t p = 0; p < mesh.primitives.size(); ++p) {
+      const Surface surface = materials_.Get(mesh.primitives[p].material);
+      const Primitive* primitive = meshes_.Get(node.mesh, p, surface.uv_set);
+      if (primitive == nullptr) continue;
+      ShapeDescription shape;
+      shape.material = surface.material;
+      shape.area_light = surface.area_light;
+      shape.alpha = surface.alpha;
+      shape.has_alpha = surface.has_alpha;
+      shape.location = {0, n + 1, static_cast<int32_t>(p) + 1};
+      emits = emits || surface.area_light != kNone;
+      const std::vector<double>& weights_start = WeightsOf(start_, n, mesh);
+      const std::vector<double>& weights_end = WeightsOf(end_, n, mesh);
+      const bool has_skin = !joints_start.empty() && primitive->influences > 0;
+      if (has_skin || Morphs(*primitive, weights_start) || Morphs(*primitive, weights_end)) {
+        is_shared = false;
+        shape.shape = MeshShape{AddDeformed(
+            Deformed(*primitive, weights_start, joints_start),
+            moves_ ? std::optional(Deformed(*primitive, weights_end, joints_end)) : std::nullopt,
+            *primitive)};
+      } else {
+        shape.shape = MeshShape{MeshIndex(node.mesh, p, surface.uv_set, *primitive)};
+      }
+      if (diagnostics_->HasErrors()) return;
+      shapes.push_back(std::move(shape));
+    }
+    // A skin alone says where its mesh is.
+    if (!joints_start.empty()) places = {TransformOverTime()};
+    if (is_shared && !emits) {
+      PlaceInstances(n, shapes, places, what);
+    } else {
+      for (const TransformOverTime& at : places) PlaceShapes(shapes, at, what);
+    }
+  }
+
+  static bool Morphs(const Primitive& primitive, const std::vector<double>& weights) {
+    return !primitive.targets.empty() &&
+           std::any_of(weights.begin(), weights.end(), [](double w) { return w != 0; });
+  }
+
+  static const std::vector<double>& WeightsOf(const std::vector<Pose>& poses, int node,
+                                              const tinygltf::Mesh& mesh) {
+    const std::vector<double>& own = poses[static_cast<size_t>(node)].weights;
+    return own.empty() ? mesh.weights : own;
+  }
+
+  int32_t MeshIndex(int mesh, size_t primitive, int uv_set, const Primitive& source) {
+    const auto [entry, is_new] =
+        mesh_indices_.try_emplace(std::tuple(mesh, primitive, uv_set), kNone);
+    if (is_new && accessors_.Charge(BytesOf(source.mesh))) entry->second = AddMesh(source.mesh);
+    return entry->second;
+  }
+
+  int32_t AddDeformed(VertexStep start, std::optional<VertexStep> end, const Primitive& source) {
+    if (!accessors_.Charge(2 * BytesOf(source.mesh))) return kNone;
+    TriangleMesh mesh = source.mesh;
+    mesh.positions = std::move(start.positions);
+    mesh.normals = std::move(start.normals);
+    if (end && !(end->positions == mesh.positions)) mesh.steps.push_back(*std::move(end));
+    const auto is_finite = [](const Vec3f& p) {
+      return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
+    };
+    bool finite = std::all_of(mesh.positions.begin(), mesh.positions.end(), is_finite);
+    for (const VertexStep& step : mesh.steps) {
+      finite = finite && std::all_of(step.positions.begin(), step.positions.end(), is_finite);
+    }
+    if (!finite) {
+      diagnostics_->Error(kFile,
+                          "a skin or morph target moves vertices beyond all numbers; export "
+                          "the file again");
+      return kNone;
+    }
+    return AddMesh(std::move(mesh));
+  }
+
+  int32_t AddMesh(TriangleMesh mesh) {
+    Bounds bounds;
+    for (const Vec3f& p : mesh.positions) bounds.Add(ToDouble(p));
+    mesh_bounds_.push_back(bounds);
+    scene_->meshes.push_back(std::move(mesh));
+    return static_cast<int32_t>(scene_->meshes.size() - 1);
+  }
+
+  static uint64_t BytesOf(const TriangleMesh& mesh) {
+    return (mesh.positions.size() + mesh.normals.size()) * sizeof(Vec3f) +
+           mesh.uvs.size() * sizeof(Vec2f) + mesh.indices.size() * sizeof(uint32_t);
+  }
+
+  // False, with a note, where a node is scaled to nothing, as exporters hide things.
+  bool IsVisible(const TransformOverTime& at, const std::string& what) {
+    Matrix4 inverse;
+    if (Invert(at.start, &inverse) && Invert(at.end, &inverse)) return true;
+    diagnostics_->Note(kFile, absl::StrCat(what, " is scaled to nothing, and left out"));
+    return false;
+  }
+
+  void AddBounds(const ShapeDescription& shape, const Matrix4& world) {
+    const Bounds& bounds = mesh_bounds_[static_cast<size_t>(std::get<MeshShape>(shape.shape).mesh)];
+    for (int corner = 0; corner < 8; ++corner) {
+      bounds_.Add(TransformPoint(world, {(corner & 1) != 0 ? bounds.lower.x : bounds.upper.x,
+                                         (corner & 2) != 0 ? bounds.lower.y : bounds.upper.y,
+                                         (corner & 4) != 0 ? bounds.lower.z : bounds.upper.z}));
+    }
+  }
+
+  void PlaceShapes(const std::vector<ShapeDescription>& shapes, const TransformOverTime& at,
+                   const std::string& what) {
+    if (!IsVisible(at, what) || !accessors_.Charge(shapes.size() * sizeof(ShapeDescription)))
+      return;
+    for (ShapeDescription shape : shapes) {
+      shape.world_from_object = at;
+      AddBounds(shape, at.start);
+      scene_->world_shapes.push_back(static_cast<int32_t>(scene_->shapes.size()));
+      scene_->shapes.push_back(std::move(shape));
+    }
+  }
+
+  void PlaceInstances(int node, const std::vector<ShapeDescription>& shapes,
+                      const std::vector<TransformOverTime>& places, const std::string& what) {
+    if (shapes.empty()) return;
+    const int mesh = model_.nodes[static_cast<size_t>(node)].mesh;
+    const auto [entry, is_new] =
+        objects_.try_emplace(mesh, static_cast<int32_t>(scene_->objects.size()));
+    if (is_new) {
+      ObjectDefinition object;
+      object.location = {0, node + 1, 1};
+      const std::string& name = model_.meshes[static_cast<size_t>(mesh)].name;
+      object.name = name;
+      if (name.empty() || !object_names_.insert(name).second) {
+        object.name = absl::StrCat(name, "mesh-", mesh);
+      }
+      for (const ShapeDescription& shape : shapes) {
+        object.shapes.push_back(static_cast<int32_t>(scene_->shapes.size()));
+        scene_->shapes.push_back(shape);
+      }
+      scene_->objects.push_back(std::move(object));
+    }
+    if (!accessors_.Charge(places.size() * sizeof(ObjectInstance))) return;
+    for (const TransformOverTime& at : places) {
+      if (!IsVisible(at, what)) continue;
+      ObjectInstance instance;
+      instance.object = entry->second;
+      instance.world_from_instance = at;
+      instance.location = {0, node + 1, 1};
+      scene_->instances.push_back(instance);
+      for (const ShapeDescription& shape : shapes) AddBounds(shape, at.start);
+    }
+  }
+
+  // Replaces the node's place by those of EXT_mesh_gpu_instancing.
+  bool ReadInstances(const tinygltf::Node& node, const std::string& what,
+                     std::vector<TransformOverTime>* places) {
+    const tinygltf::Value* attributes = Member(Instancing(node), "attributes");
+    std::vector<float> numbers[3];
+    const char* const names[3] = {"TRANSLATION", "ROTATION", "SCALE"};
+    const size_t widths[3] = {3, 4, 3};
+    size_t count = 0;
+    for (size_t i = 0; i < 3; ++i) {
+      const int accessor = IndexOf(attributes, names[i]);
+      if (accessor < 0) continue;
+      auto read = accessors_.Floats(accessor, static_cast<int>(widths[i]),
+                                    absl::StrCat(what, ", ", names[i], " of instances"));
+      if (!read) return false;
+      numbers[i] = *std::move(read);
+      const size_t found = numbers[i].size() / widths[i];
+      if (found > kGltfInstancesMax || (count != 0 && found != count)) {
+        diagnostics_->Error(kFile, absl::StrCat(what,
+                                                " has instances of unequal counts, or more "
+                                                "than ",
+                                                kGltfInstancesMax, "; export it again"));
+        return false;
+      }
+      count = found;
+    }
+    if (!accessors_.Charge(count * sizeof(TransformOverTime))) return false;
+    const TransformOverTime parent = places->front();
+    places->clear();
+    for (size_t i = 0; i < count; ++i) {
+      const auto at = [&](size_t list, size_t c, double fallback) {
+        return numbers[list].empty() ? fallback
+                                     : static_cast<double>(numbers[list][i * widths[list] + c]);
+      };
+      const Matrix4 local =
+          MatrixOf({at(0, 0, 0), at(0, 1, 0), at(0, 2, 0)},
+                   Normalized({at(1, 0, 0), at(1, 1, 0), at(1, 2, 0), at(1, 3, 1)}),
+                   {at(2, 0, 1), at(2, 1, 1), at(2, 2, 1)});
+      TransformOverTime place = parent;
+      place.start = parent.start * local;
+      place.end = parent.end * local;
+      places->push_back(place);
+    }
+    return true;
+  }
+
+  bool ReadSkin(int index, const std::string& what, std::vector<Matrix4>* start,
+                std::vector<Matrix4>* end) {
+    if (!HasIndex(model_.skins, index)) {
+      diagnostics_->Error(kFile, absl::StrCat(what, " has the skin ", index,
+                                              ", which does not exist; export the file again"));
+      return false;
+    }
+    const tinygltf::Skin& skin = model_.skins[static_cast<size_t>(index)];
+    std::vector<float> inverse;
+    if (skin.inverseBindMatrices >= 0) {
+      auto read = accessors_.Floats(skin.inverseBindMatrices, 16,
+                                    Named("skin", index, skin.name) + ", inverse bind matrices");
+      if (!read) return false;
+      inverse = *std::move(read);
+    }
+    for (size_t j = 0; j < skin.joints.size(); ++j) {
+      if (!HasIndex(model_.nodes, skin.joints[j]) ||
+          (!inverse.empty() && inverse.size() < 16 * (j + 1))) {
+        diagnostics_->Error(kFile, absl::StrCat(Named("skin", index, skin.name), " has the joint ",
+                                                j, " without node or matrix; export it again"));
+        return false;
+      }
+      Matrix4 bind;
+      for (size_t k = 0; k < 16 && !inverse.empty(); ++k) {
+        bind.m[k % 4][k / 4] = static_cast<double>(inverse[16 * j + k]);
+      }
+      start->push_back(world_start_[static_cast<size_t>(skin.joints[j])] * bind);
+      end->push_back(world_end_[static_cast<size_t>(skin.joints[j])] * bind);
+    }
+    return true;
+  }
+
+  const tinygltf::Model& model_;
+  const GltfView& view_;
+  Diagnostics* diagnostics_;
+  SceneDescription* scene_;
+  Accessors accessors_;
+  ImageTextures textures_;
+  Materials materials_;
+  Meshes meshes_;
+  bool moves_ = false;
+  std::vector<Pose> start_, end_;  // When the shutter opens and closes.
+  std::vector<Matrix4> world_start_, world_end_;
+  std::map<int, int> uses_;         // By mesh.
+  std::map<int, int32_t> objects_;  // By mesh.
+  std::set<std::string> object_names_;
+  std::map<std::tuple<int, size_t, int>, int32_t> mesh_indices_;
+  std::vector<Bounds> mesh_bounds_;  // As SceneDescription::meshes.
+  Bounds bounds_;
+};
+
+}  // namespace
+}  // namespace gltf
+
+absl::StatusOr<ReadSceneResult> ReadGltf(const std::string& main_file, FileSource& files,
+                                         const GltfView& view, const SceneReaderLimits& limits) {
+  ReadSceneResult result;
+  result.scene.files.push_back(main_file);
+  const absl::StatusOr<std::unique_ptr<tinygltf::Model>> model =
+      gltf::LoadDocument(main_file, files, limits);
+  if (!model.ok()) return model.status();
+  Diagnostics diagnostics(&result.scene, limits);
+  gltf::Builder(**model, main_file, &files, view, limits, &diagnostics, &result.scene).Build();
+  if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
+  result.diagnostics = diagnostics.TakeAll();
+  return result;
+}
+
+}  // namespace sheaf

@@ -1,0 +1,231 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/gltf/gltf_reader.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "common/base/file.h"
+#include "common/scene/file_source.h"
+
+namespace sheaf {
+namespace {
+
+using ::testing::HasSubstr;
+
+// One triangle: 3 positions (36 bytes), 3 uvs (24), 3 indices (6), then animation times 0 1 (8),
+// translations (24), four numbers of a rotation by 90 degrees about z after the identity (32).
+std::string Buffer() {
+  std::string bytes;
+  const auto put = [&](const auto& values) {
+    bytes.append(reinterpret_cast<const char*>(values), sizeof values);
+  };
+  const float positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, uvs[] = {0, 0, 1, 0, 0, 1};
+  const uint16_t indices[] = {0, 1, 2, 0};  // One more for the alignment.
+  const float times[] = {0, 1}, moves[] = {0, 0, 0, 2, 0, 0};
+  const float turns[] = {0, 0, 0, 1, 0, 0, 0.70710678f, 0.70710678f};
+  put(positions);
+  put(uvs);
+  put(indices);
+  put(times);
+  put(moves);
+  put(turns);
+  return bytes;
+}
+
+constexpr char kAccessors[] = R"("accessors": [
+  {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+  {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
+  {"bufferView": 2, "componentType": 5123, "count": 3, "type": "SCALAR"},
+  {"bufferView": 3, "componentType": 5126, "count": 2, "type": "SCALAR"},
+  {"bufferView": 4, "componentType": 5126, "count": 2, "type": "VEC3"},
+  {"bufferView": 5, "componentType": 5126, "count": 2, "type": "VEC4"}],
+"bufferViews": [
+  {"buffer": 0, "byteOffset": 0, "byteLength": 36},
+  {"buffer": 0, "byteOffset": 36, "byteLength": 24},
+  {"buffer": 0, "byteOffset": 60, "byteLength": 6},
+  {"buffer": 0, "byteOffset": 68, "byteLength": 8},
+  {"buffer": 0, "byteOffset": 76, "byteLength": 24},
+  {"buffer": 0, "byteOffset": 100, "byteLength": 32}],)";
+constexpr char kMesh[] = R"("meshes": [{"name": "leaf", "primitives": [
+  {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],)";
+
+std::string File(const std::string& rest, const std::string& mesh = kMesh,
+                 const std::string& accessors = kAccessors) {
+  const std::string buffer = Buffer();
+  return absl::StrCat(R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": )", buffer.size(),
+                      R"(, "uri": "data:application/octet-stream;base64,)",
+                      absl::Base64Escape(buffer), "\"}],", accessors, mesh, rest, "}");
+}
+
+absl::StatusOr<ReadSceneResult> Read(const std::string& text, const GltfView& view = {}) {
+  const std::string path = ::testing::TempDir() + "/a.gltf";
+  EXPECT_TRUE(WriteFileOnce(path, text).ok());
+  TableFileSource files({{"a.gltf", path}, {"wood.png", "/nowhere/wood.png"}});
+  return ReadGltf("a.gltf", files, view);
+}
+
+const std::string kOneNode = R"("materials": [{"name": "green", "pbrMetallicRoughness": {
+  "baseColorFactor": [0, 1, 0, 1], "metallicFactor": 0.25}}],
+  "nodes": [{"mesh": 0, "translation": [1, 2, 3]}], "scenes": [{"nodes": [0]}])";
+
+std::string Notes(const ReadSceneResult& read) {
+  std::string notes;
+  for (const SceneDiagnostic& d : read.diagnostics) absl::StrAppend(&notes, d.text, "\n");
+  return notes;
+}
+
+TEST(GltfReaderTest, ReadsATriangle) {
+  const auto read = Read(File(kOneNode));
+  ASSERT_TRUE(read.ok()) << read.status();
+  const SceneDescription& scene = read->scene;
+  ASSERT_EQ(scene.world_shapes.size(), 1u);
+  const ShapeDescription& shape = scene.shapes[0];
+  EXPECT_EQ(shape.world_from_object.start.m[2][3], 3);
+  EXPECT_FALSE(shape.world_from_object.IsAnimated());
+  const TriangleMesh& mesh = scene.meshes[0];
+  EXPECT_EQ(mesh.positions[1], (Vec3f{1, 0, 0}));
+  EXPECT_EQ(mesh.uvs[2], (Vec2f{0, 0}));  // The file's v points downwards.
+  EXPECT_EQ(mesh.indices, (std::vector<uint32_t>{0, 1, 2}));
+  const auto& material =
+      std::get<PrincipledMaterial>(scene.materials[static_cast<size_t>(shape.material)].material);
+  EXPECT_EQ(material.base_color.value.rgb, (Rgb{0, 1, 0}));
+  EXPECT_EQ(material.metallic.value, 0.25f);
+  EXPECT_EQ(material.roughness.value, 1);
+  EXPECT_THAT(Notes(*read), HasSubstr("a.gltf: has no camera"));
+  EXPECT_THAT(Notes(*read), HasSubstr("has no light"));
+  EXPECT_EQ(scene.lights.size(), 1u);
+}
+
+TEST(GltfReaderTest, SharedMeshesBecomeInstances) {
+  const auto read = Read(File(R"("materials": [{}], "nodes": [{"mesh": 0}, {"mesh": 0,
+    "translation": [4, 0, 0]}, {"mesh": 0, "scale": [0, 0, 0]}],
+    "scenes": [{"nodes": [0, 1, 2]}])"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->scene.objects.size(), 1u);
+  EXPECT_EQ(read->scene.instances.size(), 2u);
+  EXPECT_TRUE(read->scene.world_shapes.empty());
+  EXPECT_THAT(Notes(*read), HasSubstr("scaled to nothing"));
+}
+
+TEST(GltfReaderTest, AnimationsGiveTheFrameAndItsBlur) {
+  const std::string rest = kOneNode + R"(, "animations": [{"samplers": [
+    {"input": 3, "output": 4}, {"input": 3, "output": 5}], "channels": [
+    {"sampler": 0, "target": {"node": 0, "path": "translation"}},
+    {"sampler": 1, "target": {"node": 0, "path": "rotation"}}]}])";
+  GltfView view;
+  view.time_s = 0.5;
+  view.shutter_s = 0.25;
+  const auto read = Read(File(rest), view);
+  ASSERT_TRUE(read.ok()) << read.status();
+  const TransformOverTime& place = read->scene.shapes[0].world_from_object;
+  EXPECT_DOUBLE_EQ(place.start.m[0][3], 1);
+  EXPECT_DOUBLE_EQ(place.end.m[0][3], 1.5);
+  EXPECT_NEAR(place.start.m[1][0], std::sqrt(0.5), 1e-6);  // Half of a quarter turn.
+}
+
+TEST(GltfReaderTest, TexturesHaveChannelsTransformsAndWraps) {
+  const auto read = Read(File(R"("materials": [{"alphaMode": "MASK", "alphaCutoff": 0.25,
+    "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.25, 0.5],
+      "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {
+        "offset": [0.5, 0], "scale": [2, 3]}}},
+      "metallicRoughnessTexture": {"index": 0}}}],
+    "textures": [{"source": 0, "sampler": 0}], "images": [{"uri": "wood.png"}],
+    "samplers": [{"wrapS": 33071, "wrapT": 33648}],
+    "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}])"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  const SceneDescription& scene = read->scene;
+  const auto texture = [&](int32_t index) {
+    return std::get<ImageTexture>(scene.textures[static_cast<size_t>(index)].texture);
+  };
+  const auto& material = std::get<PrincipledMaterial>(scene.materials[0].material);
+  const ImageTexture color = texture(material.base_color.texture);
+  EXPECT_EQ(color.file, "wood.png");
+  EXPECT_EQ(color.encoding, ColorEncoding::kSrgb);
+  EXPECT_EQ(color.tint, (Rgb{1, 0.5f, 0.25f}));
+  EXPECT_EQ(color.wrap, TextureWrap::kClamp);
+  EXPECT_EQ(color.wrap_v, TextureWrap::kMirror);
+  EXPECT_EQ(color.mapping.scale_u, 2);
+  EXPECT_EQ(color.mapping.offset_u, 0.5f);
+  EXPECT_EQ(color.mapping.offset_v, 1 - 3);
+  EXPECT_EQ(texture(material.metallic.texture).channel, 2);
+  EXPECT_EQ(texture(material.roughness.texture).channel, 1);
+  EXPECT_EQ(texture(material.roughness.texture).encoding, ColorEncoding::kLinear);
+  const ImageTexture alpha = texture(scene.shapes[0].alpha.texture);
+  EXPECT_EQ(alpha.channel, 3);
+  EXPECT_EQ(alpha.threshold, 0.25f);
+  EXPECT_EQ(alpha.scale, 0.5f);
+}
+
+TEST(GltfReaderTest, CamerasAndLights) {
+  const std::string rest = R"("materials": [{}], "cameras": [
+    {"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "aspectRatio": 2}},
+    {"name": "Top", "type": "orthographic",
+      "orthographic": {"xmag": 4, "ymag": 2, "znear": 0, "zfar": 9}}],
+    "extensions": {"KHR_lights_punctual": {"lights": [
+      {"type": "spot", "intensity": 40, "color": [1, 0.5, 0],
+        "spot": {"outerConeAngle": 0.5, "innerConeAngle": 0.25}}]}},
+    "nodes": [{"mesh": 0}, {"camera": 0}, {"camera": 1, "translation": [0, 0, 5]},
+      {"translation": [0, 3, 0], "extensions": {"KHR_lights_punctual": {"light": 0}}}],
+    "scenes": [{"nodes": [0, 1, 2, 3]}])";
+  auto read = Read(File(rest));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->scene.film.width_px, 1440);
+  EXPECT_NEAR(read->scene.camera.fov_degrees, 0.8 * 57.29578, 1e-4);
+  ASSERT_EQ(read->scene.lights.size(), 1u);
+  const auto& spot = std::get<SpotLight>(read->scene.lights[0].light);
+  EXPECT_EQ(spot.intensity.rgb, (Rgb{40, 20, 0}));
+  EXPECT_EQ(spot.to.z, -1);
+  EXPECT_NEAR(spot.cone_delta_angle_degrees, 0.25 * 57.29578, 1e-4);
+  GltfView top, tip;
+  top.camera = "Top";
+  top.height_px = 100;
+  tip.camera = "Tip";
+  read = Read(File(rest), top);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->scene.camera.kind, CameraDescription::Kind::kOrthographic);
+  EXPECT_EQ(read->scene.camera.screen_window[1], 4);
+  EXPECT_EQ(read->scene.film.width_px, 200);
+  EXPECT_THAT(Read(File(rest), tip).status().message(), HasSubstr("did you mean \"Top\""));
+}
+
+TEST(GltfReaderTest, RefusesByName) {
+  std::string four = kAccessors;
+  four.replace(four.find("\"count\": 3"), 10, "\"count\": 4");
+  const struct {
+    std::string text, message;
+  } cases[] = {
+      {"{}", "not valid glTF"},
+      {std::string(4000, '['), "nests JSON"},
+      {"glTF", "too short"},
+      {File(R"("materials": [{}], "nodes": [{"mesh": 7}], "scenes": [{"nodes": [0]}])"), "mesh 7"},
+      {File(R"("nodes": [{"children": [1]}, {"children": [0]}])"), "within itself"},
+      {File(R"("nodes": [{"children": [2]}, {"children": [2]}, {}])"), "child of two"},
+      {File(R"("nodes": [{"children": [9]}])"), "does not exist"},
+      {File(R"("nodes": [{"mesh": 0}], "extensionsUsed": ["ACME_x"],
+        "extensionsRequired": ["ACME_x"])"),
+       "needs the extension ACME_x"},
+      {File(R"("extensionsUsed": ["KHR_draco_mesh_compression"])"), "KHR_draco_mesh_compression"},
+      {File(kOneNode, kMesh, four), "has 4 elements, more than buffer view 0"},
+      {File(R"("materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
+        "nodes": [{"mesh": 0}])"),
+       "KHR_texture_basisu"},
+  };
+  for (const auto& [text, message] : cases) {
+    const auto read = Read(text);
+    ASSERT_FALSE(read.ok()) << message;
+    EXPECT_THAT(read.status().message(), HasSubstr(message));
+    EXPECT_THAT(read.status().message(), HasSubstr("a.gltf: ")) << message;
+  }
+}
+
+}  // namespace
+}  // namespace sheaf

@@ -1,0 +1,26 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Lights of KHR_lights_punctual. Its units are photometric: candelas for points and spots, lux for
+// distant lights. Values of images then are candelas per square meter, if the file's unit is the
+// meter: radiance of 1 in Sheaf's RGB stands for a luminance of 1 cd/m^2.
+#pragma once
+
+#include "common/scene/gltf/tinygltf_door.h"
+
+#include "common/math/transform.h"
+#include "common/scene/pbrt/syntax/diagnostics.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::gltf {
+
+// Adds the light of a node, if it has one, to the scene. Mistakes are reported.
+void AddLightOf(const tinygltf::Model& model, int node, const Matrix4& world_from_node,
+                Diagnostics* diagnostics, SceneDescription* scene);
+
+// Adds the view's environment, or where the scene has no light at all, a white one, with a note.
+// environment: canonical name of an equal-area map whose axes are those of the file; may be empty.
+void AddEnvironment(const std::string& environment, Diagnostics* diagnostics,
+                    SceneDescription* scene);
+
+}  // namespace sheaf::gltf

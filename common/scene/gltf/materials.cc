@@ -1,0 +1,195 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/gltf/materials.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/gltf/values.h"
+
+namespace sheaf::gltf {
+namespace {
+
+float Unit(double x) {
+  return static_cast<float>(std::isfinite(x) ? std::clamp(x, 0.0, 1.0) : 1.0);
+}
+
+float AlphaFactor(const tinygltf::Material& source) {
+  const std::vector<double>& factor = source.pbrMetallicRoughness.baseColorFactor;
+  return factor.size() == 4 ? Unit(factor[3]) : 1;
+}
+
+TextureRef BaseColorTexture(const tinygltf::Material& source) {
+  const tinygltf::TextureInfo& info = source.pbrMetallicRoughness.baseColorTexture;
+  return RefOf(info.index, info.texCoord, info.extensions);
+}
+
+Rgb BaseColorFactor(const tinygltf::Material& source) {
+  return ColorOfNumbers(source.pbrMetallicRoughness.baseColorFactor, Rgb::Gray(1));
+}
+
+}  // namespace
+
+void Materials::Ignore(const std::string& what, const std::string& problem) {
+  diagnostics_->Note(kFile, absl::StrCat(what, ": ", problem));
+}
+
+bool Materials::Uses(const TextureRef& ref, const std::string& what) {
+  if (!ref.IsSet()) return false;
+  if (uv_set_ < 0) uv_set_ = ref.uv_set;
+  if (uv_set_ == ref.uv_set) return true;
+  Ignore(what, absl::StrCat("uses TEXCOORD_", ref.uv_set,
+                            " where other textures of the material "
+                            "use TEXCOORD_",
+                            uv_set_, ", and is left out; bake it for those"));
+  return false;
+}
+
+FloatInput Materials::Number(float factor, const TextureRef& ref, int channel,
+                             const std::string& what) {
+  FloatInput input{.value = factor};
+  if (factor > 0 && Uses(ref, what)) {
+    input.texture = textures_->Channel(ref, channel, factor, std::nullopt, what);
+  }
+  return input;
+}
+
+ColorInput Materials::ColorTimes(Rgb factor, const TextureRef& ref, const std::string& what) {
+  ColorInput input{.value = Color(factor)};
+  if (!factor.IsBlack() && Uses(ref, what)) input.texture = textures_->Color(ref, factor, what);
+  return input;
+}
+
+void Materials::SetBase(const tinygltf::Material& source, const std::string& what,
+                        Surface* /*surface*/, PrincipledMaterial* material) {
+  const tinygltf::PbrMetallicRoughness& base = source.pbrMetallicRoughness;
+  material->base_color =
+      ColorTimes(BaseColorFactor(source), BaseColorTexture(source), what + ", base color");
+  const tinygltf::TextureInfo& info = base.metallicRoughnessTexture;
+  const TextureRef both = RefOf(info.index, info.texCoord, info.extensions);
+  material->metallic = Number(Unit(base.metallicFactor), both, 2, what + ", metallic");
+  material->roughness = Number(Unit(base.roughnessFactor), both, 1, what + ", roughness");
+  if (source.occlusionTexture.index >= 0) {
+    Ignore(what, "its occlusion has no effect: paths find what is occluded");
+  }
+}
+
+void Materials::SetOpacity(const tinygltf::Material& source, const std::string& what,
+                           Surface* surface) {
+  if (source.alphaMode != "MASK" && source.alphaMode != "BLEND") return;
+  const float factor = AlphaFactor(source);
+  const TextureRef texture = BaseColorTexture(source);
+  const bool is_mask = source.alphaMode == "MASK";
+  const auto cutoff =
+      static_cast<float>(std::isfinite(source.alphaCutoff) ? source.alphaCutoff : 0.5);
+  surface->has_alpha = true;
+  surface->alpha.value = is_mask ? (factor >= cutoff ? 1.0f : 0.0f) : factor;
+  if (Uses(texture, what + ", opacity")) {
+    surface->alpha.texture = textures_->Channel(
+        texture, 3, factor, is_mask ? std::optional<float>(cutoff) : std::nullopt,
+        what + ", opacity");
+  }
+}
+
+void Materials::AddLight(Rgb radiance, const TextureRef& texture, const std::string& what,
+                         const tinygltf::Material& source, Surface* surface) {
+  if (radiance.IsBlack()) return;
+  AreaLightDescription light;
+  light.location = kFile;
+  light.two_sided = source.doubleSided;
+  light.radiance = Color(radiance);
+  if (Uses(texture, what)) {
+    light.file = textures_->FileOf(texture, what);
+    if (light.file.empty()) return;
+    light.radiance = Color(Rgb::Gray(1));
+    light.scale.scale = Luminance(radiance);
+    if (radiance.r != radiance.g || radiance.g != radiance.b) {
+      Ignore(what,
+             "the color of the factor beside a texture has no effect, only its luminance; "
+             "put the color into the texture");
+    }
+    if (!(texture.mapping.scale_u == 1 && texture.mapping.scale_v == 1 &&
+          texture.mapping.offset_u == 0 && texture.mapping.offset_v == 0)) {
+      Ignore(what, "KHR_texture_transform has no effect on what is emitted; apply it to the uv");
+    }
+  }
+  surface->area_light = static_cast<int32_t>(scene_->area_lights.size());
+  scene_->area_lights.push_back(std::move(light));
+}
+
+void Materials::SetEmission(const tinygltf::Material& source, const std::string& what,
+                            Surface* surface) {
+  const double strength =
+      NumberOf(Find(source.extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1);
+  const Rgb factor = ColorOfNumbers(source.emissiveFactor, {});
+  const tinygltf::TextureInfo& info = source.emissiveTexture;
+  AddLight(factor * static_cast<float>(std::clamp(strength, 0.0, 1e9)),
+           RefOf(info.index, info.texCoord, info.extensions), what + ", emission", source, surface);
+}
+
+void Materials::SetUnlit(const tinygltf::Material& source, const std::string& what,
+                         Surface* surface, PrincipledMaterial* material) {
+  Ignore(what, "is unlit (KHR_materials_unlit): it emits its color, and so lights other things");
+  material->base_color.value = Color({});
+  material->metallic.value = 0;
+  material->roughness.value = 1;
+  material->specular.value = 0;
+  AddLight(BaseColorFactor(source), BaseColorTexture(source), what + ", unlit color", source,
+           surface);
+}
+
+Surface Materials::Make(const tinygltf::Material& source, const std::string& what) {
+  uv_set_ = -1;
+  Surface surface;
+  MaterialDescription description;
+  description.name = source.name;
+  description.location = kFile;
+  PrincipledMaterial material;
+  material.specular_tint.value = Color(Rgb::Gray(1));
+  material.attenuation_color = Color(Rgb::Gray(1));
+  const bool is_unlit = source.extensions.contains("KHR_materials_unlit");
+  if (is_unlit) {
+    SetUnlit(source, what, &surface, &material);
+  } else {
+    SetBase(source, what, &surface, &material);
+    SetLayers(source, what, &material);
+    SetEmission(source, what, &surface);
+    const tinygltf::NormalTextureInfo& info = source.normalTexture;
+    const TextureRef normals = RefOf(info.index, info.texCoord, info.extensions);
+    if (Uses(normals, what + ", normal map")) {
+      description.normal_map = textures_->NormalMap(normals, what + ", normal map");
+      if (info.scale != 1) {
+        Ignore(what, "the scale of its normal map has no effect; bake it into the map");
+      }
+    }
+  }
+  SetOpacity(source, what, &surface);
+  surface.uv_set = std::max(uv_set_, 0);
+  surface.material = static_cast<int32_t>(scene_->materials.size());
+  description.material = std::move(material);
+  scene_->materials.push_back(std::move(description));
+  return surface;
+}
+
+const Surface& Materials::Get(int index) {
+  const auto found = known_.find(index);
+  if (found != known_.end()) return found->second;
+  if (index >= 0 && !HasIndex(model_->materials, index)) {
+    diagnostics_->Error(kFile, absl::StrCat("material ", index,
+                                            " does not exist; export the file "
+                                            "again"));
+    index = -1;
+    if (const auto known = known_.find(index); known != known_.end()) return known->second;
+  }
+  const tinygltf::Material fallback;
+  const tinygltf::Material& source =
+      index < 0 ? fallback : model_->materials[static_cast<size_t>(index)];
+  return known_
+      .emplace(index, Make(source, index < 0 ? "the default material"
+                                             : Named("material", index, source.name)))
+      .first->second;
+}
+
+}  // namespace sheaf::gltf

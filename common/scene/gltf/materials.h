@@ -1,0 +1,72 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Materials: glTF's metallic-roughness materials with their extensions as principled materials,
+// area lights and opacities (glTF 2.0 specification, sec. 3.9, and the KHR_materials_* extensions).
+#pragma once
+
+#include "common/scene/gltf/tinygltf_door.h"
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/scene/gltf/image_textures.h"
+#include "common/scene/pbrt/syntax/diagnostics.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::gltf {
+
+// What a shape gets from its material. Indices as in ShapeDescription.
+struct Surface {
+  int32_t material = kNone, area_light = kNone;
+  FloatInput alpha{.value = 1};
+  bool has_alpha = false;
+  int uv_set = 0;  // The TEXCOORD that its textures use.
+};
+
+class Materials {
+ public:
+  // All arguments must outlive this.
+  Materials(const tinygltf::Model* model, ImageTextures* textures, Diagnostics* diagnostics,
+            SceneDescription* scene)
+      : model_(model), textures_(textures), diagnostics_(diagnostics), scene_(scene) {}
+
+  // index: of the file's materials, or -1 for the default one. Made once; mistakes are reported.
+  const Surface& Get(int index);
+
+ private:
+  Surface Make(const tinygltf::Material& source, const std::string& what);
+  void SetBase(const tinygltf::Material& source, const std::string& what, Surface* surface,
+               PrincipledMaterial* material);
+  void SetOpacity(const tinygltf::Material& source, const std::string& what, Surface* surface);
+  void SetEmission(const tinygltf::Material& source, const std::string& what, Surface* surface);
+  void SetUnlit(const tinygltf::Material& source, const std::string& what, Surface* surface,
+                PrincipledMaterial* material);
+  void AddLight(Rgb radiance, const TextureRef& texture, const std::string& what,
+                const tinygltf::Material& source, Surface* surface);
+  // material_layers.cc: what the extensions describe.
+  void SetLayers(const tinygltf::Material& source, const std::string& what,
+                 PrincipledMaterial* material);
+  void SetTransmission(const tinygltf::Material& source, const std::string& what,
+                       PrincipledMaterial* material);
+  void SetSpecular(const tinygltf::Material& source, const std::string& what,
+                   PrincipledMaterial* material);
+  void SetIridescence(const tinygltf::Material& source, const std::string& what,
+                      PrincipledMaterial* material);
+
+  // What a texture's reference would give, times the factor; only if its uv is that of the others.
+  bool Uses(const TextureRef& ref, const std::string& what);
+  FloatInput Number(float factor, const TextureRef& ref, int channel, const std::string& what);
+  ColorInput ColorTimes(Rgb factor, const TextureRef& ref, const std::string& what);
+  void Ignore(const std::string& what, const std::string& problem);
+
+  const tinygltf::Model* model_;
+  ImageTextures* textures_;
+  Diagnostics* diagnostics_;
+  SceneDescription* scene_;
+  std::map<int, Surface> known_;
+  int uv_set_ = -1;  // Of the material that is being made; -1 until a texture is used.
+};
+
+}  // namespace sheaf::gltf

@@ -1,0 +1,222 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/gltf/meshes.h"
+
+#include <cmath>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/gltf/values.h"
+
+namespace sheaf::gltf {
+namespace {
+
+int AttributeOf(const std::map<std::string, int>& attributes, const std::string& name) {
+  const auto found = attributes.find(name);
+  return found == attributes.end() ? -1 : found->second;
+}
+
+// Corners of the triangles of a list of vertices. Source: glTF 2.0 specification, sec. 3.7.2.1.
+std::vector<uint32_t> TrianglesOf(int mode, std::vector<uint32_t> list) {
+  if (mode == TINYGLTF_MODE_TRIANGLES) {
+    list.resize(list.size() / 3 * 3);
+    return list;
+  }
+  std::vector<uint32_t> triangles;
+  for (size_t i = 0; i + 2 < list.size(); ++i) {
+    if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) {
+      triangles.insert(triangles.end(), {list[i], list[i + 1 + i % 2], list[i + 2 - i % 2]});
+    } else {
+      triangles.insert(triangles.end(), {list[i + 1], list[i + 2], list[0]});
+    }
+  }
+  return triangles;
+}
+
+}  // namespace
+
+bool Meshes::HasCount(size_t count, size_t expected, const std::string& what) {
+  if (count == expected) return true;
+  diagnostics_->Error(kFile, absl::StrCat(what, " has ", count, " values for ", expected,
+                                          " vertices; export the file again"));
+  return false;
+}
+
+std::optional<std::vector<Vec3f>> Meshes::Vectors(int accessor, size_t count,
+                                                  const std::string& what) {
+  const std::optional<std::vector<float>> numbers = accessors_->Floats(accessor, 3, what);
+  if (!numbers || (count > 0 && !HasCount(numbers->size() / 3, count, what))) return std::nullopt;
+  std::vector<Vec3f> vectors(numbers->size() / 3);
+  for (size_t i = 0; i < vectors.size(); ++i) {
+    vectors[i] = {(*numbers)[3 * i], (*numbers)[3 * i + 1], (*numbers)[3 * i + 2]};
+  }
+  return vectors;
+}
+
+bool Meshes::ReadVertices(const tinygltf::Primitive& source, int uv_set, const std::string& what,
+                          TriangleMesh* mesh) {
+  const int positions = AttributeOf(source.attributes, "POSITION");
+  std::optional<std::vector<Vec3f>> read = Vectors(positions, 0, what + ", POSITION");
+  if (!read) return false;
+  mesh->positions = *std::move(read);
+  const size_t count = mesh->positions.size();
+  if (const int normals = AttributeOf(source.attributes, "NORMAL"); normals >= 0) {
+    read = Vectors(normals, count, what + ", NORMAL");
+    if (!read) return false;
+    mesh->normals = *std::move(read);
+  }
+  const std::string uv_name = absl::StrCat("TEXCOORD_", uv_set);
+  if (const int uvs = AttributeOf(source.attributes, uv_name); uvs >= 0) {
+    const std::string uv_what = absl::StrCat(what, ", ", uv_name);
+    const std::optional<std::vector<float>> numbers = accessors_->Floats(uvs, 2, uv_what);
+    if (!numbers || !HasCount(numbers->size() / 2, count, uv_what)) return false;
+    mesh->uvs.resize(count);
+    // The file's v points downwards.
+    for (size_t i = 0; i < count; ++i) {
+      mesh->uvs[i] = {(*numbers)[2 * i], 1 - (*numbers)[2 * i + 1]};
+    }
+  } else if (uv_set > 0) {
+    diagnostics_->Note(kFile, absl::StrCat(what, " has no ", uv_name,
+                                           ", which its material's textures use; they are "
+                                           "placed by triangles"));
+  }
+  if (AttributeOf(source.attributes, "COLOR_0") >= 0) {
+    diagnostics_->Note(kFile, absl::StrCat(what,
+                                           ": colors of vertices (COLOR_0) have no effect; "
+                                           "bake them into a texture"));
+  }
+  if (AttributeOf(source.attributes, "TANGENT") >= 0) {
+    diagnostics_->Note(kFile, "tangents (TANGENT) have no effect: Sheaf takes them from the uv");
+  }
+  return true;
+}
+
+bool Meshes::ReadTriangles(const tinygltf::Primitive& source, const std::string& what,
+                           TriangleMesh* mesh) {
+  const int mode = source.mode < 0 ? TINYGLTF_MODE_TRIANGLES : source.mode;
+  std::vector<uint32_t> list;
+  if (source.indices >= 0) {
+    std::optional<std::vector<uint32_t>> read =
+        accessors_->Integers(source.indices, 1, what + ", indices");
+    if (!read) return false;
+    list = *std::move(read);
+    for (const uint32_t index : list) {
+      if (index < mesh->positions.size()) continue;
+      diagnostics_->Error(
+          kFile, absl::StrCat(what, " has the index ", index, ", but only ", mesh->positions.size(),
+                              " vertices; export the file again"));
+      return false;
+    }
+  } else {
+    list.resize(mesh->positions.size());
+    for (size_t i = 0; i < list.size(); ++i) list[i] = static_cast<uint32_t>(i);
+  }
+  if (mode != TINYGLTF_MODE_TRIANGLES && !accessors_->Charge(8 * list.size())) return false;
+  mesh->indices = TrianglesOf(mode, std::move(list));
+  const size_t triangles = mesh->indices.size() / 3;
+  if (triangles > triangles_left_) {
+    diagnostics_->MemoryError(kFile, absl::StrCat(what,
+                                                  ": the scene has more triangles than the "
+                                                  "limit; simplify it"));
+    return false;
+  }
+  triangles_left_ -= triangles;
+  return true;
+}
+
+bool Meshes::ReadTargets(const tinygltf::Primitive& source, const std::string& what,
+                         Primitive* primitive) {
+  if (source.targets.size() > kMorphTargetsMax) {
+    diagnostics_->Error(kFile, absl::StrCat(what, " has ", source.targets.size(),
+                                            " morph targets, the limit is ", kMorphTargetsMax));
+    return false;
+  }
+  const size_t count = primitive->mesh.positions.size();
+  for (const std::map<std::string, int>& attributes : source.targets) {
+    Primitive::Target target;
+    const int positions = AttributeOf(attributes, "POSITION");
+    if (positions >= 0) {
+      auto read = Vectors(positions, count, what + ", POSITION of a morph target");
+      if (!read) return false;
+      target.positions = *std::move(read);
+    }
+    const int normals = AttributeOf(attributes, "NORMAL");
+    if (normals >= 0 && !primitive->mesh.normals.empty()) {
+      auto read = Vectors(normals, count, what + ", NORMAL of a morph target");
+      if (!read) return false;
+      target.normals = *std::move(read);
+    }
+    primitive->targets.push_back(std::move(target));
+  }
+  return true;
+}
+
+bool Meshes::ReadInfluences(const tinygltf::Primitive& source, const std::string& what,
+                            Primitive* primitive) {
+  const size_t count = primitive->mesh.positions.size();
+  std::vector<std::vector<uint32_t>> joints;
+  std::vector<std::vector<float>> weights;
+  for (size_t set = 0; 4 * set < kInfluencesMax; ++set) {
+    const int joint = AttributeOf(source.attributes, absl::StrCat("JOINTS_", set));
+    const int weight = AttributeOf(source.attributes, absl::StrCat("WEIGHTS_", set));
+    if (joint < 0 || weight < 0) break;
+    const std::string name = absl::StrCat(what, ", joints ", set);
+    auto read_joints = accessors_->Integers(joint, 4, name);
+    auto read_weights = accessors_->Floats(weight, 4, name);
+    if (!read_joints || !read_weights || !HasCount(read_joints->size() / 4, count, name) ||
+        !HasCount(read_weights->size() / 4, count, name)) {
+      return false;
+    }
+    joints.push_back(*std::move(read_joints));
+    weights.push_back(*std::move(read_weights));
+  }
+  primitive->influences = 4 * joints.size();
+  for (size_t v = 0; v < count && !joints.empty(); ++v) {
+    float sum = 0;
+    for (const std::vector<float>& set : weights) {
+      for (size_t k = 0; k < 4; ++k) sum += std::fmax(set[4 * v + k], 0.0f);
+    }
+    for (size_t set = 0; set < joints.size(); ++set) {
+      for (size_t k = 0; k < 4; ++k) {
+        const float weight = std::fmax(weights[set][4 * v + k], 0.0f);
+        primitive->joints.push_back(joints[set][4 * v + k]);
+        primitive->weights.push_back(sum > 0 ? weight / sum : 0);
+      }
+    }
+  }
+  return true;
+}
+
+std::optional<Primitive> Meshes::Read(const Key& key, const std::string& what) {
+  const tinygltf::Primitive& source =
+      model_->meshes[static_cast<size_t>(key.mesh)].primitives[key.primitive];
+  const int mode = source.mode < 0 ? TINYGLTF_MODE_TRIANGLES : source.mode;
+  if (mode < TINYGLTF_MODE_TRIANGLES || mode > TINYGLTF_MODE_TRIANGLE_FAN) {
+    diagnostics_->Note(kFile, absl::StrCat(what,
+                                           " consists of points or lines, which have no "
+                                           "surface, and is left out; give them a thickness"));
+    return std::nullopt;
+  }
+  Primitive primitive;
+  if (!ReadVertices(source, key.uv_set, what, &primitive.mesh) ||
+      !ReadTriangles(source, what, &primitive.mesh) || !ReadTargets(source, what, &primitive) ||
+      !ReadInfluences(source, what, &primitive)) {
+    return std::nullopt;
+  }
+  if (primitive.mesh.indices.empty()) return std::nullopt;
+  return primitive;
+}
+
+const Primitive* Meshes::Get(int mesh, size_t primitive, int uv_set) {
+  const Key key{mesh, primitive, uv_set};
+  const auto [entry, is_new] = known_.try_emplace(key);
+  if (is_new) {
+    const std::string what =
+        absl::StrCat(Named("mesh", mesh, model_->meshes[static_cast<size_t>(mesh)].name),
+                     ", primitive ", primitive);
+    entry->second = Read(key, what);
+  }
+  return entry->second ? &*entry->second : nullptr;
+}
+
+}  // namespace sheaf::gltf

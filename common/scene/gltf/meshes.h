@@ -1,0 +1,79 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Meshes: primitives of glTF meshes as triangle meshes (glTF 2.0 specification, sec. 3.7), read
+// once each, and the forms that morph targets and skins give them at a time.
+#pragma once
+
+#include "common/scene/gltf/tinygltf_door.h"
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/math/transform.h"
+#include "common/scene/gltf/accessors.h"
+#include "common/scene/pbrt/syntax/diagnostics.h"
+#include "common/scene/scene_description.h"
+
+namespace sheaf::gltf {
+
+inline constexpr size_t kMorphTargetsMax = 1024;
+inline constexpr size_t kInfluencesMax = 16;  // Joints that move a vertex.
+
+// A primitive as the file has it. Its uv is that of SceneDescription: v points upwards.
+struct Primitive {
+  TriangleMesh mesh;
+  struct Target {
+    std::vector<Vec3f> positions, normals;  // Offsets; each empty or one per vertex.
+  };
+  std::vector<Target> targets;
+  // Per vertex `influences` joints with their weights, which sum to 1. Empty without a skin.
+  size_t influences = 0;
+  std::vector<uint32_t> joints;
+  std::vector<float> weights;
+};
+
+class Meshes {
+ public:
+  // All arguments must outlive this.
+  Meshes(const tinygltf::Model* model, Accessors* accessors, Diagnostics* diagnostics,
+         const SceneReaderLimits& limits)
+      : model_(model),
+        accessors_(accessors),
+        diagnostics_(diagnostics),
+        triangles_left_(limits.triangles_max) {}
+
+  // Null if there is nothing to draw: after an error, which is reported, and for points and lines,
+  // with a note. uv_set: which TEXCOORD becomes its uv. Read once for each set.
+  const Primitive* Get(int mesh, size_t primitive, int uv_set);
+
+ private:
+  struct Key {
+    int mesh;
+    size_t primitive;
+    int uv_set;
+    auto operator<=>(const Key&) const = default;
+  };
+  std::optional<Primitive> Read(const Key& key, const std::string& what);
+  bool ReadVertices(const tinygltf::Primitive& source, int uv_set, const std::string& what,
+                    TriangleMesh* mesh);
+  bool ReadTriangles(const tinygltf::Primitive& source, const std::string& what,
+                     TriangleMesh* mesh);
+  bool ReadTargets(const tinygltf::Primitive& source, const std::string& what,
+                   Primitive* primitive);
+  bool ReadInfluences(const tinygltf::Primitive& source, const std::string& what,
+                      Primitive* primitive);
+  std::optional<std::vector<Vec3f>> Vectors(int accessor, size_t count, const std::string& what);
+  bool HasCount(size_t count, size_t expected, const std::string& what);
+
+  const tinygltf::Model* model_;
+  Accessors* accessors_;
+  Diagnostics* diagnostics_;
+  uint64_t triangles_left_;
+  std::map<Key, std::optional<Primitive>> known_;
+};
+
+}  // namespace sheaf::gltf

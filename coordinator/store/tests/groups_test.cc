@@ -1,0 +1,98 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Parts that concurrent calls write: groups, and calls that meet at one key.
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/check.h"
+#include "common/base/digest.h"
+#include "coordinator/store/tests/test_databases.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+class GroupsTest : public JobStoreFixture {
+ protected:
+  static PartRow RowOf(const std::string& bytes) {
+    PartRow row;
+    row.key.frame = {1, 1};
+    row.key.tile = {0, 0, 16, 16};
+    row.key.block = {0, 16};
+    row.digest = {Sha256Hex(bytes), bytes.size()};
+    row.worker_id = "w";
+    return row;
+  }
+};
+
+TEST_P(GroupsTest, EqualPartsOfConcurrentCallsAreStoredOnce) {
+  const std::string bytes = "equal";
+  std::atomic<int> stored = 0, refused = 0;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i) {
+    threads.emplace_back([&] {
+      const absl::Status status = store_->WritePart(RowOf(bytes), bytes);
+      stored += status.ok() ? 1 : 0;
+      refused += absl::IsAlreadyExists(status) ? 1 : 0;
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(stored, 1);
+  EXPECT_EQ(refused, 7);
+  EXPECT_EQ(*store_->ReadPart(RowOf(bytes)), bytes);
+  EXPECT_EQ(store_->PartsBytes(), bytes.size());
+}
+
+TEST_P(GroupsTest, AnotherPartOfAKeyLeavesNoFile) {
+  ASSERT_TRUE(store_->WritePart(RowOf("one"), "one").ok());
+  EXPECT_EQ(store_->WritePart(RowOf("other"), "other").code(), absl::StatusCode::kAlreadyExists);
+  EXPECT_FALSE(std::filesystem::exists(store_->PartPath(RowOf("other"))));
+  EXPECT_EQ(*store_->ReadPart(RowOf("one")), "one");
+}
+
+TEST_P(GroupsTest, AFileWithoutRowIsReplaced) {
+  const std::string path = store_->PartPath(RowOf("bytes"));
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+  std::ofstream(path) << "half";
+  ASSERT_TRUE(store_->WritePart(RowOf("bytes"), "bytes").ok());
+  EXPECT_EQ(*store_->ReadPart(RowOf("bytes")), "bytes");
+}
+
+// Of one call's trouble the others of its group hear nothing.
+TEST_P(GroupsTest, AKeyThatExistsConcernsItsOwnCallAlone) {
+  ASSERT_TRUE(store_->WritePart(RowOf("first"), "first").ok());
+  std::vector<std::thread> threads;
+  std::atomic<int> stored = 0, refused = 0;
+  for (uint64_t i = 0; i < 8; ++i) {
+    threads.emplace_back([&, i] {
+      const std::string bytes = "part " + std::to_string(i);
+      PartRow row = RowOf(bytes);
+      row.key.block.first = i % 2 == 0 ? 0 : i * 16;
+      const absl::Status status = store_->WritePart(row, bytes);
+      stored += status.ok() ? 1 : 0;
+      refused += absl::IsAlreadyExists(status) ? 1 : 0;
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(stored, 4);
+  EXPECT_EQ(refused, 4);
+}
+
+TEST_P(GroupsTest, AFailedWriteIsRefusedAndTheNextOnesAreNot) {
+  const std::string folder = directory_ + "/parts/1";
+  std::ofstream(folder) << "a file where the folder of the job should be";
+  EXPECT_FALSE(store_->WritePart(RowOf("bytes"), "bytes").ok());
+  EXPECT_EQ(store_->PartsBytes(), 0u);
+  std::filesystem::remove(folder);
+  EXPECT_TRUE(store_->WritePart(RowOf("bytes"), "bytes").ok());
+}
+
+SHEAF_ON_ALL_DATABASES(GroupsTest);
+
+}  // namespace
+}  // namespace sheaf::coordinator
