@@ -19,8 +19,8 @@ void AddFormatOptions(CLI::App* command, ImageFormat* format) {
             "Such a copy cannot be resumed");
   std::vector<std::pair<std::string, ExrCompression>> compressions;
   for (const ExrCompression compression :
-       {ExrCompression::kNone, ExrCompression::kZip, ExrCompression::kZips, ExrCompression::kPiz,
-        ExrCompression::kDwaa, ExrCompression::kDwab}) {
+       {ExrCompression::kUncompressed, ExrCompression::kZip, ExrCompression::kZips,
+        ExrCompression::kPiz, ExrCompression::kDwaa, ExrCompression::kDwab}) {
     compressions.emplace_back(ExrCompressionName(compression), compression);
   }
   AddChoice(command, "--exr-compression", &format->exr.compression, compressions,

@@ -38,7 +38,7 @@ TEST(DerivedFilesTest, AreFilesOfTheirSource) {
 }
 
 TEST(DerivedFilesTest, AreLookedUpWhereNoneAreWritten) {
-  TableFileSource files({{"a.glb.image-1.png", "/cache/1"}});
+  TableFileSource files(std::map<std::string, std::string>{{"a.glb.image-1.png", "/cache/1"}});
   EXPECT_EQ(*files.DerivedPath("a.glb.image-1.png", "ignored"), "/cache/1");
   EXPECT_FALSE(files.DerivedPath("other", "ignored").ok());
   DirectoryFileSource plain(::testing::TempDir());

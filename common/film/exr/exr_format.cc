@@ -34,7 +34,7 @@ constexpr char kMattes[] = "Crypto";
 
 Imf::Compression CompressionOf(ExrCompression compression) {
   switch (compression) {
-    case ExrCompression::kNone:
+    case ExrCompression::kUncompressed:
       return Imf::NO_COMPRESSION;
     case ExrCompression::kZip:
       return Imf::ZIP_COMPRESSION;
@@ -103,10 +103,8 @@ Imf::Header HeaderOf(const FrameImage& image, const ExrFormat& format, const Par
     const auto edge = static_cast<unsigned>(format.tile_size_px);
     header.setTileDescription(Imf::TileDescription(edge, edge, Imf::ONE_LEVEL));
   }
-  if (format.HasSeveralParts()) {
-    header.setName(part.layer);
-    header.setType(format.tile_size_px > 0 ? Imf::TILEDIMAGE : Imf::SCANLINEIMAGE);
-  }
+  if (format.HasSeveralParts()) header.setName(part.layer);
+  header.setType(format.tile_size_px > 0 ? Imf::TILEDIMAGE : Imf::SCANLINEIMAGE);
   for (const size_t i : part.channels) {
     const bool is_half = format.type == ExrType::kHalf && IsColorChannel(image.channel_names[i]);
     header.channels().insert(FileChannelName(image.channel_names[i]),

@@ -18,7 +18,7 @@ namespace sheaf {
 // errors, counts) stay 32-bit floats.
 enum class ExrType : uint8_t { kFloat, kHalf };
 // Those of the file format. kDwaa and kDwab lose precision of colors, the others nothing.
-enum class ExrCompression : uint8_t { kNone, kZip, kZips, kPiz, kDwaa, kDwab };
+enum class ExrCompression : uint8_t { kUncompressed, kZip, kZips, kPiz, kDwaa, kDwab };
 // kMulti: a part for each layer.
 enum class ExrParts : uint8_t { kSingle, kMulti };
 

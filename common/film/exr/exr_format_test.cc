@@ -60,8 +60,8 @@ void ExpectSameImage(const FrameImage& read, const FrameImage& image) {
 
 TEST(ExrFormatTest, FormatsWithoutLossKeepEveryBit) {
   const FrameImage image = MakeImage();
-  for (const ExrCompression compression :
-       {ExrCompression::kNone, ExrCompression::kZip, ExrCompression::kZips, ExrCompression::kPiz}) {
+  for (const ExrCompression compression : {ExrCompression::kUncompressed, ExrCompression::kZip,
+                                           ExrCompression::kZips, ExrCompression::kPiz}) {
     for (const ExrParts parts : {ExrParts::kSingle, ExrParts::kMulti}) {
       for (const int32_t tile_size_px : {0, 16}) {
         const ExrFormat format{ExrType::kFloat, compression, parts, tile_size_px};

@@ -275,12 +275,11 @@ absl::StatusOr<PartLayout> LayoutOf(const ExrFileHeader& file, size_t size_bytes
   }
   absl::StatusOr<FilmOutputs> outputs = OutputsOf(header);
   if (!outputs.ok()) return outputs.status();
-  PartLayout layout{
-      {header.strings.at(kFrameDigestAttribute), header.strings.at(kProfileKey), *lattice, *cells,
-       *kind},
-      *block,
-      *std::move(outputs),
-      CountIdPlanes(header)};
+  PartLayout layout{{header.strings.at(kFrameDigestAttribute), header.strings.at(kProfileKey),
+                     *lattice, *cells, *kind},
+                    *block,
+                    *std::move(outputs),
+                    CountIdPlanes(header)};
   size_t channel_count = kFilmChannelCount + 2 * MeanChannelCount(layout.outputs) +
                          std::min<uint64_t>(block->count, kReplicateCount) * kReplicateChannelCount;
   for (size_t i = 0; i < kIdKindCount; ++i) {

@@ -125,10 +125,9 @@ std::string WhyNoSums(FilmTile& tile, const PixelLattice& lattice, const TileCel
 
 std::string WhyNoLightPasses(FilmTile& tile) {
   if (std::string why = WhyNotFinite(tile); !why.empty()) return why;
-  constexpr std::array kUnused{
-      FilmChannel::kWeightLo, FilmChannel::kAlpha,   FilmChannel::kAlbedoR,
-      FilmChannel::kAlbedoG,  FilmChannel::kAlbedoB, FilmChannel::kNormalX,
-      FilmChannel::kNormalY,  FilmChannel::kNormalZ, FilmChannel::kDepth};
+  constexpr std::array kUnused{FilmChannel::kWeightLo, FilmChannel::kAlpha,   FilmChannel::kAlbedoR,
+                               FilmChannel::kAlbedoG,  FilmChannel::kAlbedoB, FilmChannel::kNormalX,
+                               FilmChannel::kNormalY,  FilmChannel::kNormalZ, FilmChannel::kDepth};
   const auto count = static_cast<float>(tile.block().count);
   for (size_t p = 0; p < tile.plane_size(); ++p) {
     const bool counts = tile.channel(FilmChannel::kSampleCount)[p] == count &&

@@ -5,4 +5,6 @@
 #define TINYGLTF_IMPLEMENTATION
 #include <nlohmann/json.hpp>
 
+#include <fstream>  // The header uses it without TINYGLTF_NO_FS alone.
+
 #include "common/scene/gltf/tinygltf_door.h"

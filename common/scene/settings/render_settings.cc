@@ -129,7 +129,7 @@ bool ScattersLostLight(const MaterialDescription& description) {
         using Material = std::decay_t<decltype(material)>;
         if constexpr (std::is_base_of_v<ClearCoat, Material>) {
           return true;
-        } else if constexpr (!DescribedMaterial<Material> && requires { material.roughness; }) {
+        } else if constexpr (!DescribedMaterial<Material> && requires { material.roughness.u; }) {
           return IsRough(material.roughness.u) || IsRough(material.roughness.v);
         } else {
           return false;

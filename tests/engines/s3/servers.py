@@ -168,7 +168,8 @@ class Swift(Server):
         """A command in the chroot, with the server's folder as /srv."""
         root = os.path.join(INSTALLED, "swift")
         return ["unshare", "-m", "sh", "-c",
-                f"mount --bind '{self.folder}' '{root}/srv' && exec chroot '{root}' {command}"]
+                f"mount --bind '{self.folder}' '{root}/srv' && mount -t proc proc '{root}/proc' && "
+                f"exec chroot '{root}' {command}"]
 
     def configure(self):
         etc = os.path.join(self.folder, "etc")

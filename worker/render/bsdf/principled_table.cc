@@ -12,40 +12,41 @@ namespace {
 
 constexpr int kCosineCount = 256;  // Steps of the film's reflectance over the cosine.
 
-// A film's reflectance by component and cosine.
-template <size_t kCount>
-struct FilmCurves {
-  std::array<std::array<float, kCosineCount + 1>, kCount> value{};
+// A film's reflectance of one component by cosine.
+struct FilmCurve {
+  std::array<float, kCosineCount + 1> value{};
 
-  float At(size_t component, float cosine) const {
+  float At(float cosine) const {
     const float t = std::clamp(cosine, 0.0f, 1.0f) * kCosineCount;
     const int index = std::min(static_cast<int>(t), kCosineCount - 1);
-    const float* at = &value[component][static_cast<size_t>(index)];
+    const float* at = &value[static_cast<size_t>(index)];
     return at[0] + (t - static_cast<float>(index)) * (at[1] - at[0]);
   }
-  double CosineAverage(size_t component) const {
+  double CosineAverage() const {
     double sum = 0;
     for (int i = 0; i < kCosineCount; ++i) {
       const float mu = (static_cast<float>(i) + 0.5f) / kCosineCount;
-      sum += static_cast<double>(At(component, mu)) * 2 * static_cast<double>(mu) / kCosineCount;
+      sum += static_cast<double>(At(mu)) * 2 * static_cast<double>(mu) / kCosineCount;
     }
     return sum;
   }
 };
+template <size_t kCount>
+using FilmCurves = std::array<FilmCurve, kCount>;
 
 template <size_t kCount>
 FilmCurves<kCount> MakeFilmCurves(const PrincipledTableOptions& options) {
-  FilmCurves<kCount> curves;
+  FilmCurves<kCount> curves{};
   if (options.film == nullptr) return curves;
   for (size_t i = 0; i <= kCosineCount; ++i) {
     const float mu = static_cast<float>(i) / kCosineCount;
     if constexpr (kCount == 3) {
       const Rgb rgb = FilmOnDielectric<Rgb>(*options.film, mu, options.eta, {});
-      for (size_t c = 0; c < 3; ++c) curves.value[c][i] = rgb[c];
+      for (size_t c = 0; c < 3; ++c) curves[c].value[i] = rgb[c];
     } else {
       for (size_t c = 0; c < kCount; ++c) {
         const float nm = kWavelengthMinNm + static_cast<float>(c) * kFilmStepNm;
-        curves.value[c][i] =
+        curves[c].value[i] =
             FilmOnDielectric(*options.film, mu, options.eta, Spectral::Gray(nm))[0];
       }
     }
@@ -108,7 +109,7 @@ class RowMaker {
     table->rise_average = static_cast<float>(sum / kAverageCount);
     if (options_.film == nullptr) return;
     for (size_t c = 0; c < kCount; ++c) {
-      table->film_average.push_back(static_cast<float>(film_.CosineAverage(c)));
+      table->film_average.push_back(static_cast<float>(film_[c].CosineAverage()));
     }
   }
 
@@ -138,7 +139,7 @@ class RowMaker {
     const bool is_total = within && !(fresnel.cos_t > 0);
     const float cos_o = within ? std::min(1.0f, fresnel.cos_t) : cosine;
     const auto rise = static_cast<double>(is_total ? 0 : rise_.At(cos_o));
-    const auto film_at = [&](size_t c) { return static_cast<double>(film_.At(c, cos_o)); };
+    const auto film_at = [&](size_t c) { return static_cast<double>(film_[c].At(cos_o)); };
     const bool has_film = options_.film != nullptr && !is_total;
     const Vec3f wi = Reflect(wo, m);
     if (wi.z > 0) {
