@@ -3,7 +3,6 @@
 #include "common/film/denoise/filter_shares.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace sheaf {
 namespace {
@@ -16,21 +15,6 @@ struct Range {
   size_t first, end;
 };
 
-// Sums of a plane over the squares around a row's pixels, always in the same order.
-std::vector<double> SumSquares(const std::vector<float>& plane, size_t width, size_t height,
-                               size_t y, int reach) {
-  std::vector<double> columns(width), sums(width);
-  const Range rows(y, reach, height);
-  for (size_t j = rows.first; j < rows.end; ++j) {
-    for (size_t x = 0; x < width; ++x) columns[x] += double{plane[j * width + x]};
-  }
-  for (size_t x = 0; x < width; ++x) {
-    const Range range(x, reach, width);
-    for (size_t i = range.first; i < range.end; ++i) sums[x] += columns[i];
-  }
-  return sums;
-}
-
 // The share of at least 0 and at most 1 at which 2 l linear + l^2 square is smallest.
 double BestShare(double linear, double square) {
   return linear < 0 ? (square > 0 ? std::min(-linear / square, 1.0) : 1.0) : 0;
@@ -38,13 +22,13 @@ double BestShare(double linear, double square) {
 
 }  // namespace
 
-double SharesQuadratic::At(const std::array<double, kFilterCount>& shares) const {
+double SharesQuadratic::At(const Shares& shares) const {
   return shares[0] * (2 * linear[0] + shares[0] * square[0]) +
          shares[1] * (2 * linear[1] + shares[1] * square[1]) + 2 * shares[0] * shares[1] * product;
 }
 
-std::array<double, kFilterCount> BestShares(const SharesQuadratic& q) {
-  std::array<double, kFilterCount> best{};
+Shares BestShares(const SharesQuadratic& q) {
+  Shares best{};
   double best_value = 0;
   const auto consider = [&](double first, double second) {
     const double value = q.At({first, second});
@@ -67,88 +51,78 @@ std::array<double, kFilterCount> BestShares(const SharesQuadratic& q) {
   return best;
 }
 
-FilterTerms::FilterTerms(size_t width_px, size_t height_px) : width(width_px), height(height_px) {
-  const auto allocate = [&](Planes3* planes) {
-    for (std::vector<float>& plane : *planes) plane.resize(width * height);
-  };
-  for (size_t f = 0; f < kFilterCount; ++f) {
-    allocate(&change[f]);
-    allocate(&gain[f]);
-  }
-  allocate(&variance);
-  allocate(&importance);
-  allocate(&error);
-  for (std::vector<float>& plane : terms) plane.resize(width * height);
-}
-
-void FilterTerms::Multiply() {
-  for (size_t p = 0; p < width * height; ++p) {
-    std::array<double, 5> sums{};
-    for (size_t i = 0; i < 3; ++i) {
-      const double by = double{importance[i][p]};
-      const double first = double{change[0][i][p]}, second = double{change[1][i][p]};
-      sums[0] += by * double{gain[0][i][p]};
-      sums[1] += by * double{gain[1][i][p]};
-      sums[2] += by * first * first;
-      sums[3] += by * second * second;
-      sums[4] += by * first * second;
-    }
-    for (size_t k = 0; k < sums.size(); ++k) terms[k][p] = static_cast<float>(sums[k]);
-  }
-}
-
-void FilterTerms::Choose(size_t y, int reach, Planes3* color) {
-  std::array<std::vector<double>, 5> around;
-  for (size_t k = 0; k < around.size(); ++k) {
-    around[k] = SumSquares(terms[k], width, height, y, reach);
+std::vector<double> SumSquares(const std::vector<float>& plane, size_t width, size_t height,
+                               size_t y, int reach) {
+  std::vector<double> columns(width), sums(width);
+  const Range rows(y, reach, height);
+  for (size_t j = rows.first; j < rows.end; ++j) {
+    for (size_t x = 0; x < width; ++x) columns[x] += double{plane[j * width + x]};
   }
   for (size_t x = 0; x < width; ++x) {
-    const size_t p = y * width + x;
+    const Range range(x, reach, width);
+    for (size_t i = range.first; i < range.end; ++i) sums[x] += columns[i];
+  }
+  return sums;
+}
+
+SharesQuadratic FilteredPixel::QuadraticOf(size_t component) const {
+  const double first = double{change[0][component]}, second = double{change[1][component]};
+  return {{double{gain[0][component]}, double{gain[1][component]}},
+          {first * first, second * second},
+          first * second};
+}
+
+double FilteredPixel::ChangeAt(const Shares& shares, size_t component) const {
+  return shares[0] * double{change[0][component]} + shares[1] * double{change[1][component]};
+}
+
+double FilteredPixel::VarianceAt(const Shares& shares, size_t component) const {
+  const double rest = 1 - shares[0] - shares[1];
+  double sum = rest * rest * double{image_variance[component]} +
+               shares[0] * shares[0] * double{variance[0][component]} +
+               2 * shares[0] * shares[1] * double{variance[1][component]} +
+               shares[1] * shares[1] * double{variance[2][component]};
+  for (size_t f = 0; f < kFilterCount; ++f) {
+    sum += 2 * rest * shares[f] * double{covariance[f][component]};
+  }
+  return sum;
+}
+
+double FilteredPixel::OwnWeightAt(const Shares& shares) const {
+  return 1 - shares[0] * (1 - double{own_weight[0]}) - shares[1] * (1 - double{own_weight[1]});
+}
+
+ShareChoice::ShareChoice(size_t width, size_t height) : width_(width), height_(height) {
+  for (std::vector<float>& plane : terms_) plane.resize(width * height);
+}
+
+void ShareChoice::Set(size_t p, const FilteredPixel& pixel) {
+  std::array<double, 5> sums{};
+  for (size_t i = 0; i < 3; ++i) {
+    const double by = double{pixel.importance[i]};
+    const SharesQuadratic of = pixel.QuadraticOf(i);
+    const std::array<double, 5> values{of.linear[0], of.linear[1], of.square[0], of.square[1],
+                                       of.product};
+    for (size_t k = 0; k < sums.size(); ++k) sums[k] += by * values[k];
+  }
+  for (size_t k = 0; k < sums.size(); ++k) terms_[k][p] = static_cast<float>(sums[k]);
+}
+
+std::vector<Shares> ShareChoice::Choose(size_t y, int reach) const {
+  std::array<std::vector<double>, 5> around;
+  for (size_t k = 0; k < around.size(); ++k) {
+    around[k] = SumSquares(terms_[k], width_, height_, y, reach);
+    for (size_t x = 0; x < width_; ++x) around[k][x] -= double{terms_[k][y * width_ + x]};
+  }
+  std::vector<Shares> shares(width_);
+  for (size_t x = 0; x < width_; ++x) {
     SharesQuadratic sum;
     sum.linear = {around[0][x], around[1][x]};
     sum.square = {around[2][x], around[3][x]};
     sum.product = around[4][x];
-    const std::array<double, kFilterCount> shares = BestShares(sum);
-    for (size_t i = 0; i < 3; ++i) {
-      SharesQuadratic own;
-      double changed = 0;
-      for (size_t f = 0; f < kFilterCount; ++f) {
-        const double e = double{change[f][i][p]};
-        own.linear[f] = double{gain[f][i][p]};
-        own.square[f] = e * e;
-        changed += shares[f] * e;
-      }
-      own.product = double{change[0][i][p]} * double{change[1][i][p]};
-      (*color)[i][p] += static_cast<float>(changed);
-      error[i][p] = static_cast<float>(double{variance[i][p]} + own.At(shares));
-    }
+    shares[x] = BestShares(sum);
   }
-}
-
-void FilterTerms::AverageErrors(size_t y, int reach, Planes3* root) const {
-  const Range rows(y, reach, height);
-  for (size_t i = 0; i < 3; ++i) {
-    const std::vector<double> sums = SumSquares(error[i], width, height, y, reach);
-    for (size_t x = 0; x < width; ++x) {
-      const Range columns(x, reach, width);
-      const auto count =
-          static_cast<double>((rows.end - rows.first) * (columns.end - columns.first));
-      (*root)[i][y * width + x] = static_cast<float>(std::sqrt(std::max(sums[x] / count, 0.0)));
-    }
-  }
-}
-
-void FilterTerms::SumErrors(double* relative, double* absolute) const {
-  double by_importance = 0, plain = 0;
-  for (size_t i = 0; i < 3; ++i) {
-    for (size_t p = 0; p < width * height; ++p) {
-      by_importance += double{error[i][p]} * double{importance[i][p]};
-      plain += double{error[i][p]};
-    }
-  }
-  const auto count = static_cast<double>(3 * width * height);
-  *relative = by_importance / count;
-  *absolute = plain / count;
+  return shares;
 }
 
 }  // namespace sheaf

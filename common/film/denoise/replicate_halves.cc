@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "common/base/check.h"
+#include "common/math/double_float.h"
 #include "common/math/transform.h"
 
 namespace sheaf {
@@ -64,6 +65,29 @@ HalfPixel HalfAt(const FilmTile& sums, const ImageColor& color, uint32_t parity,
   return HalfOf(replicates, count);
 }
 
+// Means of the guides in both halves.
+std::array<std::array<float, kGuideCount>, 2> GuidesAt(const FilmTile& sums, size_t first_guide,
+                                                       const std::array<HalfPixel, 2>& halves,
+                                                       size_t p) {
+  constexpr size_t kAlpha = 6, kDepth = 7;
+  static_assert(kGuideSums[kAlpha] == FilmChannel::kAlpha &&
+                kGuideSums[kDepth] == FilmChannel::kDepth);
+  std::array<std::array<float, kGuideCount>, 2> guides{};
+  std::array<std::array<double, kGuideCount>, 2> of_halves{};
+  for (size_t k = 0; k < kGuideCount; ++k) {
+    const size_t mean = first_guide + k;
+    of_halves[0][k] = DoubleFloat{sums.mean(mean, 0)[p], sums.mean(mean, 1)[p]}.Value();
+    of_halves[1][k] = double{sums.channel(kGuideSums[k])[p]} - of_halves[0][k];
+  }
+  for (size_t h = 0; h < 2; ++h) {
+    for (size_t k = 0; k < kGuideCount; ++k) {
+      const double by = k == kDepth ? of_halves[h][kAlpha] : halves[h].weight;
+      guides[h][k] = by == 0 ? 0 : static_cast<float>(of_halves[h][k] / by);
+    }
+  }
+  return guides;
+}
+
 }  // namespace
 
 void ReplicateHalves::Allocate() {
@@ -74,13 +98,15 @@ void ReplicateHalves::Allocate() {
       half.variance[i].resize(size);
     }
     half.replicate_count.resize(size);
+    for (std::vector<float>& guide : half.guides) guide.resize(size);
   }
   even_share_.resize(size);
 }
 
 void ReplicateHalves::DevelopTile(const FilmTile& sums, const ImageColor& color) {
   const PixelRect tile = sums.rect();
-  SHEAF_CHECK(window_.Contains(tile));
+  const size_t first_guide = FirstGuideMean(sums.outputs());
+  SHEAF_CHECK(window_.Contains(tile) && first_guide != SIZE_MAX);
   if (empty()) Allocate();
   size_t from = 0;
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
@@ -88,7 +114,9 @@ void ReplicateHalves::DevelopTile(const FilmTile& sums, const ImageColor& color)
     for (int32_t x = tile.x0; x < tile.x1; ++x, ++from, ++to) {
       const std::array<HalfPixel, 2> pixel{HalfAt(sums, color, 0, from),
                                            HalfAt(sums, color, 1, from)};
+      const auto guides = GuidesAt(sums, first_guide, pixel, from);
       for (size_t h = 0; h < 2; ++h) {
+        for (size_t k = 0; k < kGuideCount; ++k) halves_[h].guides[k][to] = guides[h][k];
         for (size_t i = 0; i < 3; ++i) {
           halves_[h].mean[i][to] = static_cast<float>(pixel[h].mean[i]);
           halves_[h].variance[i][to] = static_cast<float>(pixel[h].variance[i]);
@@ -102,12 +130,7 @@ void ReplicateHalves::DevelopTile(const FilmTile& sums, const ImageColor& color)
 }
 
 void ReplicateHalves::Add(const ReplicateHalves& other) {
-  SHEAF_CHECK(window_ == other.window_);
-  if (other.empty()) return;
-  if (empty()) {
-    *this = other;
-    return;
-  }
+  SHEAF_CHECK(window_ == other.window_ && !empty() && !other.empty());
   for (size_t h = 0; h < 2; ++h) {
     Half& half = halves_[h];
     const Half& added = other.halves_[h];

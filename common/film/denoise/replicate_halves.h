@@ -6,13 +6,16 @@
 // both means. The two halves are independent, and both have the pixel's true value as their mean.
 //
 // The variance of a half is the ratio estimator's (pixel_replicates.h), from the half's own
-// replicates, so it is unbiased where replicates have equal weights.
+// replicates, so it is unbiased where replicates have equal weights. Each half has guides of its
+// own (denoised_output.h): noise of a guide, as where an edge crosses the pixel, is also noise of
+// light, so that only the guides of the other half are independent of a half's light.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <vector>
 
+#include "common/film/denoised_output.h"
 #include "common/film/film_tile.h"
 #include "common/film/image_color.h"
 #include "common/film/tile_geometry.h"
@@ -25,16 +28,18 @@ class ReplicateHalves {
   struct Half {
     std::array<std::vector<float>, 3> mean, variance;  // R, G, B in the image's primaries.
     std::vector<float> replicate_count;  // Replicates with samples; fewer than 2: no variance.
+    std::array<std::vector<float>, kGuideCount> guides;  // Means; of depth, over hits of surfaces.
   };
 
-  // Allocates memory at the first tile: 60 bytes a pixel.
+  // Allocates memory at the first tile: 124 bytes a pixel.
   explicit ReplicateHalves(PixelRect window) : window_(window) {}
 
-  // Requires: the tile lies in the window, and `color` is the image's.
+  // Requires: the tile lies in the window, has the denoised output, and `color` is the image's.
   // Thread safety: none.
   void DevelopTile(const FilmTile& sums, const ImageColor& color);
-  // Adds the light of an independent film of the same window: means and variances add, and the
-  // smaller number of replicates counts.
+  // Adds the light of an independent film of the same window, as light passes have it: means and
+  // variances add, the smaller number of replicates counts, and guides stay.
+  // Requires: neither is empty.
   void Add(const ReplicateHalves& other);
 
   const PixelRect& window() const { return window_; }
