@@ -12,6 +12,7 @@
 #include "cli/commands/format_options.h"
 #include "common/base/label.h"
 #include "common/command_line/command_line.h"
+#include "common/film/denoised_output.h"
 #include "common/rpc/address.h"
 
 namespace sheaf::cli {
@@ -93,6 +94,10 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
                     "Write the contribution of each group of lights (\"string lightgroup\")");
   command->add_flag("--light-paths", settings->light_paths,
                     "Write the contribution of each kind of path: direct, caustic, fog ...");
+  command->add_flag_callback(
+      "--denoise", [settings] { AddDenoised(&settings->outputs); },
+      "Also write an image with less noise and its expected error (layers denoised and "
+      "denoisedError; see docs/denoise.md)");
 }
 
 std::string CheckOneLine(const std::string& text) {

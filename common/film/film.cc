@@ -12,6 +12,7 @@
 
 #include "common/base/check.h"
 #include "common/film/cryptomatte.h"
+#include "common/film/denoised_output.h"
 #include "common/film/pixel_replicates.h"
 #include "common/math/double_float.h"
 
@@ -30,7 +31,7 @@ struct Planes {
   std::array<float*, 7> weighted;  // A, albedo, normal.
   float *depth, *samples, *nonfinite;
   std::vector<MeanChannel> mean_channels;
-  std::vector<float*> means;                                  // One per mean channel.
+  std::vector<float*> means;  // One per mean channel; null for those of the film alone.
   std::array<float*, kIdKindCount> id_number{};               // Or null.
   std::array<std::vector<float*>, kIdKindCount> cryptomatte;  // Or empty.
   const ImageColor* color_space = nullptr;  // Null if the image keeps the sums' color.
@@ -47,7 +48,11 @@ Planes FindPlanes(FrameImage* image) {
   };
   std::vector<MeanChannel> mean_channels = MeanChannelsOf(image->outputs);
   std::vector<float*> means;
-  for (const MeanChannel& channel : mean_channels) means.push_back(find(channel.name.c_str()));
+  const size_t first_guide = FirstGuideMean(image->outputs);
+  for (size_t i = 0; i < mean_channels.size(); ++i) {
+    const bool is_guide = i >= first_guide && i - first_guide < kGuideCount;
+    means.push_back(is_guide ? nullptr : find(mean_channels[i].name.c_str()));
+  }
   Planes planes{{find("R"), find("G"), find("B")},
                 {find("stderr.R"), find("stderr.G"), find("stderr.B")},
                 {find("A"), find("albedo.R"), find("albedo.G"), find("albedo.B"), find("normal.X"),
@@ -124,6 +129,7 @@ void DevelopMeans(const FilmTile& sums, size_t from, size_t to, double weight,
   const double surface_weight =
       weight == 0 ? 0 : static_cast<double>(sums.channel(FilmChannel::kAlpha)[from]);
   for (size_t i = 0; i < planes.means.size(); ++i) {
+    if (planes.means[i] == nullptr) continue;
     const double sum = DoubleFloat{sums.mean(i, 0)[from], sums.mean(i, 1)[from]}.Value();
     const double by = planes.mean_channels[i].of_surface ? surface_weight : weight;
     planes.means[i][to] = static_cast<float>(Ratio(sum, by));

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "common/film/denoised_output.h"
 #include "common/film/light_path_kind.h"
 
 namespace sheaf {
@@ -34,11 +35,13 @@ constexpr const char* kAlwaysThere[] = {"albedo", "normal", "depth"};
 constexpr char kCameraSpace[] = "space:camera";
 constexpr char kLightPrefix[] = "light:";
 constexpr char kLightPaths[] = "light-paths";
+constexpr char kDenoisedWord[] = "denoised";
 constexpr char kCryptomatteWord[] = "cryptomatte:";
 // Layers of every image and part, in lower case.
-constexpr const char* kReservedLayers[] = {"albedo", "normal", "depth",  "stderr",  "lo",     "p",
-                                           "n",      "ns",     "motion", "samples", "weight", "r",
-                                           "g",      "b",      "a",      "ids",     "rest"};
+constexpr const char* kReservedLayers[] = {
+    "albedo", "normal",   "depth",        "stderr", "lo", "p", "n", "ns",
+    "motion", "samples",  "weight",       "r",      "g",  "b", "a", "ids",
+    "rest",   "denoised", "denoisederror"};
 
 size_t ChannelCountOf(const AovRow& row) { return row.channels[2] != nullptr ? 3 : 2; }
 
@@ -111,6 +114,11 @@ std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
       channels.push_back({kAovs[i].channels[k], true, kAovs[i].is_direction && k == 0, false});
     }
   }
+  if (HasDenoised(outputs)) {
+    for (const char* guide : kGuideChannels) {
+      channels.push_back({absl::StrCat("even.", guide), false, false, false});
+    }
+  }
   for (const std::string& group : outputs.light_groups) {
     for (const char* component : {".R", ".G", ".B"}) {
       channels.push_back({group + component, false, false, component[1] == 'R'});
@@ -124,7 +132,13 @@ size_t MeanChannelCount(const FilmOutputs& outputs) {
   for (size_t i = 0; i < kAovCount; ++i) {
     if (outputs.Has(static_cast<Aov>(i))) count += ChannelCountOf(kAovs[i]);
   }
+  if (HasDenoised(outputs)) count += kGuideCount;
   return count;
+}
+
+size_t FirstGuideMean(const FilmOutputs& outputs) {
+  if (!HasDenoised(outputs)) return SIZE_MAX;
+  return MeanChannelCount(outputs) - 3 * outputs.light_groups.size() - kGuideCount;
 }
 
 const char* AovName(Aov aov) { return kAovs[static_cast<size_t>(aov)].name; }
@@ -175,6 +189,7 @@ std::string FormatOutputs(const FilmOutputs& outputs) {
     }
   }
   if (outputs.camera_space) words.emplace_back(kCameraSpace);
+  if (HasDenoised(outputs)) words.emplace_back(kDenoisedWord);
   if (outputs.light_paths) {
     words.emplace_back(kLightPaths);
   } else {
@@ -190,6 +205,8 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
        static_cast<std::vector<std::string>>(absl::StrSplit(std::string(text), ','))) {
     if (word == kCameraSpace) {
       outputs.camera_space = true;
+    } else if (word == kDenoisedWord) {
+      AddDenoised(&outputs);
     } else if (word == kLightPaths) {
       outputs.AddLightPaths();
     } else if (word.starts_with(kLightPrefix)) {

@@ -11,9 +11,10 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/film/wide_product.h"
+#include "common/film/denoised_output.h"
 #include "common/math/double_float.h"
 #include "common/math/lanes.h"
+#include "common/math/wide_product.h"
 
 namespace sheaf {
 namespace {
@@ -239,15 +240,23 @@ struct PixelAccumulator::Stack {
 // Nodes of the canonical tree for the outputs of one pixel. Merges in place, like a NodeStack.
 class PixelAccumulator::OutputStack {
  public:
-  explicit OutputStack(size_t mean_count) : mean_count_(mean_count) {}
+  explicit OutputStack(const FilmOutputs& outputs)
+      : mean_count_(MeanChannelCount(outputs)), first_guide_(FirstGuideMean(outputs)) {}
 
   void Clear() { leaf_count_ = 0, depth_ = 0; }
-  // An unusable sample leaves an empty leaf.
-  void Push(const OutputSample& sample, float weight, bool usable) {
+  // An unusable sample leaves an empty leaf. guides: summed for the denoised output; null for a
+  // sample of an odd replicate.
+  void Push(const OutputSample& sample, const FilmSample* guides, float weight, bool usable) {
     if (means_.size() < (depth_ + 1) * mean_count_) means_.resize((depth_ + 1) * mean_count_);
     double* leaf = means_.data() + depth_ * mean_count_;
     for (size_t i = 0; i < mean_count_; ++i) {
       leaf[i] = usable ? WideProduct(sample.means[i], weight) : 0.0;
+    }
+    if (first_guide_ != SIZE_MAX && guides != nullptr && usable) {
+      const std::array<float, kGuideCount> values = GuidesOf(*guides);
+      for (size_t k = 0; k < kGuideCount; ++k) {
+        leaf[first_guide_ + k] = WideProduct(values[k], weight);
+      }
     }
     if (ids_.size() <= depth_) ids_.resize(depth_ + 1);
     for (size_t i = 0; i < kIdKindCount; ++i) {
@@ -283,7 +292,7 @@ class PixelAccumulator::OutputStack {
     }
   }
 
-  const size_t mean_count_;
+  const size_t mean_count_, first_guide_;
   std::vector<double> means_;                          // [depth][mean], values of DoubleFloats.
   std::vector<std::array<IdList, kIdKindCount>> ids_;  // [depth]
   IdList scratch_;
@@ -293,7 +302,7 @@ class PixelAccumulator::OutputStack {
 
 PixelAccumulator::PixelAccumulator(FilmTile* tile)
     : tile_(tile), stack_(std::make_unique<Stack>()) {
-  if (!tile->outputs().empty()) output_stack_ = std::make_unique<OutputStack>(tile->mean_count());
+  if (!tile->outputs().empty()) output_stack_ = std::make_unique<OutputStack>(tile->outputs());
   non_finite_.reserve(kNonFiniteReportsMax);
 }
 PixelAccumulator::~PixelAccumulator() = default;
@@ -318,7 +327,8 @@ void PixelAccumulator::Add(uint64_t sample_index, const FilmSample& sample,
   SHEAF_CHECK(output_stack_ != nullptr && outputs.means.size() == tile_->mean_count());
   const bool usable = IsUsable(sample) && IsUsable(outputs, sample.filter_weight);
   AddLeaf(sample_index, sample, usable);
-  output_stack_->Push(outputs, sample.filter_weight, usable);
+  const bool is_even = ReplicateOf(sample_index) % 2 == 0;
+  output_stack_->Push(outputs, is_even ? &sample : nullptr, sample.filter_weight, usable);
 }
 
 void PixelAccumulator::AddLeaf(uint64_t sample_index, const FilmSample& sample, bool usable) {

@@ -13,6 +13,7 @@
 #include "common/base/check.h"
 #include "common/base/digest.h"
 #include "common/film/cryptomatte.h"
+#include "common/film/denoised_output.h"
 
 namespace sheaf {
 
@@ -45,8 +46,11 @@ FrameImage MakeFrameImage(PixelRect window, int32_t frame_width_px, int32_t fram
                          "stderr.R", "stderr.G", "stderr.B", "nonfinite"};
   image.outputs = outputs;
   image.color = color;
-  for (const MeanChannel& channel : MeanChannelsOf(outputs)) {
-    image.channel_names.push_back(channel.name);
+  const std::vector<MeanChannel> means = MeanChannelsOf(outputs);
+  const size_t first_guide = FirstGuideMean(outputs);
+  for (size_t i = 0; i < means.size(); ++i) {
+    const bool is_guide = i >= first_guide && i - first_guide < kGuideCount;
+    if (!is_guide) image.channel_names.push_back(means[i].name);
   }
   for (size_t i = 0; i < kIdKindCount; ++i) {
     const auto kind = static_cast<IdKind>(i);
@@ -54,6 +58,13 @@ FrameImage MakeFrameImage(PixelRect window, int32_t frame_width_px, int32_t fram
     if (!outputs.HasCryptomatte(kind)) continue;
     for (std::string& name : CryptomatteChannels(kind)) {
       image.channel_names.push_back(std::move(name));
+    }
+  }
+  if (HasDenoised(outputs)) {
+    for (const char* layer : {kDenoisedLayer, kDenoisedErrorLayer}) {
+      for (const char* component : {".R", ".G", ".B"}) {
+        image.channel_names.push_back(absl::StrCat(layer, component));
+      }
     }
   }
   image.planes.assign(image.channel_names.size(),

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
+#include "common/film/denoised_output.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -41,6 +42,7 @@ void AddOutputs(const FilmOutputs& outputs, std::string* command) {
   if (!cryptomattes.empty()) {
     absl::StrAppend(command, " --cryptomatte ", absl::StrJoin(cryptomattes, ","));
   }
+  if (HasDenoised(outputs)) absl::StrAppend(command, " --denoise");
   if (outputs.light_paths) {
     absl::StrAppend(command, " --light-paths");
   } else if (!outputs.light_groups.empty()) {

@@ -21,7 +21,7 @@ FUNCTION_LINES_MAX = 80
 # separates folders of one level, which do not include each other.
 ROOMS = {
     "cli": ". < image | gltf < job/format < job | bundle < quote < study < commands",
-    "common/film": ". < light < error < exr",
+    "common/film": ". < denoise | light < error < exr",
     "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt "
                     "< gltf",
     "worker/render": "traits < color < sampling < geometry "

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/film/denoised_output.h"
 #include "common/film/film_outputs.h"
 #include "common/math/double_float.h"
 #include "common/math/mix_bits.h"
@@ -58,6 +59,11 @@ absl::Status CheckOutputs(const FilmOutputs& outputs) {
     return Refuse(
         "ids and cryptomattes cannot be continued: the image has their ranks, not all of their "
         "weights; render them again without the image");
+  }
+  if (HasDenoised(outputs)) {
+    return Refuse(
+        "a denoised image cannot be continued: the image has the guides of all samples, not those "
+        "of each half; render without --denoise, or without the image");
   }
   for (const MeanChannel& channel : MeanChannelsOf(outputs)) {
     if (!channel.starts_direction) continue;

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "common/base/check.h"
-#include "common/film/wide_product.h"
 #include "common/math/double_float.h"
+#include "common/math/wide_product.h"
 
 namespace sheaf {
 namespace {

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/base/digest.h"
+#include "common/film/denoised_output.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "common/scene/spectrum/primaries.h"
 #include "sheaf_build_id.h"
@@ -233,6 +234,11 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                      kWhiteBalanceMaxK, "]"));
   }
   if (absl::Status status = CheckOutputs(scene, resolved.outputs); !status.ok()) return status;
+  if (HasDenoised(resolved.outputs) && resolved.one_sequence) {
+    return absl::InvalidArgumentError(
+        "--denoise needs independent replicates, which --one-sequence does not have; remove one of "
+        "them");
+  }
   return resolved;
 }
 

@@ -14,9 +14,11 @@
 #include "common/base/cpu_clock.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
+#include "common/film/denoised_output.h"
 #include "common/film/error/rare_layers.h"
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/forecast/one_sequence.h"
+#include "coordinator/service/farm/delivery/denoise_frame.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -189,6 +191,10 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   const bool is_sparse = !frame->spec.settings.lattice.All();
   if (!is_sparse) rounds_.AddMetadata(id, image);
   if (is_sparse || IsPilot(id.job_id)) AddPilotFindings(id, frame);
+  if (HasDenoised(image->outputs) && !is_sparse) {
+    const absl::StatusOr<bool> denoised = DenoiseFrame(id, &store_, &tiles_, frame);
+    if (!denoised.ok() || !*denoised) return denoised;
+  }
   image->attributes = CryptomatteAttributes(*image);
   image->attributes.merge(attributes_.Of(frame->spec.scene));
   *delivered = Account(id, *frame);

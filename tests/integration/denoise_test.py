@@ -1,0 +1,86 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""The denoised output is the same for any division of the work, and leaves the image as it is."""
+import json
+import os
+import tempfile
+import unittest
+
+import farm
+
+SCENE = '''Film "rgb" "integer xresolution" 40 "integer yresolution" 32
+Sampler "zsobol" "integer pixelsamples" 24
+Integrator "volpath" "integer maxdepth" 4
+LookAt 0 -5 3  0 0 0.5  0 0 1
+Camera "perspective" "float fov" 35
+WorldBegin
+AttributeBegin
+  Translate 1 -1 4
+  AreaLightSource "diffuse" "rgb L" [6 5 4]
+  Shape "sphere" "float radius" 0.8
+AttributeEnd
+AttributeBegin
+  Translate 0 0 1
+  Material "diffuse" "rgb reflectance" [0.7 0.3 0.2]
+  Shape "sphere" "float radius" 0.7
+AttributeEnd
+Material "diffuse" "rgb reflectance" [0.6 0.6 0.6]
+Shape "bilinearmesh" "point3 P" [-4 -4 0  4 -4 0  -4 4 0  4 4 0]
+'''
+SMALL = ("--tile-size", 16, "--pass-samples", 4, "--lease-passes", 1)
+
+
+class DenoiseTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.scene = os.path.join(cls.folder.name, "ball.pbrt")
+        with open(cls.scene, "w", encoding="utf-8") as f:
+            f.write(SCENE)
+        cls.expected = cls.rendered("expected", "--denoise")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder.name, name + ".exr")
+
+    @classmethod
+    def rendered(cls, name, *arguments):
+        farm.render(cls.scene, cls.path(name), *arguments)
+        return farm.image_digest(cls.path(name))
+
+    def test_layers_are_beside_the_image(self):
+        header = farm.read_bytes(self.path("expected"))[:4096]
+        for channel in (b"R\0", b"denoised.R\0", b"denoisedError.B\0", b"sheaf:denoisedMse\0"):
+            self.assertIn(channel, header)
+        self.assertNotIn(b"even.", header)
+        self.rendered("plain")
+        self.assertNotIn(b"denoised", farm.read_bytes(self.path("plain"))[:4096])
+        compared = json.loads(farm.compare(self.path("plain"), self.path("expected")))
+        self.assertEqual(compared["verdict"], "identical")
+
+    def test_in_one_process(self):
+        for arguments in (SMALL, ("--threads", 3)):
+            with self.subTest(arguments=arguments):
+                self.assertEqual(self.rendered("p", "--denoise", *arguments), self.expected)
+
+    def test_one_and_four_workers(self):
+        for count in (1, 4):
+            with self.subTest(workers=count), farm.Farm() as f:
+                for _ in range(count):
+                    f.start_worker()
+                job = f.sheaf("submit", self.scene, "--denoise", *SMALL).stdout.strip()
+                f.sheaf("watch", job, "-o", self.path("farmed"))
+                self.assertEqual(farm.image_digest(self.path("farmed")), self.expected)
+
+    def test_needs_independent_replicates(self):
+        with self.assertRaisesRegex(AssertionError, "--one-sequence"):
+            self.rendered("one", "--denoise", "--one-sequence")
+
+
+if __name__ == "__main__":
+    unittest.main()
