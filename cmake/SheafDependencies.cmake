@@ -23,6 +23,7 @@ pkg_check_modules(libcurl REQUIRED IMPORTED_TARGET libcurl)  # HTTP to object st
 find_path(TINYGLTF_INCLUDE_DIR tiny_gltf.h REQUIRED)  # glTF scenes; one header
 pkg_check_modules(tinyxml2 REQUIRED IMPORTED_TARGET tinyxml2)  # answers of object stores
 pkg_check_modules(libseccomp REQUIRED IMPORTED_TARGET libseccomp)  # filters of system calls
+pkg_check_modules(libarchive REQUIRED IMPORTED_TARGET GLOBAL libarchive)  # zip files
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
 pkg_check_modules(blosc REQUIRED IMPORTED_TARGET GLOBAL blosc)  # volume grids
 find_path(SHEAF_NANOVDB nanovdb/NanoVDB.h REQUIRED)           # form for lookups, header-only

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "cli/commands/command.h"
+#include "cli/dropped/dropped_scene.h"
 #include "cli/exit_code.h"
 #include "cli/message.h"
 #include "common/base/log.h"
@@ -96,6 +97,9 @@ ExitCode Main(int argc, char** argv) {
 int main(int argc, char** argv) {
   if (argc == 2 && std::string_view(argv[1]) == sheaf::worker::kSceneProcessFlag) {
     return sheaf::worker::RunDirectSceneProcess();
+  }
+  if (argc == 2 && std::string_view(argv[1]) == sheaf::cli::kDroppedSceneFlag) {
+    return sheaf::cli::RunDroppedScene();
   }
   return static_cast<int>(sheaf::cli::Main(argc, argv));
 }

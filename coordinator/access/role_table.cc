@@ -133,6 +133,13 @@ constexpr OperationRule kRules[] = {
     {"POST /api/v1/jobs/{}:release", kSubmit},
     {"POST /api/v1/jobs/{}:approve", kSubmit},
     {"POST /api/v1/gc", kOperate},
+    // Only one's own submissions; their jobs are one's own, too.
+    {"GET /api/v1/submissions", kView},
+    {"GET /api/v1/submissions/{}", kSubmit},
+    {"POST /api/v1/submissions", kSubmit},
+    {"POST /api/v1/submissions/{}/files", kSubmit},
+    {"POST /api/v1/submissions/{}:read", kSubmit},
+    {"POST /api/v1/submissions/{}:discard", kSubmit},
 };
 
 }  // namespace

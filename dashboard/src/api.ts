@@ -305,9 +305,9 @@ export class ApiError extends Error {
   }
 }
 
-const BASE = '/api/v1/';
+export const BASE = '/api/v1/';
 
-const pathOf = (name: string) => BASE + name.split('/').map(encodeURIComponent).join('/');
+export const pathOf = (name: string) => BASE + name.split('/').map(encodeURIComponent).join('/');
 
 async function errorOf(response: Response): Promise<ApiError> {
   let message = response.statusText || 'HTTP status ' + response.status;
@@ -319,7 +319,7 @@ async function errorOf(response: Response): Promise<ApiError> {
   return new ApiError(message, response.status);
 }
 
-async function request<Answer>(path: string, options: RequestInit = {}): Promise<Answer> {
+export async function request<Answer>(path: string, options: RequestInit = {}): Promise<Answer> {
   const response = await fetch(path, {cache: 'no-store', ...options});
   // The session has ended, or the farm has got certificates since the page was loaded.
   if (response.status === 401) location.assign('/login');
@@ -350,7 +350,7 @@ export const getSession = () => request<Session>(BASE + 'session');
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 
 // The header tells the coordinator that its own page sends the request, not another site.
-const OWN_PAGE = {
+export const OWN_PAGE = {
   'X-Sheaf-Request': '1'
 };
 const act = (name: string, action: string) =>

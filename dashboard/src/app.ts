@@ -8,6 +8,7 @@ import './viewer.css';
 import './style.css';
 import './frames.css';
 import './effects.css';
+import './submit.css';
 
 import {CountersView} from './counters';
 import {byId, setText} from './dom';
@@ -24,6 +25,7 @@ import {Live} from './live';
 import {startSession} from './session';
 import {SetAsideView} from './set_aside';
 import {Store} from './store';
+import {SubmitDialog} from './submit_dialog';
 import {startTabs} from './tabs';
 import {startTheme} from './theme';
 import {WorkersView} from './workers';
@@ -107,6 +109,7 @@ async function startViews() {
     () => new WorkersView(store),
     () => new CountersView(store),
     () => new FirstStepsView(store),
+    () => new SubmitDialog(store, select),
   ];
   for (const make of makers) {
     make();

@@ -37,6 +37,7 @@ from load_checks import NOTE_LONG_TASKS, check_lists, check_loading  # noqa: E40
 from look_checks import check_looking  # noqa: E402
 from round_checks import check_rounds  # noqa: E402
 from session_checks import check_session  # noqa: E402
+from submit_checks import check_submission, check_submission_of_a_user  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
 from worker_checks import check_failures, check_workers  # noqa: E402
 
@@ -236,6 +237,10 @@ def check_figures(browser, farm):
 
 def check_what_is_set_aside(browser, farm):
     check_set_aside(browser, farm, lambda name: browser.screenshot(artefact(name)))
+
+
+def check_dropped_scenes(browser, farm):
+    check_submission(browser, farm, lambda name: browser.screenshot(artefact(name)))
 
 
 def check_no_console_errors(browser, _):
@@ -451,7 +456,7 @@ def run_farm():
               check_what_is_known_of_errors, check_pause_and_priority, check_workers_and_failures,
               check_cancel, check_frames, check_slider_between_rounds, check_side_by_side,
               check_refining, check_cost_by_effect, check_figures, check_what_is_set_aside,
-              check_no_console_errors]
+              check_dropped_scenes, check_no_console_errors]
     with Farm(["--poison-workers", "1"]) as farm, Browser() as browser:
         farm.start_worker()
         return run_checks(checks, browser, farm)
@@ -479,7 +484,7 @@ def run_made_up():
 
 def run_session():
     with Browser() as browser:
-        return run_checks([check_session], browser, None)
+        return run_checks([check_session, check_submission_of_a_user], browser, None)
 
 
 def main():

@@ -20,7 +20,7 @@ FUNCTION_LINES_MAX = 80
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
-    "cli": ". < image | gltf < job/format < job | bundle < quote < study < commands",
+    "cli": ". < image | gltf < job/format < job | bundle < dropped | quote < study < commands",
     "common/film": ". < denoise | light < error < exr",
     "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt "
                     "< gltf",
@@ -71,6 +71,8 @@ LAYERS = {
     "coordinator/service/grpc": ("common/", "coordinator/access", "coordinator/core",
                                  "coordinator/scheduling", "coordinator/forecast",
                                  "coordinator/service/view", "coordinator/service/farm"),
+    "coordinator/service/dropped": ("common/base", "common/content", "common/rpc",
+                                    "coordinator/service/view"),
     "coordinator/service/server": ("common/", "coordinator/"),
     "cli": ("common/", "worker/", "coordinator/"),
 }
@@ -92,6 +94,7 @@ DOORS = {
     r"zstd\.h": r"^common/content/",
     r"embree\d/": r"^worker/render/accel/embree_door\.h$",
     r"worker/render/accel/embree_(door|callbacks)\.h": r"^worker/render/accel/",
+    r"archive(_entry)?\.h": r"^cli/dropped/zip_files\.cc$",
     r"curl/": r"^common/objects/http_client\.cc$",
     r"tiny_gltf\.h": r"^common/scene/gltf/tinygltf_door\.h$",
     r"common/scene/gltf/tinygltf_door\.h": r"^common/scene/gltf/",
@@ -105,7 +108,8 @@ DOORS = {
     r"nlohmann/": r"^(cli/|common/scene/gltf/tinygltf\.cc$|coordinator/access/audit_log\.cc$|"
         r"coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
-        r"^(common/rpc/|worker/(sandbox|service|wire)/|coordinator/service/(grpc|server)/|cli/)",
+        r"^(common/rpc/|worker/(sandbox|service|wire)/|"
+        r"coordinator/service/(dropped|grpc|server)/|cli/)",
 }
 
 LEFT_OVERS = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b|not (yet )?implemented|for now\b", re.I)

@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <fstream>
+#include <iterator>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -113,6 +114,16 @@ absl::Status EnterNamespaces() {
   return absl::OkStatus();
 }
 
+// Whether there is nothing to drop. Service managers may refuse capset to those who have none.
+bool HasNoPrivileges() {
+  __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
+  __user_cap_data_struct held[_LINUX_CAPABILITY_U32S_3] = {};
+  if (::syscall(SYS_capget, &header, held) != 0) return false;
+  return std::all_of(std::begin(held), std::end(held), [](const __user_cap_data_struct& set) {
+    return set.effective == 0 && set.permitted == 0 && set.inheritable == 0;
+  });
+}
+
 // Also for the superuser: it keeps its name, but may do nothing that others may not.
 absl::Status DropPrivileges() {
   for (int capability = 0; ::prctl(PR_CAPBSET_READ, capability, 0, 0, 0) >= 0; ++capability) {
@@ -120,8 +131,9 @@ absl::Status DropPrivileges() {
   }
   __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
   __user_cap_data_struct none[_LINUX_CAPABILITY_U32S_3] = {};
-  if (::syscall(SYS_capset, &header, none) != 0)
+  if (::syscall(SYS_capset, &header, none) != 0 && !HasNoPrivileges()) {
     return StatusFromErrno(errno, "dropping privileges");
+  }
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) {
     return StatusFromErrno(errno, "giving up new privileges");
   }
@@ -139,7 +151,8 @@ absl::Status Limit(__rlimit_resource resource, uint64_t value, const char* name)
 
 absl::Status SetLimits(const Confinement& confinement) {
   absl::Status status = Limit(RLIMIT_CORE, 0, "limiting core files");
-  if (status.ok()) status = Limit(RLIMIT_FSIZE, 0, "limiting written files");
+  if (status.ok())
+    status = Limit(RLIMIT_FSIZE, confinement.file_bytes_max, "limiting written files");
   if (status.ok()) status = Limit(RLIMIT_NOFILE, kConfinedOpenFilesMax, "limiting open files");
   if (status.ok() && confinement.protections.Has(Protection::kNamespaces)) {
     status = Limit(RLIMIT_NPROC, kConfinedThreadsMax, "limiting threads");
@@ -173,17 +186,21 @@ absl::Status Confine(const Confinement& confinement, Protections* missing) {
   if (protections.Has(Protection::kNamespaces)) {
     status = apply(Protection::kNamespaces, [&] {
       const absl::Status entered = EnterNamespaces();
-      return entered.ok() ? EnterPrivateRoot(confinement.files, libraries) : entered;
+      return entered.ok()
+                 ? EnterPrivateRoot(confinement.files, libraries, confinement.writable_folder)
+                 : entered;
     });
   }
   if (status.ok()) status = DropPrivileges();
   if (status.ok()) status = SetLimits(confinement);
   if (status.ok() && protections.Has(Protection::kFileAccess)) {
-    status = apply(Protection::kFileAccess,
-                   [&] { return AllowReadingOnly(ReadablePaths(confinement, libraries)); });
+    status = apply(Protection::kFileAccess, [&] {
+      return AllowReadingOnly(ReadablePaths(confinement, libraries), confinement.writable_folder);
+    });
   }
   if (status.ok() && protections.Has(Protection::kSystemCalls)) {
-    status = apply(Protection::kSystemCalls, [] { return FilterSystemCalls(); });
+    status = apply(Protection::kSystemCalls,
+                   [&] { return FilterSystemCalls(!confinement.writable_folder.empty()); });
   }
   return status;
 }

@@ -7,6 +7,7 @@
 #include <signal.h>
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -19,6 +20,10 @@ struct Confinement {
   Protections protections;
   // The scene's files. Without namespaces, a file's target is its source.
   std::vector<MountedFile> files;
+  // A folder in which files may be made, absolute and without symbolic links; empty: none. Each
+  // file has at most so many bytes: writing more fails, and raises SIGXFSZ.
+  std::string writable_folder;
+  uint64_t file_bytes_max = 0;
   // Limit of writable memory (RLIMIT_DATA): allocations beyond it fail.
   uint64_t memory_bytes_max = 0;
 };
@@ -36,12 +41,12 @@ inline constexpr int kStopSupervised = SIGUSR1;
 // The process ends when its parent does. Call again after every fork.
 void EndWithParent();
 
-// Applies the protections, gives up all privileges, and sets the limits above; no core file and no
-// byte of any file is written. With namespaces, it forks: only the new process returns, and this
-// one waits for it and ends as it does (with code kExitBySignal + N for signal N). kStopSupervised
-// ends both. Requires: one thread; with namespaces, at most kMountedFilesMax files. Errors:
-// kUnavailable and similar; *missing is then the protection that could not be applied, or empty,
-// and the process is of no use.
+// Applies the protections, gives up all privileges, and sets the limits above; no core file and,
+// without a writable folder, no byte of any file is written. With namespaces, it forks: only the
+// new process returns, and this one waits for it and ends as it does (with code kExitBySignal + N
+// for signal N). kStopSupervised ends both. Requires: one thread; with namespaces, at most
+// kMountedFilesMax files. Errors: kUnavailable and similar; *missing is then the protection that
+// could not be applied, or empty, and the process is of no use.
 absl::Status Confine(const Confinement& confinement, Protections* missing);
 
 }  // namespace sheaf::worker

@@ -12,9 +12,11 @@
 namespace sheaf::worker {
 
 // From now on, this process and its threads to come can open only these files, and those below
-// these folders, and only to read them. Open files stay open.
+// these folders, and only to read them. Below the folder `writable` (empty: none) files and folders
+// can also be made, written and removed. Open files stay open.
 // Requires: no new privileges (PR_SET_NO_NEW_PRIVS); one thread.
 // Errors: kUnavailable if the kernel has no Landlock or it is turned off.
-absl::Status AllowReadingOnly(const std::vector<std::string>& paths);
+absl::Status AllowReadingOnly(const std::vector<std::string>& paths,
+                              const std::string& writable = "");
 
 }  // namespace sheaf::worker

@@ -96,17 +96,29 @@ absl::Status Seal() {
   return absl::OkStatus();
 }
 
+// Lets a folder, which is a mount, be written again.
+absl::Status Unseal(const std::string& folder) {
+  mount_attr writable{};
+  writable.attr_clr = MOUNT_ATTR_RDONLY;
+  if (::mount_setattr(AT_FDCWD, folder.c_str(), 0, &writable, sizeof writable) != 0) {
+    return Failed(absl::StrCat("making ", folder, " writable"));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status EnterPrivateRoot(const std::vector<MountedFile>& files,
-                              const std::vector<std::string>& paths) {
+                              const std::vector<std::string>& paths, const std::string& writable) {
   absl::Status status = Pivot();
   for (size_t i = 0; status.ok() && i < paths.size(); ++i) status = Repeat(paths[i]);
   for (size_t i = 0; status.ok() && i < files.size(); ++i) {
     status = Bind(files[i].source, files[i].target);
   }
-  if (!status.ok()) return status;
-  return Seal();
+  if (status.ok() && !writable.empty()) status = Bind(writable, writable);
+  if (status.ok()) status = Seal();
+  if (status.ok() && !writable.empty()) status = Unseal(writable);
+  return status;
 }
 
 }  // namespace sheaf::worker

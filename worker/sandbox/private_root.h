@@ -19,10 +19,12 @@ struct MountedFile {
 };
 
 // Mounts the files at their targets, and the paths where they are; there are no devices, no /proc,
-// and nothing can be written. Symbolic links among the paths stay links.
+// and nothing can be written but in `writable`, a folder that is mounted where it is (empty: none).
+// Symbolic links among the paths stay links.
 // Requires: a mount namespace of its own, with the privilege to mount.
 // Errors: kUnavailable and similar, with the step that failed; the file system is then undefined.
 absl::Status EnterPrivateRoot(const std::vector<MountedFile>& files,
-                              const std::vector<std::string>& paths);
+                              const std::vector<std::string>& paths,
+                              const std::string& writable = "");
 
 }  // namespace sheaf::worker

@@ -38,6 +38,13 @@ constexpr int kAllowed[] = {
     SCMP_SYS(gettimeofday), SCMP_SYS(getuid), SCMP_SYS(nanosleep), SCMP_SYS(sysinfo),
     SCMP_SYS(times), SCMP_SYS(uname)};
 
+// For a process with a folder that it may write to.
+constexpr int kWritingCalls[] = {
+    SCMP_SYS(chdir),     SCMP_SYS(fchmod),   SCMP_SYS(fdatasync), SCMP_SYS(fsync),
+    SCMP_SYS(ftruncate), SCMP_SYS(mkdir),    SCMP_SYS(mkdirat),   SCMP_SYS(open),
+    SCMP_SYS(openat),    SCMP_SYS(pwrite64), SCMP_SYS(rename),    SCMP_SYS(renameat),
+    SCMP_SYS(renameat2), SCMP_SYS(rmdir),    SCMP_SYS(unlink),    SCMP_SYS(unlinkat)};
+
 // No library that renders makes these calls.
 constexpr int kDeadly[] = {
     // Networks and other processes' channels.
@@ -127,11 +134,15 @@ void AllowReadingLimits(Filter* filter) {
 
 }  // namespace
 
-absl::Status FilterSystemCalls() {
+absl::Status FilterSystemCalls(bool writes) {
   Filter filter;
   for (const int call : kAllowed) filter.Add(SCMP_ACT_ALLOW, call);
   for (const int call : kDeadly) filter.Add(SCMP_ACT_KILL_PROCESS, call);
-  AllowOpening(&filter);
+  if (writes) {
+    for (const int call : kWritingCalls) filter.Add(SCMP_ACT_ALLOW, call);
+  } else {
+    AllowOpening(&filter);
+  }
   AllowThreads(&filter);
   AllowOwnSignals(&filter);
   AllowReadingLimits(&filter);

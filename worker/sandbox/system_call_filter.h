@@ -12,8 +12,9 @@ namespace sheaf::worker {
 // reading files, memory, threads, clocks. Calls that only an intruder makes (sockets, programs,
 // other processes, mounts, tracing) kill the process with SIGSYS; all others fail with EPERM, so
 // that libraries do without them.
+// writes: files may be made, written and removed, too.
 // Requires: no new privileges (PR_SET_NO_NEW_PRIVS); one thread.
 // Errors: kUnavailable if the kernel has no seccomp filters.
-absl::Status FilterSystemCalls();
+absl::Status FilterSystemCalls(bool writes = false);
 
 }  // namespace sheaf::worker

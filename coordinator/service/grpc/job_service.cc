@@ -89,11 +89,11 @@ absl::Status JobService::RequireBlobs(const JobSpec& spec) const {
   return absl::OkStatus();
 }
 
-absl::StatusOr<JobView> JobService::TryCreate(const grpc::ServerContext& context,
+absl::StatusOr<JobView> JobService::CreateFor(const std::string& owner,
                                               const v1::CreateJobRequest& request) {
   absl::StatusOr<JobSpec> spec = FromWire(request);
   if (!spec.ok()) return spec.status();
-  spec->owner = OwnerOf(context);
+  spec->owner = owner;
   if (absl::Status status = RequireBlobs(*spec); !status.ok()) return status;
   if (absl::Status status = RequireRoom(spec->owner); !status.ok()) return status;
   const absl::StatusOr<uint64_t> id = farm_->CreateJob(*std::move(spec), request.request_id());
@@ -103,7 +103,7 @@ absl::StatusOr<JobView> JobService::TryCreate(const grpc::ServerContext& context
 
 grpc::Status JobService::CreateJob(grpc::ServerContext* context,
                                    const v1::CreateJobRequest* request, v1::Job* response) {
-  const absl::StatusOr<JobView> view = TryCreate(*context, *request);
+  const absl::StatusOr<JobView> view = CreateFor(OwnerOf(*context), *request);
   NoteInAudit(*context, access_, "CreateJob", view.ok() ? JobNameOf(*view) : request->title(),
               view.status());
   if (!view.ok()) return ToGrpcStatus(view.status());

@@ -26,6 +26,10 @@ class JobService final : public v1::JobService::Service {
   // Ends watches, so that the server can stop.
   void Stop() { stopping_ = true; }
 
+  // CreateJob for the owner, who has been let in and whose limits of calls are kept. Errors: those
+  // of the call.
+  absl::StatusOr<JobView> CreateFor(const std::string& owner, const v1::CreateJobRequest& request);
+
   grpc::Status CreateJob(grpc::ServerContext* context, const v1::CreateJobRequest* request,
                          v1::Job* response) override;
   grpc::Status GetJob(grpc::ServerContext* context, const v1::GetJobRequest* request,
@@ -104,8 +108,6 @@ class JobService final : public v1::JobService::Service {
                       const std::string& part = "");
   absl::StatusOr<JobView> TryChange(const grpc::ServerContext& context, const std::string& name,
                                     const std::function<absl::Status(uint64_t)>& change);
-  absl::StatusOr<JobView> TryCreate(const grpc::ServerContext& context,
-                                    const v1::CreateJobRequest& request);
   absl::StatusOr<ShareView> TrySetShare(const v1::SetShareRequest& request);
   // Adds those of these ids. Requires: ids is sorted.
   void AddWorkers(const std::vector<std::string>& ids,

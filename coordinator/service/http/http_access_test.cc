@@ -186,7 +186,8 @@ TEST_F(HttpAccessTest, EachRouteIsOpenByTheTableAlone) {
       const bool to_login = status == 303 && method == "GET";
       const bool permitted = Permits(*RequirementOf(route), role);
       // The job is anna's: sam may control jobs, but not hers.
-      const bool others = method == "POST" && role == Role::kSubmit && path != "/login";
+      const bool others = method == "POST" && role == Role::kSubmit && path != "/login" &&
+                          !absl::StartsWith(path, "/api/v1/submissions");
       EXPECT_EQ(status == 401 || status == 403 || to_login, !permitted || others)
           << (role ? RoleName(*role) : "nobody") << " " << route << ": " << status;
     }

@@ -159,6 +159,20 @@ bool HttpRouter::AdmitsGet(const std::string& path, HttpRequest* request,
          CallerIsAllowed(absl::StrCat("GET ", path), request, refusal);
 }
 
+bool HttpRouter::AdmitsLargeBody(HttpRequest head, uint64_t body_bytes,
+                                 HttpResponse* refusal) const {
+  const std::string path = head.target.substr(0, head.target.find('?'));
+  for (const HttpRoute& route : routes_) {
+    if (route.body_bytes_max < body_bytes || route.method != head.method) continue;
+    if (!PathMatches(route.pattern, path, &head.path_parameters)) continue;
+    return HostIsAllowed(head, refusal) && ChangeIsAllowed(head, route.from_form, refusal) &&
+           CallerIsAllowed(absl::StrCat(route.method, " ", route.pattern), &head, refusal);
+  }
+  *refusal = HttpError(413, "RESOURCE_EXHAUSTED",
+                       absl::StrCat("the request's body of ", body_bytes, " bytes is too long"));
+  return false;
+}
+
 HttpResponse HttpRouter::Answer(const HttpRoute& route, HttpRequest request) const {
   HttpResponse refusal;
   const bool allowed =

@@ -7,6 +7,7 @@
 // header that a page of another site cannot set without a preflight request.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <utility>
@@ -17,6 +18,9 @@
 #include "coordinator/service/view/call_times.h"
 
 namespace sheaf::coordinator {
+
+// Bytes of a body at most, on routes that take more than others, from callers that are let in.
+inline constexpr uint64_t kHttpLargeBodyBytesMax = 2 * 1024 * 1024;
 
 // Answers one request. Runs on the server's only handler thread, so it must not block.
 using HttpFunction = std::function<HttpResponse(const HttpRequest&)>;
@@ -29,6 +33,8 @@ struct HttpRoute {
   HttpFunction answer;
   // Whether a plain form sends it, which cannot set kRequestHeader.
   bool from_form = false;
+  // Bytes of a body at most, from callers that are let in; 0: kHttpBodyBytesMax, from all.
+  uint64_t body_bytes_max = 0;
 };
 
 class HttpRouter {
@@ -47,6 +53,9 @@ class HttpRouter {
   // The checks of Route for a GET request that is answered elsewhere. If they fail, *refusal is the
   // response; otherwise it is not changed. path: the request's, without its query.
   bool AdmitsGet(const std::string& path, HttpRequest* request, HttpResponse* refusal) const;
+  // Whether a request may have a body of so many bytes, more than kHttpBodyBytesMax: the checks of
+  // Route, for the head alone. If not, *refusal is the response.
+  bool AdmitsLargeBody(HttpRequest head, uint64_t body_bytes, HttpResponse* refusal) const;
   const std::vector<HttpRoute>& routes() const { return routes_; }
 
  private:

@@ -32,6 +32,7 @@
 #include "coordinator/service/http/http_beast.h"
 #include "coordinator/service/http/http_connection.h"
 #include "coordinator/service/http/http_tls.h"
+#include "coordinator/service/http/submitting/http_large_body.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -71,10 +72,13 @@ class HttpServer::Impl {
   void AwaitRequest(Connection* connection);
   // Whether a new connection is within the limit of its address, if need be by closing an idle one.
   bool MakeRoomFor(const Connection& connection);
-  // Reads the first request of a connection, or a later one, within its deadlines.
+  // Reads the first request of a connection, or a later one, within its deadlines. Returns how the
+  // reading failed, if it did; *refusal is then the response, if there is one. *large: as
+  // LimitBody.
   asio::awaitable<error_code> ReadRequest(Connection* connection, beast::flat_buffer* buffer,
                                           http::request_parser<http::string_body>* parser,
-                                          bool first);
+                                          bool first, std::optional<HttpResponse>* refusal,
+                                          std::optional<LargeBody>* large);
   // Returns whether the connection can take another request.
   asio::awaitable<bool> Answer(Connection* connection, http::request<http::string_body> message);
   asio::awaitable<HttpResponse> RouteElsewhere(HttpRequest request);
@@ -93,6 +97,7 @@ class HttpServer::Impl {
   uint16_t port_ = 0;
   std::optional<HttpTls> tls_;  // Socket thread only, once it serves; as all that follows.
   ConnectionCounts counts_;
+  int large_bodies_ = 0;
   ConnectionList half_open_;  // Without a complete request so far.
   ConnectionList idle_;       // Between two requests.
   std::set<asio::steady_timer*> sleeping_;
@@ -202,7 +207,8 @@ void HttpServer::Impl::AwaitRequest(Connection* connection) {
 
 asio::awaitable<error_code> HttpServer::Impl::ReadRequest(
     Connection* connection, beast::flat_buffer* buffer,
-    http::request_parser<http::string_body>* parser, bool first) {
+    http::request_parser<http::string_body>* parser, bool first,
+    std::optional<HttpResponse>* refusal, std::optional<LargeBody>* large) {
   error_code error;
   const auto end = [&error] { return asio::redirect_error(asio::use_awaitable, error); };
   HttpStream& stream = connection->stream;
@@ -219,10 +225,15 @@ asio::awaitable<error_code> HttpServer::Impl::ReadRequest(
     co_await http::async_read_header(stream, *buffer, *parser, end());
   }
   if (!error && !parser->is_done()) {
-    stream.expires_after(kHttpBodyTimeout);
+    *refusal = LimitBody(router_, connection->peer.to_string(), parser, &large_bodies_, large);
+    if (*refusal) error = http::error::body_limit;
+  }
+  if (!error && !parser->is_done()) {
+    stream.expires_after(*large ? kHttpLargeBodyTimeout : kHttpBodyTimeout);
     co_await http::async_read(stream, *buffer, *parser, end());
   }
   connection->MoveTo(nullptr);
+  if (error && !*refusal) *refusal = ReadRefusal(error);
   co_return error;
 }
 
@@ -254,17 +265,19 @@ asio::awaitable<void> HttpServer::Impl::Serve(tcp::socket socket) {
   for (bool first = true; keep_alive; first = false) {
     http::request_parser<http::string_body> parser;
     parser.header_limit(kHttpHeaderBytesMax);
-    parser.body_limit(kHttpBodyBytesMax);
-    const error_code error = co_await ReadRequest(&connection, &buffer, &parser, first);
+    parser.body_limit(kHttpLargeBodyBytesMax);
+    std::optional<HttpResponse> refusal;
+    std::optional<LargeBody> large;
+    const error_code error =
+        co_await ReadRequest(&connection, &buffer, &parser, first, &refusal, &large);
     if (error) {
-      std::optional<HttpResponse> refusal = ReadRefusal(error);
       if (refusal) co_await Send(&connection.stream, *std::move(refusal), false, false);
       break;
     }
     if (first && !MakeRoomFor(connection)) {
       const absl::Status why = TooManyConnectionsError(connection.peer);
-      HttpResponse refusal = HttpError(429, "RESOURCE_EXHAUSTED", std::string(why.message()));
-      co_await Send(&connection.stream, std::move(refusal), false, false);
+      refusal = HttpError(429, "RESOURCE_EXHAUSTED", std::string(why.message()));
+      co_await Send(&connection.stream, *std::move(refusal), false, false);
       break;
     }
     keep_alive = co_await Answer(&connection, parser.release());

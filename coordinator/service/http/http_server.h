@@ -5,7 +5,8 @@
 // sends server-sent events to many readers. One thread handles all sockets, so a reader costs
 // memory but no thread. The router's functions run on a second thread, so that encoding an image
 // does not block a stream. Only http_server.cc and the headers
-// http_beast.h, http_connection.h, http_stream.h and http_tls.h use Boost.Beast and Boost.Asio.
+// http_beast.h, http_connection.h, http_stream.h, http_tls.h and submitting/http_large_body.h use
+// Boost.Beast and Boost.Asio.
 #pragma once
 
 #include <chrono>
@@ -35,12 +36,16 @@ inline constexpr size_t kHttpHalfOpenCountMax = 64;
 inline constexpr size_t kHttpConnectionsOfAddressMax = 128;
 inline constexpr uint32_t kHttpHeaderBytesMax = 16 * 1024;
 inline constexpr uint64_t kHttpBodyBytesMax = 64 * 1024;
+// Larger ones, up to kHttpLargeBodyBytesMax, that are in memory at once.
+inline constexpr int kHttpLargeBodiesMax = 32;
 // From the end of one request to the first byte of the next one.
 inline constexpr std::chrono::seconds kHttpIdleTimeout{60};
 // From the start of a connection, or from the first byte of a later request, to the end of the
 // request's head; and from there to the end of its body.
 inline constexpr std::chrono::seconds kHttpHeadTimeout{5};
 inline constexpr std::chrono::seconds kHttpBodyTimeout{10};
+// The same for a larger body: 2 MiB at 140 kbit/s.
+inline constexpr std::chrono::seconds kHttpLargeBodyTimeout{120};
 // From the start of a connection to the end of its TLS handshake; the request's head has its own
 // time after that. Meanwhile the connection is half open.
 inline constexpr std::chrono::seconds kHttpHandshakeTimeout{5};

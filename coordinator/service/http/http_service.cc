@@ -19,8 +19,10 @@ const HttpAccess* PointerTo(const std::optional<HttpAccess>& access) {
   return access ? &*access : nullptr;
 }
 
-std::vector<HttpRoute> AllRoutes(HttpApi* api, const HttpAccess* access) {
+std::vector<HttpRoute> AllRoutes(HttpApi* api, const HttpSubmissions& submissions,
+                                 const HttpAccess* access) {
   std::vector<HttpRoute> routes = api->Routes();
+  for (HttpRoute& route : submissions.Routes()) routes.push_back(std::move(route));
   if (access != nullptr) {
     for (HttpRoute& route : access->Routes()) routes.push_back(std::move(route));
   }
@@ -35,7 +37,9 @@ HttpService::HttpService(const HttpServiceOptions& options, const FarmView& farm
     : access_(AccessOf(options.access)),
       api_(farm, std::move(actions), absl::StrCat(absl::ToUnixMicros(absl::Now())),
            PointerTo(access_), options.metrics),
-      router_(AllRoutes(&api_, PointerTo(access_)), options.allowed_hosts, PointerTo(access_),
+      submissions_(options.submissions),
+      router_(AllRoutes(&api_, submissions_, PointerTo(access_)), options.allowed_hosts,
+              PointerTo(access_),
               options.metrics == nullptr ? nullptr : &options.metrics->http_requests),
       watcher_(farm, &hub_) {}
 

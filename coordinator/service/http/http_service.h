@@ -15,7 +15,9 @@
 #include "coordinator/service/http/http_api.h"
 #include "coordinator/service/http/http_server.h"
 #include "coordinator/service/http/http_watch.h"
+#include "coordinator/service/http/submitting/http_submissions.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/submission_desk.h"
 
 namespace sheaf::coordinator {
 
@@ -28,6 +30,8 @@ struct HttpServiceOptions {
   AccessControl* access = nullptr;
   // Gets the times of requests, and is shown in /metrics; null: none. It must outlive the service.
   ServerMetrics* metrics = nullptr;
+  // Takes scenes that are dropped on the page; null: none are. It must outlive the service.
+  SubmissionDesk* submissions = nullptr;
 };
 
 class HttpService {
@@ -49,6 +53,7 @@ class HttpService {
   EventHub hub_;
   std::optional<HttpAccess> access_;
   HttpApi api_;
+  HttpSubmissions submissions_;
   HttpRouter router_;
   FarmWatcher watcher_;
   std::unique_ptr<HttpServer> server_;

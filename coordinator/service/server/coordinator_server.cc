@@ -20,6 +20,7 @@
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/grpc/call_gate.h"
 #include "coordinator/service/grpc/call_timer.h"
+#include "coordinator/service/server/dropped_jobs.h"
 #include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
@@ -147,6 +148,8 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> CoordinatorServer::Start(
   if (certified) {
     if (absl::Status status = server->OpenAccess(options); !status.ok()) return status;
   }
+  server->job_service_ = std::make_unique<JobService>(server->farm_.get(), server->access_.get());
+  if (absl::Status status = server->StartSubmissions(options); !status.ok()) return status;
   if (absl::Status status = server->StartHttp(options); !status.ok()) return status;
   if (absl::Status status = server->StartGrpc(options); !status.ok()) return status;
   return server;
@@ -182,8 +185,30 @@ void CoordinatorServer::AddListeningPort(const CoordinatorOptions& options,
                             &port_);
 }
 
+absl::Status CoordinatorServer::StartSubmissions(const CoordinatorOptions& options) {
+  if (options.http_address.empty()) return absl::OkStatus();
+  SubmissionOptions dropped;
+  dropped.folder = absl::StrCat(options.farm.state_directory, "/dropped");
+  dropped.program = options.scene_reader;
+  dropped.limits.bytes_max = options.drop_bytes_max;
+  if (options.drop_bytes_max == 0) {
+    dropped.why_not = "this coordinator takes no dropped scenes (--drop-bytes-max 0)";
+  } else if (options.scene_reader.empty()) {
+    dropped.why_not =
+        "this coordinator reads no scenes: the program sheaf is not installed beside "
+        "sheaf-coordinator";
+  }
+  const DroppedJobsTo to{farm_.get(), job_service_.get(), access_.get()};
+  absl::StatusOr<std::unique_ptr<Submissions>> submissions = Submissions::Start(
+      std::move(dropped),
+      [to](const SubmissionCaller& caller, const std::string& folder,
+           const v1::PrepareReply& reply) { return MakeDroppedJob(to, caller, folder, reply); });
+  if (!submissions.ok()) return submissions.status();
+  submissions_ = *std::move(submissions);
+  return absl::OkStatus();
+}
+
 absl::Status CoordinatorServer::StartGrpc(const CoordinatorOptions& options) {
-  job_service_ = std::make_unique<JobService>(farm_.get(), access_.get());
   worker_service_ = std::make_unique<WorkerService>(farm_.get(), access_.get());
   content_service_ = std::make_unique<ContentService>(farm_.get(), access_.get());
   transfer_service_ = std::make_unique<TransferService>(farm_.get(), access_.get());
@@ -217,6 +242,7 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
   http.server.port = address->port;
   http.allowed_hosts = options.allowed_hosts;
   http.metrics = &metrics_;
+  http.submissions = submissions_.get();
   http.server.allow_remote = options.insecure_remote_allowed || access_ != nullptr;
   if (access_ != nullptr) {
     http.access = access_.get();
@@ -239,6 +265,7 @@ CoordinatorServer::~CoordinatorServer() { Stop(); }
 
 void CoordinatorServer::Stop() {
   http_.reset();
+  submissions_.reset();
   if (job_service_ != nullptr) job_service_->Stop();
   if (server_ == nullptr) return;
   server_->Shutdown(std::chrono::system_clock::now() + absl::ToChronoNanoseconds(kStopGrace));

@@ -10,6 +10,7 @@
 #include <grpcpp/server_builder.h>
 
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
@@ -17,6 +18,7 @@
 
 #include "absl/status/statusor.h"
 #include "coordinator/access/access_control.h"
+#include "coordinator/service/dropped/submissions.h"
 #include "coordinator/service/farm/farm.h"
 #include "coordinator/service/grpc/access_service.h"
 #include "coordinator/service/grpc/content_service.h"
@@ -55,6 +57,9 @@ struct CoordinatorOptions {
   // Listen without encryption where other machines can connect. gRPC and HTTP are encrypted in
   // any case where the state directory has a certificate authority.
   bool insecure_remote_allowed = false;
+  // The program `sheaf`, which reads scenes that are dropped on the page; empty: none can be.
+  std::string scene_reader;
+  uint64_t drop_bytes_max = uint64_t{4} << 30;  // Of the files of one scene; 0: none.
 };
 
 class CoordinatorServer {
@@ -89,6 +94,7 @@ class CoordinatorServer {
   void AddListeningPort(const CoordinatorOptions& options, grpc::ServerBuilder* builder);
   absl::Status StartGrpc(const CoordinatorOptions& options);
   absl::Status StartHttp(const CoordinatorOptions& options);
+  absl::Status StartSubmissions(const CoordinatorOptions& options);
 
   ServerMetrics metrics_{CoordinatorBuild()};  // Of the services below.
   std::unique_ptr<AccessControl> access_;
@@ -100,6 +106,7 @@ class CoordinatorServer {
   std::unique_ptr<ContentService> content_service_;
   std::unique_ptr<TransferService> transfer_service_;
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<Submissions> submissions_;
   std::unique_ptr<HttpService> http_;
   std::jthread certificate_upkeep_;
   int port_ = 0;

@@ -5,12 +5,15 @@
 // Exit codes: 0 stopped as asked; 1 could not run (one line says why); 2 wrong usage.
 #include <pthread.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/numbers.h"
@@ -48,6 +51,15 @@ constexpr uint64_t kScrubBytesPerSecondDefault = uint64_t{4} << 20;
 // How long a coordinator that takes a farm over may load it, with a watchdog; as TimeoutStartSec of
 // its unit (deploy/systemd).
 constexpr absl::Duration kLoadMax = absl::Minutes(15);
+
+// The program sheaf beside this one; empty if it is not there.
+std::string SceneReaderBeside() {
+  std::error_code error;
+  const std::filesystem::path own = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (error) return "";
+  std::string path = (own.parent_path() / "sheaf").string();
+  return ::access(path.c_str(), X_OK) == 0 ? path : "";
+}
 
 std::string DefaultStateDirectory() {
   const char* home = std::getenv("HOME");
@@ -157,6 +169,7 @@ void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
 void AddOptions(CommandLine* line, CLI::App* app) {
   FarmOptions& farm = line->server.farm;
   farm.state_directory = DefaultStateDirectory();
+  line->server.scene_reader = SceneReaderBeside();
   line->server.listen_address = kCoordinatorAddress;
   line->server.http_address = "127.0.0.1:7480";
   app->add_option("--listen", line->server.listen_address,
@@ -209,6 +222,11 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   app->add_option("--merge-memory-max", farm.merge_bytes_max, "Memory for unfinished tiles")
       ->capture_default_str();
   AddRetentionOptions(&farm, app);
+  app->add_option(
+         "--drop-bytes-max", line->server.drop_bytes_max,
+         "Size of the files of a scene that is dropped on the page, e.g. 16G (default 4G). "
+         "0: none can be")
+      ->transform(CLI::AsSizeValue(false));
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
                 "For experiments: listen without encryption on addresses that other machines can "
                 "reach; everybody who reaches them controls the farm");

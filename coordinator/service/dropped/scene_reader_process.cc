@@ -1,0 +1,273 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/dropped/scene_reader_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "common/base/memory_room.h"
+#include "common/base/status.h"
+#include "common/base/steady_time.h"
+#include "common/content/file_descriptor.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+namespace fs = std::filesystem;
+
+// As the program has it (kDroppedSceneFlag of cli/dropped).
+constexpr char kReaderFlag[] = "--dropped-scene";
+constexpr const char* kReaderVariables[] = {"LD_LIBRARY_PATH", "LD_PRELOAD",   "ASAN_OPTIONS",
+                                            "LSAN_OPTIONS",    "TSAN_OPTIONS", "UBSAN_OPTIONS"};
+// The exit code of a process in namespaces for the signal N is this + N.
+constexpr int kReaderExitBySignal = 128;
+// A process that has closed its output is about to end.
+constexpr absl::Duration kEndPatience = absl::Seconds(5);
+constexpr absl::Duration kEndInterval = absl::Milliseconds(5);
+
+struct ReaderPipe {
+  FileDescriptor read, write;
+};
+
+absl::StatusOr<ReaderPipe> MakeReaderPipe() {
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) return StatusFromErrno(errno, "making a pipe");
+  return ReaderPipe{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
+}
+
+// How the process begins: its descriptors, and a group and signals of its own.
+class SpawnSettings {
+ public:
+  SpawnSettings(int input, int output) {
+    ::posix_spawn_file_actions_init(&actions_);
+    ::posix_spawn_file_actions_adddup2(&actions_, input, STDIN_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions_, output, STDOUT_FILENO);
+    ::posix_spawn_file_actions_addopen(&actions_, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    ::posix_spawnattr_init(&attributes_);
+    ::posix_spawnattr_setflags(
+        &attributes_, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    ::posix_spawnattr_setpgroup(&attributes_, 0);
+    sigset_t signals;
+    sigemptyset(&signals);
+    ::posix_spawnattr_setsigmask(&attributes_, &signals);
+    sigaddset(&signals, SIGPIPE);
+    ::posix_spawnattr_setsigdefault(&attributes_, &signals);
+  }
+  ~SpawnSettings() {
+    ::posix_spawnattr_destroy(&attributes_);
+    ::posix_spawn_file_actions_destroy(&actions_);
+  }
+  SpawnSettings(const SpawnSettings&) = delete;
+  SpawnSettings& operator=(const SpawnSettings&) = delete;
+  const posix_spawn_file_actions_t* actions() const { return &actions_; }
+  const posix_spawnattr_t* attributes() const { return &attributes_; }
+
+ private:
+  posix_spawn_file_actions_t actions_;
+  posix_spawnattr_t attributes_;
+};
+
+// A process and the group that it leads; both end with this object.
+class ReaderProcess {
+ public:
+  static absl::StatusOr<std::unique_ptr<ReaderProcess>> Start(const std::string& program) {
+    absl::StatusOr<ReaderPipe> input = MakeReaderPipe();
+    if (!input.ok()) return input.status();
+    absl::StatusOr<ReaderPipe> output = MakeReaderPipe();
+    if (!output.ok()) return output.status();
+    const SpawnSettings settings(input->read.get(), output->write.get());
+    std::string name = program, flag = kReaderFlag;
+    char* const arguments[] = {name.data(), flag.data(), nullptr};
+    std::vector<std::string> texts;
+    for (const char* variable : kReaderVariables) {
+      const char* const value = std::getenv(variable);
+      if (value != nullptr) texts.push_back(absl::StrCat(variable, "=", value));
+    }
+    std::vector<char*> environment;
+    for (std::string& text : texts) environment.push_back(text.data());
+    environment.push_back(nullptr);
+    pid_t pid = -1;
+    const int error = ::posix_spawn(&pid, program.c_str(), settings.actions(),
+                                    settings.attributes(), arguments, environment.data());
+    if (error != 0) return StatusFromErrno(error, absl::StrCat("starting ", program));
+    return std::unique_ptr<ReaderProcess>(
+        new ReaderProcess(pid, std::move(input->write), std::move(output->read)));
+  }
+  ~ReaderProcess() { End(); }
+  ReaderProcess(const ReaderProcess&) = delete;
+  ReaderProcess& operator=(const ReaderProcess&) = delete;
+
+  pid_t pid() const { return pid_; }
+  int output() const { return output_.get(); }
+
+  // Requires: less than a pipe holds, so that it does not wait.
+  absl::Status Give(std::string_view request) {
+    const ssize_t written = ::write(input_.get(), request.data(), request.size());
+    input_.Close();
+    if (written == static_cast<ssize_t>(request.size())) return absl::OkStatus();
+    return absl::UnavailableError("the process that reads scenes took no request");
+  }
+
+  // Waits for the end at most so long, kills what still runs, and returns how it ended, as waitpid
+  // has it.
+  int End(absl::Duration patience = absl::ZeroDuration()) {
+    if (ended_) return status_;
+    for (const SteadyTime end = SteadyTime::Now() + patience; SteadyTime::Now() < end;) {
+      siginfo_t info{};
+      if (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOWAIT | WNOHANG) != 0 ||
+          info.si_pid == pid_) {
+        break;
+      }
+      absl::SleepFor(kEndInterval);
+    }
+    // The group exists as long as its leader is not waited for.
+    ::kill(-pid_, SIGKILL);
+    while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
+    }
+    ended_ = true;
+    return status_;
+  }
+
+ private:
+  ReaderProcess(pid_t pid, FileDescriptor input, FileDescriptor output)
+      : pid_(pid), input_(std::move(input)), output_(std::move(output)) {}
+
+  const pid_t pid_;
+  FileDescriptor input_;
+  const FileDescriptor output_;
+  bool ended_ = false;
+  int status_ = 0;
+};
+
+absl::Status LimitCpu(pid_t pid, absl::Duration cpu_max) {
+  const auto seconds = static_cast<rlim_t>(absl::ToInt64Seconds(cpu_max));
+  const rlimit limit{seconds, seconds};
+  if (::prlimit(pid, RLIMIT_CPU, &limit, nullptr) != 0) {
+    return StatusFromErrno(errno, "limiting the processor time of the process that reads scenes");
+  }
+  return absl::OkStatus();
+}
+
+// Whether what was written is within the limits. A folder that is being changed may be counted in
+// part.
+absl::Status CheckWritten(const std::string& folder, const ReaderProcessLimits& limits) {
+  uint64_t bytes = 0, files = 0;
+  std::error_code error;
+  fs::recursive_directory_iterator it(folder, fs::directory_options::skip_permission_denied, error);
+  for (; !error && it != fs::recursive_directory_iterator(); it.increment(error)) {
+    std::error_code gone;
+    ++files;
+    if (fs::is_regular_file(it->symlink_status(gone))) {
+      const uint64_t size = it->file_size(gone);
+      if (!gone) bytes += size;
+    }
+  }
+  // Folders count, too: a folder for each file is the most that is needed.
+  if (files <= uint64_t{2} * limits.written_files_max && bytes <= limits.written_bytes_max) {
+    return absl::OkStatus();
+  }
+  return absl::ResourceExhaustedError(absl::StrCat(
+      "the files within the dropped ones are larger than ", FormatMemory(limits.written_bytes_max),
+      " or more than ", limits.written_files_max, "; use sheaf submit"));
+}
+
+// Adds what has come to *reply. Returns whether more may come.
+absl::StatusOr<bool> ReadSome(int output, size_t bytes_max, std::string* reply) {
+  char piece[64 << 10];
+  const ssize_t size = ::read(output, piece, sizeof piece);
+  if (size < 0 && errno == EINTR) return true;
+  if (size < 0) return StatusFromErrno(errno, "reading from the process that reads scenes");
+  if (size == 0) return false;
+  reply->append(piece, static_cast<size_t>(size));
+  if (reply->size() <= bytes_max) return true;
+  return absl::ResourceExhaustedError(
+      "the scene has too many frames or messages; use sheaf submit");
+}
+
+absl::StatusOr<std::string> AwaitReply(const ReaderProcess& process, const std::string& folder,
+                                       const ReaderProcessLimits& limits,
+                                       const std::stop_token& stop) {
+  std::string reply;
+  const SteadyTime begin = SteadyTime::Now();
+  SteadyTime next_look = begin + kWrittenInterval;
+  while (true) {
+    if (stop.stop_requested()) return absl::CancelledError("the coordinator stops");
+    const SteadyTime now = SteadyTime::Now();
+    if (now - begin > limits.wall_max) {
+      return absl::DeadlineExceededError(absl::StrCat("reading the scene takes longer than ",
+                                                      absl::FormatDuration(limits.wall_max),
+                                                      "; use sheaf submit"));
+    }
+    if (now > next_look) {
+      absl::Status written = CheckWritten(folder + "/scratch", limits);
+      if (!written.ok()) return written;
+      next_look = SteadyTime::Now() + kWrittenInterval;
+    }
+    pollfd ready{process.output(), POLLIN, 0};
+    const int milliseconds = static_cast<int>(absl::ToInt64Milliseconds(kWrittenInterval));
+    if (::poll(&ready, 1, milliseconds) <= 0) continue;
+    const absl::StatusOr<bool> more = ReadSome(process.output(), limits.reply_bytes_max, &reply);
+    if (!more.ok()) return more.status();
+    if (!*more) return reply;
+  }
+}
+
+// Why a process that gave no answer ended.
+absl::Status EndedError(int status, const ReaderProcessLimits& limits) {
+  const int code = WIFEXITED(status) ? WEXITSTATUS(status) : 0;
+  const int number = WIFSIGNALED(status) ? WTERMSIG(status) : code - kReaderExitBySignal;
+  if (number == SIGXCPU) {
+    return absl::DeadlineExceededError(absl::StrCat("reading the scene takes more than ",
+                                                    absl::FormatDuration(limits.cpu_max),
+                                                    " of processor time; use sheaf submit"));
+  }
+  const std::string how =
+      number > 0 ? absl::StrCat("by signal ", number) : absl::StrCat("with code ", code);
+  return absl::InvalidArgumentError(absl::StrCat(
+      "the process that read the scene ended ", how, ": the scene is damaged, or needs more than ",
+      FormatMemory(limits.memory_bytes_max), " of memory; sheaf plan SCENE tells more"));
+}
+
+}  // namespace
+
+absl::StatusOr<v1::PrepareReply> ReadDroppedScene(const std::string& program,
+                                                  const std::string& folder,
+                                                  v1::PrepareRequest request,
+                                                  const ReaderProcessLimits& limits,
+                                                  const std::stop_token& stop) {
+  request.set_folder(folder);
+  request.set_memory_bytes_max(limits.memory_bytes_max);
+  request.set_written_bytes_max(limits.written_bytes_max);
+  request.set_written_files_max(limits.written_files_max);
+  absl::StatusOr<std::unique_ptr<ReaderProcess>> process = ReaderProcess::Start(program);
+  if (!process.ok()) return process.status();
+  absl::Status status = LimitCpu((*process)->pid(), limits.cpu_max);
+  if (status.ok()) status = (*process)->Give(request.SerializeAsString());
+  if (!status.ok()) return status;
+  const absl::StatusOr<std::string> bytes = AwaitReply(**process, folder, limits, stop);
+  if (!bytes.ok()) return bytes.status();
+  v1::PrepareReply reply;
+  if (bytes->empty() || !reply.ParseFromString(*bytes)) {
+    return EndedError((*process)->End(kEndPatience), limits);
+  }
+  return reply;
+}
+
+}  // namespace sheaf::coordinator
