@@ -49,7 +49,8 @@ class SheafSettings(bpy.types.PropertyGroup):
     seed: bpy.props.IntProperty(name="Seed", min=0, default=0)
     techniques: bpy.props.EnumProperty(name="Techniques", items=[
         (name, name, "") for name in ("camera", "auto", "camera+light", "camera+guiding",
-                                      "camera+light+guiding")], default="camera")
+                                      "camera+light+guiding", "camera+guiding+splitting",
+                                      "camera+light+guiding+splitting")], default="camera")
     filter_type: bpy.props.EnumProperty(name="Pixel Filter", items=(
         ("BLACKMAN_HARRIS", "Blackman-Harris", "The Gaussian of the same width"),
         ("GAUSSIAN", "Gaussian", ""), ("BOX", "Box", "")), default="BLACKMAN_HARRIS")

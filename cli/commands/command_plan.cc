@@ -112,6 +112,10 @@ class PlanCommand : public Command {
                                         Techniques::kCameraAndLightGuided}) {
       gains[TechniquesName(techniques)] = measured.Gain(techniques);
     }
+    if (measured.split) {
+      const Techniques split = WithSplitting(measured.Best());
+      gains[TechniquesName(split)] = measured.Gain(split);
+    }
     return {{"best", TechniquesName(measured.Best())},
             {"gain", measured.Gain(measured.Best())},
             {"gains", gains},

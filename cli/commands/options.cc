@@ -191,7 +191,8 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
       "Where paths begin: at the camera; at the camera and at lights, which finds caustics and "
       "small lights behind glass sooner; or at lights alone where possible. +guiding: paths from "
       "the camera also go where a training, before the first sample, found light, for rooms that "
-      "are lit indirectly. All have the same mean. auto: at lights too if that pays, which a small "
+      "are lit indirectly. +splitting: several paths go on from where that light matters most. All "
+      "have the same mean. auto: at lights too if that pays, which a small "
       "image measures first (default: those of the scene's integrator)");
   command->add_flag("--generic", settings->force_generic_variant,
                     "Run the variant that supports every effect; changes no pixel");

@@ -29,6 +29,10 @@ static_assert(static_cast<int>(Techniques::kLight) == v1::TECHNIQUES_LIGHT &&
               static_cast<int>(Techniques::kCameraGuided) == v1::TECHNIQUES_CAMERA_GUIDED &&
               static_cast<int>(Techniques::kCameraAndLightGuided) ==
                   v1::TECHNIQUES_CAMERA_AND_LIGHT_GUIDED &&
+              static_cast<int>(Techniques::kCameraGuidedSplit) ==
+                  v1::TECHNIQUES_CAMERA_GUIDED_SPLIT &&
+              static_cast<int>(Techniques::kCameraAndLightGuidedSplit) ==
+                  v1::TECHNIQUES_CAMERA_AND_LIGHT_GUIDED_SPLIT &&
               v1::Techniques_ARRAYSIZE == kTechniquesCount);
 
 const google::protobuf::FieldDescriptor* FieldOf(const SettingField& field) {

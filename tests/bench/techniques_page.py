@@ -38,7 +38,8 @@ PUBLIC = [
 REFERENCE_TECHNIQUES = "camera+light+guiding"
 REFERENCE_FACTOR = 16
 PICTURES = ("caustic", "ajar", "frosted")
-TECHNIQUES = ("camera", "camera+light", "camera+guiding", "camera+light+guiding")
+TECHNIQUES = ("camera", "camera+light", "camera+guiding", "camera+light+guiding",
+              "camera+guiding+splitting", "camera+light+guiding+splitting")
 
 
 def run(command):
@@ -68,7 +69,7 @@ def measure(sheaf, name, scene, samples, folder, pictures):
     for techniques in TECHNIQUES:
         out = os.path.join(folder, techniques + ".exr")
         png = None
-        if name in PICTURES and techniques in (TECHNIQUES[0], TECHNIQUES[-1]):
+        if name in PICTURES and techniques in (TECHNIQUES[0], REFERENCE_TECHNIQUES):
             png = os.path.join(pictures, f"{name}-{techniques.replace('+', '-')}.png")
         cpu_seconds = render(sheaf, scene, techniques, samples, 1, out, png)
         compared = json.loads(run([sheaf, "compare", reference, out, "--json"]))

@@ -144,6 +144,16 @@ class GuidedFarmTest(unittest.TestCase):
             f.kill(self.random.choice(f.workers))
             self.assertEqual(self.finished(f, job), self.expected)
 
+    def test_split_paths(self):
+        split = ("--samples", 8, "--techniques", "camera+guiding+splitting")
+        expected = self.rendered("split", *split)
+        self.assertNotEqual(self.rendered("unsplit", "--samples", 8, *GUIDED), expected)
+        with farm.Farm() as f:
+            for _ in range(4):
+                f.start_worker()
+            job = f.sheaf("submit", self.scene, *split, *SMALL).stdout.strip()
+            self.assertEqual(self.finished(f, job), expected)
+
     def test_killed_coordinators(self):
         with farm.Farm(["--lease-seconds", "2"]) as f:
             for _ in range(2):

@@ -101,6 +101,21 @@ TEST(GuidingTrainingTest, DependsOnTheFrameAlone) {
   }
 }
 
+// What paths contribute is learned after all else.
+TEST(GuidingTrainingTest, SplittingAddsToTheField) {
+  for (const TestScene& t : Scenes()) {
+    FrameSettings settings = GuidedSettings();
+    const std::string guided = FieldFor(t, settings);
+    settings.techniques = Techniques::kCameraGuidedSplit;
+    const std::string split = FieldFor(t, settings);
+    EXPECT_GT(split.size(), guided.size());
+    EXPECT_TRUE(split.starts_with(guided));
+    EXPECT_TRUE(FieldFor(t, settings, 4) == split);
+    settings.window = {5, 7, 11, 20};
+    EXPECT_TRUE(FieldFor(t, settings) == split);
+  }
+}
+
 TEST(GuidingTrainingTest, DependsOnWhatPathsDependOn) {
   const TestScene t = SlitRoom({1}, 0.3f);
   const std::string field = FieldFor(t, GuidedSettings());
@@ -219,8 +234,8 @@ TEST(GuidingTrainingTest, DamagedFieldsAreRefused) {
 // --- One image -----------------------------------------------------------------------------------
 
 TEST(GuidedFrameTest, CropsAreThatPartOfTheWhole) {
-  for (const Techniques techniques :
-       {Techniques::kCameraGuided, Techniques::kCameraAndLightGuided}) {
+  for (const Techniques techniques : {Techniques::kCameraGuided, Techniques::kCameraAndLightGuided,
+                                      Techniques::kCameraGuidedSplit}) {
     FrameSettings settings = GuidedSettings();
     settings.techniques = techniques;
     for (const TestScene& t : {SlitRoom({1}, 0.3f), Cloudy({1})}) {

@@ -81,6 +81,27 @@ TEST(TechniqueMeasurementTest, LightThatCameraPathsCannotFindIsTold) {
   EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("light paths alone find"));
 }
 
+// Only where it gains enough against the same techniques without.
+TEST(TechniqueMeasurementTest, SplittingMustPay) {
+  TechniqueMeasurement measured;
+  measured.camera = {100, 1};
+  measured.both = {90, 2};
+  const auto best_of = [&](TechniqueCost guided, TechniqueCost guided_both, TechniqueCost split) {
+    measured.guided = guided;
+    measured.guided_both = guided_both;
+    measured.split = split;
+    return measured.Best();
+  };
+  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0.7, 2}), Techniques::kCameraGuidedSplit);
+  EXPECT_EQ(measured.Gain(Techniques::kCameraGuidedSplit), 100 / 1.4);
+  EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("; camera+guiding+splitting 71"));
+  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0.9, 2}), Techniques::kCameraGuided);
+  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0, 2}), Techniques::kCameraGuided);
+  EXPECT_EQ(best_of({10, 2}, {1, 2}, {0.7, 2}), Techniques::kCameraAndLightGuidedSplit);
+  measured.split.reset();
+  EXPECT_EQ(measured.Best(), Techniques::kCameraAndLightGuided);
+}
+
 TEST(TechniqueMeasurementTest, BlackImageNeedsNoLightPaths) {
   const TechniqueMeasurement measured = Measure(OpenBox({1}));
   EXPECT_EQ(measured.Gain(Techniques::kCameraAndLight), 1);

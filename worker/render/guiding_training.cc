@@ -11,6 +11,7 @@
 #include "common/base/cpu_clock.h"
 #include "common/base/mutex.h"
 #include "common/base/parallel.h"
+#include "worker/render/guiding/contribution_statistics.h"
 #include "worker/render/guiding/guiding_statistics.h"
 #include "worker/render/guiding/learned_fields.h"
 #include "worker/render/guiding/training_size.h"
@@ -38,6 +39,7 @@ class ScaleSink : public GuidingSink {
     count_.fetch_add(1, std::memory_order_relaxed);
   }
   void AddLight(const GuidingPoint&, uint32_t, bool) override {}
+  void AddPath(int32_t, int32_t, double, uint64_t) override {}
   // 0 where there is no light.
   int Exponent() const {
     const int64_t count = count_;
@@ -55,6 +57,7 @@ class DirectionsSink : public GuidingSink {
   explicit DirectionsSink(GuidingStatistics* statistics) : statistics_(statistics) {}
   void AddDirection(const FoundLight& found) override { statistics_->Add(found); }
   void AddLight(const GuidingPoint&, uint32_t, bool) override {}
+  void AddPath(int32_t, int32_t, double, uint64_t) override {}
 
  private:
   GuidingStatistics* const statistics_;
@@ -69,10 +72,29 @@ class LightsSink : public GuidingSink {
   void AddLight(const GuidingPoint& from, uint32_t light, bool is_visible) override {
     statistics_->Add(field_.RegionIndexAt(from), light, is_visible);
   }
+  void AddPath(int32_t, int32_t, double, uint64_t) override {}
 
  private:
   const GuidingField& field_;
   LightVisibilityStatistics* const statistics_;
+};
+
+// Learns what paths contribute, by regions of the finished field and by pixels.
+class ContributionsSink : public GuidingSink {
+ public:
+  ContributionsSink(const GuidingField& field, ContributionStatistics* statistics)
+      : field_(field), statistics_(statistics) {}
+  void AddDirection(const FoundLight& found) override {
+    statistics_->AddVertex(field_.RegionIndexAt(found.from), found.scattered, found.rays);
+  }
+  void AddLight(const GuidingPoint&, uint32_t, bool) override {}
+  void AddPath(int32_t x, int32_t y, double radiance, uint64_t rays) override {
+    statistics_->AddPath(x, y, radiance, rays);
+  }
+
+ private:
+  const GuidingField& field_;
+  ContributionStatistics* const statistics_;
 };
 
 class Training {
@@ -88,7 +110,7 @@ class Training {
     const uint64_t paths = scene_.training_paths_first > 0
                                ? scene_.training_paths_first
                                : TrainingPathsFirst(settings.width_px, settings.height_px);
-    LearnedFields fields{GuidingField(BoxOf(scene_)), {}};
+    LearnedFields fields{GuidingField(BoxOf(scene_)), {}, {}};
     ScaleSink scale;
     if (!Trace(0, fields, std::min(kScalePaths, paths), &scale)) return Cancelled();
     const int unit_exponent = std::clamp(scale.Exponent() - kScaleBits, -kGuidingUnitExponentMax,
@@ -105,6 +127,10 @@ class Training {
     LightsSink sink(fields.directions, &statistics);
     if (!Trace(kTrainingIterations, fields, paths << kLightsShift, &sink)) return Cancelled();
     fields.lights = statistics.Freeze();
+    if (SplitsPaths(settings.techniques) &&
+        !LearnContributions(paths << kContributionsShift, unit_exponent, &fields)) {
+      return Cancelled();
+    }
     return fields;
   }
 
@@ -132,6 +158,20 @@ class Training {
     return box;
   }
   static absl::Status Cancelled() { return absl::CancelledError("the training was stopped"); }
+
+  // False where a stop was requested.
+  bool LearnContributions(uint64_t paths, int unit_exponent, LearnedFields* fields) {
+    const FrameSettings& settings = scene_.settings;
+    const ContributionGrid grid = ContributionGridFor(settings.width_px, settings.height_px, paths);
+    for (uint32_t pass = 0; pass < kContributionPasses; ++pass) {
+      ContributionStatistics statistics(static_cast<uint32_t>(fields->directions.region_count()),
+                                        grid, unit_exponent);
+      ContributionsSink sink(fields->directions, &statistics);
+      if (!Trace(kTrainingIterations + 1 + pass, *fields, paths, &sink)) return false;
+      fields->contributions = statistics.Freeze();
+    }
+    return true;
+  }
 
   // False where a stop was requested.
   bool Trace(uint32_t iteration, const LearnedFields& fields, uint64_t paths, GuidingSink* sink) {
@@ -168,7 +208,7 @@ absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t th
   if (scene.guiding == nullptr) {
     return absl::InvalidArgumentError(
         "a training was requested of a frame without guiding; its techniques must be "
-        "camera+guiding or camera+light+guiding");
+        "camera+guiding or camera+light+guiding, with or without +splitting");
   }
   Training training(scene, threads, std::move(stop));
   const absl::StatusOr<LearnedFields> fields = training.Run();

@@ -66,8 +66,10 @@ TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
 }
 
 TEST(TechniquesTest, NamesAreUnique) {
-  EXPECT_THAT(TechniquesNames(), testing::ElementsAre("camera", "camera+light", "light",
-                                                      "camera+guiding", "camera+light+guiding"));
+  EXPECT_THAT(TechniquesNames(),
+              testing::ElementsAre("camera", "camera+light", "light", "camera+guiding",
+                                   "camera+light+guiding", "camera+guiding+splitting",
+                                   "camera+light+guiding+splitting"));
   for (const std::string& name : TechniquesNames()) {
     EXPECT_EQ(TechniquesName(*TechniquesFromName(name)), name);
   }
@@ -84,6 +86,13 @@ TEST(TechniquesTest, NamesTellLightPathsAndGuiding) {
     const Techniques without = WithoutLightPaths(techniques);
     EXPECT_FALSE(HasLightPaths(without)) << name;
     EXPECT_EQ(IsGuided(without), IsGuided(techniques)) << name;
+    EXPECT_EQ(SplitsPaths(techniques), name.find("splitting") != std::string::npos) << name;
+    EXPECT_EQ(SplitsPaths(without), SplitsPaths(techniques)) << name;
+    EXPECT_EQ(HasLightPaths(WithoutGuiding(techniques)), HasLightPaths(techniques)) << name;
+    EXPECT_FALSE(IsGuided(WithoutGuiding(techniques))) << name;
+    if (!IsGuided(techniques)) continue;
+    EXPECT_TRUE(SplitsPaths(WithSplitting(techniques))) << name;
+    EXPECT_EQ(HasLightPaths(WithSplitting(techniques)), HasLightPaths(techniques)) << name;
   }
 }
 

@@ -16,6 +16,10 @@ const char* TechniquesName(Techniques techniques) {
       return "camera+guiding";
     case Techniques::kCameraAndLightGuided:
       return "camera+light+guiding";
+    case Techniques::kCameraGuidedSplit:
+      return "camera+guiding+splitting";
+    case Techniques::kCameraAndLightGuidedSplit:
+      return "camera+light+guiding+splitting";
   }
   return "unknown";
 }

@@ -27,30 +27,47 @@ enum class Techniques : uint8_t {
   kCameraGuided = 3,
   // kCameraAndLight, whose camera paths are guided.
   kCameraAndLightGuided = 4,
+  // The same, with paths from the camera that are split: several go on from a vertex, where the
+  // field knows that what they find matters to the pixel and is uncertain.
+  kCameraGuidedSplit = 5,
+  kCameraAndLightGuidedSplit = 6,
 };
-inline constexpr int kTechniquesCount = 5;
+inline constexpr int kTechniquesCount = 7;
 
 // Whether paths begin at lights too; otherwise the image is that of camera paths alone.
 constexpr bool HasLightPaths(Techniques techniques) {
   return techniques == Techniques::kCameraAndLight || techniques == Techniques::kLight ||
-         techniques == Techniques::kCameraAndLightGuided;
+         techniques == Techniques::kCameraAndLightGuided ||
+         techniques == Techniques::kCameraAndLightGuidedSplit;
+}
+// Whether camera paths are split.
+constexpr bool SplitsPaths(Techniques techniques) {
+  return techniques == Techniques::kCameraGuidedSplit ||
+         techniques == Techniques::kCameraAndLightGuidedSplit;
 }
 // Whether camera paths are guided by a learned field.
 constexpr bool IsGuided(Techniques techniques) {
-  return techniques == Techniques::kCameraGuided || techniques == Techniques::kCameraAndLightGuided;
+  return techniques == Techniques::kCameraGuided ||
+         techniques == Techniques::kCameraAndLightGuided || SplitsPaths(techniques);
 }
-// The same techniques without light paths: kCameraGuided where guided, otherwise kCamera.
+// The same techniques without light paths; kCamera for kLight.
 constexpr Techniques WithoutLightPaths(Techniques techniques) {
+  if (SplitsPaths(techniques)) return Techniques::kCameraGuidedSplit;
   return IsGuided(techniques) ? Techniques::kCameraGuided : Techniques::kCamera;
 }
-// The same techniques without guiding.
+// The same techniques without guiding, and so without splitting.
 constexpr Techniques WithoutGuiding(Techniques techniques) {
-  if (techniques == Techniques::kCameraGuided) return Techniques::kCamera;
-  if (techniques == Techniques::kCameraAndLightGuided) return Techniques::kCameraAndLight;
-  return techniques;
+  if (!IsGuided(techniques)) return techniques;
+  return HasLightPaths(techniques) ? Techniques::kCameraAndLight : Techniques::kCamera;
+}
+// The same techniques with splitting. Requires: IsGuided.
+constexpr Techniques WithSplitting(Techniques techniques) {
+  return HasLightPaths(techniques) ? Techniques::kCameraAndLightGuidedSplit
+                                   : Techniques::kCameraGuidedSplit;
 }
 
-// "camera", "camera+light", "light", "camera+guiding", "camera+light+guiding".
+// "camera", "camera+light", "light", "camera+guiding", "camera+light+guiding",
+// "camera+guiding+splitting", "camera+light+guiding+splitting".
 const char* TechniquesName(Techniques techniques);
 std::optional<Techniques> TechniquesFromName(const std::string& name);
 // In the order of the numbers.

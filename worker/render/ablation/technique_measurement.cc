@@ -231,7 +231,8 @@ double RelativeMse(const std::vector<double>& squares, const VarianceOf& varianc
 }  // namespace
 
 double TechniqueMeasurement::Gain(Techniques techniques) const {
-  const TechniqueCost& cost = techniques == Techniques::kCamera         ? camera
+  const TechniqueCost& cost = SplitsPaths(techniques)                   ? *split
+                              : techniques == Techniques::kCamera       ? camera
                               : techniques == Techniques::kCameraGuided ? guided
                               : IsGuided(techniques)                    ? guided_both
                                                                         : both;
@@ -254,7 +255,12 @@ Techniques TechniqueMeasurement::Best() const {
   const double factor = best == Techniques::kCamera ? kTechniqueGainMin : kCombinationGainMin;
   const bool combines = guided_both.ErrorTimesCost() > 0 &&
                         simpler.ErrorTimesCost() >= factor * guided_both.ErrorTimesCost();
-  return combines ? Techniques::kCameraAndLightGuided : best;
+  if (combines) best = Techniques::kCameraAndLightGuided;
+  if (!split || !IsGuided(best)) return best;
+  const TechniqueCost& unsplit = HasLightPaths(best) ? guided_both : guided;
+  const bool splits = split->ErrorTimesCost() > 0 &&
+                      unsplit.ErrorTimesCost() >= kCombinationGainMin * split->ErrorTimesCost();
+  return splits ? WithSplitting(best) : best;
 }
 
 absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& scene,
@@ -302,6 +308,11 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
     result.light_share = both->light / total;
     result.only_light_share = both->only_light / total;
   }
+  if (const Techniques best = result.Best(); IsGuided(best)) {
+    const absl::StatusOr<Pilot> split = RenderPilot(scene, settings, WithSplitting(best), files);
+    if (!split.ok()) return split.status();
+    result.split = HasLightPaths(best) ? complete(*split) : alone(*split, *guided_both);
+  }
   return result;
 }
 
@@ -318,6 +329,10 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
                           m.Gain(Techniques::kCameraAndLight), 100 * m.light_share,
                           m.Gain(Techniques::kCameraGuided),
                           m.Gain(Techniques::kCameraAndLightGuided));
+    if (m.split) {
+      absl::StrAppendFormat(&text, "; %s %.2g", TechniquesName(WithSplitting(best)),
+                            m.Gain(WithSplitting(best)));
+    }
   }
   absl::StrAppendFormat(
       &text, " (%d x %d pixels, %d samples; %.1f, %.1f, %.1f and %.1f rays a sample)", m.width_px,

@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // MeasureTechniques: whether light paths and guiding pay in a scene: renders a small image of the
-// frame by camera paths alone, with light paths, with guiding, and with both, and compares error
-// times cost. The cost is counted in rays, not in time, so that the answer is the same on every
-// machine; guiding also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware
-// Multiple Importance Sampling for Bidirectional Rendering Algorithms".
+// frame by camera paths alone, with light paths, with guiding, and with both (and, where guiding
+// pays, with splitting), and compares error times cost. The cost is counted in rays, not in time,
+// so that the answer is the same on every machine; guiding also pays for its training. Source:
+// Grittmann et al. 2022, "Efficiency-aware Multiple Importance Sampling for Bidirectional Rendering
+// Algorithms".
 //
 // Camera paths alone may miss light altogether that they find once in a million samples, and then
 // look better than they are. Light paths find it: from the densities of both, the second moment
@@ -13,6 +14,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -27,7 +29,7 @@ inline constexpr int32_t kTechniquePilotPx = 64;
 inline constexpr uint64_t kTechniquePilotSamples = 64;
 // Techniques must be so many times as efficient as camera paths alone to be chosen: the measurement
 // has noise, and frames with other techniques have fewer compiled variants. Light paths and guiding
-// together must be kCombinationGainMin times as efficient as either.
+// together must be kCombinationGainMin times as efficient as either; so must splitting, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 // Paths of the first iteration of a training for the small image, at most.
 inline constexpr uint64_t kPilotTrainingPathsFirst = uint64_t{1} << 15;
@@ -43,13 +45,16 @@ struct TechniqueMeasurement {
   uint64_t samples = 0;
   TechniqueCost camera, both;         // both: with light paths.
   TechniqueCost guided, guided_both;  // The same with guiding.
+  // Of the last two that which is chosen, with splitting: measured where guiding pays.
+  std::optional<TechniqueCost> split;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
   // camera paths cannot find it (a light without size, seen by specular reflection of its light).
   double light_share = 0, only_light_share = 0;
 
   // How many times as efficient the techniques are as the camera's paths: the ratio of error times
   // cost. Infinite where they find light that camera paths miss, 0 where they miss light that light
-  // paths find; 1 where the image is black or has no error. Requires: not kLight.
+  // paths find; 1 where the image is black or has no error. Requires: not kLight; not split, unless
+  // `split` was measured, of the same techniques.
   double Gain(Techniques techniques) const;
   // Never kLight.
   Techniques Best() const;

@@ -26,6 +26,7 @@ struct FoundLight {
   double scattering_part = -1;
   // The direction is one that no field can sample: only the part counts.
   bool is_specular = false;
+  uint64_t rays = 0;  // That the path took after the direction, shadow rays too.
 };
 
 // Functions may be called from many threads.
@@ -35,6 +36,9 @@ class GuidingSink {
   virtual void AddDirection(const FoundLight& found) = 0;
   // A sample of the light was tried from there: it was visible, or hidden.
   virtual void AddLight(const GuidingPoint& from, uint32_t light, bool is_visible) = 0;
+  // A path from the pixel has ended. radiance: what it brought, as the mean over the components of
+  // color; rays: all that it took.
+  virtual void AddPath(int32_t x, int32_t y, double radiance, uint64_t rays) = 0;
 };
 
 }  // namespace sheaf::render

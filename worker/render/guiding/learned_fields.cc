@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/render/guiding/learned_fields.h"
 
+#include <algorithm>
 #include <cstdint>
+#include <utility>
 
 namespace sheaf::render {
 namespace {
@@ -35,6 +37,7 @@ std::string LearnedFields::Encode() const {
   std::string bytes;
   AppendSized(directions.Encode(), &bytes);
   AppendSized(lights.Encode(), &bytes);
+  if (!contributions.empty()) AppendSized(contributions.Encode(), &bytes);
   return bytes;
 }
 
@@ -44,15 +47,23 @@ absl::StatusOr<LearnedFields> LearnedFields::Decode(std::string_view bytes,
   if (!of_directions.ok()) return of_directions.status();
   const absl::StatusOr<std::string_view> of_lights = TakeSized(&bytes);
   if (!of_lights.ok()) return of_lights.status();
+  ContributionField contributions;
+  if (!bytes.empty()) {
+    const absl::StatusOr<std::string_view> of_contributions = TakeSized(&bytes);
+    if (!of_contributions.ok()) return of_contributions.status();
+    absl::StatusOr<ContributionField> decoded = ContributionField::Decode(*of_contributions);
+    if (!decoded.ok()) return decoded.status();
+    contributions = *std::move(decoded);
+  }
   if (!bytes.empty()) return absl::DataLossError("learned fields are followed by other bytes");
   absl::StatusOr<GuidingField> directions = GuidingField::Decode(*of_directions);
   if (!directions.ok()) return directions.status();
   absl::StatusOr<LightVisibility> lights = LightVisibility::Decode(*of_lights, choice);
   if (!lights.ok()) return lights.status();
-  if (lights->region_count() > directions->region_count()) {
+  if (std::max(lights->region_count(), contributions.region_count()) > directions->region_count()) {
     return absl::DataLossError("learned fields disagree about the number of regions");
   }
-  return LearnedFields{*std::move(directions), *std::move(lights)};
+  return LearnedFields{*std::move(directions), *std::move(lights), std::move(contributions)};
 }
 
 }  // namespace sheaf::render

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "absl/status/statusor.h"
+#include "worker/render/guiding/contribution_field.h"
 #include "worker/render/guiding/guiding_field.h"
 #include "worker/render/light/light_visibility.h"
 
@@ -16,6 +17,8 @@ namespace sheaf::render {
 struct LearnedFields {
   GuidingField directions;
   LightVisibility lights;  // By the regions of `directions`.
+  // By the same regions; empty where the frame's paths are not split.
+  ContributionField contributions = {};
 
   // As GuidingField::Encode and Decode. At most kLearnedFieldsBytesMax.
   std::string Encode() const;
@@ -23,8 +26,9 @@ struct LearnedFields {
   static absl::StatusOr<LearnedFields> Decode(std::string_view bytes, const LightChoice& choice);
 };
 
-inline constexpr size_t kLearnedFieldsBytesMax =
-    kGuidingDirectionsBytesMax + kLightVisibilityBytesMax + 2 * sizeof(uint64_t);
+inline constexpr size_t kLearnedFieldsBytesMax = kGuidingDirectionsBytesMax +
+                                                 kLightVisibilityBytesMax + kContributionBytesMax +
+                                                 3 * sizeof(uint64_t);
 static_assert(kGuidingRegionsMax <= kLightVisibilityRegionsMax);
 
 }  // namespace sheaf::render

@@ -16,11 +16,15 @@
 
 namespace sheaf::render {
 
+template <typename C>
+class SplitPaths;
+
 // The knowledge that the paths of a guided frame use, and the records that they fill.
 template <typename C>
 struct Guiding {
   const LearnedFields* fields = nullptr;
   TrainingRecords<C>* training = nullptr;  // Null unless the path is one of a training.
+  SplitPaths<C>* splits = nullptr;         // Null unless paths are split.
 };
 
 // All referents outlive it. Not thread-safe: each thread has its own.

@@ -20,11 +20,17 @@ class GuidedDirections {
  public:
   GuidedDirections() = default;
   // region: null where scattering alone samples directions. lights: what is known of lights there.
-  GuidedDirections(const GuidingRegion* region, LightVisibilityRow lights)
-      : region_(region), share_(region != nullptr ? region->share() : 0), lights_(lights) {}
+  // split_factor: ContributionField::RegionFactor.
+  GuidedDirections(const GuidingRegion* region, LightVisibilityRow lights, float split_factor)
+      : region_(region),
+        share_(region != nullptr ? region->share() : 0),
+        split_factor_(split_factor),
+        lights_(lights) {}
 
   bool active() const { return region_ != nullptr; }
   LightVisibilityRow lights() const { return lights_; }
+  // Of the number of paths that go on: path_splits.h.
+  float split_factor() const { return split_factor_; }
   // GuidingRegion::ScatteredLight; 0 where scattering alone samples directions.
   float ScatteredLight() const {
     return active() ? static_cast<float>(region_->ScatteredLight()) : 0;
@@ -53,7 +59,7 @@ class GuidedDirections {
   static constexpr float kBelowOneFloat = 1 - 0x1p-24f;
 
   const GuidingRegion* region_ = nullptr;
-  float share_ = 0;
+  float share_ = 0, split_factor_ = 0;
   LightVisibilityRow lights_;
 };
 
@@ -78,7 +84,8 @@ GuidedDirectionsOf<C> GuidedDirectionsAt([[maybe_unused]] const Context<C>& c,
       const GuidingField& field = c.guiding.fields->directions;
       const uint32_t index = field.RegionIndexAt(at);
       return {may_guide ? field.RegionOrNull(index) : nullptr,
-              c.guiding.fields->lights.RowOf(index)};
+              c.guiding.fields->lights.RowOf(index),
+              may_guide ? c.guiding.fields->contributions.RegionFactor(index) : 0};
     }
   }
   return {};
@@ -123,7 +130,8 @@ void NoteDirection(const Context<C>& c, const Vertex& vertex, const PathState<C>
                             path.specular,
                             path.guided.throughput_before,
                             path.throughput,
-                            path.radiance});
+                            path.radiance,
+                            c.counts.rays});
 }
 
 }  // namespace sheaf::render

@@ -20,6 +20,8 @@
 #include "worker/render/integrator/direct_lighting.h"
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/next_vertex.h"
+#include "worker/render/integrator/path_splits.h"
+#include "worker/render/integrator/training_pass.h"
 #include "worker/render/integrator/volume_emission.h"
 
 namespace sheaf::render {
@@ -27,7 +29,7 @@ namespace sheaf::render {
 // Follows the path to its end, adds the radiance that it finds to path->radiance, and records its
 // first vertex in *film.
 template <typename C>
-void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
+void FollowPath(const Context<C>& c, PathState<C>* path, FilmSample* film) {
   // One vertex, the same for surfaces and media. False where the path ends.
   const auto scatter_at = [&](auto& vertex) {
     // Record the first vertex for the film, and count the vertex.
@@ -38,6 +40,8 @@ void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
       // The same for the emission of heterogeneous media.
       if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
     }
+    // Let further paths go on from here, where the field says that it pays.
+    if constexpr (C::kGuided) SplitPathAt(c, vertex, path);
     // Sample the direction in which the path continues; Russian roulette may end it.
     return vertex.Scatter(c, path);
   };
@@ -61,6 +65,23 @@ void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
   }
 }
 
+// The same with all paths that split off from it, one after the other: the last one first.
+template <typename C>
+void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
+  FollowPath(c, path, film);
+  if constexpr (C::kGuided) {
+    NotePathEnd(c, path->radiance);
+    if (c.guiding.splits == nullptr) return;
+    PathState<C> next;
+    while (const uint32_t number = TakeWaiting(c, path->radiance, &next)) {
+      const Sampler sampler = c.sampler.OfSplitPath(number);
+      FollowPath(WithSampler(c, sampler), &next, film);
+      path->radiance = next.radiance;
+      NotePathEnd(c, path->radiance);
+    }
+  }
+}
+
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth,
           PathKind kPathKind = PathKind::kCamera>
 class PathIntegrator {
@@ -71,7 +92,7 @@ class PathIntegrator {
   PathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
       : scene_(scene), tracer_(tracer), counts_(counts) {
     if constexpr (C::kGuided) {
-      if (scene.guiding) guiding_.fields = scene.guiding->fields();
+      if (scene.guiding) SetFields(scene.guiding->fields());
     }
   }
 
@@ -81,9 +102,9 @@ class PathIntegrator {
     return Trace(Sampler(scene_.settings.seed, x, y, sample_index, scene_.settings.one_sequence), x,
                  y, &path);
   }
-  // Traces a path of a training: a pure function of the scene, the fields and the sampler. Gives
-  // what it found to the sink. Requires: C::kGuided.
-  void TraceForTraining(const Sampler& sampler, int32_t x, int32_t y, const LearnedFields& fields,
+  // Traces a path of a training: a pure function of the scene, the fields, the pass and the path's
+  // number. Gives what it found to the sink. Requires: C::kGuided.
+  void TraceForTraining(const TrainingPass& pass, uint64_t number, const LearnedFields& fields,
                         GuidingSink* sink);
   // Where TraceSample writes the other outputs that the settings request; the caller clears it.
   // Variants without kOutputs write nothing.
@@ -93,6 +114,11 @@ class PathIntegrator {
   }
 
  private:
+  void SetFields(const LearnedFields* fields) {
+    guiding_.fields = fields;
+    const bool splits = fields != nullptr && !fields->contributions.empty();
+    guiding_.splits = splits ? &splits_ : nullptr;
+  }
   // *path: new.
   FilmSample Trace(const Sampler& sampler, int32_t x, int32_t y, PathState<C>* path);
   // *weight: as for Camera::MakeRay.
@@ -105,17 +131,23 @@ class PathIntegrator {
   OutputSample* outputs_ = nullptr;
   LightGroups<typename C::Color> groups_;
   [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
+  [[no_unique_address]] StateIf<C::kGuided, SplitPaths<C>> splits_;
 };
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
 void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceForTraining(
-    const Sampler& sampler, int32_t x, int32_t y, const LearnedFields& fields, GuidingSink* sink) {
+    const TrainingPass& pass, uint64_t number, const LearnedFields& fields, GuidingSink* sink) {
   static_assert(C::kGuided);
-  TrainingRecords<C> records;
-  guiding_ = {&fields, &records};
+  SetFields(&fields);
+  TrainingRecords<C> records(guiding_.splits != nullptr);
+  guiding_.training = &records;
+  const auto [x, y] = pass.PixelOf(number);
+  const uint64_t rays_before = counts_.rays;
   PathState<C> path;
-  Trace(sampler, x, y, &path);
-  records.GiveTo(path.radiance, sink);
+  Trace(pass.SamplerOf(number), x, y, &path);
+  guiding_.training = nullptr;
+  records.GiveTo(sink);
+  sink->AddPath(x, y, MeanRadiance(path.radiance), counts_.rays - rays_before);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
@@ -127,6 +159,11 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const
   float weight = 1;
   path->ray = CameraRay(sampler, x, y, &film, &weight);
   path->camera_o = path->ray.o;
+  if constexpr (C::kGuided) {
+    if (guiding_.splits != nullptr) {
+      splits_.Begin(sampler, guiding_.fields->contributions.PixelFactor(x, y));
+    }
+  }
   // Rays that the lens blocks are black samples.
   if (C::Has(Trait::kLens) && weight == 0) return film;
   if constexpr (C::Has(Trait::kEnvironment)) path->from = path->ray.o;

@@ -110,7 +110,7 @@ struct PathState {
   Color throughput = Color::Gray(1);
   Color radiance;
   // Russian roulette ignores radiance gained by refraction into denser media, and weight lost
-  // to directions that the field sampled more often than the BSDF would.
+  // to directions that the field sampled more often than the BSDF would, and to splitting.
   float roulette_scale = 1;
   uint32_t depth = 0;                 // Number of scattering events so far.
   bool secondary_terminated = false;  // Spectral: the path carries the primary wavelength alone.

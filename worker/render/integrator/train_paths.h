@@ -19,8 +19,7 @@ void TrainPaths(const CompiledScene& scene, const TrainingPass& pass, const Lear
     PathIntegrator<kTraits, const EmbreeScene, DirectLight::kByBoth, kPathKind> tracer(
         scene, *scene.tracer, local);
     for (uint64_t path = first; path < end; ++path) {
-      const auto [x, y] = pass.PixelOf(path);
-      tracer.TraceForTraining(pass.SamplerOf(path), x, y, fields, sink);
+      tracer.TraceForTraining(pass, path, fields, sink);
     }
     counts->Add(local);
   } else {

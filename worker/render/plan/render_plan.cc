@@ -338,6 +338,10 @@ class PlanMaker {
     plan->notes.emplace_back(
         "guiding: camera paths also sample directions from the light that a training finds before "
         "the first sample");
+    if (!SplitsPaths(techniques)) return;
+    plan->notes.emplace_back(
+        "splitting: several paths go on from where the training found light that matters to the "
+        "pixel and is uncertain");
   }
 
   void BoundDepth(int32_t max_depth, RenderPlan* plan) const {

@@ -91,6 +91,14 @@ class Sampler {
     key_ = MixBits(key_ + (one_sequence ? kReplicateCount : ReplicateOf(sample_index)) + 1);
   }
 
+  // The numbers of a path that split off from the sample's: the same points in another order and
+  // with other scrambles. number: of the path within the sample, from 1.
+  Sampler OfSplitPath(uint32_t number) const {
+    Sampler sampler = *this;
+    sampler.key_ = MixBits(key_ ^ MixBits(kSplitPaths + number));
+    return sampler;
+  }
+
   // All four coordinates of a slot. Values are multiples of 2^-24 in [0, 1), never 1.
   std::array<float, 4> Get4(uint32_t slot) const {
     const uint64_t base = SlotBase(slot);
@@ -122,6 +130,7 @@ class Sampler {
   static constexpr uint64_t kSlotStride = 0x9e3779b97f4a7c15u;
   static constexpr uint64_t kSeed01 = 0x243f6a8885a308d3u;
   static constexpr uint64_t kSeed23 = 0xb7e151628aed2a6bu;
+  static constexpr uint64_t kSplitPaths = 0x73706c6974u;
 
   uint64_t SlotBase(uint32_t slot) const { return key_ + (slot + 1) * kSlotStride; }
   SobolPoint Point(uint64_t base) const {

@@ -71,6 +71,8 @@ const char* MethodOf(Techniques techniques) {
     case Techniques::kCamera:
     case Techniques::kCameraGuided:  // Only by --techniques.
     case Techniques::kCameraAndLightGuided:
+    case Techniques::kCameraGuidedSplit:
+    case Techniques::kCameraAndLightGuidedSplit:
       break;
     case Techniques::kCameraAndLight:
       return "paths from the camera and from lights";
