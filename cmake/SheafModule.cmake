@@ -69,10 +69,10 @@ set(SHEAF_TEST_REPORTS ${CMAKE_BINARY_DIR}/test_reports)
 # sheaf_add_test(NAME stability SOURCES ... DEPS ... [LABEL fast|slow|integration] [TIMEOUT seconds]
 #                [COST seconds] [PRECOMPILE <header.h> ...])
 #
-# Test sources are not joined, since their fixtures use the same names. They reuse the precompiled
-# headers of sheaf_test_support unless PRECOMPILE names others. They are compiled with fewer
-# optimisations than the libraries that they test (sheaf_compile_quickly). COST is about what each
-# of the longest takes: ctest starts those first, and in a new build folder knows no other times.
+# Test sources are joined (sheaf_join_sources). They reuse the precompiled headers of
+# sheaf_test_support unless PRECOMPILE names others. They are compiled with fewer optimisations than
+# the libraries that they test (sheaf_compile_quickly). COST is about what each of the longest
+# takes: ctest starts those first, and in a new build folder knows no other times.
 function(sheaf_add_test)
   cmake_parse_arguments(T "" "NAME;LABEL;TIMEOUT;COST" "SOURCES;DEPS;PRECOMPILE" ${ARGN})
   if(NOT T_LABEL)
@@ -90,6 +90,7 @@ function(sheaf_add_test)
   target_link_libraries(${target} PRIVATE ${T_DEPS} sheaf_test_support sheaf_temporary_folder
     sheaf_warnings GTest::gtest_main)
   sheaf_compile_quickly(${target})
+  sheaf_join_sources(${target})
   if(T_PRECOMPILE)
     sheaf_precompile(${target} ${T_PRECOMPILE})
   else()

@@ -9,7 +9,7 @@
 namespace sheaf::cli {
 namespace {
 
-StudyCurve MakeCurve() {
+StudyCurve MakePricedCurve() {
   StudyCurve curve;
   curve.points = {{16, 1, {0.16, 0.016}, false}, {64, 4, {0.02, 0.002}, false}};
   curve.rate = Estimate{1.5, 0.1};
@@ -17,7 +17,7 @@ StudyCurve MakeCurve() {
 }
 
 TEST(StudyPricesTest, ErrorsAreInterpolatedAndExtrapolatedAlongTheRate) {
-  const StudyCurve curve = MakeCurve();
+  const StudyCurve curve = MakePricedCurve();
   EXPECT_NEAR(ErrorAt(curve, 16)->value, 0.16, 1e-12);
   EXPECT_NEAR(ErrorAt(curve, 64)->value, 0.02, 1e-12);
   // Half way between them in logarithms.
@@ -29,7 +29,7 @@ TEST(StudyPricesTest, ErrorsAreInterpolatedAndExtrapolatedAlongTheRate) {
 
 TEST(StudyPricesTest, NothingIsKnownWithoutPoints) {
   EXPECT_FALSE(ErrorAt(StudyCurve(), 16));
-  EXPECT_FALSE(ErrorAt(MakeCurve(), 0));
+  EXPECT_FALSE(ErrorAt(MakePricedCurve(), 0));
 }
 
 TEST(StudyPricesTest, WallTimeAndSamplesAreInverse) {

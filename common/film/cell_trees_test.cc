@@ -14,12 +14,12 @@
 namespace sheaf {
 namespace {
 
-constexpr PixelRect kTile{0, 0, 8, 8};
-const std::vector<PixelRect> kCells = CutTiles(kTile, 4);
+constexpr PixelRect kTreesTile{0, 0, 8, 8};
+const std::vector<PixelRect> kCells = CutTiles(kTreesTile, 4);
 
 // A part of a tile as a worker makes it: the other cells are empty.
 FilmTile PartOf(SampleBlock block, uint64_t mask) {
-  FilmTile part(kTile, block);
+  FilmTile part(kTreesTile, block);
   for (size_t i = 0; i < kCells.size(); ++i) {
     if ((mask >> i & 1) != 0) Paste(MakeTestTile(kCells[i], block), &part);
   }
@@ -35,12 +35,12 @@ FilmTile RootAlone(const PixelRect& rect, uint64_t samples) {
 }
 
 TEST(CellTreesTest, SingleCellEqualsATileTree) {
-  CellTrees trees(kTile, {&kTile, 1});
+  CellTrees trees(kTreesTile, {&kTreesTile, 1});
   for (const SampleBlock& block : CutSamples(0, 21, 16)) {
-    ASSERT_TRUE(trees.Insert(MakeTestTile(kTile, block), 1).ok());
+    ASSERT_TRUE(trees.Insert(MakeTestTile(kTreesTile, block), 1).ok());
   }
   EXPECT_EQ(trees.SampleCount(0), 21u);
-  EXPECT_TRUE(SameBits(trees.Root(), RootAlone(kTile, 21)));
+  EXPECT_TRUE(SameBits(trees.Root(), RootAlone(kTreesTile, 21)));
 }
 
 // Holds for any division of the cells' samples into parts, in any order of arrival.
@@ -67,7 +67,7 @@ TEST(CellTreesTest, AnyPartitionGivesTheSameBitsPerCell) {
       }
     }
     std::ranges::shuffle(parts, bits);
-    CellTrees trees(kTile, kCells);
+    CellTrees trees(kTreesTile, kCells);
     for (const auto& [block, mask] : parts) {
       ASSERT_TRUE(trees.Insert(PartOf(block, mask), mask).ok());
     }
@@ -83,14 +83,14 @@ TEST(CellTreesTest, AnyPartitionGivesTheSameBitsPerCell) {
 }
 
 TEST(CellTreesTest, PartsOfOneCellAreKeptAsTheyAre) {
-  CellTrees trees(kTile, kCells);
+  CellTrees trees(kTreesTile, kCells);
   ASSERT_TRUE(trees.Insert(MakeTestTile(kCells[2], {0, 16}), 0b100).ok());
   EXPECT_EQ(trees.SampleCount(2), 16u);
   EXPECT_TRUE(absl::IsAlreadyExists(trees.Insert(PartOf({0, 16}, 0b100), 0b100)));
   EXPECT_TRUE(absl::IsInvalidArgument(trees.Insert(MakeTestTile({0, 0, 8, 4}, {0, 16}), 0b11)));
   // The other cells are still empty, and a preview shows what is there.
   const FilmTile preview = trees.PreviewSum();
-  EXPECT_EQ(preview.rect(), kTile);
+  EXPECT_EQ(preview.rect(), kTreesTile);
   EXPECT_TRUE(SameBits(CutOut(preview, kCells[2]), MakeTestTile(kCells[2], {0, 16})));
   EXPECT_EQ(preview.channel(FilmChannel::kSampleCount)[0], 0);
 }

@@ -23,8 +23,8 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-constexpr PixelRect kRect{0, 0, 5, 3};
-constexpr PixelRect kOnePixel{0, 0, 1, 1};
+constexpr PixelRect kMatteRect{0, 0, 5, 3};
+constexpr PixelRect kMatteOfOnePixel{0, 0, 1, 1};
 
 FilmOutputs ObjectsAndAssets() {
   FilmOutputs outputs;
@@ -45,7 +45,7 @@ OutputSample TestIds(const FilmOutputs& outputs, int32_t x, int32_t y, uint64_t 
   return sample;
 }
 
-FilmTile MakeTile(PixelRect rect, SampleBlock block, uint32_t id_count) {
+FilmTile MakeMatteTile(PixelRect rect, SampleBlock block, uint32_t id_count) {
   const FilmOutputs outputs = ObjectsAndAssets();
   FilmTile tile(rect, block, outputs);
   PixelAccumulator accumulator(&tile);
@@ -71,16 +71,16 @@ FilmTile MakeTile(PixelRect rect, SampleBlock block, uint32_t id_count) {
   return tile;
 }
 
-void CutAtRandom(SampleBlock block, std::mt19937* random, std::vector<SampleBlock>* blocks) {
+void CutBlockAtRandom(SampleBlock block, std::mt19937* random, std::vector<SampleBlock>* blocks) {
   if (block.count == 1 || (*random)() % 3 == 0) return blocks->push_back(block);
-  CutAtRandom({block.first, block.count / 2}, random, blocks);
-  CutAtRandom({block.first + block.count / 2, block.count / 2}, random, blocks);
+  CutBlockAtRandom({block.first, block.count / 2}, random, blocks);
+  CutBlockAtRandom({block.first + block.count / 2, block.count / 2}, random, blocks);
 }
 
 FilmTile Merge(std::vector<SampleBlock> blocks, uint32_t id_count, bool through_bytes) {
-  TileTree tree(kRect);
+  TileTree tree(kMatteRect);
   for (const SampleBlock& block : blocks) {
-    FilmTile tile = MakeTile(kRect, block, id_count);
+    FilmTile tile = MakeMatteTile(kMatteRect, block, id_count);
     if (through_bytes) {
       absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {"digest", "profile"}));
       EXPECT_TRUE(part.ok()) << part.status();
@@ -92,7 +92,7 @@ FilmTile Merge(std::vector<SampleBlock> blocks, uint32_t id_count, bool through_
   return tree.Root();
 }
 
-FrameImage Develop(const FilmTile& tile) {
+FrameImage DevelopMattes(const FilmTile& tile) {
   FrameImage image = MakeFrameImage(tile.rect(), tile.rect().x1, tile.rect().y1, tile.outputs());
   DevelopTile(tile, &image);
   NoteNames(tile, &image);
@@ -108,14 +108,14 @@ TEST(CryptomatteTest, AnyPartitionGivesTheSameBits) {
     for (const uint64_t count : {21u, 1024u}) {
       const std::vector<SampleBlock> whole_blocks = CutSamples(0, count, uint64_t{1} << 40);
       const FilmTile whole = Merge(whole_blocks, id_count, false);
-      const FrameImage expected = Develop(whole);
+      const FrameImage expected = DevelopMattes(whole);
       for (int i = 0; i < 3; ++i) {
         std::vector<SampleBlock> blocks;
-        for (const SampleBlock& block : whole_blocks) CutAtRandom(block, &random, &blocks);
+        for (const SampleBlock& block : whole_blocks) CutBlockAtRandom(block, &random, &blocks);
         std::shuffle(blocks.begin(), blocks.end(), random);
         const FilmTile merged = Merge(blocks, id_count, blocks.size() < 100);
         EXPECT_EQ(merged.ids(IdKind::kObject).pixels, whole.ids(IdKind::kObject).pixels);
-        const FrameImage image = Develop(merged);
+        const FrameImage image = DevelopMattes(merged);
         EXPECT_EQ(ImageDigest(image), ImageDigest(expected));
         EXPECT_EQ(image.attributes, expected.attributes);
       }
@@ -124,7 +124,7 @@ TEST(CryptomatteTest, AnyPartitionGivesTheSameBits) {
 }
 
 TEST(CryptomatteTest, FullListsLoseNoWeight) {
-  const FilmTile tile = MakeTile(kRect, {0, 1024}, 3000);
+  const FilmTile tile = MakeMatteTile(kMatteRect, {0, 1024}, 3000);
   for (size_t p = 0; p < tile.plane_size(); ++p) {
     const IdList& list = tile.ids(IdKind::kObject).pixels[p];
     EXPECT_THAT(list, SizeIs(kIdsPerPixelMax + 1));
@@ -135,7 +135,7 @@ TEST(CryptomatteTest, FullListsLoseNoWeight) {
     // floats.
     EXPECT_NEAR(sum, static_cast<double>(tile.channel(FilmChannel::kAlpha)[p]), 1e-3);
   }
-  const FrameImage image = Develop(tile);
+  const FrameImage image = DevelopMattes(tile);
   EXPECT_GT((*image.Find("rest.CryptoObject"))[0], 0.5f);
   EXPECT_EQ((*image.Find("rest.CryptoAsset"))[0], 0.0f);
 }
@@ -185,10 +185,10 @@ TEST(CryptomatteTest, ExcessIdsAreReported) {
 TEST(CryptomatteTest, ManifestListsVisibleNames) {
   FilmOutputs outputs;
   outputs.AddCryptomatte(IdKind::kMaterial);
-  FilmTile tile(kOnePixel, {0, 1}, outputs);
+  FilmTile tile(kMatteOfOnePixel, {0, 1}, outputs);
   tile.ids(IdKind::kMaterial).pixels[0] = {{7, 1}};
   tile.ids(IdKind::kMaterial).names = {{7, "say \"hi\"\\\n"}, {8, "given up"}};
-  const absl::StatusOr<FrameImage> image = DecodeFrameImage(EncodeFrameImage(Develop(tile)));
+  const absl::StatusOr<FrameImage> image = DecodeFrameImage(EncodeFrameImage(DevelopMattes(tile)));
   ASSERT_TRUE(image.ok()) << image.status();
   ASSERT_THAT(image->attributes, SizeIs(4));
   const std::string key = image->attributes.begin()->first.substr(0, 20);
@@ -206,7 +206,7 @@ TEST(CryptomatteTest, DamagedListsAreRefused) {
   FilmOutputs outputs;
   outputs.AddCryptomatte(IdKind::kObject);
   const auto decode = [&outputs](const IdList& list, const std::map<uint32_t, std::string>& names) {
-    FilmTile tile(kOnePixel, {0, 1}, outputs);
+    FilmTile tile(kMatteOfOnePixel, {0, 1}, outputs);
     tile.channel(FilmChannel::kSampleCount)[0] = 1;
     tile.ids(IdKind::kObject).pixels[0] = list;
     tile.ids(IdKind::kObject).names = names;

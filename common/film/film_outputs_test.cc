@@ -20,7 +20,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-constexpr PixelRect kRect{3, 5, 8, 9};
+constexpr PixelRect kOutputsRect{3, 5, 8, 9};
 constexpr PixelRect kOnePixel{0, 0, 1, 1};
 
 FilmOutputs AllOutputs() {
@@ -67,10 +67,10 @@ FilmTile MergeRandomCut(const FilmOutputs& outputs, uint64_t count, std::mt19937
     cut(cut, whole);
   }
   std::shuffle(blocks.begin(), blocks.end(), *random);
-  TileTree tree(kRect);
+  TileTree tree(kOutputsRect);
   for (const SampleBlock& block : blocks) {
     absl::StatusOr<DecodedPart> part =
-        DecodePart(EncodePart(MakeTile(outputs, kRect, block), {"digest", "profile"}));
+        DecodePart(EncodePart(MakeTile(outputs, kOutputsRect, block), {"digest", "profile"}));
     EXPECT_TRUE(part.ok()) << part.status();
     EXPECT_TRUE(tree.Insert(std::move(part->tile)).ok());
   }
@@ -79,9 +79,9 @@ FilmTile MergeRandomCut(const FilmOutputs& outputs, uint64_t count, std::mt19937
 
 // Merged along the canonical tree in a single accumulation.
 FilmTile MergeWhole(const FilmOutputs& outputs, uint64_t count) {
-  TileTree tree(kRect);
+  TileTree tree(kOutputsRect);
   for (const SampleBlock& block : CutSamples(0, count, uint64_t{1} << 40)) {
-    EXPECT_TRUE(tree.Insert(MakeTile(outputs, kRect, block)).ok());
+    EXPECT_TRUE(tree.Insert(MakeTile(outputs, kOutputsRect, block)).ok());
   }
   return tree.Root();
 }
@@ -108,8 +108,8 @@ TEST(FilmOutputsTest, AnyPartitionGivesTheSameBits) {
 
 // Requesting outputs changes no bit of the image itself.
 TEST(FilmOutputsTest, OutputsDoNotChangeTheImage) {
-  const FilmTile plain = MakeTestTile(kRect, {0, 32});
-  EXPECT_TRUE(SameBits(MakeTile(AllOutputs(), kRect, {0, 32}), plain));
+  const FilmTile plain = MakeTestTile(kOutputsRect, {0, 32});
+  EXPECT_TRUE(SameBits(MakeTile(AllOutputs(), kOutputsRect, {0, 32}), plain));
   EXPECT_EQ(EncodePart(plain, {}).find("sheaf:outputs"), std::string::npos);
 }
 
@@ -238,7 +238,7 @@ TEST(FilmOutputsTest, ParsesLightGroupNames) {
   // Longer than the 31 bytes of early EXR files.
   FilmOutputs outputs;
   outputs.light_groups = {std::string(64, 'a')};
-  const FilmTile tile = MakeTile(outputs, kRect, {0, 1});
+  const FilmTile tile = MakeTile(outputs, kOutputsRect, {0, 1});
   const absl::StatusOr<DecodedPart> part = DecodePart(EncodePart(tile, {}));
   ASSERT_TRUE(part.ok()) << part.status();
   EXPECT_EQ(part->tile, tile);
@@ -247,7 +247,7 @@ TEST(FilmOutputsTest, ParsesLightGroupNames) {
 TEST(FilmOutputsTest, PartsWithWrongOutputsAreRefused) {
   FilmOutputs outputs;
   outputs.Add(Aov::kUv);
-  std::string bytes = EncodePart(MakeTile(outputs, kRect, {0, 2}), {});
+  std::string bytes = EncodePart(MakeTile(outputs, kOutputsRect, {0, 2}), {});
   const size_t at = bytes.find("sheaf:outputs");
   ASSERT_NE(at, std::string::npos);
   const size_t text = bytes.find("uv", at);

@@ -14,7 +14,7 @@
 namespace sheaf {
 namespace {
 
-constexpr PixelRect kRect{0, 0, 2, 2};
+constexpr PixelRect kTreeRect{0, 0, 2, 2};
 
 // The canonical tree over the samples before `end`: a parent without a right half equals its left
 // one.
@@ -46,8 +46,9 @@ std::vector<SampleBlock> CutAtRandom(uint64_t count, std::mt19937* bits) {
 }
 
 FilmTile RootOf(const std::vector<SampleBlock>& blocks) {
-  TileTree tree(kRect);
-  for (const SampleBlock& block : blocks) EXPECT_TRUE(tree.Insert(MakeTestTile(kRect, block)).ok());
+  TileTree tree(kTreeRect);
+  for (const SampleBlock& block : blocks)
+    EXPECT_TRUE(tree.Insert(MakeTestTile(kTreeRect, block)).ok());
   return tree.Root();
 }
 
@@ -68,39 +69,40 @@ TEST(TileTreeTest, AnyPartitionInAnyOrderGivesTheSameBits) {
 }
 
 TEST(TileTreeTest, MergesSiblingsAtOnce) {
-  TileTree tree(kRect);
+  TileTree tree(kTreeRect);
   for (const uint64_t first : {3, 1, 2, 0})
-    ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, {first, 1})).ok());
+    ASSERT_TRUE(tree.Insert(MakeTestTile(kTreeRect, {first, 1})).ok());
   ASSERT_EQ(tree.nodes().size(), 1u);
   EXPECT_EQ(tree.nodes().at(0).block(), (SampleBlock{0, 4}));
-  ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, {8, 4})).ok());
+  ASSERT_TRUE(tree.Insert(MakeTestTile(kTreeRect, {8, 4})).ok());
   EXPECT_EQ(tree.nodes().size(), 2u);
   EXPECT_EQ(tree.SampleCount(), 8u);
   EXPECT_TRUE(tree.Covers({2, 2}));
   EXPECT_TRUE(tree.Covers({8, 4}));
   EXPECT_FALSE(tree.Covers({0, 8}));
   EXPECT_FALSE(tree.Covers({4, 1}));
-  ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, {4, 4})).ok());
+  ASSERT_TRUE(tree.Insert(MakeTestTile(kTreeRect, {4, 4})).ok());
   EXPECT_EQ(tree.nodes().size(), 2u);  // [0, 8) and [8, 12).
-  ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, {12, 4})).ok());
+  ASSERT_TRUE(tree.Insert(MakeTestTile(kTreeRect, {12, 4})).ok());
   EXPECT_TRUE(tree.Covers({0, 16}));
-  EXPECT_TRUE(SameBits(tree.Root(), MakeTestTile(kRect, {0, 16})));
+  EXPECT_TRUE(SameBits(tree.Root(), MakeTestTile(kTreeRect, {0, 16})));
 }
 
 TEST(TileTreeTest, RefusesDuplicatesOverlapsAndForeignBlocks) {
-  TileTree tree(kRect);
-  ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, {8, 8})).ok());
-  EXPECT_EQ(tree.Insert(MakeTestTile(kRect, {8, 8})).code(), absl::StatusCode::kAlreadyExists);
-  EXPECT_EQ(tree.Insert(MakeTestTile(kRect, {12, 2})).code(), absl::StatusCode::kAlreadyExists);
-  EXPECT_EQ(tree.Insert(MakeTestTile(kRect, {0, 16})).code(), absl::StatusCode::kInvalidArgument);
+  TileTree tree(kTreeRect);
+  ASSERT_TRUE(tree.Insert(MakeTestTile(kTreeRect, {8, 8})).ok());
+  EXPECT_EQ(tree.Insert(MakeTestTile(kTreeRect, {8, 8})).code(), absl::StatusCode::kAlreadyExists);
+  EXPECT_EQ(tree.Insert(MakeTestTile(kTreeRect, {12, 2})).code(), absl::StatusCode::kAlreadyExists);
+  EXPECT_EQ(tree.Insert(MakeTestTile(kTreeRect, {0, 16})).code(),
+            absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(tree.Insert(MakeTestTile({0, 0, 1, 1}, {0, 8})).code(),
             absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(tree.SampleCount(), 8u);
 }
 
 TEST(TileTreeTest, PreviewSumsAvailableNodes) {
-  TileTree tree(kRect);
-  const FilmTile a = MakeTestTile(kRect, {2, 2}), b = MakeTestTile(kRect, {16, 16});
+  TileTree tree(kTreeRect);
+  const FilmTile a = MakeTestTile(kTreeRect, {2, 2}), b = MakeTestTile(kTreeRect, {16, 16});
   ASSERT_TRUE(tree.Insert(b).ok());
   ASSERT_TRUE(tree.Insert(a).ok());
   const FilmTile sum = tree.PreviewSum();
@@ -110,19 +112,19 @@ TEST(TileTreeTest, PreviewSumsAvailableNodes) {
 }
 
 TEST(TileTreeTest, PreviewSumsThreeOrMoreNodes) {
-  TileTree tree(kRect);
+  TileTree tree(kTreeRect);
   float samples = 0;
   for (const SampleBlock block : {SampleBlock{0, 64}, {64, 32}, {96, 4}, {128, 16}}) {
-    ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, block)).ok());
+    ASSERT_TRUE(tree.Insert(MakeTestTile(kTreeRect, block)).ok());
     samples += static_cast<float>(block.count);
     EXPECT_EQ(tree.PreviewSum().channel(FilmChannel::kSampleCount)[3], samples);
   }
 }
 
 TEST(TileTreeDeathTest, RootNeedsAPrefix) {
-  TileTree tree(kRect);
+  TileTree tree(kTreeRect);
   EXPECT_DEATH(static_cast<void>(tree.Root()), "check failed");
-  ASSERT_TRUE(tree.Insert(MakeTestTile(kRect, {8, 8})).ok());
+  ASSERT_TRUE(tree.Insert(MakeTestTile(kTreeRect, {8, 8})).ok());
   EXPECT_DEATH(static_cast<void>(tree.Root()), "check failed");
 }
 

@@ -14,7 +14,7 @@
 namespace sheaf {
 namespace {
 
-std::string TemporaryPath(const std::string& name) {
+std::string TemporaryTexturePath(const std::string& name) {
   const std::filesystem::path directory =
       std::filesystem::path(::testing::TempDir()) / "sheaf_texture_cache_test";
   std::filesystem::create_directories(directory);
@@ -30,7 +30,7 @@ std::string WritePattern(const std::string& name, int size) {
                         static_cast<uint8_t>((x * 31 + y * 17) % 256)});
     }
   }
-  const std::string path = TemporaryPath(name);
+  const std::string path = TemporaryTexturePath(name);
   EXPECT_TRUE(WritePng(path, size, size, pixels).ok());
   return path;
 }
@@ -86,7 +86,7 @@ TEST(TextureCacheTest, M10NonFiniteTexelsAreCountedAndReadAsZero) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float infinity = std::numeric_limits<float>::infinity();
   const std::vector<float> values = {1, 2, 3, nan, 5, 6, 7, infinity, 9, 10, 11, 12};
-  const std::string path = TemporaryPath("nan.pfm");
+  const std::string path = TemporaryTexturePath("nan.pfm");
   std::ofstream(path, std::ios::binary)
       .write("PF\n4 1\n-1.0\n", 12)
       .write(reinterpret_cast<const char*>(values.data()),
@@ -106,14 +106,14 @@ TEST(TextureCacheTest, M10NonFiniteTexelsAreCountedAndReadAsZero) {
 
 TEST(TextureCacheTest, OpeningDetectsDamage) {
   const std::string whole = WritePattern("whole.png", 256);
-  const std::string cut = TemporaryPath("cut.png");
+  const std::string cut = TemporaryTexturePath("cut.png");
   std::filesystem::copy_file(whole, cut, std::filesystem::copy_options::overwrite_existing);
   std::filesystem::resize_file(cut, std::filesystem::file_size(cut) / 2);
   TextureCache cache(uint64_t{16} << 20);
   const absl::Status status = cache.Open(cut, {}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(std::string(status.message()).rfind(cut, 0), 0u) << status;
-  EXPECT_EQ(cache.Open(TemporaryPath("absent.png"), {}).status().code(),
+  EXPECT_EQ(cache.Open(TemporaryTexturePath("absent.png"), {}).status().code(),
             absl::StatusCode::kNotFound);
 }
 

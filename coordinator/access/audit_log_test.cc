@@ -16,7 +16,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-const absl::Time kNow = absl::FromUnixSeconds(1'800'000'000);
+const absl::Time kAuditTime = absl::FromUnixSeconds(1'800'000'000);
 
 class AuditLogTest : public testing::Test {
  protected:
@@ -61,10 +61,10 @@ TEST_F(AuditLogTest, AFloodOfRefusalsIsCounted) {
   AuditLog log(path_);
   const absl::Status refused = absl::UnauthenticatedError("no certificate");
   for (int i = 0; i < kAuditRefusalsPerMinuteMax + 5; ++i) {
-    log.NoteRefused("192.0.2.7", "GetJob", refused, kNow);
+    log.NoteRefused("192.0.2.7", "GetJob", refused, kAuditTime);
   }
   EXPECT_EQ(Lines().size(), static_cast<size_t>(kAuditRefusalsPerMinuteMax));
-  log.NoteRefused("192.0.2.7", "GetJob", refused, kNow + absl::Minutes(1));
+  log.NoteRefused("192.0.2.7", "GetJob", refused, kAuditTime + absl::Minutes(1));
   const std::vector<nlohmann::json> lines = Lines();
   ASSERT_EQ(lines.size(), static_cast<size_t>(kAuditRefusalsPerMinuteMax) + 2);
   EXPECT_EQ(lines[lines.size() - 2]["outcome"], "5 more calls were refused and are not listed");

@@ -15,7 +15,7 @@ namespace {
 
 using testing::Contains;
 
-const absl::Time kNow = absl::FromUnixSeconds(1'800'000'000);
+const absl::Time kIssueTime = absl::FromUnixSeconds(1'800'000'000);
 
 class CertificateAuthorityTest : public testing::Test {
  protected:
@@ -27,7 +27,7 @@ class CertificateAuthorityTest : public testing::Test {
   ~CertificateAuthorityTest() override { std::filesystem::remove_all(directory_); }
 
   std::unique_ptr<CertificateAuthority> Create(const std::vector<std::string>& hosts) {
-    const absl::Status created = CertificateAuthority::Create(directory_, hosts, kNow);
+    const absl::Status created = CertificateAuthority::Create(directory_, hosts, kIssueTime);
     EXPECT_TRUE(created.ok()) << created;
     auto authority = CertificateAuthority::Open(directory_);
     EXPECT_TRUE(authority.ok()) << authority.status();
@@ -47,7 +47,8 @@ TEST_F(CertificateAuthorityTest, CertifiesItsServer) {
   EXPECT_TRUE(CertificateAuthority::Exists(directory_));
   const std::string pem = ServerCertificate(*authority);
   EXPECT_TRUE(
-      VerifyCertificate(pem, CertificateUse::kServer, authority->certificate_pem(), kNow).ok());
+      VerifyCertificate(pem, CertificateUse::kServer, authority->certificate_pem(), kIssueTime)
+          .ok());
   EXPECT_THAT(ReadCertificate(pem)->hosts, Contains("192.0.2.7"));
 }
 
@@ -73,12 +74,12 @@ TEST_F(CertificateAuthorityTest, AFurtherHostKeepsTheAuthority) {
 
 TEST_F(CertificateAuthorityTest, RenewsItsServerInTime) {
   const auto authority = Create({"localhost"});
-  EXPECT_FALSE(*authority->RenewServerCertificate(kNow + kServerLifetime * 0.4));
-  EXPECT_TRUE(*authority->RenewServerCertificate(kNow + kServerLifetime * 0.6));
+  EXPECT_FALSE(*authority->RenewServerCertificate(kIssueTime + kServerLifetime * 0.4));
+  EXPECT_TRUE(*authority->RenewServerCertificate(kIssueTime + kServerLifetime * 0.6));
   EXPECT_EQ(ReadCertificate(ServerCertificate(*authority))->not_after,
-            kNow + kServerLifetime * 1.6);
-  EXPECT_EQ(authority->ServerExpiry(), kNow + kServerLifetime * 1.6);
-  EXPECT_EQ(authority->Expiry(), kNow + kAuthorityLifetime);
+            kIssueTime + kServerLifetime * 1.6);
+  EXPECT_EQ(authority->ServerExpiry(), kIssueTime + kServerLifetime * 1.6);
+  EXPECT_EQ(authority->Expiry(), kIssueTime + kAuthorityLifetime);
   std::filesystem::remove(authority->server_files().certificate_path);
   EXPECT_EQ(authority->ServerExpiry(), absl::UnixEpoch()) << "as if it had ended";
 }
@@ -89,10 +90,11 @@ TEST_F(CertificateAuthorityTest, IssuesToIdentities) {
   identity.id = {IdentityKind::kWorker, "node7"};
   identity.generation = 2;
   const absl::StatusOr<std::string> pem = authority->IssueClientCertificate(
-      identity, *MakeCertificateRequest(GenerateKey()), kNow, absl::Hours(24));
+      identity, *MakeCertificateRequest(GenerateKey()), kIssueTime, absl::Hours(24));
   ASSERT_TRUE(pem.ok()) << pem.status();
   EXPECT_TRUE(
-      VerifyCertificate(*pem, CertificateUse::kClient, authority->certificate_pem(), kNow).ok());
+      VerifyCertificate(*pem, CertificateUse::kClient, authority->certificate_pem(), kIssueTime)
+          .ok());
   EXPECT_EQ(ReadCertificate(*pem)->common_name, "worker:node7");
   EXPECT_EQ(ReadCertificate(*pem)->generation, 2u);
 }
@@ -100,7 +102,7 @@ TEST_F(CertificateAuthorityTest, IssuesToIdentities) {
 TEST_F(CertificateAuthorityTest, RefusesHostsThatAreNoNames) {
   for (const std::string& host :
        {std::string(), std::string("a,DNS:b"), std::string("a b"), std::string(300, 'a')}) {
-    EXPECT_EQ(CertificateAuthority::Create(directory_, {host}, kNow).code(),
+    EXPECT_EQ(CertificateAuthority::Create(directory_, {host}, kIssueTime).code(),
               absl::StatusCode::kInvalidArgument);
   }
   EXPECT_FALSE(CertificateAuthority::Exists(directory_));

@@ -16,9 +16,9 @@
 namespace sheaf::coordinator {
 namespace {
 
-const absl::Time kNow = absl::FromUnixSeconds(1'800'000'000);
-const IdentityId kAnna{IdentityKind::kUser, "anna"};
-const IdentityId kNode{IdentityKind::kWorker, "node7"};
+const absl::Time kStoreTime = absl::FromUnixSeconds(1'800'000'000);
+const IdentityId kStoredUser{IdentityKind::kUser, "anna"};
+const IdentityId kStoredWorker{IdentityKind::kWorker, "node7"};
 
 class IdentityStoreTest : public testing::Test {
  protected:
@@ -37,13 +37,14 @@ class IdentityStoreTest : public testing::Test {
     EXPECT_TRUE(store.ok()) << store.status();
     return store.ok() ? *std::move(store) : nullptr;
   }
-  std::string Token(const IdentityId& id = kAnna, Role role = Role::kSubmit) {
-    const absl::StatusOr<std::string> secret = store_->MakeToken(id, role, kNow, absl::Hours(1));
+  std::string Token(const IdentityId& id = kStoredUser, Role role = Role::kSubmit) {
+    const absl::StatusOr<std::string> secret =
+        store_->MakeToken(id, role, kStoreTime, absl::Hours(1));
     EXPECT_TRUE(secret.ok()) << secret.status();
     return secret.value_or("");
   }
   absl::StatusCode Use(const std::string& secret, const std::string& key = "a key",
-                       absl::Time now = kNow) {
+                       absl::Time now = kStoreTime) {
     return store_->UseToken(secret, key, now).status().code();
   }
 
@@ -52,40 +53,42 @@ class IdentityStoreTest : public testing::Test {
 };
 
 TEST_F(IdentityStoreTest, ATokenSaysWhoseItIs) {
-  const absl::StatusOr<Identity> user = store_->UseToken(Token(), "a key", kNow);
+  const absl::StatusOr<Identity> user = store_->UseToken(Token(), "a key", kStoreTime);
   ASSERT_TRUE(user.ok()) << user.status();
-  EXPECT_EQ(user->id, kAnna);
+  EXPECT_EQ(user->id, kStoredUser);
   EXPECT_EQ(user->role, Role::kSubmit);
   const absl::StatusOr<Identity> worker =
-      store_->UseToken(Token(kNode, Role::kWork), "a key", kNow);
+      store_->UseToken(Token(kStoredWorker, Role::kWork), "a key", kStoreTime);
   ASSERT_TRUE(worker.ok()) << worker.status();
   EXPECT_EQ(FormatIdentity(worker->id), "worker:node7");
 }
 
 TEST_F(IdentityStoreTest, ScrapeTokensAreDigestsAndEnd) {
-  ASSERT_TRUE(store_->PutIdentity(kAnna, Role::kView).ok());
-  const std::string token = *store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1));
-  EXPECT_EQ(store_->FindScrapeToken(token, kNow)->id, kAnna);
-  EXPECT_EQ(Open()->FindScrapeToken(token, kNow)->id, kAnna) << "it outlives a restart";
-  EXPECT_FALSE(store_->FindScrapeToken("another", kNow).ok());
-  EXPECT_FALSE(store_->FindScrapeToken(token, kNow + absl::Hours(1)).ok());
+  ASSERT_TRUE(store_->PutIdentity(kStoredUser, Role::kView).ok());
+  const std::string token = *store_->MakeScrapeToken(kStoredUser, kStoreTime, absl::Hours(1));
+  EXPECT_EQ(store_->FindScrapeToken(token, kStoreTime)->id, kStoredUser);
+  EXPECT_EQ(Open()->FindScrapeToken(token, kStoreTime)->id, kStoredUser) << "it outlives a restart";
+  EXPECT_FALSE(store_->FindScrapeToken("another", kStoreTime).ok());
+  EXPECT_FALSE(store_->FindScrapeToken(token, kStoreTime + absl::Hours(1)).ok());
   for (const char* file : {"/access.db", "/access.db-wal"}) {
     EXPECT_FALSE(absl::StrContains(ReadWholeFile(directory_ + file).value_or(""), token)) << file;
   }
   for (int64_t i = 1; i < kScrapeTokensOfIdentityMax; ++i) {
-    ASSERT_TRUE(store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1)).ok()) << i;
+    ASSERT_TRUE(store_->MakeScrapeToken(kStoredUser, kStoreTime, absl::Hours(1)).ok()) << i;
   }
+  EXPECT_TRUE(absl::IsResourceExhausted(
+      store_->MakeScrapeToken(kStoredUser, kStoreTime, absl::Hours(1)).status()));
   EXPECT_TRUE(
-      absl::IsResourceExhausted(store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1)).status()));
-  EXPECT_TRUE(store_->MakeScrapeToken(kAnna, kNow + absl::Hours(2), absl::Hours(1)).ok())
+      store_->MakeScrapeToken(kStoredUser, kStoreTime + absl::Hours(2), absl::Hours(1)).ok())
       << "expired ones have gone";
-  const std::string last = *store_->MakeScrapeToken(kAnna, kNow + absl::Hours(2), absl::Hours(1));
-  ASSERT_TRUE(store_->Revoke(kAnna, kNow).ok());
-  EXPECT_FALSE(store_->FindScrapeToken(last, kNow + absl::Hours(2)).ok());
-  EXPECT_TRUE(
-      absl::IsFailedPrecondition(store_->MakeScrapeToken(kAnna, kNow, absl::Hours(1)).status()));
+  const std::string last =
+      *store_->MakeScrapeToken(kStoredUser, kStoreTime + absl::Hours(2), absl::Hours(1));
+  ASSERT_TRUE(store_->Revoke(kStoredUser, kStoreTime).ok());
+  EXPECT_FALSE(store_->FindScrapeToken(last, kStoreTime + absl::Hours(2)).ok());
+  EXPECT_TRUE(absl::IsFailedPrecondition(
+      store_->MakeScrapeToken(kStoredUser, kStoreTime, absl::Hours(1)).status()));
   EXPECT_TRUE(absl::IsNotFound(
-      store_->MakeScrapeToken({IdentityKind::kUser, "ben"}, kNow, absl::Hours(1)).status()));
+      store_->MakeScrapeToken({IdentityKind::kUser, "ben"}, kStoreTime, absl::Hours(1)).status()));
 }
 
 TEST_F(IdentityStoreTest, AReplayedTokenIsRefusedToAnotherKey) {
@@ -97,7 +100,7 @@ TEST_F(IdentityStoreTest, AReplayedTokenIsRefusedToAnotherKey) {
 
 TEST_F(IdentityStoreTest, TokensExpireAndUnknownOnesAreRefused) {
   const std::string secret = Token();
-  EXPECT_EQ(Use(secret, "a key", kNow + absl::Hours(1)), absl::StatusCode::kUnauthenticated);
+  EXPECT_EQ(Use(secret, "a key", kStoreTime + absl::Hours(1)), absl::StatusCode::kUnauthenticated);
   EXPECT_EQ(Use("no token"), absl::StatusCode::kUnauthenticated);
   EXPECT_EQ(Use(""), absl::StatusCode::kUnauthenticated);
 }
@@ -114,7 +117,7 @@ TEST_F(IdentityStoreTest, OfManyConcurrentKeysOneGetsTheToken) {
     for (int i = 0; i < kThieves; ++i) {
       threads.emplace_back([&, i] {
         together.arrive_and_wait();
-        if (stores[i]->UseToken(secret, absl::StrCat("key ", i), kNow).ok()) ++enrolled;
+        if (stores[i]->UseToken(secret, absl::StrCat("key ", i), kStoreTime).ok()) ++enrolled;
       });
     }
   }
@@ -123,29 +126,29 @@ TEST_F(IdentityStoreTest, OfManyConcurrentKeysOneGetsTheToken) {
 
 TEST_F(IdentityStoreTest, RevocationTakesTokensToo) {
   const std::string secret = Token();
-  ASSERT_TRUE(store_->Revoke(kAnna, kNow).ok());
+  ASSERT_TRUE(store_->Revoke(kStoredUser, kStoreTime).ok());
   EXPECT_EQ(Use(secret), absl::StatusCode::kUnauthenticated);
-  EXPECT_TRUE((*store_->Find(kAnna))->revoked());
-  EXPECT_EQ(store_->Revoke(kNode, kNow).code(), absl::StatusCode::kNotFound);
+  EXPECT_TRUE((*store_->Find(kStoredUser))->revoked());
+  EXPECT_EQ(store_->Revoke(kStoredWorker, kStoreTime).code(), absl::StatusCode::kNotFound);
 }
 
 TEST_F(IdentityStoreTest, AnIdentityThatIsEnrolledAgainBeginsANewGeneration) {
   Token();
   Token();
-  EXPECT_EQ((*store_->Find(kAnna))->generation, 1u) << "a second machine of the same person";
-  ASSERT_TRUE(store_->Revoke(kAnna, kNow).ok());
-  Token(kAnna, Role::kView);
-  EXPECT_EQ((*store_->Find(kAnna))->generation, 2u);
-  EXPECT_EQ((*store_->Find(kAnna))->role, Role::kView);
-  EXPECT_FALSE((*store_->Find(kAnna))->revoked());
+  EXPECT_EQ((*store_->Find(kStoredUser))->generation, 1u) << "a second machine of the same person";
+  ASSERT_TRUE(store_->Revoke(kStoredUser, kStoreTime).ok());
+  Token(kStoredUser, Role::kView);
+  EXPECT_EQ((*store_->Find(kStoredUser))->generation, 2u);
+  EXPECT_EQ((*store_->Find(kStoredUser))->role, Role::kView);
+  EXPECT_FALSE((*store_->Find(kStoredUser))->revoked());
 }
 
 TEST_F(IdentityStoreTest, AChangeByAnotherProcessIsSeenAtTheNextCall) {
   Token();
-  ASSERT_FALSE((*store_->Find(kAnna))->revoked());
-  ASSERT_TRUE(Open()->Revoke(kAnna, kNow).ok());
-  EXPECT_TRUE((*store_->Find(kAnna))->revoked());
-  ASSERT_TRUE(Open()->PutIdentity(kNode, Role::kWork).ok());
+  ASSERT_FALSE((*store_->Find(kStoredUser))->revoked());
+  ASSERT_TRUE(Open()->Revoke(kStoredUser, kStoreTime).ok());
+  EXPECT_TRUE((*store_->Find(kStoredUser))->revoked());
+  ASSERT_TRUE(Open()->PutIdentity(kStoredWorker, Role::kWork).ok());
   EXPECT_EQ(store_->List()->size(), 2u);
 }
 

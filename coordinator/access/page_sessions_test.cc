@@ -14,23 +14,23 @@
 namespace sheaf::coordinator {
 namespace {
 
-const absl::Time kNow = absl::FromUnixSeconds(1'800'000'000);
-const PageUser kAnna{{IdentityKind::kUser, "anna"}, 2};
+const absl::Time kSessionTime = absl::FromUnixSeconds(1'800'000'000);
+const PageUser kPageUser{{IdentityKind::kUser, "anna"}, 2};
 
 TEST(PageSecretsTest, StandForTheirUserUntilTheyExpire) {
   PageSecrets secrets(absl::Minutes(5));
-  const std::string secret = secrets.Make(kAnna, kNow);
+  const std::string secret = secrets.Make(kPageUser, kSessionTime);
   EXPECT_EQ(secret.size(), 43u) << "256 bits in base64url";
-  ASSERT_TRUE(secrets.Find(secret, kNow + absl::Minutes(4)));
-  EXPECT_EQ(secrets.Find(secret, kNow)->id, kAnna.id);
-  EXPECT_EQ(secrets.Find(secret, kNow)->generation, 2u);
-  EXPECT_FALSE(secrets.Find(secret, kNow + absl::Minutes(5)));
-  EXPECT_FALSE(secrets.Find("", kNow));
+  ASSERT_TRUE(secrets.Find(secret, kSessionTime + absl::Minutes(4)));
+  EXPECT_EQ(secrets.Find(secret, kSessionTime)->id, kPageUser.id);
+  EXPECT_EQ(secrets.Find(secret, kSessionTime)->generation, 2u);
+  EXPECT_FALSE(secrets.Find(secret, kSessionTime + absl::Minutes(5)));
+  EXPECT_FALSE(secrets.Find("", kSessionTime));
 }
 
 TEST(PageSecretsTest, OneOfManyConcurrentTakersGetsASecret) {
   PageSecrets secrets(absl::Minutes(5));
-  const std::string secret = secrets.Make(kAnna, kNow);
+  const std::string secret = secrets.Make(kPageUser, kSessionTime);
   constexpr int kTakers = 16;
   std::atomic<int> taken{0};
   std::latch together(kTakers);
@@ -39,7 +39,7 @@ TEST(PageSecretsTest, OneOfManyConcurrentTakersGetsASecret) {
     for (int i = 0; i < kTakers; ++i) {
       threads.emplace_back([&] {
         together.arrive_and_wait();
-        if (secrets.Take(secret, kNow)) ++taken;
+        if (secrets.Take(secret, kSessionTime)) ++taken;
       });
     }
   }
@@ -48,13 +48,13 @@ TEST(PageSecretsTest, OneOfManyConcurrentTakersGetsASecret) {
 
 TEST(PageSecretsTest, NobodyPushesOthersOut) {
   PageSecrets secrets(absl::Minutes(5));
-  const std::string others = secrets.Make({{IdentityKind::kUser, "ben"}, 1}, kNow);
-  const std::string first = secrets.Make(kAnna, kNow);
+  const std::string others = secrets.Make({{IdentityKind::kUser, "ben"}, 1}, kSessionTime);
+  const std::string first = secrets.Make(kPageUser, kSessionTime);
   for (size_t i = 0; i < kPageSecretsOfIdentityMax; ++i) {
-    secrets.Make(kAnna, kNow + absl::Seconds(1));
+    secrets.Make(kPageUser, kSessionTime + absl::Seconds(1));
   }
-  EXPECT_FALSE(secrets.Find(first, kNow)) << "her oldest one has made room";
-  EXPECT_TRUE(secrets.Find(others, kNow));
+  EXPECT_FALSE(secrets.Find(first, kSessionTime)) << "her oldest one has made room";
+  EXPECT_TRUE(secrets.Find(others, kSessionTime));
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr PixelRect kTile{0, 0, 32, 32};
+constexpr PixelRect kCheckedTile{0, 0, 32, 32};
 
 TEST(CheckChoiceTest, DrawsAreEvenAndStay) {
   const CheckChoice choice("secret");
@@ -17,10 +17,10 @@ TEST(CheckChoiceTest, DrawsAreEvenAndStay) {
   int low = 0, tiny = 0;
   for (int i = 0; i < kCount; ++i) {
     const SampleBlock block{static_cast<uint64_t>(i) * 16, 16};
-    const double draw = choice.DrawOf("digest", kTile, block, {});
+    const double draw = choice.DrawOf("digest", kCheckedTile, block, {});
     ASSERT_GE(draw, 0);
     ASSERT_LT(draw, 1);
-    EXPECT_EQ(choice.DrawOf("digest", kTile, block, {}), draw);
+    EXPECT_EQ(choice.DrawOf("digest", kCheckedTile, block, {}), draw);
     low += draw < 0.25 ? 1 : 0;
     tiny += draw < 0.02 ? 1 : 0;
   }
@@ -30,13 +30,13 @@ TEST(CheckChoiceTest, DrawsAreEvenAndStay) {
 }
 
 TEST(CheckChoiceTest, DrawsDependOnSecretAndTask) {
-  const double draw = CheckChoice("a").DrawOf("digest", kTile, {0, 16}, {});
-  EXPECT_NE(CheckChoice("b").DrawOf("digest", kTile, {0, 16}, {}), draw);
-  EXPECT_NE(CheckChoice("a").DrawOf("other", kTile, {0, 16}, {}), draw);
+  const double draw = CheckChoice("a").DrawOf("digest", kCheckedTile, {0, 16}, {});
+  EXPECT_NE(CheckChoice("b").DrawOf("digest", kCheckedTile, {0, 16}, {}), draw);
+  EXPECT_NE(CheckChoice("a").DrawOf("other", kCheckedTile, {0, 16}, {}), draw);
   EXPECT_NE(CheckChoice("a").DrawOf("digest", {0, 0, 32, 31}, {0, 16}, {}), draw);
-  EXPECT_NE(CheckChoice("a").DrawOf("digest", kTile, {0, 32}, {}), draw);
-  EXPECT_NE(CheckChoice("a").DrawOf("digest", kTile, {0, 16}, {8, 3}), draw);
-  EXPECT_NE(CheckChoice("a").DrawOf("digest", kTile, {0, 16}, {}, TaskKind::kLight), draw);
+  EXPECT_NE(CheckChoice("a").DrawOf("digest", kCheckedTile, {0, 32}, {}), draw);
+  EXPECT_NE(CheckChoice("a").DrawOf("digest", kCheckedTile, {0, 16}, {8, 3}), draw);
+  EXPECT_NE(CheckChoice("a").DrawOf("digest", kCheckedTile, {0, 16}, {}, TaskKind::kLight), draw);
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr PixelRect kWindow{0, 0, 16, 8};
+constexpr PixelRect kStartWindow{0, 0, 16, 8};
 constexpr char kProfile[] = "this build";
 
 FrameSpec MakeSpec() {
@@ -18,7 +18,7 @@ FrameSpec MakeSpec() {
   spec.scene = {std::string(64, 'a'), 7};
   spec.settings.width_px = 16;
   spec.settings.height_px = 8;
-  spec.settings.window = kWindow;
+  spec.settings.window = kStartWindow;
   spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
   return spec;
 }
@@ -26,7 +26,7 @@ FrameSpec MakeSpec() {
 // Every pixel is 1 with a standard error of 0.1; the right half has four times the samples and half
 // the standard error.
 FrameImage MakeImage() {
-  FrameImage image = MakeFrameImage(kWindow, 16, 8);
+  FrameImage image = MakeFrameImage(kStartWindow, 16, 8);
   const auto set = [&](const std::string& name, auto value_at) {
     for (size_t c = 0; c < image.channel_names.size(); ++c) {
       if (image.channel_names[c] != name) continue;
@@ -45,12 +45,12 @@ FrameImage MakeImage() {
   return image;
 }
 
-const CellGrid kGrid(kWindow, 8, 8);
+const CellGrid kStartGrid(kStartWindow, 8, 8);
 
 TEST(ImageStartTest, CellsHaveTheImagesSamplesAndErrors) {
   const auto resumed = ResumeImage(MakeImage(), MakeSpec(), kProfile);
   ASSERT_TRUE(resumed.ok()) << resumed.status();
-  const auto cells = ImageStartOf(*resumed, kGrid);
+  const auto cells = ImageStartOf(*resumed, kStartGrid);
   ASSERT_TRUE(cells.ok()) << cells.status();
   ASSERT_EQ(cells->size(), 2u);
   EXPECT_EQ((*cells)[0].samples, 16u);
@@ -67,7 +67,7 @@ TEST(ImageStartTest, CostCountsOnlyMissingSamples) {
   }
   model.log_error_deviation = 0.4;
   model.log_cpu_deviation = 0.1;
-  ContinueFrom(*ImageStartOf(*ResumeImage(MakeImage(), MakeSpec(), kProfile), kGrid), &model);
+  ContinueFrom(*ImageStartOf(*ResumeImage(MakeImage(), MakeSpec(), kProfile), kStartGrid), &model);
   EXPECT_LT(model.log_error_deviation, 0.2);  // 128 pixels.
   EXPECT_EQ(model.log_cpu_deviation, 0.1);
   const Forecast same = ForecastSamples(model, 64);
@@ -135,7 +135,7 @@ TEST(ImageStartTest, GuidedImagesOfTheCameraContinue) {
 TEST(ImageStartTest, OtherCellSizesAreRefused) {
   const auto resumed = ResumeImage(MakeImage(), MakeSpec(), kProfile);
   ASSERT_TRUE(resumed.ok());
-  EXPECT_FALSE(ImageStartOf(*resumed, CellGrid(kWindow, 16, 16)).ok());
+  EXPECT_FALSE(ImageStartOf(*resumed, CellGrid(kStartWindow, 16, 16)).ok());
 }
 
 }  // namespace

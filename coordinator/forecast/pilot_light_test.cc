@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr PixelRect kWindow{0, 0, 320, 256};
+constexpr PixelRect kLightWindow{0, 0, 320, 256};
 constexpr int32_t kShrink = 4;
 constexpr PilotLevel kLevel{{}, kPilotPasses, kShrink, true};
 
@@ -21,7 +21,7 @@ constexpr PilotLevel kLevel{{}, kPilotPasses, kShrink, true};
 // degrees of freedom.
 template <typename Light, typename Variance>
 PilotImage MakeLightImage(double camera_variance, const Light& light, const Variance& variance) {
-  const PixelRect window{0, 0, kWindow.x1 / kShrink, kWindow.y1 / kShrink};
+  const PixelRect window{0, 0, kLightWindow.x1 / kShrink, kLightWindow.y1 / kShrink};
   FrameImage camera = MakeFrameImage(window, window.x1, window.y1), of_light = camera;
   std::mt19937_64 random(1);
   std::chi_squared_distribution<double> chi_squared(7);
@@ -47,13 +47,13 @@ PilotImage MakeLightImage(double camera_variance, const Light& light, const Vari
   return pilot;
 }
 
-const CellGrid kGrid(kWindow, 32, 32);
+const CellGrid kLightGrid(kLightWindow, 32, 32);
 
 LightModel Fit(const PilotImage& image) {
   const auto cell_of = [](int32_t x, int32_t y) {
-    return static_cast<size_t>(y / 32 * (kWindow.x1 / 32) + x / 32);
+    return static_cast<size_t>(y / 32 * (kLightWindow.x1 / 32) + x / 32);
   };
-  return FitLight(kGrid, image, /*mean=*/2, cell_of, kWindow.x1 * kWindow.y1);
+  return FitLight(kLightGrid, image, /*mean=*/2, cell_of, kLightWindow.x1 * kLightWindow.y1);
 }
 
 // The light of both kinds of path is 2; the floor of relative errors is 0.1 of the mean.
@@ -63,11 +63,11 @@ TEST(PilotLightTest, ErrorsAreThoseOfLightPassesAlone) {
   for (const double camera_variance : {0.0, 0.04, 0.4}) {
     const LightModel model = Fit(MakeLightImage(
         camera_variance, [](int32_t) { return 1; }, [](int32_t) { return 0.1; }));
-    ASSERT_EQ(model.errors.size(), kGrid.cells().size());
+    ASSERT_EQ(model.errors.size(), kLightGrid.cells().size());
     EXPECT_EQ(model.passes, kPilotPasses);
     ErrorSums sum;
     for (const ErrorSums& error : model.errors) sum.Add(error);
-    EXPECT_EQ(sum.pixel_count, kWindow.PixelCount());
+    EXPECT_EQ(sum.pixel_count, kLightWindow.PixelCount());
     EXPECT_NEAR(sum.RelativeMse(), 0.1 / kSquare, 0.1 * 0.1 / kSquare) << camera_variance;
     EXPECT_LT(model.log_error_deviation, 0.1);
   }
@@ -76,8 +76,8 @@ TEST(PilotLightTest, ErrorsAreThoseOfLightPassesAlone) {
 TEST(PilotLightTest, CellsDiffer) {
   const LightModel model = Fit(MakeLightImage(
       0.01, [](int32_t) { return 1; }, [](int32_t x) { return x < 160 ? 0.001 : 0.1; }));
-  for (size_t i = 0; i < kGrid.cells().size(); ++i) {
-    if (kGrid.cells()[i].x1 <= 160) {
+  for (size_t i = 0; i < kLightGrid.cells().size(); ++i) {
+    if (kLightGrid.cells()[i].x1 <= 160) {
       EXPECT_LT(model.errors[i].RelativeMse(), 0.2 * 0.1 / kSquare) << i;
     } else {
       EXPECT_NEAR(model.errors[i].RelativeMse(), 0.1 / kSquare, 0.4 * 0.1 / kSquare) << i;
@@ -101,15 +101,15 @@ TEST(PilotLightTest, PassesThatFindNothingHaveNoErrors) {
 TEST(PilotLightTest, SparsePixelsGetTheLightOfTheirPlace) {
   const PilotImage light = MakeLightImage(
       0.01, [](int32_t x) { return x < 160 ? 3 : 5; }, [](int32_t) { return 0.1; });
-  FrameImage sparse = MakeFrameImage(kWindow, kWindow.x1, kWindow.y1);
-  for (const int32_t x : {20, 300}) (*sparse.Find("samples"))[kWindow.IndexOf(x, 100)] = 8;
+  FrameImage sparse = MakeFrameImage(kLightWindow, kLightWindow.x1, kLightWindow.y1);
+  for (const int32_t x : {20, 300}) (*sparse.Find("samples"))[kLightWindow.IndexOf(x, 100)] = 8;
   std::array<std::vector<float>, 3> values;
   for (size_t i = 0; i < 3; ++i) values[i].assign(sparse.planes.front().size(), 1);
   AddLightOf(light, sparse, &values);
   for (const std::vector<float>& plane : values) {
-    EXPECT_FLOAT_EQ(plane[kWindow.IndexOf(20, 100)], 4);
-    EXPECT_FLOAT_EQ(plane[kWindow.IndexOf(300, 100)], 6);
-    EXPECT_EQ(plane[kWindow.IndexOf(21, 100)], 1);  // Without samples.
+    EXPECT_FLOAT_EQ(plane[kLightWindow.IndexOf(20, 100)], 4);
+    EXPECT_FLOAT_EQ(plane[kLightWindow.IndexOf(300, 100)], 6);
+    EXPECT_EQ(plane[kLightWindow.IndexOf(21, 100)], 1);  // Without samples.
   }
 }
 

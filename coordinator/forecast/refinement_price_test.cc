@@ -9,15 +9,15 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr uint64_t kSamplesMax = uint64_t{1} << 20;
+constexpr uint64_t kRefinedSamplesMax = uint64_t{1} << 20;
 constexpr double kSecondsPerPixelSample = 1e-6;
-constexpr int64_t kTilePixels = 1024;
+constexpr int64_t kRefinedTilePixels = 1024;
 
 // Cell i of a frame with unequal errors that fall as 1 / n.
 CellRound CellAt(size_t i, uint64_t samples) {
   const double error = (0.1 + 0.2 * static_cast<double>(i % 10)) / static_cast<double>(samples);
-  const auto pixels = static_cast<double>(kTilePixels);
-  return {samples, {kTilePixels, pixels * error, 4 * pixels * error * error}};
+  const auto pixels = static_cast<double>(kRefinedTilePixels);
+  return {samples, {kRefinedTilePixels, pixels * error, 4 * pixels * error * error}};
 }
 
 double SecondsOf(const std::vector<CellRound>& cells) {
@@ -34,8 +34,8 @@ FinishedFrame RenderTo(double target, size_t cell_count) {
     RoundRecord& record = frame.rounds.emplace_back();
     record.round = static_cast<int32_t>(frame.rounds.size()) - 1;
     for (size_t i = 0; i < cell_count; ++i) record.cells.push_back(CellAt(i, samples[i]));
-    record.Take(
-        DecideRound({.target_error = target}, kSamplesMax, record.round, record.cells, before, {}));
+    record.Take(DecideRound({.target_error = target}, kRefinedSamplesMax, record.round,
+                            record.cells, before, {}));
     samples = record.samples_next;
     before = record.cells;
   }
@@ -45,7 +45,8 @@ FinishedFrame RenderTo(double target, size_t cell_count) {
 }
 
 RefinementPrice PriceOf(const FinishedFrame& frame, double target, double threads_used = 4) {
-  return PriceRefinement({&frame, 1}, 1, {&target, 1}, kSamplesMax, 0, {threads_used, {}}).front();
+  return PriceRefinement({&frame, 1}, 1, {&target, 1}, kRefinedSamplesMax, 0, {threads_used, {}})
+      .front();
 }
 
 class RefinementPriceTest : public ::testing::TestWithParam<size_t> {};
@@ -115,12 +116,12 @@ TEST(RefinementPriceOfOneTest, WaitsForOtherJobs) {
   const FarmLoad busy{
       4, WorkAhead({{.priority = 1, .sample_count = 100, .cpu_seconds_per_sample = 3}})};
   const RefinementPrice later =
-      PriceRefinement({&frame, 1}, 1, {&target, 1}, kSamplesMax, 0, busy).front();
+      PriceRefinement({&frame, 1}, 1, {&target, 1}, kRefinedSamplesMax, 0, busy).front();
   EXPECT_DOUBLE_EQ(later.cpu_seconds.value, alone.cpu_seconds.value);
   EXPECT_NEAR(later.wall_seconds.value, alone.wall_seconds.value + 300.0 / 4, 1e-9);
   const FarmLoad beside{4, WorkAhead({{.priority = 0, .sample_count = 1e9}})};
   const RefinementPrice shared =
-      PriceRefinement({&frame, 1}, 1, {&target, 1}, kSamplesMax, 0, beside).front();
+      PriceRefinement({&frame, 1}, 1, {&target, 1}, kRefinedSamplesMax, 0, beside).front();
   EXPECT_NEAR(shared.wall_seconds.value, 2 * alone.wall_seconds.value, 1e-9);
 }
 
@@ -130,7 +131,7 @@ TEST(RefinementPriceOfOneTest, GrowsWithTheFramesOfARange) {
   const RefinementPrice one = PriceOf(frame, target);
   const std::vector<FinishedFrame> two{frame, frame};
   const RefinementPrice many =
-      PriceRefinement(two, 10, {&target, 1}, kSamplesMax, 0, {4, {}}).front();
+      PriceRefinement(two, 10, {&target, 1}, kRefinedSamplesMax, 0, {4, {}}).front();
   EXPECT_NEAR(many.cpu_seconds.value, 10 * one.cpu_seconds.value, 1e-9);
   EXPECT_DOUBLE_EQ(many.samples_per_pixel.value, one.samples_per_pixel.value);
 }

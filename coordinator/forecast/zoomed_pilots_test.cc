@@ -14,7 +14,7 @@ namespace {
 
 using testing::ElementsAre;
 
-constexpr PixelRect kFrame{0, 0, 100, 80};
+constexpr PixelRect kZoomedFrame{0, 0, 100, 80};
 constexpr float kEmitter = 500, kWall = 0.5F;
 
 // A round emitter in front of a wall.
@@ -25,7 +25,7 @@ ZoomedPilot ZoomedPilotOf(double x, double y, double radius_px, const PixelRect&
   ZoomedPilot zoomed_pilot{
       {rect, scale},
       MakeFrameImage({rect.x0 * scale, rect.y0 * scale, rect.x1 * scale, rect.y1 * scale},
-                     kFrame.x1 * scale, kFrame.y1 * scale, outputs)};
+                     kZoomedFrame.x1 * scale, kZoomedFrame.y1 * scale, outputs)};
   const PixelRect& window = zoomed_pilot.image.window;
   for (int32_t v = window.y0; v < window.y1; ++v) {
     for (int32_t u = window.x0; u < window.x1; ++u) {
@@ -47,14 +47,15 @@ TEST(ZoomedPilotsTest, SmallestEmittersComeFirstWithinTheBudget) {
   const ZoomedRegion corner{{98, 19, 100, 23}, 4}, middle{{49, 49, 52, 52}, 4};
   const ZoomedRegion large{{9, 9, 19, 18}, 2};
   const double all = 16 * (8 + 9) + 4 * 90;
-  EXPECT_THAT(ChooseZoomedRegions(emitters, kFrame, 8, all), ElementsAre(corner, middle, large));
-  EXPECT_THAT(ChooseZoomedRegions(emitters, kFrame, 8, all - 1), ElementsAre(corner, middle));
+  EXPECT_THAT(ChooseZoomedRegions(emitters, kZoomedFrame, 8, all),
+              ElementsAre(corner, middle, large));
+  EXPECT_THAT(ChooseZoomedRegions(emitters, kZoomedFrame, 8, all - 1), ElementsAre(corner, middle));
 }
 
 // Like the emitters of the two triangles of a square.
 TEST(ZoomedPilotsTest, AdjacentEmittersShareARegion) {
   const std::vector<PixelRect> emitters = {{50, 50, 52, 52}, {50, 50, 52, 52}, {52, 50, 54, 52}};
-  EXPECT_THAT(ChooseZoomedRegions(emitters, kFrame, 8, 1e9),
+  EXPECT_THAT(ChooseZoomedRegions(emitters, kZoomedFrame, 8, 1e9),
               ElementsAre(ZoomedRegion{{49, 49, 53, 53}, 4}));
 }
 
@@ -62,7 +63,7 @@ TEST(ZoomedPilotsTest, RegionCountIsLimited) {
   std::vector<PixelRect> emitters;
   for (int32_t i = 0; i < 100; ++i)
     emitters.push_back({8 * (i % 10), 8 * (i / 10), 8 * (i % 10) + 1, 8 * (i / 10) + 1});
-  EXPECT_EQ(ChooseZoomedRegions(emitters, kFrame, 8, 1e9).size(), kZoomedPilotsMax);
+  EXPECT_EQ(ChooseZoomedRegions(emitters, kZoomedFrame, 8, 1e9).size(), kZoomedPilotsMax);
 }
 
 // The filters that reach a point add up to 1, so the fractions add up to the emitter's area.
@@ -75,7 +76,7 @@ TEST(ZoomedPilotsTest, FractionsSumToTheEmitterArea) {
     filter.kind = kind;
     if (kind == FilterDescription::Kind::kBox) filter.radius_x_px = filter.radius_y_px = 0.5F;
     double area = 0;
-    for (const EmitterPixel& pixel : EmitterPixelsOf(zoomed_pilot, filter, kFrame)) {
+    for (const EmitterPixel& pixel : EmitterPixelsOf(zoomed_pilot, filter, kZoomedFrame)) {
       area += pixel.fraction;
       EXPECT_LE(pixel.fraction, 1);
       EXPECT_DOUBLE_EQ(pixel.emitter[0], double{kEmitter});
@@ -88,17 +89,19 @@ TEST(ZoomedPilotsTest, FractionsSumToTheEmitterArea) {
 
 TEST(ZoomedPilotsTest, PixelsLieInTheWindow) {
   const ZoomedPilot zoomed_pilot = ZoomedPilotOf(0.5, 79.5, 0.5, {0, 78, 2, 80});
-  for (const EmitterPixel& pixel : EmitterPixelsOf(zoomed_pilot, {}, kFrame)) {
+  for (const EmitterPixel& pixel : EmitterPixelsOf(zoomed_pilot, {}, kZoomedFrame)) {
     EXPECT_TRUE(pixel.x >= 0 && pixel.y < 80) << pixel.x << ' ' << pixel.y;
   }
 }
 
 TEST(ZoomedPilotsTest, HiddenEmittersHaveNoPixels) {
-  EXPECT_TRUE(EmitterPixelsOf(ZoomedPilotOf(40.3, 30.6, 0, {38, 28, 43, 33}), {}, kFrame).empty());
+  EXPECT_TRUE(
+      EmitterPixelsOf(ZoomedPilotOf(40.3, 30.6, 0, {38, 28, 43, 33}), {}, kZoomedFrame).empty());
 }
 
 TEST(ZoomedPilotsTest, NoPixelsWithoutABackground) {
-  EXPECT_TRUE(EmitterPixelsOf(ZoomedPilotOf(40.3, 30.6, 9, {38, 28, 43, 33}), {}, kFrame).empty());
+  EXPECT_TRUE(
+      EmitterPixelsOf(ZoomedPilotOf(40.3, 30.6, 9, {38, 28, 43, 33}), {}, kZoomedFrame).empty());
 }
 
 }  // namespace

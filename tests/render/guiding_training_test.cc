@@ -30,7 +30,7 @@ FrameSettings GuidedSettings() {
   settings.techniques = Techniques::kCameraGuided;
   return settings;
 }
-CompiledScenePtr CompileGuided(const TestScene& t, const FrameSettings& settings) {
+CompiledScenePtr CompileTrained(const TestScene& t, const FrameSettings& settings) {
   return Compile(t.scene, settings, kSmallTraining);
 }
 std::string FieldOf(const CompiledScene& scene, uint32_t threads = 1) {
@@ -39,7 +39,7 @@ std::string FieldOf(const CompiledScene& scene, uint32_t threads = 1) {
   return field.ok() ? *std::move(field) : "";
 }
 std::string FieldFor(const TestScene& t, const FrameSettings& settings, uint32_t threads = 1) {
-  return FieldOf(*CompileGuided(t, settings), threads);
+  return FieldOf(*CompileTrained(t, settings), threads);
 }
 // The pixels of the part equal those of the whole, in every channel.
 void ExpectPartOf(const FilmTile& whole, const FilmTile& part) {
@@ -70,7 +70,7 @@ std::vector<TestScene> Scenes() {
 
 TEST(GuidingTrainingTest, ThreadsChangeNoByte) {
   for (const TestScene& t : Scenes()) {
-    const CompiledScenePtr scene = CompileGuided(t, GuidedSettings());
+    const CompiledScenePtr scene = CompileTrained(t, GuidedSettings());
     const std::string field = FieldOf(*scene, 1);
     EXPECT_GT(field.size(), 1000u);
     EXPECT_TRUE(FieldOf(*scene, 4) == field);
@@ -133,7 +133,7 @@ TEST(GuidingTrainingTest, DependsOnWhatPathsDependOn) {
 }
 
 TEST(GuidingTrainingTest, CountsItsRays) {
-  const CompiledScenePtr scene = CompileGuided(Diffuse({1}), GuidedSettings());
+  const CompiledScenePtr scene = CompileTrained(Diffuse({1}), GuidedSettings());
   RenderStats one, four;
   ASSERT_TRUE(TrainGuiding(*scene, 1, {}, &one).ok());
   ASSERT_TRUE(TrainGuiding(*scene, 4, {}, &four).ok());
@@ -150,7 +150,7 @@ TEST(GuidingTrainingTest, CountsItsRays) {
 TEST(GuidingTrainingTest, FramesWithoutGuidingAreRefused) {
   FrameSettings settings = GuidedSettings();
   settings.techniques = Techniques::kCamera;
-  const CompiledScenePtr scene = CompileGuided(Diffuse({1}), settings);
+  const CompiledScenePtr scene = CompileTrained(Diffuse({1}), settings);
   const absl::Status trained = TrainGuiding(*scene, 1, {}, nullptr).status();
   EXPECT_EQ(trained.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(trained.message(), HasSubstr("camera+guiding"));
@@ -161,7 +161,7 @@ TEST(GuidingTrainingTest, FramesWithoutGuidingAreRefused) {
 
 TEST(GuidingTrainingTest, StopsOnRequestAndCanBeTriedAgain) {
   const TestScene t = Diffuse({1});
-  const CompiledScenePtr scene = CompileGuided(t, GuidedSettings());
+  const CompiledScenePtr scene = CompileTrained(t, GuidedSettings());
   std::stop_source stop;
   stop.request_stop();
   EXPECT_EQ(TrainGuiding(*scene, 2, stop.get_token(), nullptr).status().code(),
@@ -191,8 +191,8 @@ TEST(GuidingTrainingTest, StopsWhileItRuns) {
 
 TEST(GuidingTrainingTest, SentFieldsGiveTheSameBits) {
   for (const TestScene& t : Scenes()) {
-    const CompiledScenePtr learns = CompileGuided(t, GuidedSettings()),
-                           receives = CompileGuided(t, GuidedSettings());
+    const CompiledScenePtr learns = CompileTrained(t, GuidedSettings()),
+                           receives = CompileTrained(t, GuidedSettings());
     ASSERT_TRUE(SetGuiding(*receives, FieldOf(*learns)).ok());
     const FilmTile learned = RenderAll(*learns);
     EXPECT_TRUE(RenderAll(*receives) == learned);
@@ -205,18 +205,18 @@ TEST(GuidingTrainingTest, SentFieldsAreUsedAndTheFirstOneStays) {
   FrameSettings other = GuidedSettings();
   other.seed = 9;
   const std::string own = FieldFor(t, GuidedSettings()), foreign = FieldFor(t, other);
-  const CompiledScenePtr scene = CompileGuided(t, GuidedSettings());
+  const CompiledScenePtr scene = CompileTrained(t, GuidedSettings());
   ASSERT_TRUE(SetGuiding(*scene, foreign).ok());
   ASSERT_TRUE(SetGuiding(*scene, own).ok());
   ASSERT_TRUE(EnsureGuiding(*scene, {}).ok());
   EXPECT_EQ(scene->guiding->fields()->Encode(), foreign);
-  EXPECT_FALSE(RenderAll(*scene) == RenderAll(*CompileGuided(t, GuidedSettings())));
+  EXPECT_FALSE(RenderAll(*scene) == RenderAll(*CompileTrained(t, GuidedSettings())));
 }
 
 TEST(GuidingTrainingTest, DamagedFieldsAreRefused) {
   const TestScene t = Diffuse({1});
   const std::string field = FieldFor(t, GuidedSettings());
-  const CompiledScenePtr scene = CompileGuided(t, GuidedSettings());
+  const CompiledScenePtr scene = CompileTrained(t, GuidedSettings());
   std::string other_start = field;
   other_start[0] ^= 1;
   for (const std::string& damaged :
@@ -239,10 +239,10 @@ TEST(GuidedFrameTest, CropsAreThatPartOfTheWhole) {
     FrameSettings settings = GuidedSettings();
     settings.techniques = techniques;
     for (const TestScene& t : {SlitRoom({1}, 0.3f), Cloudy({1})}) {
-      const CompiledScenePtr whole = CompileGuided(t, settings);
+      const CompiledScenePtr whole = CompileTrained(t, settings);
       FrameSettings cropped = settings;
       cropped.window = {5, 7, 16, 20};
-      const CompiledScenePtr crop = CompileGuided(t, cropped);
+      const CompiledScenePtr crop = CompileTrained(t, cropped);
       const FilmTile image = RenderAll(*whole);
       EXPECT_GT(MeanOf(image).mean.g, 0);
       ExpectPartOf(image, RenderAll(*crop));
@@ -259,9 +259,9 @@ TEST(GuidedFrameTest, CropsAreThatPartOfTheWhole) {
 TEST(GuidedFrameTest, TilesPassesAndThreadsChangeNoBit) {
   const FrameSettings settings = GuidedSettings();
   const TestScene t = SlitRoom({1}, 0.3f);
-  const FilmTile whole = RenderAll(*CompileGuided(t, settings));
+  const FilmTile whole = RenderAll(*CompileTrained(t, settings));
   for (const int32_t size : {5, 12}) {
-    const CompiledScenePtr scene = CompileGuided(t, settings);
+    const CompiledScenePtr scene = CompileTrained(t, settings);
     const std::vector<PixelRect> tiles = CutTiles(settings.window, size);
     std::vector<FilmTile> parts(tiles.size());
     {
@@ -283,13 +283,13 @@ TEST(GuidedFrameTest, TilesPassesAndThreadsChangeNoBit) {
 TEST(GuidedFrameTest, GenericVariantKeepsTheBits) {
   for (const TestScene& t : Scenes()) {
     FrameSettings settings = GuidedSettings();
-    const CompiledScenePtr planned = CompileGuided(t, settings);
+    const CompiledScenePtr planned = CompileTrained(t, settings);
     settings.force_generic_variant = true;
-    const CompiledScenePtr forced = CompileGuided(t, settings);
+    const CompiledScenePtr forced = CompileTrained(t, settings);
     EXPECT_EQ(PlanOf(*forced).variant_name, "generic");
     EXPECT_TRUE(RenderAll(*planned) == RenderAll(*forced)) << PlanOf(*planned).variant_name;
   }
-  EXPECT_EQ(PlanOf(*CompileGuided(SlitRoom({1}, 0.3f), GuidedSettings())).variant_name,
+  EXPECT_EQ(PlanOf(*CompileTrained(SlitRoom({1}, 0.3f), GuidedSettings())).variant_name,
             "guided common");
 }
 

@@ -16,19 +16,19 @@ using testing::BsdfFixture;
 using testing::ChiSquareResult;
 using testing::MakeHairFixture;
 
-constexpr uint64_t kSampleCount = 1000000;
-constexpr double kSignificance = 0.01;  // For the whole file.
-constexpr int kTestCount = 24;          // At least the number of chi-square tests in this file.
+constexpr uint64_t kHairSampleCount = 1000000;
+constexpr double kHairSignificance = 0.01;  // For the whole file.
+constexpr int kHairTestCount = 24;          // At least the number of chi-square tests in this file.
 
-void ExpectSamplerMatchesPdf(const BsdfFixture& hair, Vec3f wo) {
+void ExpectHairSamplerMatchesPdf(const BsdfFixture& hair, Vec3f wo) {
   const auto sample = [&](std::array<float, 3> u) -> std::optional<Vec3f> {
     const auto s = SampleBsdf<kAllTraits>(hair.bsdf, wo, u[0], {u[1], u[2]});
     if (!s) return std::nullopt;
     return s->wi;
   };
   const auto pdf = [&](Vec3f wi) -> double { return EvalBsdf<kAllTraits>(hair.bsdf, wo, wi).pdf; };
-  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, {}, kSampleCount);
-  EXPECT_GE(result.p_value, testing::SidakThreshold(kSignificance, kTestCount))
+  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, {}, kHairSampleCount);
+  EXPECT_GE(result.p_value, testing::SidakThreshold(kHairSignificance, kHairTestCount))
       << hair.name << ", wo.x " << wo.x << ": " << result.text;
   EXPECT_NEAR(result.pdf_integral, 1, 1e-3) << hair.name << ", wo.x " << wo.x << result.text;
 }
@@ -38,27 +38,27 @@ Vec3f Across(float x) { return Normalize(Vec3f{x, 0.3f, 1}); }
 TEST(HairChiSquareTest, AllRoughnesses) {
   for (float beta_m : {0.1f, 0.3f, 1.0f}) {
     for (float beta_n : {0.1f, 0.3f, 1.0f}) {
-      ExpectSamplerMatchesPdf(MakeHairFixture(beta_m, beta_n, 0.35f, {0.1f, 0.5f, 1}),
-                              Across(0.4f));
+      ExpectHairSamplerMatchesPdf(MakeHairFixture(beta_m, beta_n, 0.35f, {0.1f, 0.5f, 1}),
+                                  Across(0.4f));
     }
   }
 }
 
 TEST(HairChiSquareTest, EdgesAndMiddle) {
   for (float h : {-1.0f, -0.95f, 0.0f, 1.0f}) {
-    ExpectSamplerMatchesPdf(MakeHairFixture(0.3f, 0.3f, h, {}), Across(-0.2f));
+    ExpectHairSamplerMatchesPdf(MakeHairFixture(0.3f, 0.3f, h, {}), Across(-0.2f));
   }
 }
 
 TEST(HairChiSquareTest, AlongTheFiber) {
   for (float x : {2.0f, -10.0f, 300.0f}) {
-    ExpectSamplerMatchesPdf(MakeHairFixture(0.3f, 0.4f, 0.5f, Rgb::Gray(0.2f)), Across(x));
+    ExpectHairSamplerMatchesPdf(MakeHairFixture(0.3f, 0.4f, 0.5f, Rgb::Gray(0.2f)), Across(x));
   }
 }
 
 TEST(HairChiSquareTest, IndicesAndScales) {
   for (float eta : {1.0f, 1.2f, 2.0f}) {
-    ExpectSamplerMatchesPdf(MakeHairFixture(0.25f, 0.4f, -0.6f, {}, eta, 8), Across(0.8f));
+    ExpectHairSamplerMatchesPdf(MakeHairFixture(0.25f, 0.4f, -0.6f, {}, eta, 8), Across(0.8f));
   }
 }
 

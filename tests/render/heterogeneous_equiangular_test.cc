@@ -58,7 +58,7 @@ void Fill(TestScene* t, std::vector<float> density, Rgb sigma_a, Rgb sigma_s, fl
   t->scene.media.push_back(std::move(medium));
 }
 std::vector<float> Even() { return std::vector<float>(40 * 40 * 40, 1.0f); }
-std::vector<float> Lumps() {
+std::vector<float> EquiangularLumps() {
   EventStream random({1, 2, 3, 4});
   std::vector<float> values(20 * 20 * 20);
   for (float& v : values) {
@@ -79,7 +79,7 @@ void AddBall(TestScene* t, Vec3d at, float radius, Rgb radiance) {
       .area_light = t->AreaLight(radiance);
 }
 
-void ExpectEqual(const TileMean& a, const TileMean& b) {
+void ExpectEqualMeans(const TileMean& a, const TileMean& b) {
   for (size_t c = 0; c < 3; ++c) {
     const double error = std::hypot(a.standard_error[c], b.standard_error[c]);
     EXPECT_NEAR(a.mean[c], b.mean[c], 5 * error) << c;
@@ -148,7 +148,7 @@ TEST(HeterogeneousEquiangularTest, V7ConstantGridEqualsAHomogeneousMedium) {
       const TileMean expected =
           MeanOf(RenderWith(lit(within, point, false), settings, EquiangularMode::kWhereEfficient));
       for (const EquiangularMode lines : kEveryDecision) {
-        ExpectEqual(MeanOf(RenderWith(lit(within, point, true), settings, lines)), expected);
+        ExpectEqualMeans(MeanOf(RenderWith(lit(within, point, true), settings, lines)), expected);
       }
     }
   }
@@ -161,7 +161,7 @@ TEST(HeterogeneousEquiangularTest, V12FurnaceWithALocalLightStaysWhite) {
       TestScene t({0.2, 0.6, -2.5}, {0, 0, 0}, 30);
       t.AddShape(SphereShape{5, -5, 5, 360}, t.Diffuse({})).area_light =
           t.AreaLight(Rgb::Gray(1), true);
-      Fill(&t, Lumps(), {}, {4, 2, 0.5f}, g);
+      Fill(&t, EquiangularLumps(), {}, {4, 2, 0.5f}, g);
       const FrameSettings settings = SquareSettings(16, DrawCount(128, 2048), 1 << 20);
       ExpectMean(MeanOf(RenderAll(*CompileWith(t, settings, lines))), Rgb::Gray(1));
     }
@@ -170,7 +170,7 @@ TEST(HeterogeneousEquiangularTest, V12FurnaceWithALocalLightStaysWhite) {
 
 TestScene Cloud(float scale, Vec3d light) {
   TestScene t({0.2, 0.6, -2.5}, {0, 0, 0}, 40);
-  Fill(&t, Lumps(), Rgb{0.1f, 0.2f, 0.4f} * scale, Rgb{1.5f, 0.8f, 0.4f} * scale, 0.4f);
+  Fill(&t, EquiangularLumps(), Rgb{0.1f, 0.2f, 0.4f} * scale, Rgb{1.5f, 0.8f, 0.4f} * scale, 0.4f);
   t.AddShape(MeshShape{t.Quad({-2, -1, -2}, {-2, -1, 2}, {2, -1, 2}, {2, -1, -2})},
              t.Diffuse({0.5f, 0.4f, 0.3f}));
   AddPoint(&t, light, {0.5f, 0.6f, 0.7f});
@@ -202,7 +202,7 @@ TEST(HeterogeneousEquiangularTest, EveryVariantAndTileGivesTheSameBits) {
 TEST(HeterogeneousEquiangularTest, InefficientSegmentsUseDistanceSamplingOnly) {
   const FrameSettings settings = SquareSettings(16, 4, 6);
   TestScene sky({0.2, 0.6, -2.5}, {0, 0, 0}, 40);
-  Fill(&sky, Lumps(), {}, Rgb::Gray(0.5f));
+  Fill(&sky, EquiangularLumps(), {}, Rgb::Gray(0.5f));
   sky.ConstantEnvironment(Rgb::Gray(1));
   const auto is_without = [&](const TestScene& t) {
     return RenderWith(t, settings, EquiangularMode::kWhereEfficient) ==

@@ -19,16 +19,16 @@
 namespace sheaf::render {
 namespace {
 
-constexpr int32_t kSizePx = 16;
+constexpr int32_t kFrameSizePx = 16;
 constexpr uint64_t kSamples = 64;
 
 FrameSettings PathSettings(int32_t depth) {
-  FrameSettings settings = SquareSettings(kSizePx, kSamples, depth);
+  FrameSettings settings = SquareSettings(kFrameSizePx, kSamples, depth);
   settings.outputs.AddLightPaths();
   return settings;
 }
 
-FrameImage RenderImage(const SceneDescription& scene, const FrameSettings& settings) {
+FrameImage RenderFrameImage(const SceneDescription& scene, const FrameSettings& settings) {
   const CompiledScenePtr compiled = Compile(scene, settings);
   FrameImage image =
       MakeFrameImage(settings.window, settings.width_px, settings.height_px, settings.outputs);
@@ -46,7 +46,7 @@ double SumOf(const FrameImage& image, const std::string& channel) {
 
 // The sum of green over the image for every kind; expects that the kinds add up in every pixel.
 std::map<std::string, double> KindsOf(const SceneDescription& scene, int32_t depth) {
-  const FrameImage image = RenderImage(scene, PathSettings(depth));
+  const FrameImage image = RenderFrameImage(scene, PathSettings(depth));
   for (const std::string component : {".R", ".G", ".B"}) {
     const std::vector<float>& whole = *image.Find(component.substr(1));
     for (size_t p = 0; p < whole.size(); ++p) {
@@ -74,7 +74,7 @@ TestScene RoomWithGlass() {
 
 // Green of the image with at most one scattering.
 double GreenOfDepthOne(const SceneDescription& scene) {
-  return SumOf(RenderImage(scene, SquareSettings(kSizePx, kSamples, 1)), "G");
+  return SumOf(RenderFrameImage(scene, SquareSettings(kFrameSizePx, kSamples, 1)), "G");
 }
 
 TEST(LightPathsTest, RoughRoomHasSeenDirectAndIndirectLight) {
@@ -139,7 +139,7 @@ TEST(LightPathsTest, GroupsAndPathsExcludeEachOther) {
   RenderSettings asked;
   asked.light_groups = asked.light_paths = true;
   TestScene t = LitRoom(1);
-  t.scene.film.width_px = t.scene.film.height_px = kSizePx;
+  t.scene.film.width_px = t.scene.film.height_px = kFrameSizePx;
   EXPECT_FALSE(ResolveSettings(t.scene, asked).ok());
   asked.light_groups = false;
   const absl::StatusOr<FrameSettings> settings = ResolveSettings(t.scene, asked);
@@ -150,7 +150,7 @@ TEST(LightPathsTest, GroupsAndPathsExcludeEachOther) {
 PathNoise NoiseOf(const SceneDescription& scene, int32_t depth, uint64_t samples) {
   const CompiledScenePtr compiled = Compile(scene, PathSettings(depth));
   const absl::StatusOr<PathNoiseSums> sums =
-      PathNoiseSums::Of(*compiled, {0, 0, kSizePx, kSizePx}, samples, 0.01);
+      PathNoiseSums::Of(*compiled, {0, 0, kFrameSizePx, kFrameSizePx}, samples, 0.01);
   EXPECT_TRUE(sums.ok()) << sums.status();
   return sums->Fractions();
 }

@@ -31,9 +31,9 @@ using testing::CounterUniforms;
 using testing::DirectionAt;
 using testing::MeasuredFileBuilder;
 
-constexpr uint64_t kSampleCount = 1000000;
-constexpr double kSignificance = 0.01;  // For the whole file.
-constexpr int kTestCount = 16;          // At least the number of chi-square tests in this file.
+constexpr uint64_t kMeasuredSampleCount = 1000000;
+constexpr double kMeasuredSignificance = 0.01;  // For the whole file.
+constexpr int kMeasuredTestCount = 16;  // At least the number of chi-square tests in this file.
 
 MeasuredBrdf Make(const MeasuredFileBuilder& builder, bool spectral = false) {
   const std::string path = sheaf::testing::TemporaryPath("measured.bsdf");
@@ -131,8 +131,8 @@ void ExpectSamplerMatchesPdf(const MeasuredBrdf& measured, Vec3f wo, const std::
   ChiSquareGrid grid;
   grid.cos_min = wo.z > 0 ? 0 : -1;
   grid.cos_max = wo.z > 0 ? 1 : 0;
-  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, grid, kSampleCount);
-  EXPECT_GE(result.p_value, testing::SidakThreshold(kSignificance, kTestCount))
+  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, grid, kMeasuredSampleCount);
+  EXPECT_GE(result.p_value, testing::SidakThreshold(kMeasuredSignificance, kMeasuredTestCount))
       << name << ", wo.z " << wo.z << ": " << result.text;
   EXPECT_LE(result.pdf_integral, 1 + 1e-3) << name << ", wo.z " << wo.z << ": " << result.text;
 }

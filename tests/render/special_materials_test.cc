@@ -22,7 +22,7 @@ namespace {
 
 using testing::MeasuredFileBuilder;
 
-constexpr int kDepth = 1000;
+constexpr int kSpecialDepth = 1000;
 
 HairMaterial WhiteHair(float beta) {
   HairMaterial hair;
@@ -65,7 +65,7 @@ TestScene Strands(const HairMaterial& hair, double scale = 1) {
 }
 
 FrameSettings In(ColorTransport color, uint64_t samples) {
-  FrameSettings settings = SquareSettings(12, samples, kDepth);
+  FrameSettings settings = SquareSettings(12, samples, kSpecialDepth);
   settings.color = color;
   return settings;
 }

@@ -25,7 +25,7 @@
 namespace sheaf::render {
 namespace {
 
-TestScene AtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
+TestScene CameraAtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
 
 BilinearMeshShape AddPatches(TestScene* t, std::vector<Vec3f> positions,
                              std::vector<uint32_t> indices = {0, 1, 2, 3}) {
@@ -66,7 +66,7 @@ TEST(CurvedShapeStability, G1SpawnedRaysStayOnTheirSideOfACylinder) {
   Random random(1);
   int spawned = 0, wrong = 0;
   for (int i = 0; i < 1000; ++i) {
-    TestScene t = AtOrigin();
+    TestScene t = CameraAtOrigin();
     const double radius = std::pow(10.0, random.Uniform(-3, 5));
     const Vec3d center = ToDouble(random.Direction()) * std::pow(10.0, random.Uniform(-3, 8));
     const auto length = static_cast<float>(100 * radius);
@@ -103,7 +103,7 @@ TEST(CurvedShapeStability, G1SpawnedRaysDoNotHitTheirPatch) {
   Random random(2);
   int spawned = 0, self_hits = 0;
   for (int i = 0; i < 2000; ++i) {
-    TestScene t = AtOrigin();
+    TestScene t = CameraAtOrigin();
     const Vec3f base = random.Direction() * std::fabs(random.AnyMagnitude());
     const double scale = static_cast<double>(Length(base)) * std::pow(10.0, random.Uniform(-3, 4));
     std::vector<Vec3f> corners;
@@ -167,7 +167,7 @@ TEST(CurvedShapeStability, G2PowersOfTwoChangeNoBit) {
 TEST(CurvedShapeStability, G3NoRayLeavesARoomOfPatches) {
   for (const float wobble : {0.0f, 0.3f}) {
     SCOPED_TRACE(wobble);
-    TestScene t = AtOrigin();
+    TestScene t = CameraAtOrigin();
     const std::vector<Vec3f> corners = WobblyCorners(wobble);
     t.AddShape(AddPatches(&t, corners, kCubePatches), kNone, ScaleMatrix({3, 2, 1}));
     const std::unique_ptr<TracedScene> scene = Traced(t.scene);
@@ -191,7 +191,7 @@ TEST(CurvedShapeStability, G3NoRayLeavesARoomOfPatches) {
 
 // G3: no ray leaves a closed cylinder through its rims.
 TEST(CurvedShapeStability, G3NoRayLeavesACan) {
-  TestScene t = AtOrigin();
+  TestScene t = CameraAtOrigin();
   AddCan(&t, kNone, RotateMatrix(33, {3, 1, 2}));
   const std::unique_ptr<TracedScene> scene = Traced(t.scene);
   Random random(4);
@@ -215,7 +215,7 @@ TEST(CurvedShapeStability, G7MirroringKeepsTheFront) {
     for (const bool reverses : {false, true}) {
       const Matrix4 place = TranslateMatrix({0, 0, 4}) * RotateMatrix(20, {1, 2, 3}) *
                             ScaleMatrix({mirrors ? -1.5 : 1.5, 1, 0.5});
-      TestScene t = AtOrigin();
+      TestScene t = CameraAtOrigin();
       t.AddShape(CylinderShape{1, -2, 2, 360}, kNone, place).reverse_orientation = reverses;
       std::unique_ptr<TracedScene> scene = Traced(t.scene);
       SurfacePoint point;
@@ -223,7 +223,7 @@ TEST(CurvedShapeStability, G7MirroringKeepsTheFront) {
                   out = TransformVector(place, {0.6, 0.8, 0});
       ASSERT_TRUE(HitTowards(*scene, ToFloat(wall + out), ToFloat(wall - out), &point));
       EXPECT_EQ(Dot(point.ng, ToFloat(out)) > 0, !reverses);
-      TestScene p = AtOrigin();
+      TestScene p = CameraAtOrigin();
       p.AddShape(AddPatches(&p, {{-1, -1, 0}, {1, -1, 0.5f}, {-1, 1, 0}, {1, 1, -0.5f}}), kNone,
                  place)
           .reverse_orientation = reverses;

@@ -27,7 +27,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-TestScene AtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
+TestScene SceneAtOrigin() { return TestScene({0, 0, 0}, {0, 0, 1}, 60); }
 
 // G1: 10^6 rays spawned from triangles with coordinates of all magnitudes do not hit them again.
 TEST(GeometryStability, G1SpawnedRaysDoNotHitTheirTriangle) {
@@ -35,7 +35,7 @@ TEST(GeometryStability, G1SpawnedRaysDoNotHitTheirTriangle) {
   Random random(1);
   int spawned = 0, self_hits = 0, offset = 0, offset_hits = 0;
   for (int i = 0; i < kTriangles; ++i) {
-    TestScene t = AtOrigin();
+    TestScene t = SceneAtOrigin();
     Vec3f p[3];
     for (Vec3f& v : p) v = {random.AnyMagnitude(), random.AnyMagnitude(), random.AnyMagnitude()};
     t.AddShape(MeshShape{t.AddMesh({p[0], p[1], p[2]}, {0, 1, 2})}, kNone);
@@ -72,7 +72,7 @@ TEST(GeometryStability, G1OriginsLieBeyondThePlane) {
   Random random(2);
   int spawned = 0, wrong_side = 0;
   for (int i = 0; i < 1000; ++i) {
-    TestScene t = AtOrigin();
+    TestScene t = SceneAtOrigin();
     const Vec3f base{random.AnyMagnitude(), random.AnyMagnitude(), random.AnyMagnitude()};
     const double scale = static_cast<double>(Length(base)) * std::pow(10.0, random.Uniform(-4, 4));
     Vec3f p[3];
@@ -104,7 +104,7 @@ TEST(GeometryStability, G1SpawnedRaysStayOnTheirSideOfASphere) {
   Random random(3);
   int spawned = 0, wrong = 0;
   for (int i = 0; i < 1000; ++i) {
-    TestScene t = AtOrigin();
+    TestScene t = SceneAtOrigin();
     const double radius = std::pow(10.0, random.Uniform(-3, 5));
     const Vec3d center = ToDouble(random.Direction()) * std::pow(10.0, random.Uniform(-3, 8));
     SphereShape sphere{static_cast<float>(radius), static_cast<float>(-radius),

@@ -28,8 +28,8 @@ using testing::MakeTable;
 using testing::RandomPoints;
 
 const Rgb kWhite{1, 1, 1};
-constexpr Vec3f kOrigin{0, 0, 0};
-constexpr Vec3f kUp{0, 0, 1};
+constexpr Vec3f kTreeOrigin{0, 0, 0};
+constexpr Vec3f kTreeUp{0, 0, 1};
 
 Vec3f RandomVector(RandomPoints* random, float size) {
   const float x = random->Next(), y = random->Next(), z = random->Next();
@@ -86,8 +86,8 @@ TEST(LightTreeStabilityTest, L8OneLightAmongBlackOnesIsSampledAsIfAlone) {
   for (int i = 0; i < 1000; ++i) {
     const float select = random.Next();
     const Vec2f u = random.Next2();
-    const auto a = alone->Sample<kAllTraits>(kOrigin, kUp, select, u);
-    const auto b = among->Sample<kAllTraits>(kOrigin, kUp, select, u);
+    const auto a = alone->Sample<kAllTraits>(kTreeOrigin, kTreeUp, select, u);
+    const auto b = among->Sample<kAllTraits>(kTreeOrigin, kTreeUp, select, u);
     ASSERT_TRUE(a && b);
     ASSERT_EQ(a->wi, b->wi);
     ASSERT_EQ(a->pdf, b->pdf);
@@ -110,7 +110,7 @@ TEST(LightTreeStabilityTest, L9CoincidentLightsMakeAShallowTree) {
     EXPECT_LE(tree.depth(), 10);
     EXPECT_LE(tree.size_bytes(), 100u * 1000000);
     for (uint32_t i : {0u, 1u, 499999u, 999999u}) {
-      for (const Vec3f& p : {kOrigin, light.center}) {
+      for (const Vec3f& p : {kTreeOrigin, light.center}) {
         ExpectHardCase(
             {.row = "L9",
              .figure = "probability of one of 10^6 lights at one point",
@@ -128,7 +128,8 @@ TEST(LightTreeStabilityTest, L9CoincidentLightsMakeAShallowTree) {
 TEST(LightTreeStabilityTest, L9CrowdedLightsMakeATreeOfBoundedDepth) {
   std::vector<LightBounds> lights;
   for (int i = 0; i < 1000; ++i) {
-    lights.push_back(Panel({std::ldexp(1.0f, -i / 8), 0, 0}, kUp, std::ldexp(0.1f, -i / 8), true));
+    lights.push_back(
+        Panel({std::ldexp(1.0f, -i / 8), 0, 0}, kTreeUp, std::ldexp(0.1f, -i / 8), true));
   }
   const LightTree tree(lights);
   EXPECT_LE(tree.depth(), LightTree::kDepthMax);
@@ -288,9 +289,9 @@ TEST(LightTreeStabilityTest, L12ManyTrianglesGiveTheSumOfEach) {
     for (const TriangleEmitter& t : input.triangles) {
       LightTableInput single;
       single.triangles = {t};
-      expected += EstimateIrradiance(*MakeTable(single), p, kUp, 64).mean;
+      expected += EstimateIrradiance(*MakeTable(single), p, kTreeUp, 64).mean;
     }
-    const Estimate estimate = EstimateIrradiance(*table, p, kUp, 16384);
+    const Estimate estimate = EstimateIrradiance(*table, p, kTreeUp, 16384);
     EXPECT_NEAR(estimate.mean, expected, 6 * estimate.standard_error + 1e-3 * expected);
   }
 }
@@ -309,12 +310,12 @@ TEST(LightTreeStabilityTest, L11NegativeLightsCancelInTheHierarchyAndBlackOnesAr
     input.spheres.push_back({ToDouble(at), 0.1, Rgb::Gray(radiance)});
   }
   const auto table = MakeTable(input);
-  const Estimate estimate = EstimateIrradiance(*table, kOrigin, kUp, 4096);
+  const Estimate estimate = EstimateIrradiance(*table, kTreeOrigin, kTreeUp, 4096);
   EXPECT_GT(estimate.standard_error, 0);
   EXPECT_NEAR(estimate.mean, 0, 6 * estimate.standard_error);
   for (uint32_t emitter = 0; emitter < 300; ++emitter) {
     const Vec3f to_light = ToFloat(input.spheres[emitter].center);
-    const float pdf = table->PdfEmitter<kAllTraits>(emitter, kOrigin, {}, Normalize(to_light),
+    const float pdf = table->PdfEmitter<kAllTraits>(emitter, kTreeOrigin, {}, Normalize(to_light),
                                                     to_light * (1 - 0.1f / Length(to_light)));
     EXPECT_EQ(pdf > 0, emitter % 3 != 2) << emitter;
   }

@@ -31,12 +31,12 @@ MediumDescription Smoke(float speed) {
   return smoke;
 }
 
-struct Rendered {
+struct RenderedMotion {
   TileMean mean;
   FilmTile film;
 };
 // Expects that no majorant is violated.
-Rendered RenderSmoke(TestScene t, MediumDescription smoke, const FrameSettings& settings) {
+RenderedMotion RenderSmoke(TestScene t, MediumDescription smoke, const FrameSettings& settings) {
   t.scene.media = {std::move(smoke)};
   t.scene.camera.shutter_close = 1;
   const CompiledScenePtr compiled = Compile(t.scene, settings);
@@ -64,9 +64,9 @@ TEST(MovingVolumeStability, G2ScaleKeepsTheBits) {
   };
   for (const float speed : {1e-9f, 0.2f, 50.0f}) {
     SCOPED_TRACE(speed);
-    const Rendered one = rendered(1, speed);
+    const RenderedMotion one = rendered(1, speed);
     for (const double scale : {0x1p-20, 0x1p20}) {
-      const Rendered other = rendered(scale, speed);
+      const RenderedMotion other = rendered(scale, speed);
       for (const FilmChannel channel :
            {FilmChannel::kRedHi, FilmChannel::kGreenHi, FilmChannel::kBlueHi}) {
         for (size_t i = 0; i < one.film.plane_size(); ++i) {
@@ -84,7 +84,7 @@ TEST(MovingVolumeStability, G2SlowestMotionIsCloseToStatic) {
     t.scene.camera.medium = 0;
     return RenderSmoke(std::move(t), Smoke(speed), SquareSettings(8, DrawCount(64, 1024), 12));
   };
-  const Rendered still = rendered(0), slow = rendered(1e-9f);
+  const RenderedMotion still = rendered(0), slow = rendered(1e-9f);
   for (size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(slow.mean.mean[c], still.mean.mean[c],
                 5 * std::hypot(slow.mean.standard_error[c], still.mean.standard_error[c]));
@@ -111,9 +111,9 @@ TEST(MovingVolumeStability, V13MovingSmokeIsRotationInvariant) {
     smoke.world_from_medium = turn;
     return RenderSmoke(std::move(t), std::move(smoke), SquareSettings(8, DrawCount(512, 8192), 12));
   };
-  const Rendered straight = rendered(0);
+  const RenderedMotion straight = rendered(0);
   for (const double degrees : {90.0, 37.0}) {
-    const Rendered turned = rendered(degrees);
+    const RenderedMotion turned = rendered(degrees);
     for (size_t c = 0; c < 3; ++c) {
       EXPECT_NEAR(turned.mean.mean[c], straight.mean.mean[c],
                   5 * std::hypot(turned.mean.standard_error[c], straight.mean.standard_error[c]));

@@ -39,7 +39,7 @@ const Vec3f kViews[] = {FromAngles(0, 0),    FromAngles(50, 20),   FromAngles(50
                         FromAngles(130, 30), FromAngles(100, 180), FromAngles(91, 0)};
 
 // Integral of the scattered light over both hemispheres, on an even grid of solid angle.
-double Albedo(const Bsdf& bsdf, const PerturbedSurface& t) {
+double PerturbedAlbedo(const Bsdf& bsdf, const PerturbedSurface& t) {
   constexpr int kCos = 200, kPhi = 200;
   double sum = 0;
   for (int i = 0; i < kCos; ++i) {
@@ -61,9 +61,9 @@ TEST(ShadingNormalTest, WhiteStaysWhiteAtEveryPerturbation) {
     for (const Vec3f wo : kViews) {
       for (const Vec2f u : {Vec2f{0.1f, 0.2f}, Vec2f{0.9f, 0.8f}}) {
         const PerturbedSurface t(tilt, wo, u);
-        EXPECT_NEAR(Albedo(white.bsdf, t), 1, 5e-3)
+        EXPECT_NEAR(PerturbedAlbedo(white.bsdf, t), 1, 5e-3)
             << tilt << " seen along " << wo.x << ' ' << wo.z;
-        EXPECT_NEAR(Albedo(sheet.bsdf, t), 1, 5e-3)
+        EXPECT_NEAR(PerturbedAlbedo(sheet.bsdf, t), 1, 5e-3)
             << tilt << " seen along " << wo.x << ' ' << wo.z;
       }
     }
@@ -76,7 +76,7 @@ TEST(ShadingNormalTest, PerturbationAddsNoEnergyToAMetal) {
   for (const double tilt : kPerturbationDegrees) {
     for (const Vec3f wo : kViews) {
       const PerturbedSurface t(tilt, wo, {0.4f, 0.7f});
-      const double albedo = Albedo(metal.bsdf, t);
+      const double albedo = PerturbedAlbedo(metal.bsdf, t);
       EXPECT_GT(albedo, 0.97) << tilt << ' ' << wo.x << ' ' << wo.z;
       EXPECT_LT(albedo, 1.01) << tilt << ' ' << wo.x << ' ' << wo.z;
     }

@@ -47,7 +47,8 @@ int RayCount() { return DrawCount(100000, 10000000); }
 
 // Counts among RayCount() rays of make_ray, aimed at shared features of triangles.
 template <typename MakeRay>
-Escapes CountEscapes(const TracedScene& scene, const Triangles& globe, Aim aim, MakeRay make_ray) {
+Escapes CountRayEscapes(const TracedScene& scene, const Triangles& globe, Aim aim,
+                        MakeRay make_ray) {
   Random random(4);
   Escapes escapes;
   for (int i = 0; i < RayCount(); ++i) {
@@ -65,7 +66,7 @@ template <typename MakeRay>
 void ExpectNoEscape(const TracedScene& scene, const Triangles& globe, MakeRay make_ray) {
   for (const Aim aim : {Aim::kAnywhere, Aim::kVertex, Aim::kEdgeMiddle}) {
     SCOPED_TRACE(static_cast<int>(aim));
-    const Escapes escapes = CountEscapes(scene, globe, aim, make_ray);
+    const Escapes escapes = CountRayEscapes(scene, globe, aim, make_ray);
     EXPECT_EQ(escapes.rays, 0);
     EXPECT_EQ(escapes.shadow_rays, 0);
   }
@@ -122,7 +123,7 @@ TEST(TriangleStability, G3NoRayLeavesAClosedRoom) {
   t.AddShape(MeshShape{t.AddMesh(globe.positions, globe.indices)}, kNone);
   const std::unique_ptr<TracedScene> scene = Traced(t.scene);
   ExpectNoEscape(*scene, globe, FromTheMiddle);
-  const Escapes escapes = CountEscapes(*scene, globe, Aim::kVertex, FromTheMiddle);
+  const Escapes escapes = CountRayEscapes(*scene, globe, Aim::kVertex, FromTheMiddle);
   ExpectHardCase({.row = "G3",
                   .figure = "part of rays to vertices that leave a closed mesh",
                   .expected = 0,
@@ -227,9 +228,9 @@ TEST(TriangleStability, G3UnguardedRaysEscapeOnlyAtVertices) {
     ray.t_max = 1e6f;
     return ray;
   };
-  EXPECT_EQ(CountEscapes(*scene, globe, Aim::kAnywhere, finite).shadow_rays, 0);
-  EXPECT_EQ(CountEscapes(*scene, globe, Aim::kEdgeMiddle, finite).shadow_rays, 0);
-  const int escapes = CountEscapes(*scene, globe, Aim::kVertex, finite).shadow_rays;
+  EXPECT_EQ(CountRayEscapes(*scene, globe, Aim::kAnywhere, finite).shadow_rays, 0);
+  EXPECT_EQ(CountRayEscapes(*scene, globe, Aim::kEdgeMiddle, finite).shadow_rays, 0);
+  const int escapes = CountRayEscapes(*scene, globe, Aim::kVertex, finite).shadow_rays;
   EXPECT_LT(escapes, RayCount() / 40);
 }
 

@@ -56,7 +56,7 @@ class FakeScenes : public SceneOpener {
 };
 
 // A coordinator that has one guiding field.
-class FakeCoordinator : public v1::WorkerService::Service {
+class FakeWorkerService : public v1::WorkerService::Service {
  public:
   grpc::Status ReadGuidingField(grpc::ServerContext* /*context*/,
                                 const v1::ReadGuidingFieldRequest* request,
@@ -120,7 +120,7 @@ class FrameLoaderTest : public testing::Test {
     std::fstream(file_, std::ios::in | std::ios::out | std::ios::binary) << "A";
   }
 
-  FakeCoordinator coordinator_;
+  FakeWorkerService coordinator_;
   std::unique_ptr<grpc::Server> server_;
   std::string folder_, file_;
   std::unique_ptr<ContentCache> cache_;

@@ -11,7 +11,7 @@
 namespace sheaf {
 namespace {
 
-FrameImage MakeImage(PixelRect window, float value, float error) {
+FrameImage MakeEvenImage(PixelRect window, float value, float error) {
   FrameImage image = MakeFrameImage(window, window.x1, window.y1);
   for (const char* c : {"R", "G", "B"}) image.Find(c)->assign(image.planes[0].size(), value);
   for (const char* c : {"stderr.R", "stderr.G", "stderr.B"}) {
@@ -21,7 +21,7 @@ FrameImage MakeImage(PixelRect window, float value, float error) {
 }
 
 TEST(CompareTest, FollowsTheDefinitions) {
-  FrameImage reference = MakeImage({0, 0, 2, 1}, 0, 0), image = reference;
+  FrameImage reference = MakeEvenImage({0, 0, 2, 1}, 0, 0), image = reference;
   *reference.Find("R") = {1, 3};
   *reference.Find("G") = {2, 2};
   *image.Find("R") = {1, 4};
@@ -41,7 +41,7 @@ TEST(CompareTest, FollowsTheDefinitions) {
 }
 
 TEST(CompareTest, EqualImagesDoNotDifferEvenBlackOnes) {
-  const FrameImage black = MakeImage({0, 0, 3, 3}, 0, 0);
+  const FrameImage black = MakeEvenImage({0, 0, 3, 3}, 0, 0);
   const absl::StatusOr<Comparison> c = CompareImages(black, black);
   ASSERT_TRUE(c.ok());
   EXPECT_EQ(c->relative_mse, 0);
@@ -50,14 +50,14 @@ TEST(CompareTest, EqualImagesDoNotDifferEvenBlackOnes) {
 }
 
 TEST(CompareTest, OneDifferentBitCounts) {
-  const FrameImage reference = MakeImage({0, 0, 4, 4}, 1, 0);
+  const FrameImage reference = MakeEvenImage({0, 0, 4, 4}, 1, 0);
   FrameImage image = reference;
   image.Find("B")->at(5) = std::nextafter(1.0f, 2.0f);
   EXPECT_EQ(CompareImages(reference, image)->fraction_differing, 1.0 / 16);
 }
 
 TEST(CompareTest, NonFiniteValuesAreCountedSeparately) {
-  const FrameImage reference = MakeImage({0, 0, 4, 4}, 1, 0);
+  const FrameImage reference = MakeEvenImage({0, 0, 4, 4}, 1, 0);
   FrameImage image = reference;
   image.Find("G")->at(0) = std::numeric_limits<float>::quiet_NaN();
   image.Find("R")->at(1) = std::numeric_limits<float>::infinity();
@@ -70,7 +70,7 @@ TEST(CompareTest, NonFiniteValuesAreCountedSeparately) {
 
 // The error message distinguishes the same color in other primaries from a different color.
 TEST(CompareTest, DifferentPrimariesMustBeConverted) {
-  FrameImage reference = MakeImage({0, 0, 2, 2}, 0.5f, 0), image = reference;
+  FrameImage reference = MakeEvenImage({0, 0, 2, 2}, 0.5f, 0), image = reference;
   ASSERT_TRUE(ConvertColor(ChromaticitiesOf(Primaries::kAcesCg), &image).ok());
   EXPECT_EQ(CompareImages(reference, image).status().code(), absl::StatusCode::kInvalidArgument);
   ASSERT_TRUE(ConvertColor(image.color.chromaticities, &reference).ok());
@@ -82,7 +82,7 @@ TEST(CompareTest, DifferentPrimariesMustBeConverted) {
 }
 
 TEST(CompareTest, RefusesDifferentSizesAndMissingChannels) {
-  const FrameImage a = MakeImage({0, 0, 4, 4}, 1, 0), b = MakeImage({0, 0, 4, 5}, 1, 0);
+  const FrameImage a = MakeEvenImage({0, 0, 4, 4}, 1, 0), b = MakeEvenImage({0, 0, 4, 5}, 1, 0);
   EXPECT_TRUE(absl::IsInvalidArgument(CompareImages(a, b).status()));
   FrameImage gray = a;
   gray.channel_names[0] = "Y";
@@ -94,8 +94,8 @@ TEST(CompareTest, RefusesDifferentSizesAndMissingChannels) {
 
 TEST(CompareTest, NoiseAloneCausesNoTileDeviation) {
   constexpr float kSigma = 0.3f;
-  const FrameImage reference = MakeImage({32, 16, 32 + 160, 16 + 96}, 1, 0);
-  FrameImage image = MakeImage(reference.window, 1, kSigma);
+  const FrameImage reference = MakeEvenImage({32, 16, 32 + 160, 16 + 96}, 1, 0);
+  FrameImage image = MakeEvenImage(reference.window, 1, kSigma);
   std::mt19937 bits(31);
   std::normal_distribution<float> noise(0, kSigma);
   for (const char* c : {"R", "G", "B"}) {
@@ -126,21 +126,21 @@ TEST(CompareTest, NoiseAloneCausesNoTileDeviation) {
 }
 
 TEST(CompareTest, ToleranceAndReferenceNoiseAllowDifferences) {
-  const FrameImage reference = MakeImage({0, 0, 16, 16}, 1, 0);
-  const FrameImage image = MakeImage({0, 0, 16, 16}, 1.01f, 0.016f);  // Tile error 0.001.
+  const FrameImage reference = MakeEvenImage({0, 0, 16, 16}, 1, 0);
+  const FrameImage image = MakeEvenImage({0, 0, 16, 16}, 1.01f, 0.016f);  // Tile error 0.001.
   TileDeviationLimits limits;
   EXPECT_EQ(FindTileDeviations(reference, image, limits)->deviating_count, 0u);
   limits.mean_fraction_max = 0;
   EXPECT_NEAR(FindTileDeviations(reference, image, limits)->worst[0].excess, 10, 1e-3);
   limits.samples_ratio = 3;
   EXPECT_NEAR(FindTileDeviations(reference, image, limits)->worst[0].excess, 5, 1e-3);
-  const FrameImage exact = MakeImage({0, 0, 16, 16}, 1.01f, 0);
+  const FrameImage exact = MakeEvenImage({0, 0, 16, 16}, 1.01f, 0);
   EXPECT_EQ(FindTileDeviations(reference, exact, limits)->deviating_count, 1u);
 }
 
 TEST(CompareTest, DifferenceIsSigned) {
-  const FrameImage reference = MakeImage({8, 8, 12, 12}, 1, 0),
-                   image = MakeImage({8, 8, 12, 12}, 0.25f, 0);
+  const FrameImage reference = MakeEvenImage({8, 8, 12, 12}, 1, 0),
+                   image = MakeEvenImage({8, 8, 12, 12}, 0.25f, 0);
   const absl::StatusOr<FrameImage> difference = DifferenceImage(reference, image);
   ASSERT_TRUE(difference.ok());
   EXPECT_EQ(difference->window, image.window);

@@ -13,7 +13,7 @@
 namespace sheaf {
 namespace {
 
-constexpr PixelRect kWindow{4, 2, 68, 66};
+constexpr PixelRect kFlipWindow{4, 2, 68, 66};
 
 float Truth(int32_t x, int32_t y) {
   return 0.2f + 0.3f * static_cast<float>((x / 16 + y / 16) % 2);
@@ -21,13 +21,13 @@ float Truth(int32_t x, int32_t y) {
 
 // A noisy image of Truth, with the sample of its error, developed in tiles of 32.
 struct Noisy {
-  FrameImage image = MakeFrameImage(kWindow, 80, 80);
-  ErrorSample error{kWindow};
+  FrameImage image = MakeFrameImage(kFlipWindow, 80, 80);
+  ErrorSample error{kFlipWindow};
 };
 Noisy MakeNoisy(uint64_t samples, float weight, const ImageColor& color = {}) {
   Noisy noisy;
-  noisy.image = MakeFrameImage(kWindow, 80, 80, {}, color);
-  for (const PixelRect& rect : CutTiles(kWindow, 32)) {
+  noisy.image = MakeFrameImage(kFlipWindow, 80, 80, {}, color);
+  for (const PixelRect& rect : CutTiles(kFlipWindow, 32)) {
     FilmTile tile(rect, {0, samples});
     PixelAccumulator accumulator(&tile);
     for (int32_t y = rect.y0; y < rect.y1; ++y) {
@@ -51,8 +51,9 @@ double TrueFlip(const FrameImage& image) {
   FrameImage truth = image;
   for (const char* channel : {"R", "G", "B"}) {
     size_t p = 0;
-    for (int32_t y = kWindow.y0; y < kWindow.y1; ++y) {
-      for (int32_t x = kWindow.x0; x < kWindow.x1; ++x) (*truth.Find(channel))[p++] = Truth(x, y);
+    for (int32_t y = kFlipWindow.y0; y < kFlipWindow.y1; ++y) {
+      for (int32_t x = kFlipWindow.x0; x < kFlipWindow.x1; ++x)
+        (*truth.Find(channel))[p++] = Truth(x, y);
     }
   }
   return *PerceivedDifference(truth, image, FlipRange::kScreen);
@@ -74,8 +75,8 @@ TEST(FlipEstimateTest, ErrorSamplesHaveTheErrorVariance) {
     const Noisy noisy = MakeNoisy(samples, 2);
     double squares = 0, variance = 0;
     size_t p = 0;
-    for (int32_t y = kWindow.y0; y < kWindow.y1; ++y) {
-      for (int32_t x = kWindow.x0; x < kWindow.x1; ++x, ++p) {
+    for (int32_t y = kFlipWindow.y0; y < kFlipWindow.y1; ++y) {
+      for (int32_t x = kFlipWindow.x0; x < kFlipWindow.x1; ++x, ++p) {
         squares += std::pow(double{noisy.error.planes()[1][p]}, 2);
         variance += std::pow(double{Truth(x, y)}, 2) / 3 / static_cast<double>(samples);
       }

@@ -20,7 +20,7 @@ struct Planes {
 };
 
 using ColorAt = std::function<std::array<double, 3>(int32_t x, int32_t y)>;
-Planes Draw(int32_t width_px, int32_t height_px, const ColorAt& color_at) {
+Planes DrawPlanes(int32_t width_px, int32_t height_px, const ColorAt& color_at) {
   Planes planes{width_px, height_px, {}};
   for (int32_t y = 0; y < height_px; ++y) {
     for (int32_t x = 0; x < width_px; ++x) {
@@ -31,12 +31,12 @@ Planes Draw(int32_t width_px, int32_t height_px, const ColorAt& color_at) {
   return planes;
 }
 Planes Flat(const std::array<double, 3>& color) {
-  return Draw(9, 8, [&](int32_t, int32_t) { return color; });
+  return DrawPlanes(9, 8, [&](int32_t, int32_t) { return color; });
 }
 
 // Two images with edges and points in all channels.
 Planes Pattern(bool changed) {
-  return Draw(48, 40, [changed](int32_t x, int32_t y) -> std::array<double, 3> {
+  return DrawPlanes(48, 40, [changed](int32_t x, int32_t y) -> std::array<double, 3> {
     if (!changed) {
       return {(7 * x + 3 * y) % 16 / 16.0, (x / 8 + y / 8) % 2 * 0.75, x * y % 32 / 32.0};
     }
@@ -65,8 +65,8 @@ TEST(FlipTest, SeparableFiltersMatchFullConvolutions) {
   EXPECT_NEAR(map[7 * 48 + 5], 0.559828, 2e-4);
   EXPECT_NEAR(map[47], 0.662112, 2e-4);  // Corners: the edge is repeated beyond them.
   EXPECT_NEAR(map[39 * 48], 0.980395, 2e-4);
-  const Planes black = Draw(32, 32, [](int32_t, int32_t) { return std::array<double, 3>{}; });
-  const Planes step = Draw(32, 32, [](int32_t x, int32_t) {
+  const Planes black = DrawPlanes(32, 32, [](int32_t, int32_t) { return std::array<double, 3>{}; });
+  const Planes step = DrawPlanes(32, 32, [](int32_t x, int32_t) {
     const double v = x < 16 ? 0 : 1;
     return std::array<double, 3>{v, v, v};
   });
@@ -86,7 +86,7 @@ TEST(FlipTest, IsSymmetricAndIgnoresUndisplayableValues) {
 // The next free thread processes the next band, so bands are finished in any order.
 TEST(FlipTest, BandsAreSeamless) {
   const auto tall = [](bool changed) {
-    return Draw(24, 400, [changed](int32_t x, int32_t y) {
+    return DrawPlanes(24, 400, [changed](int32_t x, int32_t y) {
       const double v = (y % 4 == 0 ? 0.7 : 0.2) + (changed ? 0.01 * (x % 3) : 0);
       return std::array<double, 3>{v, v, 0.5 * v};
     });

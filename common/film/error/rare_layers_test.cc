@@ -9,7 +9,7 @@ namespace {
 
 // Two tiles of 8 x 8 and two lights, of which "direct" is bright and uniform except for a shadow's
 // edge.
-FrameImage MakeImage() {
+FrameImage MakeLayeredImage() {
   FilmOutputs outputs;
   outputs.light_groups = {"direct", "sparkle"};
   FrameImage image = MakeFrameImage({4, 4, 20, 12}, 32, 32, outputs);
@@ -31,7 +31,7 @@ void AddRareSample(size_t p, float value, const char* layer, FrameImage* image) 
 const std::vector<PixelRect> kTiles = {{4, 4, 12, 12}, {12, 4, 20, 12}};
 
 TEST(RareLayersTest, FindsTheLayerOfRareSamples) {
-  FrameImage image = MakeImage();
+  FrameImage image = MakeLayeredImage();
   AddRareSample(16 * 3 + 2, 1, "sparkle", &image);
   AddRareSample(16 * 5 + 8 + 1, 0.5f, "sparkle", &image);
   EXPECT_EQ(RareLayers(image, kTiles), (std::vector<LayerCount>{{"sparkle", 2}}));
@@ -40,14 +40,14 @@ TEST(RareLayersTest, FindsTheLayerOfRareSamples) {
 }
 
 TEST(RareLayersTest, CoversTheImageBorder) {
-  FrameImage image = MakeImage();
+  FrameImage image = MakeLayeredImage();
   AddRareSample(0, 1, "sparkle", &image);
   AddRareSample(16 * 8 - 1, 1, "sparkle", &image);
   EXPECT_EQ(RareLayers(image, kTiles), (std::vector<LayerCount>{{"sparkle", 2}}));
 }
 
 TEST(RareLayersTest, EmptyWithoutLayersOrTiles) {
-  EXPECT_TRUE(RareLayers(MakeImage(), {}).empty());
+  EXPECT_TRUE(RareLayers(MakeLayeredImage(), {}).empty());
   EXPECT_TRUE(RareLayers(MakeFrameImage({0, 0, 8, 8}, 8, 8), kTiles).empty());
 }
 

@@ -11,7 +11,7 @@
 namespace sheaf {
 namespace {
 
-constexpr PixelRect kWindow{0, 0, 64, 48};
+constexpr PixelRect kPartWindow{0, 0, 64, 48};
 
 // No part is larger than was foreseen, whatever its values.
 TEST(LightPartSizeTest, PartsAreNoLargerThanForeseen) {
@@ -19,7 +19,7 @@ TEST(LightPartSizeTest, PartsAreNoLargerThanForeseen) {
   outputs.light_groups = {"key", "rim"};
   constexpr uint64_t kHeaderBytes = 1 << 14;
   for (const uint64_t passes : {1, 4, 16}) {
-    FilmTile tile(kWindow, {0, passes}, outputs);
+    FilmTile tile(kPartWindow, {0, passes}, outputs);
     LightPassAccumulator film(&tile);
     for (uint64_t pass = 0; pass < passes; ++pass) {
       for (int32_t i = 0; i < 64 * 48 * 4; ++i) {
@@ -33,7 +33,7 @@ TEST(LightPartSizeTest, PartsAreNoLargerThanForeseen) {
     }
     film.Finish();
     const uint64_t size = EncodePart(tile, {"d", "p", {}, {}, TaskKind::kLight}).size();
-    const uint64_t foreseen = LightPartBytes(kWindow.PixelCount(), outputs, passes);
+    const uint64_t foreseen = LightPartBytes(kPartWindow.PixelCount(), outputs, passes);
     EXPECT_LE(size, foreseen * 102 / 100 + kHeaderBytes) << passes;
     EXPECT_GE(size, foreseen / 2) << passes;
   }

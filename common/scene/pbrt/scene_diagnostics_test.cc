@@ -16,7 +16,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-void WriteText(const std::string& path, const std::string& text) {
+void WriteFaultyText(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
@@ -42,14 +42,14 @@ class BadSceneTest : public ::testing::TestWithParam<BadScene> {
 TEST_P(BadSceneTest, ErrorsHaveLocationAndReason) {
   const std::string directory = Directory();
   ASSERT_TRUE(MakeDirectories(directory).ok());
-  WriteText(directory + "/main.pbrt", GetParam().text);
-  WriteText(directory + "/loop.pbrt", "Include \"loop.pbrt\"\n");
-  WriteText(directory + "/open.pbrt", "AttributeBegin\n");
-  WriteText(directory + "/bad.ply", "ply\nformat ascii 1.0\n");
-  WriteText(directory + "/one.ply", kHeader + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
-  WriteText(directory + "/two.ply", kHeader + "0 0 0\n1 0 0\n0 1 0\n3 0 2 1\n");
-  WriteText(directory + "/bad.spd", "400 1 x\n");
-  WriteText(directory + "/bad.IES", "TILT=NONE\nx\n");
+  WriteFaultyText(directory + "/main.pbrt", GetParam().text);
+  WriteFaultyText(directory + "/loop.pbrt", "Include \"loop.pbrt\"\n");
+  WriteFaultyText(directory + "/open.pbrt", "AttributeBegin\n");
+  WriteFaultyText(directory + "/bad.ply", "ply\nformat ascii 1.0\n");
+  WriteFaultyText(directory + "/one.ply", kHeader + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  WriteFaultyText(directory + "/two.ply", kHeader + "0 0 0\n1 0 0\n0 1 0\n3 0 2 1\n");
+  WriteFaultyText(directory + "/bad.spd", "400 1 x\n");
+  WriteFaultyText(directory + "/bad.IES", "TILT=NONE\nx\n");
   DirectoryFileSource files(directory);
   const absl::StatusOr<ReadSceneResult> result = ReadScene("main.pbrt", files);
   ASSERT_FALSE(result.ok());
@@ -343,10 +343,10 @@ TEST(SceneMemoryTest, RefinementRespectsTheMemoryLimit) {
   limits.memory_bytes_max = uint64_t{900} << 20;
   limits.memory_limit = "what this machine has";
   const auto read = [&](const std::string& levels) {
-    WriteText(directory + "/main.pbrt", "WorldBegin\nShape \"loopsubdiv\" \"integer levels\" " +
-                                            levels +
-                                            " \"integer indices\" [0 1 2 0 2 3]\n"
-                                            "\"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0]\n");
+    WriteFaultyText(directory + "/main.pbrt",
+                    "WorldBegin\nShape \"loopsubdiv\" \"integer levels\" " + levels +
+                        " \"integer indices\" [0 1 2 0 2 3]\n"
+                        "\"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0]\n");
     DirectoryFileSource files(directory);
     return ReadScene("main.pbrt", files, limits).status();
   };

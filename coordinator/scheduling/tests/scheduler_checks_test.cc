@@ -17,7 +17,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-constexpr char kProfile[] = "profile";
+constexpr char kChecksProfile[] = "profile";
 constexpr double kChosen = 0, kNotChosen = 0.999;
 
 class SchedulerChecksTest : public testing::Test {
@@ -27,7 +27,7 @@ class SchedulerChecksTest : public testing::Test {
   void AddJob() {
     JobSpec job;
     job.job_id = 1;
-    job.numeric_profile = kProfile;
+    job.numeric_profile = kChecksProfile;
     job.partition = {32, 16, 1};
     FrameSpec frame;
     frame.frame_number = 1;
@@ -43,7 +43,7 @@ class SchedulerChecksTest : public testing::Test {
     WorkerReport report;
     report.worker_id = report.host = id;
     report.identity = identity;
-    report.numeric_profile = kProfile;
+    report.numeric_profile = kChecksProfile;
     report.requested_lease_count = wanted;
     for (const Lease& lease : held_[id]) {
       report.leases.push_back({lease.lease_id, LeasePhase::kRendering});

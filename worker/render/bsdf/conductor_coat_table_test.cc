@@ -34,7 +34,7 @@ BsdfFixture BaseOf(const Layers& layers, bool keeps_energy) {
 }
 
 // Energy that leaves, and its deviation from the mirror direction.
-struct Estimate {
+struct CoatEstimate {
   double mean = 0, error = 0;
   double cosine_to_mirror = 0;  // Averaged over the energy.
 };
@@ -47,7 +47,7 @@ class EnergySum {
     sum_square_ += energy * energy;
     sum_cosine_ += energy * static_cast<double>(Dot(wi, mirror_));
   }
-  Estimate Finish() const {
+  CoatEstimate Finish() const {
     const double count = static_cast<double>(count_), mean = sum_ / count;
     const double variance = std::max(0.0, sum_square_ / count - mean * mean);
     return {mean, std::sqrt(variance / count), sum_cosine_ / sum_};
@@ -61,7 +61,7 @@ class EnergySum {
 
 // Simulates the layers: a random walk between interface and base, without a depth limit. Returns
 // the fraction of the energy arriving along wo that leaves again.
-Estimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy) {
+CoatEstimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy) {
   constexpr uint64_t kWalks = 60000;
   constexpr uint64_t kStepsMax = 1000;
   const BsdfFixture interface = testing::MakeDielectricFixture(
@@ -93,7 +93,7 @@ Estimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy) {
   return sum.Finish();
 }
 
-Estimate CoatAlbedo(const Bsdf& coat, Vec3f wo) {
+CoatEstimate EstimateCoatAlbedo(const Bsdf& coat, Vec3f wo) {
   constexpr uint64_t kDraws = 60000;
   EnergySum sum(wo);
   for (uint64_t i = 0; i < kDraws; ++i) {
@@ -110,9 +110,9 @@ void ExpectAgreement(const Layers& layers, float mu, bool keeps_energy, double t
                << layers.eta << " thickness " << layers.thickness << " reflectance "
                << layers.reflectance << " mu " << mu);
   const Vec3f wo = DirectionAt(mu, 1);
-  const Estimate walk = WalkThroughLayers(layers, wo, keeps_energy);
+  const CoatEstimate walk = WalkThroughLayers(layers, wo, keeps_energy);
   const BsdfFixture coat = CoatOf(layers, keeps_energy);
-  const Estimate found = CoatAlbedo(coat.bsdf, wo);
+  const CoatEstimate found = EstimateCoatAlbedo(coat.bsdf, wo);
   EXPECT_NEAR(found.mean, walk.mean, 4 * (walk.error + found.error) + tolerance * walk.mean);
   std::printf("ai %.2f ab %.2f mu %.2f: cos walk %.3f mine %.3f; albedo %.4f %.4f\n",
               layers.interface_alpha, layers.base_alpha, mu, walk.cosine_to_mirror,
@@ -182,8 +182,8 @@ TEST(ConductorCoatTableTest, IndexOneKeepsTheConductor) {
     }
     const BsdfFixture kept = BaseOf(layers, true);
     for (const float mu : {0.9f, 0.4f}) {
-      const Estimate with = CoatAlbedo(coat.bsdf, DirectionAt(mu, 1));
-      const Estimate without = CoatAlbedo(kept.bsdf, DirectionAt(mu, 1));
+      const CoatEstimate with = EstimateCoatAlbedo(coat.bsdf, DirectionAt(mu, 1));
+      const CoatEstimate without = EstimateCoatAlbedo(kept.bsdf, DirectionAt(mu, 1));
       EXPECT_NEAR(with.mean, without.mean, 4 * (with.error + without.error) + 5e-3);
     }
   }

@@ -17,7 +17,7 @@ namespace {
 constexpr double kInfinite = HUGE_VAL;
 constexpr CurvePiece kWhole{};
 
-class Random {
+class RandomCurves {
  public:
   double Uniform(double a, double b) {
     return a + (b - a) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
@@ -39,7 +39,7 @@ CurveSegment Straight(double length, double width0, double width1,
   segment.widths = {width0, width1};
   return segment;
 }
-CurveSegment RandomSegment(Random* random, double width) {
+CurveSegment RandomSegment(RandomCurves* random, double width) {
   CurveSegment segment;
   for (Vec3d& p : segment.points) p = random->InBox(1);
   segment.widths = {width, width * random->Uniform(0.2, 1)};
@@ -70,7 +70,7 @@ double SampledGap(const CurveSegment& segment, Vec3d o, Vec3d d, double* t) {
 
 TEST(CurveTest, StraightCurvesAreStrips) {
   const CurveSegment strip = Straight(3, 0.4, 0.2);
-  Random random;
+  RandomCurves random;
   int hits = 0;
   constexpr int kRays = 20000;
   for (int i = 0; i < kRays; ++i) {
@@ -90,7 +90,7 @@ TEST(CurveTest, StraightCurvesAreStrips) {
 
 // Rays of any direction against dense samples of the definition.
 TEST(CurveTest, BentCurvesAreHitAccurately) {
-  Random random;
+  RandomCurves random;
   int hits = 0, judged = 0;
   for (int i = 0; i < 300; ++i) {
     const CurveSegment segment = RandomSegment(&random, i % 3 == 0 ? 0.2 : 0.02);
@@ -118,7 +118,7 @@ TEST(CurveTest, BentCurvesAreHitAccurately) {
 }
 
 TEST(CurveTest, PiecesCoverTheWholeCurve) {
-  Random random;
+  RandomCurves random;
   for (int i = 0; i < 2000; ++i) {
     const CurveSegment segment = RandomSegment(&random, 0.05);
     const Vec3d o = random.InBox(3);
@@ -137,7 +137,7 @@ TEST(CurveTest, PiecesCoverTheWholeCurve) {
 
 // A ray aimed at a curve of any thinness hits it; one aimed beside it misses.
 TEST(CurveTest, G10ThinCurvesAreHit) {
-  Random random;
+  RandomCurves random;
   for (const double width : {1e-2, 1e-4, 1e-6, 1e-8, 1e-10}) {
     SCOPED_TRACE(width);
     for (int i = 0; i < 500; ++i) {
@@ -182,7 +182,7 @@ TEST(CurveTest, ClampedEndsAreSquare) {
 }
 
 TEST(CurveTest, G2PowersOfTwoChangeNoBit) {
-  Random random;
+  RandomCurves random;
   for (int i = 0; i < 500; ++i) {
     CurveSegment segment = RandomSegment(&random, 0.1);
     const Vec3d o = random.InBox(3), d = segment.PointAt(0.4) - o;
@@ -240,7 +240,7 @@ TEST(CurveTest, CylinderNormalsTurnToTheSides) {
 }
 
 TEST(CurveTest, BoundsContainThePieces) {
-  Random random;
+  RandomCurves random;
   for (int i = 0; i < 300; ++i) {
     const CurveSegment segment = RandomSegment(&random, 0.3);
     const Affine place{{2, 1, 0}, {0, 0.5, 0.3}, {1, 0, -1}, {5, -3, 1}};
@@ -265,7 +265,7 @@ TEST(CurveTest, BoundsContainThePieces) {
 
 // Sorting moves whole segments, makes neighbors adjacent, and loses none.
 TEST(CurveTest, SortingKeepsSegments) {
-  Random random;
+  RandomCurves random;
   CurveSet curves;
   curves.kind = CurveSet::Kind::kRibbon;
   for (int i = 0; i < 512; ++i) {
@@ -312,7 +312,7 @@ TEST(CurveTest, OnlySlantedCurvesAreSplit) {
 // A ray that hits a piece also hits its rod, under any transform; for thin hair, rods reject most
 // of the rays that hit boxes.
 TEST(CurveTest, RodsContainEveryHit) {
-  Random random;
+  RandomCurves random;
   int hits = 0, passed_by = 0, rejected = 0;
   for (int i = 0; i < 2000; ++i) {
     const bool is_hair = i % 2 == 0;

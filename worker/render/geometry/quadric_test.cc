@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-class Random {
+class RandomRays {
  public:
   double Uniform(double a, double b) {
     return a + (b - a) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
@@ -57,7 +57,7 @@ Roots SphereRoots(double radius, Vec3d o, Vec3d d) {
 }
 
 TEST(QuadricTest, SphereHitsMatchLongDouble) {
-  Random random;
+  RandomRays random;
   int hits = 0, missed = 0;
   for (int i = 0; i < 20000; ++i) {
     SphereShape shape;
@@ -108,7 +108,7 @@ TEST(QuadricTest, PartialQuadricsAreHitCorrectly) {
   Quadric disk = MakeQuadric(ring);
   Place(SomeTransform(), &disk);
   EXPECT_TRUE(sphere.is_partial && disk.is_partial);
-  Random random;
+  RandomRays random;
   int hits = 0;
   for (int i = 0; i < 20000; ++i) {
     const Vec3d o = random.InBox(3), d = random.InBox(1);
@@ -193,7 +193,7 @@ Quadric SomeCylinder() {
 
 // Against roots with a 64-bit mantissa, from inside and outside, whole and cut.
 TEST(QuadricTest, CylinderHitsMatchLongDouble) {
-  Random random;
+  RandomRays random;
   int hits = 0, missed = 0;
   for (int i = 0; i < 20000; ++i) {
     Quadric cylinder = MakeQuadric(CylinderShape{1.5f, -1, 1.25f, i % 2 == 0 ? 360.0f : 200.0f});
