@@ -8,8 +8,8 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 v1::Job HalfDone() {
   v1::Job job;
@@ -70,7 +70,7 @@ TEST(ProgressLineTest, ReportsFramesInTraining) {
 
 TEST(ProgressLineTest, JobWithoutSamplesIsNotDone) { EXPECT_EQ(FractionDone(v1::Progress()), 0); }
 
-class ProgressOutputTest : public testing::Test {
+class ProgressOutputTest : public ::testing::Test {
  protected:
   ProgressLine::Clock::time_point now_{};
   std::string output_;

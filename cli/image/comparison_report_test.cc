@@ -12,8 +12,8 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 ComparisonReport Differing(double relative_mse) {
   ComparisonReport report;

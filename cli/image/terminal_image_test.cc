@@ -18,7 +18,7 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::StartsWith;
+using ::testing::StartsWith;
 
 constexpr Rgb8 kRed{255, 0, 0}, kGreen{0, 255, 0}, kBlue{0, 0, 255}, kWhite{255, 255, 255};
 
@@ -83,7 +83,7 @@ TEST(TerminalImageTest, ShrinkingAveragesLightAndKeepsTheAspectRatio) {
   EXPECT_EQ(ShrinkTo(1, {2, 1, {kWhite, {0, 0, 0}}}).pixels, (std::vector<Rgb8>{{188, 188, 188}}));
   // A constant image stays constant at any ratio.
   const ShownImage flat{97, 3, std::vector<Rgb8>(97 * 3, Rgb8{12, 130, 250})};
-  EXPECT_THAT(ShrinkTo(41, flat).pixels, testing::Each(Rgb8{12, 130, 250}));
+  EXPECT_THAT(ShrinkTo(41, flat).pixels, ::testing::Each(Rgb8{12, 130, 250}));
 }
 
 TEST(TerminalImageTest, BlocksFillTheTerminalWidth) {
@@ -105,7 +105,7 @@ TEST(TerminalImageTest, KittyReceivesAPng) {
   for (size_t i = 0; i + 1 < commands.size(); ++i) {
     const std::pair<std::string, std::string> parts =
         absl::StrSplit(commands[i], absl::MaxSplits(';', 1));
-    EXPECT_THAT(parts.first, testing::EndsWith(i + 2 < commands.size() ? "m=1" : "m=0"));
+    EXPECT_THAT(parts.first, ::testing::EndsWith(i + 2 < commands.size() ? "m=1" : "m=0"));
     EXPECT_LE(parts.second.size(), 4096u);
     base64 += parts.second;
   }

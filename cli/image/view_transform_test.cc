@@ -19,7 +19,7 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 FrameImage ImageOf(const std::vector<std::array<float, 3>>& colors, Primaries primaries) {
   FrameImage frame_image;
@@ -50,7 +50,7 @@ void ExpectNear(const std::vector<Rgb8>& shown, const std::vector<Rgb8>& expecte
 
 // Writes text to a file that belongs to this test.
 std::string WriteConfig(const std::string& name, const std::string& text) {
-  const std::string path = testing::TempDir() + "/" + name;
+  const std::string path = ::testing::TempDir() + "/" + name;
   std::ofstream(path) << text;
   return path;
 }
@@ -177,7 +177,7 @@ TEST(ViewTransformTest, RefusesAConfigWithoutAKnownSpace) {
 }
 
 TEST(ViewTransformTest, PngTagsNameTheView) {
-  const std::string path = testing::TempDir() + "/view.png";
+  const std::string path = ::testing::TempDir() + "/view.png";
   ASSERT_TRUE(WriteView(Opened("ACES 1.0 SDR"), ImageOf(kColors, Primaries::kSrgb), path).ok());
   std::ifstream file(path, std::ios::binary);
   const std::string bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());

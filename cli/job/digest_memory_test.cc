@@ -18,11 +18,11 @@ namespace {
 
 constexpr int64_t kNow = 1'000'000'000'000;
 
-class DigestMemoryTest : public testing::Test {
+class DigestMemoryTest : public ::testing::Test {
  protected:
   ~DigestMemoryTest() override { std::filesystem::remove(file_); }
-  std::string file_ = testing::TempDir() + "/digest_memory_" +
-                      testing::UnitTest::GetInstance()->current_test_info()->name();
+  std::string file_ = ::testing::TempDir() + "/digest_memory_" +
+                      ::testing::UnitTest::GetInstance()->current_test_info()->name();
   FileState state_{1, 2, kRememberedBytesMin, kNow - kSettledNanoseconds,
                    kNow - kSettledNanoseconds};
   BlobDigest digest_{Sha256Hex("x"), kRememberedBytesMin};

@@ -13,7 +13,7 @@ namespace sheaf::cli {
 namespace {
 
 TEST(FileDigestsTest, DetectsAChangedFile) {
-  const std::string path = testing::TempDir() + "/file_digests_test";
+  const std::string path = ::testing::TempDir() + "/file_digests_test";
   std::ofstream(path) << "one";
   FileDigests digests;
   EXPECT_EQ(digests.Of(path)->sha256_hex, Sha256Hex("one"));

@@ -10,7 +10,7 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::string Refusal(const std::string& path, const std::string& head) {
   const absl::Status status = CheckSceneFormat(path, head);
@@ -48,7 +48,7 @@ TEST(ForeignSceneTest, PbrtScenesAreAccepted) {
 }
 
 TEST(ForeignSceneTest, ReadsTheFileHead) {
-  const std::string path = testing::TempDir() + "/sheaf_foreign_scene";
+  const std::string path = ::testing::TempDir() + "/sheaf_foreign_scene";
   std::ofstream(path) << "BLENDER-v305\x1b[31m";
   EXPECT_TRUE(absl::IsInvalidArgument(CheckSceneFormatOf(path)));
 }

@@ -8,7 +8,7 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
 TEST(FrameRangeTest, ReadsNumbersRangesAndSteps) {
   EXPECT_THAT(*ParseFrameRange("7"), ElementsAre(7));

@@ -14,14 +14,14 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-class InputCheckTest : public testing::Test {
+class InputCheckTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ = testing::TempDir() + "/input_check_" +
-                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    directory_ = ::testing::TempDir() + "/input_check_" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name();
     fs::remove_all(directory_);
     fs::create_directories(directory_);
   }
@@ -62,7 +62,7 @@ TEST_F(InputCheckTest, DamageIsReportedAtTheReferenceInTheScene) {
   EXPECT_THAT(text, HasSubstr("room.pbrt:5:1: texture \"wood\": cut.png: "));
   EXPECT_THAT(text, HasSubstr("room.pbrt:6:1: light: garbage.exr: "));
   EXPECT_THAT(text, HasSubstr("room.pbrt:7:1: medium \"fog\": smoke.nvdb: "));
-  EXPECT_THAT(text, testing::Not(HasSubstr("whole.png")));
+  EXPECT_THAT(text, ::testing::Not(HasSubstr("whole.png")));
 }
 
 TEST_F(InputCheckTest, OnlyHeadersOfLargeImagesAreRead) {

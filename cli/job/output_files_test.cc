@@ -14,13 +14,13 @@
 namespace sheaf::cli {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-class OutputFilesTest : public testing::Test {
+class OutputFilesTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = testing::TempDir() + "/sheaf-outputs-XXXXXX";
+    std::string pattern = ::testing::TempDir() + "/sheaf-outputs-XXXXXX";
     ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
     directory_ = pattern;
   }
@@ -83,7 +83,7 @@ TEST_F(OutputFilesTest, UnwritableOutputsAreSavedElsewhere) {
   const size_t at = text.find("it is kept as ");
   ASSERT_NE(at, std::string::npos) << text;
   const std::string kept = text.substr(at + 14);
-  EXPECT_THAT(kept, testing::StartsWith(directory_));
+  EXPECT_THAT(kept, ::testing::StartsWith(directory_));
   EXPECT_EQ(*ReadWholeFile(kept), "image");
 }
 

@@ -39,7 +39,7 @@ TEST(DigestTest, MovedHashContinues) {
 }
 
 TEST(DigestTest, DigestsFiles) {
-  const std::string path = testing::TempDir() + "sheaf-digest-test";
+  const std::string path = ::testing::TempDir() + "sheaf-digest-test";
   ASSERT_TRUE(WriteFileAtomically(path, std::string(1000000, 'a')).ok());
   const absl::StatusOr<FileDigest> digest = Sha256OfFile(path);
   ASSERT_TRUE(digest.ok()) << digest.status();

@@ -15,10 +15,10 @@
 namespace sheaf {
 namespace {
 
-class FileTest : public testing::Test {
+class FileTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = testing::TempDir() + "sheaf-file-XXXXXX";
+    std::string pattern = ::testing::TempDir() + "sheaf-file-XXXXXX";
     ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
     directory_ = pattern;
   }

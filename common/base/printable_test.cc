@@ -29,9 +29,9 @@ TEST(PrintableTest, FindsTheFirstUnprintableByte) {
 }
 
 TEST(PrintableTest, LogEventsStayOnOneLine) {
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStderr();
   LogWarning("a title\n2026-01-01T00:00:00.000+00:00 sheaf info forged");
-  const std::string logged = testing::internal::GetCapturedStderr();
+  const std::string logged = ::testing::internal::GetCapturedStderr();
   EXPECT_EQ(logged.find('\n'), logged.size() - 1) << logged;
   EXPECT_NE(logged.find("a title\\n2026"), std::string::npos) << logged;
 }

@@ -10,11 +10,11 @@
 namespace sheaf {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
-class CommandLineTest : public testing::Test {
+class CommandLineTest : public ::testing::Test {
  protected:
   CommandLineTest() {
     app_.require_subcommand(1);
@@ -43,12 +43,12 @@ class CommandLineTest : public testing::Test {
     return error;
   }
   std::string Help() {
-    testing::internal::CaptureStdout();
+    ::testing::internal::CaptureStdout();
     std::vector<std::string> words = {"sheaf", "render", "--help"};
     std::vector<char*> argv;
     for (std::string& word : words) argv.push_back(word.data());
     EXPECT_EQ(ParseCommandLine(&app_, 3, argv.data(), [](const std::string&) {}), 0);
-    return testing::internal::GetCapturedStdout();
+    return ::testing::internal::GetCapturedStdout();
   }
 
   CLI::App app_{"Renders.", "sheaf"};

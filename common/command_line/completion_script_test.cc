@@ -13,7 +13,7 @@
 namespace sheaf {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 CompletionProgram Sheaf() {
   return {"sheaf",
@@ -39,7 +39,7 @@ std::string OutputOf(const std::string& command) {
 }
 
 TEST(CompletionScriptTest, BashCompletesCommandsAndTheirOptions) {
-  const std::string path = testing::TempDir() + "/sheaf_completion.bash";
+  const std::string path = ::testing::TempDir() + "/sheaf_completion.bash";
   std::ofstream(path) << CompletionScript(Shell::kBash, Sheaf());
   const auto complete = [&](const std::string& words, int index) {
     return OutputOf("bash -c 'source " + path + "; COMP_WORDS=(" + words +
@@ -67,7 +67,7 @@ TEST(CompletionScriptTest, HelpTextIsQuoted) {
 }
 
 TEST(CompletionScriptTest, BashCompletesJobNames) {
-  const std::string folder = testing::TempDir() + "/sheaf_completion_jobs";
+  const std::string folder = ::testing::TempDir() + "/sheaf_completion_jobs";
   std::filesystem::create_directories(folder);
   std::ofstream(folder + "/sheaf") << "#!/bin/sh\n[ \"$*\" = 'completion jobs' ] && "
                                       "printf 'jobs/12\\njobs/7\\n'\n";
@@ -87,7 +87,7 @@ TEST(CompletionScriptTest, BashCompletesAProgramWithoutCommands) {
       {{"--threads", "Threads", true}, {"--sandbox", "Protection", true, {"best", "none"}}},
       {},
       ""};
-  const std::string path = testing::TempDir() + "/sheaf_worker_completion.bash";
+  const std::string path = ::testing::TempDir() + "/sheaf_worker_completion.bash";
   std::ofstream(path) << CompletionScript(Shell::kBash, worker);
   const auto complete = [&](const std::string& words, int index) {
     return OutputOf("bash -c 'source " + path + "; COMP_WORDS=(" + words + "); COMP_CWORD=" +

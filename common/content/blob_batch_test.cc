@@ -18,11 +18,11 @@
 namespace sheaf {
 namespace {
 
-class BlobBatchTest : public testing::Test {
+class BlobBatchTest : public ::testing::Test {
  protected:
   BlobBatchTest() {
-    folder_ = testing::TempDir() + "/blob_batch_" +
-              testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = ::testing::TempDir() + "/blob_batch_" +
+              ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(folder_);
     auto store = BlobStore::Open(folder_);
     SHEAF_CHECK(store.ok());

@@ -13,7 +13,7 @@
 namespace sheaf {
 namespace {
 
-class BlobStoreObjectsTest : public testing::Test {
+class BlobStoreObjectsTest : public ::testing::Test {
  protected:
   BlobStoreObjectsTest() {
     std::filesystem::remove_all(folder_);
@@ -34,7 +34,7 @@ class BlobStoreObjectsTest : public testing::Test {
     ASSERT_TRUE(WriteFileOnce(path, bytes).ok());
   }
 
-  const std::string folder_ = testing::TempDir() + "/blob_store_objects";
+  const std::string folder_ = ::testing::TempDir() + "/blob_store_objects";
   BlobStore::Clock::time_point now_ = BlobStore::Clock::now();
   std::unique_ptr<FolderObjects> objects_;
   std::unique_ptr<BlobStore> store_;

@@ -14,11 +14,11 @@
 namespace sheaf {
 namespace {
 
-class BlobStoreTest : public testing::Test {
+class BlobStoreTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ = testing::TempDir() + "/blob_store_" +
-                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    directory_ = ::testing::TempDir() + "/blob_store_" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(directory_);
     store_ = *BlobStore::Open(directory_);
   }
@@ -50,7 +50,7 @@ TEST_F(BlobStoreTest, ReturnsStoredBlobs) {
 TEST_F(BlobStoreTest, ListsMissingBlobsInOrder) {
   const BlobDigest stored = *store_->Put("stored");
   const BlobDigest a = DigestOf("a"), b = DigestOf("b");
-  EXPECT_THAT(*store_->FindMissing({b, stored, a}), testing::ElementsAre(b, a));
+  EXPECT_THAT(*store_->FindMissing({b, stored, a}), ::testing::ElementsAre(b, a));
   EXPECT_EQ(store_->FindMissing({{"../../x", 1}}).status().code(),
             absl::StatusCode::kInvalidArgument);
 }
@@ -120,7 +120,7 @@ TEST_F(BlobStoreTest, DamagedBlobsAreRequestedAgain) {
   ::chmod(path.c_str(), 0644);
   std::ofstream(path, std::ios::binary) << "previous";
   EXPECT_EQ(store_->Verify(digest).code(), absl::StatusCode::kDataLoss);
-  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+  EXPECT_THAT(*store_->FindMissing({digest}), ::testing::ElementsAre(digest));
   EXPECT_TRUE(store_->Put("precious").ok());
   EXPECT_TRUE(store_->Verify(digest).ok());
 }
@@ -128,9 +128,9 @@ TEST_F(BlobStoreTest, DamagedBlobsAreRequestedAgain) {
 TEST_F(BlobStoreTest, AlteredBlobsAreMissing) {
   const BlobDigest digest = *store_->Put("precious");
   Alter(digest, "previous");
-  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+  EXPECT_THAT(*store_->FindMissing({digest}), ::testing::ElementsAre(digest));
   EXPECT_FALSE(store_->GetWriteStatus(digest)->complete);
-  EXPECT_THAT(store_->TakeLost(), testing::ElementsAre(digest));
+  EXPECT_THAT(store_->TakeLost(), ::testing::ElementsAre(digest));
   EXPECT_TRUE(store_->TakeLost().empty());
   EXPECT_TRUE(std::filesystem::exists(directory_ + "/damaged/" + digest.sha256_hex));
   EXPECT_TRUE(store_->Put("precious").ok());
@@ -148,7 +148,7 @@ TEST_F(BlobStoreTest, BlobsOfEarlierProcessesAreVerified) {
   const BlobDigest digest = *store_->Put("precious");
   Alter(digest, "previous");
   store_ = *BlobStore::Open(directory_);
-  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+  EXPECT_THAT(*store_->FindMissing({digest}), ::testing::ElementsAre(digest));
 }
 
 // A bit lost by the disk changes no file time.
@@ -201,7 +201,7 @@ TEST_F(BlobStoreTest, BlobsThatAClientFoundAreNotRemoved) {
   now += std::chrono::minutes(2);
   EXPECT_TRUE(store_->Remove(digest));
   EXPECT_FALSE(store_->Remove(digest));
-  EXPECT_THAT(*store_->FindMissing({digest}), testing::ElementsAre(digest));
+  EXPECT_THAT(*store_->FindMissing({digest}), ::testing::ElementsAre(digest));
   EXPECT_TRUE(store_->TakeLost().empty()) << "it was not lost";
   EXPECT_TRUE(store_->Put("blob").ok());
 }

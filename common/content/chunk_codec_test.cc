@@ -22,7 +22,7 @@ TEST(ChunkCodecTest, RefusesAFrameThatClaimsMoreThanTheLimit) {
   EXPECT_LT(bomb.size(), 1000u);
   const absl::StatusOr<std::string> back = DecompressChunk(bomb, 1 << 20);
   EXPECT_EQ(back.status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_THAT(std::string(back.status().message()), testing::HasSubstr("limit"));
+  EXPECT_THAT(std::string(back.status().message()), ::testing::HasSubstr("limit"));
 }
 
 TEST(ChunkCodecTest, RefusesDamagedAndTruncatedFrames) {

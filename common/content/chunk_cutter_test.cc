@@ -78,7 +78,7 @@ TEST(ChunkCutterTest, InsertedRemovedAndChangedBytesChangeOnlyTheChunksAroundThe
 }
 
 TEST(ChunkCutterTest, AFileIsCutAsItsBytesAre) {
-  const std::string path = testing::TempDir() + "/chunk_cutter_file";
+  const std::string path = ::testing::TempDir() + "/chunk_cutter_file";
   const std::string bytes = RandomBytes((21 << 20) + 17, 4);
   std::ofstream(path, std::ios::binary) << bytes;
   const absl::StatusOr<ChunkList> list = CutFile(path);

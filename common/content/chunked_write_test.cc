@@ -21,11 +21,11 @@
 namespace sheaf {
 namespace {
 
-class ChunkedWriteTest : public testing::Test {
+class ChunkedWriteTest : public ::testing::Test {
  protected:
   ChunkedWriteTest() {
-    folder_ = testing::TempDir() + "/chunked_write_" +
-              testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = ::testing::TempDir() + "/chunked_write_" +
+              ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(folder_);
     std::mt19937_64 random(1);
     bytes_.resize(12 << 20);

@@ -21,11 +21,11 @@
 namespace sheaf {
 namespace {
 
-class ContentCacheTest : public testing::Test {
+class ContentCacheTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    directory_ = testing::TempDir() + "/content_cache_" +
-                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    directory_ = ::testing::TempDir() + "/content_cache_" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(directory_);
   }
   void TearDown() override { std::filesystem::remove_all(directory_); }
@@ -92,7 +92,7 @@ TEST_F(ContentCacheTest, NeverEvictsFilesInUse) {
     ASSERT_TRUE(lease.ok());
     const absl::Status status = other_process->Acquire({b}, FromOrigin(), {}).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
-    EXPECT_THAT(std::string(status.message()), testing::HasSubstr("--cache-bytes-max"));
+    EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("--cache-bytes-max"));
     EXPECT_EQ(*ReadWholeFile(lease->local_paths().at("a")), "aaaa");
   }
   EXPECT_TRUE(other_process->Acquire({b}, FromOrigin(), {}).ok());
@@ -188,7 +188,7 @@ TEST_F(ContentCacheTest, DetectsAlteredFilesInUse) {
   ::utimensat(AT_FDCWD, path.c_str(), times, 0);  // As if the file had not been changed.
   const absl::Status status = cache->CheckUnchanged(*lease);
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
-  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("b.png"));
+  EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("b.png"));
   const absl::StatusOr<ContentLease> again = cache->Acquire(files, FromOrigin(), {});
   ASSERT_TRUE(again.ok()) << again.status();
   EXPECT_EQ(*ReadWholeFile(again->local_paths().at("b.png")), "bbbb");

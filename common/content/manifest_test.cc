@@ -31,7 +31,7 @@ TEST(ManifestTest, ErrorsNameTheBrokenRule) {
   for (const Case& c : cases) {
     const absl::Status status = CheckManifest(c.manifest);
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
-    EXPECT_THAT(std::string(status.message()), testing::HasSubstr(c.reason));
+    EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr(c.reason));
   }
 }
 

@@ -37,7 +37,7 @@ TEST(RelativeNameTest, LengthsAreLimited) {
   std::string parts = std::string(250, 'a');
   for (int i = 0; i < 4; ++i) parts += "/" + std::string(250, 'a');
   const absl::Status status = CheckRelativeName(parts);
-  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("longer than 1024 bytes"));
+  EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("longer than 1024 bytes"));
 }
 
 }  // namespace

@@ -166,7 +166,7 @@ TEST(CryptomatteTest, RanksByCoverage) {
   EXPECT_EQ(values.back(), 0.0f);
   EXPECT_EQ(LeadingId({{kNoId, 9}, {1, 1}, {2, 4}, {3, 4}}), 2u);
   EXPECT_EQ(LeadingId({}), kNoId);
-  EXPECT_THAT(RankIds({{1, 1}}, names, 0), testing::Each(0.0f));
+  EXPECT_THAT(RankIds({{1, 1}}, names, 0), ::testing::Each(0.0f));
 }
 
 TEST(CryptomatteTest, ExcessIdsAreReported) {

@@ -96,8 +96,8 @@ Wide ReferenceAcos(Wide x) { return std::acos(x); }
 Wide ReferenceAtan(Wide x) { return std::atan(x); }
 
 template <typename T>
-class ElementaryTest : public testing::Test {};
-using Precisions = testing::Types<float, double>;
+class ElementaryTest : public ::testing::Test {};
+using Precisions = ::testing::Types<float, double>;
 TYPED_TEST_SUITE(ElementaryTest, Precisions);
 
 TYPED_TEST(ElementaryTest, TrigonometryIsWithinItsStatedError) {
@@ -226,7 +226,7 @@ TYPED_TEST(ElementaryTest, SpecialValuesOfTwoArgumentsAgreeWithTheStandardLibrar
     for (const T b : values) {
       // glibc rounds these to within 1 ulp, so compare with it; zeros, infinities and NaN exactly.
       const T want_pow = std::pow(a, b), want_atan2 = std::atan2(a, b);
-      SCOPED_TRACE(testing::Message() << "a = " << a << ", b = " << b);
+      SCOPED_TRACE(::testing::Message() << "a = " << a << ", b = " << b);
       if (std::isnormal(want_pow)) {
         EXPECT_LE(UlpError<T>(Pow(a, b), want_pow), 1);
       } else {

@@ -10,7 +10,7 @@
 namespace sheaf {
 namespace {
 
-class FolderObjectsTest : public testing::Test {
+class FolderObjectsTest : public ::testing::Test {
  protected:
   FolderObjectsTest() {
     std::filesystem::remove_all(directory_);
@@ -19,7 +19,7 @@ class FolderObjectsTest : public testing::Test {
     objects_ = *std::move(opened);
   }
 
-  const std::string directory_ = testing::TempDir() + "/folder_objects";
+  const std::string directory_ = ::testing::TempDir() + "/folder_objects";
   std::unique_ptr<FolderObjects> objects_;
 };
 

@@ -22,7 +22,7 @@ using FaultKind = S3TestServer::FaultKind;
 
 FileDigest DigestOf(const std::string& bytes) { return {Sha256Hex(bytes), bytes.size()}; }
 
-class S3ObjectsTest : public testing::Test {
+class S3ObjectsTest : public ::testing::Test {
  protected:
   S3TestServer fake_;
   S3Server server_{fake_.Options()};
@@ -152,7 +152,7 @@ TEST_F(S3ObjectsTest, BytesThatStayWrongAreLost) {
 TEST_F(S3ObjectsTest, SendsLargeFilesInPieces) {
   std::string bytes(kS3SinglePutBytesMax + kS3PieceBytes / 2, 'a');
   bytes[kS3PieceBytes] = 'b';
-  const std::string path = testing::TempDir() + "/s3_large";
+  const std::string path = ::testing::TempDir() + "/s3_large";
   ASSERT_TRUE(WriteFileOnce(path, bytes).ok());
   fake_.Cause({"PUT", FaultKind::kReset});
   ASSERT_TRUE(objects_.PutFile("ab/large", path).ok());

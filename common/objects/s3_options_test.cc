@@ -39,7 +39,7 @@ TEST(S3OptionsTest, VariablesGiveKeyServerAndRegion) {
 }
 
 TEST(S3OptionsTest, FilesGiveWhatVariablesDoNot) {
-  const std::string folder = testing::TempDir() + "/s3_options/.aws";
+  const std::string folder = ::testing::TempDir() + "/s3_options/.aws";
   ASSERT_TRUE(MakeDirectories(folder).ok());
   ASSERT_TRUE(
       WriteFileOnce(folder + "/credentials",
@@ -51,7 +51,7 @@ TEST(S3OptionsTest, FilesGiveWhatVariablesDoNot) {
                             "s3 =\n  endpoint_url = http://nested\nendpoint_url = "
                             "https://objects.example.org\n")
                   .ok());
-  const std::string home = testing::TempDir() + "/s3_options";
+  const std::string home = ::testing::TempDir() + "/s3_options";
   const auto of_default = Read("s3://farm", {{"HOME", home}});
   ASSERT_TRUE(of_default.ok()) << of_default.status();
   EXPECT_EQ(of_default->credentials.access_key_id, "D");

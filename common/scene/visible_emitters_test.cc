@@ -12,8 +12,8 @@
 namespace sheaf {
 namespace {
 
-using testing::ElementsAre;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
 // A light 10 units in front of a camera that sees 45 degrees up and down, and twice that sideways.
 constexpr int32_t kWidthPx = 100, kHeightPx = 50;

@@ -53,7 +53,7 @@ class Listener {
   int socket_;
 };
 
-class ServiceManagerTest : public testing::Test {
+class ServiceManagerTest : public ::testing::Test {
  protected:
   ~ServiceManagerTest() override {
     for (const char* name : {"NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"}) ::unsetenv(name);
@@ -63,7 +63,7 @@ class ServiceManagerTest : public testing::Test {
   }
   // Listening there again removes what an earlier test left.
   static std::string Path() {
-    std::string path = testing::TempDir() + "notify";
+    std::string path = ::testing::TempDir() + "notify";
     ::unlink(path.c_str());
     return path;
   }

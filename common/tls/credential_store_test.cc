@@ -22,11 +22,11 @@ Credentials MakeCredentials(const std::string& certificate) {
   return {"a key", certificate, *MakeAuthorityCertificate(terms, GenerateKey())};
 }
 
-class CredentialStoreTest : public testing::Test {
+class CredentialStoreTest : public ::testing::Test {
  protected:
   CredentialStoreTest()
-      : directory_(testing::TempDir() + "sheaf-credentials-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()),
+      : directory_(::testing::TempDir() + "sheaf-credentials-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()),
         store_(directory_) {
     std::filesystem::remove_all(directory_);
   }

@@ -19,11 +19,11 @@ constexpr char kGetJob[] = "/sheaf.v1.JobService/GetJob";
 constexpr char kSynchronize[] = "/sheaf.v1.WorkerService/Synchronize";
 constexpr char kEnroll[] = "/sheaf.v1.AccessService/Enroll";
 
-class AccessControlTest : public testing::Test {
+class AccessControlTest : public ::testing::Test {
  protected:
   AccessControlTest()
-      : directory_(testing::TempDir() + "sheaf-access-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+      : directory_(::testing::TempDir() + "sheaf-access-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::filesystem::remove_all(directory_);
     access_ = Create(directory_);
   }

@@ -18,11 +18,11 @@ namespace {
 
 const absl::Time kAuditTime = absl::FromUnixSeconds(1'800'000'000);
 
-class AuditLogTest : public testing::Test {
+class AuditLogTest : public ::testing::Test {
  protected:
   AuditLogTest()
-      : directory_(testing::TempDir() + "sheaf-audit-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()),
+      : directory_(::testing::TempDir() + "sheaf-audit-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()),
         path_(directory_ + "/audit.log") {
     std::filesystem::remove_all(directory_);
     std::filesystem::create_directories(directory_);

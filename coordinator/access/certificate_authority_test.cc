@@ -13,15 +13,15 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::Contains;
+using ::testing::Contains;
 
 const absl::Time kIssueTime = absl::FromUnixSeconds(1'800'000'000);
 
-class CertificateAuthorityTest : public testing::Test {
+class CertificateAuthorityTest : public ::testing::Test {
  protected:
   CertificateAuthorityTest()
-      : directory_(testing::TempDir() + "sheaf-authority-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+      : directory_(::testing::TempDir() + "sheaf-authority-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::filesystem::remove_all(directory_);
   }
   ~CertificateAuthorityTest() override { std::filesystem::remove_all(directory_); }

@@ -13,7 +13,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 const absl::Time kLimitsTime = absl::FromUnixSeconds(1'800'000'000);
 const IdentityId kLimitedUser{IdentityKind::kUser, "anna"};
@@ -115,7 +115,7 @@ TEST(IdentityUseTest, CountsRefusalsByLimit) {
   for (int i = 0; i < 4; ++i) use.NoteStrangerCall("192.0.2.7", kLimitsTime).IgnoreError();
   use.BeginUpload(kLimitedUser, 1001, kLimitsTime).IgnoreError();
   use.NoteRefused(IdentityLimit::kConnections);
-  EXPECT_THAT(use.Refused(), testing::ElementsAre(0, 2, 0, 1, 1, 0));
+  EXPECT_THAT(use.Refused(), ::testing::ElementsAre(0, 2, 0, 1, 1, 0));
   EXPECT_STREQ(IdentityLimitName(IdentityLimit::kUploadBytes), "upload_bytes");
 }
 

@@ -20,11 +20,11 @@ const absl::Time kStoreTime = absl::FromUnixSeconds(1'800'000'000);
 const IdentityId kStoredUser{IdentityKind::kUser, "anna"};
 const IdentityId kStoredWorker{IdentityKind::kWorker, "node7"};
 
-class IdentityStoreTest : public testing::Test {
+class IdentityStoreTest : public ::testing::Test {
  protected:
   IdentityStoreTest()
-      : directory_(testing::TempDir() + "sheaf-identities-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+      : directory_(::testing::TempDir() + "sheaf-identities-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::filesystem::remove_all(directory_);
     std::filesystem::create_directories(directory_);
     store_ = Open();

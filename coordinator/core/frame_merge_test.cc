@@ -59,7 +59,7 @@ std::vector<Part> PartsOf(const CellGrid& grid, uint64_t block_samples, uint64_t
   return parts;
 }
 
-class FrameMergeTest : public testing::Test {
+class FrameMergeTest : public ::testing::Test {
  protected:
   std::unique_ptr<FrameMerge> MergeOf(Techniques techniques) {
     const FrameSpec spec = SpecOf(techniques);

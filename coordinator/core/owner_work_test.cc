@@ -11,7 +11,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 Limits Few() {
   Limits limits;

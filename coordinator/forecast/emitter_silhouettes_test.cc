@@ -152,7 +152,7 @@ struct ForeseenCase {
   FilterDescription::Kind filter;
   double radius_px;
 };
-class EmitterSilhouettesForecast : public testing::TestWithParam<ForeseenCase> {};
+class EmitterSilhouettesForecast : public ::testing::TestWithParam<ForeseenCase> {};
 TEST_P(EmitterSilhouettesForecast, PredictsTheErrorBound) {
   constexpr uint64_t kImages = 25;
   const FilterDescription filter = FilterOf(GetParam().filter);
@@ -179,11 +179,11 @@ TEST_P(EmitterSilhouettesForecast, PredictsTheErrorBound) {
 }
 INSTANTIATE_TEST_SUITE_P(
     Emitters, EmitterSilhouettesForecast,
-    testing::Values(ForeseenCase{FilterDescription::Kind::kGaussian, kRadiusPx},
-                    ForeseenCase{FilterDescription::Kind::kTriangle, kRadiusPx},
-                    ForeseenCase{FilterDescription::Kind::kBox, kRadiusPx},
-                    ForeseenCase{FilterDescription::Kind::kGaussian, kSmallRadiusPx},
-                    ForeseenCase{FilterDescription::Kind::kTriangle, kSmallRadiusPx}));
+    ::testing::Values(ForeseenCase{FilterDescription::Kind::kGaussian, kRadiusPx},
+                      ForeseenCase{FilterDescription::Kind::kTriangle, kRadiusPx},
+                      ForeseenCase{FilterDescription::Kind::kBox, kRadiusPx},
+                      ForeseenCase{FilterDescription::Kind::kGaussian, kSmallRadiusPx},
+                      ForeseenCase{FilterDescription::Kind::kTriangle, kSmallRadiusPx}));
 
 }  // namespace
 }  // namespace sheaf::coordinator

@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
 constexpr PixelRect kZoomedFrame{0, 0, 100, 80};
 constexpr float kEmitter = 500, kWall = 0.5F;

@@ -30,7 +30,7 @@ TEST(LoadingLossesTest, SimultaneousLossesCountOnce) {
   EXPECT_EQ(losses.count(), 0);
 }
 
-class LoadingSchedulerTest : public testing::Test {
+class LoadingSchedulerTest : public ::testing::Test {
  protected:
   void AddJob(int frame_count) {
     JobSpec job;

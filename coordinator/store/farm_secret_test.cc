@@ -15,11 +15,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
-class FarmSecretTest : public testing::Test {
+class FarmSecretTest : public ::testing::Test {
  protected:
   FarmSecretTest() {
-    directory_ = testing::TempDir() + "sheaf-secret-" +
-                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    directory_ = ::testing::TempDir() + "sheaf-secret-" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(directory_);
     std::filesystem::create_directories(directory_);
   }

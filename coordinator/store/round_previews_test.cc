@@ -12,11 +12,11 @@ namespace {
 
 constexpr FrameId kFrame{3, -7};
 
-class RoundPreviewsTest : public testing::Test {
+class RoundPreviewsTest : public ::testing::Test {
  protected:
   RoundPreviewsTest()
-      : directory_(testing::TempDir() + "sheaf-rounds-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+      : directory_(::testing::TempDir() + "sheaf-rounds-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::filesystem::remove_all(directory_);
     Reopen();
   }

@@ -81,9 +81,9 @@ PartRow RowOf(uint64_t job, uint32_t index, const std::string& bytes) {
   ::_exit(4);
 }
 
-class GroupKillTest : public testing::Test {
+class GroupKillTest : public ::testing::Test {
  protected:
-  GroupKillTest() : directory_(testing::TempDir() + "sheaf-group-kill") {
+  GroupKillTest() : directory_(::testing::TempDir() + "sheaf-group-kill") {
     std::filesystem::remove_all(directory_);
     const auto store = SqlJobStore::Open(directory_);
     SHEAF_CHECK(store.ok());

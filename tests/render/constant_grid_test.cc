@@ -84,14 +84,14 @@ TEST(ConstantGridTest, PlanReportsTheConversion) {
   EXPECT_FALSE(Has(plan.traits, Trait::kHeterogeneousMedia));
   EXPECT_FALSE(Has(plan.variant_traits, Trait::kHeterogeneousMedia));
   EXPECT_THAT(FormatRenderPlan(plan),
-              testing::HasSubstr("main.pbrt:5:1: medium \"smoke\": constant grid: treated as "
-                                 "homogeneous\n"));
+              ::testing::HasSubstr("main.pbrt:5:1: medium \"smoke\": constant grid: treated as "
+                                   "homogeneous\n"));
   // A grid of one cell falls to 0 from its center outwards.
   const RenderPlan coarse = MakeRenderPlan(Read(Grid(1, kGray)), settings);
   EXPECT_TRUE(Has(coarse.traits, Trait::kHeterogeneousMedia));
   EXPECT_THAT(
       FormatRenderPlan(coarse),
-      testing::HasSubstr(
+      ::testing::HasSubstr(
           "constant grid: stays a grid, because the shape at main.pbrt:8:1 reaches beyond"));
 }
 

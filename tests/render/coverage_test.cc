@@ -96,7 +96,7 @@ MeanInterval IntervalOf(const BothFilms& films, const PixelRect& region) {
   return sum;
 }
 
-class CoverageTest : public testing::TestWithParam<CoverageCase> {};
+class CoverageTest : public ::testing::TestWithParam<CoverageCase> {};
 
 struct Count {
   int reliable = 0, held = 0;
@@ -184,7 +184,7 @@ TestScene LightOnFloor() {
   return t;
 }
 
-class HeavyTailTest : public testing::TestWithParam<HeavyCase> {};
+class HeavyTailTest : public ::testing::TestWithParam<HeavyCase> {};
 
 TEST_P(HeavyTailTest, HeavyTailsAreReportedUnreliable) {
   const SceneDescription scene = GetParam().make().scene;
@@ -208,42 +208,43 @@ TEST_P(HeavyTailTest, HeavyTailsAreReportedUnreliable) {
   EXPECT_EQ(flagged, run_count);
 }
 
-std::string NameOfHeavy(const testing::TestParamInfo<HeavyCase>& tested) {
+std::string NameOfHeavy(const ::testing::TestParamInfo<HeavyCase>& tested) {
   return tested.param.name;
 }
 constexpr CompileTechniques kDistanceSamplingOnly{.equiangular_mode = EquiangularMode::kNever};
-INSTANTIATE_TEST_SUITE_P(Scenes, HeavyTailTest,
-                         testing::Values(HeavyCase{"thin_cloud", [] { return LightInCloud(0.2f); },
-                                                   kDistanceSamplingOnly},
-                                         HeavyCase{"cloud", [] { return LightInCloud(1); },
-                                                   kDistanceSamplingOnly},
-                                         HeavyCase{"floor", LightOnFloor, {}}),
-                         NameOfHeavy);
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, HeavyTailTest,
+    ::testing::Values(HeavyCase{"thin_cloud", [] { return LightInCloud(0.2f); },
+                                kDistanceSamplingOnly},
+                      HeavyCase{"cloud", [] { return LightInCloud(1); }, kDistanceSamplingOnly},
+                      HeavyCase{"floor", LightOnFloor, {}}),
+    NameOfHeavy);
 
-std::string NameOf(const testing::TestParamInfo<CoverageCase>& tested) { return tested.param.name; }
+std::string NameOf(const ::testing::TestParamInfo<CoverageCase>& tested) {
+  return tested.param.name;
+}
 
-INSTANTIATE_TEST_SUITE_P(Scenes, CoverageTest,
-                         testing::Values(CoverageCase{"room", [] { return LitRoom(1); }},
-                                         CoverageCase{"sky", UnderTheSky},
-                                         CoverageCase{"lamp", SmallLight},
-                                         CoverageCase{"metal", MetalInTheRoom},
-                                         CoverageCase{"fog", FogInTheRoom},
-                                         CoverageCase{"blur", BlurredRoom},
-                                         CoverageCase{"glossy", [] { return Glossy(Tint{1}); }},
-                                         CoverageCase{"outdoor", [] { return Outdoor(Tint{1}); }},
-                                         CoverageCase{"lamps", [] { return ManyLights(Tint{1}); }},
-                                         CoverageCase{"haze", [] { return Hazy(Tint{1}); }}),
-                         NameOf);
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, CoverageTest,
+    ::testing::Values(CoverageCase{"room", [] { return LitRoom(1); }},
+                      CoverageCase{"sky", UnderTheSky}, CoverageCase{"lamp", SmallLight},
+                      CoverageCase{"metal", MetalInTheRoom}, CoverageCase{"fog", FogInTheRoom},
+                      CoverageCase{"blur", BlurredRoom},
+                      CoverageCase{"glossy", [] { return Glossy(Tint{1}); }},
+                      CoverageCase{"outdoor", [] { return Outdoor(Tint{1}); }},
+                      CoverageCase{"lamps", [] { return ManyLights(Tint{1}); }},
+                      CoverageCase{"haze", [] { return Hazy(Tint{1}); }}),
+    NameOf);
 
 constexpr Techniques kBoth = Techniques::kCameraAndLight;
-INSTANTIATE_TEST_SUITE_P(LightPaths, CoverageTest,
-                         testing::Values(CoverageCase{"room", [] { return LitRoom(1); }, 64, kBoth},
-                                         CoverageCase{"sky", UnderTheSky, 64, kBoth},
-                                         CoverageCase{"metal", MetalInTheRoom, 64, kBoth},
-                                         CoverageCase{"blur", BlurredRoom, 64, kBoth},
-                                         CoverageCase{"glossy", [] { return Glossy(Tint{1}); }, 64,
-                                                      kBoth}),
-                         NameOf);
+INSTANTIATE_TEST_SUITE_P(
+    LightPaths, CoverageTest,
+    ::testing::Values(CoverageCase{"room", [] { return LitRoom(1); }, 64, kBoth},
+                      CoverageCase{"sky", UnderTheSky, 64, kBoth},
+                      CoverageCase{"metal", MetalInTheRoom, 64, kBoth},
+                      CoverageCase{"blur", BlurredRoom, 64, kBoth},
+                      CoverageCase{"glossy", [] { return Glossy(Tint{1}); }, 64, kBoth}),
+    NameOf);
 
 // Each image is guided by a field of its own: an interval is about the samples beyond it.
 CoverageCase Guided(std::string name, std::function<TestScene()> make) {
@@ -254,11 +255,11 @@ CoverageCase Guided(std::string name, std::function<TestScene()> make) {
           {.training_paths_first = 512}};
 }
 INSTANTIATE_TEST_SUITE_P(Guided, CoverageTest,
-                         testing::Values(Guided("room", [] { return LitRoom(1); }),
-                                         Guided("sky", UnderTheSky),
-                                         Guided("metal", MetalInTheRoom),
-                                         Guided("blur", BlurredRoom),
-                                         Guided("outdoor", [] { return Outdoor(Tint{1}); })),
+                         ::testing::Values(Guided("room", [] { return LitRoom(1); }),
+                                           Guided("sky", UnderTheSky),
+                                           Guided("metal", MetalInTheRoom),
+                                           Guided("blur", BlurredRoom),
+                                           Guided("outdoor", [] { return Outdoor(Tint{1}); })),
                          NameOf);
 
 }  // namespace

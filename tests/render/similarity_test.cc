@@ -336,22 +336,23 @@ TEST(SimilarityTest, PlanReportsBias) {
   SimilarScene t({0, 0, -4}, {0, 0, 0}, 20);
   FrameSettings settings = SquareSettings(8, 1, 5);
   const auto plan = [&] { return FormatRenderPlan(MakeRenderPlan(t.scene, settings)); };
-  EXPECT_THAT(plan(), testing::Not(testing::HasSubstr("similarity")));
+  EXPECT_THAT(plan(), ::testing::Not(::testing::HasSubstr("similarity")));
   settings.similarity_after = 7;
-  EXPECT_THAT(plan(), testing::HasSubstr("no medium here scatters forward, so there is no bias"));
+  EXPECT_THAT(plan(), ::testing::HasSubstr("no medium here scatters forward, so there is no bias"));
   for (const float g : {0.0f, 0.75f, 0.5f, -0.3f}) {
     t.FillBox({-1, -1, -1}, {1, 1, 1}, t.Fog({}, {1, 1, 1}, g));
     t.scene.media.back().location = {0, static_cast<int32_t>(t.scene.media.size()), 3};
   }
   t.FillBox({-1, -1, -1}, {1, 1, 1}, t.Fog({1, 1, 1}, {}, 0.9f));
   const std::string text = plan();
-  EXPECT_THAT(text, testing::HasSubstr("BIASED after 7 scatterings"));
-  EXPECT_THAT(text, testing::HasSubstr("changes test.pbrt:2:3: medium \"1\", g 0.75 becomes 0 and "
-                                       "sigma_s 0.25 of itself (and 1 more)\n"));
-  EXPECT_THAT(text, testing::HasSubstr("does not change test.pbrt:1:3: medium \"0\", which "
-                                       "scatters isotropically (g = 0)\n"));
-  EXPECT_THAT(text, testing::HasSubstr("medium \"3\", whose g is negative"));
-  EXPECT_THAT(text, testing::HasSubstr("medium \"4\", which does not scatter\n"));
+  EXPECT_THAT(text, ::testing::HasSubstr("BIASED after 7 scatterings"));
+  EXPECT_THAT(text,
+              ::testing::HasSubstr("changes test.pbrt:2:3: medium \"1\", g 0.75 becomes 0 and "
+                                   "sigma_s 0.25 of itself (and 1 more)\n"));
+  EXPECT_THAT(text, ::testing::HasSubstr("does not change test.pbrt:1:3: medium \"0\", which "
+                                         "scatters isotropically (g = 0)\n"));
+  EXPECT_THAT(text, ::testing::HasSubstr("medium \"3\", whose g is negative"));
+  EXPECT_THAT(text, ::testing::HasSubstr("medium \"4\", which does not scatter\n"));
 }
 
 }  // namespace

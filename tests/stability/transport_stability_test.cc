@@ -66,7 +66,7 @@ TEST(TransportStability, A4IntegratingSphereWithAPort) {
       PointLight light;
       light.intensity.rgb = Rgb::Gray(static_cast<float>(std::numbers::pi));
       t.scene.lights.push_back({light, {}, {}, {}});
-      SCOPED_TRACE(testing::Message() << "port " << port << ", reflectance " << reflectance);
+      SCOPED_TRACE(::testing::Message() << "port " << port << ", reflectance " << reflectance);
       const TileMean mean = RenderMean(t.scene, SquareSettings(4, 256, 1 << 20));
       const float expected = reflectance / (1 - reflectance * (1 - port));
       ExpectMean(mean, Rgb::Gray(expected));

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Linked into each test program: testing::TempDir() is a new folder of the process, which is
+// Linked into each test program: ::testing::TempDir() is a new folder of the process, which is
 // removed at its end, so that tests that run at the same time cannot write each other's files.
 #include <gtest/gtest.h>
 #include <stdlib.h>

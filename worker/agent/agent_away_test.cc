@@ -12,7 +12,7 @@
 namespace sheaf::worker {
 namespace {
 
-class AgentAwayTest : public testing::Test {
+class AgentAwayTest : public ::testing::Test {
  protected:
   AgentAwayTest() {
     options_.away_interval = milliseconds(2);

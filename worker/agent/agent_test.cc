@@ -145,7 +145,7 @@ TEST(AgentTest, OutOfMemoryFailsOnlyTheTask) {
         [&] { return coordinator.failures().size() == 1 && coordinator.done_count() == 1; }));
     EXPECT_EQ(coordinator.failures()[0].kind, FailureKind::kMemory);
     EXPECT_THAT(coordinator.failures()[0].message,
-                testing::HasSubstr(while_loading ? "loading the scene" : "rendering"));
+                ::testing::HasSubstr(while_loading ? "loading the scene" : "rendering"));
     EXPECT_TRUE(running.Stop().ok());
   }
 }

@@ -8,8 +8,8 @@
 namespace sheaf::worker {
 namespace {
 
-using testing::ElementsAre;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
 
 Lease MakeLease(uint64_t id) {
   Lease lease;

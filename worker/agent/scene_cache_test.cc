@@ -70,7 +70,7 @@ TEST(SceneCacheTest, EvictsTheLeastRecentlyUsedBeyondItsLimit) {
   cache.Get(LeaseOf("b"), {});
   cache.Get(LeaseOf("a"), {});
   cache.Get(LeaseOf("c"), {});
-  EXPECT_THAT(cache.WarmScenes(), testing::ElementsAre("a", "c"));
+  EXPECT_THAT(cache.WarmScenes(), ::testing::ElementsAre("a", "c"));
   EXPECT_EQ(cache.MemoryBytes(), 20u);
   EXPECT_EQ(cache.Get(LeaseOf("a"), {}).scene, a);
 }

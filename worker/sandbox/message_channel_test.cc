@@ -13,7 +13,7 @@
 namespace sheaf::worker {
 namespace {
 
-class MessageChannelTest : public testing::Test {
+class MessageChannelTest : public ::testing::Test {
  protected:
   MessageChannelTest() {
     ::signal(SIGPIPE, SIG_IGN);

@@ -138,7 +138,7 @@ Protections Only(std::initializer_list<Protection> some) {
 }
 
 // With all protections that this system has, and without namespaces, as in many containers.
-class SandboxedScenesTest : public testing::TestWithParam<Protections> {
+class SandboxedScenesTest : public ::testing::TestWithParam<Protections> {
  protected:
   void SetUp() override {
     ::setenv("SHEAF_SECRET", "1", 1);
@@ -174,10 +174,10 @@ class SandboxedScenesTest : public testing::TestWithParam<Protections> {
   std::unique_ptr<SandboxedScenes> scenes_;
 };
 
-INSTANTIATE_TEST_SUITE_P(Each, SandboxedScenesTest,
-                         testing::Values(Protections::All(),
-                                         Only({Protection::kFileAccess, Protection::kSystemCalls}),
-                                         Only({Protection::kSystemCalls}), Protections()));
+INSTANTIATE_TEST_SUITE_P(
+    Each, SandboxedScenesTest,
+    ::testing::Values(Protections::All(), Only({Protection::kFileAccess, Protection::kSystemCalls}),
+                      Only({Protection::kSystemCalls}), Protections()));
 
 TEST_P(SandboxedScenesTest, RendersSeveralTasksAtOnce) {
   const OpenResult opened = Open("render image");
@@ -220,7 +220,7 @@ TEST_P(SandboxedScenesTest, CostsAtMostTheTimeThatHasPassed) {
 }
 
 TEST_P(SandboxedScenesTest, ReadsItsOwnFiles) {
-  const std::string path = testing::TempDir() + "/file-of-a-scene.txt";
+  const std::string path = ::testing::TempDir() + "/file-of-a-scene.txt";
   std::ofstream(path) << "its text\n";
   inputs_.local_paths["a/name"] = path;
   const OpenResult opened = Open("read a/name");
@@ -321,9 +321,9 @@ TEST_P(SandboxedScenesTest, GarbageEndsTheProcess) {
 }
 
 TEST_P(SandboxedScenesTest, NoiseIsCut) {
-  testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStderr();
   Render("noise").IgnoreError();
-  const std::string log = testing::internal::GetCapturedStderr();
+  const std::string log = ::testing::internal::GetCapturedStderr();
   EXPECT_THAT(log, HasSubstr("further ones are not shown"));
   size_t lines = 0;
   for (const char c : log) lines += c == '\n';

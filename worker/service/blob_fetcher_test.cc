@@ -124,14 +124,14 @@ class FakeCoordinator : public v1::ContentService::Service, public v1::TransferS
   std::vector<std::pair<std::string, v1::PeerTrouble::Kind>> troubles;
 };
 
-class BlobFetcherTest : public testing::Test {
+class BlobFetcherTest : public ::testing::Test {
  protected:
   BlobFetcherTest() {
     grpc::ServerBuilder builder;
     builder.RegisterService(static_cast<v1::ContentService::Service*>(&coordinator_));
     builder.RegisterService(static_cast<v1::TransferService::Service*>(&coordinator_));
     server_ = builder.BuildAndStart();
-    auto blobs = BlobStore::Open(testing::TempDir() + "/blob_fetcher");
+    auto blobs = BlobStore::Open(::testing::TempDir() + "/blob_fetcher");
     blobs_ = *std::move(blobs);
     coordinator_.bytes = RandomBytes(9 << 20);
     for (FakePeer* peer : {&one_, &two_}) {

@@ -18,7 +18,7 @@ FinishedPart PartOf(const std::string& bytes) {
   return part;
 }
 
-class DirectUploadTest : public testing::Test {
+class DirectUploadTest : public ::testing::Test {
  protected:
   DirectUploadTest() { upload_.SetWanted(true); }
 

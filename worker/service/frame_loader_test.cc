@@ -77,14 +77,14 @@ class FakeWorkerService : public v1::WorkerService::Service {
 };
 
 // All files are in the cache, so that the coordinator is asked for guiding fields alone.
-class FrameLoaderTest : public testing::Test {
+class FrameLoaderTest : public ::testing::Test {
  protected:
   void SetUp() override {
     grpc::ServerBuilder builder;
     builder.RegisterService(&coordinator_);
     server_ = builder.BuildAndStart();
-    folder_ = testing::TempDir() + "/frame_loader_" +
-              testing::UnitTest::GetInstance()->current_test_info()->name();
+    folder_ = ::testing::TempDir() + "/frame_loader_" +
+              ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(folder_);
     auto cache = ContentCache::Open(folder_, {});
     SHEAF_CHECK(cache.ok());

@@ -66,7 +66,7 @@ class Authority {
   Issuer issuer_;
 };
 
-class PeerServerTest : public testing::Test {
+class PeerServerTest : public ::testing::Test {
  protected:
   PeerServerTest() {
     std::filesystem::remove_all(folder_);
@@ -108,7 +108,7 @@ class PeerServerTest : public testing::Test {
   }
   int64_t Size() const { return static_cast<int64_t>(blob_.size_bytes); }
 
-  const std::string folder_ = testing::TempDir() + "/peer_server";
+  const std::string folder_ = ::testing::TempDir() + "/peer_server";
   std::unique_ptr<BlobStore> blobs_;
   BlobDigest blob_;
   PeerOptions options_;

@@ -169,7 +169,7 @@ TEST(WireTest, RefusesInvalidLeases) {
     change(response.mutable_leases(0));
     const absl::Status status = FromWire(response).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
-    EXPECT_THAT(std::string(status.message()), testing::HasSubstr("lease 7"));
+    EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("lease 7"));
   }
 }
 

@@ -93,7 +93,7 @@ TEST(WorkingHoursTest, OtherTextsAreRefusedByName) {
     EXPECT_EQ(parsed.status().code(), absl::StatusCode::kInvalidArgument) << text;
   }
   EXPECT_THAT(WorkingHours::Parse("Sat-Sun,7-9").status().message(),
-              testing::HasSubstr("\"7-9\" is no range of hours"));
+              ::testing::HasSubstr("\"7-9\" is no range of hours"));
   std::string many = "12:00-13:00";
   for (int i = 0; i < 64; ++i) absl::StrAppend(&many, ",12:00-13:00");
   EXPECT_FALSE(WorkingHours::Parse(many).ok());

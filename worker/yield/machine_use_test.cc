@@ -12,7 +12,7 @@ namespace sheaf::worker {
 namespace {
 
 TEST(MachineUseTest, ReadsTimeAtOrdinaryPriorityAndMemory) {
-  const std::string proc = testing::TempDir() + "proc";
+  const std::string proc = ::testing::TempDir() + "proc";
   std::filesystem::create_directories(proc);
   std::ofstream(proc + "/stat") << "cpu  12300 999 456 7890 0 0 0\ncpu0 1 2 3 4\n";
   std::ofstream(proc + "/meminfo") << "MemTotal:  800 kB\nMemFree:  10 kB\nMemAvailable:  300 kB\n";

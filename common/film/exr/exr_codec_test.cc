@@ -314,10 +314,10 @@ TEST(ExrCodecTest, PartsBeyondTheLimitAreRefused) {
   EXPECT_TRUE(absl::IsInvalidArgument(DecodePart(MakePart({0, 1}), 63).status()));
 }
 
-class ExrCodecFileTest : public testing::Test {
+class ExrCodecFileTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = testing::TempDir() + "sheaf-exr-XXXXXX";
+    std::string pattern = ::testing::TempDir() + "sheaf-exr-XXXXXX";
     ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
     directory_ = pattern;
   }

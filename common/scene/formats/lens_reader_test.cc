@@ -13,14 +13,14 @@
 namespace sheaf {
 namespace {
 
-absl::StatusOr<std::vector<LensSurface>> ReadLens(const std::string& text) {
+absl::StatusOr<std::vector<LensSurface>> ReadLensText(const std::string& text) {
   const std::string path = testing::TemporaryPath("lens.dat");
   std::ofstream(path, std::ios::binary) << text;
   return ReadLens("lens.dat", path);
 }
 
 TEST(LensReaderTest, FourNumbersMakeASurface) {
-  const auto lens = ReadLens(
+  const auto lens = ReadLensText(
       "# radius thickness index diameter\r\n"
       "  58.950\t7.520 1.670 50.4 # the front\n"
       "0 9 0 34.2 -79.46\n72.228, 1 40");
@@ -37,7 +37,7 @@ TEST(LensReaderTest, FourNumbersMakeASurface) {
 
 TEST(LensReaderTest, StopsAreFlatInAir) {
   LensDescription lens;
-  lens.surfaces = *ReadLens("50 4 1.5 20  0 5 1 20  0 45 0 10");
+  lens.surfaces = *ReadLensText("50 4 1.5 20  0 5 1 20  0 45 0 10");
   EXPECT_FALSE(IsStop(lens, 0));
   EXPECT_FALSE(IsStop(lens, 1));  // The flat back of the lens.
   EXPECT_TRUE(IsStop(lens, 2));
@@ -58,7 +58,7 @@ TEST(LensReaderTest, ErrorsNameTheirLocation) {
       {"50 4 1.5 20", "lens.dat:1:6: the film lies in air: the last index must be 1"},
   };
   for (const auto& [text, message] : kCases) {
-    const auto lens = ReadLens(text);
+    const auto lens = ReadLensText(text);
     ASSERT_FALSE(lens.ok()) << text;
     EXPECT_THAT(std::string(lens.status().message()), ::testing::HasSubstr(message)) << text;
   }
@@ -68,7 +68,7 @@ TEST(LensReaderTest, ErrorsNameTheirLocation) {
 TEST(LensReaderTest, LargeFilesAreRefused) {
   std::string text;
   for (size_t i = 0; i <= kLensSurfacesMax; ++i) text += "50 4 1 20\n";
-  EXPECT_EQ(ReadLens(text).status().code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(ReadLensText(text).status().code(), absl::StatusCode::kResourceExhausted);
 }
 
 }  // namespace

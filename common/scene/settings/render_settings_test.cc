@@ -67,9 +67,9 @@ TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
 
 TEST(TechniquesTest, NamesAreUnique) {
   EXPECT_THAT(TechniquesNames(),
-              testing::ElementsAre("camera", "camera+light", "light", "camera+guiding",
-                                   "camera+light+guiding", "camera+guiding+splitting",
-                                   "camera+light+guiding+splitting"));
+              ::testing::ElementsAre("camera", "camera+light", "light", "camera+guiding",
+                                     "camera+light+guiding", "camera+guiding+splitting",
+                                     "camera+light+guiding+splitting"));
   for (const std::string& name : TechniquesNames()) {
     EXPECT_EQ(TechniquesName(*TechniquesFromName(name)), name);
   }
@@ -293,7 +293,7 @@ TEST(RenderSettingsTest, DigestIncludesOutputsIfAny) {
   settings.outputs.Add(Aov::kUv);
   EXPECT_NE(FrameDigest("scene", settings, "profile"), digest);
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
-              testing::HasSubstr("\noutputs uv\nprofile profile\n"));
+              ::testing::HasSubstr("\noutputs uv\nprofile profile\n"));
 }
 
 TEST(RenderSettingsTest, DigestIncludesBiasIfAny) {
@@ -301,7 +301,7 @@ TEST(RenderSettingsTest, DigestIncludesBiasIfAny) {
   EXPECT_EQ(FrameDigestText("scene", settings, "profile").find("similarity"), std::string::npos);
   settings.similarity_after = 8;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
-              testing::HasSubstr("\nsimilarity_after 8\nprofile profile\n"));
+              ::testing::HasSubstr("\nsimilarity_after 8\nprofile profile\n"));
 }
 
 // Parts of earlier versions stay valid.
@@ -313,10 +313,10 @@ TEST(RenderSettingsTest, DigestIncludesTechniquesBesideThoseOfTheCamera) {
             FrameDigest("scene", FrameSettings(), "profile"));
   settings.techniques = Techniques::kLight;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
-              testing::HasSubstr("\ntechniques light\nprofile profile\n"));
+              ::testing::HasSubstr("\ntechniques light\nprofile profile\n"));
   settings.techniques = Techniques::kCameraGuided;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
-              testing::HasSubstr("\ntechniques camera+guiding\nprofile profile\n"));
+              ::testing::HasSubstr("\ntechniques camera+guiding\nprofile profile\n"));
 }
 
 TEST(RenderSettingsTest, EnergyCompensationIsReportedOnceWithItsFlag) {

@@ -3,13 +3,12 @@
 #include "common/scene/spectrum/primaries.h"
 
 #include "gtest/gtest.h"
+#include "tests/support/colors.h"
 
 namespace sheaf {
 namespace {
 
-void ExpectNear(Rgb a, Rgb b, float tolerance) {
-  for (size_t i = 0; i < 3; ++i) EXPECT_NEAR(a[i], b[i], tolerance) << "channel " << i;
-}
+using testing::ExpectNear;
 
 Rgb ToRgb(Vec3d v) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};

@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-class PeerDirectoryTest : public testing::Test {
+class PeerDirectoryTest : public ::testing::Test {
  protected:
   static PeerContact Contact(const std::string& id) {
     return {id, absl::StrCat(id, ".example:7"), absl::StrCat("worker:", id)};

@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 Usage UsageOf(int64_t cpu_seconds) {
   return {.result_count = 1, .sample_count = 10, .cpu_duration = absl::Seconds(cpu_seconds)};
@@ -53,8 +53,8 @@ TEST(UsageTest, SumsByJobAndDay) {
   ASSERT_TRUE(sums.ok());
   std::vector<std::string> names;
   for (const UsageSum& sum : *sums) names.push_back(absl::StrCat(*sum.day, " ", sum.job));
-  EXPECT_THAT(names, testing::ElementsAre("100 jobs/7", "101 jobs/9", "101 jobs/8", "101 jobs/7",
-                                          "102 pilots", "102 uploads"));
+  EXPECT_THAT(names, ::testing::ElementsAre("100 jobs/7", "101 jobs/9", "101 jobs/8", "101 jobs/7",
+                                            "102 pilots", "102 uploads"));
 }
 
 TEST(UsageTest, RefusesAnswersThatAreTooLong) {

@@ -14,7 +14,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-class FairShareTest : public testing::Test {
+class FairShareTest : public ::testing::Test {
  protected:
   void Add(uint64_t id, const std::string& show, const std::string& user, int group = 0,
            int32_t priority = 0) {
@@ -141,7 +141,7 @@ TEST_F(FairShareTest, LimitsAndGroupsLetOthersPass) {
   Add(201, "s", "ben");
   Add(202, "t", "ben");
   EXPECT_EQ(Offer(1)[0], 201u);
-  EXPECT_THAT(Offer(12, {0, 1}), testing::Contains(202u)) << "after a few of anna's";
+  EXPECT_THAT(Offer(12, {0, 1}), ::testing::Contains(202u)) << "after a few of anna's";
   EXPECT_EQ(Offer(1, {1})[0], 1u);
   refused_ = {ShareKind::kShow, "s"};
   EXPECT_THAT(Offer(9, {0, 1}), ElementsAre(202));

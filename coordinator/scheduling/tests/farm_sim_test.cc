@@ -362,7 +362,7 @@ TEST(FarmSimTest, EveryFrameFinishesUnderAnyFaults) {
                  InRounds(MakeJob(3, 1, 40, 200, 0))});
     ASSERT_GE(sim.Run(50'000), 0);
     sim.CheckComplete();
-    if (testing::Test::HasFailure()) return;
+    if (::testing::Test::HasFailure()) return;
     lives += sim.lives();
     const Counters& counters = sim.scheduler().counters();  // Since the last start.
     expired += counters.leases_expired;

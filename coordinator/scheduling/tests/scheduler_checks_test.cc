@@ -20,7 +20,7 @@ using ::testing::ElementsAre;
 constexpr char kChecksProfile[] = "profile";
 constexpr double kChosen = 0, kNotChosen = 0.999;
 
-class SchedulerChecksTest : public testing::Test {
+class SchedulerChecksTest : public ::testing::Test {
  protected:
   SchedulerChecksTest() { AddJob(); }
   // A frame of four tiles of one task each.

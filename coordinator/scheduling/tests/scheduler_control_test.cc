@@ -14,7 +14,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-class SchedulerControlTest : public testing::Test {
+class SchedulerControlTest : public ::testing::Test {
  protected:
   // A job of frames of four tiles with four passes each.
   JobSpec MakeJob(int frame_count = 1, int32_t priority = 0) {

@@ -27,7 +27,7 @@ inline Limits TrustingLimits() {
   return limits;
 }
 
-class SchedulerTest : public testing::Test {
+class SchedulerTest : public ::testing::Test {
  protected:
   explicit SchedulerTest(const Limits& limits = TrustingLimits()) : limits_(limits) {}
 

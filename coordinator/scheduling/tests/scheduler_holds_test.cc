@@ -144,7 +144,7 @@ TEST_F(SchedulerHoldsTest, IncompleteAndCancelledJobsAreWaitedForInVain) {
   const uint64_t fourth = AddJob(1), fifth = AddAfter(1, {{fourth}});
   scheduler_.EndJob(fourth, JobPhase::kCancelled, "");
   EXPECT_THAT(Why(fifth), HasSubstr("was cancelled: sheaf release"));
-  EXPECT_THAT(Why(fifth), testing::Not(HasSubstr("retry")));
+  EXPECT_THAT(Why(fifth), ::testing::Not(HasSubstr("retry")));
 }
 
 // The job that is waited for begins again, as by a refinement or a retry.

@@ -65,9 +65,9 @@ TEST_F(SchedulerRequirementsTest, JobsGoToWorkersOfTheirPoolWithTheirTags) {
   EXPECT_EQ(Work("a", {"big", {}, 0}), std::vector<uint64_t>{pooled});
   EXPECT_EQ(Work("b", {}), std::vector<uint64_t>{plain});
   const std::vector<uint64_t> both = Work("c", {kDefaultPool, {"avx", "ssd"}, 0}, 4);
-  EXPECT_THAT(both, testing::Contains(plain));
-  EXPECT_THAT(both, testing::Contains(tagged));
-  EXPECT_THAT(both, testing::Not(testing::Contains(pooled)));
+  EXPECT_THAT(both, ::testing::Contains(plain));
+  EXPECT_THAT(both, ::testing::Contains(tagged));
+  EXPECT_THAT(both, ::testing::Not(::testing::Contains(pooled)));
 }
 
 // Neither first leases nor hedges of what others hold.

@@ -105,7 +105,7 @@ class SharesTest : public SchedulerTest {
   std::map<std::string, std::vector<std::pair<SteadyTime, SteadyTime>>> spans_;
 };
 
-class WeightedSharesTest : public SharesTest, public testing::WithParamInterface<int> {};
+class WeightedSharesTest : public SharesTest, public ::testing::WithParamInterface<int> {};
 
 // A user with weight 1 or 2 and two with weight 1: a minute of 100 workers and 1,000 jobs.
 TEST_P(WeightedSharesTest, HoldWithinTwoPercentOverAMinute) {
@@ -133,7 +133,7 @@ TEST_P(WeightedSharesTest, HoldWithinTwoPercentOverAMinute) {
   EXPECT_EQ(first_leases_.size(), kJobCount + 2u) << "each job had its turn";
 }
 
-INSTANTIATE_TEST_SUITE_P(Weights, WeightedSharesTest, testing::Values(1, 2));
+INSTANTIATE_TEST_SUITE_P(Weights, WeightedSharesTest, ::testing::Values(1, 2));
 
 TEST_F(SharesTest, LimitsAreKeptAndOthersTakeTheRest) {
   for (int i = 0; i < 90; ++i) AddJobOf(kUsers[i % kUserCount], i % 2 == 0 ? "even" : "odd");

@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-class SchedulerStopTest : public testing::Test {
+class SchedulerStopTest : public ::testing::Test {
  protected:
   SchedulerStopTest() {
     JobSpec job;

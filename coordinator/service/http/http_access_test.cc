@@ -25,17 +25,17 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 const IdentityId kAnna{IdentityKind::kUser, "anna"};
 const IdentityId kBen{IdentityKind::kUser, "ben"};
 
-class HttpAccessTest : public testing::Test {
+class HttpAccessTest : public ::testing::Test {
  protected:
   HttpAccessTest()
-      : directory_(testing::TempDir() + "sheaf-http-access-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+      : directory_(::testing::TempDir() + "sheaf-http-access-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::filesystem::remove_all(directory_);
     const absl::Status created = CertificateAuthority::Create(
         AccessControl::Directory(directory_), {"localhost", "127.0.0.1"}, absl::Now());
@@ -313,8 +313,8 @@ TEST_F(HttpAccessTest, StrangersAreRefusedForATimeAndOthersServed) {
   EXPECT_THAT(metrics.body, HasSubstr("sheaf_refused_total{limit=\"calls\"} 0\n"));
   for (const std::string name : {"authority", "server"}) {
     EXPECT_THAT(metrics.body,
-                testing::ContainsRegex("sheaf_certificate_expiry_time_seconds.certificate=\"" +
-                                       name + "\". [1-9]"));
+                ::testing::ContainsRegex("sheaf_certificate_expiry_time_seconds.certificate=\"" +
+                                         name + "\". [1-9]"));
   }
 }
 
@@ -361,7 +361,7 @@ TEST_F(HttpAccessTest, ServesHttpsUnderTheFarmsAuthority) {
   const std::string answer =
       client.Send("GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   EXPECT_THAT(answer, StartsWith("HTTP/1.1 200 OK\r\n"));
-  EXPECT_THAT(answer, testing::EndsWith("{\"healthy\":true}\n"));
+  EXPECT_THAT(answer, ::testing::EndsWith("{\"healthy\":true}\n"));
 }
 
 TEST_F(HttpAccessTest, EventsNeedASessionAndEndWithIt) {

@@ -16,9 +16,9 @@ namespace sheaf::coordinator {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
-class HttpApiTest : public testing::Test {
+class HttpApiTest : public ::testing::Test {
  protected:
   HttpApiTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("3"), MakeFakeJob("2"), MakeFakeJob("1")};
@@ -385,7 +385,7 @@ TEST_F(HttpApiTest, MetricsFollowTheTextFormat) {
   EXPECT_EQ(response.content_type, "text/plain; version=0.0.4; charset=utf-8");
   EXPECT_THAT(
       response.body,
-      testing::StartsWith(
+      ::testing::StartsWith(
           "# HELP sheaf_a_total Help with \\\\ and\\nnewline.\n# TYPE sheaf_a_total counter\n"
           "sheaf_a_total 3\n# HELP sheaf_b B.\n# TYPE sheaf_b gauge\n"
           "sheaf_b{state=\"a\\\"b\\\\c\\nd\"} 0.5\nsheaf_b{state=\"x\"} 1\n"));
@@ -426,8 +426,8 @@ TEST_F(HttpApiTest, PageIsSelfContained) {
     }
   }
   EXPECT_GE(script_count, 3);  // The page itself, the chart, the worker.
-  EXPECT_THAT(types, testing::ElementsAre("image/svg+xml", "text/css; charset=utf-8",
-                                          "text/javascript; charset=utf-8"));
+  EXPECT_THAT(types, ::testing::ElementsAre("image/svg+xml", "text/css; charset=utf-8",
+                                            "text/javascript; charset=utf-8"));
 }
 
 TEST_F(HttpApiTest, PageIsCached) {

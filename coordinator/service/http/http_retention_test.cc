@@ -16,7 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-class HttpRetentionTest : public testing::Test {
+class HttpRetentionTest : public ::testing::Test {
  protected:
   HttpRetentionTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("2"), MakeFakeJob("1")};
@@ -82,7 +82,7 @@ TEST_F(HttpRetentionTest, GarbageIsListedAndCollected) {
   EXPECT_EQ(collections_, 1);
 }
 
-class HttpHoldsTest : public testing::Test {
+class HttpHoldsTest : public ::testing::Test {
  protected:
   HttpHoldsTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("2"), MakeFakeJob("1")};

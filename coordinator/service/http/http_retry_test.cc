@@ -13,7 +13,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-class HttpRetryTest : public testing::Test {
+class HttpRetryTest : public ::testing::Test {
  protected:
   HttpRetryTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("3")};

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // Answers with the pattern's parameters, separated by bars.
 HttpResponse Echo(const HttpRequest& request) {

@@ -24,8 +24,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
-using testing::StartsWith;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 // A connection to the server, from 127.0.0.`host`; reads give up after ten seconds.
 class Client {
@@ -67,7 +67,7 @@ class Client {
   bool connected_ = false;
 };
 
-class HttpServerTest : public testing::Test {
+class HttpServerTest : public ::testing::Test {
  protected:
   HttpServerTest() : router_(MakeRoutes(), {}) {
     HttpServerOptions options;
@@ -91,7 +91,7 @@ class HttpServerTest : public testing::Test {
     return {{"GET", "/hello", hello}, {"GET", "/file", file}, {"POST", "/hello", hello}};
   }
   static std::string FilePath() {
-    return absl::StrCat(testing::TempDir(), "/http_server_test.bin");
+    return absl::StrCat(::testing::TempDir(), "/http_server_test.bin");
   }
 
   static std::string Get(const std::string& path) {
@@ -120,7 +120,7 @@ TEST_F(HttpServerTest, HeadSendsOnlyTheLength) {
   client.Send("HEAD /hello HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
   const std::string response = client.ReadToClose();
   EXPECT_THAT(response, HasSubstr("Content-Length: 5\r\n"));
-  EXPECT_THAT(response, testing::EndsWith("\r\n\r\n"));
+  EXPECT_THAT(response, ::testing::EndsWith("\r\n\r\n"));
 }
 
 TEST_F(HttpServerTest, StreamsAFile) {

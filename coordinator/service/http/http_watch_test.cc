@@ -11,10 +11,10 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
-class HttpWatchTest : public testing::Test {
+class HttpWatchTest : public ::testing::Test {
  protected:
   HttpWatchTest() {
     farm_.jobs = {MakeFakeJob("2"), MakeFakeJob("1")};

@@ -186,7 +186,7 @@ TEST_F(CoordinatorAccessTest, AClientWithoutACertificateIsToldSo) {
     EXPECT_TRUE(absl::IsUnauthenticated(status)) << status;
     return std::string(status.message());
   };
-  using testing::HasSubstr;
+  using ::testing::HasSubstr;
   EXPECT_THAT(message(Address(), false),
               HasSubstr(absl::StrCat("speaks TLS, and no certificate for ", Address())));
   EXPECT_THAT(message(Address(), false), HasSubstr("sheaf login"));
@@ -434,7 +434,7 @@ TEST_F(CoordinatorAccessTest, NobodyKeepsOthersFromWorking) {
   EXPECT_TRUE(AuditHas("user:anna", "GetJob", "RESOURCE_EXHAUSTED"));
   const absl::Status other = GetJob(ChannelOf(kBen, Role::kView));
   EXPECT_FALSE(absl::IsResourceExhausted(other)) << other;
-  using testing::ElementsAre;
+  using ::testing::ElementsAre;
   EXPECT_THAT(server_->access()->use().Refused(), ElementsAre(1, 0, 1, 1, 0, 0));
 }
 

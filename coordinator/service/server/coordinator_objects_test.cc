@@ -171,8 +171,8 @@ TEST_F(CoordinatorObjectsTest, ARefusalIsToldAndNothingIsLost) {
   fake_.Cause({"PUT", FaultKind::kStatus, 403, "AccessDenied"});
   const absl::Status refused = worker.RenderOne().status();
   EXPECT_TRUE(absl::IsUnavailable(refused)) << "a worker keeps its result: " << refused;
-  EXPECT_THAT(std::string(refused.message()), testing::HasSubstr("key TESTKEY may not do this"));
-  EXPECT_THAT(Get(job.name()).waiting_reason(), testing::HasSubstr("TESTKEY"));
+  EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("key TESTKEY may not do this"));
+  EXPECT_THAT(Get(job.name()).waiting_reason(), ::testing::HasSubstr("TESTKEY"));
   ASSERT_TRUE(worker.Synchronize(1).ok());
   fake_.Cause({"PUT", FaultKind::kStatus, 507, "InsufficientStorage"});
   EXPECT_TRUE(absl::IsResourceExhausted(worker.RenderOne().status()));
@@ -186,7 +186,7 @@ TEST_F(CoordinatorObjectsTest, AStoreHasOneCoordinator) {
   second.farm.state_directory = directory_ + "-2";
   const absl::Status taken = CoordinatorServer::Start(second).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(taken)) << taken;
-  EXPECT_THAT(std::string(taken.message()), testing::HasSubstr("name another prefix"));
+  EXPECT_THAT(std::string(taken.message()), ::testing::HasSubstr("name another prefix"));
   second.objects_url = "s3://farm/q";
   EXPECT_TRUE(CoordinatorServer::Start(second).ok());
   std::filesystem::remove_all(directory_ + "-2");
@@ -196,8 +196,8 @@ TEST_F(CoordinatorObjectsTest, AStartSaysWhatIsWrong) {
   variables_["AWS_SECRET_ACCESS_KEY"] = "hidden+words";
   const absl::Status refused = CoordinatorServer::Start(options_).status();
   EXPECT_TRUE(absl::IsPermissionDenied(refused)) << refused;
-  EXPECT_THAT(std::string(refused.message()), testing::HasSubstr("check AWS_SECRET_ACCESS_KEY"));
-  EXPECT_THAT(std::string(refused.message()), testing::Not(testing::HasSubstr("hidden+words")));
+  EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("check AWS_SECRET_ACCESS_KEY"));
+  EXPECT_THAT(std::string(refused.message()), ::testing::Not(::testing::HasSubstr("hidden+words")));
 }
 
 }  // namespace

@@ -22,11 +22,11 @@ namespace sheaf::coordinator {
 // How long a test waits for what must come.
 inline constexpr absl::Duration kPatience = absl::Seconds(20);
 
-class CoordinatorServerTest : public testing::Test {
+class CoordinatorServerTest : public ::testing::Test {
  protected:
   CoordinatorServerTest() {
-    directory_ = testing::TempDir() + "sheaf-server-" +
-                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    directory_ = ::testing::TempDir() + "sheaf-server-" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(directory_);
     options_.farm.state_directory = directory_;
     options_.farm.preview_interval_min = absl::Milliseconds(1);

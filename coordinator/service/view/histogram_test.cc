@@ -19,7 +19,7 @@ TEST(HistogramTest, CountsUpToEachBound) {
     histogram.Add(absl::Seconds(seconds));
   }
   const Histogram::Counts counts = histogram.Read();
-  EXPECT_THAT(counts.up_to, testing::ElementsAre(3, 5, 6, 7)) << "a bound belongs to its bucket";
+  EXPECT_THAT(counts.up_to, ::testing::ElementsAre(3, 5, 6, 7)) << "a bound belongs to its bucket";
   EXPECT_NEAR(counts.sum_seconds, 2.661, 1e-9);
 }
 
@@ -33,7 +33,7 @@ TEST(HistogramTest, LosesNothingOfConcurrentCalls) {
   }
   for (std::thread& thread : threads) thread.join();
   const Histogram::Counts counts = histogram.Read();
-  EXPECT_THAT(counts.up_to, testing::ElementsAre(0, 40'000, 40'000, 40'000));
+  EXPECT_THAT(counts.up_to, ::testing::ElementsAre(0, 40'000, 40'000, 40'000));
   EXPECT_NEAR(counts.sum_seconds, 800, 1e-6);
 }
 

@@ -22,11 +22,11 @@ constexpr int64_t kInserts = 6;
 constexpr int64_t kHeaderBytes = 32, kFrameHeaderBytes = 24, kFrameBytes = 24 + 4096;
 constexpr int64_t kSaltsAt = 8, kSumsAt = 16;
 
-class LostCommitsTest : public testing::Test {
+class LostCommitsTest : public ::testing::Test {
  protected:
   LostCommitsTest()
-      : directory_(testing::TempDir() + "sheaf-log-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()),
+      : directory_(::testing::TempDir() + "sheaf-log-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()),
         killed_(directory_ + "/killed.db") {
     std::filesystem::remove_all(directory_);
     std::filesystem::create_directory(directory_);

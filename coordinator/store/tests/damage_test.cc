@@ -25,11 +25,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
-class DamageTest : public testing::Test {
+class DamageTest : public ::testing::Test {
  protected:
   DamageTest()
-      : directory_(testing::TempDir() + "sheaf-damage-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()),
+      : directory_(::testing::TempDir() + "sheaf-damage-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()),
         database_(directory_ + "/farm.db") {
     std::filesystem::remove_all(directory_);
     auto store = SqlJobStore::Open(directory_, Durability::kProcess);

@@ -35,11 +35,11 @@ constexpr char kWithout23[] =
     "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds_high;";
 
 // A store with one job.
-class JobSchemaTest : public testing::Test {
+class JobSchemaTest : public ::testing::Test {
  protected:
   JobSchemaTest()
-      : directory_(testing::TempDir() + "sheaf-schema-" +
-                   testing::UnitTest::GetInstance()->current_test_info()->name()) {
+      : directory_(::testing::TempDir() + "sheaf-schema-" +
+                   ::testing::UnitTest::GetInstance()->current_test_info()->name()) {
     std::filesystem::remove_all(directory_);
     Reopen();
     JobSpec spec;

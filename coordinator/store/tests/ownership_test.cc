@@ -29,9 +29,9 @@ using ::testing::HasSubstr;
 constexpr absl::Duration kSilenceMax = absl::Milliseconds(100);
 
 // A database and a directory of its own for each case.
-class OwnershipTest : public testing::TestWithParam<DatabaseKind> {
+class OwnershipTest : public ::testing::TestWithParam<DatabaseKind> {
  protected:
-  OwnershipTest() : directory_(testing::TempDir() + "sheaf-ownership") {
+  OwnershipTest() : directory_(::testing::TempDir() + "sheaf-ownership") {
     std::filesystem::remove_all(directory_);
     SHEAF_CHECK(TestServer()->MakeDatabase("ownership").ok());
   }
@@ -199,7 +199,7 @@ std::vector<DatabaseKind> PostgresOnly() {
   return {DatabaseKind::kPostgres};
 }
 GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(OwnershipTest);
-INSTANTIATE_TEST_SUITE_P(On, OwnershipTest, testing::ValuesIn(PostgresOnly()), KindName);
+INSTANTIATE_TEST_SUITE_P(On, OwnershipTest, ::testing::ValuesIn(PostgresOnly()), KindName);
 
 }  // namespace
 }  // namespace sheaf::coordinator

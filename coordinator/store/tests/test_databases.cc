@@ -18,9 +18,9 @@ namespace sheaf::coordinator {
 namespace {
 
 std::string NewDirectory() {
-  const testing::TestInfo* test = testing::UnitTest::GetInstance()->current_test_info();
+  const ::testing::TestInfo* test = ::testing::UnitTest::GetInstance()->current_test_info();
   std::string directory =
-      testing::TempDir() +
+      ::testing::TempDir() +
       absl::StrReplaceAll(absl::StrCat("sheaf-store-", test->test_suite_name(), "-", test->name()),
                           {{"/", "-"}});
   std::filesystem::remove_all(directory);
@@ -45,7 +45,7 @@ void PrintTo(DatabaseKind kind, std::ostream* stream) {
   *stream << (kind == DatabaseKind::kSqlite ? "sqlite" : "postgres");
 }
 
-std::string KindName(const testing::TestParamInfo<DatabaseKind>& info) {
+std::string KindName(const ::testing::TestParamInfo<DatabaseKind>& info) {
   return info.param == DatabaseKind::kSqlite ? "sqlite" : "postgres";
 }
 

@@ -24,7 +24,7 @@ namespace sheaf::coordinator {
 enum class DatabaseKind { kSqlite, kPostgres };
 
 void PrintTo(DatabaseKind kind, std::ostream* stream);
-std::string KindName(const testing::TestParamInfo<DatabaseKind>& info);
+std::string KindName(const ::testing::TestParamInfo<DatabaseKind>& info);
 
 // Those that this run tests. Says on standard error where PostgreSQL is left out although it was
 // asked for.
@@ -35,7 +35,7 @@ std::vector<DatabaseKind> TestedKinds();
 PostgresServer* TestServer();
 
 // A new store for each case. parts: as for SqlJobStore::Open.
-class JobStoreFixture : public testing::TestWithParam<DatabaseKind> {
+class JobStoreFixture : public ::testing::TestWithParam<DatabaseKind> {
  protected:
   explicit JobStoreFixture(ObjectStore* parts = nullptr);
   ~JobStoreFixture() override;
@@ -55,6 +55,6 @@ class JobStoreFixture : public testing::TestWithParam<DatabaseKind> {
 }  // namespace sheaf::coordinator
 
 // Runs the cases of a fixture that derives from JobStoreFixture on each kind.
-#define SHEAF_ON_ALL_DATABASES(fixture)                                                         \
-  INSTANTIATE_TEST_SUITE_P(On, fixture, testing::ValuesIn(::sheaf::coordinator::TestedKinds()), \
+#define SHEAF_ON_ALL_DATABASES(fixture)                                                           \
+  INSTANTIATE_TEST_SUITE_P(On, fixture, ::testing::ValuesIn(::sheaf::coordinator::TestedKinds()), \
                            ::sheaf::coordinator::KindName)

@@ -24,7 +24,7 @@
 namespace sheaf::render {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr Vec3f kReceiver{0, 0, -20};
 

@@ -35,11 +35,11 @@ inline float GrayOf(uint64_t sample) {
 }
 
 // A farm over a gated store, with a job of one tile.
-class FarmTest : public testing::Test {
+class FarmTest : public ::testing::Test {
  protected:
   FarmTest() {
-    directory_ = testing::TempDir() + "sheaf-farm-" +
-                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    directory_ = ::testing::TempDir() + "sheaf-farm-" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(directory_);
     Start();
   }

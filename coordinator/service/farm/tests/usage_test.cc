@@ -14,7 +14,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 class FarmUsageTest : public FarmTest {
  protected:

@@ -15,10 +15,10 @@ namespace sheaf::coordinator {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
-class HttpOperationsTest : public testing::Test {
+class HttpOperationsTest : public ::testing::Test {
  protected:
   HttpOperationsTest()
       : server_(BuildInfo{"1.2", "abc", "gcc", "profile"}),
@@ -75,7 +75,7 @@ TEST_F(HttpOperationsTest, UsageIsCsv) {
   const HttpResponse response = Get("/api/v1/usage?format=csv");
   EXPECT_EQ(response.status, 200);
   EXPECT_EQ(response.content_type, "text/csv; charset=utf-8");
-  EXPECT_THAT(response.body, testing::StartsWith("day,user,show,job,results"));
+  EXPECT_THAT(response.body, ::testing::StartsWith("day,user,show,job,results"));
   EXPECT_THAT(response.body, HasSubstr("\n,anna,film,,3,0,0,1.500"));
 }
 

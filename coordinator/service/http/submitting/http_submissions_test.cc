@@ -13,7 +13,7 @@ namespace sheaf::coordinator {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // Notes what it is asked for.
 class FakeDesk : public SubmissionDesk {
@@ -48,7 +48,7 @@ class FakeDesk : public SubmissionDesk {
   SubmissionView view{"3", SubmissionState::kReceiving, 2, 40, {}, "", ""};
 };
 
-class HttpSubmissionsTest : public testing::Test {
+class HttpSubmissionsTest : public ::testing::Test {
  protected:
   HttpResponse Send(const std::string& method, const std::string& target,
                     const std::string& body = "") {

@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-class HttpViewingTest : public testing::Test {
+class HttpViewingTest : public ::testing::Test {
  protected:
   HttpViewingTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
     farm_.jobs = {MakeFakeJob("3"), MakeFakeJob("4")};
