@@ -13,22 +13,22 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr PixelRect kLightWindow{0, 0, 320, 256};
-constexpr int32_t kShrink = 4;
-constexpr PilotLevel kLevel{{}, kPilotPasses, kShrink, true};
+constexpr int32_t kLightShrink = 4;
+constexpr PilotLevel kLevel{{}, kPilotPasses, kLightShrink, true};
 
 // Camera paths find 1 in each pixel, with `camera_variance`; light paths find `light(x)`, with the
 // variance `variance(x)`, by the pixel's column in the frame. Variances are estimated with 7
 // degrees of freedom.
 template <typename Light, typename Variance>
 PilotImage MakeLightImage(double camera_variance, const Light& light, const Variance& variance) {
-  const PixelRect window{0, 0, kLightWindow.x1 / kShrink, kLightWindow.y1 / kShrink};
+  const PixelRect window{0, 0, kLightWindow.x1 / kLightShrink, kLightWindow.y1 / kLightShrink};
   FrameImage camera = MakeFrameImage(window, window.x1, window.y1), of_light = camera;
   std::mt19937_64 random(1);
   std::chi_squared_distribution<double> chi_squared(7);
   size_t p = 0;
   for (int32_t y = 0; y < window.y1; ++y) {
     for (int32_t x = 0; x < window.x1; ++x, ++p) {
-      const int32_t column = x * kShrink;
+      const int32_t column = x * kLightShrink;
       const auto set = [&](FrameImage* image, double value, double square) {
         const auto error = static_cast<float>(std::sqrt(square * chi_squared(random) / 7));
         for (const std::string color : {"R", "G", "B"}) {

@@ -12,7 +12,7 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr PixelRect kWindow{0, 0, 320, 256};
-constexpr int32_t kTileSizePx = 32;
+constexpr int32_t kPilotTileSizePx = 32;
 
 // The small image of a frame, with this mean.
 PilotImage MakeSmall(const PilotLevel& level, float mean) {
@@ -50,7 +50,7 @@ PilotImage MakePilot(const PilotLevel& level, double rate, uint64_t seed,
       }
     }
   }
-  for (const PixelRect& tile : CutTiles(kWindow, kTileSizePx)) {
+  for (const PixelRect& tile : CutTiles(kWindow, kPilotTileSizePx)) {
     // 10 us per sample, more for an isolated one, and 1 ms per part.
     pilot.cpu_seconds_of_tiles.push_back(
         1e-3 +
@@ -68,7 +68,7 @@ ErrorModel FitOf(double rate, const Variance& variance, double samples_per_pixel
     pilot.push_back(level.shrink > 1 ? MakeSmall(level, mean)
                                      : MakePilot(level, rate, ++seed, variance));
   }
-  return FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {}, {});
+  return FitErrorModel({kWindow, kPilotTileSizePx, kPilotTileSizePx}, pilot, {}, {});
 }
 
 TEST(PilotModelTest, PilotsStayWithinTheirBudget) {
@@ -219,7 +219,8 @@ TEST(PilotModelTest, EmitterSilhouettesRaiseTheCost) {
         (*small.Find(std::string("emission.") + channel))[p] = seen;
       }
     }
-    const ErrorModel model = FitErrorModel({kWindow, kTileSizePx, kTileSizePx}, pilot, {}, {});
+    const ErrorModel model =
+        FitErrorModel({kWindow, kPilotTileSizePx, kPilotTileSizePx}, pilot, {}, {});
     EXPECT_EQ(model.silhouettes.empty(), seen == 0);
     const Forecast low = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, -kBandDeviations);
     const Forecast high = ForecastTarget(model, {.target_error = 0.005}, 1 << 20, kBandDeviations);
@@ -233,7 +234,7 @@ TEST(PilotModelTest, FitsDifferentTiles) {
   // Enough blocks that every tile contains one.
   const ErrorModel model = FitOf(
       1, [](int32_t x, int32_t) { return x < 160 ? 0.001 : 0.1; }, 2.0);
-  const std::vector<PixelRect> tiles = CutTiles(kWindow, kTileSizePx);
+  const std::vector<PixelRect> tiles = CutTiles(kWindow, kPilotTileSizePx);
   for (size_t i = 0; i < tiles.size(); ++i) {
     const double error = model.cells[i].measured.error.RelativeMse();
     if (tiles[i].x1 <= 160) {

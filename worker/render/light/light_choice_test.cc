@@ -143,7 +143,7 @@ std::vector<LightBounds> MixedLights(size_t count) {
   return lights;
 }
 
-std::vector<uint8_t> RandomSteps(size_t count) {
+std::vector<uint8_t> DrawSteps(size_t count) {
   std::mt19937 engine(3);
   std::vector<uint8_t> steps;
   while (steps.size() < count) {
@@ -155,7 +155,7 @@ std::vector<uint8_t> RandomSteps(size_t count) {
 TEST(LightChoiceTest, LearnedChoicesMatchTheirProbabilities) {
   for (size_t count : {2u, 5u, 16u, 17u, 100u}) {
     const LightChoice choice(MixedLights(count));
-    const std::vector<uint8_t> steps = RandomSteps(choice.visibility_slot_count());
+    const std::vector<uint8_t> steps = DrawSteps(choice.visibility_slot_count());
     const LightVisibilityRow row{steps.data()};
     for (const Vec3f& n : {Vec3f{}, Vec3f{0, 0, 1}, Vec3f{0, 0.6f, -0.8f}}) {
       const Vec3f p{3, 0.5f, 0};
@@ -202,7 +202,7 @@ TEST(LightChoiceTest, ScaleByAPowerOfTwoChangesNoBit) {
     for (uint32_t light = 0; light < 3; ++light) {
       EXPECT_EQ(scaled(1).Probability(light, p, {}),
                 scaled(scale).Probability(light, p * scale, {}));
-      const std::vector<uint8_t> steps = RandomSteps(kLaneCount);
+      const std::vector<uint8_t> steps = DrawSteps(kLaneCount);
       const LightVisibilityRow row{steps.data()};
       EXPECT_EQ(scaled(1).Probability(light, p, {}, row),
                 scaled(scale).Probability(light, p * scale, {}, row));
