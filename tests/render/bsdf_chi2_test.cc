@@ -16,18 +16,18 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BsdfFixture;
-using testing::ChiSquareGrid;
-using testing::ChiSquareResult;
-using testing::CounterUniforms;
-using testing::DirectionAt;
-using testing::MakeCoatFixture;
-using testing::MakeConductorCoatFixture;
-using testing::MakeConductorFixture;
-using testing::MakeDielectricFixture;
-using testing::MakeDiffuseFixture;
-using testing::MakeMirrorFixture;
-using testing::MakeSheetFixture;
+using sheaf::testing::BsdfFixture;
+using sheaf::testing::ChiSquareGrid;
+using sheaf::testing::ChiSquareResult;
+using sheaf::testing::CounterUniforms;
+using sheaf::testing::DirectionAt;
+using sheaf::testing::MakeCoatFixture;
+using sheaf::testing::MakeConductorCoatFixture;
+using sheaf::testing::MakeConductorFixture;
+using sheaf::testing::MakeDielectricFixture;
+using sheaf::testing::MakeDiffuseFixture;
+using sheaf::testing::MakeMirrorFixture;
+using sheaf::testing::MakeSheetFixture;
 
 constexpr uint64_t kSampleCount = 1000000;
 constexpr double kSignificance = 0.01;  // For the whole file.
@@ -49,8 +49,8 @@ void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, Vec3f wo) {
     grid.cos_min = wo.z > 0 ? 0 : -1;
     grid.cos_max = wo.z > 0 ? 1 : 0;
   }
-  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, grid, kSampleCount);
-  EXPECT_GE(result.p_value, testing::SidakThreshold(kSignificance, kTestCount))
+  const ChiSquareResult result = sheaf::testing::ChiSquareTest(sample, pdf, grid, kSampleCount);
+  EXPECT_GE(result.p_value, sheaf::testing::SidakThreshold(kSignificance, kTestCount))
       << fixture.name << ", wo.z " << wo.z << ": " << result.text;
   // Error of the quadrature at edges of the density.
   EXPECT_LE(result.pdf_integral, 1 + 1e-3)
@@ -251,9 +251,9 @@ TEST(BsdfSampleTest, MultipleScatteringWeightsStayModerate) {
 }
 
 TEST(ChiSquareSupportTest, KnownValuesOfTheGammaFunction) {
-  EXPECT_NEAR(testing::UpperGammaQ(0.5, 0.5), 0.31731050786291415, 1e-12);  // One sigma.
-  EXPECT_NEAR(testing::UpperGammaQ(1, 3), std::exp(-3.0), 1e-12);
-  EXPECT_NEAR(testing::UpperGammaQ(50, 60), 0.0844066, 1e-6);
+  EXPECT_NEAR(sheaf::testing::UpperGammaQ(0.5, 0.5), 0.31731050786291415, 1e-12);  // One sigma.
+  EXPECT_NEAR(sheaf::testing::UpperGammaQ(1, 3), std::exp(-3.0), 1e-12);
+  EXPECT_NEAR(sheaf::testing::UpperGammaQ(50, 60), 0.0844066, 1e-6);
 }
 
 TEST(ChiSquareSupportTest, DetectsAWrongPdf) {
@@ -262,7 +262,7 @@ TEST(ChiSquareSupportTest, DetectsAWrongPdf) {
   };
   const auto wrong = [](Vec3f w) { return w.z > 0 ? (w.z + 0.01) / (kPi * 1.02) : 0.0; };
   const ChiSquareGrid grid{21, 43, 0, 1};
-  EXPECT_LT(testing::ChiSquareTest(sample, wrong, grid, kSampleCount).p_value, 1e-6);
+  EXPECT_LT(sheaf::testing::ChiSquareTest(sample, wrong, grid, kSampleCount).p_value, 1e-6);
 }
 
 }  // namespace

@@ -47,10 +47,12 @@ double PValue(const std::vector<double>& observed, const std::vector<double>& ar
     EXPECT_LE(pooled_observed, 40) << "samples where there should be none";
   }
   EXPECT_GT(cells, 10);
-  return testing::UpperGammaQ(0.5 * (cells - 1), 0.5 * statistic);
+  return sheaf::testing::UpperGammaQ(0.5 * (cells - 1), 0.5 * statistic);
 }
 
-void ExpectChance(double p_value) { EXPECT_GT(p_value, testing::SidakThreshold(1e-4, kTests)); }
+void ExpectChance(double p_value) {
+  EXPECT_GT(p_value, sheaf::testing::SidakThreshold(1e-4, kTests));
+}
 
 // The part of a polygon to the left of the line through p along d. Source: Sutherland and Hodgman
 // 1974.
@@ -100,7 +102,7 @@ TEST(CameraChi2Test, ApertureIsSampledUniformly) {
     }
     ++seed;
     for (uint64_t i = 0; i < kSamples; ++i) {
-      const auto u = testing::CounterUniforms(seed, i);
+      const auto u = sheaf::testing::CounterUniforms(seed, i);
       const Vec2d p = blades.Sample({u[0], u[1]});
       const auto cell = [](double v) {
         return std::clamp(static_cast<int>(0.5 * (v + 1) * kCells), 0, kCells - 1);
@@ -153,7 +155,7 @@ TEST(CameraChi2Test, ShuttersAreSampledByTheirShape) {
     EXPECT_NEAR(whole, 1, 1e-6);
     ++seed;
     for (uint64_t i = 0; i < kSamples; ++i) {
-      const float time = shutter->Sample(testing::CounterUniforms(seed, i)[0]);
+      const float time = shutter->Sample(sheaf::testing::CounterUniforms(seed, i)[0]);
       ASSERT_GE(time, 0);
       ASSERT_LT(time, 1);
       observed[static_cast<int>(double{time} * kCells)] += 1;
@@ -188,7 +190,7 @@ TEST(CameraChi2Test, ShutterTimesAscendAndShapesAreChecked) {
 
 // Compares points in the pupil's plane, relative to the axis of the film point, with Pdf.
 TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
-  const LensSystem lens = testing::MakeLens(testing::DoubleGauss());
+  const LensSystem lens = sheaf::testing::MakeLens(sheaf::testing::DoubleGauss());
   const ExitPupil pupil(lens, 22);
   uint64_t seed = 300;
   for (const Vec2d film : {Vec2d{0, 0}, Vec2d{9, 0}, Vec2d{0, -14}, Vec2d{15, 15}, Vec2d{-21, 1}}) {
@@ -219,7 +221,7 @@ TEST(CameraChi2Test, ExitPupilsAreSampledByTheirPdf) {
     EXPECT_NEAR(whole, 1, 1e-9);
     ++seed;
     for (uint64_t i = 0; i < kSamples; ++i) {
-      const auto u = testing::CounterUniforms(seed, i);
+      const auto u = sheaf::testing::CounterUniforms(seed, i);
       const PupilSample sample = pupil.Sample(film, {u[0], u[1]});
       const Vec2d own{sample.p_mm.x * cosine + sample.p_mm.y * sine,
                       sample.p_mm.y * cosine - sample.p_mm.x * sine};

@@ -91,7 +91,7 @@ CameraSetup RealisticSetup(bool moves) {
   setup.scene.files = {"room.pbrt"};
   CameraDescription& camera = setup.scene.camera;
   camera.kind = Kind::kRealistic;
-  camera.lens = testing::DoubleGauss();
+  camera.lens = sheaf::testing::DoubleGauss();
   camera.lens.aperture_diameter_mm = 25;
   camera.lens.aperture =
       moves ? LensDescription::Aperture::kStar : LensDescription::Aperture::kDisk;

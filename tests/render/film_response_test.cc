@@ -22,7 +22,7 @@ using ::testing::HasSubstr;
 
 // A constant sky.
 SceneDescription ReadSky(const std::string& before_world, const std::string& light) {
-  return testing::ReadSceneText(
+  return sheaf::testing::ReadSceneText(
       absl::StrCat(before_world, "\nWorldBegin\nLightSource \"infinite\" ", light, "\n"));
 }
 
@@ -44,19 +44,19 @@ Vec3d Delivered(const SceneDescription& scene, const RenderSettings& asked = {})
 }
 
 TEST(FilmResponseTest, RenderedColorsMatchTheSensorModel) {
-  for (const testing::SensorImage& image : testing::SensorImages()) {
+  for (const sheaf::testing::SensorImage& image : sheaf::testing::SensorImages()) {
     const std::string balance =
         image.white_balance_k == 0
             ? ""
             : absl::StrCat(" \"float whitebalance\" ", image.white_balance_k);
-    for (size_t i = 0; i < testing::SensorLights().size(); ++i) {
-      const testing::SensorLight& light = testing::SensorLights()[i];
+    for (size_t i = 0; i < sheaf::testing::SensorLights().size(); ++i) {
+      const sheaf::testing::SensorLight& light = sheaf::testing::SensorLights()[i];
       SCOPED_TRACE(std::string(image.sensor) + ", " + light.name);
       const SceneDescription scene = ReadSky(
           absl::StrCat("ColorSpace \"", image.color_space, "\"\n",
                        Film(absl::StrCat("\"string sensor\" \"", image.sensor, "\"", balance))),
           light.parameter);
-      testing::ExpectSameColor(Delivered(scene), image.colors[i]);
+      sheaf::testing::ExpectSameColor(Delivered(scene), image.colors[i]);
     }
   }
 }

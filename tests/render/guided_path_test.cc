@@ -17,13 +17,13 @@
 namespace sheaf::render {
 namespace {
 
-using testing::Bias;
-using testing::BiasOfNoisyPair;
+using sheaf::testing::Bias;
+using sheaf::testing::BiasOfNoisyPair;
+using sheaf::testing::ExpectAgreement;
+using sheaf::testing::kSizePx;
+using sheaf::testing::Samples;
+using sheaf::testing::TilePair;
 using testing::Estimate;
-using testing::ExpectAgreement;
-using testing::kSizePx;
-using testing::Samples;
-using testing::TilePair;
 
 constexpr Tint kColored{1};
 constexpr Techniques kGuided = Techniques::kCameraGuided,

@@ -12,9 +12,9 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BsdfFixture;
-using testing::ChiSquareResult;
-using testing::MakeHairFixture;
+using sheaf::testing::BsdfFixture;
+using sheaf::testing::ChiSquareResult;
+using sheaf::testing::MakeHairFixture;
 
 constexpr uint64_t kHairSampleCount = 1000000;
 constexpr double kHairSignificance = 0.01;  // For the whole file.
@@ -27,8 +27,8 @@ void ExpectHairSamplerMatchesPdf(const BsdfFixture& hair, Vec3f wo) {
     return s->wi;
   };
   const auto pdf = [&](Vec3f wi) -> double { return EvalBsdf<kAllTraits>(hair.bsdf, wo, wi).pdf; };
-  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, {}, kHairSampleCount);
-  EXPECT_GE(result.p_value, testing::SidakThreshold(kHairSignificance, kHairTestCount))
+  const ChiSquareResult result = sheaf::testing::ChiSquareTest(sample, pdf, {}, kHairSampleCount);
+  EXPECT_GE(result.p_value, sheaf::testing::SidakThreshold(kHairSignificance, kHairTestCount))
       << hair.name << ", wo.x " << wo.x << ": " << result.text;
   EXPECT_NEAR(result.pdf_integral, 1, 1e-3) << hair.name << ", wo.x " << wo.x << result.text;
 }

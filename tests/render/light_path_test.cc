@@ -17,13 +17,13 @@
 namespace sheaf::render {
 namespace {
 
-using testing::Bias;
+using sheaf::testing::Bias;
+using sheaf::testing::EstimatesOfTiles;
+using sheaf::testing::ExpectAgreement;
+using sheaf::testing::kSizePx;
+using sheaf::testing::Samples;
+using sheaf::testing::TilePair;
 using testing::Estimate;
-using testing::EstimatesOfTiles;
-using testing::ExpectAgreement;
-using testing::kSizePx;
-using testing::Samples;
-using testing::TilePair;
 
 constexpr int32_t kDepth = 4;
 

@@ -25,11 +25,11 @@
 namespace sheaf::render {
 namespace {
 
-using testing::ChiSquareGrid;
-using testing::ChiSquareResult;
-using testing::CounterUniforms;
-using testing::DirectionAt;
-using testing::MeasuredFileBuilder;
+using sheaf::testing::ChiSquareGrid;
+using sheaf::testing::ChiSquareResult;
+using sheaf::testing::CounterUniforms;
+using sheaf::testing::DirectionAt;
+using sheaf::testing::MeasuredFileBuilder;
 
 constexpr uint64_t kMeasuredSampleCount = 1000000;
 constexpr double kMeasuredSignificance = 0.01;  // For the whole file.
@@ -44,7 +44,7 @@ MeasuredBrdf Make(const MeasuredFileBuilder& builder, bool spectral = false) {
   return MeasuredBrdf(*std::move(data), spectral);
 }
 Bsdf BsdfFor(const MeasuredBrdf& measured) {
-  Bsdf bsdf = testing::MakeBsdfOfKind(BsdfKind::kMeasured);
+  Bsdf bsdf = sheaf::testing::MakeBsdfOfKind(BsdfKind::kMeasured);
   bsdf.measured = &measured;
   return bsdf;
 }
@@ -131,8 +131,10 @@ void ExpectSamplerMatchesPdf(const MeasuredBrdf& measured, Vec3f wo, const std::
   ChiSquareGrid grid;
   grid.cos_min = wo.z > 0 ? 0 : -1;
   grid.cos_max = wo.z > 0 ? 1 : 0;
-  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, grid, kMeasuredSampleCount);
-  EXPECT_GE(result.p_value, testing::SidakThreshold(kMeasuredSignificance, kMeasuredTestCount))
+  const ChiSquareResult result =
+      sheaf::testing::ChiSquareTest(sample, pdf, grid, kMeasuredSampleCount);
+  EXPECT_GE(result.p_value,
+            sheaf::testing::SidakThreshold(kMeasuredSignificance, kMeasuredTestCount))
       << name << ", wo.z " << wo.z << ": " << result.text;
   EXPECT_LE(result.pdf_integral, 1 + 1e-3) << name << ", wo.z " << wo.z << ": " << result.text;
 }

@@ -309,7 +309,7 @@ class MovingFilesTest : public ::testing::Test {
     EXPECT_FALSE(compiled.ok());
     return std::string(compiled.status().message());
   }
-  const std::string path_ = testing::TemporaryPath("smoke");
+  const std::string path_ = sheaf::testing::TemporaryPath("smoke");
   TableFileSource files_{{{"smoke.vdb", path_}}};
 };
 

@@ -19,19 +19,19 @@
 namespace sheaf::render {
 namespace {
 
-using testing::ChiSquareResult;
-using testing::CounterUniforms;
+using sheaf::testing::ChiSquareResult;
+using sheaf::testing::CounterUniforms;
 
 constexpr double kSignificance = 0.01;  // For the whole file.
 constexpr int kTestCount = 48;          // At least the number of tests in this file.
 constexpr uint64_t kSampleCount = 1000000;
 
-double Threshold() { return testing::SidakThreshold(kSignificance, kTestCount); }
+double Threshold() { return sheaf::testing::SidakThreshold(kSignificance, kTestCount); }
 
 TEST(PhaseChiSquareTest, SamplesFollowTheDensity) {
   for (const float g : {-0.95f, -0.5f, -1e-4f, 0.0f, 1e-7f, 1e-3f, 0.3f, 0.8f, 0.95f}) {
     for (const Vec3f d : {Vec3f{0, 0, 1}, Normalize(Vec3f{1, -2, 0.5f})}) {
-      const ChiSquareResult result = testing::ChiSquareTest(
+      const ChiSquareResult result = sheaf::testing::ChiSquareTest(
           [&](std::array<float, 3> u) -> std::optional<Vec3f> {
             return SampleHenyeyGreenstein(g, d, {u[0], u[1]}).w;
           },
@@ -99,7 +99,7 @@ TEST(PhaseChiSquareTest, MixturesFollowTheirDensity) {
   mixture.Add(0.0f, {0.3f, 0.1f, 0.1f}, 0.15f);
   mixture.Add(0.8f, {0.5f, 0.6f, 0.8f}, 0.6f);
   const Vec3f d = Normalize(Vec3f{-1, 0.2f, 0.4f});
-  const ChiSquareResult result = testing::ChiSquareTest(
+  const ChiSquareResult result = sheaf::testing::ChiSquareTest(
       [&](std::array<float, 3> u) -> std::optional<Vec3f> {
         return mixture.SampleDirection(d, u[2], {u[0], u[1]}).w;
       },
@@ -160,7 +160,7 @@ TEST(DistanceChiSquareTest, DistancesFollowTheDensity) {
       statistic += (counts[i] - expected[i]) * (counts[i] - expected[i]) / expected[i];
       degrees += 1;
     }
-    EXPECT_GE(testing::UpperGammaQ(degrees / 2, statistic / 2), Threshold()) << thickness;
+    EXPECT_GE(sheaf::testing::UpperGammaQ(degrees / 2, statistic / 2), Threshold()) << thickness;
   }
 }
 

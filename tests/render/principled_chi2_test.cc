@@ -16,12 +16,12 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BsdfFixture;
-using testing::ChiSquareGrid;
-using testing::ChiSquareResult;
-using testing::DirectionAt;
-using testing::MakePrincipledFixture;
-using testing::WhitePrincipled;
+using sheaf::testing::BsdfFixture;
+using sheaf::testing::ChiSquareGrid;
+using sheaf::testing::ChiSquareResult;
+using sheaf::testing::DirectionAt;
+using sheaf::testing::MakePrincipledFixture;
+using sheaf::testing::WhitePrincipled;
 
 constexpr uint64_t kSampleCount = 200000;
 constexpr double kSignificance = 0.01;  // For the whole file.
@@ -39,8 +39,8 @@ void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, float mu, float azimuth
   const auto pdf = [&](Vec3f wi) -> double {
     return EvalBsdf<kAllTraits>(fixture.bsdf, wo, wi).pdf;
   };
-  const ChiSquareResult result = testing::ChiSquareTest(sample, pdf, {}, kSampleCount);
-  EXPECT_GE(result.p_value, testing::SidakThreshold(kSignificance, kTestCount))
+  const ChiSquareResult result = sheaf::testing::ChiSquareTest(sample, pdf, {}, kSampleCount);
+  EXPECT_GE(result.p_value, sheaf::testing::SidakThreshold(kSignificance, kTestCount))
       << fixture.name << ", wo.z " << mu << ": " << result.text;
   EXPECT_LE(result.pdf_integral, 1 + 2e-3) << fixture.name << ", wo.z " << mu << result.text;
 }

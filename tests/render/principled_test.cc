@@ -17,10 +17,10 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BsdfFixture;
-using testing::DirectionAt;
-using testing::MakePrincipledFixture;
-using testing::WhitePrincipled;
+using sheaf::testing::BsdfFixture;
+using sheaf::testing::DirectionAt;
+using sheaf::testing::MakePrincipledFixture;
+using sheaf::testing::WhitePrincipled;
 
 constexpr double kFurnaceError = 0.005;
 constexpr int kFurnaceSampleCount = 4000;
@@ -189,7 +189,7 @@ TEST(PrincipledTest, WhiteMetalIsTheMirrorOfTheConductor) {
   PrincipledMaterial metal = WhitePrincipled();
   metal.metallic.value = 1;
   metal.roughness.value = 0.6f;
-  const BsdfFixture mirror = testing::MakeMirrorFixture(0.36f, 0.36f, true);
+  const BsdfFixture mirror = sheaf::testing::MakeMirrorFixture(0.36f, 0.36f, true);
   const BsdfFixture fixture = MakePrincipledFixture(metal);
   for (const float mu : {0.95f, 0.4f, 0.05f}) {
     const Vec3f wo = DirectionAt(0.7f, 0.3f), wi = DirectionAt(mu, 2.5f);
@@ -205,9 +205,9 @@ TEST(PrincipledTest, GlassIsTheDielectric) {
     glass.roughness.value = roughness;
     const float alpha = roughness * roughness;
     ExpectSame(MakePrincipledFixture(glass).bsdf,
-               testing::MakeDielectricFixture(alpha, alpha, 1.5f, true).bsdf, 2e-3);
+               sheaf::testing::MakeDielectricFixture(alpha, alpha, 1.5f, true).bsdf, 2e-3);
     ExpectSame(MakePrincipledFixture(glass, "", true).bsdf,
-               testing::MakeDielectricFixture(alpha, alpha, 1.5f, false).bsdf, 1e-4);
+               sheaf::testing::MakeDielectricFixture(alpha, alpha, 1.5f, false).bsdf, 1e-4);
   }
 }
 
@@ -215,7 +215,7 @@ TEST(PrincipledTest, WithoutReflectionItIsDiffuse) {
   PrincipledMaterial matte = WhitePrincipled();
   matte.specular.value = 0;
   matte.base_color.value.rgb = {0.2f, 0.5f, 0.8f};
-  const Bsdf diffuse = testing::MakeDiffuseFixture({0.2f, 0.5f, 0.8f}).bsdf;
+  const Bsdf diffuse = sheaf::testing::MakeDiffuseFixture({0.2f, 0.5f, 0.8f}).bsdf;
   ExpectSame(MakePrincipledFixture(matte).bsdf, diffuse, 1e-4);
   matte.specular.value = 1;
   matte.ior = 1;

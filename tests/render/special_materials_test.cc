@@ -20,7 +20,7 @@
 namespace sheaf::render {
 namespace {
 
-using testing::MeasuredFileBuilder;
+using sheaf::testing::MeasuredFileBuilder;
 
 constexpr int kSpecialDepth = 1000;
 

@@ -14,8 +14,8 @@
 namespace sheaf::render {
 namespace {
 
-using testing::Named;
-using testing::RgbSpec;
+using sheaf::testing::Named;
+using sheaf::testing::RgbSpec;
 
 FrameSettings Spectral(FrameSettings settings) {
   settings.color = ColorTransport::kSpectral;

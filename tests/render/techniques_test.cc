@@ -20,15 +20,15 @@
 namespace sheaf::render {
 namespace {
 
-using testing::Agreement;
-using testing::Bias;
-using testing::BiasOfNoisyPair;
-using testing::Compare;
-using testing::EstimatesOf;
-using testing::ExpectAgreement;
-using testing::kSizePx;
-using testing::Samples;
-using testing::TilePair;
+using sheaf::testing::Agreement;
+using sheaf::testing::Bias;
+using sheaf::testing::BiasOfNoisyPair;
+using sheaf::testing::Compare;
+using sheaf::testing::EstimatesOf;
+using sheaf::testing::ExpectAgreement;
+using sheaf::testing::kSizePx;
+using sheaf::testing::Samples;
+using sheaf::testing::TilePair;
 
 constexpr uint64_t kFewSamples = 64, kManySamples = 128;
 
@@ -206,11 +206,11 @@ TEST(TechniquesTest, SpectralAndRgbTransportOfGrayScenes) {
 // --- Test tools ----------------------------------------------------------------------------------
 
 TEST(AgreementTest, StudentCdfHasTabulatedValues) {
-  EXPECT_NEAR(testing::StudentCdf(0, 7), 0.5, 1e-14);
-  EXPECT_NEAR(testing::StudentCdf(1, 1), 0.75, 1e-12);  // Cauchy: 1/2 + atan(t) / pi.
-  EXPECT_NEAR(testing::StudentCdf(-1, 2), 0.5 - 0.5 / std::sqrt(3.0), 1e-12);
-  EXPECT_NEAR(testing::StudentCdf(1.812461122811676, 10), 0.95, 1e-9);
-  EXPECT_NEAR(testing::StudentCdf(-2.749995653567231, 30), 0.005, 1e-9);
+  EXPECT_NEAR(sheaf::testing::StudentCdf(0, 7), 0.5, 1e-14);
+  EXPECT_NEAR(sheaf::testing::StudentCdf(1, 1), 0.75, 1e-12);  // Cauchy: 1/2 + atan(t) / pi.
+  EXPECT_NEAR(sheaf::testing::StudentCdf(-1, 2), 0.5 - 0.5 / std::sqrt(3.0), 1e-12);
+  EXPECT_NEAR(sheaf::testing::StudentCdf(1.812461122811676, 10), 0.95, 1e-9);
+  EXPECT_NEAR(sheaf::testing::StudentCdf(-2.749995653567231, 30), 0.005, 1e-9);
 }
 
 TEST(AgreementTest, UniformityMatchesTheDistribution) {
@@ -219,9 +219,9 @@ TEST(AgreementTest, UniformityMatchesTheDistribution) {
     even.push_back((i + 0.5) / 1000);
     low.push_back(even.back() * 0.95);
   }
-  EXPECT_NEAR(testing::UniformityP(even), 1, 1e-12);
+  EXPECT_NEAR(sheaf::testing::UniformityP(even), 1, 1e-12);
   // A distance of 0.05: Kolmogorov's 2 sum (-1)^(j-1) exp(-2 j^2 (sqrt(n) D)^2) with Stephens' n.
-  EXPECT_NEAR(testing::UniformityP(low), 0.0132, 0.0015);
+  EXPECT_NEAR(sheaf::testing::UniformityP(low), 0.0132, 0.0015);
 }
 
 // Draws from one distribution give uniform p-values; the false-alarm rate equals the significance.
@@ -231,7 +231,7 @@ TEST(AgreementTest, FalseAlarmRateEqualsTheSignificance) {
     tiles.push_back({{1, 1e-4 * i, 16}, {1, 1e-4, 16}});
   }
   const int redraws = 2000;
-  const double rate = testing::PowerOf(tiles, 0, 0.05, redraws);
+  const double rate = sheaf::testing::PowerOf(tiles, 0, 0.05, redraws);
   EXPECT_NEAR(rate, 0.05, 5 * std::sqrt(0.05 * 0.95 / redraws));
 }
 

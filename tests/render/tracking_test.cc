@@ -128,7 +128,7 @@ TEST(TrackingTest, CollisionsFollowTheDensity) {
       ++freedom;
       pooled_seen = pooled_expected = 0;
     }
-    EXPECT_GT(testing::UpperGammaQ(0.5 * freedom, 0.5 * chi), 1e-6) << sigma << ": " << chi;
+    EXPECT_GT(sheaf::testing::UpperGammaQ(0.5 * freedom, 0.5 * chi), 1e-6) << sigma << ": " << chi;
     EXPECT_GE(freedom, 3);
   }
 }

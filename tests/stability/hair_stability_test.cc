@@ -19,9 +19,9 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BsdfFixture;
-using testing::CounterUniforms;
-using testing::MakeHairFixture;
+using sheaf::testing::BsdfFixture;
+using sheaf::testing::CounterUniforms;
+using sheaf::testing::MakeHairFixture;
 
 constexpr float kPiF = std::numbers::pi_v<float>;
 constexpr double kFurnaceError = 0.005;

@@ -16,9 +16,9 @@
 namespace sheaf::render {
 namespace {
 
-using testing::DoubleGauss;
-using testing::Lens;
-using testing::MakeLens;
+using sheaf::testing::DoubleGauss;
+using sheaf::testing::Lens;
+using sheaf::testing::MakeLens;
 
 // An aplanatic meniscus images one point without error for all angles: its rear surface is centered
 // at the point; its front surface, of radius R and index n, has its center R / n in front of the
@@ -60,7 +60,7 @@ TEST(LensStability, NearlyFlatSurfacesAreFlat) {
         make({{60, 5, 1.5, 30}, {-60, 5, 1, 30}, {radius, 10, 1.6, 40}, {radius, 50, 1, 40}});
     EXPECT_NEAR(lens.front_z_mm(), flat.front_z_mm(), 1e-6);
     for (uint64_t i = 0; i < 1000; ++i) {
-      const auto u = testing::CounterUniforms(37, i);
+      const auto u = sheaf::testing::CounterUniforms(37, i);
       LensRay a{{5.0 * u[0], 0, 0}, Normalize(Vec3d{6.0 * u[1] - 3, 6.0 * u[2] - 3, 50})};
       LensRay b = a;
       ASSERT_EQ(lens.TraceFromFilm(&a), 1);
@@ -99,7 +99,7 @@ TEST(LensStability, TotalReflectionBlocksRays) {
   const LensSystem lens = MakeLens(Lens({{0, 40, 1.5, 2000}, {-30, 60, 1, 59}}));
   int through = 0, held = 0, grazing = 0;
   for (uint64_t i = 0; i < 200000; ++i) {
-    const auto u = testing::CounterUniforms(5, i);
+    const auto u = sheaf::testing::CounterUniforms(5, i);
     const Vec3d o{100.0 * u[0] - 50, 0, 0};
     const Vec3d at{58.0 * u[1] - 29, 58.0 * u[2] - 29, lens.rear_z_mm()};
     LensRay ray{o, Normalize(at - o)};
@@ -135,7 +135,7 @@ TEST(LensStability, ScaleByPowersOfTwoKeepsTheBits) {
     const ExitPupil pupil_a(a, 20), pupil_b(b, 20 * scale);
     EXPECT_EQ(a.focal_length_mm() * scale, b.focal_length_mm());
     for (uint64_t i = 0; i < 1000; ++i) {
-      const auto u = testing::CounterUniforms(29, i);
+      const auto u = sheaf::testing::CounterUniforms(29, i);
       const Vec2d film{10.0 * u[2], -4};
       const PupilSample p = pupil_a.Sample(film, {u[0], u[1]});
       const PupilSample q = pupil_b.Sample(film * scale, {u[0], u[1]});
@@ -164,7 +164,7 @@ TEST(LensStability, TinyStopsAreFound) {
     int through = 0;
     constexpr int kCount = 10000;
     for (uint64_t i = 0; i < kCount; ++i) {
-      const auto u = testing::CounterUniforms(31, i);
+      const auto u = sheaf::testing::CounterUniforms(31, i);
       const PupilSample p = pupil.Sample({0, radius}, {u[0], u[1]});
       LensRay ray{{0, radius, 0}, Normalize(Vec3d{p.p_mm.x, p.p_mm.y - radius, lens.rear_z_mm()})};
       through += lens.TraceFromFilm(&ray) > 0;

@@ -16,7 +16,7 @@
 namespace sheaf::render {
 namespace {
 
-constexpr Vec3f kOrigin{0, 0, 0};
+constexpr Vec3f kCutOrigin{0, 0, 0};
 
 LightBounds PointAt(Vec3f center, float strength) {
   return {.kind = LightBounds::Kind::kPoint, .center = center, .strength = strength};
@@ -35,7 +35,7 @@ TEST(LightCutStability, L9CoincidentLightsAreSplit) {
   constexpr size_t kCount = 1000;
   const Vec3f place{3, 4, 5};
   const LightTree tree(std::vector<LightBounds>(kCount, PointAt(place, 1)), true);
-  for (const Vec3f& p : {kOrigin, place}) {
+  for (const Vec3f& p : {kCutOrigin, place}) {
     const LightTree::Cut cut = tree.CutAt(p, {}, LightTree::kPartsMax);
     EXPECT_GE(cut.size(), 1u);
     ExpectHardCase(
@@ -58,10 +58,10 @@ TEST(LightCutStability, L11LightsOfNoPowerAreInNoPart) {
         PointAt({static_cast<float>(i % 10), static_cast<float>(i / 10), 1}, powers.back()));
   }
   const LightTree tree(lights, true);
-  const LightTree::Cut cut = tree.CutAt(kOrigin, {}, 8);
+  const LightTree::Cut cut = tree.CutAt(kCutOrigin, {}, 8);
   double dark = 0;
   for (uint32_t i = 0; i < lights.size(); i += 3) {
-    dark += static_cast<double>(tree.ProbabilityIn(cut, i, kOrigin, {}));
+    dark += static_cast<double>(tree.ProbabilityIn(cut, i, kCutOrigin, {}));
   }
   ExpectHardCase({.row = "L11",
                   .figure = "probability of black lights in the parts of a cut",
@@ -70,7 +70,7 @@ TEST(LightCutStability, L11LightsOfNoPowerAreInNoPart) {
                   .tolerance = 0,
                   .naive = naive::LightOfPositive(powers) * 0,
                   .naive_by = "the light of those of positive power, times 0"});
-  EXPECT_NEAR(SumOfProbabilities(tree, cut, lights.size(), kOrigin),
+  EXPECT_NEAR(SumOfProbabilities(tree, cut, lights.size(), kCutOrigin),
               static_cast<double>(cut.size()), 1e-5);
 }
 
@@ -86,12 +86,12 @@ TEST(LightCutStability, L30PointsAmongTheirLights) {
                   i == 555 ? 0x1p40f : 1.0f));
     }
     const LightTree tree(lights, true);
-    const LightTree::Cut cut = tree.CutAt(kOrigin, {}, LightTree::kPartsMax);
+    const LightTree::Cut cut = tree.CutAt(kCutOrigin, {}, LightTree::kPartsMax);
     EXPECT_GE(cut.size(), 1u);
     ExpectHardCase({.row = "L30",
                     .figure = "probabilities in the parts at a point among its lights, a part",
                     .expected = 1,
-                    .measured = SumOfProbabilities(tree, cut, lights.size(), kOrigin) /
+                    .measured = SumOfProbabilities(tree, cut, lights.size(), kCutOrigin) /
                                 static_cast<double>(cut.size()),
                     .tolerance = 1e-5,
                     .naive = naive::VariationOfInverseSquares(0, 4.5f),
@@ -99,9 +99,9 @@ TEST(LightCutStability, L30PointsAmongTheirLights) {
     // The lights beside it without the bright one: each part has lights of its own.
     lights[555].strength = 1;
     const LightTree even(lights, true);
-    const LightTree::Cut parts = even.CutAt(kOrigin, {}, LightTree::kPartsMax);
+    const LightTree::Cut parts = even.CutAt(kCutOrigin, {}, LightTree::kPartsMax);
     EXPECT_GE(parts.size(), 8u);
-    EXPECT_NEAR(SumOfProbabilities(even, parts, lights.size(), kOrigin),
+    EXPECT_NEAR(SumOfProbabilities(even, parts, lights.size(), kCutOrigin),
                 static_cast<double>(parts.size()), 1e-4);
   }
 }

@@ -27,7 +27,7 @@ using testing::EstimateIrradiance;
 using testing::MakeTable;
 using testing::RandomPoints;
 
-const Rgb kWhite{1, 1, 1};
+const Rgb kTreeWhite{1, 1, 1};
 constexpr Vec3f kTreeOrigin{0, 0, 0};
 constexpr Vec3f kTreeUp{0, 0, 1};
 
@@ -78,7 +78,7 @@ bool Emits(const TriangleEmitter& t, Vec3f p, Vec3f n) {
 
 TEST(LightTreeStabilityTest, L8OneLightAmongBlackOnesIsSampledAsIfAlone) {
   LightTableInput one, many;
-  one.spheres = {{{1, 0, 3}, 0.5, kWhite}};
+  one.spheres = {{{1, 0, 3}, 0.5, kTreeWhite}};
   many.spheres.assign(50, {{0, 0, 2}, 1, {}});
   many.spheres[31] = one.spheres[0];
   const auto alone = MakeTable(one), among = MakeTable(many);
@@ -209,7 +209,7 @@ TEST(LightTreeStabilityTest, L12BoundsOfClustersLoseNoLight) {
       const Vec3d cross = Cross(ToDouble(v1 - v0), ToDouble(v2 - v0));
       if (!(Length(cross) > 1e-6 * double{size * size})) continue;
       if (Dot(cross, ToDouble(normal)) < 0) std::swap(v1, v2);
-      triangles.push_back({v0, v1, v2, kWhite, random.Next() < 0.1f});
+      triangles.push_back({v0, v1, v2, kTreeWhite, random.Next() < 0.1f});
       bounds.push_back(BoundsOf(triangles.back()));
     }
     const LightTree tree(bounds);
@@ -258,7 +258,7 @@ TEST(LightTreeStabilityTest, L12WalksReachContributingLights) {
     for (int k = 0; k < 1000; ++k) {
       const Vec3f v0 = RandomVector(&random, 1);
       triangles.push_back({v0, v0 + RandomVector(&random, 0.1f), v0 + RandomVector(&random, 0.1f),
-                           kWhite, k % 7 == 0});
+                           kTreeWhite, k % 7 == 0});
       bounds.push_back(BoundsOf(triangles.back()));
       total += static_cast<double>(bounds.back().area);
     }

@@ -18,16 +18,16 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BsdfFixture;
-using testing::CounterUniforms;
-using testing::DirectionAt;
-using testing::MakeCoatFixture;
-using testing::MakeConductorCoatFixture;
-using testing::MakeConductorFixture;
-using testing::MakeDielectricFixture;
-using testing::MakeDiffuseFixture;
-using testing::MakeMirrorFixture;
-using testing::MakeSheetFixture;
+using sheaf::testing::BsdfFixture;
+using sheaf::testing::CounterUniforms;
+using sheaf::testing::DirectionAt;
+using sheaf::testing::MakeCoatFixture;
+using sheaf::testing::MakeConductorCoatFixture;
+using sheaf::testing::MakeConductorFixture;
+using sheaf::testing::MakeDielectricFixture;
+using sheaf::testing::MakeDiffuseFixture;
+using sheaf::testing::MakeMirrorFixture;
+using sheaf::testing::MakeSheetFixture;
 
 // Mean energy scattered along wo by stratified sampling. Transmitted light is counted as energy,
 // not as radiance. Two of the random numbers are stratified to side x side cells.

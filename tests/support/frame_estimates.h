@@ -13,7 +13,7 @@ namespace sheaf::render {
 
 // Estimates the sum of R, G and B, over the paths of all kinds.
 inline std::vector<testing::Estimate> EstimatesOfBoth(const BothFilms& films) {
-  return testing::EstimatesOfTiles(
+  return sheaf::testing::EstimatesOfTiles(
       kReplicateCount,
       [&](uint32_t r, size_t pixel) {
         return films.Mean(r, 0, pixel) + films.Mean(r, 1, pixel) + films.Mean(r, 2, pixel);

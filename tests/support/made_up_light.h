@@ -31,8 +31,8 @@ struct Found {
 // Draw i of light(p, w): p is even over BoxOf(), w over the sphere.
 template <typename Light>
 Found FindLight(const Light& light, uint64_t i) {
-  const std::array<float, 3> u = testing::CounterUniforms(1, i);
-  const std::array<float, 3> v = testing::CounterUniforms(2, i);
+  const std::array<float, 3> u = sheaf::testing::CounterUniforms(1, i);
+  const std::array<float, 3> v = sheaf::testing::CounterUniforms(2, i);
   const Vec3f p{2 * u[0] - 1, 2 * u[1] - 1, 2 * u[2] - 1};
   const Vec3f w = DirectionOf(static_cast<double>(v[0]), static_cast<double>(v[1]));
   return {p, w, light(p, w) * 4 * kPi};

@@ -11,7 +11,7 @@
 namespace sheaf::render {
 namespace {
 
-using testing::CounterUniforms;
+using sheaf::testing::CounterUniforms;
 
 struct Estimate {
   double mean = 0, error = 0;
@@ -64,9 +64,9 @@ TEST(CoatTableTest, SmoothCoatMatchesRandomWalks) {
   for (float thickness : {0.0f, 0.01f, 0.5f}) {
     for (float rho : {0.5f, 0.9f}) {
       for (float mu : {0.9f, 0.2f}) {
-        const auto interface = testing::MakeDielectricFixture(0, 0, 1.5f, false);
-        const auto coat = testing::MakeCoatFixture(0, 0, 1.5f, thickness, Rgb::Gray(rho));
-        const Vec3f wo = testing::DirectionAt(mu, 1);
+        const auto interface = sheaf::testing::MakeDielectricFixture(0, 0, 1.5f, false);
+        const auto coat = sheaf::testing::MakeCoatFixture(0, 0, 1.5f, thickness, Rgb::Gray(rho));
+        const Vec3f wo = sheaf::testing::DirectionAt(mu, 1);
         const Estimate walk = WalkThroughCoat(interface.bsdf, wo, thickness, rho);
         EXPECT_NEAR(CoatAlbedo(coat.bsdf, wo), walk.mean, 5 * walk.error + 1e-3)
             << "thickness " << thickness << " rho " << rho << " mu " << mu;
@@ -80,9 +80,9 @@ TEST(CoatTableTest, SmoothCoatMatchesRandomWalks) {
 TEST(CoatTableTest, RoughCoatMatchesRandomWalks) {
   for (float alpha : {0.1f, 0.3f}) {
     for (float mu : {0.9f, 0.3f}) {
-      const auto interface = testing::MakeDielectricFixture(alpha, alpha, 1.5f, true);
-      const auto coat = testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Gray(0.5f));
-      const Vec3f wo = testing::DirectionAt(mu, 1);
+      const auto interface = sheaf::testing::MakeDielectricFixture(alpha, alpha, 1.5f, true);
+      const auto coat = sheaf::testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Gray(0.5f));
+      const Vec3f wo = sheaf::testing::DirectionAt(mu, 1);
       const Estimate walk = WalkThroughCoat(interface.bsdf, wo, 0.01f, 0.5f);
       EXPECT_NEAR(CoatAlbedo(coat.bsdf, wo), walk.mean, 5 * walk.error + 0.01 * walk.mean)
           << "alpha " << alpha << " mu " << mu;
@@ -95,11 +95,11 @@ TEST(CoatTableTest, RoughCoatMatchesRandomWalks) {
 TEST(CoatTableTest, LossyCoatMatchesLossyRandomWalks) {
   for (float alpha : {0.1f, 0.4f, 0.8f}) {
     for (float mu : {0.9f, 0.3f}) {
-      const auto interface = testing::MakeDielectricFixture(alpha, alpha, 1.5f, false);
-      auto coat = testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Gray(0.5f));
+      const auto interface = sheaf::testing::MakeDielectricFixture(alpha, alpha, 1.5f, false);
+      auto coat = sheaf::testing::MakeCoatFixture(alpha, alpha, 1.5f, 0.01f, Rgb::Gray(0.5f));
       const CoatRow lossy = MakeCoatRow({alpha, alpha}, 1.5f, 0.01f, false);
       coat.bsdf.coat = &lossy;
-      const Vec3f wo = testing::DirectionAt(mu, 1);
+      const Vec3f wo = sheaf::testing::DirectionAt(mu, 1);
       const Estimate walk = WalkThroughCoat(interface.bsdf, wo, 0.01f, 0.5f);
       EXPECT_NEAR(CoatAlbedo(coat.bsdf, wo), walk.mean, 5 * walk.error + 0.003 * walk.mean)
           << "alpha " << alpha << " mu " << mu;
@@ -127,13 +127,13 @@ TEST(CoatTableTest, ReferenceRendererWeightsDoNotSumToOne) {
   constexpr int kSteps = 400;
   const std::pair<float, double> expected[] = {{0.95f, 1.073}, {0.8f, 1.086}, {0.4f, 1.115}};
   for (const auto& [mu, weights] : expected) {
-    const Vec3f wi = testing::DirectionAt(mu, 0);
+    const Vec3f wi = sheaf::testing::DirectionAt(mu, 0);
     double carried = 0, weighted = 0;
     for (int i = 0; i < kSteps * kSteps; ++i) {
       const float cosine = std::sqrt((static_cast<float>(i / kSteps) + 0.5f) / kSteps);
       const float phi =
           2 * static_cast<float>(kPi) * (static_cast<float>(i % kSteps) + 0.5f) / kSteps;
-      const Vec3f w = FlipZ(testing::DirectionAt(cosine, phi));
+      const Vec3f w = FlipZ(sheaf::testing::DirectionAt(cosine, phi));
       const double by_base = static_cast<double>(cosine) / kPi;
       const double by_interface = transmission_pdf(eta, wi, w);
       const double of_way_out = transmission_pdf(1 / eta, FlipZ(w), FlipZ(wi));

@@ -13,24 +13,24 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BsdfFixture;
-using testing::CounterUniforms;
-using testing::DirectionAt;
+using sheaf::testing::BsdfFixture;
+using sheaf::testing::CounterUniforms;
+using sheaf::testing::DirectionAt;
 
 struct Layers {
   float interface_alpha, base_alpha, eta, thickness, reflectance;
 };
 BsdfFixture CoatOf(const Layers& layers, bool keeps_energy = true) {
-  return testing::MakeConductorCoatFixture({layers.interface_alpha, layers.interface_alpha},
-                                           {layers.base_alpha, layers.base_alpha}, layers.eta,
-                                           layers.thickness, layers.reflectance, keeps_energy);
+  return sheaf::testing::MakeConductorCoatFixture(
+      {layers.interface_alpha, layers.interface_alpha}, {layers.base_alpha, layers.base_alpha},
+      layers.eta, layers.thickness, layers.reflectance, keeps_energy);
 }
 BsdfFixture BaseOf(const Layers& layers, bool keeps_energy) {
   const float k = layers.reflectance >= 1
                       ? kPerfectConductorK
                       : 2 * std::sqrt(layers.reflectance / (1 - layers.reflectance));
-  return testing::MakeConductorFixture(layers.base_alpha, layers.base_alpha, Rgb::Gray(1),
-                                       Rgb::Gray(k), keeps_energy);
+  return sheaf::testing::MakeConductorFixture(layers.base_alpha, layers.base_alpha, Rgb::Gray(1),
+                                              Rgb::Gray(k), keeps_energy);
 }
 
 // Energy that leaves, and its deviation from the mirror direction.
@@ -64,7 +64,7 @@ class EnergySum {
 CoatEstimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy) {
   constexpr uint64_t kWalks = 60000;
   constexpr uint64_t kStepsMax = 1000;
-  const BsdfFixture interface = testing::MakeDielectricFixture(
+  const BsdfFixture interface = sheaf::testing::MakeDielectricFixture(
       layers.interface_alpha, layers.interface_alpha, layers.eta, keeps_energy);
   const BsdfFixture base = BaseOf(layers, keeps_energy);
   EnergySum sum(wo);

@@ -17,9 +17,9 @@
 namespace sheaf::render {
 namespace {
 
-using testing::DoubleGauss;
-using testing::Lens;
-using testing::MakeLens;
+using sheaf::testing::DoubleGauss;
+using sheaf::testing::Lens;
+using sheaf::testing::MakeLens;
 
 // n = 1.5, radii 50 and -80, 6 thick: the lensmaker's equation for thick lenses, Hecht, Optics,
 // sec. 6.1.
@@ -66,7 +66,7 @@ TEST(LensSystemTest, PathsAreReversible) {
   const LensSystem lens = MakeLens(DoubleGauss());
   int passed = 0;
   for (uint64_t i = 0; i < 2000; ++i) {
-    const auto u = testing::CounterUniforms(7, i);
+    const auto u = sheaf::testing::CounterUniforms(7, i);
     const Vec3d o{40.0 * u[0] - 20, 0, 0};
     const Vec3d d = Normalize(Vec3d{60.0 * u[1] - 30 - o.x, 60.0 * u[2] - 30, lens.rear_z_mm()});
     LensRay ray{o, d};
@@ -90,7 +90,7 @@ TEST(LensSystemTest, ImagesAreUpright) {
   ASSERT_TRUE(lens.ok()) << lens.status();
   const auto direction = [&](Vec2d film) {
     for (uint64_t i = 0;; ++i) {
-      const auto u = testing::CounterUniforms(3, i);
+      const auto u = sheaf::testing::CounterUniforms(3, i);
       LensRay ray;
       if (lens->MakeRay(film, {u[0], u[1]}, &ray) > 0) return ray.d;
     }
@@ -124,7 +124,7 @@ TEST(ExitPupilTest, NoLightIsLost) {
       double steered = 0, steered_squares = 0, even = 0, even_squares = 0;
       constexpr int kCount = 300000;
       for (uint64_t i = 0; i < kCount; ++i) {
-        const auto u = testing::CounterUniforms(11, i);
+        const auto u = sheaf::testing::CounterUniforms(11, i);
         const PupilSample sample = pupil.Sample({radius, 0}, {u[0], u[1]});
         const double a = value(sample.p_mm) / sample.pdf_per_mm2;
         const double b = value({all.x0 + static_cast<double>(u[1]) * (all.x1 - all.x0),
@@ -152,7 +152,7 @@ TEST(ExitPupilTest, BoxesContainTransmittedRays) {
   const ExitPupil pupil(lens, 25);
   int passed = 0, outside = 0;
   for (uint64_t i = 0; i < 1000000; ++i) {
-    const auto u = testing::CounterUniforms(13, i);
+    const auto u = sheaf::testing::CounterUniforms(13, i);
     const double radius = 25 * static_cast<double>(u[0]);
     const ExitPupil::Box all = pupil.All(radius);
     const Vec2d p{all.x0 + static_cast<double>(u[1]) * (all.x1 - all.x0),
@@ -177,7 +177,7 @@ TEST(ExitPupilTest, WrongBoxesLoseNoLight) {
   double sums[2] = {}, squares[2] = {};
   constexpr int kCount = 2000000;
   for (uint64_t i = 0; i < kCount; ++i) {
-    const auto u = testing::CounterUniforms(17, i);
+    const auto u = sheaf::testing::CounterUniforms(17, i);
     for (int k = 0; k < 2; ++k) {
       const PupilSample sample = (k == 0 ? right : wrong).Sample(film, {u[0], u[1]});
       LensRay ray{
@@ -213,7 +213,7 @@ TEST(RealisticLensTest, WeightsMatchTheFilmIrradiance) {
     double sum = 0, squares = 0;
     constexpr int kCount = 400000;
     for (uint64_t i = 0; i < kCount; ++i) {
-      const auto u = testing::CounterUniforms(19, i);
+      const auto u = sheaf::testing::CounterUniforms(19, i);
       LensRay ray;
       const double weight = lens->MakeRay({0.5, 0.5}, {u[0], u[1]}, &ray);
       sum += weight / kCount;
@@ -242,7 +242,7 @@ TEST(RealisticLensTest, ApertureShapesAreEquallyBright) {
     double sum = 0;
     constexpr int kCount = 400000;
     for (uint64_t i = 0; i < kCount; ++i) {
-      const auto u = testing::CounterUniforms(23, i);
+      const auto u = sheaf::testing::CounterUniforms(23, i);
       LensRay ray;
       sum += lens->MakeRay({0.5, 0.5}, {u[0], u[1]}, &ray) / kCount;
     }

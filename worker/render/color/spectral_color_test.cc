@@ -16,10 +16,10 @@
 namespace sheaf::render {
 namespace {
 
-using testing::BlackbodyOf;
+using sheaf::testing::BlackbodyOf;
+using sheaf::testing::Named;
+using sheaf::testing::RgbSpec;
 using testing::ExpectNear;
-using testing::Named;
-using testing::RgbSpec;
 
 // Linear sRGB of spectral radiance by the sums defined in spectrum.h.
 Rgb Integrate(const std::function<double(float nm)>& radiance) {

@@ -80,7 +80,7 @@ TEST(GuidingCodecTest, FieldsComeBack) {
     const GuidingRegion *a = field.RegionAt({p}), *b = back->RegionAt({p});
     ASSERT_NE(a, nullptr);
     ASSERT_NE(b, nullptr);
-    const std::array<float, 3> u = testing::CounterUniforms(5, i);
+    const std::array<float, 3> u = sheaf::testing::CounterUniforms(5, i);
     const Vec3f w = a->Sample({u[0], u[1]});
     ASSERT_EQ(b->Sample({u[0], u[1]}), w);
     ASSERT_EQ(b->Pdf(w), a->Pdf(w));
@@ -120,7 +120,7 @@ TEST(GuidingCodecTest, DamageIsRefusedOrHarmless) {
       ASSERT_NE(region, nullptr);
       ASSERT_TRUE(std::isfinite(region->ScatteredLight()));
       for (uint64_t i = 0; i < 20; ++i) {
-        const std::array<float, 3> u = testing::CounterUniforms(at, i);
+        const std::array<float, 3> u = sheaf::testing::CounterUniforms(at, i);
         const Vec3f w = region->Sample({u[0], u[1]});
         ASSERT_NEAR(LengthSquared(w), 1, 1e-6f);
         ASSERT_TRUE(region->Pdf(w) > 0 && std::isfinite(region->Pdf(w))) << at;

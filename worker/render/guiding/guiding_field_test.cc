@@ -56,7 +56,7 @@ TEST(GuidingFieldTest, SamplesFollowTheDensity) {
   ASSERT_NE(region, nullptr);
   std::vector<int> counts(kSide * kSide);
   for (uint64_t i = 0; i < kSamples; ++i) {
-    const std::array<float, 3> u = testing::CounterUniforms(3, i);
+    const std::array<float, 3> u = sheaf::testing::CounterUniforms(3, i);
     const Vec3f w = region->Sample({u[0], u[1]});
     ASSERT_NEAR(LengthSquared(w), 1, 1e-6f);
     ASSERT_GE(PdfAt(*region, w), kUniform * kGuidingUniformShare * 0.999);
@@ -71,7 +71,7 @@ TEST(GuidingFieldTest, SamplesFollowTheDensity) {
     ASSERT_GT(expected, 5);
     statistic += (counts[i] - expected) * (counts[i] - expected) / expected;
   }
-  EXPECT_GT(testing::UpperGammaQ((kSide * kSide - 1) / 2.0, statistic / 2), 1e-3);
+  EXPECT_GT(sheaf::testing::UpperGammaQ((kSide * kSide - 1) / 2.0, statistic / 2), 1e-3);
 }
 
 // An even grid of random numbers puts as many samples into each half of the sphere as it holds.
@@ -115,7 +115,7 @@ TEST(GuidingFieldTest, SmallSourceIsFound) {
     for (uint64_t i = 0; i < uint64_t{20000} << k; ++i) {
       const Found even = FindLight(SkyAndSource, i);
       const GuidingRegion* region = field.RegionAt({even.p});
-      const std::array<float, 3> u = testing::CounterUniforms(6, i);
+      const std::array<float, 3> u = sheaf::testing::CounterUniforms(6, i);
       const Vec3f w = region != nullptr && u[2] < 0.5f ? region->Sample({u[0], u[1]}) : even.w;
       const double pdf = region != nullptr ? (kUniform + PdfAt(*region, w)) / 2 : kUniform;
       statistics.Add(Reported(even.p, w, light(w) / pdf));
@@ -134,7 +134,7 @@ TEST(GuidingFieldTest, SmallSourceIsFound) {
     density += PdfAt(*region, kSource) / kPoints;
     int hits = 0;
     for (uint64_t n = 0; n < kDraws; ++n) {
-      const std::array<float, 3> u = testing::CounterUniforms(7 + i, n);
+      const std::array<float, 3> u = sheaf::testing::CounterUniforms(7 + i, n);
       hits += Dot(region->Sample({u[0], u[1]}), kSource) > 0.9992f;
     }
     ASSERT_GT(hits, 50 * 4e-4 * kDraws) << i;
@@ -225,7 +225,7 @@ TEST(GuidingFieldTest, IterationsAreJoined) {
   int of_joined = 0, of_alone = 0;
   constexpr int kDraws = 1000;
   for (uint64_t n = 0; n < kDraws; ++n) {
-    const std::array<float, 3> u = testing::CounterUniforms(8, n);
+    const std::array<float, 3> u = sheaf::testing::CounterUniforms(8, n);
     of_joined += Dot(joined.RegionAt({0, 0, 0})->Sample({u[0], u[1]}), kSource) > 0.8f;
     of_alone += Dot(alone.RegionAt({0, 0, 0})->Sample({u[0], u[1]}), kSource) > 0.8f;
   }
@@ -327,7 +327,7 @@ TEST(GuidingFieldTest, ScalesChangeNoDecision) {
     const GuidingRegion *a = plain.RegionAt({p}), *b = scaled.RegionAt({p * kLength});
     ASSERT_NE(a, nullptr);
     ASSERT_NE(b, nullptr);
-    const std::array<float, 3> u = testing::CounterUniforms(4, i);
+    const std::array<float, 3> u = sheaf::testing::CounterUniforms(4, i);
     const Vec3f w = a->Sample({u[0], u[1]});
     ASSERT_EQ(b->Sample({u[0], u[1]}), w);
     ASSERT_EQ(b->Pdf(w), a->Pdf(w));

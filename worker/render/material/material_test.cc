@@ -69,7 +69,7 @@ Rgb ColorAt(const MaterialTable& table, int32_t material, Vec2f uv) {
 
 // 2 x 2: red green / blue white, top row first.
 ImageTexture FourTexels(Fixture* fixture) {
-  const std::string path = testing::TemporaryPath("four.png");
+  const std::string path = sheaf::testing::TemporaryPath("four.png");
   EXPECT_TRUE(WritePng(path, 2, 2, {{255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {255, 255, 255}}).ok());
   fixture->paths["four.png"] = path;
   ImageTexture image;
@@ -194,8 +194,8 @@ TEST(MaterialTableTest, LookupsDoNotDependOnTheCacheState) {
   for (int i = 0; i < 300 * 300; ++i) {
     pixels.push_back({static_cast<uint8_t>(i * 7), static_cast<uint8_t>(i * 13), 50});
   }
-  ASSERT_TRUE(WritePng(testing::TemporaryPath("large.png"), 300, 300, pixels).ok());
-  f.paths["large.png"] = testing::TemporaryPath("large.png");
+  ASSERT_TRUE(WritePng(sheaf::testing::TemporaryPath("large.png"), 300, 300, pixels).ok());
+  f.paths["large.png"] = sheaf::testing::TemporaryPath("large.png");
   ImageTexture image;
   image.file = "large.png";
   const int32_t t = f.AddTexture(ColorTexture(image));
