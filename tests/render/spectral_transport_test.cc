@@ -17,7 +17,7 @@ namespace {
 using sheaf::testing::Named;
 using sheaf::testing::RgbSpec;
 
-FrameSettings Spectral(FrameSettings settings) {
+FrameSettings InSpectra(FrameSettings settings) {
   settings.color = ColorTransport::kSpectral;
   return settings;
 }
@@ -55,7 +55,7 @@ TEST(SpectralTransportTest, InterreflectionSaturatesByTheSpectrum) {
   t.scene.shapes.back().reverse_orientation = true;
   const SpectralColor spectrum = SpectralColor::Make(RgbSpec(rho), ColorRole::kReflectance);
   const Rgb expected = UnderWhite([&](float nm) { return 1 / (1 - spectrum.At(nm)); });
-  ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 200))), expected);
+  ExpectColor(RenderMean(t.scene, InSpectra(SquareSettings(8, 1024, 200))), expected);
   EXPECT_GT(std::fabs(expected.r - 1 / (1 - rho.r)), 0.02f);  // RGB's answer differs.
 }
 
@@ -72,7 +72,7 @@ TEST(SpectralTransportTest, MetalsReflectTheirMeasuredSpectrum) {
     return ConductorNormalReflectance(EvaluateSpectrum(gold.eta.value, nm),
                                       EvaluateSpectrum(gold.k.value, nm));
   });
-  ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 4))), expected);
+  ExpectColor(RenderMean(t.scene, InSpectra(SquareSettings(8, 1024, 4))), expected);
 }
 
 // Under a coat, a measured metal reflects each wavelength by its index relative to the coat's, with
@@ -93,7 +93,7 @@ TEST(SpectralTransportTest, CoatedMetalsReflectTheirMeasuredSpectrum) {
                                         EvaluateSpectrum(lacquered.conductor.k.value, nm) / n);
     return outside + (1 - outside) * (1 - outside) * kept / (1 - outside * kept);
   });
-  ExpectColor(RenderMean(t.scene, Spectral(SquareSettings(8, 1024, 4))), expected);
+  ExpectColor(RenderMean(t.scene, InSpectra(SquareSettings(8, 1024, 4))), expected);
   // RGB transport uses the metal's color in the coat.
   const TileMean rgb = RenderMean(t.scene, SquareSettings(8, 16, 4));
   for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(rgb.mean[c], expected[c], 0.01) << c;
@@ -156,7 +156,7 @@ TEST(SpectralTransportTest, GrayScenesAgreeInBothTransports) {
       .area_light = t.AreaLight(Rgb::Gray(5));
   const FrameSettings settings = SquareSettings(16, 1024, 8);
   const TileMean rgb = RenderMean(t.scene, settings);
-  const TileMean spectral = RenderMean(t.scene, Spectral(settings));
+  const TileMean spectral = RenderMean(t.scene, InSpectra(settings));
   for (size_t c = 0; c < 3; ++c) {
     const double error = std::hypot(rgb.standard_error[c], spectral.standard_error[c]);
     EXPECT_NEAR(rgb.mean[c], spectral.mean[c], 5 * error + 5e-4 * rgb.mean[c]) << c;
