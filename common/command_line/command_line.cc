@@ -43,10 +43,25 @@ std::string Remarks(const CLI::Option& option) {
   return remarks.empty() ? "" : absl::StrCat(" (", absl::StrJoin(remarks, "; "), ")");
 }
 
+// The name, whose choices go on in further lines where one does not hold them. *column: the length
+// of the last line.
+std::string HelpName(const std::string& name, size_t* column) {
+  constexpr char kIndent[] = "      ";
+  std::string lines, line = "  " + name;
+  while (line.size() > kHelpColumns) {
+    const size_t bar = line.rfind('|', kHelpColumns - 1);
+    if (bar == std::string::npos) break;
+    absl::StrAppend(&lines, line.substr(0, bar + 1), "\n");
+    line = kIndent + line.substr(bar + 1);
+  }
+  *column = line.size();
+  return lines + line;
+}
+
 // Two columns; the right one is wrapped.
 std::string HelpEntry(const std::string& name, const std::string& text) {
-  std::string entry = "  " + name;
-  size_t column = entry.size();
+  size_t column = 0;
+  std::string entry = HelpName(name, &column);
   const auto start_line = [&] {
     entry += "\n" + std::string(kNameColumns, ' ');
     column = kNameColumns;

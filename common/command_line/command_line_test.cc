@@ -6,6 +6,12 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 
 namespace sheaf {
 namespace {
@@ -68,6 +74,17 @@ TEST_F(CommandLineTest, SuggestsNearestNames) {
   EXPECT_THAT(Parse({"render", "a.pbrt", "b.pbrt"}),
               HasSubstr("\"b.pbrt\" is an unexpected argument"));
   EXPECT_THAT(Parse({"\x1b[31m"}), HasSubstr("\\x1b[31m"));
+}
+
+// Regression: eight choices of `--techniques` made a line of 137 columns.
+TEST_F(CommandLineTest, ChoicesGoOnInFurtherLines) {
+  std::vector<std::pair<std::string, int>> choices;
+  for (int i = 0; i < 20; ++i) choices.emplace_back(absl::StrCat("choice-", i), i);
+  AddChoice<int, int>(command_, "--long", &color_, choices, "The choice");
+  const std::vector<std::string> lines = absl::StrSplit(Help(), '\n');
+  for (const std::string& line : lines) EXPECT_LE(line.size(), 100u) << line;
+  EXPECT_THAT(lines, ::testing::Contains(::testing::StartsWith("      choice-")));
+  EXPECT_THAT(Help(), HasSubstr("choice-19"));
 }
 
 TEST_F(CommandLineTest, ChoicesAreDescribed) {

@@ -32,6 +32,23 @@ bool HasEnded(SubmissionState state) {
   return state == SubmissionState::kSubmitted || state == SubmissionState::kRefused;
 }
 
+// Whether fewer than count_max of the submissions that count are left; the oldest of them that has
+// ended makes room for one more.
+template <typename Counts, typename Entries>
+bool MakeRoomAmong(size_t count_max, const Counts& counts, Entries* entries) {
+  size_t count = 0;
+  auto ended = entries->end();
+  for (auto it = entries->begin(); it != entries->end(); ++it) {
+    if (!counts(*it->second)) continue;
+    ++count;
+    if (ended == entries->end() && HasEnded(it->second->view.state)) ended = it;
+  }
+  if (count < count_max) return true;
+  if (ended == entries->end()) return false;
+  entries->erase(ended);
+  return true;
+}
+
 absl::Status NoSuchSubmissionError(const std::string& id) {
   return absl::NotFoundError(absl::StrCat(
       "submissions/", Printable(id, 40), ": there is none, or it has ended; drop the files again"));
@@ -123,26 +140,14 @@ void Submissions::EndSilent(SteadyTime now) {
 }
 
 absl::Status Submissions::MakeRoom(const std::string& owner) {
-  const auto make_room = [&](size_t count_max, const auto& counts) {
-    size_t count = 0;
-    auto ended = entries_.end();  // The oldest that has.
-    for (auto it = entries_.begin(); it != entries_.end(); ++it) {
-      if (!counts(*it->second)) continue;
-      ++count;
-      if (ended == entries_.end() && HasEnded(it->second->view.state)) ended = it;
-    }
-    if (count < count_max) return true;
-    if (ended == entries_.end()) return false;
-    entries_.erase(ended);
-    return true;
-  };
-  if (!make_room(kSubmissionsOfOwnerMax,
-                 [&](const Submission& other) { return other.caller.owner == owner; })) {
+  const auto is_owners = [&](const Submission& other) { return other.caller.owner == owner; };
+  if (!MakeRoomAmong(kSubmissionsOfOwnerMax, is_owners, &entries_)) {
     return absl::ResourceExhaustedError(
         absl::StrCat(owner, " has ", kSubmissionsOfOwnerMax,
                      " submissions under way, the limit; wait until one has ended"));
   }
-  if (!make_room(kSubmissionsMax, [](const Submission&) { return true; })) {
+  const auto is_any = [](const Submission&) { return true; };
+  if (!MakeRoomAmong(kSubmissionsMax, is_any, &entries_)) {
     return absl::ResourceExhaustedError(
         absl::StrCat(kSubmissionsMax, " submissions are under way, the limit; try again later"));
   }
