@@ -13,16 +13,12 @@ import tempfile
 import time
 import urllib.request
 
+import farm
+
 HERE = os.path.dirname(os.path.abspath(__file__))
 INSTALLED = os.environ.get("SHEAF_S3_ENGINES",
                            os.path.join(HERE, "..", "..", "..", "build", "engines", "s3"))
 START_SECONDS_MAX = 60
-
-
-def free_port():
-    with contextlib.closing(socket.socket()) as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
 
 
 class Server:
@@ -32,7 +28,7 @@ class Server:
     def __init__(self, size_max=None):
         self.folder = tempfile.mkdtemp(prefix="sheaf-s3-")
         self.size_max = size_max
-        self.port = free_port()
+        self.port = farm.free_port()
         self.processes = []
 
     def __enter__(self):
@@ -175,7 +171,7 @@ class Swift(Server):
         etc = os.path.join(self.folder, "etc")
         os.makedirs(etc)
         os.makedirs(os.path.join(self.folder, "devices", "d1"))
-        self.memcache = free_port()
+        self.memcache = farm.free_port()
 
         def write(name, text):
             with open(os.path.join(etc, name), "w", encoding="utf-8") as f:
@@ -184,7 +180,7 @@ class Swift(Server):
         write("swift.conf", "[swift-hash]\nswift_hash_path_suffix = sheaf\n")
         write("proxy.conf", SWIFT_PROXY.format(port=self.port, memcache=self.memcache))
         for name in ("account", "container", "object"):
-            port = free_port()
+            port = farm.free_port()
             write(name + ".conf", SWIFT_SERVER.format(name=name, port=port))
             builder = f"/srv/etc/{name}.builder"
             subprocess.run(self.inside(
