@@ -40,7 +40,7 @@ constexpr absl::Duration kDatabaseRunMax = absl::Seconds(10);
 
 struct Load {
   bool protect = false;
-  std::string database;  // The URL of PostgreSQL's; empty: SQLite.
+  std::string database = {};  // The URL of PostgreSQL's; empty: SQLite.
   int worker_count = 4;
   bool in_process = false;
   absl::Duration time_max = kRunMax;  // The job ends earlier, or is left.
