@@ -4,9 +4,13 @@
 // The part of SqlJobStore that stores parts: first the object, then the row, then the call
 // returns OK.
 #include <algorithm>
+#include <array>
+#include <set>
+#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/base/log.h"
 #include "coordinator/store/row_columns.h"
 #include "coordinator/store/sql_job_store.h"
@@ -17,6 +21,45 @@ namespace {
 
 // The most parts of a group: their rows keep the database for some milliseconds.
 constexpr size_t kGroupPartsMax = 1024;
+// How many rows one statement inserts: the first that are not more than are left. The text of each
+// is prepared once for a connection, so they are few; with the columns of a row they stay far below
+// the 32,766 parameters that SQLite takes.
+constexpr std::array<size_t, 4> kStatementRows = {128, 32, 8, 2};
+
+absl::Status KeyHasPart() { return absl::AlreadyExistsError("the key has a part already"); }
+
+size_t StatementRows(size_t left) {
+  const auto fits = std::ranges::find_if(kStatementRows, [left](size_t n) { return n <= left; });
+  return fits == kStatementRows.end() ? 1 : *fits;
+}
+
+// Inserts several rows by one statement, because PostgreSQL answers each statement after a round
+// trip (docs/adr/0081). Says of each row whether it is stored; one whose key has a part is not.
+// Requires: no two rows are equal.
+absl::StatusOr<std::vector<bool>> InsertTogether(std::span<const PartRow* const> rows,
+                                                 Database* database) {
+  const std::string marks =
+      absl::StrJoin(std::vector<std::string>(ColumnsOf<Sealed<PartRow>>().size(), "?"), ",");
+  std::string sql = absl::StrCat("INSERT ", IntoTable<Sealed<PartRow>>("parts"));
+  for (size_t i = 1; i < rows.size(); ++i) absl::StrAppend(&sql, ",(", marks, ")");
+  Statement insert = database->Prepare(absl::StrCat(sql, " ON CONFLICT DO NOTHING RETURNING seal"));
+  std::vector<int64_t> seals;
+  for (const PartRow* row : rows) {
+    const Sealed<PartRow> sealed = Seal(*row);
+    seals.push_back(sealed.seal);
+    BindRow(sealed, &insert);
+  }
+  std::set<int64_t> stored;
+  while (true) {
+    const absl::StatusOr<bool> row = insert.Step();
+    if (!row.ok()) return row.status();
+    if (!*row) break;
+    stored.insert(insert.Int64(0));
+  }
+  std::vector<bool> is_stored;
+  for (const int64_t seal : seals) is_stored.push_back(stored.contains(seal));
+  return is_stored;
+}
 
 }  // namespace
 
@@ -139,11 +182,27 @@ void SqlJobStore::CommitGroup(const std::vector<PendingPart*>& parts) {
 absl::Status SqlJobStore::CommitRows(const std::vector<PendingPart*>& parts) {
   const MutexLock lock(&database_mutex_);
   return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
-    for (PendingPart* pending : parts) {
-      pending->status = InsertRow(*pending->row);
-      // A key that exists already affects only its own row. Other errors may have ended the
-      // transaction, and later rows would then be inserted outside it.
-      if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) return pending->status;
+    std::span<PendingPart* const> left(parts);
+    while (!left.empty()) {
+      const auto together = left.first(StatementRows(left.size()));
+      left = left.subspan(together.size());
+      if (together.size() == 1) {
+        PendingPart* const pending = together.front();
+        pending->status = InsertRow(*pending->row);
+        // A key that exists already affects only its own row. Other errors may have ended the
+        // transaction, and later rows would then be inserted outside it.
+        if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) {
+          return pending->status;
+        }
+        continue;
+      }
+      std::vector<const PartRow*> rows;
+      for (const PendingPart* pending : together) rows.push_back(pending->row);
+      const absl::StatusOr<std::vector<bool>> is_stored = InsertTogether(rows, database_.get());
+      if (!is_stored.ok()) return is_stored.status();
+      for (size_t i = 0; i < together.size(); ++i) {
+        if (!(*is_stored)[i]) together[i]->status = KeyHasPart();
+      }
     }
     return AddUsageOf(parts);
   });
@@ -154,8 +213,7 @@ absl::Status SqlJobStore::InsertRow(const PartRow& row) {
   Statement insert = database_->Prepare(
       absl::StrCat("INSERT ", IntoTable<Sealed<PartRow>>("parts"), " ON CONFLICT DO NOTHING"));
   if (absl::Status status = BindRow(Seal(row), &insert).Run(); !status.ok()) return status;
-  return database_->ChangedRows() == 1 ? absl::OkStatus()
-                                       : absl::AlreadyExistsError("the key has a part already");
+  return database_->ChangedRows() == 1 ? absl::OkStatus() : KeyHasPart();
 }
 
 absl::StatusOr<std::optional<PartRow>> SqlJobStore::FindPart(const PartKey& key) {

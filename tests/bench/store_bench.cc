@@ -5,9 +5,11 @@
 // second by the number of calls that write at the same time, with the 50th and 99th percentile of a
 // call; and the time to open a frame of 262,144 tiles, which is spent under the farm's lock.
 //
-//   store_bench DIRECTORY [SECONDS [URL]]   a new folder on the disk to measure; seconds a row, 3
-//                                           unless said otherwise; a PostgreSQL database, whose
-//                                           tables of jobs are removed first
+//   store_bench DIRECTORY [SECONDS [DATABASE]]
+//
+// DIRECTORY: a new folder on the disk to measure. SECONDS: of each row, 3 unless said otherwise.
+// DATABASE: "sqlite", or the URL of a PostgreSQL database, whose tables of jobs are removed first;
+// then only parts are measured.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -100,6 +102,7 @@ void MeasureParts(const std::string& directory, const FarmOwnership* owner, cons
   std::printf("%5d writers: %6.0f durable parts/s, a call p50 %.1f ms, p99 %.1f ms\n", writer_count,
               rate, milliseconds[milliseconds.size() / 2],
               milliseconds[milliseconds.size() * 99 / 100]);
+  std::fflush(stdout);  // A pipe sees each row when it ends.
 }
 
 void MeasureOpening() {
@@ -122,13 +125,14 @@ void MeasureOpening() {
 int main(int argc, char** argv) {
   if (argc < 2 || std::filesystem::exists(argv[1])) {
     std::fprintf(stderr,
-                 "usage: store_bench DIRECTORY [SECONDS [URL]]; the directory must be new\n");
+                 "usage: store_bench DIRECTORY [SECONDS [DATABASE]]; the directory must be new\n");
     return 2;
   }
   const double seconds = argc > 2 ? std::atof(argv[2]) : 3;
-  const std::string url = argc > 3 ? argv[3] : "";
+  const std::string database = argc > 3 ? argv[3] : "";
+  const std::string url = database == "sqlite" ? "" : database;
   const auto owner = sheaf::coordinator::OwnFarm(url);
-  sheaf::coordinator::MeasureOpening();
+  if (database.empty()) sheaf::coordinator::MeasureOpening();
   for (const int writers : {1, 16, 100, 1000}) {
     sheaf::coordinator::MeasureParts(absl::StrCat(argv[1], "/", writers), owner.get(), url, writers,
                                      seconds);

@@ -18,7 +18,7 @@ import unittest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "integration"))
 import farm  # noqa: E402
-from client_case import SCENE, free_port  # noqa: E402
+from client_case import SCENE  # noqa: E402
 from commands import blocks  # noqa: E402
 
 SSH = """#!/bin/sh
@@ -34,7 +34,7 @@ class Reader:
 
     def __enter__(self):
         self.folder = tempfile.mkdtemp(prefix="sheaf reader ")
-        self.port, self.http = free_port(), free_port()
+        self.port, self.http = farm.free_port(), farm.free_port()
         self.daemons = []
         shims, node = os.path.join(self.folder, "bin"), os.path.join(self.folder, "node")
         os.makedirs(shims)

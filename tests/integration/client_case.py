@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What tests of the client share: a farm with one worker, exit codes, and runs of `sheaf`."""
 import os
-import socket
 import subprocess
 import unittest
 
@@ -27,12 +26,6 @@ def run(*arguments, seconds=30, environment=None):
                           stdin=subprocess.DEVNULL, capture_output=True, text=True,
                           timeout=seconds * farm.TIME_SCALE,
                           env=dict(os.environ, **(environment or {})))
-
-
-def free_port():
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
 
 
 class ClientCase(unittest.TestCase):

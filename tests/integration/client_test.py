@@ -18,7 +18,7 @@ from urllib.request import Request, urlopen
 
 import farm
 from client_case import (BAD_SCENE, CANCELLED, FAILED, FILE, OK, SCENE, UNREACHABLE, USAGE,
-                         ClientCase, free_port, run)
+                         ClientCase, run)
 
 TURNTABLE = os.path.join(farm.ROOT, "scenes", "turntable", "turntable.####.pbrt")
 SMALL = ("--crop", "120,60,200,120", "--samples", "4")
@@ -96,7 +96,7 @@ class ClientTest(ClientCase):
                  (["plan", scene, "--json"], BAD_SCENE, "wrong.pbrt:8:1"),
                  (["render", self.farm.path("none.pbrt"), "--json"], FILE, "none.pbrt"),
                  (["render", scene, "--json", "-o", "a.jpg"], USAGE, "a.jpg"),
-                 (["list", "--json", "--coordinator", f"127.0.0.1:{free_port()}"], UNREACHABLE,
+                 (["list", "--json", "--coordinator", f"127.0.0.1:{farm.free_port()}"], UNREACHABLE,
                   "sheaf-coordinator"))
         for arguments, code, words in cases:
             with self.subTest(arguments=arguments):
@@ -296,7 +296,7 @@ class ClientTest(ClientCase):
                 self.assertNotEqual(self.expect(run(*arguments), USAGE).stderr, "")
 
     def test_no_coordinator_answers(self):
-        address = f"127.0.0.1:{free_port()}"
+        address = f"127.0.0.1:{farm.free_port()}"
         done = self.expect(run("list", "--coordinator", address), UNREACHABLE)
         self.assertRegex(done.stderr, f"^sheaf: no coordinator answers at {address}: the "
                          r"connection was refused \(gave up after \d+ attempts\); start one with "

@@ -14,8 +14,7 @@ import unittest
 from urllib.parse import urlencode
 from urllib.request import urlopen
 
-from client_case import free_port
-from farm import ROOT, TIME_SCALE, Farm, wait_until
+from farm import ROOT, TIME_SCALE, Farm, free_port, wait_until
 from secure_farm_test import MANY, Browser, SecureFarm
 
 MONITORING = os.path.join(ROOT, "deploy", "monitoring")

@@ -27,7 +27,7 @@ except ImportError as missing:
              "/usr/bin/python3")
 
 import farm as farms
-from client_case import SCENE, free_port
+from client_case import SCENE
 from secure_farm_test import SecureFarm
 
 PACKAGE = os.path.join(farms.ROOT, "python")
@@ -118,7 +118,7 @@ class PackageTest(unittest.TestCase):
 
     def test_nobody_answers(self):
         with mock.patch("sheaf.connection.FIRST_ANSWER_SECONDS", 0.2):
-            with sheaf.connect(f"127.0.0.1:{free_port()}") as client:
+            with sheaf.connect(f"127.0.0.1:{farms.free_port()}") as client:
                 with self.assertRaisesRegex(sheaf.UnreachableError,
                                             "no coordinator answers at .*start one"):
                     client.list_jobs()
@@ -343,7 +343,7 @@ class OtherFarmsTest(unittest.TestCase):
                 tag.startswith("instance.local.") for tag in w.message.tags)
                 and w.state in (sheaf.WorkerState.IDLE, sheaf.WorkerState.BUSY)]
         with farms.Farm() as farm, tempfile.TemporaryDirectory() as folder:
-            both = f"127.0.0.1:{free_port()},{farm.address}"
+            both = f"127.0.0.1:{farms.free_port()},{farm.address}"
             with sheaf.connect(both, programs=farms.programs()) as client:
                 autoscaler = start()
                 try:
@@ -373,7 +373,7 @@ class OtherFarmsTest(unittest.TestCase):
             with home("nobody"), self.assertRaisesRegex(sheaf.NotLoggedInError, "speaks TLS"):
                 sheaf.connect(farm.address)
             # The first of two coordinators that share the farm stands by.
-            both = f"{farm.address.partition(':')[0]}:{free_port()},{farm.address}"
+            both = f"{farm.address.partition(':')[0]}:{farms.free_port()},{farm.address}"
             with home("anna"), sheaf.connect(both, programs=farms.programs()) as client:
                 job = client.submit(farm.scene, samples=FEW)
                 self.assertEqual(job.owner, "anna")

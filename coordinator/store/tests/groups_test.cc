@@ -3,6 +3,7 @@
 //
 // Parts that concurrent calls write: groups, and calls that meet at one key.
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -81,6 +82,46 @@ TEST_P(GroupsTest, AKeyThatExistsConcernsItsOwnCallAlone) {
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(stored, 4);
   EXPECT_EQ(refused, 4);
+}
+
+// Groups of many rows, some of which meet at one key: a call is told that its part is stored where
+// the row is that of its part, and nowhere else.
+TEST_P(GroupsTest, EachCallOfALargeGroupHearsOfItsOwnPart) {
+  constexpr uint64_t kCalls = 180;
+  ASSERT_TRUE(store_->WritePart(RowOf("first"), "first").ok());
+  std::vector<PartRow> rows;
+  for (uint64_t i = 0; i < kCalls; ++i) {
+    PartRow row = RowOf("part " + std::to_string(i));
+    // A third meets the part that is there, a third by twos at keys of their own, the others
+    // nobody.
+    if (i % 3 == 1) row.key.block.first = 16 * (1 + i / 6);
+    if (i % 3 == 2) row.key.block.first = 16 * (kCalls + i);
+    rows.push_back(row);
+  }
+  std::vector<absl::Status> told(kCalls);
+  std::vector<std::thread> threads;
+  // The first call waits for this transaction, and the others meanwhile become a group.
+  ASSERT_TRUE(OpenDatabase()
+                  ->InTransaction([&] {
+                    for (uint64_t i = 0; i < kCalls; ++i) {
+                      threads.emplace_back([&, i] {
+                        told[i] = store_->WritePart(rows[i], "part " + std::to_string(i));
+                      });
+                    }
+                    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+                    return absl::OkStatus();
+                  })
+                  .ok());
+  for (std::thread& thread : threads) thread.join();
+  for (uint64_t i = 0; i < kCalls; ++i) {
+    const auto stored = store_->FindPart(rows[i].key);
+    ASSERT_TRUE(stored.ok() && stored->has_value()) << i;
+    const bool is_mine = (*stored)->digest == rows[i].digest;
+    EXPECT_EQ(told[i].code(), is_mine ? absl::StatusCode::kOk : absl::StatusCode::kAlreadyExists)
+        << i;
+    EXPECT_EQ(std::filesystem::exists(store_->PartPath(rows[i])), is_mine) << i;
+  }
+  EXPECT_EQ(store_->ListParts(1)->size(), 1 + kCalls / 6 + kCalls / 3);
 }
 
 TEST_P(GroupsTest, AFailedWriteIsRefusedAndTheNextOnesAreNot) {

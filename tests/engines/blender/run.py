@@ -25,6 +25,9 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "integration"))
+from farm import free_port  # noqa: E402
+
 PACKAGES = ("blender", "python3-numpy", "python3-openimageio", "python3-openvdb")
 SCENES = ("lights", "principled", "coats", "textures", "normals", "glass", "emission", "world",
           "volumes", "instances", "hair", "motion", "lens", "mattes")
@@ -178,12 +181,6 @@ class Farm:
         for process in reversed(self.processes):
             process.terminate()
             process.wait()
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def farm_checks(bench, compare):

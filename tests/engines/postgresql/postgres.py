@@ -24,12 +24,13 @@ def programs():
 
 
 class Server:
-    """Use with `with`. fsync: whether commits wait for the disk, as a real server's do."""
+    """Use with `with`. fsync: whether commits wait for the disk, as a real server's do. parent:
+    where its folder is made."""
 
-    def __init__(self, fsync=True):
+    def __init__(self, fsync=True, parent="/tmp"):
         self.programs = programs()
         # Paths of sockets are short.
-        self.folder = tempfile.mkdtemp(prefix="sheaf-postgres-", dir="/tmp")
+        self.folder = tempfile.mkdtemp(prefix="sheaf-postgres-", dir=parent)
         self.settings = [] if fsync else ["-c", "fsync=off"]
         self.process = None
 

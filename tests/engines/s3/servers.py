@@ -13,16 +13,13 @@ import tempfile
 import time
 import urllib.request
 
+import farm
+
 HERE = os.path.dirname(os.path.abspath(__file__))
 INSTALLED = os.environ.get("SHEAF_S3_ENGINES",
                            os.path.join(HERE, "..", "..", "..", "build", "engines", "s3"))
-START_SECONDS_MAX = 60
-
-
-def free_port():
-    with contextlib.closing(socket.socket()) as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
+START_SECONDS_MAX = 60 * farm.TIME_SCALE
+CALL_SECONDS_MAX = 60 * farm.TIME_SCALE
 
 
 class Server:
@@ -32,7 +29,7 @@ class Server:
     def __init__(self, size_max=None):
         self.folder = tempfile.mkdtemp(prefix="sheaf-s3-")
         self.size_max = size_max
-        self.port = free_port()
+        self.port = farm.free_port()
         self.processes = []
 
     def __enter__(self):
@@ -58,7 +55,7 @@ class Server:
         return subprocess.run(
             ["curl", "-sS", "--aws-sigv4", "aws:amz:us-east-1:s3", "--user",
              f"{self.key}:{self.secret}", "-H", f"x-amz-content-sha256: {empty}", *arguments],
-            capture_output=True, text=True, check=True, timeout=60).stdout
+            capture_output=True, text=True, check=True, timeout=CALL_SECONDS_MAX).stdout
 
     def make_bucket(self):
         self.curl("-X", "PUT", f"http://127.0.0.1:{self.port}/farm")
@@ -149,6 +146,20 @@ use = egg:swift#dlo
 """
 
 
+# The program swift-ring-builder takes three starts for a ring, each of a second and more.
+SWIFT_RINGS = """import sys
+from swift.common.ring import RingBuilder
+for argument in sys.argv[1:]:
+    name, port = argument.split("=")
+    builder = RingBuilder(part_power=4, replicas=1, min_part_hours=1)
+    builder.add_dev({"region": 1, "zone": 1, "ip": "127.0.0.1", "port": int(port), "device": "d1",
+                     "weight": 1.0, "replication_ip": "127.0.0.1", "replication_port": int(port),
+                     "meta": ""})
+    builder.rebalance()
+    builder.get_ring().save("/srv/etc/" + name + ".ring.gz")
+"""
+
+
 class Swift(Server):
     """Account, container and object server with one device, memcached, and the proxy with s3api."""
     name, key, secret = "swift", "test:tester", "testing"
@@ -158,11 +169,11 @@ class Swift(Server):
         origin = f"http://127.0.0.1:{self.port}"
         ask = urllib.request.Request(origin + "/auth/v1.0", headers={
             "X-Auth-User": self.key, "X-Auth-Key": self.secret})
-        with urllib.request.urlopen(ask, timeout=60) as answer:
+        with urllib.request.urlopen(ask, timeout=CALL_SECONDS_MAX) as answer:
             token, account = answer.headers["X-Auth-Token"], answer.headers["X-Storage-Url"]
         make = urllib.request.Request(account + "/farm", method="PUT",
                                       headers={"X-Auth-Token": token})
-        urllib.request.urlopen(make, timeout=60).close()
+        urllib.request.urlopen(make, timeout=CALL_SECONDS_MAX).close()
 
     def inside(self, command):
         """A command in the chroot, with the server's folder as /srv."""
@@ -175,7 +186,7 @@ class Swift(Server):
         etc = os.path.join(self.folder, "etc")
         os.makedirs(etc)
         os.makedirs(os.path.join(self.folder, "devices", "d1"))
-        self.memcache = free_port()
+        self.memcache = farm.free_port()
 
         def write(name, text):
             with open(os.path.join(etc, name), "w", encoding="utf-8") as f:
@@ -183,14 +194,13 @@ class Swift(Server):
 
         write("swift.conf", "[swift-hash]\nswift_hash_path_suffix = sheaf\n")
         write("proxy.conf", SWIFT_PROXY.format(port=self.port, memcache=self.memcache))
-        for name in ("account", "container", "object"):
-            port = free_port()
+        write("rings.py", SWIFT_RINGS)
+        ports = {name: farm.free_port() for name in ("account", "container", "object")}
+        for name, port in ports.items():
             write(name + ".conf", SWIFT_SERVER.format(name=name, port=port))
-            builder = f"/srv/etc/{name}.builder"
-            subprocess.run(self.inside(
-                f"sh -c 'swift-ring-builder {builder} create 4 1 1 && swift-ring-builder {builder} "
-                f"add r1z1-127.0.0.1:{port}/d1 1 && swift-ring-builder {builder} rebalance'"),
-                check=True, capture_output=True, timeout=60)
+        rings = " ".join(f"{name}={port}" for name, port in ports.items())
+        subprocess.run(self.inside("python3 /srv/etc/rings.py " + rings), check=True,
+                       timeout=CALL_SECONDS_MAX)
 
     def start(self):
         if not os.path.exists(os.path.join(self.folder, "etc")):
