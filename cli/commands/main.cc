@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "cli/commands/command.h"
 #include "cli/dropped/dropped_scene.h"
 #include "cli/exit_code.h"
@@ -18,6 +19,7 @@
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/command_line/command_line.h"
+#include "common/rpc/protocol_version.h"
 #include "worker/sandbox/scene_server.h"
 
 namespace sheaf::cli {
@@ -71,7 +73,7 @@ ExitCode Main(int argc, char** argv) {
   SetLogName("sheaf");
   RaiseOpenFileLimit();
   CLI::App app("Renders scenes with one path tracer on any number of machines.", "sheaf");
-  app.set_version_flag("--version", "sheaf " SHEAF_VERSION);
+  app.set_version_flag("--version", absl::StrCat("sheaf " SHEAF_VERSION ", ", DescribeProtocol()));
   app.require_subcommand(1);
   app.footer(std::string("sheaf COMMAND --help explains a command, with examples.\n") +
              kExitCodeHelp);

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/rpc/address.h"
 #include "common/rpc/address_list.h"
+#include "common/rpc/protocol_calls.h"
 
 namespace sheaf {
 namespace {
@@ -56,9 +57,10 @@ std::shared_ptr<grpc::Channel> MakeChannel(
   // Channels of one process do not share connections: a worker's upload must not delay its
   // heartbeat.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(
+  return grpc::experimental::CreateCustomChannelWithInterceptors(
       ChannelTarget(address),
-      credentials != nullptr ? credentials : grpc::InsecureChannelCredentials(), arguments);
+      credentials != nullptr ? credentials : grpc::InsecureChannelCredentials(), arguments,
+      ProtocolOfClient());
 }
 
 void SetDeadline(grpc::ClientContext* context, absl::Duration duration) {

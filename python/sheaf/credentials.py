@@ -19,6 +19,7 @@ import grpc
 from sheaf.address import Address, Addresses
 from sheaf.errors import NotLoggedInError, SheafError
 from sheaf.programs import LOG, run_sheaf
+from sheaf.protocol import ProtocolInterceptor
 
 MESSAGE_BYTES_MAX = 64 << 20  # As all programs of Sheaf.
 TLS_PROBE_SECONDS = 2
@@ -138,7 +139,15 @@ def _channel_options(addresses: Addresses) -> list[tuple[str, object]]:
 
 def open_channel(addresses: Addresses, credentials: Credentials | None,
                  insecure: bool) -> grpc.Channel:
-    """insecure: another machine may be reached in plain text. Raises NotLoggedInError."""
+    """Calls say the versions of the protocol (protocol.py). insecure: another machine may be
+    reached in plain text. Raises NotLoggedInError.
+    """
+    return grpc.intercept_channel(_open_channel(addresses, credentials, insecure),
+                                  ProtocolInterceptor())
+
+
+def _open_channel(addresses: Addresses, credentials: Credentials | None,
+                  insecure: bool) -> grpc.Channel:
     options = _channel_options(addresses)
     if credentials is not None:
         tls = grpc.ssl_channel_credentials(credentials.authority, credentials.key,

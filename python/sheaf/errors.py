@@ -34,7 +34,9 @@ class InvalidRequestError(SheafError):
 
 
 class WrongStateError(SheafError):
-    """The job's state does not allow the call: it has ended, or is not complete."""
+    """The job's state does not allow the call: it has ended, or is not complete. Or this package
+    and the coordinator understand no version of the protocol that is the same.
+    """
 
 
 class LimitError(SheafError):

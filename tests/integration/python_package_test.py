@@ -150,6 +150,22 @@ class PackageTest(unittest.TestCase):
         from sheaf.v1 import job_pb2
         self.assertIs(job_from(job_pb2.Job(state=77)).state, sheaf.JobState.UNKNOWN)
 
+    def test_versions_of_the_protocol(self):
+        from sheaf import protocol
+        said = farms.local("--version")
+        self.assertIn(f"protocol {protocol.PROTOCOL_VERSION}, understands "
+                      f"{protocol.OLDEST_PROTOCOL_VERSION} to {protocol.PROTOCOL_VERSION}", said)
+        for text in ("", "0-1", "1-1", "0-7", "1-999999"):
+            protocol.check_answer(protocol.parse_range(text))
+        for text in ("1", "2-1", "-1-1", "a-b", "0-1 ", "0-1000000"):
+            with self.assertRaisesRegex(sheaf.WrongStateError, "does not say which versions"):
+                protocol.parse_range(text)
+        with self.assertRaisesRegex(sheaf.WrongStateError, "this package is older"):
+            protocol.check_answer((2, 3))
+        with mock.patch.multiple(protocol, OLDEST_PROTOCOL_VERSION=1, PROTOCOL_VERSION=2):
+            with self.assertRaisesRegex(sheaf.WrongStateError, "coordinator version 0: the coor"):
+                protocol.check_answer((0, 0))
+
     def test_refusals_that_pass_are_told_from_others(self):
         from sheaf.connection import transient_wait
         refusal = mock.Mock()
@@ -293,6 +309,16 @@ class FarmTest(unittest.TestCase):
             sheaf.read_image(wrong)
         with self.assertRaisesRegex(sheaf.ProgramError, "add that folder to PATH"):
             sheaf.Farm(programs=self.folder).__enter__()
+
+    def test_a_package_of_another_version_is_refused_in_words(self):
+        from sheaf import protocol
+        with mock.patch.multiple(protocol, OLDEST_PROTOCOL_VERSION=700, PROTOCOL_VERSION=701):
+            with sheaf.connect(self.client.address) as other:
+                words = "speaks versions 700 to 701 .*: the coordinator's program is older"
+                with self.assertRaisesRegex(sheaf.WrongStateError, words):
+                    other.list_jobs()
+                with self.assertRaisesRegex(sheaf.WrongStateError, words):
+                    next(other.watch("jobs/1"))
 
     def test_workers(self):
         worker, = self.client.list_workers()

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
 #include "common/base/check.h"
 #include "common/base/log.h"
 #include "worker/agent/render_failure.h"
@@ -189,18 +190,23 @@ void Agent::Synchronize() {
   absl::StatusOr<DesiredState> desired = link_->Synchronize(state);
   mutex_.Lock();
   if (!desired.ok()) {
-    if (reachable_ || absl::IsPermissionDenied(desired.status())) {
+    const bool was_refused = std::exchange(refused_, absl::IsFailedPrecondition(desired.status()));
+    if (refused_ && !was_refused) {
+      LogError(absl::StrCat(desired.status().message(), "; trying again every ",
+                            absl::FormatDuration(absl::FromChrono(options_.refused_backoff))));
+    } else if ((reachable_ && !refused_) || absl::IsPermissionDenied(desired.status())) {
       LogWarning(absl::StrCat(desired.status().message(), "; trying again"));
     }
     reachable_ = false;
     answered_.NotifyAll();
     news_ = true;
-    next_synchronize_ = now_() + backoff_;
+    next_synchronize_ = now_() + (refused_ ? options_.refused_backoff : backoff_);
     backoff_ = std::min(backoff_ * 2, options_.backoff_max);
     return;
   }
   if (!reachable_) LogInfo("the coordinator answers again");
   reachable_ = true;
+  refused_ = false;
   answered_sequence_ = snapshot.sequence;
   answered_.NotifyAll();
   backoff_ = options_.backoff_initial;

@@ -43,6 +43,9 @@ struct AgentOptions {
   // Waits between attempts to reach a coordinator that does not answer.
   std::chrono::milliseconds backoff_initial{100};
   std::chrono::milliseconds backoff_max{3'000};
+  // Wait between attempts where the coordinator refuses this worker's version of the protocol,
+  // until one of the two is replaced.
+  std::chrono::milliseconds refused_backoff{30'000};
   // Minimum time between two calls of Synchronize, so that short tasks share one.
   std::chrono::milliseconds synchronize_spacing{5};
   // Returns why this worker shall take no work now, for people; empty: it may. Called by Run, about
@@ -133,6 +136,7 @@ class Agent {
   // News since the last call of Synchronize was made.
   bool news_ ABSL_GUARDED_BY(mutex_) = false;
   bool reachable_ ABSL_GUARDED_BY(mutex_) = true;      // Whether the last call was answered.
+  bool refused_ ABSL_GUARDED_BY(mutex_) = false;       // Whether its version was refused then.
   bool uploads_taken_ ABSL_GUARDED_BY(mutex_) = true;  // Whether the last upload was.
   // The sequence of the last answered snapshot.
   uint64_t answered_sequence_ ABSL_GUARDED_BY(mutex_) = 0;

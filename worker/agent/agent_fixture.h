@@ -37,6 +37,7 @@ class FakeCoordinator : public CoordinatorLink {
     const MutexLock lock(&mutex_);
     ++synchronize_count_;
     if (away_) return absl::UnavailableError("connection refused");
+    if (is_of_another_version_) return absl::FailedPreconditionError("this program is older");
     Report(state);
     DesiredState desired;
     desired.next_synchronize = milliseconds(20);
@@ -75,6 +76,10 @@ class FakeCoordinator : public CoordinatorLink {
   void set_away(bool away) {
     const MutexLock lock(&mutex_);
     away_ = away;
+  }
+  void set_is_of_another_version(bool is) {
+    const MutexLock lock(&mutex_);
+    is_of_another_version_ = is;
   }
   void LoseEveryReply(int every) {
     const MutexLock lock(&mutex_);
@@ -159,6 +164,7 @@ class FakeCoordinator : public CoordinatorLink {
   int lose_every_reply_ ABSL_GUARDED_BY(mutex_) = 0;
   bool tells_to_exit_ ABSL_GUARDED_BY(mutex_) = false;
   bool away_ ABSL_GUARDED_BY(mutex_) = false;
+  bool is_of_another_version_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 // Renders at once, or waits until the gate opens.

@@ -238,5 +238,27 @@ TEST(AgentTest, BacksOffWithoutACoordinator) {
   EXPECT_TRUE(running.Stop().ok());
 }
 
+// The coordinator or the worker must be replaced; meanwhile the worker keeps what it has.
+TEST(AgentTest, SaysOnceThatItsVersionIsRefusedAndTriesAgain) {
+  FakeCoordinator coordinator(3);
+  coordinator.set_is_of_another_version(true);
+  FakeRenderer renderer;
+  AgentOptions options = FastOptions();
+  options.refused_backoff = milliseconds(60);
+  testing::internal::CaptureStderr();
+  Running running(options, &coordinator, &renderer);
+  EXPECT_TRUE(Eventually([&] { return coordinator.synchronize_count() >= 3; }));
+  const int count = coordinator.synchronize_count();
+  std::this_thread::sleep_for(milliseconds(30));
+  EXPECT_LE(coordinator.synchronize_count(), count + 1) << "the other back-off is at most 5 ms";
+  coordinator.set_is_of_another_version(false);
+  EXPECT_TRUE(Eventually([&] { return coordinator.done_count() == 3; }));
+  EXPECT_TRUE(running.Stop().ok());
+  const std::string log = testing::internal::GetCapturedStderr();
+  const std::string words = "this program is older; trying again every 60ms";
+  ASSERT_NE(log.find(words), std::string::npos) << log;
+  EXPECT_EQ(log.find(words), log.rfind(words)) << log;
+}
+
 }  // namespace
 }  // namespace sheaf::worker

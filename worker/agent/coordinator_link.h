@@ -18,7 +18,8 @@ class CoordinatorLink {
   virtual ~CoordinatorLink() = default;
 
   // Idempotent; one attempt with a deadline, which the agent repeats. Errors: kUnavailable,
-  // kDeadlineExceeded and similar (repeat); kPermissionDenied (quarantined).
+  // kDeadlineExceeded and similar (repeat); kPermissionDenied (quarantined); kFailedPrecondition
+  // (the versions of the protocol do not fit: repeat, but seldom).
   virtual absl::StatusOr<DesiredState> Synchronize(const WorkerState& state) = 0;
 
   // Returns one outcome per part, in order; by then all parts are durable at the coordinator.

@@ -26,6 +26,7 @@
 #include "common/rpc/certificate_renewal.h"
 #include "common/rpc/enrolment.h"
 #include "common/rpc/farm_connection.h"
+#include "common/rpc/protocol_version.h"
 #include "common/service_manager/service_manager.h"
 #include "common/service_manager/watchdog.h"
 #include "worker/sandbox/scene_server.h"
@@ -256,7 +257,8 @@ int Main(int argc, char** argv) {
       "  sheaf-worker --coordinator farm.example.org:7400 --threads 16\n"
       "  sheaf-worker --coordinator farm.example.org --token token\n"
       "  sheaf-worker --coordinator farm.example.org --hours 19:00-07:00,Sat-Sun --yield-load 1");
-  app.set_version_flag("--version", "sheaf-worker " SHEAF_VERSION);
+  app.set_version_flag("--version",
+                       absl::StrCat("sheaf-worker " SHEAF_VERSION ", ", DescribeProtocol()));
   AddOptions(&app, &arguments);
   AddSandboxOptions(&app, &arguments);
   AddPeerOptions(&app, &arguments);

@@ -9,12 +9,14 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/content/chunk_codec.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/peer_credentials.h"
+#include "common/rpc/protocol_calls.h"
 
 namespace sheaf::worker {
 namespace {
@@ -53,6 +55,9 @@ absl::StatusOr<std::unique_ptr<PeerServer>> PeerServer::Start(const PeerOptions&
   const std::string address = absl::StrCat(options.files ? "[::]" : "127.0.0.1", ":", options.port);
   grpc::ServerBuilder builder;
   ApplyServerLimits(&builder);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(ProtocolOfServer());
+  builder.experimental().SetInterceptorCreators(std::move(interceptors));
   builder.AddListeningPort(address, credentials, &server->port_);
   builder.RegisterService(server.get());
   server->server_ = builder.BuildAndStart();

@@ -3,7 +3,8 @@
 //
 // CallGate: the one place that lets gRPC calls in or refuses them. gRPC asks it before every call
 // of every service that comes over TLS, streams, health and reflection included, so no handler can
-// forget to.
+// forget to. Callers whose versions of the protocol do not fit are refused here too
+// (protocol_calls.h); without TLS PlainServerCredentials does that alone.
 #pragma once
 
 #include <grpcpp/security/auth_metadata_processor.h>

@@ -12,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "common/base/steady_time.h"
+#include "common/rpc/protocol_calls.h"
 #include "coordinator/access/role_table.h"
 
 namespace sheaf::coordinator {
@@ -75,6 +76,7 @@ class CallTimerFactory final : public experimental::ServerInterceptorFactoryInte
 void TimeCalls(CallTimes* times, grpc::ServerBuilder* builder) {
   std::vector<std::unique_ptr<experimental::ServerInterceptorFactoryInterface>> factories;
   factories.push_back(std::make_unique<CallTimerFactory>(times));
+  factories.push_back(ProtocolOfServer());  // gRPC takes all interceptors at once.
   builder->experimental().SetInterceptorCreators(std::move(factories));
 }
 

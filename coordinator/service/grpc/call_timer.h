@@ -12,7 +12,8 @@
 namespace sheaf::coordinator {
 
 // Notes calls of all services of the server as "WorkerService/Synchronize" with a code as
-// "NOT_FOUND"; streams too, with their whole length. times must outlive the server.
+// "NOT_FOUND"; streams too, with their whole length. Has answers say the version of the protocol
+// (protocol_calls.h). times must outlive the server.
 void TimeCalls(CallTimes* times, grpc::ServerBuilder* builder);
 
 }  // namespace sheaf::coordinator

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
+#include "common/rpc/protocol_calls.h"
 #include "coordinator/service/grpc/caller.h"
 #include "coordinator/service/grpc/drain_stream.h"
 #include "coordinator/service/grpc/wire.h"
@@ -101,6 +102,8 @@ grpc::Status WorkerService::Synchronize(grpc::ServerContext* context,
   report->identity = CallerIdentity(*context);
   const absl::StatusOr<Farm::SynchronizeAnswer> answer = farm_->Synchronize(*report);
   if (!answer.ok()) return ToGrpcStatus(answer.status());
+  const absl::StatusOr<int> version = ProtocolOfCaller(context->client_metadata());
+  if (version.ok()) versions_.Note(report->worker_id, *version);
   *response = ToWire(*answer);
   return grpc::Status::OK;
 }

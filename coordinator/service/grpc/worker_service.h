@@ -6,6 +6,7 @@
 
 #include "coordinator/access/access_control.h"
 #include "coordinator/service/farm/farm.h"
+#include "coordinator/service/grpc/worker_versions.h"
 #include "sheaf/v1/worker.grpc.pb.h"
 
 namespace sheaf::coordinator {
@@ -32,6 +33,7 @@ class WorkerService final : public v1::WorkerService::Service {
  private:
   Farm* const farm_;
   AccessControl* const access_;
+  WorkerVersions versions_;
 };
 
 }  // namespace sheaf::coordinator

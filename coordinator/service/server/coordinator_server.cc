@@ -4,7 +4,6 @@
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
-#include <grpcpp/security/server_credentials.h>
 
 #include <algorithm>
 #include <stop_token>
@@ -17,6 +16,8 @@
 #include "common/base/mutex.h"
 #include "common/rpc/address.h"
 #include "common/rpc/channel.h"
+#include "common/rpc/plain_credentials.h"
+#include "common/rpc/protocol_calls.h"
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/grpc/call_gate.h"
 #include "coordinator/service/grpc/call_timer.h"
@@ -171,7 +172,7 @@ void CoordinatorServer::AddListeningPort(const CoordinatorOptions& options,
                                          grpc::ServerBuilder* builder) {
   if (options.listen_address.empty()) return;
   if (access_ == nullptr) {
-    builder->AddListeningPort(options.listen_address, grpc::InsecureServerCredentials(), &port_);
+    builder->AddListeningPort(options.listen_address, PlainServerCredentials(), &port_);
     return;
   }
   const CertificateLifetimes& lifetimes = options.certificate_lifetimes;
@@ -277,7 +278,7 @@ std::shared_ptr<grpc::Channel> CoordinatorServer::InProcessChannel() {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMessageBytesMax);
   arguments.SetMaxSendMessageSize(kMessageBytesMax);
-  return server_->InProcessChannel(arguments);
+  return server_->experimental().InProcessChannelWithInterceptors(arguments, ProtocolOfClient());
 }
 
 }  // namespace sheaf::coordinator

@@ -26,6 +26,7 @@
 #include "common/command_line/command_line.h"
 #include "common/command_line/completion.h"
 #include "common/rpc/address.h"
+#include "common/rpc/protocol_version.h"
 #include "common/scene/settings/render_settings.h"
 #include "common/service_manager/service_manager.h"
 #include "common/service_manager/watchdog.h"
@@ -339,7 +340,8 @@ int Main(int argc, char** argv) {
       "After init, connections are encrypted and every caller needs a certificate.\n"
       "Two coordinators, of which one stands by (docs/operations.md):\n"
       "  sheaf-coordinator --state-dir /shared/sheaf --database postgresql://sheaf@db/farm");
-  app.set_version_flag("--version", "sheaf-coordinator " SHEAF_VERSION);
+  app.set_version_flag("--version",
+                       absl::StrCat("sheaf-coordinator " SHEAF_VERSION ", ", DescribeProtocol()));
   const auto report = [](const std::string& text) {
     std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());
   };

@@ -1,0 +1,30 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// WorkerVersions: tells the log which workers speak another version of the protocol than this
+// coordinator does, so that a person can see who is still to be updated.
+#pragma once
+
+#include <set>
+#include <string>
+
+#include "common/base/mutex.h"
+
+namespace sheaf::coordinator {
+
+// Thread safety: may be called from any thread.
+class WorkerVersions {
+ public:
+  // Workers that are remembered as told of. Where there are more, they are told of again.
+  static constexpr size_t kToldMax = 10'000;
+
+  // The worker speaks this version with the coordinator. Logs it once, where it is not the
+  // coordinator's newest. Returns whether it did.
+  bool Note(const std::string& worker_id, int version);
+
+ private:
+  Mutex mutex_;
+  std::set<std::string> told_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace sheaf::coordinator
