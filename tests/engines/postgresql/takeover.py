@@ -34,7 +34,7 @@ import farm  # noqa: E402
 import postgres  # noqa: E402
 
 SCENE = os.path.join(farm.ROOT, "scenes", "showroom.pbrt")
-SAMPLES = 128
+SAMPLES = 256
 JOB = ("--crop", "200,80,456,272", "--samples", str(SAMPLES), "--tile-size", "32",
        "--pass-samples", "16", "--lease-passes", "1")
 TAKEOVER_SECONDS_MAX = 5
@@ -217,7 +217,12 @@ class Run:
 
         def more_results():
             self.farm.revive()
-            return self.farm.acknowledged_count() > len(before)
+            if self.farm.acknowledged_count() > len(before):
+                return True
+            owner = self.farm.owner()
+            if owner is not None and not self.farm.metric(owner, "sheaf_jobs_live"):
+                self.keep_busy(owner)  # All had arrived before the crash.
+            return False
         farm.wait_until(more_results, 60, "results after a restart of the database")
         self.restart_seconds.append(time.monotonic() - ended)
         self.lost += len(before - self.farm.acknowledged())
