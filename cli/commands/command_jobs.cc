@@ -43,7 +43,7 @@ class WatchCommand : public FarmCommand {
   ExitCode RunWith(FarmClient* client) override {
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
     if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
-    if (arguments_.output.empty() && arguments_.png.empty()) {
+    if (arguments_.output.empty() && arguments_.png.empty() && arguments_.denoise_with.empty()) {
       return FollowToTheEnd(client, job_name(), json(), {});
     }
     if (absl::Status status = CheckImageNames(arguments_); !status.ok()) {

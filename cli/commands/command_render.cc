@@ -101,7 +101,8 @@ class RenderCommand : public Command {
       const absl::Status saved = SaveImages(&client, *ended, delivery);
       if (!saved.ok()) {
         PrintInfo(KeepState(farm));
-        return ReportError(ExitCode::kFile, saved);
+        return ReportError(absl::IsCancelled(saved) ? ExitCode::kInterrupted : ExitCode::kFile,
+                           saved);
       }
     }
     return ReportEnd(*ended, /*images_written=*/true);

@@ -26,7 +26,9 @@
 #include "cli/progress_line.h"
 #include "common/base/memory_room.h"
 #include "common/base/printable.h"
+#include "common/film/denoised_output.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/exr/external_layer.h"
 #include "coordinator/core/error_curve.h"
 #include "coordinator/service/http/image_layer.h"
 
@@ -203,6 +205,24 @@ struct ShownLayer {
   std::string caption;
 };
 
+// The image with channels of another layer in place of NAME.{R,G,B}; with an empty name, in place
+// of R, G and B. Errors: kInvalidArgument if it has no such layer.
+absl::Status Substitute(const char* layer, const char* name, const char* option,
+                        FrameImage* image) {
+  for (const char* component : {"R", "G", "B"}) {
+    std::vector<float>* const to =
+        image->Find(name[0] == '\0' ? component : absl::StrCat(name, ".", component));
+    const std::vector<float>* const from = image->Find(absl::StrCat(layer, ".", component));
+    if (to == nullptr || from == nullptr) {
+      return absl::InvalidArgumentError(absl::StrCat("--layer: the image has no layer ", layer,
+                                                     "; ", option,
+                                                     " of render and submit adds it"));
+    }
+    *to = *from;
+  }
+  return absl::OkStatus();
+}
+
 // The layer as a screen displays it. False colors are the same as on the dashboard.
 absl::StatusOr<ShownLayer> ShowLayer(const FrameImage& image, coordinator::ImageLayer layer,
                                      const ViewTransform& view) {
@@ -245,9 +265,10 @@ class ShowCommand : public FarmCommand {
         ->check(CLI::IsMember({kAuto, "kitty", "iterm", "blocks", "blocks256", "none"}));
     command
         ->add_option("--layer", layer_name_,
-                     "The layer to print: image, or false colors of the relative error or of the "
-                     "number of samples")
-        ->check(CLI::IsMember({"image", "error", "samples"}))
+                     "The layer to print: image, denoised or denoised_external, or false colors: "
+                     "the relative error (error, denoisedError) or the number of samples")
+        ->check(CLI::IsMember(
+            {"image", "error", "samples", kDenoisedLayer, kDenoisedErrorLayer, kExternalLayer}))
         ->capture_default_str();
     command->add_option("--frame", frame_number_,
                         "The frame whose image is printed (default: the last finished frame)");
@@ -257,6 +278,7 @@ class ShowCommand : public FarmCommand {
         "  sheaf show jobs/7\n"
         "  sheaf show 7 --json\n"
         "  sheaf show room.exr --layer error\n"
+        "  sheaf show room.exr --layer denoised\n"
         "  sheaf show 7 --frame 12 --view \"ACES 1.0 SDR\" --image=blocks | less -R");
     return command;
   }
@@ -341,10 +363,26 @@ class ShowCommand : public FarmCommand {
                            frame_number_ ? absl::StrCat(" ", *frame_number_) : "", " to show")));
   }
 
+  absl::StatusOr<ShownLayer> ShowByName(const FrameImage& image) const {
+    if (const auto layer = coordinator::ImageLayerFromName(layer_name_)) {
+      return ShowLayer(image, *layer, view_);
+    }
+    FrameImage shown = image;
+    const bool is_external = layer_name_ == kExternalLayer;
+    absl::Status status = Substitute(is_external ? kExternalLayer : kDenoisedLayer, "",
+                                     is_external ? "--denoise-with" : "--denoise", &shown);
+    const bool is_error = layer_name_ == kDenoisedErrorLayer;
+    if (status.ok() && is_error) {
+      status = Substitute(kDenoisedErrorLayer, "stderr", "--denoise", &shown);
+    }
+    if (!status.ok()) return status;
+    using coordinator::ImageLayer;
+    return ShowLayer(shown, is_error ? ImageLayer::kError : ImageLayer::kImage, view_);
+  }
+
   ExitCode PrintImage(const FrameImage& image) const {
     if (graphics_ == TerminalGraphics::kNone) return ExitCode::kOk;
-    const coordinator::ImageLayer layer = *coordinator::ImageLayerFromName(layer_name_);
-    absl::StatusOr<ShownLayer> shown = ShowLayer(image, layer, view_);
+    absl::StatusOr<ShownLayer> shown = ShowByName(image);
     if (!shown.ok()) return ReportError(ExitCode::kFailed, shown.status());
     const absl::StatusOr<std::string> text = TerminalText(graphics_, MeasureTerminal(STDOUT_FILENO),
                                                           std::move(shown->image), shown->tags);

@@ -24,6 +24,7 @@
 #include "cli/study/study.h"
 #include "cli/study/study_page.h"
 #include "common/base/file.h"
+#include "common/film/denoised_output.h"
 
 namespace sheaf::cli {
 namespace {
@@ -64,6 +65,12 @@ class StudyCommand : public Command {
 
   ExitCode Run() override {
     const RenderSettings& asked = arguments_.settings;
+    if (HasDenoised(asked.outputs)) {
+      return ReportError(ExitCode::kUsage,
+                         absl::InvalidArgumentError(
+                             "a study measures what samples cost, and denoises nothing: remove "
+                             "--denoise; sheaf quote --denoise says what an error costs after it"));
+    }
     if (asked.samples || !asked.outputs.empty() || asked.light_groups || asked.light_paths) {
       return ReportError(
           ExitCode::kUsage,

@@ -83,7 +83,8 @@ class SubmitCommand : public Command {
     }
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
     if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
-    const bool is_named = !arguments_.output.empty() || !arguments_.png.empty();
+    const bool is_named =
+        !arguments_.output.empty() || !arguments_.png.empty() || !arguments_.denoise_with.empty();
     if (wait_ || is_named) {
       if (absl::Status status = ProbeOutputs(arguments_); !status.ok()) {
         return ReportOutputError(status);

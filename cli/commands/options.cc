@@ -147,6 +147,17 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
       "Size of the image, WIDTHxHEIGHT (default: 720 high, as wide as the camera says)");
 }
 
+// --denoise-with.
+void AddDenoiserOption(CLI::App* command, JobArguments* arguments) {
+  const OptionGroup group(command, kImageGroup);
+  command
+      ->add_option("--denoise-with", arguments->denoise_with,
+                   "Denoise each EXR by this command of your own, which runs on this machine with "
+                   "two more words: the EXR to read, and the one to write. Its result becomes the "
+                   "layer denoised_external; nothing is replaced (see docs/denoise.md)")
+      ->type_name("COMMAND");
+}
+
 constexpr char kMeasuredTechniques[] = "auto";
 
 // Options for light transport.
@@ -276,6 +287,7 @@ void AddImageOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
   AddFormatOptions(command, &arguments->format);
+  AddDenoiserOption(command, arguments);
 }
 
 void AddResumeOption(CLI::App* command, JobArguments* arguments) {
@@ -356,6 +368,7 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option("--png", arguments->png, "Also write a PNG");
   AddViewOptions(command, &arguments->view);
   AddFormatOptions(command, &arguments->format);
+  AddDenoiserOption(command, arguments);
   AddResumeOption(command, arguments);
   AddPartitionOptions(command, arguments);
 }

@@ -53,6 +53,7 @@ class FarmClient {
   }
 
   const std::string& address() const { return address_; }
+  const std::stop_token& stop() const { return stop_; }
 
   // Errors of all calls below: those of the call; kUnavailable, naming the address, if nobody
   // answered for long enough; kCancelled if stop was requested.

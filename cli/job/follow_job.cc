@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "cli/denoiser/external_denoiser.h"
 #include "cli/job/format/image_format.h"
 #include "cli/job/frame_range.h"
 #include "cli/job/job_json.h"
@@ -21,6 +22,7 @@
 #include "common/base/file.h"
 #include "common/base/printable.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/exr/external_layer.h"
 #include "common/rpc/address.h"
 
 namespace sheaf::cli {
@@ -36,6 +38,23 @@ bool IsBlack(const FrameImage& image) {
     }
   }
   return true;
+}
+
+// Writes the image anew with the denoiser's layer. delivered: its bytes as the farm has them. The
+// file at path stays as it is after an error.
+absl::Status AddDenoiserLayer(const std::string& path, const std::string& delivered,
+                              const Delivery& delivery, const std::stop_token& stop,
+                              FrameImage* image) {
+  absl::Status status =
+      AddExternalLayer(delivery.denoise_with, delivered, kDenoiserTimeMax, stop, image);
+  if (status.ok()) {
+    status = WriteFileAtomically(path, EncodeFrameImage(*image, delivery.format.exr));
+  }
+  if (status.ok()) return status;
+  const std::string text = absl::StrCat(path, ": is written, but without the layer ",
+                                        kExternalLayer, ": ", status.message());
+  return absl::IsCancelled(status) ? absl::CancelledError(text)
+                                   : absl::FailedPreconditionError(text);
 }
 
 absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePaths& paths,
@@ -67,6 +86,10 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
         paths.png, [&](const std::string& path) { return WriteView(delivery.view, *image, path); });
     if (!status.ok()) return status;
   }
+  absl::Status denoised;
+  if (!delivery.denoise_with.empty()) {
+    denoised = AddDenoiserLayer(paths.exr, *bytes, delivery, client->stop(), &*image);
+  }
   if (const int64_t cut = format.exr.type == ExrType::kHalf ? CountBeyondHalf(*image) : 0;
       cut > 0) {
     PrintNote(absl::StrCat(paths.exr, ": ", cut,
@@ -78,14 +101,15 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
                              ? "; every pixel is black: no light of the scene reaches the "
                                "camera (sheaf plan lists the lights)"
                              : ""));
-  return absl::OkStatus();
+  return denoised;
 }
 
 }  // namespace
 
 absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
                                       ViewTransform view) {
-  Delivery delivery{OutputPaths(arguments, job), std::move(view), arguments.format, ""};
+  Delivery delivery{OutputPaths(arguments, job), std::move(view), arguments.format, "",
+                    arguments.denoise_with};
   std::vector<std::string> outputs;
   for (const ImagePaths& paths : delivery.paths) {
     outputs.insert(outputs.end(), {paths.exr, paths.png});
@@ -96,6 +120,9 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const Prepa
   for (const auto& [option, value] : FormatOptions(arguments.format)) {
     absl::StrAppend(&delivery.options, " ", option, value.empty() ? "" : " ",
                     value.empty() ? "" : ShellQuoted(value));
+  }
+  if (!arguments.denoise_with.empty()) {
+    absl::StrAppend(&delivery.options, " --denoise-with ", ShellQuoted(arguments.denoise_with));
   }
   if (patterns.png.empty()) return delivery;
   for (const auto& [flag, value] :
@@ -114,8 +141,11 @@ absl::Status ProbeOutputs(const JobArguments& arguments) {
 
 absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
                                       ViewTransform view) {
-  if (arguments.output.empty() && arguments.png.empty())
-    return Delivery{{}, std::move(view), {}, ""};
+  if (arguments.output.empty() && arguments.png.empty()) {
+    if (arguments.denoise_with.empty()) return Delivery{{}, std::move(view), {}, ""};
+    return absl::InvalidArgumentError(
+        "--denoise-with adds a layer to an image that is written: name it, as in -o room.exr");
+  }
   PreparedJob frames;
   for (const v1::Frame& frame : job.frames()) {
     frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});

@@ -25,6 +25,7 @@ struct Delivery {
   ViewTransform view;             // For PNGs.
   ImageFormat format;             // Of EXRs.
   std::string options;            // The same as options of `sheaf watch`, "-o room.exr".
+  std::string denoise_with = {};  // The denoiser's command; empty: none.
 };
 // Checks everything that is known before the scene is read. Errors: those of CheckOutputs.
 absl::Status ProbeOutputs(const JobArguments& arguments);
@@ -46,8 +47,8 @@ std::string FetchCommand(const FarmClient& client, const std::string& name,
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json);
 
 // Fetches all images of a job that succeeded; reports the path and the costs of each on standard
-// error. An image that cannot be written does not prevent the others. Errors: those of the calls;
-// the first of WriteOrKeep.
+// error. An image that cannot be written or denoised does not prevent the others. Errors: those of
+// the calls; the first of WriteOrKeep and AddExternalLayer.
 absl::Status SaveImages(FarmClient* client, const v1::Job& job, const Delivery& delivery);
 
 // Reports on standard error how the job ended: its costs, or why it failed. images_written:

@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "cli/denoiser/external_denoiser.h"
 #include "cli/job/digest_memory.h"
 #include "cli/job/file_digests.h"
 #include "cli/job/frame_range.h"
@@ -130,6 +131,7 @@ absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
 
 absl::Status CheckImageNames(const JobArguments& arguments) {
   if (absl::Status status = CheckImageFormat(arguments.format); !status.ok()) return status;
+  if (absl::Status status = CheckDenoiser(arguments.denoise_with); !status.ok()) return status;
   const absl::Status status = CheckOutputName("-o", arguments.output, {".exr", ".png"});
   return status.ok() ? CheckOutputName("--png", arguments.png, {".png"}) : status;
 }

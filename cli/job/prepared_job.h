@@ -37,12 +37,13 @@ using coordinator::kStoppedSamplesMax;
 struct JobArguments {
   // A path, or a pattern with #### when frames is given; of a glTF file a path in any case.
   std::string scene;
-  std::string frames;  // As for ParseFrameRange; empty for a single image.
-  std::string output;  // A path or pattern; empty: taken from the scene.
-  std::string png;     // The same for a PNG; empty: no PNG.
-  ViewArguments view;  // The view that PNGs show.
-  ImageFormat format;  // Of EXRs.
-  std::string title;   // Empty: the scene's file name.
+  std::string frames;        // As for ParseFrameRange; empty for a single image.
+  std::string output;        // A path or pattern; empty: taken from the scene.
+  std::string png;           // The same for a PNG; empty: no PNG.
+  ViewArguments view;        // The view that PNGs show.
+  ImageFormat format;        // Of EXRs.
+  std::string denoise_with;  // A command, as for AddExternalLayer; empty: none.
+  std::string title;         // Empty: the scene's file name.
   int32_t priority = 0;
   std::string show;  // Empty: the default one.
   std::string pool;  // The same.
@@ -77,7 +78,7 @@ struct PreparedJob {
 };
 
 // Errors: kInvalidArgument if the names of the images do not match their formats; those of
-// CheckImageFormat.
+// CheckImageFormat and CheckDenoiser.
 absl::Status CheckImageNames(const JobArguments& arguments);
 // Errors: kInvalidArgument if the arguments contradict each other: wrong usage, not a wrong scene.
 absl::Status CheckJobArguments(const JobArguments& arguments);

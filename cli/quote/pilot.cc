@@ -14,6 +14,8 @@
 #include "absl/time/clock.h"
 #include "cli/duration.h"
 #include "cli/progress_line.h"
+#include "cli/quote/denoised_errors.h"
+#include "common/film/denoised_output.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/core/limits.h"
@@ -169,6 +171,21 @@ struct PilotPlan {
   std::vector<ZoomedRegion> zoomed_pilots;
 };
 
+// The job of pilot.frames.
+absl::StatusOr<v1::Job> RunPilot(FarmClient* client, JobArguments arguments,
+                                 const PreparedJob& pilot, SteadyTime deadline) {
+  // Both images of a pair consist of the same number of parts, so that their costs tell the cost
+  // per part apart from the cost of samples.
+  arguments.pass_sample_count = coordinator::kPilotSamplesMax;
+  arguments.stop = {};
+  arguments.priority = kPilotPriority;
+  arguments.title =
+      absl::StrCat("quote of ", arguments.title.empty() ? arguments.scene : arguments.title);
+  v1::CreateJobRequest request = MakeCreateJobRequest(arguments, pilot);
+  request.set_pilot(true);
+  return RunJob(client, request, deadline);
+}
+
 // Renders the plan of each frame, as one job.
 absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
                          const std::vector<PilotPlan>& plans, SteadyTime deadline,
@@ -200,17 +217,7 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
       add(frame, std::move(settings), {{}, 1});
     }
   }
-  JobArguments pilot_arguments = arguments;
-  // Both images of a pair consist of the same number of parts, so that their costs tell the cost
-  // per part apart from the cost of samples.
-  pilot_arguments.pass_sample_count = coordinator::kPilotSamplesMax;
-  pilot_arguments.stop = {};
-  pilot_arguments.priority = kPilotPriority;
-  pilot_arguments.title =
-      absl::StrCat("quote of ", arguments.title.empty() ? arguments.scene : arguments.title);
-  v1::CreateJobRequest request = MakeCreateJobRequest(pilot_arguments, pilot);
-  request.set_pilot(true);
-  const absl::StatusOr<v1::Job> ended = RunJob(client, request, deadline);
+  const absl::StatusOr<v1::Job> ended = RunPilot(client, arguments, pilot, deadline);
   if (!ended.ok()) return ended.status();
   int next = 0;
   for (size_t i = 0; i < frames->size(); ++i) {
@@ -291,6 +298,38 @@ coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings&
                                    ? arguments.cell_size_px
                                    : coordinator::ChooseCellSize(settings.window, tile_size_px);
   return {settings.window, tile_size_px, cell_size_px};
+}
+
+absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
+                                                            const JobArguments& arguments,
+                                                            const PreparedJob& job,
+                                                            SteadyTime deadline,
+                                                            double* cpu_seconds) {
+  std::vector<FrameImage> images;
+  const PreparedFrame& first = job.frames.front();
+  if (!HasDenoised(first.settings.outputs)) return images;
+  PreparedJob pilot;
+  for (const PixelRect& crop : DenoisedCrops(first.settings.window)) {
+    PreparedFrame& frame = pilot.frames.emplace_back(first);
+    frame.number = static_cast<int>(pilot.frames.size());
+    frame.resumed = {};
+    frame.settings.window = crop;
+    frame.settings.samples = kDenoisedPilotSamples;
+    frame.settings.outputs = {};
+    AddDenoised(&frame.settings.outputs);
+    // A training would cost more than a crop.
+    frame.settings.techniques = WithoutGuiding(frame.settings.techniques);
+  }
+  if (pilot.frames.empty()) return images;
+  const absl::StatusOr<v1::Job> ended = RunPilot(client, arguments, pilot, deadline);
+  if (!ended.ok()) return ended.status();
+  for (const v1::Frame& frame : ended->frames()) {
+    absl::StatusOr<FrameImage> image = FetchImage(client, frame);
+    if (!image.ok()) return image.status();
+    images.push_back(*std::move(image));
+    *cpu_seconds += Seconds(frame.progress().cpu_duration());
+  }
+  return images;
 }
 
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(

@@ -13,6 +13,7 @@
 #include "cli/job/farm_client.h"
 #include "cli/job/prepared_job.h"
 #include "common/base/steady_time.h"
+#include "common/film/frame_image.h"
 #include "coordinator/forecast/pilot_model.h"
 #include "coordinator/forecast/zoomed_pilots.h"
 
@@ -33,6 +34,14 @@ struct PilotFrame {
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
     const std::vector<coordinator::CellRound>& start, double target, SteadyTime deadline);
+
+// The images of DenoisedCrops of the job's first frame, with the denoised layers; adds their CPU
+// time to *cpu_seconds. Empty if the frame has no denoised output, or too few pixels.
+absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
+                                                            const JobArguments& arguments,
+                                                            const PreparedJob& job,
+                                                            SteadyTime deadline,
+                                                            double* cpu_seconds);
 
 // The same cells as the coordinator will use.
 coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings& settings);

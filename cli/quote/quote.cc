@@ -103,6 +103,29 @@ Banded Scaled(const Banded& value, double factor) {
   return {value.value * factor, value.low * factor, value.high * factor};
 }
 
+// The row of an error of the denoised layer: its price is that of an image with the error that may
+// be denoised to it, and its band that of images with the bounds of this error.
+QuoteRow DenoisedRow(double target, const std::vector<PilotFrame>& frames,
+                     const JobArguments& arguments, const Quote& quote) {
+  const Banded error = ImageErrorFor(target, *quote.denoised);
+  const auto row_of = [&](double image_error) {
+    return MakeRow(frames, arguments, quote, [&](const ErrorModel& model, double deviations) {
+      return coordinator::ForecastTarget(model, {.target_error = image_error}, kStoppedSamplesMax,
+                                         deviations);
+    });
+  };
+  QuoteRow row = row_of(error.value);
+  const QuoteRow cheapest = row_of(error.high), dearest = row_of(error.low);
+  for (Banded QuoteRow::*banded :
+       {&QuoteRow::samples, &QuoteRow::cpu_seconds, &QuoteRow::wall_seconds}) {
+    (row.*banded).low = std::min((row.*banded).low, (cheapest.*banded).low);
+    (row.*banded).high = std::max((row.*banded).high, (dearest.*banded).high);
+  }
+  row.target_error = error.value;
+  row.denoised_error = target;
+  return row;
+}
+
 // The row of a wall time, with the band of its error. targets: the rows of errors, which fall. A
 // forecast of an error as low as ten minutes often give would cost more than the whole quote.
 QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets) {
@@ -218,6 +241,10 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   const absl::StatusOr<std::vector<PilotFrame>> frames =
       RenderPilots(client, arguments, job, *start, loosest, SteadyTime::Now() + asked.wait_max);
   if (!frames.ok()) return frames.status();
+  const absl::StatusOr<std::vector<FrameImage>> crops = RenderDenoisedCrops(
+      client, arguments, job, SteadyTime::Now() + asked.wait_max, &quote.pilot_cpu_seconds);
+  if (!crops.ok()) return crops.status();
+  if (!crops->empty()) quote.denoised = DenoisedErrors(*crops);
   const FrameSettings& settings = job.frames.front().settings;
   quote.width_px = settings.window.Width();
   quote.height_px = settings.window.Height();
@@ -264,6 +291,11 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
         }));
     row.reached = true;
     row.samples_given = samples;
+  }
+  if (quote.denoised) {
+    for (const double target : asked.targets) {
+      quote.rows.push_back(DenoisedRow(target, *frames, arguments, quote));
+    }
   }
   return quote;
 }

@@ -8,7 +8,8 @@
 //
 // For a range of frames, pilots of a few frames are rendered and the others are interpolated. For a
 // frame that continues from an image (--resume-from), errors are taken from the image, and the
-// price covers the remaining work.
+// price covers the remaining work. For a frame with --denoise, further rows say what the errors
+// cost in the denoised layer (denoised_errors.h).
 //
 // The price of a frame with light paths has that of its light passes, that of a guided frame its
 // training (cost_forecast.h).
@@ -23,6 +24,7 @@
 #include "absl/time/time.h"
 #include "cli/job/farm_client.h"
 #include "cli/job/prepared_job.h"
+#include "cli/quote/denoised_errors.h"
 #include "coordinator/forecast/cost_forecast.h"
 #include "coordinator/forecast/work_ahead.h"
 
@@ -35,6 +37,8 @@ struct QuoteRow {
   double target_error = 0;                     // 0: samples or minutes are given instead.
   std::optional<uint64_t> samples_given = {};  // Per pixel.
   double minutes_given = 0;                    // Wall time.
+  // Of the denoised layer; target_error is then that of the image which it takes. 0: not denoised.
+  double denoised_error = 0;
   // Within the limit of samples per pixel; or, if minutes are given, with any error quoted.
   bool reached = true;
   Banded relative_mse;
@@ -58,6 +62,7 @@ struct Quote {
     double samples = 0, relative_mse = 0;
   };
   std::optional<Start> start;
+  std::optional<DenoisedPilot> denoised;  // If the frames have the denoised output.
   std::vector<QuoteRow> rows;
 };
 

@@ -112,6 +112,27 @@ TEST(QuoteTest, ReportsMissingInformation) {
   EXPECT_NE(text.find("not reached within the maximum of samples"), std::string::npos) << text;
 }
 
+TEST(QuoteTest, RowsOfDenoisedErrorsNameTheErrorOfTheImage) {
+  Quote quote = MakeTestQuote();
+  QuoteRow& row = quote.rows.emplace_back(quote.rows[0]);
+  row.denoised_error = 0.02;
+  row.target_error = 0.085;
+  quote.denoised = DenoisedPilot{0.3, 0.05};
+  const std::string text = FormatQuote(quote);
+  EXPECT_NE(text.find("  ±14 % (relMSE 0.02): strong noise, once denoised; --target-error 0.085 "
+                      "--denoise\n"),
+            std::string::npos)
+      << text;
+  EXPECT_NE(text.find("; denoised, crops of the pilot have 6.0 times less error (relMSE) at 16 "
+                      "samples; bands of denoised errors reach from this gain to none\n"),
+            std::string::npos);
+  EXPECT_EQ(text.find("nothing is denoised"), std::string::npos);
+  const auto json = nlohmann::json::parse(QuoteJson(quote));
+  EXPECT_EQ(json["denoised_gain"], 6);
+  EXPECT_EQ(json["rows"][2]["denoised_error"], 0.02);
+  EXPECT_TRUE(json["rows"][0]["denoised_error"].is_null());
+}
+
 TEST(QuoteTest, JsonHasHoursAndIntervals) {
   const auto json = nlohmann::json::parse(QuoteJson(MakeTestQuote()));
   EXPECT_EQ(json["rows"][0]["target_error"], 0.02);

@@ -28,6 +28,11 @@ constexpr int kTimeColumns = 34, kSamplesColumns = 8;
 
 std::string ErrorOf(const QuoteRow& row) {
   const Banded& error = row.relative_mse;
+  if (row.denoised_error > 0) {
+    return absl::StrFormat("%s: %s, once denoised; --target-error %.2g --denoise",
+                           FormatBothErrors(row.denoised_error), NoiseWords(row.denoised_error),
+                           row.target_error);
+  }
   if (row.target_error > 0) {
     return absl::StrCat(FormatBothErrors(row.target_error), ": ", NoiseWords(row.target_error));
   }
@@ -97,7 +102,12 @@ std::string FormatQuote(const Quote& quote) {
     absl::StrAppendFormat(&text, ", including the time of %d other %s", quote.jobs_before,
                           quote.jobs_before == 1 ? "job" : "jobs");
   }
-  return text + "; nothing is denoised\n";
+  if (!quote.denoised) return text + "; nothing is denoised\n";
+  absl::StrAppendFormat(&text,
+                        "; denoised, crops of the pilot have %.1f times less error (relMSE) at %d "
+                        "samples; bands of denoised errors reach from this gain to none\n",
+                        quote.denoised->Gain(), static_cast<int>(kDenoisedPilotSamples));
+  return text;
 }
 
 std::string QuoteJson(const Quote& quote) {
@@ -105,6 +115,7 @@ std::string QuoteJson(const Quote& quote) {
   for (const QuoteRow& row : quote.rows) {
     rows.push_back(
         {{"target_error", row.target_error > 0 ? Json(row.target_error) : Json()},
+         {"denoised_error", row.denoised_error > 0 ? Json(row.denoised_error) : Json()},
          {"minutes", row.minutes_given > 0 ? Json(row.minutes_given) : Json()},
          {"sample_count", row.samples_given ? Json(*row.samples_given) : Json()},
          {"reached", row.reached},
@@ -124,6 +135,7 @@ std::string QuoteJson(const Quote& quote) {
                      {"pilot_cpu_hours", quote.pilot_cpu_seconds / 3600},
                      {"training_cpu_hours", quote.training_cpu_seconds / 3600},
                      {"start", StartJson(quote)},
+                     {"denoised_gain", quote.denoised ? Json(quote.denoised->Gain()) : Json()},
                      {"band", 0.8},
                      {"rows", rows}};
   return json.dump();

@@ -39,9 +39,9 @@ constexpr char kDenoisedWord[] = "denoised";
 constexpr char kCryptomatteWord[] = "cryptomatte:";
 // Layers of every image and part, in lower case.
 constexpr const char* kReservedLayers[] = {
-    "albedo", "normal",   "depth",        "stderr", "lo", "p", "n", "ns",
-    "motion", "samples",  "weight",       "r",      "g",  "b", "a", "ids",
-    "rest",   "denoised", "denoisederror"};
+    "albedo",        "normal",           "depth", "stderr", "lo", "p", "n",   "ns",   "motion",
+    "samples",       "weight",           "r",     "g",      "b",  "a", "ids", "rest", "denoised",
+    "denoisederror", "denoised_external"};
 
 size_t ChannelCountOf(const AovRow& row) { return row.channels[2] != nullptr ? 3 : 2; }
 

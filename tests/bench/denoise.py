@@ -14,6 +14,7 @@ Debian's python3-openimageio and python3-numpy.
 import argparse
 import glob
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -36,8 +37,8 @@ def scenes_of(public):
 def crop_of(sheaf, scene, size):
     """The arguments that render the middle of the scene: none where it is smaller."""
     text = open(scene, encoding="utf-8").read()
-    full = [int(text.split(f'"integer {axis}resolution"')[1].split("[")[-1].split()[0].strip("]"))
-            if f'"integer {axis}resolution"' in text else 0 for axis in "xy"]
+    sizes = [re.search(rf'"integer {axis}resolution"\s*\[?\s*(\d+)', text) for axis in "xy"]
+    full = [int(size_of[1]) if size_of else 0 for size_of in sizes]
     first = [max(0, (whole - part) // 2) for whole, part in zip(full, size)]
     last = [min(whole, begin + part) for whole, begin, part in zip(full, first, size)]
     return ["--crop", ",".join(map(str, first + last))] if all(full) else []

@@ -27,7 +27,7 @@ NOT_RUN = {
     "docs/accuracy.md": "they take hours",
     "docs/blender.md": "they need Blender",
     "docs/content.md": "parts of commands",
-    "docs/denoise.md": "denoise_test.py has them",
+    "docs/denoise.md": "denoise_test.py has its options, python_package_test.py its script",
     "docs/elastic.md": "they need Slurm, Kubernetes or a container engine: tests/engines",
     "docs/failures.md": "they need a task that fails: failure_classes_test.py, repro_test.py",
     "docs/gltf.md": "they need models and minutes: tests/gltf/models_test.py",

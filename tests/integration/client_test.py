@@ -466,7 +466,9 @@ class ClientTest(ClientCase):
             return done.stdout.split()
         self.assertEqual(complete("render", "--color", "s"), ["spectral"])
         self.assertEqual(complete("study", "--techniques", "l"), ["light"])
-        self.assertEqual(complete("show", "--layer", '""'), ["image", "error", "samples"])
+        self.assertEqual(complete("show", "--layer", '""'),
+                         ["image", "error", "samples", "denoised", "denoisedError",
+                          "denoised_external"])
         self.assertIn("acescg", complete("submit", "--primaries", "a"))
         self.assertIn(name, complete("watch", '""'))
         self.assertIn(name, complete("cancel", "jobs/"))

@@ -4,6 +4,7 @@
 """The denoised output is the same for any division of the work, and leaves the image as it is."""
 import json
 import os
+import subprocess
 import tempfile
 import unittest
 
@@ -76,6 +77,61 @@ class DenoiseTest(unittest.TestCase):
                 job = f.sheaf("submit", self.scene, "--denoise", *SMALL).stdout.strip()
                 f.sheaf("watch", job, "-o", self.path("farmed"))
                 self.assertEqual(farm.image_digest(self.path("farmed")), self.expected)
+
+    def script(self, body):
+        path = self.path("a denoiser") + ".sh"
+        with open(path, "w", encoding="utf-8") as file:
+            file.write("#!/bin/sh\n" + body + "\n")
+        os.chmod(path, 0o700)
+        return path
+
+    def test_a_command_of_the_user_adds_a_layer(self):
+        self.rendered("plain", "--seed", 5)
+        copy = self.script('cp "$1" "$2"')
+        self.rendered("external", "--seed", 5, "--denoise-with", copy)
+        header = farm.read_bytes(self.path("external"))[:4096]
+        for word in (b"denoised_external.R\0", b"sheaf:externalDenoiser\0"):
+            self.assertIn(word, header)
+        compared = json.loads(farm.compare(self.path("plain"), self.path("external")))
+        self.assertEqual(compared["verdict"], "identical")
+        # The layer is no part of the image that was delivered.
+        for name in ("plain", "external"):
+            self.rendered("from " + name, "--seed", 5, "--samples", 32, "--resume-from",
+                          self.path(name))
+        self.assertEqual(farm.image_digest(self.path("from external")),
+                         farm.image_digest(self.path("from plain")))
+        shown = [farm.local("show", self.path(name), "--image=blocks", "--layer", layer)
+                 for name, layer in (("plain", "image"), ("external", "denoised_external"))]
+        self.assertEqual(*(text.partition("\x1b")[2] for text in shown))
+
+    def test_a_command_that_fails_costs_no_image(self):
+        expected = self.rendered("plain", "--seed", 6)
+        failed = self.script("echo no model >&2; exit 3")
+        with self.assertRaisesRegex(AssertionError, "(?s)exit code 6\n.*without the layer "
+                                    "denoised_external: .*ended with exit status 3; it says \"no "
+                                    "model\""):
+            self.rendered("failed", "--seed", 6, "--denoise-with", failed)
+        self.assertEqual(farm.image_digest(self.path("failed")), expected)
+        with self.assertRaisesRegex(AssertionError, "exit code 2\n.*no such program"):
+            self.rendered("none", "--denoise-with", self.path("none"))
+        self.assertFalse(os.path.exists(self.path("none")))
+
+    def test_layers_are_shown(self):
+        for layer in ("denoised", "denoisedError"):
+            shown = farm.local("show", self.path("expected"), "--image=blocks", "--layer", layer)
+            self.assertIn("\x1b[38;2;", shown)
+        self.assertIn("relative error: ", shown)
+        self.rendered("plain")
+        done = subprocess.run([os.path.join(farm.programs(), "sheaf"), "show", self.path("plain"),
+                               "--image", "--layer", "denoised"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("--denoise of render and submit adds it", done.stderr)
+
+    def test_studies_are_not_denoised(self):
+        done = subprocess.run([os.path.join(farm.programs(), "sheaf"), "study", self.scene,
+                               "--denoise"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("remove --denoise", done.stderr)
 
     def test_needs_independent_replicates(self):
         with self.assertRaisesRegex(AssertionError, "--one-sequence"):

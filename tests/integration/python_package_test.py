@@ -190,7 +190,8 @@ class FarmTest(unittest.TestCase):
 
     def example(self, name, *arguments):
         environment = dict(os.environ, PYTHONPATH=BUILT, SHEAF_COORDINATOR=self.farm.address,
-                           PATH=farms.programs() + os.pathsep + os.environ["PATH"])
+                           PATH=os.pathsep.join((farms.programs(), self.folder,
+                                                 os.environ["PATH"])))
         done = subprocess.run([sys.executable, os.path.join(PACKAGE, "examples", name), *arguments],
                               env=environment, cwd=self.folder, stdin=subprocess.DEVNULL,
                               capture_output=True, text=True, timeout=WAIT_SECONDS)
@@ -336,6 +337,12 @@ class FarmTest(unittest.TestCase):
         self.assertGreater(float(re.search(r"([\d.]+)% of the values", compared)[1]), 97)
         errors = self.example("watch_error.py", self.scene, "0.0005")
         self.assertRegex(errors, r"(?s)at most .*succeeded")
+        denoiser, third = (os.path.join(self.folder, name) for name in ("oidnDenoise", "c.exr"))
+        with open(denoiser, "w", encoding="utf-8") as file:  # Leaves the noise in.
+            file.write('#!/bin/sh\n[ "$3$5$7" = --hdr--alb--nrm ] && [ -s "$8" ] && cp "$4" "$2"\n')
+        os.chmod(denoiser, 0o700)
+        self.example("denoise_with_oidn.py", first, third)
+        self.assertTrue((sheaf.read_image(third).rgb == sheaf.read_image(first).rgb).all())
 
 
 class OtherFarmsTest(unittest.TestCase):

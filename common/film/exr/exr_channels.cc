@@ -14,7 +14,8 @@ constexpr std::string_view kScalars[] = {
     "samples",           "nonfinite",           "objectId",        "materialId", "assetId",
     "rest.CryptoObject", "rest.CryptoMaterial", "rest.CryptoAsset"};
 constexpr std::string_view kComponent = ".X";
-constexpr std::string_view kMatteLayers = "Crypto", kErrorLayer = "stderr";
+constexpr std::string_view kMatteLayers = "Crypto";
+constexpr std::string_view kErrorLayers[] = {"stderr", "denoisedError"};
 
 bool IsScalar(std::string_view name) {
   return std::ranges::find(kScalars, name) != std::end(kScalars);
@@ -46,7 +47,8 @@ bool IsColorChannel(std::string_view name) {
   const bool is_color =
       component == "R" || component == "G" || component == "B" || component == "A";
   const std::string layer = LayerOfChannel(name);
-  return is_color && !layer.starts_with(kMatteLayers) && layer != kErrorLayer;
+  return is_color && !layer.starts_with(kMatteLayers) &&
+         std::ranges::find(kErrorLayers, layer) == std::end(kErrorLayers);
 }
 
 }  // namespace sheaf

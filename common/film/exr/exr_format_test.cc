@@ -96,6 +96,8 @@ TEST(ExrFormatTest, HalfRoundsColorsOnly) {
     EXPECT_NE(*read->Find(name), image.planes[i]) << name;
     EXPECT_NEAR((*read->Find(name))[100], image.planes[i][100], 0x1p-11 * image.planes[i][100]);
   }
+  EXPECT_TRUE(IsColorChannel("denoised.R") && IsColorChannel("denoised_external.R"));
+  EXPECT_FALSE(IsColorChannel("denoisedError.R")) << "an error, as those of stderr";
 }
 
 TEST(ExrFormatTest, DwaLeavesDataAlone) {

@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/denoised_output.h"
+#include "common/film/exr/external_layer.h"
 #include "common/film/film_outputs.h"
 #include "common/math/double_float.h"
 #include "common/math/mix_bits.h"
@@ -118,6 +119,7 @@ ResumedImage::ResumedImage(FrameImage image, const FilmOutputs& outputs, const I
 
 absl::StatusOr<ResumedImage> ResumedImage::Make(FrameImage image, const FilmOutputs& outputs,
                                                 const ImageColor& color) {
+  RemoveExternalLayer(&image);
   const auto digest = image.metadata.find(kImageDigestKey);
   if (digest == image.metadata.end() || !image.metadata.contains(kFrameDigestKey)) {
     return Refuse(
