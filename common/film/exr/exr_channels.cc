@@ -10,11 +10,19 @@ namespace sheaf {
 namespace {
 
 // Channels of one number per pixel that is no color.
-constexpr std::string_view kScalars[] = {
-    "samples",           "nonfinite",           "objectId",        "materialId", "assetId",
-    "rest.CryptoObject", "rest.CryptoMaterial", "rest.CryptoAsset"};
+constexpr std::string_view kScalars[] = {"samples",
+                                         "nonfinite",
+                                         "objectId",
+                                         "materialId",
+                                         "assetId",
+                                         "rest.CryptoObject",
+                                         "rest.CryptoMaterial",
+                                         "rest.CryptoAsset",
+                                         "light.samples",
+                                         "light.nonfinite"};
 constexpr std::string_view kComponent = ".X";
-constexpr std::string_view kMatteLayers = "Crypto", kErrorLayer = "stderr";
+constexpr std::string_view kMatteLayers = "Crypto", kErrorLayer = "stderr",
+                           kErrorLayerOfLight = "light.stderr";
 
 bool IsScalar(std::string_view name) {
   return std::ranges::find(kScalars, name) != std::end(kScalars);
@@ -46,7 +54,8 @@ bool IsColorChannel(std::string_view name) {
   const bool is_color =
       component == "R" || component == "G" || component == "B" || component == "A";
   const std::string layer = LayerOfChannel(name);
-  return is_color && !layer.starts_with(kMatteLayers) && layer != kErrorLayer;
+  const bool is_error = layer == kErrorLayer || layer == kErrorLayerOfLight;
+  return is_color && !layer.starts_with(kMatteLayers) && !is_error;
 }
 
 }  // namespace sheaf
