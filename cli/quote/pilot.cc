@@ -17,9 +17,9 @@
 #include "cli/quote/denoised_errors.h"
 #include "common/film/denoised_output.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/light/light_image.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/core/limits.h"
-#include "coordinator/forecast/image_start.h"
 
 namespace sheaf::cli {
 namespace {
@@ -72,6 +72,12 @@ absl::StatusOr<PilotImage> FetchPilot(FarmClient* client, const v1::Frame& frame
                                       size_t tile_count) {
   absl::StatusOr<FrameImage> image = FetchImage(client, frame);
   if (!image.ok()) return image.status();
+  for (const LightLayerChannel& channel : LightLayerChannels({})) {
+    if (!level.is_light_image || image->Find(channel.of_layer) != nullptr) continue;
+    return absl::DataLossError(
+        absl::StrCat("the pilot's image has no channel ", channel.of_layer,
+                     ": the coordinator is of another version; use the client of its version"));
+  }
   PilotImage pilot{level, *std::move(image), {}};
   const std::map<std::string, std::string>& metadata = pilot.image.metadata;
   if (!level.lattice.All()) {
@@ -244,12 +250,13 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
 }
 
 void FitModels(const JobArguments& arguments, const PreparedJob& job,
-               const std::vector<coordinator::CellRound>& start, std::vector<PilotFrame>* frames) {
+               const std::optional<coordinator::ImageStart>& start,
+               std::vector<PilotFrame>* frames) {
   for (PilotFrame& frame : *frames) {
     const PreparedFrame& prepared = job.frames[frame.index];
     frame.model = coordinator::FitErrorModel(GridOf(arguments, prepared.settings), frame.images,
                                              frame.zoomed_pilots, prepared.filter);
-    if (!start.empty()) coordinator::ContinueFrom(start, &frame.model);
+    if (start) coordinator::ContinueFrom(*start, &frame.model);
   }
 }
 
@@ -334,9 +341,9 @@ absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
 
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-    const std::vector<coordinator::CellRound>& start, double target, SteadyTime deadline) {
+    const std::optional<coordinator::ImageStart>& start, double target, SteadyTime deadline) {
   std::vector<PilotFrame> frames = ChooseFrames(job.frames.size());
-  const int count_max = start.empty() ? kPilotCountMax : 1;
+  const int count_max = start ? 1 : kPilotCountMax;
   for (int i = 0; i < count_max; ++i) {
     std::vector<PilotPlan> plans;
     bool more = false;

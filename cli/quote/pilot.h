@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -14,6 +15,7 @@
 #include "cli/job/prepared_job.h"
 #include "common/base/steady_time.h"
 #include "common/film/frame_image.h"
+#include "coordinator/forecast/image_start.h"
 #include "coordinator/forecast/pilot_model.h"
 #include "coordinator/forecast/zoomed_pilots.h"
 
@@ -29,11 +31,11 @@ struct PilotFrame {
 
 // Renders ever larger pilots of at most three frames, evenly spaced over the job's, while the price
 // of `target`, the loosest target quoted, allows them. Returns the frames in ascending order.
-// start: the cells of a frame that continues from an image, or empty; the image tells more about
-// errors than a pilot could, so a single pilot measures the costs. Errors: as MakeQuote.
+// start: of a frame that continues from an image, or none; the image tells more about errors than a
+// pilot could, so a single pilot measures the costs. Errors: as MakeQuote.
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
-    const std::vector<coordinator::CellRound>& start, double target, SteadyTime deadline);
+    const std::optional<coordinator::ImageStart>& start, double target, SteadyTime deadline);
 
 // The images of DenoisedCrops of the job's first frame, with the denoised layers; adds their CPU
 // time to *cpu_seconds. Empty if the frame has no denoised output, or too few pixels.

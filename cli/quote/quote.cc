@@ -12,14 +12,13 @@
 #include "cli/quote/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
-#include "coordinator/forecast/image_start.h"
 
 namespace sheaf::cli {
 namespace {
 
-using coordinator::CellRound;
 using coordinator::ErrorModel;
 using coordinator::Forecast;
+using coordinator::ImageStart;
 using coordinator::kBandDeviations;
 using coordinator::WithBand;
 
@@ -92,8 +91,9 @@ QuoteRow MakeRow(const std::vector<PilotFrame>& frames, const JobArguments& argu
       WithBand(values.cpu_seconds, low.cpu_seconds, high.cpu_seconds, log_cpu_deviation);
   const double samples_there = quote.start ? quote.start->samples : 0;
   const double pixels = static_cast<double>(quote.width_px) * quote.height_px;
-  const double paths =
-      pixels * (row.samples.value - samples_there) + quote.paths_per_pass * values.light_passes;
+  const double passes_there = quote.start ? quote.start->light_passes : 0;
+  const double paths = pixels * (row.samples.value - samples_there) +
+                       quote.paths_per_pass * (values.light_passes - passes_there);
   row.wall_seconds = coordinator::WallSeconds(row.cpu_seconds, paths * quote.frame_count,
                                               arguments.priority, quote.load);
   return row;
@@ -184,10 +184,10 @@ absl::Status DescribeFarm(FarmClient* client, const JobArguments& arguments, Quo
   return absl::OkStatus();
 }
 
-// The cells of the job's frame as recorded in its image; empty if the job starts anew.
-absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
-                                                 const PreparedJob& job) {
-  if (arguments.resume_from.empty()) return std::vector<CellRound>();
+// The start of the job's frame, if it continues from an image.
+absl::StatusOr<std::optional<ImageStart>> ReadStart(const JobArguments& arguments,
+                                                    const PreparedJob& job) {
+  if (arguments.resume_from.empty()) return std::nullopt;
   absl::StatusOr<FrameImage> image = ReadFrameImage(arguments.resume_from);
   if (!image.ok()) return image.status();
   const PreparedFrame& frame = job.frames.front();
@@ -201,10 +201,10 @@ absl::StatusOr<std::vector<CellRound>> ReadStart(const JobArguments& arguments,
   const absl::StatusOr<ResumedImage> resumed =
       coordinator::ResumeImage(*std::move(image), spec, numeric_profile);
   if (!resumed.ok()) return Annotate(resumed.status(), about);
-  absl::StatusOr<std::vector<CellRound>> cells =
+  absl::StatusOr<ImageStart> start =
       coordinator::ImageStartOf(*resumed, GridOf(arguments, frame.settings));
-  if (!cells.ok()) return Annotate(cells.status(), about);
-  return cells;
+  if (!start.ok()) return Annotate(start.status(), about);
+  return *std::move(start);
 }
 
 }  // namespace
@@ -231,7 +231,7 @@ std::optional<double> LeastErrorIn(double seconds, const std::vector<ErrorTime>&
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
   Quote quote;
-  const absl::StatusOr<std::vector<CellRound>> start = ReadStart(arguments, job);
+  const absl::StatusOr<std::optional<ImageStart>> start = ReadStart(arguments, job);
   if (!start.ok()) return start.status();
   if (absl::Status status = DescribeFarm(client, arguments, &quote); !status.ok()) return status;
   if (quote.thread_count == 0 && asked.wait_max != absl::InfiniteDuration()) {
@@ -261,11 +261,9 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   if (HasLightPaths(settings.techniques)) {
     quote.paths_per_pass = static_cast<double>(coordinator::PathsPerLightPass(settings));
   }
-  if (!start->empty()) {
-    const ErrorSums sum = coordinator::SumOf(*start);
-    quote.start =
-        Quote::Start{coordinator::PixelSamples(*start) / static_cast<double>(sum.pixel_count),
-                     sum.RelativeMse()};
+  if (*start) {
+    quote.start = Quote::Start{(*start)->SamplesPerPixel(), (*start)->RelativeMse(),
+                               static_cast<double>((*start)->light_passes)};
   }
   for (const double target : asked.targets) {
     QuoteRow& row = quote.rows.emplace_back(

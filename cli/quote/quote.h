@@ -57,9 +57,9 @@ struct Quote {
   coordinator::FarmLoad load;           // Includes those jobs.
   double pilot_cpu_seconds = 0;
   double training_cpu_seconds = 0;  // For all frames; a part of each row's. 0: no training.
-  // If it continues from an image: its mean samples per pixel so far.
+  // If it continues from an image: its mean samples per pixel so far, and its light passes.
   struct Start {
-    double samples = 0, relative_mse = 0;
+    double samples = 0, relative_mse = 0, light_passes = 0;
   };
   std::optional<Start> start;
   std::optional<DenoisedPilot> denoised;  // If the frames have the denoised output.

@@ -6,8 +6,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/film/error/error_planes.h"
 #include "common/scene/spectrum/primaries.h"
 #include "coordinator/core/cell_errors.h"
+#include "coordinator/forecast/pilot_light.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -48,47 +50,92 @@ std::string WhyNotOf(const FrameSpec& spec, const std::string& numeric_profile,
   return "it was rendered with other settings (outputs, color, primaries or sampling)";
 }
 
+// The fraction of each cell's error that light passes cause.
+std::vector<double> LightFractionsOf(const FrameImage& image, const CellGrid& grid) {
+  const std::vector<double> of_pixels = LightFractions(image);
+  const ErrorPlanes planes(image);
+  const double mean = planes.Mean();
+  std::vector<double> of_cells;
+  for (const PixelRect& cell : grid.cells()) {
+    const std::vector<PixelError> errors = PixelErrors(planes, image, cell, mean);
+    double light = 0, all = 0;
+    size_t next = 0;
+    for (int32_t y = cell.y0; y < cell.y1; ++y) {
+      for (int32_t x = cell.x0; x < cell.x1; ++x) {
+        const double error = errors[next++].value;
+        light += error * of_pixels[image.window.IndexOf(x, y)];
+        all += error;
+      }
+    }
+    of_cells.push_back(all > 0 ? light / all : 0);
+  }
+  return of_cells;
+}
+
+// The sums of errors that are this fraction of those given.
+ErrorSums Scaled(const ErrorSums& errors, double fraction) {
+  return {errors.pixel_count, fraction * errors.sum, fraction * fraction * errors.square_sum};
+}
+
+double LogDeviationOf(const ErrorSums& sum) {
+  return sum.sum > 0 ? sum.Deviation() / sum.RelativeMse() : 0;
+}
+
 }  // namespace
 
 absl::StatusOr<ResumedImage> ResumeImage(FrameImage image, const FrameSpec& spec,
                                          const std::string& numeric_profile) {
   const FrameSettings& s = spec.settings;
   if (!s.lattice.All()) return absl::InvalidArgumentError("not all of its pixels are rendered");
-  if (HasLightPaths(s.techniques)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "the techniques ", TechniquesName(s.techniques),
-        " count light paths and camera paths apart, and an image holds only their sum; render "
-        "anew, or continue the job itself with sheaf refine"));
-  }
   const std::string why_not = WhyNotOf(spec, numeric_profile, image);
-  absl::StatusOr<ResumedImage> resumed = ResumedImage::Make(
-      std::move(image), s.outputs, ImageColorOf(s.primaries, s.white_balance_k, s.sensor));
+  absl::StatusOr<ResumedImage> resumed =
+      ResumedImage::Make(std::move(image), s.outputs,
+                         ImageColorOf(s.primaries, s.white_balance_k, s.sensor), HasLightPasses(s));
   // Errors in the image itself are reported first.
   if (!why_not.empty() && resumed.ok()) return absl::InvalidArgumentError(why_not);
   return resumed;
 }
 
-absl::StatusOr<std::vector<CellRound>> ImageStartOf(const ResumedImage& resumed,
-                                                    const CellGrid& grid) {
+double ImageStart::SamplesPerPixel() const {
+  return PixelSamples(cells) / static_cast<double>(SumOf(cells).pixel_count);
+}
+
+double ImageStart::RelativeMse() const {
+  ErrorSums light;
+  for (const ErrorSums& cell : light_errors) light.Add(cell);
+  return AddIndependent(SumOf(cells), light).RelativeMse();
+}
+
+absl::StatusOr<ImageStart> ImageStartOf(const ResumedImage& resumed, const CellGrid& grid) {
   const std::vector<ErrorSums> errors = EstimateCellErrors(resumed.image(), grid);
-  std::vector<CellRound> cells;
+  ImageStart start;
+  start.light_passes = resumed.light_pass_count();
+  std::vector<double> of_light(errors.size());
+  if (start.light_passes > 0) of_light = LightFractionsOf(resumed.image(), grid);
   for (size_t i = 0; i < grid.cells().size(); ++i) {
     const absl::StatusOr<uint64_t> samples = resumed.SamplesOf(grid.cells()[i]);
     if (!samples.ok()) return samples.status();
-    cells.push_back({*samples, errors[i]});
+    start.cells.push_back({*samples, Scaled(errors[i], 1 - of_light[i])});
+    if (start.light_passes > 0) start.light_errors.push_back(Scaled(errors[i], of_light[i]));
   }
-  return cells;
+  return start;
 }
 
-void ContinueFrom(const std::vector<CellRound>& cells, ErrorModel* model) {
-  SHEAF_CHECK(cells.size() == model->cells.size());
-  for (size_t i = 0; i < cells.size(); ++i) {
-    model->cells[i].measured = cells[i];
-    model->cells[i].samples_kept = cells[i].samples;
+void ContinueFrom(const ImageStart& start, ErrorModel* model) {
+  SHEAF_CHECK(start.cells.size() == model->cells.size());
+  for (size_t i = 0; i < start.cells.size(); ++i) {
+    model->cells[i].measured = start.cells[i];
+    model->cells[i].samples_kept = start.cells[i].samples;
   }
-  const ErrorSums sum = SumOf(cells);
-  model->log_error_deviation = sum.sum > 0 ? sum.Deviation() / sum.RelativeMse() : 0;
+  model->log_error_deviation = LogDeviationOf(SumOf(start.cells));
   model->silhouettes = {};
+  SHEAF_CHECK((model->light.passes > 0) == (start.light_passes > 0));
+  if (start.light_passes == 0) return;
+  ErrorSums sum;
+  for (const ErrorSums& cell : start.light_errors) sum.Add(cell);
+  model->light.passes = model->light.passes_kept = start.light_passes;
+  model->light.errors = start.light_errors;
+  model->light.log_error_deviation = LogDeviationOf(sum);
 }
 
 }  // namespace sheaf::coordinator

@@ -5,6 +5,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "common/film/light/light_image.h"
+
 namespace sheaf::coordinator {
 namespace {
 
@@ -50,14 +54,14 @@ const CellGrid kStartGrid(kStartWindow, 8, 8);
 TEST(ImageStartTest, CellsHaveTheImagesSamplesAndErrors) {
   const auto resumed = ResumeImage(MakeImage(), MakeSpec(), kProfile);
   ASSERT_TRUE(resumed.ok()) << resumed.status();
-  const auto cells = ImageStartOf(*resumed, kStartGrid);
-  ASSERT_TRUE(cells.ok()) << cells.status();
-  ASSERT_EQ(cells->size(), 2u);
-  EXPECT_EQ((*cells)[0].samples, 16u);
-  EXPECT_EQ((*cells)[1].samples, 64u);
+  const auto start = ImageStartOf(*resumed, kStartGrid);
+  ASSERT_TRUE(start.ok()) << start.status();
+  ASSERT_EQ(start->cells.size(), 2u);
+  EXPECT_EQ(start->cells[0].samples, 16u);
+  EXPECT_EQ(start->cells[1].samples, 64u);
   // The squared values and the floor of dark pixels are estimates, accurate to a few hundredths.
-  EXPECT_NEAR((*cells)[0].error.RelativeMse(), 0.01, 0.001);
-  EXPECT_NEAR((*cells)[1].error.RelativeMse(), 0.0025, 0.00025);
+  EXPECT_NEAR(start->cells[0].error.RelativeMse(), 0.01, 0.001);
+  EXPECT_NEAR(start->cells[1].error.RelativeMse(), 0.0025, 0.00025);
 }
 
 TEST(ImageStartTest, CostCountsOnlyMissingSamples) {
@@ -109,16 +113,70 @@ TEST(ImageStartTest, ExplainsWhyAnImageDoesNotFit) {
   EXPECT_THAT(why(changed, MakeSpec()), HasSubstr("changed after it was delivered"));
 }
 
-TEST(ImageStartTest, ImagesWithLightPathsAreRefused) {
-  FrameSpec spec = MakeSpec();
+// An image of MakeSpec with light paths: of the variance of its pixels, light passes have this
+// fraction.
+FrameSpec WithLight(FrameSpec spec, Techniques techniques = Techniques::kCameraAndLight) {
+  spec.settings.techniques = techniques;
+  spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
+  return spec;
+}
+FrameImage MakeLightImage(const FrameSpec& spec, float fraction) {
+  FrameImage image = MakeImage(), light = image;
+  for (const char* name : {"stderr.R", "stderr.G", "stderr.B"}) {
+    for (float& error : *light.Find(name)) error *= std::sqrt(fraction);
+  }
+  light.Find("samples")->assign(light.planes[0].size(), 64);
+  SetLightLayer(light, &image);
+  image.metadata[kFrameDigestKey] = spec.frame_digest;
+  image.metadata[kImageDigestKey] = ImageDigest(image);
+  return image;
+}
+
+TEST(ImageStartTest, ErrorsAreDividedBetweenCameraAndLight) {
+  const FrameSpec spec = WithLight(MakeSpec());
+  const auto all = ImageStartOf(*ResumeImage(MakeImage(), MakeSpec(), kProfile), kStartGrid);
+  EXPECT_TRUE(all->light_errors.empty());
+  const auto resumed = ResumeImage(MakeLightImage(spec, 0.75f), spec, kProfile);
+  ASSERT_TRUE(resumed.ok()) << resumed.status();
+  const auto start = ImageStartOf(*resumed, kStartGrid);
+  ASSERT_TRUE(start.ok()) << start.status();
+  EXPECT_EQ(start->light_passes, 64u);
+  EXPECT_DOUBLE_EQ(start->SamplesPerPixel(), 40);
+  EXPECT_NEAR(start->RelativeMse(), all->RelativeMse(), 1e-9);
+  ASSERT_EQ(start->light_errors.size(), 2u);
+  for (size_t i = 0; i < 2; ++i) {
+    const double error = all->cells[i].error.RelativeMse();
+    EXPECT_NEAR(start->cells[i].error.RelativeMse(), 0.25 * error, 1e-6 * error);
+    EXPECT_NEAR(start->light_errors[i].RelativeMse(), 0.75 * error, 1e-6 * error);
+  }
+}
+
+TEST(ImageStartTest, CostCountsOnlyMissingLightPasses) {
+  const FrameSpec spec = WithLight(MakeSpec());
+  const auto resumed = ResumeImage(MakeLightImage(spec, 0.75f), spec, kProfile);
+  ErrorModel model;
+  for (int i = 0; i < 2; ++i) model.cells.push_back({{16, {64, 64 * 0.5, 64 * 0.25}}, 64e-3});
+  model.light = {8, {{64, 64, 64}, {64, 64, 64}}, 0.5, 0.1, 0};  // Much too noisy.
+  const auto start = ImageStartOf(*resumed, kStartGrid);
+  ContinueFrom(*start, &model);
+  EXPECT_LT(model.light.log_error_deviation, 0.3);
+  const Forecast more = ForecastSamples(model, 256);
+  EXPECT_DOUBLE_EQ(more.cpu_seconds, 64e-3 * (2 * 256 - 16 - 64) + 0.1 * (256 - 64));
+  // Errors of light passes fall by a factor of four, those of camera samples by more.
+  EXPECT_LT(more.relative_mse, start->RelativeMse() / 4);
+  EXPECT_GT(more.relative_mse, start->RelativeMse() * 0.75 / 4);
+}
+
+TEST(ImageStartTest, ImagesWithoutALightLayerAreRefused) {
   for (const Techniques techniques :
        {Techniques::kCameraAndLight, Techniques::kLight, Techniques::kCameraAndLightGuided}) {
-    spec.settings.techniques = techniques;
-    spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
+    const FrameSpec spec = WithLight(MakeSpec(), techniques);
+    EXPECT_TRUE(ResumeImage(MakeLightImage(spec, 0.5f), spec, kProfile).ok());
     FrameImage image = MakeImage();
     image.metadata[kFrameDigestKey] = spec.frame_digest;
     const absl::Status status = ResumeImage(std::move(image), spec, kProfile).status();
-    EXPECT_THAT(std::string(status.message()), HasSubstr("an image holds only their sum"));
+    EXPECT_THAT(std::string(status.message()), HasSubstr("has no channel light.mean.R"));
+    EXPECT_THAT(std::string(status.message()), HasSubstr("sheaf refine"));
   }
 }
 

@@ -18,8 +18,8 @@ constexpr std::array kColors = {"R", "G", "B"};
 // Pixels around one whose mean is its light, in each direction; and the edge of a block.
 constexpr int32_t kAboutPx = 1, kBlockPx = 3;
 
-const std::vector<float>& LightPlane(const FrameImage& image, const std::string& channel) {
-  const std::vector<float>* plane = image.Find(kLightLayerPrefix + channel);
+const std::vector<float>& PlaneOf(const FrameImage& image, const std::string& channel) {
+  const std::vector<float>* plane = image.Find(channel);
   SHEAF_CHECK(plane != nullptr);
   return *plane;
 }
@@ -36,23 +36,6 @@ float MeanOf(const std::vector<float>& plane, const PixelRect& rect, const Pixel
     for (int32_t x = rect.x0; x < rect.x1; ++x) sum += plane[window.IndexOf(x, y)];
   }
   return static_cast<float>(sum / static_cast<double>(rect.PixelCount()));
-}
-
-// The fraction of each pixel's variance that is due to light passes.
-std::vector<double> LightFractions(const FrameImage& image) {
-  std::vector<double> light(image.planes.front().size()), all(light.size());
-  for (const std::string color : kColors) {
-    const std::vector<float>& of_light = LightPlane(image, "stderr." + color);
-    const std::vector<float>& of_all = *image.Find("stderr." + color);
-    for (size_t p = 0; p < light.size(); ++p) {
-      light[p] += double{of_light[p]} * of_light[p];
-      all[p] += double{of_all[p]} * of_all[p];
-    }
-  }
-  for (size_t p = 0; p < light.size(); ++p) {
-    light[p] = all[p] > 0 ? std::min(1.0, light[p] / all[p]) : 0;
-  }
-  return light;
 }
 
 // The errors of the image's light passes alone.
@@ -84,6 +67,22 @@ std::vector<PilotBlock> LightBlocksOf(const PilotImage& light, double mean,
 
 }  // namespace
 
+std::vector<double> LightFractions(const FrameImage& image) {
+  std::vector<double> light(image.planes.front().size()), all(light.size());
+  for (const std::string color : kColors) {
+    const std::vector<float>& of_light = PlaneOf(image, LightErrorChannel(color));
+    const std::vector<float>& of_all = PlaneOf(image, "stderr." + color);
+    for (size_t p = 0; p < light.size(); ++p) {
+      light[p] += double{of_light[p]} * of_light[p];
+      all[p] += double{of_all[p]} * of_all[p];
+    }
+  }
+  for (size_t p = 0; p < light.size(); ++p) {
+    light[p] = all[p] > 0 ? std::min(1.0, light[p] / all[p]) : 0;
+  }
+  return light;
+}
+
 const PilotImage* FindLightImage(std::span<const PilotImage> pilot) {
   const PilotImage* found = nullptr;
   for (const PilotImage& image : pilot) {
@@ -99,7 +98,7 @@ void AddLightOf(const PilotImage& light, const FrameImage& sparse,
   const int32_t shrink = light.level.shrink;
   const std::vector<float>& samples = *sparse.Find("samples");
   for (size_t i = 0; i < kColors.size(); ++i) {
-    const std::vector<float>& of_light = LightPlane(light.image, kColors[i]);
+    const std::vector<float>& of_light = PlaneOf(light.image, LightMeanChannel(kColors[i]));
     for (int32_t y = window.y0; y < window.y1; ++y) {
       for (int32_t x = window.x0; x < window.x1; ++x) {
         const size_t p = window.IndexOf(x, y);

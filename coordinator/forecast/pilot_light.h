@@ -26,6 +26,10 @@
 
 namespace sheaf::coordinator {
 
+// The fraction of each pixel's variance that is due to light passes. Requires: an image with the
+// light layer (light_image.h).
+std::vector<double> LightFractions(const FrameImage& image);
+
 // The pilot's largest light image; null if it has none.
 const PilotImage* FindLightImage(std::span<const PilotImage> pilot);
 

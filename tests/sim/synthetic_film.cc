@@ -167,6 +167,7 @@ std::string RenderAlone(const FrameSpec& frame, const coordinator::Partition& pa
     samples = DecideRound(frame.stop, frame.settings.samples, round, cells, before, {}).samples;
     before = std::move(cells);
   }
+  merge.AddLightLayer();
   return ImageDigest(merge.image());
 }
 

@@ -10,12 +10,19 @@ namespace sheaf {
 namespace {
 
 // Channels of one number per pixel that is no color.
-constexpr std::string_view kScalars[] = {
-    "samples",           "nonfinite",           "objectId",        "materialId", "assetId",
-    "rest.CryptoObject", "rest.CryptoMaterial", "rest.CryptoAsset"};
+constexpr std::string_view kScalars[] = {"samples",
+                                         "nonfinite",
+                                         "objectId",
+                                         "materialId",
+                                         "assetId",
+                                         "rest.CryptoObject",
+                                         "rest.CryptoMaterial",
+                                         "rest.CryptoAsset",
+                                         "light.samples",
+                                         "light.nonfinite"};
 constexpr std::string_view kComponent = ".X";
 constexpr std::string_view kMatteLayers = "Crypto";
-constexpr std::string_view kErrorLayers[] = {"stderr", "denoisedError"};
+constexpr std::string_view kErrorLayers[] = {"stderr", "denoisedError", "light.stderr"};
 
 bool IsScalar(std::string_view name) {
   return std::ranges::find(kScalars, name) != std::end(kScalars);

@@ -100,6 +100,17 @@ TEST(ExrFormatTest, HalfRoundsColorsOnly) {
   EXPECT_FALSE(IsColorChannel("denoisedError.R")) << "an error, as those of stderr";
 }
 
+TEST(ExrFormatTest, ErrorsAndCountsOfTheLightLayerAreNoColors) {
+  EXPECT_TRUE(IsColorChannel("light.mean.R"));
+  EXPECT_TRUE(IsColorChannel("light.group.key.B"));
+  EXPECT_FALSE(IsColorChannel("light.stderr.R"));
+  for (const std::string name : {"light.samples", "light.nonfinite"}) {
+    EXPECT_FALSE(IsColorChannel(name));
+    EXPECT_EQ(FileChannelName(name), name + ".X");
+    EXPECT_EQ(ImageChannelName(name + ".X"), name);
+  }
+}
+
 TEST(ExrFormatTest, DwaLeavesDataAlone) {
   const FrameImage image = MakeImage();
   for (const ExrCompression compression : {ExrCompression::kDwaa, ExrCompression::kDwab}) {

@@ -3,15 +3,19 @@
 #include "common/film/light/light_image.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 
 namespace sheaf {
 namespace {
+
+constexpr std::array kColors = {"R", "G", "B"};
 
 enum class Sum { kNone, kPlain, kQuadrature };
 
@@ -23,7 +27,7 @@ std::vector<Sum> SumsOf(const FrameImage& image) {
     SHEAF_CHECK(found != image.channel_names.end());
     sums[static_cast<size_t>(found - image.channel_names.begin())] = sum;
   };
-  for (const char* component : {"R", "G", "B"}) {
+  for (const char* component : kColors) {
     set(component, Sum::kPlain);
     set(std::string("stderr.") + component, Sum::kQuadrature);
     for (const std::string& group : image.outputs.light_groups) {
@@ -75,16 +79,43 @@ void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect
   }
 }
 
+std::string LightMeanChannel(const std::string& component) {
+  return absl::StrCat(kLightLayerPrefix, "mean.", component);
+}
+
+std::string LightErrorChannel(const std::string& component) {
+  return absl::StrCat(kLightLayerPrefix, "stderr.", component);
+}
+
+std::vector<LightLayerChannel> LightLayerChannels(const FilmOutputs& outputs) {
+  std::vector<LightLayerChannel> channels;
+  for (const char* component : kColors) {
+    channels.push_back({component, LightMeanChannel(component)});
+  }
+  for (const char* component : kColors) {
+    channels.push_back({absl::StrCat("stderr.", component), LightErrorChannel(component)});
+  }
+  for (const char* count : {"samples", "nonfinite"}) {
+    channels.push_back({count, absl::StrCat(kLightLayerPrefix, count)});
+  }
+  for (const std::string& group : outputs.light_groups) {
+    for (const char* component : kColors) {
+      const std::string name = absl::StrCat(group, ".", component);
+      channels.push_back({name, absl::StrCat(kLightLayerPrefix, "group.", name)});
+    }
+  }
+  return channels;
+}
+
 void SetLightLayer(const FrameImage& light, FrameImage* image) {
   SHEAF_CHECK(light.window == image->window && StartsWith(*image, light));
-  for (const char* channel : {"R", "G", "B", "stderr.R", "stderr.G", "stderr.B"}) {
-    const std::string name = std::string(kLightLayerPrefix) + channel;
-    std::vector<float>* plane = image->Find(name);
+  for (const auto& [of_image, of_layer] : LightLayerChannels(image->outputs)) {
+    std::vector<float>* plane = image->Find(of_layer);
     if (plane == nullptr) {
-      image->channel_names.push_back(name);
+      image->channel_names.push_back(of_layer);
       plane = &image->planes.emplace_back();
     }
-    *plane = *light.Find(channel);
+    *plane = *light.Find(of_image);
   }
 }
 

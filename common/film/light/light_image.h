@@ -5,6 +5,10 @@
 // light paths are estimated apart, each over its own samples, and added.
 #pragma once
 
+#include <string>
+#include <vector>
+
+#include "common/film/film_outputs.h"
 #include "common/film/frame_image.h"
 #include "common/film/tile_geometry.h"
 
@@ -19,10 +23,23 @@ namespace sheaf {
 void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect& rect,
               FrameImage* image);
 
-// The light layer of an image: the light of its light paths alone, light.{R,G,B}, and its standard
-// errors, light.stderr.{R,G,B}. Adds the layer as the image's last channels; sets it where the
-// image has it. Requires: images as for AddLight.
+// The light layer of an image holds what its light paths alone have found, from which the two kinds
+// of path can be told apart again (resumed_image.h). Its channels are those of LightLayerChannels.
+// No light group has such names, as those of groups have no dot.
 inline constexpr char kLightLayerPrefix[] = "light.";
+// A channel of the light paths' image, and its name in the light layer.
+struct LightLayerChannel {
+  std::string of_image, of_layer;
+};
+// R, G, B > light.mean.{R,G,B}; stderr.{R,G,B} > light.stderr.{R,G,B}; samples > light.samples, the
+// number of light passes; nonfinite > light.nonfinite; then of each light group
+// NAME.{R,G,B} > light.group.NAME.{R,G,B}, in the order of the groups.
+std::vector<LightLayerChannel> LightLayerChannels(const FilmOutputs& outputs);
+// The name in the light layer of R, G or B, and of their standard errors.
+std::string LightMeanChannel(const std::string& component);
+std::string LightErrorChannel(const std::string& component);
+// Adds the layer as the image's last channels; sets it where the image has it. Requires: images as
+// for AddLight.
 void SetLightLayer(const FrameImage& light, FrameImage* image);
 
 }  // namespace sheaf

@@ -57,17 +57,23 @@ TEST(LightImageTest, MeansAddAndErrorsAddInQuadrature) {
 }
 
 TEST(LightImageTest, TheLightLayerIsThatOfLightPathsAlone) {
-  FrameImage camera = MakeFrameImage(kWindow, 4, 3), light = camera, image = camera;
-  DevelopTile(MakeTestTile(kWindow, {0, 32}), &camera);
-  DevelopTile(LightTile(), &light);
+  FilmOutputs outputs;
+  outputs.light_groups = {"key", "light"};  // The group's channels are not those of the layer.
+  FrameImage camera = MakeFrameImage(kWindow, 4, 3, outputs), light = camera, image = camera;
+  DevelopTile(LightTile(outputs), &light);
+  camera.Find("light.R")->assign(12, 0.5f);
   AddLight(camera, light, kWindow, &image);
   const FrameImage before = image;
   for (int i = 0; i < 2; ++i) {  // The second time sets it.
     SetLightLayer(light, &image);
-    ASSERT_EQ(image.channel_names.size(), before.channel_names.size() + 6);
-    for (const std::string channel : {"R", "B", "stderr.G"}) {
-      EXPECT_EQ(*image.Find("light." + channel), *light.Find(channel));
-      EXPECT_EQ(*image.Find(channel), *before.Find(channel));
+    ASSERT_EQ(image.channel_names.size(), before.channel_names.size() + 8 + 6);
+    EXPECT_EQ(*image.Find("light.mean.B"), *light.Find("B"));
+    EXPECT_EQ(*image.Find("light.stderr.G"), *light.Find("stderr.G"));
+    EXPECT_EQ(*image.Find("light.samples"), std::vector<float>(12, 16));
+    EXPECT_EQ(*image.Find("light.nonfinite"), std::vector<float>(12, 0));
+    EXPECT_EQ(*image.Find("light.group.key.R"), *light.Find("key.R"));
+    for (const std::string& channel : before.channel_names) {
+      EXPECT_EQ(*image.Find(channel), *before.Find(channel)) << channel;
     }
     AddLight(camera, light, kWindow, &image);  // It may be there.
   }

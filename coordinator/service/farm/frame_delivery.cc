@@ -187,6 +187,7 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   }
   FrameImage* image = frame->merge.mutable_image();
   image->metadata = MetadataOf(id, frame->spec);
+  frame->merge.AddLightLayer();
   // A job that asks for few pixels is a pilot, and asks for their price.
   const bool is_sparse = !frame->spec.settings.lattice.All();
   if (!is_sparse) rounds_.AddMetadata(id, image);
@@ -244,7 +245,6 @@ double FrameDelivery::PriceOfErrorBars(const FrameId& id, const FrameSpec& spec)
 }
 
 void FrameDelivery::AddPilotFindings(const FrameId& id, OpenFrame* frame) const {
-  frame->merge.AddLightLayer();
   std::map<std::string, std::string>& metadata = frame->merge.mutable_image()->metadata;
   const MutexLock lock(&tables_.mutex);
   const FrameTasks& tasks = *tables_.scheduler.FindFrame(id)->tasks;

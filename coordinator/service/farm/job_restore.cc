@@ -232,6 +232,13 @@ JobLifecycle::TilesOnDisk JobLifecycle::RestoreResumedParts(uint64_t job_id,
       }
       on_disk[id].insert(tile);
     }
+    if (!grid.light_tile()) continue;
+    // An image has as many light passes as its cell with the most samples (resumed_image.h).
+    for (const SampleBlock& block : PrefixBlocks(std::ranges::max(counts))) {
+      tables_.scheduler.RestorePart(id, grid.RectOf(*grid.light_tile()), block, {}, {},
+                                    TaskKind::kLight);
+    }
+    on_disk[id].insert(*grid.light_tile());
   }
   return on_disk;
 }

@@ -19,12 +19,10 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
   const absl::StatusOr<std::vector<PartRow>> rows =
       store_.FindTileParts(id, grid.RectOf(tile), grid.KindOf(tile));
   if (!rows.ok()) return rows.status();
-  absl::StatusOr<std::vector<CellPart>> resumed = ResumedParts(frame, tile);
-  if (!resumed.ok()) return resumed.status();
   // Part by part: all of the light tile's are many times its size.
   std::unique_ptr<CellTrees> trees = frame->merge.MakeTrees(tile);
+  if (absl::Status s = InsertResumed(frame, tile, trees.get()); !s.ok()) return s;
   absl::Status merged;
-  for (CellPart& part : *resumed) merged.Update(trees->Insert(std::move(part.sums), part.cells));
   bool lost = false;
   for (const PartRow& row : *rows) {
     if (left.contains(row.key)) continue;
@@ -63,22 +61,27 @@ void TileBuilder::RevokePart(const PartRow& row, const absl::Status& why) {
   if (is_done) tables_.scheduler.Revoke(row.key.frame, *task);
 }
 
-absl::StatusOr<std::vector<CellPart>> TileBuilder::ResumedParts(OpenFrame* frame,
-                                                                uint32_t tile) const {
-  std::vector<CellPart> parts;
-  if (frame->spec.resumed.sha256_hex.empty()) return parts;
+absl::Status TileBuilder::InsertResumed(OpenFrame* frame, uint32_t tile, CellTrees* trees) const {
+  if (frame->spec.resumed.sha256_hex.empty()) return absl::OkStatus();
   const CellGrid& grid = frame->merge.grid();
   if (!frame->resumed) {
     absl::StatusOr<ResumedImage> resumed = resumed_.Open(frame->spec, grid);
     if (!resumed.ok()) return resumed.status();
     frame->resumed = *std::move(resumed);
   }
+  absl::Status inserted;
+  if (grid.KindOf(tile) == TaskKind::kLight) {
+    for (const SampleBlock& block : PrefixBlocks(frame->resumed->light_pass_count())) {
+      inserted.Update(trees->Insert(frame->resumed->LightPartOf(block), grid.AllOf(tile)));
+    }
+    return inserted;
+  }
   for (uint32_t i = 0; i < grid.cell_count(tile); ++i) {
     for (FilmTile& part : frame->resumed->PartsOf(grid.cells()[grid.first_cell(tile) + i])) {
-      parts.push_back({std::move(part), uint64_t{1} << i});
+      inserted.Update(trees->Insert(std::move(part), uint64_t{1} << i));
     }
   }
-  return parts;
+  return inserted;
 }
 
 }  // namespace sheaf::coordinator

@@ -34,8 +34,9 @@ class TileBuilder {
   void RevokePart(const PartRow& row, const absl::Status& why);
 
  private:
-  // The parts of a tile that the resumed image stands for; none where the frame resumes none.
-  absl::StatusOr<std::vector<CellPart>> ResumedParts(OpenFrame* frame, uint32_t tile) const
+  // Inserts the parts of a tile that the resumed image stands for; none where the frame resumes
+  // none.
+  absl::Status InsertResumed(OpenFrame* frame, uint32_t tile, CellTrees* trees) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 
   FarmTables& tables_;

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/film/error/compare.h"
@@ -57,13 +58,15 @@ class CoordinatorResumeTest : public CoordinatorServerTest {
     return status.error_message();
   }
   // The image is that of one run, but for the last bits of floats; errors are estimated anew.
-  static void ExpectAsOneRun(const std::string& exr, uint64_t samples) {
+  static void ExpectAsOneRun(const std::string& exr, uint64_t samples, bool with_light = false) {
     const absl::StatusOr<FrameImage> image = DecodeFrameImage(exr);
     ASSERT_TRUE(image.ok()) << image.status();
-    const FrameImage whole = ImageOf(Settings(samples));
+    v1::FrameSettings settings = Settings(samples);
+    if (with_light) settings.set_techniques(v1::TECHNIQUES_CAMERA_AND_LIGHT);
+    const FrameImage whole = ImageOf(settings);
     for (size_t i = 0; i < whole.planes.size(); ++i) {
       const std::string& name = whole.channel_names[i];
-      if (name.starts_with("stderr.")) continue;
+      if (name.find("stderr.") != std::string::npos) continue;
       const std::vector<float>* found = image->Find(name);
       ASSERT_NE(found, nullptr) << name;
       for (size_t p = 0; p < found->size(); ++p) {
@@ -98,6 +101,80 @@ TEST_F(CoordinatorResumeTest, ResumingMatchesOneRun) {
   const v1::Job same = Create(ContinueRequest(second, 200, "the same"));
   EXPECT_EQ(Watch(same.name()).state(), v1::Job::STATE_SUCCEEDED);
   ExpectAsOneRun(BytesOf(same), 200);
+}
+
+// Both kinds of path continue, each by its own count.
+TEST_F(CoordinatorResumeTest, ResumingLightPathsMatchesOneRun) {
+  Start();
+  const auto with_light = [](v1::CreateJobRequest request) {
+    request.mutable_frames(0)->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_AND_LIGHT);
+    request.mutable_partition()->set_tile_size_px(16);
+    return request;
+  };
+  const std::string first = Deliver(with_light(Request(48)));
+  const v1::Job job = Create(with_light(ContinueRequest(first, 200, "more")));
+  const uint64_t paths = 41 * 33 + 50 * 40;
+  EXPECT_EQ(job.progress().sample_count_done(), 48 * paths);
+  EXPECT_EQ(job.progress().sample_count_total(), 200 * paths);
+  {
+    SyntheticWorker worker = MakeWorker("w");
+    ASSERT_TRUE(worker.Synchronize(3).ok());
+    for (int i = 0; i < 3; ++i) ASSERT_TRUE(worker.RenderOne().ok());
+  }
+  Start();
+  EXPECT_GE(Get(job.name()).progress().sample_count_done(), 48 * paths);
+  for (const char* worker : {"w", "v"}) ASSERT_TRUE(MakeWorker(worker).RenderAll().ok());
+  const v1::Job after = Watch(job.name());
+  ASSERT_EQ(after.state(), v1::Job::STATE_SUCCEEDED) << after.DebugString();
+  EXPECT_GT(after.frames(0).flip(), 0);
+  const std::string second = BytesOf(after);
+  ExpectAsOneRun(second, 200, true);
+  // The same bits from one worker, and by other leases.
+  v1::CreateJobRequest again = with_light(ContinueRequest(first, 200, "again"));
+  again.mutable_partition()->set_lease_pass_count(1);
+  const absl::StatusOr<FrameImage> image = DecodeFrameImage(Deliver(again));
+  ASSERT_TRUE(image.ok()) << image.status();
+  EXPECT_EQ(ImageDigest(*image), after.frames(0).image_digest());
+  // With nothing left to do, and from an image that went on itself.
+  ExpectAsOneRun(Deliver(with_light(ContinueRequest(second, 200, "the same"))), 200, true);
+  // To a target, whose rounds bring light passes.
+  v1::CreateJobRequest request = with_light(ContinueRequest(first, 1 << 16, "to a target"));
+  const double has = EstimateError(*DecodeFrameImage(first)).relative_mse;
+  request.mutable_frames(0)->mutable_stop()->set_target_error(has / 4);
+  const v1::Job aimed = Create(request);
+  const absl::Time deadline = absl::Now() + kPatience;
+  v1::Job state = Get(aimed.name());
+  while (state.state() != v1::Job::STATE_SUCCEEDED && absl::Now() < deadline) {
+    ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
+    state = Get(aimed.name());
+  }
+  ASSERT_EQ(state.state(), v1::Job::STATE_SUCCEEDED) << state.DebugString();
+  EXPECT_EQ(state.frames(0).stop_reason(), v1::STOP_REASON_TARGET_ERROR);
+  EXPECT_EQ(state.frames(0).rounds(0).sample_count(), 48u * 41 * 33);
+  const v1::Job on = Create(with_light(ContinueRequest(BytesOf(state), 1024, "to the end")));
+  ASSERT_TRUE(MakeWorker("w").RenderAll().ok());
+  EXPECT_EQ(Watch(on.name()).state(), v1::Job::STATE_SUCCEEDED);
+  ExpectAsOneRun(BytesOf(on), 1024, true);
+}
+
+TEST_F(CoordinatorResumeTest, ImagesWithoutTheirLightLayerAreRefused) {
+  Start();
+  v1::CreateJobRequest request = Request(16);
+  request.mutable_frames(0)->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_AND_LIGHT);
+  FrameImage image = *DecodeFrameImage(Deliver(request));
+  const auto why = [&](const std::string& request_id) {
+    image.metadata[kImageDigestKey] = ImageDigest(image);
+    v1::CreateJobRequest more = ContinueRequest(EncodeFrameImage(image), 64, request_id);
+    more.mutable_frames(0)->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_AND_LIGHT);
+    return WhyNot(more);
+  };
+  image.Find("light.samples")->at(7) = 17;
+  EXPECT_THAT(why("other passes"), HasSubstr("its light layer contradicts it"));
+  const auto at =
+      std::find(image.channel_names.begin(), image.channel_names.end(), "light.samples");
+  image.planes.erase(image.planes.begin() + (at - image.channel_names.begin()));
+  image.channel_names.erase(at);
+  EXPECT_THAT(why("no passes"), HasSubstr("has no channel light.samples"));
 }
 
 TEST_F(CoordinatorResumeTest, SurvivesRestartsAndIsRefined) {

@@ -98,6 +98,7 @@ FrameImage SyntheticImage(const FrameSettings& settings) {
              sum = light;
   DevelopTile(passes.Root(), &light);
   AddLight(image, light, settings.window, &sum);
+  SetLightLayer(light, &sum);
   return sum;
 }
 
