@@ -99,7 +99,8 @@ def page(rows, samples, public):
         f"{samples * REFERENCE_FACTOR} by all techniques, which has noise of its own. CPU seconds "
         "are those of the whole process, with loading and training. Efficiency is error times CPU "
         "seconds, relative to camera paths. The last column says what `--techniques auto` chooses "
-        "from its small image, for the samples that the scene asks for.", "",
+        "from its small image, for the samples that the scene asks for. Light paths begin at every "
+        "kind of light, and in media that emit.", "",
         "| scene | techniques | relMSE | CPU s | efficiency | light that light paths find | auto |",
         "|---|---|---|---|---|---|---|"]
     for row in rows:

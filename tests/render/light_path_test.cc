@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/emissive_scenes.h"
 #include "tests/support/light_film_sums.h"
 #include "tests/support/technique_agreement.h"
 #include "tests/support/technique_scenes.h"
@@ -76,6 +77,8 @@ std::vector<TestScene> LitScenes(Tint tint) {
   return {Diffuse(tint), Glossy(tint), Outdoor(tint), Hazy(tint), Burning(tint), ManyLights(tint)};
 }
 std::vector<TestScene> MistyScenes() { return {Foggy(kColored), Cloudy(kColored)}; }
+// Emissive media alone: seen, around diffuse surfaces, and behind glass.
+std::vector<TestScene> EmissiveScenes() { return {Lamps(kColored), Lanterns(kColored)}; }
 
 TEST(LightPathTest, BothKindsFindWhatTheCameraFinds) {
   ExpectLightPathsAgree("both", LitScenes(kColored), Bias(), kBoth, 64);
@@ -96,6 +99,26 @@ TEST(LightPathTest, LightPathsFindWhatTheCameraFindsInMedia) {
 TEST(LightPathTest, LightPathsFindWhatTheCameraFindsInSpectra) {
   ExpectLightPathsAgree("light paths, spectra", LitScenes(kColored), 4 * Bias(), kAlone, 128,
                         ColorTransport::kSpectral);
+}
+TEST(LightPathTest, BothKindsFindWhatMediaEmit) {
+  ExpectLightPathsAgree("both, emissive media", EmissiveScenes(), 2 * Bias(), kBoth, 64);
+}
+TEST(LightPathTest, LightPathsFindWhatMediaEmit) {
+  ExpectLightPathsAgree("light paths, emissive media", EmissiveScenes(), 4 * Bias(), kAlone, 64);
+}
+TEST(LightPathTest, LightPathsFindWhatMediaEmitInSpectra) {
+  ExpectLightPathsAgree("light paths, emissive media, spectra", EmissiveScenes(), 4 * Bias(),
+                        kAlone, 64, ColorTransport::kSpectral);
+}
+
+// Light paths bring a good part of the light where nothing but media emits, also through glass.
+TEST(LightPathTest, LightPathsBeginInMedia) {
+  FrameSettings settings = SquareSettings(16, 16, kDepth);
+  settings.techniques = kAlone;
+  for (const TestScene& scene : EmissiveScenes()) {
+    const BothFilms films = RenderBothFilms(*Compile(scene.scene, settings));
+    EXPECT_GT(MeanOf(*films.light).mean.g, 0.05f * MeanOf(films.camera).mean.g);
+  }
 }
 
 // Media in their reduced form begin after a number of scatterings from the camera, which a path

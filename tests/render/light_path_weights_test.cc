@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Tests that the weights of the three techniques that find a path sum to 1: random light paths are
-// followed again from the camera, vertex by vertex, and all weights computed for the same path.
+// followed again from the camera, vertex by vertex, and all weights computed for the same path. For
+// a path that begins in emissive media, they are those of all light along its line.
 // With guiding, the camera's densities are those of a field that a training has learned.
 #include <gtest/gtest.h>
 
@@ -13,12 +14,14 @@
 #include <variant>
 #include <vector>
 
+#include "tests/support/emissive_scenes.h"
 #include "tests/support/guided_scenes.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/bsdf/bsdf_inl.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/integrator/light_path.h"
+#include "worker/render/integrator/volume_emission.h"
 #include "worker/render/traits/variant_list.h"
 
 namespace sheaf::render {
@@ -44,6 +47,7 @@ class WeightsTest : public ::testing::Test {
   using FromCamera = IntegratorConfig<kTraits, const EmbreeScene, DirectLight::kByBoth,
                                       PathKind::kCameraBesideLight>;
   static constexpr bool kGuided = Has(kTraits, Trait::kGuiding);
+  static constexpr bool kEmission = Has(kTraits, Trait::kEmissiveMedia);
 
   void Load(const TestScene& test_scene) {
     FrameSettings settings = SquareSettings(16, 1, 8);
@@ -57,17 +61,36 @@ class WeightsTest : public ::testing::Test {
     if constexpr (kGuided) context.guiding.fields = compiled_->guiding->fields();
     return context;
   }
-  // The weights of all random paths of the scenes.
-  void ExpectSumsOfOne(const std::vector<TestScene>& scenes);
+  // The weights of all random paths of the scenes, of so many light paths each.
+  void ExpectSumsOfOne(const std::vector<TestScene>& scenes, uint64_t light_paths = 2'000);
 
   // The camera's weights for the path; none where rounding or a cut-off leads elsewhere.
   std::optional<Weights> FromTheCamera(const Path& path);
+  // Those at the last vertex, towards its light.
+  Weights WeightsAt(const Context<FromCamera>& c, const SurfaceVertex<FromCamera>& at, Vec3f wi,
+                    const LightEnd& end, PathState<FromCamera>* path);
+  // The next vertex behind all null interfaces.
+  template <typename C>
+  static SurfaceVertex<C>* NextSurface(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex);
   // Every path of the light path that the sampler names that is rough at all vertices.
   void AddPaths(uint64_t index, std::vector<std::pair<Path, double>>* paths);
 
   CompiledScenePtr compiled_;
   RayCounts counts_;
 };
+
+template <uint32_t kTraits>
+template <typename C>
+SurfaceVertex<C>* WeightsTest<kTraits>::NextSurface(const Context<C>& c, PathState<C>* path,
+                                                    Vertex<C>* vertex) {
+  for (;;) {
+    NextVertex(c, path, vertex);
+    const auto* passed = std::get_if<NullInterface>(vertex);
+    if (passed == nullptr) return std::get_if<SurfaceVertex<C>>(vertex);
+    const SurfacePoint point = passed->point;
+    if (!CrossNullInterface(c, point, path)) return nullptr;
+  }
+}
 
 template <uint32_t kTraits>
 void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, double>>* paths) {
@@ -80,8 +103,7 @@ void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, 
   FilmSample unused;
   Vertex<FromLight> vertex;
   for (;;) {
-    NextVertex(c, &path, &vertex);
-    auto* at = std::get_if<SurfaceVertex<FromLight>>(&vertex);
+    auto* at = NextSurface(c, &path, &vertex);
     if (at == nullptr || !at->Arrive(c, &path, &unused) || at->bsdf.specular) return;
     if (path.other_end.is_first && !ArriveFirst(c, *at, true, &path)) return;
     points.insert(points.begin(), at->point.p);
@@ -100,86 +122,109 @@ void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, 
 }
 
 template <uint32_t kTraits>
+Weights WeightsTest<kTraits>::WeightsAt(const Context<FromCamera>& c,
+                                        const SurfaceVertex<FromCamera>& at, Vec3f wi,
+                                        const LightEnd& end, PathState<FromCamera>* path) {
+  const float pdf = at.Eval(wi).pdf;
+  const auto scatter = [&] {
+    NoteScattering(c, at, wi, pdf, 0, path);
+    path->specular = false;
+    path->pdf = pdf;
+    path->from = at.point.p;
+    path->ray.d = wi;
+  };
+  Weights weights;
+  if constexpr (kEmission) {
+    if (end.is_medium) {
+      const double sampled = MediaPdf(c, at.point.p, wi);
+      if (sampled > 0) {
+        weights.sampled =
+            static_cast<double>(MediaSampleWeightBesideLight(c, at, wi, sampled, pdf, *path));
+      }
+      scatter();
+      weights.hit = static_cast<double>(EmissionHitWeight(c, *path));
+      return weights;
+    }
+  }
+  LightSample light;
+  light.wi = wi;
+  light.p_light = end.p;
+  light.n_light = end.n;
+  light.light = end.light;
+  light.is_delta = !end.can_be_hit;
+  light.pdf = light.is_delta
+                  ? compiled_->lights->ChoiceProbability(end.light, at.point.p, at.light_hint,
+                                                         at.guided.lights())
+                  : compiled_->lights->PdfEmitter<kTraits>(end.light, at.point.p, at.light_hint, wi,
+                                                           end.p, at.guided.lights());
+  weights.sampled = static_cast<double>(at.LightSampleWeight(c, light, pdf, *path));
+  if (end.can_be_hit) {
+    scatter();
+    const double emitted = compiled_->emission->DensityAt(end.light, at.point.p, end.p, end.n, -wi);
+    weights.hit = static_cast<double>(HitWeight(c, static_cast<double>(light.pdf), emitted, *path));
+  }
+  return weights;
+}
+
+template <uint32_t kTraits>
 std::optional<Weights> WeightsTest<kTraits>::FromTheCamera(const Path& followed) {
   const Sampler sampler(8, 0, 0, 0);
   LightGroups<Rgb> groups;
   const Context<FromCamera> c = ContextOf<FromCamera>(sampler, groups);
-  const LightEmission& emission = *compiled_->emission;
   PathState<FromCamera> path;
   path.ray.o = path.camera_o = followed.p_lens;
   path.ray.d = Normalize(followed.points[0] - followed.p_lens);
+  if constexpr (FromCamera::kMedia) StartInMedia(c, &path);
   FilmSample unused;
   Vertex<FromCamera> vertex;
   for (size_t i = 0; i < followed.points.size(); ++i) {
-    NextVertex(c, &path, &vertex);
-    auto* at = std::get_if<SurfaceVertex<FromCamera>>(&vertex);
+    auto* at = NextSurface(c, &path, &vertex);
     const float near = 1e-4f * Length(followed.points[i]);
     if (at == nullptr || Length(at->point.p - followed.points[i]) > near) return std::nullopt;
     if (!at->Arrive(c, &path, &unused)) return std::nullopt;
     const bool is_last = i + 1 == followed.points.size();
     const Vec3f target = is_last ? followed.light.p : followed.points[i + 1];
     const Vec3f wi = Normalize(target - at->point.p);
-    const float pdf = at->Eval(wi).pdf;
-    if (!is_last) {
-      NoteScattering(c, *at, wi, pdf, 0, &path);
-      path.specular = false;
-      path.ray.o = OffsetRayOrigin(at->point.p, at->point.p_error, at->point.ng, wi);
-      path.ray.d = wi;
-      path.ray.source = at->point.id;
-      continue;
-    }
-    const LightEnd& end = followed.light;
-    LightSample light;
-    light.wi = wi;
-    light.p_light = end.p;
-    light.n_light = end.n;
-    light.light = end.light;
-    light.is_delta = !end.can_be_hit;
-    light.pdf = light.is_delta
-                    ? compiled_->lights->ChoiceProbability(end.light, at->point.p, at->light_hint,
-                                                           at->guided.lights())
-                    : compiled_->lights->PdfEmitter<kTraits>(end.light, at->point.p, at->light_hint,
-                                                             wi, end.p, at->guided.lights());
-    Weights weights;
-    weights.sampled = static_cast<double>(at->LightSampleWeight(c, light, pdf, path));
-    if (end.can_be_hit) {
-      NoteScattering(c, *at, wi, pdf, 0, &path);
-      path.specular = false;
-      path.pdf = pdf;
-      const double emitted = emission.DensityAt(end.light, at->point.p, end.p, end.n, -wi);
-      weights.hit =
-          static_cast<double>(HitWeight(c, static_cast<double>(light.pdf), emitted, path));
-    }
-    return weights;
+    if (is_last) return WeightsAt(c, *at, wi, followed.light, &path);
+    NoteScattering(c, *at, wi, at->Eval(wi).pdf, 0, &path);
+    path.specular = false;
+    path.ray.o = OffsetRayOrigin(at->point.p, at->point.p_error, at->point.ng, wi);
+    path.ray.d = wi;
+    path.ray.source = at->point.id;
   }
   return std::nullopt;
 }
 
 template <uint32_t kTraits>
-void WeightsTest<kTraits>::ExpectSumsOfOne(const std::vector<TestScene>& scenes) {
-  int compared = 0, followed = 0, longest = 0, off = 0;
+void WeightsTest<kTraits>::ExpectSumsOfOne(const std::vector<TestScene>& scenes,
+                                           uint64_t light_paths) {
+  int compared = 0, followed = 0, longest = 0, off = 0, from_media = 0;
   for (const TestScene& scene : scenes) {
     Load(scene);
     std::vector<std::pair<Path, double>> paths;
-    for (uint64_t i = 0; i < 2'000; ++i) AddPaths(i, &paths);
+    for (uint64_t i = 0; i < light_paths; ++i) AddPaths(i, &paths);
     for (const auto& [path, light_path] : paths) {
       ++followed;
       std::optional<Weights> weights = FromTheCamera(path);
       if (!weights) continue;
       ++compared;
+      from_media += path.light.is_medium;
       longest = std::max(longest, static_cast<int>(path.points.size()));
       weights->light_path = light_path;
       if (std::fabs(weights->Sum() - 1) <= 2e-4) continue;
       ++off;
-      EXPECT_TRUE(kGuided) << path.points.size() << " vertices: " << weights->light_path << " + "
-                           << weights->sampled << " + " << weights->hit;
+      EXPECT_TRUE(kGuided || kEmission)
+          << path.points.size() << " vertices: " << weights->light_path << " + " << weights->sampled
+          << " + " << weights->hit;
     }
   }
-  std::printf("%d of %d paths compared, up to %d vertices, %d off\n", compared, followed, longest,
-              off);
+  std::printf("%d of %d paths compared, %d from media, up to %d vertices, %d off\n", compared,
+              followed, from_media, longest, off);
   // The two ends of a path round its points and directions differently, and at the border of two
-  // regions, or of two quads, the field's density jumps.
-  EXPECT_LE(off, kGuided ? compared / 100 : 0);
+  // regions, or of two quads, the field's density jumps; so does that of lines through the edges of
+  // cells.
+  EXPECT_LE(off, kGuided ? compared / 100 : kEmission ? compared / 1000 : 0);
+  EXPECT_GE(from_media, kEmission ? compared / 4 : 0);
   EXPECT_GT(compared, 5'000);
   EXPECT_GT(compared, followed * 0.95);
   EXPECT_GE(longest, 5);
@@ -198,9 +243,13 @@ std::vector<TestScene> RoughScenes() {
 constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
 using LightPathWeightsTest = WeightsTest<kPlainTraits>;
 using GuidedPathWeightsTest = WeightsTest<Guided(kPlainTraits)>;
+using GasWeightsTest = WeightsTest<kColoredMediaTraits>;
+using FlameWeightsTest = WeightsTest<kCloudTraits>;
 
 TEST_F(LightPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
 TEST_F(GuidedPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
+TEST_F(GasWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne({SmokelessRoom()}, 5'000); }
+TEST_F(FlameWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne({RoomWithFlame()}, 5'000); }
 
 }  // namespace
 }  // namespace sheaf::render

@@ -11,6 +11,8 @@
 
 #include "common/film/film.h"
 #include "common/film/light_path_kind.h"
+#include "tests/support/emissive_scenes.h"
+#include "tests/support/light_film_sums.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/integrator/path_history.h"
@@ -109,6 +111,31 @@ TEST(LightPathsTest, FogScattersOnceAndRepeatedly) {
 TEST(LightPathsTest, VolumeEmissionComesFromMedia) {
   std::map<std::string, double> kinds = KindsOf(Burning(Tint{1}).scene, 5);
   EXPECT_GT(kinds["volume-emission"], 0);
+}
+
+// Paths that begin in media bring their light to that layer, or to the group of media.
+TEST(LightPathsTest, PathsFromMediaBringTheirEmission) {
+  FrameSettings settings = PathSettings(4);
+  settings.techniques = Techniques::kLight;
+  const auto light_image = [&](const TestScene& t) {
+    const BothFilms films = RenderBothFilms(*Compile(t.scene, settings));
+    FrameImage image =
+        MakeFrameImage(settings.window, settings.width_px, settings.height_px, settings.outputs);
+    DevelopTile(*films.light, &image);
+    return image;
+  };
+  const FrameImage lamps = light_image(Lamps(Tint{1}));
+  EXPECT_GT(SumOf(lamps, "G"), 0);
+  EXPECT_NEAR(SumOf(lamps, "volume-emission.G"), SumOf(lamps, "G"), 1e-4 * SumOf(lamps, "G"));
+  settings.outputs = {};
+  settings.outputs.light_groups = {kDefaultLightGroup, "lamp"};
+  TestScene t = SmokelessRoom();
+  t.scene.area_lights[0].group = "lamp";
+  const FrameImage room = light_image(t);
+  const double of_media = SumOf(room, std::string(kDefaultLightGroup) + ".G");
+  EXPECT_GT(of_media, 0.05 * SumOf(room, "G"));
+  EXPECT_GT(SumOf(room, "lamp.G"), 0.05 * SumOf(room, "G"));
+  EXPECT_NEAR(of_media + SumOf(room, "lamp.G"), SumOf(room, "G"), 1e-4 * SumOf(room, "G"));
 }
 
 TEST(LightPathsTest, HistoryDistinguishesKinds) {

@@ -12,7 +12,7 @@ namespace {
 
 // Layers of `light_paths` that light paths can reach: all but light that is emitted towards the
 // camera, or seen by specular scattering alone.
-constexpr size_t kLayersReachedMax = 6;
+constexpr size_t kLayersReachedMax = 7;
 
 }  // namespace
 

@@ -7,18 +7,17 @@
 // 1993, "Monte Carlo Light Tracing with Direct Computation of Pixel Intensities"; Veach 1997, ch.
 // 10; docs/adr/0063.
 //
-// Light that the camera sees directly, or by specular scattering alone, is not found; nor is the
-// emission of media.
+// Light that the camera sees directly, or by specular scattering alone, is not found.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <variant>
 
 #include "common/film/film_tile.h"
+#include "worker/render/integrator/light_start.h"
 #include "worker/render/integrator/next_vertex.h"
 #include "worker/render/integrator/splat_sink.h"
 #include "worker/render/integrator/two_ends.h"
@@ -27,94 +26,6 @@ namespace sheaf::render {
 
 // Changes the seed of the sampler, so that light paths are independent of camera samples.
 inline constexpr uint64_t kLightPathSeed = 0x6c69676874706174u;
-
-// Rays of a light without a surface begin at this multiple of the rounding of its position.
-inline constexpr float kErrorsFromLight = 8;
-
-// --- The start -----------------------------------------------------------------------------------
-
-// Sets the media at the start of the path's ray: those at the camera, changed by every surface in
-// between. False where there are too many.
-template <typename C>
-bool StartInMediaAtLight(const Context<C>& c, PathState<C>* path) {
-  if (!c.scene.media) return true;
-  StartInMedia(c, path);
-  const FrameSettings& settings = c.scene.settings;
-  Ray ray = c.scene.camera.template MakeRay<C::kTraits>(
-      {settings.width_px / 2.0, settings.height_px / 2.0}, {0.5f, 0.5f}, path->ray.time);
-  const Vec3f towards = path->ray.o - ray.o;
-  // Up to the end itself: the light may lie on a boundary, and the ray begin just behind it.
-  ray.t_max = 1;
-  for (uint32_t crossing = 0; crossing < kNullCrossingsMax; ++crossing) {
-    ray.d = path->ray.o - ray.o;
-    ++c.counts.rays;
-    RawHit hit;
-    if (!(Dot(ray.d, towards) > 0) || !c.tracer.Intersect(ray, &hit)) {
-      path->media.last = {};
-      return true;
-    }
-    const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
-    if (!CrossBoundary(c, point, ray.d, *path, &path->media)) return false;
-    ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, ray.d);
-    ray.source = point.id;
-  }
-  return false;
-}
-
-// The fraction of the ray's power that the cut-out of its light leaves.
-template <typename C>
-float CutOutOf([[maybe_unused]] const Context<C>& c,
-               [[maybe_unused]] const EmittedRayOf<typename C::Color>& emitted) {
-  if constexpr (C::kNullInterfaces && C::Has(Trait::kTexturedEmission)) {
-    if (emitted.cut_out != kNone) {
-      LightSampleOf<typename C::Color> at;
-      at.p_light = emitted.p;
-      at.cut_out = emitted.cut_out;
-      at.uv = emitted.uv;
-      return CutOutTransmittance(c, at);
-    }
-  }
-  return 1;
-}
-
-// Samples the ray with which the path leaves a light. False where it carries nothing.
-template <typename C>
-bool StartAtLight(const Context<C>& c, PathState<C>* path) {
-  using Color = typename C::Color;
-  const std::array<float, 4> u = c.sampler.Get4(Slot(CameraSlot::kFilterAndLens));
-  std::optional<EmittedRayOf<Color>> emitted = c.scene.emission->template SampleLe<Color>(
-      {c.sampler.Get1(Slot(CameraSlot::kEmitter)), {u[0], u[1]}, {u[2], u[3]}}, path->wavelengths);
-  if (!emitted) return false;
-  const Color power = emitted->power * CutOutOf(c, *emitted);
-  float largest = 0;
-  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
-    largest = std::max(largest, std::fabs(power[i]));
-  }
-  if (!(largest > 0)) return false;
-  // Roulette needs a throughput that begins near 1.
-  path->throughput = power * (1 / largest);
-  LightEnd& end = path->other_end;
-  end.scale = static_cast<double>(largest) / emitted->pdf;
-  end.light = emitted->light;
-  end.p = emitted->p;
-  end.n = emitted->n;
-  const LightEmission& emission = *c.scene.emission;
-  end.is_infinite = emission.IsInfinite(end.light);
-  end.can_be_hit = end.is_infinite || (emission.IsSurface(end.light) && !emitted->is_unseen);
-  path->is_camera_path = false;
-  path->ray.d = emitted->w;
-  if (emitted->is_infinite) {
-    path->ray.o = emitted->p;
-  } else if (emission.IsSurface(end.light)) {
-    path->ray.o = OffsetRayOrigin(emitted->p, emitted->p_error, emitted->n, emitted->w);
-  } else {
-    // A light without a surface may lie on a boundary: the ray must be clearly on one side.
-    path->ray.o =
-        OffsetRayOrigin(emitted->p, emitted->p_error * kErrorsFromLight, emitted->w, emitted->w);
-  }
-  if constexpr (C::kMedia) return StartInMediaAtLight(c, path);
-  return true;
-}
 
 // --- Connections to the camera -------------------------------------------------------------------
 
@@ -178,7 +89,8 @@ void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<
     if (outputs.light_paths) {
       kind = KindFromLight(vertex, path);
     } else if (!outputs.light_groups.empty()) {
-      group = c.scene.lights->GroupOf(path.other_end.light);
+      group = path.other_end.is_medium ? c.scene.media_group
+                                       : c.scene.lights->GroupOf(path.other_end.light);
     }
   }
   splats->Add(seen->film, radiance, kind, group);

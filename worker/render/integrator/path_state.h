@@ -75,6 +75,7 @@ struct LightEnd {
   uint32_t light = 0;
   Vec3f p, n;                // Of the ray that left the light: as EmittedRay.
   bool is_infinite = false;  // Not a distant light.
+  bool is_medium = false;    // The emission of media; `light` and `n` are unused.
   bool can_be_hit = false;   // Scattering finds the light.
   double scale = 0;          // Flux is throughput * scale.
   // With which the light emits the path, and with which the first vertex samples the light.

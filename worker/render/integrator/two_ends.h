@@ -10,8 +10,9 @@
 //   light path / scattering = n / PdfWe(x1) * E * product i=2..k-1 of backward(i)
 //                                               / product i=1..k-1 of forward(i)
 //
-// n: light paths while each pixel sends one camera ray; E: LightEmission::DensityAt. For a sampled
-// light, its pdf takes the place of forward(k-1). Vertices that scatter specularly count as 1.
+// n: light paths while each pixel sends one camera ray; E: LightEmission::DensityAt, and for the
+// emission of media, of which x(k-1) sees all along one line, MediaDensityAt. For a sampled light,
+// its pdf takes the place of forward(k-1). Vertices that scatter specularly count as 1.
 // Weights are those of the power heuristic. Sources: Veach 1997, ch. 9 and 10; docs/adr/0063.
 //
 // A vertex is a SurfaceVertex or a MediumVertex.
@@ -19,12 +20,34 @@
 
 #include <cmath>
 
+#include "common/math/elementary.h"
 #include "worker/render/integrator/context.h"
 
 namespace sheaf::render {
 
 // The weight of a technique whose path others find with a and b times its density.
 inline float WeightAmong(double a, double b) { return static_cast<float>(1 / (1 + a * a + b * b)); }
+
+// --- Emission of media ---------------------------------------------------------------------------
+
+// Its E: the density of light paths that begin in media and reach p along -w.
+template <typename C>
+double MediaDensityAt(const Context<C>& c, Vec3f p, Vec3f w) {
+  const EmissionPoints* points = c.scene.emission_points.get();
+  if (points == nullptr || points->empty()) return 0;
+  return c.scene.emission->media_probability() * points->LineDensity(p, w) / (4 * kPi);
+}
+
+// The pdf with which a vertex at p samples the direction w by the emission of media.
+template <typename C>
+double MediaPdf([[maybe_unused]] const Context<C>& c, [[maybe_unused]] Vec3f p,
+                [[maybe_unused]] Vec3f w) {
+  if constexpr (C::kHeterogeneous && C::Has(Trait::kEmissiveMedia)) {
+    const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
+    if (!lights.empty()) return static_cast<double>(lights.Pdf(p, w));
+  }
+  return 0;
+}
 
 // --- Paths from the camera -----------------------------------------------------------------------
 
@@ -89,6 +112,17 @@ float HitWeight(const Context<C>& c, double sampled, double emitted, const PathS
   return WeightBesideLight(c, other, path.other_end.light_paths * emitted);
 }
 
+// The density of light paths over that with which the vertex samples their light, in direction wi.
+template <typename C, typename Vertex>
+double LightPathsOverSample(const Context<C>& c, const Vertex& vertex, Vec3f wi, double emitted,
+                            double sampled, const PathState<C>& path) {
+  double light_paths = path.other_end.light_paths * emitted;
+  if (!path.other_end.is_first) {
+    light_paths *= static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path.ray.d).pdf);
+  }
+  return light_paths / sampled;
+}
+
 // The weight of a light sample at the vertex, towards which it scatters with the pdf.
 template <typename C, typename Vertex>
 float LightSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex,
@@ -96,20 +130,25 @@ float LightSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex,
                                    const PathState<C>& path) {
   const double sampled = static_cast<double>(light.pdf);
   const double other = light.is_delta ? 0 : static_cast<double>(pdf) / sampled;
-  double light_paths = path.other_end.light_paths;
-  if (light_paths > 0) {
-    const LightEmission& emission = *c.scene.emission;
-    light_paths *= light.is_infinite && !light.is_delta
-                       ? emission.InfiniteDensityAt(vertex.point.p, -light.wi)
-                       : emission.DensityAt(light.light, vertex.point.p, light.p_light,
-                                            light.n_light, -light.wi);
-    if (!path.other_end.is_first) {
-      light_paths *=
-          static_cast<double>(vertex.SeenFrom(c, light.wi).EvalScattering(-path.ray.d).pdf);
-    }
-    light_paths /= sampled;
-  }
-  return WeightBesideLight(c, other, light_paths);
+  if (!(path.other_end.light_paths > 0)) return WeightBesideLight(c, other, 0);
+  const LightEmission& emission = *c.scene.emission;
+  const double emitted = light.is_infinite && !light.is_delta
+                             ? emission.InfiniteDensityAt(vertex.point.p, -light.wi)
+                             : emission.DensityAt(light.light, vertex.point.p, light.p_light,
+                                                  light.n_light, -light.wi);
+  return WeightBesideLight(c, other,
+                           LightPathsOverSample(c, vertex, light.wi, emitted, sampled, path));
+}
+
+// The weight of emission of media along w, a direction that the vertex samples by it with density
+// `sampled`, and towards which it scatters with the pdf.
+template <typename C, typename Vertex>
+float MediaSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex, Vec3f w,
+                                   double sampled, float pdf, const PathState<C>& path) {
+  const double other = static_cast<double>(pdf) / sampled;
+  if (!(path.other_end.light_paths > 0)) return WeightBesideLight(c, other, 0);
+  const double emitted = MediaDensityAt(c, vertex.point.p, w);
+  return WeightBesideLight(c, other, LightPathsOverSample(c, vertex, w, emitted, sampled, path));
 }
 
 // --- Paths from a light --------------------------------------------------------------------------
@@ -123,7 +162,9 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
   const LightEmission& emission = *c.scene.emission;
   const Vec3f p = vertex.point.p, w = Normalize(path->ray.d);
   const auto& lights = *c.scene.lights;
-  if (end.is_infinite) {
+  if (end.is_medium) {
+    end.emitted = MediaDensityAt(c, p, -w);
+  } else if (end.is_infinite) {
     if (!(emission.PdfLe(end.light, p, {}, w) > 0)) return false;
     end.emitted = emission.InfiniteDensityAt(p, w);
   } else {
@@ -131,7 +172,9 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
   }
   if (!(end.emitted > 0)) return false;
   if (!samples_lights) return true;
-  if (end.is_infinite) {
+  if (end.is_medium) {
+    end.sampled = MediaPdf(c, p, -w);
+  } else if (end.is_infinite) {
     end.sampled = static_cast<double>(lights.template PdfEnvironment<C::kTraits>(
         p, vertex.light_hint, -w, vertex.guided.lights()));
   } else if (emission.IsSurface(end.light)) {
@@ -172,6 +215,7 @@ float ConnectionWeight(const Context<C>& c, double camera_paths) {
 // The kind of light that the vertex, the last one, scatters to the camera.
 template <typename C, typename Vertex>
 LightPathKind KindFromLight(const Vertex& vertex, const PathState<C>& path) {
+  if (path.other_end.is_medium) return LightPathKind::kVolumeEmission;
   auto history = path.history;
   vertex.AddTo(&history);
   return history.KindFromLight(path.other_end.is_specular_first);

@@ -4,8 +4,9 @@
 // Emission of media. Each segment of a path adds the emission along it. Where emissive media are
 // heterogeneous, each vertex also samples a direction towards their emission and adds that of all
 // media along it, up to the first surface that is not a null interface; the two are combined by
-// multiple importance sampling over directions. Sources: Simon et al. 2017, "Line Integration for
-// Rendering Heterogeneous Emissive Volumes"; emissive_volume_sampler.h.
+// multiple importance sampling over directions. Beside light paths, these are a third technique,
+// which finds the emission along the same line (emission_points.h). Sources: Simon et al. 2017,
+// "Line Integration for Rendering Heterogeneous Emissive Volumes"; emissive_volume_sampler.h.
 #pragma once
 
 #include <array>
@@ -13,16 +14,25 @@
 
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/transmittance.h"
+#include "worker/render/integrator/two_ends.h"
 
 namespace sheaf::render {
 
 // The weight of emission along the path's ray.
 template <typename C>
 float EmissionHitWeight(const Context<C>& c, const PathState<C>& path) {
-  const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
-  if (path.specular || lights.empty()) return 1;
-  const float pdf = lights.Pdf(path.from, path.ray.d);
-  return pdf > 0 ? MisWeight<C>(Technique::kScattering, path.pdf, pdf) : 1;
+  if constexpr (C::kBothEnds) {
+    const double sampled = path.specular ? 0 : MediaPdf(c, path.from, path.ray.d);
+    const bool is_reached =
+        path.other_end.light_paths > 0 && c.scene.media->BeginsLightPaths(path.media.set);
+    const double emitted = is_reached ? MediaDensityAt(c, path.from, path.ray.d) : 0;
+    return HitWeight(c, sampled, emitted, path);
+  } else {
+    const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
+    if (path.specular || lights.empty()) return 1;
+    const float pdf = lights.Pdf(path.from, path.ray.d);
+    return pdf > 0 ? MisWeight<C>(Technique::kScattering, path.pdf, pdf) : 1;
+  }
 }
 
 // Adds the emission along `length` of the path's ray.
@@ -40,7 +50,7 @@ void AddSegmentEmission(const Context<C>& c, double length, PathState<C>* path) 
     }
     return EmissionAlong(properties, length);
   }();
-  if constexpr (C::kSamplesEmission) arriving *= EmissionHitWeight(c, *path);
+  if constexpr (C::kSamplesEmission || C::kBothEnds) arriving *= EmissionHitWeight(c, *path);
   AddVolumeEmission(c, arriving, path);
 }
 
@@ -64,15 +74,31 @@ void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C
   ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, sample.w);
   ray.d = sample.w;
   Color sum;
+  [[maybe_unused]] Color not_reached;  // By light paths.
   const auto add = [&](const Ray& segment, uint32_t crossing, double length,
                        const Color& transmittance, const MediumState<C>& in) {
     if (in.properties.emission.IsBlack() && !in.properties.has_emissive_grid) return;
-    sum += transmittance * (in.properties.is_heterogeneous
-                                ? EmissionHeterogeneous(c, segment, u, crossing, length, *path, in)
-                                : EmissionAlong(in.properties, length));
+    const Color arriving =
+        transmittance * (in.properties.is_heterogeneous
+                             ? EmissionHeterogeneous(c, segment, u, crossing, length, *path, in)
+                             : EmissionAlong(in.properties, length));
+    if constexpr (C::kBothEnds) {
+      if (!c.scene.media->BeginsLightPaths(in.set)) {
+        not_reached += arriving;
+        return;
+      }
+    }
+    sum += arriving;
   };
   TraceTransmittance(c, ray, nullptr, {u[3], u[2]}, *path, media, add);
   const float weight = MisWeight<C>(Technique::kLight, sample.pdf, value.pdf);
+  if constexpr (C::kBothEnds) {
+    const float shared = MediaSampleWeightBesideLight(
+        c, vertex, sample.w, static_cast<double>(sample.pdf), value.pdf, *path);
+    sum = sum * shared + not_reached * weight;
+    AddVolumeEmission(c, path->throughput * value.f_cos * sum * (1 / sample.pdf), path);
+    return;
+  }
   AddVolumeEmission(c, path->throughput * value.f_cos * sum * (weight / sample.pdf), path);
 }
 

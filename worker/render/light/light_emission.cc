@@ -96,7 +96,8 @@ double LuminanceOf(Rgb color) { return static_cast<double>(StrengthOf(color)); }
 
 }  // namespace
 
-LightEmission::LightEmission(const LightTable& lights, Vec3d center, double radius)
+LightEmission::LightEmission(const LightTable& lights, Vec3d center, double radius,
+                             double media_power)
     : lights_(&lights), center_(center), radius_(radius * (1 + kRadiusSlack)) {
   const LightTable::Impl& impl = lights.impl();
   for (const IntensityDistribution& distribution : impl.intensities) {
@@ -113,7 +114,14 @@ LightEmission::LightEmission(const LightTable& lights, Vec3d center, double radi
     powers[light] = std::isfinite(power) ? power : 0;
     power_ += powers[light];
   }
+  if (media_power > 0 && std::isfinite(media_power)) {
+    powers.push_back(media_power);
+    power_ += media_power;
+  }
   choice_ = DiscreteDistribution(powers);
+  if (powers.size() > lights.light_count()) {
+    media_probability_ = choice_.Probability(lights.light_count());
+  }
 }
 
 uint64_t LightEmission::memory_bytes() const {
@@ -294,6 +302,14 @@ void LightEmission::SampleInfinite(const InfiniteEmitter& light, double probabil
   ray->is_infinite = true;
 }
 
+std::optional<double> LightEmission::MediaChoice(const EmissionUniforms& u) const {
+  const double choice = ExtendBits(u.light, SaltOf(u.position));
+  const uint32_t media = lights_->light_count();
+  if (choice_.Sample(choice) != media) return std::nullopt;
+  constexpr double kBelowOne = 1 - 0x1p-53;
+  return std::clamp((choice - choice_.Begin(media)) / media_probability_, 0.0, kBelowOne);
+}
+
 template <typename Color>
 std::optional<EmittedRayOf<Color>> LightEmission::SampleLe(
     const EmissionUniforms& u, const WavelengthsOf<Color>& wavelengths) const {
@@ -301,6 +317,7 @@ std::optional<EmittedRayOf<Color>> LightEmission::SampleLe(
   const LightTable::Impl& impl = lights_->impl();
   EmittedRayOf<Color> ray;
   ray.light = static_cast<uint32_t>(choice_.Sample(ExtendBits(u.light, SaltOf(u.position))));
+  if (ray.light == lights_->light_count()) return std::nullopt;
   if (ray.light < impl.first_delta()) {
     SampleSurface<Color>(ray.light, u, wavelengths, &ray);
   } else if (ray.light < impl.first_infinite()) {

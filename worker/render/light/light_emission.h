@@ -7,6 +7,9 @@
 // Source: Veach 1997, sec. 8.2 and 10.2; Pharr, Jakob and Humphreys, "Physically Based Rendering",
 // 3rd ed., sec. 14.5 and 16.1.2.
 //
+// The emission of media counts as one more light, which is chosen here and sampled elsewhere
+// (EmissionPoints).
+//
 // The density of a ray is per the measure in which its light emits:
 //   surfaces                area of the light * solid angle      power: radiance * cosine
 //   lights with a position  solid angle                          power: intensity
@@ -56,8 +59,9 @@ struct EmissionUniforms {
 class LightEmission {
  public:
   // lights: must outlive *this. Distant and infinite lights send rays through the sphere about
-  // `center` (render space) only; they have no power where the radius is 0.
-  LightEmission(const LightTable& lights, Vec3d center, double radius);
+  // `center` (render space) only; they have no power where the radius is 0. media_power: that of
+  // the emission of media, as power().
+  LightEmission(const LightTable& lights, Vec3d center, double radius, double media_power = 0);
 
   // Whether no light has power.
   bool empty() const { return choice_.empty(); }
@@ -66,9 +70,18 @@ class LightEmission {
   double power() const { return power_; }
   uint64_t memory_bytes() const;
 
-  // Samples a ray. None where the sample carries no light. Never returns a pdf that is 0 or not
-  // finite. A ray of an infinite light with a portal illuminates only points that it meets beyond
-  // the portal: those at which PdfLe is positive.
+  // The probability with which paths begin in media.
+  double media_probability() const { return media_probability_; }
+  // Where the sample chooses media, a number in [0, 1) for a choice among them, independent of the
+  // other numbers of u.
+  std::optional<double> ChooseMedia(const EmissionUniforms& u) const {
+    if (media_probability_ == 0) return std::nullopt;
+    return MediaChoice(u);
+  }
+
+  // Samples a ray of a light that is no medium. None where the sample carries no light. Never
+  // returns a pdf that is 0 or not finite. A ray of an infinite light with a portal illuminates
+  // only points that it meets beyond the portal: those at which PdfLe is positive.
   template <typename Color = Rgb>
   std::optional<EmittedRayOf<Color>> SampleLe(const EmissionUniforms& u,
                                               const WavelengthsOf<Color>& wavelengths = {}) const;
@@ -88,6 +101,7 @@ class LightEmission {
   bool IsSurface(uint32_t light) const;
 
  private:
+  std::optional<double> MediaChoice(const EmissionUniforms& u) const;
   // PdfLe over the cosine.
   double SurfaceDensity(uint32_t light, double cosine) const;
   double PowerOf(uint32_t light) const;
@@ -120,8 +134,8 @@ class LightEmission {
   double radius_;
   std::vector<std::variant<MapDirections, WebDirections>> intensities_;  // As Impl::intensities.
   std::vector<ImageDirections> images_;  // As Impl::projected_images.
-  DiscreteDistribution choice_;          // By light.
-  double power_ = 0;
+  DiscreteDistribution choice_;          // By light; the last is the media, if they have power.
+  double power_ = 0, media_probability_ = 0;
 };
 
 }  // namespace sheaf::render

@@ -10,50 +10,21 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "common/math/elementary.h"
 #include "common/volume/volume_array.h"
+#include "tests/support/flames.h"
 #include "worker/render/sampling/event_stream.h"
 
 namespace sheaf::render {
 namespace {
 
-// A grid over the box from 0 to (3, 2, 1), moved to `place`, and its emission.
-struct Flame {
-  std::optional<HeterogeneousMedium> density;
-  std::optional<MediumEmission> emission;
-  EmissiveVolumeSampler::Source source(Rgb sigma_a = Rgb::Gray(1)) const {
-    return {&*density, &*emission, sigma_a};
-  }
-};
-Flame MakeFlame(std::vector<float> values, const Affine& place) {
-  const Index3 counts{6, 4, 2};
-  EXPECT_EQ(values.size(), 48u);
-  auto grid = VolumeGridFromArray("a", "density", {counts, {0, 0, 0}, {3, 2, 1}}, values);
-  EXPECT_TRUE(grid.ok()) << grid.status();
-  auto density =
-      HeterogeneousMedium::FromGrid("a", *std::move(grid), {.render_from_medium = place});
-  EXPECT_TRUE(density.ok()) << density.status();
-  ColorSpec white;
-  white.rgb = Rgb::Gray(1);
-  Flame flame;
-  flame.density.emplace(*std::move(density));
-  flame.emission.emplace(place, white, 1, false);
-  return flame;
-}
-std::vector<float> Uneven(uint32_t seed) {
-  EventStream random({seed, 1, 2, 3});
-  std::vector<float> values(48);
-  for (float& v : values) {
-    const double u = random.Uniform();
-    v = u < 0.5 ? 0.0f : static_cast<float>(u * u);
-  }
-  return values;
-}
+using testing::Flame;
+using testing::MakeFlame;
+using testing::Uneven;
 
 // Rows of equal solid angle.
 constexpr int kRows = 24, kColumns = 48, kSub = 16;
@@ -130,77 +101,6 @@ TEST(EmissiveVolumeSamplerTest, SamplesFollowThePdf) {
     SCOPED_TRACE(++seed);
     ExpectSamplesFit(lights, p, seed);
   }
-}
-
-// Points follow their density, which integrates to 1 over the two boxes, and carry the emission.
-TEST(EmissiveVolumeSamplerTest, PointsFollowTheirPdf) {
-  const Affine place{{0, 0.5, 0}, {-0.5, 0, 0.2}, {0, 0, 0.7}, {-1, 1, 0.3}};
-  const Flame one = MakeFlame(Uneven(1), {}), other = MakeFlame(Uneven(2), place);
-  const EmissiveVolumeSampler lights({one.source(), other.source({0.2f, 2, 0.1f})});
-  // The luminance that is emitted at a point, per volume and solid angle.
-  const auto emission_at = [&](Vec3d p) {
-    const double factor = double{Luminance({0.2f, 2, 0.1f})};
-    return one.density->DensityAt(p, 0) + factor * other.density->DensityAt(p, 0);
-  };
-  // Cells of a box around both.
-  constexpr int kCells = 8, kFine = 24;
-  const Vec3d low{-2, -0.5, -0.5}, high{3.5, 3, 1.9};
-  const auto cell_of = [&](Vec3d p) {
-    size_t index = 0;
-    for (size_t a = 0; a < 3; ++a) {
-      const double at = (p[a] - low[a]) / (high[a] - low[a]);
-      index = index * kCells + static_cast<size_t>(std::clamp(at * kCells, 0.0, kCells - 1.0));
-    }
-    return index;
-  };
-  std::vector<double> expected(kCells * kCells * kCells), observed(expected.size());
-  constexpr int kAcross = kCells * kFine, kSamples = 100000;
-  const Vec3d size = (high - low) / kAcross;
-  double total = 0, power = 0;
-  for (int i = 0; i < kAcross * kAcross * kAcross; ++i) {
-    const Vec3d p =
-        low + Vec3d{(i / (kAcross * kAcross) + 0.5) * size.x,
-                    (i / kAcross % kAcross + 0.5) * size.y, (i % kAcross + 0.5) * size.z};
-    const double mass = lights.PdfPoint(ToFloat(p)) * size.x * size.y * size.z;
-    expected[cell_of(p)] += mass * kSamples;
-    total += mass;
-    power += emission_at(p) * size.x * size.y * size.z;
-  }
-  EXPECT_NEAR(total, 1, 5e-3);
-  EventStream random({11, 7, 8, 9});
-  const auto next = [&] { return static_cast<float>(random.Uniform() * (1 - 0x1p-24)); };
-  double sum = 0, squares = 0;
-  int outside = 0;
-  for (int i = 0; i < kSamples; ++i) {
-    const EmissiveVolumeSampler::PointSample sample =
-        lights.SamplePoint({next(), next(), next(), next()});
-    outside += !(sample.pdf > 0);
-    if (!(sample.pdf > 0)) continue;
-    ASSERT_EQ(sample.pdf, lights.PdfPoint(sample.p));
-    observed[cell_of(ToDouble(sample.p))] += 1;
-    const double value = emission_at(ToDouble(sample.p)) / sample.pdf;
-    sum += value;
-    squares += value * value;
-  }
-  EXPECT_LE(outside, 10);
-  const double mean = sum / kSamples, error = std::sqrt(squares / kSamples - mean * mean) / 316;
-  EXPECT_NEAR(mean, power, 5 * error + 5e-3 * power);
-  EXPECT_LT(error, 0.01 * mean);
-  EXPECT_NEAR(lights.power(), 4 * kPi * power, 0.02 * lights.power());
-  double statistic = 0;
-  int cells = 0;
-  for (size_t i = 0; i < expected.size(); ++i) {
-    const double e = expected[i] / total;
-    EXPECT_TRUE(e > 0 || observed[i] == 0);
-    // The midpoint rule knows the cells at the edges of the boxes less well.
-    if (e < 100) continue;
-    statistic += (observed[i] - e) * (observed[i] - e) / (e + 4e-4 * e * e);
-    ++cells;
-  }
-  const double k = std::max(cells - 1, 1);
-  const double deviate = (std::cbrt(statistic / k) - (1 - 2 / (9 * k))) / std::sqrt(2 / (9 * k));
-  EXPECT_LE(deviate, 5) << cells << " cells";
-  EXPECT_GT(cells, 60);
 }
 
 // Scaling by powers of two changes exponents only.

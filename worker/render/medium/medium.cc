@@ -167,7 +167,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
     table->index_of_[i] = static_cast<uint16_t>(table->media_.size());
     table->media_.push_back(std::move(media[i]));
   }
-  table->emissive_volumes_ = table->MakeEmissiveVolumeSampler();
+  table->emissive_volumes_ = EmissiveVolumeSampler(table->EmissiveDensities());
   if (scene.camera.medium != kNone) {
     const bool fits = table->camera_media_.Add(table->IndexOf(scene.camera.medium));
     SHEAF_CHECK(fits);
@@ -193,20 +193,6 @@ void MediumTable::SetSpectra(const SubsurfaceReflectance& reflectance, float g, 
       SpectralColor::Tabulate([&](double nm) { return (1 - albedo(nm)) / free_path(nm); });
   medium->sigma_s_spectrum =
       SpectralColor::Tabulate([&](double nm) { return albedo(nm) / free_path(nm); });
-}
-
-EmissiveVolumeSampler MediumTable::MakeEmissiveVolumeSampler() const {
-  std::vector<EmissiveVolumeSampler::Source> sources;
-  for (uint16_t medium = 0; medium < media_.size(); ++medium) {
-    for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
-      const MediumEmission* medium_emission = MediumEmissionOf({medium, part});
-      if (medium_emission == nullptr) continue;
-      sources.push_back(
-          {&DensityOf({medium, part}), medium_emission,
-           CoefficientsOf<Rgb>({medium, part}, NoWavelengths{}, MediumForm::kTrue).sigma_a});
-    }
-  }
-  return EmissiveVolumeSampler(sources);
 }
 
 uint64_t MediumTable::memory_bytes() const {

@@ -19,6 +19,7 @@
 #include "worker/render/light/light_table.h"
 #include "worker/render/medium/color_parts.h"
 #include "worker/render/medium/distance_sampling.h"
+#include "worker/render/medium/emission_points.h"
 #include "worker/render/medium/emissive_volume_sampler.h"
 #include "worker/render/medium/equiangular_mode.h"
 #include "worker/render/medium/heterogeneous_medium.h"
@@ -98,6 +99,17 @@ class MediumTable {
   }
   // All heterogeneous media that emit.
   const EmissiveVolumeSampler& emissive_volumes() const { return emissive_volumes_; }
+  // The points of all emissive media at which light paths may begin: medium_emitters.cc.
+  EmissionPoints MakeEmissionPoints(const SceneGeometry& geometry) const;
+  // Whether light paths begin where the media are these: none of them emits without bounds. The
+  // points of MakeEmissionPoints do not contain such a medium, so paths from the camera find all
+  // light of the places where it is.
+  bool BeginsLightPaths(const MediumSet& media) const {
+    for (const uint16_t medium : media) {
+      if (media_[medium].emits && !media_[medium].IsBody()) return false;
+    }
+    return true;
+  }
   // For a density of 1, per scene unit.
   template <typename Color>
   struct Coefficients {
@@ -143,6 +155,8 @@ class MediumTable {
   };
   struct Medium {
     const Scattering& In(MediumForm form) const { return scattering[static_cast<size_t>(form)]; }
+    // Closed surfaces alone bound it.
+    bool IsBody() const { return is_bounded && !is_subsurface; }
 
     Rgb sigma_a, sigma_s, radiance;  // Scaled, per scene unit.
     SpectralColor sigma_a_spectrum, sigma_s_spectrum, radiance_spectrum;
@@ -172,7 +186,7 @@ class MediumTable {
       FileSource& files, const Options& options);
   // For subsurface media given by their reflectance: converts each wavelength.
   static void SetSpectra(const SubsurfaceReflectance& reflectance, float g, Medium* medium);
-  EmissiveVolumeSampler MakeEmissiveVolumeSampler() const;
+  std::vector<EmissiveDensity> EmissiveDensities() const;
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
                         const WavelengthsOf<Color>& wavelengths) {

@@ -48,8 +48,8 @@ void WantParameters(SceneGeometry* geometry) {
   }
 }
 
-// Builds what light paths and guiding need, if the frame has any. Requires: the light table is
-// complete.
+// Builds what light paths and guiding need, if the frame has any. Requires: the tables of lights
+// and media are complete.
 absl::Status BuildTechniques(const CompileTechniques& techniques, CompiledScene* scene) {
   const FrameSettings& settings = scene->settings;
   if (IsGuided(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
@@ -62,8 +62,14 @@ absl::Status BuildTechniques(const CompileTechniques& techniques, CompiledScene*
   }
   const Vec3d lower = ToDouble(scene->geometry.bounds_lower),
               upper = ToDouble(scene->geometry.bounds_upper);
+  double media_power = 0;
+  if (scene->media && Has(scene->plan.traits, Trait::kEmissiveMedia)) {
+    scene->emission_points =
+        std::make_unique<EmissionPoints>(scene->media->MakeEmissionPoints(scene->geometry));
+    media_power = scene->emission_points->power();
+  }
   scene->emission = std::make_unique<LightEmission>(*scene->lights, 0.5 * (lower + upper),
-                                                    0.5 * Length(upper - lower));
+                                                    0.5 * Length(upper - lower), media_power);
   scene->light_paths_per_pass =
       static_cast<double>(settings.width_px) * static_cast<double>(settings.height_px);
   scene->light_paths_alone = settings.techniques == Techniques::kLight;
@@ -149,12 +155,12 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   if (!settings.outputs.light_groups.empty() && !settings.outputs.light_paths) {
     scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
   }
-  if (absl::Status built = BuildTechniques(techniques, scene.get()); !built.ok()) return built;
   if ((scene->plan.traits & kInsides) != 0) {
     const absl::Status built =
         BuildMedia(files, threads, techniques, *std::move(velocities), scene.get());
     if (!built.ok()) return built;
   }
+  if (absl::Status built = BuildTechniques(techniques, scene.get()); !built.ok()) return built;
   if (Has(scene->plan.traits, Trait::kNestedDielectrics)) {
     absl::StatusOr<std::unique_ptr<InteriorTable>> interiors =
         InteriorTable::Build(scene->description, scene->media.get(), *scene->materials, spectral,
@@ -180,6 +186,7 @@ uint64_t MemoryBytesOf(const CompiledScene& scene) {
   return sizeof(CompiledScene) + GeometryBytes(scene.geometry) + scene.tracer->memory_bytes() +
          scene.materials->memory_bytes() + scene.lights->memory_bytes() +
          (scene.emission ? scene.emission->memory_bytes() : 0) +
+         (scene.emission_points ? scene.emission_points->memory_bytes() : 0) +
          (scene.media ? scene.media->memory_bytes() : 0);
 }
 

@@ -16,6 +16,7 @@
 #include "worker/render/light/light_emission.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/material/material.h"
+#include "worker/render/medium/emission_points.h"
 #include "worker/render/medium/medium.h"
 #include "worker/render/plan/render_plan.h"
 #include "worker/render/sampling/filter.h"
@@ -49,6 +50,8 @@ class CompiledScene {
   uint64_t training_paths_first = 0;  // As in CompileTechniques.
   uint32_t media_group = 0;           // Index of the light group of media emission.
   SceneIds ids;                       // Empty unless requested.
+  // Where light paths begin in media; null where `emission` is, or no medium emits.
+  std::unique_ptr<EmissionPoints> emission_points;
 };
 
 }  // namespace sheaf::render
