@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from typing import Any
 
 import numpy
 import OpenImageIO as oiio
@@ -20,14 +21,14 @@ LAYERS = {"--hdr": ("R", "G", "B"), "--alb": ("albedo.R", "albedo.G", "albedo.B"
           "--nrm": ("normal.X", "normal.Y", "normal.Z")}
 
 
-def write_pfm(path, pixels):
+def write_pfm(path: str, pixels: Any) -> None:
     """Rows from the bottom to the top, of three little-endian floats a pixel."""
     with open(path, "wb") as file:
         file.write(f"PF\n{pixels.shape[1]} {pixels.shape[0]}\n-1.0\n".encode())
         file.write(pixels[::-1].astype("<f4").tobytes())
 
 
-def read_pfm(path):
+def read_pfm(path: str) -> Any:
     with open(path, "rb") as file:
         kind, size, scale = (file.readline().strip() for _ in range(3))
         if kind != b"PF":
@@ -37,7 +38,7 @@ def read_pfm(path):
         return numpy.frombuffer(file.read(), order).reshape(height, width, 3)[::-1]
 
 
-def main():
+def main() -> None:
     source, target = sys.argv[1:]
     image = oiio.ImageBuf(source)
     if image.has_error:
