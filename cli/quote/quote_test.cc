@@ -128,7 +128,7 @@ TEST(QuoteTest, RowsOfDenoisedErrorsNameTheErrorOfTheImage) {
             std::string::npos);
   EXPECT_EQ(text.find("nothing is denoised"), std::string::npos);
   const auto json = nlohmann::json::parse(QuoteJson(quote));
-  EXPECT_EQ(json["denoised_gain"], 6);
+  EXPECT_NEAR(json["denoised_gain"].get<double>(), 6, 1e-12);
   EXPECT_EQ(json["rows"][2]["denoised_error"], 0.02);
   EXPECT_TRUE(json["rows"][0]["denoised_error"].is_null());
 }
