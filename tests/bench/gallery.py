@@ -53,9 +53,9 @@ def shrink(source, target, width_px):
         sys.exit(f"{target}: {image.geterror()}")
 
 
-def render(options, scene, target):
+def render(options, scene, name, target):
     """Renders, and returns the row of the page."""
-    row = {"name": os.path.splitext(os.path.basename(scene))[0], "image": None, "problem": ""}
+    row = {"name": name, "image": None, "problem": ""}
     with tempfile.TemporaryDirectory() as folder:
         png = os.path.join(folder, "image.png")
         done = subprocess.run([options.sheaf, "render", scene, "--samples", str(options.samples),
@@ -121,12 +121,17 @@ def main():
     os.makedirs(pictures, exist_ok=True)
     rows = []
     # The page names what was asked for, but no folder of this machine.
-    arguments = [a for a in sys.argv[2:] if not os.path.isdir(a) and a != "--public"]
+    arguments = ["FOLDER" if a == options.public else a for a in sys.argv[2:]]
+    names = set()
     for scene in scenes:
         name = os.path.splitext(os.path.basename(scene))[0]
         if options.scene and name not in options.scene:
             continue
-        rows.append(render(options, scene, os.path.join(pictures, name + ".png")))
+        if name in names:  # Of another folder.
+            name += " of " + os.path.basename(os.path.dirname(scene))
+        names.add(name)
+        picture = os.path.join(pictures, name.replace(" ", "-") + ".png")
+        rows.append(render(options, scene, name, picture))
         print(name, rows[-1].get("cpu_seconds", rows[-1]["problem"]), flush=True)
         with open(os.path.join(options.out, "gallery.md"), "w", encoding="utf-8") as file:
             file.write(page(rows, arguments, options.out))  # So that an interruption loses little.
