@@ -29,7 +29,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Of the denoiser's files; removed at the end.
+// Holds the denoiser's files; removed at the end.
 class ExchangeFolder {
  public:
   static absl::StatusOr<std::unique_ptr<ExchangeFolder>> Make() {

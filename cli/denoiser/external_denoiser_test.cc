@@ -109,7 +109,7 @@ TEST(ExternalDenoiserTest, SaysHowACommandFailed) {
 
 TEST(ExternalDenoiserTest, ACommandHasALimitOfTime) {
   FrameImage image = ImageOf(7, 0.5f);
-  // What it started ends with it: the file appears only if the child outlives it.
+  // Its children end with it: the file appears only if the child outlives it.
   const std::string late = TemporaryPath("late");
   const absl::Status status = Denoise(absl::StrCat("(sleep 0.3; touch '", late, "') & sleep 60"),
                                       &image, absl::Milliseconds(50));

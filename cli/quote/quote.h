@@ -37,7 +37,7 @@ struct QuoteRow {
   double target_error = 0;                     // 0: samples or minutes are given instead.
   std::optional<uint64_t> samples_given = {};  // Per pixel.
   double minutes_given = 0;                    // Wall time.
-  // Of the denoised layer; target_error is then that of the image which it takes. 0: not denoised.
+  // The denoised layer's; target_error is then that of the image which it takes. 0: not denoised.
   double denoised_error = 0;
   // Within the limit of samples per pixel; or, if minutes are given, with any error quoted.
   bool reached = true;

@@ -7,7 +7,7 @@
 import {ApiError, BASE, OWN_PAGE, pathOf, request} from './api';
 import type {DroppedFile} from './dropped_files';
 
-// What the coordinator takes; nothing if it says why not.
+// The scenes that the coordinator takes; none if it says why not.
 export interface Offer {
   why_not: string;
   bytes_max: number;

@@ -101,7 +101,7 @@ TEST(GuidingTrainingTest, DependsOnTheFrameAlone) {
   }
 }
 
-// What paths contribute is learned after all else.
+// The training learns contributions after all else.
 TEST(GuidingTrainingTest, SplittingAddsToTheField) {
   for (const TestScene& t : Scenes()) {
     FrameSettings settings = GuidedSettings();

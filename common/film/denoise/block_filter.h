@@ -58,7 +58,7 @@ class BlockFilter {
     ptrdiff_t dx = 0, dy = 0;
     float weight = 0;
   };
-  // Of a half: weights, changes and products of variances, each for all pixels of the block.
+  // A half has weights, changes and products of variances, each for all pixels of the block.
   static constexpr size_t kSumCount = kFilterCount * 4 + kFilterPairCount * 3;
   using BlockPlane = std::array<float, kBlockWidth * kBlockRows>;
 

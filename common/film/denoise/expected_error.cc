@@ -10,7 +10,7 @@
 namespace sheaf {
 namespace {
 
-// What k is before the image is seen, and its standard deviation.
+// The mean of k before the image is seen; its standard deviation is as large.
 constexpr double kFactorBefore = 0.07;
 
 // The mean of two estimates of one number, by the variances of the other one. The second

@@ -28,7 +28,7 @@ struct SharesQuadratic {
 // finite.
 Shares BestShares(const SharesQuadratic& quadratic);
 
-// What is known of a pixel before the shares; by filter, or pair of filters, and by R, G, B.
+// The sums of a pixel that the shares follow from; by filter, or pair of filters, and by R, G, B.
 struct FilteredPixel {
   std::array<std::array<float, 3>, kFilterCount> change{}, gain{};  // e and G of denoise.h.
   std::array<std::array<float, 3>, kFilterPairCount> variance{};    // Of the changed image.

@@ -21,7 +21,7 @@ struct ReaderProcessLimits {
   absl::Duration wall_max = absl::Minutes(10);
   absl::Duration cpu_max = absl::Minutes(20);  // Of all its threads.
   uint64_t memory_bytes_max = uint64_t{8} << 30;
-  // What it writes: files out of a zip file, and images out of a glTF file.
+  // Limits of what it writes: files out of a zip file, and images out of a glTF file.
   uint64_t written_bytes_max = uint64_t{4} << 30;
   uint32_t written_files_max = 20'000;
   size_t reply_bytes_max = size_t{64} << 20;  // As for calls of gRPC.

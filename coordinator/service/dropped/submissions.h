@@ -35,9 +35,9 @@ inline constexpr size_t kSubmissionsOfOwnerMax = 8;
 inline constexpr size_t kSceneReadersMax = 2;
 // A submission ends when nothing was heard of it for so long.
 inline constexpr absl::Duration kSubmissionSilenceMax = absl::Minutes(15);
-// Of a piece of a file.
+// Limits a piece of a file.
 inline constexpr uint64_t kPieceBytesMax = uint64_t{2} << 20;
-// Of the messages of one submission; longer ones are cut.
+// Limits the messages of one submission; longer ones are cut.
 inline constexpr size_t kSubmissionTextBytesMax = 64 << 10;
 
 struct SubmissionOptions {
@@ -90,7 +90,7 @@ class Submissions final : public SubmissionDesk {
   // Errors: kResourceExhausted.
   absl::Status MakeRoom(const std::string& owner) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void EndSilent(SteadyTime now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // What the threads that read do until they are stopped.
+  // Runs on each thread that reads until it is stopped.
   void ReadInTurn(const std::stop_token& stop);
   void ReadOne(Submission* submission, const std::stop_token& stop);
   // Reads with all protections that the system has. Errors: kFailedPrecondition where they do not

@@ -38,7 +38,7 @@ class SubmissionsTest : public ::testing::Test {
     desk_.reset();
     std::filesystem::remove_all(folder_);
   }
-  // Of the process, which has read its request.
+  // The process runs the lines after it has read its request.
   void Script(const std::string& lines) {
     const std::string text =
         absl::StrCat("#!/bin/sh\ncat > '", folder_, "/request'\n", lines, "\n");

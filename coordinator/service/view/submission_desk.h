@@ -38,7 +38,7 @@ struct SubmissionView {
   std::string job_id;  // In kSubmitted.
 };
 
-// What the desk takes.
+// The scenes that the desk takes.
 struct SubmissionOffer {
   std::string why_not;     // Why it takes nothing; empty: it does.
   uint64_t bytes_max = 0;  // Of a submission.
@@ -52,7 +52,7 @@ struct SubmissionCaller {
   std::string who;    // For the audit log: "user:anna at 192.0.2.7".
 };
 
-// What the files are to become.
+// The job that the files are to become.
 struct SubmissionWish {
   std::string scene;  // Among the files; empty: the only one.
   std::string title;  // Empty: the scene's name.

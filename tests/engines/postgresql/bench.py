@@ -30,7 +30,7 @@ COMPLETIONS_WANTED = 1000  # A second, on PostgreSQL.
 WRITERS_JUDGED = 100
 STORES = ("SQLite", "PostgreSQL")
 ROWS_OF_STORE_BENCH = 4
-# Of one run on one store, beyond the time that is measured: start, stop, and removal of its parts.
+# Limits a run on one store beyond the measured time: its start, stop, and removal of its parts.
 OVERHEAD_SECONDS_MAX = 20 * farm.TIME_SCALE
 RUN_SECONDS_MAX = 10  # Of completions_bench, on one store.
 ROW = re.compile(r"\s*(\d+) writers: +(\d+) durable")

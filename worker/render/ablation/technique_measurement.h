@@ -45,7 +45,7 @@ struct TechniqueMeasurement {
   uint64_t samples = 0;
   TechniqueCost camera, both;         // both: with light paths.
   TechniqueCost guided, guided_both;  // The same with guiding.
-  // Of the last two that which is chosen, with splitting: measured where guiding pays.
+  // The chosen one of the last two, with splitting: measured where guiding pays.
   std::optional<TechniqueCost> split;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
   // camera paths cannot find it (a light without size, seen by specular reflection of its light).

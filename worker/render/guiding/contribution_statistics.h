@@ -56,7 +56,7 @@ class ContributionStatistics {
   struct Sums {
     std::atomic<uint64_t> number{0}, values{0}, squares{0}, rays{0};
   };
-  // Of one value.
+  // Means over the values of one region or block.
   struct Means {
     double number = 0, value = 0, square = 0, rays = 0;
   };
