@@ -40,6 +40,26 @@ using testing::MakeSky;
 using testing::MakeTable;
 using testing::RandomPoints;
 
+// --- Groups of infinite lights
+
+// Rays also leave scenes without infinite lights, in variants that support them. As many groups as
+// their numbers have values: any entry that is read beyond the table's lights is one of them.
+TEST(LightTableStabilityTest, NoInfiniteLightAddsToNoGroup) {
+  std::vector<std::string> names;
+  for (int i = 0; i <= std::numeric_limits<uint8_t>::max(); ++i) {
+    names.push_back(std::to_string(1000 + i));
+  }
+  SceneDescription scene;
+  scene.lights = {MakePoint(kWhite, {0, 0, 1})};
+  scene.lights[0].group = names[7];
+  const auto table = MakeTable({}, scene.lights);
+  table->AssignGroups(scene, names);
+  EXPECT_EQ(table->GroupOf(0), 7u);
+  std::vector<Rgb> groups(names.size());
+  table->AddByGroup(kOrigin, kUp, NoWavelengths{}, kWhite, kWhite, &groups);
+  for (const Rgb& sum : groups) EXPECT_TRUE(sum.IsBlack());
+}
+
 // --- L6, L7: environments
 // -------------------------------------------------------------------------
 

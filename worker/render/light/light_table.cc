@@ -291,6 +291,7 @@ template <typename Color>
 void LightTable::AddByGroup(Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths,
                             const Color& weight, const Color& light,
                             std::vector<Color>* groups) const {
+  if (impl_->infinites.empty()) return;  // Variants with environments also render scenes without.
   const auto group_of = [this](size_t i) {
     return impl_->group_of_light[impl_->first_infinite() + i];
   };
