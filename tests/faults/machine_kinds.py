@@ -120,6 +120,7 @@ def group_exhausted(bench):
             group.add([hog.pid])
             group.limit(GROUP_BYTES)
             hog.wait()
-        farm.wait_until(lambda: any(w.poll() is not None for w in bench.farm.workers), 5,
-                        "a worker that the kernel killed")
+        farm.wait_until(lambda: any(w.poll() is not None for w in bench.farm.workers) or
+                        not all(os.path.exists(f"/proc/{pid}") for pid in processes), 5,
+                        "a process that the kernel killed")
         bench.replace_dead_workers()

@@ -84,11 +84,11 @@ std::optional<double> EstimateFlip(const FrameImage& image, const ErrorSample& e
   FrameImage other;
   other.window = image.window;
   other.color.chromaticities = image.color.chromaticities;
-  constexpr std::array<const char*, 3> kColor{"R", "G", "B"};
+  constexpr std::array<const char*, 3> kNames{"R", "G", "B"};
   for (size_t i = 0; i < 3; ++i) {
-    std::vector<float> plane = *image.Find(kColor[i]);
+    std::vector<float> plane = *image.Find(kNames[i]);
     for (size_t p = 0; p < plane.size(); ++p) plane[p] += error.planes()[i][p];
-    other.channel_names.emplace_back(kColor[i]);
+    other.channel_names.emplace_back(kNames[i]);
     other.planes.push_back(std::move(plane));
   }
   const absl::StatusOr<double> flip = PerceivedDifference(image, other, FlipRange::kScreen);

@@ -73,7 +73,7 @@ std::vector<Part> PartsOf(const FrameImage& image, const ExrFormat& format) {
     part->is_color = part->is_color && IsColorChannel(name);
   }
   // Programs show the first part: the image itself, where it has one.
-  std::ranges::stable_partition(parts, [&image](const Part& part) {
+  std::stable_partition(parts.begin(), parts.end(), [&image](const Part& part) {
     return std::ranges::any_of(part.channels,
                                [&image](size_t i) { return image.channel_names[i] == "R"; });
   });

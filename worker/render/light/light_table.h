@@ -268,7 +268,8 @@ class LightTable {
   uint32_t GroupOf(uint32_t light) const;
   // Adds `light`, the radiance that reached p along the unit direction d from all infinite lights
   // together, to their groups: `weight` times the radiance of each group's lights, and to the first
-  // group also the rounding residue, so that the groups still sum to the whole.
+  // group also the rounding residue, so that the groups still sum to the whole. Adds nothing where
+  // there is no infinite light.
   template <typename Color>
   void AddByGroup(Vec3f p, Vec3f d, const WavelengthsOf<Color>& wavelengths, const Color& weight,
                   const Color& light, std::vector<Color>* groups) const;
