@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "common/rpc/address_list.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace sheaf {
@@ -21,7 +22,8 @@ SHEAF_FUZZ_TARGET(address) {
     const absl::StatusOr<Address> again = ParseAddress(FormatAddress(*address));
     SHEAF_CHECK(again.ok() && again->host == address->host && again->port == address->port);
   }
-  if (CompleteCoordinatorAddress(text).empty()) SHEAF_CHECK(ParseAddress(text).ok());
+  if (!CompleteCoordinatorAddress(text).empty()) return;
+  for (const std::string& each : SplitAddresses(text)) SHEAF_CHECK(ParseAddress(each).ok());
 }
 
 }  // namespace sheaf
