@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "cli/duration.h"
 #include "common/scene/settings/frame_settings_fields.h"
@@ -83,8 +84,9 @@ Json StopJson(const v1::StopRule& rule) {
   };
 }
 
-// "STOP_REASON_TARGET_ERROR" to "target-error".
+// "STOP_REASON_TARGET_ERROR" to "target-error". A reason of a later version is its number.
 std::string StopReasonName(v1::StopReason reason) {
+  if (!v1::StopReason_IsValid(reason)) return absl::StrCat(static_cast<int>(reason));
   std::string name = v1::StopReason_Name(reason).substr(std::string("STOP_REASON_").size());
   for (char& c : name) c = c == '_' ? '-' : absl::ascii_tolower(static_cast<unsigned char>(c));
   return name;
