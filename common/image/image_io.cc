@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
+#include "common/exr/exr_header_scan.h"
 #include "common/image/image_library.h"
 
 namespace sheaf {
@@ -23,6 +24,7 @@ absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLim
   if (!std::filesystem::is_regular_file(path, code)) {
     return absl::NotFoundError(absl::StrCat(path, ": no such file"));
   }
+  if (absl::Status header = CheckExrHeader(path); !header.ok()) return header;
   const absl::StatusOr<const ImageLibrary*> library = LoadImageLibrary();
   if (!library.ok()) return library.status();
   return (*library)->read(path, limits);

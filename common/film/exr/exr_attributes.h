@@ -20,8 +20,8 @@
 #include <string>
 #include <string_view>
 
-#include "common/film/exr/exr_header_scan.h"
 #include "common/film/frame_image.h"
+#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 

@@ -15,8 +15,8 @@
 
 #include "common/film/exr/exr_channels.h"
 #include "common/film/exr/exr_codec.h"
-#include "common/film/exr/exr_header_scan.h"
 #include "common/film/exr/resumed_image.h"
+#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 namespace {

@@ -19,8 +19,8 @@
 #include "common/film/exr/exr_channels.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/exr_format.h"
-#include "common/film/exr/exr_header_scan.h"
 #include "common/film/exr/exr_streams.h"
+#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 namespace {
@@ -82,7 +82,7 @@ std::vector<ChosenPart> ChooseParts(const ExrFileHeader& file) {
 absl::Status CheckSize(const ExrFileHeader& file, int64_t image_bytes_max) {
   int64_t left = image_bytes_max;
   for (const ExrHeader& part : file.parts) {
-    const int64_t pixels = std::max(part.data_window.PixelCount(), part.tile_pixels);
+    const int64_t pixels = std::max(RectOf(part.data_window).PixelCount(), part.tile_pixels);
     const auto pixel_bytes = static_cast<int64_t>(part.channels.size() * sizeof(float));
     if (pixel_bytes == 0) continue;
     if (pixels > left / pixel_bytes) {
@@ -129,7 +129,7 @@ absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes, int64_t imag
   if (absl::Status status = CheckSize(*file, image_bytes_max); !status.ok()) return status;
   const ExrHeader& header = file->parts[0];
   FrameImage image;
-  image.window = header.data_window;
+  image.window = RectOf(header.data_window);
   if (header.chromaticities) {
     image.color.chromaticities = Chromaticities::FromStored(*header.chromaticities);
   }

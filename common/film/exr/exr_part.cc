@@ -18,10 +18,10 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "common/film/exr/exr_codec.h"
-#include "common/film/exr/exr_header_scan.h"
 #include "common/film/exr/exr_streams.h"
 #include "common/film/exr/part_planes.h"
 #include "common/film/id_planes.h"
+#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 namespace {
@@ -127,7 +127,7 @@ absl::StatusOr<TileCells> CellsOf(const ExrHeader& header) {
       !absl::SimpleAtoi(mask->second, &cells.mask)) {
     return NotAPart("its cells cannot be read");
   }
-  const std::string why = WhyNoCells(header.display_window, cells);
+  const std::string why = WhyNoCells(RectOf(header.display_window), cells);
   if (!why.empty()) return NotAPart(why);
   return cells;
 }
@@ -245,7 +245,7 @@ absl::StatusOr<PartLayout> LayoutOf(const ExrFileHeader& file, size_t size_bytes
                                     int64_t part_pixels_max) {
   if (absl::Status status = CheckPartHeader(file); !status.ok()) return status;
   const ExrHeader& header = file.parts[0];
-  const PixelRect& tile = header.display_window;
+  const PixelRect tile = RectOf(header.display_window);
   if (tile.PixelCount() > part_pixels_max) {
     return NotAPart(
         absl::StrCat(tile.PixelCount(), " pixels are more than the limit of ", part_pixels_max));
@@ -265,10 +265,10 @@ absl::StatusOr<PartLayout> LayoutOf(const ExrFileHeader& file, size_t size_bytes
   if (*kind == TaskKind::kLight && (!lattice->All() || !cells->All())) {
     return NotAPart("its light passes do not have all pixels");
   }
-  if (!(header.data_window == DataWindowOf(tile, *cells))) {
+  if (!(RectOf(header.data_window) == DataWindowOf(tile, *cells))) {
     return NotAPart("it has other pixels than its tile, or its cells");
   }
-  const int64_t raw_bytes = header.data_window.PixelCount() *
+  const int64_t raw_bytes = RectOf(header.data_window).PixelCount() *
                             static_cast<int64_t>(header.channels.size() * sizeof(float));
   if (raw_bytes / ExpansionMaxOf(*lattice, *kind) > static_cast<int64_t>(size_bytes)) {
     return absl::DataLossError("the film part is too short for its size in pixels");
@@ -335,8 +335,9 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
   const ExrHeader& header = file->parts[0];
   absl::StatusOr<PartLayout> layout = LayoutOf(*file, bytes.size(), part_pixels_max);
   if (!layout.ok()) return layout.status();
-  DecodedPart part{FilmTile(header.display_window, layout->block, std::move(layout->outputs)),
-                   std::move(layout->header)};
+  DecodedPart part{
+      FilmTile(RectOf(header.display_window), layout->block, std::move(layout->outputs)),
+      std::move(layout->header)};
   std::vector<NamedPlane<float>> planes = PlanesOf<float>(part.tile);
   std::array<std::vector<std::vector<float>>, kIdKindCount> id_planes;
   for (size_t i = 0; i < kIdKindCount; ++i) {
@@ -349,7 +350,7 @@ absl::StatusOr<DecodedPart> DecodePart(std::string_view bytes, int64_t part_pixe
   if (absl::Status status = CheckPartChannels(header, planes); !status.ok()) return status;
   const PixelRect& tile = part.tile.rect();
   const absl::Status decoded = IsCompressed(part.header.lattice, part.header.kind)
-                                   ? DecodePlanes(bytes, header.data_window, planes, tile)
+                                   ? DecodePlanes(bytes, RectOf(header.data_window), planes, tile)
                                    : DecodeLines(bytes, planes, tile, part.header.cells);
   if (!decoded.ok()) return decoded;
   const std::string why = part.header.kind == TaskKind::kLight

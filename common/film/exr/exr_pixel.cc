@@ -9,8 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
-#include "common/film/exr/exr_header_scan.h"
 #include "common/film/exr/exr_streams.h"
+#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 
@@ -25,7 +25,7 @@ absl::StatusOr<std::vector<std::pair<std::string, float>>> ReadImagePixel(const 
   if (!file.ok()) return file.status();
   if (file->deep) return absl::InvalidArgumentError("deep EXR files are not supported");
   const ExrHeader& header = file->parts[0];
-  const PixelRect& window = header.data_window;
+  const PixelRect window = RectOf(header.data_window);
   const bool inside =
       x_px >= window.x0 && x_px < window.x1 && y_px >= window.y0 && y_px < window.y1;
   if (!inside) {

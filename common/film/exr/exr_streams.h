@@ -19,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/film/exr/part_planes.h"
 #include "common/film/tile_geometry.h"
+#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 
@@ -63,6 +64,9 @@ absl::Status Guard(const Calls& calls) {
   }
 }
 
+constexpr PixelRect RectOf(const ExrWindow& window) {
+  return {window.x0, window.y0, window.x1, window.y1};
+}
 inline Imath::Box2i BoxOf(PixelRect rect) {
   return {{rect.x0, rect.y0}, {rect.x1 - 1, rect.y1 - 1}};
 }

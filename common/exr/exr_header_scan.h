@@ -15,8 +15,8 @@
 #include <string_view>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "common/film/tile_geometry.h"
 
 namespace sheaf {
 
@@ -27,9 +27,15 @@ struct ExrChannel {
   bool subsampled = false;
 };
 
+// Half-open: [x0, x1) x [y0, y1) in pixels, y down.
+struct ExrWindow {
+  int32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  friend constexpr bool operator==(const ExrWindow&, const ExrWindow&) = default;
+};
+
 // One part's header.
 struct ExrHeader {
-  PixelRect data_window, display_window;
+  ExrWindow data_window, display_window;
   std::vector<ExrChannel> channels;  // In the file's order.
   uint8_t compression = 0;           // As numbered by the file format.
   uint8_t line_order = 0;            // 0: increasing y.
@@ -51,5 +57,11 @@ struct ExrFileHeader {
 // Errors: kInvalidArgument (not an EXR, contradictory or duplicate attributes), kDataLoss (ends
 // within the header). Cost: memory proportional to the header's own bytes.
 absl::StatusOr<ExrFileHeader> ScanExrHeader(std::string_view bytes);
+
+// Scans the header of the file at path. Files of other formats pass.
+// Errors: kInvalidArgument, also where the header is larger than kExrHeaderBytesMax; the message
+// begins with the path. Cost: reads the header, at most 16 times its size.
+absl::Status CheckExrHeader(const std::string& path);
+inline constexpr size_t kExrHeaderBytesMax = size_t{1} << 26;
 
 }  // namespace sheaf

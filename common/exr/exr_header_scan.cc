@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-#include "common/film/exr/exr_header_scan.h"
+#include "common/exr/exr_header_scan.h"
 
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <fstream>
 #include <optional>
 #include <utility>
 
@@ -85,7 +85,7 @@ std::optional<size_t> FixedSize(const std::string& type) {
   return std::nullopt;
 }
 
-absl::StatusOr<PixelRect> ParseWindow(std::string_view value) {
+absl::StatusOr<ExrWindow> ParseWindow(std::string_view value) {
   ByteReader reader(value);
   const auto x0 = reader.Take<int32_t>(), y0 = reader.Take<int32_t>();
   const auto x1 = reader.Take<int32_t>(), y1 = reader.Take<int32_t>();
@@ -93,7 +93,7 @@ absl::StatusOr<PixelRect> ParseWindow(std::string_view value) {
     if (c < -kCoordinateMax || c > kCoordinateMax) return Malformed("a window is out of bounds");
   }
   if (x1 < x0 || y1 < y0) return Malformed("a window is empty");
-  return PixelRect{x0, y0, x1 + 1, y1 + 1};
+  return ExrWindow{x0, y0, x1 + 1, y1 + 1};
 }
 
 absl::Status ParseChannels(std::string_view value, std::vector<ExrChannel>* channels) {
@@ -116,6 +116,18 @@ absl::Status ParseChannels(std::string_view value, std::vector<ExrChannel>* chan
   return reader.empty() ? absl::OkStatus() : Malformed("the channel list has extra bytes");
 }
 
+// Each text has its own length, which must end within the list.
+absl::Status CheckTexts(std::string_view value) {
+  ByteReader reader(value);
+  while (!reader.empty()) {
+    const auto size = reader.Take<int32_t>();
+    if (size < 0) return Malformed("a list of texts has a negative size");
+    reader.TakeBytes(static_cast<size_t>(size));
+    if (reader.failed()) return Malformed("a list of texts does not end");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status ParseTileSize(std::string_view value, ExrHeader* header) {
   ByteReader reader(value);
   const auto width = reader.Take<uint32_t>(), height = reader.Take<uint32_t>();
@@ -133,6 +145,9 @@ absl::Status ParseAttribute(const std::string& name, const std::string& type,
   }
   if (const std::optional<size_t> size = FixedSize(type); size && *size != value.size()) {
     return Malformed(absl::StrCat("attribute \"", name, "\" has the wrong size for a ", type));
+  }
+  if (type == "stringvector") {
+    if (absl::Status status = CheckTexts(value); !status.ok()) return status;
   }
   if (type == "string") header->strings[name] = std::string(value);
   static constexpr std::string_view kNumbers[] = {"int", "float", "rational",
@@ -158,7 +173,7 @@ absl::Status ParseAttribute(const std::string& name, const std::string& type,
   if (name == "compression") header->compression = static_cast<uint8_t>(value[0]);
   if (name == "lineOrder") header->line_order = static_cast<uint8_t>(value[0]);
   if (name == "dataWindow" || name == "displayWindow") {
-    const absl::StatusOr<PixelRect> window = ParseWindow(value);
+    const absl::StatusOr<ExrWindow> window = ParseWindow(value);
     if (!window.ok()) return window.status();
     (name == "dataWindow" ? header->data_window : header->display_window) = *window;
   }
@@ -215,6 +230,27 @@ absl::StatusOr<ExrFileHeader> ScanExrHeader(std::string_view bytes) {
     if (ahead.Take<char>() == '\0')
       return ahead.failed() ? absl::StatusOr<ExrFileHeader>(Truncated()) : file;
   }
+}
+
+absl::Status CheckExrHeader(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string read;
+  absl::Status status = absl::DataLossError("");
+  for (size_t size = 1 << 14; absl::IsDataLoss(status) && size <= kExrHeaderBytesMax; size *= 16) {
+    const size_t had = read.size();
+    read.resize(size);
+    file.read(read.data() + had, static_cast<std::streamsize>(size - had));
+    read.resize(had + static_cast<size_t>(file.gcount()));
+    if (!read.starts_with(kMagic)) return absl::OkStatus();
+    status = ScanExrHeader(read).status();
+    if (!file) break;
+  }
+  if (status.ok()) return status;
+  const bool longer = absl::IsDataLoss(status) && file.good();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": not a readable image: ",
+                   longer ? absl::StrCat("its header has more than ", kExrHeaderBytesMax, " bytes")
+                          : std::string(status.message())));
 }
 
 }  // namespace sheaf
