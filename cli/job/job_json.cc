@@ -5,7 +5,6 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 
-#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -15,6 +14,9 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
 #include "absl/time/time.h"
 #include "cli/duration.h"
 #include "common/scene/settings/frame_settings_fields.h"
@@ -29,13 +31,12 @@ std::string Dump(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-// "STATE_RUNNING" to "running".
-std::string LowerName(std::string name) {
-  name = name.substr(name.find('_') + 1);
-  std::transform(name.begin(), name.end(), name.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return name;
+// The value of an enumeration without its prefix: "STATE_RUNNING" to "running",
+// "STOP_REASON_TARGET_ERROR" to "target-error". name: empty for a value of a later version, which
+// stays a number.
+std::string NameOfValue(absl::string_view name, absl::string_view prefix, int value) {
+  if (!absl::ConsumePrefix(&name, prefix)) return absl::StrCat(value);
+  return absl::StrReplaceAll(absl::AsciiStrToLower(name), {{"_", "-"}});
 }
 
 // Null where it is not known, or nothing is required.
@@ -84,12 +85,8 @@ Json StopJson(const v1::StopRule& rule) {
   };
 }
 
-// "STOP_REASON_TARGET_ERROR" to "target-error". A reason of a later version is its number.
 std::string StopReasonName(v1::StopReason reason) {
-  if (!v1::StopReason_IsValid(reason)) return absl::StrCat(static_cast<int>(reason));
-  std::string name = v1::StopReason_Name(reason).substr(std::string("STOP_REASON_").size());
-  for (char& c : name) c = c == '_' ? '-' : absl::ascii_tolower(static_cast<unsigned char>(c));
-  return name;
+  return NameOfValue(v1::StopReason_Name(reason), "STOP_REASON_", reason);
 }
 
 Json RoundsJson(const v1::Frame& frame) {
@@ -211,10 +208,12 @@ Json FrameJson(const v1::Frame& frame) {
 
 }  // namespace
 
-std::string JobStateName(v1::Job::State state) { return LowerName(v1::Job::State_Name(state)); }
+std::string JobStateName(v1::Job::State state) {
+  return NameOfValue(v1::Job::State_Name(state), "STATE_", state);
+}
 
 std::string WorkerStateName(v1::Worker::State state) {
-  return LowerName(v1::Worker::State_Name(state));
+  return NameOfValue(v1::Worker::State_Name(state), "STATE_", state);
 }
 
 std::string JobJson(const v1::Job& job) {

@@ -11,9 +11,10 @@
 
 namespace sheaf::cli {
 
-// "queued", "running", "succeeded", "failed", "cancelled".
+// "queued", "running", "succeeded", "failed", "cancelled", "paused"; a state of a later version is
+// its number.
 std::string JobStateName(v1::Job::State state);
-// "idle", "busy", "draining", "lost", "quarantined".
+// "idle", "busy", "draining", "lost", "quarantined"; numbers as above.
 std::string WorkerStateName(v1::Worker::State state);
 
 std::string JobJson(const v1::Job& job);

@@ -58,6 +58,8 @@ TEST(JobJsonTest, NamesAllStates) {
   EXPECT_EQ(JobStateName(v1::Job::STATE_CANCELLED), "cancelled");
   EXPECT_EQ(JobStateName(v1::Job::STATE_PAUSED), "paused");
   EXPECT_EQ(WorkerStateName(v1::Worker::STATE_QUARANTINED), "quarantined");
+  EXPECT_EQ(JobStateName(static_cast<v1::Job::State>(77)), "77");
+  EXPECT_EQ(WorkerStateName(static_cast<v1::Worker::State>(77)), "77");
 }
 
 }  // namespace

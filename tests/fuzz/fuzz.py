@@ -58,10 +58,22 @@ def write_volume_seeds(build):
 
 
 def options(name):
-    result = dict(OPTIONS)
+    """The environment of a target."""
+    result = dict(os.environ, **OPTIONS)
     if name in FULL_STACKS:
         result["ASAN_OPTIONS"] += ":fast_unwind_on_malloc=0"
     return result
+
+
+def forget_mended(program, findings, environment):
+    """Removes the findings of earlier runs that the target bears by now."""
+    for name in os.listdir(findings):
+        path = os.path.join(findings, name)
+        if name != "log" and subprocess.run(
+                [program, f"-rss_limit_mb={MEMORY_MB_MAX}", f"-timeout={INPUT_SECONDS_MAX}", path],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                check=False, env=environment).returncode == 0:
+            os.remove(path)
 
 
 def fuzz(name, program, build, seconds):
@@ -70,6 +82,7 @@ def fuzz(name, program, build, seconds):
     findings = os.path.join(build, "findings", name)
     for folder in (corpus, findings):
         os.makedirs(folder, exist_ok=True)
+    forget_mended(program, findings, options(name))
     seeds = [path for path in (os.path.join(HERE, seed, name) for seed in SEEDS)
              if os.path.isdir(path)]
     dictionary = os.path.join(HERE, "dictionaries", name + ".dict")
@@ -81,7 +94,7 @@ def fuzz(name, program, build, seconds):
              f"-artifact_prefix={findings}/", "-print_final_stats=1",
              *([f"-dict={dictionary}"] if os.path.exists(dictionary) else []), corpus, *seeds],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, check=False,
-            env=dict(os.environ, **options(name)))
+            env=options(name))
     with open(log_path, encoding="utf-8", errors="replace") as log:
         said = log.read()
     runs = re.search(r"number_of_executed_units: (\d+)", said)

@@ -22,6 +22,7 @@
 #include "common/rpc/enrolment.h"
 #include "common/rpc/farm_connection.h"
 #include "common/rpc/grpc_status.h"
+#include "common/rpc/protocol_calls.h"
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gmock/gmock.h"
@@ -237,6 +238,25 @@ TEST_F(CoordinatorAccessTest, AServerUnderAnotherNameIsRefusedByItsClients) {
   Start();
   EXPECT_TRUE(
       absl::IsUnavailable(Call(ChannelWithoutCertificate(), "/sheaf.v1.AccessService/Enroll")));
+}
+
+// An admitted caller of another version; coordinator_versions_test.cc has the same without TLS.
+TEST_F(CoordinatorAccessTest, OtherVersionsAreRefusedInWords) {
+  Start();
+  const CredentialFiles files = Enrol(kAnna, Role::kView);
+  const auto list_jobs_as = [&](const ProtocolRange& range) {
+    const auto channel = grpc::experimental::CreateCustomChannelWithInterceptors(
+        Address(), MutualTlsCredentials(files, absl::Seconds(1)), grpc::ChannelArguments(),
+        ProtocolOfClient(range));
+    grpc::ClientContext context;
+    SetDeadline(&context, kPatience);
+    v1::ListJobsResponse response;
+    return v1::JobService::NewStub(channel)->ListJobs(&context, v1::ListJobsRequest(), &response);
+  };
+  EXPECT_TRUE(list_jobs_as({kProtocolVersion, kProtocolVersion + 1}).ok());
+  const grpc::Status status = list_jobs_as({kProtocolVersion + 1, kProtocolVersion + 2});
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_THAT(status.error_message(), testing::HasSubstr("the coordinator's program is older"));
 }
 
 TEST_F(CoordinatorAccessTest, RevocationEndsAnOpenConnectionAtItsNextCall) {
