@@ -114,7 +114,7 @@ std::optional<NodeTree> NodeTree::Make(const tinygltf::Model& model, Diagnostics
   }
   for (size_t i = 0; i < tree.order_.size(); ++i) {
     const std::vector<int>& children = model.nodes[static_cast<size_t>(tree.order_[i])].children;
-    tree.order_.insert(tree.order_.end(), children.begin(), children.end());
+    for (const int child : children) tree.order_.push_back(child);
   }
   if (tree.order_.size() < count) {
     std::vector<bool> reached(count);

@@ -13,18 +13,19 @@
 #include "absl/strings/str_cat.h"
 #include "common/rpc/protocol_calls.h"
 #include "coordinator/service/grpc/worker_versions.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
+#include "coordinator/service/server/coordinator_access_fixture.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {
 namespace {
 
 // A channel of a program that understands these versions.
-std::shared_ptr<grpc::Channel> ChannelOfVersions(const std::string& address,
-                                                 const ProtocolRange& range) {
+std::shared_ptr<grpc::Channel> ChannelOfVersions(
+    const std::string& address, const ProtocolRange& range,
+    const std::shared_ptr<grpc::ChannelCredentials>& credentials =
+        grpc::InsecureChannelCredentials()) {
   return grpc::experimental::CreateCustomChannelWithInterceptors(
-      address, grpc::InsecureChannelCredentials(), grpc::ChannelArguments(),
-      ProtocolOfClient(range));
+      address, credentials, grpc::ChannelArguments(), ProtocolOfClient(range));
 }
 
 grpc::Status ListJobs(const std::shared_ptr<grpc::Channel>& channel, grpc::ClientContext* context) {
@@ -111,6 +112,22 @@ TEST_F(CoordinatorVersionsTest, MalformedVersionsAreRefused) {
       ListJobs(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()), &context);
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_NE(status.error_message().find("sheaf-protocol: \"newest\""), std::string::npos)
+      << status.error_message();
+}
+
+TEST_F(CoordinatorAccessTest, OtherVersionsAreRefusedOverTlsToo) {
+  Start();
+  const CredentialFiles files = Enrol(kAnna, Role::kView);
+  const auto list_jobs_as = [&](const ProtocolRange& range) {
+    grpc::ClientContext context;
+    return ListJobs(
+        ChannelOfVersions(Address(), range, MutualTlsCredentials(files, absl::Seconds(1))),
+        &context);
+  };
+  EXPECT_TRUE(list_jobs_as({kProtocolVersion, kProtocolVersion + 1}).ok());
+  const grpc::Status status = list_jobs_as({kProtocolVersion + 1, kProtocolVersion + 2});
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(status.error_message().find("the coordinator's program is older"), std::string::npos)
       << status.error_message();
 }
 
