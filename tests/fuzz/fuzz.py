@@ -5,13 +5,15 @@
 
 Usage: fuzz.py --minutes N [-j CORES] [--target NAME]... [--build DIR] [--json FILE]
 
-N are minutes of processor time, shared evenly by the targets. Build them before:
+N are minutes of processor time, shared evenly by the targets; on a busy machine they get less, and
+the last line says how much. Build them before:
 
     cmake --preset fuzz && cmake --build --preset fuzz
 
 Each target starts from tests/fuzz/corpus and tests/fuzz/regressions, and from what earlier runs
 found, which is kept in the build folder. A finding is left in DIR/findings/TARGET; the exit code is
-then 1. It becomes a file of tests/fuzz/regressions/TARGET together with its fix.
+then 1. It becomes a file of tests/fuzz/regressions/TARGET together with its fix. Findings of
+earlier runs that the target bears by now are removed.
 """
 import argparse
 import concurrent.futures
@@ -19,6 +21,7 @@ import glob
 import json
 import os
 import re
+import resource
 import subprocess
 import sys
 
@@ -91,7 +94,8 @@ def fuzz(name, program, build, seconds):
         done = subprocess.run(
             [program, f"-max_total_time={max(1, round(seconds))}", f"-max_len={INPUT_BYTES_MAX}",
              f"-rss_limit_mb={MEMORY_MB_MAX}", f"-timeout={INPUT_SECONDS_MAX}",
-             f"-artifact_prefix={findings}/", "-print_final_stats=1",
+             f"-report_slow_units={INPUT_SECONDS_MAX}", f"-artifact_prefix={findings}/",
+             "-print_final_stats=1",
              *([f"-dict={dictionary}"] if os.path.exists(dictionary) else []), corpus, *seeds],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, check=False,
             env=options(name))
@@ -128,7 +132,9 @@ def main():
               f"{row['corpus']:6}  {', '.join(row['findings']) or '-'}")
         if row["failed"]:
             print(f"  see {row['log']}")
-    print(f"{sum(row['runs'] for row in rows)} runs of {len(rows)} targets, "
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"{sum(row['runs'] for row in rows)} runs of {len(rows)} targets in "
+          f"{(used.ru_utime + used.ru_stime) / 60:.1f} minutes of processor time, "
           f"{sum(len(row['findings']) for row in rows)} findings")
     if arguments.json:
         with open(arguments.json, "w", encoding="utf-8") as file:
