@@ -15,7 +15,6 @@
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
 #include "cli/interruption.h"
-#include "cli/job/camera_paths_check.h"
 #include "cli/job/farm_channel.h"
 #include "cli/job/opened_scene.h"
 #include "cli/job/output_files.h"
@@ -58,8 +57,10 @@ class StudyCommand : public Command {
         "Tiles spread over the frame are rendered with each setting in turn and compared with one\n"
         "reference that the study renders. Crops show the image at four prices. Everything is\n"
         "rendered on this machine; the times of a farm are those of as fast threads, and sheaf\n"
-        "quote measures its own. Nothing is denoised. Studies do not know light paths\n"
-        "(--techniques).");
+        "quote measures its own. Nothing is denoised. Light paths (--techniques) reach every "
+        "pixel:\n"
+        "their errors and costs are measured on a small image of the whole frame, and compared\n"
+        "with those of paths from the camera alone.");
     return command;
   }
 
@@ -93,9 +94,10 @@ class StudyCommand : public Command {
       return ReportOutputError(status);
     }
     const SceneDescription& scene = opened.file.read.scene;
-    if (absl::Status status = CheckCameraPaths("studies", scene, opened.settings); !status.ok()) {
-      return ReportError(ExitCode::kUsage, status);
-    }
+    const absl::StatusOr<std::string> techniques =
+        MeasureAskedTechniques(asked, scene, *opened.file.files, &opened.settings);
+    if (!techniques.ok()) return ReportSceneError(techniques.status());
+    if (!techniques->empty()) PrintInfo(*techniques);
     if (options_.threads == 0) {
       options_.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
     }

@@ -7,20 +7,23 @@
 namespace sheaf::cli {
 namespace {
 
+constexpr char kWhat[] = "measurements of effects";
+
 TEST(CameraPathsCheckTest, OnlyPathsFromTheCameraPass) {
-  EXPECT_TRUE(CheckCameraPaths("studies", Techniques::kCamera).ok());
-  EXPECT_EQ(CheckCameraPaths("studies", Techniques::kCameraAndLight),
+  EXPECT_TRUE(CheckCameraPaths(kWhat, Techniques::kCamera).ok());
+  EXPECT_EQ(CheckCameraPaths(kWhat, Techniques::kCameraAndLight),
             absl::InvalidArgumentError(
-                "studies know paths from the camera alone, not the techniques camera+light; give "
+                "measurements of effects know paths from the camera alone, not the techniques "
+                "camera+light; give "
                 "--techniques camera for an image of the same mean without light paths"));
-  EXPECT_FALSE(CheckCameraPaths("studies", Techniques::kLight).ok());
-  EXPECT_TRUE(CheckCameraPaths("studies", Techniques::kCameraGuided).ok());
-  EXPECT_EQ(
-      CheckCameraPaths("studies", Techniques::kCameraAndLightGuided),
-      absl::InvalidArgumentError(
-          "studies know paths from the camera alone, not the techniques camera+light+guiding; "
-          "give --techniques camera+guiding for an image of the same mean without light "
-          "paths"));
+  EXPECT_FALSE(CheckCameraPaths(kWhat, Techniques::kLight).ok());
+  EXPECT_TRUE(CheckCameraPaths(kWhat, Techniques::kCameraGuided).ok());
+  EXPECT_EQ(CheckCameraPaths(kWhat, Techniques::kCameraAndLightGuided),
+            absl::InvalidArgumentError(
+                "measurements of effects know paths from the camera alone, not the techniques "
+                "camera+light+guiding; "
+                "give --techniques camera+guiding for an image of the same mean without light "
+                "paths"));
 }
 
 TEST(CameraPathsCheckTest, NamesTheIntegratorThatAsksForLightPaths) {
@@ -29,14 +32,16 @@ TEST(CameraPathsCheckTest, NamesTheIntegratorThatAsksForLightPaths) {
   scene.sampling.integrator = "bdpt";
   scene.sampling.integrator_location = {0, 4, 2};
   FrameSettings settings;
-  EXPECT_TRUE(CheckCameraPaths("studies", scene, settings).ok());
+  EXPECT_TRUE(CheckCameraPaths(kWhat, scene, settings).ok());
   settings.techniques = Techniques::kCameraAndLight;
-  const std::string of_scene(CheckCameraPaths("studies", scene, settings).message());
-  EXPECT_EQ(of_scene.rfind("main.pbrt:4:2: studies know paths from the camera alone", 0), 0u)
+  const std::string of_scene(CheckCameraPaths(kWhat, scene, settings).message());
+  EXPECT_EQ(
+      of_scene.rfind("main.pbrt:4:2: measurements of effects know paths from the camera alone", 0),
+      0u)
       << of_scene;
   settings.techniques = Techniques::kLight;  // By a flag.
-  const std::string of_flag(CheckCameraPaths("studies", scene, settings).message());
-  EXPECT_EQ(of_flag.rfind("studies know", 0), 0u) << of_flag;
+  const std::string of_flag(CheckCameraPaths(kWhat, scene, settings).message());
+  EXPECT_EQ(of_flag.rfind("measurements of effects know", 0), 0u) << of_flag;
 }
 
 }  // namespace

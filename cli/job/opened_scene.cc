@@ -11,6 +11,7 @@
 #include "common/base/status.h"
 #include "common/scene/black_image.h"
 #include "common/scene/gltf/scene_file_reader.h"
+#include "worker/render/ablation/technique_measurement.h"
 
 namespace sheaf::cli {
 
@@ -52,6 +53,17 @@ ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
   }
   *opened = {*std::move(file), *settings};
   return ExitCode::kOk;
+}
+
+absl::StatusOr<std::string> MeasureAskedTechniques(const RenderSettings& asked,
+                                                   const SceneDescription& scene, FileSource& files,
+                                                   FrameSettings* resolved) {
+  if (!asked.measure_techniques) return std::string();
+  const absl::StatusOr<render::TechniqueMeasurement> measured =
+      render::MeasureTechniques(scene, *resolved, files);
+  if (!measured.ok()) return measured.status();
+  resolved->techniques = measured->Best();
+  return render::FormatTechniqueMeasurement(*measured);
 }
 
 }  // namespace sheaf::cli

@@ -30,7 +30,6 @@
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
 #include "common/scene/visible_emitters.h"
-#include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/scene/matte_names.h"
 #include "worker/render/scene/memory_estimate.h"
 
@@ -64,14 +63,10 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   }
   absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
-  if (settings.measure_techniques) {
-    const absl::StatusOr<render::TechniqueMeasurement> measured =
-        render::MeasureTechniques(read.scene, *resolved, *file->files);
-    if (!measured.ok()) return measured.status();
-    resolved->techniques = measured->Best();
-    result.diagnostics.push_back(
-        absl::StrCat(path, ": ", render::FormatTechniqueMeasurement(*measured)));
-  }
+  const absl::StatusOr<std::string> techniques =
+      MeasureAskedTechniques(settings, read.scene, *file->files, &*resolved);
+  if (!techniques.ok()) return techniques.status();
+  if (!techniques->empty()) result.diagnostics.push_back(absl::StrCat(path, ": ", *techniques));
   if (std::string note = ComparisonNote(read.scene, *resolved); !note.empty()) {
     result.diagnostics.push_back(std::move(note));
   }

@@ -15,6 +15,7 @@
 #include "cli/duration.h"
 #include "cli/progress_line.h"
 #include "cli/quote/denoised_errors.h"
+#include "cli/quote/shrunk_frame.h"
 #include "common/film/denoised_output.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/light/light_image.h"
@@ -132,17 +133,6 @@ absl::StatusOr<v1::Job> RunJob(FarmClient* client, const v1::CreateJobRequest& r
   return ended;
 }
 
-// The same view with each length divided by shrink.
-FrameSettings Shrunk(FrameSettings settings, int32_t shrink) {
-  const auto length = [&](int32_t full) { return (full + shrink / 2) / shrink; };
-  PixelRect& window = settings.window;
-  const int32_t x0 = length(window.x0), y0 = length(window.y0);
-  window = {x0, y0, std::max(x0 + 1, length(window.x1)), std::max(y0 + 1, length(window.y1))};
-  settings.width_px = std::max(length(settings.width_px), window.x1);
-  settings.height_px = std::max(length(settings.height_px), window.y1);
-  return settings;
-}
-
 // The same view with each length multiplied by the place's scale.
 FrameSettings Enlarged(FrameSettings settings, const ZoomedRegion& place) {
   const PixelRect& rect = place.rect;
@@ -215,7 +205,7 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
   for (size_t i = 0; i < frames->size(); ++i) {
     const PreparedFrame& frame = job.frames[(*frames)[i].index];
     for (const PilotLevel& level : plans[i].levels) {
-      add(frame, Shrunk(frame.settings, level.shrink), level);
+      add(frame, ShrunkFrame(frame.settings, level.shrink), level);
     }
     for (const ZoomedRegion& place : plans[i].zoomed_pilots) {
       FrameSettings settings = Enlarged(frame.settings, place);

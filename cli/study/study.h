@@ -7,7 +7,12 @@
 //
 //     MakeLadder > reference > MeasureLadder > AnalyzeStudy > Recommend
 //     ChooseCrops > RenderCrops: the image at four prices
-//     MeasurePlan: each effect;  PathNoiseSums: each kind of path
+//     MeasurePlan: each effect;  MeasurePathNoise: each kind of path
+//
+// A light pass is of the whole frame. So settings with light paths have a small image of the whole
+// frame beside their tiles, as the pilots of quotes have: its light, errors and cost are added to
+// those of the tiles at the same number of passes (docs/adr/0096). The reference and the crops have
+// light passes of the frame itself. Effects are those of paths from the camera alone.
 //
 // Everything runs on this machine; the cost is its CPU time. Times on a farm are those of as fast
 // threads.
@@ -22,28 +27,27 @@
 #include "absl/status/statusor.h"
 #include "cli/study/study_analysis.h"
 #include "cli/study/study_crops.h"
+#include "cli/study/study_paths.h"
 #include "cli/study/study_prices.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/settings/render_settings.h"
 #include "worker/render/ablation/plan_measurement.h"
-#include "worker/render/path_noise.h"
 
 namespace sheaf::cli {
 
 // Limits of a study's duration.
 inline constexpr double kStudyMinutesMin = 0.2, kStudyMinutesMax = 24 * 60;
 
-struct StudyPath {
-  LightPathKind kind;
-  render::PathFractions fractions;
-};
-
-// A tile whose error estimate is unreliable (mean_interval.h), and the kind of path that causes it.
-struct UnreliableTile {
-  PixelRect rect;
-  LightPathKind kind;
-  double variance_fraction = 0;  // Fraction of the tile's variance due to this kind.
+// What a study of a frame with light paths measures in another way.
+struct StudyLight {
+  // The frame on which light passes are measured, and how many times smaller than the image's it
+  // is; 1: light passes are those of the frame itself.
+  int32_t shrink = 1, width_px = 0, height_px = 0;
+  int32_t paths_shrink = 1;         // The same for kinds of paths.
+  uint64_t reference_passes = 0;    // Of the frame itself, which the reference and the crops show.
+  double cpu_seconds_per_pass = 0;  // Of the base and the whole frame.
+  double training_cpu_seconds = 0;  // Before the base's first sample; 0 if it is not guided.
 };
 
 struct StudyResult {
@@ -54,8 +58,10 @@ struct StudyResult {
   int threads = 0;
   uint64_t reference_samples = 0;
   double reference_relative_mse = 0, reference_cpu_seconds = 0;
-  std::vector<StudyCurve> curves;     // The base is the first.
-  double cpu_seconds_per_sample = 0;  // Of the base: for one sample of every pixel of the image.
+  std::vector<StudyCurve> curves;  // The base is the first.
+  // Of the base: for one sample of every pixel of the image, and a light pass if it has such.
+  double cpu_seconds_per_sample = 0;
+  std::optional<StudyLight> light;  // If the base has light paths.
   std::vector<StudyCrop> crops;
   std::vector<StudyPrice> prices;  // Those that the crops' images have, in their order.
   std::optional<StudyFarm> farm;   // If a coordinator was named.
@@ -74,9 +80,8 @@ struct StudyOptions {
   std::function<void(const std::string&)> on_progress;
 };
 
-// Requires: the settings' techniques have no light paths (CheckCameraPaths). Errors: as
-// CompileScene; kInvalidArgument if minutes is out of range; kResourceExhausted if the
-// time is too short for even a few tiles.
+// Errors: as CompileScene; kInvalidArgument if minutes is out of range; kResourceExhausted if the
+// time is too short for even a few tiles, or for a few light passes of the whole frame.
 absl::StatusOr<StudyResult> RunStudy(const SceneDescription& scene, const FrameSettings& settings,
                                      FileSource& files, const StudyOptions& options);
 

@@ -12,6 +12,7 @@
 #include "cli/image/tone_map.h"
 #include "cli/study/study_tiles.h"
 #include "common/film/error/error_estimate.h"
+#include "common/film/light/light_image.h"
 #include "common/image/image_io.h"
 
 namespace sheaf::cli {
@@ -22,7 +23,7 @@ constexpr int kRegionCount = 2;
 // Sizes in pixels, multiples of a tile's, in order of preference.
 constexpr std::pair<int32_t, int32_t> kSizes[] = {{192, 144}, {128, 96}, {96, 64}, {64, 48}};
 // A factor of four in samples from price to price is easily seen; of two, if there is no time.
-constexpr uint64_t kBlocksForFours = 64, kBlocksLeast = 8, kBlocksMost = 256;
+constexpr uint64_t kBlocksForFours = 64, kBlocksLeast = 8;
 constexpr uint64_t kPriceCount = 4;
 
 int32_t Place(int32_t first, int32_t size, int32_t begin, int32_t end) {
@@ -68,8 +69,15 @@ struct Region {
   std::unique_ptr<TileRenderer> renderer;
 };
 
-absl::StatusOr<CropImage> MakeImage(const TileRenderer& renderer, const PixelRect& rect) {
-  const FrameImage image = renderer.Join(rect);
+// light: null if there is none.
+absl::StatusOr<CropImage> MakeImage(const TileRenderer& renderer, const PixelRect& rect,
+                                    const FrameImage* light) {
+  FrameImage image = renderer.Join(rect);
+  if (light != nullptr) {
+    const FrameImage camera = image;
+    AddLight(camera, LightOf(*light, rect, image.frame_width_px, image.frame_height_px), rect,
+             &image);
+  }
   absl::StatusOr<std::string> png = EncodePng(rect.Width(), rect.Height(), ToneMapSrgb(image));
   if (!png.ok()) return png.status();
   return CropImage{EstimateError(image).relative_mse, *std::move(png)};
@@ -77,7 +85,7 @@ absl::StatusOr<CropImage> MakeImage(const TileRenderer& renderer, const PixelRec
 
 }  // namespace
 
-CropPlan PlanCrops(double tile_blocks) {
+CropPlan PlanCrops(double tile_blocks, uint64_t blocks_max) {
   CropPlan plan;
   uint64_t blocks = 0;
   for (const auto& [width, height] : kSizes) {
@@ -85,13 +93,14 @@ CropPlan PlanCrops(double tile_blocks) {
     plan.height_px = height;
     const double tiles = kRegionCount * (width / kCropTilePx) * (height / kCropTilePx);
     blocks = std::bit_floor(
-        static_cast<uint64_t>(std::clamp(tile_blocks / tiles, 1.0, double{kBlocksMost})));
+        static_cast<uint64_t>(std::clamp(tile_blocks / tiles, 1.0, double{kCropBlocksMax})));
     if (blocks >= kBlocksForFours) break;
   }
-  blocks = std::max(blocks, kBlocksLeast);
+  blocks = std::min(std::max(blocks, kBlocksLeast), std::bit_floor(blocks_max));
   const int step = blocks >= kBlocksForFours ? 2 : 1;
   for (uint64_t i = 0; i < kPriceCount; ++i) {
-    plan.blocks.push_back(blocks >> (static_cast<uint64_t>(step) * (kPriceCount - 1 - i)));
+    const uint64_t fewer = blocks >> (static_cast<uint64_t>(step) * (kPriceCount - 1 - i));
+    if (fewer > 0) plan.blocks.push_back(fewer);
   }
   return plan;
 }
@@ -130,7 +139,9 @@ std::vector<CropRegion> ChooseCrops(const PixelRect& window, const CropPlan& pla
 
 absl::StatusOr<std::vector<StudyCrop>> RenderCrops(const render::CompiledScene& scene,
                                                    const std::vector<CropRegion>& regions,
-                                                   const CropPlan& plan, int threads,
+                                                   const CropPlan& plan,
+                                                   const std::vector<FrameImage>& light,
+                                                   int threads,
                                                    const std::function<bool()>& may_go_on) {
   std::vector<StudyCrop> crops;
   // Renderers refer to the tiles, so these must not move.
@@ -141,7 +152,8 @@ absl::StatusOr<std::vector<StudyCrop>> RenderCrops(const render::CompiledScene& 
     rendered[i].renderer = std::make_unique<TileRenderer>(scene, rendered[i].tiles, threads);
   }
   uint64_t done = 0;
-  for (const uint64_t blocks : plan.blocks) {
+  for (size_t price = 0; price < plan.blocks.size(); ++price) {
+    const uint64_t blocks = plan.blocks[price];
     for (; done < blocks; ++done) {
       if (done >= plan.blocks.front() && !may_go_on()) return crops;
       for (Region& region : rendered) {
@@ -149,7 +161,8 @@ absl::StatusOr<std::vector<StudyCrop>> RenderCrops(const render::CompiledScene& 
       }
     }
     for (size_t i = 0; i < regions.size(); ++i) {
-      absl::StatusOr<CropImage> image = MakeImage(*rendered[i].renderer, regions[i].rect);
+      absl::StatusOr<CropImage> image = MakeImage(*rendered[i].renderer, regions[i].rect,
+                                                  light.empty() ? nullptr : &light[price]);
       if (!image.ok()) return image.status();
       crops[i].images.push_back(*std::move(image));
     }

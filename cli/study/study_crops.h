@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/film/frame_image.h"
 #include "common/film/tile_geometry.h"
 #include "worker/render/tile_pass.h"
 
@@ -43,9 +44,14 @@ struct CropPlan {
   std::vector<uint64_t> blocks;  // Ascending powers of two.
 };
 
+// The most blocks of a crop; a power of two.
+inline constexpr uint64_t kCropBlocksMax = 256;
+
 // The largest crops, with the most samples, for the time in which this many blocks of tiles of
-// 16 x 16 pixels can be rendered. The least size and number are returned for any time.
-CropPlan PlanCrops(double tile_blocks);
+// 16 x 16 pixels can be rendered. The least size and number are returned for any time. blocks_max:
+// for frames with light paths, how many blocks of light passes there are; with few there are fewer
+// prices. Requires: blocks_max > 0.
+CropPlan PlanCrops(double tile_blocks, uint64_t blocks_max = kCropBlocksMax);
 
 // errors, pixel_counts: by tile, as in StudyCheckpoint. The regions lie in the window, around the
 // centers of tiles; the second one is missing if it would be the first. Requires: there are tiles,
@@ -56,11 +62,14 @@ std::vector<CropRegion> ChooseCrops(const PixelRect& window, const CropPlan& pla
                                     const std::vector<double>& pixel_counts);
 
 // Renders the regions in turns. All crops get equal numbers of images: those of plan.blocks, or
-// fewer, but at least one, if may_go_on returns false. Errors: as RenderTilePass; kInternal if an
+// fewer, but at least one, if may_go_on returns false. light: empty, or images of the frame's light
+// paths after each number of blocks, which are added. Errors: as RenderTilePass; kInternal if an
 // image cannot be encoded.
 absl::StatusOr<std::vector<StudyCrop>> RenderCrops(const render::CompiledScene& scene,
                                                    const std::vector<CropRegion>& regions,
-                                                   const CropPlan& plan, int threads,
+                                                   const CropPlan& plan,
+                                                   const std::vector<FrameImage>& light,
+                                                   int threads,
                                                    const std::function<bool()>& may_go_on);
 
 }  // namespace sheaf::cli

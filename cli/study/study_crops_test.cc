@@ -40,6 +40,12 @@ TEST(StudyCropsTest, PricesDifferByFourWhereTimeAllows) {
   EXPECT_EQ(PlanCrops(2 * 24 * 64).blocks.back(), 64u);
 }
 
+TEST(StudyCropsTest, PricesHaveNoMoreBlocksThanAllowed) {
+  EXPECT_EQ(PlanCrops(1e9, 70).blocks, (std::vector<uint64_t>{1, 4, 16, 64}));
+  EXPECT_EQ(PlanCrops(1e9, 5).blocks, (std::vector<uint64_t>{1, 2, 4}));
+  EXPECT_EQ(PlanCrops(0, 1).blocks, (std::vector<uint64_t>{1}));
+}
+
 TEST(StudyCropsTest, RegionsAreTheWorstAndAUsualOne) {
   const Tiles tiles = MakeTiles({0.01, 0.3, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 5, 0.01});
   const CropPlan plan = PlanCrops(0);

@@ -94,6 +94,16 @@ Json FarmJson(const std::optional<StudyFarm>& farm) {
           {"other_job_count", farm->other_job_count}};
 }
 
+Json LightJson(const StudyLight& light) {
+  return {{"shrink", light.shrink},
+          {"width_px", light.width_px},
+          {"height_px", light.height_px},
+          {"paths_shrink", light.paths_shrink},
+          {"reference_passes", light.reference_passes},
+          {"cpu_seconds_per_pass", Number(light.cpu_seconds_per_pass)},
+          {"training_cpu_seconds", Number(light.training_cpu_seconds)}};
+}
+
 const char* NameOf(LightPathKind kind) { return kLightPathNames[static_cast<size_t>(kind)].name; }
 
 }  // namespace
@@ -122,6 +132,7 @@ std::string StudyJson(const StudyResult& result) {
                {"unreliable_tiles", Json::array()},
                {"recommendation", result.recommendation},
                {"not_studied", result.not_studied}};
+  if (result.light) json["light"] = LightJson(*result.light);
   for (const StudyPrice& price : result.prices) json["prices"].push_back(PriceJson(price));
   for (const StudyCrop& crop : result.crops) json["crops"].push_back(CropJson(crop));
   for (const StudyCurve& curve : result.curves) json["entries"].push_back(CurveJson(curve));

@@ -57,6 +57,20 @@ class Ladder {
     }
   }
 
+  // A frame with light paths is compared with the same without them.
+  void AddTechniques() {
+    const Techniques given = given_.techniques;
+    if (!HasLightPaths(given)) return;
+    StudySetting& camera =
+        Add("no light paths", "paths from the camera alone", FlagOf(WithoutLightPaths(given)));
+    camera.settings.techniques = WithoutLightPaths(given);
+    camera.is_without_light_paths = true;
+    if (given != Techniques::kLight) return;
+    Add("both kinds of path", "paths from the camera find light that paths from lights find too",
+        FlagOf(Techniques::kCameraAndLight))
+        .settings.techniques = Techniques::kCameraAndLight;
+  }
+
   void AddDepths() {
     std::set<int32_t> depths = {1, 2, plan_.max_depth / 2};
     // If the plan found a smaller depth to be sufficient, a larger one changes nothing.
@@ -85,15 +99,18 @@ class Ladder {
 
   void AddMedia() {
     if (!render::Has(plan_.traits, render::Trait::kMedia)) return;
+    const bool has_light = HasLightPaths(given_.techniques);
     if (render::Has(plan_.traits, render::Trait::kHeterogeneousMedia)) {
-      Add("distance samples only", "no equiangular sampling in heterogeneous media", "")
-          .techniques.equiangular_mode = render::EquiangularMode::kNever;
-      Add("always equiangular", "equiangular sampling in all heterogeneous media", "")
-          .techniques.equiangular_mode = render::EquiangularMode::kAlways;
+      if (!has_light) {
+        Add("distance samples only", "no equiangular sampling in heterogeneous media", "")
+            .techniques.equiangular_mode = render::EquiangularMode::kNever;
+        Add("always equiangular", "equiangular sampling in all heterogeneous media", "")
+            .techniques.equiangular_mode = render::EquiangularMode::kAlways;
+      }
       Add("one majorant", "one density bound for a whole medium", "").techniques.bound_media_once =
           true;
     }
-    if (given_.similarity_after != 0) return;
+    if (has_light || given_.similarity_after != 0) return;
     StudySetting& similar =
         Add("similarity",
             absl::StrCat("media are isotropic after ", kSimilarityStudied, " scatterings"),
@@ -106,7 +123,9 @@ class Ladder {
     for (const double clamp : kClampsStudied) {
       StudySetting& setting =
           Add(absl::StrCat("clamped at ", clamp),
-              absl::StrCat("samples clamped at ", clamp, " times the image's mean"), "");
+              absl::StrCat("samples clamped at ", clamp, " times the image's mean",
+                           HasLightPaths(given_.techniques) ? "; light paths are not clamped" : ""),
+              "");
       setting.clamp_means = clamp;
       setting.is_unbiased = false;
     }
@@ -119,6 +138,10 @@ class Ladder {
   }
 
  private:
+  static std::string FlagOf(Techniques techniques) {
+    return absl::StrCat("--techniques ", TechniquesName(techniques));
+  }
+
   StudySetting& Add(std::string name, std::string how, std::string flag) {
     StudySetting& setting = settings_.emplace_back();
     setting.name = std::move(name);
@@ -138,6 +161,7 @@ class Ladder {
 std::vector<StudySetting> MakeLadder(const FrameSettings& settings,
                                      const render::RenderPlan& plan) {
   Ladder ladder(settings, plan);
+  ladder.AddTechniques();
   ladder.AddSampling();
   ladder.AddDepths();
   ladder.AddColor();
@@ -147,17 +171,28 @@ std::vector<StudySetting> MakeLadder(const FrameSettings& settings,
   return ladder.Take();
 }
 
-std::vector<std::string> MissingLadders(const render::RenderPlan& plan) {
+std::vector<std::string> MissingLadders(const FrameSettings& settings,
+                                        const render::RenderPlan& plan) {
+  const bool has_light = HasLightPaths(settings.techniques);
+  const bool has_media = render::Has(plan.traits, render::Trait::kMedia);
   std::vector<std::string> lines = {
-      "techniques (light paths, path guiding): \"sheaf plan --measure\" compares them",
+      has_light ? "path guiding: \"sheaf plan --measure --techniques camera\" compares techniques"
+                : "techniques (light paths, path guiding): \"sheaf plan --measure\" compares them",
       "clamping is shown for comparison only; Sheaf does not clamp, "
       "because clamping darkens images"};
+  if (has_light) {
+    lines.emplace_back(
+        "effects with light paths: their times, variances and errors are those of paths from the "
+        "camera alone");
+  }
   if (plan.light_count <= render::kLightsWeighedMax) {
     lines.push_back(absl::StrCat("light hierarchy: with ", plan.light_count,
                                  " lights, each is weighted individually"));
   }
-  if (!render::Has(plan.traits, render::Trait::kMedia)) {
+  if (!has_media) {
     lines.emplace_back("techniques for media: the scene has no media");
+  } else if (has_light) {
+    lines.emplace_back("similarity and equiangular sampling: neither is combined with light paths");
   }
   return lines;
 }

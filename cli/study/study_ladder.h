@@ -24,14 +24,16 @@ struct StudySetting {
   bool is_unbiased = true;       // Relative to the given settings: images differ by noise only.
   bool is_truer = false;         // If biased: it includes light that the given settings omit.
   bool keeps_error_bars = true;  // False if it gives up the true error bars of the base.
-  bool stops_tiles = false;      // Tiles get samples in rounds, as with --target-error.
+  bool is_without_light_paths = false;  // The given settings without their light paths.
+  bool stops_tiles = false;             // Tiles get samples in rounds, as with --target-error.
   // Samples of the base are clamped to this many times the image's mean; 0: no clamping.
   double clamp_means = 0;
 };
 
 // The first setting is the base. Settings that would change nothing in this scene are omitted.
 std::vector<StudySetting> MakeLadder(const FrameSettings& settings, const render::RenderPlan& plan);
-// Settings that users may expect but the ladder lacks, with the reasons: one line each.
-std::vector<std::string> MissingLadders(const render::RenderPlan& plan);
+// What users may expect but a study of these settings lacks, with the reasons: one line each.
+std::vector<std::string> MissingLadders(const FrameSettings& settings,
+                                        const render::RenderPlan& plan);
 
 }  // namespace sheaf::cli

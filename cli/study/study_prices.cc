@@ -37,8 +37,10 @@ double WallSecondsOn(int threads, double cpu_seconds) {
   return cpu_seconds / (coordinator::kUsualThreadUse * threads);
 }
 
-double SamplesIn(double seconds, int threads, double cpu_seconds_per_sample) {
-  return seconds * coordinator::kUsualThreadUse * threads / cpu_seconds_per_sample;
+double SamplesIn(double seconds, int threads, double cpu_seconds_per_sample,
+                 double training_cpu_seconds) {
+  const double cpu_seconds = seconds * coordinator::kUsualThreadUse * threads;
+  return std::max(0.0, cpu_seconds - training_cpu_seconds) / cpu_seconds_per_sample;
 }
 
 }  // namespace sheaf::cli

@@ -31,7 +31,10 @@ struct StudyPrice {
 std::optional<Estimate> ErrorAt(const StudyCurve& curve, double samples);
 // Wall time of this CPU time on so many threads. Requires: threads > 0.
 double WallSecondsOn(int threads, double cpu_seconds);
-// The samples per pixel that these threads render in a time. Requires: all are above 0.
-double SamplesIn(double seconds, int threads, double cpu_seconds_per_sample);
+// The samples per pixel that these threads render in a time, after work of training_cpu_seconds; 0
+// if the time is too short for that. Requires: seconds, threads and cpu_seconds_per_sample are
+// above 0.
+double SamplesIn(double seconds, int threads, double cpu_seconds_per_sample,
+                 double training_cpu_seconds = 0);
 
 }  // namespace sheaf::cli

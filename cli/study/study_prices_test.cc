@@ -36,6 +36,8 @@ TEST(StudyPricesTest, WallTimeAndSamplesAreInverse) {
   const double seconds = WallSecondsOn(4, 380);
   EXPECT_NEAR(seconds, 100, 1e-9);
   EXPECT_NEAR(SamplesIn(seconds, 4, 3.8), 100, 1e-9);
+  EXPECT_NEAR(SamplesIn(seconds, 4, 3.8, 190), 50, 1e-9);
+  EXPECT_EQ(SamplesIn(seconds, 4, 3.8, 381), 0);
 }
 
 }  // namespace

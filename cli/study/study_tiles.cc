@@ -3,11 +3,13 @@
 #include "cli/study/study_tiles.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <utility>
 
 #include "common/base/first_error.h"
 #include "common/base/parallel.h"
+#include "common/film/light/light_image.h"
 
 namespace sheaf::cli {
 namespace {
@@ -29,41 +31,17 @@ absl::Status ForEachTile(int threads, size_t count,
   return failure.Get();
 }
 
-TileRenderer::TileRenderer(const render::CompiledScene& scene, const std::vector<PixelRect>& tiles,
-                           int threads)
-    : scene_(scene), tiles_(tiles), threads_(threads), cpu_seconds_(tiles.size()) {
-  for (const PixelRect& tile : tiles) trees_.emplace_back(tile);
+std::vector<PixelRect> ChooseTiles(const PixelRect& window, size_t count) {
+  const std::vector<PixelRect> all = CutTiles(window, kStudyTilePx);
+  count = std::min(count, all.size());
+  std::vector<PixelRect> tiles;
+  tiles.reserve(count);
+  for (size_t i = 0; i < count; ++i) tiles.push_back(all[(2 * i + 1) * all.size() / (2 * count)]);
+  return tiles;
 }
 
-absl::Status TileRenderer::RenderBlock(const std::vector<uint64_t>* wanted, const OnPart& on_part) {
-  return ForEachTile(threads_, tiles_.size(), [&](size_t tile) -> absl::Status {
-    const uint64_t first = trees_[tile].SampleCount();
-    if (wanted != nullptr && (*wanted)[tile] <= first) return absl::OkStatus();
-    render::RenderStats stats;
-    absl::StatusOr<FilmTile> part =
-        RenderTilePass(scene_, tiles_[tile], {first, kStudyBlockSamples}, {}, &stats);
-    if (!part.ok()) return part.status();
-    cpu_seconds_[tile] += stats.cpu_seconds;
-    if (on_part) on_part(tile, *part);
-    return trees_[tile].Insert(*std::move(part));
-  });
-}
-
-double TileRenderer::CpuSeconds() const {
-  return std::accumulate(cpu_seconds_.begin(), cpu_seconds_.end(), 0.0);
-}
-
-FrameImage TileRenderer::DevelopImage(size_t tile) const {
-  const FrameSettings& settings = SettingsOf(scene_);
-  FrameImage image =
-      MakeFrameImage(tiles_[tile], settings.width_px, settings.height_px, settings.outputs);
-  DevelopTile(trees_[tile].Root(), &image);
-  return image;
-}
-
-TilePixels TileRenderer::Develop(size_t tile) const {
-  const FrameImage image = DevelopImage(tile);
-  const auto count = static_cast<size_t>(tiles_[tile].PixelCount());
+TilePixels PixelsOf(const FrameImage& image) {
+  const auto count = static_cast<size_t>(image.window.PixelCount());
   TilePixels pixels{std::vector<std::array<float, 3>>(count),
                     std::vector<std::array<float, 3>>(count)};
   for (size_t c = 0; c < 3; ++c) {
@@ -76,6 +54,58 @@ TilePixels TileRenderer::Develop(size_t tile) const {
   }
   return pixels;
 }
+
+void AddPixels(const TilePixels& light, TilePixels* pixels) {
+  for (size_t p = 0; p < pixels->value.size(); ++p) {
+    for (size_t c = 0; c < 3; ++c) {
+      pixels->value[p][c] += light.value[p][c];
+      pixels->deviation[p][c] = std::hypot(pixels->deviation[p][c], light.deviation[p][c]);
+    }
+  }
+}
+
+TileRenderer::TileRenderer(const render::CompiledScene& scene, const std::vector<PixelRect>& tiles,
+                           int threads, LightPasses* light)
+    : scene_(scene), tiles_(tiles), threads_(threads), light_(light), cpu_seconds_(tiles.size()) {
+  for (const PixelRect& tile : tiles) trees_.emplace_back(tile);
+}
+
+absl::Status TileRenderer::RenderBlock(const std::vector<uint64_t>* wanted, const OnPart& on_part) {
+  absl::Status status = ForEachTile(threads_, tiles_.size(), [&](size_t tile) -> absl::Status {
+    const uint64_t first = trees_[tile].SampleCount();
+    if (wanted != nullptr && (*wanted)[tile] <= first) return absl::OkStatus();
+    render::RenderStats stats;
+    absl::StatusOr<FilmTile> part =
+        RenderTilePass(scene_, tiles_[tile], {first, kStudyBlockSamples}, {}, &stats);
+    if (!part.ok()) return part.status();
+    cpu_seconds_[tile] += stats.cpu_seconds;
+    if (on_part) on_part(tile, *part);
+    return trees_[tile].Insert(*std::move(part));
+  });
+  if (!status.ok() || light_ == nullptr) return status;
+  uint64_t most = 0;
+  for (const TileTree& tree : trees_) most = std::max(most, tree.SampleCount());
+  return light_->RenderUntil(most);
+}
+
+double TileRenderer::CpuSeconds() const {
+  return std::accumulate(cpu_seconds_.begin(), cpu_seconds_.end(), 0.0);
+}
+
+FrameImage TileRenderer::DevelopImage(size_t tile) const {
+  const FrameSettings& settings = SettingsOf(scene_);
+  FrameImage image =
+      MakeFrameImage(tiles_[tile], settings.width_px, settings.height_px, settings.outputs);
+  DevelopTile(trees_[tile].Root(), &image);
+  if (light_ == nullptr) return image;
+  const FrameImage light =
+      LightOf(light_->Image(), tiles_[tile], settings.width_px, settings.height_px);
+  FrameImage both = image;
+  AddLight(image, light, tiles_[tile], &both);
+  return both;
+}
+
+TilePixels TileRenderer::Develop(size_t tile) const { return PixelsOf(DevelopImage(tile)); }
 
 FrameImage TileRenderer::Pack(std::vector<PixelRect>* rects) const {
   int32_t width = 0, height = 0;
@@ -109,27 +139,6 @@ FrameImage TileRenderer::Join(const PixelRect& window) const {
       MakeFrameImage(window, settings.width_px, settings.height_px, settings.outputs);
   for (const TileTree& tree : trees_) DevelopTile(tree.Root(), &image);
   return image;
-}
-
-absl::StatusOr<StudyReference> RenderReference(TileRenderer* renderer, size_t tile_count,
-                                               uint64_t blocks,
-                                               const std::function<bool()>& may_go_on) {
-  StudyReference reference;
-  for (uint64_t i = 0; i < blocks && (i < 2 || may_go_on()); ++i) {
-    if (absl::Status status = renderer->RenderBlock(); !status.ok()) return status;
-  }
-  reference.samples = renderer->samples(0);
-  reference.cpu_seconds = renderer->CpuSeconds();
-  double sum = 0, count = 0;
-  for (size_t tile = 0; tile < tile_count; ++tile) {
-    reference.tiles.push_back(renderer->Develop(tile));
-    for (const std::array<float, 3>& value : reference.tiles.back().value) {
-      for (const float v : value) sum += static_cast<double>(v);
-      count += 3;
-    }
-  }
-  reference.mean = sum / count;
-  return reference;
 }
 
 }  // namespace sheaf::cli

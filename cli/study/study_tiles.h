@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TileRenderer: renders some tiles of the frame with one setting of a study, using all threads.
-// StudyReference: the image that its result is compared with.
 #pragma once
 
 #include <array>
@@ -11,7 +10,8 @@
 #include <memory>
 #include <vector>
 
-#include "absl/status/statusor.h"
+#include "absl/status/status.h"
+#include "cli/study/light_passes.h"
 #include "common/film/film.h"
 #include "worker/render/tile_pass.h"
 
@@ -24,25 +24,35 @@ inline constexpr uint64_t kStudyBlockSamples = kReplicateCount;
 absl::Status ForEachTile(int threads, size_t count,
                          const std::function<absl::Status(size_t)>& work);
 
+// Tiles of the window, evenly spaced if there are more than count.
+inline constexpr int32_t kStudyTilePx = 16;
+std::vector<PixelRect> ChooseTiles(const PixelRect& window, size_t count);
+
 // Pixels of a tile, row-major: R, G, B and their standard errors, which are 0 with one sequence.
 struct TilePixels {
   std::vector<std::array<float, 3>> value, deviation;
 };
+// Of an image of a tile.
+TilePixels PixelsOf(const FrameImage& image);
+// Adds independent light, of the same tile.
+void AddPixels(const TilePixels& light, TilePixels* pixels);
 
 class TileRenderer {
  public:
-  TileRenderer(const render::CompiledScene& scene, const std::vector<PixelRect>& tiles,
-               int threads);
+  // light: null, or the light passes that the tiles show too; there are as many as the tile with
+  // most samples has. They must outlive this.
+  TileRenderer(const render::CompiledScene& scene, const std::vector<PixelRect>& tiles, int threads,
+               LightPasses* light = nullptr);
 
   // Renders the next block of every tile or, with wanted, of each tile that has fewer than
-  // wanted[tile] samples. on_part (may be empty) receives every part and is called from several
-  // threads.
+  // wanted[tile] samples, and then light passes. on_part (may be empty) receives every part of a
+  // tile and is called from several threads.
   using OnPart = std::function<void(size_t tile, const FilmTile& part)>;
   absl::Status RenderBlock(const std::vector<uint64_t>* wanted = nullptr,
                            const OnPart& on_part = {});
 
   uint64_t samples(size_t tile) const { return trees_[tile].SampleCount(); }
-  // CPU seconds spent on a tile so far on this machine.
+  // CPU seconds spent on a tile so far on this machine, and on all of them, without light passes.
   double cpu_seconds(size_t tile) const { return cpu_seconds_[tile]; }
   double CpuSeconds() const;
   // Requires: the tile has samples.
@@ -51,7 +61,7 @@ class TileRenderer {
   // that the image's size does not depend on the frame's. *rects: where each tile is.
   FrameImage Pack(std::vector<PixelRect>* rects) const;
   // The tiles at their own places, in an image of this window. Requires: the window contains them,
-  // and all have samples.
+  // all have samples, and there are no light passes.
   FrameImage Join(const PixelRect& window) const;
 
  private:
@@ -60,37 +70,9 @@ class TileRenderer {
   const render::CompiledScene& scene_;
   const std::vector<PixelRect>& tiles_;
   int threads_;
+  LightPasses* light_;
   std::vector<TileTree> trees_;
   std::vector<double> cpu_seconds_;
 };
-
-// The reference that a study compares with, as accurate as its time allows.
-struct StudyReference {
-  uint64_t samples = 0;
-  double cpu_seconds = 0;
-  double mean = 0;  // Over R, G, B of all pixels of the tiles.
-  std::vector<TilePixels> tiles;
-
-  // Sum over the pixels of a tile of a squared error e(channel, pixel) of R, G and B, relative to
-  // the reference: relMSE as `sheaf compare` defines it, times the number of pixels.
-  template <typename SquaredError>
-  double RelativeSum(size_t tile, const SquaredError& squared_error) const {
-    const double floor = 0.1 * mean;
-    double sum = 0;
-    for (size_t p = 0; p < tiles[tile].value.size(); ++p) {
-      for (size_t c = 0; c < 3; ++c) {
-        const double r = tiles[tile].value[p][c];
-        const double divisor = r * r + floor * floor;
-        if (divisor > 0) sum += squared_error(c, p) / divisor / 3;
-      }
-    }
-    return sum;
-  }
-};
-
-// Renders blocks until there are this many or may_go_on returns false; returns the image.
-absl::StatusOr<StudyReference> RenderReference(TileRenderer* renderer, size_t tile_count,
-                                               uint64_t blocks,
-                                               const std::function<bool()>& may_go_on);
 
 }  // namespace sheaf::cli

@@ -54,8 +54,10 @@ std::string OfBase(const StudyResult& result) {
 // The error that ten minutes give, here and on the farm.
 void AddAskedTime(const StudyResult& result, std::vector<std::string>* lines) {
   if (!(result.cpu_seconds_per_sample > 0)) return;
+  const double training = result.light ? result.light->training_cpu_seconds : 0;
   const auto buys = [&](int threads) -> std::string {
-    const double samples = SamplesIn(60 * kAskedMinutes, threads, result.cpu_seconds_per_sample);
+    const double samples =
+        SamplesIn(60 * kAskedMinutes, threads, result.cpu_seconds_per_sample, training);
     const std::optional<Estimate> error = ErrorAt(result.curves.front(), samples);
     if (!error || samples < 1) return "";
     return absl::StrFormat("%s (%s samples per pixel)", FormatBothErrors(error->value),
@@ -93,6 +95,66 @@ std::string NameText(const StudySetting& setting) {
   return absl::StrCat("\"", setting.name, "\"", FlagText(setting));
 }
 
+bool IsSlower(const StudyCurve& curve) {
+  return curve.gain && curve.gain->value + kClaimDeviations * curve.gain->error < 1;
+}
+
+// Whether light paths pay, where the measured errors overlap; or what the errors are.
+std::string LightVerdict(const StudyCurve& base, const StudyCurve& without) {
+  const std::string flag = FlagText(without.setting);
+  if (IsSlower(without)) {
+    const Estimate& gain = *without.gain;
+    return absl::StrFormat(
+        "Light paths pay here: without them%s the same error takes %.2f ± %.2f times as long.",
+        flag, 1 / gain.value, gain.error / (gain.value * gain.value));
+  }
+  if (IsFaster(without)) {
+    return absl::StrCat("Light paths do not pay here: without them", flag, " it is ",
+                        GainText(without), " to the same error.");
+  }
+  if (without.gain) {
+    return absl::StrCat("Undecided whether light paths pay here: without them", flag,
+                        " it measured ", GainText(without), " to the same error.");
+  }
+  const StudyPoint &with_first = base.points.front(), &with_last = base.points.back(),
+                   &last = without.points.back();
+  const bool pay = last.relative_mse.value > with_first.relative_mse.value;
+  const StudyPoint& with = pay ? with_first : with_last;
+  return absl::StrFormat(
+      "Light paths %s here: without them%s the image has an error of %s after %s of CPU time, with "
+      "them %s after %s.",
+      pay ? "pay" : "do not pay", flag, FormatBothErrors(last.relative_mse.value),
+      FormatTime(last.cpu_seconds), FormatBothErrors(with.relative_mse.value),
+      FormatTime(with.cpu_seconds));
+}
+
+// Whether light paths pay, and on which image they were measured.
+void AddLight(const StudyResult& result, std::vector<std::string>* lines) {
+  if (!result.light) return;
+  const StudyCurve& base = result.curves.front();
+  for (const StudyCurve& curve : result.curves) {
+    if (!curve.setting.is_without_light_paths || curve.points.empty() || base.points.empty()) {
+      continue;
+    }
+    std::string text = LightVerdict(base, curve);
+    if (curve.HasBias()) {
+      absl::StrAppend(&text,
+                      " Its samples miss light that light paths find: their spread does not show ",
+                      FormatBothErrors(curve.bias_floor->value), " of the error.");
+    }
+    lines->push_back(std::move(text));
+  }
+  const StudyLight& light = *result.light;
+  lines->push_back(absl::StrCat(
+      light.shrink > 1 ? absl::StrCat("Errors and costs of light paths are those of an image of ",
+                                      light.width_px, " x ", light.height_px, " pixels, ",
+                                      light.shrink, " times smaller; ")
+                       : "Errors and costs of light paths are those of the image itself; ",
+      "crops and the reference have ", light.reference_passes,
+      " light passes of the whole image at most. Effects are those of paths from the camera "
+      "alone."));
+}
+
 // Settings that render the same image: advice among those that keep the error bars, then what is
 // undecided, what is slower, and last what gives up error bars.
 void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
@@ -101,6 +163,7 @@ void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
   for (const StudyCurve& curve : result.curves) {
     const StudySetting& setting = curve.setting;
     if (setting.is_base || !setting.is_unbiased || !curve.gain) continue;
+    if (setting.is_without_light_paths) continue;
     if (curve.gain->value + kClaimDeviations * curve.gain->error < 1 / kGainMin) {
       slower.push_back(absl::StrCat(setting.name, " (", GainText(curve), ")"));
     }
@@ -225,6 +288,7 @@ std::vector<std::string> Recommend(const StudyResult& result) {
   if (result.curves.empty()) return lines;
   lines.push_back(OfBase(result));
   AddAskedTime(result, &lines);
+  AddLight(result, &lines);
   AddUnbiased(result, &lines);
   AddBiased(result, &lines);
   AddEffects(result, &lines);

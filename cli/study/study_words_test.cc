@@ -108,6 +108,67 @@ TEST(StudyWordsTest, NothingIsClaimedWhereTwoDeviationsTouchOne) {
   EXPECT_FALSE(Has(text, "no roulette")) << text;
 }
 
+StudyResult ResultWithLight(std::optional<Estimate> gain) {
+  StudyCurve without = MakeCurve("no light paths", "--techniques camera", gain);
+  without.setting.is_without_light_paths = true;
+  StudyResult result = MakeResult({without});
+  result.light = StudyLight{.shrink = 3, .width_px = 100, .height_px = 75, .reference_passes = 64};
+  return result;
+}
+
+TEST(StudyWordsTest, LightPathsPayWhereTheSameErrorTakesLongerWithoutThem) {
+  EXPECT_TRUE(Has(TextOf(ResultWithLight(Estimate{0.25, 0.025})),
+                  "Light paths pay here: without them (--techniques camera) the same error takes "
+                  "4.00 ± 0.40 times as long."));
+  const std::string text = TextOf(ResultWithLight(Estimate{2, 0.1}));
+  EXPECT_TRUE(Has(text,
+                  "Light paths do not pay here: without them (--techniques camera) it is 2.00 ± "
+                  "0.10 times as fast to the same error."))
+      << text;
+  EXPECT_FALSE(Has(text, "Use ")) << text;
+  EXPECT_TRUE(Has(TextOf(ResultWithLight(Estimate{1.1, 0.1})),
+                  "Undecided whether light paths pay here: without them (--techniques camera) it "
+                  "measured 1.10 ± 0.10 times as fast to the same error."));
+}
+
+// The curves do not overlap, so their ends are compared.
+TEST(StudyWordsTest, ErrorsTooDifferentForARatioAreNamed) {
+  StudyResult result = ResultWithLight(std::nullopt);
+  result.curves[1].points = {{64, 20, {3, 0.1}, false}};
+  result.curves[1].bias_floor = Estimate{2, 0.1};
+  EXPECT_TRUE(Has(TextOf(result),
+                  "Light paths pay here: without them (--techniques camera) the image has an error "
+                  "of ±173 % (relMSE 3) after 20 s of CPU time, with them ±20 % (relMSE 0.04) "
+                  "after 10 s. Its samples miss light that light paths find: their spread does not "
+                  "show ±141 % (relMSE 2) of the error."))
+      << TextOf(result);
+  result.curves[1].points = {{64, 20, {1e-4, 1e-6}, false}};
+  result.curves[1].bias_floor = std::nullopt;
+  EXPECT_TRUE(Has(TextOf(result), "Light paths do not pay here: without them")) << TextOf(result);
+}
+
+TEST(StudyWordsTest, TheImageOfLightPathsIsNamed) {
+  StudyResult result = ResultWithLight(Estimate{1, 0.1});
+  EXPECT_TRUE(Has(TextOf(result),
+                  "Errors and costs of light paths are those of an image of 100 x 75 pixels, 3 "
+                  "times smaller; crops and the reference have 64 light passes of the whole image "
+                  "at most. Effects are those of paths from the camera alone."))
+      << TextOf(result);
+  result.light->shrink = 1;
+  EXPECT_TRUE(
+      Has(TextOf(result), "Errors and costs of light paths are those of the image itself;"));
+  result.light.reset();
+  EXPECT_FALSE(Has(TextOf(result), "of light paths are")) << TextOf(result);
+}
+
+// A training comes before the first sample: 600 s x 2 threads x 0.95 = 1140 s, 140 s of it left.
+TEST(StudyWordsTest, TenMinutesIncludeTheTraining) {
+  StudyResult result = ResultWithLight(Estimate{1, 0.1});
+  result.cpu_seconds_per_sample = 1;
+  result.light->training_cpu_seconds = 1000;
+  EXPECT_TRUE(Has(Recommend(result)[1], "(140 samples per pixel)")) << Recommend(result)[1];
+}
+
 TEST(StudyWordsTest, BiasedSettingsAreCalledBiased) {
   StudyCurve coarse = MakeCurve("coarse", "--coarse", Estimate{5, 0.1});
   coarse.setting.is_unbiased = false;

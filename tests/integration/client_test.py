@@ -424,7 +424,6 @@ class ClientTest(ClientCase):
         plain = self.write("plain.pbrt", SCENE)
         light = ("--techniques", "camera+light")
         for what, command, *flags in (
-                ("studies", "study", "--minutes", 0.2),
                 ("measurements of effects", "plan", "--measure"),
                 ("measurements of effects", "submit", "--measure", 1)):
             for scene, techniques in ((bdpt, ()), (plain, light)):

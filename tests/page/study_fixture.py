@@ -87,6 +87,15 @@ def whole_study():
             "not_studied": ["guiding: Sheaf has none"]}
 
 
+def light_study():
+    """A study of a guided frame with light paths."""
+    study = whole_study()
+    study["light"] = {"shrink": 3, "width_px": 267, "height_px": 200, "paths_shrink": 5,
+                      "reference_passes": 48, "cpu_seconds_per_pass": 0.03,
+                      "training_cpu_seconds": 57.0}
+    return study
+
+
 def empty_study():
     """A study without any results."""
     return {"format": 2, "scene": "scenes/empty.pbrt", "width_px": 64, "height_px": 48,

@@ -20,7 +20,8 @@ from page_test import artefact, run_checks  # noqa: E402
 from study_checks import CHARTS, check_study_page  # noqa: E402
 from study_crops_fixture import PRICE_SAMPLES  # noqa: E402
 from study_fixture import ENTRIES, SAMPLES, SHOWN_MAX  # noqa: E402
-from study_fixture import bare_study, empty_study, mark_front, whole_study  # noqa: E402
+from study_fixture import (bare_study, empty_study, light_study, mark_front,  # noqa: E402
+                           whole_study)
 
 CHANGE_SECONDS_MAX = 10
 ARROW_RIGHT, END, ESCAPE, SPACE = "\ue014", "\ue010", "\ue00c", " "
@@ -79,6 +80,7 @@ def check_words_and_names(browser, _):
     names = [entry["name"] for entry in study["entries"]] + [e["name"] for e in study["effects"]]
     for part in study["recommendation"] + study["not_studied"] + names:
         assert part in words, part
+    assert "light paths" not in words.lower(), "words about light paths that there are not"
     assert not browser.run("return document.querySelector('#sections b')"), "markup of a name"
     rows = browser.run("return [...document.querySelectorAll('table')]"
                        ".map((table) => table.tBodies[0].rows.length)")
@@ -234,6 +236,26 @@ def check_theme_button(browser, _):
     browser.run("document.getElementById('theme').click(); localStorage.clear()")
 
 
+def check_light_study(browser, pages):
+    """Sections say what is measured on a smaller image; times include the training."""
+    check_study_page(browser, pages.make("light", light_study()), SHOWN_MAX)
+    browser.run("""const field = document.getElementById("minutes");
+      field.value = "1";
+      field.dispatchEvent(new Event("input"));""")
+    # (60 s x 0.95 x 2 threads - 57 s) / 0.075 s.
+    assert "760 samples per pixel" in browser.run(
+        "return document.getElementById('minutes-buy').innerText")
+    for place, part in (
+            ("prices", "Crops show light paths of the image itself: as many passes as samples, at "
+                       "most 48."),
+            ("error", "measured on an image of 267 × 200 pixels, 3 times smaller"),
+            ("effects", "those of paths from the camera alone"),
+            ("paths", "measured on an image 5 times smaller"),
+            ("facts", "Time of the training")):
+        words = browser.run("return document.getElementById(arguments[0]).innerText", place)
+        assert part in words, (part, words)
+
+
 def check_empty_study(browser, pages):
     """No chart is an empty frame: each says why it is missing."""
     counts = check_study_page(browser, pages.make("empty", empty_study()), 0)
@@ -253,7 +275,7 @@ def main():
               check_one_error_scale, check_few_distinct_curves, check_time_labels,
               check_front_and_floors, check_legend_toggles, check_tips, check_focus_is_visible,
               check_theme_button,
-              check_unfolded_tables, check_empty_study, check_bare_study]
+              check_unfolded_tables, check_light_study, check_empty_study, check_bare_study]
     with Browser() as browser:
         passed, failed = run_checks(checks, browser, StudyPages(sys.argv[1]))
     print(f"{passed} passed, {failed} failed")

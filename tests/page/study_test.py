@@ -26,15 +26,14 @@ ENTRIES_MIN = 5
 
 
 class Study:
-    """A study of the room with glass: its page, its JSON and its output."""
+    """A study of a scene: its page, its JSON and its output."""
 
-    def __init__(self):
-        self.page = artefact("study.html")
-        data = artefact("study.json")
+    def __init__(self, name, scene, *flags):
+        self.page = artefact(f"{name}.html")
+        data = artefact(f"{name}.json")
         done = subprocess.run(
-            [os.path.join(programs(), "sheaf"), "study",
-             os.path.join(ROOT, "scenes/cornell-box.pbrt"),
-             "--minutes", str(MINUTES), "-o", self.page, "--json-output", data],
+            [os.path.join(programs(), "sheaf"), "study", os.path.join(ROOT, "scenes", scene),
+             *flags, "--minutes", str(MINUTES), "-o", self.page, "--json-output", data],
             capture_output=True, text=True, timeout=SECONDS_MAX, check=True)
         self.words = done.stdout
         with open(data, encoding="utf-8") as file:
@@ -125,14 +124,49 @@ def check_shares_add_up(_, study):
         assert abs(total - 1) < 1e-6, total
 
 
+def check_light_paths_are_compared(browser, _):
+    """A lamp in frosted glass, which paths from the camera find by chance alone."""
+    study = Study("study-light", "frosted.pbrt", "--techniques", "camera+light")
+    check_study_page(browser, study.page, 2,
+                     lambda name: browser.screenshot(artefact(f"study-light-{name}.png")))
+    base, without = study.entries["as given"], study.entries["no light paths"]
+    assert without["flag"] == "--techniques camera", without
+    assert base["is_base"] and base["points"], base
+    # A sample costs more with light paths, and far less is needed.
+    cost, alone = (e["points"][0]["cpu_seconds"] / e["points"][0]["samples"]
+                   for e in (base, without))
+    assert cost > 1.5 * alone, (cost, alone)
+    assert any(line.startswith("Light paths pay here: without them (--techniques camera)")
+               for line in study.data["recommendation"]), study.data["recommendation"]
+    light = study.data["light"]
+    assert light["shrink"] >= 1 and light["width_px"] * light["shrink"] > 350, light
+    assert light["reference_passes"] >= 16 and light["training_cpu_seconds"] == 0, light
+    assert 0 < light["cpu_seconds_per_pass"] < study.data["cpu_seconds_per_sample"], light
+    most = study.data["prices"][-1]["samples"]
+    assert most <= light["reference_passes"], (most, light)
+    assert abs(math.fsum(path["light_fraction"] for path in study.data["paths"]) - 1) < 1e-6
+    # Without indirect light, the lamp lights nothing.
+    assert study.entries["depth 1"]["bias_floor"]["is_significant"], study.entries["depth 1"]
+
+
+def check_light_paths_are_chosen_by_measurement(_, __):
+    done = subprocess.run(
+        [os.path.join(programs(), "sheaf"), "study", os.path.join(ROOT, "scenes/frosted.pbrt"),
+         "--techniques", "auto", "--minutes", "0.2", "--crop", "150,100,250,200"],
+        capture_output=True, text=True, timeout=SECONDS_MAX, check=False)
+    assert "techniques: camera+light" in done.stderr, done
+    assert "light paths" in done.stdout + done.stderr, done
+
+
 def main():
     checks = [check_page, check_words_are_those_of_the_page, check_errors_fall,
               check_no_bias_where_there_is_none, check_bias_is_found,
               check_generic_variant_costs_time_alone, check_shares_add_up,
               check_crops_are_rendered, check_first_advice_keeps_error_bars,
               check_front_is_of_one_image,
-              check_options_of_images_are_refused]
-    study = Study()
+              check_options_of_images_are_refused, check_light_paths_are_compared,
+              check_light_paths_are_chosen_by_measurement]
+    study = Study("study", "cornell-box.pbrt")
     with Browser() as browser:
         passed, failed = run_checks(checks, browser, study)
     print(f"{passed} passed, {failed} failed")

@@ -9,6 +9,7 @@ import {el} from '../dom';
 import type {Cell, Column, Row} from './bars';
 import {barChart} from './bars';
 import {errorTimeChart} from './error_time_chart';
+import {wordsOfErrors} from './light_words';
 import * as numbers from './numbers';
 import {isKnown} from './numbers';
 import {errorScale, linearBetween, logScale} from './scale';
@@ -52,7 +53,8 @@ export function errorSection(study: Study): HTMLElement {
             'shown that render the same image. The thin line is the Monte Carlo rate from the ' +
             'base: half the error for four times the time. ' +
             (floors ? 'Dotted lines are bias floors: no number of samples has a smaller error.' :
-                      'No entry has a significant bias floor.')
+                      'No entry has a significant bias floor.'),
+        ...wordsOfErrors(study),
       ],
       errorTimeChart(study),
       numbersTable(

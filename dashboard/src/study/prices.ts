@@ -78,6 +78,10 @@ export function pricesSection(study: Study): HTMLElement {
   } else if (farm) {
     words.push('No worker is connected to ' + farm.address + ', so it has no times.');
   }
+  if (study.light)
+    words.push(
+        'Crops show light paths of the image itself: as many passes as samples, at most ' +
+        numbers.count(study.light.reference_passes) + '.');
   const cards = study.prices.map((price, i) => cardOf(study, price, i));
   const list = cards.length ?
       el('ol', {id: ID + '-cards', class: 'prices', 'data-count': String(cards.length)}, ...cards) :
@@ -136,7 +140,8 @@ function calculator(study: Study): HTMLElement|null {
   const update = () => {
     const minutes = Math.min(MINUTES_MAX, Number(field.value));
     const items = renderers.map(({name, threads}) => {
-      const samples = 60 * minutes * threads * study.thread_use / perSample;
+      const training = study.light?.training_cpu_seconds ?? 0;
+      const samples = (60 * minutes * threads * study.thread_use - training) / perSample;
       return el('li', {}, name + ': ' + wordsOf(study, samples));
     });
     list.replaceChildren(...items);

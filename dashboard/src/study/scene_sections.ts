@@ -6,6 +6,7 @@
 
 import type {Column, Row} from './bars';
 import {barChart} from './bars';
+import {wordsOfEffects, wordsOfPaths} from './light_words';
 import * as numbers from './numbers';
 import {isKnown} from './numbers';
 import {errorScale, linearBetween, linearScale, logScale} from './scale';
@@ -66,7 +67,8 @@ export function effectsSection(study: Study): HTMLElement {
             'time that the effect takes, its influence on the variance of a sample (right of 1 ' +
             'is noisier with it), and the error of the image without it.',
         'An effect that takes a large fraction of the time may be removed if the error without ' +
-            'it is tiny.'
+            'it is tiny.',
+        ...wordsOfEffects(study),
       ],
       barChart(
           'chart-effects', 'Cost of each effect, and error of the image without it', columns, rows,
@@ -123,7 +125,8 @@ export function pathsSection(study: Study): HTMLElement {
       [
         'Most samples are spent on light that makes more of the noise than of the image.',
         'If one of the replicates makes more than half of a kind’s variance, the kind is sampled ' +
-            'too rarely for reliable error bars; such a fraction is marked.'
+            'too rarely for reliable error bars; such a fraction is marked.',
+        ...wordsOfPaths(study),
       ],
       barChart(
           'chart-paths', 'Fraction of the light and of the noise of each kind of path', columns,

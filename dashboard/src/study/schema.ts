@@ -108,6 +108,22 @@ export interface StudyFarm {
   other_job_count: number;
 }
 
+// What a study of a frame with light paths measures in another way. A light pass is one light path
+// for each pixel of the whole frame.
+export interface StudyLight {
+  // How many times smaller than the image the frame of light passes is; 1: it is the image's own.
+  shrink: number;
+  width_px: number;
+  height_px: number;
+  // The same for kinds of paths.
+  paths_shrink: number;
+  // The most light passes of the image itself, which the reference and the crops show.
+  reference_passes: number;
+  // The part of cpu_seconds_per_sample for a light pass, and the time before the first sample.
+  cpu_seconds_per_pass: number|null;
+  training_cpu_seconds: number|null;
+}
+
 export interface Study {
   scene: string;
   width_px: number;
@@ -117,6 +133,8 @@ export interface Study {
   threads: number|null;
   // The time of the base, for one sample of every pixel.
   cpu_seconds_per_sample: number|null;
+  // Null if paths begin at the camera alone.
+  light: StudyLight|null;
   // The fraction of threads' time that goes into samples.
   thread_use: number;
   farm: StudyFarm|null;
@@ -149,6 +167,7 @@ export function readStudy(json: string): Study {
     seconds: read.seconds ?? null,
     threads: read.threads ?? null,
     cpu_seconds_per_sample: read.cpu_seconds_per_sample ?? null,
+    light: read.light ?? null,
     thread_use: read.thread_use ?? 1,
     farm: read.farm ?? null,
     prices: read.prices ?? [],

@@ -9,6 +9,7 @@ import {byId, el, setText} from '../dom';
 import {startTheme} from '../theme';
 
 import {biasSection, entriesList, errorSection, gainSection, rateSection} from './entry_sections';
+import {imageOf} from './light_words';
 import * as numbers from './numbers';
 import {isKnown} from './numbers';
 import {pricesSection} from './prices';
@@ -29,6 +30,18 @@ function summary(study: Study): HTMLElement {
   return section('summary', 'Recommendations', [], found);
 }
 
+function lightFacts({light}: Study): HTMLElement[] {
+  if (!light) return [];
+  const training = light.training_cpu_seconds;
+  return [
+    fact('Light paths', 'measured on ' + imageOf(light)),
+    fact('Light passes of the reference', numbers.count(light.reference_passes)),
+    fact('Time of a light pass', numbers.time(light.cpu_seconds_per_pass)),
+    ...(isKnown(training) && training > 0 ? [fact('Time of the training', numbers.time(training))] :
+                                            []),
+  ];
+}
+
 function facts(study: Study): HTMLElement {
   const {width_px: width, height_px: height, pixels, reference} = study;
   const all = width * height;
@@ -43,7 +56,8 @@ function facts(study: Study): HTMLElement {
              'Reference',
              reference ? numbers.count(reference.samples) + ' samples per pixel' : 'none'),
          fact('Error of the reference', numbers.typicalError(reference?.relative_mse)),
-         fact('Time of the reference', numbers.time(reference?.cpu_seconds)));
+         fact('Time of the reference', numbers.time(reference?.cpu_seconds)),
+         ...lightFacts(study));
   return section(
       'facts', 'Scope of the study',
       ['Every error is measured against a reference that the study rendered, and the error of ' +

@@ -1,0 +1,114 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/study/light_passes.h"
+
+#include <gtest/gtest.h>
+
+#include "cli/study/setting_renderer.h"
+#include "tests/support/test_scene.h"
+
+namespace sheaf::cli {
+namespace {
+
+constexpr int32_t kFramePx = 24;
+
+FrameSettings SettingsWithLight() {
+  FrameSettings settings;
+  settings.width_px = settings.height_px = kFramePx;
+  settings.window = {0, 0, kFramePx, kFramePx};
+  settings.techniques = Techniques::kCameraAndLight;
+  return settings;
+}
+
+// The numbers of pixels of a smaller frame, row-major.
+FrameImage Numbered(const PixelRect& window, int32_t width_px, int32_t height_px) {
+  FrameImage image = MakeFrameImage(window, width_px, height_px);
+  for (size_t p = 0; p < image.planes.front().size(); ++p) {
+    (*image.Find("R"))[p] = static_cast<float>(p);
+  }
+  return image;
+}
+
+TEST(LightOfTest, EachPixelIsThatInItsPlace) {
+  const FrameImage light =
+      LightOf(Numbered({0, 0, 3, 2}, 3, 2), {2, 0, 6, 4}, /*frame_width_px=*/6, 4);
+  EXPECT_EQ(*light.Find("R"), (std::vector<float>{1, 1, 2, 2, 1, 1, 2, 2, 4, 4, 5, 5, 4, 4, 5, 5}));
+}
+
+TEST(LightOfTest, AnImageOfTheFrameStaysAsItIs) {
+  const FrameImage image = Numbered({1, 1, 4, 3}, 5, 4);
+  EXPECT_EQ(*LightOf(image, {1, 1, 4, 3}, 5, 4).Find("R"), *image.Find("R"));
+}
+
+// A crop's smaller frame may end before the crop does, by rounding.
+TEST(LightOfTest, PixelsBesideTheWindowAreItsNearest) {
+  const FrameImage light = LightOf(Numbered({1, 1, 2, 2}, 4, 4), {0, 0, 8, 8}, 8, 8);
+  for (const float value : *light.Find("R")) EXPECT_EQ(value, 0);
+}
+
+class LightPassesTest : public ::testing::Test {
+ protected:
+  StudyScene Compile(int32_t shrink, Techniques techniques = Techniques::kCameraAndLight) {
+    FrameSettings settings = SettingsWithLight();
+    settings.techniques = techniques;
+    StudyScenes scenes(room_.scene, files_, 2);
+    absl::StatusOr<StudyScene> scene = scenes.Compile(settings, shrink);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    return *std::move(scene);
+  }
+
+  TableFileSource files_{{}};
+  render::TestScene room_ = render::LitRoom(1);
+};
+
+// The number of threads, and of calls, changes no bit.
+TEST_F(LightPassesTest, ImagesAreOfThePassesAlone) {
+  const StudyScene scene = Compile(1);
+  LightPasses one(*scene.light(), 1), many(*scene.light(), 3);
+  ASSERT_TRUE(one.RenderUntil(kStudyBlockSamples).ok());
+  for (const uint64_t count : {3, 5, 16}) ASSERT_TRUE(many.RenderUntil(count).ok());
+  EXPECT_EQ(ImageDigest(one.Image()), ImageDigest(many.Image()));
+  EXPECT_EQ(one.Image().Find("samples")->front(), kStudyBlockSamples);
+}
+
+// In a room whose light has no fine structure, the smaller frame has the frame's mean and relative
+// variance.
+TEST_F(LightPassesTest, ASmallerFrameHasTheSameLight) {
+  const StudyScene scene = Compile(3);
+  ASSERT_EQ(SettingsOf(*scene.light()).width_px, kFramePx / 3);
+  LightPasses whole(*scene.frame, 2), small(*scene.light(), 2);
+  ASSERT_TRUE(whole.RenderUntil(64).ok() && small.RenderUntil(256).ok());
+  const auto mean_of = [](const FrameImage& image) {
+    double sum = 0;
+    for (const float value : *image.Find("G")) sum += static_cast<double>(value);
+    return sum / static_cast<double>(image.window.PixelCount());
+  };
+  EXPECT_GT(mean_of(whole.Image()), 0.01);
+  EXPECT_NEAR(mean_of(small.Image()) / mean_of(whole.Image()), 1, 0.05);
+  // A pass of the frame has nine times as many paths.
+  EXPECT_NEAR(small.CpuSeconds(kFramePx * kFramePx) / small.CpuSeconds(kFramePx * kFramePx / 9), 9,
+              1e-6);
+}
+
+// Together the tiles of camera and light paths show what paths from the camera alone show.
+TEST_F(LightPassesTest, TilesShowBothKindsOfPath) {
+  const std::vector<PixelRect> tiles = {{0, 0, kFramePx, kFramePx}};
+  const auto mean_with = [&](int32_t shrink, Techniques techniques) {
+    const StudyScene scene = Compile(shrink, techniques);
+    SettingRenderer renderer(scene, tiles, 1, 2);
+    for (int i = 0; i < 8; ++i) EXPECT_TRUE(renderer.tiles().RenderBlock().ok());
+    EXPECT_EQ(renderer.has_light(), HasLightPaths(techniques));
+    EXPECT_EQ(renderer.LightCpuSeconds() > 0, HasLightPaths(techniques));
+    const TilePixels pixels = renderer.tiles().Develop(0);
+    double sum = 0;
+    for (const auto& value : pixels.value) sum += static_cast<double>(value[1]);
+    return sum / static_cast<double>(pixels.value.size());
+  };
+  const double camera = mean_with(1, Techniques::kCamera);
+  EXPECT_NEAR(mean_with(1, Techniques::kCameraAndLight) / camera, 1, 0.03);
+  EXPECT_NEAR(mean_with(3, Techniques::kCameraAndLight) / camera, 1, 0.03);
+  EXPECT_NEAR(mean_with(1, Techniques::kLight) / camera, 1, 0.03);
+}
+
+}  // namespace
+}  // namespace sheaf::cli
