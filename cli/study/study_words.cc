@@ -133,7 +133,11 @@ void AddLight(const StudyResult& result, std::vector<std::string>* lines) {
   if (!result.light) return;
   const StudyCurve& base = result.curves.front();
   for (const StudyCurve& curve : result.curves) {
-    if (!curve.setting.is_without_light_paths || curve.points.empty() || base.points.empty()) {
+    if (!curve.setting.is_without_light_paths) continue;
+    if (curve.points.empty() || base.points.empty()) {
+      lines->emplace_back(
+          "Whether light paths pay here is not known: errors with them or without them cannot be "
+          "distinguished from 0.");
       continue;
     }
     std::string text = LightVerdict(base, curve);

@@ -145,6 +145,8 @@ TEST(StudyWordsTest, ErrorsTooDifferentForARatioAreNamed) {
   result.curves[1].points = {{64, 20, {1e-4, 1e-6}, false}};
   result.curves[1].bias_floor = std::nullopt;
   EXPECT_TRUE(Has(TextOf(result), "Light paths do not pay here: without them")) << TextOf(result);
+  result.curves[1].points.clear();
+  EXPECT_TRUE(Has(TextOf(result), "Whether light paths pay here is not known")) << TextOf(result);
 }
 
 TEST(StudyWordsTest, TheImageOfLightPathsIsNamed) {
