@@ -80,7 +80,9 @@ def check_words_and_names(browser, _):
     names = [entry["name"] for entry in study["entries"]] + [e["name"] for e in study["effects"]]
     for part in study["recommendation"] + study["not_studied"] + names:
         assert part in words, part
-    assert "light paths" not in words.lower(), "words about light paths that there are not"
+    seen = browser.run("return document.getElementById('sections').innerText")
+    assert "light paths" not in seen.lower(), "words about light paths that there are not"
+    assert "at four prices" in seen
     assert not browser.run("return document.querySelector('#sections b')"), "markup of a name"
     rows = browser.run("return [...document.querySelectorAll('table')]"
                        ".map((table) => table.tBodies[0].rows.length)")

@@ -61,10 +61,17 @@ export function errorAt(study: Study, samples: number): number|null {
   return b.error * (samples / b.n) ** -rate;
 }
 
+// Studies of frames with light paths may have fewer than four.
+function pricesText(count: number): string {
+  const number = ['one', 'two', 'three', 'four'][count - 1] ?? 'four';
+  return number + (count === 1 ? ' price' : ' prices');
+}
+
 export function pricesSection(study: Study): HTMLElement {
   const {farm} = study;
   const words = [
-    'Crops of the image as given, at four prices. An error is the typical error of a pixel, ' +
+    'Crops of the image as given, at ' + pricesText(study.prices.length) +
+        '. An error is the typical error of a pixel, ' +
         'relative to its brightness, as everywhere in Sheaf: the root of relMSE, which ' +
         '--target-error takes (±10 % is a relMSE of 0.01). Nothing is denoised.',
   ];
