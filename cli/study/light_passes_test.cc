@@ -90,24 +90,48 @@ TEST_F(LightPassesTest, ASmallerFrameHasTheSameLight) {
               1e-6);
 }
 
+// Of a room's tiles at 128 samples.
+double MeanOfTiles(const StudyScene& scene) {
+  const std::vector<PixelRect> tiles = {{0, 0, kFramePx, kFramePx}};
+  SettingRenderer renderer(scene, tiles, 1, 2);
+  for (int i = 0; i < 8; ++i) EXPECT_TRUE(renderer.tiles().RenderBlock().ok());
+  EXPECT_EQ(renderer.LightCpuSeconds() > 0, renderer.has_light());
+  EXPECT_GE(renderer.CpuSeconds(), scene.training_cpu_seconds);
+  double sum = 0;
+  const TilePixels pixels = renderer.tiles().Develop(0);
+  for (const auto& value : pixels.value) sum += static_cast<double>(value[1]);
+  return sum / static_cast<double>(pixels.value.size());
+}
+
 // Together the tiles of camera and light paths show what paths from the camera alone show.
 TEST_F(LightPassesTest, TilesShowBothKindsOfPath) {
-  const std::vector<PixelRect> tiles = {{0, 0, kFramePx, kFramePx}};
-  const auto mean_with = [&](int32_t shrink, Techniques techniques) {
-    const StudyScene scene = Compile(shrink, techniques);
-    SettingRenderer renderer(scene, tiles, 1, 2);
-    for (int i = 0; i < 8; ++i) EXPECT_TRUE(renderer.tiles().RenderBlock().ok());
-    EXPECT_EQ(renderer.has_light(), HasLightPaths(techniques));
-    EXPECT_EQ(renderer.LightCpuSeconds() > 0, HasLightPaths(techniques));
-    const TilePixels pixels = renderer.tiles().Develop(0);
-    double sum = 0;
-    for (const auto& value : pixels.value) sum += static_cast<double>(value[1]);
-    return sum / static_cast<double>(pixels.value.size());
-  };
-  const double camera = mean_with(1, Techniques::kCamera);
-  EXPECT_NEAR(mean_with(1, Techniques::kCameraAndLight) / camera, 1, 0.03);
-  EXPECT_NEAR(mean_with(3, Techniques::kCameraAndLight) / camera, 1, 0.03);
-  EXPECT_NEAR(mean_with(1, Techniques::kLight) / camera, 1, 0.03);
+  const double camera = MeanOfTiles(Compile(1, Techniques::kCamera));
+  EXPECT_NEAR(MeanOfTiles(Compile(1)) / camera, 1, 0.03);
+  EXPECT_NEAR(MeanOfTiles(Compile(3)) / camera, 1, 0.03);
+  EXPECT_NEAR(MeanOfTiles(Compile(1, Techniques::kLight)) / camera, 1, 0.03);
+}
+
+// The weights of tile and smaller frame agree, whatever the seed of a setting.
+TEST_F(LightPassesTest, GuidedScenesShareOneField) {
+  const double camera = MeanOfTiles(Compile(1, Techniques::kCamera));
+  FrameSettings settings = SettingsWithLight();
+  settings.techniques = Techniques::kCameraAndLightGuided;
+  StudyScenes scenes(room_.scene, files_, 2);
+  const absl::StatusOr<StudyScene> given = scenes.Compile(settings, 3);
+  ASSERT_TRUE(given.ok()) << given.status();
+  EXPECT_GT(given->training_cpu_seconds, 0);
+  settings.seed ^= 5;
+  const absl::StatusOr<StudyScene> other = scenes.Compile(settings, 3);
+  ASSERT_TRUE(other.ok()) << other.status();
+  EXPECT_EQ(other->training_cpu_seconds, given->training_cpu_seconds);
+  EXPECT_NEAR(MeanOfTiles(*other) / camera, 1, 0.03);
+  // Without light paths, a setting is guided by a field of its own.
+  settings.techniques = Techniques::kCameraGuided;
+  const absl::StatusOr<StudyScene> alone = scenes.Compile(settings, 3);
+  ASSERT_TRUE(alone.ok()) << alone.status();
+  EXPECT_GT(alone->training_cpu_seconds, 0);
+  EXPECT_NE(alone->training_cpu_seconds, given->training_cpu_seconds);
+  EXPECT_EQ(alone->light(), nullptr);
 }
 
 }  // namespace
