@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdio>
 #include <memory>
+#include <system_error>
 
 #include "common/base/check.h"
 #include "common/base/status.h"
@@ -71,6 +73,19 @@ bool IsSha256Hex(std::string_view text) {
   return text.size() == 64 && std::all_of(text.begin(), text.end(), [](char c) {
            return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
          });
+}
+
+std::string BytesOfHex(std::string_view hex) {
+  SHEAF_CHECK(hex.size() % 2 == 0);
+  std::string bytes(hex.size() / 2, '\0');
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    const char* const digits = hex.data() + 2 * i;
+    unsigned char byte = 0;
+    const auto [end, error] = std::from_chars(digits, digits + 2, byte, 16);
+    SHEAF_CHECK(error == std::errc() && end == digits + 2);
+    bytes[i] = static_cast<char>(byte);
+  }
+  return bytes;
 }
 
 }  // namespace sheaf

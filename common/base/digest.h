@@ -37,5 +37,8 @@ struct FileDigest {
 };
 absl::StatusOr<FileDigest> Sha256OfFile(const std::string& path);
 bool IsSha256Hex(std::string_view text);
+// The bytes that pairs of hexadecimal digits name. Requires: an even number of digits, such as
+// those of a Sha256Hex.
+std::string BytesOfHex(std::string_view hex);
 
 }  // namespace sheaf

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/escaping.h"
 #include "common/base/file.h"
 
 namespace sheaf {
@@ -55,6 +56,20 @@ TEST(DigestTest, RecognizesHexDigests) {
   EXPECT_FALSE(IsSha256Hex(std::string(65, 'a')));
   EXPECT_FALSE(IsSha256Hex(std::string(64, 'A')));
   EXPECT_FALSE(IsSha256Hex("../" + std::string(61, 'a')));
+}
+
+TEST(DigestTest, BytesOfHexAreTheBytesThatWereWritten) {
+  std::string bytes;
+  for (int i = 0; i < 256; ++i) bytes += static_cast<char>(i);
+  EXPECT_EQ(BytesOfHex(absl::BytesToHexString(bytes)), bytes);
+  EXPECT_EQ(BytesOfHex("aBC0"), "\xab\xc0");
+  EXPECT_EQ(BytesOfHex(""), "");
+}
+
+TEST(DigestDeathTest, OtherTextThanHexIsAFault) {
+  EXPECT_DEATH(BytesOfHex("abc"), "");
+  EXPECT_DEATH(BytesOfHex("0g"), "");
+  EXPECT_DEATH(BytesOfHex("-1"), "");
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "common/base/digest.h"
 #include "common/base/log.h"
 #include "common/base/status.h"
 #include "common/objects/folder_objects.h"
@@ -21,7 +22,7 @@ namespace {
 using S3Call = S3Server::Call;
 
 std::string ChecksumHeader(std::string_view bytes) {
-  return absl::Base64Escape(absl::HexStringToBytes(Sha256Hex(bytes)));
+  return absl::Base64Escape(BytesOfHex(Sha256Hex(bytes)));
 }
 
 // The length that an answer to HEAD or to a range announces.

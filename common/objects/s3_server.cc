@@ -11,6 +11,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/digest.h"
 #include "common/base/printable.h"
 #include "common/objects/s3_objects.h"
 #include "common/objects/s3_xml.h"
@@ -178,8 +179,7 @@ PutTicket S3Server::TicketToPut(const std::string& key, const FileDigest& digest
   const std::string host(endpoint.substr(endpoint.find("://") + 3));
   PutTicket ticket;
   // The server compares the bytes with this digest where it knows the header.
-  ticket.headers = {
-      {"x-amz-checksum-sha256", absl::Base64Escape(absl::HexStringToBytes(digest.sha256_hex))}};
+  ticket.headers = {{"x-amz-checksum-sha256", absl::Base64Escape(BytesOfHex(digest.sha256_hex))}};
   SignedRequest request{"PUT", PathIn(options_, key), {}, {{"host", host}}, "UNSIGNED-PAYLOAD"};
   request.headers["content-length"] = absl::StrCat(digest.size_bytes);
   for (const auto& [name, value] : ticket.headers) request.headers[name] = value;

@@ -66,7 +66,7 @@ std::string ValueOf(const std::map<std::string, std::string>& values, const std:
 }
 
 std::string Base64Sha256(const std::string& bytes) {
-  return absl::Base64Escape(absl::HexStringToBytes(Sha256Hex(bytes)));
+  return absl::Base64Escape(BytesOfHex(Sha256Hex(bytes)));
 }
 
 }  // namespace

@@ -3,13 +3,14 @@
 #include "common/rpc/chunk_list_codec.h"
 
 #include "absl/strings/escaping.h"
+#include "common/base/digest.h"
 
 namespace sheaf {
 
 void ChunksToWire(const ChunkList& list, google::protobuf::RepeatedPtrField<v1::Chunk>* chunks) {
   for (const BlobDigest& chunk : list.chunks) {
     v1::Chunk* wire = chunks->Add();
-    wire->set_sha256(absl::HexStringToBytes(chunk.sha256_hex));
+    wire->set_sha256(BytesOfHex(chunk.sha256_hex));
     wire->set_size_bytes(static_cast<uint32_t>(chunk.size_bytes));
   }
 }

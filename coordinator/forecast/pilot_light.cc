@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <string_view>
 
 #include "common/base/check.h"
 #include "common/film/error/error_planes.h"
@@ -18,8 +19,8 @@ constexpr std::array kColors = {"R", "G", "B"};
 // Pixels around one whose mean is its light, in each direction; and the edge of a block.
 constexpr int32_t kAboutPx = 1, kBlockPx = 3;
 
-const std::vector<float>& PlaneOf(const FrameImage& image, const std::string& channel) {
-  const std::vector<float>* plane = image.Find(channel);
+const std::vector<float>& PlaneOf(const FrameImage& image, std::string_view channel) {
+  const std::vector<float>* plane = image.Find(std::string(channel));
   SHEAF_CHECK(plane != nullptr);
   return *plane;
 }

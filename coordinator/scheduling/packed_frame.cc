@@ -33,7 +33,7 @@ bool Same(const FrameShape& shape, const FrameSpec& spec) {
 
 PackedDigest::PackedDigest(const std::string& hex) {
   SHEAF_CHECK(IsSha256Hex(hex));
-  const std::string bytes = absl::HexStringToBytes(hex);
+  const std::string bytes = BytesOfHex(hex);
   std::memcpy(bytes_.data(), bytes.data(), bytes_.size());
 }
 

@@ -32,6 +32,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/check.h"
+#include "common/base/digest.h"
 #include "common/base/mutex.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/enrolment.h"
@@ -155,7 +156,7 @@ Told ReadTold(const std::string& directory) {
   told.secrets.resize(kThreads);
   for (std::string& secret : told.secrets) {
     std::getline(file, secret);
-    secret = absl::HexStringToBytes(secret);
+    secret = BytesOfHex(secret);
   }
   told.authority_pem.assign(std::istreambuf_iterator<char>(file), {});
   std::ifstream job(directory + "/job");

@@ -87,8 +87,7 @@ SurfaceVertex<C>* WeightsTest<kTraits>::NextSurface(const Context<C>& c, PathSta
     NextVertex(c, path, vertex);
     const auto* passed = std::get_if<NullInterface>(vertex);
     if (passed == nullptr) return std::get_if<SurfaceVertex<C>>(vertex);
-    const SurfacePoint point = passed->point;
-    if (!CrossNullInterface(c, point, path)) return nullptr;
+    if (!CrossNullInterface(c, passed->point, path)) return nullptr;
   }
 }
 

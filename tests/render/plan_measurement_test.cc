@@ -11,6 +11,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <string_view>
 
 #include "tests/support/test_scene.h"
 #include "worker/render/ablation/ablate.h"
@@ -143,7 +144,7 @@ TEST(AblateTest, CurvedShapesAsTrianglesGiveTheSameImage) {
   }
 }
 
-const EffectMeasurement& Find(const PlanMeasurement& measurement, const std::string& name) {
+const EffectMeasurement& Find(const PlanMeasurement& measurement, std::string_view name) {
   const auto found = std::find_if(measurement.effects.begin(), measurement.effects.end(),
                                   [&](const auto& effect) { return effect.name == name; });
   EXPECT_NE(found, measurement.effects.end()) << name;

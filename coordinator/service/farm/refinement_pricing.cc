@@ -141,7 +141,9 @@ absl::StatusOr<FinishedFrame> RefinementPricing::FinishedFrameOf(
   }
   if (!frame.rounds.empty()) return frame;
   frame.rounds.push_back(WholeFrame(spec, delivered));
-  if (!frame.cpu_seconds_of_cells.empty()) frame.cpu_seconds_of_cells = {frame.cpu_seconds};
+  if (!frame.cpu_seconds_of_cells.empty()) {
+    frame.cpu_seconds_of_cells.assign(1, frame.cpu_seconds);
+  }
   return frame;
 }
 
