@@ -90,7 +90,7 @@ TEST_F(LightPassesTest, ASmallerFrameHasTheSameLight) {
               1e-6);
 }
 
-// Of a room's tiles at 128 samples.
+// The tiles of a room at 128 samples.
 double MeanOfTiles(const StudyScene& scene) {
   const std::vector<PixelRect> tiles = {{0, 0, kFramePx, kFramePx}};
   SettingRenderer renderer(scene, tiles, 1, 2);

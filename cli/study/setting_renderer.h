@@ -33,7 +33,7 @@ class SettingRenderer {
   double CpuSeconds() const {
     return scale_ * tiles_->CpuSeconds() + LightCpuSeconds() + training_cpu_seconds_;
   }
-  // Of the light passes so far, and of the training.
+  // CPU seconds of the light passes so far and of the training.
   double LightCpuSeconds() const;
   double training_cpu_seconds() const { return training_cpu_seconds_; }
 

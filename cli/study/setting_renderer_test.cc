@@ -13,7 +13,7 @@ namespace {
 constexpr int32_t kGlassRoomPx = 32;
 constexpr uint64_t kReferenceBlocks = 4, kTestedBlocks = 2;
 
-// What a study measures in a room with a ball of glass, where light paths find all light that they
+// A study's measurements in a room with a ball of glass, where light paths find all light that they
 // can: a pixel's error at this depth against the image of depth 6, with light passes on a frame
 // that is `shrink` times smaller.
 double MeasuredError(int32_t shrink, int32_t depth) {

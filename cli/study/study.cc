@@ -71,7 +71,7 @@ class Study {
     if (options_.on_progress) options_.on_progress(absl::StrFormat("%5.0f s  %s", Seconds(), what));
   }
 
-  // Of a setting, with the frame of its light passes.
+  // Belongs to a setting, with the frame of its light passes.
   absl::StatusOr<StudyScene> Compile(const FrameSettings& settings,
                                      const render::CompileTechniques& techniques = {}) {
     return scenes_.Compile(settings, plan_.shrink, techniques);

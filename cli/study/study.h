@@ -39,7 +39,7 @@ namespace sheaf::cli {
 // Limits of a study's duration.
 inline constexpr double kStudyMinutesMin = 0.2, kStudyMinutesMax = 24 * 60;
 
-// What a study of a frame with light paths measures in another way.
+// The figures that a study measures in another way if the frame has light paths.
 struct StudyLight {
   // The frame on which light passes are measured, and how many times smaller than the image's it
   // is; 1: light passes are those of the frame itself.
@@ -59,7 +59,7 @@ struct StudyResult {
   uint64_t reference_samples = 0;
   double reference_relative_mse = 0, reference_cpu_seconds = 0;
   std::vector<StudyCurve> curves;  // The base is the first.
-  // Of the base: for one sample of every pixel of the image, and a light pass if it has such.
+  // The base's: for one sample of every pixel of the image, and a light pass if it has such.
   double cpu_seconds_per_sample = 0;
   std::optional<StudyLight> light;  // If the base has light paths.
   std::vector<StudyCrop> crops;

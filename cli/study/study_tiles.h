@@ -32,7 +32,7 @@ std::vector<PixelRect> ChooseTiles(const PixelRect& window, size_t count);
 struct TilePixels {
   std::vector<std::array<float, 3>> value, deviation;
 };
-// Of an image of a tile.
+// The pixels of an image of a tile.
 TilePixels PixelsOf(const FrameImage& image);
 // Adds independent light, of the same tile.
 void AddPixels(const TilePixels& light, TilePixels* pixels);

@@ -33,8 +33,8 @@ struct PathNoise {
   double one_replicate_fraction = 0;  // All kinds together: whether the tile's error is reliable.
 };
 
-// What the kinds of paths add to the pixels of a rectangle, row-major: the weighted sum of R, G and
-// B by kind and replicate, and the sum of weights by replicate.
+// One pixel of a row-major rectangle: the weighted sum of R, G and B by kind of path and replicate,
+// and the sum of weights by replicate.
 struct PixelPaths {
   std::array<std::array<double, kReplicateCount>, kLightPathKindCount> kinds{};
   std::array<double, kReplicateCount> weights{};

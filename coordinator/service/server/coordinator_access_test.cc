@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Who is let in to which call of which service, who is refused, and what the audit log says.
+// Tests who is let in to which call of which service, who is refused, and the audit log.
 #include <google/protobuf/descriptor.h>
 
 #include <atomic>

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the sections say about frames with light paths: which of their figures are measured on a
+// The sentences about frames with light paths: which of their figures are measured on a
 // smaller image, and which lack light paths. Each list is empty for frames without.
 
 import type {Study, StudyLight} from './schema';

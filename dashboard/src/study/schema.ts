@@ -108,8 +108,8 @@ export interface StudyFarm {
   other_job_count: number;
 }
 
-// What a study of a frame with light paths measures in another way. A light pass is one light path
-// for each pixel of the whole frame.
+// The figures that a study measures in another way if the frame has light paths. A light pass is
+// one light path for each pixel of the whole frame.
 export interface StudyLight {
   // How many times smaller than the image the frame of light passes is; 1: it is the image's own.
   shrink: number;
