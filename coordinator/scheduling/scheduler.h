@@ -367,6 +367,8 @@ class Scheduler {
   void LoseLeases(const std::string& worker_id, SteadyTime now);
   void KeepFailure(const Lease& lease, const LeaseFailure& failure);
   void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now);
+  // Sets doubtful tasks aside that everybody failed and whose failures are believed by now.
+  void JudgeDoubtfulTasks();
   void RefuseFrame(const Lease& lease, const LeaseFailure& failure);
   void JudgeScene(const FrameId& id);
   void JudgeDoubtfulScenes();
@@ -424,6 +426,7 @@ class Scheduler {
   FramesByDigest live_frames_;
   std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
+  std::set<TaskId> doubtful_tasks_;    // Whose failures are too many, but not yet believed.
   std::map<std::string, std::string> held_scenes_;
   WorkerTable workers_;
   LeaseTable leases_;

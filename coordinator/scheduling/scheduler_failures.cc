@@ -3,6 +3,7 @@
 //
 // The part of Scheduler that deals with leases that come to nothing.
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -21,6 +22,7 @@ bool Scheduler::Tick(SteadyTime now) {
   }
   workers_.ForgetOld(now);  // Not before: a worker that holds leases is known.
   if (!lost.empty()) JudgeDoubtfulScenes();
+  JudgeDoubtfulTasks();
   const bool some_are_stuck = !stuck_frames_.empty();
   CloseStuckFrames();
   return !lost.empty() || some_are_stuck;
@@ -212,9 +214,36 @@ void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure
   if (!record.IsPoison(limits_) || !record.trouble.set_aside.empty()) return;
   const std::string& profile = jobs_.at(lease.frame.job_id).spec.numeric_profile;
   // A loss is what the coordinator saw itself.
-  if (failure.kind != FailureKind::kLost && !AreBelieved(profile, record.Identities())) return;
+  if (failure.kind != FailureKind::kLost && !AreBelieved(profile, record.Identities())) {
+    doubtful_tasks_.insert(id);
+    return;
+  }
   ++counters_.tasks_poisoned;
   SetAside(&frame, id, TaskFailureText(frame, record));
+}
+
+// Doubt ends when the last worker with results leaves, or when one that failed the task has some.
+// All workers may have failed the task by then, so that no further failure comes.
+void Scheduler::JudgeDoubtfulTasks() {
+  for (const TaskId& id : std::exchange(doubtful_tasks_, {})) {
+    const auto job = jobs_.find(id.frame.job_id);
+    if (job == jobs_.end()) continue;
+    const std::optional<uint32_t> index = job->second.FindIndex(id.frame.frame_number);
+    if (!index) continue;
+    FrameRecord& frame = job->second.frames[*index];
+    const auto found = frame.failures.find(id);
+    if (frame.tasks == nullptr || found == frame.failures.end()) continue;
+    const TaskFailures& record = found->second;
+    if (!record.IsPoison(limits_) || !record.trouble.set_aside.empty()) continue;
+    const JobSpec& spec = job->second.spec;
+    if (workers_.LiveCount(spec.numeric_profile) == 0 || OthersLive(spec, record.Workers()) ||
+        !AreBelieved(spec.numeric_profile, record.Identities())) {
+      doubtful_tasks_.insert(id);
+      continue;
+    }
+    ++counters_.tasks_poisoned;
+    SetAside(&frame, id, TaskFailureText(frame, record));
+  }
 }
 
 void Scheduler::RefuseFrame(const Lease& lease, const LeaseFailure& failure) {

@@ -203,6 +203,7 @@ void Scheduler::RestoreTrouble(const TaskTrouble& trouble) {
   if (trouble.OfFrame()) return CloseIncomplete(&job, *index);
   if (frame.phase == FrameRecord::Phase::kPending) Open(&job, *index);
   const Task task = TaskOf(id);
+  if (!is_aside && failures.IsPoison(limits_)) doubtful_tasks_.insert(id);
   const bool is_left = is_aside ? frame.tasks->SetAside(task) : frame.tasks->KeepWhole(task);
   if (!is_left) return ForgetTrouble(&frame, id);  // It came before the restart.
   for (const TaskFailure& failure : trouble.failures) {

@@ -10,6 +10,7 @@ namespace sheaf::sim {
 namespace {
 
 constexpr uint64_t kSectorBytes = 512;
+constexpr uint64_t kPageBytes = 4096;
 
 // Calls visit with each component of the path.
 template <typename Visit>
@@ -20,6 +21,13 @@ void ForComponents(std::string_view path, const Visit& visit) {
     path.remove_prefix(std::min(end + 1, path.size()));
     if (!name.empty() && name != ".") visit(std::string(name));
   }
+}
+
+// How much a process has written that is killed while it writes. The kernel looks for its end after
+// each page that it copies.
+uint64_t WrittenBytes(uint64_t offset, uint64_t bytes) {
+  const uint64_t page_end = (offset + bytes / 2) / kPageBytes * kPageBytes;
+  return page_end > offset ? page_end - offset : 0;
 }
 
 }  // namespace
@@ -123,8 +131,7 @@ int SimDisk::Write(const NodePtr& node, uint64_t offset, std::string_view bytes)
   const bool grows = offset + bytes.size() > node->bytes.size();
   const int passed = Pass(Operation::kWrite, PathOf(*node), grows);
   if (passed != 0 && passed != kStopsMachine) return passed;
-  // A process that is killed while it writes has written some of it.
-  if (passed == kStopsMachine) bytes = bytes.substr(0, bytes.size() / 2);
+  if (passed == kStopsMachine) bytes = bytes.substr(0, WrittenBytes(offset, bytes.size()));
   FileChange change{offset, std::string(bytes), /*truncates=*/false};
   Apply(change, &node->bytes);
   node->changes.push_back(std::move(change));

@@ -75,6 +75,22 @@ TEST_F(StrangersTest, CrashesOfStrangersSetNothingAside) {
   EXPECT_THAT(IncompleteText(Job(job).frames[0]), HasSubstr("worker old says: "));
 }
 
+// Nobody is left who may render the task, so that no further failure tells of it.
+TEST_F(StrangersTest, CrashesOfAllCountOnceWorkersWithResultsAreGone) {
+  const uint64_t job = AddJob();
+  for (const char* id : {"x", "y", "z"}) FailOne(id, FailureKind::kInternal);
+  scheduler_.Tick(now_);
+  EXPECT_EQ(scheduler_.counters().tasks_poisoned, 0u);
+  for (int half = 0; half < 3; ++half) {
+    now_ += limits_.lease_duration / 2;  // So that old is lost, and they are not.
+    for (const char* live : {"x", "y", "z"}) Sync(live, 0);
+  }
+  scheduler_.Tick(now_);
+  EXPECT_EQ(scheduler_.counters().tasks_poisoned, 1u);
+  EXPECT_THAT(IncompleteText(Job(job).frames[0]),
+              HasSubstr("failed on x by a crash, y by a crash"));
+}
+
 // Several workers of one certificate are one voice.
 TEST_F(StrangersTest, FailuresCountByIdentity) {
   identities_ = {{"a1", "a"}, {"a2", "a"}, {"old", ""}};

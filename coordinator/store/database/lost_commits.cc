@@ -35,6 +35,7 @@ uint32_t WordAt(std::string_view bytes, size_t at, bool big_endian = true) {
   return word;
 }
 
+// The running checksum of the log.
 struct LogChecksum {
   bool big_endian = false;
   uint32_t first = 0, second = 0;
@@ -45,10 +46,22 @@ struct LogChecksum {
       second += WordAt(bytes, at + 4, big_endian) + first;
     }
   }
+  void AddFrame(std::string_view frame) {
+    Add(frame.substr(0, kFrameSummedBytes));
+    Add(frame.substr(kFrameHeaderBytes));
+  }
   bool IsAt(std::string_view bytes, size_t at) const {
     return first == WordAt(bytes, at) && second == WordAt(bytes, at + 4);
   }
+  // Whether the frame was written after frames of this sum.
+  bool IsFollowedBy(std::string_view frame) const {
+    LogChecksum sum = *this;
+    sum.AddFrame(frame);
+    return sum.IsAt(frame, kFrameSumsAt);
+  }
 };
+
+bool IsCommit(std::string_view frame) { return WordAt(frame, kCommitAt) != 0; }
 
 }  // namespace
 
@@ -65,26 +78,31 @@ int64_t CountLostCommits(const std::string& log_path) {
   std::string_view salts = whole ? header.substr(kSaltsAt, kSaltsBytes) : "";
   const size_t frame_bytes = kFrameHeaderBytes + page_bytes;
   int64_t commits = 0;
-  bool is_first_wrong = true;
-  bool is_followed = false;  // The first of the commits, by a frame.
+  bool is_acknowledged = false;  // One of the commits, for a frame was written after it.
+  size_t wrong_frames = 0;       // From the first wrong one on.
+  std::string_view previous;     // The last of them.
   for (size_t at = kHeaderBytes; at + frame_bytes <= log->size(); at += frame_bytes) {
     const std::string_view frame = std::string_view(*log).substr(at, frame_bytes);
     if (salts.empty()) salts = frame.substr(kFrameSaltsAt, kSaltsBytes);
     // Frames of an earlier log, which this one overwrites from its start, have other salts.
     const bool is_of_log = frame.substr(kFrameSaltsAt, kSaltsBytes) == salts;
-    if (whole) {
-      sum.Add(frame.substr(0, kFrameSummedBytes));
-      sum.Add(frame.substr(kFrameHeaderBytes));
-      whole = is_of_log && sum.IsAt(frame, kFrameSumsAt);
+    if (wrong_frames == 0) {
+      sum.AddFrame(frame);
+      whole = whole && is_of_log && sum.IsAt(frame, kFrameSumsAt);
       if (whole) continue;
+    } else if (is_of_log && IsCommit(previous)) {
+      const LogChecksum stored{sum.big_endian, WordAt(previous, kFrameSumsAt),
+                               WordAt(previous, kFrameSumsAt + 4)};
+      // The first wrong frame may be wrong by its sum alone.
+      is_acknowledged |=
+          stored.IsFollowedBy(frame) || (wrong_frames == 1 && sum.IsFollowedBy(frame));
     }
-    const bool is_commit = WordAt(frame, kCommitAt) != 0;
-    if (is_of_log) is_followed = commits > 0;
     // The salts of the first wrong frame may be what changed.
-    if (is_commit && (is_of_log || is_first_wrong)) ++commits;
-    is_first_wrong = false;
+    if (IsCommit(frame) && (is_of_log || wrong_frames == 0)) ++commits;
+    previous = frame;
+    ++wrong_frames;
   }
-  return is_followed ? commits : 0;
+  return is_acknowledged ? commits : 0;
 }
 
 }  // namespace sheaf::coordinator

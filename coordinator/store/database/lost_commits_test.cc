@@ -5,6 +5,7 @@
 // drops then are counted.
 #include "coordinator/store/database/lost_commits.h"
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -12,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "coordinator/store/database/sqlite_database.h"
 #include "gtest/gtest.h"
 
@@ -21,6 +23,7 @@ namespace {
 constexpr int64_t kInserts = 6;
 constexpr int64_t kHeaderBytes = 32, kFrameHeaderBytes = 24, kFrameBytes = 24 + 4096;
 constexpr int64_t kSaltsAt = 8, kSumsAt = 16;
+constexpr uint64_t kLogBytesMax = uint64_t{1} << 20;
 
 class LostCommitsTest : public ::testing::Test {
  protected:
@@ -116,6 +119,25 @@ TEST_F(LostCommitsTest, OldFramesAreNotLost) {
   ASSERT_GT(FrameCount(), kInserts);
   EXPECT_EQ(Count(), 0);
   EXPECT_EQ(Rows(), kInserts + 1);
+}
+
+// Transactions that fail when they are flushed leave their frames, which the next one overwrites in
+// part: a small one leaves the end of a greater one, and that the end of one greater still.
+TEST_F(LostCommitsTest, FailedTransactionsAreNotLost) {
+  std::string log;
+  for (const int64_t blob_bytes : {1, 12'000, 40'000}) {
+    Kill();
+    const auto started = SqliteDatabase::Open(killed_);
+    const std::string sql = absl::StrCat("INSERT INTO t VALUES(zeroblob(", blob_bytes, "))");
+    ASSERT_TRUE((*started)->Execute(sql).ok());
+    const std::string longer = *ReadWholeFile(killed_ + "-wal", kLogBytesMax);
+    ASSERT_GT(longer.size(), log.size());
+    log += longer.substr(log.size());
+  }
+  Kill();
+  std::ofstream(killed_ + "-wal", std::ios::binary) << log;
+  EXPECT_EQ(Count(), 0);
+  EXPECT_EQ(Rows(), kInserts + 1) << "the smallest was written last";
 }
 
 }  // namespace
