@@ -285,12 +285,21 @@ absl::Status MigrateSchema(Database* database) {
   });
 }
 
-absl::Status CheckSchema(Database* database) {
+namespace {
+
+absl::StatusOr<std::set<std::string>> ColumnsOfNewDatabase() {
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> made =
       SqliteDatabase::Open(":memory:", Durability::kProcess);
   if (!made.ok()) return made.status();
   if (absl::Status status = MigrateSchema(made->get()); !status.ok()) return status;
-  const absl::StatusOr<std::set<std::string>> wanted = (*made)->TableColumns();
+  return (*made)->TableColumns();
+}
+
+}  // namespace
+
+absl::Status CheckSchema(Database* database) {
+  // Made once in a process, because some sixty statements alter the first version of the schema.
+  static const absl::StatusOr<std::set<std::string>> wanted = ColumnsOfNewDatabase();
   if (!wanted.ok()) return wanted.status();
   const absl::StatusOr<std::set<std::string>> found = database->TableColumns();
   if (!found.ok()) return found.status();
