@@ -173,6 +173,9 @@ absl::Status Parse(Access* access, const std::string& bytes, bool is_binary,
   callbacks.FileExists = [](const std::string&, void*) { return true; };
   callbacks.ExpandFilePath = [](const std::string& path, void*) { return path; };
   callbacks.ReadWholeFile = &ReadBuffer;
+  // Never called; but tinygltf 2.9 takes all callbacks or none.
+  callbacks.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&,
+                                void*) { return false; };
   callbacks.user_data = access;
   SetSizeCallback(&callbacks);
   parser.SetFsCallbacks(callbacks);
