@@ -32,8 +32,8 @@ inline constexpr uint64_t kHttpErrorBytesMax = uint64_t{64} << 10;
 
 struct HttpRequest {
   std::string method = "GET";
-  // Without "." and ".." in its path: libcurl removes them, and does not sign a path that it is told
-  // to leave as it is (since 8.14).
+  // Without "." and ".." in its path: libcurl removes them, and since 8.14 it signs no path that it
+  // is told to leave as it is.
   std::string url;
   std::vector<std::pair<std::string, std::string>> headers;
   std::string_view body;            // Of PUT and POST.

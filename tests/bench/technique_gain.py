@@ -5,12 +5,12 @@
 
     tests/bench/technique_gain.py SHEAF [SCENE ...] [--samples 64] [--reference-factor 8]
 
-SHEAF is a build's program `sheaf`. Both images have the same number of samples. Efficiency is relMSE
-times CPU seconds of the process, with the small images by which auto chooses, and with the training
-of guided frames. The reference has --reference-factor times the samples, a seed of its own and the
-techniques that auto chose; its noise makes both errors greater, so that a gain looks smaller than it
-is. `chosen` is the ratio without the time in which auto chooses, which a longer frame does not
-notice. Scenes of SHEAF_PUBLIC_SCENES are added if it is set.
+SHEAF is a build's program `sheaf`. Both images have the same number of samples. Efficiency is
+relMSE times CPU seconds of the process, with the small images by which auto chooses, and with the
+training of guided frames. The reference has --reference-factor times the samples, a seed of its own
+and the techniques that auto chose; its noise makes both errors greater, so that a gain looks
+smaller than it is. `chosen` is the ratio without the time in which auto chooses, which a longer
+frame does not notice. Scenes of SHEAF_PUBLIC_SCENES are added if it is set.
 """
 import argparse
 import json
@@ -59,8 +59,8 @@ def main():
     scenes = [(name, os.path.join(ROOT, path)) for name, path in SCENES + MORE_SCENES]
     if public := os.environ.get("SHEAF_PUBLIC_SCENES", ""):
         scenes += [(name, os.path.join(public, path)) for name, path in PUBLIC + MORE_PUBLIC]
-    print("| scene | auto | relMSE of camera paths | CPU s | relMSE of auto | CPU s | gain | chosen |"
-          "\n|---|---|---|---|---|---|---|---|", flush=True)
+    print("| scene | auto | relMSE of camera paths | CPU s | relMSE of auto | CPU s | gain "
+          "| chosen |\n|---|---|---|---|---|---|---|---|", flush=True)
     gains = []
     for name, scene in scenes:
         if options.scenes and name not in options.scenes:

@@ -4,10 +4,10 @@
 // Commits that a start of SQLite drops from its write-ahead log because bits of it changed on disk.
 // Each frame of the log holds a checksum of all before it, and SQLite takes the first frame whose
 // checksum is wrong for the end of the log, without a word: such an end is also what a write leaves
-// that was interrupted. But a commit is flushed before the next one is written, so that a commit was
-// whole once if a frame follows it whose checksum goes on from it. Behind the end of a log may also
-// lie frames of transactions that failed, for lack of space or by a disk that did not flush, and
-// that later ones overwrote in part; none of their commits is followed so.
+// that was interrupted. But a commit is flushed before the next one is written: it was whole once
+// if a frame follows it whose checksum goes on from it. Behind the end of a log may also lie frames
+// of transactions that failed, for lack of space or by a disk that did not flush, and that later
+// ones overwrote in part; none of their commits is followed so.
 // Source: "Database File Format", section 4, and "WAL-mode File Format", section 4, at sqlite.org.
 #pragma once
 
