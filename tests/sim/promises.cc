@@ -157,10 +157,17 @@ bool Promises::MayBeFalse(const FrameId& frame, bool in_rounds,
 std::string Promises::PartOfOtherField(const FrameId& frame, const std::string& field) const {
   const auto parts = parts_.find(frame);
   if (parts == parts_.end()) return "";
+  const auto is_field = [](const PartRow& row) { return row.key.kind == TaskKind::kTraining; };
+  std::set<std::string> false_fields;
   for (const auto& [name, part] : parts->second) {
-    const bool is_field = part.row.key.kind == TaskKind::kTraining;
-    const std::string& of_part = is_field ? part.row.digest.sha256_hex : part.row.field;
-    if (part.certain && of_part != field) return name;
+    const PartRow& row = part.row;
+    if (is_field(row) && IsLiar(row.identity)) false_fields.insert(row.digest.sha256_hex);
+  }
+  for (const auto& [name, part] : parts->second) {
+    const PartRow& row = part.row;
+    const std::string& of_part = is_field(row) ? row.digest.sha256_hex : row.field;
+    const bool is_removed = IsLiar(row.identity) || false_fields.contains(of_part);
+    if (part.certain && !is_removed && of_part != field) return name;
   }
   return "";
 }
