@@ -3,6 +3,7 @@
 #include "coordinator/service/farm/transfer/content_exchange.h"
 
 #include <random>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
@@ -43,15 +44,15 @@ void ContentExchange::AddCounts(const std::string& worker_id, const ContentCount
     if (last_.size() >= kDirectoryWorkersMax) return;
   }
   LastCounts& last = last_[worker_id];
-  const auto add = [&](uint64_t ContentCounts::*value) {
+  std::vector<uint64_t ContentCounts::*> values{&ContentCounts::served_bytes};
+  for (const CountField& field : kBlobFields) values.push_back(field.value);
+  for (const CountField& field : kByteFields) values.push_back(field.value);
+  for (const auto value : values) {
     // Reports may overtake each other: an older one adds nothing.
-    if (counts.*value <= last.counts.*value) return;
+    if (counts.*value <= last.counts.*value) continue;
     sums_.*value += counts.*value - last.counts.*value;
     last.counts.*value = counts.*value;
-  };
-  for (const CountField& field : kBlobFields) add(field.value);
-  for (const CountField& field : kByteFields) add(field.value);
-  add(&ContentCounts::served_bytes);
+  }
   last.time = now;
 }
 
