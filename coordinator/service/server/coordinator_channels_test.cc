@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Many clients at once, each with a connection of its own over loopback: no call fails. Calls are
-// made once, so that nothing hides behind a retry.
+// Many clients at once, each with a connection of its own over loopback: no call fails. Each call
+// is sent once, so that nothing hides behind a retry.
 #include <atomic>
 #include <latch>
 #include <string>
