@@ -108,26 +108,30 @@ class PlanCommand : public Command {
       return nlohmann::ordered_json{{"relative_mse", c.relative_mse}, {"rays_per_sample", c.rays}};
     };
     nlohmann::ordered_json gains;
-    for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kCameraGuided,
-                                        Techniques::kCameraAndLightGuided}) {
+    for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kCameraGuided}) {
       gains[TechniquesName(techniques)] = measured.Gain(techniques);
+    }
+    if (measured.guided_both) {
+      gains[TechniquesName(Techniques::kCameraAndLightGuided)] =
+          measured.Gain(Techniques::kCameraAndLightGuided);
     }
     if (measured.split) {
       const Techniques split = WithSplitting(measured.Best());
       gains[TechniquesName(split)] = measured.Gain(split);
     }
-    return {{"best", TechniquesName(measured.Best())},
-            {"gain", measured.Gain(measured.Best())},
-            {"gains", gains},
-            {"light_share", measured.light_share},
-            {"only_light_share", measured.only_light_share},
-            {"width_px", measured.width_px},
-            {"height_px", measured.height_px},
-            {"samples", measured.samples},
-            {"camera", cost(measured.camera)},
-            {"camera+light", cost(measured.both)},
-            {"camera+guiding", cost(measured.guided)},
-            {"camera+light+guiding", cost(measured.guided_both)}};
+    nlohmann::ordered_json json = {{"best", TechniquesName(measured.Best())},
+                                   {"gain", measured.Gain(measured.Best())},
+                                   {"gains", gains},
+                                   {"light_share", measured.light_share},
+                                   {"only_light_share", measured.only_light_share},
+                                   {"width_px", measured.width_px},
+                                   {"height_px", measured.height_px},
+                                   {"samples", measured.samples},
+                                   {"camera", cost(measured.camera)},
+                                   {"camera+light", cost(measured.both)},
+                                   {"camera+guiding", cost(measured.guided)}};
+    if (measured.guided_both) json["camera+light+guiding"] = cost(*measured.guided_both);
+    return json;
   }
 
   static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings,

@@ -12,6 +12,9 @@
 
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
+#include "worker/render/ablation/technique_pilot.h"
+#include "worker/render/guiding_training.h"
+#include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
 namespace {
@@ -51,7 +54,7 @@ TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
   EXPECT_GT(measured.light_share, 0.01);
   EXPECT_LT(measured.light_share, 0.5);
   EXPECT_EQ(measured.only_light_share, 0);
-  EXPECT_EQ(measured.width_px, 64);
+  EXPECT_EQ(measured.width_px, 32);
   EXPECT_GT(measured.both.rays, measured.camera.rays);
   EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("techniques: camera+light"));
 }
@@ -100,6 +103,47 @@ TEST(TechniqueMeasurementTest, SplittingMustPay) {
   EXPECT_EQ(best_of({10, 2}, {1, 2}, {0.7, 2}), Techniques::kCameraAndLightGuidedSplit);
   measured.split.reset();
   EXPECT_EQ(measured.Best(), Techniques::kCameraAndLightGuided);
+}
+
+// A frame of plain light pays for the first look alone; another one for images that grow with it.
+TEST(TechniqueMeasurementTest, ImagesAreAFractionOfTheFrame) {
+  TableFileSource files({});
+  const auto measure = [&](const TestScene& t, uint64_t samples) {
+    const absl::StatusOr<TechniqueMeasurement> measured =
+        MeasureTechniques(t.scene, SquareSettings(128, samples, 6), files);
+    EXPECT_TRUE(measured.ok()) << measured.status();
+    return *measured;
+  };
+  const auto total = [](const TechniqueMeasurement& measured) {
+    return measured.samples * static_cast<uint64_t>(measured.width_px * measured.height_px);
+  };
+  const TechniqueMeasurement plain = measure(Diffuse({1}), 4096);
+  EXPECT_EQ(total(plain), kPilotSamplesMin);
+  EXPECT_FALSE(plain.guided_both);
+  EXPECT_THAT(FormatTechniqueMeasurement(plain), testing::Not(HasSubstr("both")));
+  const TechniqueMeasurement small = measure(Caustic(0.05f), 1),
+                             large = measure(Caustic(0.05f), 64);
+  EXPECT_EQ(total(small), kPilotSamplesMin);
+  EXPECT_TRUE(small.guided_both);
+  EXPECT_EQ(total(large), 128 * 128 * 64 / kFrameSamplesPerPilotSample);
+}
+
+// Images by several techniques of one compiled scene are those of scenes compiled for each.
+TEST(TechniqueMeasurementTest, TechniquesChangeWithoutCompiling) {
+  const TestScene t = Caustic(0.05f);
+  FrameSettings settings = SquareSettings(24, 16, 6);
+  CompiledScenePtr changing = Compile(t.scene, settings);
+  for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kCameraGuided,
+                                      Techniques::kCamera, Techniques::kCameraAndLightGuided}) {
+    ASSERT_TRUE(SetTechniques(techniques, &changing).ok());
+    settings.techniques = techniques;
+    const CompiledScenePtr compiled = Compile(t.scene, settings);
+    EXPECT_EQ(changing->plan.traits, compiled->plan.traits);
+    for (const CompiledScene* scene : {changing.get(), compiled.get()}) {
+      ASSERT_TRUE(EnsureGuiding(*scene, {}).ok());
+    }
+    EXPECT_TRUE(RenderAll(*changing) == RenderAll(*compiled)) << TechniquesName(techniques);
+  }
 }
 
 TEST(TechniqueMeasurementTest, BlackImageNeedsNoLightPaths) {

@@ -8,6 +8,10 @@
 // Grittmann et al. 2022, "Efficiency-aware Multiple Importance Sampling for Bidirectional Rendering
 // Algorithms".
 //
+// The smallest of these images come first. Where they promise no gain, nothing more is rendered, so
+// that a frame of plain light loses little by the question. Else images follow whose samples are a
+// fraction of the frame's.
+//
 // Camera paths alone may miss light altogether that they find once in a million samples, and then
 // look better than they are. Light paths find it: from the densities of both, the second moment
 // that camera paths would have there is estimated too, and the larger of the two variances counts.
@@ -24,16 +28,15 @@
 
 namespace sheaf::render {
 
-// The longer side of the small image, and its samples per pixel (and passes of light paths).
-inline constexpr int32_t kTechniquePilotPx = 64;
-inline constexpr uint64_t kTechniquePilotSamples = 64;
+// The first look has kPilotSamplesMin samples by each choice of techniques. The images that follow
+// have this fraction of the frame's, in [kPilotSamplesMin, kPilotSamplesMax].
+inline constexpr uint64_t kFrameSamplesPerPilotSample = 32;
+// More images follow the first look where it finds so great a gain by light paths or by guiding.
+inline constexpr double kPromisingGainMin = 1.25;
 // Techniques must be so many times as efficient as camera paths alone to be chosen: the measurement
 // has noise, and frames with other techniques have fewer compiled variants. Light paths and guiding
 // together must be kCombinationGainMin times as efficient as either; so must splitting, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
-// Paths of the first iteration of a training for the small image, at most.
-inline constexpr uint64_t kPilotTrainingPathsFirst = uint64_t{1} << 15;
-
 struct TechniqueCost {
   double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
   double rays = 0;          // A pixel and sample, with its part of the training.
@@ -43,8 +46,10 @@ struct TechniqueCost {
 struct TechniqueMeasurement {
   int32_t width_px = 0, height_px = 0;
   uint64_t samples = 0;
-  TechniqueCost camera, both;         // both: with light paths.
-  TechniqueCost guided, guided_both;  // The same with guiding.
+  TechniqueCost camera, both;  // both: with light paths.
+  TechniqueCost guided;        // Camera paths with guiding.
+  // Light paths and guiding: not measured where the first look promises no gain by either.
+  std::optional<TechniqueCost> guided_both;
   // The chosen one of the last two, with splitting: measured where guiding pays.
   std::optional<TechniqueCost> split;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
@@ -53,8 +58,8 @@ struct TechniqueMeasurement {
 
   // How many times as efficient the techniques are as the camera's paths: the ratio of error times
   // cost. Infinite where they find light that camera paths miss, 0 where they miss light that light
-  // paths find; 1 where the image is black or has no error. Requires: not kLight; not split, unless
-  // `split` was measured, of the same techniques.
+  // paths find; 1 where the image is black or has no error. Requires: techniques that were
+  // measured; not kLight.
   double Gain(Techniques techniques) const;
   // Never kLight.
   Techniques Best() const;

@@ -85,9 +85,8 @@ class PlanMaker {
       causes_[TraitIndex(Trait::kOutputs)] = {
           absl::StrCat("requested: ", FormatOutputs(settings.outputs)), 1};
     }
-    if (IsGuided(settings.techniques)) causes_[TraitIndex(Trait::kGuiding)] = {"requested", 1};
-    if (settings.light_samples > 1 && !HasLightPaths(settings.techniques)) {
-      causes_[TraitIndex(Trait::kLightSplits)] = {"requested", 1};
+    for (const Trait trait : {Trait::kGuiding, Trait::kLightSplits}) {
+      if (Has(TechniqueTraits(settings), trait)) causes_[TraitIndex(trait)] = {"requested", 1};
     }
     RenderPlan plan = Finish(settings);
     BoundDepth(settings.max_depth, &plan);
@@ -403,6 +402,15 @@ std::string JoinNames(const std::vector<std::string>& names) {
 }
 
 }  // namespace
+
+uint32_t TechniqueTraits(const FrameSettings& settings) {
+  uint32_t traits = 0;
+  if (IsGuided(settings.techniques)) traits |= static_cast<uint32_t>(Trait::kGuiding);
+  if (settings.light_samples > 1 && !HasLightPaths(settings.techniques)) {
+    traits |= static_cast<uint32_t>(Trait::kLightSplits);
+  }
+  return traits;
+}
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings) {
   return PlanMaker(scene).Make(settings);

@@ -38,6 +38,11 @@ struct RenderPlan {
   std::vector<std::string> notes;
 };
 
+// The traits that the settings alone decide, by their techniques; and those of these settings.
+inline constexpr uint32_t kTechniqueTraits =
+    static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits);
+uint32_t TechniqueTraits(const FrameSettings& settings);
+
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);
 // The plan as readable text: one line per effect, then the lights, notes and the variant.
 std::string FormatRenderPlan(const RenderPlan& plan);

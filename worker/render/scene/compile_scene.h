@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
@@ -51,6 +52,10 @@ using CompiledScenePtr = std::unique_ptr<const CompiledScene, CompiledSceneDelet
 absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription scene, const FrameSettings& settings,
                                               FileSource& files, const CompileLimits& limits = {},
                                               const CompileTechniques& techniques = {});
+// Lets the scene be rendered by other techniques, without compiling it again; a guided one is
+// untrained afterwards. Requires: the scene was compiled for camera paths; nobody else uses it.
+// Of the plan, only `traits` follow. Errors: kInvalidArgument for light paths beside similarity.
+absl::Status SetTechniques(Techniques techniques, CompiledScenePtr* scene);
 const RenderPlan& PlanOf(const CompiledScene& scene);
 const FrameSettings& SettingsOf(const CompiledScene& scene);
 uint64_t MemoryBytesOf(const CompiledScene& scene);

@@ -50,10 +50,9 @@ void WantParameters(SceneGeometry* geometry) {
 
 // Builds what light paths and guiding need, if the frame has any. Requires: the tables of lights
 // and media are complete.
-absl::Status BuildTechniques(const CompileTechniques& techniques, CompiledScene* scene) {
+absl::Status BuildTechniques(CompiledScene* scene) {
   const FrameSettings& settings = scene->settings;
   if (IsGuided(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
-  scene->training_paths_first = techniques.training_paths_first;
   if (!HasLightPaths(settings.techniques)) return absl::OkStatus();
   if (settings.similarity_after > 0) {
     return absl::InvalidArgumentError(
@@ -160,7 +159,8 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
         BuildMedia(files, threads, techniques, *std::move(velocities), scene.get());
     if (!built.ok()) return built;
   }
-  if (absl::Status built = BuildTechniques(techniques, scene.get()); !built.ok()) return built;
+  scene->training_paths_first = techniques.training_paths_first;
+  if (absl::Status built = BuildTechniques(scene.get()); !built.ok()) return built;
   if (Has(scene->plan.traits, Trait::kNestedDielectrics)) {
     absl::StatusOr<std::unique_ptr<InteriorTable>> interiors =
         InteriorTable::Build(scene->description, scene->media.get(), *scene->materials, spectral,
@@ -178,6 +178,20 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
     scene->interiors->FindEnclosing(scene->geometry, *scene->tracer, center.o);
   }
   return CompiledScenePtr(scene.release());
+}
+
+absl::Status SetTechniques(Techniques techniques, CompiledScenePtr* scene) {
+  // CompileScene made it, and not as a constant.
+  auto& changed = const_cast<CompiledScene&>(**scene);
+  changed.settings.techniques = techniques;
+  changed.plan.traits =
+      (changed.plan.traits & ~kTechniqueTraits) | TechniqueTraits(changed.settings);
+  changed.guiding.reset();
+  changed.emission.reset();
+  changed.emission_points.reset();
+  changed.light_paths_per_pass = 0;
+  changed.light_paths_alone = false;
+  return BuildTechniques(&changed);
 }
 
 const RenderPlan& PlanOf(const CompiledScene& scene) { return scene.plan; }

@@ -1,0 +1,76 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Small images of a frame by several techniques, by which MeasureTechniques compares these.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "common/film/film_tile.h"
+#include "common/scene/file_source.h"
+#include "common/scene/scene_description.h"
+#include "common/scene/settings/render_settings.h"
+#include "worker/render/scene/compile_scene.h"
+
+namespace sheaf::render {
+
+// Samples of the smallest and of the largest image.
+inline constexpr uint64_t kPilotSamplesMin = uint64_t{1} << 14;
+inline constexpr uint64_t kPilotSamplesMax = uint64_t{1} << 18;
+
+struct PilotSize {
+  int32_t longer_side_px = 0;
+  uint64_t pixel_samples = 0;  // And passes of light paths.
+  uint64_t training_paths_first = 0;
+};
+// samples: a power of two in [kPilotSamplesMin, kPilotSamplesMax]; of a square image, others have
+// fewer. training_fraction: paths of the first iteration of a training, over the samples; they are
+// never more than those of the frame's own training.
+PilotSize PilotSizeOf(const FrameSettings& frame, uint64_t samples, double training_fraction);
+
+// Of the frame's window.
+double FrameSamples(const FrameSettings& frame);
+
+// Mean luminance of the samples of a replicate.
+using PilotReplicates = std::array<double, kReplicateCount>;
+
+// By pixel.
+struct Pilot {
+  std::vector<PilotReplicates> means;
+  double rays = 0;  // A pixel and sample, with its part of the frame's training.
+  // The second moment that a camera sample has by the light that light paths find, as far as their
+  // weight goes; with light paths.
+  std::vector<double> moments;
+  // Sums over the pixels, with light paths: of the light that they find, by their weights; and of
+  // the light that camera paths cannot find.
+  double light = 0, only_light = 0;
+};
+
+// Renders small images of one size. The scene is compiled once for all of them.
+class PilotRenderer {
+ public:
+  // Errors: as CompileScene.
+  static absl::StatusOr<PilotRenderer> Make(SceneDescription scene, const FrameSettings& frame,
+                                            const PilotSize& size, FileSource& files);
+  const FrameSettings& settings() const { return SettingsOf(*scene_); }
+  // Errors: as SetTechniques and RenderTilePass.
+  absl::StatusOr<Pilot> Render(Techniques techniques);
+
+ private:
+  PilotRenderer(CompiledScenePtr scene, double frame_samples, double trainings_in_frames)
+      : scene_(std::move(scene)),
+        frame_samples_(frame_samples),
+        trainings_in_frames_(trainings_in_frames) {}
+  absl::Status Train(Pilot* pilot);
+
+  CompiledScenePtr scene_;
+  double frame_samples_;
+  double trainings_in_frames_;  // Paths of the frame's training over those of this one.
+};
+
+}  // namespace sheaf::render
