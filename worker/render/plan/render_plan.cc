@@ -403,15 +403,6 @@ std::string JoinNames(const std::vector<std::string>& names) {
 
 }  // namespace
 
-uint32_t TechniqueTraits(const FrameSettings& settings) {
-  uint32_t traits = 0;
-  if (IsGuided(settings.techniques)) traits |= static_cast<uint32_t>(Trait::kGuiding);
-  if (settings.light_samples > 1 && !HasLightPaths(settings.techniques)) {
-    traits |= static_cast<uint32_t>(Trait::kLightSplits);
-  }
-  return traits;
-}
-
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings) {
   return PlanMaker(scene).Make(settings);
 }

@@ -38,10 +38,14 @@ struct RenderPlan {
   std::vector<std::string> notes;
 };
 
-// The traits that the settings alone decide, by their techniques; and those of these settings.
+// The traits that the settings' techniques alone decide; and those of these settings.
 inline constexpr uint32_t kTechniqueTraits =
     static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits);
-uint32_t TechniqueTraits(const FrameSettings& settings);
+constexpr uint32_t TechniqueTraits(const FrameSettings& settings) {
+  const bool splits = settings.light_samples > 1 && !HasLightPaths(settings.techniques);
+  return (IsGuided(settings.techniques) ? static_cast<uint32_t>(Trait::kGuiding) : 0) |
+         (splits ? static_cast<uint32_t>(Trait::kLightSplits) : 0);
+}
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);
 // The plan as readable text: one line per effect, then the lights, notes and the variant.

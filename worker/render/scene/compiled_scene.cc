@@ -91,6 +91,23 @@ absl::Status BuildMedia(FileSource& files, int threads, const CompileTechniques&
   return absl::OkStatus();
 }
 
+// Builds the table of lights, and assigns their groups.
+absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
+                         LightTableInput emitters, CompiledScene* scene) {
+  emitters.spectral = Has(scene->plan.traits, Trait::kSpectral);
+  emitters.splits = Has(scene->plan.traits, Trait::kLightSplits);
+  emitters.choose_evenly = techniques.choose_lights_evenly;
+  absl::StatusOr<std::unique_ptr<LightTable>> lights =
+      LightTable::Build(scene->description, std::move(emitters), files);
+  if (!lights.ok()) return lights.status();
+  scene->lights = *std::move(lights);
+  const FilmOutputs& outputs = scene->settings.outputs;
+  if (!outputs.light_groups.empty() && !outputs.light_paths) {
+    scene->lights->AssignGroups(scene->description, outputs.light_groups);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
@@ -143,17 +160,11 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
                            {limits.texture_cache_bytes_max, spectral, settings.single_scattering});
   if (!materials.ok()) return materials.status();
   scene->materials = *std::move(materials);
-  baked->emitters.spectral = spectral;
-  baked->emitters.splits = Has(scene->plan.traits, Trait::kLightSplits);
-  baked->emitters.choose_evenly = techniques.choose_lights_evenly;
-  absl::StatusOr<std::unique_ptr<LightTable>> lights =
-      LightTable::Build(scene->description, std::move(baked->emitters), files);
-  if (!lights.ok()) return lights.status();
-  scene->lights = *std::move(lights);
-  scene->roulette_depth_min = techniques.roulette_depth_min;
-  if (!settings.outputs.light_groups.empty() && !settings.outputs.light_paths) {
-    scene->lights->AssignGroups(scene->description, settings.outputs.light_groups);
+  if (absl::Status built = BuildLights(files, techniques, std::move(baked->emitters), scene.get());
+      !built.ok()) {
+    return built;
   }
+  scene->roulette_depth_min = techniques.roulette_depth_min;
   if ((scene->plan.traits & kInsides) != 0) {
     const absl::Status built =
         BuildMedia(files, threads, techniques, *std::move(velocities), scene.get());
