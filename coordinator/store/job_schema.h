@@ -10,7 +10,8 @@
 
 namespace sheaf::coordinator {
 
-// Creates the tables of a new database, or updates those of an earlier version. Errors:
+// Creates the tables of a new database at once, or adds to those of an earlier version what each
+// version since has added. Errors:
 // kFailedPrecondition, with its name, if a later version wrote it.
 absl::Status MigrateSchema(Database* database);
 

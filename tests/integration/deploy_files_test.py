@@ -37,6 +37,22 @@ def refused_options(command):
 
 
 class DeployFilesTest(unittest.TestCase):
+    def test_scripts_say_how_they_are_called(self):
+        for name in ("deploy/build", "deploy/demo", "deploy/install-packages",
+                     "deploy/packages/build", "deploy/packages/chroot", "deploy/image/build",
+                     "tests/run"):
+            done = subprocess.run([os.path.join(ROOT, name), "--help"], capture_output=True,
+                                  text=True, timeout=60)
+            self.assertEqual((done.returncode, done.stderr), (0, ""), name)
+            self.assertRegex(done.stdout, rf"(?m)^  +{name}( |$)")
+            self.assertNotIn("pipefail", done.stdout)
+
+    def test_unknown_purposes_of_packages_are_refused(self):
+        done = subprocess.run([os.path.join(DEPLOY, "install-packages"), "biuld"],
+                              capture_output=True, text=True, timeout=60)
+        self.assertEqual((done.returncode, done.stdout), (1, ""))
+        self.assertIn("biuld: deploy/packages.txt has no packages of this purpose", done.stderr)
+
     def test_units_call_programs_as_they_are(self):
         units = sorted(glob.glob(os.path.join(DEPLOY, "systemd", "*.service")))
         self.assertEqual(len(units), 3)

@@ -34,6 +34,50 @@ constexpr char kWithout23[] =
     "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds_low;"
     "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds_high;";
 
+// The first version's.
+constexpr char kFirstSchema[] = R"sql(
+CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
+INSERT INTO meta VALUES('lives', 0);
+CREATE TABLE jobs(
+  job_id INTEGER PRIMARY KEY AUTOINCREMENT, request_id TEXT NOT NULL UNIQUE, title TEXT NOT NULL,
+  priority INTEGER NOT NULL, numeric_profile TEXT NOT NULL, tile_size_px INTEGER NOT NULL,
+  pass_sample_count INTEGER NOT NULL, lease_pass_count INTEGER NOT NULL, phase INTEGER NOT NULL,
+  failure TEXT NOT NULL, create_ns INTEGER NOT NULL, end_ns INTEGER NOT NULL);
+CREATE TABLE frames(
+  job_id INTEGER NOT NULL REFERENCES jobs(job_id), frame_number INTEGER NOT NULL,
+  scene_sha256 TEXT NOT NULL, scene_bytes INTEGER NOT NULL, frame_digest TEXT NOT NULL,
+  width_px INTEGER NOT NULL, height_px INTEGER NOT NULL, x0 INTEGER NOT NULL, y0 INTEGER NOT NULL,
+  x1 INTEGER NOT NULL, y1 INTEGER NOT NULL, samples INTEGER NOT NULL, max_depth INTEGER NOT NULL,
+  seed INTEGER NOT NULL, force_generic INTEGER NOT NULL, delivered INTEGER NOT NULL DEFAULT 0,
+  picture_digest TEXT NOT NULL DEFAULT '', relative_mse REAL NOT NULL DEFAULT 0,
+  wall_ns INTEGER NOT NULL DEFAULT 0, ray_count INTEGER NOT NULL DEFAULT 0,
+  nonfinite_count INTEGER NOT NULL DEFAULT 0, cpu_ns INTEGER NOT NULL DEFAULT 0,
+  PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
+CREATE TABLE parts(
+  job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, y0 INTEGER NOT NULL, x0 INTEGER NOT NULL,
+  first INTEGER NOT NULL, count INTEGER NOT NULL, y1 INTEGER NOT NULL, x1 INTEGER NOT NULL,
+  sha256 TEXT NOT NULL, size_bytes INTEGER NOT NULL, worker_id TEXT NOT NULL,
+  ray_count INTEGER NOT NULL, nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL,
+  PRIMARY KEY(job_id, frame_number, y0, x0, first, count)) WITHOUT ROWID;
+PRAGMA user_version=1;
+)sql";
+
+// All of each table: its columns with types, defaults and keys, its indexes and their columns.
+std::string TablesOf(SqliteDatabase* database) {
+  std::string text;
+  for (Statement query = database->Prepare(
+           "SELECT m.name, c.name, c.type, c.\"notnull\", ifnull(c.dflt_value, 'none'), c.pk,"
+           " 'column' FROM sqlite_master m, pragma_table_info(m.name) c"
+           " UNION ALL SELECT m.name, i.name, c.name, i.\"unique\", i.origin, c.seqno, 'index'"
+           " FROM sqlite_master m, pragma_index_list(m.name) i, pragma_index_info(i.name) c"
+           " ORDER BY 1, 7, 2, 6");
+       *query.Step();) {
+    for (int i = 0; i < 6; ++i) absl::StrAppend(&text, query.Text(i), " ");
+    text += "\n";
+  }
+  return text;
+}
+
 // A store with one job.
 class JobSchemaTest : public ::testing::Test {
  protected:
@@ -81,6 +125,22 @@ class JobSchemaTest : public ::testing::Test {
   const std::string directory_;
   std::unique_ptr<SqlJobStore> store_;
 };
+
+// Databases that were altered version by version have the tables of new ones.
+TEST(JobSchemaOfEachVersionTest, AdditionsMakeTheTablesOfNewDatabases) {
+  std::string tables[2];
+  for (const bool is_new : {false, true}) {
+    auto database = SqliteDatabase::Open(":memory:", Durability::kProcess);
+    ASSERT_TRUE(database.ok()) << database.status();
+    ASSERT_TRUE(is_new || (*database)->Execute(kFirstSchema).ok());
+    ASSERT_TRUE(MigrateSchema(database->get()).ok());
+    EXPECT_TRUE(CheckSchema(database->get()).ok());
+    tables[is_new ? 1 : 0] = TablesOf(database->get());
+  }
+  EXPECT_EQ(tables[0], tables[1]);
+  EXPECT_THAT(tables[1], HasSubstr("frames techniques INTEGER 1 0 0 \n"));
+  EXPECT_THAT(tables[1], HasSubstr("parts parts_by_identity identity"));
+}
 
 TEST_F(JobSchemaTest, EarlierSchemasAreMigrated) {
   store_.reset();
