@@ -172,9 +172,10 @@ class ShaderReader:
         scale = self.number(place, "Scale", usual=1.0)
         radius = self.value(place, "Radius")
         radius = values.color(radius) if values.is_constant(radius) else (1.0, 0.2, 0.1)
+        # Cycles' closure has no reflection at the surface: its index guides the walk alone.
         return Closure(principled.subsurface(
-            self.value(place, "Color"), tuple(scale * x for x in radius),
-            self.number(place, "IOR", usual=1.4), 0.0, self.item, self.report))
+            self.value(place, "Color"), tuple(scale * x for x in radius), 1.0, 0.0, self.item,
+            self.report))
 
     def hair(self, place):
         node = place.node

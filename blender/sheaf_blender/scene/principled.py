@@ -187,13 +187,14 @@ def _ior(ior):
 
 
 def subsurface(color, radius, ior, roughness, item, report):
-    """roughness: Blender's, of the boundary."""
-    report.approximated(item, "Subsurface is a random walk behind a dielectric boundary; the "
-                              "radius is its mean free path")
+    """ior, roughness: of the boundary, which reflects nothing where ior is 1; Blender's."""
+    boundary = " behind a dielectric boundary" if ior > 1 else ""
+    report.approximated(item, f"Subsurface is a random walk{boundary}; the radius is its mean free "
+                              "path")
     mfp = tuple(max(r, 1e-6) for r in radius)
     return materials.make("subsurface", {"reflectance": values.apply(color, "clamp", 0.0, 0.98),
                                          "mfp": mfp},
-                          {"eta": max(float(ior), 1.0001), "roughness": square(roughness)},
+                          {"eta": max(float(ior), 1.0), "roughness": square(roughness)},
                           _ROUGHNESS_IS_ALPHA)
 
 

@@ -23,7 +23,9 @@ def main():
         numpy.bool = bool
     bpy.ops.preferences.addon_enable(module="io_scene_gltf2")
     # Blender's radiance of 1 is then 1 cd/m^2, as in Sheaf's images of glTF.
-    bpy.ops.import_scene.gltf(filepath=model, convert_lighting_mode="COMPAT")
+    known = bpy.ops.import_scene.gltf.get_rna_type().properties.keys()
+    mode = next(name for name in known if name.endswith("convert_lighting_mode"))
+    bpy.ops.import_scene.gltf(filepath=model, **{mode: "COMPAT"})
     scene = builder.scene
     scene.camera = next(each for each in scene.objects if each.type == "CAMERA")
     for lamp in bpy.data.lights:
