@@ -105,7 +105,8 @@ class PlanCommand : public Command {
   // Gains are null where camera paths miss light, so that they are infinite.
   static nlohmann::ordered_json TechniquesJson(const render::TechniqueMeasurement& measured) {
     const auto cost = [](const render::TechniqueCost& c) {
-      return nlohmann::ordered_json{{"relative_mse", c.relative_mse}, {"rays_per_sample", c.rays}};
+      return nlohmann::ordered_json{{"relative_mse", c.relative_mse},
+                                    {"cost_rays_per_sample", c.cost_rays}};
     };
     nlohmann::ordered_json gains;
     for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kCameraGuided}) {

@@ -55,7 +55,7 @@ TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
   EXPECT_LT(measured.light_share, 0.5);
   EXPECT_EQ(measured.only_light_share, 0);
   EXPECT_EQ(measured.width_px, 32);
-  EXPECT_GT(measured.both.rays, measured.camera.rays);
+  EXPECT_GT(measured.both.cost_rays, measured.camera.cost_rays);
   EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("techniques: camera+light"));
 }
 

@@ -96,7 +96,7 @@ class Judge {
   // Of an image that has the light of all techniques.
   TechniqueCost Cost(const Pilot& pilot) const {
     return {RelativeMse(squares_, [&](size_t pixel) { return VarianceOf(pilot, pixel); }),
-            pilot.rays};
+            pilot.cost_rays};
   }
   // Of guided camera paths alone.
   TechniqueCost CostOfGuided(const Pilot& pilot) const {
@@ -113,7 +113,7 @@ class Judge {
       const double mean = MeanOf(finder.means[pixel]);
       return std::max(VarianceOf(pilot, pixel), finder.moments[pixel] - mean * mean);
     };
-    return {RelativeMse(squares_, variance_of), pilot.rays};
+    return {RelativeMse(squares_, variance_of), pilot.cost_rays};
   }
 
   const std::vector<Pilot>& pilots_;
@@ -225,13 +225,13 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
                             m.Gain(WithSplitting(best)));
     }
   }
-  absl::StrAppendFormat(&text, " (%d x %d pixels, %d samples; %.1f, %.1f", m.width_px, m.height_px,
-                        m.samples, m.camera.rays, m.both.rays);
+  absl::StrAppendFormat(&text, " (%d x %d pixels, %d samples, which cost as much as %.1f, %.1f",
+                        m.width_px, m.height_px, m.samples, m.camera.cost_rays, m.both.cost_rays);
   if (m.guided_both) {
-    absl::StrAppendFormat(&text, ", %.1f and %.1f rays a sample)", m.guided.rays,
-                          m.guided_both->rays);
+    absl::StrAppendFormat(&text, ", %.1f and %.1f rays of camera paths)", m.guided.cost_rays,
+                          m.guided_both->cost_rays);
   } else {
-    absl::StrAppendFormat(&text, " and %.1f rays a sample)", m.guided.rays);
+    absl::StrAppendFormat(&text, " and %.1f rays of camera paths)", m.guided.cost_rays);
   }
   return text;
 }

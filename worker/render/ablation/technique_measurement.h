@@ -39,8 +39,10 @@ inline constexpr double kPromisingGainMin = 1.25;
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 struct TechniqueCost {
   double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
-  double rays = 0;          // A pixel and sample, with its part of the training.
-  double ErrorTimesCost() const { return relative_mse * rays; }
+  // A pixel and sample, with its part of the training, in rays of unguided paths from the camera
+  // (kLightRayCost).
+  double cost_rays = 0;
+  double ErrorTimesCost() const { return relative_mse * cost_rays; }
 };
 
 struct TechniqueMeasurement {

@@ -100,7 +100,9 @@ absl::Status RenderCameraPaths(const CompiledScene& scene, Pilot* pilot) {
   const absl::StatusOr<FilmTile> film =
       RenderTilePass(scene, settings.window, {0, settings.samples}, {}, &stats);
   if (!film.ok()) return film.status();
-  pilot->rays += static_cast<double>(stats.rays) / static_cast<double>(stats.samples);
+  const double ray_cost = IsGuided(settings.techniques) ? kGuidedRayCost : 1;
+  pilot->cost_rays +=
+      ray_cost * static_cast<double>(stats.rays) / static_cast<double>(stats.samples);
   pilot->means.resize(film->plane_size());
   for (size_t pixel = 0; pixel < pilot->means.size(); ++pixel) {
     for (uint32_t r = 0; r < kReplicateCount; ++r) {
@@ -121,7 +123,8 @@ void TraceLightPaths(const CompiledScene& scene, Pilot* pilot) {
   splats.Trace(scene, scene.settings.samples, &counts);
   const double passes_of_replicate = passes / kReplicateCount;
   const size_t pixels = pilot->means.size();
-  pilot->rays += static_cast<double>(counts.rays) / (static_cast<double>(pixels) * passes);
+  pilot->cost_rays +=
+      kLightRayCost * static_cast<double>(counts.rays) / (static_cast<double>(pixels) * passes);
   pilot->moments.resize(pixels);
   for (size_t pixel = 0; pixel < pixels; ++pixel) {
     pilot->moments[pixel] = splats.MomentAt(pixel) / passes;
@@ -187,7 +190,8 @@ absl::Status PilotRenderer::Train(Pilot* pilot) {
   RenderStats stats;
   const absl::StatusOr<std::string> fields = TrainGuiding(*scene_, 1, {}, &stats);
   if (!fields.ok()) return fields.status();
-  pilot->rays = static_cast<double>(stats.rays) * trainings_in_frames_ / frame_samples_;
+  pilot->cost_rays =
+      kGuidedRayCost * static_cast<double>(stats.rays) * trainings_in_frames_ / frame_samples_;
   return SetGuiding(*scene_, *fields);
 }
 
