@@ -105,6 +105,7 @@ class Study {
     if (absl::Status status = scenes_.CompileSmall(plan_.shrink, {}, &base_); !status.ok()) {
       return status;
     }
+    result_.training_cpu_seconds = base_.training_cpu_seconds;
     if (HasLight()) NoteLight(*costs);
     return absl::OkStatus();
   }
@@ -116,7 +117,6 @@ class Study {
     light.width_px = frame.window.Width();
     light.height_px = frame.window.Height();
     light.reference_passes = plan_.light_reference_blocks * kStudyBlockSamples;
-    light.training_cpu_seconds = base_.training_cpu_seconds;
     const double seconds = kLightPathsPart * kPathsFraction * Budget();
     const double paths = seconds / std::max(costs.seconds_per_light_path, 1e-12);
     light.paths_shrink =
@@ -298,10 +298,9 @@ class Study {
       cpu_seconds += static_cast<double>(renderer.samples(tile)) * base_seconds_per_sample_[tile];
       most = std::max(most, renderer.samples(tile));
     }
-    cpu_seconds *= scale_;
+    cpu_seconds = scale_ * cpu_seconds + result_.training_cpu_seconds;
     if (!result_.light) return cpu_seconds;
-    return cpu_seconds + static_cast<double>(most) * result_.light->cpu_seconds_per_pass +
-           result_.light->training_cpu_seconds;
+    return cpu_seconds + static_cast<double>(most) * result_.light->cpu_seconds_per_pass;
   }
 
   // Renders until the error of the base's last image is reached, in rounds as the coordinator
@@ -360,11 +359,11 @@ class Study {
     if (!crops.ok()) return crops.status();
     result_.crops = *std::move(crops);
     crop_light_.clear();
-    const double training = result_.light ? result_.light->training_cpu_seconds : 0;
     for (size_t i = 0; i < result_.crops.front().images.size(); ++i) {
       const auto samples = static_cast<double>(plan_.crops.blocks[i] * kStudyBlockSamples);
-      result_.prices.push_back({samples, training + samples * result_.cpu_seconds_per_sample,
-                                ErrorAt(result_.curves.front(), samples)});
+      result_.prices.push_back(
+          {samples, result_.training_cpu_seconds + samples * result_.cpu_seconds_per_sample,
+           ErrorAt(result_.curves.front(), samples)});
     }
     return absl::OkStatus();
   }

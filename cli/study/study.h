@@ -47,7 +47,6 @@ struct StudyLight {
   int32_t paths_shrink = 1;         // The same for kinds of paths.
   uint64_t reference_passes = 0;    // Of the frame itself, which the reference and the crops show.
   double cpu_seconds_per_pass = 0;  // Of the base and the whole frame.
-  double training_cpu_seconds = 0;  // Before the base's first sample; 0 if it is not guided.
 };
 
 struct StudyResult {
@@ -61,6 +60,7 @@ struct StudyResult {
   std::vector<StudyCurve> curves;  // The base is the first.
   // The base's: for one sample of every pixel of the image, and a light pass if it has such.
   double cpu_seconds_per_sample = 0;
+  double training_cpu_seconds = 0;  // Before the base's first sample; 0 if it is not guided.
   std::optional<StudyLight> light;  // If the base has light paths.
   std::vector<StudyCrop> crops;
   std::vector<StudyPrice> prices;  // Those that the crops' images have, in their order.

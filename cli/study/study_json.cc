@@ -100,8 +100,7 @@ Json LightJson(const StudyLight& light) {
           {"height_px", light.height_px},
           {"paths_shrink", light.paths_shrink},
           {"reference_passes", light.reference_passes},
-          {"cpu_seconds_per_pass", Number(light.cpu_seconds_per_pass)},
-          {"training_cpu_seconds", Number(light.training_cpu_seconds)}};
+          {"cpu_seconds_per_pass", Number(light.cpu_seconds_per_pass)}};
 }
 
 const char* NameOf(LightPathKind kind) { return kLightPathNames[static_cast<size_t>(kind)].name; }
@@ -121,6 +120,7 @@ std::string StudyJson(const StudyResult& result) {
                  {"relative_mse", Number(result.reference_relative_mse)},
                  {"cpu_seconds", result.reference_cpu_seconds}}},
                {"cpu_seconds_per_sample", Number(result.cpu_seconds_per_sample)},
+               {"training_cpu_seconds", Number(result.training_cpu_seconds)},
                {"thread_use", coordinator::kUsualThreadUse},
                {"farm", FarmJson(result.farm)},
                {"prices", Json::array()},

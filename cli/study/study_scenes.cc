@@ -11,13 +11,12 @@ namespace sheaf::cli {
 
 absl::StatusOr<StudyScene> StudyScenes::Compile(const FrameSettings& settings, int32_t shrink,
                                                 const render::CompileTechniques& techniques) {
-  if (std::exchange(is_first_, false)) has_light_ = HasLightPaths(settings.techniques);
   StudyScene made;
   absl::StatusOr<render::CompiledScenePtr> frame = CompileOne(settings, techniques);
   if (!frame.ok()) return frame.status();
   made.frame = *std::move(frame);
   const bool shares_field = HasLightPaths(settings.techniques);
-  if (IsGuided(settings.techniques) && has_light_) {
+  if (IsGuided(settings.techniques)) {
     if (shares_field && !field_.empty()) {
       if (absl::Status set = SetGuiding(*made.frame, field_); !set.ok()) return set;
       made.training_cpu_seconds = field_cpu_seconds_;

@@ -23,8 +23,7 @@ namespace sheaf::cli {
 struct StudyScene {
   render::CompiledScenePtr frame;
   render::CompiledScenePtr small;  // Null: light passes are of the frame itself, or there are none.
-  double training_cpu_seconds =
-      0;  // Of the field that guides it; 0 in a study without light paths.
+  double training_cpu_seconds = 0;  // Of the field that guides it; 0 if none does.
 
   // The scene whose frame light passes are of; null if the setting has no light paths.
   const render::CompiledScene* light() const {
@@ -39,8 +38,9 @@ class StudyScenes {
   StudyScenes(const SceneDescription& scene, FileSource& files, int threads)
       : scene_(scene), files_(files), threads_(threads) {}
 
-  // shrink: how many times smaller the frame of light passes is; ignored without light paths. The
-  // first call is of the settings as given. Errors: as CompileScene and TrainGuiding.
+  // Guided settings are trained; those with light paths are guided by what the first one learned.
+  // shrink: how many times smaller the frame of light passes is; ignored without light paths.
+  // Errors: as CompileScene and TrainGuiding.
   absl::StatusOr<StudyScene> Compile(const FrameSettings& settings, int32_t shrink,
                                      const render::CompileTechniques& techniques = {});
   // Makes the smaller frame of a compiled setting anew; nothing without light paths.
@@ -56,9 +56,7 @@ class StudyScenes {
   const SceneDescription& scene_;
   FileSource& files_;
   const int threads_;
-  bool is_first_ = true;
-  bool has_light_ = false;  // Of the settings as given.
-  std::string field_;       // Theirs, where they have light paths and are guided.
+  std::string field_;  // Of settings with light paths, once one is guided.
   double field_cpu_seconds_ = 0;
 };
 

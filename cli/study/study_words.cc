@@ -54,10 +54,9 @@ std::string OfBase(const StudyResult& result) {
 // The error that ten minutes give, here and on the farm.
 void AddAskedTime(const StudyResult& result, std::vector<std::string>* lines) {
   if (!(result.cpu_seconds_per_sample > 0)) return;
-  const double training = result.light ? result.light->training_cpu_seconds : 0;
   const auto buys = [&](int threads) -> std::string {
-    const double samples =
-        SamplesIn(60 * kAskedMinutes, threads, result.cpu_seconds_per_sample, training);
+    const double samples = SamplesIn(60 * kAskedMinutes, threads, result.cpu_seconds_per_sample,
+                                     result.training_cpu_seconds);
     const std::optional<Estimate> error = ErrorAt(result.curves.front(), samples);
     if (!error || samples < 1) return "";
     return absl::StrFormat("%s (%s samples per pixel)", FormatBothErrors(error->value),

@@ -167,7 +167,7 @@ TEST(StudyWordsTest, TheImageOfLightPathsIsNamed) {
 TEST(StudyWordsTest, TenMinutesIncludeTheTraining) {
   StudyResult result = ResultWithLight(Estimate{1, 0.1});
   result.cpu_seconds_per_sample = 1;
-  result.light->training_cpu_seconds = 1000;
+  result.training_cpu_seconds = 1000;
   EXPECT_TRUE(Has(Recommend(result)[1], "(140 samples per pixel)")) << Recommend(result)[1];
 }
 

@@ -22,6 +22,8 @@ from study_checks import check_study_page  # noqa: E402
 MINUTES = 0.6
 # Of a frame with light paths, whose settings cost twice as much.
 LIGHT_MINUTES = 1.2 * TIME_SCALE
+# Of a frame whose settings are each trained.
+GUIDED_MINUTES = 0.6 * TIME_SCALE
 # On any machine; compiling scenes and the last block add to the requested time.
 SECONDS_MAX = 10 * 60 * MINUTES * TIME_SCALE
 ENTRIES_MIN = 5
@@ -172,13 +174,26 @@ def check_light_paths_are_compared(browser, _):
                for line in study.data["recommendation"]), study.data["recommendation"]
     light = study.data["light"]
     assert light["shrink"] >= 1 and light["width_px"] * light["shrink"] > 50, light
-    assert light["reference_passes"] >= 16 and light["training_cpu_seconds"] == 0, light
+    assert light["reference_passes"] >= 16 and study.data["training_cpu_seconds"] == 0, light
     assert 0 < light["cpu_seconds_per_pass"] < study.data["cpu_seconds_per_sample"], light
     most = study.data["prices"][-1]["samples"]
     assert most <= light["reference_passes"], (most, light)
     assert abs(math.fsum(path["light_fraction"] for path in study.data["paths"]) - 1) < 1e-6
     # Without indirect light, the lamp lights nothing.
     assert study.entries["depth 1"]["bias_floor"]["relative_mse"] > 0.2, study.entries["depth 1"]
+
+
+def check_training_is_in_every_price(_, __):
+    """A training comes before the first sample, so that it is in each price and each point."""
+    study = Study("study-guided", write_lamp(), GUIDED_MINUTES, "--techniques", "camera+guiding")
+    training, per_sample = study.data["training_cpu_seconds"], study.data["cpu_seconds_per_sample"]
+    assert training > 0 and "light" not in study.data, training
+    prices, points = study.data["prices"], study.entries["as given"]["points"]
+    assert prices and points, study.data
+    for price in prices:
+        expected = training + price["samples"] * per_sample
+        assert abs(price["cpu_seconds"] / expected - 1) < 1e-6, (price, expected)
+    assert all(point["cpu_seconds"] > training for point in points), (training, points)
 
 
 def check_light_paths_are_chosen_by_measurement(_, __):
@@ -198,7 +213,7 @@ def main():
               check_crops_are_rendered, check_first_advice_keeps_error_bars,
               check_front_is_of_one_image,
               check_options_of_images_are_refused, check_light_paths_are_compared,
-              check_light_paths_are_chosen_by_measurement]
+              check_light_paths_are_chosen_by_measurement, check_training_is_in_every_price]
     study = Study("study", os.path.join(ROOT, "scenes/cornell-box.pbrt"), MINUTES)
     with Browser() as browser:
         passed, failed = run_checks(checks, browser, study)

@@ -147,7 +147,7 @@ function calculator(study: Study): HTMLElement|null {
   const update = () => {
     const minutes = Math.min(MINUTES_MAX, Number(field.value));
     const items = renderers.map(({name, threads}) => {
-      const training = study.light?.training_cpu_seconds ?? 0;
+      const training = study.training_cpu_seconds ?? 0;
       const samples = (60 * minutes * threads * study.thread_use - training) / perSample;
       return el('li', {}, name + ': ' + wordsOf(study, samples));
     });

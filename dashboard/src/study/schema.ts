@@ -119,9 +119,8 @@ export interface StudyLight {
   paths_shrink: number;
   // The most light passes of the image itself, which the reference and the crops show.
   reference_passes: number;
-  // The part of cpu_seconds_per_sample for a light pass, and the time before the first sample.
+  // The part of cpu_seconds_per_sample for a light pass.
   cpu_seconds_per_pass: number|null;
-  training_cpu_seconds: number|null;
 }
 
 export interface Study {
@@ -133,6 +132,8 @@ export interface Study {
   threads: number|null;
   // The time of the base, for one sample of every pixel.
   cpu_seconds_per_sample: number|null;
+  // Before the first sample of a guided frame.
+  training_cpu_seconds: number|null;
   // Null if paths begin at the camera alone.
   light: StudyLight|null;
   // The fraction of threads' time that goes into samples.
@@ -167,6 +168,7 @@ export function readStudy(json: string): Study {
     seconds: read.seconds ?? null,
     threads: read.threads ?? null,
     cpu_seconds_per_sample: read.cpu_seconds_per_sample ?? null,
+    training_cpu_seconds: read.training_cpu_seconds ?? null,
     light: read.light ?? null,
     thread_use: read.thread_use ?? 1,
     farm: read.farm ?? null,

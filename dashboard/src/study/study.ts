@@ -32,14 +32,16 @@ function summary(study: Study): HTMLElement {
 
 function lightFacts({light}: Study): HTMLElement[] {
   if (!light) return [];
-  const training = light.training_cpu_seconds;
   return [
     fact('Light paths', 'measured on ' + imageOf(light)),
     fact('Light passes of the reference', numbers.count(light.reference_passes)),
     fact('Time of a light pass', numbers.time(light.cpu_seconds_per_pass)),
-    ...(isKnown(training) && training > 0 ? [fact('Time of the training', numbers.time(training))] :
-                                            []),
   ];
+}
+
+function trainingFacts({training_cpu_seconds: training}: Study): HTMLElement[] {
+  if (!isKnown(training) || !(training > 0)) return [];
+  return [fact('Time of the training', numbers.time(training))];
 }
 
 function facts(study: Study): HTMLElement {
@@ -57,7 +59,7 @@ function facts(study: Study): HTMLElement {
              reference ? numbers.count(reference.samples) + ' samples per pixel' : 'none'),
          fact('Error of the reference', numbers.typicalError(reference?.relative_mse)),
          fact('Time of the reference', numbers.time(reference?.cpu_seconds)),
-         ...lightFacts(study));
+         ...lightFacts(study), ...trainingFacts(study));
   return section(
       'facts', 'Scope of the study',
       ['Every error is measured against a reference that the study rendered, and the error of ' +
