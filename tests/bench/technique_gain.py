@@ -10,7 +10,10 @@ relMSE times CPU seconds of the process, with the small images by which auto cho
 training of guided frames. The reference has --reference-factor times the samples, a seed of its own
 and the techniques that auto chose; its noise makes both errors greater, so that a gain looks
 smaller than it is. `chosen` is the ratio without the time in which auto chooses, which a longer
-frame does not notice. Scenes of SHEAF_PUBLIC_SCENES are added if it is set.
+frame does not notice. Where auto keeps camera paths, both images are the same: their error is not
+measured, and the gain is the ratio of times. Camera paths cannot find some of the light of scenes
+with a star: their image is another one, and the summary leaves these scenes out. Scenes of
+SHEAF_PUBLIC_SCENES are added if it is set.
 """
 import argparse
 import json
@@ -32,21 +35,29 @@ MORE_PUBLIC = [
 
 
 def measure(sheaf, scene, options, folder):
-    """Returns the name of auto's techniques, and by image the relMSE and the CPU seconds."""
+    """Returns the name of auto's techniques, whether camera paths find all light, and by image the
+    relMSE and the CPU seconds. The relMSE is None where no image can differ.
+    """
     plan = json.loads(run([sheaf, "plan", scene, "--measure", "--measure-seconds", "0.5",
                            "--samples", str(options.samples), "--json"]))
-    chosen = plan["measurement"]["techniques"]["best"]
+    measured = plan["measurement"]["techniques"]
+    chosen, is_whole = measured["best"], measured["only_light_share"] == 0
     reference = os.path.join(folder, "reference.exr")
-    render(sheaf, scene, chosen, options.samples * options.reference_factor, 2, reference)
+    differs = chosen != "camera"
+    if differs:
+        render(sheaf, scene, chosen, options.samples * options.reference_factor, 2, reference)
     images = {}
     for techniques in ("camera", "auto", chosen):
         if techniques in images:
             continue
         out = os.path.join(folder, "image.exr")
         cpu_seconds = render(sheaf, scene, techniques, options.samples, 1, out)
-        compared = json.loads(run([sheaf, "compare", reference, out, "--json"]))
-        images[techniques] = (compared["relative_mse"], cpu_seconds)
-    return chosen, images
+        error = None
+        if differs:
+            compared = json.loads(run([sheaf, "compare", reference, out, "--json"]))
+            error = compared["relative_mse"]
+        images[techniques] = (error, cpu_seconds)
+    return chosen, is_whole, images
 
 
 def main():
@@ -66,12 +77,16 @@ def main():
         if options.scenes and name not in options.scenes:
             continue
         with tempfile.TemporaryDirectory() as folder:
-            chosen, images = measure(options.sheaf, scene, options, folder)
-        product = {techniques: error * seconds for techniques, (error, seconds) in images.items()}
-        gains.append((product["camera"] / product["auto"], product["camera"] / product[chosen]))
-        cells = [number(value) for value in images["camera"] + images["auto"] + gains[-1]]
-        print(f"| {name} | {chosen} | {' | '.join(cells)} |", flush=True)
-    for column, label in enumerate(("gain", "chosen")):
+            chosen, is_whole, images = measure(options.sheaf, scene, options, folder)
+        product = {techniques: (error or 1) * seconds
+                   for techniques, (error, seconds) in images.items()}
+        gain = (product["camera"] / product["auto"], product["camera"] / product[chosen])
+        if is_whole:
+            gains.append(gain)
+        values = images["camera"] + images["auto"] + gain
+        cells = ["the same" if value is None else number(value) for value in values]
+        print(f"| {name}{'' if is_whole else '*'} | {chosen} | {' | '.join(cells)} |", flush=True)
+    for column, label in enumerate(("gain", "chosen") if gains else ()):
         values = [gain[column] for gain in gains]
         print(f"\n{label}: median {number(statistics.median(values))}, worst "
               f"{number(min(values))}")

@@ -42,6 +42,9 @@ MODELS = {
     "shared-mesh.glb": (20.0, (5, 0, 0), "< 4: " + ADDED),
     "strip-and-fan.glb": (6.0, (1, 0.5, 0), "< 4: " + ADDED),
     "sparse.glb": (6.0, (1, 1, 0), "< 4: " + ADDED),
+    "quantized.glb": (6.0, (1, 1, 0), "< 4: " + ADDED),
+    "normal-map.glb": (5.0, (0, 0, 0), "normals of maps lose light in Cycles, and keep it here"),
+    "anisotropy.glb": (5.0, (0, 0, 0), "Cycles stretches highlights by another formula"),
 }
 
 
