@@ -118,12 +118,13 @@ TEST(TechniqueMeasurementTest, ImagesAreAFractionOfTheFrame) {
     return measured.samples * static_cast<uint64_t>(measured.width_px * measured.height_px);
   };
   const TechniqueMeasurement plain = measure(Diffuse({1}), 4096);
-  EXPECT_EQ(total(plain), kPilotSamplesMin);
+  EXPECT_EQ(total(plain), kLookSamplesMax);
   EXPECT_FALSE(plain.guided_both);
+  EXPECT_EQ(total(measure(Diffuse({1}), 1)), kPilotSamplesMin);
   EXPECT_THAT(FormatTechniqueMeasurement(plain), testing::Not(HasSubstr("both")));
   const TechniqueMeasurement small = measure(Caustic(0.05f), 1),
                              large = measure(Caustic(0.05f), 64);
-  EXPECT_EQ(total(small), kPilotSamplesMin);
+  EXPECT_EQ(total(small), kThoroughSamplesMin);
   EXPECT_TRUE(small.guided_both);
   EXPECT_EQ(total(large), 128 * 128 * 64 / kFrameSamplesPerPilotSample);
 }

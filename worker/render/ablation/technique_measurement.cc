@@ -126,11 +126,11 @@ bool IsPromising(const TechniqueMeasurement& look) {
          look.Gain(Techniques::kCameraGuided) >= kPromisingGainMin;
 }
 
-// A power of two.
-uint64_t PilotSamplesFor(const FrameSettings& frame) {
-  const double asked = FrameSamples(frame) / double{kFrameSamplesPerPilotSample};
+// The fraction of the frame's samples, rounded down to a power of two.
+uint64_t SamplesFor(const FrameSettings& frame, uint64_t per_sample, uint64_t min, uint64_t max) {
+  const double asked = FrameSamples(frame) / static_cast<double>(per_sample);
   return std::bit_floor(
-      static_cast<uint64_t>(std::clamp(asked, double{kPilotSamplesMin}, double{kPilotSamplesMax})));
+      static_cast<uint64_t>(std::clamp(asked, static_cast<double>(min), static_cast<double>(max))));
 }
 
 // thorough: light paths and guiding together, too, and splitting where guiding pays.
@@ -199,10 +199,14 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
     if (!renderer.ok()) return renderer.status();
     return MeasurePilots(thorough, &*renderer);
   };
+  const uint64_t look_samples =
+      SamplesFor(settings, kFrameSamplesPerLookSample, kPilotSamplesMin, kLookSamplesMax);
   const absl::StatusOr<TechniqueMeasurement> look =
-      measure(kPilotSamplesMin, kLookTrainingFraction, false);
+      measure(look_samples, kLookTrainingFraction, false);
   if (!look.ok() || !IsPromising(*look)) return look;
-  return measure(PilotSamplesFor(settings), kTrainingFraction, true);
+  const uint64_t samples =
+      SamplesFor(settings, kFrameSamplesPerPilotSample, kThoroughSamplesMin, kPilotSamplesMax);
+  return measure(samples, kTrainingFraction, true);
 }
 
 std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {

@@ -28,9 +28,11 @@
 
 namespace sheaf::render {
 
-// The first look has kPilotSamplesMin samples by each choice of techniques. The images that follow
-// have this fraction of the frame's, in [kPilotSamplesMin, kPilotSamplesMax].
-inline constexpr uint64_t kFrameSamplesPerPilotSample = 32;
+// Samples of a small image by one choice of techniques: in the first look, and after it. They are
+// fractions of the frame's, rounded down to a power of two, within limits.
+inline constexpr uint64_t kFrameSamplesPerLookSample = 512, kFrameSamplesPerPilotSample = 32;
+inline constexpr uint64_t kLookSamplesMax = uint64_t{1} << 14,
+                          kThoroughSamplesMin = kLookSamplesMax;
 // More images follow the first look where it finds so great a gain by light paths or by guiding.
 inline constexpr double kPromisingGainMin = 1.25;
 // Techniques must be so many times as efficient as camera paths alone to be chosen: the measurement

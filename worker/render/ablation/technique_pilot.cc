@@ -16,8 +16,9 @@ namespace sheaf::render {
 namespace {
 
 // The longer side of an image of kPilotSamplesMin samples, and its samples a pixel. One of four
-// times the samples has twice the side; one of twice the samples has twice as many in each pixel.
-constexpr int32_t kPilotPx = 32;
+// times the samples has twice the side, up to kPilotPxMax; one of twice the samples has twice as
+// many in each pixel.
+constexpr int32_t kPilotPx = 16, kPilotPxMax = 64;
 constexpr uint64_t kPilotPixelSamples = kReplicateCount;
 
 // Luminance of light paths by pixel, as the box filter of one pixel sees it.
@@ -144,10 +145,7 @@ PilotSize PilotSizeOf(const FrameSettings& frame, uint64_t samples, double train
   PilotSize size{kPilotPx, kPilotPixelSamples,
                  std::min(paths, TrainingPathsFirst(frame.width_px, frame.height_px))};
   uint64_t factor = samples / kPilotSamplesMin;
-  if (factor >= 4) {
-    size.longer_side_px *= 2;
-    factor /= 4;
-  }
+  for (; factor >= 4 && size.longer_side_px < kPilotPxMax; factor /= 4) size.longer_side_px *= 2;
   size.pixel_samples *= factor;
   return size;
 }

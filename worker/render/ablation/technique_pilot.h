@@ -25,7 +25,7 @@ namespace sheaf::render {
 // two.
 inline constexpr double kLightRayCost = 1.5, kGuidedRayCost = 1.3;
 // Samples of the smallest and of the largest image.
-inline constexpr uint64_t kPilotSamplesMin = uint64_t{1} << 14;
+inline constexpr uint64_t kPilotSamplesMin = uint64_t{1} << 12;
 inline constexpr uint64_t kPilotSamplesMax = uint64_t{1} << 18;
 
 struct PilotSize {
