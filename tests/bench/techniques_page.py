@@ -102,8 +102,9 @@ def page(rows, samples, public):
         "from its small image, for the samples that the scene asks for. Light paths begin at every "
         "kind of light, and in media that emit.", "",
         "Techniques are those of a whole frame. A choice by region gains a tenth at most in each "
-        "scene where `tests/bench/technique_regions.py` measured it: [ADR "
-        "97](adr/0097-techniques-by-frame.md).", "",
+        "scene where `tests/bench/technique_regions.py` measured it: "
+        "[ADR 97](adr/0097-techniques-by-frame.md). What `auto` gains, with the price of its own "
+        "choice, is in [ADR 64](adr/0064-techniques-by-measured-efficiency.md).", "",
         "| scene | techniques | relMSE | CPU s | efficiency | light that light paths find | auto |",
         "|---|---|---|---|---|---|---|"]
     for row in rows:
