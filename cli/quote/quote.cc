@@ -99,8 +99,10 @@ QuoteRow MakeRow(const std::vector<PilotFrame>& frames, const JobArguments& argu
   return row;
 }
 
-Banded Scaled(const Banded& value, double factor) {
-  return {value.value * factor, value.low * factor, value.high * factor};
+// Scales what exceeds `fixed`.
+Banded Scaled(const Banded& value, double factor, double fixed = 0) {
+  const auto scale = [&](double x) { return fixed + std::max(0.0, x - fixed) * factor; };
+  return {scale(value.value), scale(value.low), scale(value.high)};
 }
 
 // The row of an error of the denoised layer: its price is that of an image with the error that may
@@ -123,39 +125,6 @@ QuoteRow DenoisedRow(double target, const std::vector<PilotFrame>& frames,
   }
   row.target_error = error.value;
   row.denoised_error = target;
-  return row;
-}
-
-// The row of a wall time, with the band of its error. targets: the rows of errors, which fall. A
-// forecast of an error as low as ten minutes often give would cost more than the whole quote.
-QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets) {
-  const double seconds = 60 * minutes;
-  const auto least = [&](double Banded::*bound) {
-    std::vector<ErrorTime> known;
-    for (const QuoteRow& row : targets) {
-      if (row.reached) known.push_back({row.target_error, row.wall_seconds.*bound});
-    }
-    return LeastErrorIn(seconds, known);
-  };
-  QuoteRow row;
-  const std::optional<double> error = least(&Banded::value);
-  if (error) {
-    const auto distance = [&](const QuoteRow& of) {
-      return of.reached ? std::fabs(std::log(of.target_error / *error)) : HUGE_VAL;
-    };
-    const QuoteRow& near = *std::min_element(
-        targets.begin(), targets.end(),
-        [&](const QuoteRow& a, const QuoteRow& b) { return distance(a) < distance(b); });
-    row.samples = Scaled(near.samples, near.target_error / *error);
-    row.cpu_seconds = Scaled(near.cpu_seconds, near.target_error / *error);
-    // A low time means a low error.
-    row.relative_mse = {*error, std::min(*error, least(&Banded::low).value_or(*error)),
-                        std::max(*error, least(&Banded::high).value_or(kMinutesErrorMax))};
-  }
-  row.reached = error.has_value();
-  row.target_error = 0;
-  row.minutes_given = minutes;
-  row.wall_seconds = {seconds, seconds, seconds};
   return row;
 }
 
@@ -228,6 +197,45 @@ std::optional<double> LeastErrorIn(double seconds, const std::vector<ErrorTime>&
   return std::max(error, kMinutesErrorMin);
 }
 
+// A forecast of an error as low as ten minutes often give would cost more than the whole quote.
+QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets,
+                      double training_cpu_seconds) {
+  const double seconds = 60 * minutes;
+  // The least error, by the wall times after the training.
+  const auto least = [&](double Banded::*bound) {
+    std::vector<ErrorTime> known;
+    double training = HUGE_VAL;
+    for (const QuoteRow& row : targets) {
+      if (!row.reached) continue;
+      const double cpu = row.cpu_seconds.*bound, wall = row.wall_seconds.*bound;
+      const double of_training = cpu > 0 ? wall * std::min(1.0, training_cpu_seconds / cpu) : 0;
+      training = std::min(training, of_training);
+      known.push_back({row.target_error, wall - of_training});
+    }
+    return LeastErrorIn(seconds - training, known);
+  };
+  QuoteRow row;
+  const std::optional<double> error = least(&Banded::value);
+  if (error) {
+    const auto distance = [&](const QuoteRow& of) {
+      return of.reached ? std::fabs(std::log(of.target_error / *error)) : HUGE_VAL;
+    };
+    const QuoteRow& near = *std::min_element(
+        targets.begin(), targets.end(),
+        [&](const QuoteRow& a, const QuoteRow& b) { return distance(a) < distance(b); });
+    row.samples = Scaled(near.samples, near.target_error / *error);
+    row.cpu_seconds = Scaled(near.cpu_seconds, near.target_error / *error, training_cpu_seconds);
+    // A low time means a low error.
+    row.relative_mse = {*error, std::min(*error, least(&Banded::low).value_or(*error)),
+                        std::max(*error, least(&Banded::high).value_or(kMinutesErrorMax))};
+  }
+  row.reached = error.has_value();
+  row.target_error = 0;
+  row.minutes_given = minutes;
+  row.wall_seconds = {seconds, seconds, seconds};
+  return row;
+}
+
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
   Quote quote;
@@ -278,7 +286,7 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
     std::sort(falling.begin(), falling.end(),
               [](const QuoteRow& a, const QuoteRow& b) { return a.target_error > b.target_error; });
     for (const double minutes : asked.minutes) {
-      quote.rows.push_back(RowOfMinutes(minutes, falling));
+      quote.rows.push_back(RowOfMinutes(minutes, falling, quote.training_cpu_seconds));
     }
   }
   if (asked.with_samples && !arguments.stop.IsActive()) {

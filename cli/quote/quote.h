@@ -97,6 +97,11 @@ struct ErrorTime {
 // kMinutesErrorMin; nullopt if kMinutesErrorMax takes longer, or nothing is known.
 std::optional<double> LeastErrorIn(double seconds, const std::vector<ErrorTime>& known);
 
+// The row of a wall time, with the band of its error. targets: the rows of errors, which fall;
+// training_cpu_seconds: the part of their prices that no error changes.
+QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets,
+                      double training_cpu_seconds);
+
 // A table for people, what each price buys, with a line that states the basis of the forecast.
 std::string FormatQuote(const Quote& quote);
 std::string QuoteJson(const Quote& quote);

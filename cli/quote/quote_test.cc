@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -76,6 +77,25 @@ TEST(QuoteTest, LeastErrorInATimeFollowsPowerLaws) {
   EXPECT_EQ(*LeastErrorIn(1e9, known), kMinutesErrorMin);
   EXPECT_FALSE(LeastErrorIn(0.01, known)) << "an error above the largest";
   EXPECT_FALSE(LeastErrorIn(80, {}));
+}
+
+// A training comes before the first sample, whatever the error.
+TEST(QuoteTest, MinutesPayTheTrainingOnce) {
+  const auto row_of = [](double error, double seconds) {
+    QuoteRow row;
+    row.target_error = error;
+    row.samples = {seconds - 100, seconds - 100, seconds - 100};
+    row.cpu_seconds = row.wall_seconds = {seconds, seconds, seconds};
+    return row;
+  };
+  const std::vector<QuoteRow> targets = {row_of(0.04, 110), row_of(0.01, 180)};
+  const QuoteRow row = RowOfMinutes(900 / 60.0, targets, 100);
+  ASSERT_TRUE(row.reached);
+  EXPECT_NEAR(row.relative_mse.value, 0.001, 1e-9);
+  EXPECT_NEAR(row.cpu_seconds.value, 900, 1e-6);
+  EXPECT_NEAR(row.samples.value, 800, 1e-6);
+  EXPECT_FALSE(RowOfMinutes(99 / 60.0, targets, 100).reached) << "shorter than the training";
+  EXPECT_NEAR(RowOfMinutes(1800 / 60.0, targets, 0).relative_mse.value, 0.001, 1e-9);
 }
 
 TEST(QuoteTest, ATooShortTimeSaysSo) {

@@ -85,8 +85,9 @@ class Judge {
     result.guided = CostOfGuided(pilots_[2]);
     if (pilots_.size() > 3) result.guided_both = Cost(pilots_[3]);
     double light = 0;
-    for (const PilotReplicates& replicates : both.means)
+    for (const PilotReplicates& replicates : both.means) {
       light += kReplicateCount * MeanOf(replicates);
+    }
     if (light > 0) {
       result.light_share = both.light / light;
       result.only_light_share = both.only_light / light;
