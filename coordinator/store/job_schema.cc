@@ -18,7 +18,7 @@ namespace {
 
 constexpr int64_t kSchemaVersion = 30;
 
-// Of a new database.
+// The tables that a new database gets.
 constexpr char kSchema[] = R"sql(
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
 INSERT INTO meta VALUES('lives', 0);

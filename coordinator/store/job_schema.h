@@ -11,8 +11,7 @@
 namespace sheaf::coordinator {
 
 // Creates the tables of a new database at once, or adds to those of an earlier version what each
-// version since has added. Errors:
-// kFailedPrecondition, with its name, if a later version wrote it.
+// version since has added. Errors: kFailedPrecondition, with its name, if a later version wrote it.
 absl::Status MigrateSchema(Database* database);
 
 // Whether the tables have the names and columns that MigrateSchema makes: SQLite's own check does

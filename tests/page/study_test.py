@@ -22,7 +22,7 @@ from study_checks import check_study_page  # noqa: E402
 MINUTES = 0.6
 # Of a frame with light paths, whose settings cost twice as much.
 LIGHT_MINUTES = 1.2 * TIME_SCALE
-# Of a frame whose settings are each trained.
+# Longer for a guided frame: each of its settings is trained.
 GUIDED_MINUTES = 0.6 * TIME_SCALE
 # On any machine; compiling scenes and the last block add to the requested time.
 SECONDS_MAX = 10 * 60 * MINUTES * TIME_SCALE

@@ -94,12 +94,12 @@ class Judge {
     }
     return result;
   }
-  // Of an image that has the light of all techniques.
+  // The cost of an image that has the light of all techniques.
   TechniqueCost Cost(const Pilot& pilot) const {
     return {RelativeMse(squares_, [&](size_t pixel) { return VarianceOf(pilot, pixel); }),
             pilot.cost_rays};
   }
-  // Of guided camera paths alone.
+  // The cost of guided camera paths alone.
   TechniqueCost CostOfGuided(const Pilot& pilot) const {
     return CostAlone(pilot, pilots_.size() > 3 ? pilots_[3] : pilots_[1]);
   }

@@ -39,6 +39,7 @@ inline constexpr double kPromisingGainMin = 1.25;
 // has noise, and frames with other techniques have fewer compiled variants. Light paths and guiding
 // together must be kCombinationGainMin times as efficient as either; so must splitting, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
+
 struct TechniqueCost {
   double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
   // A pixel and sample, with its part of the training, in rays of unguided paths from the camera

@@ -19,8 +19,8 @@
 
 namespace sheaf::render {
 
-// What rays cost, in rays of unguided paths from the camera: those of light paths, with their
-// connections, splats and weights, and those of guided paths, whose directions are mixtures. By CPU
+// The cost of a ray, in rays of unguided paths from the camera: for light paths, with their
+// connections, splats and weights, and for guided paths, whose directions are mixtures. By CPU
 // times, which gave 1.0 to 2.2 for light paths in five scenes and 1.4 to 1.5 for guided ones in
 // two.
 inline constexpr double kLightRayCost = 1.5, kGuidedRayCost = 1.3;
@@ -38,7 +38,7 @@ struct PilotSize {
 // never more than those of the frame's own training.
 PilotSize PilotSizeOf(const FrameSettings& frame, uint64_t samples, double training_fraction);
 
-// Of the frame's window.
+// Samples of the frame's window.
 double FrameSamples(const FrameSettings& frame);
 
 // Mean luminance of the samples of a replicate.

@@ -54,7 +54,8 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription scene, const Fram
                                               const CompileTechniques& techniques = {});
 // Lets the scene be rendered by other techniques, without compiling it again; a guided one is
 // untrained afterwards. Requires: the scene was compiled for camera paths; nobody else uses it.
-// Of the plan, only `traits` follow. Errors: kInvalidArgument for light paths beside similarity.
+// The plan's `traits` follow, its texts do not. Errors: kInvalidArgument for light paths beside
+// similarity.
 absl::Status SetTechniques(Techniques techniques, CompiledScenePtr* scene);
 const RenderPlan& PlanOf(const CompiledScene& scene);
 const FrameSettings& SettingsOf(const CompiledScene& scene);
