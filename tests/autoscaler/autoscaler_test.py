@@ -340,7 +340,7 @@ class CommandLineTest(unittest.TestCase):
             done = subprocess.run(
                 [sys.executable, "-m", "sheaf_autoscaler", "--engine", "local", *words],
                 env=dict(os.environ, PYTHONPATH=sys.path[0]), capture_output=True, text=True,
-                timeout=60, check=False)
+                timeout=600, check=False)
             self.assertEqual(done.returncode, 2, done.stderr)
 
 

@@ -125,7 +125,7 @@ class DocumentsTest(unittest.TestCase):
             if words not in helps:
                 done = subprocess.run([os.path.join(farm.programs(), words[0]), *words[1:],
                                        "--help"], capture_output=True, text=True,
-                                      timeout=60 * farm.TIME_SCALE)
+                                      timeout=60 * farm.PATIENCE)
                 helps[words] = done.stdout if done.returncode == 0 else None
             return helps[words]
 

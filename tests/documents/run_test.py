@@ -78,14 +78,14 @@ class Reader:
     def answers(self):
         # With certificates it answers here that a login is needed, which is an answer too.
         done = subprocess.run(["sheaf", "list"], env=self.environment, capture_output=True,
-                              timeout=60)
+                              timeout=600)
         return done.returncode != 3
 
     def end_daemons(self):
         for process in reversed(self.daemons):
             os.killpg(process.pid, signal.SIGTERM)  # A shell between them would not pass it on.
             try:
-                process.wait(timeout=30)
+                process.wait(timeout=300)
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
@@ -111,7 +111,7 @@ class Reader:
                 done = subprocess.run(["bash", "-c", "set -o pipefail\n" + line], cwd=self.folder,
                                       env=self.environment, capture_output=True, text=True,
                                       stdin=subprocess.DEVNULL,
-                                      timeout=COMMAND_SECONDS_MAX * farm.TIME_SCALE)
+                                      timeout=COMMAND_SECONDS_MAX * farm.PATIENCE)
                 if done.returncode:
                     with open(os.path.join(self.folder, "log"), errors="replace",
                               encoding="utf-8") as log:

@@ -190,7 +190,7 @@ class Bench:
             assert told, "nothing tells of " + what
 
     def _finish(self):
-        deadline = time.monotonic() + JOB_SECONDS_MAX * farm.TIME_SCALE
+        deadline = time.monotonic() + JOB_SECONDS_MAX * farm.PATIENCE
         while True:
             try:
                 said, _ = self.watch.communicate(timeout=max(0.1, deadline - time.monotonic()))
@@ -255,7 +255,7 @@ class Bench:
 
     def failures(self):
         url = f"http://{self.farm.http}/api/v1/{self.job}/failures"
-        return urlopen(url, timeout=10).read().decode()
+        return urlopen(url, timeout=100).read().decode()
 
     def waiting_reason(self):
         return json.loads(self.farm.sheaf("show", self.job, "--json").stdout)["waiting_reason"]
@@ -292,12 +292,12 @@ class Bench:
         self.granted += self._granted_now() - self.granted_at_begin
         self.granted_at_begin = 0
         self.farm.coordinator.send_signal(signal.SIGTERM)
-        self.farm.coordinator.wait(timeout=30 * farm.TIME_SCALE)
+        self.farm.coordinator.wait(timeout=30 * farm.PATIENCE)
 
     def await_death(self, process, seconds=20):
         """Returns whether the process ended by itself."""
         try:
-            process.wait(timeout=seconds * farm.TIME_SCALE)
+            process.wait(timeout=seconds * farm.PATIENCE)
             return True
         except subprocess.TimeoutExpired:
             return False

@@ -30,7 +30,7 @@ SMALL = ("--size", "64x48", "--samples", "4")
 
 def sheaf(*arguments, seconds=60):
     done = subprocess.run([os.path.join(farm.programs(), "sheaf"), *arguments], text=True,
-                          capture_output=True, timeout=seconds * farm.TIME_SCALE, check=False)
+                          capture_output=True, timeout=seconds * farm.PATIENCE, check=False)
     return done.returncode, done.stdout + done.stderr
 
 

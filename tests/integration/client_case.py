@@ -24,7 +24,7 @@ def run(*arguments, seconds=30, environment=None):
     """Runs `sheaf` without a farm."""
     return subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                          timeout=seconds * farm.TIME_SCALE,
+                          timeout=seconds * farm.PATIENCE,
                           env=dict(os.environ, **(environment or {})))
 
 

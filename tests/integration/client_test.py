@@ -543,7 +543,7 @@ class ClientTest(ClientCase):
         def status(host):
             request = Request(f"http://{self.farm.http}/", headers={"Host": host})
             try:
-                return urlopen(request, timeout=10).status
+                return urlopen(request, timeout=10 * farm.PATIENCE).status
             except HTTPError as error:
                 return error.code
         self.assertEqual(status("farm.example"), 200)

@@ -42,7 +42,7 @@ class DamageTest(unittest.TestCase):
     def failures(self, f, job):
         from urllib.request import urlopen
         url = f"http://{f.http}/api/v1/{job}/failures"
-        return json.loads(urlopen(url, timeout=10).read())
+        return json.loads(urlopen(url, timeout=10 * farm.PATIENCE).read())
 
     def test_texture_altered_in_the_cache_of_a_running_worker(self):
         with farm.Farm() as f:

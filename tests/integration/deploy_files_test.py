@@ -31,7 +31,7 @@ def read(*names):
 def refused_options(command):
     """The options of a command line that its program's --help does not list."""
     help_text = subprocess.run([os.path.join(programs(), os.path.basename(command[0])), "--help"],
-                               capture_output=True, text=True, check=True, timeout=60).stdout
+                               capture_output=True, text=True, check=True, timeout=600).stdout
     known = set(re.findall(r"^  (?:-\w, )?(--[a-z-]+)", help_text, re.M))
     return {word.partition("=")[0] for word in command if word.startswith("--")} - known
 
@@ -42,14 +42,14 @@ class DeployFilesTest(unittest.TestCase):
                      "deploy/packages/build", "deploy/packages/chroot", "deploy/image/build",
                      "tests/run"):
             done = subprocess.run([os.path.join(ROOT, name), "--help"], capture_output=True,
-                                  text=True, timeout=60)
+                                  text=True, timeout=600)
             self.assertEqual((done.returncode, done.stderr), (0, ""), name)
             self.assertRegex(done.stdout, rf"(?m)^  +{name}( |$)")
             self.assertNotIn("pipefail", done.stdout)
 
     def test_unknown_purposes_of_packages_are_refused(self):
         done = subprocess.run([os.path.join(DEPLOY, "install-packages"), "biuld"],
-                              capture_output=True, text=True, timeout=60)
+                              capture_output=True, text=True, timeout=600)
         self.assertEqual((done.returncode, done.stdout), (1, ""))
         self.assertIn("biuld: deploy/packages.txt has no packages of this purpose", done.stderr)
 
@@ -83,7 +83,7 @@ class DeployFilesTest(unittest.TestCase):
                 with open(path, "w", encoding="utf-8") as file:
                     file.write(text)
                 done = subprocess.run(["systemd-analyze", "verify", "--man=no", path],
-                                      capture_output=True, text=True, timeout=60, check=False)
+                                      capture_output=True, text=True, timeout=600, check=False)
                 told = [line for line in done.stderr.splitlines() if path in line
                         or os.path.basename(path) in line]
                 self.assertEqual((done.returncode, told), (0, []), unit)

@@ -21,13 +21,18 @@ import time
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 START_SECONDS_MAX = 30
 JOB_SECONDS_MAX = 300
-# Factor for time limits; builds with sanitizers set it.
+# How much slower than on an idle machine programs may be; builds with sanitizers set it.
 TIME_SCALE = float(os.environ.get("SHEAF_TIME_SCALE", "1"))
+# What waits for an event or a program waits so many times what it takes on an idle machine: such a
+# limit only ends what hangs.
+PATIENCE = 10 * TIME_SCALE
+# Whether long forms run as well: tests/run --all.
+ALL_TESTS = os.environ.get("SHEAF_ALL_TESTS", "") == "1"
 
 
 def programs():
     """Folder of the built programs: SHEAF_BIN, which ctest sets."""
-    folder = os.environ.get("SHEAF_BIN", os.path.join(ROOT, "build", "dev", "bin"))
+    folder = os.environ.get("SHEAF_BIN", os.path.join(ROOT, "build", "release", "bin"))
     if not os.path.exists(os.path.join(folder, "sheaf")):
         sys.exit(f"no programs in {folder}: build first, or set SHEAF_BIN")
     return folder
@@ -40,7 +45,7 @@ def public_scenes():
 
 
 def wait_until(condition, seconds, what):
-    seconds *= TIME_SCALE
+    seconds *= PATIENCE
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         value = condition()
@@ -86,6 +91,10 @@ class Farm:
     def __exit__(self, *_):
         for process in self.workers + [self.coordinator]:
             if process and process.poll() is None:
+                if os.environ.get("SHEAF_ORDERLY_END"):
+                    process.terminate()
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        process.wait(START_SECONDS_MAX)
                 process.kill()
                 process.wait()
         if os.environ.get("SHEAF_KEEP"):
@@ -153,7 +162,7 @@ class Farm:
                            SHEAF_NO_QUOTE="0" if quote else "1")
         command = [*self.client_prefix, os.path.join(programs(), "sheaf"), *map(str, arguments)]
         done = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL,
-                              capture_output=True, text=True, timeout=seconds * TIME_SCALE)
+                              capture_output=True, text=True, timeout=seconds * PATIENCE)
         if check and done.returncode != 0:
             raise AssertionError(f"sheaf {' '.join(map(str, arguments))}: exit code "
                                  f"{done.returncode}\n{done.stdout}{done.stderr}\n"
@@ -173,7 +182,7 @@ class Farm:
     def metrics(self):
         """Prometheus samples by name with labels, as floats."""
         from urllib.request import urlopen
-        text = urlopen(f"http://{self.http}/metrics", timeout=10).read().decode()
+        text = urlopen(f"http://{self.http}/metrics", timeout=10 * PATIENCE).read().decode()
         samples = re.finditer(r"^(sheaf_\w+(?:\{.*\})?) (\S+)$", text, re.M)
         return {m[1]: float(m[2]) for m in samples}
 
@@ -196,7 +205,7 @@ def render(scene, output, *arguments, seconds=JOB_SECONDS_MAX):
     """Runs `sheaf render`, which uses a single process."""
     done = subprocess.run([os.path.join(programs(), "sheaf"), "render", scene, "-o", output,
                            *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True,
-                          text=True, timeout=seconds * TIME_SCALE)
+                          text=True, timeout=seconds * PATIENCE)
     if done.returncode != 0:
         raise AssertionError(f"sheaf render {scene}: exit code {done.returncode}\n{done.stdout}"
                              f"{done.stderr}")
@@ -212,7 +221,7 @@ def local(*arguments):
     """The output of a `sheaf` command that needs no farm."""
     return subprocess.run([os.path.join(programs(), "sheaf"), *map(str, arguments)],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True,
-                          timeout=JOB_SECONDS_MAX * TIME_SCALE).stdout
+                          timeout=JOB_SECONDS_MAX * PATIENCE).stdout
 
 
 def image_digest(path):

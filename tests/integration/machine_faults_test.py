@@ -18,7 +18,7 @@ import farm
 from machine_faults import MachineFaults
 
 SCENE = os.path.join(farm.ROOT, "scenes", "showroom.pbrt")
-JOB = ("--crop", "200,80,456,272", "--tile-size", "32", "--pass-samples", "16", "--lease-passes",
+JOB = ("--crop", "200,80,328,176", "--tile-size", "32", "--pass-samples", "16", "--lease-passes",
        "1", "--samples")
 LEASE_SECONDS = 2
 JUMP_SECONDS = 3 * 3600  # Longer than lost workers are remembered and than any lease may last.
@@ -70,7 +70,7 @@ class MachineFaultsTest(unittest.TestCase):
 
     def is_ready(self, f):
         try:
-            return urlopen(f"http://{f.http}/readyz", timeout=10).status == 200
+            return urlopen(f"http://{f.http}/readyz", timeout=10 * farm.PATIENCE).status == 200
         except HTTPError:
             return False
 

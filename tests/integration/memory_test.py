@@ -23,7 +23,8 @@ Shape "loopsubdiv" "integer levels" %d "integer indices" [0 1 2 0 2 3 0 3 1 1 3 
 """
 # By how much a running worker's address space may grow. A scene's process has the same limit, and
 # begins smaller by what the worker's threads reserve, 200 to 400 MiB.
-ROOM = 100 << 20
+# Beyond what a worker that has started has; far less than the scene needs.
+ROOM = 256 << 20
 
 
 class MemoryTest(unittest.TestCase):
@@ -45,7 +46,9 @@ class MemoryTest(unittest.TestCase):
     def start_worker(self, f, *arguments):
         worker = f.start_worker(*arguments)
         name = f"worker{f.worker_count}"
-        farm.wait_until(lambda: "works for" in f.log(name), 30, "the worker")
+        # Listed once it has spoken to the coordinator: it is as large as it is without work.
+        farm.wait_until(lambda: f.sheaf("workers", "--json").stdout.count("\n") == f.worker_count,
+                        30, "the worker")
         with open(f"/proc/{worker.pid}/statm", encoding="ascii") as file:
             limit = int(file.read().split()[0]) * resource.getpagesize() + ROOM
         resource.prlimit(worker.pid, resource.RLIMIT_AS, (limit, limit))
@@ -55,6 +58,12 @@ class MemoryTest(unittest.TestCase):
         done = f.sheaf("watch", job, "--json", check=False)
         self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
         return json.loads(done.stdout.splitlines()[-1])["failure"]
+
+    def phases(self, f):
+        from urllib.request import urlopen
+        text = urlopen(f"http://{f.http}/api/v1/workers", timeout=10 * farm.PATIENCE).read()
+        return [lease["phase"] for worker in json.loads(text)["workers"]
+                for lease in worker["leases"]]
 
     def test_scene_beyond_the_worker_memory_fails_without_killing_workers(self):
         with farm.Farm(["--lease-seconds", "2", "--poison-workers", "2"]) as f:
@@ -68,7 +77,8 @@ class MemoryTest(unittest.TestCase):
             self.assertEqual(f.sheaf("watch", small).returncode, 0)
             self.assertTrue(all(worker.poll() is None for worker in workers))
             from urllib.request import urlopen
-            listed = urlopen(f"http://{f.http}/api/v1/{huge}/failures", timeout=10).read()
+            listed = urlopen(f"http://{f.http}/api/v1/{huge}/failures",
+                             timeout=10 * farm.PATIENCE).read()
             self.assertIn('"kind":"memory"', listed.decode().replace(" ", ""))
 
     def test_crashing_scene_fails_after_a_few_workers(self):
@@ -77,14 +87,14 @@ class MemoryTest(unittest.TestCase):
             scene = self.scene(10)  # Takes seconds to load.
             job = self.submit(f, scene)
             killed = 0
-            end = time.monotonic() + 90 * farm.TIME_SCALE
+            end = time.monotonic() + 90 * farm.PATIENCE
             while time.monotonic() < end:
                 state = json.loads(f.sheaf("list", "--json").stdout.splitlines()[0])
                 if state["state"] == "failed":
                     break
                 worker = f.start_worker()
                 name = f"worker{f.worker_count}"
-                time.sleep(0.7)
+                farm.wait_until(lambda: "loading" in self.phases(f), 30, "a worker that loads")
                 self.assertNotIn("is ready", f.log(name), "it was to be killed while it loads")
                 worker.send_signal(signal.SIGKILL)
                 worker.wait()

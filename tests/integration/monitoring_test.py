@@ -14,7 +14,7 @@ import unittest
 from urllib.parse import urlencode
 from urllib.request import urlopen
 
-from farm import ROOT, TIME_SCALE, Farm, free_port, wait_until
+from farm import PATIENCE, ROOT, Farm, free_port, wait_until
 from secure_farm_test import MANY, Browser, SecureFarm
 
 MONITORING = os.path.join(ROOT, "deploy", "monitoring")
@@ -44,7 +44,7 @@ def read(*names):
 
 def promtool(*arguments, text=None):
     done = subprocess.run([program("promtool"), *arguments], capture_output=True, text=True,
-                          input=text, cwd=MONITORING, timeout=120 * TIME_SCALE)
+                          input=text, cwd=MONITORING, timeout=120 * PATIENCE)
     if done.returncode != 0:
         raise AssertionError(f"promtool {' '.join(arguments)}\n{done.stdout}{done.stderr}")
     return done.stdout
@@ -107,7 +107,7 @@ class Prometheus:
                 raise AssertionError("prometheus ended:\n" + log.read())
         try:
             with urlopen(f"http://{self.address}/api/v1/{path}?{urlencode(parameters)}",
-                         timeout=30 * TIME_SCALE) as answer:
+                         timeout=30 * PATIENCE) as answer:
                 return json.load(answer)["data"]
         except OSError:
             return None

@@ -16,10 +16,10 @@ from urllib.request import urlopen
 import farm
 from slow_link import SlowLink
 
-ROUND_TRIPS_MS = (0, 40, 120, 200, 400, 800)
+ROUND_TRIPS_MS = (0, 40, 120, 200, 400, 800) if farm.ALL_TESTS else (0, 120)
 TLS_ROUND_TRIPS = 2
 SCENE_FILES_MAX = 64 * 2  # A worker keeps 64 scenes; a process each, by a socket and a pipe.
-TINY_JOBS = int(os.environ.get("SHEAF_TINY_JOBS", "60"))
+TINY_JOBS = int(os.environ.get("SHEAF_TINY_JOBS", "60" if farm.ALL_TESTS else "12"))
 HALF_OPEN = 600
 USAGE, UNREACHABLE = 2, 3
 # A distinct scene for each number.
@@ -134,17 +134,18 @@ class NetworkTest(unittest.TestCase):
             sockets = []
             self.addCleanup(lambda: [s.close() for s in sockets])
             for _ in range(HALF_OPEN):
-                sockets.append(socket.create_connection((host, int(port)), timeout=10))
+                sockets.append(socket.create_connection((host, int(port)),
+                                                        timeout=10 * farm.PATIENCE))
                 sockets[-1].sendall(b"GET /healthz HTTP/1.1\r\nHost: local")
             for path in ("/healthz", "/metrics", "/", "/api/v1/jobs"):
-                with urlopen(f"http://{f.http}{path}", timeout=farm.TIME_SCALE) as answer:
+                with urlopen(f"http://{f.http}{path}", timeout=farm.PATIENCE) as answer:
                     self.assertEqual(answer.status, 200, path)
 
 
 def run(program, *arguments, environment=None):
     return subprocess.run([os.path.join(farm.programs(), program), *arguments], text=True,
                           stdin=subprocess.DEVNULL, capture_output=True, env=environment,
-                          timeout=30 * farm.TIME_SCALE)
+                          timeout=30 * farm.PATIENCE)
 
 
 def open_files(process):

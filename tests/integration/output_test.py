@@ -36,7 +36,7 @@ class OutputTest(ClientCase):
         farm.wait_until(lambda: count_parts(self.farm.path("kept state")) > 3, 30,
                         "a few finished parts")
         first.send_signal(signal.SIGINT)
-        _, text = first.communicate(timeout=30 * farm.TIME_SCALE)
+        _, text = first.communicate(timeout=30 * farm.PATIENCE)
         self.assertEqual(first.returncode, INTERRUPTED, text)
         self.assertIn("continues from here", text)
         self.assertFalse(os.path.exists(kept))
@@ -55,7 +55,7 @@ class OutputTest(ClientCase):
                                    text=True, env=dict(os.environ, TMPDIR=folder))
         farm.wait_until(lambda: count_parts(folder) > 3, 30, "a few finished parts")
         process.send_signal(signal.SIGINT)
-        _, text = process.communicate(timeout=30 * farm.TIME_SCALE)
+        _, text = process.communicate(timeout=30 * farm.PATIENCE)
         self.assertEqual(process.returncode, INTERRUPTED, text)
         return text
 
@@ -149,7 +149,7 @@ class OutputTest(ClientCase):
                                    text=True, env=dict(os.environ, TMPDIR=temporary))
         farm.wait_until(lambda: count_parts(temporary) > 0, 30, "a finished part")
         os.rmdir(folder)
-        _, text = process.communicate(timeout=60 * farm.TIME_SCALE)
+        _, text = process.communicate(timeout=60 * farm.PATIENCE)
         self.assertEqual(process.returncode, FILE, text)
         kept = re.search(r"it is kept as (.+)", text)[1]
         self.assertTrue(kept.startswith(temporary), text)
@@ -169,7 +169,7 @@ class OutputTest(ClientCase):
         farm.wait_until(lambda: len(self.farm.sheaf("list").stdout.splitlines()) > before, 30,
                         "the job")
         process.send_signal(signal.SIGINT)
-        _, text = process.communicate(timeout=30 * farm.TIME_SCALE)
+        _, text = process.communicate(timeout=30 * farm.PATIENCE)
         self.assertEqual(process.returncode, INTERRUPTED, text)
         name = re.search(r"jobs/\d+", text)[0]
         self.assertIn(f"sheaf watch {name} --coordinator {self.farm.address} -o '{output}'", text)

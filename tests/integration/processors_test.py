@@ -41,7 +41,7 @@ class ProcessorsTest(unittest.TestCase):
                     subprocess.run([*runner, program, "render",
                                     os.path.join(farm.ROOT, "scenes", name + ".pbrt"), "--samples",
                                     "4", "--crop", crop, "-o", path], check=True,
-                                   capture_output=True, timeout=120 * farm.TIME_SCALE)
+                                   capture_output=True, timeout=120 * farm.PATIENCE)
                     digests.append(farm.image_digest(path))
                 self.assertEqual(*digests)
 

@@ -22,7 +22,7 @@ def told(script, *arguments, seconds="1"):
     error).
     """
     done = subprocess.run(["bash", "-c", "( " + script + ' ) | "$0" "$@"', PROGRESS, *arguments],
-                          capture_output=True, text=True, timeout=60, check=True,
+                          capture_output=True, text=True, timeout=600, check=True,
                           env={**os.environ, "SHEAF_PROGRESS_SECONDS": seconds})
     return done.stdout, done.stderr.splitlines()
 
@@ -69,7 +69,7 @@ class ProgressTest(unittest.TestCase):
                 os.chmod(path, 0o755)
             done = subprocess.run(
                 [os.path.join(DEPLOY, "install-packages"), "build"], capture_output=True,
-                text=True, timeout=60, env={**os.environ, "SHEAF_PROGRESS_SECONDS": "1",
+                text=True, timeout=600, env={**os.environ, "SHEAF_PROGRESS_SECONDS": "1",
                                             "PATH": folder + ":" + os.environ["PATH"]})
         self.assertEqual(done.returncode, 1)
         self.assertIn("sheaf: installing packages: step 50 of 200, about ", done.stderr)

@@ -32,7 +32,7 @@ from secure_farm_test import SecureFarm
 
 PACKAGE = os.path.join(farms.ROOT, "python")
 FEW, MANY = 16, 1 << 20
-WAIT_SECONDS = 60 * farms.TIME_SCALE
+WAIT_SECONDS = 60 * farms.PATIENCE
 
 
 def setUpModule():
@@ -43,7 +43,7 @@ def setUpModule():
     BUILT = os.path.join(base, "lib")
     done = subprocess.run([sys.executable, "setup.py", "-q", "build", "--build-base", base,
                            "--build-lib", BUILT], cwd=PACKAGE, capture_output=True, text=True,
-                          timeout=60 * farms.TIME_SCALE)
+                          timeout=60 * farms.PATIENCE)
     if done.returncode:
         raise AssertionError("the package cannot be built:\n" + done.stdout + done.stderr)
     sys.path.insert(0, BUILT)
@@ -67,7 +67,7 @@ class PackageTest(unittest.TestCase):
              *(part for path in sorted(glob.glob(PACKAGE + "/examples/*.py"))
                               for part in ("-m", os.path.basename(path)[:-3]))],
             cwd=BUILT, env=dict(os.environ, MYPYPATH=f"{BUILT}:{PACKAGE}/examples"),
-            capture_output=True, text=True, timeout=120 * farms.TIME_SCALE)
+            capture_output=True, text=True, timeout=120 * farms.PATIENCE)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         self.assertTrue(os.path.exists(os.path.join(BUILT, "sheaf", "py.typed")))
 

@@ -44,7 +44,7 @@ class RefinePriceTest(unittest.TestCase):
     def http(self, path, method="GET"):
         request = urllib.request.Request(f"http://{self.farm.http}/api/v1/{path}", method=method,
                                          headers={"X-Sheaf-Request": "1"})
-        with urllib.request.urlopen(request, timeout=30) as response:
+        with urllib.request.urlopen(request, timeout=30 * farm.PATIENCE) as response:
             return json.load(response)
 
     def expect_same(self, client, http, http_alone=()):

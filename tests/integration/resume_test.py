@@ -125,7 +125,7 @@ class ResumeTest(unittest.TestCase):
         done = subprocess.run(
             [os.path.join(farm.programs(), "sheaf"), "render", scene, "--samples", "32", "-o",
              self.path("never.exr"), "--resume-from", self.path("mitchell.exr")],
-            capture_output=True, text=True, timeout=60 * farm.TIME_SCALE)
+            capture_output=True, text=True, timeout=60 * farm.PATIENCE)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("its filter is negative in places", done.stderr)
 
@@ -135,7 +135,7 @@ class ResumeTest(unittest.TestCase):
                 [os.path.join(farm.programs(), "sheaf"), "render", scene, "-o",
                  self.path("never.exr"), "--resume-from", self.path("first.exr"),
                  *map(str, arguments)], capture_output=True, text=True,
-                timeout=60 * farm.TIME_SCALE)
+                timeout=60 * farm.PATIENCE)
             self.assertNotEqual(done.returncode, 0)
             self.assertFalse(os.path.exists(self.path("never.exr")))
             return done.stderr
@@ -149,7 +149,7 @@ class ResumeTest(unittest.TestCase):
         done = subprocess.run(
             [os.path.join(farm.programs(), "sheaf"), "quote", OTHER, "--local", "--resume-from",
              self.path("first.exr")], capture_output=True, text=True,
-            timeout=60 * farm.TIME_SCALE)
+            timeout=60 * farm.PATIENCE)
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("cannot continue from " + self.path("first.exr"), done.stderr)
 

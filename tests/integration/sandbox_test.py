@@ -63,7 +63,8 @@ class SandboxTest(unittest.TestCase):
         """The message and the classes of failure of a job that fails."""
         done = f.sheaf("watch", job, "--json", check=False)
         self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
-        listed = json.load(urlopen(f"http://{f.http}/api/v1/{job}/failures", timeout=10))
+        listed = json.load(urlopen(f"http://{f.http}/api/v1/{job}/failures",
+                                   timeout=10 * farm.PATIENCE))
         message = json.loads(done.stdout.splitlines()[-1])["failure"]
         return message, {failure["kind"] for failure in listed["failures"]}
 
@@ -138,7 +139,7 @@ class SandboxTest(unittest.TestCase):
                 worker.send_signal(kill)
                 farm.wait_until(lambda: not any(is_running(pid) for pid in processes), 60,
                                 "the end of the scene's processes")
-                worker.wait(timeout=60)
+                worker.wait(timeout=60 * farm.PATIENCE)
 
 
 if __name__ == "__main__":

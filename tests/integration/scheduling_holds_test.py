@@ -172,7 +172,7 @@ class SchedulingHoldsTest(unittest.TestCase):
             self.assertIsNone(process.poll())
             host = json.loads(f.sheaf("workers", "--json").stdout.splitlines()[0])["host"]
             f.sheaf("drain", "--all-of-host", host, "--then-exit")
-            self.assertEqual(process.wait(SECONDS_MAX * farm.TIME_SCALE), 0)
+            self.assertEqual(process.wait(SECONDS_MAX * farm.PATIENCE), 0)
             f.start_worker()
             self.submit(f, "--samples", SAMPLES, "--wait", "-o", f.path("after.exr"))
             refused = f.sheaf("drain", "nobody", check=False)

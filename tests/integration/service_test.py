@@ -35,12 +35,12 @@ class Manager:
                             "WATCHDOG_USEC": str(int(WATCHDOG_SECONDS * 1e6))}
 
     def next(self):
-        self.socket.settimeout(SECONDS_MAX * farm.TIME_SCALE)
+        self.socket.settimeout(SECONDS_MAX * farm.PATIENCE)
         return self.socket.recv(4096).decode()
 
     def await_line(self, line):
         """Reads until a datagram has the line; returns it."""
-        end = time.monotonic() + SECONDS_MAX * farm.TIME_SCALE
+        end = time.monotonic() + SECONDS_MAX * farm.PATIENCE
         while time.monotonic() < end:
             told = self.next()
             if re.search(rf"(?m)^{line}", told):
@@ -76,7 +76,7 @@ class ServiceTest(unittest.TestCase):
                 self.assertEqual(manager.next(), "WATCHDOG=1")
             f.coordinator.terminate()
             manager.await_line("STOPPING=1")
-            self.assertEqual(f.coordinator.wait(SECONDS_MAX * farm.TIME_SCALE), 0)
+            self.assertEqual(f.coordinator.wait(SECONDS_MAX * farm.PATIENCE), 0)
 
     @unittest.skipIf(postgres.programs() is None, "tests/engines/postgresql/install")
     def test_a_coordinator_that_stands_by_tells_its_manager(self):
@@ -98,7 +98,7 @@ class ServiceTest(unittest.TestCase):
                     self.assertEqual(manager.next(), "WATCHDOG=1")
                 second.terminate()
                 manager.await_line("STOPPING=1")
-                self.assertEqual(second.wait(SECONDS_MAX * farm.TIME_SCALE), 0)
+                self.assertEqual(second.wait(SECONDS_MAX * farm.PATIENCE), 0)
 
     def test_a_worker_tells_its_manager(self):
         manager = self.manager()
@@ -113,7 +113,7 @@ class ServiceTest(unittest.TestCase):
             f.sheaf("submit", self.scene, "--samples", "16", "--wait", "-o", f.path("a.exr"))
             worker.terminate()
             manager.await_line("STOPPING=1")
-            self.assertEqual(worker.wait(SECONDS_MAX * farm.TIME_SCALE), 0)
+            self.assertEqual(worker.wait(SECONDS_MAX * farm.PATIENCE), 0)
 
     def test_a_worker_that_stands_still_is_not_alive(self):
         manager = self.manager()
@@ -177,7 +177,8 @@ class ServiceTest(unittest.TestCase):
                 (("--yield-load", "1", "--nice", "0"), "give a --nice from 1 to 19"),
                 (("--nice", "20"), "--nice")):
             done = subprocess.run([os.path.join(farm.programs(), "sheaf-worker"), *arguments],
-                                  capture_output=True, text=True, check=False, timeout=60)
+                                  capture_output=True, text=True, check=False,
+                                  timeout=60 * farm.PATIENCE)
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertIn(message, done.stderr)
 

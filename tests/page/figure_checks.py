@@ -51,7 +51,7 @@ def large_scene(farm):
 def first_part_time(farm, job):
     """The time when the coordinator has the first samples of the job's frame."""
     def landed():
-        with urlopen(f"http://{farm.http}/api/v1/{job}/frames/1", timeout=10) as response:
+        with urlopen(f"http://{farm.http}/api/v1/{job}/frames/1", timeout=100) as response:
             return json.load(response)["progress"]["sample_count_done"] > 0
     wait_until(landed, JOB_SECONDS_MAX, "a first part")
     return time.time()

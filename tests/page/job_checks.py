@@ -85,7 +85,6 @@ def check_failed_job(browser, failed_job, screenshot):
     wait_until(lambda: browser.run(TEXT, "job-state") != "failed" or
                browser.run("return fetch('/api/v1/' + arguments[0]).then((r) => r.status)",
                            failed_job) == 404, CHANGE_SECONDS_MAX, "the end of the job")
-    browser.console_errors()  # The job that is gone was asked for.
 
 
 def check_png_download(browser, width_px):

@@ -1,7 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Thousands of jobs and workers: few rows in the document and no long tasks. For page_test.py."""
-from farm import TIME_SCALE
+from farm import ALL_TESTS, TIME_SCALE
 
 # Limit for the time between two animation frames while scrolling through all jobs.
 FRAME_MS_MAX = 200 * TIME_SCALE
@@ -70,7 +70,11 @@ def worst_ms(browser):
 
 
 def check_is_quick(browser, what, limit_ms, measure):
-    """The best of some attempts keeps the limit if the machine is otherwise idle."""
+    """The best of some attempts keeps the limit if the machine is otherwise idle. Times depend on
+    what else the machine does, so the short form only has the page do it."""
+    if not ALL_TESTS:
+        measure()
+        return
     texts = []
     for _ in range(ATTEMPT_COUNT_MAX):
         busy = busy_factor(browser)
@@ -87,6 +91,9 @@ def check_loading(traced, reload):
     """The page loads in short tasks. `reload` opens the page in a traced browser and waits until
     everything is listed; the first time the browser compiles the scripts. Tasks count with their
     CPU time, as the server and the browser's other processes share the machine meanwhile."""
+    if not ALL_TESTS:
+        reload()
+        return
     longest = []
     for _ in range(LOADS):
         traced.task_cpu_ms()

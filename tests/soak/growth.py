@@ -6,7 +6,7 @@ A quantity grows where the slope of a line through its samples (Theil 1950, Sen 
 the slopes of all pairs, which no few samples bend) is beyond its limit, and so is the rise from the
 first third of the samples to the last, as a median. Samples of the warm-up do not count. A killed
 coordinator begins anew, so memory, files and threads are judged by their age-independent level: the
-samples of the first seconds of each life are left out.
+first samples of each coordinator are left out.
 """
 import os
 import statistics
@@ -14,8 +14,8 @@ import time
 
 # Part of the run in which caches fill.
 WARM_UP_PART = 0.3
-# Age of a coordinator's life from which its memory counts.
-LIFE_SECONDS_MIN = 3
+# Samples of a coordinator before the first that counts.
+YOUNG_SAMPLES = 3
 SAMPLES_MIN = 9
 # Pairs of samples of which slopes are taken, evenly spread, at most.
 PAIRS_MAX = 200_000
@@ -31,26 +31,28 @@ LIMITS = (
 
 
 class Sampler:
-    """Takes a row whenever the time has come: {"seconds", "life", and each quantity}."""
+    """Takes a row whenever the time has come: {"seconds", "age", and each quantity}; the age is the
+    number of earlier rows of the same coordinator.
+    """
 
     def __init__(self, farm, interval_seconds):
         self.farm = farm
         self.interval = interval_seconds
         self.begin = time.monotonic()
         self.next = self.begin
-        self.life = (None, self.begin)  # Process id, and when it was first seen.
         self.rows = []
+        self.pid, self.age = None, 0
 
     def sample(self):
         now = time.monotonic()
-        pid = self.farm.coordinator.pid
-        if self.life[0] != pid:
-            self.life = (pid, now)
         if now < self.next:
             return
         self.next = now + self.interval
+        pid = self.farm.coordinator.pid
+        self.age = self.age + 1 if self.pid == pid else 0
+        self.pid = pid
         row = measure(pid, self.farm.path("state"))
-        self.rows.append({"seconds": now - self.begin, "life": now - self.life[1], **row})
+        self.rows.append({"seconds": now - self.begin, "age": self.age, **row})
 
 
 def measure(pid, state):
@@ -105,12 +107,13 @@ class Verdict:
                 f"{self.limit} |")
 
 
-def verdicts(rows, seconds):
+def verdicts(rows):
     """One for each quantity of which there are enough samples."""
     found = []
+    warm = WARM_UP_PART * rows[-1]["seconds"]
     for name, unit, rise_max, slope_max in LIMITS:
         points = [(row["seconds"], row[name]) for row in rows
-                  if row["seconds"] >= WARM_UP_PART * seconds and row["life"] >= LIFE_SECONDS_MIN]
+                  if row["seconds"] >= warm and row["age"] >= YOUNG_SAMPLES]
         if len(points) >= SAMPLES_MIN:
             found.append(Verdict(name, unit, rise_max, slope_max, points))
     return found

@@ -327,10 +327,15 @@ HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
 }
 
 HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
+  HttpResponse no_image;
+  no_image.status = 204;
+  no_image.headers = {{"Cache-Control", "no-store"}};
+  const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
   const absl::StatusOr<FrameView> frame = FindFrame(request);
+  // A list asks for the thumbnails of its rows after it was read: a job may be deleted between.
+  if (absl::IsNotFound(frame.status()) && choice.ok() && choice->thumbnail) return no_image;
   if (!frame.ok()) return HttpErrorFromStatus(frame.status());
   if (IsView(request)) return ViewResponse(request, View(request, *frame));
-  const absl::StatusOr<PreviewChoice> choice = ChoiceOf(request);
   if (!choice.ok()) return HttpErrorFromStatus(choice.status());
   const auto etag = [&](uint64_t version) {
     return absl::StrCat("\"", instance_, "-", version, "\"");
@@ -340,16 +345,12 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
   absl::StatusOr<EncodedPreview> preview =
       (choice->thumbnail ? thumbnails_ : previews_)
           .Find(farm_, request.path_parameters[0], *frame, *choice);
-  HttpResponse response;
   const bool may_lack = !frame->complete || choice->thumbnail || choice->layer == ImageLayer::kTime;
-  if (absl::IsUnavailable(preview.status()) && may_lack) {
-    // This is not an error: a job may end between the event that announces an image and the request
-    // for it, frames of earlier versions have no thumbnail, and frames without parts have no times.
-    response.status = 204;
-    response.headers = {{"Cache-Control", "no-store"}};
-    return response;
-  }
+  // This is not an error: a job may end between the event that announces an image and the request
+  // for it, frames of earlier versions have no thumbnail, and frames without parts have no times.
+  if (absl::IsUnavailable(preview.status()) && may_lack) return no_image;
   if (!preview.ok()) return HttpErrorFromStatus(preview.status());
+  HttpResponse response;
   response.content_type = "image/png";
   response.headers = {{"ETag", etag(preview->version)}, {"Cache-Control", "no-cache"}};
   if (preview->range) {

@@ -139,7 +139,7 @@ class SharedFarm:
         environment = dict(os.environ, SHEAF_COORDINATOR=self.addresses, SHEAF_NO_QUOTE="1")
         done = subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
                               env=environment, stdin=subprocess.DEVNULL, capture_output=True,
-                              text=True, timeout=farm.JOB_SECONDS_MAX * farm.TIME_SCALE)
+                              text=True, timeout=farm.JOB_SECONDS_MAX * farm.PATIENCE)
         if done.returncode != 0:
             raise AssertionError(f"sheaf {' '.join(map(str, arguments))}: {done.returncode}\n"
                                  f"{done.stdout}{done.stderr}")

@@ -18,8 +18,8 @@ import farm
 HERE = os.path.dirname(os.path.abspath(__file__))
 INSTALLED = os.environ.get("SHEAF_S3_ENGINES",
                            os.path.join(HERE, "..", "..", "..", "build", "engines", "s3"))
-START_SECONDS_MAX = 60 * farm.TIME_SCALE
-CALL_SECONDS_MAX = 60 * farm.TIME_SCALE
+START_SECONDS_MAX = 60 * farm.PATIENCE
+CALL_SECONDS_MAX = 60 * farm.PATIENCE
 
 
 class Server:
