@@ -10,6 +10,11 @@ endif()
 # Checks are active in every build type: SHEAF_CHECK does not depend on NDEBUG.
 set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG")
 
+# The compilers of Debian 12 and 13; others may warn of what these do not.
+if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION MATCHES "^1[24]\\.")
+  set(CMAKE_COMPILE_WARNING_AS_ERROR ON CACHE BOOL "Warnings are errors")
+endif()
+
 option(SHEAF_BUILD_TESTS "Build the tests" ON)
 option(SHEAF_JOIN_SOURCES "Compile several sources of a target at a time" ON)
 set(SHEAF_UNJOINED_TARGETS "" CACHE STRING "Targets that compile each source alone nevertheless")
@@ -36,6 +41,11 @@ add_library(sheaf_warnings INTERFACE)
 target_compile_options(sheaf_warnings INTERFACE
   -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wshadow -Wnon-virtual-dtor -Wundef -Wno-restrict)
 
+option(SHEAF_COVERAGE "Count the lines that run (tests/harness/coverage.py)" OFF)
+if(SHEAF_COVERAGE)
+  add_compile_options(--coverage -O1)
+  add_link_options(--coverage)
+endif()
 if(SHEAF_SANITIZE)
   add_compile_options(-fsanitize=${SHEAF_SANITIZE} -fno-omit-frame-pointer -g1)
   add_link_options(-fsanitize=${SHEAF_SANITIZE})

@@ -15,7 +15,7 @@ namespace {
 using ::testing::ElementsAre;
 
 constexpr PixelRect kZoomedFrame{0, 0, 100, 80};
-constexpr float kEmitter = 500, kWall = 0.5F;
+constexpr float kBright = 500, kDim = 0.5F;
 
 // A round emitter in front of a wall.
 ZoomedPilot ZoomedPilotOf(double x, double y, double radius_px, const PixelRect& rect,
@@ -31,9 +31,9 @@ ZoomedPilot ZoomedPilotOf(double x, double y, double radius_px, const PixelRect&
     for (int32_t u = window.x0; u < window.x1; ++u) {
       const bool is_emitter = std::hypot((u + 0.5) / scale - x, (v + 0.5) / scale - y) < radius_px;
       for (const std::string channel : {"R", "G", "B"}) {
-        (*zoomed_pilot.image.Find(channel))[window.IndexOf(u, v)] = is_emitter ? kEmitter : kWall;
+        (*zoomed_pilot.image.Find(channel))[window.IndexOf(u, v)] = is_emitter ? kBright : kDim;
         (*zoomed_pilot.image.Find("emission." + channel))[window.IndexOf(u, v)] =
-            is_emitter ? kEmitter : 0;
+            is_emitter ? kBright : 0;
       }
     }
   }
@@ -79,8 +79,8 @@ TEST(ZoomedPilotsTest, FractionsSumToTheEmitterArea) {
     for (const EmitterPixel& pixel : EmitterPixelsOf(zoomed_pilot, filter, kZoomedFrame)) {
       area += pixel.fraction;
       EXPECT_LE(pixel.fraction, 1);
-      EXPECT_DOUBLE_EQ(pixel.emitter[0], double{kEmitter});
-      EXPECT_DOUBLE_EQ(pixel.beside[2], double{kWall});
+      EXPECT_DOUBLE_EQ(pixel.emitter[0], double{kBright});
+      EXPECT_DOUBLE_EQ(pixel.beside[2], double{kDim});
     }
     const double expected = std::numbers::pi * radius_px * radius_px;
     EXPECT_NEAR(area, expected, 0.1 * expected);

@@ -10,7 +10,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-using Kind = CheckVerdict::Kind;
+using VerdictKind = CheckVerdict::Kind;
 
 const TaskId kTask{{1, 1}, 2, 0, 16, 1};
 
@@ -18,7 +18,7 @@ TEST(ResultChecksTest, TwoThatAgreeConfirm) {
   ResultChecks checks(5);
   checks.Begin(kTask, {"a", "x"});
   EXPECT_EQ(checks.waiting().size(), 1u);
-  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "x"}).kind, Kind::kConfirmed);
+  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "x"}).kind, VerdictKind::kConfirmed);
   EXPECT_EQ(checks.size(), 0u);
   EXPECT_TRUE(checks.waiting().empty());
 }
@@ -26,10 +26,10 @@ TEST(ResultChecksTest, TwoThatAgreeConfirm) {
 TEST(ResultChecksTest, AThirdDecidesDisputes) {
   for (const bool first_lies : {false, true}) {
     ResultChecks checks(5);
-    EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "y"}).kind, Kind::kOpen);
+    EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "y"}).kind, VerdictKind::kOpen);
     EXPECT_TRUE(checks.HasDispute({1, 1}));
     const CheckVerdict verdict = checks.Add(kTask, {"a", "x"}, {"c", first_lies ? "y" : "x"});
-    EXPECT_EQ(verdict.kind, Kind::kDecided);
+    EXPECT_EQ(verdict.kind, VerdictKind::kDecided);
     EXPECT_THAT(verdict.liars, ElementsAre(first_lies ? "a" : "b"));
     EXPECT_EQ(checks.size(), 0u);
   }
@@ -37,26 +37,26 @@ TEST(ResultChecksTest, AThirdDecidesDisputes) {
 
 TEST(ResultChecksTest, ManyThatDifferStayUndecided) {
   ResultChecks checks(4);
-  EXPECT_EQ(checks.Add(kTask, {"a", "1"}, {"b", "2"}).kind, Kind::kOpen);
-  EXPECT_EQ(checks.Add(kTask, {"a", "1"}, {"c", "3"}).kind, Kind::kOpen);
-  EXPECT_EQ(checks.Add(kTask, {"a", "1"}, {"d", "4"}).kind, Kind::kUndecided);
+  EXPECT_EQ(checks.Add(kTask, {"a", "1"}, {"b", "2"}).kind, VerdictKind::kOpen);
+  EXPECT_EQ(checks.Add(kTask, {"a", "1"}, {"c", "3"}).kind, VerdictKind::kOpen);
+  EXPECT_EQ(checks.Add(kTask, {"a", "1"}, {"d", "4"}).kind, VerdictKind::kUndecided);
   EXPECT_EQ(checks.size(), 0u);
 }
 
 TEST(ResultChecksTest, NobodyVotesTwice) {
   ResultChecks checks(5);
-  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "y"}).kind, Kind::kOpen);
-  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "y"}).kind, Kind::kOpen);
+  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "y"}).kind, VerdictKind::kOpen);
+  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"b", "y"}).kind, VerdictKind::kOpen);
   EXPECT_FALSE(checks.Find(kTask)->MayBeDoneBy("b"));
   EXPECT_TRUE(checks.Find(kTask)->MayBeDoneBy("c"));
   const CheckVerdict verdict = checks.Add(kTask, {"a", "x"}, {"b", "z"});
-  EXPECT_EQ(verdict.kind, Kind::kDecided) << "it contradicts itself";
+  EXPECT_EQ(verdict.kind, VerdictKind::kDecided) << "it contradicts itself";
   EXPECT_THAT(verdict.liars, ElementsAre("b"));
 }
 
 TEST(ResultChecksTest, RepeatedUploadsAreNoChecks) {
   ResultChecks checks(5);
-  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"a", "x"}).kind, Kind::kOpen);
+  EXPECT_EQ(checks.Add(kTask, {"a", "x"}, {"a", "x"}).kind, VerdictKind::kOpen);
   EXPECT_EQ(checks.size(), 0u);
 }
 

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gain of adaptive sampling.
 
-    SHEAF_BIN=build/dev/bin tests/accuracy/adaptive_gain.py SCENE... [--target 0.01] [--runs 3]
+    SHEAF_BIN=build/release/bin tests/accuracy/adaptive_gain.py SCENE... [--target 0.01] [--runs 3]
         [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
 For every scene it renders a reference as target_error.py does, the target itself (adaptive), and

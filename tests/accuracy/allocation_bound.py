@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Upper bound on the gain of distributing samples over the parts of an image.
 
-    SHEAF_BIN=build/dev/bin tests/accuracy/allocation_bound.py SCENE... [--samples 64]
+    SHEAF_BIN=build/release/bin tests/accuracy/allocation_bound.py SCENE... [--samples 64]
         [--images 4] [--cells 8,16,32] [--reference-samples 4096] [--references FOLDER]
         [--crop X0,Y0,X1,Y1]
 

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cost of true error bars: sixteen replicates against one sequence per pixel.
 
-    SHEAF_BIN=build/dev/bin tests/accuracy/one_sequence.py SCENE... [--samples 64] [--runs 4]
+    SHEAF_BIN=build/release/bin tests/accuracy/one_sequence.py SCENE... [--samples 64] [--runs 4]
         [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
 For every scene it renders a reference by one sequence with another seed, then images of several

@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Accuracy of quotes against actual costs.
 
-    SHEAF_BIN=build/dev/bin tests/accuracy/quote_accuracy.py SCENE... [--targets 0.1,0.05,0.02,0.01]
+    SHEAF_BIN=build/release/bin \\
+        tests/accuracy/quote_accuracy.py SCENE... [--targets 0.1,0.05,0.02,0.01]
         [--quotes 3] [--crop X0,Y0,X1,Y1] [--check]
 
 For every scene it renders each target once, makes several quotes with different seeds, and compares

@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether --target-error reaches its target, and at what overshoot.
 
-    SHEAF_BIN=build/dev/bin tests/accuracy/target_error.py SCENE... [--targets 0.1,0.05,0.02,0.01]
+    SHEAF_BIN=build/release/bin \\
+        tests/accuracy/target_error.py SCENE... [--targets 0.1,0.05,0.02,0.01]
         [--runs 5] [--reference-samples 4096] [--references FOLDER] [--crop X0,Y0,X1,Y1] [--check]
 
 For every scene it renders the smallest target, then a reference of another seed with 16 times as
@@ -27,7 +28,7 @@ import subprocess
 import sys
 import tempfile
 
-BIN = os.environ.get("SHEAF_BIN", "build/dev/bin")
+BIN = os.environ.get("SHEAF_BIN", "build/release/bin")
 REFERENCE_GROWTH = 16
 REFERENCE_SAMPLES_MIN = 4096
 REACHED_MIN = 0.95

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Benchmarks that print measurements. They are built with the tests and run by hand or by slow
-# tests.
+# Benchmarks that print measurements, run by hand or by long tests: target "benches".
 add_executable(ray_rate_bench ${CMAKE_CURRENT_LIST_DIR}/ray_rate_bench.cc)
 target_link_libraries(ray_rate_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 add_executable(memory_bench ${CMAKE_CURRENT_LIST_DIR}/memory_bench.cc)
@@ -14,8 +13,8 @@ target_link_libraries(many_lights_bench PRIVATE sheaf::render_light sheaf_warnin
 add_executable(variant_speed_bench ${CMAKE_CURRENT_LIST_DIR}/variant_speed_bench.cc)
 target_link_libraries(variant_speed_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 # Only compares the images of SHEAF_PUBLIC_SCENES: times measured on a busy machine are not judged.
-sheaf_add_script_test(NAME variant_speed LABEL slow TIMEOUT 1500 COST 20
-  COMMAND variant_speed_bench --images-only)
+sheaf_add_script_test(NAME variant_speed LABEL slow
+  COMMAND $<TARGET_FILE:variant_speed_bench> --images-only)
 add_executable(volume_bench ${CMAKE_CURRENT_LIST_DIR}/volume_bench.cc)
 target_link_libraries(volume_bench PRIVATE sheaf::render_medium absl::status absl::strings sheaf_warnings)
 add_executable(fog_light_bench ${CMAKE_CURRENT_LIST_DIR}/fog_light_bench.cc)
@@ -36,3 +35,9 @@ add_executable(light_samples_bench ${CMAKE_CURRENT_LIST_DIR}/light_samples_bench
 target_link_libraries(light_samples_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)
 add_executable(store_bench ${CMAKE_CURRENT_LIST_DIR}/store_bench.cc)
 target_link_libraries(store_bench PRIVATE sheaf::coordinator_store sheaf_warnings)
+set(benches
+  ray_rate_bench memory_bench texture_memory_bench geometry_bench many_lights_bench
+  variant_speed_bench volume_bench fog_light_bench majorant_bench part_bench completions_bench
+  connections_bench similarity_bench light_samples_bench store_bench)
+set_target_properties(${benches} PROPERTIES EXCLUDE_FROM_ALL ON)
+add_custom_target(benches DEPENDS ${benches})

@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cost of each effect in a small scene of its own: the source of the plan's expected costs.
 
-    SHEAF_BIN=build/dev/bin tests/bench/effect_cost.py [SECONDS] [--check] [--effects NAME ...]
+    SHEAF_BIN=build/release/bin tests/bench/effect_cost.py [SECONDS] [--check] [--effects NAME ...]
 
 For every effect, renders a floor and a box under a light, with and without the effect, in turns
 (`sheaf plan --measure`), and prints the ratio of times beside the ratio that the plan states
@@ -19,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 
-SHEAF = os.path.join(os.environ.get("SHEAF_BIN", "build/dev/bin"), "sheaf")
+SHEAF = os.path.join(os.environ.get("SHEAF_BIN", "build/release/bin"), "sheaf")
 ALLOWED, SIGMAS = 0.25, 4
 
 HEAD = """Film "rgb" "integer xresolution" [128] "integer yresolution" [128]

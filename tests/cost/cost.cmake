@@ -8,10 +8,10 @@ foreach(trait kTextures kDeltaLights kAreaLights kSpecularTransmission
   configure_file(${CMAKE_CURRENT_LIST_DIR}/ablated_variant.cc.in ${ablated_source} @ONLY)
   list(APPEND ablated_sources ${ablated_source})
 endforeach()
-sheaf_add_test(NAME trait_cost DEPS sheaf::render
+sheaf_add_test(NAME trait_cost LONG DEPS sheaf::render
   PRECOMPILE <worker/render/integrator/variants.h> <worker/render/bsdf/bsdf_inl.h> SOURCES
   cost/trait_cost_test.cc ${ablated_sources})
 # The same flags as for worker/render, or the counts would compare compiler settings.
 target_compile_options(sheaf_trait_cost_test PRIVATE $<$<CONFIG:Release>:-O3>)
-sheaf_add_script_test(NAME trait_cost LABEL slow TIMEOUT 900 COST 35
+sheaf_add_script_test(NAME trait_cost LABEL slow
   COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/trait_cost_count.py)

@@ -15,7 +15,7 @@ import tempfile
 import unittest
 
 ALLOWED = 1.01
-TEST = os.path.join(os.environ.get("SHEAF_BIN", "build/dev/bin"), "sheaf_trait_cost_test")
+TEST = os.path.join(os.environ.get("SHEAF_BIN", "build/release/bin"), "sheaf_trait_cost_test")
 
 
 def cases():

@@ -3,17 +3,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the tests of every hard case of docs/hard-cases.md and writes their measurements.
 
-    tests/hard_cases/hard_cases.py [--build build/dev] [--out build/dev/hard_cases] [--short]
-        [--jobs N] [--reports FOLDER]
+    tests/hard_cases/hard_cases.py [--build build/release] [--out build/release/hard_cases]
+        [--short] [--jobs N] [--reports FOLDER]
 
 The folder of --out receives hard-cases.html, a page that loads nothing else, and hard-cases.json,
 in which the strings "nan", "inf" and "-inf" stand for numbers that JSON lacks. --short omits the
-tests that take longest; SHEAF_LONG_TESTS=1 lengthens the others. --reports takes the results of
-tests that ctest ran since they were built. Exits with 1 if a row is red: a test fails, is not
+tests of tests/long_tests.md; SHEAF_LONG_TESTS=1 lengthens the others. --reports takes the results
+of tests that ctest ran since they were built. Exits with 1 if a row is red: a test fails, is not
 built, or records no figure.
 """
 import argparse
 import concurrent.futures
+import fnmatch
+import glob
 import json
 import math
 import os
@@ -26,18 +28,9 @@ import xml.etree.ElementTree
 import catalogue
 import page
 
-# Tests that take from a second to a minute, of rows that also have other tests.
-LONG = (
-    "BsdfChiSquareTest.*", "BsdfSampleTest.MeanWeight*", "MaterialStability.M2_CoatsOfPerfect*",
-    "MaterialStability.M2_RoughGlass*", "MediumStability.V1HalfSpace*",
-    "PhaseChiSquareTest.Samples*", "SubsurfaceStability.V1Walk*",
-    "SubsurfaceStability.V14TexturedSubsurface*", "SubsurfaceStability.V14ReflectanceAt*",
-    "SubsurfaceStability.V14ReflectanceMatches*", "TechniquesTest.L16HitLight*",
-    "TechniquesTest.L16SampledLightAndBoth",
-    "TechniquesTest.V7*", "TechniquesTest.V10*", "TrackingTest.V10*",
-    "TriangleStability.G3NoRayLeavesAClosedMesh*", "TriangleStability.G3NoRayLeavesAPlaced*",
-    "HeterogeneousEquiangularTest.V7ConstantGrid*", "HeterogeneousEquiangularTest.V12*",
-    "HeterogeneousMediaTest.V10EmissiveGrids*", "HeterogeneousMediaTest.V12*")
+sys.path.insert(0, os.path.join(catalogue.ROOT, "tests", "harness"))
+import register_tests  # noqa: E402  pylint: disable=wrong-import-position
+
 PROGRAM_SECONDS_MAX = 1800
 LIST_SECONDS_MAX = 60
 # The same as kStandardErrorsMax of tests/support/hard_case.h.
@@ -88,18 +81,8 @@ def run_program(program, tests):
             for suite in suites for test in suite["testsuite"]}, ""
 
 
-def read_report(folder, test, program):
-    """The test's result in GoogleTest's XML as an object of its JSON; None without one that is
-    complete and newer than the program."""
-    path = os.path.join(folder, test + ".xml")
-    try:
-        if os.path.getmtime(path) < os.path.getmtime(program):
-            return None
-        case = xml.etree.ElementTree.parse(path).getroot().find("testsuite/testcase")
-    except (FileNotFoundError, xml.etree.ElementTree.ParseError):
-        return None  # ctest runs it just now, or has not run it.
-    if case is None or f"{case.get('classname')}.{case.get('name')}" != test:
-        return None
+def report_of(case):
+    """A test's result in GoogleTest's XML as an object of its JSON."""
     report = {"result": case.get("result", "").upper(), "time": case.get("time", "0") + "s",
               **{p.get("name"): p.get("value") for p in case.iter("property")}}
     failures = [failure.get("message") for failure in case.iter("failure")]
@@ -107,9 +90,18 @@ def read_report(folder, test, program):
 
 
 def read_reports(folder, program_of, tests):
-    """{test: its report} of those that have one."""
-    found = {test: read_report(folder, test, program_of[test]) for test in tests}
-    return {test: report for test, report in found.items() if report is not None}
+    """{test: its report} of those that have a complete one, newer than the program."""
+    found, wanted = {}, set(tests)
+    for path in sorted(glob.glob(os.path.join(folder, "*.xml")), key=os.path.getmtime):
+        try:
+            root = xml.etree.ElementTree.parse(path).getroot()
+        except (FileNotFoundError, xml.etree.ElementTree.ParseError):
+            continue  # ctest runs it just now.
+        for case in root.iter("testcase"):
+            test = f"{case.get('classname')}.{case.get('name')}"
+            if test in wanted and os.path.getmtime(path) >= os.path.getmtime(program_of[test]):
+                found[test] = report_of(case)
+    return found
 
 
 def run_tests(program_of, tests, jobs):
@@ -227,8 +219,9 @@ def measure(rows, build, short, jobs, reports_folder):
     started = time.monotonic()
     program_of = find_tests(os.path.join(build, "bin"))
     wanted = sorted({test for row in rows for test in catalogue.tests_of(row, program_of)})
+    long = register_tests.read_long_tests() if short else []
     left_out = {test for test in wanted
-                if short and any(catalogue.matches(pattern, test) for pattern in LONG)}
+                if any(fnmatch.fnmatchcase(test, pattern) for pattern in long)}
     wanted = [test for test in wanted if test not in left_out]
     known = read_reports(reports_folder, program_of, wanted) if reports_folder else {}
     reports, failures = run_tests(program_of, [t for t in wanted if t not in known], jobs)
@@ -252,7 +245,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=os.path.abspath,
-                        default=os.path.join(catalogue.ROOT, "build", "dev"),
+                        default=os.path.join(catalogue.ROOT, "build", "release"),
                         help="the build folder, whose bin has the test programs")
     parser.add_argument("--out", help="where to write; default: hard_cases in the build folder")
     parser.add_argument("--short", action="store_true", help="leave out the longest tests")

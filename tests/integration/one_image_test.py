@@ -51,8 +51,14 @@ class OneImageTest(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory()
         cls.expected = cls.rendered("reference")
 
+        cls.farm = farm.Farm()
+        cls.farm.__enter__()
+        for _ in range(2):
+            cls.farm.start_worker()
+
     @classmethod
     def tearDownClass(cls):
+        cls.farm.__exit__()
         cls.folder.cleanup()
 
     @classmethod
@@ -87,13 +93,10 @@ class OneImageTest(unittest.TestCase):
                         os.remove(output)
 
     def farmed(self, *flags):
-        """Digest of the image rendered by a new farm with two workers."""
-        with farm.Farm() as f:
-            f.start_worker()
-            f.start_worker()
-            output = f.path("out.exr")
-            f.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags)
-            return farm.image_digest(output)
+        """Digest of the image rendered by a farm with two workers."""
+        output = self.farm.path("out.exr")
+        self.farm.sheaf("submit", SCENE, "--wait", "-o", output, *JOB, *flags)
+        return farm.image_digest(output)
 
     def test_color_and_scattering_settings_are_transmitted(self):
         for flags in (("--color", "spectral"), ("--single-scattering",), ("--one-sequence",)):
@@ -109,15 +112,13 @@ class OneImageTest(unittest.TestCase):
         with open(fog, "w", encoding="utf-8") as f:
             f.write(FOG)
         images = {}
-        with farm.Farm() as f:
-            f.start_worker()
-            for after in (0, 1, 3):
-                path = os.path.join(self.folder.name, "fog.exr")
-                farm.render(fog, path, "--similarity", after)
-                images[after] = farm.image_digest(path)
-                output = f.path("fog.exr")
-                f.sheaf("submit", fog, "--wait", "-o", output, "--similarity", after)
-                self.assertEqual(farm.image_digest(output), images[after])
+        for after in (0, 1, 3):
+            path = os.path.join(self.folder.name, "fog.exr")
+            farm.render(fog, path, "--similarity", after)
+            images[after] = farm.image_digest(path)
+            output = self.farm.path("fog.exr")
+            self.farm.sheaf("submit", fog, "--wait", "-o", output, "--similarity", after)
+            self.assertEqual(farm.image_digest(output), images[after])
         self.assertEqual(len(set(images.values())), 3)
 
     def test_outputs(self):

@@ -56,6 +56,19 @@ class ProgressTest(unittest.TestCase):
         self.assertEqual(len(lines), 1)
         self.assertRegex(lines[0], "^sheaf: testing: 20 steps, about ")
 
+    def test_the_remaining_time_follows_from_the_times_of_tests(self):
+        """A slow test counts by what it was expected to take, and short ones not at all."""
+        with tempfile.NamedTemporaryFile("w") as times:
+            times.write("0.10 short\n600.00 long\n600.0 longer\n")
+            times.flush()
+            _, lines = told("echo '  1/3 Test #1: short .... Passed   20.00 sec'; sleep 1.2; "
+                            "echo '  2/3 Test #2: long ...***Failed  1400.00 sec'; sleep 1.2",
+                            "testing", "1000", "--copy", "--times", times.name, "2")
+        self.assertEqual(lines[0].split(",")[1], " about 10 min on %d processors"
+                         % len(os.sched_getaffinity(0)))
+        self.assertIn("step 1 of 3, about 10 min left", lines[1])
+        self.assertIn("step 2 of 3, about 20 min left", lines[-1])
+
     def test_command_without_steps_prints_nothing(self):
         self.assertEqual(told("echo 'ninja: no work to do.'", "building", "1000"), ("", []))
 

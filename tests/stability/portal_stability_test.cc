@@ -24,7 +24,7 @@ using testing::EstimateIrradiance;
 using testing::EstimateMean;
 using testing::RandomPoints;
 
-constexpr Vec3f kUp{0, 0, 1};
+constexpr Vec3f kAbove{0, 0, 1};
 
 // In the plane z = 1; light comes from above.
 const Vec3d kCorners[4] = {{-1, -0.5, 1}, {-1, 2, 1}, {0.5, 2, 1}, {0.5, -0.5, 1}};
@@ -83,7 +83,7 @@ TEST_F(PortalStabilityTest, ConstantSkyMatchesLambertsFormula) {
   for (const Vec3f& p : {Vec3f{0, 0, 0}, Vec3f{3, -1, 0.2f}, Vec3f{0, 0, 0.99f},
                          Vec3f{0.1f, 0.2f, 0.99999f}, Vec3f{-40, 7, -3}, Vec3f{0, 0, -1e4f}}) {
     const double expected = LambertIrradiance(ToDouble(p), {0, 0, 1});
-    testing::ExpectNear(EstimateIrradiance(*table, p, kUp), expected, 1e-5);
+    testing::ExpectNear(EstimateIrradiance(*table, p, kAbove), expected, 1e-5);
     // Rays alone do not find a distant window.
     if (expected > 0.05) {
       testing::ExpectNear(EscapedIrradiance(*table, p, 1 << 14), expected, 1e-4);
@@ -102,7 +102,7 @@ TEST_F(PortalStabilityTest, SamplesAndEscapedRaysAgree) {
   }
   const auto table = MakeTable(32, texels);
   for (const Vec3f& p : {Vec3f{0, 0, 0}, Vec3f{0.3f, 1.5f, 0.7f}, Vec3f{1, 0, 0.5f}}) {
-    const Estimate sampled = EstimateIrradiance(*table, p, kUp, 1 << 12);
+    const Estimate sampled = EstimateIrradiance(*table, p, kAbove, 1 << 12);
     const Estimate escaped = EscapedIrradiance(*table, p, 1 << 15);
     EXPECT_NEAR(sampled.mean, escaped.mean,
                 6 * std::hypot(sampled.standard_error, escaped.standard_error));
@@ -110,10 +110,10 @@ TEST_F(PortalStabilityTest, SamplesAndEscapedRaysAgree) {
     EXPECT_LT(sampled.standard_error, escaped.standard_error);
     int count = 0, same = 0;
     for (int i = 0; i < 4000; ++i) {
-      const auto sample = table->Sample<kAllTraits>(p, kUp, random.Next(), random.Next2());
+      const auto sample = table->Sample<kAllTraits>(p, kAbove, random.Next(), random.Next2());
       if (!sample) continue;
       ++count;
-      const EnvironmentValue value = table->EvalEnvironment<kAllTraits>(p, kUp, sample->wi);
+      const EnvironmentValue value = table->EvalEnvironment<kAllTraits>(p, kAbove, sample->wi);
       const float ratio = value.pdf / sample->pdf;
       same += ratio > 0.9999f && ratio < 1.0001f && value.radiance == sample->radiance;
     }
@@ -131,15 +131,15 @@ TEST_F(PortalStabilityTest, NoLightInOrBehindThePlane) {
     for (int i = 0; i < 100; ++i) {
       EXPECT_FALSE(table->Sample<kAllTraits>(p, {}, random.Next(), random.Next2()));
     }
-    for (const Vec3f& d : {kUp, -kUp, Normalize(Vec3f{1, 2, 0.1f})}) {
+    for (const Vec3f& d : {kAbove, -kAbove, Normalize(Vec3f{1, 2, 0.1f})}) {
       EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>(p, d), Rgb{});
       EXPECT_EQ(table->PdfEnvironment<kAllTraits>(p, {}, d), 0);
     }
   }
   // Rays straight through the portal, beside it, and away from it.
-  EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, kUp).r, 1);
-  EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({0.6f, 0, 0}, kUp).r, 0);
-  EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, -kUp).r, 0);
+  EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, kAbove).r, 1);
+  EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({0.6f, 0, 0}, kAbove).r, 0);
+  EXPECT_EQ(table->EnvironmentRadiance<kAllTraits>({}, -kAbove).r, 0);
 }
 
 // The closer a point is to the plane and the farther to the side, the smaller the solid angle of
@@ -229,8 +229,8 @@ TEST_F(PortalStabilityTest, ScaleByAPowerOfTwoChangesNoBit) {
     for (int i = 0; i < 500; ++i) {
       const Vec3f p{random.Next(), random.Next(), random.Next()};
       const Vec2f u = random.Next2();
-      const auto a = table->Sample<kAllTraits>(p, kUp, 0, u);
-      const auto b = scaled->Sample<kAllTraits>(p * static_cast<float>(scale), kUp, 0, u);
+      const auto a = table->Sample<kAllTraits>(p, kAbove, 0, u);
+      const auto b = scaled->Sample<kAllTraits>(p * static_cast<float>(scale), kAbove, 0, u);
       ASSERT_EQ(a.has_value(), b.has_value());
       if (!a) continue;
       ASSERT_EQ(a->wi, b->wi);

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr char kProfile[] = "simulated";
+constexpr char kSimulatedProfile[] = "simulated";
 constexpr absl::Duration kStep = absl::Milliseconds(500);
 
 struct SimWorker {
@@ -157,7 +157,7 @@ class FarmSim {
     }
     WorkerReport report;
     report.worker_id = report.host = worker->id;
-    report.numeric_profile = kProfile;
+    report.numeric_profile = kSimulatedProfile;
     report.requested_lease_count = 2;
     if (!worker->held.empty()) RenderOrFail(worker, &report);
     for (const Lease& lease : worker->held) {
@@ -305,7 +305,7 @@ JobSpec MakeJob(uint64_t id, int frame_count, int32_t edge_px, uint64_t samples,
                 uint64_t lease_pass_count) {
   JobSpec job;
   job.job_id = id;
-  job.numeric_profile = kProfile;
+  job.numeric_profile = kSimulatedProfile;
   job.partition = {16, 4, lease_pass_count};
   for (int i = 1; i <= frame_count; ++i) {
     FrameSpec frame;
@@ -404,7 +404,7 @@ TEST(FarmSimTest, TenThousandWorkersRenderAHundredThousandTasks) {
     for (int w = 0; w < 10'000; ++w) {
       WorkerReport report;
       report.worker_id = absl::StrCat("w", w);
-      report.numeric_profile = kProfile;
+      report.numeric_profile = kSimulatedProfile;
       report.requested_lease_count = 2;
       const auto answer = scheduler.Synchronize(report, now);
       ASSERT_TRUE(answer.ok());

@@ -18,7 +18,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int kChannels = 400;
+constexpr int kConnections = 400;
 constexpr int kCallsOfEach = 10;
 constexpr int kConnectsMax = 20;
 
@@ -52,9 +52,9 @@ TEST_F(CoordinatorServerTest, FourHundredConcurrentChannelsLoseNoCall) {
   const v1::Job job = Create(Request(16));
   const std::string address = absl::StrCat("127.0.0.1:", server_->port());
   std::atomic<int> failed{0};
-  std::latch together(kChannels);
+  std::latch together(kConnections);
   std::vector<std::jthread> clients;
-  for (int i = 0; i < kChannels; ++i) {
+  for (int i = 0; i < kConnections; ++i) {
     clients.emplace_back([&] {
       const auto jobs = v1::JobService::NewStub(MakeChannel(address));
       together.arrive_and_wait();
@@ -65,7 +65,7 @@ TEST_F(CoordinatorServerTest, FourHundredConcurrentChannelsLoseNoCall) {
     });
   }
   clients.clear();
-  EXPECT_EQ(failed, 0) << "of " << kChannels * kCallsOfEach << " calls";
+  EXPECT_EQ(failed, 0) << "of " << kConnections * kCallsOfEach << " calls";
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ constexpr float kNodeCoordinateError = 0x1p-20f;
 // cosine near -1 is off by up to 2^-11.5, the axis directions by less than 2^-14.
 constexpr float kCosineSlack = 0x1p-10f;
 // Outward rounding of the squared radius: near a grazing tangent its cosine is a small difference.
-constexpr float kRadiusSlack = 1 + 0x1p-16f;
+constexpr float kRadiusSquaredFactor = 1 + 0x1p-16f;
 // Keep weights, their sums and products finite and positive.
 constexpr float kChildWeightMin = 0x1p-100f, kChildWeightMax = 0x1p100f;
 constexpr float kDistanceSquaredMin = 0x1p-125f;
@@ -58,7 +58,7 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes hy = step.y * ToFloats(box_y >> 8) + error;
   const Lanes hz = step.z * ToFloats(box_z >> 8) + error;
   const Lanes d_squared = Max(All(kDistanceSquaredMin), dx * dx + dy * dy + dz * dz);
-  const Lanes r_squared = kRadiusSlack * (hx * hx + hy * hy + hz * hz);
+  const Lanes r_squared = kRadiusSquaredFactor * (hx * hx + hy * hy + hz * hz);
   const Lanes inverse_d = 1 / Sqrt(d_squared);
 
   // The least angle between a normal and the direction to p: the axis's angle minus the half-angle
