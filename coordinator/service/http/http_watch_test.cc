@@ -77,7 +77,7 @@ TEST_F(HttpWatchTest, WatcherDetectsChanges) {
   const FarmWatcher watcher(farm_, &hub_);
   std::string events;
   // The first comparison publishes the present state; then a change must be published.
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(200);
   const auto wait_for = [&](const std::string& text) {
     while (events.find(text) == std::string::npos && std::chrono::steady_clock::now() < deadline) {
       events += reader->Take();

@@ -34,7 +34,7 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   EXPECT_EQ(Metric("sheaf_disk_writable"), 0);
   EXPECT_THAT(farm_->FindJob(job)->waiting_reason, HasSubstr("no space left"));
   store_->full_ = false;
-  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
   while (!farm_->Ready().ok() && SteadyTime::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(10));
   }
@@ -53,7 +53,7 @@ TEST_F(FarmTest, AJobCanBeRefinedBeforeItsEndIsWritten) {
   store_->Open();
   const uint64_t id = MakeJob({});
   const std::string job = absl::StrCat(id);
-  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
   store_->refuses_ends_ = true;
   while (store_->ends_refused_ == 0 && SteadyTime::Now() < deadline) Work(absl::Milliseconds(2));
   ASSERT_TRUE(farm_->RefineJob(id, {{}, 512}).ok());
@@ -138,7 +138,7 @@ TEST_F(FarmTest, JobsAreReadableDuringRoundDecisions) {
   EXPECT_TRUE(before->frames[0].rounds.empty());
   EXPECT_EQ(before->progress.sample_count_done, 16u * 256u);
   store_->Open();
-  const absl::Time deadline = absl::Now() + absl::Seconds(20);
+  const absl::Time deadline = absl::Now() + absl::Seconds(200);
   uint64_t seen = 0;
   while (farm_->FindJob(job)->frames[0].rounds.empty() && absl::Now() < deadline) {
     seen = farm_->WaitForChange(seen, absl::Seconds(1));
@@ -153,7 +153,7 @@ TEST_F(FarmTest, RefinedJobTimeCoversAllSamples) {
   store_->Open();
   const uint64_t id = MakeJob({});
   const std::string job = absl::StrCat(id);
-  const absl::Time deadline = absl::Now() + absl::Seconds(60);
+  const absl::Time deadline = absl::Now() + absl::Seconds(600);
   const auto finish = [&](absl::Duration first_work_time) {
     Work(first_work_time);
     const auto view = [&] { return *farm_->FindJob(job); };
@@ -182,7 +182,7 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
   store_->Open();
   const uint64_t id = MakeJob({});
   const std::string job = absl::StrCat(id);
-  const absl::Time deadline = absl::Now() + absl::Seconds(60);
+  const absl::Time deadline = absl::Now() + absl::Seconds(600);
   // One worker with one thread.
   const auto expected = [&](double pixel_samples) {
     return pixel_samples * absl::ToDoubleSeconds(kSampleCpu) / kUsualThreadUse;
@@ -254,7 +254,7 @@ TEST_F(FarmTest, ADeliveryThatIsLostIsMadeAgain) {
 TEST_F(FarmTest, FramesWithoutAStopRuleHaveACurve) {
   store_->Open();
   const std::string job = absl::StrCat(MakeJob({}));
-  const absl::Time deadline = absl::Now() + absl::Seconds(60);
+  const absl::Time deadline = absl::Now() + absl::Seconds(600);
   const auto rounds = [&] { return farm_->FindJob(job)->frames[0].rounds; };
   Work();
   while (rounds().empty() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(10));

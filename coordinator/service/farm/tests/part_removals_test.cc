@@ -30,7 +30,7 @@ TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
   Start();
   store_->Open();
   store_->keeps_parts_ = true;
-  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
   while (store_->removals_refused_ == 0 && SteadyTime::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
@@ -87,7 +87,7 @@ TEST_F(FarmTest, StartsWithPartsThatOverlap) {
   Start(/*keeps_parts=*/true);
   store_->Open();
   EXPECT_GE(store_->removals_refused_, 1);
-  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(60);
+  const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
   while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
