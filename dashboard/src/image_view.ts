@@ -78,7 +78,11 @@ export class ImageView {
 
   private readonly drawBeside = () => {
     this.mode.draw();
-    if (this.mode.isDifference) this.pane.hurry();
+    // Also where nothing is compared any longer: the difference is still shown.
+    if (this.mode.isDifference)
+      this.pane.hurry();
+    else
+      this.pane.draw();
     this.choice.draw();
     this.beside.draw();
     this.drawNames();

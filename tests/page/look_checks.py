@@ -5,12 +5,14 @@
 For page_test.py.
 """
 import re
+import time
 
 from compare_checks import CHOOSE
 from farm import wait_until
 from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, wait_for_new_pixels
 
 CHANGE_SECONDS_MAX = 20
+SETTLE_SECONDS = 2
 END = "\ue010"
 VALUES = """
   return Object.fromEntries([...document.querySelectorAll("#pixel-values li")].map(
@@ -107,6 +109,8 @@ def check_comparisons(browser, other_job, screenshot):
                    not browser.run(HIDDEN, "legend"), CHANGE_SECONDS_MAX, f"the {mode}")
         assert browser.run(TEXT, "legend-high") == "0", browser.run(TEXT, "legend-high")
         assert browser.run(HIDDEN, "beside-box")
+    # Then no answer comes any more that draws the image anew.
+    time.sleep(SETTLE_SECONDS)
     browser.run(CHOOSE, "beside-job", "")
     wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")
 
