@@ -24,7 +24,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 BUILD = os.path.join(ROOT, "build", "coverage")
 PRODUCT = ("common/", "worker/", "coordinator/", "cli/")
 POINTS_MAX = 2
-# Of a program that ends by a signal, counters are lost: farms of tests end theirs in order.
+# A program that is killed writes no counters, so the farms of tests stop theirs in order.
 ENVIRONMENT = {**os.environ, "SHEAF_ORDERLY_END": "1"}
 
 

@@ -29,7 +29,7 @@ TESTS = os.path.dirname(HERE)
 HANGS_FACTOR = 10
 HANGS_SECONDS_MIN = 600
 LIST_SECONDS_MAX = 120
-# Of a test that tests/costs.txt does not list.
+# The time of a test that tests/costs.txt does not list.
 COST_SECONDS = 0.1
 
 Test = collections.namedtuple("Test", "name command entry cost long")

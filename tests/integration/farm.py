@@ -23,8 +23,8 @@ START_SECONDS_MAX = 30
 JOB_SECONDS_MAX = 300
 # How much slower than on an idle machine programs may be; builds with sanitizers set it.
 TIME_SCALE = float(os.environ.get("SHEAF_TIME_SCALE", "1"))
-# What waits for an event or a program waits so many times what it takes on an idle machine: such a
-# limit only ends what hangs.
+# Factor from what an event or a program takes on an idle machine to the limit of waiting for it,
+# which only ends what hangs.
 PATIENCE = 10 * TIME_SCALE
 # Whether long forms run as well: tests/run --all.
 ALL_TESTS = os.environ.get("SHEAF_ALL_TESTS", "") == "1"

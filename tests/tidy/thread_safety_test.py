@@ -29,7 +29,7 @@ JOINED_MAX = 24
 # The short form checks what users run; --all the tests too.
 ALL_TESTS = os.environ.get("SHEAF_ALL_TESTS", "") == "1"
 CLANG = shutil.which("clang++")
-# What many sources include; read once.
+# Headers that many sources include, read once.
 PRECOMPILED = """#include <functional>
 #include <map>
 #include <memory>

@@ -360,7 +360,7 @@ TEST_F(HttpApiTest, PreviewWithoutSamplesIsEmpty) {
   // If an existing image cannot be delivered, the response is an error.
   farm_.jobs[2].frames[0].complete = true;
   EXPECT_EQ(Send("GET", "/api/v1/jobs/1/frames/1/preview.png").status, 503);
-  // Of a job that is gone, lists may still ask for a thumbnail.
+  // A list may still ask for the thumbnail of a job that is gone.
   EXPECT_EQ(Send("GET", "/api/v1/jobs/9/frames/1/preview.png?size=thumbnail").status, 204);
   EXPECT_EQ(Send("GET", "/api/v1/jobs/9/frames/1/preview.png").status, 404);
 }
