@@ -17,6 +17,7 @@ from .engine import INSTANCE_PREFIX, EngineError, Instance, InstanceState
 
 LOG = logging.getLogger("sheaf-autoscaler")
 LOG_BYTES_MAX = 16 << 20  # Of the workers' log; a longer one is begun anew.
+ARGUMENTS_SECONDS_MAX = 10  # Until /proc shows the arguments of a process that was started.
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -44,6 +45,7 @@ class LocalEngine:
                     self._children.append(subprocess.Popen(
                         [*self._command, "--tag", self._prefix + secrets.token_hex(4)],
                         stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True))
+                    _wait_for_arguments(self._children[-1])
         except OSError as error:
             raise EngineError(f"a worker cannot be started: {error}; give --worker the program and "
                               "--log-file a file that can be written") from error
@@ -71,7 +73,11 @@ class LocalEngine:
 
     def _processes(self) -> list[tuple[int, str]]:
         self._children = [child for child in self._children if child.poll() is None]
-        return list(self._find())
+        # Between fork and exec a worker's child has the worker's arguments.
+        by_name: dict[str, int] = {}
+        for pid, name in self._find():
+            by_name[name] = min(pid, by_name.get(name, pid))
+        return [(pid, name) for name, pid in by_name.items()]
 
     def _find(self) -> Iterator[tuple[int, str]]:
         own = os.getuid()
@@ -88,3 +94,18 @@ class LocalEngine:
             # The scene processes of a worker have other arguments.
             if len(words) > 2 and words[-3] == "--tag" and words[-2].startswith(self._prefix):
                 yield int(entry.name), words[-2]
+
+
+def _wait_for_arguments(process: subprocess.Popen[bytes]) -> None:
+    """Linux lets the parent of a vfork run on before the arguments of the new program can be read:
+    until then /proc has none, and a worker just started would not be counted.
+    """
+    end = time.monotonic() + ARGUMENTS_SECONDS_MAX
+    while process.poll() is None and time.monotonic() < end:
+        try:
+            with open(f"/proc/{process.pid}/cmdline", "rb") as file:
+                if file.read(1):
+                    return
+        except OSError:
+            return
+        time.sleep(0.001)

@@ -322,6 +322,19 @@ class LocalTest(unittest.TestCase):
                 self.assertEqual(child.wait(10), -signal.SIGTERM)
             self.assertEqual(engine.count(), 0)
 
+    def test_a_process_is_counted_as_soon_as_it_is_started(self):
+        with tempfile.TemporaryDirectory() as folder:
+            worker = [sys.executable, "-c", "import time; time.sleep(60)"]
+            engine = LocalEngine(f"soon{os.getpid()}", worker, os.path.join(folder, "log"))
+            for count in range(1, 31):
+                engine.grow(1)
+                with open(f"/proc/{engine._children[-1].pid}/cmdline", "rb") as arguments:
+                    self.assertIn(b"--tag", arguments.read())
+                self.assertEqual(engine.count(), count)
+            engine.shrink([instance.name for instance in engine.describe()])
+            for child in engine._children:
+                self.assertEqual(child.wait(10), -signal.SIGTERM)
+
     def test_a_worker_that_cannot_start(self):
         engine = LocalEngine("none", ["/nowhere/sheaf-worker"], os.devnull)
         with self.assertRaisesRegex(EngineError, "--worker"):
