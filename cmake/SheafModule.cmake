@@ -44,13 +44,14 @@ function(sheaf_reuse_precompiled target from)
 endfunction()
 
 # sheaf_add_module(NAME film HEADERS a.h ... SOURCES a.cc ... DEPS sheaf::base ... PRIVATE_DEPS ...
-#                  PRECOMPILED sheaf_headers TESTS a_test.cc ... TEST_DEPS ... LABEL fast)
+#                  PRECOMPILED sheaf_headers TESTS a_test.cc ... TEST_DEPS ... LABEL fast
+#                  TESTS_PRECOMPILED sheaf_test_support)
 #
 # Adds the library sheaf_NAME with alias sheaf::NAME and, if TESTS are given, one GoogleTest program
 # sheaf_NAME_test (sheaf_add_test). PRECOMPILED: the target whose precompiled headers its sources read, or
-# none.
+# none. TESTS_PRECOMPILED: the same of its tests.
 function(sheaf_add_module)
-  cmake_parse_arguments(M "" "NAME;LABEL;PRECOMPILED" "HEADERS;SOURCES;DEPS;PRIVATE_DEPS;TESTS;TEST_DEPS" ${ARGN})
+  cmake_parse_arguments(M "" "NAME;LABEL;PRECOMPILED;TESTS_PRECOMPILED" "HEADERS;SOURCES;DEPS;PRIVATE_DEPS;TESTS;TEST_DEPS" ${ARGN})
   set(target sheaf_${M_NAME})
   if(M_SOURCES)
     add_library(${target} STATIC ${M_SOURCES} ${M_HEADERS})
@@ -70,6 +71,10 @@ function(sheaf_add_module)
   endif()
   add_library(sheaf::${M_NAME} ALIAS ${target})
   if(M_TESTS AND SHEAF_BUILD_TESTS)
-    sheaf_add_test(NAME ${M_NAME} SOURCES ${M_TESTS} DEPS ${target} ${M_TEST_DEPS} LABEL ${M_LABEL})
+    if(M_PRECOMPILED STREQUAL sheaf_proto_headers AND NOT M_TESTS_PRECOMPILED)
+      set(M_TESTS_PRECOMPILED sheaf_proto_test_headers)
+    endif()
+    sheaf_add_test(NAME ${M_NAME} SOURCES ${M_TESTS} DEPS ${target} ${M_TEST_DEPS} LABEL "${M_LABEL}"
+      PRECOMPILED "${M_TESTS_PRECOMPILED}")
   endif()
 endfunction()

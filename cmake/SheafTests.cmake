@@ -49,13 +49,14 @@ function(sheaf_compile_quickly target)
 endfunction()
 
 # sheaf_add_test(NAME stability SOURCES ... DEPS ... [LABEL fast|slow|integration]
-#                [LONG] [PRECOMPILE <header.h> ...])
+#                [LONG] [PRECOMPILED target] [PRECOMPILE <header.h> ...])
 #
-# Adds a GoogleTest program. LONG: only tests/run --all builds it, and tests/long_tests.md lists it. Its sources are joined (sheaf_join_sources). They reuse the precompiled
-# headers of sheaf_test_support unless PRECOMPILE names others. They are compiled with fewer
-# optimisations than the libraries that they test (sheaf_compile_quickly).
+# Adds a GoogleTest program. LONG: only tests/run --all builds it, and tests/long_tests.md lists it.
+# Its sources are joined (sheaf_join_sources). They reuse the precompiled headers of
+# sheaf_test_support unless PRECOMPILED names another target or PRECOMPILE other headers. They are
+# compiled with fewer optimisations than the libraries that they test (sheaf_compile_quickly).
 function(sheaf_add_test)
-  cmake_parse_arguments(T "LONG" "NAME;LABEL" "SOURCES;DEPS;PRECOMPILE" ${ARGN})
+  cmake_parse_arguments(T "LONG" "NAME;LABEL;PRECOMPILED" "SOURCES;DEPS;PRECOMPILE" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL fast)
   endif()
@@ -67,6 +68,8 @@ function(sheaf_add_test)
   sheaf_join_sources(${target})
   if(T_PRECOMPILE)
     sheaf_precompile(${target} ${T_PRECOMPILE})
+  elseif(T_PRECOMPILED AND SHEAF_JOIN_SOURCES)
+    sheaf_reuse_precompiled(${target} ${T_PRECOMPILED})
   else()
     sheaf_precompile(${target} REUSE_FROM sheaf_test_support)
   endif()
