@@ -116,10 +116,10 @@ class DeadlineTest(unittest.TestCase):
     def test_many_jobs_are_played_as_one(self):
         jobs = [JobWork(f"jobs/{n}", 10, 0.1, user=f"u{n % 7}", deadline=None if n else 500.0,
                         task_count=9) for n in range(3000)]
-        begin = time.monotonic()
+        begin = time.process_time()
         want = demand.wanted(jobs, 0.0, threads_max=4000, thread_use=1, queue_seconds=600,
                              start_seconds=30, threads_step=4)
-        self.assertLess(time.monotonic() - begin, 5)
+        self.assertLess(time.process_time() - begin, 5)
         self.assertAlmostEqual(want.for_queue, 29_990 / 600)
 
 
@@ -313,13 +313,13 @@ class LocalTest(unittest.TestCase):
             described = again.describe()
             self.assertEqual(len(described), 2)
             again.shrink([described[0].name])
-            engine._children[0].wait(10) if described[0].name in engine._children[0].args else (
-                engine._children[1].wait(10))
+            engine._children[0].wait(100) if described[0].name in engine._children[0].args else (
+                engine._children[1].wait(100))
             self.assertEqual([i.name for i in engine.describe()], [described[1].name])
             self.assertEqual(LocalEngine(pool + "x", worker, "log").count(), 0)
             engine.shrink([described[1].name])
             for child in engine._children:
-                self.assertEqual(child.wait(10), -signal.SIGTERM)
+                self.assertEqual(child.wait(100), -signal.SIGTERM)
             self.assertEqual(engine.count(), 0)
 
     def test_a_process_is_counted_as_soon_as_it_is_started(self):
@@ -333,7 +333,7 @@ class LocalTest(unittest.TestCase):
                 self.assertEqual(engine.count(), count)
             engine.shrink([instance.name for instance in engine.describe()])
             for child in engine._children:
-                self.assertEqual(child.wait(10), -signal.SIGTERM)
+                self.assertEqual(child.wait(100), -signal.SIGTERM)
 
     def test_a_worker_that_cannot_start(self):
         engine = LocalEngine("none", ["/nowhere/sheaf-worker"], os.devnull)

