@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares the lines of product code that the short form of the tests runs with those of all tests.
 
-    tests/harness/coverage.py [--jobs N] [--only-short] [ctest arguments ...]
+    tests/harness/coverage.py [--jobs N] [--only-short] [--build TARGET]... [ctest arguments ...]
+    tests/harness/coverage.py --build sheaf_base_test -R '^(LabelTest|FileTest)'
 
 Builds with gcov's counters in build/coverage, which takes about as long as the release, runs the
 short form, and then the tests of tests/long_tests.md. Prints a row for each module. Exits with 1
@@ -28,11 +29,18 @@ POINTS_MAX = 2
 ENVIRONMENT = {**os.environ, "SHEAF_ORDERLY_END": "1"}
 
 
-def build(jobs):
+def build(jobs, targets):
     subprocess.run(["cmake", "-S", ROOT, "-B", BUILD, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
                     "-DSHEAF_BUILD_TESTS=ON", "-DSHEAF_COVERAGE=ON", "-DSHEAF_TEST_TIME_SCALE=4"],
                    check=True, stdout=subprocess.DEVNULL)
-    subprocess.run(["ninja", f"-j{jobs}", "-C", BUILD], check=True)
+    subprocess.run(["ninja", f"-j{jobs}", "-C", BUILD, *targets], check=True)
+    for path in counter_files():
+        os.remove(path)
+
+
+def counter_files():
+    return [os.path.join(folder, name) for folder, _, names in os.walk(BUILD)
+            for name in names if name.endswith(".gcda")]
 
 
 def run_tests(jobs, label, arguments):
@@ -48,10 +56,10 @@ def is_product(path):
 
 
 def lines_of(counters):
-    """{(file, line): whether it ran} of some files of counters."""
+    """{(file, line): whether it ran} of a file of counters."""
     found = {}
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run(["gcov", "--json-format", *counters], cwd=folder, check=True,
+        subprocess.run(["gcov", "--json-format", counters], cwd=folder, check=True,
                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         for name in os.listdir(folder):
             with gzip.open(os.path.join(folder, name), "rt", encoding="utf-8") as file:
@@ -65,11 +73,9 @@ def lines_of(counters):
 
 
 def collect(jobs):
-    counters = [os.path.join(folder, name) for folder, _, names in os.walk(BUILD)
-                for name in names if name.endswith(".gcda")]
     lines = {}
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        for found in pool.map(lines_of, [[path] for path in counters]):
+        for found in pool.map(lines_of, counter_files()):
             for key, ran in found.items():
                 lines[key] = lines.get(key, False) or ran
     return lines
@@ -98,8 +104,11 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=os.cpu_count() + 1)
     parser.add_argument("--only-short", action="store_true")
+    parser.add_argument("--build", action="append", metavar="TARGET",
+                        help="build this alone, for a part of the tests; can be given repeatedly")
     options, arguments = parser.parse_known_args()
-    build(options.jobs)
+    long = [] if options.only_short else ["long_tests"]
+    build(options.jobs, [*options.build, "sheaf_test_timer"] if options.build else ["all", *long])
     run_tests(options.jobs, ["-LE", "^long$"], arguments)
     short = collect(options.jobs)
     if options.only_short:
