@@ -15,8 +15,9 @@ SHEAF_FUZZ_TARGET(ply) {
   limits.file_bytes_max = uint64_t{1} << 22;
   limits.memory_bytes_max = uint64_t{1} << 24;
   limits.triangles_max = 1000000;
-  const auto mesh = ReadPly(file.Path(), limits);
-  if (!mesh.ok()) return;
+  const auto read = ReadPly(file.Path(), limits);
+  if (!read.ok()) return;
+  const TriangleMesh* mesh = &read->mesh;
   // Accepted meshes are valid.
   for (const uint32_t index : mesh->indices) SHEAF_CHECK(index < mesh->positions.size());
   for (const Vec3f& p : mesh->positions) {

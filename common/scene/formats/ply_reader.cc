@@ -15,6 +15,7 @@
 #include "common/base/memory_room.h"
 #include "common/scene/formats/number.h"
 #include "common/scene/formats/ply_header.h"
+#include "common/scene/vertex_rounding.h"
 
 namespace sheaf {
 namespace {
@@ -57,7 +58,12 @@ class PlyMeshReader {
       : bytes_(bytes), header_(header), limits_(limits) {}
 
   absl::Status Read();
-  TriangleMesh TakeMesh() { return std::move(mesh_); }
+  PlyMesh Take(std::optional<Vec3d> origin) {
+    PlyMesh result{std::move(mesh_), origin.value_or(Vec3d{})};
+    result.mesh.positions =
+        origin.has_value() ? vertices_.TakeAbout(*origin) : vertices_.Take(&result.origin);
+    return result;
+  }
 
  private:
   absl::Status ReadElement(const PlyElement& element);
@@ -77,7 +83,8 @@ class PlyMeshReader {
   PlyBytes* bytes_;
   const PlyHeader* header_;
   SceneReaderLimits limits_;
-  TriangleMesh mesh_;
+  TriangleMesh mesh_;  // Without positions.
+  VertexRounding vertices_;
   std::string malformed_;  // Why ReadScalar failed, if the bytes are there but wrong.
 };
 
@@ -88,12 +95,12 @@ absl::Status PlyMeshReader::Read() {
   for (const PlyElement& element : header_->elements) {
     if (absl::Status status = ReadElement(element); !status.ok()) return status;
   }
-  if (mesh_.positions.empty()) return absl::InvalidArgumentError("the file has no vertices");
+  if (vertices_.rounded().empty()) return absl::InvalidArgumentError("the file has no vertices");
   return CheckIndices();
 }
 
 absl::Status PlyMeshReader::ReadElement(const PlyElement& element) {
-  if (element.name == "vertex" && mesh_.positions.empty()) return ReadVertices(element);
+  if (element.name == "vertex" && vertices_.rounded().empty()) return ReadVertices(element);
   if (element.name == "face" && mesh_.indices.empty()) return ReadFaces(element);
   return SkipRows(element);
 }
@@ -220,7 +227,7 @@ absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
   const bool has_uv = has[kU] && has[kV];
   // CheckCount has bounded the count by the file's size; beyond this limit, the vectors grow.
   constexpr uint64_t kReserveMax = uint64_t{1} << 20;
-  mesh_.positions.reserve(std::min(element.count, kReserveMax));
+  vertices_.Reserve(std::min(element.count, kReserveMax));
   for (uint64_t i = 0; i < element.count; ++i) {
     std::array<double, kSlotCount + 1> values{};
     for (size_t j = 0; j < slots.size(); ++j) {
@@ -247,16 +254,15 @@ absl::Status PlyMeshReader::AppendVertex(uint64_t number, const double* values, 
           absl::StrCat("vertex ", number, ": ", kNames[i], " is not a finite 32-bit float"));
     }
   }
-  mesh_.positions.push_back({v[kX], v[kY], v[kZ]});
+  vertices_.Add({values[kX], values[kY], values[kZ]});
   if (has_normal) mesh_.normals.push_back({v[kNormalX], v[kNormalY], v[kNormalZ]});
   if (has_uv) mesh_.uvs.push_back({v[kU], v[kV]});
   return CheckMemory();
 }
 
 absl::Status PlyMeshReader::CheckMemory() const {
-  const uint64_t bytes = mesh_.positions.size() * sizeof(Vec3f) +
-                         mesh_.normals.size() * sizeof(Vec3f) + mesh_.uvs.size() * sizeof(Vec2f) +
-                         mesh_.indices.size() * sizeof(uint32_t);
+  const uint64_t bytes = vertices_.SizeBytes() + mesh_.normals.size() * sizeof(Vec3f) +
+                         mesh_.uvs.size() * sizeof(Vec2f) + mesh_.indices.size() * sizeof(uint32_t);
   if (bytes > limits_.memory_bytes_max) {
     return absl::ResourceExhaustedError(absl::StrCat("the mesh takes more than ",
                                                      FormatMemory(limits_.memory_bytes_max),
@@ -317,7 +323,7 @@ absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& proper
 }
 
 absl::Status PlyMeshReader::CheckIndices() const {
-  const size_t count = mesh_.positions.size();
+  const size_t count = vertices_.rounded().size();
   for (size_t i = 0; i < mesh_.indices.size(); ++i) {
     if (mesh_.indices[i] < count) continue;
     return absl::InvalidArgumentError(absl::StrCat("triangle ", i / 3, " uses vertex ",
@@ -329,7 +335,8 @@ absl::Status PlyMeshReader::CheckIndices() const {
 
 }  // namespace
 
-absl::StatusOr<TriangleMesh> ReadPly(const std::string& path, const SceneReaderLimits& limits) {
+absl::StatusOr<PlyMesh> ReadPly(const std::string& path, const SceneReaderLimits& limits,
+                                std::optional<Vec3d> origin) {
   absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, limits.file_bytes_max);
   if (!input.ok()) return input.status();
   PlyBytes bytes(std::move(*input));
@@ -337,7 +344,7 @@ absl::StatusOr<TriangleMesh> ReadPly(const std::string& path, const SceneReaderL
   if (!header.ok()) return header.status();
   PlyMeshReader reader(&bytes, &*header, limits);
   if (absl::Status status = reader.Read(); !status.ok()) return status;
-  return reader.TakeMesh();
+  return reader.Take(origin);
 }
 
 }  // namespace sheaf

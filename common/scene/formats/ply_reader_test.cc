@@ -12,6 +12,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 
 namespace sheaf {
 namespace {
@@ -60,6 +61,14 @@ std::string BinarySquare(bool is_big_endian) {
   return bytes;
 }
 
+// A mesh about the origin of its file.
+absl::StatusOr<TriangleMesh> ReadMesh(const std::string& path, const SceneReaderLimits& limits) {
+  absl::StatusOr<PlyMesh> read = ReadPly(path, limits);
+  if (!read.ok()) return read.status();
+  EXPECT_EQ(read->origin, Vec3d{});
+  return std::move(read->mesh);
+}
+
 void ExpectSquare(const absl::StatusOr<TriangleMesh>& mesh) {
   ASSERT_TRUE(mesh.ok()) << mesh.status().message();
   EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, 2, 0, 2, 3}));
@@ -76,23 +85,63 @@ constexpr char kAsciiHead[] =
     "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
 
 TEST(PlyReaderTest, ReadsBothByteOrders) {
-  ExpectSquare(ReadPly(WriteMesh(BinarySquare(false)), {}));
-  ExpectSquare(ReadPly(WriteMesh(BinarySquare(true)), {}));
+  ExpectSquare(ReadMesh(WriteMesh(BinarySquare(false)), {}));
+  ExpectSquare(ReadMesh(WriteMesh(BinarySquare(true)), {}));
 }
 
 TEST(PlyReaderTest, ReadsAsciiWithoutATrailingNewline) {
   const auto mesh =
-      ReadPly(WriteMesh(absl::StrCat(kAsciiHead, "0 0 0\n1 0 0\n0 1e-50 2.5\n3 0 1 2")), {});
+      ReadMesh(WriteMesh(absl::StrCat(kAsciiHead, "0 0 0\n1 0 0\n0 1e-50 2.5\n3 0 1 2")), {});
   ASSERT_TRUE(mesh.ok()) << mesh.status().message();
   EXPECT_EQ(mesh->positions[2], (Vec3f{0, 0, 2.5f}));
   EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, 2}));
   EXPECT_TRUE(mesh->normals.empty());
 }
 
+// Coordinates of a map, as double: float would keep halves of a unit of them.
+TEST(PlyReaderTest, G22CoordinatesOfMapsKeepTheirDigits) {
+  for (const bool is_ascii : {false, true}) {
+    std::string bytes = absl::StrCat("ply\nformat ", is_ascii ? "ascii" : "binary_little_endian",
+                                     " 1.0\nelement vertex 3\nproperty double x\n"
+                                     "property double y\nproperty double z\nelement face 1\n"
+                                     "property list uchar int vertex_indices\nend_header\n");
+    const double corners[3][3] = {
+        {500000.125, 5400000.25, 7}, {500001.3, 5400000.1, 7}, {500000.7, 5400001.4, 7.5}};
+    for (const auto& corner : corners) {
+      for (const double x : corner) {
+        if (is_ascii) {
+          absl::StrAppend(&bytes, absl::StrFormat("%.10f ", x));
+        } else {
+          Append(&bytes, x, false);
+        }
+      }
+    }
+    if (is_ascii) {
+      bytes += "3 0 1 2\n";
+    } else {
+      Append<uint8_t>(&bytes, 3, false);
+      for (const int32_t i : {0, 1, 2}) Append(&bytes, i, false);
+    }
+    const absl::StatusOr<PlyMesh> read = ReadPly(WriteMesh(bytes), {});
+    ASSERT_TRUE(read.ok()) << read.status().message();
+    const absl::StatusOr<PlyMesh> about = ReadPly(WriteMesh(bytes), {}, Vec3d{500000, 5400000, 0});
+    ASSERT_TRUE(about.ok()) << about.status().message();
+    EXPECT_EQ(about->origin, (Vec3d{500000, 5400000, 0}));
+    for (size_t v = 0; v < 3; ++v) {
+      for (size_t i = 0; i < 3; ++i) {
+        EXPECT_NEAR(static_cast<double>(read->mesh.positions[v][i]) + read->origin[i],
+                    corners[v][i], 1e-6);
+        EXPECT_NEAR(static_cast<double>(about->mesh.positions[v][i]) + about->origin[i],
+                    corners[v][i], 1e-6);
+      }
+    }
+  }
+}
+
 TEST(PlyReaderTest, EveryTruncationIsAnError) {
   const std::string whole = BinarySquare(false);
   for (size_t size = 0; size < whole.size(); ++size) {
-    EXPECT_FALSE(ReadPly(WriteMesh(whole.substr(0, size)), {}).ok()) << size;
+    EXPECT_FALSE(ReadMesh(WriteMesh(whole.substr(0, size)), {}).ok()) << size;
   }
 }
 
@@ -101,7 +150,7 @@ TEST(PlyReaderTest, NonFiniteVerticesAreNamed) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   // The y of vertex 1: a row is 8 + 8 + 1 + 20 bytes.
   std::memcpy(bytes.data() + bytes.find("end_header\n") + 11 + 37 + 8, &nan, sizeof nan);
-  EXPECT_THAT(std::string(ReadPly(WriteMesh(bytes), {}).status().message()),
+  EXPECT_THAT(std::string(ReadMesh(WriteMesh(bytes), {}).status().message()),
               HasSubstr("vertex 1: y is not a finite 32-bit float"));
 }
 
@@ -115,7 +164,7 @@ void PrintTo(const BadPly& bad, std::ostream* out) { *out << bad.name; }
 class BadPlyTest : public ::testing::TestWithParam<BadPly> {};
 
 TEST_P(BadPlyTest, IsAClearError) {
-  const auto mesh = ReadPly(WriteMesh(GetParam().text), {});
+  const auto mesh = ReadMesh(WriteMesh(GetParam().text), {});
   ASSERT_FALSE(mesh.ok());
   EXPECT_THAT(std::string(mesh.status().message()), HasSubstr(GetParam().expected));
 }
@@ -162,10 +211,11 @@ TEST(PlyReaderTest, ErrorsNameLimits) {
   SceneReaderLimits limits;
   limits.memory_bytes_max = 40;
   const std::string path = WriteMesh(BinarySquare(false));
-  EXPECT_THAT(std::string(ReadPly(path, limits).status().message()), HasSubstr("memory_bytes_max"));
+  EXPECT_THAT(std::string(ReadMesh(path, limits).status().message()),
+              HasSubstr("memory_bytes_max"));
   limits = {};
   limits.triangles_max = 1;
-  EXPECT_THAT(std::string(ReadPly(path, limits).status().message()), HasSubstr("triangles_max"));
+  EXPECT_THAT(std::string(ReadMesh(path, limits).status().message()), HasSubstr("triangles_max"));
 }
 
 }  // namespace

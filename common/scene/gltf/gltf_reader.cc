@@ -26,6 +26,7 @@
 #include "common/scene/gltf/values.h"
 #include "common/scene/pbrt/principled_media.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
+#include "common/scene/vertex_rounding.h"
 
 namespace sheaf {
 namespace gltf {
@@ -226,6 +227,9 @@ class Builder {
   }
 
   int32_t AddMesh(TriangleMesh mesh) {
+    if (const auto why = WhyImprecise(mesh.positions, mesh.indices, 3)) {
+      diagnostics_->Note(kFile, absl::StrCat("a mesh: ", *why));
+    }
     Bounds bounds;
     for (const Vec3f& p : mesh.positions) bounds.Add(ToDouble(p));
     mesh_bounds_.push_back(bounds);

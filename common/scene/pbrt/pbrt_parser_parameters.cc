@@ -4,6 +4,9 @@
 // The part of PbrtParser that reads parameter lists: "type name" value or "type name" [ values ].
 // Inline meshes are read here, so appending a number neither allocates nor copies its text.
 #include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/memory_room.h"
@@ -130,13 +133,40 @@ bool PbrtParser::CheckComponents(const Parameter& parameter) {
   return false;
 }
 
+namespace {
+
+// ParseFloat for a coordinate, which also keeps what the rounding took. Call before the value joins
+// the floats.
+bool ParseCoordinate(std::string_view text, float* rounded, std::vector<float>* remainders,
+                     size_t count) {
+  double value = 0;
+  if (!ParseDouble(text, &value)) return false;
+  *rounded = static_cast<float>(value);
+  // Rounding twice differs from rounding once only where the first result is a tie of the second,
+  // or where float loses more digits or its range.
+  constexpr uint64_t kDropped = (uint64_t{1} << 29) - 1, kTie = uint64_t{1} << 28;
+  const bool is_tie = (std::bit_cast<uint64_t>(value) & kDropped) == kTie;
+  if ((is_tie || !std::isnormal(*rounded)) && !ParseFloat(text, rounded)) return false;
+  const auto remainder = static_cast<float>(value - static_cast<double>(*rounded));
+  if (remainders->empty() && remainder == 0) return true;
+  remainders->resize(count);
+  remainders->push_back(remainder);
+  return true;
+}
+
+}  // namespace
+
 bool PbrtParser::AppendValue(const Token& token, Parameter* parameter) {
   const ParameterType type = parameter->type;
   if (token.kind == Token::Kind::kString) return AppendString(token, parameter);
   if (token.kind == Token::Kind::kWord) {
     if (HasFloats(type)) {
       float value = 0;
-      if (ParseFloat(token.text, &value)) {
+      const bool is_parsed = type == ParameterType::kPoint3
+                                 ? ParseCoordinate(token.text, &value, &parameter->remainders,
+                                                   parameter->floats.size())
+                                 : ParseFloat(token.text, &value);
+      if (is_parsed) {
         parameter->floats.push_back(value);
         return ChargeMemory(*parameter);
       }
@@ -173,7 +203,7 @@ bool PbrtParser::AppendString(const Token& token, Parameter* parameter) {
 bool PbrtParser::ChargeMemory(const Parameter& parameter) {
   // Strings are at most kTokenBytesMax long; counting them at their usual size keeps this cheap.
   constexpr uint64_t kStringBytes = 64;
-  const uint64_t bytes = parameter.floats.size() * sizeof(float) +
+  const uint64_t bytes = (parameter.floats.size() + parameter.remainders.size()) * sizeof(float) +
                          parameter.integers.size() * sizeof(int32_t) + parameter.bools.size() +
                          parameter.strings.size() * kStringBytes;
   if (bytes <= limits_.memory_bytes_max) return true;

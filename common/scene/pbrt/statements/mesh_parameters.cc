@@ -63,8 +63,8 @@ bool CheckCountOf(ParameterList& parameters, const std::string& name, const std:
 }
 
 template <typename Mesh>
-bool ReadFaces(ParameterList& parameters, const FaceKind& face, Mesh* mesh) {
-  mesh->positions = parameters.GetTriples("P", ParameterType::kPoint3);
+bool ReadFaces(ParameterList& parameters, const FaceKind& face, Mesh* mesh, MeshOrigin* at) {
+  mesh->positions = ReadPositions(parameters, at);
   mesh->normals = parameters.GetTriples("N", ParameterType::kNormal);
   mesh->uvs = parameters.GetPoints2("uv");
   parameters.NoteWithoutEffect("faceIndices", "Sheaf has no ptex textures");
@@ -88,25 +88,30 @@ uint64_t BytesOf(const Mesh& mesh) {
 
 }  // namespace
 
-bool ReadTriangles(ParameterList& parameters, TriangleMesh* mesh) {
-  return ReadFaces(parameters, kTriangle, mesh);
+std::vector<Vec3f> ReadPositions(ParameterList& parameters, MeshOrigin* at) {
+  VertexRounding vertices = parameters.GetVertices("P");
+  return at->may_move ? vertices.Take(&at->origin) : vertices.TakeAbout(at->origin);
 }
 
-bool ReadPatches(ParameterList& parameters, BilinearMesh* mesh) {
-  return ReadFaces(parameters, kPatch, mesh);
+bool ReadTriangles(ParameterList& parameters, TriangleMesh* mesh, MeshOrigin* at) {
+  return ReadFaces(parameters, kTriangle, mesh, at);
+}
+
+bool ReadPatches(ParameterList& parameters, BilinearMesh* mesh, MeshOrigin* at) {
+  return ReadFaces(parameters, kPatch, mesh, at);
 }
 
 bool ReadTriangleIndices(ParameterList& parameters, TriangleMesh* mesh) {
   return SetIndices(parameters, kTriangle, mesh);
 }
 
-bool ReadVertexSteps(ParameterList& parameters, TriangleMesh* mesh) {
+bool ReadVertexSteps(ParameterList& parameters, const MeshOrigin& at, TriangleMesh* mesh) {
   bool is_good = true;
   for (int i = 1; i <= kVertexStepsMax; ++i) {
     const std::string p = absl::StrCat("P", i), n = absl::StrCat("N", i);
     if (!parameters.Has(p)) break;
     VertexStep step;
-    step.positions = parameters.GetTriples(p, ParameterType::kPoint3);
+    step.positions = parameters.GetVertices(p).TakeAbout(at.origin);
     step.normals = parameters.GetTriples(n, ParameterType::kNormal);
     if (step.positions.empty()) return false;  // Reported.
     is_good = CheckCountOf(parameters, p, step.positions, mesh->positions.size()) && is_good;

@@ -31,6 +31,11 @@ template <typename T>
 void Append(const std::vector<T>& from, std::vector<T>* to) {
   to->insert(to->end(), from.begin(), from.end());
 }
+void NoteImprecision(ParameterList& parameters, const std::vector<Vec3f>& positions,
+                     const std::vector<uint32_t>& indices, size_t corners) {
+  const std::optional<std::string> why = WhyImprecise(positions, indices, corners);
+  if (why.has_value()) parameters.Note(absl::StrCat(parameters.owner(), ": ", *why));
+}
 uint64_t CurveBytes(const CurveSet& curves) {
   return (curves.points.size() + curves.normals.size()) * sizeof(Vec3f) +
          curves.widths.size() * sizeof(float);
@@ -85,22 +90,28 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
 bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* shape) {
   TriangleMesh mesh;
   parameters.NoteWithoutEffect("S", "no material of Sheaf depends on tangents");
-  if (!ReadTriangles(parameters, &mesh) || !ReadVertexSteps(parameters, &mesh)) return false;
+  MeshOrigin at{CanMoveOrigin(shape->world_from_object)};
+  if (!ReadTriangles(parameters, &mesh, &at)) return false;
+  if (!ReadVertexSteps(parameters, at, &mesh)) return false;
+  MoveOrigin(at.origin, &shape->world_from_object);
   MeshShape mesh_shape;
   if (!AddMesh(std::move(mesh), parameters, &mesh_shape.mesh)) return false;
   return FinishMesh(parameters, shape, mesh_shape);
 }
 
 std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::string>& names,
-                                                     ParameterList& parameters) {
+                                                     ParameterList& parameters, MeshOrigin* at) {
   std::optional<TriangleMesh> mesh;
   for (size_t i = 0; i < names.size(); ++i) {
     const Parameter& parameter =
         *parameters.Find(i == 0 ? std::string("filename") : absl::StrCat("filename", i));
     const absl::StatusOr<std::string> path = files_->LocalPath(names[i]);
-    absl::StatusOr<TriangleMesh> step = absl::UnknownError("");
-    if (path.ok()) step = ReadPly(*path, limits_);
-    const absl::Status status = path.ok() ? step.status() : path.status();
+    // Later steps share the origin of the first.
+    const std::optional<Vec3d> origin =
+        at->may_move && i == 0 ? std::nullopt : std::optional(at->origin);
+    absl::StatusOr<PlyMesh> read = absl::UnknownError("");
+    if (path.ok()) read = ReadPly(*path, limits_, origin);
+    const absl::Status status = path.ok() ? read.status() : path.status();
     if (!status.ok()) {
       const std::string text = absl::StrCat("cannot be read: ", names[i], ": ", status.message());
       if (absl::IsResourceExhausted(status)) {
@@ -112,8 +123,10 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
       }
       return std::nullopt;
     }
+    TriangleMesh* step = &read->mesh;
     if (!mesh.has_value()) {
-      mesh = *std::move(step);
+      at->origin = read->origin;
+      mesh = std::move(*step);
       mesh->file = names[i];
       continue;
     }
@@ -143,13 +156,17 @@ bool ShapeTable::SetPlyMesh(ParameterList& parameters, ShapeDescription* shape) 
     parameters.Error(absl::StrCat(parameters.owner(), " needs \"string filename\""));
     return false;
   }
-  const auto [entry, is_new] = mesh_of_files_.emplace(names, kNone);
+  const bool may_move = CanMoveOrigin(shape->world_from_object);
+  const auto [entry, is_new] = mesh_of_files_.try_emplace({names, may_move});
+  FileMesh& known = entry->second;
   if (is_new) {
-    std::optional<TriangleMesh> mesh = ReadPlyFiles(names, parameters);
-    if (!mesh.has_value() || !AddMesh(*std::move(mesh), parameters, &entry->second)) return false;
+    known.at.may_move = may_move;
+    std::optional<TriangleMesh> mesh = ReadPlyFiles(names, parameters, &known.at);
+    if (!mesh.has_value() || !AddMesh(*std::move(mesh), parameters, &known.mesh)) return false;
   }
-  if (entry->second == kNone) return false;  // Reported at its first use.
-  return FinishMesh(parameters, shape, MeshShape{entry->second});
+  if (known.mesh == kNone) return false;  // Reported at its first use.
+  MoveOrigin(known.at.origin, &shape->world_from_object);
+  return FinishMesh(parameters, shape, MeshShape{known.mesh});
 }
 
 bool ShapeTable::FinishMesh(ParameterList& parameters, ShapeDescription* shape, MeshShape mesh) {
@@ -183,7 +200,9 @@ bool ShapeTable::FinishMesh(ParameterList& parameters, ShapeDescription* shape, 
 
 bool ShapeTable::SetLoopSubdivision(ParameterList& parameters, ShapeDescription* shape) {
   TriangleMesh control;
-  control.positions = parameters.GetTriples("P", ParameterType::kPoint3);
+  MeshOrigin at{CanMoveOrigin(shape->world_from_object)};
+  control.positions = ReadPositions(parameters, &at);
+  MoveOrigin(at.origin, &shape->world_from_object);
   const int32_t levels = parameters.GetInteger("levels", 3);
   parameters.NoteWithoutEffect("scheme", "loop is the only scheme");
   if (control.positions.empty() || levels < 0) {
@@ -235,6 +254,7 @@ bool ShapeTable::ChargeTriangles(uint64_t count, ParameterList& parameters) {
 bool ShapeTable::AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index) {
   if (!ChargeTriangles(mesh.indices.size() / 3, parameters)) return false;
   if (!ChargeMemory(MeshBytes(mesh), parameters.location())) return false;
+  NoteImprecision(parameters, mesh.positions, mesh.indices, 3);
   *index = static_cast<int32_t>(scene_->meshes.size());
   scene_->meshes.push_back(std::move(mesh));
   return true;
@@ -245,7 +265,10 @@ bool ShapeTable::SetBilinearMesh(ParameterList& parameters, ShapeDescription* sh
   parameters.NoteWithoutEffect("emissionfilename",
                                "it defines how pbrt-v4 samples points of a light; the emission is "
                                "the AreaLightSource's \"filename\", by which Sheaf samples them");
-  if (!ReadPatches(parameters, &mesh)) return false;
+  MeshOrigin at{CanMoveOrigin(shape->world_from_object)};
+  if (!ReadPatches(parameters, &mesh, &at)) return false;
+  MoveOrigin(at.origin, &shape->world_from_object);
+  NoteImprecision(parameters, mesh.positions, mesh.indices, 4);
   if (!ChargeTriangles(mesh.indices.size() / 2, parameters)) return false;
   if (!ChargeMemory(MeshBytes(mesh), parameters.location())) return false;
   shape->shape = BilinearMeshShape{static_cast<int32_t>(scene_->bilinear_meshes.size())};

@@ -9,9 +9,11 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/scene/file_source.h"
+#include "common/scene/pbrt/statements/mesh_parameters.h"
 #include "common/scene/pbrt/statements/texture_table.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
@@ -57,7 +59,7 @@ class ShapeTable {
   // The mesh of one file, or of several, one for each step over the shutter. Empty (reported) if
   // one cannot be read or does not fit the first.
   std::optional<TriangleMesh> ReadPlyFiles(const std::vector<std::string>& names,
-                                           ParameterList& parameters);
+                                           ParameterList& parameters, MeshOrigin* at);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
   // Reads the shape's parameters that apply to its mesh. False (reported) if they are inconsistent.
   bool FinishMesh(ParameterList& parameters, ShapeDescription* shape, MeshShape mesh);
@@ -72,8 +74,12 @@ class ShapeTable {
   Diagnostics* diagnostics_;
   SceneReaderLimits limits_;
   float displacement_edge_scale_ = 1;
-  // Keyed by the names of a mesh's files; kNone if they cannot be read.
-  std::map<std::vector<std::string>, int32_t> mesh_of_files_;
+  struct FileMesh {
+    int32_t mesh = kNone;  // kNone if the files cannot be read.
+    MeshOrigin at;
+  };
+  // Keyed by the names of a mesh's files, and whether its origin may move.
+  std::map<std::pair<std::vector<std::string>, bool>, FileMesh> mesh_of_files_;
   uint64_t memory_bytes_ = 0;
   uint64_t triangle_count_ = 0;
 };

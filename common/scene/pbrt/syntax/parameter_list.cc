@@ -174,6 +174,22 @@ std::vector<Vec3f> ParameterList::GetTriples(const std::string& name, ParameterT
   return parameter == nullptr ? std::vector<Vec3f>() : ToTriples(parameter->floats);
 }
 
+VertexRounding ParameterList::GetVertices(const std::string& name) {
+  VertexRounding vertices;
+  const Parameter* parameter = FindTyped(name, ParameterType::kPoint3);
+  if (parameter == nullptr) return vertices;
+  const std::vector<Vec3f> rounded = ToTriples(parameter->floats);
+  // Numbers after the last that was rounded have no remainder.
+  std::vector<float> remainders = parameter->remainders;
+  if (!remainders.empty()) remainders.resize(parameter->floats.size());
+  const std::vector<Vec3f> rest = ToTriples(remainders);
+  vertices.Reserve(rounded.size());
+  for (size_t i = 0; i < rounded.size(); ++i) {
+    vertices.Add(rounded[i], rest.empty() ? Vec3f{} : rest[i]);
+  }
+  return vertices;
+}
+
 void ParameterList::NoteWithoutEffect(const std::string& name, std::string_view why) {
   if (const Parameter* parameter = Find(name)) {
     diagnostics_->Note(parameter->location, absl::StrCat(owner_, ": parameter \"", name,

@@ -15,6 +15,7 @@
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/spectrum/primaries.h"
+#include "common/scene/vertex_rounding.h"
 
 namespace sheaf {
 
@@ -47,6 +48,8 @@ struct Parameter {
   SourceLocation location;
   // The values are in the vector that fits the type; a spectrum has floats or one string.
   std::vector<float> floats;
+  // Of a point3: what rounding to float took; empty if nothing.
+  std::vector<float> remainders;
   std::vector<int32_t> integers;
   std::vector<std::string> strings;
   std::vector<uint8_t> bools;
@@ -85,6 +88,8 @@ class ParameterList {
   std::vector<std::string> GetStrings(const std::string& name);
   std::vector<Vec2f> GetPoints2(const std::string& name);
   std::vector<Vec3f> GetTriples(const std::string& name, ParameterType type);
+  // Vertices, for VertexRounding.
+  VertexRounding GetVertices(const std::string& name);
 
   // The parameter of any type (it counts as used), or nullptr.
   Parameter* Find(const std::string& name);
