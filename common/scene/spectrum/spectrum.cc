@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/math/elementary.h"
+#include "common/scene/spectrum/narrow_bands.h"
 #include "common/scene/spectrum/spectrum_data.h"
 
 namespace sheaf {
@@ -116,6 +117,20 @@ double CmfAt(const double* values, double nm) {
   return Equidistant(values, data::kCmfCount, data::kCmfFirstNm, data::kCmfStepNm, nm);
 }
 
+// Adds to *sum what a sum over whole nanometers misses of the spectrum's narrow bands times a
+// factor that is linear between them. Simpson's rule is exact for the product.
+template <typename Function, typename Sum>
+void AddNarrowBands(const ColorSpec& spectrum, const Function& factor, const Sum& add) {
+  for (const NarrowBand& band : NarrowBandsOf(spectrum)) {
+    const double first = band.first - band.table_first, last = band.last - band.table_last;
+    const double width = (band.last_nm - band.first_nm) / 6;
+    const double middle_nm = 0.5 * (band.first_nm + band.last_nm);
+    add(band.first_nm, width * first * factor(band.first_nm));
+    add(middle_nm, 4 * width * 0.5 * (first + last) * factor(middle_nm));
+    add(band.last_nm, width * last * factor(band.last_nm));
+  }
+}
+
 template <typename Function>
 Xyz Integrate(const Function& radiance) {
   Xyz sum;
@@ -174,6 +189,18 @@ Rgb ToRgb(const Xyz& xyz) {
   return rgb;
 }
 
+// The same for the spectrum times a factor that is linear between whole nanometers.
+template <typename Function>
+Xyz IntegrateTimes(const ColorSpec& spectrum, const Function& factor) {
+  Xyz sum = Integrate([&](int nm) { return factor(nm) * EvaluateSpectrum(spectrum, nm); });
+  AddNarrowBands(spectrum, factor, [&](double nm, double value) {
+    sum.x += CmfAt(data::kCmfX, nm) * value;
+    sum.y += CmfAt(data::kCmfY, nm) * value;
+    sum.z += CmfAt(data::kCmfZ, nm) * value;
+  });
+  return sum;
+}
+
 // The color of a surface of this spectrum under D65.
 template <typename Function>
 Rgb UnderD65(const Function& spectrum) {
@@ -188,7 +215,7 @@ Rgb Clamp(Rgb rgb, float maximum) {
 }
 
 Xyz IlluminantXyz(const ColorSpec& spectrum) {
-  return Integrate([&](int nm) { return EvaluateSpectrum(spectrum, nm); });
+  return IntegrateTimes(spectrum, [](double) { return 1.0; });
 }
 
 // Has luminance 1; negative components if the color lies outside of sRGB.
@@ -197,9 +224,7 @@ Rgb IlluminantRgb(const ColorSpec& spectrum) {
   if (!(xyz.y > 0)) return Rgb{};
   return ToRgb({xyz.x / xyz.y, 1, xyz.z / xyz.y});
 }
-Rgb ReflectanceRgb(const ColorSpec& spectrum) {
-  return UnderD65([&](int nm) { return EvaluateSpectrum(spectrum, nm); });
-}
+Rgb ReflectanceRgb(const ColorSpec& spectrum) { return ToRgb(IntegrateTimes(spectrum, UnitD65)); }
 
 // Mean of a spectrum for each channel, weighted by how strongly each wavelength under D65 makes the
 // channel brighter. Negative lobes, which a mean cannot have, have weight 0.
@@ -213,6 +238,9 @@ Rgb ChannelMeans(const ColorSpec& spectrum) {
       sum += weight * EvaluateSpectrum(spectrum, nm);
       weights += weight;
     }
+    AddNarrowBands(
+        spectrum, [i](double nm) { return std::max(0.0, ObserverRgb(nm)[i]) * UnitD65(nm); },
+        [&sum](double, double value) { sum += value; });
     means[i] = static_cast<float>(sum / weights);
   }
   return means;

@@ -6,6 +6,8 @@
 #include <array>
 #include <limits>
 #include <tuple>
+#include <utility>
+#include <vector>
 
 #include "common/scene/spectrum/spectrum.h"
 #include "worker/render/color/upsampling_table.h"
@@ -110,17 +112,40 @@ SpectralColor SpectralColor::Make(const ColorSpec& color, ColorRole role) {
   }
   switch (role) {
     case ColorRole::kReflectance:
-      return Tabulate([&](double nm) { return std::clamp(EvaluateSpectrum(color, nm), 0.0, 1.0); });
+      return TabulateMeasured(color, [](double value) { return std::clamp(value, 0.0, 1.0); });
     case ColorRole::kIlluminant: {
       const double luminance = SpectrumLuminance(color);
       if (!(luminance > 0)) return SpectralColor();
-      return Tabulate(
-          [&](double nm) { return std::max(0.0, EvaluateSpectrum(color, nm)) / luminance; });
+      return TabulateMeasured(
+          color, [luminance](double value) { return std::max(0.0, value) / luminance; });
     }
     case ColorRole::kUnbounded:
       break;
   }
-  return Tabulate([&](double nm) { return EvaluateSpectrum(color, nm); });
+  return TabulateMeasured(color, [](double value) { return value; });
+}
+
+SpectralColor SpectralColor::TabulateMeasured(const ColorSpec& color,
+                                              const std::function<double(double value)>& scale) {
+  SpectralColor made = Tabulate([&](double nm) { return scale(EvaluateSpectrum(color, nm)); });
+  std::vector<NarrowBand> bands = NarrowBandsOf(color);
+  if (bands.empty()) return made;
+  for (NarrowBand& band : bands) {
+    band.first = scale(band.first);
+    band.last = scale(band.last);
+  }
+  made.bands_ = std::make_shared<const std::vector<NarrowBand>>(std::move(bands));
+  return made;
+}
+
+void SpectralColor::SetBands(const Wavelengths& wavelengths, Spectral* values) const {
+  for (size_t i = 0; i < kWavelengthCount; ++i) {
+    const auto nm = static_cast<double>(wavelengths.nm[i]);
+    const auto band = std::lower_bound(bands_->begin(), bands_->end(), nm,
+                                       [](const NarrowBand& b, double x) { return b.last_nm < x; });
+    if (band == bands_->end() || nm < band->first_nm) continue;
+    (*values)[i] = static_cast<float>(band->At(nm));
+  }
 }
 
 SpectralColor SpectralColor::Tabulate(const std::function<double(double nm)>& value) {
@@ -134,7 +159,11 @@ SpectralColor SpectralColor::Tabulate(const std::function<double(double nm)>& va
 }
 
 Spectral SpectralColor::At(const Wavelengths& wavelengths) const {
-  if (table_ != nullptr) return Interpolate(table_->data(), wavelengths);
+  if (table_ != nullptr) {
+    Spectral values = Interpolate(table_->data(), wavelengths);
+    if (bands_ != nullptr) SetBands(wavelengths, &values);
+    return values;
+  }
   const Spectral values = sigmoid_.At(wavelengths) * scale_;
   return is_under_d65_ ? values * Interpolate(SharedTables().d65.data(), wavelengths) : values;
 }

@@ -18,6 +18,7 @@
 
 #include "common/math/vec.h"
 #include "common/scene/scene_description.h"
+#include "common/scene/spectrum/narrow_bands.h"
 #include "worker/render/color/sigmoid_spectrum.h"
 #include "worker/render/color/wavelengths.h"
 
@@ -39,10 +40,17 @@ class SpectralColor {
   float At(float nm) const;
 
  private:
+  // Tabulates scale(value) of the color's values; exact within its narrow bands.
+  static SpectralColor TabulateMeasured(const ColorSpec& color,
+                                        const std::function<double(double value)>& scale);
+  void SetBands(const Wavelengths& wavelengths, Spectral* values) const;
+
   SigmoidSpectrum sigmoid_;
   float scale_ = 0;                                  // Factor of the sigmoid; 0 is black.
   bool is_under_d65_ = false;                        // The sigmoid is multiplied by the illuminant.
   std::shared_ptr<const std::vector<float>> table_;  // If set, replaces the sigmoid.
+  // If set, replaces the table within the bands.
+  std::shared_ptr<const std::vector<NarrowBand>> bands_;
 };
 
 // Spectrum of an RGB value that is known only during rendering (texels, environment maps), by

@@ -4,14 +4,19 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <random>
+#include <vector>
 
 #include "common/scene/spectrum/spectrum.h"
 #include "tests/support/colors.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/naive_materials.h"
+#include "worker/render/color/wavelength_sampler.h"
 
 namespace sheaf::render {
 namespace {
@@ -100,6 +105,60 @@ TEST(WavelengthsTest, PdfIsTheInverseSampleSpacing) {
     for (size_t k = 0; k < kWavelengthCount; ++k) {
       EXPECT_NEAR((high.nm[k] - low.nm[k]) * w.pdf[k] / (2 * kStep), 1, 2e-3) << u << " " << k;
     }
+  }
+}
+
+// The samples in parts of the bands, in whole nanometers beside them and in the rest, against the
+// integral of the stated density.
+TEST(WavelengthSamplerTest, EachWavelengthHasItsStatedPdf) {
+  const std::vector<std::vector<NarrowBand>> spectra = {
+      {{589.1, 589.3, 0, 1, 0, 0}, {589.3, 589.5, 1, 0, 0, 0}},
+      {{532, 532.5, 0, 2, 0, 0}, {532.5, 533, 2, 0, 0, 0}, {540, 540.01, 5, 5, 0, 0}},
+      {{589.4, 589.6, 1, 1, 0, 0}}};
+  const WavelengthSampler sampler(spectra);
+  const std::vector<double> edges = {360,   500,    532,   532.25, 532.5, 533,    539,
+                                     540,   540.01, 541,   589,    589.1, 589.25, 589.3,
+                                     589.4, 589.5,  589.6, 590,    650,   830};
+  constexpr int kPathCount = 400000;
+  std::vector<std::array<double, kWavelengthCount>> counts(edges.size());
+  std::vector<double> widths(edges.size());  // The mean of 1 / pdf within.
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  for (int i = 0; i < kPathCount; ++i) {
+    const Wavelengths w = sampler.Sample(std::min(uniform(random), 0x1.fffffep-1f));
+    for (size_t k = 0; k < kWavelengthCount; ++k) {
+      ASSERT_GT(w.pdf[k], 0);
+      const auto bin = static_cast<size_t>(
+          std::upper_bound(edges.begin(), edges.end(), static_cast<double>(w.nm[k])) -
+          edges.begin());
+      ++counts[bin - 1][k];
+      widths[bin - 1] += 1 / static_cast<double>(w.pdf[k]) / kPathCount / kWavelengthCount;
+    }
+  }
+  for (size_t bin = 0; bin + 1 < edges.size(); ++bin) {
+    const double width = edges[bin + 1] - edges[bin];
+    const double count = counts[bin][0] + counts[bin][1] + counts[bin][2] + counts[bin][3];
+    EXPECT_NEAR(widths[bin] / width, 1, 6 / std::sqrt(count) + 0.002) << edges[bin];
+  }
+  // Chi-square: each of the four wavelengths has the same distribution.
+  double chi_square = 0;
+  for (size_t bin = 0; bin + 1 < edges.size(); ++bin) {
+    const auto& four = counts[bin];
+    const double expected = (four[0] + four[1] + four[2] + four[3]) / kWavelengthCount;
+    for (const double n : four) chi_square += (n - expected) * (n - expected) / expected;
+  }
+  EXPECT_LT(chi_square, 105);  // At most 57 degrees of freedom: probability 1e-4.
+}
+
+TEST(WavelengthSamplerTest, WithoutBandsNothingChanges) {
+  for (const float u : {0.0f, 0.3f, 0.7f}) {
+    EXPECT_EQ(WavelengthSampler().Sample(u).nm, Wavelengths::Sample(u).nm);
+    EXPECT_EQ(WavelengthSampler(std::vector<std::vector<NarrowBand>>(1)).Sample(u).pdf,
+              Wavelengths::Sample(u).pdf);
+  }
+  for (float u = 0; u < 1; u += 0.07f) {
+    const Wavelengths w = Wavelengths::Sample(u);
+    EXPECT_NEAR(Wavelengths::PdfOf(w.nm[0]) / w.pdf[0], 1, 1e-5);
   }
 }
 

@@ -77,21 +77,37 @@ struct Wavelengths {
   float hero_nm() const { return nm[0]; }
   // u in [0, 1). Density proportional to sech^2(0.0072 (nm - 538)), close to the eye's sensitivity.
   static Wavelengths Sample(float u);
+  // The same at one of them. position: in [0, 1).
+  static float NmAt(float position) {
+    const float tanh = TanhAt(position);
+    const float nm = kCenterNm + 0.5f / kSteepness * Log((1 + tanh) / (1 - tanh));
+    return std::fmin(std::fmax(nm, kWavelengthMinNm), kWavelengthMaxNm);
+  }
+  static float PdfAt(float position) {
+    const float tanh = TanhAt(position);
+    return kSteepness / kSpan * (1 - tanh) * (1 + tanh);
+  }
+  // The density at any wavelength of the range.
+  static float PdfOf(float nm) {
+    const float e = Exp(2 * kSteepness * (nm - kCenterNm));
+    return kSteepness / kSpan * 4 * e / ((1 + e) * (1 + e));
+  }
+
+ private:
+  static constexpr float kCenterNm = 538, kSteepness = 0.0072f;
+  // Tanh of kSteepness (nm - kCenterNm) at the ends of the range.
+  static constexpr float kTanhMin = -0.856910625469828f, kTanhMax = 0.9705913469402698f;
+  static constexpr float kSpan = kTanhMax - kTanhMin;
+  static float TanhAt(float position) { return kTanhMin + kSpan * position; }
 };
 
 inline Wavelengths Wavelengths::Sample(float u) {
-  constexpr float kCenterNm = 538, kSteepness = 0.0072f;
-  // Tanh of kSteepness (nm - kCenterNm) at the ends of the range.
-  constexpr float kTanhMin = -0.856910625469828f, kTanhMax = 0.9705913469402698f;
-  constexpr float kSpan = kTanhMax - kTanhMin;
   Wavelengths w;
   for (size_t i = 0; i < kWavelengthCount; ++i) {
     float position = u + static_cast<float>(i) / kWavelengthCount;
     if (position >= 1) position -= 1;
-    const float tanh = kTanhMin + kSpan * position;
-    const float nm = kCenterNm + 0.5f / kSteepness * Log((1 + tanh) / (1 - tanh));
-    w.nm[i] = std::fmin(std::fmax(nm, kWavelengthMinNm), kWavelengthMaxNm);
-    w.pdf[i] = kSteepness / kSpan * (1 - tanh) * (1 + tanh);
+    w.nm[i] = NmAt(position);
+    w.pdf[i] = PdfAt(position);
   }
   return w;
 }

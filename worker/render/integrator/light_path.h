@@ -153,7 +153,7 @@ class LightPathIntegrator {
       path.ray.time = scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)));
     }
     if constexpr (C::kSpectral) {
-      path.wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
+      path.wavelengths = scene_.wavelengths.Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
     }
     if (StartAtLight(context, &path)) TraceLight(context, &path, splats);
   }

@@ -168,7 +168,7 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const
   if (C::Has(Trait::kLens) && weight == 0) return film;
   if constexpr (C::Has(Trait::kEnvironment)) path->from = path->ray.o;
   if constexpr (C::kSpectral) {
-    path->wavelengths = Wavelengths::Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
+    path->wavelengths = scene_.wavelengths.Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
   }
   if constexpr (C::kMedia) StartInMedia(context, path);
   Li(context, path, &film);

@@ -12,6 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "common/base/log.h"
 #include "common/base/status.h"
 #include "common/math/elementary.h"
 #include "worker/render/color/light_image.h"
@@ -32,6 +33,24 @@ absl::Status ErrorAt(const SceneDescription& scene, SourceLocation location,
 }
 
 // Reads the lights one by one; keeps the first error.
+// Sums and products of radiance are made in float: beyond kRadianceMax they exceed what a sample
+// may have, and below kRadianceMin they lose digits or vanish.
+constexpr float kRadianceMax = 1e25f, kRadianceMin = 1e-25f;
+absl::Status CheckRadiance(const SceneDescription& scene, SourceLocation location, float largest) {
+  if (!(largest > 0)) return absl::OkStatus();
+  if (largest > kRadianceMax) {
+    return ErrorAt(scene, location,
+                   absl::StrCat("the light's radiance of ", largest, " is above ", kRadianceMax,
+                                ", too large for 32-bit numbers; scale all lights down"));
+  }
+  if (largest < kRadianceMin) {
+    LogWarning(absl::StrCat(
+        FormatLocation(scene, location), ": the light's radiance of ", largest, " is below ",
+        kRadianceMin, ", where 32-bit numbers lose a part of its light; scale all lights up"));
+  }
+  return absl::OkStatus();
+}
+
 class SceneLightReader {
  public:
   SceneLightReader(const SceneDescription& scene, Vec3d render_origin_world, FileSource& files,
@@ -341,6 +360,12 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
 
 absl::Status ReadLights(const SceneDescription& scene, Vec3d render_origin_world, bool spectral,
                         FileSource& files, LightTable::Impl* impl) {
+  for (const AreaLightDescription& light : scene.area_lights) {
+    if (!light.file.empty() || light.scale.power_w > 0) continue;
+    const absl::Status usable =
+        CheckRadiance(scene, light.location, MaxComponent(light.radiance.rgb) * light.scale.scale);
+    if (!usable.ok()) return usable;
+  }
   SceneLightReader reader(scene, render_origin_world, files, spectral, impl);
   for (size_t i = 0; i < scene.lights.size(); ++i) {
     const size_t delta_count = impl->deltas.size(), infinite_count = impl->infinites.size();
@@ -348,7 +373,19 @@ absl::Status ReadLights(const SceneDescription& scene, Vec3d render_origin_world
     if (!status.ok()) return status;
     const auto description = static_cast<int32_t>(i);
     if (impl->deltas.size() > delta_count) impl->deltas.back().description = description;
-    if (impl->infinites.size() > infinite_count) impl->infinites.back().description = description;
+    float largest = 0;
+    if (impl->infinites.size() > infinite_count) {
+      InfiniteEmitter& infinite = impl->infinites.back();
+      infinite.description = description;
+      largest = infinite.map ? infinite.scale * static_cast<float>(infinite.map->mean_luminance())
+                             : MaxComponent(infinite.radiance.rgb);
+    }
+    if (impl->deltas.size() > delta_count &&
+        impl->deltas.back().kind == DeltaLight::Kind::kDistant) {
+      largest = MaxComponent(impl->deltas.back().emission.rgb);
+    }
+    const absl::Status usable = CheckRadiance(scene, scene.lights[i].location, largest);
+    if (!usable.ok()) return usable;
   }
   return absl::OkStatus();
 }

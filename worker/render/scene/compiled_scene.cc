@@ -155,6 +155,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   scene->filter = *std::move(filter);
   scene->film = FilmResponse::Make(scene->description.film, settings);
   const bool spectral = Has(scene->plan.traits, Trait::kSpectral);
+  if (spectral) scene->wavelengths = WavelengthSampler(NarrowBandsOf(scene->description));
   absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
       MaterialTable::Build(scene->description, files,
                            {limits.texture_cache_bytes_max, spectral, settings.single_scattering});

@@ -11,6 +11,7 @@
 #include "worker/render/accel/embree_scene.h"
 #include "worker/render/camera/camera.h"
 #include "worker/render/camera/film_response.h"
+#include "worker/render/color/wavelength_sampler.h"
 #include "worker/render/geometry/scene_geometry.h"
 #include "worker/render/guiding/guiding_slot.h"
 #include "worker/render/light/light_emission.h"
@@ -35,6 +36,7 @@ class CompiledScene {
   Camera camera;
   PixelFilter filter;
   FilmResponse film;
+  WavelengthSampler wavelengths;  // For spectral transport.
   std::unique_ptr<EmbreeScene> tracer;
   std::unique_ptr<MaterialTable> materials;
   std::unique_ptr<LightTable> lights;
