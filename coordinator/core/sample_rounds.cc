@@ -145,7 +145,42 @@ Scales FindScales(double high, const Fits& fits) {
   return {low, high};
 }
 
+// Gives more samples to cells that have fewer than `samples`, within the limits of a round. The
+// frame is done if there are none, or no time for them.
+void LookFurther(double samples, uint64_t samples_max, std::span<const CellRound> cells,
+                 const RoundAllowance& allowance, RoundDecision* decision) {
+  const auto step = double{kReplicateCount};
+  const uint64_t wanted = static_cast<uint64_t>(
+      std::min(static_cast<double>(samples_max), std::ceil(samples / step) * step));
+  double pixel_samples = 0, final_pixel_samples = 0;
+  bool grows = false;
+  std::vector<uint64_t> next;
+  ErrorSums predicted;
+  for (const CellRound& cell : cells) {
+    const auto count = static_cast<double>(cell.error.pixel_count);
+    next.push_back(std::max(cell.samples, std::min(wanted, kRoundGrowthMax * cell.samples)));
+    grows = grows || next.back() > cell.samples;
+    pixel_samples += count * static_cast<double>(next.back());
+    final_pixel_samples += count * static_cast<double>(std::max(cell.samples, wanted));
+    predicted.Add(ForeseeError(cell, static_cast<double>(next.back()), kRateMin));
+  }
+  if (!grows) return;
+  if (pixel_samples > std::min(allowance.time, allowance.cpu)) {
+    decision->reason = allowance.time < allowance.cpu ? StopReason::kTime : StopReason::kCpu;
+    return;
+  }
+  decision->samples = std::move(next);
+  decision->predicted_relative_mse = predicted.RelativeMse();
+  decision->sample_count_expected = static_cast<uint64_t>(final_pixel_samples);
+}
+
 }  // namespace
+
+double SamplesToTrust(double target_error, int64_t pixel_count) {
+  const double covered_pixels =
+      kCoverageSeen * target_error * static_cast<double>(std::max<int64_t>(1, pixel_count));
+  return std::min(kLookSamplesMax, -std::log(kMissProbability) / covered_pixels);
+}
 
 ErrorSums SumOf(std::span<const CellRound> cells) {
   ErrorSums sum;
@@ -203,6 +238,8 @@ RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
   decision.relative_mse_upper = UpperBound(sum, DeviationsOf(round));
   if (rule.target_error > 0 && decision.relative_mse_upper <= rule.target_error) {
     decision.reason = StopReason::kTargetError;
+    LookFurther(SamplesToTrust(rule.target_error, sum.pixel_count), samples_max, cells, allowance,
+                &decision);
     return decision;
   }
   const Allocation allocation(cells, samples_max, MeasureRate(cells, before));

@@ -27,6 +27,15 @@
 // round tests this, and each test may succeed by chance, so the probability of a miss is divided
 // among the tests: the k-th test (from 1) may miss with probability 6 / (pi k)^2 kMissProbability,
 // and all tests together with at most kMissProbability.
+//
+// What no sample has met is in no error bar. Small things in front of a smooth background, such as
+// lamps of less than a pixel, may all be missed, and then the frame has no error at all. A frame
+// that is off by the target because of them has them in at least that fraction of its pixels, where
+// the relative error is 1 at most. If they cover the fraction kCoverageSeen of each of these
+// pixels, n samples per pixel meet none of them with the probability exp(-n kCoverageSeen target
+// pixels); so no cell ends with fewer samples than make that kMissProbability (3 = -ln 0.05: Hanley
+// and Lippman-Hand 1983, "If Nothing Goes Wrong, Is Everything All Right?"). Things that cover less
+// may be missing.
 #pragma once
 
 #include <cstdint>
@@ -49,6 +58,10 @@ inline constexpr double kRoundGrowthMin = 1.0 / 16;
 inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 // The fraction of frames that may stop although their expected error is above the target.
 inline constexpr double kMissProbability = 0.05;
+// See above. Frames of 640 x 360 pixels and a target of 0.01 need no sample for it.
+inline constexpr double kCoverageSeen = 1.0 / 256;
+// Frames of few pixels are looked at with this many samples per pixel at most.
+inline constexpr double kLookSamplesMax = 4 * kReplicateCount;
 // Standard deviations between a point of an error curve and its upper bound, for frames without
 // rounds: 95 of 100 normal values lie below.
 inline constexpr double kPointDeviations = 1.645;
@@ -58,6 +71,9 @@ struct CellRound {
   uint64_t samples = 0;  // Per pixel.
   ErrorSums error;
 };
+
+// The samples per pixel that a frame needs before the target can be said to be reached.
+double SamplesToTrust(double target_error, int64_t pixel_count);
 
 // The sum over all cells.
 ErrorSums SumOf(std::span<const CellRound> cells);

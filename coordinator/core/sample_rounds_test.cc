@@ -77,6 +77,27 @@ TEST(SampleRoundsTest, ReachesTheTargetWithFewExtraSamples) {
   EXPECT_LE(run.round_count, 5);
 }
 
+// A frame without any noise, in which things of less than a pixel may be missing.
+TEST(SampleRoundsTest, FramesWithoutNoiseAreLookedAtAgain) {
+  constexpr double kTarget = 0.02;
+  // 20 of 1024 pixels would be off by the target; 3 / (20 / 256) samples.
+  const Course small = RunToTheEnd(Target(kTarget), std::vector<double>(4, 0.0));
+  EXPECT_EQ(small.last.reason, StopReason::kTargetError);
+  EXPECT_EQ(MeanSamples(small), 48);
+  EXPECT_EQ(small.round_count, 2);
+  EXPECT_EQ(small.records.front().sample_count_expected, 48u * 4 * kTilePixels);
+  // The probability that 20 pixels of which 1 / 256 is covered stay unseen.
+  EXPECT_LT(std::exp(-MeanSamples(small) * kTarget * 1024 / 256), 0.05);
+  const Course large = RunToTheEnd(Target(kTarget), std::vector<double>(400, 0.0));
+  EXPECT_EQ(MeanSamples(large), kReplicateCount);
+  EXPECT_EQ(large.round_count, 1);
+  // Not beyond the limit, nor the growth of a round.
+  EXPECT_EQ(MeanSamples(RunToTheEnd(Target(kTarget), std::vector<double>(4, 0.0), 1, 32)), 32);
+  const Course tiny = RunToTheEnd(Target(kTarget), {0.0});
+  EXPECT_EQ(MeanSamples(tiny), kLookSamplesMax);
+  EXPECT_EQ(tiny.round_count, 2);
+}
+
 // Cells after the first round.
 std::vector<CellRound> UnequalCells() {
   std::vector<CellRound> cells;
@@ -178,7 +199,8 @@ TEST(SampleRoundsTest, EasyFramesHaveOneRound) {
 
 TEST(SampleRoundsTest, BlackFramesStop) {
   const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(10, 0.0));
-  EXPECT_EQ(run.round_count, 1);
+  EXPECT_EQ(MeanSamples(run), kLookSamplesMax);
+  EXPECT_EQ(run.round_count, 2);
 }
 
 TEST(SampleRoundsTest, StopsAtTheSampleLimit) {
