@@ -222,19 +222,23 @@ class NormalMapTest : public ::testing::Test {
   }
   // A diffuse material whose height rises by slope_u along u and by slope_v along v, about (1/2,
   // 1/2).
-  std::unique_ptr<MaterialTable> WithHeights(float slope_u, float slope_v, float scale = 1) {
+  std::unique_ptr<MaterialTable> WithHeights(double slope_u, double slope_v, float scale = 1,
+                                             const UvMapping& mapping = {}) {
     SceneDescription scene;
     TextureDescription texture;
     ImageTexture image;
     image.file = "map.pfm";
     image.scale = scale;
+    image.mapping = mapping;
     texture.texture = image;
     scene.textures.push_back(texture);
     scene.materials.push_back({"", DiffuseMaterial{}, {}, kNone, {0, 0}});
     // Texel centers are 1/2 apart; row 0 is at v = 3/4.
-    const auto at = [&](float u, float v) { return Rgb::Gray(8 + slope_u * u + slope_v * v); };
+    const auto at = [&](double u, double v) {
+      return Rgb::Gray(static_cast<float>(8 + slope_u * u + slope_v * v));
+    };
     return Build(std::move(scene), 2, 2,
-                 {at(0.25f, 0.75f), at(0.75f, 0.75f), at(0.25f, 0.25f), at(0.75f, 0.25f)});
+                 {at(0.25, 0.75), at(0.75, 0.75), at(0.25, 0.25), at(0.75, 0.25)});
   }
 
   std::filesystem::path directory_;
@@ -289,8 +293,7 @@ TEST_F(NormalMapTest, BumpMapsMatchTheirPlane) {
                                             {Vec3d{-1, 0, 0}, Vec3d{0, 1, 0}},
                                             {Vec3d{0, 2, 0}, Vec3d{1, 0.5, 0}}};
   for (const auto& [dpdu, dpdv] : kTangents) {
-    const auto table = WithHeights(static_cast<float>(kA * dpdu.x + kB * dpdu.y),
-                                   static_cast<float>(kA * dpdv.x + kB * dpdv.y));
+    const auto table = WithHeights(kA * dpdu.x + kB * dpdu.y, kA * dpdv.x + kB * dpdv.y);
     ExpectDirection(table->ShadingNormal(0, kMiddle, 0, {{0, 0, 1}, dpdu, dpdv, true}),
                     {-kA, -kB, 1});
     // Seen from the other side, heights have the opposite sign.
@@ -308,6 +311,70 @@ TEST_F(NormalMapTest, ScalingKeepsNormalBits) {
     const TangentPlane scaled{plane.n, plane.dpdu * scale, plane.dpdv * scale, true};
     const auto table = WithHeights(0.3f, 0.7f, static_cast<float>(scale));
     EXPECT_EQ(table->ShadingNormal(0, kMiddle, 0, scaled), n) << exponent;
+  }
+}
+
+// The height of a triangle wave of period 1 that rises by `slope` about 1/2, as the image of two
+// texels gives it.
+float Wave(float slope, float x) {
+  const float from_half = x - std::floor(x) - 0.5f;
+  return std::fabs(from_half) < 0.25f ? slope * from_half
+                                      : slope * ((from_half > 0 ? 0.5f : -0.5f) - from_half);
+}
+// The slope between two floats of uv that are .0005 apart on either side of 1/2.
+float SlopeOverUv(float slope, float tiles) {
+  const float step = 0.0005f;
+  return (Wave(slope, tiles * (0.5f + step)) - Wave(slope, tiles * (0.5f - step))) /
+         (2 * step * tiles);
+}
+
+// Slopes are those of the texture, however much of it lies between u = 0 and u = 1.
+TEST_F(NormalMapTest, M16SlopesFollowTheScaleOfTheTexture) {
+  constexpr double kA = 0.5, kB = -0.25;
+  const auto figure = [](const char* by, double tiles, Vec3f n) {
+    const auto odd = static_cast<float>(tiles);
+    ExpectHardCase({.row = "M16",
+                    .figure = std::string("slope of ") + InWords(tiles) + " tiles " + by,
+                    .expected = kA,
+                    .measured = -n.x / n.z,
+                    .tolerance = 2e-4,
+                    .naive = SlopeOverUv(static_cast<float>(kA), odd),
+                    .naive_by = "a difference over .0005 of uv"});
+    EXPECT_NEAR(-n.y / n.z, kB, 2e-4) << by << " " << tiles;
+  };
+  for (const double tiles : {1.0, 1001.0, 1000001.0}) {
+    SCOPED_TRACE(tiles);
+    // One tile of the map is one unit of space. Odd numbers have the middle of a tile at 1/2.
+    const Vec3d dpdu{tiles, 0, 0}, dpdv{0, tiles, 0};
+    const auto tiled = static_cast<float>(tiles);
+    UvMapping by_uv;
+    by_uv.scale_u = by_uv.scale_v = tiled;
+    figure(
+        "by uv", tiles,
+        WithHeights(kA, kB, 1, by_uv)->ShadingNormal(0, kMiddle, 0, {{0, 0, 1}, dpdu, dpdv, true}));
+    UvMapping turned;  // u of the texture is v of the mesh.
+    turned.scale_u = turned.scale_v = 0;
+    turned.turn_u = turned.turn_v = tiled;
+    figure("by turned uv", tiles,
+           WithHeights(kA, kB, 1, turned)
+               ->ShadingNormal(0, kMiddle, 0, {{0, 0, 1}, dpdv, dpdu, true}));
+    UvMapping planar;
+    planar.kind = UvMapping::Kind::kPlanar;
+    figure("of a plane", tiles,
+           WithHeights(kA, kB, 1, planar)
+               ->ShadingNormal(0, {{}, {0.5, 0.5, 7}, {}}, 0, {{0, 0, 1}, dpdu, dpdv, true}));
+  }
+  // Around an axis: u of the texture is an angle.
+  for (const double size : {1.0, 1e3, 1e6}) {
+    UvMapping around;
+    around.kind = UvMapping::Kind::kCylindrical;
+    const double radius = 1 / (2 * kPi);
+    const Vec3f n = WithHeights(kA, kB, 1, around)
+                        ->ShadingNormal(0, {{}, {radius, 0, 0.5}, {}}, 0,
+                                        {{1, 0, 0}, {0, size, 0}, {0, 0, size}, true});
+    // The step along the tangent leaves the surface, as the two texels are large.
+    EXPECT_NEAR(-n.y / n.x, kA, 0.01) << size;
+    EXPECT_NEAR(-n.z / n.x, kB, 0.01) << size;
   }
 }
 

@@ -14,6 +14,7 @@
 #include "common/scene/gltf/scene_file_reader.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/light_pass.h"
+#include "worker/render/plan/path_limits.h"
 #include "worker/render/scene/memory_estimate.h"
 #include "worker/render/tile_pass.h"
 #include "worker/sandbox/light_pass_gate.h"
@@ -48,6 +49,7 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   stats->broken_nestings += more.broken_nestings;
   if (stats->broken_at.empty()) stats->broken_at = more.broken_at;
   stats->long_walks += more.long_walks;
+  stats->long_segments += more.long_segments;
   stats->broken_majorants += more.broken_majorants;
   stats->raised_majorants += more.raised_majorants;
   stats->cpu_seconds += more.cpu_seconds;
@@ -95,6 +97,11 @@ void LogStats(const std::string& frame_name, TaskKind kind, const render::Render
     LogWarning(absl::StrCat(frame_name, ": ", stats.long_walks,
                             " paths ended because they scattered too often beneath a surface, "
                             "which darkens it: raise sigma_a or lower sigma_s"));
+  }
+  if (stats.long_segments > 0) {
+    LogWarning(absl::StrCat(frame_name, ": ", stats.long_segments, " paths and shadow rays ended ",
+                            "because they passed through more than ", render::kNullCrossingsMax,
+                            " cut-outs and interfaces, which darkens what is behind: use fewer"));
   }
 }
 

@@ -11,6 +11,8 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include <cmath>
+
 #include "worker/render/accel/embree_scene.h"
 #include "worker/render/geometry/ray_origin.h"
 
@@ -76,8 +78,17 @@ struct TraceContext {
   }
 };
 
+// False for a ray that Embree does not accept: it is so far from all that rays meet, or these are
+// so small beside it, that it meets nothing; or it is not a number.
+inline bool IsTraceable(const RTCRay& ray) {
+  const auto is_in_range = [](float x) { return std::fabs(x) <= kTracedMax; };
+  return is_in_range(ray.org_x) & is_in_range(ray.org_y) & is_in_range(ray.org_z) &
+         is_in_range(ray.dir_x) & is_in_range(ray.dir_y) & is_in_range(ray.dir_z);
+}
+
 // Calls whose signature differs between the two versions.
 inline void TraceNearest(RTCScene scene, const TraceContext* context, RTCRayHit* ray_hit) {
+  if (!IsTraceable(ray_hit->ray)) return;
 #if RTC_VERSION_MAJOR >= 4
   RTCIntersectArguments arguments;
   rtcInitIntersectArguments(&arguments);
@@ -88,6 +99,7 @@ inline void TraceNearest(RTCScene scene, const TraceContext* context, RTCRayHit*
 #endif
 }
 inline void TraceAny(RTCScene scene, const TraceContext* context, RTCRay* ray) {
+  if (!IsTraceable(*ray)) return;
 #if RTC_VERSION_MAJOR >= 4
   RTCOccludedArguments arguments;
   rtcInitOccludedArguments(&arguments);

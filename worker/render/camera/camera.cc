@@ -145,11 +145,17 @@ Ray Camera::MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* w
   }
   const Affine render_from_camera =
       moves_ ? RenderFromCameraAt(shutter_fraction) : render_from_camera_;
-  Ray ray;
-  ray.o = ToFloat(render_from_camera.Point(o));
-  ray.d = ToFloat(Normalize(render_from_camera.Vector(d)));
-  ray.time = shutter_fraction;
-  return ray;
+  return RayFrom(render_from_camera.Point(o), Normalize(render_from_camera.Vector(d)),
+                 shutter_fraction);
+}
+
+Vec3f Camera::EyeOfFarRay(const Ray& ray) const {
+  const Affine render_from_camera = moves_ ? RenderFromCameraAt(ray.time) : render_from_camera_;
+  // Back to the plane of the camera; a lens or a sphere of directions is small beside the distance.
+  const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d), axis = render_from_camera.z;
+  const double back = Dot(o - render_from_camera.offset, axis) / Dot(d, axis);
+  if (bends_rays_ || !(back > 0)) return ToFloat(render_from_camera.offset);
+  return ToFloat(o - d * back);
 }
 
 std::optional<Vec2d> Camera::FilmPointOf(Vec3d p, float shutter_fraction) const {

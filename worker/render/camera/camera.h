@@ -6,6 +6,7 @@
 // Axes and mappings are pbrt-v4's.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -39,13 +40,19 @@ struct CameraConnection {
 
 class Camera {
  public:
-  // render_origin_world: the camera's position at shutter open. Errors: kInvalidArgument, with the
+  // render_origin_world: of render space. Errors: kInvalidArgument, with the
   // camera's location: a degenerate field of view or screen window, a lens that is focused at or
   // behind itself or is on a spherical camera, a transform that cannot be inverted. files: for the
   // image of a realistic camera's aperture; may be null otherwise.
   static absl::StatusOr<Camera> Make(const SceneDescription& scene, int32_t width_px,
                                      int32_t height_px, Vec3d render_origin_world,
                                      FileSource* files = nullptr);
+
+  // Rays begin next to the ball of this radius about the origin, which contains all that they may
+  // meet: the camera is so far away that floats there are too coarse. 0: at the camera.
+  void set_ray_start_radius(double radius) { ray_start_radius_ = radius; }
+  // The place from which the ray is seen: its origin, or that at the camera. ray: of MakeRay.
+  Vec3f EyeOf(const Ray& ray) const { return ray_start_radius_ > 0 ? EyeOfFarRay(ray) : ray.o; }
 
   // film: raster position (pixels, y down). lens: in [0, 1)^2; unused without kLens. The ray's
   // direction is unit length. Space: render. Film points outside the frame, which a pixel filter
@@ -81,6 +88,16 @@ class Camera {
   // MakeRay of spherical and realistic cameras: a separate function, so that others do not pay for
   // the call.
   Ray MakeBentRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight) const;
+  // The ray from o along d, unit.
+  Ray RayFrom(Vec3d o, Vec3d d, float shutter_fraction) const {
+    if (ray_start_radius_ > 0) o = o + d * std::max(0.0, -Dot(o, d) - 2 * ray_start_radius_);
+    Ray ray;
+    ray.o = ToFloat(o);
+    ray.d = ToFloat(d);
+    ray.time = shutter_fraction;
+    return ray;
+  }
+  Vec3f EyeOfFarRay(const Ray& ray) const;
   // A connection in camera space: q - o is along `towards`, which need not be unit.
   struct Sight {
     Vec3d o, towards;
@@ -113,6 +130,7 @@ class Camera {
   double shutter_open_ = 0, shutter_close_ = 0;
   ShutterShape shutter_;
   Vec3d render_origin_world_;
+  double ray_start_radius_ = 0;
 };
 
 template <uint32_t kTraits>
@@ -133,7 +151,6 @@ Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weigh
     o = o + Vec3d{on_lens.x, on_lens.y, 0};
     d = d - Vec3d{on_lens.x, on_lens.y, 0} * inverse_focal_distance_;
   }
-  Ray ray;
   if (Has(kTraits, Trait::kMotion) && moves_) {
     const Affine render_from_camera = RenderFromCameraAt(shutter_fraction);
     o = render_from_camera.Point(o);
@@ -142,10 +159,7 @@ Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weigh
     o = render_from_camera_.Point(o);
     d = render_from_camera_.Vector(d);
   }
-  ray.o = ToFloat(o);
-  ray.d = ToFloat(Normalize(d));
-  ray.time = shutter_fraction;
-  return ray;
+  return RayFrom(o, Normalize(d), shutter_fraction);
 }
 
 }  // namespace sheaf::render

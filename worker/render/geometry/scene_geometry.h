@@ -3,10 +3,12 @@
 //
 // SceneGeometry: the scene's surfaces in the form that the ray tracer and shading use. Shapes
 // placed directly in the world are baked into render space: world axes, origin at the camera at
-// shutter open, so that visible coordinates are small. Object definitions are baked about the
+// shutter open, so that visible coordinates are small; or in the middle of the scene, if the camera
+// is far away from it. Object definitions are baked about the
 // center of their own bounds and placed by transforms of double.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -22,6 +24,14 @@ namespace sheaf::render {
 inline constexpr uint32_t kNoEmitter = ~0u;
 // Rank of a surface whose interior has no priority, and of empty space.
 inline constexpr uint16_t kNoRank = 0xffff;
+
+// The largest coordinate of what rays meet, in render space and in that of its group. Embree drops
+// what is beyond 1.8e18 and asserts that no ray is.
+inline constexpr float kTracedMax = 1e18f;
+inline bool IsTraced(Vec3f p) {
+  return std::fabs(p.x) <= kTracedMax && std::fabs(p.y) <= kTracedMax &&
+         std::fabs(p.z) <= kTracedMax;
+}
 
 // Properties common to all points of one shape.
 struct Surface {
@@ -141,6 +151,9 @@ struct SceneGeometry {
   std::vector<PlacedGroup> moving;
   std::vector<GroupMotion> motions;
   Vec3d render_origin_world;
+  // Not 0: the camera is so far away that the origin is the middle of the scene instead, and this
+  // is the radius of a ball about it that contains everything.
+  double radius_if_far = 0;
   double shutter_open = 0, shutter_close = 0;
   uint64_t degenerate_triangle_count = 0;
   Vec3f bounds_lower, bounds_upper;  // Over the whole shutter interval, in render space.

@@ -250,7 +250,12 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   if (!(distance_pdf > 0) || is_dark) return;
   MediumState<C> media = path->media;
   SurfacePoint vertex;
-  vertex.p = PointInMedium(c, path->ray, hit, t / Length(ToDouble(path->ray.d)), &media.near);
+  if (NeedsExactPlace<C>(media, path->ray)) {
+    vertex.p = ExactPointInMedium(c, path->ray, hit, t, line.length, &media.near);
+  } else {
+    vertex.p = PointInMedium(c, path->ray, hit, t / Length(ToDouble(path->ray.d)), &media.near);
+    media.near.has_offset = false;
+  }
   const GuidedDirectionsOf<C> guided = GuidedDirectionsAt(c, {vertex.p});
   const ChosenLight chosen{for_line->light, scene.lights->ChoiceProbability(
                                                 for_line->light, vertex.p, {}, guided.lights())};

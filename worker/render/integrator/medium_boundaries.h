@@ -81,7 +81,7 @@ template <typename C>
 bool CrossBoundary(const Context<C>& c, const SurfacePoint& point, Vec3f w,
                    const PathState<C>& path, MediumState<C>* media) {
   const bool enters = Dot(w, point.ng) < 0;
-  media->near = {point.p, enters ? -point.ng : point.ng, true};
+  media->near = {point.p, enters ? -point.ng : point.ng, true, 0, {}, true};
   const Crossing crossing{point.id, point.p, point.p_error, point.ng, enters};
   if (IsSameCrossing(crossing, media->last)) return true;
   media->last = crossing;
@@ -114,7 +114,7 @@ bool EnterSide(const Context<C>& c, const SurfacePoint& point, Vec3f w, bool is_
   const float came_along = Dot(path.ray.d, point.ng), goes_along = Dot(w, point.ng);
   if (!is_hair && came_along * goes_along > 0) return CrossBoundary(c, point, w, path, media);
   const bool in_front = goes_along >= 0;
-  media->near = {point.p, in_front ? point.ng : -point.ng, !is_hair};
+  media->near = {point.p, in_front ? point.ng : -point.ng, !is_hair, 0, {}, true};
   if (is_hair || (C::kNested && point.surface->rank != kNoRank)) return true;
   return UpdateMedia(c, point, in_front, in_front, path, media);
 }

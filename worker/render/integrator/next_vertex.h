@@ -55,8 +55,10 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
     return SegmentEnd::kTerminated;
   }
   const double unit = Length(ToDouble(path->ray.d));
-  const double length =
+  double length =
       hit == nullptr ? std::numeric_limits<double>::infinity() : static_cast<double>(hit->t) * unit;
+  const bool is_exact = NeedsExactPlace<C>(media, path->ray);
+  if (is_exact) length = ExactLength(media.near, path->ray, length);
   if constexpr (C::Has(Trait::kEmissiveMedia) && !C::kFromLight) {
     AddSegmentEmission(c, length, path);
   }
@@ -91,7 +93,12 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   }
   if constexpr (C::kLines) RecordLineScattering(c, line, distance_sample.distance, scatterer, path);
   const double t = distance_sample.distance / unit;
-  const Vec3f p = PointInMedium(c, path->ray, hit, t, &media.near);
+  const Vec3f p = is_exact ? ExactPointInMedium(c, path->ray, hit, distance_sample.distance, length,
+                                                &media.near)
+                           : PointInMedium(c, path->ray, hit, t, &media.near);
+  if (!is_exact) media.near.has_offset = false;
+  // In thin media without end. No light is farther away.
+  if (!IsTraced(p)) return SegmentEnd::kTerminated;
   vertex->template emplace<MediumVertex<C>>(p, t, scatterer);
   return SegmentEnd::kScattered;
 }
@@ -161,7 +168,10 @@ void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
 // Continues the path's ray behind a null interface. False where the path ends.
 template <typename C>
 bool CrossNullInterface(const Context<C>& c, const SurfacePoint& point, PathState<C>* path) {
-  if (++path->null_crossings > kNullCrossingsMax) return false;
+  if (++path->null_crossings > kNullCrossingsMax) {
+    ++c.counts.long_segments;
+    return false;
+  }
   if constexpr (C::kMedia) {
     if (!CrossBoundary(c, point, path->ray.d, *path, &path->media)) return false;
   }

@@ -158,7 +158,7 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const
   FilmSample film;
   float weight = 1;
   path->ray = CameraRay(sampler, x, y, &film, &weight);
-  path->camera_o = path->ray.o;
+  path->camera_o = scene_.camera.EyeOf(path->ray);
   if constexpr (C::kGuided) {
     if (guiding_.splits != nullptr) {
       splits_.Begin(sampler, guiding_.fields->contributions.PixelFactor(x, y));

@@ -34,6 +34,9 @@ struct NearPlane {
   Vec3f p, n;  // n: unit, on the side of the path.
   bool is_set = false;
   float p_error = 0;  // Bound of the error of p along n; for subsurface media only.
+  // The exact position of the path minus p, if known; the position itself is rounded.
+  Vec3d offset{};
+  bool has_offset = false;
 };
 
 // The media that a path is in, and their effect on light.

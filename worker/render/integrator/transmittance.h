@@ -13,6 +13,7 @@
 
 #include "worker/render/integrator/heterogeneous_transport.h"
 #include "worker/render/integrator/medium_boundaries.h"
+#include "worker/render/integrator/point_in_medium.h"
 #include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
@@ -40,6 +41,7 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
     const bool is_endless = !hits && end == nullptr;
     double length = std::numeric_limits<double>::infinity();
     if (!is_endless) length = Length(ToDouble(ray.d)) * (hits ? static_cast<double>(hit.t) : 1);
+    if (hits && NeedsExactPlace<C>(media, ray)) length = ExactLength(media.near, ray, length);
     if constexpr (kHasCallback) on_segment(ray, crossing, length, transmittance, media);
     std::optional<SurfacePoint> point;
     if (hits) {
@@ -75,6 +77,7 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
     ray.source = point->id;
     if (end != nullptr) ray.d = *end - ray.o;
   }
+  ++c.counts.long_segments;
   return {};
 }
 

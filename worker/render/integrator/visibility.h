@@ -47,7 +47,7 @@ TexturePoint TexturePointOf(const Context<C>& c, const SurfacePoint& point) {
   if constexpr (C::Has(Trait::kTextures)) {
     texture_point.uv = point.uv;
     if (point.surface->reads_textures) {
-      texture_point.p_world = ToFloat(ToDouble(point.p) + c.scene.geometry.render_origin_world);
+      texture_point.p_world = ToDouble(point.p) + c.scene.geometry.render_origin_world;
     }
   }
   return texture_point;
@@ -80,7 +80,7 @@ template <typename C>
 float CutOutTransmittance(const Context<C>& c, const LightSampleOf<typename C::Color>& light) {
   const ShapeDescription& shape = c.scene.description.shapes[light.cut_out];
   const TexturePoint there{light.uv,
-                           ToFloat(ToDouble(light.p_light) + c.scene.geometry.render_origin_world)};
+                           ToDouble(light.p_light) + c.scene.geometry.render_origin_world};
   const float left = c.scene.materials->template EvaluateFloat<C::kTraits>(shape.alpha, there);
   return std::min(1.0f, std::max(0.0f, left));
 }
@@ -127,6 +127,7 @@ bool IsVisibleThroughNullInterfaces(const Context<C>& c, Ray ray, const Vec3f* e
     ray.source = point.id;
     if (end != nullptr) ray.d = *end - ray.o;
   }
+  ++c.counts.long_segments;
   return false;
 }
 

@@ -20,7 +20,8 @@ namespace sheaf::render {
 // The inputs of a texture lookup at a hit.
 struct TexturePoint {
   Vec2f uv;
-  Vec3f p_world;  // World space (not camera-relative), for 3-D and projected mappings.
+  Vec3d p_world;     // World space (not camera-relative), for 3-D and projected mappings.
+  Vec2d uv_shift{};  // Added to uv, whose last digit may be larger.
 };
 
 struct MaterialOptions {

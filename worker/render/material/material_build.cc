@@ -65,7 +65,7 @@ class MaterialBuilder {
       return Error("its normal map has no red, green and blue; give an image in color");
     }
     m->displacement = textures_.Operand(description_->displacement);
-    m->displacement_step = textures_.SlopeStep(m->displacement);
+    m->slope_scale = textures_.SlopeScaleOf(m->displacement);
     return absl::OkStatus();
   }
   absl::Status SetReflectance(const ColorInput& input, CompiledMaterial* m) {

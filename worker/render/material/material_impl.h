@@ -71,7 +71,7 @@ struct CompiledMaterial {
   // Normal or bump map: at most one of the two.
   int32_t normal_map = kNone;  // Texture.
   FloatOperand displacement;
-  Vec2f displacement_step;  // In uv, half the interval for finite differences.
+  TextureProgram::SlopeScale slope_scale;
   Bsdf constant;
   // BsdfOf::color of `constant` per wavelength, if it is a rough or coated conductor.
   SpectralColor constant_tint;

@@ -52,17 +52,14 @@ Vec3f MaterialTable::ShadingNormal(int32_t material, const TexturePoint& point, 
   if (chosen.normal_map != kNone) {
     n = NormalOfTexel(textures.Value<Rgb>({chosen.normal_map, {}, {}}, point, {}), plane);
   } else if (chosen.displacement.texture != kNone) {
-    const auto height = [&](float du, float dv) {
-      const Vec3d shift =
-          plane.dpdu * static_cast<double>(du) + plane.dpdv * static_cast<double>(dv);
-      const TexturePoint there{{point.uv.x + du, point.uv.y + dv}, point.p_world + ToFloat(shift)};
+    const auto height = [&](double du, double dv) {
+      const TexturePoint there{
+          point.uv, point.p_world + plane.dpdu * du + plane.dpdv * dv, {du, dv}};
       return static_cast<double>(textures.Float(chosen.displacement, there));
     };
-    const Vec2f step = chosen.displacement_step;
-    const double slope_u =
-        (height(step.x, 0) - height(-step.x, 0)) / (2 * static_cast<double>(step.x));
-    const double slope_v =
-        (height(0, step.y) - height(0, -step.y)) / (2 * static_cast<double>(step.y));
+    const Vec2d step = textures.SlopeStep(chosen.slope_scale, point, plane.dpdu, plane.dpdv);
+    const double slope_u = (height(step.x, 0) - height(-step.x, 0)) / (2 * step.x);
+    const double slope_v = (height(0, step.y) - height(0, -step.y)) / (2 * step.y);
     n = NormalOfSlopes(slope_u, slope_v, plane);
   } else {
     return plain;

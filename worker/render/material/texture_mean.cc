@@ -77,8 +77,8 @@ class Replacer {
         const float u = side_ * (static_cast<float>(i) + 0.5f) / kSteps;
         const float v = side_ * (static_cast<float>(j) + 0.5f) / kSteps;
         const float turns = static_cast<float>(j * kSteps + i) * kGoldenFraction;
-        sum += evaluate(
-            {{u, v}, {u, v, side_ * (turns - static_cast<float>(static_cast<int>(turns)))}});
+        const float w = side_ * (turns - static_cast<float>(static_cast<int>(turns)));
+        sum += evaluate({{u, v}, ToDouble({u, v, w}), {}});
       }
     }
     return sum * (1.0f / (kSteps * kSteps));

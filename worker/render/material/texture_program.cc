@@ -12,23 +12,40 @@
 namespace sheaf::render {
 namespace {
 
-// Beyond this, float coordinates have no useful fraction; also keeps them in the range of int.
-constexpr float kCoordinateMax = 1e6f;
+// Beyond this, coordinates have no useful fraction; also keeps them in the range of int64_t.
+constexpr double kCoordinateMax = 0x1p50;
 
-float Sanitize(float coordinate) {
-  return std::isfinite(coordinate) ? std::clamp(coordinate, -kCoordinateMax, kCoordinateMax) : 0.0f;
+double Sanitize(double coordinate) {
+  return std::isfinite(coordinate) ? std::clamp(coordinate, -kCoordinateMax, kCoordinateMax) : 0;
 }
 
 // Reduces an image coordinate: only the fraction matters where the image repeats.
-float Reduce(float coordinate, TextureWrap wrap) {
-  const float finite = Sanitize(coordinate);
-  if (wrap == TextureWrap::kMirror) return finite - 2 * std::floor(0.5f * finite);
-  return wrap == TextureWrap::kRepeat ? finite - std::floor(finite)
-                                      : std::clamp(finite, -2.0f, 3.0f);
+float Reduce(double coordinate, TextureWrap wrap) {
+  const double finite = Sanitize(coordinate);
+  if (wrap == TextureWrap::kMirror) {
+    return static_cast<float>(finite - 2 * std::floor(0.5 * finite));
+  }
+  return static_cast<float>(wrap == TextureWrap::kRepeat ? finite - std::floor(finite)
+                                                         : std::clamp(finite, -2.0, 3.0));
 }
 
-// Steps in uv for slopes. The smallest still leaves digits in the difference of two heights.
-constexpr float kSlopeStepWithoutImage = 0.0005f, kSlopeStepMin = 0x1p-15f, kSlopeStepMax = 0.25f;
+// Steps for slopes, in uv where nothing has a scale: pbrt-v4's. The edges of a pattern are as
+// narrow, in parts of a cell; beside an image they only bound the step.
+constexpr double kSlopeStepWithoutScale = 0.0005f, kSlopeStepMin = 0x1p-60, kSlopeStepMax = 0.25;
+constexpr double kEdgeOfCell = 0.0005f, kEdgeOfCellMax = 0.125;
+// Of images by position: nearly the slope at the point itself.
+constexpr double kTexelPart = 1.0 / 16;
+// Nearer to an axis than this part of the distance to the center, angles about it turn no faster.
+constexpr double kAxisMin = 0x1p-20;
+
+Vec2d Least(Vec2d a, Vec2d b) { return {std::fmin(a.x, b.x), std::fmin(a.y, b.y)}; }
+Vec2d Step(Vec2d half_texel, Vec2d cell) {
+  const auto along = [](double texel, double side) {
+    if (std::isfinite(texel)) return std::fmin(texel, side * kEdgeOfCellMax);
+    return std::isfinite(side) ? side * kEdgeOfCell : kSlopeStepWithoutScale;
+  };
+  return {along(half_texel.x, cell.x), along(half_texel.y, cell.y)};
+}
 
 int Modulo(int a, int n) {
   const int r = a % n;
@@ -108,45 +125,101 @@ int TextureProgram::ImageChannels(int32_t texture) const {
   return node.kind == Kind::kImage ? node.image.channels : 0;
 }
 
-Vec2f TextureProgram::SlopeStep(const FloatOperand& operand) const {
-  Vec2f step{kSlopeStepWithoutImage, kSlopeStepWithoutImage};
-  bool found = false;
+TextureProgram::SlopeScale TextureProgram::SlopeScaleOf(const FloatOperand& operand) const {
+  SlopeScale scale;
   std::vector<int32_t> open;
   if (operand.texture != kNone) open.push_back(operand.texture);
   // Nesting is bounded by kEvaluationsMax.
   while (!open.empty()) {
-    const Node& node = nodes_[static_cast<size_t>(open.back())];
+    const int32_t texture = open.back();
+    const Node& node = nodes_[static_cast<size_t>(texture)];
     open.pop_back();
-    if (node.kind == Kind::kImage && node.mapping == UvMapping::Kind::kUv) {
+    const bool has_scale = node.mapping_index != kNone;
+    if (has_scale && (node.mapping != UvMapping::Kind::kUv || node.kind == Kind::kCheckerboard3)) {
+      scale.by_position.push_back(texture);
+    } else if (has_scale) {
       const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
-      const Vec2f texel{0.5f / std::fabs(m.scale_u * static_cast<float>(node.image.width)),
-                        0.5f / std::fabs(m.scale_v * static_cast<float>(node.image.height))};
-      step = found ? Vec2f{std::fmin(step.x, texel.x), std::fmin(step.y, texel.y)} : texel;
-      found = true;
+      // The parts of uv over which s or t changes by `part` of a unit that is cut into nx and ny.
+      const auto over = [&](float part, float nx, float ny) {
+        return Vec2d{std::fmin(part / std::fabs(m.scale_u * nx), part / std::fabs(m.turn_v * ny)),
+                     std::fmin(part / std::fabs(m.scale_v * ny), part / std::fabs(m.turn_u * nx))};
+      };
+      if (node.kind == Kind::kImage) {
+        scale.half_texel = Least(scale.half_texel, over(0.5f, static_cast<float>(node.image.width),
+                                                        static_cast<float>(node.image.height)));
+      } else {
+        scale.cell = Least(scale.cell, over(1, 1, 1));
+      }
     }
     for (const FloatOperand& child : {node.value[0], node.value[1], node.amount}) {
       if (child.texture != kNone) open.push_back(child.texture);
     }
   }
-  return {std::clamp(step.x, kSlopeStepMin, kSlopeStepMax),
-          std::clamp(step.y, kSlopeStepMin, kSlopeStepMax)};
+  const Vec2d step = Step(scale.half_texel, scale.cell);
+  scale.step = {std::clamp(step.x, kSlopeStepMin, kSlopeStepMax),
+                std::clamp(step.y, kSlopeStepMin, kSlopeStepMax)};
+  return scale;
+}
+
+Vec2d TextureProgram::SlopeStep(const SlopeScale& scale, const TexturePoint& point, Vec3d dpdu,
+                                Vec3d dpdv) const {
+  if (scale.by_position.empty()) return scale.step;
+  double texel = SlopeScale::kNoScale, cell = SlopeScale::kNoScale;  // Lengths.
+  for (const int32_t texture : scale.by_position) {
+    const Node& node = nodes_[static_cast<size_t>(texture)];
+    if (node.kind == Kind::kCheckerboard3) {
+      const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
+      for (const Vec3d& row : m.rows) cell = std::fmin(cell, 1 / Length(row));
+      continue;
+    }
+    const Vec2d lengths = LengthsOf(node, point);
+    if (node.kind == Kind::kImage) {
+      texel =
+          std::fmin(texel, std::fmin(lengths.x / node.image.width, lengths.y / node.image.height));
+    } else {
+      cell = std::fmin(cell, std::fmin(lengths.x, lengths.y));
+    }
+  }
+  const auto in_uv = [&](double length) {
+    return Vec2d{length / Length(dpdu), length / Length(dpdv)};
+  };
+  const Vec2d step =
+      Step(Least(scale.half_texel, in_uv(texel * kTexelPart)), Least(scale.cell, in_uv(cell)));
+  const auto usable = [](double x) {
+    return x > 0 && std::isfinite(x) ? x : kSlopeStepWithoutScale;
+  };
+  return {usable(step.x), usable(step.y)};
+}
+
+Vec2d TextureProgram::LengthsOf(const Node& node, const TexturePoint& point) const {
+  const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
+  const auto length = [&](Vec3d gradient) { return 1 / Length(m.GradientInWorld(gradient)); };
+  if (node.mapping == UvMapping::Kind::kPlanar) return {length(m.planar_u), length(m.planar_v)};
+  const Vec3d p = m.PointInTexture(point.p_world);
+  const double center2 = LengthSquared(p);
+  const double axis2 = std::fmax(p.x * p.x + p.y * p.y, center2 * kAxisMin * kAxisMin);
+  const double around = length(Vec3d{-p.y, p.x, 0} / (2 * kPi * axis2));
+  if (node.mapping == UvMapping::Kind::kCylindrical) return {around, length({0, 0, 1})};
+  const double axis = std::sqrt(axis2);
+  return {length(Vec3d{p.x * p.z / axis, p.y * p.z / axis, -axis} / (kPi * center2)), around};
 }
 
 // Source of the mappings: pbrt-v4, sec. 10.2 ("Texture Coordinate Generation").
-Vec2f TextureProgram::MapTo2d(const Node& node, const TexturePoint& point) const {
+Vec2d TextureProgram::MapTo2d(const Node& node, const TexturePoint& point) const {
   const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
   if (node.mapping == UvMapping::Kind::kUv) {
-    const Vec2f uv{m.scale_u * point.uv.x + m.offset_u, m.scale_v * point.uv.y + m.offset_v};
-    if (m.turn_u == 0 && m.turn_v == 0) return uv;
-    return uv + Vec2f{m.turn_u * point.uv.y, m.turn_v * point.uv.x};
+    const double du = point.uv_shift.x, dv = point.uv_shift.y;
+    Vec2f uv{m.scale_u * point.uv.x + m.offset_u, m.scale_v * point.uv.y + m.offset_v};
+    if (m.turn_u == 0 && m.turn_v == 0) return {uv.x + m.scale_u * du, uv.y + m.scale_v * dv};
+    uv = uv + Vec2f{m.turn_u * point.uv.y, m.turn_v * point.uv.x};
+    return {uv.x + (m.scale_u * du + m.turn_u * dv), uv.y + (m.scale_v * dv + m.turn_v * du)};
   }
-  const Vec3f p = Vec3f{Dot(m.rows[0], point.p_world), Dot(m.rows[1], point.p_world),
-                        Dot(m.rows[2], point.p_world)} +
-                  m.origin;
+  const Vec3d p_texture = m.PointInTexture(point.p_world);
+  const Vec3f p = ToFloat(p_texture);
   const auto inv_pi = static_cast<float>(1 / kPi);
   switch (node.mapping) {
     case UvMapping::Kind::kPlanar:
-      return {m.offset_u + Dot(p, m.planar_u), m.offset_v + Dot(p, m.planar_v)};
+      return {m.offset_u + Dot(p_texture, m.planar_u), m.offset_v + Dot(p_texture, m.planar_v)};
     case UvMapping::Kind::kSpherical: {
       // atan2 instead of acos keeps the precision at the poles.
       const float theta = Atan2(std::sqrt(p.x * p.x + p.y * p.y), p.z);
@@ -154,29 +227,25 @@ Vec2f TextureProgram::MapTo2d(const Node& node, const TexturePoint& point) const
       return {theta * inv_pi, (phi < 0 ? phi * 0.5f * inv_pi + 1 : phi * 0.5f * inv_pi)};
     }
     case UvMapping::Kind::kCylindrical:
-      return {0.5f + Atan2(p.y, p.x) * 0.5f * inv_pi, p.z};
+      return {0.5f + Atan2(p.y, p.x) * 0.5f * inv_pi, p_texture.z};
     case UvMapping::Kind::kUv:
       break;
   }
-  return point.uv;
+  return {};
 }
 
 bool TextureProgram::IsOddCell(const Node& node, const TexturePoint& point) const {
-  const auto cell = [](float x) { return static_cast<int32_t>(std::floor(Sanitize(x))); };
+  const auto cell = [](double x) { return static_cast<int64_t>(std::floor(Sanitize(x))); };
   if (node.kind == Kind::kCheckerboard2) {
-    const Vec2f st = MapTo2d(node, point);
+    const Vec2d st = MapTo2d(node, point);
     return ((cell(st.x) + cell(st.y)) & 1) != 0;
   }
-  const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
-  int32_t sum = 0;
-  for (size_t axis = 0; axis < 3; ++axis) {
-    sum += cell(Dot(m.rows[axis], point.p_world) + m.origin[axis]);
-  }
-  return (sum & 1) != 0;
+  const Vec3d p = mappings_[static_cast<size_t>(node.mapping_index)].PointInTexture(point.p_world);
+  return ((cell(p.x) + cell(p.y) + cell(p.z)) & 1) != 0;
 }
 
 Texel TextureProgram::LookUp(const Node& node, const TexturePoint& point) const {
-  const Vec2f st = MapTo2d(node, point);
+  const Vec2d st = MapTo2d(node, point);
   // Rows are stored from the top; t points upwards.
   const float x = Reduce(st.x, node.wrap) * static_cast<float>(node.image.width) - 0.5f;
   const float y = Reduce(1 - st.y, node.wrap_v) * static_cast<float>(node.image.height) - 0.5f;

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -66,10 +67,21 @@ class TextureProgram {
 
   // Number of channels of an image texture; 0 for any other.
   int ImageChannels(int32_t texture) const;
+  // What the steps for the slopes of a texture follow from.
+  struct SlopeScale {
+    // Of textures mapped by uv, in uv: half a texel of the finest image, and a side of the smallest
+    // cell; infinite where there is none.
+    Vec2d half_texel{kNoScale, kNoScale}, cell{kNoScale, kNoScale};
+    std::vector<int32_t> by_position;  // The textures whose scale depends on the point.
+    Vec2d step;                        // In uv, if by_position is empty.
+    static constexpr double kNoScale = std::numeric_limits<double>::infinity();
+  };
+  SlopeScale SlopeScaleOf(const FloatOperand& operand) const;
   // Half the interval in u and v for finite differences: half a texel of the finest image mapped by
-  // uv, over which the slope of bilinear interpolation becomes continuous; pbrt-v4's step if there
-  // is no image.
-  Vec2f SlopeStep(const FloatOperand& operand) const;
+  // uv, over which the slope of bilinear interpolation becomes continuous; a part of one mapped by
+  // position; in patterns without an image, a part of a cell. dpdu, dpdv: of the surface at the
+  // point, in world space.
+  Vec2d SlopeStep(const SlopeScale& scale, const TexturePoint& point, Vec3d dpdu, Vec3d dpdv) const;
 
   static constexpr uint64_t kEvaluationsMax = 4096;
 
@@ -92,13 +104,19 @@ class TextureProgram {
     FloatOperand value[2];
     FloatOperand amount;  // Mixing weight, or scale factor.
   };
-  // Mappings in float, ready for use.
+  // Mappings, ready for use. Those by position are in double: a scene may lie at 10^7 units, where
+  // neighboring floats are a unit apart.
   struct Mapping {
     float scale_u = 1, scale_v = 1, offset_u = 0, offset_v = 0;
     float turn_u = 0, turn_v = 0;
-    Vec3f planar_u, planar_v;
-    Vec3f rows[3];  // Linear part of texture_from_world.
-    Vec3f origin;   // Its translation.
+    Vec3d planar_u, planar_v;
+    Vec3d rows[3];  // Linear part of texture_from_world.
+    Vec3d origin;   // Its translation.
+    Vec3d PointInTexture(Vec3d p_world) const {
+      return Vec3d{Dot(rows[0], p_world), Dot(rows[1], p_world), Dot(rows[2], p_world)} + origin;
+    }
+    // The gradient over world space of a function with this gradient over texture space.
+    Vec3d GradientInWorld(Vec3d g) const { return rows[0] * g.x + rows[1] * g.y + rows[2] * g.z; }
   };
   class Builder;
 
@@ -110,7 +128,9 @@ class TextureProgram {
   Color Evaluate(int32_t texture, const TexturePoint& point,
                  const WavelengthsOf<Color>& wavelengths) const;
   float EvaluateFloat(int32_t texture, const TexturePoint& point) const;
-  Vec2f MapTo2d(const Node& node, const TexturePoint& point) const;
+  Vec2d MapTo2d(const Node& node, const TexturePoint& point) const;
+  // The lengths in world space over which s and t change by 1, for mappings by position.
+  Vec2d LengthsOf(const Node& node, const TexturePoint& point) const;
   bool IsOddCell(const Node& node, const TexturePoint& point) const;
   Texel LookUp(const Node& node, const TexturePoint& point) const;
 

@@ -132,12 +132,12 @@ class TextureProgram::Builder {
     m.offset_v = mapping.offset_v;
     m.turn_u = mapping.turn_u;
     m.turn_v = mapping.turn_v;
-    m.planar_u = mapping.planar_u;
-    m.planar_v = mapping.planar_v;
+    m.planar_u = ToDouble(mapping.planar_u);
+    m.planar_v = ToDouble(mapping.planar_v);
     for (size_t row = 0; row < 3; ++row) {
       const auto& from = mapping.texture_from_world.m[row];
-      m.rows[row] = ToFloat({from[0], from[1], from[2]});
-      m.origin[row] = static_cast<float>(from[3]);
+      m.rows[row] = {from[0], from[1], from[2]};
+      m.origin[row] = from[3];
     }
     node->mapping = mapping.kind;
     node->mapping_index = static_cast<int32_t>(program_.mappings_.size());

@@ -9,8 +9,8 @@
 namespace sheaf::render {
 
 // Null-interface crossings (cut-outs, interfaces) do not count as scattering; a path with more than
-// this number in one segment ends, so that no scene can block a worker.
-inline constexpr uint32_t kNullCrossingsMax = 1024;
+// this number in one segment ends and is counted, so that no scene can block a worker.
+inline constexpr uint32_t kNullCrossingsMax = 1u << 16;
 // Maximum number of vertices of a path in a subsurface medium; a path with more ends and is
 // counted. In a half space without absorption one in a thousand paths exceeds it.
 inline constexpr uint32_t kSubsurfaceStepsMax = 1u << 20;

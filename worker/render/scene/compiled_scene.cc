@@ -150,6 +150,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
                    scene->geometry.render_origin_world, &files);
   if (!camera.ok()) return camera.status();
   scene->camera = *camera;
+  scene->camera.set_ray_start_radius(scene->geometry.radius_if_far);
   absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
   if (!filter.ok()) return filter.status();
   scene->filter = *std::move(filter);

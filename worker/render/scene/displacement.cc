@@ -121,7 +121,7 @@ class Displacer {
       return absl::InvalidArgumentError("a mesh that deforms cannot be displaced");
     }
     const auto height = [&](Vec2f uv, Vec3d p) {
-      return program_.Float(operand, {uv, ToFloat(world_from_object.Point(p))});
+      return program_.Float(operand, {uv, world_from_object.Point(p), {}});
     };
     absl::StatusOr<TriangleMesh> mesh =
         DisplaceMesh(scene_.meshes[static_cast<size_t>(shape.mesh)], world_from_object,

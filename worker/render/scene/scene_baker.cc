@@ -32,6 +32,10 @@ class SceneBaker {
   bool Moves(const TransformOverTime& t) const {
     return t.IsAnimated() && geometry_.shutter_close > geometry_.shutter_open;
   }
+  // Sets the origin of render space, after BakeObjects.
+  absl::Status ChooseOrigin();
+  // Of all shapes, in the world. is_rough: of a few vertices of each mesh.
+  Bounds WorldBounds(bool is_rough) const;
   absl::Status BakeObjects();
   absl::Status BakeInstances();
   absl::Status BakeWorldShapes();
@@ -40,7 +44,11 @@ class SceneBaker {
   absl::StatusOr<int32_t> AddMotion(const TransformOverTime& t, Vec3d group_center,
                                     SourceLocation location);
   static void FinishGroup(GeometryGroup* group);
-  void FinishSceneBounds();
+  // Where the file places the group.
+  SourceLocation LocationOf(const PlacedGroup& placed) const;
+  absl::Status AddPlacedBounds(const PlacedGroup& placed, const PlacedBounds& box,
+                               Bounds* bounds) const;
+  absl::Status FinishSceneBounds();
 
   SceneDescription& scene_;
   SceneGeometry geometry_;
@@ -106,6 +114,66 @@ void SceneBaker::FinishGroup(GeometryGroup* group) {
   group->bounds_lower = ToFloat(bounds.lower());
   group->bounds_upper = ToFloat(bounds.upper());
   group->radius = std::sqrt(radius_squared) * (1 + 1e-12);
+}
+
+Bounds SceneBaker::WorldBounds(bool is_rough) const {
+  Bounds bounds;
+  for (const int32_t index : scene_.world_shapes) {
+    const ShapeDescription& shape = scene_.shapes[index];
+    for (const Matrix4& place : {shape.world_from_object.start, shape.world_from_object.end}) {
+      const Affine world_from_shape = AffineOf(place);
+      const auto* mesh_shape = std::get_if<MeshShape>(&shape.shape);
+      if (!is_rough || mesh_shape == nullptr) {
+        shapes_.GrowBounds(shape, world_from_shape, &bounds);
+        continue;
+      }
+      const std::vector<Vec3f>& positions = scene_.meshes[mesh_shape->mesh].positions;
+      if (positions.empty()) continue;
+      for (const size_t i : {size_t{0}, positions.size() / 2, positions.size() - 1}) {
+        bounds.Add(world_from_shape.Point(ToDouble(positions[i])));
+      }
+    }
+  }
+  for (const ObjectInstance& instance : scene_.instances) {
+    const GeometryGroup& group = geometry_.groups[static_cast<size_t>(instance.object) + 1];
+    if (group.empty()) continue;
+    for (const Matrix4& place :
+         {instance.world_from_instance.start, instance.world_from_instance.end}) {
+      const Affine world_from_group = AffineOf(place);
+      for (int corner = 0; corner < 8; ++corner) {
+        const auto side = [&](size_t i) {
+          return static_cast<double>((corner >> i & 1) != 0 ? group.bounds_upper[i]
+                                                            : group.bounds_lower[i]);
+        };
+        bounds.Add(world_from_group.Point(group.center + Vec3d{side(0), side(1), side(2)}));
+      }
+    }
+  }
+  return bounds;
+}
+
+absl::Status SceneBaker::ChooseOrigin() {
+  // From here on, the camera's coordinates would take ten bits of those of the scene.
+  constexpr double kFarInRadii = 1024;
+  const absl::StatusOr<Affine> camera =
+      StillTransform(scene_.camera.world_from_camera, scene_.camera.location);
+  if (!camera.ok()) return camera.status();
+  geometry_.render_origin_world = camera->offset;
+  // Rays begin where the scene does only if there is nothing on the way.
+  if (scene_.camera.medium != kNone) return absl::OkStatus();
+  Vec3d center;
+  double radius = 0;
+  for (const bool is_rough : {true, false}) {
+    const Bounds bounds = WorldBounds(is_rough);
+    if (bounds.empty()) return absl::OkStatus();
+    center = bounds.Center();
+    radius = Length(bounds.upper() - center);
+    if (!(Length(camera->offset - center) > kFarInRadii * radius)) return absl::OkStatus();
+  }
+  if (!(radius > 0)) return absl::OkStatus();
+  geometry_.render_origin_world = center;
+  geometry_.radius_if_far = radius;
+  return absl::OkStatus();
 }
 
 absl::Status SceneBaker::BakeObjects() {
@@ -205,7 +273,29 @@ absl::Status SceneBaker::BakeWorldShapes() {
   return absl::OkStatus();
 }
 
-void SceneBaker::FinishSceneBounds() {
+SourceLocation SceneBaker::LocationOf(const PlacedGroup& placed) const {
+  if (placed.instance != kNone) return scene_.instances[placed.instance].location;
+  const GeometryGroup& group = geometry_.groups[placed.group];  // Of one moving shape.
+  const Surface& surface = !group.meshes.empty()     ? group.meshes[0].surface
+                           : !group.patches.empty()  ? group.patches[0].surface
+                           : !group.quadrics.empty() ? group.quadrics[0].surface
+                                                     : group.curves[0].surface;
+  return scene_.shapes[surface.shape].location;
+}
+
+absl::Status SceneBaker::AddPlacedBounds(const PlacedGroup& placed, const PlacedBounds& box,
+                                         Bounds* bounds) const {
+  if (!IsTraced(box.lower) || !IsTraced(box.upper)) {
+    return Fail(LocationOf(placed),
+                "it reaches farther than 1e18 from the camera, which rays cannot trace; scale the "
+                "scene down");
+  }
+  bounds->Add(ToDouble(box.lower));
+  bounds->Add(ToDouble(box.upper));
+  return absl::OkStatus();
+}
+
+absl::Status SceneBaker::FinishSceneBounds() {
   Bounds bounds;
   const GeometryGroup& world = geometry_.groups[0];
   if (!world.empty()) {
@@ -213,36 +303,32 @@ void SceneBaker::FinishSceneBounds() {
     bounds.Add(ToDouble(world.bounds_upper));
   }
   for (const PlacedGroup& placed : geometry_.still) {
-    const PlacedBounds box = BoundsOfStill(geometry_, placed);
-    bounds.Add(ToDouble(box.lower));
-    bounds.Add(ToDouble(box.upper));
+    const absl::Status status = AddPlacedBounds(placed, BoundsOfStill(geometry_, placed), &bounds);
+    if (!status.ok()) return status;
   }
   for (const PlacedGroup& placed : geometry_.moving) {
     for (uint32_t step = 0; step < kMotionStepCount; ++step) {
-      const PlacedBounds box = BoundsOfMoving(geometry_, placed, step);
-      bounds.Add(ToDouble(box.lower));
-      bounds.Add(ToDouble(box.upper));
+      const absl::Status status =
+          AddPlacedBounds(placed, BoundsOfMoving(geometry_, placed, step), &bounds);
+      if (!status.ok()) return status;
     }
   }
   if (bounds.empty()) bounds.Add({0, 0, 0});
   geometry_.bounds_lower = ToFloat(bounds.lower());
   geometry_.bounds_upper = ToFloat(bounds.upper());
+  return absl::OkStatus();
 }
 
 absl::StatusOr<BakedScene> SceneBaker::Bake() {
   geometry_.shutter_open = scene_.camera.shutter_open;
   geometry_.shutter_close = std::max(scene_.camera.shutter_open, scene_.camera.shutter_close);
-  absl::StatusOr<Affine> camera =
-      StillTransform(scene_.camera.world_from_camera, scene_.camera.location);
-  if (!camera.ok()) return camera.status();
-  geometry_.render_origin_world = camera->offset;
   geometry_.groups.emplace_back();
   for (absl::Status (SceneBaker::*step)() :
-       {&SceneBaker::BakeObjects, &SceneBaker::BakeInstances, &SceneBaker::BakeWorldShapes}) {
+       {&SceneBaker::BakeObjects, &SceneBaker::ChooseOrigin, &SceneBaker::BakeInstances,
+        &SceneBaker::BakeWorldShapes, &SceneBaker::FinishSceneBounds}) {
     const absl::Status status = (this->*step)();
     if (!status.ok()) return status;
   }
-  FinishSceneBounds();
   geometry_.degenerate_triangle_count = shapes_.degenerate_triangle_count();
   LightTableInput emitters = shapes_.TakeEmitters(&geometry_.groups[0]);
   BakedScene baked{std::move(geometry_), std::move(emitters)};

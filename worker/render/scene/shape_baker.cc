@@ -22,9 +22,9 @@ namespace {
 // Steps along each parameter of an emissive quadric that is sampled as triangles: its area
 // decreases by a relative (2 pi / steps)^2 / 6 = 4e-4, its silhouette by less.
 constexpr uint32_t kEmissiveQuadricSteps = 128;
-constexpr char kLeavesFloat[] = "Shape: its placed coordinates exceed the range of float";
-
-bool IsFinite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+constexpr char kTooFar[] =
+    "Shape: it reaches farther than 1e18 from the camera, or from the middle of its object, which "
+    "rays cannot trace; scale the scene down";
 
 // None for meshes.
 std::optional<Quadric> QuadricOf(const ShapeDescription& shape) {
@@ -41,12 +41,12 @@ bool HasExtent(const Quadric& q) {
          (q.kind == Quadric::Kind::kDisk || q.z_min < q.z_max);
 }
 
-// Transforms positions and normals. Returns false if a position leaves the range of float.
+// Transforms positions and normals. Returns false if a position is farther than kTracedMax.
 bool PlaceVertices(const Affine& target_from_shape, bool reverse_orientation,
                    std::vector<Vec3f>* positions, std::vector<Vec3f>* normals) {
   for (Vec3f& p : *positions) {
     p = ToFloat(target_from_shape.Point(ToDouble(p)));
-    if (!IsFinite(p)) return false;
+    if (!IsTraced(p)) return false;
   }
   const Affine shape_from_target = Inverse(target_from_shape);
   for (Vec3f& n : *normals) {
@@ -59,7 +59,7 @@ bool PlaceVertices(const Affine& target_from_shape, bool reverse_orientation,
 }
 
 // Moves a mesh of triangles or patches to the space where it is traced. Returns false if that
-// leaves the range of float.
+// is farther than kTracedMax.
 template <typename Mesh, typename Baked>
 bool Place(const ShapeDescription& shape, const Surface& surface, const Affine& target_from_shape,
            Mesh* mesh, Baked* baked) {
@@ -151,7 +151,7 @@ Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
 absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface, TriangleMesh mesh,
                                  const Affine& target_from_shape, GeometryGroup* group) {
   BakedMesh baked;
-  if (!Place(shape, surface, target_from_shape, &mesh, &baked)) return Fail(shape, kLeavesFloat);
+  if (!Place(shape, surface, target_from_shape, &mesh, &baked)) return Fail(shape, kTooFar);
   baked.positions.push_back({});
   if (scene_.camera.shutter_close > scene_.camera.shutter_open) {
     baked.steps = std::move(mesh.steps);
@@ -159,7 +159,7 @@ absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface,
   for (VertexStep& step : baked.steps) {
     if (!PlaceVertices(target_from_shape, shape.reverse_orientation, &step.positions,
                        &step.normals)) {
-      return Fail(shape, kLeavesFloat);
+      return Fail(shape, kTooFar);
     }
     step.positions.push_back({});
   }
@@ -202,7 +202,7 @@ absl::Status ShapeBaker::AddPatches(const ShapeDescription& shape, Surface surfa
                 "one normal each and linear uvs if any; use a triangle mesh for other shapes");
   }
   BakedPatches baked;
-  if (!Place(shape, surface, target_from_shape, &mesh, &baked)) return Fail(shape, kLeavesFloat);
+  if (!Place(shape, surface, target_from_shape, &mesh, &baked)) return Fail(shape, kTooFar);
   const auto has_area = [&](const uint32_t* k) {
     const auto corner = [&](size_t c) { return ToDouble(baked.positions[k[c]]); };
     const BilinearPatch patch{corner(0), corner(1), corner(2), corner(3)};
@@ -233,7 +233,7 @@ absl::Status ShapeBaker::AddCurves(const ShapeDescription& shape, Surface surfac
     if (!has_length || !(segment.widths[0] > 0 || segment.widths[1] > 0)) continue;
     SplitCurve(segment, i, target_from_shape, &baked.pieces);
     for (const Vec3f& p : CurveBounds(segment, {i, 0, 1}, target_from_shape)) {
-      if (!IsFinite(p)) return Fail(shape, kLeavesFloat);
+      if (!IsTraced(p)) return Fail(shape, kTooFar);
     }
     GrowCoordinateMax(segment, target_from_shape, &baked.coordinate_max);
   }
@@ -259,8 +259,8 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
   q.object_from_target = Inverse(target_from_shape);
   const std::array<Vec3f, 2> bounds = QuadricBounds(q);
   q.coordinate_max = QuadricCoordinateMax(q, bounds);
-  if (!IsFinite(bounds[0]) || !IsFinite(bounds[1]) || !IsFinite(q.coordinate_max)) {
-    return Fail(shape, kLeavesFloat);
+  if (!IsTraced(bounds[0]) || !IsTraced(bounds[1]) || !IsTraced(q.coordinate_max)) {
+    return Fail(shape, kTooFar);
   }
   if (shape.area_light != kNone && !EmitterList::IsSampled(q)) {
     LogWarning(absl::StrCat(FormatLocation(scene_, shape.location),
