@@ -187,9 +187,8 @@ std::optional<Weights> WeightsTest<kTraits>::FromTheCamera(const Path& followed)
     if (is_last) return WeightsAt(c, *at, wi, followed.light, &path);
     NoteScattering(c, *at, wi, at->Eval(wi).pdf, 0, &path);
     path.specular = false;
-    path.ray.o = OffsetRayOrigin(at->point.p, at->point.p_error, at->point.ng, wi);
+    Leave(at->point, wi, &path.ray);
     path.ray.d = wi;
-    path.ray.source = at->point.id;
   }
   return std::nullopt;
 }

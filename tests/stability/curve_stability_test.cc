@@ -89,10 +89,7 @@ TEST(CurveStability, G10SpawnedRaysDoNotHitTheirCurve) {
     SurfacePoint point;
     if (!HitTowards(*scene, ToFloat(aim + ToDouble(side) * length), ToFloat(aim), &point)) continue;
     for (int k = 0; k < 200; ++k) {
-      Ray away;
-      away.d = random.Direction();
-      away.o = OffsetRayOrigin(point.p, point.p_error, point.ng, away.d);
-      away.source = point.id;
+      const Ray away = Spawned(point, random.Direction());
       RawHit hit;
       ++spawned;
       self_hits += scene->tracer->Intersect(away, &hit) || scene->tracer->Occluded(away);

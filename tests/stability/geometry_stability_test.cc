@@ -377,7 +377,8 @@ TEST(GeometryStability, G9ShadowRaysSeeALightJustAboveThePlane) {
     Ray shadow = Spawned(receiver, wi);
     const Vec3f end = OffsetRayOrigin(light.p, light.p_error, light.ng, -wi);
     shadow.d = end - shadow.o;
-    shadow.t_max = kSegmentEnd;
+    shadow.t_max = 1;
+    shadow.end = Ray::End::kFree;
     ++tested;
     blocked += scene->tracer->Occluded(shadow);
     below_by_offset += naive::OffsetOrigin(receiver.p, {0, 1, 0}, wi).y < light.p.y;

@@ -20,28 +20,12 @@ namespace {
 constexpr float kRho = 0.5f;
 constexpr int32_t kPixels = 8;
 
-struct Mean {
-  double value = 0, standard_error = 0;
-};
+using Mean = ComponentMean;
 
-// The mean of the red channel over all pixels: the camera's paths plus the light paths.
 Mean RedOf(const TestScene& t, Techniques techniques, uint64_t samples, int32_t depth) {
   FrameSettings settings = SquareSettings(kPixels, samples, depth);
   settings.techniques = techniques;
-  const BothFilms films = RenderBothFilms(*Compile(t.scene, settings));
-  std::array<double, kReplicateCount> means{};
-  Mean mean;
-  for (uint32_t r = 0; r < kReplicateCount; ++r) {
-    const size_t pixels = films.camera.plane_size();
-    for (size_t pixel = 0; pixel < pixels; ++pixel) {
-      means[r] += films.Mean(r, 0, pixel) / static_cast<double>(pixels);
-    }
-    mean.value += means[r] / kReplicateCount;
-  }
-  double squares = 0;
-  for (const double m : means) squares += (m - mean.value) * (m - mean.value);
-  mean.standard_error = std::sqrt(squares / (kReplicateCount * (kReplicateCount - 1)));
-  return mean;
+  return MeanOverPixels(RenderBothFilms(*Compile(t.scene, settings)), 0);
 }
 
 // A camera above the origin that sees a square of the floor y = 0 without perspective.

@@ -5,9 +5,13 @@
 // paths from lights; and the means of its replicates.
 #pragma once
 
+#include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <optional>
+#include <vector>
 
 #include "gtest/gtest.h"
 #include "tests/support/test_scene.h"
@@ -48,6 +52,31 @@ inline BothFilms RenderBothFilms(const CompiledScene& scene) {
   EXPECT_EQ(light_stats.broken_nestings, 0u);
   films.light = *std::move(light);
   return films;
+}
+
+struct ComponentMean {
+  double value = 0, standard_error = 0;
+};
+// The mean of a color component over pixels: the camera's paths plus the light paths.
+inline ComponentMean MeanOverPixels(const BothFilms& films, size_t component,
+                                    const std::vector<size_t>& pixels) {
+  std::array<double, kReplicateCount> means{};
+  ComponentMean mean;
+  for (uint32_t r = 0; r < kReplicateCount; ++r) {
+    for (const size_t pixel : pixels) {
+      means[r] += films.Mean(r, component, pixel) / static_cast<double>(pixels.size());
+    }
+    mean.value += means[r] / kReplicateCount;
+  }
+  double squares = 0;
+  for (const double m : means) squares += (m - mean.value) * (m - mean.value);
+  mean.standard_error = std::sqrt(squares / (kReplicateCount * (kReplicateCount - 1)));
+  return mean;
+}
+inline ComponentMean MeanOverPixels(const BothFilms& films, size_t component) {
+  std::vector<size_t> all(films.camera.plane_size());
+  std::iota(all.begin(), all.end(), size_t{0});
+  return MeanOverPixels(films, component, all);
 }
 
 }  // namespace sheaf::render

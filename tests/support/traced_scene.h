@@ -49,9 +49,8 @@ inline bool HitTowards(const TracedScene& scene, Vec3f from, Vec3f to, SurfacePo
 // The next ray of a path, leaving the point.
 inline Ray Spawned(const SurfacePoint& point, Vec3f direction) {
   Ray ray;
-  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, direction);
+  Leave(point, direction, &ray);
   ray.d = direction;
-  ray.source = point.id;
   return ray;
 }
 

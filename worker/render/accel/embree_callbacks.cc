@@ -4,6 +4,7 @@
 // Callbacks for Embree. For single rays, its N-wide records have the layout of the single ones.
 #include "worker/render/accel/embree_callbacks.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -28,30 +29,44 @@ const TraceContext& ContextOf(const QueryContext* context) {
 // A hit that Embree found and a filter checks. While filters run, the ray ends at the hit.
 struct Candidate {
   const TraceContext& context;
+  const TracedMesh& traced;
   const BakedMesh& mesh;
   RTCRay& ray;
   RTCHit& hit;
 
   explicit Candidate(const RTCFilterFunctionNArguments* args)
       : context(ContextOf(args->context)),
-        mesh(*static_cast<const BakedMesh*>(args->geometryUserPtr)),
+        traced(*static_cast<const TracedMesh*>(args->geometryUserPtr)),
+        mesh(*traced.mesh),
         ray(*reinterpret_cast<RTCRay*>(args->ray)),
         hit(*reinterpret_cast<RTCHit*>(args->hit)) {}
 
-  bool IsSource() const { return context.IsSource(hit.geomID, hit.primID); }
+  // The triangle that the ray leaves, or the emitter on which it ends: a line meets either once.
+  bool IsAtEnd() const {
+    return context.IsSource(hit.geomID, hit.primID) || context.IsEnd(mesh.surface, hit.primID);
+  }
   const uint32_t* Indices() const { return &mesh.indices[3 * static_cast<size_t>(hit.primID)]; }
+  float AlongNormal() const { return TimesNormal(ray.dir_x, ray.dir_y, ray.dir_z); }
   // The distance to the triangle's plane, as Embree has it before its division.
-  float PlaneDistance() const {
+  float PlaneDistance(float along) const {
     const Vec3f corner = mesh.positions[Indices()[0]];
-    return TimesNormal(corner.x - ray.org_x, corner.y - ray.org_y, corner.z - ray.org_z) /
-           TimesNormal(ray.dir_x, ray.dir_y, ray.dir_z);
+    return TimesNormal(corner.x - ray.org_x, corner.y - ray.org_y, corner.z - ray.org_z) / along;
   }
   float TimesNormal(float x, float y, float z) const {
     return std::fma(x, hit.Ng_x, std::fma(y, hit.Ng_y, z * hit.Ng_z));
   }
-  bool Take(float t) const {
-    if (!context.Take(t, hit.geomID, hit.primID)) return false;
-    ray.tfar = SearchEnd(t);
+  // Bound of the error of PlaneDistance, and of the triangle's own coordinates.
+  float Doubt(float along) const {
+    const Vec3f& reach = traced.reach;
+    const float sum = std::fabs(hit.Ng_x) * (reach.x + std::fabs(ray.org_x)) +
+                      std::fabs(hit.Ng_y) * (reach.y + std::fabs(ray.org_y)) +
+                      std::fabs(hit.Ng_z) * (reach.z + std::fabs(ray.org_z));
+    return kPlaneRounding * sum / std::fabs(along);
+  }
+  RawHit HitAt(float t) const { return {t, 0, 0, context.IdOf(hit.geomID, hit.primID)}; }
+  bool Take(float t, float doubt) const {
+    if (!context.Take(HitAt(t), doubt)) return false;
+    ray.tfar = context.SearchEndOf();
     return true;
   }
 };
@@ -60,52 +75,61 @@ struct Candidate {
 void JudgeNearest(const RTCFilterFunctionNArguments* args) {
   const Candidate candidate(args);
   args->valid[0] = 0;
-  if (candidate.IsSource() || !candidate.Take(candidate.PlaneDistance())) return;
+  if (candidate.IsAtEnd()) return;
+  const float along = candidate.AlongNormal();
+  if (!candidate.Take(candidate.PlaneDistance(along), candidate.Doubt(along))) return;
   args->valid[0] = -1;
   candidate.context.unsettled = &candidate.mesh;
 }
 void JudgeAny(const RTCFilterFunctionNArguments* args) {
   const Candidate candidate(args);
-  const float end = candidate.context.nearest;
-  const bool is_clear = candidate.ray.tfar <= end * (1 - kDistanceDoubt);
+  const float along = candidate.AlongNormal();
   const bool is_in_the_way =
-      !candidate.IsSource() && (is_clear || candidate.PlaneDistance() <= end);
+      !candidate.IsAtEnd() &&
+      candidate.context.Blocks(candidate.HitAt(candidate.PlaneDistance(along)),
+                               candidate.Doubt(along));
   if (!is_in_the_way) args->valid[0] = 0;
 }
 // Recomputes a hit in double, or rejects it. The result may be farther than Embree's, up to the
 // last accepted hit. find_hit: intersects the ray with a triangle of the mesh (three indices).
-template <typename FindHit>
+// take: what accepts the result.
+template <bool kAny, typename FindHit>
 void TestAgain(const RTCFilterFunctionNArguments* args, const FindHit& find_hit) {
   const Candidate candidate(args);
   args->valid[0] = 0;
-  if (candidate.IsSource()) return;
+  if (candidate.IsAtEnd()) return;
   const std::optional<TriangleHit> found =
       find_hit(candidate.mesh, candidate.Indices(), candidate.ray);
   const float t = found.has_value() ? static_cast<float>(found->t) : 0;
-  if (!(t > 0) || !candidate.Take(t)) return;
+  if (!(t > 0)) return;
+  const float doubt = candidate.Doubt(candidate.AlongNormal());
+  if (kAny ? !candidate.context.Blocks(candidate.HitAt(t), doubt) : !candidate.Take(t, doubt))
+    return;
   args->valid[0] = -1;
   candidate.hit.u = static_cast<float>(found->u);
   candidate.hit.v = static_cast<float>(found->v);
 }
+template <bool kAny>
 void TestNeedleAgain(const RTCFilterFunctionNArguments* args) {
-  TestAgain(args, [](const BakedMesh& mesh, const uint32_t* t, const RTCRay& ray) {
+  TestAgain<kAny>(args, [](const BakedMesh& mesh, const uint32_t* t, const RTCRay& ray) {
     return IntersectTriangle(Origin(ray), Direction(ray),
                              {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
                               ToDouble(mesh.positions[t[2]])});
   });
 }
+template <bool kAny>
 void TestDeformedAgain(const RTCFilterFunctionNArguments* args) {
-  TestAgain(args,
-            [](const BakedMesh& mesh, const uint32_t* t,
-               const RTCRay& ray) -> std::optional<TriangleHit> {
-              const DeformedTriangle triangle =
-                  DeformedTriangleAt(mesh, t, VertexTimeAt(mesh, ray.time));
-              const auto& [a, b, c] = triangle.corners;
-              // At this time the triangle may be degenerate.
-              if (!(LengthSquared(Cross(b - a, c - a)) > 0)) return std::nullopt;
-              return IntersectTriangle(Origin(ray), Direction(ray), triangle.corners,
-                                       CornerErrorOf(mesh, triangle));
-            });
+  TestAgain<kAny>(args,
+                  [](const BakedMesh& mesh, const uint32_t* t,
+                     const RTCRay& ray) -> std::optional<TriangleHit> {
+                    const DeformedTriangle triangle =
+                        DeformedTriangleAt(mesh, t, VertexTimeAt(mesh, ray.time));
+                    const auto& [a, b, c] = triangle.corners;
+                    // At this time the triangle may be degenerate.
+                    if (!(LengthSquared(Cross(b - a, c - a)) > 0)) return std::nullopt;
+                    return IntersectTriangle(Origin(ray), Direction(ray), triangle.corners,
+                                             CornerErrorOf(mesh, triangle));
+                  });
 }
 
 void SetBounds(RTCBounds* out, Vec3f lower, Vec3f upper) {
@@ -122,39 +146,78 @@ void BoundQuadric(const RTCBoundsFunctionArguments* args) {
   const std::array<Vec3f, 2> bounds = QuadricBounds((*list.quadrics)[args->primID].quadric);
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
+// Doubt of a hit of a shape that was intersected in double: its own coordinates, and the rounding
+// of the distance. coordinate_max: bound of them.
+float DoubtOf(const RTCRay& ray, float t, Vec3f coordinate_max) {
+  const float length =
+      std::sqrt(ray.dir_x * ray.dir_x + ray.dir_y * ray.dir_y + ray.dir_z * ray.dir_z);
+  const float reach = coordinate_max.x + coordinate_max.y + coordinate_max.z;
+  return kDistanceDoubt * t + kPlaneRounding * reach / length;
+}
 // Accepts a hit of a shape that was intersected in double, if it is the nearest.
-void Accept(const TraceContext& context, PrimitiveId id, double t, float u, float v,
-            RTCRayHit* ray_hit) {
-  const auto distance = static_cast<float>(t);
-  if (!context.Take(distance, id.geometry, id.primitive)) return;
-  ray_hit->ray.tfar = SearchEnd(distance);
-  ray_hit->hit.u = u;
-  ray_hit->hit.v = v;
-  ray_hit->hit.primID = id.primitive;
-  ray_hit->hit.geomID = id.geometry;
+bool Accept(const TraceContext& context, const RawHit& hit, float doubt, RTCRayHit* ray_hit) {
+  if (!context.Take(hit, doubt)) return false;
+  ray_hit->ray.tfar = context.SearchEndOf();
+  ray_hit->hit.u = hit.u;
+  ray_hit->hit.v = hit.v;
+  ray_hit->hit.primID = hit.id.primitive;
+  ray_hit->hit.geomID = hit.id.geometry;
   ray_hit->hit.instID[0] = kNotPlaced;
+  return true;
+}
+
+// A ray that starts before the place it leaves (Ray::contact) may meet a curved shape there, and
+// again later. Calls on_hit(t) for the hits in order, until it is true or none is left. find(from):
+// the first at a distance beyond `from`.
+template <typename Find, typename OnHit>
+void ForHits(const TraceContext& context, const Find& find, const OnHit& on_hit) {
+  constexpr int kHitsMax = 3;
+  double from = 0;
+  for (int i = 0; i < kHitsMax; ++i) {
+    const auto found = find(from);
+    if (!found.has_value()) return;
+    if (on_hit(*found) || context.start == nullptr) return;
+    from =
+        std::max(static_cast<double>(found->t), from) * (1 + static_cast<double>(kDistanceDoubt)) +
+        context.start->t * static_cast<double>(kDistanceDoubt);
+  }
+}
+template <typename OnHit>
+void FindQuadricHits(const TraceContext& context, const QuadricList& list, uint32_t index,
+                     const RTCRay& ray, const OnHit& on_hit) {
+  const Quadric& quadric = (*list.quadrics)[index].quadric;
+  const Vec3d o = Origin(ray), d = Direction(ray);
+  const auto find = [&](double from) -> std::optional<RawHit> {
+    const std::optional<double> t =
+        IntersectQuadric(quadric, o + d * from, d, static_cast<double>(ray.tfar) - from);
+    if (!t.has_value()) return std::nullopt;
+    return RawHit{static_cast<float>(from + *t), 0, 0, context.IdOf(list.geometry, index)};
+  };
+  ForHits(context, find, [&](const RawHit& hit) {
+    return on_hit(hit, DoubtOf(ray, hit.t, quadric.coordinate_max));
+  });
 }
 void IntersectQuadricList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
-  const Quadric& quadric = (*list.quadrics)[args->primID].quadric;
-  const std::optional<double> t =
-      IntersectQuadric(quadric, Origin(ray_hit->ray), Direction(ray_hit->ray), ray_hit->ray.tfar);
-  if (!t.has_value()) return;
-  Accept(ContextOf(args->context), {list.geometry, args->primID}, *t, 0, 0, ray_hit);
+  const TraceContext& context = ContextOf(args->context);
+  FindQuadricHits(context, list, args->primID, ray_hit->ray, [&](const RawHit& hit, float doubt) {
+    return Accept(context, hit, doubt, ray_hit);
+  });
 }
 void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
-  const Quadric& quadric = (*list.quadrics)[args->primID].quadric;
-  const float end = ContextOf(args->context).nearest;
-  if (IntersectQuadric(quadric, Origin(*ray), Direction(*ray), end).has_value()) {
+  const TraceContext& context = ContextOf(args->context);
+  FindQuadricHits(context, list, args->primID, *ray, [&](const RawHit& hit, float doubt) {
+    if (!context.Blocks(hit, doubt)) return false;
     ray->tfar = -std::numeric_limits<float>::infinity();
-  }
+    return true;
+  });
 }
 
 void BoundPatch(const RTCBoundsFunctionArguments* args) {
@@ -163,11 +226,27 @@ void BoundPatch(const RTCBoundsFunctionArguments* args) {
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
 // A ray cannot hit a flat patch that it leaves, but may hit a curved one again.
-std::optional<PatchHit> HitPatch(const PatchList& list, uint32_t index, const RTCRay& ray,
-                                 const TraceContext& context, float t_max) {
+template <typename OnHit>
+void FindPatchHits(const TraceContext& context, const PatchList& list, uint32_t index,
+                   const RTCRay& ray, const OnHit& on_hit) {
   const BilinearPatch patch = list.patches->PatchAt(index);
-  if (context.IsSource(list.geometry, index) && patch.IsFlat()) return std::nullopt;
-  return IntersectPatch(patch, Origin(ray), Direction(ray), t_max);
+  if (context.IsSource(list.geometry, index) && patch.IsFlat()) return;
+  const Vec3d o = Origin(ray), d = Direction(ray);
+  const auto find = [&](double from) -> std::optional<RawHit> {
+    const std::optional<PatchHit> hit =
+        IntersectPatch(patch, o + d * from, d, static_cast<double>(ray.tfar) - from);
+    if (!hit.has_value()) return std::nullopt;
+    return RawHit{static_cast<float>(from + static_cast<double>(hit->t)),
+                  static_cast<float>(hit->u), static_cast<float>(hit->v),
+                  context.IdOf(list.geometry, index)};
+  };
+  Vec3f coordinate_max;
+  const std::array<Vec3f, 2> bounds = PatchBounds(patch);
+  for (size_t i = 0; i < 3; ++i) {
+    coordinate_max[i] = std::max(std::fabs(bounds[0][i]), std::fabs(bounds[1][i]));
+  }
+  ForHits(context, find,
+          [&](const RawHit& hit) { return on_hit(hit, DoubtOf(ray, hit.t, coordinate_max)); });
 }
 void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
@@ -175,11 +254,9 @@ void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
   const TraceContext& context = ContextOf(args->context);
-  const std::optional<PatchHit> hit =
-      HitPatch(list, args->primID, ray_hit->ray, context, ray_hit->ray.tfar);
-  if (!hit.has_value()) return;
-  Accept(context, {list.geometry, args->primID}, hit->t, static_cast<float>(hit->u),
-         static_cast<float>(hit->v), ray_hit);
+  FindPatchHits(context, list, args->primID, ray_hit->ray, [&](const RawHit& hit, float doubt) {
+    return Accept(context, hit, doubt, ray_hit);
+  });
 }
 void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
@@ -187,9 +264,11 @@ void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
-  if (HitPatch(list, args->primID, *ray, context, context.nearest).has_value()) {
+  FindPatchHits(context, list, args->primID, *ray, [&](const RawHit& hit, float doubt) {
+    if (!context.Blocks(hit, doubt)) return false;
     ray->tfar = -std::numeric_limits<float>::infinity();
-  }
+    return true;
+  });
 }
 
 void BoundCurve(const RTCBoundsFunctionArguments* args) {
@@ -199,10 +278,21 @@ void BoundCurve(const RTCBoundsFunctionArguments* args) {
       CurveBounds(SegmentOf(curves.set, piece.segment), piece, curves.target_from_shape);
   SetBounds(args->bounds_o, bounds[0], bounds[1]);
 }
-// A ray may hit the curve that it leaves: its origin is offset by more than the width.
-std::optional<CurveHit> HitCurve(const BakedCurves& curves, uint32_t index, const RTCRay& ray,
-                                 float t_max) {
-  const Vec3d o = Origin(ray), d = Direction(ray);
+// A ray may hit the curve that it leaves, but not near where it leaves it (Ray::own_offset).
+std::optional<CurveHit> HitCurve(const TraceContext& context, const CurveList& list, uint32_t index,
+                                 const RTCRay& ray, float t_max) {
+  const BakedCurves& curves = *list.curves;
+  Vec3d o = Origin(ray);
+  const Vec3d d = Direction(ray);
+  const PrimitiveId& source = context.ray.source;
+  if (source.geometry == list.geometry && source.placed == context.here) {
+    Vec3d offset = ToDouble(context.ray.own_offset);
+    if (context.here != kNotPlaced) {
+      const PlacedGroup& placed = PlacedAt(context.geometry, context.here);
+      offset = GroupFromRenderAt(context.geometry, placed, ray.time).Vector(offset);
+    }
+    o = o + offset;
+  }
   if (!MayIntersect(curves.rods[index], o, d)) return std::nullopt;
   const CurvePiece& piece = curves.pieces[index];
   return IntersectCurve(SegmentOf(curves.set, piece.segment), piece,
@@ -214,21 +304,25 @@ void IntersectCurveList(const RTCIntersectFunctionNArguments* args) {
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const TraceContext& context = ContextOf(args->context);
   const std::optional<CurveHit> hit =
-      HitCurve(*list.curves, args->primID, ray_hit->ray, ray_hit->ray.tfar);
+      HitCurve(context, list, args->primID, ray_hit->ray, ray_hit->ray.tfar);
   if (!hit.has_value()) return;
-  Accept(ContextOf(args->context), {list.geometry, args->primID}, hit->t,
-         static_cast<float>(hit->u), static_cast<float>(hit->v), ray_hit);
+  const RawHit found{static_cast<float>(hit->t), static_cast<float>(hit->u),
+                     static_cast<float>(hit->v), context.IdOf(list.geometry, args->primID)};
+  Accept(context, found, 0, ray_hit);
 }
 void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const CurveList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
-  const float end = ContextOf(args->context).nearest;
-  if (HitCurve(*list.curves, args->primID, *ray, end).has_value()) {
-    ray->tfar = -std::numeric_limits<float>::infinity();
-  }
+  const TraceContext& context = ContextOf(args->context);
+  const std::optional<CurveHit> hit =
+      HitCurve(context, list, args->primID, *ray, context.ray.t_max);
+  if (!hit.has_value()) return;
+  const RawHit found{static_cast<float>(hit->t), 0, 0, context.IdOf(list.geometry, args->primID)};
+  if (context.Blocks(found, 0)) ray->tfar = -std::numeric_limits<float>::infinity();
 }
 
 void BoundPlaced(const RTCBoundsFunctionArguments* args) {
@@ -265,11 +359,12 @@ void IntersectPlacedList(const RTCIntersectFunctionNArguments* args) {
   const TraceContext& outside = ContextOf(args->context);
   const TraceContext context(outside, list.first + args->primID);
   TraceNearest((*list.scenes)[placed.group], &context, &inner);
+  outside.nearest.contact = context.nearest.contact;
   if (inner.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
   Settle(context, &inner);
   outside.unsettled = nullptr;
   outside.nearest = context.nearest;
-  outside.nearest_id = context.nearest_id;
+  outside.nearest_doubt = context.nearest_doubt;
   outer->ray.tfar = inner.ray.tfar;
   outer->hit = inner.hit;
   outer->hit.instID[0] = list.first + args->primID;
@@ -300,16 +395,17 @@ void Settle(const TraceContext& context, RTCRayHit* ray_hit) {
   ray_hit->hit.v = static_cast<float>(weights[2]);
 }
 
-void FilterTriangles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles) {
-  rtcSetGeometryUserData(triangles, const_cast<BakedMesh*>(&mesh));
-  rtcSetGeometryIntersectFilterFunction(triangles, has_needles ? TestNeedleAgain : JudgeNearest);
-  rtcSetGeometryOccludedFilterFunction(triangles, has_needles ? TestNeedleAgain : JudgeAny);
+void FilterTriangles(RTCGeometry triangles, TracedMesh* mesh, bool has_needles) {
+  rtcSetGeometryUserData(triangles, mesh);
+  rtcSetGeometryIntersectFilterFunction(triangles,
+                                        has_needles ? TestNeedleAgain<false> : JudgeNearest);
+  rtcSetGeometryOccludedFilterFunction(triangles, has_needles ? TestNeedleAgain<true> : JudgeAny);
 }
 
-void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh) {
-  rtcSetGeometryUserData(triangles, const_cast<BakedMesh*>(&mesh));
-  rtcSetGeometryIntersectFilterFunction(triangles, TestDeformedAgain);
-  rtcSetGeometryOccludedFilterFunction(triangles, TestDeformedAgain);
+void FilterDeforming(RTCGeometry triangles, TracedMesh* mesh) {
+  rtcSetGeometryUserData(triangles, mesh);
+  rtcSetGeometryIntersectFilterFunction(triangles, TestDeformedAgain<false>);
+  rtcSetGeometryOccludedFilterFunction(triangles, TestDeformedAgain<true>);
 }
 
 namespace {

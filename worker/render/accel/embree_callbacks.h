@@ -12,7 +12,11 @@
 
 namespace sheaf::render {
 
-// The user data of user geometry callbacks.
+// The user data of the callbacks.
+struct TracedMesh {
+  const BakedMesh* mesh = nullptr;
+  Vec3f reach;  // Bound of the coordinates in its group, plus FileReach.
+};
 struct QuadricList {
   const std::vector<BakedQuadric>* quadrics = nullptr;
   uint32_t geometry = 0;
@@ -34,9 +38,9 @@ struct PlacedList {
 
 // Makes rays skip the triangle they leave, and computes hit distances. If the mesh has needles,
 // hits are tested again in double. `mesh` must outlive the geometry.
-void FilterTriangles(RTCGeometry triangles, const BakedMesh& mesh, bool has_needles);
+void FilterTriangles(RTCGeometry triangles, TracedMesh* mesh, bool has_needles);
 // The same for a deforming mesh, whose triangles may be needles at any time.
-void FilterDeforming(RTCGeometry triangles, const BakedMesh& mesh);
+void FilterDeforming(RTCGeometry triangles, TracedMesh* mesh);
 
 // Computes u and v of the final hit.
 void Settle(const TraceContext& context, RTCRayHit* ray_hit);

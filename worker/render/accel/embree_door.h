@@ -14,6 +14,7 @@
 #include <cmath>
 
 #include "worker/render/accel/embree_scene.h"
+#include "worker/render/geometry/contact.h"
 #include "worker/render/geometry/ray_origin.h"
 
 namespace sheaf::render {
@@ -30,42 +31,79 @@ using QueryContext = RTCIntersectContext;
 inline constexpr float kDistanceDoubt = 0x1p-18f;
 inline float SearchEnd(float t) { return t * (1 + kDistanceDoubt); }
 
-// Embree passes its context to callbacks; ours adds the primitive that the ray leaves, the placed
-// group that is being traced (kNotPlaced for the world), and the nearest hit so far.
+// Embree passes its context to callbacks; ours adds the ray, the placed group that is being traced
+// (kNotPlaced for the world), and the nearest hit so far.
 struct TraceContext {
   QueryContext base;
-  PrimitiveId source;
+  const SceneGeometry& geometry;
+  const Ray& ray;  // Space: render, in the world as well as in groups.
+  // Of the primitive that the ray leaves where others may lie at its place (Ray::contact).
+  const Contact* start = nullptr;
   uint32_t here = kNotPlaced;
-  // Initially the ray's end, with the largest id.
-  mutable float nearest;
-  mutable PrimitiveId nearest_id;
+  // Initially the ray's end, without an id. nearest.contact may grow after the hit was taken.
+  mutable RawHit nearest;
+  mutable float nearest_doubt = 0;
   // The mesh of a hit whose u and v are still Embree's; null where they are ours (Settle).
   mutable const BakedMesh* unsettled = nullptr;
 
-  TraceContext(PrimitiveId ray_source, float t_max) : source(ray_source), nearest(t_max) { Init(); }
+  TraceContext(const SceneGeometry& scene, const Ray& traced, const Contact* left)
+      : geometry(scene), ray(traced), start(left) {
+    nearest.t = ray.t_max;
+    Init();
+  }
   // For a ray that enters a placed group.
   TraceContext(const TraceContext& outside, uint32_t placed)
-      : source(outside.source),
+      : geometry(outside.geometry),
+        ray(outside.ray),
+        start(outside.start),
         here(placed),
         nearest(outside.nearest),
-        nearest_id(outside.nearest_id) {
+        nearest_doubt(outside.nearest_doubt) {
     Init();
   }
 
   // Embree does not write to it.
   QueryContext* Handed() const { return const_cast<QueryContext*>(&base); }
-  bool IsSource(uint32_t geometry, uint32_t primitive) const {
-    return PrimitiveId{geometry, primitive, here} == source;
+  PrimitiveId IdOf(uint32_t id_of_geometry, uint32_t primitive) const {
+    return {id_of_geometry, primitive, here};
   }
+  bool IsSource(uint32_t id_of_geometry, uint32_t primitive) const {
+    return IdOf(id_of_geometry, primitive) == ray.source;
+  }
+  // Whether the primitive is the emitter on which the ray ends; false for one of its cells.
+  bool IsEnd(const Surface& surface, uint32_t primitive) const {
+    return ray.end == Ray::End::kEmitter && surface.emitter != kNoEmitter &&
+           surface.emission_cells == 1 && ray.end_emitter - surface.emitter == primitive;
+  }
+  // Embree searches up to here for hits that may be nearer than the nearest, or at its place.
+  float SearchEndOf() const { return SearchEnd(nearest.t) + nearest_doubt; }
+
   // Accepts a hit if it is the nearest. Among hits at the same distance the smallest id wins, in
-  // whatever order they are found.
-  bool Take(float t, uint32_t geometry, uint32_t primitive) const {
-    const PrimitiveId id{geometry, primitive, here};
-    if (!(t < nearest || (t == nearest && id < nearest_id))) return false;
-    nearest = t;
-    nearest_id = id;
+  // whatever order they are found. doubt: bound of the error of hit.t and of that of its plane, in
+  // lengths of the direction; distances that it cannot tell apart are compared in double.
+  bool Take(const RawHit& hit, float doubt) const {
+    if (start != nullptr && !IsAfterStart(hit, doubt)) [[unlikely]]
+      return false;
+    if (std::fabs(hit.t - nearest.t) <= doubt + nearest_doubt) [[unlikely]] {
+      if (!IsNearest(hit)) return false;
+    } else if (hit.t < nearest.t) {
+      nearest.contact = 0;
+    } else {
+      return false;
+    }
+    const float contact = nearest.contact;
+    nearest = hit;
+    nearest.contact = contact;
+    nearest_doubt = doubt;
     unsettled = nullptr;
     return true;
+  }
+  // Whether the hit hides the ray's end.
+  bool Blocks(const RawHit& hit, float doubt) const {
+    if (start != nullptr && !IsAfterStart(hit, doubt)) [[unlikely]]
+      return false;
+    if (std::fabs(hit.t - ray.t_max) <= doubt) return IsBeforeEnd(hit);
+    return hit.t < ray.t_max;
   }
 
  private:
@@ -76,6 +114,11 @@ struct TraceContext {
     rtcInitIntersectContext(&base);
 #endif
   }
+  // The comparisons where rounding may decide (trace_context.cc).
+  bool IsAfterStart(const RawHit& hit, float doubt) const;
+  bool IsNearest(const RawHit& hit) const;
+  // Sets nearest.contact.
+  bool IsBeforeEnd(const RawHit& hit) const;
 };
 
 // False for a ray that Embree does not accept: it is so far from all that rays meet, or these are

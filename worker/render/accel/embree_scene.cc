@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <deque>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -26,6 +28,19 @@ namespace {
 // memory.
 constexpr size_t kHighQualityTrianglesMax = size_t{1} << 23;
 
+Vec3f ReachOf(const BakedMesh& mesh) {
+  Vec3f reach;
+  for (size_t step = 0; step <= mesh.steps.size(); ++step) {
+    for (const Vec3f& p : PositionsOfStep(mesh, step)) {
+      const Vec3d in_file = FileReach(mesh.target_from_shape, mesh.shape_from_target, ToDouble(p));
+      for (size_t i = 0; i < 3; ++i) {
+        reach[i] = std::max(reach[i], std::fabs(p[i]) + static_cast<float>(in_file[i]));
+      }
+    }
+  }
+  return reach;
+}
+
 }  // namespace
 
 struct EmbreeScene::State {
@@ -33,6 +48,8 @@ struct EmbreeScene::State {
   Filters filters = Filters::kSkipSource;
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
+  const SceneGeometry* described = nullptr;
+  std::deque<TracedMesh> meshes;      // For all groups; Embree holds pointers to elements.
   std::deque<PatchList> patch_lists;  // For all groups; Embree holds pointers to elements.
   std::deque<CurveList> curve_lists;  // Likewise.
   PlacedList still, moving;
@@ -70,7 +87,7 @@ struct EmbreeScene::State {
     rtcAttachGeometry(scene, geometry);
     rtcReleaseGeometry(geometry);
   }
-  void AddMeshes(const GeometryGroup& group, RTCScene scene) const;
+  void AddMeshes(const GeometryGroup& group, RTCScene scene);
   void AddQuadrics(const GeometryGroup& group, RTCScene scene, QuadricList* list) const;
   void AddPatches(const GeometryGroup& group, RTCScene scene);
   void AddCurves(const GeometryGroup& group, RTCScene scene);
@@ -78,7 +95,7 @@ struct EmbreeScene::State {
   absl::Status BuildGroup(const SceneGeometry& geometry, size_t index);
 };
 
-void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) const {
+void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) {
   for (const BakedMesh& mesh : group.meshes) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     rtcSetGeometryTimeStepCount(geometry, static_cast<unsigned>(1 + mesh.steps.size()));
@@ -91,10 +108,11 @@ void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) c
                                mesh.indices.data(), 0, 3 * sizeof(uint32_t),
                                mesh.indices.size() / 3);
     if (filters == Filters::kSkipSource) {
+      TracedMesh& traced = meshes.emplace_back(TracedMesh{&mesh, ReachOf(mesh)});
       if (!mesh.steps.empty()) {
-        FilterDeforming(geometry, mesh);
+        FilterDeforming(geometry, &traced);
       } else {
-        FilterTriangles(geometry, mesh, HasNeedles(mesh.positions, mesh.indices));
+        FilterTriangles(geometry, &traced, HasNeedles(mesh.positions, mesh.indices));
       }
     }
     Attach(scene, geometry);
@@ -166,6 +184,7 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
   std::unique_ptr<EmbreeScene> result(new EmbreeScene);
   State& state = *result->state_;
   state.filters = filters;
+  state.described = &geometry;
   state.leak_guard = LeakGuard(geometry);
   const std::string config = absl::StrCat("isa=avx2,threads=", build_threads);
   state.device = rtcNewDevice(config.c_str());
@@ -187,52 +206,82 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
     const absl::Status status = state.BuildGroup(geometry, i);
     if (!status.ok()) return status;
   }
-  if (result->EveryProbeHits()) state.leak_guard.NoteCameraIsEnclosed();
   return result;
 }
 
-bool EmbreeScene::EveryProbeHits() const {
-  RawHit hit;
-  for (uint32_t i = 0; i < kProbeCount; ++i) {
-    if (!IntersectOnce(ProbeRay(i), &hit)) return false;
-  }
-  return true;
-}
+void EmbreeScene::NoteOutsideIsDark() { state_->leak_guard.NoteOutsideIsDark(); }
 
-bool EmbreeScene::IntersectOnce(const Ray& ray, RawHit* hit) const {
+[[gnu::always_inline]] inline bool EmbreeScene::TraceFrom(const Contact* start, const Ray& ray,
+                                                          RawHit* hit) const {
   RTCRayHit ray_hit;
   ray_hit.ray = ToRtc(ray);
   ClearHit(&ray_hit.hit);
-  const TraceContext context(ray.source, ray.t_max);
+  const TraceContext context(*state_->described, ray, start);
   TraceNearest(state_->scenes[0], &context, &ray_hit);
   if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
   Settle(context, &ray_hit);
-  *hit = {context.nearest,
+  *hit = {context.nearest.t,
           ray_hit.hit.u,
           ray_hit.hit.v,
-          {ray_hit.hit.geomID, ray_hit.hit.primID, ray_hit.hit.instID[0]}};
+          {ray_hit.hit.geomID, ray_hit.hit.primID, ray_hit.hit.instID[0]},
+          context.nearest.contact};
   return true;
 }
 
-bool EmbreeScene::HitsWhenNudged(const Ray& ray, RawHit* hit) const {
-  if (ray.t_max < std::numeric_limits<float>::infinity()) return false;
-  if (!state_->leak_guard.IsEnclosed(ray)) return false;
-  for (int attempt = 0; attempt < kNudgesMax; ++attempt) {
-    if (IntersectOnce(NudgedRay(ray, attempt), hit)) return true;
+bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
+  if (!(ray.contact > 0)) [[likely]]
+    return TraceFrom(nullptr, ray, hit);
+  const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
+  if (!TraceFrom(start ? &*start : nullptr, ray, hit)) return false;
+  // What the ray left was not compared with the hit.
+  if (start && hit->contact < ray.contact) {
+    const std::optional<Contact> met = ContactAt(*state_->described, ray, *hit);
+    if (met && AreOnePlace(*start, *met, ToDouble(ray.d))) hit->contact = ray.contact;
   }
-  return false;
+  return true;
+}
+
+[[gnu::always_inline]] inline bool EmbreeScene::OccludedFrom(const Contact* start,
+                                                             const Ray& ray) const {
+  RTCRay r = ToRtc(ray);
+  const TraceContext context(*state_->described, ray, start);
+  TraceAny(state_->scenes[0], &context, &r);
+  return r.tfar < 0;
+}
+
+bool EmbreeScene::LeaksAtEdge(const Ray& ray, RawHit* hit) const {
+  if (ray.t_max < std::numeric_limits<float>::infinity()) return false;
+  if (!state_->leak_guard.MayLeak(ray)) return false;
+  bool touches = false;
+  for (int attempt = 0; attempt < kNudgeCount; ++attempt) {
+    const bool is_wide = attempt < kWideNudgeCount;
+    if (touches && !is_wide) break;
+    RawHit beside;
+    if (!Trace(NudgedRay(ray, attempt), &beside)) {
+      if (is_wide) return false;
+      continue;
+    }
+    if (touches || !state_->leak_guard.TouchesAtEdge(ray, &beside)) continue;
+    touches = true;
+    *hit = beside;
+  }
+  return touches;
 }
 
 bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
-  return IntersectOnce(ray, hit) || HitsWhenNudged(ray, hit);
+  return Trace(ray, hit) || LeaksAtEdge(ray, hit);
 }
 
 bool EmbreeScene::Occluded(const Ray& ray) const {
-  RTCRay r = ToRtc(ray);
-  const TraceContext context(ray.source, ray.t_max);
-  TraceAny(state_->scenes[0], &context, &r);
+  bool is_hidden = false;
+  if (!(ray.contact > 0)) [[likely]] {
+    is_hidden = OccludedFrom(nullptr, ray);
+  } else {
+    const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
+    is_hidden = OccludedFrom(start ? &*start : nullptr, ray);
+  }
   RawHit hit;
-  return r.tfar < 0 || HitsWhenNudged(ray, &hit);
+  return is_hidden || LeaksAtEdge(ray, &hit);
 }
 
 uint64_t EmbreeScene::Replay(const std::vector<RecordedRay>& rays) const {

@@ -7,8 +7,9 @@
 // Results are bit-identical on all processors (docs/adr/0043). The device is restricted to AVX2, in
 // which processors agree except for approximate reciprocals. Those only affect where Embree
 // searches, with a safety margin, not its results: the test whether a ray hits a triangle has no
-// division, distances and positions are computed here, and of several hits at the same distance the
-// one of the smallest id is the nearest, in whatever order they are found.
+// division, distances and positions are computed here. Where distances cannot tell hits apart they
+// are compared in double, and surfaces at one place by their order in space (contact.h), in
+// whatever order they are found.
 //
 // Hits of meshes with needles are tested again in double (needle.h). Quadrics, bilinear patches,
 // curves and placed groups are user geometry, so that they are intersected in double and equally
@@ -26,6 +27,8 @@
 
 namespace sheaf::render {
 
+struct Contact;
+
 struct RecordedRay {
   Ray ray;
   bool is_shadow = false;
@@ -42,6 +45,8 @@ class EmbreeScene {
                                                             uint32_t build_threads,
                                                             Filters filters = Filters::kSkipSource);
   ~EmbreeScene();
+  // Call once, before rays are traced, if no light comes from outside the scene (leak_guard.h).
+  void NoteOutsideIsDark();
 
   // Thread safety: const members may be called concurrently.
   bool Intersect(const Ray& ray, RawHit* hit) const;
@@ -53,11 +58,13 @@ class EmbreeScene {
 
  private:
   EmbreeScene();
-  bool IntersectOnce(const Ray& ray, RawHit* hit) const;
-  // Whether the camera is in a closed room, according to probe rays.
-  bool EveryProbeHits() const;
-  // Retries an unbounded ray that must hit something (leak_guard.h); finite segments need not.
-  bool HitsWhenNudged(const Ray& ray, RawHit* hit) const;
+  bool Trace(const Ray& ray, RawHit* hit) const;
+  // start: the contact that the ray leaves, or null.
+  bool TraceFrom(const Contact* start, const Ray& ray, RawHit* hit) const;
+  bool OccludedFrom(const Contact* start, const Ray& ray) const;
+  // Whether an unbounded ray that hit nothing passes through the tracer's rounding at a vertex
+  // (leak_guard.h): sets the hit there.
+  bool LeaksAtEdge(const Ray& ray, RawHit* hit) const;
   struct State;
   std::unique_ptr<State> state_;
 };

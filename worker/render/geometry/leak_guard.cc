@@ -1,16 +1,18 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Finds closed meshes, and makes probe and retry rays.
+// Finds closed meshes, and decides about rays that hit nothing.
 #include "worker/render/geometry/leak_guard.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "common/math/elementary.h"
+#include "common/math/frame.h"
 #include "worker/render/geometry/deforming_mesh.h"
-#include "worker/render/geometry/raw_hit.h"
+#include "worker/render/geometry/needle.h"
 
 namespace sheaf::render {
 
@@ -31,33 +33,17 @@ LeakGuard::LeakGuard(const SceneGeometry& geometry) : geometry_(&geometry) {
   }
 }
 
-Ray ProbeRay(uint32_t index) {
-  // Equal steps of height and of the golden angle; render space is centered at the camera. Source:
-  // Swinbank and Purser 2006, "Fibonacci grids".
-  constexpr double kGoldenAngle = std::numbers::pi * (3 - 2.23606797749978969641);
-  const double height = 1 - (2 * static_cast<double>(index) + 1) / kProbeCount;
-  const double radius = std::sqrt(1 - height * height);
-  const double angle = kGoldenAngle * static_cast<double>(index);
-  Ray ray;
-  ray.d = ToFloat(Vec3d{radius * Cos(angle), height, radius * Sin(angle)});
-  return ray;
-}
-
-bool LeakGuard::IsEnclosed(const Ray& ray) const {
-  if (camera_is_enclosed_) return true;
+bool LeakGuard::MayLeak(const Ray& ray) const {
+  if (ray.d == Vec3f{}) return false;
   const PrimitiveId source = ray.source;
-  if (source == PrimitiveId{}) return false;
+  if (source == PrimitiveId{}) return !outside_is_dark_;
   const PlacedGroup* placed = nullptr;
-  if (source.placed != kNotPlaced) {
-    const size_t still_count = geometry_->still.size();
-    placed = source.placed < still_count ? &geometry_->still[source.placed]
-                                         : &geometry_->moving[source.placed - still_count];
-  }
+  if (source.placed != kNotPlaced) placed = &PlacedAt(*geometry_, source.placed);
   const uint32_t group = placed == nullptr ? 0 : placed->group;
   const std::vector<EnclosedSide>& sides = sides_[group];
-  if (source.geometry >= sides.size()) return false;  // Doubles leave no holes.
+  if (source.geometry >= sides.size()) return !outside_is_dark_;
   const EnclosedSide side = sides[source.geometry];
-  if (side == EnclosedSide::kNeither) return false;
+  if (side == EnclosedSide::kNeither) return !outside_is_dark_;
   const BakedMesh& mesh = geometry_->groups[group].meshes[source.geometry];
   const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(source.primitive)];
   const auto [a, b, c] = CornersAt(mesh, t, ray.time);
@@ -67,16 +53,48 @@ bool LeakGuard::IsEnclosed(const Ray& ray) const {
   return (Dot(front, d) > 0) == (side == EnclosedSide::kFront);
 }
 
+bool LeakGuard::TouchesAtEdge(const Ray& ray, RawHit* hit) const {
+  Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
+  uint32_t index = 0;
+  if (hit->id.placed != kNotPlaced) {
+    const PlacedGroup& placed = PlacedAt(*geometry_, hit->id.placed);
+    const Affine group_from_render = GroupFromRenderAt(*geometry_, placed, ray.time);
+    o = group_from_render.Point(o);
+    d = group_from_render.Vector(d);
+    index = placed.group;
+  }
+  const GeometryGroup& group = geometry_->groups[index];
+  if (hit->id.geometry >= group.meshes.size()) return false;  // Doubles leave no holes.
+  const BakedMesh& mesh = group.meshes[hit->id.geometry];
+  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(hit->id.primitive)];
+  double corner_error = 0;
+  if (!mesh.steps.empty()) {
+    corner_error = CornerErrorOf(mesh, DeformedTriangleAt(mesh, t, VertexTimeAt(mesh, ray.time)));
+  }
+  const std::optional<TriangleHit> found =
+      IntersectTriangle(o, d, CornersAt(mesh, t, ray.time), corner_error);
+  if (!found) return false;
+  hit->t = static_cast<float>(found->t);
+  hit->u = static_cast<float>(found->u);
+  hit->v = static_cast<float>(found->v);
+  return hit->t > 0;
+}
+
 Ray NudgedRay(const Ray& ray, int attempt) {
   Ray nudged = ray;
-  const float length =
-      std::max(std::fabs(ray.d.x), std::max(std::fabs(ray.d.y), std::fabs(ray.d.z)));
-  const float step = std::ldexp(length, 2 * attempt - 21);
-  uint64_t state = HashOfPoint(ray.d, HashOfPoint(ray.o, static_cast<uint64_t>(attempt)));
-  for (size_t i = 0; i < 3; ++i) {
-    const auto number = static_cast<int32_t>(state >> (21 * i) & 0x1fffff) - (1 << 20);
-    nudged.d[i] += step * (static_cast<float>(number) * 0x1p-20f);
-  }
+  const Vec3d d = ToDouble(ray.d);
+  const Frame frame = Frame::FromNormal(ToFloat(Normalize(d)));
+  const uint64_t state = HashOfPoint(ray.d, HashOfPoint(ray.o, 0));
+  const double turns = static_cast<double>(state >> 32) * 0x1p-32 + 0.25 * attempt;
+  const double angle = 2 * std::numbers::pi * turns;
+  const bool is_wide = attempt < kWideNudgeCount;
+  const Vec3d side = ToDouble(frame.t) * Cos(angle) + ToDouble(frame.b) * Sin(angle);
+  const Vec3f o = Abs(ray.o);
+  // The tracer's rounding grows with the coordinates as well as with the distance.
+  const double step = std::ldexp(1, is_wide ? -19 : -21);
+  nudged.o = ToFloat(ToDouble(ray.o) +
+                     side * (step * static_cast<double>(std::max(o.x, std::max(o.y, o.z)))));
+  nudged.d = ToFloat(d + side * (step * Length(d)));
   return nudged;
 }
 

@@ -1,16 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LeakGuard: recognizes rays that must hit something. The tracer's rounding leaves a hole of a few
-// ulps between the triangles about a vertex; a ray that is inside a closed mesh and misses has
-// passed through one, and is traced again with a shift of a few ulps. Rays in the open are not
-// retried: most of them miss rightly. See docs/adr/0006.
+// LeakGuard: finds rays that the tracer's rounding lets pass between triangles. Its edge tests
+// agree on shared edges, but at a vertex those of all triangles about it may reject a ray: a hole
+// of a few ulps. A ray that hits nothing is traced again, turned to several sides by more than the
+// hole is wide. It leaks if there is a surface on every side and if, in double, it passes within
+// the tracer's rounding of one of the triangles there. Along the edge of a slit, one of the sides
+// is open. See docs/adr/0006.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
 #include "common/scene/enclosed_side.h"
+#include "worker/render/geometry/raw_hit.h"
 #include "worker/render/geometry/ray_origin.h"
 #include "worker/render/geometry/scene_geometry.h"
 
@@ -25,30 +28,29 @@ class LeakGuard {
   // `geometry` must outlive the guard.
   explicit LeakGuard(const SceneGeometry& geometry);
 
-  // Call once, before rays are traced, if no probe leaves the scene.
-  void NoteCameraIsEnclosed() { camera_is_enclosed_ = true; }
+  // Call once, before rays are traced, if no light comes from outside the scene: then rays that
+  // leave it bring nothing, and need a test only inside closed meshes, whose media they must leave.
+  void NoteOutsideIsDark() { outside_is_dark_ = true; }
 
-  // Whether the ray starts at a triangle of a closed mesh towards its inside, or the camera is in a
-  // closed room. Only the tracer's rounding makes such a ray miss; if it starts outside the room it
-  // may miss rightly, and the retry costs time but finds nothing either.
-  bool IsEnclosed(const Ray& ray) const;
+  // Whether the ray may have left a room by rounding. Those that start at a closed mesh towards its
+  // outside most often leave the scene rightly.
+  bool MayLeak(const Ray& ray) const;
+
+  // hit: that of a nudged ray. Whether it is also one of the ray itself: at an edge or vertex of
+  // the triangle, which the ray passes within rounding. Then sets *hit to the nearest point there.
+  bool TouchesAtEdge(const Ray& ray, RawHit* hit) const;
 
  private:
   const SceneGeometry* geometry_ = nullptr;
   std::vector<std::vector<EnclosedSide>> sides_;  // By group, by mesh.
-  bool camera_is_enclosed_ = false;
+  bool outside_is_dark_ = false;
 };
 
-// Camera rays in evenly distributed directions. If all hit something, the camera is in a room,
-// whatever it consists of.
-inline constexpr uint32_t kProbeCount = 4096;
-Ray ProbeRay(uint32_t index);
+inline constexpr int kWideNudgeCount = 4, kNudgeCount = 8;
 
-// Maximum retries of an enclosed ray that missed.
-inline constexpr int kNudgesMax = 4;
-
-// The ray rotated by at most 2^-21 radians, four times as much with each further attempt (from 0),
-// which is still a small fraction of a pixel. A pure function of the ray and the attempt.
+// The ray turned by 2^-19 radians and moved by as much of its coordinates, to four sides, by more
+// than a hole is wide; then by 2^-21, to find the smaller triangles about the ray. A pure function
+// of the ray and the attempt.
 Ray NudgedRay(const Ray& ray, int attempt);
 
 }  // namespace sheaf::render

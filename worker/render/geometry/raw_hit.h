@@ -20,6 +20,7 @@ struct RawHit {
   float u = 0,
         v = 0;  // Barycentric weights of vertices 1 and 2, or a patch's or curve's parameters.
   PrimitiveId id;
+  float contact = 0;  // As Ray::contact of a ray that continues from here.
 };
 
 }  // namespace sheaf::render

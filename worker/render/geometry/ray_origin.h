@@ -39,6 +39,21 @@ struct Ray {
   // The primitive that the ray leaves. A flat triangle cannot be hit again, so it is skipped: the
   // tracer's own rounding on a needle may exceed any useful offset.
   PrimitiveId source;
+  // Positive if other surfaces may lie where the ray leaves `source` (contact.h): the ray begins
+  // this far before that place, along its normal, and meets those that come after `source`.
+  float contact = 0;
+  float lead = 0;  // Then the distance along d from its beginning to that place, in render space.
+  // Curves: the shape that the ray leaves is hit as if the ray began this far off, at a place that
+  // is beyond every ribbon about the center line.
+  Vec3f own_offset{};
+  // Where a bounded ray ends.
+  enum class End : uint8_t {
+    kExact,   // At t_max.
+    kFree,    // At a point that surfaces at its place do not hide: a point light, a lens.
+    kEmitter  // On `end_emitter` of the light table, behind the surfaces that come before it.
+  };
+  End end = End::kExact;
+  uint32_t end_emitter = ~0u;
 };
 
 inline Vec3f Abs(Vec3f v) { return {std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)}; }
@@ -52,8 +67,5 @@ inline Vec3f OffsetRayOrigin(Vec3f p, Vec3f p_error, Vec3f n, Vec3f w) {
   const Floats4 origin = NextTowards(Floats4{p.x, p.y, p.z, 0} + offset, offset);
   return {origin[0], origin[1], origin[2]};
 }
-
-// A shadow ray ends at this fraction of its length: a margin for the intersector's rounding of t.
-inline constexpr float kSegmentEnd = 1 - Gamma(16);
 
 }  // namespace sheaf::render

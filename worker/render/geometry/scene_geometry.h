@@ -10,6 +10,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "common/scene/scene_description.h"
@@ -18,6 +19,7 @@
 #include "worker/render/geometry/bilinear_patch.h"
 #include "worker/render/geometry/curve.h"
 #include "worker/render/geometry/quadric.h"
+#include "worker/render/geometry/ray_origin.h"
 
 namespace sheaf::render {
 
@@ -48,9 +50,13 @@ struct Surface {
   uint16_t rank = kNoRank;              // The interior's rank, if it has a priority: InteriorTable.
   bool encloses_subsurface = false;     // A boundary of a subsurface medium.
   bool has_subsurface_texture = false;  // A texture scales the scattering of that medium here.
+  // Of a body: light passes into glass or a medium behind it.
+  bool is_boundary = false;
+  bool emits_on_front_only = false;
   MediumBoundary media;
   // A triangle with an emission image has emission_cells^2 emitters: emission_cells.h.
   uint16_t emission_cells = 1;
+  float area = 0;  // Of the whole shape, approximately, in the space of its group.
 };
 struct BakedMesh {
   Surface surface;
@@ -61,7 +67,19 @@ struct BakedMesh {
   // Vertices of a deforming mesh (deforming_mesh.h) at later, equidistant steps until shutter
   // close, in the same form.
   std::vector<VertexStep> steps;
+  Affine target_from_shape, shape_from_target;  // From the file's vertices.
 };
+// Bound of a vertex's coordinates as the file's rounding sees them: those in the file, turned and
+// scaled into the target but not moved. p: the vertex in the target.
+inline Vec3d FileReach(const Affine& target_from_shape, const Affine& shape_from_target, Vec3d p) {
+  const Vec3d q = shape_from_target.Point(p);
+  Vec3d reach;
+  for (size_t i = 0; i < 3; ++i) {
+    reach[i] = std::fabs(target_from_shape.x[i] * q.x) + std::fabs(target_from_shape.y[i] * q.y) +
+               std::fabs(target_from_shape.z[i] * q.z);
+  }
+  return reach;
+}
 // The side of a triangle that its shape faces: 1 along cross = Cross(p1 - p0, p2 - p0), -1 against
 // it. Vertex normals decide if present (as in pbrt-v4), else the shape's orientation.
 inline float FacingOf(const Surface& surface, Vec3d cross, Vec3f sum_of_normals) {
@@ -86,9 +104,10 @@ struct BakedQuadric {
 struct BakedPatches {
   Surface surface;
   std::vector<Vec3f> positions;
-  std::vector<Vec3f> normals;     // Unit length, or empty.
-  std::vector<Vec2f> uvs;         // Empty: u and v themselves.
-  std::vector<uint32_t> indices;  // Four per patch, without patches of zero area.
+  std::vector<Vec3f> normals;                   // Unit length, or empty.
+  std::vector<Vec2f> uvs;                       // Empty: u and v themselves.
+  std::vector<uint32_t> indices;                // Four per patch, without patches of zero area.
+  Affine target_from_shape, shape_from_target;  // From the file's vertices.
 
   size_t size() const { return indices.size() / 4; }
   BilinearPatch PatchAt(size_t i) const {
@@ -145,6 +164,12 @@ struct GroupMotion {
     return transform;
   }
 };
+// The emitters of one shape of the world: from `first` on, one or emission_cells^2 a primitive.
+struct EmitterRange {
+  uint32_t first = 0;
+  uint32_t geometry = 0, primitive = 0;  // Those of PrimitiveId, for `first`.
+  uint32_t per_primitive = 1, count = 0;
+};
 struct SceneGeometry {
   std::vector<GeometryGroup> groups;  // groups[0] is the world, in render space.
   std::vector<PlacedGroup> still;     // Placed without motion.
@@ -157,7 +182,15 @@ struct SceneGeometry {
   double shutter_open = 0, shutter_close = 0;
   uint64_t degenerate_triangle_count = 0;
   Vec3f bounds_lower, bounds_upper;  // Over the whole shutter interval, in render space.
+  Vec3f reach;  // Bound of the coordinates of the world's vertices, here and in the file.
+  std::vector<EmitterRange> emitters;  // By `first`.
 };
+
+// placed: PrimitiveId::placed of a hit in a placed group.
+inline const PlacedGroup& PlacedAt(const SceneGeometry& geometry, uint32_t placed) {
+  const size_t still_count = geometry.still.size();
+  return placed < still_count ? geometry.still[placed] : geometry.moving[placed - still_count];
+}
 
 // The transform of a placed group at a fraction of the shutter interval.
 inline Affine RenderFromGroupAt(const SceneGeometry& geometry, const PlacedGroup& placed,
@@ -176,6 +209,11 @@ inline Affine GroupFromRenderAt(const SceneGeometry& geometry, const PlacedGroup
 struct PlacedBounds {
   Vec3f lower, upper;
 };
+// Fills geometry->emitters, once the ids of all emitters are final.
+void IndexEmitters(SceneGeometry* geometry);
+// The primitive that is or has the emitter of the light table; none for lights without a surface.
+std::optional<PrimitiveId> PrimitiveOfEmitter(const SceneGeometry& geometry, uint32_t emitter);
+
 // Bounds in render space, rounded outwards.
 PlacedBounds BoundsOfStill(const SceneGeometry& geometry, const PlacedGroup& placed);
 // Boxes at kMotionStepCount equidistant steps over the shutter interval (step from 0): interpolated

@@ -31,11 +31,40 @@ struct SurfacePoint {
   const Surface* surface = nullptr;
   uint32_t emitter = kNoEmitter;
   PrimitiveId id;
+  float contact = 0;  // As RawHit::contact.
+  float reach = 0;    // Of a curve: the length of Ray::own_offset.
 
   // The emitter's normal in the light table's convention: outward for spheres, whichever side is
   // the front.
   Vec3f EmitterNormal() const { return surface->is_sphere && surface->flips_normal ? -ng : ng; }
 };
+
+// Makes a ray towards w begin before the place p, by `contact` along its normal n. It moves along
+// the ray, which thus meets the same edges; but only so far if it grazes the surface.
+inline void BeginBefore(Vec3f p, Vec3f p_error, Vec3f n, float contact, Vec3f w, Ray* ray) {
+  constexpr double kCosineMin = 1.0 / 16;
+  const Vec3d d = Normalize(ToDouble(w));
+  const double cosine = Dot(ToDouble(n), d);
+  const double distance = static_cast<double>(contact + Dot(Abs(n), p_error));
+  const double back = distance / std::max(std::fabs(cosine), kCosineMin);
+  const double off = distance - back * std::fabs(cosine);
+  ray->contact = contact;
+  ray->o = ToFloat(ToDouble(p) - d * back - ToDouble(n) * (cosine < 0 ? -off : off));
+  ray->lead = static_cast<float>(back);
+}
+
+// Makes the ray leave the point towards w. Sets all of it but the direction, the time and the end.
+inline void Leave(const SurfacePoint& point, Vec3f w, Ray* ray) {
+  ray->source = point.id;
+  ray->contact = point.contact;
+  ray->own_offset = point.ng * (Dot(point.ng, w) < 0 ? -point.reach : point.reach);
+  if (point.contact > 0) [[unlikely]] {
+    BeginBefore(point.p, point.p_error, point.ng, point.contact, w, ray);
+  } else {
+    ray->lead = 0;
+    ray->o = OffsetRayOrigin(point.p, point.p_error, point.ng, w);
+  }
+}
 
 namespace internal {
 
@@ -48,7 +77,7 @@ struct GroupPoint {
   Vec2f uv;
   Vec3d dpdu, dpdv;
   bool has_tangents = false;
-  double reach = 0;  // For curves: offset along ng at which a ray that leaves must start.
+  double reach = 0;  // For curves: SurfacePoint::reach.
 };
 
 // Minimum cosine between interpolated vertex normals and the geometric normal for unmodified use.
@@ -232,8 +261,7 @@ inline GroupPoint PointOnCurve(const BakedCurves& baked, Vec3d d, const RawHit& 
   point.uv = {hit.u, hit.v};
   point.dpdu = baked.target_from_shape.Vector(on.dpdu);
   point.has_tangents = true;
-  // An offset of one width along the normal leaves every ribbon about the center line on either
-  // side.
+  // A ray is beyond every ribbon about the center line after one width.
   point.reach = on.width * scale;
   return point;
 }
@@ -355,8 +383,7 @@ template <uint32_t kTraits, typename Plane>
   point->p_error = Gamma(1) * Abs(point->p) + ToFloat(rounding);
   point->ng = ToFloat(on.ng);
   if constexpr (Has(kTraits, Trait::kCurves)) {
-    // OffsetRayOrigin turns this error into the required offset along the normal.
-    point->p_error += Abs(point->ng) * static_cast<float>(on.reach);
+    point->reach = static_cast<float>(on.reach);
   }
   // Flat surfaces use exactly the bits of their geometric normal for shading.
   const Vec3f ns = on.ns == on.ng ? point->ng : ToFloat(on.ns * (1 / Length(on.ns)));
@@ -378,13 +405,11 @@ template <uint32_t kTraits, typename Plane>
 template <uint32_t kTraits, typename Plane>
 [[gnu::noinline]] void MakePlacedPoint(const SceneGeometry& geometry, const Ray& ray,
                                        const RawHit& hit, Plane* plane, SurfacePoint* point) {
-  const size_t still_count = geometry.still.size();
-  const PlacedGroup& placed = hit.id.placed < still_count
-                                  ? geometry.still[hit.id.placed]
-                                  : geometry.moving[hit.id.placed - still_count];
+  const PlacedGroup& placed = PlacedAt(geometry, hit.id.placed);
   const Placement placement{RenderFromGroupAt(geometry, placed, ray.time),
                             GroupFromRenderAt(geometry, placed, ray.time)};
   point->id = hit.id;
+  point->contact = hit.contact;
   GroupPoint on = PointOfHit<kTraits>(geometry.groups[placed.group], ray, hit, &placement, point);
   Vec3d rounding = ToDouble(on.coordinate_max) * kDoubleRounding;
   PlacePoint(placement, &on, &rounding);
@@ -406,6 +431,7 @@ SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, con
     }
   }
   point.id = hit.id;
+  point.contact = hit.contact;
   const internal::GroupPoint on =
       internal::PointOfHit<kTraits>(geometry.groups[0], ray, hit, nullptr, &point);
   internal::FinishPoint<kTraits>(on, ToDouble(on.coordinate_max) * internal::kDoubleRounding,

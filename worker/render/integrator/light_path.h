@@ -38,10 +38,10 @@ typename C::Color TransmittanceToLens(const Context<C>& c, const Vertex& vertex,
   const SurfacePoint& point = vertex.point;
   Ray ray;
   ray.time = path.ray.time;
-  ray.source = point.id;
-  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, seen.wi);
+  Leave(point, seen.wi, &ray);
   ray.d = seen.p_lens - ray.o;
-  ray.t_max = kSegmentEnd;
+  ray.t_max = 1;
+  ray.end = Ray::End::kFree;
   if constexpr (C::kMedia) {
     MediumState<C> media = path.media;
     if (!vertex.EnterSide(c, seen.wi, path, &media)) return {};

@@ -24,30 +24,57 @@ namespace sheaf::render {
 // Rays of a light without a surface begin at this multiple of the rounding of its position.
 inline constexpr float kErrorsFromLight = 8;
 
+// The point of an emitter that a path leaves.
+struct EmitterStart {
+  Vec3f p, n;
+  uint32_t emitter = 0;
+  PrimitiveId id;
+};
+
+// Makes the ray leave the emitter towards w. Other surfaces may lie in its plane: the ceiling that
+// a lamp is let into, or the face of a medium that fills the room.
+inline EmitterStart LeaveEmitter(const SceneGeometry& geometry, Vec3f p, Vec3f p_error, Vec3f n,
+                                 uint32_t emitter, PrimitiveId id, Vec3f w, Ray* ray) {
+  ray->source = id;
+  BeginBefore(p, p_error, n, Gamma(64) * Dot(Abs(n), geometry.reach), w, ray);
+  return {p, n, emitter, id};
+}
+
 // Sets the media at the start of the path's ray: those at the camera, changed by every surface in
-// between. False where there are too many.
+// between. start: null where the path leaves no surface. False where there are too many.
 template <typename C>
-bool StartInMediaAtLight(const Context<C>& c, PathState<C>* path) {
+bool StartInMediaAtLight(const Context<C>& c, const EmitterStart* start, PathState<C>* path) {
   if (!c.scene.media) return true;
   StartInMedia(c, path);
   const FrameSettings& settings = c.scene.settings;
   Ray ray = c.scene.camera.template MakeRay<C::kTraits>(
       {settings.width_px / 2.0, settings.height_px / 2.0}, {0.5f, 0.5f}, path->ray.time);
-  const Vec3f towards = path->ray.o - ray.o;
-  // Up to the end itself: the light may lie on a boundary, and the ray begin just behind it.
+  const Vec3f target = start == nullptr ? path->ray.o : start->p;
+  const Vec3f towards = target - ray.o;
   ray.t_max = 1;
+  if (start != nullptr) {
+    ray.end = Ray::End::kEmitter;
+    ray.end_emitter = start->emitter;
+  }
   for (uint32_t crossing = 0; crossing < kNullCrossingsMax; ++crossing) {
-    ray.d = path->ray.o - ray.o;
+    ray.d = target - ray.o;
     ++c.counts.rays;
     RawHit hit;
     if (!(Dot(ray.d, towards) > 0) || !c.tracer.Intersect(ray, &hit)) {
+      if (start != nullptr && Dot(start->n, towards) * Dot(start->n, path->ray.d) > 0) {
+        // The path leaves the emitter on its far side.
+        hit.t = 1;
+        hit.id = start->id;
+        ray.d = towards;
+        const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
+        if (!CrossBoundary(c, point, towards, *path, &path->media)) return false;
+      }
       path->media.last = {};
       return true;
     }
     const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
     if (!CrossBoundary(c, point, ray.d, *path, &path->media)) return false;
-    ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, ray.d);
-    ray.source = point.id;
+    Leave(point, ray.d, &ray);
   }
   return false;
 }
@@ -121,7 +148,7 @@ bool StartInEmission(const Context<C>& c, double choice, Vec2f u, PathState<C>* 
   path->is_camera_path = false;
   path->ray.o = point.p;
   path->ray.d = UniformDirection(u);
-  if (!StartInMediaAtLight(c, path) || !c.scene.media->BeginsLightPaths(path->media.set)) {
+  if (!StartInMediaAtLight(c, nullptr, path) || !c.scene.media->BeginsLightPaths(path->media.set)) {
     return false;
   }
   const typename C::Color emitted = EmissionAt(c, point.p, *path);
@@ -158,16 +185,23 @@ bool StartAtLight(const Context<C>& c, PathState<C>* path) {
   end.can_be_hit = end.is_infinite || (emission.IsSurface(end.light) && !emitted->is_unseen);
   path->is_camera_path = false;
   path->ray.d = emitted->w;
+  std::optional<EmitterStart> start;
   if (emitted->is_infinite) {
     path->ray.o = emitted->p;
   } else if (emission.IsSurface(end.light)) {
-    path->ray.o = OffsetRayOrigin(emitted->p, emitted->p_error, emitted->n, emitted->w);
+    const std::optional<PrimitiveId> id = PrimitiveOfEmitter(c.scene.geometry, end.light);
+    if (id) {
+      start = LeaveEmitter(c.scene.geometry, emitted->p, emitted->p_error, emitted->n, end.light,
+                           *id, emitted->w, &path->ray);
+    } else {
+      path->ray.o = OffsetRayOrigin(emitted->p, emitted->p_error, emitted->n, emitted->w);
+    }
   } else {
     // A light without a surface may lie on a boundary: the ray must be clearly on one side.
     path->ray.o =
         OffsetRayOrigin(emitted->p, emitted->p_error * kErrorsFromLight, emitted->w, emitted->w);
   }
-  if constexpr (C::kMedia) return StartInMediaAtLight(c, path);
+  if constexpr (C::kMedia) return StartInMediaAtLight(c, start ? &*start : nullptr, path);
   return true;
 }
 

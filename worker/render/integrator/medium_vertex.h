@@ -219,6 +219,8 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->ray.o = point.p;
   path->ray.d = sample.w;
   path->ray.source = {};
+  path->ray.contact = path->ray.lead = 0;
+  path->ray.own_offset = {};
   path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(sample.w);
   // Remember the direction, and learn later what light came from there.
   if constexpr (C::kGuided) NoteDirection(c, *this, *path);

@@ -5,6 +5,7 @@
 // of media along the segment, and that of the surface at its end.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <type_traits>
@@ -141,6 +142,14 @@ void ResolveSurface(const Context<C>& c, const RawHit& hit, PathState<C>* path, 
   at.Prepare(c, -path->ray.d);
 }
 
+// Makes a ray that began before the place it leaves begin there, now that it is traced.
+inline void AdvanceToPlace(Ray* ray, RawHit* hit) {
+  const double t = static_cast<double>(ray->lead) / Length(ToDouble(ray->d));
+  ray->o = ToFloat(ToDouble(ray->o) + ToDouble(ray->d) * t);
+  hit->t = std::max(0.0f, static_cast<float>(static_cast<double>(hit->t) - t));
+  ray->contact = ray->lead = 0;
+}
+
 // Sets *vertex to the next vertex of the path.
 template <typename C>
 void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
@@ -153,6 +162,8 @@ void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
   ++c.counts.rays;
   RawHit hit;
   const bool hits = c.tracer.Intersect(path->ray, &hit);
+  if (path->ray.contact > 0) [[unlikely]]
+    AdvanceToPlace(&path->ray, &hit);
   if constexpr (C::kMedia) {
     const SegmentEnd end = SampleMediumSegment(c, hits ? &hit : nullptr, path, vertex);
     if (end == SegmentEnd::kTerminated) vertex->template emplace<Terminated>();
@@ -175,8 +186,7 @@ bool CrossNullInterface(const Context<C>& c, const SurfacePoint& point, PathStat
   if constexpr (C::kMedia) {
     if (!CrossBoundary(c, point, path->ray.d, *path, &path->media)) return false;
   }
-  path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, path->ray.d);
-  path->ray.source = point.id;
+  Leave(point, path->ray.d, &path->ray);
   return true;
 }
 

@@ -101,6 +101,8 @@ bool WalkNearPlane(const Context<C>& c, PathState<C>* path) {
   Vec3d at = walk.offset;
   walk.offset = {};
   path->ray.source = {};
+  path->ray.contact = path->ray.lead = 0;
+  path->ray.own_offset = {};
   for (;;) {
     const Vec3d d = Normalize(ToDouble(path->ray.d));
     const double height = std::max(0.0, Dot(at, n)), descent = -Dot(d, n);

@@ -336,9 +336,8 @@ inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
   path->from_n = light_hint;
   if constexpr (C::kGuided) path->guided.lights = guided.lights();
   if constexpr (C::kSplitsLights) path->splits = splits;
-  path->ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, wi);
+  Leave(point, wi, &path->ray);
   path->ray.d = wi;
-  path->ray.source = point.id;
   // Prefetches the radiance of infinite lights, in case the ray hits nothing.
   path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(wi);
   // Remember the direction, and learn later what light came from there.

@@ -4,6 +4,7 @@
 // Transmittance along shadow rays, through media and null interfaces.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -40,7 +41,10 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
     }
     const bool is_endless = !hits && end == nullptr;
     double length = std::numeric_limits<double>::infinity();
-    if (!is_endless) length = Length(ToDouble(ray.d)) * (hits ? static_cast<double>(hit.t) : 1);
+    if (!is_endless) {
+      length = Length(ToDouble(ray.d)) * (hits ? static_cast<double>(hit.t) : 1);
+      length = std::max(0.0, length - static_cast<double>(ray.lead));
+    }
     if (hits && NeedsExactPlace<C>(media, ray)) length = ExactLength(media.near, ray, length);
     if constexpr (kHasCallback) on_segment(ray, crossing, length, transmittance, media);
     std::optional<SurfacePoint> point;
@@ -73,8 +77,7 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
     }
     if (!hits) return transmittance;
     if (!CrossBoundary(c, *point, ray.d, path, &media)) return {};
-    ray.o = OffsetRayOrigin(point->p, point->p_error, point->ng, ray.d);
-    ray.source = point->id;
+    Leave(*point, ray.d, &ray);
     if (end != nullptr) ray.d = *end - ray.o;
   }
   ++c.counts.long_segments;

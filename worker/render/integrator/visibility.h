@@ -100,13 +100,14 @@ Ray ShadowRay(const SurfacePoint& point, const LightSampleOf<Color>& light, floa
               Vec3f* end) {
   Ray ray;
   ray.time = time;
-  ray.source = point.id;
-  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, light.wi);
+  Leave(point, light.wi, &ray);
   ray.d = light.wi;
   if (!light.is_infinite) {
     *end = OffsetRayOrigin(light.p_light, light.p_light_error, light.n_light, -light.wi);
     ray.d = *end - ray.o;
-    ray.t_max = kSegmentEnd;
+    ray.t_max = 1;
+    ray.end = Ray::End::kEmitter;
+    ray.end_emitter = light.light;
   }
   return ray;
 }
@@ -123,8 +124,7 @@ bool IsVisibleThroughNullInterfaces(const Context<C>& c, Ray ray, const Vec3f* e
     const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
     // From 1 on: the slot's own numbers have been used to choose the light.
     if (!IsNullInterface(c, point, MakeNullInterfaceChoice(u, crossing + 1))) return false;
-    ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, ray.d);
-    ray.source = point.id;
+    Leave(point, ray.d, &ray);
     if (end != nullptr) ray.d = *end - ray.o;
   }
   ++c.counts.long_segments;

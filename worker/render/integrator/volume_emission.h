@@ -70,8 +70,7 @@ void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C
   if (!vertex.EnterSide(c, sample.w, *path, &media)) return;
   Ray ray;
   ray.time = path->ray.time;
-  ray.source = point.id;
-  ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, sample.w);
+  Leave(point, sample.w, &ray);
   ray.d = sample.w;
   Color sum;
   [[maybe_unused]] Color not_reached;  // By light paths.

@@ -87,6 +87,7 @@ class NeedsCollector {
   // A matched index makes no surface: MaterialTable makes it an interface.
   void Add(const DielectricMaterial& m) {
     if (m.eta.IsMatched() && !has_priority_) return Add(InterfaceMaterial{});
+    needs_.is_boundary = true;
     needs_.traits |= Bit(Trait::kSpecularTransmission);
     if (m.eta.Disperses()) needs_.traits |= Bit(Trait::kSpectral);
     Read(m.roughness);
@@ -133,6 +134,7 @@ class NeedsCollector {
   }
   void Add(const PrincipledMaterial& m) {
     needs_.traits |= Bit(Trait::kPrincipled);
+    needs_.is_boundary |= m.transmission.texture != kNone || m.transmission.value > 0;
     needs_.anisotropic |= m.anisotropy > 0;
     ReadReflectance(m.base_color);
     ReadReflectance(m.specular_tint);
@@ -150,6 +152,7 @@ class NeedsCollector {
     needs_.may_pass = true;
   }
   void Add(const InterfaceMaterial&) {
+    needs_.is_boundary = true;
     needs_.traits |= Bit(Trait::kAlpha);
     needs_.may_pass = true;
   }

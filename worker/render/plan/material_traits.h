@@ -14,6 +14,7 @@ namespace sheaf::render {
 struct MaterialNeeds {
   uint32_t traits = 0;       // Bits of enum Trait; for a mix, those of all its materials.
   bool may_pass = false;     // An interface (glass of index 1 is one), or a mix.
+  bool is_boundary = false;  // Light passes into the body behind it: glass, an interface, tissue.
   bool anisotropic = false;  // The BSDF depends on the tangent.
   bool reads_textures = false;
   bool has_normal_map = false;          // Or a bump map.

@@ -8,6 +8,7 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -108,6 +109,13 @@ absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
   return absl::OkStatus();
 }
 
+bool IsLitFromOutside(const SceneDescription& scene) {
+  return std::any_of(scene.lights.begin(), scene.lights.end(), [](const LightDescription& light) {
+    return std::holds_alternative<InfiniteLight>(light.light) ||
+           std::holds_alternative<DistantLight>(light.light);
+  });
+}
+
 }  // namespace
 
 void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
@@ -185,6 +193,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
       EmbreeScene::Build(scene->geometry, limits.build_threads);
   if (!tracer.ok()) return tracer.status();
   scene->tracer = *std::move(tracer);
+  if (!IsLitFromOutside(scene->description)) scene->tracer->NoteOutsideIsDark();
   if (scene->interiors) {
     const Ray center =
         scene->camera.MakeRay<0>({settings.width_px / 2.0, settings.height_px / 2.0}, {}, 0);

@@ -51,8 +51,7 @@ MediumSet InteriorsAlong(const SceneGeometry& geometry, const EmbreeScene& trace
       const bool enters = Dot(d, point.ng) < 0;
       if (enters ? !entered.Add(rank) : (!entered.Remove(rank) && !inside.Add(rank))) break;
     }
-    ray.o = OffsetRayOrigin(point.p, point.p_error, point.ng, d);
-    ray.source = point.id;
+    Leave(point, d, &ray);
   }
   return inside;
 }

@@ -48,6 +48,8 @@ class SceneBaker {
   SourceLocation LocationOf(const PlacedGroup& placed) const;
   absl::Status AddPlacedBounds(const PlacedGroup& placed, const PlacedBounds& box,
                                Bounds* bounds) const;
+  template <typename Mesh>
+  void GrowReach(const Mesh& mesh);
   absl::Status FinishSceneBounds();
 
   SceneDescription& scene_;
@@ -295,6 +297,16 @@ absl::Status SceneBaker::AddPlacedBounds(const PlacedGroup& placed, const Placed
   return absl::OkStatus();
 }
 
+template <typename Mesh>
+void SceneBaker::GrowReach(const Mesh& mesh) {
+  for (const Vec3f& p : mesh.positions) {
+    const Vec3d reach = FileReach(mesh.target_from_shape, mesh.shape_from_target, ToDouble(p));
+    for (size_t i = 0; i < 3; ++i) {
+      geometry_.reach[i] = std::max(geometry_.reach[i], static_cast<float>(reach[i]));
+    }
+  }
+}
+
 absl::Status SceneBaker::FinishSceneBounds() {
   Bounds bounds;
   const GeometryGroup& world = geometry_.groups[0];
@@ -316,6 +328,12 @@ absl::Status SceneBaker::FinishSceneBounds() {
   if (bounds.empty()) bounds.Add({0, 0, 0});
   geometry_.bounds_lower = ToFloat(bounds.lower());
   geometry_.bounds_upper = ToFloat(bounds.upper());
+  for (const BakedMesh& mesh : world.meshes) GrowReach(mesh);
+  for (const BakedPatches& patches : world.patches) GrowReach(patches);
+  for (size_t i = 0; i < 3; ++i) {
+    geometry_.reach[i] +=
+        std::max(std::fabs(geometry_.bounds_lower[i]), std::fabs(geometry_.bounds_upper[i]));
+  }
   return absl::OkStatus();
 }
 
@@ -331,6 +349,7 @@ absl::StatusOr<BakedScene> SceneBaker::Bake() {
   }
   geometry_.degenerate_triangle_count = shapes_.degenerate_triangle_count();
   LightTableInput emitters = shapes_.TakeEmitters(&geometry_.groups[0]);
+  IndexEmitters(&geometry_);
   BakedScene baked{std::move(geometry_), std::move(emitters)};
   baked.emitters.render_origin_world = baked.geometry.render_origin_world;
   scene_.meshes.clear();

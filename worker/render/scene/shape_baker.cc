@@ -65,12 +65,43 @@ bool Place(const ShapeDescription& shape, const Surface& surface, const Affine& 
            Mesh* mesh, Baked* baked) {
   baked->surface = surface;
   baked->surface.flips_normal ^= target_from_shape.Determinant() < 0;
+  baked->target_from_shape = target_from_shape;
+  baked->shape_from_target = Inverse(target_from_shape);
   baked->positions = std::move(mesh->positions);
   baked->normals = std::move(mesh->normals);
   baked->uvs = std::move(mesh->uvs);
   baked->indices = std::move(mesh->indices);
   return PlaceVertices(target_from_shape, shape.reverse_orientation, &baked->positions,
                        &baked->normals);
+}
+
+float AreaOf(const BakedMesh& mesh) {
+  double twice = 0;
+  for (size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
+    const Vec3d p = ToDouble(mesh.positions[mesh.indices[i]]);
+    twice += Length(Cross(ToDouble(mesh.positions[mesh.indices[i + 1]]) - p,
+                          ToDouble(mesh.positions[mesh.indices[i + 2]]) - p));
+  }
+  return static_cast<float>(twice / 2);
+}
+float AreaOf(const BakedPatches& patches) {
+  double sum = 0;
+  for (size_t i = 0; i < patches.size(); ++i) sum += Length(patches.PatchAt(i).NormalAt(0.5, 0.5));
+  return static_cast<float>(sum);
+}
+float AreaOf(const Quadric& q) {
+  const double scale = std::cbrt(std::fabs(q.target_from_object.Determinant()));
+  double flat = 0;  // In object space.
+  switch (q.kind) {
+    case Quadric::Kind::kDisk:
+      flat = (q.radius - q.inner_radius) * (q.radius + q.inner_radius) / 2;
+      return static_cast<float>(q.phi_max * flat *
+                                Length(Cross(q.target_from_object.x, q.target_from_object.y)));
+    case Quadric::Kind::kSphere:  // Archimedes: as that of the cylinder about it.
+    case Quadric::Kind::kCylinder:
+      flat = q.radius * (q.z_max - q.z_min);
+  }
+  return static_cast<float>(q.phi_max * flat * scale * scale);
 }
 
 // Bounds the terms of the sums that place a curve's points, which may cancel.
@@ -139,6 +170,10 @@ Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
   surface.encloses_subsurface = Has(needs.traits, Trait::kSubsurface);
   surface.has_subsurface_texture = needs.has_subsurface_texture;
   surface.may_pass = needs.may_pass;
+  surface.is_boundary = needs.is_boundary || shape.media.Separates();
+  surface.emits_on_front_only =
+      shape.area_light != kNone &&
+      !scene_.area_lights[static_cast<size_t>(shape.area_light)].two_sided;
   surface.is_sphere = std::holds_alternative<SphereShape>(shape.shape);
   surface.needs_tangent = needs.anisotropic || needs.has_normal_map;
   surface.has_normal_map = needs.has_normal_map;
@@ -181,6 +216,7 @@ absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface,
   };
   degenerate_triangle_count_ += DropFaces(3, has_area, &baked.indices);
   if (baked.indices.empty()) return absl::OkStatus();
+  baked.surface.area = AreaOf(baked);
   if (shape.area_light != kNone) {
     baked.surface.emitter = emitters_.AddMesh(shape.area_light, &baked);
   }
@@ -209,6 +245,7 @@ absl::Status ShapeBaker::AddPatches(const ShapeDescription& shape, Surface surfa
     return LengthSquared(patch.NormalAt(0.5, 0.5)) > 0;
   };
   degenerate_triangle_count_ += 2 * DropFaces(4, has_area, &baked.indices);
+  baked.surface.area = AreaOf(baked);
   if (!baked.indices.empty()) group->patches.push_back(std::move(baked));
   return absl::OkStatus();
 }
@@ -273,6 +310,7 @@ absl::Status ShapeBaker::AddQuadric(const ShapeDescription& shape, Surface surfa
     degenerate_triangle_count_ = degenerate;  // Those at the poles are not the scene's fault.
     return status;
   }
+  surface.area = AreaOf(q);
   if (shape.area_light != kNone) {
     surface.emitter = emitters_.AddQuadric(q, surface, shape.area_light);
   }
