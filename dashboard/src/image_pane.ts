@@ -84,6 +84,7 @@ export class ImagePane {
     this.shown = '';
     this.isEmpty = true;
     this.viewport.setImage(null);
+    this.noteDrawn();
     this.options.onRange('image', null);
   }
 
@@ -159,8 +160,10 @@ export class ImagePane {
       this.exposure.ask(path, bitmap, this.options.wanted().stops);
     else if (bitmap)
       this.setImage(bitmap);
-    else
+    else {
       this.viewport.setImage(null);
+      this.noteDrawn();
+    }
     this.options.onRange(layer, range);
   }
 
@@ -168,6 +171,12 @@ export class ImagePane {
   private setImage(bitmap: ImageBitmap) {
     const {frame, round} = this.options.wanted();
     this.viewport.setImage(bitmap, frame && round !== null ? shownSize(frame) : bitmap);
+    this.noteDrawn();
+  }
+
+  // Leaves in the document which version is drawn; tests of the page wait for it.
+  private noteDrawn() {
+    byId(this.options.name).dataset.drawn = this.shown;
   }
 }
 

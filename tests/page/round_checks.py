@@ -6,7 +6,7 @@ import re
 
 from farm import ROOT, wait_until
 from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, wait_for_new_pixels
-from viewer_checks import wait_for_still_image, zoom_percent
+from viewer_checks import wait_for_last_image, zoom_percent
 
 JOB_SECONDS_MAX = 120
 CHANGE_SECONDS_MAX = 20
@@ -36,7 +36,7 @@ def check_rounds(browser, farm):
                ("cornell-box.pbrt", "succeeded"), CHANGE_SECONDS_MAX, "the job")
     wait_until(lambda: not browser.run(HIDDEN, "rounds"), CHANGE_SECONDS_MAX, "the slider")
     wait_until(lambda: words(browser)[0] == "Now", CHANGE_SECONDS_MAX, "the present")
-    wait_for_still_image(browser)
+    wait_for_last_image(browser)
     now, (_, samples, error), zoom = browser.run(PIXELS), words(browser), zoom_percent(browser)
     browser.run(FOCUS, "round")
     browser.press(HOME)

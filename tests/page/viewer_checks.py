@@ -5,13 +5,10 @@
 The made-up job must have ended: its image then does not change, so every change is the viewer's.
 """
 import math
-import time
 
 from farm import wait_until
 
 CHANGE_SECONDS_MAX = 10
-# Twice the time that the page waits between two versions of an image.
-STILL_SECONDS = 0.8
 ARROW_DOWN, ARROW_RIGHT = "\ue015", "\ue014"
 TEXT = "return document.getElementById(arguments[0]).textContent"
 FOCUS = "document.getElementById(arguments[0]).focus()"
@@ -31,6 +28,14 @@ MIDDLE = """
   const image = document.getElementById("image");
   const [x, y] = [Math.floor(image.width / 2), Math.floor(image.height / 2)];
   return Array.from(image.getContext("2d").getImageData(x, y, 1, 1).data);
+"""
+# Whether the drawn image is the last version that the server has.
+LAST_IS_DRAWN = """
+  const [frame, query] = (document.getElementById("image").dataset.drawn || "").split(
+      "/preview.png?");
+  if (!query) return false;
+  return fetch(frame).then((answer) => answer.json()).then(
+      (found) => String(found.preview_version) === new URLSearchParams(query).get("version"));
 """
 # The lengths of the runs of equal pixels in the canvas's middle row.
 RUNS = """
@@ -95,18 +100,9 @@ def check_zoom_and_pan(browser, _):
     wait_until(lambda: browser.run(PIXELS) == whole, CHANGE_SECONDS_MAX, "the whole image again")
 
 
-def wait_for_still_image(browser):
+def wait_for_last_image(browser):
     """The last version arrives shortly after the job's end."""
-    before = ""
-
-    def is_still():
-        nonlocal before
-        time.sleep(STILL_SECONDS)
-        now = browser.run(PIXELS)
-        same, before = now == before, now
-        return same and now
-
-    wait_until(is_still, CHANGE_SECONDS_MAX, "an image that stands still")
+    wait_until(lambda: browser.run(LAST_IS_DRAWN), CHANGE_SECONDS_MAX, "the last image")
 
 
 def light_of_level(level):
@@ -169,7 +165,7 @@ def check_layers(browser, screenshot):
 
 
 def check_viewer(browser, screenshot):
-    wait_for_still_image(browser)
+    wait_for_last_image(browser)
     check_zoom_and_pan(browser, screenshot)
     check_exposure(browser, screenshot)
     check_layers(browser, screenshot)
