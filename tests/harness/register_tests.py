@@ -28,6 +28,8 @@ TESTS = os.path.dirname(HERE)
 # A test that takes ten times its time of tests/costs.txt hangs; other programs may slow it.
 HANGS_FACTOR = 10
 HANGS_SECONDS_MIN = 600
+# The same of a test of tests/long_tests.md.
+LONG_HANGS_SECONDS_MIN = 3600
 LIST_SECONDS_MAX = 120
 # The time of a test that tests/costs.txt does not list.
 COST_SECONDS = 0.1
@@ -179,7 +181,8 @@ def quoted(text):
 
 
 def properties(test, manifest):
-    timeout = max(HANGS_SECONDS_MIN, HANGS_FACTOR * test.cost) * manifest["time_scale"]
+    least = LONG_HANGS_SECONDS_MIN if test.long else HANGS_SECONDS_MIN
+    timeout = max(least, HANGS_FACTOR * test.cost) * manifest["time_scale"]
     entry = test.entry
     labels = [entry["label"], *(["script"] if entry["script"] else []),
               *(["long"] if test.long else [])]

@@ -215,7 +215,7 @@ inline AgentOptions FastOptions() {
   options.worker_id = "host-1-test";
   options.thread_count = 2;
   options.grace = milliseconds(200);
-  options.farewell = milliseconds(200);
+  options.farewell = std::chrono::seconds(20);  // Ends with the coordinator's answer.
   options.backoff_initial = milliseconds(1);
   options.backoff_max = milliseconds(5);
   options.synchronize_spacing = milliseconds(1);

@@ -220,7 +220,7 @@ TEST(AgentTest, EndsAfterTheIdleTimeout) {
   FakeCoordinator coordinator(5);
   FakeRenderer renderer;
   AgentOptions options = FastOptions();
-  options.exit_when_idle = milliseconds(50);
+  options.exit_when_idle = milliseconds(1000);  // Longer than any wait for the next task.
   Running running(options, &coordinator, &renderer);
   EXPECT_TRUE(running.Join().ok());
   EXPECT_EQ(coordinator.done_count(), 5u);
