@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "cli/duration.h"
 #include "cli/progress_line.h"
+#include "coordinator/core/sample_rounds.h"
 
 namespace sheaf::cli {
 namespace {
@@ -56,7 +57,13 @@ std::string FormatStop(const v1::Frame& frame) {
   const double target = frame.spec().stop().target_error();
   if (target <= 0 || frame.rounds().empty()) return "";
   const double upper = frame.rounds().rbegin()->relative_mse_upper();
-  const std::string bound = absl::StrFormat("at most %.2g with 95 %% confidence", upper);
+  std::string bound = absl::StrFormat("at most %.2g with 95 %% confidence", upper);
+  // No error bar contains what no sample has met.
+  constexpr double kHardlyAnyNoise = 0.01;
+  if (upper <= kHardlyAnyNoise * target) {
+    bound += absl::StrFormat(" (but things that cover less than 1/%.0f of a pixel may be missing)",
+                             1 / coordinator::kCoverageSeen);
+  }
   switch (frame.stop_reason()) {
     case v1::STOP_REASON_TARGET_ERROR:
       return absl::StrFormat(", %s (target: %.2g)", bound, target);

@@ -58,10 +58,10 @@ inline constexpr double kRoundGrowthMin = 1.0 / 16;
 inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 // The fraction of frames that may stop although their expected error is above the target.
 inline constexpr double kMissProbability = 0.05;
-// See above. Frames of 640 x 360 pixels and a target of 0.01 need no sample for it.
-inline constexpr double kCoverageSeen = 1.0 / 256;
+// See above. A frame of 640 x 360 pixels with a target of 0.01 needs no sample for it.
+inline constexpr double kCoverageSeen = 1.0 / 512;
 // Frames of few pixels are looked at with this many samples per pixel at most.
-inline constexpr double kLookSamplesMax = 4 * kReplicateCount;
+inline constexpr double kLookSamplesMax = 8 * kReplicateCount;
 // Standard deviations between a point of an error curve and its upper bound, for frames without
 // rounds: 95 of 100 normal values lie below.
 inline constexpr double kPointDeviations = 1.645;

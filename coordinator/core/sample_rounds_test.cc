@@ -80,14 +80,14 @@ TEST(SampleRoundsTest, ReachesTheTargetWithFewExtraSamples) {
 // A frame without any noise, in which things of less than a pixel may be missing.
 TEST(SampleRoundsTest, FramesWithoutNoiseAreLookedAtAgain) {
   constexpr double kTarget = 0.02;
-  // 20 of 1024 pixels would be off by the target; 3 / (20 / 256) samples.
+  // 20 of 1024 pixels would be off by the target; 3 / (20 / 512) samples.
   const Course small = RunToTheEnd(Target(kTarget), std::vector<double>(4, 0.0));
   EXPECT_EQ(small.last.reason, StopReason::kTargetError);
-  EXPECT_EQ(MeanSamples(small), 48);
-  EXPECT_EQ(small.round_count, 2);
-  EXPECT_EQ(small.records.front().sample_count_expected, 48u * 4 * kTilePixels);
-  // The probability that 20 pixels of which 1 / 256 is covered stay unseen.
-  EXPECT_LT(std::exp(-MeanSamples(small) * kTarget * 1024 / 256), 0.05);
+  EXPECT_EQ(MeanSamples(small), 80);
+  EXPECT_EQ(small.round_count, 3);
+  EXPECT_EQ(small.records.front().sample_count_expected, 80u * 4 * kTilePixels);
+  // The probability that 20 pixels of which 1 / 512 is covered stay unseen.
+  EXPECT_LT(std::exp(-MeanSamples(small) * kTarget * 1024 / 512), 0.05);
   const Course large = RunToTheEnd(Target(kTarget), std::vector<double>(400, 0.0));
   EXPECT_EQ(MeanSamples(large), kReplicateCount);
   EXPECT_EQ(large.round_count, 1);
@@ -95,7 +95,7 @@ TEST(SampleRoundsTest, FramesWithoutNoiseAreLookedAtAgain) {
   EXPECT_EQ(MeanSamples(RunToTheEnd(Target(kTarget), std::vector<double>(4, 0.0), 1, 32)), 32);
   const Course tiny = RunToTheEnd(Target(kTarget), {0.0});
   EXPECT_EQ(MeanSamples(tiny), kLookSamplesMax);
-  EXPECT_EQ(tiny.round_count, 2);
+  EXPECT_EQ(tiny.round_count, 3);
 }
 
 // Cells after the first round.
@@ -200,7 +200,7 @@ TEST(SampleRoundsTest, EasyFramesHaveOneRound) {
 TEST(SampleRoundsTest, BlackFramesStop) {
   const Course run = RunToTheEnd(Target(1e-3), std::vector<double>(10, 0.0));
   EXPECT_EQ(MeanSamples(run), kLookSamplesMax);
-  EXPECT_EQ(run.round_count, 2);
+  EXPECT_EQ(run.round_count, 3);
 }
 
 TEST(SampleRoundsTest, StopsAtTheSampleLimit) {

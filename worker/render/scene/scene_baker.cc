@@ -155,8 +155,8 @@ Bounds SceneBaker::WorldBounds(bool is_rough) const {
 }
 
 absl::Status SceneBaker::ChooseOrigin() {
-  // From here on, the camera's coordinates would take ten bits of those of the scene.
-  constexpr double kFarInRadii = 1024;
+  // From here on, the camera's coordinates would take twelve bits of those of the scene.
+  constexpr double kFarInRadii = 4096;
   const absl::StatusOr<Affine> camera =
       StillTransform(scene_.camera.world_from_camera, scene_.camera.location);
   if (!camera.ok()) return camera.status();
