@@ -17,14 +17,24 @@ echo 'E: Unable to locate a package'; [ "$1" = update ] || exit 100
 """
 
 
+# Waits until a line of the progress has the text.
+AWAIT = """await() {
+  for _ in $(seq 3000); do grep -q "$1" "$LINES_FILE" && return; sleep 0.1; done
+}
+"""
+
+
 def told(script, *arguments, seconds="1"):
-    """Runs a shell script through deploy/progress. Returns (standard output, lines of standard
-    error).
+    """Runs a shell script, which may call `await TEXT`, through deploy/progress. Returns (standard
+    output, lines of standard error).
     """
-    done = subprocess.run(["bash", "-c", "( " + script + ' ) | "$0" "$@"', PROGRESS, *arguments],
-                          capture_output=True, text=True, timeout=600, check=True,
-                          env={**os.environ, "SHEAF_PROGRESS_SECONDS": seconds})
-    return done.stdout, done.stderr.splitlines()
+    with tempfile.NamedTemporaryFile("w+") as lines:
+        done = subprocess.run(
+            ["bash", "-c", AWAIT + "( " + script + ' ) | "$0" "$@"', PROGRESS, *arguments],
+            stdout=subprocess.PIPE, stderr=lines, text=True, timeout=600, check=True,
+            env={**os.environ, "SHEAF_PROGRESS_SECONDS": seconds, "LINES_FILE": lines.name})
+        lines.seek(0)
+        return done.stdout, lines.read().splitlines()
 
 
 class ProgressTest(unittest.TestCase):
@@ -37,13 +47,13 @@ class ProgressTest(unittest.TestCase):
         self.assertEqual(out, "")
 
     def test_progress_is_reported_during_long_steps(self):
-        _, lines = told("echo '[3/4] Building a'; sleep 2.5", "building", "1000")
+        _, lines = told("echo '[3/4] Building a'; await 'step 3 of 4'", "building", "1000")
         self.assertGreaterEqual(len(lines), 2)
         for line in lines[1:]:
             self.assertRegex(line, r"^sheaf: building: step 3 of 4, about \d+ s left$")
 
     def test_slow_steps_raise_the_remaining_time(self):
-        _, lines = told("for i in 1 2; do sleep 1.2; echo \"[$i/400] a\"; done; sleep 1.2",
+        _, lines = told("for i in 1 2; do sleep 1.2; echo \"[$i/400] a\"; done; await 'step 2 of'",
                         "building", "100")
         left = [re.search(r"about (\d+) (s|min) left", line) for line in lines[1:]]
         seconds = [int(m[1]) * (60 if m[2] == "min" else 1) for m in left]
@@ -61,8 +71,8 @@ class ProgressTest(unittest.TestCase):
         with tempfile.NamedTemporaryFile("w") as times:
             times.write("0.10 short\n600.00 long\n600.0 longer\n")
             times.flush()
-            _, lines = told("echo '  1/3 Test #1: short .... Passed   20.00 sec'; sleep 1.2; "
-                            "echo '  2/3 Test #2: long ...***Failed  1400.00 sec'; sleep 1.2",
+            _, lines = told("echo '  1/3 Test #1: short .... Passed   20.00 sec'; await 'step 1'; "
+                            "echo '  2/3 Test #2: long ...***Failed  1400.00 sec'; await 'step 2'",
                             "testing", "1000", "--copy", "--times", times.name, "2")
         self.assertEqual(lines[0].split(",")[1], " about 10 min on %d processors"
                          % len(os.sched_getaffinity(0)))
