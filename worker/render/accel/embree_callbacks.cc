@@ -92,7 +92,7 @@ void JudgeAny(const RTCFilterFunctionNArguments* args) {
 }
 // Recomputes a hit in double, or rejects it. The result may be farther than Embree's, up to the
 // last accepted hit. find_hit: intersects the ray with a triangle of the mesh (three indices).
-// take: what accepts the result.
+// kAny: for rays that ask only whether something is hit.
 template <bool kAny, typename FindHit>
 void TestAgain(const RTCFilterFunctionNArguments* args, const FindHit& find_hit) {
   const Candidate candidate(args);

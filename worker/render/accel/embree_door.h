@@ -37,7 +37,7 @@ struct TraceContext {
   QueryContext base;
   const SceneGeometry& geometry;
   const Ray& ray;  // Space: render, in the world as well as in groups.
-  // Of the primitive that the ray leaves where others may lie at its place (Ray::contact).
+  // The contact that the ray leaves, if other surfaces may lie at its place (Ray::contact).
   const Contact* start = nullptr;
   uint32_t here = kNotPlaced;
   // Initially the ray's end, without an id. nearest.contact may grow after the hit was taken.

@@ -31,7 +31,10 @@ constexpr size_t kHighQualityTrianglesMax = size_t{1} << 23;
 Vec3f ReachOf(const BakedMesh& mesh) {
   Vec3f reach;
   for (size_t step = 0; step <= mesh.steps.size(); ++step) {
-    for (const Vec3f& p : PositionsOfStep(mesh, step)) {
+    const std::vector<Vec3f>& positions = PositionsOfStep(mesh, step);
+    // Without the last, which is padding.
+    for (size_t v = 0; v + 1 < positions.size(); ++v) {
+      const Vec3f& p = positions[v];
       const Vec3d in_file = FileReach(mesh.target_from_shape, mesh.shape_from_target, ToDouble(p));
       for (size_t i = 0; i < 3; ++i) {
         reach[i] = std::max(reach[i], std::fabs(p[i]) + static_cast<float>(in_file[i]));
@@ -233,7 +236,7 @@ bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
     return TraceFrom(nullptr, ray, hit);
   const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
   if (!TraceFrom(start ? &*start : nullptr, ray, hit)) return false;
-  // What the ray left was not compared with the hit.
+  // The hit was not compared with the surface that the ray left.
   if (start && hit->contact < ray.contact) {
     const std::optional<Contact> met = ContactAt(*state_->described, ray, *hit);
     if (met && AreOnePlace(*start, *met, ToDouble(ray.d))) hit->contact = ray.contact;

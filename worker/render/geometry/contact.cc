@@ -37,7 +37,7 @@ void Grow(const Mesh& mesh, Vec3d p, Vec3d* coordinate_max) {
   }
 }
 
-// Of one rounding of t to float, by the tracer.
+// The tracer rounds t to float once.
 constexpr double kFloatRounding = 0x1p-23;
 
 std::optional<Plane> PlaneOfTriangle(const BakedMesh& mesh, uint32_t triangle, Vec3d o, Vec3d d,

@@ -49,7 +49,7 @@ class SceneBaker {
   absl::Status AddPlacedBounds(const PlacedGroup& placed, const PlacedBounds& box,
                                Bounds* bounds) const;
   template <typename Mesh>
-  void GrowReach(const Mesh& mesh);
+  void GrowReach(const Mesh& mesh, size_t vertex_count);
   absl::Status FinishSceneBounds();
 
   SceneDescription& scene_;
@@ -298,8 +298,9 @@ absl::Status SceneBaker::AddPlacedBounds(const PlacedGroup& placed, const Placed
 }
 
 template <typename Mesh>
-void SceneBaker::GrowReach(const Mesh& mesh) {
-  for (const Vec3f& p : mesh.positions) {
+void SceneBaker::GrowReach(const Mesh& mesh, size_t vertex_count) {
+  for (size_t v = 0; v < vertex_count; ++v) {
+    const Vec3f& p = mesh.positions[v];
     const Vec3d reach = FileReach(mesh.target_from_shape, mesh.shape_from_target, ToDouble(p));
     for (size_t i = 0; i < 3; ++i) {
       geometry_.reach[i] = std::max(geometry_.reach[i], static_cast<float>(reach[i]));
@@ -328,8 +329,9 @@ absl::Status SceneBaker::FinishSceneBounds() {
   if (bounds.empty()) bounds.Add({0, 0, 0});
   geometry_.bounds_lower = ToFloat(bounds.lower());
   geometry_.bounds_upper = ToFloat(bounds.upper());
-  for (const BakedMesh& mesh : world.meshes) GrowReach(mesh);
-  for (const BakedPatches& patches : world.patches) GrowReach(patches);
+  for (const BakedMesh& mesh : world.meshes)
+    GrowReach(mesh, mesh.positions.size() - 1);  // The last is padding.
+  for (const BakedPatches& patches : world.patches) GrowReach(patches, patches.positions.size());
   for (size_t i = 0; i < 3; ++i) {
     geometry_.reach[i] +=
         std::max(std::fabs(geometry_.bounds_lower[i]), std::fabs(geometry_.bounds_upper[i]));
