@@ -92,6 +92,8 @@ SCENES = {
     "normal and bump maps": CAMERA + "WorldBegin\n" + LAMP + FLOOR.replace(
         'Material "diffuse"', 'Material "diffuse" "string normalmap" "image.pfm"') +
         DIFFUSE + BOX,
+    "vertex normals": CAMERA + "WorldBegin\n" + FLOOR + LAMP + DIFFUSE +
+                      BOX.strip() + ' "normal N" %s\n' % P,
     "textured emission": CAMERA + "WorldBegin\n" + FLOOR + LAMP.replace(
         '"rgb L" [9 8 7]', '"string filename" "image.pfm" "float scale" [9]') + DIFFUSE + BOX,
     "media": hazed('"rgb sigma_a" [0.05 0.05 0.05] "rgb sigma_s" [0.1 0.1 0.1]'),

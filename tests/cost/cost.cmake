@@ -2,7 +2,7 @@
 # Cost of a compiled-in trait for a scene that does not use it: counted, not timed.
 set(ablated_sources)
 foreach(trait kTextures kDeltaLights kAreaLights kSpecularTransmission
-        kLayered kMicrofacet kInstances kQuadrics)
+        kLayered kMicrofacet kInstances kQuadrics kVertexNormals)
   set(SHEAF_VARIANT_TRAITS "CommonWithout(Trait::${trait})")
   set(ablated_source ${CMAKE_CURRENT_BINARY_DIR}/ablated_${trait}.cc)
   configure_file(${CMAKE_CURRENT_LIST_DIR}/ablated_variant.cc.in ${ablated_source} @ONLY)

@@ -114,6 +114,7 @@ std::vector<Case> Cases() {
          AddSceneLight(t);
          AddInstances(t);
        }},
+      {"vertex normals", glass_and_point_light},
   };
 }
 

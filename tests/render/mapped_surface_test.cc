@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/render/lossless_materials.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
@@ -73,64 +74,13 @@ void MapNormals(TestScene* t) {
 const std::vector<Rgb> kStrongNormals = {
     {0.95f, 0.5f, 0.6f}, {0.1f, 0.2f, 0.7f}, {0.5f, 0.02f, 0.55f}, {0.6f, 0.9f, 0.4f}};
 
-struct NamedMaterial {
-  std::string name;
-  std::function<int32_t(TestScene&)> add;
-};
-
-// Smooth glass is excluded: mirrors with perturbed normals can trap light in total reflection
-// forever. tests/stability/shading_normal_stability_test.cc tests that each of its reflections
-// keeps all light.
-std::vector<NamedMaterial> LosslessMaterials() {
-  const auto rough = [](float r) { return RoughnessInput{{r, kNone}, {r, kNone}, false}; };
-  const auto metal = [=](float r) {
-    ConductorMaterial m;
-    m.roughness = rough(r);
-    m.has_reflectance = true;
-    m.reflectance.value.rgb = Rgb::Gray(1);
-    return m;
-  };
-  return {
-      {"diffuse", [](TestScene& t) { return t.Diffuse(Rgb::Gray(1)); }},
-      {"mirror", [=](TestScene& t) { return t.AddMaterial(metal(0)); }},
-      {"rough metal", [=](TestScene& t) { return t.AddMaterial(metal(0.3f)); }},
-      {"rough glass",
-       [=](TestScene& t) {
-         DielectricMaterial glass;
-         glass.roughness = rough(0.3f);
-         return t.AddMaterial(glass);
-       }},
-      {"thin glass", [](TestScene& t) { return t.AddMaterial(ThinDielectricMaterial{}); }},
-      {"sheet",
-       [](TestScene& t) {
-         DiffuseTransmissionMaterial sheet;
-         sheet.reflectance.value.rgb = Rgb::Gray(0.25f);
-         sheet.transmittance.value.rgb = Rgb::Gray(0.75f);
-         return t.AddMaterial(sheet);
-       }},
-      {"coated metal",
-       [=](TestScene& t) {
-         CoatedConductorMaterial coated;
-         coated.roughness = rough(0.2f);
-         coated.conductor = metal(0.2f);
-         coated.thickness = 0;
-         return t.AddMaterial(coated);
-       }},
-      {"mix",
-       [=](TestScene& t) {
-         MixMaterial mix;
-         mix.material[0] = t.Diffuse(Rgb::Gray(1));
-         mix.material[1] = t.AddMaterial(metal(0.3f));
-         mix.amount.value = 0.5f;
-         return t.AddMaterial(mix);
-       }},
-  };
-}
-
 // Energy conservation: no light is lost to directions below the surface, and none is created.
 TEST_F(MappedSurfaceTest, LosslessSurfacesVanishWithAnyNormals) {
   Write(2, kStrongNormals);
-  for (const NamedMaterial& material : LosslessMaterials()) {
+  // Smooth glass is excluded: mirrors with perturbed normals can trap light in total reflection
+  // forever. tests/stability/shading_normal_stability_test.cc tests that each of its reflections
+  // keeps all light.
+  for (const testing::NamedMaterial& material : testing::LosslessMaterials()) {
     for (const ColorTransport color : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
       SCOPED_TRACE(material.name);
       TestScene t({0, 0, -4}, {0, 0, 0}, 40);

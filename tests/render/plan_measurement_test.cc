@@ -67,6 +67,9 @@ TestScene Everything() {
   t.scene.shapes.back().world_from_object.end = TranslateMatrix({2, 0.8, 1});
   t.scene.shapes.back().has_alpha = true;
   t.scene.shapes.back().alpha.value = 0.5f;
+  const int32_t tilted = t.Quad({-1, 0.1f, 1}, {1, 0.1f, 1}, {1, 0.1f, 2}, {-1, 0.1f, 2});
+  t.scene.meshes.back().normals.assign(4, Normalize(Vec3f{0.5f, 1, 0}));
+  t.AddShape(MeshShape{tilted}, t.Diffuse(Rgb::Gray(0.5f)));
   ObjectDefinition object;
   object.name = "ball";
   object.shapes = {static_cast<int32_t>(t.scene.shapes.size())};
@@ -179,7 +182,7 @@ TEST(PlanMeasurementTest, EffectsWithoutTimeAreMarked) {
   TableFileSource files({});
   const auto measured = MeasurePlan(t.scene, SquareSettings(64, 16, 5), files, kMeasureSecondsMin);
   ASSERT_TRUE(measured.ok()) << measured.status();
-  EXPECT_EQ(measured->effects.size(), 12u + 2u);
+  EXPECT_EQ(measured->effects.size(), 13u + 2u);
   for (const EffectMeasurement& effect : measured->effects) {
     EXPECT_TRUE(effect.samples >= 2 || !effect.problem.empty()) << effect.name;
   }

@@ -30,6 +30,7 @@ using sheaf::testing::BsdfFixture;
 using sheaf::testing::CounterUniforms;
 
 using testing::FromAngles;
+using testing::kNormalSources;
 using testing::kUp;
 using testing::PerturbedSurface;
 
@@ -59,12 +60,14 @@ TEST(ShadingNormalTest, WhiteStaysWhiteAtEveryPerturbation) {
   const BsdfFixture sheet = sheaf::testing::MakeSheetFixture(Rgb::Gray(0.25f), Rgb::Gray(0.75f));
   for (const double tilt : kPerturbationDegrees) {
     for (const Vec3f wo : kViews) {
-      for (const Vec2f u : {Vec2f{0.1f, 0.2f}, Vec2f{0.9f, 0.8f}}) {
-        const PerturbedSurface t(tilt, wo, u);
-        EXPECT_NEAR(PerturbedAlbedo(white.bsdf, t), 1, 5e-3)
-            << tilt << " seen along " << wo.x << ' ' << wo.z;
-        EXPECT_NEAR(PerturbedAlbedo(sheet.bsdf, t), 1, 5e-3)
-            << tilt << " seen along " << wo.x << ' ' << wo.z;
+      for (const PerturbedNormal::Source source : kNormalSources) {
+        for (const Vec2f u : {Vec2f{0.1f, 0.2f}, Vec2f{0.9f, 0.8f}}) {
+          const PerturbedSurface t(tilt, wo, u, source);
+          EXPECT_NEAR(PerturbedAlbedo(white.bsdf, t), 1, 5e-3)
+              << tilt << " seen along " << wo.x << ' ' << wo.z;
+          EXPECT_NEAR(PerturbedAlbedo(sheet.bsdf, t), 1, 5e-3)
+              << tilt << " seen along " << wo.x << ' ' << wo.z;
+        }
       }
     }
   }
@@ -75,10 +78,12 @@ TEST(ShadingNormalTest, PerturbationAddsNoEnergyToAMetal) {
   const BsdfFixture metal = sheaf::testing::MakeMirrorFixture(0.4f, 0.4f, true);
   for (const double tilt : kPerturbationDegrees) {
     for (const Vec3f wo : kViews) {
-      const PerturbedSurface t(tilt, wo, {0.4f, 0.7f});
-      const double albedo = PerturbedAlbedo(metal.bsdf, t);
-      EXPECT_GT(albedo, 0.97) << tilt << ' ' << wo.x << ' ' << wo.z;
-      EXPECT_LT(albedo, 1.01) << tilt << ' ' << wo.x << ' ' << wo.z;
+      for (const PerturbedNormal::Source source : kNormalSources) {
+        const PerturbedSurface t(tilt, wo, {0.4f, 0.7f}, source);
+        const double albedo = PerturbedAlbedo(metal.bsdf, t);
+        EXPECT_GT(albedo, 0.97) << tilt << ' ' << wo.x << ' ' << wo.z;
+        EXPECT_LT(albedo, 1.01) << tilt << ' ' << wo.x << ' ' << wo.z;
+      }
     }
   }
 }
@@ -89,7 +94,8 @@ TEST(ShadingNormalTest, NothingIsScatteredThroughAnOpaqueSurface) {
     const std::array<float, 3> a = CounterUniforms(11, i), b = CounterUniforms(12, i);
     const Vec3f wo =
         FromAngles(180.0 * static_cast<double>(a[0]), 360.0 * static_cast<double>(a[1]));
-    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
+    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]},
+                             kNormalSources[i % 2]);
     const auto sample = t.normal.Sample<kAllTraits>(white.bsdf, t.wo, b[2], {a[1], b[0]});
     if (!sample) continue;
     EXPECT_GT(t.frame.ToWorld(sample->wi).z * wo.z, -1e-6f);
@@ -105,7 +111,8 @@ TEST(ShadingNormalTest, MirrorsHaveNoBlackSpots) {
     const std::array<float, 3> a = CounterUniforms(21, i), b = CounterUniforms(22, i);
     const Vec3f wo =
         FromAngles(89.99 * static_cast<double>(a[0]), 360.0 * static_cast<double>(a[1]));
-    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
+    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]},
+                             kNormalSources[i % 2]);
     const auto sample = t.normal.active()
                             ? t.normal.Sample<kAllTraits>(mirror.bsdf, t.wo, b[2], {a[1], b[0]})
                             : SampleBsdf<kAllTraits>(mirror.bsdf, t.wo, b[2], {a[1], b[0]});
@@ -122,7 +129,8 @@ TEST(ShadingNormalTest, GlassHasNoBlackSpots) {
   for (uint64_t i = 0; i < 20000; ++i) {
     const std::array<float, 3> a = CounterUniforms(41, i), b = CounterUniforms(42, i);
     const Vec3f wo = FromAngles(180 * static_cast<double>(a[0]), 360.0 * static_cast<double>(a[1]));
-    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]});
+    const PerturbedSurface t(89 * static_cast<double>(a[2]), wo, {b[0], b[1]},
+                             kNormalSources[i % 2]);
     if (!t.normal.active() || std::fabs(wo.z) < 1e-4f) continue;
     const auto sample = t.normal.Sample<kAllTraits>(glass.bsdf, t.wo, b[2], {a[1], b[0]});
     ASSERT_TRUE(sample.has_value()) << i;

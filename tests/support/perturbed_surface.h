@@ -21,6 +21,9 @@ inline Vec3f FromAngles(double theta_degrees, double phi_degrees) {
   return ToFloat(Vec3d{std::sin(t) * std::cos(p), std::sin(t) * std::sin(p), std::cos(t)});
 }
 
+inline constexpr PerturbedNormal::Source kNormalSources[] = {PerturbedNormal::Source::kMap,
+                                                             PerturbedNormal::Source::kVertices};
+
 // A point in the frame of its shading normal, which is bent towards the viewer. u: the random
 // numbers of the vertex.
 struct PerturbedSurface {
@@ -28,10 +31,11 @@ struct PerturbedSurface {
   PerturbedNormal normal;
   Vec3f wo;  // In the frame.
 
-  PerturbedSurface(double tilt_degrees, Vec3f wo_world, Vec2f u) {
+  PerturbedSurface(double tilt_degrees, Vec3f wo_world, Vec2f u,
+                   PerturbedNormal::Source source = PerturbedNormal::Source::kMap) {
     const Vec3f n = BendNormal(FromAngles(tilt_degrees, 0), kUp, wo_world);
     frame = Frame::FromNormal(n);
-    normal = PerturbedNormal(frame.ToLocal(kUp), u);
+    normal = PerturbedNormal(source, frame.ToLocal(kUp), u);
     wo = frame.ToLocal(wo_world);
   }
 };

@@ -183,6 +183,14 @@ void SmoothSurfaces(SceneDescription* scene) {
   }
 }
 
+void RemoveVertexNormals(SceneDescription* scene) {
+  for (TriangleMesh& mesh : scene->meshes) {
+    mesh.normals.clear();
+    for (VertexStep& step : mesh.steps) step.normals.clear();
+  }
+  for (BilinearMesh& mesh : scene->bilinear_meshes) mesh.normals.clear();
+}
+
 void EmitUniformly(SceneDescription* scene) {
   for (AreaLightDescription& light : scene->area_lights) light.file.clear();
   for (ShapeDescription& shape : scene->shapes) {
@@ -354,6 +362,8 @@ constexpr Change kChanges[] = {
      [](AblatedScene* without) { without->settings.light_samples = 0; }},
     {Trait::kPrincipled, "principled materials are diffuse, of their base color",
      [](AblatedScene* without) { MakeDiffuseWhatNeeds<Trait::kPrincipled>(&without->scene); }},
+    {Trait::kVertexNormals, "meshes are faceted",
+     [](AblatedScene* without) { RemoveVertexNormals(&without->scene); }},
 };
 // Textures need files.
 static_assert(std::size(kChanges) == kTraitCount - 1);

@@ -1,11 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PerturbedNormal: scattering about a perturbed shading normal (from a normal or bump map) without
-// losing energy below the true surface. Directions that a lobe about the perturbed normal sends
-// below the surface, or so low that the bump would shadow them, are rotated back to directions that
-// the true surface sees: no light leaks, none is lost, and there is no discontinuity at the
-// horizon.
+// PerturbedNormal: scattering about a perturbed shading normal (from a map, or from vertices)
+// without losing energy below the true surface. Directions that a lobe about the perturbed normal
+// sends below the surface, or so low that the bump would shadow them, are rotated back to
+// directions that the true surface sees: no light leaks, none is lost, and there is no
+// discontinuity at the horizon.
 //
 // The method has three parts. The normal is bent towards the surface's own, only as far as needed
 // for a mirror reflection to point upwards (Keller et al. 2017, "The Iray Light Transport
@@ -17,6 +17,9 @@
 // it is rotated about the axis of the tilt by an angle sampled for each path vertex. A rotation
 // preserves solid angles, so a white surface stays white at any tilt, and the pdf of scattered
 // directions is exact.
+//
+// Vertex normals describe a smooth surface, whose facets shadow nothing: only directions below the
+// surface are rotated. See docs/adr/0013 and 0114.
 #pragma once
 
 #include <algorithm>
@@ -31,6 +34,8 @@ namespace sheaf::render {
 
 // Minimum cosine between the perturbed and the surface normal; maps that exceed it are clamped.
 inline constexpr float kPerturbedCosineMin = 0.05f;
+// Vertex normals at a smaller angle to the surface lose at most 1/2000 of the light: (1 - cos) / 2.
+inline constexpr float kTiltCosineMax = 0.999f;
 // Minimum height of a mirror reflection above the horizon (cosine), and the fraction of the
 // viewer's own height that limits it at grazing view.
 inline constexpr float kReflectionHeightMin = 0.01f, kReflectionHeightFraction = 0.9f;
@@ -73,14 +78,16 @@ class PerturbedNormal {
  public:
   // Not tilted.
   PerturbedNormal() = default;
+  enum class Source { kMap, kVertices };
   // ng_local: the surface's unit normal in the shading frame, above its horizon. u: uniform.
-  PerturbedNormal(Vec3f ng_local, Vec2f u) : up_(ng_local) {
+  PerturbedNormal(Source source, Vec3f ng_local, Vec2f u) : up_(ng_local) {
     const float sine_squared = up_.x * up_.x + up_.y * up_.y;
     if (!(sine_squared > 0)) return;
     const float sine = std::sqrt(sine_squared);
     // The part of the shading normal along the surface.
     axis_ = {-up_.z * up_.x / sine, -up_.z * up_.y / sine, sine};
-    alpha_squared_ = std::fmin(kAlphaFactor * sine_squared / (up_.z * up_.z), 1.0f);
+    if (source == Source::kMap)
+      alpha_squared_ = std::fmin(kAlphaFactor * sine_squared / (up_.z * up_.z), 1.0f);
     // A rotation by at least the tilt raises everything shadowed; by at most a right angle it sends
     // nothing below the far side.
     const float tilt = Atan2(sine, up_.z);

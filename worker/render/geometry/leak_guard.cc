@@ -5,11 +5,11 @@
 #include "worker/render/geometry/leak_guard.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
-#include <numbers>
 #include <optional>
 
-#include "common/math/elementary.h"
 #include "common/math/frame.h"
 #include "worker/render/geometry/deforming_mesh.h"
 #include "worker/render/geometry/needle.h"
@@ -81,20 +81,32 @@ bool LeakGuard::TouchesAtEdge(const Ray& ray, RawHit* hit) const {
 }
 
 Ray NudgedRay(const Ray& ray, int attempt) {
-  Ray nudged = ray;
-  const Vec3d d = ToDouble(ray.d);
-  const Frame frame = Frame::FromNormal(ToFloat(Normalize(d)));
-  const uint64_t state = HashOfPoint(ray.d, HashOfPoint(ray.o, 0));
-  const double turns = static_cast<double>(state >> 32) * 0x1p-32 + 0.25 * attempt;
-  const double angle = 2 * std::numbers::pi * turns;
-  const bool is_wide = attempt < kWideNudgeCount;
-  const Vec3d side = ToDouble(frame.t) * Cos(angle) + ToDouble(frame.b) * Sin(angle);
-  const Vec3f o = Abs(ray.o);
+  // Each ray has sides of its own, so that no slit lies along those of all rays: eight turns of an
+  // eighth of a right angle, chosen by the digits of the ray. Most rays need the first side alone.
+  static constexpr std::array<std::array<float, 2>, 8> kTurns = {{{1, 0},
+                                                                  {0.98078528f, 0.19509032f},
+                                                                  {0.92387953f, 0.38268343f},
+                                                                  {0.83146961f, 0.55557023f},
+                                                                  {0.70710678f, 0.70710678f},
+                                                                  {0.55557023f, 0.83146961f},
+                                                                  {0.38268343f, 0.92387953f},
+                                                                  {0.19509032f, 0.98078528f}}};
+  const uint32_t digits = std::bit_cast<uint32_t>(ray.d.x) ^ std::bit_cast<uint32_t>(ray.d.y) ^
+                          std::bit_cast<uint32_t>(ray.d.z) ^ std::bit_cast<uint32_t>(ray.o.x);
+  const std::array<float, 2>& turn = kTurns[(digits * 0x9e3779b9u) >> 29];
+  const auto [c, s] = turn;
+  // The sides of attempts 0 to 3 are a quarter turn apart.
+  const float along_t = attempt % 2 == 0 ? c : -s, along_b = attempt % 2 == 0 ? s : c;
+  const float sign = attempt % 4 < 2 ? 1.0f : -1.0f;
+  const float length = static_cast<float>(Length(ToDouble(ray.d)));
+  const Frame frame = Frame::FromNormal(ray.d / length);
+  const Vec3f side = sign * (along_t * frame.t + along_b * frame.b);
+  const float step = attempt < kWideNudgeCount ? 0x1p-19f : 0x1p-21f;
   // The tracer's rounding grows with the coordinates as well as with the distance.
-  const double step = std::ldexp(1, is_wide ? -19 : -21);
-  nudged.o = ToFloat(ToDouble(ray.o) +
-                     side * (step * static_cast<double>(std::max(o.x, std::max(o.y, o.z)))));
-  nudged.d = ToFloat(d + side * (step * Length(d)));
+  const Vec3f o = Abs(ray.o);
+  Ray nudged = ray;
+  nudged.o = ray.o + (step * std::max(o.x, std::max(o.y, o.z))) * side;
+  nudged.d = ray.d + (step * length) * side;
   return nudged;
 }
 

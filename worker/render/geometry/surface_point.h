@@ -83,11 +83,9 @@ struct GroupPoint {
 // Minimum cosine between interpolated vertex normals and the geometric normal for unmodified use.
 inline constexpr double kShadingCosineMin = 0.5;
 
-// Returns the shading normal for interpolated vertex normals ns on a surface with unit normal ng. A
-// white surface shaded about a normal at angle t scatters a fraction (1 - cos t) / 2 of the light
-// below the surface, where it is lost. Beyond 60 degrees the normal is therefore pulled towards ng,
-// which it reaches at 90: such a normal carries no information about the lighting. See
-// docs/adr/0052.
+// Returns the shading normal for interpolated vertex normals ns on a surface with unit normal ng.
+// Beyond 60 degrees the normal is pulled towards ng, which it reaches at 90: such a normal carries no
+// information about the lighting. See docs/adr/0052.
 inline Vec3d ShadingNormalOf(Vec3d ns, Vec3d ng) {
   const double height = Dot(ns, ng);
   if (!(height > 0)) return ng;

@@ -40,6 +40,8 @@ struct IntegratorConfig {
   // Vertices on surfaces may take several light samples: light_splits.h.
   static constexpr bool kSplitsLights = !kBothEnds && Has(Trait::kLightSplits);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
+  // Shading normals may be tilted so far that light would be lost: perturbed_normal.h.
+  static constexpr bool kPerturbedNormals = kNormalMaps || Has(Trait::kVertexNormals);
   // Rays may pass through surfaces: cut-outs, interface materials, stochastic mixes.
   static constexpr bool kNullInterfaces = Has(Trait::kAlpha);
   // Paths track the media and interiors that they are in.

@@ -28,7 +28,7 @@ namespace sheaf::render {
 template <typename C>
 struct SurfaceVertex {
   using Color = typename C::Color;
-  using OptionalNormal = StateIf<C::kNormalMaps, PerturbedNormal>;
+  using OptionalNormal = StateIf<C::kPerturbedNormals, PerturbedNormal>;
   using Plane = StateIf<C::kNormalMaps, std::optional<TangentPlane>>;
 
   // The hit of the path's ray; `bsdf` and what follows it are set later.
@@ -36,7 +36,7 @@ struct SurfaceVertex {
       // Prefetches the light, before the surface is known.
       : draw(C::kFromLight ? LightDraw{} : DrawLight(c, NextVertexIndex(path))),
         point(MakeSurfacePoint<C::kTraits>(c.scene.geometry, path.ray, hit, &plane)) {
-    if constexpr (C::kNormalMaps) index = NextVertexIndex(path);
+    if constexpr (C::kPerturbedNormals) index = NextVertexIndex(path);
     if constexpr (C::kBothEnds) interpolated_shading = point.shading;
   }
 
@@ -47,7 +47,7 @@ struct SurfaceVertex {
   bool in_subsurface = false;  // Met from inside a subsurface medium.
   BsdfOf<Color> bsdf;
   [[no_unique_address]] OptionalNormal perturbed_normal;
-  [[no_unique_address]] StateIf<C::kNormalMaps, uint32_t> index;  // For sample dimensions.
+  [[no_unique_address]] StateIf<C::kPerturbedNormals, uint32_t> index;  // For sample dimensions.
   [[no_unique_address]] StateIf<C::kBothEnds, Frame> interpolated_shading;  // Before Prepare.
   [[no_unique_address]] GuidedDirectionsOf<C> guided;  // What camera paths know here.
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
@@ -112,8 +112,14 @@ struct SurfaceVertex {
   }
 
  private:
-  // Perturbs the shading frame by the material's map.
-  OptionalNormal PerturbNormal(const Context<C>& c, const TangentPlane& tangents, Vec3f wo);
+  // Whether vertex normals are ignored. They may hold light in a glass body forever, by total
+  // reflections that its faces do not have, so a path through many vertices meets the faces.
+  bool FollowsFaces() const;
+  // Tilts the shading frame by the material's map.
+  OptionalNormal ApplyMap(const Context<C>& c, const TangentPlane& tangents, Vec3f wo);
+  // Keeps the light that vertex normals tilt below the surface.
+  OptionalNormal TiltByVertices(const Context<C>& c, Vec3f wo);
+  OptionalNormal TiltTo(const Context<C>& c, PerturbedNormal::Source source);
   // A direction in which a path from a light may go on, in the shading frame.
   std::optional<BsdfSampleOf<Color>> SampleScattering(const std::array<float, 4>& u) const;
   // The same for a camera path. *density_scale: the density over that of scattering, 0 where that
@@ -128,7 +134,7 @@ struct SurfaceVertex {
   // them, or light would leak through the surface. Tilted normals handle that themselves, and light
   // passes through hair.
   bool AgreesOnSide(float cos_shading, float cos_geometric) const {
-    if constexpr (C::kNormalMaps) {
+    if constexpr (C::kPerturbedNormals) {
       if (perturbed_normal.active()) return true;
     }
     return IsHair<C::kTraits>(bsdf) || cos_shading * cos_geometric > 0;
@@ -137,28 +143,66 @@ struct SurfaceVertex {
 };
 
 template <typename C>
-typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::PerturbNormal(
-    const Context<C>& c, const TangentPlane& tangents, Vec3f wo) {
+bool SurfaceVertex<C>::FollowsFaces() const {
+  constexpr uint32_t kSmoothVerticesMax = 16;
+  return index >= kSmoothVerticesMax && !in_subsurface && Transmits<C::kTraits>(bsdf);
+}
+
+template <typename C>
+typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::TiltTo(const Context<C>& c,
+                                                                   PerturbedNormal::Source source) {
+  if (point.shading.n == point.ng) return {};
+  const std::array<float, 4> u = c.sampler.Get4(Slot(index, VertexSlot::kSurface));
+  return {source, point.shading.ToLocal(point.ng), {u[2], u[3]}};
+}
+
+template <typename C>
+typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::ApplyMap(const Context<C>& c,
+                                                                     const TangentPlane& tangents,
+                                                                     Vec3f wo) {
   TangentPlane seen = tangents;
   seen.n = ToDouble(point.shading.n);
   const Vec3f mapped = c.scene.materials->ShadingNormal(point.surface->material,
                                                         TexturePointOf(c, point), choice.mix, seen);
   const Vec3f n = BendNormal(LiftNormal(mapped, point.ng), point.ng, wo);
   point.shading = internal::ShadingFrame(n, seen);
-  if (n == point.ng) return {};
-  const std::array<float, 4> u = c.sampler.Get4(Slot(index, VertexSlot::kSurface));
-  return {point.shading.ToLocal(point.ng), {u[2], u[3]}};
+  return TiltTo(c, PerturbedNormal::Source::kMap);
+}
+
+template <typename C>
+typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::TiltByVertices(const Context<C>& c,
+                                                                           Vec3f wo) {
+  const Frame given = point.shading;
+  if (Dot(given.n, point.ng) >= kTiltCosineMax) return {};
+  if (FollowsFaces()) {
+    point.shading = Frame::FromNormal(point.ng);
+    return {};
+  }
+  const Vec3f n = BendNormal(given.n, point.ng, wo);
+  if (n != given.n) {
+    const TangentPlane tangents{ToDouble(n), ToDouble(given.t), ToDouble(given.b), true};
+    point.shading = internal::ShadingFrame(n, tangents);
+  }
+  return TiltTo(c, PerturbedNormal::Source::kVertices);
 }
 
 template <typename C>
 void SurfaceVertex<C>::Prepare([[maybe_unused]] const Context<C>& c, Vec3f wo) {
+  if (IsHair<C::kTraits>(bsdf)) return;
+  if constexpr (C::kPerturbedNormals) {
+    bool is_mapped = false;
+    if constexpr (C::kNormalMaps) is_mapped = plane.has_value();
+    if (!is_mapped) {
+      perturbed_normal = TiltByVertices(c, wo);
+      if (perturbed_normal.active()) return;
+    }
+  }
   // A shading normal seen from below its own horizon is meaningless: the geometric one replaces it.
-  const bool is_hair = IsHair<C::kTraits>(bsdf);
-  if (!is_hair && Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0) {
+  if (Dot(wo, point.shading.n) * Dot(wo, point.ng) <= 0) {
     point.shading = Frame::FromNormal(point.ng);
   }
   if constexpr (C::kNormalMaps) {
-    if (plane && !is_hair) perturbed_normal = PerturbNormal(c, *plane, wo);
+    if (plane) perturbed_normal = ApplyMap(c, *plane, wo);
   }
 }
 
@@ -216,7 +260,7 @@ template <typename C>
 inline BsdfValueOf<typename C::Color> SurfaceVertex<C>::EvalScattering(Vec3f w) const {
   const Vec3f wi_local = point.shading.ToLocal(w);
   if (!AgreesOnSide(wi_local.z, Dot(w, point.ng))) return {};
-  if constexpr (C::kNormalMaps) {
+  if constexpr (C::kPerturbedNormals) {
     if (perturbed_normal.active())
       return perturbed_normal.template Eval<C::kTraits>(bsdf, wo_local, wi_local);
   }
@@ -226,7 +270,7 @@ inline BsdfValueOf<typename C::Color> SurfaceVertex<C>::EvalScattering(Vec3f w) 
 template <typename C>
 inline std::optional<BsdfSampleOf<typename C::Color>> SurfaceVertex<C>::SampleScattering(
     const std::array<float, 4>& u) const {
-  if constexpr (C::kNormalMaps) {
+  if constexpr (C::kPerturbedNormals) {
     if (perturbed_normal.active()) {
       return perturbed_normal.template Sample<C::kTraits>(bsdf, wo_local, u[2], {u[0], u[1]});
     }

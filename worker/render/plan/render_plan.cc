@@ -14,10 +14,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/spectrum/spectrum.h"
+#include "worker/render/bsdf/perturbed_normal.h"
 #include "worker/render/geometry/bilinear_patch.h"
 #include "worker/render/light/light_choice.h"
 #include "worker/render/medium/similarity.h"
 #include "worker/render/plan/material_traits.h"
+#include "worker/render/plan/vertex_normals.h"
 #include "worker/render/traits/variant_choice.h"
 
 namespace sheaf::render {
@@ -59,6 +61,7 @@ constexpr TraitName kTraitNames[] = {
     {Trait::kGuiding, "guiding"},
     {Trait::kLightSplits, "light splits"},
     {Trait::kPrincipled, "principled materials"},
+    {Trait::kVertexNormals, "vertex normals", 1.07},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
@@ -171,11 +174,29 @@ class PlanMaker {
       // Shapes in objects do not emit.
       if (in_world) light_count_ += CountFaces(shape);
     }
+    ExamineNormals(shape, static_cast<double>(kTiltCosineMax));
     if (shape.has_alpha) {
       Require(Trait::kAlpha, shape.location, "Shape \"alpha\"");
       if (shape.alpha.texture != kNone) ExamineTexture(shape.alpha.texture);
     }
     ExamineMaterial(shape.material);
+  }
+
+  void ExamineNormals(const ShapeDescription& shape, double cosine_max) {
+    if (causes_[TraitIndex(Trait::kVertexNormals)].count > 0) return;
+    const auto is_tilted = [&](const Matrix4& place) {
+      const Affine target_from_shape = AffineOf(place);
+      if (const auto* mesh = std::get_if<MeshShape>(&shape.shape)) {
+        return IsTilted(scene_.meshes[mesh->mesh], target_from_shape, cosine_max);
+      }
+      const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape);
+      return patches != nullptr &&
+             IsTilted(scene_.bilinear_meshes[patches->mesh], target_from_shape, cosine_max);
+    };
+    const TransformOverTime& place = shape.world_from_object;
+    if (is_tilted(place.start) || (place.IsAnimated() && is_tilted(place.end))) {
+      Require(Trait::kVertexNormals, shape.location, "Shape has normals at an angle to its faces");
+    }
   }
 
   void ExamineEmission(const ColorSpec& color, SourceLocation location) {
@@ -231,9 +252,20 @@ class PlanMaker {
             Trait::kMotion, instance.location,
             absl::StrCat("ObjectInstance \"", object.name, "\" moves while the shutter is open"));
       }
-      if (!objects_examined.insert(instance.object).second) continue;
-      for (const int32_t shape : object.shapes) ExamineShape(scene_.shapes[shape], false);
+      if (objects_examined.insert(instance.object).second) {
+        for (const int32_t shape : object.shapes) ExamineShape(scene_.shapes[shape], false);
+      }
+      ExamineStretching(instance, object);
     }
+  }
+
+  // An instance that is stretched tilts normals that depart from their faces at all.
+  void ExamineStretching(const ObjectInstance& instance, const ObjectDefinition& object) {
+    const TransformOverTime& place = instance.world_from_instance;
+    if (KeepsAngles(AffineOf(place.start)) && KeepsAngles(AffineOf(place.end))) return;
+    if (!objects_stretched_.insert(instance.object).second) return;
+    constexpr double kParallel = 1 - 1e-6;
+    for (const int32_t shape : object.shapes) ExamineNormals(scene_.shapes[shape], kParallel);
   }
 
   void ExamineLight(const LightDescription& light) {
@@ -382,7 +414,7 @@ class PlanMaker {
 
   const SceneDescription& scene_;
   std::array<Cause, std::size(kTraitNames)> causes_;
-  std::set<int32_t> materials_examined_, area_lights_examined_;
+  std::set<int32_t> materials_examined_, area_lights_examined_, objects_stretched_;
   std::vector<std::string> notes_;
   size_t light_count_ = 0;
   bool has_scattering_media_ = false, has_emissive_media_ = false;

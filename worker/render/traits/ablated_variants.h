@@ -25,4 +25,5 @@ constexpr uint32_t CommonWithout(Trait trait) { return kCommonTraits & ~TraitSet
   X("layered materials", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kLayered))         \
   X("microfacets", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kMicrofacet))            \
   X("instances", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kInstances))               \
-  X("quadrics", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kQuadrics))
+  X("quadrics", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kQuadrics))                 \
+  X("vertex normals", ::sheaf::render::CommonWithout(::sheaf::render::Trait::kVertexNormals))

@@ -41,8 +41,9 @@ enum class Trait : uint32_t {
   kGuiding = 1u << 27,              // Directions sampled from a learned field.
   kLightSplits = 1u << 28,          // Several light samples at a vertex.
   kPrincipled = 1u << 29,           // Principled materials.
+  kVertexNormals = 1u << 30,        // Vertex normals tilted from the faces of their meshes.
 };
-inline constexpr int kTraitCount = 30;
+inline constexpr int kTraitCount = 31;
 
 constexpr bool Has(uint32_t traits, Trait trait) {
   return (traits & static_cast<uint32_t>(trait)) != 0;

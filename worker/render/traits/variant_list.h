@@ -24,20 +24,24 @@ inline constexpr uint32_t kCoatedTraits =
     TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered);
 // Products under an environment map.
 inline constexpr uint32_t kOutdoorTraits =
-    TraitSet(Trait::kEnvironment, Trait::kTextures, Trait::kMicrofacet, Trait::kLayered);
+    TraitSet(Trait::kEnvironment, Trait::kTextures, Trait::kMicrofacet, Trait::kLayered,
+             Trait::kVertexNormals);
 // Moving coated and rough surfaces under area lights.
-inline constexpr uint32_t kMovingTraits = kCoatedTraits | TraitSet(Trait::kMotion);
+inline constexpr uint32_t kMovingTraits =
+    kCoatedTraits | TraitSet(Trait::kMotion, Trait::kVertexNormals);
 // Coated and rough surfaces in a room under an environment.
 inline constexpr uint32_t kOpenTraits =
-    TraitSet(Trait::kEnvironment, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered);
+    TraitSet(Trait::kEnvironment, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered,
+             Trait::kVertexNormals);
 // Textured objects in a studio: area lights and lights without size.
 inline constexpr uint32_t kStudioTraits =
-    kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
+    kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights, Trait::kVertexNormals);
 // Traits that cost almost nothing in scenes without them (tests/cost counts it): the kinds of
 // surfaces and shapes, of which a hit involves one, and those of lights with a position.
-inline constexpr uint32_t kCommonTraits = TraitSet(
-    Trait::kTextures, Trait::kDeltaLights, Trait::kAreaLights, Trait::kSpecularTransmission,
-    Trait::kLayered, Trait::kMicrofacet, Trait::kInstances, Trait::kQuadrics);
+inline constexpr uint32_t kCommonTraits =
+    TraitSet(Trait::kTextures, Trait::kDeltaLights, Trait::kAreaLights,
+             Trait::kSpecularTransmission, Trait::kLayered, Trait::kMicrofacet, Trait::kInstances,
+             Trait::kQuadrics, Trait::kVertexNormals);
 // Traits that every path would pay for: environment lookups are prefetched, lens and shutter use
 // sample points, and shadow rays test cut-outs hit by hit. There are variants with every
 // combination of these, so that no scene includes one that it does not need.
@@ -76,9 +80,10 @@ inline constexpr uint32_t kColoredMediaTraits =
 inline constexpr uint32_t kColoredGlassTraits =
     CommonTraits(false, false, false, false) | TraitSet(Trait::kMedia, Trait::kChromaticMedia);
 // Clouds, smoke and fire on grids, under the sun and a sky, with few other effects.
-inline constexpr uint32_t kCloudTraits = TraitSet(
-    Trait::kEnvironment, Trait::kDeltaLights, Trait::kAlpha, Trait::kMicrofacet, Trait::kQuadrics,
-    Trait::kMedia, Trait::kHeterogeneousMedia, Trait::kChromaticMedia, Trait::kEmissiveMedia);
+inline constexpr uint32_t kCloudTraits =
+    TraitSet(Trait::kEnvironment, Trait::kDeltaLights, Trait::kAlpha, Trait::kMicrofacet,
+             Trait::kQuadrics, Trait::kMedia, Trait::kHeterogeneousMedia, Trait::kChromaticMedia,
+             Trait::kEmissiveMedia, Trait::kVertexNormals);
 
 }  // namespace sheaf::render
 
