@@ -21,21 +21,21 @@ inline constexpr uint32_t kGlossyTraits = TraitSet(
     Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kSpecularTransmission);
 // Coated and rough surfaces under area lights.
 inline constexpr uint32_t kCoatedTraits =
-    TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered);
+    TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered,
+             Trait::kVertexNormals);
 // Products under an environment map.
 inline constexpr uint32_t kOutdoorTraits =
     TraitSet(Trait::kEnvironment, Trait::kTextures, Trait::kMicrofacet, Trait::kLayered,
              Trait::kVertexNormals);
 // Moving coated and rough surfaces under area lights.
-inline constexpr uint32_t kMovingTraits =
-    kCoatedTraits | TraitSet(Trait::kMotion, Trait::kVertexNormals);
+inline constexpr uint32_t kMovingTraits = kCoatedTraits | TraitSet(Trait::kMotion);
 // Coated and rough surfaces in a room under an environment.
 inline constexpr uint32_t kOpenTraits =
     TraitSet(Trait::kEnvironment, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered,
              Trait::kVertexNormals);
 // Textured objects in a studio: area lights and lights without size.
 inline constexpr uint32_t kStudioTraits =
-    kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights, Trait::kVertexNormals);
+    kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
 // Traits that cost almost nothing in scenes without them (tests/cost counts it): the kinds of
 // surfaces and shapes, of which a hit involves one, and those of lights with a position.
 inline constexpr uint32_t kCommonTraits =
