@@ -51,6 +51,8 @@ struct CoatedConductorLobe : LobeBase {
   struct ConductorCoatAt {
     Vec3f inner_o;
     float enter_o = 0, reflect_o = 0, rest_o = 0;
+    float bend_o = 0;
+    Ggx lobe;  // By which the highlight is sampled: that of the mirror direction.
     float p_reflect = 0, p_highlight = 0, p_rest = 0;  // How often each part is sampled.
   };
 
@@ -98,7 +100,7 @@ std::optional<BsdfSampleOf<Color>> CoatedConductorLobe::Sample_f(const BsdfOf<Co
     }
     wi = Reflect(wo, ggx.SampleVisibleNormal(wo, u));
   } else if (u_lobe < at.p_reflect + at.p_highlight) {
-    const Vec3f inner_i = Reflect(at.inner_o, row.lobe.SampleVisibleNormal(at.inner_o, u));
+    const Vec3f inner_i = Reflect(at.inner_o, at.lobe.SampleVisibleNormal(at.inner_o, u));
     if (!(inner_i.z > 0)) return std::nullopt;
     const float cos_i = FresnelDielectric(std::min(1.0f, inner_i.z), 1 / bsdf.eta).cos_t;
     if (!(cos_i > 0)) return std::nullopt;  // Totally reflected: that light is in the rest.
@@ -119,6 +121,8 @@ CoatedConductorLobe::ConductorCoatAt CoatedConductorLobe::MakeConductorCoatAt(
   at.enter_o = row.enter.At(o);
   at.reflect_o = row.reflect.At(o);
   at.rest_o = row.rest.At(o);
+  at.bend_o = row.bend.At(o);
+  at.lobe = row.LobeAt(at.bend_o, at.bend_o);
   const float base = MaxComponent(
       FresnelConductor(std::min(1.0f, at.inner_o.z), bsdf.conductor_eta, bsdf.conductor_k));
   const float highlight = row.highlight.At(o) * base;
@@ -160,15 +164,16 @@ BsdfValueOf<Color> CoatedConductorLobe::EvalAt(const BsdfOf<Color>& bsdf, const 
   const Vec3f inner_i = IntoCoat(wi, bsdf.eta);
   if (at.inner_o.z > 0 && inner_i.z > 0) {
     const Vec3f m = Normalize(at.inner_o + inner_i);
-    const float d = row.lobe.D(m);
+    const Ggx lobe = row.LobeAt(at.bend_o, row.bend.At(i));
     // Solid angle inside over outside the coat.
     const float narrowing = wi.z / (bsdf.eta * bsdf.eta * inner_i.z);
     const Color series =
         ReflectedSeries(KeptByBase(bsdf, Dot(at.inner_o, m), at.inner_o.z, inner_i.z),
                         std::min(at.reflect_o, row.reflect.At(i)));
-    value.f_cos += series * (at.enter_o * row.enter.At(i) * d *
-                             row.lobe.G2Over4Cos(at.inner_o, inner_i) * inner_i.z * narrowing);
-    value.pdf += at.p_highlight * 0.5f * d / (at.inner_o.z + row.lobe.S(at.inner_o)) * narrowing;
+    value.f_cos += series * (at.enter_o * row.enter.At(i) * lobe.D(m) *
+                             lobe.G2Over4Cos(at.inner_o, inner_i) * inner_i.z * narrowing);
+    value.pdf +=
+        at.p_highlight * 0.5f * at.lobe.D(m) / (at.inner_o.z + at.lobe.S(at.inner_o)) * narrowing;
   }
   const Ggx ggx{bsdf.alpha_x, bsdf.alpha_y};
   if (ggx.IsSmooth()) return value;

@@ -18,8 +18,6 @@ constexpr int kBinCount = 64;
 // of light that returns to the base, 0.6 for a coat of index 1.5.
 constexpr int kPassCountMax = 2000;
 constexpr double kChangeMin = 1e-9;
-// Minimum alpha of a lobe in either direction. The same minimum as for other materials.
-constexpr float kLobeAlphaMin = 1e-4f;
 
 struct Spread {
   std::array<double, kBinCount> energy{};
@@ -183,23 +181,33 @@ class Chain {
   double average_loss_ = 0;
 };
 
-// GGX widths add up in squares. For a facet tilt t, refraction turns directions inside the coat by
-// (1 - 1 / eta) t, and a reflecting facet by 2 t; the interface is crossed twice.
-Ggx LobeThroughInterface(const Ggx& interface, const Ggx& base, float eta) {
-  const float bend = 1 - 1 / eta;
-  const auto width = [&](float crossed, float reflected) {
-    const float alpha = std::sqrt(reflected * reflected + 0.5f * bend * bend * crossed * crossed);
-    return std::max(alpha, kLobeAlphaMin);
-  };
-  Ggx lobe{width(interface.alpha_x, base.alpha_x), width(interface.alpha_y, base.alpha_y)};
-  if (lobe.IsSmooth()) lobe = {kSmoothAlpha, kSmoothAlpha};
-  return lobe;
+// Sets the parts of the highlight's lobe. For a facet tilt t, refraction turns directions inside
+// the coat by (1 - cos / (eta cos')) t, with the cosines outside and inside, and a reflecting facet
+// by 2 t; the interface is crossed twice.
+void SetLobeThroughInterface(const Ggx& interface, const Ggx& base, float eta,
+                             ConductorCoatRow* row) {
+  constexpr float kPower = 4.0f / 3;
+  const auto width = [](float alpha) { return Pow(std::max(alpha, kLobeAlphaMin), kPower); };
+  const bool is_smooth = interface.IsSmooth();
+  row->base_width = {width(base.alpha_x), width(base.alpha_y)};
+  // Shadowing hides the steepest facets of a rough interface. The factor agrees best with walks.
+  const auto seen = [](float alpha) { return alpha / (1 + 4 * alpha * alpha); };
+  row->interface_width = {is_smooth ? 0 : width(seen(interface.alpha_x)),
+                          is_smooth ? 0 : width(seen(interface.alpha_y))};
+  for (size_t i = 0; i < kMuNodeCount; ++i) {
+    // Grazing light sees facets that face it.
+    const float node = NodeMu(i);
+    const float mu = Isotropic(interface).S({std::sqrt((1 - node) * (1 + node)), 0, node});
+    const float inside = FresnelDielectric(mu, eta).cos_t;
+    const float turn = inside > 0 ? std::fabs(1 - mu / (eta * inside)) / 2 : 0;
+    row->bend.value[i] = turn > 0 ? Pow(turn, kPower) : 0;
+  }
 }
 
 // Light reflected repeatedly at the base, seen from outside, where refraction has widened its
 // distribution. The factors are those that agree best with random walks over roughness and angle.
 Ggx LobeOfRest(const Ggx& interface, const Ggx& base, float eta) {
-  constexpr float kOfBase = 2.5f, kOfInterface = 0.75f;
+  constexpr float kOfBase = 2.25f, kOfInterface = 0.6f;
   const float alpha =
       eta * (kOfBase * EquivalentAlpha(base) + kOfInterface * EquivalentAlpha(interface));
   return {std::clamp(alpha, kSmoothAlpha, 1.0f), std::clamp(alpha, kSmoothAlpha, 1.0f)};
@@ -232,6 +240,8 @@ ByReflectance IntegrateHighlight(const ConductorCoatRow& row, float mu, float et
   const MuPosition o = FindMu(mu);
   const auto enter_o = static_cast<double>(row.enter.At(o));
   const auto reflect_o = static_cast<double>(row.reflect.At(o));
+  const float bend_o = row.bend.At(o);
+  const Ggx lobe = row.LobeAt(bend_o, bend_o);
   const auto through_facet = [&](Vec3f wo, Vec3f m) {
     ByReflectance of_facet;
     const Vec3f wi = Reflect(wo, m);
@@ -239,8 +249,12 @@ ByReflectance IntegrateHighlight(const ConductorCoatRow& row, float mu, float et
     const float mu_i = FresnelDielectric(std::min(wi.z, 1.0f), 1 / eta).cos_t;
     if (!(mu_i > 0)) return of_facet;
     const MuPosition i = FindMu(mu_i);
-    const double once =
-        enter_o * static_cast<double>(row.enter.At(i)) * ShadowingGivenVisible(row.lobe, wo, wi);
+    const Ggx between = row.LobeAt(bend_o, row.bend.At(i));
+    const double other_lobe = static_cast<double>(between.D(m)) / static_cast<double>(lobe.D(m)) *
+                              static_cast<double>(between.G2Over4Cos(wo, wi)) /
+                              static_cast<double>(lobe.G2Over4Cos(wo, wi));
+    const double once = enter_o * static_cast<double>(row.enter.At(i)) * other_lobe *
+                        ShadowingGivenVisible(lobe, wo, wi);
     const double attenuation = Attenuation(row.thickness, wo.z) * Attenuation(row.thickness, wi.z);
     const double again = returns ? std::min(reflect_o, static_cast<double>(row.reflect.At(i))) : 0;
     for (int n = 0; n < kTintNodeCount; ++n) {
@@ -250,9 +264,9 @@ ByReflectance IntegrateHighlight(const ConductorCoatRow& row, float mu, float et
     }
     return of_facet;
   };
-  return AverageOverIncidence(row.lobe, inner_mu, [&](Vec3f wo) {
+  return AverageOverIncidence(lobe, inner_mu, [&](Vec3f wo) {
     ByReflectance sum;
-    ForEachLatticeNormal(row.lobe, wo,
+    ForEachLatticeNormal(lobe, wo,
                          [&](Vec3f m, double weight) { sum += through_facet(wo, m) * weight; });
     return sum;
   });
@@ -381,7 +395,7 @@ ConductorCoatRow MakeConductorCoatRow(const Ggx& interface, const Ggx& base, flo
   row.thickness = thickness;
   row.is_smooth = interface.IsSmooth() && base.IsSmooth();
   if (row.is_smooth) return row;
-  row.lobe = LobeThroughInterface(interface, base, eta);
+  SetLobeThroughInterface(interface, base, eta, &row);
   row.rest_lobe = LobeOfRest(interface, base, eta);
   Entered entered;
   ScatterFromOutside(interface, eta, keeps_energy, &row, &entered);

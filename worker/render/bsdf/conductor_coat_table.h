@@ -23,17 +23,24 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 
 #include "worker/render/bsdf/energy_table.h"
+#include "worker/render/bsdf/microfacet.h"
 
 namespace sheaf::render {
 
 // Keeps the geometric series finite where no light is lost.
 inline constexpr float kSeriesMin = 1e-6f;
+// Minimum alpha of a lobe in either direction. The same minimum as for other materials.
+inline constexpr float kLobeAlphaMin = 1e-4f;
 inline constexpr int kTintNodeCount = 17;  // At reflectance 1 - (1 - i / 16)^2.
 
 struct ConductorCoatRow {
-  Ggx lobe;                // The highlight's, over refracted directions.
+  // Of the highlight's lobe over refracted directions: by axis, the parts of the base and of the
+  // interface, and by cosine outside how much of the latter counts. See LobeAt.
+  std::array<float, 2> base_width{}, interface_width{};
+  MuCurve bend;
   float thickness = 0;     // Optical depth at normal incidence.
   bool is_smooth = false;  // Both layers are mirrors: no tables, a single delta lobe.
   MuCurve enter;           // T, without absorption; for rough interfaces fitted to the highlight.
@@ -45,6 +52,18 @@ struct ConductorCoatRow {
   // Fraction of the rest that remains over a base with the node's reflectance.
   std::array<float, kTintNodeCount> tint{};
 
+  // The highlight's lobe between two directions outside the coat, with bend.At of each. The facets
+  // of a rough interface turn light by angles inside the coat that grow towards grazing incidence.
+  Ggx LobeAt(float bend_o, float bend_i) const {
+    const auto alpha = [&](size_t axis) {
+      // Widths add up as the power 4/3: between squares, as of normal distributions, and the widths
+      // themselves, as of the long tails of GGX. Random walks agree best with it.
+      const float sum = base_width[axis] + interface_width[axis] * (bend_o + bend_i);
+      const float root = std::sqrt(sum);
+      return std::fmax(root * std::sqrt(root), kLobeAlphaMin);
+    };
+    return {alpha(0), alpha(1)};
+  }
   // reflectance: of the base inside the coat, averaged over cosines.
   float Tint(float reflectance) const;
 };

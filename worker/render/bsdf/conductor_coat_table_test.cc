@@ -4,8 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <functional>
+#include <numbers>
 #include <optional>
+#include <vector>
 
+#include "common/math/frame.h"
 #include "gtest/gtest.h"
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
@@ -59,10 +64,14 @@ class EnergySum {
   double sum_ = 0, sum_square_ = 0, sum_cosine_ = 0;
 };
 
+// Called with the energy that leaves, and its direction.
+using LeavingLight = std::function<void(double, Vec3f)>;
+
 // Simulates the layers: a random walk between interface and base, without a depth limit. Returns
 // the fraction of the energy arriving along wo that leaves again.
-CoatEstimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy) {
-  constexpr uint64_t kWalks = 60000;
+CoatEstimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy,
+                               const LeavingLight& note = {}) {
+  const uint64_t kWalks = note ? 300000 : 60000;
   constexpr uint64_t kStepsMax = 1000;
   const BsdfFixture interface = sheaf::testing::MakeDielectricFixture(
       layers.interface_alpha, layers.interface_alpha, layers.eta, keeps_energy);
@@ -89,6 +98,7 @@ CoatEstimate WalkThroughLayers(const Layers& layers, Vec3f wo, bool keeps_energy
       sample = scatter(interface.bsdf, -up->wi);
     }
     sum.Add(energy, sample ? sample->wi : wo);
+    if (note) note(energy, sample ? sample->wi : -wo);
   }
   return sum.Finish();
 }
@@ -154,6 +164,73 @@ TEST(ConductorCoatTableTest, RoughCoatOverABrightBaseMatchesRandomWalks) {
   const Layers cases[] = {{0.1f, 0, 1.5f, 0.01f, 0.9f}, {0.3f, 0.3f, 1.5f, 0.01f, 0.9f}};
   for (const Layers& layers : cases) {
     for (const float mu : {0.95f, 0.3f}) ExpectAgreement(layers, mu, true, 0.015);
+  }
+}
+
+// Narrow cones about the mirror direction and beside it, in the plane of incidence and across.
+std::vector<Vec3f> ConesAboutMirror(double theta) {
+  constexpr double kDegree = std::numbers::pi / 180, kStep = 7.5 * kDegree;
+  const Vec3d mirror{-std::sin(theta), 0, std::cos(theta)};
+  std::vector<Vec3f> axes;
+  for (int i = -10; i <= 10; ++i) {
+    const double in_plane = theta + i * kStep;
+    for (const Vec3d axis : {Vec3d{-std::sin(in_plane), 0, std::cos(in_plane)},
+                             mirror * std::cos(i * kStep) + Vec3d{0, 1, 0} * std::sin(i * kStep)}) {
+      if (axis.z > 0.15) axes.push_back(ToFloat(axis));
+    }
+  }
+  return axes;
+}
+const float kConeCosine = std::cos(3.75f * static_cast<float>(std::numbers::pi / 180));
+
+// The energy that the coat scatters from wo into a cone.
+double EnergyInCone(const Bsdf& coat, Vec3f wo, Vec3f axis) {
+  constexpr int kRings = 12, kSides = 24;
+  const Frame frame = Frame::FromNormal(axis);
+  const double height = 1 - static_cast<double>(kConeCosine);
+  double sum = 0;
+  for (int i = 0; i < kRings; ++i) {
+    for (int j = 0; j < kSides; ++j) {
+      const double z = 1 - height * (i + 0.5) / kRings, r = std::sqrt(1 - z * z);
+      const double phi = 2 * std::numbers::pi * (j + 0.5) / kSides;
+      const Vec3f wi = frame.ToWorld(ToFloat(Vec3d{r * std::cos(phi), r * std::sin(phi), z}));
+      sum += static_cast<double>(EvalBsdf<kAllTraits>(coat, wo, wi).f_cos.g);
+    }
+  }
+  return sum * 2 * std::numbers::pi * height / (kRings * kSides);
+}
+
+// Rough over sharp, sharp over rough, and alike: the shape of the highlight. Most of its light lies
+// where the walk has more than half of its peak.
+TEST(ConductorCoatTableTest, HighlightsHaveTheShapeOfRandomWalks) {
+  const Layers cases[] = {{0.141f, 0.045f, 1.5f, 0.01f, 0.9f},
+                          {0.3f, 0.1f, 1.5f, 0.01f, 0.9f},
+                          {0.05f, 0.3f, 1.5f, 0.01f, 0.9f},
+                          {0.1f, 0.1f, 1.5f, 0.01f, 0.9f}};
+  for (const Layers& layers : cases) {
+    const BsdfFixture coat = CoatOf(layers);
+    for (const double degrees : {0.0, 30.0, 60.0}) {
+      const double theta = degrees * std::numbers::pi / 180;
+      const Vec3f wo = ToFloat(Vec3d{std::sin(theta), 0, std::cos(theta)});
+      const std::vector<Vec3f> axes = ConesAboutMirror(theta);
+      std::vector<double> walk(axes.size());
+      uint64_t walks = 0;
+      WalkThroughLayers(layers, wo, true, [&](double energy, Vec3f wi) {
+        ++walks;
+        for (size_t i = 0; i < axes.size(); ++i) {
+          if (Dot(axes[i], wi) > kConeCosine) walk[i] += energy;
+        }
+      });
+      for (double& energy : walk) energy /= static_cast<double>(walks);
+      const double peak = *std::max_element(walk.begin(), walk.end());
+      for (size_t i = 0; i < axes.size(); ++i) {
+        if (walk[i] < 0.01 * peak) continue;
+        const double tolerance = walk[i] > 0.5 * peak ? 0.18 : walk[i] > 0.1 * peak ? 0.3 : 0.5;
+        EXPECT_NEAR(EnergyInCone(coat.bsdf, wo, axes[i]) / walk[i], 1, tolerance)
+            << "interface " << layers.interface_alpha << " base " << layers.base_alpha << " at "
+            << degrees << " degrees, towards " << axes[i].x << ' ' << axes[i].y;
+      }
+    }
   }
 }
 
