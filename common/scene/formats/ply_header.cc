@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/scene/formats/ply_header.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
@@ -65,8 +66,10 @@ std::string SetFormat(const std::vector<std::string_view>& words, PlyHeader* hea
   return "";
 }
 
-std::string AddElement(const std::vector<std::string_view>& words, PlyHeader* header) {
+std::string AddElement(const std::vector<std::string_view>& words, uint64_t line,
+                       PlyHeader* header) {
   PlyElement element;
+  element.line = line;
   if (words.size() != 3 || !ParseInteger(words[2], &element.count)) {
     return "\"element\" needs a name and a count";
   }
@@ -76,9 +79,11 @@ std::string AddElement(const std::vector<std::string_view>& words, PlyHeader* he
   return "";
 }
 
-std::string AddProperty(const std::vector<std::string_view>& words, PlyHeader* header) {
+std::string AddProperty(const std::vector<std::string_view>& words, uint64_t line,
+                        PlyHeader* header) {
   if (header->elements.empty()) return "a property stands before the first element";
   PlyProperty property;
+  property.line = line;
   property.is_list = words.size() == 5 && words[1] == "list";
   if (property.is_list) {
     if (!TypeFromName(words[2], &property.count_type) || !TypeFromName(words[3], &property.type)) {
@@ -184,6 +189,15 @@ bool PlyBytes::ReadWord(std::string_view* word) {
   return true;
 }
 
+bool PlyBytes::IsAtEnd() {
+  if (end_ == position_) Pull(1);
+  const auto is_blank = [](unsigned char c) {
+    return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\0';
+  };
+  return !status_.ok() || std::all_of(buffer_.begin() + static_cast<ptrdiff_t>(position_),
+                                      buffer_.begin() + static_cast<ptrdiff_t>(end_), is_blank);
+}
+
 absl::StatusOr<PlyHeader> ReadPlyHeader(PlyBytes& bytes) {
   PlyHeader header;
   std::string line;
@@ -195,16 +209,23 @@ absl::StatusOr<PlyHeader> ReadPlyHeader(PlyBytes& bytes) {
     const uint64_t number = bytes.line();
     if (!bytes.ReadLine(&line)) return bytes.status();
     const std::vector<std::string_view> words = SplitWords(line);
-    if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
+    if (words.empty() || words[0] == "comment" || words[0] == "obj_info") {
+      // MeshLab's way to name the image of the mesh.
+      if (words.size() > 2 && words[1] == "TextureFile" && header.texture.empty()) {
+        header.texture = std::string(words[2]);
+        header.texture_line = number;
+      }
+      continue;
+    }
     if (words[0] == "end_header") break;
     std::string error;
     if (words[0] == "format") {
       error = SetFormat(words, &header);
       has_format = true;
     } else if (words[0] == "element") {
-      error = AddElement(words, &header);
+      error = AddElement(words, number, &header);
     } else if (words[0] == "property") {
-      error = AddProperty(words, &header);
+      error = AddProperty(words, number, &header);
     } else {
       error = absl::StrCat("\"", std::string(words[0].substr(0, 40)),
                            "\" is not a keyword of a PLY header");

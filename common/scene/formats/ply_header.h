@@ -26,15 +26,19 @@ struct PlyProperty {
   PlyType type = PlyType::kFloat32;
   bool is_list = false;
   PlyType count_type = PlyType::kUint8;  // For lists.
+  uint64_t line = 0;
 };
 struct PlyElement {
   std::string name;
   uint64_t count = 0;
   std::vector<PlyProperty> properties;
+  uint64_t line = 0;
 };
 struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
   std::vector<PlyElement> elements;
+  std::string texture;  // A file that a comment names as the mesh's texture; empty: none.
+  uint64_t texture_line = 0;
 };
 
 // Bytes, lines and words of a file, in order, through one buffer. The first error is sticky:
@@ -45,6 +49,8 @@ class PlyBytes {
 
   bool ReadLine(std::string* line);       // Without its line end, which is \r\n or \n.
   bool ReadWord(std::string_view* word);  // Valid until the next call.
+  // Whether nothing but blanks follows, as far as the buffer reaches.
+  bool IsAtEnd();
   // The next size_bytes <= 8 bytes; nullptr at the end.
   const unsigned char* ReadBytes(size_t size_bytes) {
     if (end_ - position_ < size_bytes && !Refill(size_bytes)) return nullptr;

@@ -11,16 +11,20 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/base/check.h"
 #include "common/base/memory_room.h"
 #include "common/scene/formats/number.h"
 #include "common/scene/formats/ply_header.h"
+#include "common/scene/polygon_cut.h"
 #include "common/scene/vertex_rounding.h"
 
 namespace sheaf {
 namespace {
 
 static_assert(std::endian::native == std::endian::little);
+
+constexpr double kIndexMax = 4294967295.0;
 
 // Role of a vertex property in a mesh; kSkipped if it has none.
 enum Slot { kX, kY, kZ, kNormalX, kNormalY, kNormalZ, kU, kV, kSlotCount, kSkipped = kSlotCount };
@@ -58,21 +62,25 @@ class PlyMeshReader {
       : bytes_(bytes), header_(header), limits_(limits) {}
 
   absl::Status Read();
-  PlyMesh Take(std::optional<Vec3d> origin) {
-    PlyMesh result{std::move(mesh_), origin.value_or(Vec3d{})};
-    result.mesh.positions =
-        origin.has_value() ? vertices_.TakeAbout(*origin) : vertices_.Take(&result.origin);
-    return result;
-  }
+  // origin: as for ReadPly.
+  absl::StatusOr<PlyMesh> Take(std::optional<Vec3d> origin);
 
  private:
   absl::Status ReadElement(const PlyElement& element);
   absl::Status CheckCount(const PlyElement& element) const;
   absl::Status ReadVertices(const PlyElement& element);
   absl::Status ReadFaces(const PlyElement& element);
+  absl::Status ReadStrips(const PlyElement& element);
   absl::Status SkipRows(const PlyElement& element);
   absl::Status AppendVertex(uint64_t number, const double* values, bool has_normal, bool has_uv);
   absl::Status ReadPolygon(uint64_t face, const PlyProperty& property);
+  absl::Status ReadStrip(uint64_t row, const PlyProperty& property);
+  absl::Status ReadIndices(const PlyElement& element,
+                           absl::Status (PlyMeshReader::*read)(uint64_t, const PlyProperty&));
+  void AddTriangle(uint32_t a, uint32_t b, uint32_t c, bool continues);
+  absl::Status CutPolygons();
+  void ListSkipped(const PlyElement& element, const std::vector<const PlyProperty*>& properties);
+  void ListFile();
   absl::Status CheckMemory() const;
   absl::Status CheckIndices() const;
   bool ReadScalar(PlyType type, double* value);
@@ -86,6 +94,11 @@ class PlyMeshReader {
   TriangleMesh mesh_;  // Without positions.
   VertexRounding vertices_;
   std::string malformed_;  // Why ReadScalar failed, if the bytes are there but wrong.
+  // Of each triangle: whether it continues the fan of the one before.
+  std::vector<bool> continues_;
+  std::vector<uint32_t> fans_;  // As in PlyMesh.
+  std::vector<PlySkipped> skipped_;
+  bool has_vertices_ = false;  // The element was read.
 };
 
 absl::Status PlyMeshReader::Read() {
@@ -96,13 +109,54 @@ absl::Status PlyMeshReader::Read() {
     if (absl::Status status = ReadElement(element); !status.ok()) return status;
   }
   if (vertices_.rounded().empty()) return absl::InvalidArgumentError("the file has no vertices");
+  ListFile();
   return CheckIndices();
 }
 
 absl::Status PlyMeshReader::ReadElement(const PlyElement& element) {
-  if (element.name == "vertex" && vertices_.rounded().empty()) return ReadVertices(element);
-  if (element.name == "face" && mesh_.indices.empty()) return ReadFaces(element);
+  if (element.name == "vertex" && !has_vertices_) return ReadVertices(element);
+  if (element.name == "face") return ReadFaces(element);
+  if (element.name == "tristrips") return ReadStrips(element);
+  if (element.count > 0) {
+    skipped_.push_back({element.line, element.count,
+                        absl::StrCat("the element \"", element.name, "\" with "),
+                        " rows is left out"});
+  }
   return SkipRows(element);
+}
+
+// Lists properties that have no effect, in one entry.
+void PlyMeshReader::ListSkipped(const PlyElement& element,
+                                const std::vector<const PlyProperty*>& properties) {
+  if (properties.empty() || element.count == 0) return;
+  std::vector<std::string> names;
+  for (const PlyProperty* property : properties) names.push_back(property->name);
+  skipped_.push_back({properties.front()->line, element.count,
+                      absl::StrCat("the ", names.size() == 1 ? "property " : "properties ",
+                                   absl::StrJoin(names, ", "), " of "),
+                      absl::StrCat(" rows of the element \"", element.name, "\" ",
+                                   names.size() == 1 ? "has" : "have", " no effect")});
+}
+
+void PlyMeshReader::ListFile() {
+  if (!header_->texture.empty()) {
+    skipped_.push_back(
+        {header_->texture_line, 0,
+         absl::StrCat("the comment names the texture \"", header_->texture,
+                      "\", which has no effect; give it to the material as a texture"),
+         ""});
+  }
+  if (mesh_.indices.empty()) {
+    skipped_.push_back({0, vertices_.rounded().size(), "there are no faces, only points, and its ",
+                        " vertices are not shown; export it with faces, or remove the shape",
+                        true});
+  }
+  if (!bytes_->IsAtEnd()) {
+    skipped_.push_back({0, 0,
+                        "more follows the last element, and is not read; the counts in the header "
+                        "may be wrong",
+                        "", true});
+  }
 }
 
 // Rejects a count for which the file is too small, before anything is allocated.
@@ -212,6 +266,7 @@ absl::Status PlyMeshReader::SkipRows(const PlyElement& element) {
 }
 
 absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
+  has_vertices_ = true;
   std::vector<Slot> slots;
   std::array<bool, kSlotCount + 1> has{};
   for (const PlyProperty& property : element.properties) {
@@ -225,6 +280,15 @@ absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
   }
   const bool has_normal = has[kNormalX] && has[kNormalY] && has[kNormalZ];
   const bool has_uv = has[kU] && has[kV];
+  std::vector<const PlyProperty*> skipped;
+  for (size_t i = 0; i < slots.size(); ++i) {
+    const bool is_normal = slots[i] >= kNormalX && slots[i] <= kNormalZ;
+    const bool is_uv = slots[i] == kU || slots[i] == kV;
+    if (slots[i] == kSkipped || (is_normal && !has_normal) || (is_uv && !has_uv)) {
+      skipped.push_back(&element.properties[i]);
+    }
+  }
+  ListSkipped(element, skipped);
   // CheckCount has bounded the count by the file's size; beyond this limit, the vectors grow.
   constexpr uint64_t kReserveMax = uint64_t{1} << 20;
   vertices_.Reserve(std::min(element.count, kReserveMax));
@@ -262,7 +326,8 @@ absl::Status PlyMeshReader::AppendVertex(uint64_t number, const double* values, 
 
 absl::Status PlyMeshReader::CheckMemory() const {
   const uint64_t bytes = vertices_.SizeBytes() + mesh_.normals.size() * sizeof(Vec3f) +
-                         mesh_.uvs.size() * sizeof(Vec2f) + mesh_.indices.size() * sizeof(uint32_t);
+                         mesh_.uvs.size() * sizeof(Vec2f) +
+                         mesh_.indices.size() * sizeof(uint32_t) + continues_.size() / 8;
   if (bytes > limits_.memory_bytes_max) {
     return absl::ResourceExhaustedError(absl::StrCat("the mesh takes more than ",
                                                      FormatMemory(limits_.memory_bytes_max),
@@ -276,28 +341,51 @@ absl::Status PlyMeshReader::CheckMemory() const {
 }
 
 absl::Status PlyMeshReader::ReadFaces(const PlyElement& element) {
-  const auto is_polygon = [](const PlyProperty& property) {
-    return property.is_list &&
-           (property.name == "vertex_indices" || property.name == "vertex_index");
-  };
-  const auto polygon =
-      std::find_if(element.properties.begin(), element.properties.end(), is_polygon);
-  if (polygon == element.properties.end()) {
-    return absl::InvalidArgumentError("the element \"face\" needs the list vertex_indices");
+  return ReadIndices(element, &PlyMeshReader::ReadPolygon);
+}
+
+absl::Status PlyMeshReader::ReadStrips(const PlyElement& element) {
+  return ReadIndices(element, &PlyMeshReader::ReadStrip);
+}
+
+// Reads the list of indices of each row by `read`.
+absl::Status PlyMeshReader::ReadIndices(const PlyElement& element,
+                                        absl::Status (PlyMeshReader::*read)(uint64_t,
+                                                                            const PlyProperty&)) {
+  const PlyProperty* indices = nullptr;
+  std::vector<const PlyProperty*> skipped;
+  for (const PlyProperty& property : element.properties) {
+    const bool is_indices =
+        property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index");
+    if (is_indices && indices == nullptr) {
+      indices = &property;
+    } else {
+      skipped.push_back(&property);
+    }
   }
+  if (indices == nullptr) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the element \"", element.name, "\" needs the list vertex_indices"));
+  }
+  ListSkipped(element, skipped);
   for (uint64_t i = 0; i < element.count; ++i) {
     for (const PlyProperty& property : element.properties) {
-      if (&property == &*polygon) {
-        if (absl::Status status = ReadPolygon(i, property); !status.ok()) return status;
+      if (&property == indices) {
+        if (absl::Status status = (this->*read)(i, property); !status.ok()) return status;
       } else if (!SkipProperty(property)) {
-        return Stopped("face", i);
+        return Stopped(element.name, i);
       }
     }
   }
   return absl::OkStatus();
 }
 
-// Splits the polygon into the fan (0, 1, 2), (0, 2, 3) ...
+void PlyMeshReader::AddTriangle(uint32_t a, uint32_t b, uint32_t c, bool continues) {
+  mesh_.indices.insert(mesh_.indices.end(), {a, b, c});
+  continues_.push_back(continues);
+}
+
+// Adds the fan (0, 1, 2), (0, 2, 3) ..., which CutPolygons may replace: vertices may follow later.
 absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& property) {
   uint64_t count = 0;
   if (!ReadCount(property, &count)) return Stopped("face", face);
@@ -309,17 +397,92 @@ absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& proper
   for (uint64_t i = 0; i < count; ++i) {
     double value = 0;
     if (!ReadScalar(property.type, &value)) return Stopped("face", face);
-    if (!(value >= 0 && value <= 4294967295.0) || value != std::floor(value)) {
+    if (!(value >= 0 && value <= kIndexMax) || value != std::floor(value)) {
       return absl::InvalidArgumentError(
           absl::StrCat("face ", face, ": ", value, " is not the index of a vertex"));
     }
     const auto index = static_cast<uint32_t>(value);
-    if (i >= 2) mesh_.indices.insert(mesh_.indices.end(), {first, previous, index});
+    if (i >= 2) AddTriangle(first, previous, index, i > 2);
     if (i == 0) first = index;
     previous = index;
     if (absl::Status status = CheckMemory(); !status.ok()) return status;
   }
   return absl::OkStatus();
+}
+
+// Every second triangle of a strip turns the other way; -1 (as an unsigned number, the largest)
+// begins a new strip. Source: the files of the Stanford 3D Scanning Repository.
+absl::Status PlyMeshReader::ReadStrip(uint64_t row, const PlyProperty& property) {
+  uint64_t count = 0;
+  if (!ReadCount(property, &count)) return Stopped("tristrips", row);
+  std::array<uint32_t, 2> latest{};
+  uint64_t length = 0;  // Of the strip so far.
+  for (uint64_t i = 0; i < count; ++i) {
+    double value = 0;
+    if (!ReadScalar(property.type, &value)) return Stopped("tristrips", row);
+    if (value == -1 || (property.type == PlyType::kUint32 && value == kIndexMax)) {
+      length = 0;
+      continue;
+    }
+    if (!(value >= 0 && value <= kIndexMax) || value != std::floor(value)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("tristrips ", row, ": ", value, " is not the index of a vertex"));
+    }
+    const auto index = static_cast<uint32_t>(value);
+    // Strips are joined by triangles that have a vertex twice.
+    const bool has_area = latest[0] != latest[1] && index != latest[0] && index != latest[1];
+    if (length >= 2 && has_area) {
+      const bool is_even = length % 2 == 0;
+      AddTriangle(latest[is_even ? 0 : 1], latest[is_even ? 1 : 0], index, false);
+    }
+    latest = {latest[1], index};
+    ++length;
+    if (absl::Status status = CheckMemory(); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+// Cuts polygons of four corners and more that their fans do not cover.
+absl::Status PlyMeshReader::CutPolygons() {
+  PolygonCutter cutter;
+  std::vector<uint32_t> corners, cut;
+  uint64_t crossing_count = 0;
+  for (size_t begin = 0, end = 0; begin < continues_.size(); begin = end) {
+    for (end = begin + 1; end < continues_.size() && continues_[end]; ++end) {
+    }
+    if (end - begin == 1) continue;
+    const auto triangles = mesh_.indices.begin() + static_cast<ptrdiff_t>(3 * begin);
+    corners.assign(triangles, triangles + 2);
+    for (size_t i = begin; i < end; ++i) corners.push_back(mesh_.indices[3 * i + 2]);
+    cut.resize(3 * (end - begin));
+    switch (cutter.Cut(mesh_.positions, corners, cut.data())) {
+      case PolygonCutter::Result::kCut:
+        if (std::equal(cut.begin(), cut.end(), triangles)) break;
+        if (fans_.empty()) fans_ = mesh_.indices;
+        std::copy(cut.begin(), cut.end(), triangles);
+        break;
+      case PolygonCutter::Result::kCrosses:
+        ++crossing_count;
+        break;
+      case PolygonCutter::Result::kTooMany:
+        return absl::ResourceExhaustedError(absl::StrCat(
+            "a face that is not convex has ", corners.size(), " vertices, the limit is ",
+            PolygonCutter::kCornersMax, " (kCornersMax); cut it into smaller ones"));
+    }
+  }
+  if (crossing_count > 0) {
+    skipped_.push_back({0, crossing_count, "",
+                        " faces cross themselves or lie in no plane, and are cut as fans from "
+                        "their first vertex; export the mesh as triangles"});
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<PlyMesh> PlyMeshReader::Take(std::optional<Vec3d> origin) {
+  Vec3d about = origin.value_or(Vec3d{});
+  mesh_.positions = origin.has_value() ? vertices_.TakeAbout(about) : vertices_.Take(&about);
+  if (absl::Status status = CutPolygons(); !status.ok()) return status;
+  return PlyMesh{std::move(mesh_), about, std::move(fans_), std::move(skipped_)};
 }
 
 absl::Status PlyMeshReader::CheckIndices() const {

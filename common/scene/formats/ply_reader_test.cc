@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
 
 namespace sheaf {
 namespace {
@@ -206,6 +207,130 @@ std::vector<BadPly> BadMeshes() {
 }
 INSTANTIATE_TEST_SUITE_P(Diagnostics, BadPlyTest, ::testing::ValuesIn(BadMeshes()),
                          [](const auto& test) { return std::string(test.param.name); });
+
+PlyMesh ReadWhole(const std::string& text) {
+  absl::StatusOr<PlyMesh> read = ReadPly(WriteMesh(text), {});
+  EXPECT_TRUE(read.ok()) << read.status().message();
+  return read.ok() ? *std::move(read) : PlyMesh();
+}
+
+double AreaOf(const TriangleMesh& mesh) {
+  double area = 0;
+  for (size_t i = 0; i < mesh.indices.size(); i += 3) {
+    const Vec3d a = ToDouble(mesh.positions[mesh.indices[i]]);
+    area += 0.5 * Length(Cross(ToDouble(mesh.positions[mesh.indices[i + 1]]) - a,
+                               ToDouble(mesh.positions[mesh.indices[i + 2]]) - a));
+  }
+  return area;
+}
+
+std::vector<std::string> SkippedBy(const PlyMesh& read) {
+  std::vector<std::string> lines;
+  for (const PlySkipped& skipped : read.skipped) {
+    lines.push_back(absl::StrCat(skipped.line, ": ", skipped.before,
+                                 skipped.count > 0 ? absl::StrCat(skipped.count) : "",
+                                 skipped.after));
+  }
+  return lines;
+}
+
+TEST(PlyReaderTest, ConcaveFacesAreCoveredOnce) {
+  // A chevron of area 1, from every corner, with the faces before the vertices too.
+  const std::string corners[] = {"-1 -1 0\n", "0 0 0\n", "1 -1 0\n", "0 1 0\n"};
+  const std::string vertices =
+      "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+  const std::string faces = "element face 1\nproperty list uchar int vertex_indices\n";
+  for (int first = 0; first < 4; ++first) {
+    std::string rows;
+    for (int i = 0; i < 4; ++i) rows += corners[(first + i) % 4];
+    for (const bool is_first : {true, false}) {
+      const PlyMesh read = ReadWhole(
+          absl::StrCat("ply\nformat ascii 1.0\n", is_first ? vertices + faces : faces + vertices,
+                       "end_header\n", is_first ? rows + "4 0 1 2 3\n" : "4 0 1 2 3\n" + rows));
+      EXPECT_EQ(AreaOf(read.mesh), 1) << first;
+      EXPECT_EQ(read.skipped.size(), 0u);
+    }
+  }
+}
+
+TEST(PlyReaderTest, FacesThatCrossThemselvesAreCounted) {
+  const PlyMesh read = ReadWhole(
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n"
+      "0 0 0\n1 1 0\n1 0 0\n0 1 0\n4 0 1 2 3\n4 0 2 1 3\n");
+  EXPECT_EQ(read.mesh.indices.size(), 12u);
+  ASSERT_EQ(read.skipped.size(), 1u);
+  EXPECT_EQ(read.skipped[0].count, 1u);
+  EXPECT_THAT(SkippedBy(read)[0], HasSubstr("1 faces cross themselves or lie in no plane"));
+}
+
+TEST(PlyReaderTest, ReadsTriangleStrips) {
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
+      "property float z\nelement tristrips 1\nproperty list int int vertex_indices\n"
+      "end_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n1 2 0\n";
+  // Two strips; the second has an odd start.
+  PlyMesh read = ReadWhole(head + "9 0 1 2 3 -1 2 3 4 5\n");
+  EXPECT_EQ(read.mesh.indices, (std::vector<uint32_t>{0, 1, 2, 2, 1, 3, 2, 3, 4, 4, 3, 5}));
+  EXPECT_EQ(AreaOf(read.mesh), 2);
+  EXPECT_EQ(read.skipped.size(), 0u);
+  // Joined by triangles without area, which keep the turn.
+  read = ReadWhole(head + "10 0 1 2 3 3 2 2 3 4 5\n");
+  EXPECT_EQ(AreaOf(read.mesh), 2);
+  for (size_t i = 0; i < read.mesh.indices.size(); i += 3) {
+    const auto at = [&](size_t k) {
+      return ToDouble(read.mesh.positions[read.mesh.indices[i + k]]);
+    };
+    EXPECT_GT(Cross(at(1) - at(0), at(2) - at(0)).z, 0) << i;
+  }
+  const std::string unsigned_head = absl::StrReplaceAll(head, {{"int int", "int uint"}});
+  read = ReadWhole(unsigned_head + "9 0 1 2 3 4294967295 2 3 4 5\n");
+  EXPECT_EQ(AreaOf(read.mesh), 2);
+  EXPECT_THAT(std::string(ReadMesh(WriteMesh(head + "3 0 1 -2\n"), {}).status().message()),
+              HasSubstr("tristrips 0: -2 is not the index of a vertex"));
+  EXPECT_THAT(std::string(ReadMesh(WriteMesh(head + "3 0 1 6\n"), {}).status().message()),
+              HasSubstr("triangle 0 uses vertex 6"));
+}
+
+TEST(PlyReaderTest, FacesOfSeveralElementsAreJoined) {
+  const PlyMesh read = ReadWhole(
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 1\nproperty list uchar int vertex_index\n"
+      "element face 1\nproperty list uchar int vertex_index\nend_header\n"
+      "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n");
+  EXPECT_EQ(read.mesh.indices.size(), 6u);
+}
+
+TEST(PlyReaderTest, ListsWhatHasNoEffect) {
+  const PlyMesh read = ReadWhole(
+      "ply\nformat ascii 1.0\ncomment TextureFile wood.png\nelement vertex 3\n"
+      "property float x\nproperty float y\nproperty float z\nproperty float nx\n"
+      "property uchar red\nproperty float s\nelement face 1\n"
+      "property list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+      "element edge 1\nproperty int vertex1\nend_header\n"
+      "0 0 0 1 9 0\n1 0 0 1 9 0\n0 1 0 1 9 0\n3 0 1 2 6 0 0 1 0 0 1\n7\nmore\n");
+  EXPECT_EQ(
+      SkippedBy(read),
+      (std::vector<std::string>{
+          "8: the properties nx, red, s of 3 rows of the element \"vertex\" have no effect",
+          "13: the property texcoord of 1 rows of the element \"face\" has no effect",
+          "14: the element \"edge\" with 1 rows is left out",
+          "3: the comment names the texture \"wood.png\", which has no effect; give it to the "
+          "material as a texture",
+          "0: more follows the last element, and is not read; the counts in the header may be "
+          "wrong"}));
+}
+
+TEST(PlyReaderTest, PointsWithoutFacesAreAWarning) {
+  const PlyMesh read = ReadWhole(
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+      "property float z\nend_header\n0 0 0\n1 0 0\n");
+  ASSERT_EQ(read.skipped.size(), 1u);
+  EXPECT_TRUE(read.skipped[0].is_warning);
+  EXPECT_EQ(SkippedBy(read)[0],
+            "0: there are no faces, only points, and its 2 vertices are not shown; export it with "
+            "faces, or remove the shape");
+}
 
 TEST(PlyReaderTest, ErrorsNameLimits) {
   SceneReaderLimits limits;

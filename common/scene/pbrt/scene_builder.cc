@@ -318,6 +318,7 @@ void SceneBuilder::EndOfScene() {
   FinishMedia();
   FinishPrincipledEmission();
   FinishObjects();
+  shapes_.ReportSkipped();
   textures_.Finish();
   materials_.Finish();
 }

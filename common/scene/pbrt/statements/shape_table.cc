@@ -102,6 +102,7 @@ bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* sh
 std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::string>& names,
                                                      ParameterList& parameters, MeshOrigin* at) {
   std::optional<TriangleMesh> mesh;
+  std::vector<uint32_t> fans;  // Of the first step; kept if there are more.
   for (size_t i = 0; i < names.size(); ++i) {
     const Parameter& parameter =
         *parameters.Find(i == 0 ? std::string("filename") : absl::StrCat("filename", i));
@@ -123,14 +124,18 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
       }
       return std::nullopt;
     }
+    for (const PlySkipped& skipped : read->skipped) {
+      AddSkipped(names[i], parameter.location, skipped);
+    }
     TriangleMesh* step = &read->mesh;
     if (!mesh.has_value()) {
       at->origin = read->origin;
+      if (names.size() > 1) fans = read->FanIndices();
       mesh = std::move(*step);
       mesh->file = names[i];
       continue;
     }
-    if (step->positions.size() != mesh->positions.size() || step->indices != mesh->indices ||
+    if (step->positions.size() != mesh->positions.size() || read->FanIndices() != fans ||
         step->normals.empty() != mesh->normals.empty()) {
       parameters.ErrorAt(
           parameter,
@@ -142,6 +147,36 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
   }
   if (mesh.has_value()) DropEqualSteps(&*mesh);
   return mesh;
+}
+
+void ShapeTable::AddSkipped(const std::string& file, SourceLocation location,
+                            const PlySkipped& skipped) {
+  const auto [entry, is_new] =
+      skipped_.try_emplace(std::pair(skipped.before, skipped.after),
+                           SkippedInFiles{file, location, skipped, /*file_count=*/1});
+  if (is_new) return;
+  entry->second.first.count += skipped.count;
+  ++entry->second.file_count;
+}
+
+void ShapeTable::ReportSkipped() {
+  for (const auto& [text, skipped] : skipped_) {
+    const PlySkipped& first = skipped.first;
+    const std::string line = first.line > 0 ? absl::StrCat(":", first.line) : "";
+    const std::string files = skipped.file_count > 1
+                                  ? absl::StrCat(" (the sum of ", skipped.file_count,
+                                                 " files, of which this is the first)")
+                                  : "";
+    const std::string count = first.count > 0 ? absl::StrCat(first.count) : "";
+    const std::string whole = absl::StrCat("Shape \"plymesh\": ", skipped.file, line, ": ",
+                                           first.before, count, first.after, files);
+    if (first.is_warning) {
+      diagnostics_->Warning(skipped.location, whole);
+    } else {
+      diagnostics_->Note(skipped.location, whole);
+    }
+  }
+  skipped_.clear();
 }
 
 bool ShapeTable::SetPlyMesh(ParameterList& parameters, ShapeDescription* shape) {

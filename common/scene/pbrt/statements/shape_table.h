@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/scene/file_source.h"
+#include "common/scene/formats/ply_reader.h"
 #include "common/scene/pbrt/statements/mesh_parameters.h"
 #include "common/scene/pbrt/statements/texture_table.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
@@ -44,6 +45,10 @@ class ShapeTable {
   // then not needed. Files list curves one by one, in hundreds of thousands.
   bool JoinCurves(const std::vector<int32_t>& earlier, const ShapeDescription& shape);
 
+  // Notes what the files of meshes have that has no effect, once for all files. Call once, after
+  // the last shape.
+  void ReportSkipped();
+
   // Counts memory of the description. False (reported once) beyond memory_bytes_max.
   bool ChargeMemory(uint64_t size_bytes, SourceLocation location);
 
@@ -60,6 +65,7 @@ class ShapeTable {
   // one cannot be read or does not fit the first.
   std::optional<TriangleMesh> ReadPlyFiles(const std::vector<std::string>& names,
                                            ParameterList& parameters, MeshOrigin* at);
+  void AddSkipped(const std::string& file, SourceLocation location, const PlySkipped& skipped);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
   // Reads the shape's parameters that apply to its mesh. False (reported) if they are inconsistent.
   bool FinishMesh(ParameterList& parameters, ShapeDescription* shape, MeshShape mesh);
@@ -80,6 +86,13 @@ class ShapeTable {
   };
   // Keyed by the names of a mesh's files, and whether its origin may move.
   std::map<std::pair<std::vector<std::string>, bool>, FileMesh> mesh_of_files_;
+  struct SkippedInFiles {
+    std::string file;  // The first.
+    SourceLocation location;
+    PlySkipped first;  // With the count of all.
+    uint64_t file_count = 0;
+  };
+  std::map<std::pair<std::string, std::string>, SkippedInFiles> skipped_;  // By its text.
   uint64_t memory_bytes_ = 0;
   uint64_t triangle_count_ = 0;
 };
