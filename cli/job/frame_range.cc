@@ -13,9 +13,11 @@ namespace {
 
 constexpr int32_t kFrameNumberMax = 99'999'999;
 
+// Numbers above kFrameNumberMax become kFrameNumberMax + 1.
 bool ParseNumber(const std::string& text, int32_t* number) {
-  return !text.empty() && text.find_first_not_of("0123456789") == std::string::npos &&
-         absl::SimpleAtoi(text, number) && *number <= kFrameNumberMax;
+  if (text.empty() || text.find_first_not_of("0123456789") != std::string::npos) return false;
+  if (!absl::SimpleAtoi(text, number) || *number > kFrameNumberMax) *number = kFrameNumberMax + 1;
+  return true;
 }
 
 // Adds one item: "A", "A-B" or "A-BxS".
@@ -32,6 +34,11 @@ absl::Status AddItem(const std::string& item, std::set<int32_t>* numbers) {
     return absl::InvalidArgumentError(absl::StrCat(
         "frame range \"", item, "\": expected a number, A-B or A-BxSTEP, as in 1-24 or 1-100x5"));
   }
+  for (const int32_t number : {first, last, step}) {
+    if (number <= kFrameNumberMax) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("frame range \"", item, "\": numbers may be at most ", kFrameNumberMax));
+  }
   if (last < first) {
     return absl::InvalidArgumentError(
         absl::StrCat("frame range \"", item, "\": ends before it begins"));
@@ -42,8 +49,9 @@ absl::Status AddItem(const std::string& item, std::set<int32_t>* numbers) {
   for (int64_t number = first; number <= last; number += step) {
     numbers->insert(static_cast<int32_t>(number));
     if (numbers->size() > kFramesMax) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("frame range \"", item, "\": more than ", kFramesMax, " frames"));
+      return absl::InvalidArgumentError(absl::StrCat("frame range \"", item, "\": more than ",
+                                                     kFramesMax,
+                                                     " frames; submit them as several jobs"));
     }
   }
   return absl::OkStatus();

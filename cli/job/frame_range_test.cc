@@ -9,6 +9,7 @@ namespace sheaf::cli {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 TEST(FrameRangeTest, ReadsNumbersRangesAndSteps) {
   EXPECT_THAT(*ParseFrameRange("7"), ElementsAre(7));
@@ -25,6 +26,16 @@ TEST(FrameRangeTest, RefusesInvalidRanges) {
                            "1x5", "99999999999", "1-99999999"}) {
     EXPECT_EQ(ParseFrameRange(text).status().code(), absl::StatusCode::kInvalidArgument) << text;
   }
+}
+
+TEST(FrameRangeTest, NamesItsLimits) {
+  for (const char* text : {"100000000", "1-99999999999999999999", "5-9x100000000"}) {
+    EXPECT_THAT(std::string(ParseFrameRange(text).status().message()),
+                HasSubstr("numbers may be at most 99999999"))
+        << text;
+  }
+  EXPECT_THAT(std::string(ParseFrameRange("1-100001").status().message()),
+              HasSubstr("more than 100000 frames; submit them as several jobs"));
 }
 
 TEST(FrameRangeTest, PadsFrameNumbersToTheHashes) {

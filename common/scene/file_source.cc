@@ -12,8 +12,14 @@
 namespace sheaf {
 namespace {
 
+// What a backslash between folders becomes: itself, or an escape such as that of a tab.
+constexpr std::string_view kTracesOfBackslashes = "\\\b\f\n\r\t";
+
 absl::Status NotFound(const std::string& name, const std::string& why) {
-  return absl::NotFoundError(absl::StrCat("file \"", name, "\" ", why));
+  const bool has_backslash = name.find_first_of(kTracesOfBackslashes) != std::string::npos;
+  return absl::NotFoundError(absl::StrCat(
+      "file \"", name, "\" ", why,
+      has_backslash ? "; its name is written with a backslash, between folders write /" : ""));
 }
 
 std::string JoinPath(const std::string& directory, const std::string& name) {

@@ -7,6 +7,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
+#include <string_view>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
@@ -19,6 +22,7 @@ constexpr unsigned kReadBufferBytes = 1u << 18, kReadBufferBytesMin = 1u << 12;
 // Deflate compresses by at most 1032:1. Source: zlib technical details, "maximum compression
 // factor".
 constexpr uint64_t kInflateRatioMax = 1032;
+constexpr std::string_view kUtf8Mark = "\xef\xbb\xbf";
 
 }  // namespace
 
@@ -57,7 +61,15 @@ absl::StatusOr<size_t> TextInput::Read(char* into, size_t size) {
     return absl::ResourceExhaustedError("the file is larger than the limit file_bytes_max");
   }
   bytes_left_ -= bytes;
-  return static_cast<size_t>(bytes);
+  if (std::exchange(has_begun_, true)) return static_cast<size_t>(bytes);
+  const std::string_view text(into, bytes);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) {
+    return absl::InvalidArgumentError("the file is text in UTF-16; save it as UTF-8");
+  }
+  if (!text.starts_with(kUtf8Mark)) return static_cast<size_t>(bytes);
+  std::memmove(into, into + kUtf8Mark.size(), bytes - kUtf8Mark.size());
+  return bytes > kUtf8Mark.size() ? static_cast<size_t>(bytes - kUtf8Mark.size())
+                                  : Read(into, size);
 }
 
 }  // namespace sheaf

@@ -27,8 +27,10 @@ class TextInput {
   TextInput(const TextInput&) = delete;
   TextInput& operator=(const TextInput&) = delete;
 
-  // Returns the number of bytes stored in [into, into + size); 0 only at the end of the file.
-  // Errors: kResourceExhausted beyond bytes_max, kDataLoss for a broken or truncated gzip file.
+  // Returns the number of bytes stored in [into, into + size); 0 only at the end of the file. The
+  // byte order mark of UTF-8, which editors put before the first byte, is skipped.
+  // Errors: kResourceExhausted beyond bytes_max, kDataLoss for a broken or truncated gzip file,
+  // kInvalidArgument for text in UTF-16.
   absl::StatusOr<size_t> Read(char* into, size_t size);
 
   // An upper bound on the bytes that the whole file can yield, from its size on disk.
@@ -41,6 +43,7 @@ class TextInput {
   gzFile_s* file_;
   uint64_t size_bytes_bound_;
   uint64_t bytes_left_;
+  bool has_begun_ = false;
 };
 
 }  // namespace sheaf

@@ -7,6 +7,7 @@
 
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include "common/base/file.h"
 #include "common/scene/pbrt/scene_reader.h"
@@ -58,6 +59,13 @@ TEST_P(BadSceneTest, ErrorsHaveLocationAndReason) {
 }
 
 constexpr BadScene kBadScenes[] = {
+    {"Utf16", "\xff\xfeW", "main.pbrt:1:1: the file is text in UTF-16; save it as UTF-8"},
+    {"Backslash", "WorldBegin\nShape \"plymesh\" \"string filename\" \"models\\\\a.ply\"\n",
+     "does not exist (looked for "},
+    {"BackslashIsNamed", "WorldBegin\nShape \"plymesh\" \"string filename\" \"a\\new.ply\"\n",
+     "; its name is written with a backslash, between folders write /"},
+    {"BackslashAsEscape", "WorldBegin\nShape \"plymesh\" \"string filename\" \"a\\ply\"\n",
+     "main.pbrt:2:35: the string holds an unknown escape after \\; between folders write /"},
     {"Empty", "", "main.pbrt:1:1: the scene has no WorldBegin"},
     {"UnknownDirective", "WorldBegin\n  Shapes \"sphere\"\n",
      "main.pbrt:2:3: unknown directive \"Shapes\"; did you mean \"Shape\"?"},
@@ -335,6 +343,44 @@ constexpr BadScene kBadScenes[] = {
 };
 INSTANTIATE_TEST_SUITE_P(Diagnostics, BadSceneTest, ::testing::ValuesIn(kBadScenes),
                          [](const auto& test) { return std::string(test.param.name); });
+
+TEST(SceneNotesTest, ByteOrderMarksAreSkipped) {
+  const std::string directory = ::testing::TempDir() + "sheaf-scene-bom";
+  ASSERT_TRUE(MakeDirectories(directory).ok());
+  WriteFaultyText(directory + "/main.pbrt", "\xef\xbb\xbfWorldBegin\nInclude \"more.pbrt\"\n");
+  WriteFaultyText(directory + "/more.pbrt", "\xef\xbb\xbf");
+  DirectoryFileSource files(directory);
+  EXPECT_TRUE(ReadScene("main.pbrt", files).ok());
+  WriteFaultyText(directory + "/more.pbrt", "\xef\xbb\xbfShap \"sphere\"\n");
+  EXPECT_THAT(std::string(ReadScene("main.pbrt", files).status().message()),
+              HasSubstr("more.pbrt:1:1: unknown directive \"Shap\""));
+}
+
+TEST(SceneNotesTest, WhatMeshFilesHoldWithoutEffectIsNotedOnce) {
+  const std::string directory = ::testing::TempDir() + "sheaf-scene-skipped";
+  ASSERT_TRUE(MakeDirectories(directory).ok());
+  const std::string points =
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+      "property float z\nproperty uchar red\nend_header\n0 0 0 1\n1 0 0 1\n";
+  for (const char* name : {"/a.ply", "/b.ply"}) WriteFaultyText(directory + name, points);
+  WriteFaultyText(directory + "/main.pbrt",
+                  "WorldBegin\nShape \"plymesh\" \"string filename\" \"a.ply\"\n"
+                  "Shape \"plymesh\" \"string filename\" \"b.ply\"\n"
+                  "Shape \"plymesh\" \"string filename\" \"a.ply\"\n");
+  DirectoryFileSource files(directory);
+  const absl::StatusOr<ReadSceneResult> read = ReadScene("main.pbrt", files);
+  ASSERT_TRUE(read.ok()) << read.status();
+  std::vector<std::string> texts;
+  for (const SceneDiagnostic& d : read->diagnostics) texts.push_back(d.text);
+  EXPECT_EQ(
+      texts,
+      (std::vector<std::string>{
+          "main.pbrt:2:17: shape \"plymesh\": a.ply:7: the property red of 4 rows of the "
+          "element \"vertex\" has no effect (the sum of 2 files, of which this is the first)",
+          "main.pbrt:2:17: shape \"plymesh\": a.ply: there are no faces, only points, and its "
+          "4 vertices are not shown; export it with faces, or remove the shape (the sum of 2 "
+          "files, of which this is the first)"}));
+}
 
 TEST(SceneMemoryTest, RefinementRespectsTheMemoryLimit) {
   const std::string directory = ::testing::TempDir() + "sheaf-scene-memory";

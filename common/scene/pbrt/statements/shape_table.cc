@@ -168,7 +168,7 @@ void ShapeTable::ReportSkipped() {
                                                  " files, of which this is the first)")
                                   : "";
     const std::string count = first.count > 0 ? absl::StrCat(first.count) : "";
-    const std::string whole = absl::StrCat("Shape \"plymesh\": ", skipped.file, line, ": ",
+    const std::string whole = absl::StrCat("shape \"plymesh\": ", skipped.file, line, ": ",
                                            first.before, count, first.after, files);
     if (first.is_warning) {
       diagnostics_->Warning(skipped.location, whole);

@@ -163,7 +163,10 @@ Token Tokenizer::ScanString(Token token) {
     escaped = true;
     if (!Fill()) break;
     const char resolved = Unescape(buffer_[position_++]);
-    if (resolved == '\0') return Failed(token, "the string holds an unknown escape after \\");
+    if (resolved == '\0') {
+      return Failed(token,
+                    "the string holds an unknown escape after \\; between folders write / instead");
+    }
     unescaped_.push_back(resolved);
   }
   if (!error_.empty()) return Failed(token, error_);
