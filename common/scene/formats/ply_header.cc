@@ -3,6 +3,8 @@
 #include "common/scene/formats/ply_header.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
@@ -10,6 +12,8 @@
 
 namespace sheaf {
 namespace {
+
+static_assert(std::endian::native == std::endian::little);
 
 constexpr size_t kPlyBufferBytes = size_t{1} << 18;
 constexpr size_t kLineBytesMax = size_t{1} << 14;
@@ -37,6 +41,16 @@ bool TypeFromName(std::string_view name, PlyType* type) {
     return true;
   }
   return false;
+}
+
+template <typename T>
+double LoadScalar(const unsigned char* bytes, bool swap) {
+  std::array<unsigned char, sizeof(T)> ordered;
+  std::memcpy(ordered.data(), bytes, sizeof(T));
+  if (swap) std::reverse(ordered.begin(), ordered.end());
+  T value;
+  std::memcpy(&value, ordered.data(), sizeof(T));
+  return static_cast<double>(value);
 }
 
 std::vector<std::string_view> SplitWords(std::string_view line) {
@@ -119,6 +133,28 @@ size_t PlySizeBytes(PlyType type) {
       return 4;
     case PlyType::kFloat64:
       return 8;
+  }
+  return 0;
+}
+
+double PlyValueOf(PlyType type, const unsigned char* bytes, bool swap) {
+  switch (type) {
+    case PlyType::kInt8:
+      return LoadScalar<int8_t>(bytes, swap);
+    case PlyType::kUint8:
+      return LoadScalar<uint8_t>(bytes, swap);
+    case PlyType::kInt16:
+      return LoadScalar<int16_t>(bytes, swap);
+    case PlyType::kUint16:
+      return LoadScalar<uint16_t>(bytes, swap);
+    case PlyType::kInt32:
+      return LoadScalar<int32_t>(bytes, swap);
+    case PlyType::kUint32:
+      return LoadScalar<uint32_t>(bytes, swap);
+    case PlyType::kFloat32:
+      return LoadScalar<float>(bytes, swap);
+    case PlyType::kFloat64:
+      return LoadScalar<double>(bytes, swap);
   }
   return 0;
 }

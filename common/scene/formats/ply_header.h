@@ -20,6 +20,8 @@ namespace sheaf {
 enum class PlyFormat { kAscii, kLittleEndian, kBigEndian };
 enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
 size_t PlySizeBytes(PlyType type);
+// The value of these bytes; swap: they are of the other byte order.
+double PlyValueOf(PlyType type, const unsigned char* bytes, bool swap);
 
 struct PlyProperty {
   std::string name;

@@ -4,9 +4,7 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <memory>
 #include <utility>
 
@@ -15,14 +13,12 @@
 #include "common/base/check.h"
 #include "common/base/memory_room.h"
 #include "common/scene/formats/number.h"
+#include "common/scene/formats/ply_faces.h"
 #include "common/scene/formats/ply_header.h"
-#include "common/scene/polygon_cut.h"
 #include "common/scene/vertex_rounding.h"
 
 namespace sheaf {
 namespace {
-
-static_assert(std::endian::native == std::endian::little);
 
 constexpr double kIndexMax = 4294967295.0;
 
@@ -45,14 +41,12 @@ Slot SlotOf(const std::string& name) {
   return kSkipped;
 }
 
-template <typename T>
-double LoadScalar(const unsigned char* bytes, bool swap) {
-  std::array<unsigned char, sizeof(T)> ordered;
-  std::memcpy(ordered.data(), bytes, sizeof(T));
-  if (swap) std::reverse(ordered.begin(), ordered.end());
-  T value;
-  std::memcpy(&value, ordered.data(), sizeof(T));
-  return static_cast<double>(value);
+bool IsIndex(double value) {
+  return value >= 0 && value <= kIndexMax && value == std::floor(value);
+}
+absl::Status NoIndex(const char* element, uint64_t row, double value) {
+  return absl::InvalidArgumentError(
+      absl::StrCat(element, " ", row, ": ", value, " is not the index of a vertex"));
 }
 
 // Reads the elements of one file into a mesh.
@@ -77,8 +71,6 @@ class PlyMeshReader {
   absl::Status ReadStrip(uint64_t row, const PlyProperty& property);
   absl::Status ReadIndices(const PlyElement& element,
                            absl::Status (PlyMeshReader::*read)(uint64_t, const PlyProperty&));
-  void AddTriangle(uint32_t a, uint32_t b, uint32_t c, bool continues);
-  absl::Status CutPolygons();
   void ListSkipped(const PlyElement& element, const std::vector<const PlyProperty*>& properties);
   void ListFile();
   absl::Status CheckMemory() const;
@@ -91,12 +83,10 @@ class PlyMeshReader {
   PlyBytes* bytes_;
   const PlyHeader* header_;
   SceneReaderLimits limits_;
-  TriangleMesh mesh_;  // Without positions.
+  TriangleMesh mesh_;  // Without positions and indices.
+  PlyFaces faces_;
   VertexRounding vertices_;
   std::string malformed_;  // Why ReadScalar failed, if the bytes are there but wrong.
-  // Of each triangle: whether it continues the fan of the one before.
-  std::vector<bool> continues_;
-  std::vector<uint32_t> fans_;  // As in PlyMesh.
   std::vector<PlySkipped> skipped_;
   bool has_vertices_ = false;  // The element was read.
 };
@@ -146,7 +136,7 @@ void PlyMeshReader::ListFile() {
                       "\", which has no effect; give it to the material as a texture"),
          ""});
   }
-  if (mesh_.indices.empty()) {
+  if (faces_.indices().empty()) {
     skipped_.push_back({0, vertices_.rounded().size(), "there are no faces, only points, and its ",
                         " vertices are not shown; export it with faces, or remove the shape",
                         true});
@@ -204,40 +194,14 @@ bool PlyMeshReader::ReadScalar(PlyType type, double* value) {
   }
   const unsigned char* bytes = bytes_->ReadBytes(PlySizeBytes(type));
   if (bytes == nullptr) return false;
-  const bool swap = header_->format == PlyFormat::kBigEndian;
-  switch (type) {
-    case PlyType::kInt8:
-      *value = LoadScalar<int8_t>(bytes, swap);
-      break;
-    case PlyType::kUint8:
-      *value = LoadScalar<uint8_t>(bytes, swap);
-      break;
-    case PlyType::kInt16:
-      *value = LoadScalar<int16_t>(bytes, swap);
-      break;
-    case PlyType::kUint16:
-      *value = LoadScalar<uint16_t>(bytes, swap);
-      break;
-    case PlyType::kInt32:
-      *value = LoadScalar<int32_t>(bytes, swap);
-      break;
-    case PlyType::kUint32:
-      *value = LoadScalar<uint32_t>(bytes, swap);
-      break;
-    case PlyType::kFloat32:
-      *value = LoadScalar<float>(bytes, swap);
-      break;
-    case PlyType::kFloat64:
-      *value = LoadScalar<double>(bytes, swap);
-      break;
-  }
+  *value = PlyValueOf(type, bytes, header_->format == PlyFormat::kBigEndian);
   return true;
 }
 
 bool PlyMeshReader::ReadCount(const PlyProperty& property, uint64_t* count) {
   double value = 0;
   if (!ReadScalar(property.count_type, &value)) return false;
-  if (value >= 0 && value <= 4294967295.0 && value == std::floor(value)) {
+  if (IsIndex(value)) {
     *count = static_cast<uint64_t>(value);
     return true;
   }
@@ -326,14 +290,13 @@ absl::Status PlyMeshReader::AppendVertex(uint64_t number, const double* values, 
 
 absl::Status PlyMeshReader::CheckMemory() const {
   const uint64_t bytes = vertices_.SizeBytes() + mesh_.normals.size() * sizeof(Vec3f) +
-                         mesh_.uvs.size() * sizeof(Vec2f) +
-                         mesh_.indices.size() * sizeof(uint32_t) + continues_.size() / 8;
+                         mesh_.uvs.size() * sizeof(Vec2f) + faces_.SizeBytes();
   if (bytes > limits_.memory_bytes_max) {
     return absl::ResourceExhaustedError(absl::StrCat("the mesh takes more than ",
                                                      FormatMemory(limits_.memory_bytes_max),
                                                      ", which is ", limits_.memory_limit));
   }
-  if (mesh_.indices.size() / 3 > limits_.triangles_max) {
+  if (faces_.indices().size() / 3 > limits_.triangles_max) {
     return absl::ResourceExhaustedError(absl::StrCat(
         "the mesh exceeds the limit of ", limits_.triangles_max, " triangles (triangles_max)"));
   }
@@ -380,12 +343,6 @@ absl::Status PlyMeshReader::ReadIndices(const PlyElement& element,
   return absl::OkStatus();
 }
 
-void PlyMeshReader::AddTriangle(uint32_t a, uint32_t b, uint32_t c, bool continues) {
-  mesh_.indices.insert(mesh_.indices.end(), {a, b, c});
-  continues_.push_back(continues);
-}
-
-// Adds the fan (0, 1, 2), (0, 2, 3) ..., which CutPolygons may replace: vertices may follow later.
 absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& property) {
   uint64_t count = 0;
   if (!ReadCount(property, &count)) return Stopped("face", face);
@@ -393,105 +350,62 @@ absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& proper
     return absl::InvalidArgumentError(
         absl::StrCat("face ", face, " has ", count, " vertices; a face needs at least 3"));
   }
-  uint32_t first = 0, previous = 0;
+  faces_.BeginPolygon();
   for (uint64_t i = 0; i < count; ++i) {
     double value = 0;
     if (!ReadScalar(property.type, &value)) return Stopped("face", face);
-    if (!(value >= 0 && value <= kIndexMax) || value != std::floor(value)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("face ", face, ": ", value, " is not the index of a vertex"));
-    }
-    const auto index = static_cast<uint32_t>(value);
-    if (i >= 2) AddTriangle(first, previous, index, i > 2);
-    if (i == 0) first = index;
-    previous = index;
+    if (!IsIndex(value)) return NoIndex("face", face, value);
+    faces_.AddToPolygon(static_cast<uint32_t>(value));
     if (absl::Status status = CheckMemory(); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
-// Every second triangle of a strip turns the other way; -1 (as an unsigned number, the largest)
-// begins a new strip. Source: the files of the Stanford 3D Scanning Repository.
+// -1, or as an unsigned number the largest, begins a new strip.
 absl::Status PlyMeshReader::ReadStrip(uint64_t row, const PlyProperty& property) {
   uint64_t count = 0;
   if (!ReadCount(property, &count)) return Stopped("tristrips", row);
-  std::array<uint32_t, 2> latest{};
-  uint64_t length = 0;  // Of the strip so far.
+  faces_.BeginStrip();
   for (uint64_t i = 0; i < count; ++i) {
     double value = 0;
     if (!ReadScalar(property.type, &value)) return Stopped("tristrips", row);
     if (value == -1 || (property.type == PlyType::kUint32 && value == kIndexMax)) {
-      length = 0;
+      faces_.BeginStrip();
       continue;
     }
-    if (!(value >= 0 && value <= kIndexMax) || value != std::floor(value)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("tristrips ", row, ": ", value, " is not the index of a vertex"));
-    }
-    const auto index = static_cast<uint32_t>(value);
-    // Strips are joined by triangles that have a vertex twice.
-    const bool has_area = latest[0] != latest[1] && index != latest[0] && index != latest[1];
-    if (length >= 2 && has_area) {
-      const bool is_even = length % 2 == 0;
-      AddTriangle(latest[is_even ? 0 : 1], latest[is_even ? 1 : 0], index, false);
-    }
-    latest = {latest[1], index};
-    ++length;
+    if (!IsIndex(value)) return NoIndex("tristrips", row, value);
+    faces_.AddToStrip(static_cast<uint32_t>(value));
     if (absl::Status status = CheckMemory(); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
-// Cuts polygons of four corners and more that their fans do not cover.
-absl::Status PlyMeshReader::CutPolygons() {
-  PolygonCutter cutter;
-  std::vector<uint32_t> corners, cut;
+absl::StatusOr<PlyMesh> PlyMeshReader::Take(std::optional<Vec3d> origin) {
+  PlyMesh result{std::move(mesh_), origin.value_or(Vec3d{}), {}, {}};
+  result.mesh.positions =
+      origin.has_value() ? vertices_.TakeAbout(*origin) : vertices_.Take(&result.origin);
   uint64_t crossing_count = 0;
-  for (size_t begin = 0, end = 0; begin < continues_.size(); begin = end) {
-    for (end = begin + 1; end < continues_.size() && continues_[end]; ++end) {
-    }
-    if (end - begin == 1) continue;
-    const auto triangles = mesh_.indices.begin() + static_cast<ptrdiff_t>(3 * begin);
-    corners.assign(triangles, triangles + 2);
-    for (size_t i = begin; i < end; ++i) corners.push_back(mesh_.indices[3 * i + 2]);
-    cut.resize(3 * (end - begin));
-    switch (cutter.Cut(mesh_.positions, corners, cut.data())) {
-      case PolygonCutter::Result::kCut:
-        if (std::equal(cut.begin(), cut.end(), triangles)) break;
-        if (fans_.empty()) fans_ = mesh_.indices;
-        std::copy(cut.begin(), cut.end(), triangles);
-        break;
-      case PolygonCutter::Result::kCrosses:
-        ++crossing_count;
-        break;
-      case PolygonCutter::Result::kTooMany:
-        return absl::ResourceExhaustedError(absl::StrCat(
-            "a face that is not convex has ", corners.size(), " vertices, the limit is ",
-            PolygonCutter::kCornersMax, " (kCornersMax); cut it into smaller ones"));
-    }
+  if (absl::Status status = faces_.Cut(result.mesh.positions, &crossing_count); !status.ok()) {
+    return status;
   }
   if (crossing_count > 0) {
     skipped_.push_back({0, crossing_count, "",
                         " faces cross themselves or lie in no plane, and are cut as fans from "
                         "their first vertex; export the mesh as triangles"});
   }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<PlyMesh> PlyMeshReader::Take(std::optional<Vec3d> origin) {
-  Vec3d about = origin.value_or(Vec3d{});
-  mesh_.positions = origin.has_value() ? vertices_.TakeAbout(about) : vertices_.Take(&about);
-  if (absl::Status status = CutPolygons(); !status.ok()) return status;
-  return PlyMesh{std::move(mesh_), about, std::move(fans_), std::move(skipped_)};
+  result.mesh.indices = faces_.TakeIndices();
+  result.fans = faces_.TakeFans();
+  result.skipped = std::move(skipped_);
+  return result;
 }
 
 absl::Status PlyMeshReader::CheckIndices() const {
   const size_t count = vertices_.rounded().size();
-  for (size_t i = 0; i < mesh_.indices.size(); ++i) {
-    if (mesh_.indices[i] < count) continue;
+  for (size_t i = 0; i < faces_.indices().size(); ++i) {
+    if (faces_.indices()[i] < count) continue;
     return absl::InvalidArgumentError(absl::StrCat("triangle ", i / 3, " uses vertex ",
-                                                   mesh_.indices[i], ", but there are only ", count,
-                                                   " vertices"));
+                                                   faces_.indices()[i], ", but there are only ",
+                                                   count, " vertices"));
   }
   return absl::OkStatus();
 }
