@@ -61,9 +61,14 @@ struct VolumeFileMedium {
   std::string file;         // Canonical name for FileSource.
   bool is_openvdb = false;  // .vdb; otherwise .nvdb.
   TemperatureEmission emission;
+  // The grid of densities, by its name, which may be empty. Source of the default: pbrt-v4.
+  std::string density_grid = "density";
+  // The grid of temperatures. Not given: kTemperatureGrid, if the file has it.
+  std::optional<std::string> temperature_grid;
   // The grid of velocities. Empty: the medium is at rest.
   std::string velocity_grid;
 };
+inline constexpr char kTemperatureGrid[] = "temperature";  // Source: pbrt-v4.
 // Value of velocity_grid: the first of kVelocityGridNames that the file has.
 inline constexpr char kAnyVelocityGrid[] = "auto";
 inline constexpr std::array<const char*, 3> kVelocityGridNames{"velocity", "vel", "v"};

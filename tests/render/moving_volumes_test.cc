@@ -330,6 +330,33 @@ TEST_F(MovingFilesTest, VelocitiesAreIgnoredByDefault) {
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, SquareSettings(4, 1, 1)).traits, Trait::kMovingVolumes));
 }
 
+TEST_F(MovingFilesTest, GridsAreChosenByName) {
+  GridToWrite smoke = Density(), unnamed = Density(), other = Density();
+  smoke.name = "smoke";
+  unnamed.name = "";
+  other.value = [](const Voxel&) { return 9.0f; };
+  const FrameSettings settings = SquareSettings(16, 4, 4);
+  const auto render = [&](const std::string& bytes, const std::string& name) {
+    PuffScene t = FileScene(bytes, "");
+    std::get<VolumeFileMedium>(t.medium().kind).density_grid = name;
+    const auto scene = CompileScene(t.scene, settings, files_, {});
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    return RenderAll(**scene);
+  };
+  const auto expected = render(VdbFile({Density()}, {}), "density");
+  EXPECT_TRUE(render(VdbFile({other, smoke}, {}), "smoke") == expected);
+  EXPECT_TRUE(render(VdbFile({other, unnamed}, {}), "") == expected);
+  EXPECT_TRUE(render(NvdbFile({other, smoke}, NvdbCodec::kNone), "smoke") == expected);
+  EXPECT_TRUE(render(NvdbFile({other, unnamed}, NvdbCodec::kNone), "") == expected);
+  PuffScene lacking = FileScene(VdbFile({other}, {}), "");
+  std::get<VolumeFileMedium>(lacking.medium().kind).density_grid = "smoke";
+  EXPECT_THAT(Message(lacking), HasSubstr("no grid \"smoke\"; there are: \"density\""));
+  PuffScene cold = FileScene(VdbFile({other}, {}), "");
+  cold.medium().emits = true;
+  std::get<VolumeFileMedium>(cold.medium().kind).temperature_grid = "heat";
+  EXPECT_THAT(Message(cold), HasSubstr("no grid \"heat\"; there are: \"density\""));
+}
+
 TEST_F(MovingFilesTest, ZeroVelocitiesMoveNothing) {
   const std::string bytes = VdbFile({Density(), Velocities("v", Nothing)}, {});
   const FrameSettings settings = SquareSettings(16, 16, 16);

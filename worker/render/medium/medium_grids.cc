@@ -17,16 +17,14 @@
 namespace sheaf::render {
 namespace {
 
-// Names of the grid of densities in a file, and of the optional grid of temperatures. Source:
-// pbrt-v4.
 constexpr char kDensityGrid[] = "density";
-constexpr char kTemperatureGrid[] = "temperature";
 
-// Returns the named grid of the medium's file; none if it is missing.
-absl::StatusOr<std::optional<VolumeGrid>> ReadGrid(const std::string& where,
-                                                   const VolumeFileMedium& volume,
-                                                   const std::string& name, FileSource& files,
-                                                   int thread_count) {
+// Returns the temperatures of the medium's file; none if the scene does not name them, and the file
+// has none.
+absl::StatusOr<std::optional<VolumeGrid>> ReadTemperatures(const std::string& where,
+                                                           const VolumeFileMedium& volume,
+                                                           FileSource& files, int thread_count) {
+  const std::string name = volume.temperature_grid.value_or(kTemperatureGrid);
   const auto path = files.LocalPath(volume.file);
   if (!path.ok()) return path.status();
   const std::string file = absl::StrCat(where, ": ", volume.file);
@@ -34,7 +32,8 @@ absl::StatusOr<std::optional<VolumeGrid>> ReadGrid(const std::string& where,
   if (!entries.ok()) return entries.status();
   const bool is_there = std::any_of(entries->begin(), entries->end(),
                                     [&](const VolumeFileEntry& e) { return e.name == name; });
-  if (!is_there) return std::optional<VolumeGrid>();
+  // If a grid that the scene names is missing, the error lists the available ones.
+  if (!is_there && !volume.temperature_grid) return std::optional<VolumeGrid>();
   auto grid = ReadVolumeGrid(file, *path, name, {}, thread_count);
   if (!grid.ok()) return grid.status();
   return std::optional<VolumeGrid>(*std::move(grid));
@@ -56,7 +55,7 @@ absl::StatusOr<VolumeGrid> DensityGrid(const std::string& where,
   const auto path = files.LocalPath(volume.file);
   if (!path.ok()) return path.status();
   // If the grid is missing, the error lists the available ones.
-  return ReadVolumeGrid(absl::StrCat(where, ": ", volume.file), *path, kDensityGrid, {},
+  return ReadVolumeGrid(absl::StrCat(where, ": ", volume.file), *path, volume.density_grid, {},
                         thread_count);
 }
 
@@ -148,12 +147,12 @@ absl::StatusOr<std::unique_ptr<const MediumEmission>> MediumTable::MakeEmission(
   auto medium_emission = std::make_unique<MediumEmission>(
       placement, description.radiance, description.radiance_scale, options.spectral);
   if (const auto* volume = std::get_if<VolumeFileMedium>(&description.kind)) {
-    auto grid = ReadGrid(where, *volume, kTemperatureGrid, files, options.thread_count);
+    auto grid = ReadTemperatures(where, *volume, files, options.thread_count);
     if (!grid.ok()) return grid.status();
     if (!*grid) return nullptr;
     if ((*grid)->is_vector()) {
       return absl::InvalidArgumentError(absl::StrCat(
-          where, ": ", volume->file, ": grid \"", kTemperatureGrid,
+          where, ": ", volume->file, ": grid \"", (*grid)->info().name,
           "\" holds vectors, but temperatures are numbers; write it as a grid of floats"));
     }
     medium_emission->SetTemperatures(**std::move(grid), volume->emission);

@@ -48,7 +48,9 @@ TEST(MemoryEstimateTest, CountsVolumes) {
   scene.media[0].kind = grid;
   EXPECT_EQ(EstimateMemory(scene, files).volume_bytes, uint64_t{4} << 20);
   EXPECT_THAT(FormatMemoryEstimate(EstimateMemory(scene, files)), HasSubstr("volumes 4 MiB"));
-  scene.media[0].kind = VolumeFileMedium{"gone.nvdb", false, {}, ""};
+  VolumeFileMedium volume;
+  volume.file = "gone.nvdb";
+  scene.media[0].kind = volume;
   EXPECT_EQ(EstimateMemory(scene, files).volume_bytes, 0u);
 }
 

@@ -239,6 +239,10 @@ void SetVolumeFile(ParameterList& parameters, FileSource& files, MediumDescripti
   }
   GetRadianceScale(parameters, medium);
   volume.emission = GetTemperatureEmission(parameters);
+  volume.density_grid = parameters.GetString("gridname", volume.density_grid);
+  if (parameters.Has("temperaturename")) {
+    volume.temperature_grid = parameters.GetString("temperaturename", kTemperatureGrid);
+  }
   volume.velocity_grid = parameters.GetString("velocity", "");
   if (volume.velocity_grid.empty() && parameters.Has("velocity")) {
     parameters.ErrorAt(*parameters.Find("velocity"),

@@ -162,6 +162,22 @@ TEST_F(MediumReaderTest, VelocitiesAreReadOnRequest) {
                                            "has no effect: it is 0 in all cells"));
 }
 
+TEST_F(MediumReaderTest, GridsOfFilesAreChosenByName) {
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nMakeNamedMedium \"a\" \"string type\" \"nanovdb\" \"string filename\" "
+      "\"smoke.nvdb\"\n"
+      "MakeNamedMedium \"b\" \"string type\" \"openvdb\" \"string filename\" \"fire.VDB\" "
+      "\"string gridname\" \"\" \"string temperaturename\" \"heat\"\n"
+      "MediumInterface \"a\" \"b\"\n");
+  ASSERT_EQ(scene.media.size(), 2u);
+  const auto& plain = std::get<VolumeFileMedium>(scene.media[0].kind);
+  EXPECT_EQ(plain.density_grid, "density");
+  EXPECT_FALSE(plain.temperature_grid.has_value());
+  const auto& named = std::get<VolumeFileMedium>(scene.media[1].kind);
+  EXPECT_EQ(named.density_grid, "");
+  EXPECT_EQ(named.temperature_grid, "heat");
+}
+
 TEST_F(MediumReaderTest, InvalidVelocitiesAreRefusedWithTheirLocation) {
   const auto message = [this](const std::string& parameters) {
     const absl::StatusOr<ReadSceneResult> result =
