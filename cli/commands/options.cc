@@ -139,9 +139,11 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
       ->capture_default_str();
   command
       ->add_option("--environment", gltf->environment,
-                   "Image of what surrounds the scene: equirectangular, .exr or .hdr (default: "
-                   "none; a dim white one if the scene has no light)")
-      ->check(CLI::ExistingFile);
+                   "Image of what surrounds the scene: equirectangular, .exr or .hdr; or none "
+                   "(default: a dim white one if the file has no lights)")
+      ->check([](const std::string& name) {
+        return name == GltfView::kNoEnvironment ? "" : CLI::ExistingFile(name);
+      });
   command->add_option_function<std::string>(
       "--size", [gltf](const std::string& text) { ParseSize(text, gltf); },
       "Size of the image, WIDTHxHEIGHT (default: 720 high, as wide as the camera says)");

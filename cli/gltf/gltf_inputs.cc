@@ -89,7 +89,9 @@ absl::Status GltfInputs::Add(const std::string& main_file, int32_t frame_number,
                      "--size are for glTF scenes; this one says all of it itself"));
   }
   GltfView view = ViewOf(arguments_, frame_number);
-  if (!arguments_.environment.empty()) {
+  if (arguments_.environment == GltfView::kNoEnvironment) {
+    view.environment = arguments_.environment;
+  } else if (!arguments_.environment.empty()) {
     const MutexLock lock(&mutex_);
     if (!environment_) environment_ = EqualAreaEnvironment(arguments_.environment);
     if (!environment_->ok()) return environment_->status();

@@ -20,8 +20,10 @@ namespace sheaf::cli {
 
 // The flags for glTF scenes; those of pbrt-v4 say all of this themselves.
 struct GltfArguments {
-  std::string camera, animation;        // Names; empty: the file's first.
-  std::string environment;              // Path of an equirectangular image; empty: none.
+  std::string camera, animation;  // Names; empty: the file's first.
+  // Path of an equirectangular image, or GltfView::kNoEnvironment. Empty: a white one if the file
+  // has no lights.
+  std::string environment;
   double fps = 24;                      // Frame N is at (N - 1) / fps seconds.
   double shutter = 0.5;                 // How long it is open, in frames.
   int32_t width_px = 0, height_px = 0;  // 0: by the camera.

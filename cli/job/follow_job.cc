@@ -96,11 +96,12 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
                            " values beyond the range of 16-bit floats are cut at 65504; "
                            "--exr-type float keeps them"));
   }
+  const bool is_black = IsBlack(*image);
   PrintInfo(absl::StrCat(FormatImageSummary(frame, paths),
-                         IsBlack(*image)
-                             ? "; every pixel is black: no light of the scene reaches the "
-                               "camera (sheaf plan lists the lights)"
-                             : ""));
+                         is_black ? "; every pixel is black: no light of the scene reaches the "
+                                    "camera (sheaf plan lists the lights)"
+                                  : "",
+                         is_black ? delivery.black_advice : ""));
   return denoised;
 }
 
@@ -110,6 +111,9 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const Prepa
                                       ViewTransform view) {
   Delivery delivery{OutputPaths(arguments, job), std::move(view), arguments.format, "",
                     arguments.denoise_with};
+  if (IsGltfName(arguments.scene)) {
+    delivery.black_advice = "; --environment names an image of what surrounds a glTF scene";
+  }
   std::vector<std::string> outputs;
   for (const ImagePaths& paths : delivery.paths) {
     outputs.insert(outputs.end(), {paths.exr, paths.png});

@@ -33,7 +33,9 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
   }
   absl::StatusOr<ReadSceneResult> read = ReadSceneByName(main_file, *files, limits);
   if (!read.ok()) return read.status();
-  if (std::string black = WhyBlack(read->scene); !black.empty()) {
+  if (std::string black =
+          WhyBlack(read->scene, IsGltfName(main_file) ? SceneFormat::kGltf : SceneFormat::kPbrt);
+      !black.empty()) {
     read->diagnostics.push_back({SceneDiagnostic::Severity::kWarning, std::move(black)});
   }
   return SceneFile{std::move(files), *std::move(read)};

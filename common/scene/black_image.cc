@@ -27,12 +27,18 @@ bool HasEmissiveShapes(const SceneDescription& scene) {
 
 }  // namespace
 
-std::string WhyBlack(const SceneDescription& scene) {
+std::string WhyBlack(const SceneDescription& scene, SceneFormat format) {
   const std::string place = scene.files.empty() ? "" : absl::StrCat(scene.files.front(), ": ");
   const bool is_empty =
       scene.world_shapes.empty() && scene.instances.empty() && scene.camera.medium == kNone;
   const bool has_light =
       !scene.lights.empty() || HasEmissiveShapes(scene) || std::ranges::any_of(scene.media, Emits);
+  const bool has_sky = std::ranges::any_of(scene.lights, IsSky);
+  if (format == SceneFormat::kGltf && (!has_light || (is_empty && !has_sky))) {
+    return absl::StrCat(place, is_empty ? "no mesh is shown" : "nothing in the file emits light",
+                        ", so the image will be black; name an image of what surrounds the scene "
+                        "by --environment, or leave out --environment none");
+  }
   if (!has_light) {
     return absl::StrCat(place, is_empty ? "the scene is empty" : "nothing in the scene emits light",
                         ", so the image will be black; add after WorldBegin ",
@@ -40,7 +46,7 @@ std::string WhyBlack(const SceneDescription& scene) {
                         "a light, for example LightSource \"infinite\", or AreaLightSource "
                         "\"diffuse\" before a Shape");
   }
-  if (!is_empty || std::ranges::any_of(scene.lights, IsSky)) return "";
+  if (!is_empty || has_sky) return "";
   return absl::StrCat(place,
                       "the scene has no shapes, and its lights are not visible themselves, so the "
                       "image will be black; add a Shape after WorldBegin");

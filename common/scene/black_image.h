@@ -10,8 +10,10 @@
 
 namespace sheaf {
 
+enum class SceneFormat { kPbrt, kGltf };
+
 // The reason why every pixel is black, and what to add, as a diagnostic's text. Empty if light may
 // reach the camera.
-std::string WhyBlack(const SceneDescription& scene);
+std::string WhyBlack(const SceneDescription& scene, SceneFormat format = SceneFormat::kPbrt);
 
 }  // namespace sheaf

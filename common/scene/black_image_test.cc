@@ -31,6 +31,18 @@ constexpr char kVolumeEmission[] =
     "MakeNamedMedium \"fire\" \"string type\" \"homogeneous\" \"rgb Le\" [1 1 1]\n"
     "MediumInterface \"fire\" \"\"\nMaterial \"interface\"\nShape \"sphere\"\n";
 
+TEST(BlackImageTest, AdvisesByTheFormat) {
+  SceneDescription scene;
+  scene.files = {"room.glb"};
+  EXPECT_EQ(WhyBlack(scene, SceneFormat::kGltf),
+            "room.glb: no mesh is shown, so the image will be black; name an image of what "
+            "surrounds the scene by --environment, or leave out --environment none");
+  scene.world_shapes = {0};
+  scene.shapes.resize(1);
+  EXPECT_THAT(WhyBlack(scene, SceneFormat::kGltf),
+              AllOf(HasSubstr("nothing in the file emits light"), HasSubstr("--environment")));
+}
+
 TEST(BlackImageTest, ReportsWhatIsMissing) {
   EXPECT_THAT(WhyBlackOf(""), AllOf(StartsWith("room.pbrt: the scene is empty, "),
                                     HasSubstr("add after WorldBegin a Shape and a light")));

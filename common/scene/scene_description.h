@@ -181,6 +181,12 @@ struct LightScale {
   float power_w = -1;
 };
 
+// How the image of an area light lies on its surface; by default as in pbrt-v4.
+struct EmissionPlacement {
+  UvMapping mapping;                                                       // Of kind kUv.
+  TextureWrap wrap_u = TextureWrap::kClamp, wrap_v = TextureWrap::kClamp;  // Or kRepeat, kMirror.
+  bool is_nearest = false;  // Texels are not interpolated.
+};
 struct AreaLightDescription {
   ColorSpec radiance;  // Used where file is empty.
   LightScale scale;
@@ -188,6 +194,8 @@ struct AreaLightDescription {
   SourceLocation location;
   std::string group = kDefaultLightGroup;
   std::string file;  // Image of the emitted radiance, over uv.
+  EmissionPlacement placement;
+  Rgb tint = Rgb::Gray(1);  // Multiplies the image.
 };
 struct InfiniteLight {
   ColorSpec radiance;         // Used where file is empty.

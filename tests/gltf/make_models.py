@@ -144,6 +144,29 @@ def _(file):
     file.node(mesh=sphere(file, {"emissiveFactor": [2, 2, 2], "emissiveTexture": {"index": image}}))
 
 
+REPEAT, MIRROR = 10497, 33648
+
+
+def tiled_emission(first, wrap):
+    """A square that emits one tile of its image, the one from uv `first` on."""
+    def build(file):
+        sampler = file.add("samplers", {"wrapS": wrap, "wrapT": wrap})
+        image = file.texture(png(8, 8, checks), sampler=sampler)
+        last = first + 1
+        uvs = file.accessor([first, last, last, last, last, first, first, first], "VEC2")
+        mesh = square(file, material=file.add("materials", {
+            "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0},
+            "emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": image}}))
+        file.json["meshes"][mesh]["primitives"][0]["attributes"]["TEXCOORD_0"] = uvs
+        file.node(mesh=mesh)
+    return build
+
+
+model("emission-tile.glb")(tiled_emission(0, REPEAT))
+model("emission-repeat.glb")(tiled_emission(3, REPEAT))
+model("emission-mirror.glb")(tiled_emission(-2, MIRROR))
+
+
 @model("other-uv.glb", "uses TEXCOORD_1")
 def _(file):
     image = file.texture(png(8, 8, checks))

@@ -64,6 +64,20 @@ class ModelsTest(unittest.TestCase):
         self.assertEqual(code, 0, text)
         self.assertTrue(os.path.exists(self.path("t.exr")))
 
+    def test_emission_is_tiled(self):
+        """Regression: emission was clamped to the edges of its image, whatever the sampler said."""
+        def render(name):
+            exr = self.path(name + ".exr")
+            code, text = sheaf("render", self.path(name + ".glb"), *SMALL, "--environment", "none",
+                               "-o", exr)
+            self.assertEqual(code, 0, text)
+            return exr
+        tile = render("emission-tile")
+        for name in ("emission-repeat", "emission-mirror"):
+            with self.subTest(name):
+                code, text = sheaf("compare", tile, render(name), "--tolerance", "1e-6")
+                self.assertEqual(code, 0, text)
+
     def test_frames_are_times(self):
         code, text = sheaf("render", self.path("animation.glb"), *SMALL, "--fps", "4", "--frames",
                            "1,3", "-o", self.path("a.####.exr"))

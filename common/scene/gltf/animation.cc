@@ -31,8 +31,8 @@ bool Overlap(const std::set<Target>& a, const std::set<Target>& b) {
 }  // namespace
 
 Animations::Animations(const tinygltf::Model& model, const std::string& name, Accessors* accessors,
-                       Diagnostics* diagnostics)
-    : model_(&model), accessors_(accessors), diagnostics_(diagnostics) {
+                       SkippedParts* skipped, Diagnostics* diagnostics)
+    : model_(&model), accessors_(accessors), skipped_(skipped), diagnostics_(diagnostics) {
   std::set<Target> taken;
   std::vector<std::string> names;
   bool found = name.empty();
@@ -44,9 +44,9 @@ Animations::Animations(const tinygltf::Model& model, const std::string& name, Ac
     const std::set<Target> targets = TargetsOf(animation);
     if (Overlap(targets, taken)) {
       if (name.empty()) {
-        diagnostics->Note(kFile, absl::StrCat(what,
-                                              " moves what an earlier one moves, and is left "
-                                              "out; choose it by --animation"));
+        skipped->Add(what,
+                     "it moves what an earlier one moves, and is left out; choose it by "
+                     "--animation");
       }
       continue;
     }
@@ -66,9 +66,7 @@ Animations::Animations(const tinygltf::Model& model, const std::string& name, Ac
 bool Animations::Add(const tinygltf::Animation& animation, const tinygltf::AnimationChannel& source,
                      const std::string& what) {
   if (source.target_node < 0) {
-    diagnostics_->Note(kFile, absl::StrCat(what,
-                                           " moves things other than nodes, which Sheaf "
-                                           "leaves as they are"));
+    skipped_->Add(what, "what it moves other than nodes stays as it is");
     return true;
   }
   Channel channel;
@@ -83,8 +81,7 @@ bool Animations::Add(const tinygltf::Animation& animation, const tinygltf::Anima
     channel.path = Path::kWeights;
     channel.width = 0;  // The number of weights follows from the number of values.
   } else {
-    diagnostics_->Note(kFile, absl::StrCat(what, " moves \"", source.target_path,
-                                           "\", which Sheaf leaves as it is"));
+    skipped_->Add(what, absl::StrCat("\"", source.target_path, "\" of nodes stays as it is"));
     return true;
   }
   if (!HasIndex(model_->nodes, source.target_node) ||

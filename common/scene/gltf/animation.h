@@ -11,6 +11,7 @@
 
 #include "common/scene/gltf/accessors.h"
 #include "common/scene/gltf/node_tree.h"
+#include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 
 namespace sheaf::gltf {
@@ -20,7 +21,7 @@ class Animations {
   // Reads the animation of this name, or the first with those after it that move other things; says
   // in notes which are left out. Errors are reported. model must outlive this.
   Animations(const tinygltf::Model& model, const std::string& name, Accessors* accessors,
-             Diagnostics* diagnostics);
+             SkippedParts* skipped, Diagnostics* diagnostics);
 
   bool IsEmpty() const { return channels_.empty(); }
   // The poses with those values replaced that move. Before its first key and after its last one a
@@ -47,6 +48,7 @@ class Animations {
 
   const tinygltf::Model* model_;
   Accessors* accessors_;
+  SkippedParts* skipped_;
   Diagnostics* diagnostics_;
   std::vector<Channel> channels_;
 };

@@ -166,8 +166,13 @@ absl::Status CheckCounts(const std::string& main_file, const tinygltf::Model& mo
   return absl::OkStatus();
 }
 
-absl::Status Parse(Access* access, const std::string& bytes, bool is_binary,
-                   tinygltf::Model* model) {
+std::string OneLine(std::string text) {
+  absl::StripTrailingAsciiWhitespace(&text);
+  return Printable(absl::StrReplaceAll(text, {{"\n", "; "}}), 500);
+}
+
+absl::Status Parse(Access* access, const std::string& bytes, bool is_binary, tinygltf::Model* model,
+                   std::string* its_warning) {
   tinygltf::TinyGLTF parser;
   tinygltf::FsCallbacks callbacks{};
   callbacks.FileExists = [](const std::string&, void*) { return true; };
@@ -193,12 +198,10 @@ absl::Status Parse(Access* access, const std::string& bytes, bool is_binary,
     error = exception.what();
     ok = false;
   }
+  *its_warning = OneLine(warning);
   if (!access->status.ok()) return Annotate(access->status, access->main_file);
   if (ok) return CheckCounts(access->main_file, *model);
-  absl::StripTrailingAsciiWhitespace(&error);
-  return BadFile(access->main_file,
-                 absl::StrCat("is not valid glTF: ",
-                              Printable(absl::StrReplaceAll(error, {{"\n", "; "}}), 500)));
+  return BadFile(access->main_file, absl::StrCat("is not valid glTF: ", OneLine(error)));
 }
 
 }  // namespace
@@ -220,7 +223,8 @@ std::string NameOfUri(const std::string& main_file, std::string_view uri) {
 
 absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string& main_file,
                                                               FileSource& files,
-                                                              const SceneReaderLimits& limits) {
+                                                              const SceneReaderLimits& limits,
+                                                              std::string* warning) {
   const absl::StatusOr<std::string> path = files.LocalPath(main_file);
   if (!path.ok()) return path.status();
   // The parser counts in 32 bits.
@@ -239,7 +243,7 @@ absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string&
   if (absl::Status status = CheckCodecs(main_file, json); !status.ok()) return status;
   auto model = std::make_unique<tinygltf::Model>();
   Access access{main_file, &files, bytes_max, absl::OkStatus()};
-  if (absl::Status status = Parse(&access, *bytes, is_binary, model.get()); !status.ok()) {
+  if (absl::Status status = Parse(&access, *bytes, is_binary, model.get(), warning); !status.ok()) {
     return status;
   }
   return model;

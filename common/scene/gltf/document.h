@@ -27,9 +27,11 @@ std::string NameOfUri(const std::string& main_file, std::string_view uri);
 
 // Images are not loaded: those of data URIs are left in Image::image as they are in the file,
 // others stay where bufferView and uri say. Errors: kInvalidArgument; kResourceExhausted beyond the
-// limits; kNotFound for files. Messages begin with the file's name.
+// limits; kNotFound for files. Messages begin with the file's name. warning: what the parser
+// doubts, in one line; empty if nothing.
 absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string& main_file,
                                                               FileSource& files,
-                                                              const SceneReaderLimits& limits);
+                                                              const SceneReaderLimits& limits,
+                                                              std::string* warning);
 
 }  // namespace sheaf::gltf

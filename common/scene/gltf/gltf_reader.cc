@@ -18,11 +18,13 @@
 #include "common/scene/gltf/camera_views.h"
 #include "common/scene/gltf/deformation.h"
 #include "common/scene/gltf/document.h"
+#include "common/scene/gltf/extensions.h"
 #include "common/scene/gltf/image_textures.h"
 #include "common/scene/gltf/lights.h"
 #include "common/scene/gltf/materials.h"
 #include "common/scene/gltf/meshes.h"
 #include "common/scene/gltf/node_tree.h"
+#include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/gltf/values.h"
 #include "common/scene/pbrt/principled_media.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
@@ -32,35 +34,7 @@ namespace sheaf {
 namespace gltf {
 namespace {
 
-constexpr char kInstancing[] = "EXT_mesh_gpu_instancing";
 constexpr int32_t kDefaultSamples = 64, kDefaultDepth = 12;
-
-constexpr const char* kKnownExtensions[] = {
-    "KHR_lights_punctual",
-    "KHR_materials_anisotropy",
-    "KHR_materials_clearcoat",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_iridescence",
-    "KHR_materials_sheen",
-    "KHR_materials_specular",
-    "KHR_materials_transmission",
-    "KHR_materials_unlit",
-    "KHR_materials_volume",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-    "EXT_texture_webp",
-    kInstancing,
-};
-// Those that have messages of their own where they are used.
-constexpr const char* kNamedElsewhere[] = {"KHR_materials_dispersion", "KHR_texture_basisu",
-                                           "KHR_materials_pbrSpecularGlossiness"};
-
-template <typename List>
-bool Contains(const List& list, const std::string& name) {
-  return std::any_of(std::begin(list), std::end(list),
-                     [&](const char* known) { return name == known; });
-}
 
 class Builder {
  public:
@@ -73,14 +47,21 @@ class Builder {
         scene_(scene),
         accessors_(&model, diagnostics, limits),
         textures_(&model, main_file, files, diagnostics, scene),
-        materials_(&model, &textures_, diagnostics, scene),
-        meshes_(&model, &accessors_, diagnostics, limits) {}
+        materials_(&model, &textures_, &skipped_, diagnostics, scene),
+        meshes_(&model, &accessors_, &skipped_, diagnostics, limits) {}
 
   void Build() {
-    CheckExtensions();
+    AddAll();
+    skipped_.Report(diagnostics_);
+  }
+
+ private:
+  void AddAll() {
+    CheckExtensions(model_, diagnostics_);
     std::optional<NodeTree> tree = NodeTree::Make(model_, diagnostics_);
     if (!tree) return;
-    const Animations animations(model_, view_.animation, &accessors_, diagnostics_);
+    CountHidden(*tree);
+    const Animations animations(model_, view_.animation, &accessors_, &skipped_, diagnostics_);
     if (diagnostics_->HasErrors()) return;
     start_ = animations.At(view_.time_s, tree->poses());
     moves_ = !animations.IsEmpty() && view_.shutter_s > 0;
@@ -91,7 +72,7 @@ class Builder {
     for (const int node : tree->shown()) {
       if (diagnostics_->Exhausted()) return;
       AddMeshOf(node);
-      AddLightOf(model_, node, world_start_[static_cast<size_t>(node)], diagnostics_, scene_);
+      AddLightOf(model_, node, PlaceOf(node), &skipped_, diagnostics_, scene_);
     }
     if (scene_->shapes.empty() && !diagnostics_->HasErrors()) {
       diagnostics_->Warning(kFile, "shows no mesh");
@@ -105,18 +86,24 @@ class Builder {
     scene_->sampling.integrator = "volpath";
   }
 
- private:
-  void CheckExtensions() {
-    for (const std::string& name : model_.extensionsUsed) {
-      if (Contains(kKnownExtensions, name) || Contains(kNamedElsewhere, name)) continue;
-      const auto& required = model_.extensionsRequired;
-      if (std::find(required.begin(), required.end(), name) == required.end()) {
-        diagnostics_->Note(kFile, absl::StrCat("the extension ", name, " has no effect"));
-      } else {
-        diagnostics_->Error(kFile, absl::StrCat("needs the extension ", name,
-                                                ", which Sheaf does "
-                                                "not support; export it without"));
+  TransformOverTime PlaceOf(int node) const {
+    TransformOverTime place;
+    place.start = world_start_[static_cast<size_t>(node)];
+    place.end = world_end_[static_cast<size_t>(node)];
+    return place;
+  }
+
+  // Meshes and lights of other scenes of the file.
+  void CountHidden(const NodeTree& tree) {
+    std::vector<bool> is_shown(model_.nodes.size());
+    for (const int node : tree.shown()) is_shown[static_cast<size_t>(node)] = true;
+    for (size_t n = 0; n < model_.nodes.size(); ++n) {
+      const tinygltf::Node& node = model_.nodes[n];
+      if (is_shown[n] || (node.mesh < 0 && !node.extensions.contains("KHR_lights_punctual"))) {
+        continue;
       }
+      skipped_.Add(Named("node", static_cast<int>(n), node.name),
+                   "it is not of the scene that the file shows, and is left out");
     }
   }
 
@@ -141,10 +128,7 @@ class Builder {
                                               ", which does not exist; export the file again"));
       return;
     }
-    TransformOverTime place;
-    place.start = world_start_[static_cast<size_t>(n)];
-    place.end = world_end_[static_cast<size_t>(n)];
-    std::vector<TransformOverTime> places = {place};
+    std::vector<TransformOverTime> places = {PlaceOf(n)};
     if (Instancing(node) != nullptr && !ReadInstances(node, what, &places)) return;
     std::vector<Matrix4> joints_start, joints_end;
     if (node.skin >= 0 && !ReadSkin(node.skin, what, &joints_start, &joints_end)) return;
@@ -246,7 +230,7 @@ class Builder {
   bool IsVisible(const TransformOverTime& at, const std::string& what) {
     Matrix4 inverse;
     if (Invert(at.start, &inverse) && Invert(at.end, &inverse)) return true;
-    diagnostics_->Note(kFile, absl::StrCat(what, " is scaled to nothing, and left out"));
+    skipped_.Add(what, "it is scaled to nothing, and left out");
     return false;
   }
 
@@ -309,6 +293,12 @@ class Builder {
     const tinygltf::Value* attributes = Member(Instancing(node), "attributes");
     std::vector<float> numbers[3];
     const char* const names[3] = {"TRANSLATION", "ROTATION", "SCALE"};
+    for (const std::string& key :
+         attributes != nullptr ? attributes->Keys() : std::vector<std::string>()) {
+      if (std::find(std::begin(names), std::end(names), key) == std::end(names)) {
+        skipped_.Add(what, absl::StrCat("\"", key, "\" of instances has no effect"));
+      }
+    }
     const size_t widths[3] = {3, 4, 3};
     size_t count = 0;
     for (size_t i = 0; i < 3; ++i) {
@@ -384,6 +374,7 @@ class Builder {
   const GltfView& view_;
   Diagnostics* diagnostics_;
   SceneDescription* scene_;
+  SkippedParts skipped_;
   Accessors accessors_;
   ImageTextures textures_;
   Materials materials_;
@@ -406,10 +397,12 @@ absl::StatusOr<ReadSceneResult> ReadGltf(const std::string& main_file, FileSourc
                                          const GltfView& view, const SceneReaderLimits& limits) {
   ReadSceneResult result;
   result.scene.files.push_back(main_file);
+  std::string warning;
   const absl::StatusOr<std::unique_ptr<tinygltf::Model>> model =
-      gltf::LoadDocument(main_file, files, limits);
+      gltf::LoadDocument(main_file, files, limits, &warning);
   if (!model.ok()) return model.status();
   Diagnostics diagnostics(&result.scene, limits);
+  if (!warning.empty()) diagnostics.Note(gltf::kFile, warning);
   gltf::Builder(**model, main_file, &files, view, limits, &diagnostics, &result.scene).Build();
   if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
   AddPrincipledMedia(&result.scene, &diagnostics);

@@ -181,6 +181,84 @@ TEST(GltfReaderTest, TexturesHaveChannelsTransformsAndWraps) {
   EXPECT_EQ(alpha.scale, 0.5f);
 }
 
+TEST(GltfReaderTest, EmissionIsPlacedByItsSampler) {
+  const auto read = Read(File(R"("materials": [
+    {"emissiveFactor": [1, 0.5, 0], "emissiveTexture": {"index": 0, "extensions": {
+      "KHR_texture_transform": {"offset": [0.5, 0], "scale": [2, 3]}}}},
+    {"emissiveFactor": [0.25, 0.25, 0.25], "emissiveTexture": {"index": 1}}],
+    "textures": [{"source": 0, "sampler": 0}, {"source": 0}], "images": [{"uri": "wood.png"}],
+    "samplers": [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}],
+    "nodes": [{"mesh": 0}, {"mesh": 1}], "scenes": [{"nodes": [0, 1]}])",
+                              R"("meshes": [{"primitives": [
+    {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]},
+    {"primitives": [
+    {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1}]}],)"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_EQ(read->scene.area_lights.size(), 2u);
+  const AreaLightDescription& placed = read->scene.area_lights[0];
+  EXPECT_EQ(placed.file, "wood.png");
+  EXPECT_EQ(placed.tint, (Rgb{1, 0.5f, 0}));
+  EXPECT_EQ(placed.scale.scale, 1);
+  EXPECT_EQ(placed.placement.wrap_u, TextureWrap::kClamp);
+  EXPECT_EQ(placed.placement.wrap_v, TextureWrap::kMirror);
+  EXPECT_TRUE(placed.placement.is_nearest);
+  EXPECT_EQ(placed.placement.mapping.scale_u, 2);
+  EXPECT_EQ(placed.placement.mapping.offset_v, 1 - 3);
+  const AreaLightDescription& plain = read->scene.area_lights[1];
+  EXPECT_EQ(plain.tint, Rgb::Gray(1));
+  EXPECT_EQ(plain.scale.scale, 0.25f);
+  EXPECT_EQ(plain.placement.wrap_u, TextureWrap::kRepeat);
+  EXPECT_EQ(plain.placement.wrap_v, TextureWrap::kRepeat);
+  EXPECT_FALSE(plain.placement.is_nearest);
+}
+
+TEST(GltfReaderTest, WhatEmitsDoesNotReplaceTheSurrounding) {
+  const std::string shines =
+      R"("materials": [{"emissiveFactor": [1, 1, 1]}], "nodes": [{"mesh": 0}])";
+  auto read = Read(File(shines));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->scene.area_lights.size(), 1u);
+  EXPECT_EQ(read->scene.lights.size(), 1u);
+  EXPECT_THAT(Notes(*read), HasSubstr("a white surrounding of radiance 0.5 lights it"));
+  GltfView none;
+  none.environment = GltfView::kNoEnvironment;
+  read = Read(File(shines), none);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_TRUE(read->scene.lights.empty());
+  // Lights of the file's own are meant to be all.
+  read = Read(File(R"("extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
+    "materials": [{}], "nodes": [{"mesh": 0,
+      "extensions": {"KHR_lights_punctual": {"light": 0}}}])"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->scene.lights.size(), 1u);
+  EXPECT_TRUE(std::holds_alternative<PointLight>(read->scene.lights[0].light));
+}
+
+TEST(GltfReaderTest, WhatIsLeftOutIsNotedOnceWithItsCount) {
+  const auto read = Read(File(R"("materials": [
+    {"occlusionTexture": {"index": 0}}, {"name": "b", "occlusionTexture": {"index": 0}},
+    {"occlusionTexture": {"index": 0}}],
+    "textures": [{"source": 0}], "images": [{"uri": "wood.png"}],
+    "nodes": [{"mesh": 0}, {"mesh": 0, "name": "other"}, {"mesh": 0}], "scenes": [{"nodes": [0]}])",
+                              R"("meshes": [{"name": "leaf", "primitives": [
+    {"attributes": {"POSITION": 0, "COLOR_0": 0}, "indices": 2, "material": 0},
+    {"attributes": {"POSITION": 0, "COLOR_0": 0}, "indices": 2, "material": 1},
+    {"attributes": {"POSITION": 0, "JOINTS_0": 0}, "indices": 2, "material": 2},
+    {"attributes": {"POSITION": 0}, "indices": 2, "mode": 0},
+    {"attributes": {"POSITION": 0}, "indices": 2, "mode": 1,
+     "targets": [{"COLOR_0": 0}]},
+    {"attributes": {"POSITION": 0}, "indices": 2, "targets": [{"TEXCOORD_0": 1}]}]}],)"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  const std::string notes = Notes(*read);
+  EXPECT_THAT(notes, HasSubstr("a.gltf: material 0, and 2 others: its occlusion has no effect"));
+  EXPECT_THAT(notes, HasSubstr("mesh 0 \"leaf\", primitive 0, and 1 other: colors of vertices"));
+  EXPECT_THAT(notes, HasSubstr("primitive 3, and 1 other: points and lines have no surface"));
+  EXPECT_THAT(notes, HasSubstr("primitive 2: joints without weights"));
+  EXPECT_THAT(notes, HasSubstr("primitive 5: morph targets of uv and colors have no effect"));
+  EXPECT_THAT(notes, HasSubstr("node 1 \"other\", and 1 other: it is not of the scene that the "
+                               "file shows, and is left out"));
+}
+
 TEST(GltfReaderTest, CamerasAndLights) {
   const std::string rest = R"("materials": [{}], "cameras": [
     {"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "aspectRatio": 2}},

@@ -14,13 +14,16 @@
 namespace sheaf {
 
 struct GltfView {
-  std::string camera;       // Name of a camera or of its node; empty: the first, or one of our own.
-  std::string animation;    // Name of an animation; empty: the first, with those that go with it.
-  double time_s = 0;        // Time of the animation at which the shutter opens.
-  double shutter_s = 0;     // For how long it is open.
-  std::string environment;  // Canonical name of an equal-area map of what surrounds the scene.
+  std::string camera;     // Name of a camera or of its node; empty: the first, or one of our own.
+  std::string animation;  // Name of an animation; empty: the first, with those that go with it.
+  double time_s = 0;      // Time of the animation at which the shutter opens.
+  double shutter_s = 0;   // For how long it is open.
+  // Canonical name of an equal-area map of what surrounds the scene, or kNoEnvironment. Empty: a
+  // white surrounding if the file has no lights.
+  std::string environment;
   int32_t width_px = 0, height_px = 0;  // 0: by the camera's aspect ratio.
 
+  static constexpr char kNoEnvironment[] = "none";
   static constexpr double kTimeMax = 1e6;
   static constexpr int32_t kSizePxMax = 65536;
   friend bool operator==(const GltfView&, const GltfView&) = default;

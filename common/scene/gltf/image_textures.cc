@@ -151,6 +151,16 @@ std::optional<ImageTexture> ImageTextures::Image(const TextureRef& ref, const st
   return image;
 }
 
+bool ImageTextures::SetEmission(const TextureRef& ref, const std::string& what,
+                                AreaLightDescription* light) {
+  const std::optional<ImageTexture> image = Image(ref, what);
+  if (!image) return false;
+  light->file = image->file;
+  light->placement = {image->mapping, image->wrap, image->wrap_v.value_or(image->wrap),
+                      image->filter == ImageTexture::Filter::kPoint};
+  return true;
+}
+
 int32_t ImageTextures::Add(const std::string& what, bool is_color, ColorRole role,
                            ImageTexture image) {
   TextureDescription texture;

@@ -48,11 +48,13 @@ class ImageTextures {
   // One channel (0: red ... 3: alpha) times scale; with a threshold: 1 from there on, else 0.
   int32_t Channel(const TextureRef& ref, int channel, float scale, std::optional<float> threshold,
                   const std::string& what);
-  // Canonical name of the image's file. Empty after an error.
-  std::string FileOf(const TextureRef& ref, const std::string& what);
+  // Sets the light's image and its place on the surface. False after an error.
+  bool SetEmission(const TextureRef& ref, const std::string& what, AreaLightDescription* light);
 
  private:
   std::optional<ImageTexture> Image(const TextureRef& ref, const std::string& what);
+  // Canonical name of the image's file. Empty after an error.
+  std::string FileOf(const TextureRef& ref, const std::string& what);
   std::string FileOfImage(int image, const std::string& what);
   std::string Derive(int image, const unsigned char* bytes, size_t size, const std::string& what);
   int32_t Add(const std::string& what, bool is_color, ColorRole role, ImageTexture image);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/gltf/gltf_view.h"
 #include "common/scene/gltf/values.h"
 
 namespace sheaf::gltf {
@@ -37,8 +38,8 @@ SpotLight SpotOf(const tinygltf::Value* light, const ColorSpec& intensity, Vec3d
 
 }  // namespace
 
-void AddLightOf(const tinygltf::Model& model, int node, const Matrix4& world_from_node,
-                Diagnostics* diagnostics, SceneDescription* scene) {
+void AddLightOf(const tinygltf::Model& model, int node, const TransformOverTime& place,
+                SkippedParts* skipped, Diagnostics* diagnostics, SceneDescription* scene) {
   const tinygltf::Node& source = model.nodes[static_cast<size_t>(node)];
   const tinygltf::Value* reference = Find(source.extensions, kPunctual);
   if (reference == nullptr) return;
@@ -53,8 +54,11 @@ void AddLightOf(const tinygltf::Model& model, int node, const Matrix4& world_fro
   const double strength = std::clamp(NumberOf(light, "intensity", 1), 0.0, kIntensityMax);
   const ColorSpec intensity =
       Color(ColorOf(light, "color", Rgb::Gray(1)) * static_cast<float>(strength));
-  const Vec3d from = TransformPoint(world_from_node, {0, 0, 0});
-  const Vec3d to = from + DirectionOf(world_from_node);
+  const Vec3d from = TransformPoint(place.start, {0, 0, 0});
+  const Vec3d to = from + DirectionOf(place.start);
+  if (!(place.start == place.end)) {
+    skipped->Add(what, "it stays where it is while the shutter is open");
+  }
   LightDescription description;
   description.location = kFile;
   const std::string type = TextOf(light, "type");
@@ -71,9 +75,7 @@ void AddLightOf(const tinygltf::Model& model, int node, const Matrix4& world_fro
     return;
   }
   if (Member(light, "range") != nullptr) {
-    diagnostics->Note(kFile,
-                      "ranges of lights have no effect: light falls off with the square of "
-                      "the distance");
+    skipped->Add(what, "its range has no effect: light falls off with the square of the distance");
   }
   scene->lights.push_back(std::move(description));
 }
@@ -85,11 +87,13 @@ void AddEnvironment(const std::string& environment, Diagnostics* diagnostics,
   InfiniteLight light;
   light.file = environment;
   light.radiance = Color(Rgb::Gray(kDefaultRadiance));
+  if (environment == GltfView::kNoEnvironment) return;
   if (environment.empty()) {
-    if (!scene->lights.empty() || !scene->area_lights.empty()) return;
+    if (!scene->lights.empty()) return;
     diagnostics->Note(
-        kFile, absl::StrCat("has no light; a white surrounding of radiance ", kDefaultRadiance,
-                            " lights it; choose another by --environment"));
+        kFile, absl::StrCat("has no lights (KHR_lights_punctual); a white surrounding of radiance ",
+                            kDefaultRadiance,
+                            " lights it; choose another by --environment, or --environment none"));
   }
   description.light = std::move(light);
   scene->lights.push_back(std::move(description));

@@ -9,17 +9,18 @@
 #include "common/scene/gltf/tinygltf_door.h"
 
 #include "common/math/transform.h"
+#include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
 
 namespace sheaf::gltf {
 
 // Adds the light of a node, if it has one, to the scene. Mistakes are reported.
-void AddLightOf(const tinygltf::Model& model, int node, const Matrix4& world_from_node,
-                Diagnostics* diagnostics, SceneDescription* scene);
+void AddLightOf(const tinygltf::Model& model, int node, const TransformOverTime& place,
+                SkippedParts* skipped, Diagnostics* diagnostics, SceneDescription* scene);
 
-// Adds the view's environment, or where the scene has no light at all, a white one, with a note.
-// environment: canonical name of an equal-area map whose axes are those of the file; may be empty.
+// Adds the view's environment, or where the file has no lights of its own, a white one, with a
+// note: what emits is seldom meant to light the scene alone. environment: as GltfView::environment.
 void AddEnvironment(const std::string& environment, Diagnostics* diagnostics,
                     SceneDescription* scene);
 

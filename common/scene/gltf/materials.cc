@@ -32,10 +32,6 @@ Rgb BaseColorFactor(const tinygltf::Material& source) {
 
 }  // namespace
 
-void Materials::Ignore(const std::string& what, const std::string& problem) {
-  diagnostics_->Note(kFile, absl::StrCat(what, ": ", problem));
-}
-
 bool Materials::Uses(const TextureRef& ref, const std::string& what) {
   if (!ref.IsSet()) return false;
   if (uv_set_ < 0) uv_set_ = ref.uv_set;
@@ -101,18 +97,15 @@ void Materials::AddLight(Rgb radiance, const TextureRef& texture, const std::str
   light.two_sided = source.doubleSided;
   light.radiance = Color(radiance);
   if (Uses(texture, what)) {
-    light.file = textures_->FileOf(texture, what);
-    if (light.file.empty()) return;
+    if (!textures_->SetEmission(texture, what, &light)) return;
     light.radiance = Color(Rgb::Gray(1));
-    light.scale.scale = Luminance(radiance);
-    if (radiance.r != radiance.g || radiance.g != radiance.b) {
-      Ignore(what,
-             "the color of the factor beside a texture has no effect, only its luminance; "
-             "put the color into the texture");
-    }
-    if (!(texture.mapping.scale_u == 1 && texture.mapping.scale_v == 1 &&
-          texture.mapping.offset_u == 0 && texture.mapping.offset_v == 0)) {
-      Ignore(what, "KHR_texture_transform has no effect on what is emitted; apply it to the uv");
+    // A gray factor is a scale, so that lights of one image share it.
+    const bool is_gray = radiance.r == radiance.g && radiance.g == radiance.b;
+    if (is_gray) {
+      light.scale.scale = radiance.r;
+    } else {
+      light.tint = radiance;
+      light.radiance = Color(radiance);  // What remains without the image.
     }
   }
   surface->area_light = static_cast<int32_t>(scene_->area_lights.size());

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/scene/gltf/image_textures.h"
+#include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
 
@@ -28,9 +29,13 @@ struct Surface {
 class Materials {
  public:
   // All arguments must outlive this.
-  Materials(const tinygltf::Model* model, ImageTextures* textures, Diagnostics* diagnostics,
-            SceneDescription* scene)
-      : model_(model), textures_(textures), diagnostics_(diagnostics), scene_(scene) {}
+  Materials(const tinygltf::Model* model, ImageTextures* textures, SkippedParts* skipped,
+            Diagnostics* diagnostics, SceneDescription* scene)
+      : model_(model),
+        textures_(textures),
+        skipped_(skipped),
+        diagnostics_(diagnostics),
+        scene_(scene) {}
 
   // index: of the file's materials, or -1 for the default one. Made once; mistakes are reported.
   const Surface& Get(int index);
@@ -59,10 +64,11 @@ class Materials {
   bool Uses(const TextureRef& ref, const std::string& what);
   FloatInput Number(float factor, const TextureRef& ref, int channel, const std::string& what);
   ColorInput ColorTimes(Rgb factor, const TextureRef& ref, const std::string& what);
-  void Ignore(const std::string& what, const std::string& problem);
+  void Ignore(const std::string& what, const std::string& problem) { skipped_->Add(what, problem); }
 
   const tinygltf::Model* model_;
   ImageTextures* textures_;
+  SkippedParts* skipped_;
   Diagnostics* diagnostics_;
   SceneDescription* scene_;
   std::map<int, Surface> known_;

@@ -76,17 +76,15 @@ bool Meshes::ReadVertices(const tinygltf::Primitive& source, int uv_set, const s
       mesh->uvs[i] = {(*numbers)[2 * i], 1 - (*numbers)[2 * i + 1]};
     }
   } else if (uv_set > 0) {
-    diagnostics_->Note(kFile, absl::StrCat(what, " has no ", uv_name,
-                                           ", which its material's textures use; they are "
-                                           "placed by triangles"));
+    skipped_->Add(what, absl::StrCat("there is no ", uv_name,
+                                     ", which the material's textures use; they are placed by "
+                                     "triangles"));
   }
   if (AttributeOf(source.attributes, "COLOR_0") >= 0) {
-    diagnostics_->Note(kFile, absl::StrCat(what,
-                                           ": colors of vertices (COLOR_0) have no effect; "
-                                           "bake them into a texture"));
+    skipped_->Add(what, "colors of vertices (COLOR_0) have no effect; bake them into a texture");
   }
   if (AttributeOf(source.attributes, "TANGENT") >= 0) {
-    diagnostics_->Note(kFile, "tangents (TANGENT) have no effect: Sheaf takes them from the uv");
+    skipped_->Add(what, "tangents (TANGENT) have no effect: Sheaf takes them from the uv");
   }
   return true;
 }
@@ -110,6 +108,9 @@ bool Meshes::ReadTriangles(const tinygltf::Primitive& source, const std::string&
   } else {
     list.resize(mesh->positions.size());
     for (size_t i = 0; i < list.size(); ++i) list[i] = static_cast<uint32_t>(i);
+  }
+  if (mode == TINYGLTF_MODE_TRIANGLES && list.size() % 3 != 0) {
+    skipped_->Add(what, "the last triangle lacks corners, and is left out");
   }
   if (mode != TINYGLTF_MODE_TRIANGLES && !accessors_->Charge(8 * list.size())) return false;
   mesh->indices = TrianglesOf(mode, std::move(list));
@@ -146,6 +147,11 @@ bool Meshes::ReadTargets(const tinygltf::Primitive& source, const std::string& w
       if (!read) return false;
       target.normals = *std::move(read);
     }
+    for (const auto& [name, accessor] : attributes) {
+      if (name.starts_with("TEXCOORD_") || name.starts_with("COLOR_")) {
+        skipped_->Add(what, "morph targets of uv and colors have no effect");
+      }
+    }
     primitive->targets.push_back(std::move(target));
   }
   return true;
@@ -159,7 +165,11 @@ bool Meshes::ReadInfluences(const tinygltf::Primitive& source, const std::string
   for (size_t set = 0; 4 * set < kInfluencesMax; ++set) {
     const int joint = AttributeOf(source.attributes, absl::StrCat("JOINTS_", set));
     const int weight = AttributeOf(source.attributes, absl::StrCat("WEIGHTS_", set));
-    if (joint < 0 || weight < 0) break;
+    if (joint < 0 && weight < 0) break;
+    if (joint < 0 || weight < 0) {
+      skipped_->Add(what, "joints without weights, and weights without joints, have no effect");
+      break;
+    }
     const std::string name = absl::StrCat(what, ", joints ", set);
     auto read_joints = accessors_->Integers(joint, 4, name);
     auto read_weights = accessors_->Floats(weight, 4, name);
@@ -169,6 +179,10 @@ bool Meshes::ReadInfluences(const tinygltf::Primitive& source, const std::string
     }
     joints.push_back(*std::move(read_joints));
     weights.push_back(*std::move(read_weights));
+  }
+  if (AttributeOf(source.attributes, absl::StrCat("JOINTS_", kInfluencesMax / 4)) >= 0) {
+    skipped_->Add(what, absl::StrCat("joints beyond ", kInfluencesMax,
+                                     " a vertex have no effect; export with fewer"));
   }
   primitive->influences = 4 * joints.size();
   for (size_t v = 0; v < count && !joints.empty(); ++v) {
@@ -192,9 +206,8 @@ std::optional<Primitive> Meshes::Read(const Key& key, const std::string& what) {
       model_->meshes[static_cast<size_t>(key.mesh)].primitives[key.primitive];
   const int mode = source.mode < 0 ? TINYGLTF_MODE_TRIANGLES : source.mode;
   if (mode < TINYGLTF_MODE_TRIANGLES || mode > TINYGLTF_MODE_TRIANGLE_FAN) {
-    diagnostics_->Note(kFile, absl::StrCat(what,
-                                           " consists of points or lines, which have no "
-                                           "surface, and is left out; give them a thickness"));
+    skipped_->Add(what,
+                  "points and lines have no surface, and are left out; give them a thickness");
     return std::nullopt;
   }
   Primitive primitive;
@@ -203,7 +216,10 @@ std::optional<Primitive> Meshes::Read(const Key& key, const std::string& what) {
       !ReadInfluences(source, what, &primitive)) {
     return std::nullopt;
   }
-  if (primitive.mesh.indices.empty()) return std::nullopt;
+  if (primitive.mesh.indices.empty()) {
+    skipped_->Add(what, "it has no triangles, and is left out");
+    return std::nullopt;
+  }
   return primitive;
 }
 

@@ -15,6 +15,7 @@
 
 #include "common/math/transform.h"
 #include "common/scene/gltf/accessors.h"
+#include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
 
@@ -39,10 +40,11 @@ struct Primitive {
 class Meshes {
  public:
   // All arguments must outlive this.
-  Meshes(const tinygltf::Model* model, Accessors* accessors, Diagnostics* diagnostics,
-         const SceneReaderLimits& limits)
+  Meshes(const tinygltf::Model* model, Accessors* accessors, SkippedParts* skipped,
+         Diagnostics* diagnostics, const SceneReaderLimits& limits)
       : model_(model),
         accessors_(accessors),
+        skipped_(skipped),
         diagnostics_(diagnostics),
         triangles_left_(limits.triangles_max) {}
 
@@ -71,6 +73,7 @@ class Meshes {
 
   const tinygltf::Model* model_;
   Accessors* accessors_;
+  SkippedParts* skipped_;
   Diagnostics* diagnostics_;
   uint64_t triangles_left_;
   std::map<Key, std::optional<Primitive>> known_;

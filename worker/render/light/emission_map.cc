@@ -3,9 +3,12 @@
 #include "worker/render/light/emission_map.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -24,7 +27,7 @@ struct TexelPair {
   int first = 0, second = 0;
   float fraction = 0;
 };
-TexelPair PairAt(float coordinate, int count) {
+TexelPair ClampedPair(float coordinate, int count) {
   const float x = (std::isfinite(coordinate) ? std::clamp(coordinate, 0.0f, 1.0f) : 0.0f) *
                       static_cast<float>(count) -
                   0.5f;
@@ -33,12 +36,70 @@ TexelPair PairAt(float coordinate, int count) {
   return {std::max(first, 0), std::min(first + 1, count - 1), x - floor};
 }
 
+// A coordinate in [0, 1] at which the image has what the mirrored images have at `coordinate`.
+float Mirrored(float coordinate) {
+  const float x = coordinate - 2 * std::floor(0.5f * coordinate);
+  return x > 1 ? 2 - x : x;
+}
+
+TexelPair PairAt(float coordinate, int count, TextureWrap wrap) {
+  if (!std::isfinite(coordinate)) coordinate = 0;
+  if (wrap == TextureWrap::kMirror) return ClampedPair(Mirrored(coordinate), count);
+  if (wrap != TextureWrap::kRepeat) return ClampedPair(coordinate, count);
+  const float x = (coordinate - std::floor(coordinate)) * static_cast<float>(count) - 0.5f;
+  const float floor = std::floor(x);
+  const int first = static_cast<int>(floor);
+  return {first < 0 ? count - 1 : first, first + 1 < count ? first + 1 : 0, x - floor};
+}
+
+// Texels that the interval of coordinates may show: one range, or two where it passes an edge of
+// repeated images.
+struct TexelRanges {
+  struct Range {
+    int first = 0, last = 0;
+  };
+  std::array<Range, 2> ranges;
+  int count = 1;
+};
+TexelRanges RangesOf(float lower, float upper, int count, TextureWrap wrap) {
+  if (wrap != TextureWrap::kRepeat && wrap != TextureWrap::kMirror) {
+    return {{{{PairAt(lower, count, wrap).first, PairAt(upper, count, wrap).second}}}, 1};
+  }
+  if (!(upper - lower < 1)) return {{{{0, count - 1}}}, 1};
+  if (wrap == TextureWrap::kRepeat) {
+    const double size = count;
+    const double first = std::floor(static_cast<double>(lower) * size - 0.5);
+    const double last = std::floor(static_cast<double>(upper) * size - 0.5) + 1;
+    if (last - first + 1 >= size) return {{{{0, count - 1}}}, 1};
+    const int begin = static_cast<int>(first - size * std::floor(first / size));
+    const int end = begin + static_cast<int>(last - first);
+    if (end < count) return {{{{begin, end}}}, 1};
+    return {{{{begin, count - 1}, {0, end - count}}}, 2};
+  }
+  const TexelPair a = PairAt(lower, count, wrap), b = PairAt(upper, count, wrap);
+  TexelRanges::Range range{std::min(a.first, b.first), std::max(a.second, b.second)};
+  if (std::floor(lower) != std::floor(upper)) {
+    // The interval turns around at an edge of the image.
+    const bool is_at_end = std::fmod(std::floor(upper), 2.0f) != 0;
+    (is_at_end ? range.last : range.first) = is_at_end ? count - 1 : 0;
+  }
+  return {{{range}}, 1};
+}
+
+// Widens the interval by what rounding may move a coordinate within it.
+void Widen(float* lower, float* upper) {
+  constexpr float kRounding = 8 * std::numeric_limits<float>::epsilon();
+  const float slack = kRounding * std::max({1.0f, std::fabs(*lower), std::fabs(*upper)});
+  *lower -= slack;
+  *upper += slack;
+}
+
 }  // namespace
 
 absl::StatusOr<EmissionMap> EmissionMap::Make(int width, int height, std::vector<Rgb> texels) {
-  EmissionMap map;
-  map.width_ = width;
-  map.height_ = height;
+  auto image = std::make_shared<Image>();
+  image->width = width;
+  image->height = height;
   Level finest{width, height, {}};
   finest.means.reserve(texels.size());
   double sum = 0;
@@ -54,17 +115,28 @@ absl::StatusOr<EmissionMap> EmissionMap::Make(int width, int height, std::vector
     finest.means.push_back(Luminance(c));
     sum += static_cast<double>(finest.means.back());
   }
-  map.mean_luminance_ = texels.empty() ? 0 : sum / static_cast<double>(texels.size());
-  map.texels_ = std::move(texels);
-  map.levels_.push_back(std::move(finest));
-  while (std::max(map.levels_.back().width, map.levels_.back().height) > kSquaresMax) {
-    map.AddLevel();
+  image->mean_luminance = texels.empty() ? 0 : sum / static_cast<double>(texels.size());
+  image->texels = std::move(texels);
+  image->levels.push_back(std::move(finest));
+  while (std::max(image->levels.back().width, image->levels.back().height) > kSquaresMax) {
+    AddLevel(image.get());
   }
+  EmissionMap map;
+  map.image_ = std::move(image);
   return map;
 }
 
-void EmissionMap::AddLevel() {
-  const Level& fine = levels_.back();
+EmissionMap EmissionMap::Placed(const EmissionPlacement& placement) const {
+  EmissionMap map = *this;
+  map.placement_ = placement;
+  const UvMapping& mapping = placement.mapping;
+  map.has_mapping_ = !(mapping.scale_u == 1 && mapping.scale_v == 1 && mapping.offset_u == 0 &&
+                       mapping.offset_v == 0 && mapping.turn_u == 0 && mapping.turn_v == 0);
+  return map;
+}
+
+void EmissionMap::AddLevel(Image* image) {
+  const Level& fine = image->levels.back();
   Level coarse{(fine.width + 1) / 2, (fine.height + 1) / 2, {}};
   for (int y = 0; y < coarse.height; ++y) {
     for (int x = 0; x < coarse.width; ++x) {
@@ -73,14 +145,28 @@ void EmissionMap::AddLevel() {
                                       fine.At(2 * x, y1) + fine.At(x1, y1)));
     }
   }
-  levels_.push_back(std::move(coarse));
+  image->levels.push_back(std::move(coarse));
+}
+
+Vec2f EmissionMap::Mapped(Vec2f uv) const {
+  if (!has_mapping_) return uv;
+  const UvMapping& m = placement_.mapping;
+  return {m.scale_u * uv.x + m.turn_u * uv.y + m.offset_u,
+          m.scale_v * uv.y + m.turn_v * uv.x + m.offset_v};
 }
 
 Rgb EmissionMap::At(Vec2f uv) const {
-  const TexelPair x = PairAt(uv.x, width_), y = PairAt(1 - uv.y, height_);
+  const Image& image = *image_;
+  const Vec2f at = Mapped(uv);
+  TexelPair x = PairAt(at.x, image.width, placement_.wrap_u);
+  TexelPair y = PairAt(1 - at.y, image.height, placement_.wrap_v);
+  if (placement_.is_nearest) {
+    x.fraction = x.fraction < 0.5f ? 0 : 1;
+    y.fraction = y.fraction < 0.5f ? 0 : 1;
+  }
   const auto texel = [&](int column, int row) {
-    return texels_[static_cast<size_t>(row) * static_cast<size_t>(width_) +
-                   static_cast<size_t>(column)];
+    return image.texels[static_cast<size_t>(row) * static_cast<size_t>(image.width) +
+                        static_cast<size_t>(column)];
   };
   const Rgb upper =
       texel(x.first, y.first) * (1 - x.fraction) + texel(x.second, y.first) * x.fraction;
@@ -90,24 +176,42 @@ Rgb EmissionMap::At(Vec2f uv) const {
 }
 
 uint64_t EmissionMap::memory_bytes() const {
-  uint64_t bytes = VectorBytes(texels_, levels_);
-  for (const Level& level : levels_) bytes += VectorBytes(level.means);
+  uint64_t bytes = VectorBytes(image_->texels, image_->levels);
+  for (const Level& level : image_->levels) bytes += VectorBytes(level.means);
   return bytes;
 }
 
 double EmissionMap::MeanLuminance(Vec2f lower, Vec2f upper) const {
-  const int x0 = PairAt(lower.x, width_).first, x1 = PairAt(upper.x, width_).second;
-  const int y0 = PairAt(1 - upper.y, height_).first, y1 = PairAt(1 - lower.y, height_).second;
-  size_t level = 0;
-  while (level + 1 < levels_.size() && ((x1 >> level) - (x0 >> level) >= kSquaresMax ||
-                                        (y1 >> level) - (y0 >> level) >= kSquaresMax)) {
-    ++level;
+  const Image& image = *image_;
+  if (has_mapping_) {
+    const Vec2f a = Mapped(lower), b = Mapped(upper);
+    const Vec2f c = Mapped({lower.x, upper.y}), d = Mapped({upper.x, lower.y});
+    lower = {std::min({a.x, b.x, c.x, d.x}), std::min({a.y, b.y, c.y, d.y})};
+    upper = {std::max({a.x, b.x, c.x, d.x}), std::max({a.y, b.y, c.y, d.y})};
   }
+  if (has_mapping_ || placement_.wrap_u != TextureWrap::kClamp ||
+      placement_.wrap_v != TextureWrap::kClamp) {
+    Widen(&lower.x, &upper.x);
+    Widen(&lower.y, &upper.y);
+  }
+  const TexelRanges columns = RangesOf(lower.x, upper.x, image.width, placement_.wrap_u);
+  const TexelRanges rows = RangesOf(1 - upper.y, 1 - lower.y, image.height, placement_.wrap_v);
   double sum = 0;
   int count = 0;
-  for (int y = y0 >> level; y <= y1 >> level; ++y) {
-    for (int x = x0 >> level; x <= x1 >> level; ++x, ++count) {
-      sum += static_cast<double>(levels_[level].At(x, y));
+  for (int i = 0; i < rows.count; ++i) {
+    for (int j = 0; j < columns.count; ++j) {
+      const auto [x0, x1] = columns.ranges[static_cast<size_t>(j)];
+      const auto [y0, y1] = rows.ranges[static_cast<size_t>(i)];
+      size_t level = 0;
+      while (level + 1 < image.levels.size() && ((x1 >> level) - (x0 >> level) >= kSquaresMax ||
+                                                 (y1 >> level) - (y0 >> level) >= kSquaresMax)) {
+        ++level;
+      }
+      for (int y = y0 >> level; y <= y1 >> level; ++y) {
+        for (int x = x0 >> level; x <= x1 >> level; ++x, ++count) {
+          sum += static_cast<double>(image.levels[level].At(x, y));
+        }
+      }
     }
   }
   return count > 0 ? sum / count : 0;
@@ -115,15 +219,17 @@ double EmissionMap::MeanLuminance(Vec2f lower, Vec2f upper) const {
 
 absl::StatusOr<EmissionMaps> ReadEmissionMaps(const SceneDescription& scene, FileSource& files) {
   EmissionMaps maps;
-  std::map<std::string, std::shared_ptr<const EmissionMap>> known;
+  std::map<std::tuple<std::string, float, float, float>, EmissionMap> known;
   for (size_t i = 0; i < scene.area_lights.size(); ++i) {
     const AreaLightDescription& light = scene.area_lights[i];
     if (light.file.empty()) continue;
     maps.resize(scene.area_lights.size());
-    std::shared_ptr<const EmissionMap>& map = known[light.file];
-    if (map == nullptr) {
+    const std::tuple key(light.file, light.tint.r, light.tint.g, light.tint.b);
+    auto map = known.find(key);
+    if (map == known.end()) {
       absl::StatusOr<LightImage> image = ReadLightImage(scene, light.location, light.file, files);
       if (!image.ok()) return image.status();
+      for (Rgb& texel : image->texels) texel *= light.tint;
       absl::StatusOr<EmissionMap> made =
           EmissionMap::Make(image->width, image->height, std::move(image->texels));
       if (!made.ok()) {
@@ -131,9 +237,9 @@ absl::StatusOr<EmissionMaps> ReadEmissionMaps(const SceneDescription& scene, Fil
             absl::StrCat(FormatLocation(scene, light.location), ": emission \"", light.file,
                          "\": ", std::string(made.status().message())));
       }
-      map = std::make_shared<const EmissionMap>(*std::move(made));
+      map = known.emplace(key, *std::move(made)).first;
     }
-    maps[i] = map;
+    maps[i] = std::make_shared<const EmissionMap>(map->second.Placed(light.placement));
   }
   return maps;
 }

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// EmissionMap: an image that a surface emits, over the surface's uv, as in pbrt-v4: bilinear, with
-// edge texels repeated outside uv of [0, 1]. It also estimates the mean luminance of parts of the
-// image, which weights the parts of a surface as lights.
+// EmissionMap: an image that a surface emits, over the surface's uv. By default as in pbrt-v4:
+// bilinear, with edge texels repeated outside uv of [0, 1]. It also estimates the mean luminance of
+// parts of the image, which weights the parts of a surface as lights.
 #pragma once
 
 #include <cstdint>
@@ -23,13 +23,18 @@ class EmissionMap {
   // pbrt-v4. Errors: a texel that is not finite.
   static absl::StatusOr<EmissionMap> Make(int width, int height, std::vector<Rgb> texels);
 
+  // The same image, placed otherwise. Both share its memory.
+  EmissionMap Placed(const EmissionPlacement& placement) const;
+
   Rgb At(Vec2f uv) const;
   // Mean over the whole image. Luminance, per unit area of uv.
-  double mean_luminance() const { return mean_luminance_; }
+  double mean_luminance() const { return image_->mean_luminance; }
   // Approximate mean over a box of uv; positive if At is positive anywhere in the box. Cost:
   // bounded for any number of texels.
   double MeanLuminance(Vec2f lower, Vec2f upper) const;
+  // Of the image, which maps of equal identity share.
   uint64_t memory_bytes() const;
+  const void* image_identity() const { return image_.get(); }
 
  private:
   // Luminance, averaged over squares of 2^level texels.
@@ -40,12 +45,18 @@ class EmissionMap {
       return means[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)];
     }
   };
-  void AddLevel();
+  struct Image {
+    int width = 0, height = 0;
+    std::vector<Rgb> texels;
+    std::vector<Level> levels;
+    double mean_luminance = 0;
+  };
+  static void AddLevel(Image* image);
+  Vec2f Mapped(Vec2f uv) const;
 
-  int width_ = 0, height_ = 0;
-  std::vector<Rgb> texels_;
-  std::vector<Level> levels_;
-  double mean_luminance_ = 0;
+  std::shared_ptr<const Image> image_;
+  EmissionPlacement placement_;
+  bool has_mapping_ = false;
 };
 
 // By area light of the scene; null where the light has no image. Empty where no light has one.

@@ -151,9 +151,9 @@ uint64_t LightTable::memory_bytes() const {
                                impl.projected_images, impl.infinites, impl.spectra) +
                    impl.choice.memory_bytes();
   // Shapes with the same image share its map.
-  std::set<const EmissionMap*> maps;
+  std::set<const void*> images;
   for (const auto& map : impl.maps) {
-    if (map != nullptr && maps.insert(map.get()).second) bytes += map->memory_bytes();
+    if (map != nullptr && images.insert(map->image_identity()).second) bytes += map->memory_bytes();
   }
   for (const IntensityDistribution& intensity : impl.intensities) {
     if (const auto* map = std::get_if<IntensityMap>(&intensity)) bytes += map->memory_bytes();
