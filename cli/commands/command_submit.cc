@@ -21,6 +21,7 @@
 #include "cli/quote/deadline.h"
 #include "cli/quote/quote.h"
 #include "common/rpc/address.h"
+#include "coordinator/core/job.h"
 #include "worker/render/ablation/plan_measurement.h"
 
 namespace sheaf::cli {
@@ -30,6 +31,12 @@ namespace {
 constexpr absl::Duration kQuoteWaitMax = absl::Seconds(30);
 // Follows a job in --after: each frame waits for the one of its number.
 constexpr char kByFrame[] = ":frames";
+
+// Whether the quote's pilot found that the scene cannot be rendered.
+bool IsBadScene(const absl::Status& status) {
+  return absl::IsInvalidArgument(status) &&
+         coordinator::IsSceneFailure(std::string(status.message()));
+}
 
 class SubmitCommand : public Command {
  public:
@@ -110,7 +117,7 @@ class SubmitCommand : public Command {
     }
     v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, *job);
     if (absl::Status status = QuoteAndJudge(&client, *job, &request); !status.ok()) {
-      return ReportCallError(status);
+      return IsBadScene(status) ? ReportSceneError(status) : ReportCallError(status);
     }
     if (measure_seconds_ > 0) {
       const absl::StatusOr<std::vector<v1::EffectCost>> costs =
@@ -156,13 +163,14 @@ class SubmitCommand : public Command {
     return time.status();
   }
 
-  // Prints the quote, unless it is not wanted, and judges the deadline by it. Errors: kCancelled.
+  // Prints the quote, unless it is not wanted, and judges the deadline by it. Errors: kCancelled;
+  // kInvalidArgument if its pilot finds that the scene cannot be rendered.
   absl::Status QuoteAndJudge(FarmClient* client, const PreparedJob& job,
                              v1::CreateJobRequest* request) {
     const absl::StatusOr<Quote> quote =
         no_quote_ ? absl::StatusOr<Quote>(absl::UnavailableError("not wanted"))
                   : PrintQuote(client, job);
-    if (absl::IsCancelled(quote.status())) return quote.status();
+    if (absl::IsCancelled(quote.status()) || IsBadScene(quote.status())) return quote.status();
     if (deadline_.empty()) return absl::OkStatus();
     v1::Deadline& deadline = *request->mutable_deadline();
     deadline.mutable_time()->set_seconds(absl::ToUnixSeconds(deadline_time_));
@@ -195,7 +203,7 @@ class SubmitCommand : public Command {
     if (quote.ok()) {
       json_ ? PrintInfo(FormatQuote(*quote))
             : static_cast<void>(std::fputs(FormatQuote(*quote).c_str(), stderr));
-    } else if (!absl::IsCancelled(quote.status())) {
+    } else if (!absl::IsCancelled(quote.status()) && !IsBadScene(quote.status())) {
       PrintNote(absl::StrCat("no quote: ", quote.status().message()));
     }
     return quote;

@@ -87,6 +87,9 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   if (options.http_address.empty()) coordinator.farm.round_previews_bytes_max = 0;  // No page.
   // There is no other worker to wait for.
   coordinator.farm.limits.poison_workers_max = 1;
+  // The end of the job says why it failed, once.
+  coordinator.farm.warns_of_failed_jobs = false;
+  farm->options_.worker.warns_of_failed_leases = false;
   coordinator.listen_address.clear();
   coordinator.http_address = options.http_address;
   absl::StatusOr<std::unique_ptr<coordinator::CoordinatorServer>> server =

@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/job/input_check.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <limits>
+#include <system_error>
 #include <variant>
 #include <vector>
 
@@ -21,6 +24,7 @@ struct NamedFile {
   std::string use;   // "texture "wood"".
   std::string file;  // Canonical name; empty: no file.
   bool is_volume = false;
+  std::string grid = {};  // Of a volume file.
 };
 
 std::string FileOf(const LightDescription& light) {
@@ -48,14 +52,31 @@ std::vector<NamedFile> FilesNamed(const SceneDescription& scene) {
   for (const MediumDescription& medium : scene.media) {
     const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
     if (volume == nullptr) continue;
-    files.push_back(
-        {medium.location, absl::StrCat("medium \"", medium.name, "\""), volume->file, true});
+    const NamedFile file{medium.location, absl::StrCat("medium \"", medium.name, "\""),
+                         volume->file, true, volume->density_grid};
+    files.push_back(file);
+    if (!volume->temperature_grid || !medium.emits) continue;
+    files.push_back(file);
+    files.back().grid = *volume->temperature_grid;
   }
   return files;
 }
 
+// Reads the grid only if that fails, or if the file is small.
+absl::Status CheckVolume(const NamedFile& named, const std::string& path) {
+  const absl::StatusOr<std::vector<VolumeFileEntry>> entries = ListVolumeFile(named.file, path);
+  if (!entries.ok()) return entries.status();
+  const auto entry = std::find_if(entries->begin(), entries->end(),
+                                  [&](const VolumeFileEntry& e) { return e.name == named.grid; });
+  std::error_code error;
+  const uint64_t bytes = std::filesystem::file_size(path, error);
+  const bool is_small = !error && bytes <= kWholeVolumeBytesMax;
+  if (entry != entries->end() && entry->can_be_read && !is_small) return absl::OkStatus();
+  return ReadVolumeGrid(named.file, path, named.grid).status();
+}
+
 absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) {
-  if (named.is_volume) return ListVolumeFile(named.file, path).status();
+  if (named.is_volume) return CheckVolume(named, path);
   const absl::StatusOr<FloatImage> image =
       ReadImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
                        .whole_pixels_max = kWholePixelsMax});
@@ -64,14 +85,14 @@ absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) 
 
 }  // namespace
 
-absl::Status InputChecks::Once(const std::string& path, const std::function<absl::Status()>& read) {
+absl::Status InputChecks::Once(const std::string& key, const std::function<absl::Status()>& read) {
   {
     const MutexLock lock(&mutex_);
-    if (const auto found = known_.find(path); found != known_.end()) return found->second;
+    if (const auto found = known_.find(key); found != known_.end()) return found->second;
   }
   absl::Status status = read();
   const MutexLock lock(&mutex_);
-  return known_.emplace(path, std::move(status)).first->second;
+  return known_.emplace(key, std::move(status)).first->second;
 }
 
 absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files) {
@@ -80,7 +101,8 @@ absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files
     if (named.file.empty()) continue;
     const absl::StatusOr<std::string> path = files.LocalPath(named.file);
     if (!path.ok()) return path.status();
-    const absl::Status status = Once(*path, [&] { return ReadAsFarAsNeeded(named, *path); });
+    const absl::Status status = Once(absl::StrCat(*path, "\n", named.grid),
+                                     [&] { return ReadAsFarAsNeeded(named, *path); });
     // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
     // file.
     if (status.ok() || absl::IsFailedPrecondition(status)) continue;

@@ -19,6 +19,8 @@ namespace sheaf::cli {
 
 // Images with more pixels are checked by their headers only; others are read whole.
 inline constexpr uint64_t kWholePixelsMax = uint64_t{1} << 20;
+// Likewise, larger files of volumes.
+inline constexpr uint64_t kWholeVolumeBytesMax = uint64_t{16} << 20;
 
 // Thread safety: Check may be called concurrently; each file is read once.
 class InputChecks {
@@ -28,10 +30,10 @@ class InputChecks {
   absl::Status Check(const SceneDescription& scene, FileSource& files);
 
  private:
-  absl::Status Once(const std::string& path, const std::function<absl::Status()>& read);
+  absl::Status Once(const std::string& key, const std::function<absl::Status()>& read);
 
   Mutex mutex_;
-  std::map<std::string, absl::Status> known_ ABSL_GUARDED_BY(mutex_);  // By path.
+  std::map<std::string, absl::Status> known_ ABSL_GUARDED_BY(mutex_);  // By path and grid.
 };
 
 }  // namespace sheaf::cli

@@ -32,6 +32,7 @@
 #include "common/scene/visible_emitters.h"
 #include "worker/render/scene/matte_names.h"
 #include "worker/render/scene/memory_estimate.h"
+#include "worker/render/scene/scene_check.h"
 
 namespace sheaf::cli {
 namespace {
@@ -51,12 +52,12 @@ struct ReadFrameResult {
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
                                           const RenderSettings& settings, GltfInputs* gltf,
                                           FileDigests* digests, InputChecks* checks) {
-  const absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
+  absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
   if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
     return status;
   }
-  const ReadSceneResult& read = file->read;
+  ReadSceneResult& read = file->read;
   ReadFrameResult result;
   for (const SceneDiagnostic& diagnostic : read.diagnostics) {
     result.diagnostics.push_back(diagnostic.text);
@@ -97,6 +98,9 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
                   read.scene.filter,
                   VisibleEmitters(read.scene, resolved->width_px, resolved->height_px)};
   result.frame.memory_bytes = render::EstimateMemory(read.scene, *file->files).TotalBytes();
+  absl::Status checked = render::CheckScene(std::move(read.scene), *resolved, *file->files);
+  // Without its library (kFailedPrecondition) no image can be read; this is no error of the scene.
+  if (!checked.ok() && !absl::IsFailedPrecondition(checked)) return checked;
   return result;
 }
 

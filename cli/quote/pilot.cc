@@ -20,6 +20,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/film/light/light_image.h"
 #include "common/rpc/settings_codec.h"
+#include "coordinator/core/job.h"
 #include "coordinator/core/limits.h"
 
 namespace sheaf::cli {
@@ -105,6 +106,9 @@ absl::StatusOr<v1::Job> AwaitJob(FarmClient* client, const std::string& name, St
     const absl::StatusOr<v1::Job> job = client->GetJob(name);
     if (!job.ok()) return job.status();
     if (job->state() == v1::Job::STATE_SUCCEEDED) return job;
+    if (coordinator::IsSceneFailure(job->failure())) {
+      return absl::InvalidArgumentError(job->failure());
+    }
     if (HasEnded(*job)) {
       return absl::FailedPreconditionError(
           job->state() == v1::Job::STATE_CANCELLED

@@ -7,6 +7,7 @@
 
 #include <memory>
 
+#include "common/base/log_silence.h"
 #include "common/base/printable.h"
 
 namespace sheaf {
@@ -21,6 +22,12 @@ spdlog::logger& Logger() {
     return made;
   }();
   return *logger;
+}
+
+thread_local int silence_count = 0;
+
+void Log(spdlog::level::level_enum level, std::string_view text) {
+  if (silence_count == 0) Logger().log(level, "{}", Printable(text));
 }
 
 }  // namespace
@@ -65,9 +72,12 @@ void RelayLog(std::string_view line) {
   LogError(level == "error" ? text : line);
 }
 
-void LogDebug(std::string_view text) { Logger().debug("{}", Printable(text)); }
-void LogInfo(std::string_view text) { Logger().info("{}", Printable(text)); }
-void LogWarning(std::string_view text) { Logger().warn("{}", Printable(text)); }
-void LogError(std::string_view text) { Logger().error("{}", Printable(text)); }
+LogSilence::LogSilence() { ++silence_count; }
+LogSilence::~LogSilence() { --silence_count; }
+
+void LogDebug(std::string_view text) { Log(spdlog::level::debug, text); }
+void LogInfo(std::string_view text) { Log(spdlog::level::info, text); }
+void LogWarning(std::string_view text) { Log(spdlog::level::warn, text); }
+void LogError(std::string_view text) { Log(spdlog::level::err, text); }
 
 }  // namespace sheaf

@@ -6,6 +6,11 @@
 #include "coordinator/core/cell_grid.h"
 
 namespace sheaf::coordinator {
+namespace {
+
+constexpr char kSceneFailure[] = " cannot be rendered: ";
+
+}  // namespace
 
 const char* FailureKindName(FailureKind kind) {
   switch (kind) {
@@ -62,6 +67,14 @@ int64_t PathsPerLightPass(const FrameSettings& settings) {
 uint64_t PathsPerSample(const FrameSettings& settings) {
   const int64_t light = HasLightPasses(settings) ? PathsPerLightPass(settings) : 0;
   return static_cast<uint64_t>(settings.window.PixelCount() + light);
+}
+
+std::string SceneFailureText(int32_t frame_number, const std::string& message) {
+  return absl::StrCat("frame ", frame_number, kSceneFailure, message);
+}
+
+bool IsSceneFailure(std::string_view failure) {
+  return failure.starts_with("frame ") && failure.find(kSceneFailure) != std::string_view::npos;
 }
 
 std::string WorkText(TaskKind kind, const PixelRect& tile, SampleBlock block) {

@@ -8,6 +8,7 @@
 #include <deque>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/time/time.h"
@@ -162,6 +163,11 @@ uint64_t PathsPerSample(const FrameSettings& settings);
 // Names work for people: "tile [0, 32) x [0, 32), samples [0, 16)", "light passes [0, 16)",
 // "training".
 std::string WorkText(TaskKind kind, const PixelRect& tile, SampleBlock block);
+
+// The failure of a job whose scene cannot be rendered; message: what the worker says. Clients tell
+// it apart from other failures.
+std::string SceneFailureText(int32_t frame_number, const std::string& message);
+bool IsSceneFailure(std::string_view failure);
 
 struct LeaseFailure {
   uint64_t lease_id = 0;

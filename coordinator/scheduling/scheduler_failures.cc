@@ -268,8 +268,7 @@ void Scheduler::JudgeScene(const FrameId& id) {
                          AreBelieved(spec.numeric_profile, identities);
   if (!confirmed && OtherIdentitiesLive(spec, identities)) return;
   EndJob(id.job_id, JobPhase::kFailed,
-         absl::StrCat("frame ", id.frame_number,
-                      " cannot be rendered: ", frame.scene_failed_by.rbegin()->second));
+         SceneFailureText(id.frame_number, frame.scene_failed_by.rbegin()->second));
 }
 
 void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,

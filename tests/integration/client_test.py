@@ -329,6 +329,31 @@ class ClientTest(ClientCase):
                     done = self.farm.sheaf(command, scene, check=False, seconds=30)
                     self.assertRegex(self.expect(done, BAD_SCENE).stderr, expected)
 
+    def test_mistakes_that_compiling_shows_are_said_once_before_a_job_is_made(self):
+        """Regression: `submit` made a job that failed, `render` said why three times."""
+        line = SCENE.count("\n") + 1
+        twisted = ('AreaLightSource "diffuse"\nShape "bilinearmesh" '
+                   '"point3 P" [-1 -1 0  1 -1 .5  -1 1 .5  1 1 0]\n')
+        bright = 'LightSource "point" "rgb I" [1e30 1 1]\n'
+        jobs = self.farm.sheaf("list").stdout
+        for text, place in ((twisted, line + 1), (bright, line)):
+            scene = self.write("late.pbrt", SCENE + text)
+            for command in (("render",), ("submit",), ("submit", "--no-quote")):
+                with self.subTest(text=text, command=command):
+                    done = self.farm.sheaf(*command, scene, check=False, seconds=30)
+                    said = self.expect(done, BAD_SCENE).stderr
+                    self.assertRegex(said, rf"^sheaf: late\.pbrt:{place}:1: [^\n]*\n$")
+        self.assertEqual(self.farm.sheaf("list").stdout, jobs)
+
+    def test_failures_of_rendering_are_said_once(self):
+        """A displacement is looked at by rendering alone."""
+        scene = self.write("steep.pbrt", SCENE + 'Texture "far" "float" "scale" "float tex" 1e30 '
+                           '"float scale" 1e30\nShape "trianglemesh" "integer indices" [0 1 2] '
+                           '"point3 P" [0 0 0  1 0 0  0 1 0] "texture displacement" "far"\n')
+        done = run("render", scene, "--samples", 1, "-o", self.farm.path("steep.exr"))
+        said = self.expect(done, FAILED).stderr
+        self.assertEqual(said.count("steep.pbrt:"), 1, said)
+
     def test_foreign_files_send_no_raw_bytes_to_the_terminal(self):
         """Regression: a .blend file's escape sequences were printed, and no message named its
         format.

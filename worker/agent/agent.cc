@@ -308,7 +308,8 @@ void Agent::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status
   if (absl::IsCancelled(status)) {
     ledger_.Fail(lease_id, FailureKind::kReleased, "the worker gives it back");
   } else {
-    LogWarning(absl::StrCat("lease ", lease_id, " failed: ", std::string(status.message())));
+    const std::string text = absl::StrCat("lease ", lease_id, " failed: ", status.message());
+    options_.warns_of_failed_leases ? LogWarning(text) : LogInfo(text);
     ledger_.Fail(lease_id, kind, std::string(status.message()));
     ++counts_.failed;
   }

@@ -30,6 +30,8 @@ struct AgentOptions {
   std::vector<std::string> tags;
   uint64_t memory_bytes = 0;  // For scenes, as the coordinator is told; 0: not known.
   int32_t thread_count = 1;
+  // Whether failures of leases are logged as warnings; the coordinator is told in any case.
+  bool warns_of_failed_leases = true;
   // Leases that wait while every thread has one: hides the round trip to the coordinator.
   int32_t leases_ahead = 2;
   uint64_t unsent_bytes_max = uint64_t{256} << 20;

@@ -39,6 +39,7 @@ AgentOptions MakeAgentOptions(const WorkerOptions& options) {
   agent.tags = options.tags;
   agent.memory_bytes = std::min(options.scene_memory_bytes_max, FindMemoryRoom().bytes);
   agent.leases_ahead = options.leases_ahead;
+  agent.warns_of_failed_leases = options.warns_of_failed_leases;
   agent.scene_memory_bytes_max = options.scene_memory_bytes_max;
   agent.grace = options.grace;
   agent.exit_when_idle = options.exit_when_idle;

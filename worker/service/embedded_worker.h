@@ -41,6 +41,7 @@ struct WorkerOptions {
   std::function<std::string(uint64_t scene_bytes)> why_away;  // As in AgentOptions.
   // Whether the coordinator is told where scene files came from; without it no peers are asked.
   bool reports_content = false;
+  bool warns_of_failed_leases = true;  // As in AgentOptions.
   PeerOptions peers;
   SandboxOptions sandbox;  // By default scenes render in this process: they are the user's own.
 };

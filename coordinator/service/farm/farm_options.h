@@ -35,6 +35,8 @@ struct FarmOptions {
   absl::Duration preview_interval_min =
       absl::Milliseconds(300);                    // Between two previews of a frame.
   uint64_t part_bytes_max = uint64_t{512} << 20;  // For one result.
+  // Whether failures of jobs are logged as warnings; otherwise whoever owns the farm says them.
+  bool warns_of_failed_jobs = true;
 };
 
 }  // namespace sheaf::coordinator

@@ -209,7 +209,8 @@ void JobLifecycle::SettleEnded() {
       continue;
     }
     if (job.phase == JobPhase::kFailed) {
-      LogWarning(absl::StrCat("job ", job.job_id, " failed: ", job.failure));
+      const std::string text = absl::StrCat("job ", job.job_id, " failed: ", job.failure);
+      options_.warns_of_failed_jobs ? LogWarning(text) : LogInfo(text);
     } else {
       LogInfo(absl::StrCat("job ", job.job_id,
                            job.phase == JobPhase::kSucceeded ? " succeeded" : " was cancelled"));
