@@ -90,7 +90,6 @@ struct ClearCoat {
   float thickness = 0.01f;  // In mean free paths of a purely absorbing coat, as in pbrt-v4.
   ColorInput albedo;        // Albedo of the coat's medium; non-zero is not supported yet.
   float g = 0;
-  int32_t max_depth = 10, sample_count = 1;
 };
 struct CoatedDiffuseMaterial : ClearCoat {
   RoughnessInput roughness;

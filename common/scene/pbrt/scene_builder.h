@@ -118,6 +118,8 @@ class SceneBuilder {
   // The index of "string name" in SceneDescription::matte_names; kNone without one, or where it
   // cannot be a name (reported).
   int32_t MatteName(ParameterList& parameters);
+  // Reports what an emissive shape cannot do.
+  void CheckEmitter(const ShapeDescription& shape, ParameterList& parameters);
   bool ObjectSlot(const std::string& name, SourceLocation location, int32_t* object);
   // The index of the medium of that name, defined or not; kNone for an empty name.
   int32_t MediumSlot(const std::string& name, SourceLocation location);
@@ -135,6 +137,7 @@ class SceneBuilder {
   PendingFrame frame_;
   bool is_world_ = false;
   bool missed_world_ = false;  // The missing WorldBegin has been reported.
+  bool has_noted_power_ = false;
   float start_time_ = 0, end_time_ = 1;
   int32_t open_object_ = kNone;
   std::map<std::string, std::pair<Matrix4, Matrix4>> coordinate_systems_;

@@ -221,6 +221,27 @@ int32_t SceneBuilder::MatteName(ParameterList& parameters) {
   return entry->second;
 }
 
+void SceneBuilder::CheckEmitter(const ShapeDescription& shape, ParameterList& parameters) {
+  const CameraDescription& camera = scene_->camera;
+  if (shape.world_from_object.IsAnimated() && camera.shutter_close > camera.shutter_open) {
+    parameters.Error(absl::StrCat(parameters.owner(),
+                                  ": an area light cannot move while the shutter is open, as in "
+                                  "pbrt-v4; give the emissive shape one transform"));
+  }
+  size_t faces = 1;
+  if (const auto* mesh = std::get_if<MeshShape>(&shape.shape)) {
+    faces = scene_->meshes[mesh->mesh].indices.size() / 3;
+  } else if (const auto* patches = std::get_if<BilinearMeshShape>(&shape.shape)) {
+    faces = scene_->bilinear_meshes[patches->mesh].indices.size() / 4;
+  }
+  if (faces < 2 || !(scene_->area_lights[shape.area_light].scale.power_w > 0)) return;
+  if (std::exchange(has_noted_power_, true)) return;
+  diagnostics_->Note(parameters.location(),
+                     absl::StrCat(parameters.owner(), ": the \"power\" of its area light is that of "
+                                  "the whole mesh; pbrt-v4 gives it to each of the ", faces,
+                                  " faces"));
+}
+
 void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
                          SourceLocation location) {
   if (!RequireWorld("Shape", location)) return;
@@ -245,7 +266,8 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
     if (open_object_ != kNone) {
       diagnostics_->Warning(
           location,
-          "shapes of an object cannot emit light, as in pbrt-v4; the area light is ignored here");
+          "shapes of an object emit no light; the area light is ignored here. In pbrt-v4 they shine "
+          "where they are seen, but light nothing");
     } else if (materials_.IsInterface(state_.material)) {
       diagnostics_->Warning(location,
                             "shapes of the material interface emit no light, as in pbrt-v4; the "
@@ -260,6 +282,7 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
     parameters.NoteWithoutEffect("name", "mattes name the shapes of an object by its instances");
   }
   if (!shapes_.SetShape(type, parameters, &shape)) return;
+  if (shape.area_light != kNone) CheckEmitter(shape, parameters);
   // Hair has no interior that a ray could be in.
   if (!std::holds_alternative<CurveShape>(shape.shape)) shape.media = state_.media;
   std::vector<int32_t>& shapes = open_object_ == kNone

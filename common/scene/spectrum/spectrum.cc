@@ -96,8 +96,25 @@ std::optional<double> MetalAt(const std::string& name, double nm) {
   return std::nullopt;
 }
 
+std::string FluorescentName(size_t lamp) { return "stdillum-F" + std::to_string(lamp + 1); }
+
+// "stdillum-F1" and the like; empty for other names. 0 beyond the table's ends.
+std::optional<double> FluorescentAt(const std::string& name, double nm) {
+  if (!name.starts_with("stdillum-F")) return std::nullopt;
+  for (size_t i = 0; i < data::kFluorescentLampCount; ++i) {
+    if (name != FluorescentName(i)) continue;
+    constexpr double kEndNm =
+        data::kFluorescentFirstNm + data::kFluorescentStepNm * (data::kFluorescentCount - 1);
+    if (nm < data::kFluorescentFirstNm || nm > kEndNm) return 0;
+    return Equidistant(data::kFluorescent[i], data::kFluorescentCount, data::kFluorescentFirstNm,
+                       data::kFluorescentStepNm, nm);
+  }
+  return std::nullopt;
+}
+
 std::optional<double> NamedAt(const std::string& name, double nm) {
   if (name == "stdillum-A") return IlluminantA(nm);
+  if (const auto lamp = FluorescentAt(name, nm)) return lamp;
   if (const auto temperature = DaylightTemperature(name)) return Daylight(*temperature, nm);
   if (const auto metal = MetalAt(name, nm)) return metal;
   for (const data::Table& table : data::kTables) {
@@ -267,6 +284,7 @@ bool IsNamedSpectrum(const std::string& name) { return NamedAt(name, 550).has_va
 
 std::vector<std::string> NamedSpectra() {
   std::vector<std::string> names = {"stdillum-A", "stdillum-D50", "stdillum-D65", "illum-acesD60"};
+  for (size_t i = 0; i < data::kFluorescentLampCount; ++i) names.push_back(FluorescentName(i));
   for (const data::Metal& metal : data::kMetals) {
     names.push_back(std::string("metal-") + metal.name + "-eta");
     names.push_back(std::string("metal-") + metal.name + "-k");

@@ -36,14 +36,21 @@ struct Metal {
 inline constexpr size_t kMetalTableCount = 4;
 extern const Metal kMetals[kMetalTableCount];
 
-// Any other tabulated spectrum, linear in between.
+// CIE illuminants F1 to F12, fluorescent lamps, at 380, 385 ... 780 nm. Source: CIE 15:2004, table
+// T.6.
+inline constexpr size_t kFluorescentLampCount = 12, kFluorescentCount = 81;
+inline constexpr double kFluorescentFirstNm = 380, kFluorescentStepNm = 5;
+extern const double kFluorescent[kFluorescentLampCount][kFluorescentCount];
+
+// Any other tabulated spectrum, linear in between. Source of CuZn, brass of 30 % zinc: the luxpop
+// and SOPRA tables.
 struct Table {
   const char* name;  // As scenes write it.
   size_t count;
   const double* wavelengths_nm;
   const double* values;
 };
-inline constexpr size_t kTableCount = 11;
+inline constexpr size_t kTableCount = 13;
 extern const Table kTables[kTableCount];
 
 }  // namespace sheaf::spectrum_data

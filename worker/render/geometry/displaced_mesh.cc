@@ -19,7 +19,8 @@ namespace {
 struct Vertex {
   uint32_t site = 0;
   Vec2f uv;
-  Vec3f normal;  // The mesh's; linear between its vertices, so not unit length.
+  Vec3f normal;        // The mesh's; linear between its vertices, so not unit length.
+  Vec3f tangent = {};  // The mesh's, if it has any.
 };
 using Face = std::array<uint32_t, 3>;  // Vertices.
 
@@ -125,6 +126,7 @@ class Refiner {
   std::vector<Vec3d> sites_;
   std::vector<Vertex> vertices_;
   std::vector<Face> faces_;
+  bool has_tangents_ = false;
   std::vector<int8_t> sides_;     // By face: -1 where the mesh's normals oppose it.
   std::vector<Vec3f> displaced_;  // By site.
   std::unordered_map<Vec3f, uint32_t, PlaceHash> site_of_;
@@ -133,6 +135,7 @@ class Refiner {
 
 void Refiner::AddVertices(const TriangleMesh& mesh) {
   const bool has_uvs = !mesh.uvs.empty(), has_normals = !mesh.normals.empty();
+  has_tangents_ = !mesh.tangents.empty();
   if (has_uvs) {
     for (size_t i = 0; i < mesh.positions.size(); ++i) {
       vertices_.push_back({SiteAt(mesh.positions[i]), mesh.uvs[i], {}});
@@ -150,6 +153,9 @@ void Refiner::AddVertices(const TriangleMesh& mesh) {
     }
     faces_.push_back(face);
     sides_.push_back(1);
+    for (size_t k = 0; k < 3 && has_tangents_; ++k) {
+      vertices_[face[k]].tangent = mesh.tangents[mesh.indices[i + k]];
+    }
     if (!has_normals) continue;
     Vec3d sum{0, 0, 0};
     for (size_t k = 0; k < 3; ++k) {
@@ -174,7 +180,8 @@ uint32_t Refiner::Midpoint(uint32_t a, uint32_t b) {
   const auto [site, is_new_site] =
       middle_site_.emplace(EdgeOf(va.site, vb.site), static_cast<uint32_t>(sites_.size()));
   if (is_new_site) sites_.push_back((sites_[va.site] + sites_[vb.site]) * 0.5);
-  vertices_.push_back({site->second, (va.uv + vb.uv) * 0.5f, (va.normal + vb.normal) * 0.5f});
+  vertices_.push_back({site->second, (va.uv + vb.uv) * 0.5f, (va.normal + vb.normal) * 0.5f,
+                       (va.tangent + vb.tangent) * 0.5f});
   return entry->second;
 }
 
@@ -236,6 +243,7 @@ TriangleMesh Refiner::Take() {
     mesh.positions.push_back(displaced_[vertex.site]);
     mesh.normals.push_back(ToFloat(LengthSquared(n) > 0 ? n : UnitOrZero(ToDouble(vertex.normal))));
     mesh.uvs.push_back(vertex.uv);
+    if (has_tangents_) mesh.tangents.push_back(vertex.tangent);
   }
   for (const Face& face : faces_) mesh.indices.insert(mesh.indices.end(), face.begin(), face.end());
   return mesh;

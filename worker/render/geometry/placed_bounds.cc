@@ -3,6 +3,7 @@
 //
 // Bounds of static and moving placed groups.
 #include <algorithm>
+#include <cmath>
 
 #include "common/math/next_float.h"
 #include "worker/render/geometry/bounds.h"
@@ -30,7 +31,36 @@ PlacedBounds RoundOut(const Bounds& bounds, double margin) {
   return box;
 }
 
+// Frobenius norm of the linear part.
+double NormOf(const Affine& a) {
+  return std::sqrt(LengthSquared(a.x) + LengthSquared(a.y) + LengthSquared(a.z));
+}
+
+// Without the offset.
+Affine LinearDifference(const Affine& a, const Affine& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z, {0, 0, 0}};
+}
+
 }  // namespace
+
+double GroupMotion::LinearDeviationMax(double time_0, double time_1, double radius) const {
+  // The group's points are relative to its center, so the center's own path adds to the radius.
+  const double reach = radius + Length(group_center);
+  if (!placed_from_shape.has_value()) {
+    return world_from_placed.LinearDeviationMax(time_0, time_1, reach);
+  }
+  // The path is A(t) s(t). Where A and s were straight, their product would deviate from its chord
+  // by a quarter of (A1 - A0)(s1 - s0) at most; their own deviations add to that.
+  const Affine s0 = placed_from_shape->At(time_0), s1 = placed_from_shape->At(time_1);
+  const Affine a0 = world_from_placed.At(time_0), a1 = world_from_placed.At(time_1);
+  const double inner = placed_from_shape->LinearDeviationMax(time_0, time_1, reach);
+  const double inner_reach = std::max(NormOf(s0), NormOf(s1)) * reach +
+                             std::max(Length(s0.offset), Length(s1.offset)) + inner;
+  const double way = NormOf(LinearDifference(s1, s0)) * reach + Length(s1.offset - s0.offset);
+  return world_from_placed.LinearDeviationMax(time_0, time_1, inner_reach) +
+         std::max(NormOf(a0), NormOf(a1)) * inner +
+         0.25 * NormOf(LinearDifference(a1, a0)) * way;
+}
 
 PlacedBounds BoundsOfStill(const SceneGeometry& geometry, const PlacedGroup& placed) {
   const GeometryGroup& group = geometry.groups[placed.group];
@@ -43,12 +73,9 @@ PlacedBounds BoundsOfMoving(const SceneGeometry& geometry, const PlacedGroup& pl
   const GroupMotion& motion = geometry.motions[placed.motion];
   const double duration = (geometry.shutter_close - geometry.shutter_open) / (kMotionStepCount - 1);
   const double time = geometry.shutter_open + duration * step;
-  // The tracer interpolates boxes linearly between steps; the margin covers the deviation. The
-  // group's points are relative to its center, so the center's own path adds to the radius.
-  const double radius = group.radius + Length(motion.group_center);
-  const double margin =
-      std::max(motion.world_from_placed.LinearDeviationMax(time, time + duration, radius),
-               motion.world_from_placed.LinearDeviationMax(time - duration, time, radius));
+  // The tracer interpolates boxes linearly between steps; the margin covers the deviation.
+  const double margin = std::max(motion.LinearDeviationMax(time, time + duration, group.radius),
+                                 motion.LinearDeviationMax(time - duration, time, group.radius));
   return RoundOut(MapBox(motion.RenderFromGroup(time), group.bounds_lower, group.bounds_upper),
                   margin);
 }

@@ -63,6 +63,7 @@ struct BakedMesh {
   std::vector<Vec3f> positions;   // Plus one: the ray tracer reads 16 bytes per vertex.
   std::vector<Vec3f> normals;     // Unit length, or empty.
   std::vector<Vec2f> uvs;         // Or empty.
+  std::vector<Vec3f> tangents;    // Of any length, or empty; used only if surface.needs_tangent.
   std::vector<uint32_t> indices;  // Three per triangle, without degenerate ones.
   // Vertices of a deforming mesh (deforming_mesh.h) at later, equidistant steps until shutter
   // close, in the same form.
@@ -158,8 +159,14 @@ struct PlacedGroup {
 struct GroupMotion {
   AnimatedTransform world_from_placed;
   Vec3d group_center, render_origin_world;
+  // Of a shape that moves within its object.
+  std::optional<AnimatedTransform> placed_from_shape = std::nullopt;
+  // Upper bound of the distance between the path of any point of the group, which lies within
+  // `radius` of its center, and the straight line between its positions at the two times.
+  double LinearDeviationMax(double time_0, double time_1, double radius) const;
   Affine RenderFromGroup(double time) const {
     Affine transform = world_from_placed.At(time);
+    if (placed_from_shape.has_value()) transform = transform * placed_from_shape->At(time);
     transform.offset = transform.Point(group_center) - render_origin_world;
     return transform;
   }

@@ -77,7 +77,8 @@ struct GroupPoint {
   Vec2f uv;
   Vec3d dpdu, dpdv;
   bool has_tangents = false;
-  double reach = 0;  // For curves: SurfacePoint::reach.
+  Vec3d own_tangent;  // As TangentPlane's.
+  double reach = 0;   // For curves: SurfacePoint::reach.
 };
 
 // Minimum cosine between interpolated vertex normals and the geometric normal for unmodified use.
@@ -115,6 +116,11 @@ inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, cons
   }
   point->uv = uv0 + hit.u * (uv1 - uv0) + hit.v * (uv2 - uv0);
   if (!mesh.surface.needs_tangent) return;
+  if (!mesh.tangents.empty()) [[unlikely]] {
+    point->own_tangent =
+        ToDouble(mesh.tangents[t[0]] * (1 - hit.u - hit.v) + mesh.tangents[t[1]] * hit.u +
+                 mesh.tangents[t[2]] * hit.v);
+  }
   const double u1 = static_cast<double>(uv1.x) - uv0.x, v1 = static_cast<double>(uv1.y) - uv0.y;
   const double u2 = static_cast<double>(uv2.x) - uv0.x, v2 = static_cast<double>(uv2.y) - uv0.y;
   const double determinant = u1 * v2 - u2 * v1;
@@ -290,20 +296,16 @@ inline void PlacePoint(const Placement& placement, GroupPoint* point, Vec3d* rou
   point->ns = is_flat ? point->ng : group_from_render.TransposedVector(point->ns);
   point->dpdu = render_from_group.Vector(point->dpdu);
   point->dpdv = render_from_group.Vector(point->dpdv);
+  point->own_tangent = render_from_group.Vector(point->own_tangent);
 }
 
-// The frame's x axis follows the tangent dpdu, if there is one.
+// The frame's x axis follows the mesh's own tangent or dpdu, if there is one.
 inline Frame ShadingFrame(Vec3f ns, const TangentPlane& plane) {
-  if (plane.has_tangents) {
-    const Vec3d n = ToDouble(ns);
-    const Vec3d tangent = plane.dpdu - n * Dot(n, plane.dpdu);
-    const double length = Length(tangent);
-    if (length > 0 && std::isfinite(length)) {
-      const Vec3f t = ToFloat(tangent * (1 / length));
-      return {t, Cross(ns, t), ns};
-    }
-  }
-  return Frame::FromNormal(ns);
+  const Vec3d tangent = TangentOf(plane);
+  const double length = Length(tangent);
+  if (!(length > 0) || !std::isfinite(length)) return Frame::FromNormal(ns);
+  const Vec3f t = ToFloat(tangent * (1 / length));
+  return {t, Cross(ns, t), ns};
 }
 
 }  // namespace internal
@@ -390,7 +392,7 @@ template <uint32_t kTraits, typename Plane>
     point->uv = on.uv;
   }
   const auto tangents = [&] {
-    return TangentPlane{ToDouble(ns), on.dpdu, on.dpdv, on.has_tangents};
+    return TangentPlane{ToDouble(ns), on.dpdu, on.dpdv, on.has_tangents, on.own_tangent};
   };
   point->shading = point->surface->needs_tangent ? internal::ShadingFrame(ns, tangents())
                                                  : Frame::FromNormal(ns);

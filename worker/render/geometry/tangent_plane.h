@@ -4,6 +4,8 @@
 // TangentPlane: the shading normal and tangents of a surface point, from which normal maps start.
 #pragma once
 
+#include <cmath>
+
 #include "common/math/vec.h"
 
 namespace sheaf::render {
@@ -14,6 +16,19 @@ struct TangentPlane {
   Vec3d n;                    // Unit: the shading normal.
   Vec3d dpdu, dpdv;           // By the texture coordinates uv. In a space with the world's axes.
   bool has_tangents = false;  // Otherwise there are no usable uvs.
+  Vec3d own_tangent;          // That of the mesh itself, of any length; zero without one.
 };
+
+// The direction in the plane, not unit, from which anisotropy and normal maps count: that of the
+// mesh's own tangent, else that of dpdu. Zero or not finite if there is none.
+inline Vec3d TangentOf(const TangentPlane& plane) {
+  const auto in_plane = [&plane](Vec3d v) { return v - plane.n * Dot(plane.n, v); };
+  if (LengthSquared(plane.own_tangent) > 0) [[unlikely]] {
+    const Vec3d own = in_plane(plane.own_tangent);
+    const double length = Length(own);
+    if (length > 0 && std::isfinite(length)) return own;
+  }
+  return plane.has_tangents ? in_plane(plane.dpdu) : Vec3d{0, 0, 0};
+}
 
 }  // namespace sheaf::render

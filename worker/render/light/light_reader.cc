@@ -18,12 +18,15 @@
 #include "worker/render/color/light_image.h"
 #include "worker/render/light/intensity_map.h"
 #include "worker/render/light/projected_image.h"
+#include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::render {
 namespace {
 
 // Relative tolerance for the orthogonality and equal length of a rotation's columns.
 constexpr double kRotationTolerance = 1e-4;
+// A map that is stretched gets twice its size, for directions that move apart, up to this one.
+constexpr int kStretchedMapSizeMax = 2048;
 
 double RadiansOf(float degrees) { return static_cast<double>(degrees) * (kPi / 180); }
 
@@ -194,7 +197,7 @@ absl::StatusOr<EnvironmentMap> SceneLightReader::ReadMap(const LightDescription&
   return map;
 }
 
-// The map must stay equal-area on the sphere: only rotations, mirrors and uniform scales do.
+// Equal-area maps stay so only under rotations, mirrors and uniform scales; false for others.
 bool MakeRotation(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
   Vec3d column[3];
   for (size_t i = 0; i < 3; ++i) {
@@ -211,6 +214,29 @@ bool MakeRotation(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
     (*rows)[i] = ToFloat(column[i] / Length(column[i]));
   }
   return true;
+}
+
+// The map as seen through a transform that stretches or shears it, with the axes of the world. Each
+// texel is the mean of the map over the directions that fall in it.
+absl::StatusOr<EnvironmentMap> StretchedMap(const EnvironmentMap& map,
+                                            const Matrix4& light_from_world) {
+  const int size = std::max(map.size(), std::min(2 * map.size(), kStretchedMapSizeMax));
+  constexpr int kSteps = 4;  // Directions along each side of a texel.
+  std::vector<Rgb> texels;
+  texels.reserve(static_cast<size_t>(size) * static_cast<size_t>(size));
+  for (int y = 0; y < size; ++y) {
+    for (int x = 0; x < size; ++x) {
+      Rgb sum;
+      for (int k = 0; k < kSteps * kSteps; ++k) {
+        const Vec2d st{(x + (k % kSteps + 0.5) / kSteps) / size,
+                       (y + (k / kSteps + 0.5) / kSteps) / size};
+        const Vec3d d = TransformVector(light_from_world, EqualAreaSquareToSphere(st));
+        sum += map.Radiance(ToFloat(Normalize(d)));
+      }
+      texels.push_back(sum * (1.0f / (kSteps * kSteps)));
+    }
+  }
+  return EnvironmentMap::Make(size, texels);
 }
 
 // emitter: with its rotation set.
@@ -240,11 +266,6 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const Infinite
   }
   absl::StatusOr<EnvironmentMap> map = ReadMap(light, infinite.file);
   if (!map.ok()) return map.status();
-  if (!MakeRotation(light.world_from_light, &emitter.light_from_render)) {
-    return ErrorAt(scene_, light.location,
-                   "infinite light: its transform stretches or shears the environment map; use "
-                   "rotations, mirrors and uniform scales only");
-  }
   emitter.scale = light.scale.scale;
   // Drops a black map; its illuminance cannot be scaled to any value either.
   if (!(map->mean_luminance() > 0) || emitter.scale == 0) return absl::OkStatus();
@@ -255,6 +276,16 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const Infinite
                      "infinite light: \"illuminance\" is given, but the map is black where z > 0");
     }
     emitter.scale *= static_cast<float>(static_cast<double>(infinite.illuminance_lx) / illuminance);
+  }
+  if (!MakeRotation(light.world_from_light, &emitter.light_from_render)) {
+    Matrix4 light_from_world;
+    if (!Invert(light.world_from_light, &light_from_world)) {
+      return ErrorAt(scene_, light.location,
+                     "infinite light: the transform cannot be inverted; remove the scale of 0");
+    }
+    map = StretchedMap(*map, light_from_world);
+    if (!map.ok()) return map.status();
+    MakeRotation(Matrix4{}, &emitter.light_from_render);
   }
   if (infinite.portal.size() == 4) emitter.portal = MakePortal(infinite, emitter, *map);
   emitter.map = std::move(*map);

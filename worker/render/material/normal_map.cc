@@ -22,12 +22,12 @@ bool IsUsable(Vec3d n) {
 Vec3d NormalOfTexel(Rgb texel, const TangentPlane& plane) {
   const double r = 2 * static_cast<double>(texel.r) - 1, g = 2 * static_cast<double>(texel.g) - 1,
                b = 2 * static_cast<double>(texel.b) - 1;
-  const Vec3d along_u = plane.dpdu - plane.n * Dot(plane.n, plane.dpdu);
-  const double length = Length(along_u);
+  const Vec3d tangent = TangentOf(plane);
+  const double length = Length(tangent);
   if (!(length > 0) || !std::isfinite(length)) return plane.n;
-  const Vec3d x = along_u / length;
+  const Vec3d x = tangent / length;
   Vec3d y = Cross(plane.n, x);
-  if (Dot(y, plane.dpdv) < 0) y = -y;
+  if (Dot(plane.n, Cross(plane.dpdu, plane.dpdv)) < 0) y = -y;
   return x * r + y * g + plane.n * b;
 }
 

@@ -143,7 +143,7 @@ class PlanMaker {
   }
 
   void ExamineShape(const ShapeDescription& shape, bool in_world) {
-    if (in_world && shape.world_from_object.IsAnimated() && ShutterIsOpen()) {
+    if (shape.world_from_object.IsAnimated() && ShutterIsOpen()) {
       Require(Trait::kMotion, shape.location, "Shape moves while the shutter is open");
     }
     const auto* mesh = std::get_if<MeshShape>(&shape.shape);

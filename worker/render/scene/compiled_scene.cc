@@ -25,7 +25,7 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
   uint64_t bytes = 0;
   for (const GeometryGroup& group : geometry.groups) {
     for (const BakedMesh& mesh : group.meshes) {
-      bytes += VectorBytes(mesh.positions, mesh.normals, mesh.uvs, mesh.indices);
+      bytes += VectorBytes(mesh.positions, mesh.normals, mesh.uvs, mesh.tangents, mesh.indices);
       for (const VertexStep& step : mesh.steps) bytes += VectorBytes(step.positions, step.normals);
     }
     for (const BakedPatches& patches : group.patches) {

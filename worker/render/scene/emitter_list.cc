@@ -20,14 +20,16 @@ namespace {
 // for which a sphere stays a sphere. Allows for transforms that a scene file gives with six digits.
 constexpr double kSimilarityTolerance = 1e-5;
 
-// Returns the factor of a light's color where its shapes have the given total area. luminance: of
-// the color, or the mean of the image.
+// Returns the factor of a light's color where its shape has the given total area. luminance: the
+// mean of the image; 1 for a color, whose own luminance multiplies the power, as in pbrt-v4.
 float ScaleOf(const AreaLightDescription& light, double luminance, double area) {
   if (!(light.scale.power_w > 0)) return light.scale.scale;
   // A diffuse emitter's power is pi times area times radiance, per side.
   const double sides = light.two_sided ? 2 : 1;
   const double power_now = std::numbers::pi * area * sides * luminance;
-  return power_now > 0 ? static_cast<float>(light.scale.power_w / power_now) : 0;
+  if (!(power_now > 0)) return 0;
+  return static_cast<float>(light.scale.scale * static_cast<double>(light.scale.power_w) /
+                            power_now);
 }
 
 // Maximum number of cells along a face's edge, and in a mesh.
@@ -128,10 +130,7 @@ uint16_t ChooseCells(const BakedMesh& mesh, const EmissionMap& map) {
 Emission EmitterList::EmissionOf(int32_t light, double area) const {
   const AreaLightDescription& description = LightAt(light);
   const EmissionMap* map = MapOf(light);
-  if (map == nullptr) {
-    const double luminance = static_cast<double>(Luminance(description.radiance.rgb));
-    return {description.radiance, ScaleOf(description, luminance, area), light};
-  }
+  if (map == nullptr) return {description.radiance, ScaleOf(description, 1, area), light};
   Emission mean;
   mean.spectrum_scale = ScaleOf(description, map->mean_luminance(), area);
   mean.rgb = Rgb::Gray(static_cast<float>(map->mean_luminance()) * mean.spectrum_scale);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <system_error>
 #include <variant>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/memory_room.h"
@@ -36,6 +37,22 @@ uint64_t VolumeBytes(const MediumDescription& medium, FileSource& files) {
   return error ? 0 : size * kVolumeFileFactor;
 }
 
+// Each shape that moves within an object is placed on its own by each of the object's instances.
+uint64_t PlacementsOf(const SceneDescription& scene) {
+  std::vector<uint64_t> placements;
+  for (const ObjectDefinition& object : scene.objects) {
+    placements.push_back(1);
+    for (const int32_t shape : object.shapes) {
+      if (scene.shapes[shape].world_from_object.IsAnimated()) ++placements.back();
+    }
+  }
+  uint64_t sum = 0;
+  for (const ObjectInstance& instance : scene.instances) {
+    sum += placements[static_cast<size_t>(instance.object)];
+  }
+  return sum;
+}
+
 }  // namespace
 
 MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files) {
@@ -58,7 +75,7 @@ MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files) 
     estimate.largest_bytes = bytes;
   }
   estimate.instance_count = scene.instances.size();
-  estimate.surface_bytes += scene.instances.size() * kInstanceBytes;
+  estimate.surface_bytes += PlacementsOf(scene) * kInstanceBytes;
   for (const MediumDescription& medium : scene.media) {
     estimate.volume_bytes += VolumeBytes(medium, files);
   }

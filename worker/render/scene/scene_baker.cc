@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 #include <variant>
@@ -17,6 +18,12 @@
 
 namespace sheaf::render {
 namespace {
+
+// A shape that moves within its object: a group that each instance places on its own.
+struct MovingPart {
+  uint32_t group = 0;
+  int32_t shape = kNone;
+};
 
 class SceneBaker {
  public:
@@ -37,13 +44,19 @@ class SceneBaker {
   // Of all shapes, in the world. is_rough: of a few vertices of each mesh.
   Bounds WorldBounds(bool is_rough) const;
   absl::Status BakeObjects();
+  // Makes a group of its own of a shape that moves, in its own space. Returns none if nothing of
+  // it is left.
+  absl::StatusOr<std::optional<uint32_t>> BakeMovingShape(int32_t index);
   absl::Status BakeInstances();
+  absl::Status PlaceMovingPart(const ObjectInstance& instance, const MovingPart& part);
   absl::Status BakeWorldShapes();
   // The transform of a shape or instance that is static while the shutter is open.
   absl::StatusOr<Affine> StillTransform(const TransformOverTime& t, SourceLocation location) const;
   absl::StatusOr<int32_t> AddMotion(const TransformOverTime& t, Vec3d group_center,
                                     SourceLocation location);
   static void FinishGroup(GeometryGroup* group);
+  void AddGroupBounds(const GeometryGroup& group, const Affine& world_from_group,
+                      Bounds* bounds) const;
   // Where the file places the group.
   SourceLocation LocationOf(const PlacedGroup& placed) const;
   absl::Status AddPlacedBounds(const PlacedGroup& placed, const PlacedBounds& box,
@@ -55,6 +68,7 @@ class SceneBaker {
   SceneDescription& scene_;
   SceneGeometry geometry_;
   ShapeBaker shapes_;
+  std::vector<std::vector<MovingPart>> moving_parts_;  // By object.
 };
 
 absl::StatusOr<Affine> SceneBaker::StillTransform(const TransformOverTime& t,
@@ -137,21 +151,31 @@ Bounds SceneBaker::WorldBounds(bool is_rough) const {
     }
   }
   for (const ObjectInstance& instance : scene_.instances) {
-    const GeometryGroup& group = geometry_.groups[static_cast<size_t>(instance.object) + 1];
-    if (group.empty()) continue;
+    const auto object = static_cast<size_t>(instance.object);
     for (const Matrix4& place :
          {instance.world_from_instance.start, instance.world_from_instance.end}) {
-      const Affine world_from_group = AffineOf(place);
-      for (int corner = 0; corner < 8; ++corner) {
-        const auto side = [&](size_t i) {
-          return static_cast<double>((corner >> i & 1) != 0 ? group.bounds_upper[i]
-                                                            : group.bounds_lower[i]);
-        };
-        bounds.Add(world_from_group.Point(group.center + Vec3d{side(0), side(1), side(2)}));
+      AddGroupBounds(geometry_.groups[object + 1], AffineOf(place), &bounds);
+      for (const MovingPart& part : moving_parts_[object]) {
+        const TransformOverTime& motion = scene_.shapes[part.shape].world_from_object;
+        for (const Matrix4& inner : {motion.start, motion.end}) {
+          AddGroupBounds(geometry_.groups[part.group], AffineOf(place) * AffineOf(inner), &bounds);
+        }
       }
     }
   }
   return bounds;
+}
+
+void SceneBaker::AddGroupBounds(const GeometryGroup& group, const Affine& world_from_group,
+                                Bounds* bounds) const {
+  if (group.empty()) return;
+  for (int corner = 0; corner < 8; ++corner) {
+    const auto side = [&](size_t i) {
+      return static_cast<double>((corner >> i & 1) != 0 ? group.bounds_upper[i]
+                                                        : group.bounds_lower[i]);
+    };
+    bounds->Add(world_from_group.Point(group.center + Vec3d{side(0), side(1), side(2)}));
+  }
 }
 
 absl::Status SceneBaker::ChooseOrigin() {
@@ -180,15 +204,13 @@ absl::Status SceneBaker::ChooseOrigin() {
 
 absl::Status SceneBaker::BakeObjects() {
   for (const ObjectDefinition& object : scene_.objects) {
+    std::vector<int32_t> still;
     std::vector<Affine> transforms;
     Bounds bounds;
     for (const int32_t index : object.shapes) {
       const ShapeDescription& shape = scene_.shapes[index];
-      if (Moves(shape.world_from_object)) {
-        return Fail(shape.location,
-                    "Shape: motion within an object definition is not supported; "
-                    "animate the instance instead");
-      }
+      if (Moves(shape.world_from_object)) continue;
+      still.push_back(index);
       absl::StatusOr<Affine> transform = StillTransform(shape.world_from_object, shape.location);
       if (!transform.ok()) return transform.status();
       transforms.push_back(*transform);
@@ -196,20 +218,71 @@ absl::Status SceneBaker::BakeObjects() {
     }
     GeometryGroup group;
     group.center = bounds.Center();
-    for (size_t i = 0; i < object.shapes.size(); ++i) {
+    for (size_t i = 0; i < still.size(); ++i) {
       transforms[i].offset = transforms[i].offset - group.center;
       const absl::Status status =
-          shapes_.AddShape(object.shapes[i], transforms[i], /*may_emit=*/false, &group);
+          shapes_.AddShape(still[i], transforms[i], /*may_emit=*/false, &group);
       if (!status.ok()) return status;
     }
     FinishGroup(&group);
     geometry_.groups.push_back(std::move(group));
   }
+  // After the groups of all objects, which their instances find by number.
+  for (const ObjectDefinition& object : scene_.objects) {
+    std::vector<MovingPart>& parts = moving_parts_.emplace_back();
+    for (const int32_t index : object.shapes) {
+      if (!Moves(scene_.shapes[index].world_from_object)) continue;
+      const absl::StatusOr<std::optional<uint32_t>> group = BakeMovingShape(index);
+      if (!group.ok()) return group.status();
+      if (group->has_value()) parts.push_back({**group, index});
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<uint32_t>> SceneBaker::BakeMovingShape(int32_t index) {
+  Bounds bounds;
+  shapes_.GrowBounds(scene_.shapes[index], Affine{}, &bounds);
+  GeometryGroup group;
+  group.center = bounds.Center();
+  Affine group_from_shape;
+  group_from_shape.offset = -group.center;
+  const absl::Status status =
+      shapes_.AddShape(index, group_from_shape, /*may_emit=*/false, &group);
+  if (!status.ok()) return status;
+  if (group.empty()) return std::nullopt;
+  FinishGroup(&group);
+  geometry_.groups.push_back(std::move(group));
+  return static_cast<uint32_t>(geometry_.groups.size() - 1);
+}
+
+absl::Status SceneBaker::PlaceMovingPart(const ObjectInstance& instance, const MovingPart& part) {
+  const ShapeDescription& shape = scene_.shapes[part.shape];
+  absl::StatusOr<AnimatedTransform> placed_from_shape =
+      AnimatedTransform::Make(shape.world_from_object);
+  if (!placed_from_shape.ok()) {
+    return Fail(shape.location, std::string(placed_from_shape.status().message()));
+  }
+  PlacedGroup placed;
+  placed.instance = static_cast<int32_t>(&instance - scene_.instances.data());
+  placed.group = part.group;
+  absl::StatusOr<int32_t> motion = AddMotion(
+      instance.world_from_instance, geometry_.groups[part.group].center, instance.location);
+  if (!motion.ok()) return motion.status();
+  placed.motion = *motion;
+  geometry_.motions[*motion].placed_from_shape = *placed_from_shape;
+  placed.render_from_group = geometry_.motions[*motion].RenderFromGroup(geometry_.shutter_open);
+  placed.group_from_render = Inverse(placed.render_from_group);
+  geometry_.moving.push_back(placed);
   return absl::OkStatus();
 }
 
 absl::Status SceneBaker::BakeInstances() {
   for (const ObjectInstance& instance : scene_.instances) {
+    for (const MovingPart& part : moving_parts_[static_cast<size_t>(instance.object)]) {
+      const absl::Status status = PlaceMovingPart(instance, part);
+      if (!status.ok()) return status;
+    }
     PlacedGroup placed;
     placed.instance = static_cast<int32_t>(&instance - scene_.instances.data());
     placed.group = static_cast<uint32_t>(instance.object) + 1;
@@ -248,27 +321,17 @@ absl::Status SceneBaker::BakeWorldShapes() {
       if (!status.ok()) return status;
       continue;
     }
-    // A moving shape becomes a group of its own, in the shape's space, placed once.
-    Bounds bounds;
-    shapes_.GrowBounds(shape, Affine{}, &bounds);
-    GeometryGroup group;
-    group.center = bounds.Center();
-    Affine group_from_shape;
-    group_from_shape.offset = -group.center;
-    const absl::Status status =
-        shapes_.AddShape(index, group_from_shape, /*may_emit=*/false, &group);
-    if (!status.ok()) return status;
-    if (group.empty()) continue;
-    FinishGroup(&group);
+    const absl::StatusOr<std::optional<uint32_t>> group = BakeMovingShape(index);
+    if (!group.ok()) return group.status();
+    if (!group->has_value()) continue;
     absl::StatusOr<int32_t> motion =
-        AddMotion(shape.world_from_object, group.center, shape.location);
+        AddMotion(shape.world_from_object, geometry_.groups[**group].center, shape.location);
     if (!motion.ok()) return motion.status();
     PlacedGroup placed;
-    placed.group = static_cast<uint32_t>(geometry_.groups.size());
+    placed.group = **group;
     placed.motion = *motion;
     placed.render_from_group = geometry_.motions[*motion].RenderFromGroup(geometry_.shutter_open);
     placed.group_from_render = Inverse(placed.render_from_group);
-    geometry_.groups.push_back(std::move(group));
     geometry_.moving.push_back(placed);
   }
   FinishGroup(&geometry_.groups[0]);

@@ -188,6 +188,10 @@ absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface,
   BakedMesh baked;
   if (!Place(shape, surface, target_from_shape, &mesh, &baked)) return Fail(shape, kTooFar);
   baked.positions.push_back({});
+  if (surface.needs_tangent) {
+    baked.tangents = std::move(mesh.tangents);
+    for (Vec3f& t : baked.tangents) t = ToFloat(target_from_shape.Vector(ToDouble(t)));
+  }
   if (scene_.camera.shutter_close > scene_.camera.shutter_open) {
     baked.steps = std::move(mesh.steps);
   }

@@ -366,15 +366,19 @@ void MaterialTable::GetCoat(ParameterList& parameters, const std::string& eta_na
   coat->g = GetConstant(parameters, "g", 0);
   coat->albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,
                                           RgbColor(Rgb::Gray(0)));
-  coat->max_depth = parameters.GetInteger("maxdepth", 10);
-  coat->sample_count = parameters.GetInteger("nsamples", 1);
   if (coat->albedo.texture != kNone || !coat->albedo.value.rgb.IsBlack()) {
     parameters.ErrorAt(*parameters.Find("albedo"),
                        "is not supported unless 0: the coat has no scattering medium yet");
   }
-  if (coat->max_depth < 1) parameters.Error(parameters.owner() + ": maxdepth must be at least 1");
-  if (coat->sample_count < 1)
-    parameters.Error(parameters.owner() + ": nsamples must be at least 1");
+  for (const char* name : {"maxdepth", "nsamples"}) {
+    if (parameters.GetInteger(name, 1) < 1) {
+      parameters.ErrorAt(*parameters.Find(name), "must be at least 1");
+    }
+  }
+  parameters.NoteWithoutEffect(
+      "maxdepth", "a coat here keeps all the light that passes between its layers, any number of "
+                  "times; pbrt-v4 drops what is left after maxdepth");
+  parameters.NoteWithoutEffect("nsamples", "a coat here is computed without samples of its own");
   if (!(coat->thickness >= 0)) parameters.Error(parameters.owner() + ": thickness is negative");
 }
 

@@ -203,6 +203,13 @@ void SetRgbGrid(ParameterList& parameters, MediumDescription* medium) {
     parameters.ErrorAt(*parameters.Find("Le"),
                        "needs \"rgb sigma_a\" too, because media that emit also absorb");
   }
+  if (const Parameter* radiance = parameters.Find("Le")) {
+    parameters.diagnostics().Note(
+        radiance->location,
+        absl::StrCat(parameters.owner(), ": \"Le\" is a radiance, as in other media; pbrt-v4 has "
+                                         "106.856 times the light in an rgbgrid alone: multiply "
+                                         "\"Lescale\" by that for its image"));
+  }
   GetRadianceScale(parameters, medium);
   medium->emits = !grid.radiance.empty();
   medium->kind = std::move(grid);

@@ -94,7 +94,9 @@ std::vector<Vec3f> ReadPositions(ParameterList& parameters, MeshOrigin* at) {
 }
 
 bool ReadTriangles(ParameterList& parameters, TriangleMesh* mesh, MeshOrigin* at) {
-  return ReadFaces(parameters, kTriangle, mesh, at);
+  const bool is_good = ReadFaces(parameters, kTriangle, mesh, at);
+  mesh->tangents = parameters.GetTriples("S", ParameterType::kVector3);
+  return is_good && CheckCountOf(parameters, "S", mesh->tangents, mesh->positions.size());
 }
 
 bool ReadPatches(ParameterList& parameters, BilinearMesh* mesh, MeshOrigin* at) {
@@ -139,7 +141,7 @@ void DropEqualSteps(TriangleMesh* mesh) {
 }
 
 uint64_t MeshBytes(const TriangleMesh& mesh) {
-  uint64_t bytes = BytesOf(mesh);
+  uint64_t bytes = BytesOf(mesh) + mesh.tangents.size() * sizeof(Vec3f);
   for (const VertexStep& step : mesh.steps) {
     bytes += (step.positions.size() + step.normals.size()) * sizeof(Vec3f) + sizeof(VertexStep);
   }

@@ -89,7 +89,6 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
 
 bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* shape) {
   TriangleMesh mesh;
-  parameters.NoteWithoutEffect("S", "no material of Sheaf depends on tangents");
   MeshOrigin at{CanMoveOrigin(shape->world_from_object)};
   if (!ReadTriangles(parameters, &mesh, &at)) return false;
   if (!ReadVertexSteps(parameters, at, &mesh)) return false;
