@@ -85,7 +85,7 @@ def dielectrics():
                     gray(2 * f / (1 + f)), angle, samples=1024,
                     shape=rectangle(-9, 9, -9, 9) + BLACK + rectangle(-99, 99, -99, 99, .01))
     f = cf.fresnel(1, 1.5)
-    back = lamp(rectangle(-9, 9, -9, 9, 3))
+    back = BLACK + lamp(rectangle(-9, 9, -9, 9, 3))
     case("two faces of glass transmit", scene(
         back + 'Material "dielectric" "float eta" 1.5\n' + glass.format(0) +
         "Translate 0 0 1\nReverseOrientation\n" + rectangle(-9, 9, -9, 9), samples=1024,
@@ -195,25 +195,32 @@ def coated_base(reflectances):
 
 
 def normals():
+    """The sun at 40 degrees to either side of a normal that is turned by 10 to the right."""
     white = '"diffuse" "rgb reflectance" [1 1 1]'
-    for degrees in (20, 40):
-        t = math.radians(degrees)
-        texel = [math.sin(t) / 2 + .5, .5, math.cos(t) / 2 + .5]
-        file = image(f"normal{degrees}.exr", [[texel] * 2] * 2)
-        sun(f"normal map of {degrees} degrees", f'{white} "string normalmap" "{file}"',
-            gray(math.cos(t)), samples=256)
-        # Height along u: uv goes from 0 to 1 over a width of 2.
-        slope = math.tan(t)
-        ramp = image(f"ramp{degrees}.exr", np.tile((np.arange(64) + .5)[None, :] / 64 * 2 * slope,
-                                                   (2, 1))[:, :, None])
-        case(f"material bump map of {degrees} degrees", scene(
-            f'{SUN}Texture "h" "float" "imagemap" "string filename" "{ramp}"\nMaterial {white} '
-            f'"texture displacement" "h"\n{rectangle()}', samples=256, camera=LOOK + window(.5)),
-             gray(math.cos(t)))
-        sun(f"vertex normals of {degrees} degrees", f'{white}\nShape "trianglemesh" "point3 P" '
-            '[-1 -1 0 -1 1 0 1 1 0 1 -1 0] "integer indices" [0 1 2 0 2 3] "normal N" '
-            f'[{" ".join(f"{math.sin(t)} 0 {-math.cos(t)}" for _ in range(4))}]\n#',
-            gray(math.cos(t)))
+    t = math.radians(10)
+    texel = [math.sin(t) / 2 + .5, .5, math.cos(t) / 2 + .5]
+    file = image("normal.exr", [[texel] * 2] * 2)
+    # Height falls along u, which goes from 0 to 1 over a width of 2.
+    ramp = image("ramp.exr", np.tile((63.5 - np.arange(64))[None, :] / 64 * 2 * math.tan(t),
+                                     (2, 1))[:, :, None])
+    vertices = ('Shape "trianglemesh" "point3 P" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] "integer indices" '
+                '[0 1 2 0 2 3] "normal N" ['
+                + f"{math.sin(t)} 0 {-math.cos(t)} " * 4 + "]\n")
+    height = f'Texture "h" "float" "imagemap" "string filename" "{ramp}"\n'
+    for name, before, material, shape in (
+            ("normal map", "", f'{white} "string normalmap" "{file}"', rectangle()),
+            ("bump map", height, f'{white} "texture displacement" "h"', rectangle()),
+            ("vertex normals", "", white, vertices)):
+        for side, sign in (("right", 1), ("left", -1)):
+            x, z = math.sin(math.radians(40)), math.cos(math.radians(40))
+            light = SUN.replace("[0 0 -1]", f"[{sign * x} 0 {-z}]")
+            case(f"{name}, light from the {side}", scene(
+                f"{light}{before}Material {material}\n{shape}", samples=256,
+                camera=LOOK + window(.5)), gray(math.cos(math.radians(40 - 10 * sign))))
+    steep = [math.sin(4 * t) / 2 + .5, .5, math.cos(4 * t) / 2 + .5]
+    furnace("normal map of 40 degrees loses no light",
+            f'{white} "string normalmap" "{image("steep.exr", [[steep] * 2] * 2)}"', gray(1),
+            samples=1024)
 
 
 diffuse()

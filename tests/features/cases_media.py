@@ -9,6 +9,8 @@ import closed_forms as cf
 from scenes import LOOK, case, gray, lamp, rectangle, scene, window
 
 PI = math.pi
+# Three voxels along each side, so wide that their values are the same all over the box.
+WIDE = '"integer nx" 3 "integer ny" 3 "integer nz" 3 "point3 p0" [-3 -3 -3] "point3 p1" [3 3 3]'
 LAMP = lamp(rectangle(-.05, .05, -.05, .05, 4), '"rgb L" [1 1 1]')
 
 
@@ -45,7 +47,8 @@ def transmittance():
     seen("homogeneous, spectra", "homogeneous", '"spectrum sigma_a" [300 .5 900 .5] '
          '"spectrum sigma_s" [300 0 900 0]', gray(math.exp(-1)), color="spectral")
     box = '"point3 p0" [-1 -1 -1] "point3 p1" [1 1 1] "rgb sigma_s" [0 0 0]'
-    seen("uniformgrid of one value", "uniformgrid", f'{box} "float density" 1 "rgb sigma_a" [.2 .6 1]',
+    seen("uniformgrid of one value", "uniformgrid",
+         f'{WIDE} "float density" [{"1 " * 27}] "rgb sigma_a" [.2 .6 1] "rgb sigma_s" [0 0 0]',
          np.exp(-2 * points), depth=0)
     # Voxels in a row along z; between their middles density is linear, and at the ends it falls to 0
     # beyond half a voxel.
@@ -60,8 +63,8 @@ def transmittance():
     seen("uniformgrid, scale", "uniformgrid",
          f'{box} "integer nx" 1 "integer ny" 1 "integer nz" 2 "float density" [1 1] '
          '"rgb sigma_a" [.2 .6 1] "float scale" .5', np.exp(-.875 * points), depth=0)
-    seen("rgbgrid", "rgbgrid", '"point3 p0" [-1 -1 -1] "point3 p1" [1 1 1] "rgb sigma_a" [.2 .6 1] '
-         '"rgb sigma_s" [0 0 0]', np.exp(-2 * points), depth=0)
+    seen("rgbgrid", "rgbgrid", f'{WIDE} "rgb sigma_a" [{".2 .6 1 " * 27}] '
+         f'"rgb sigma_s" [{"0 " * 81}]', np.exp(-2 * points), depth=0)
     case("medium ignored by integrator path", scene(
         LAMP + medium("homogeneous", '"rgb sigma_a" [.5 1 .2] "rgb sigma_s" [0 0 0]'),
         camera=LOOK + window(.001), integrator='Integrator "path"\n'), gray(1))
@@ -98,13 +101,16 @@ def emission():
          '"spectrum sigma_s" [300 0 900 0] "blackbody Le" 4000',
          cf.rgb_of_light(cf.planck(4000)) * (1 - math.exp(-1)), world="", samples=4096,
          color="spectral")
-    grid = '"point3 p0" [-1 -1 -1] "point3 p1" [1 1 1] '
-    seen("rgbgrid, Le", "rgbgrid", grid + text + '"rgb Le" [1 2 3]', np.array((1, 2, 3)) * inner,
-         world="", samples=4096)
-    seen("rgbgrid, Le and Lescale", "rgbgrid", grid + text + '"rgb Le" [1 2 3] "float Lescale" .5',
+    cells = (f'{WIDE} "rgb sigma_a" [{".5 1 .2 " * 27}] "rgb sigma_s" [{"0 " * 81}] '
+             f'"rgb Le" [{"1 2 3 " * 27}] ')
+    seen("rgbgrid, Le", "rgbgrid", cells, np.array((1, 2, 3)) * inner, world="", samples=4096)
+    seen("rgbgrid, Le and Lescale", "rgbgrid", cells + '"float Lescale" .5',
          np.array((1, 2, 3)) * inner / 2, world="", samples=4096)
-    seen("uniformgrid, Le", "uniformgrid", grid + text + '"float density" 1 "rgb Le" [1 2 3] '
-         '"float Lescale" 1', np.array((1, 2, 3)) * inner, world="", samples=4096)
+    ones = f'{WIDE} {text} "float density" [{"1 " * 27}] "rgb Le" [1 2 3] '
+    seen("uniformgrid, Le", "uniformgrid", ones, np.array((1, 2, 3)) * inner, world="",
+         samples=4096)
+    seen("uniformgrid, Le and Lescale", "uniformgrid", ones + f'"float Lescale" [{"2 " * 27}]',
+         np.array((2, 4, 6)) * inner, world="", samples=4096)
 
 
 def scattering():

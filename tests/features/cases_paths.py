@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from scenes import LOOK, case, gray, lamp, rectangle, scene, window
+from scenes import BLACK, LOOK, case, gray, lamp, rectangle, scene, window
 
 # Inside a ball that shines and reflects a half, light is a geometric series.
 BALL = ('Material "diffuse" "rgb reflectance" [.5 .5 .5]\nReverseOrientation\n'
@@ -59,7 +59,7 @@ def walls():
               'Translate 0 0 0\nReverseOrientation\n' + rectangle(-9, 9, -9, 9) + "AttributeEnd\n")
     for depth, want in ((0, 0), (1, .5), (4, .5)):
         case(f"a lamp in a mirror, maxdepth {depth}", scene(
-            mirror + lamp("Translate 0 0 -8\nRotate 180 0 1 0\n" + rectangle(-9, 9, -9, 9)),
+            mirror + BLACK + lamp("Translate 0 0 -8\nRotate 180 0 1 0\n" + rectangle(-9, 9, -9, 9)),
             camera=LOOK + window(.5), samples=64,
             integrator=f'Integrator "path" "integer maxdepth" {depth}\n'), gray(want))
 

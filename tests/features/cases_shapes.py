@@ -154,7 +154,7 @@ def cutouts():
 
 
 def intersections():
-    """The depth and the normal of the middle."""
+    """The depth and the normal of the middle; normals point to a surface's own front."""
     def of(name, shape, depth, normal=(0, 0, -1), camera=LOOK + window(1e-3)):
         text = scene(MIRRORED + shape, camera=camera, films=film(1, 1))
         case(f"depth of {name}", text, [depth], layer="depth")
@@ -166,14 +166,14 @@ def intersections():
     of("a sphere", 'Shape "sphere"', 4)
     x = .6
     of("a sphere beside its middle", f'Translate {x} 0 0\nShape "sphere"', 5 - .8, (-x, 0, -.8))
-    of("a sphere from inside", 'Shape "sphere" "float zmin" -.5', 6, (0, 0, -1))
-    of("a disk", 'Shape "disk" "float height" -.25', 4.75)
+    of("a sphere from inside", 'Shape "sphere" "float zmin" -.5', 6, (0, 0, 1))
+    of("a disk", 'Shape "disk" "float height" -.25', 4.75, (0, 0, 1))
     of("a cylinder", 'Rotate 90 1 0 0\nShape "cylinder" "float radius" .75', 4.25)
     of("a cylinder beside its middle", f'Translate {x} 0 0\nRotate 90 1 0 0\nShape "cylinder"',
        4.2, (-x, 0, -.8))
-    of("a saddle", 'Shape "bilinearmesh" "point3 P" [-1 -1 -1 1 -1 1 -1 1 1 1 1 -1]', 5)
+    of("a saddle", 'Shape "bilinearmesh" "point3 P" [-1 -1 -1 1 -1 1 -1 1 1 1 1 -1]', 5, (0, 0, 1))
     # z = -x y here.
-    n = cf.normalize((-.4, -.5, -1))
+    n = cf.normalize((.4, .5, 1))
     of("a saddle beside its middle", 'Translate -.5 -.4 0\nShape "bilinearmesh" "point3 P" [-1 -1 -1 '
        '1 -1 1 -1 1 1 1 1 -1]', 5 - .2, n)
     of("a plane with normals", 'Shape "trianglemesh" "point3 P" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] '

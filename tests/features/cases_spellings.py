@@ -44,11 +44,9 @@ def syntax():
 
 def types():
     body = SUN + PLATE + rectangle()
-    same("color for rgb", body.replace('"rgb reflectance"', '"color reflectance"'))
     same("point for point3", body.replace('"point3', '"point'))
     same("vector and normal", SUN + PLATE + rectangle(more='"normal N" [0 0 -1 0 0 -1 0 0 -1 0 0 -1]'))
     same("a bool in brackets", SUN + PLATE + lamp("", '"bool twosided" [false]') + rectangle())
-    same("bools as strings", SUN + PLATE + lamp("", '"bool twosided" "false"') + rectangle())
     same("a spectrum of a value", SUN + 'Material "diffuse" "spectrum reflectance" [200 .5 900 .5]\n'
          + rectangle(), gray(.5))
     same("integer for float", SUN.replace(f"{math.pi}", "3") + PLATE + rectangle(),

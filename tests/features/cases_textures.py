@@ -51,7 +51,7 @@ def bilinear(texels, u, v, wrap="repeat"):
 
 def shown(name, texture, want, shape=None, kind="spectrum", **more):
     """texture: what stands after its name and type."""
-    more.setdefault("samples", 256)
+    more.setdefault("samples", 1024)
     case("texture " + name, scene(
         f'{SUN}Texture "t" "{kind}" {texture}\nMaterial "diffuse" "texture reflectance" "t"\n'
         f'{shape or rectangle()}', **more), want)
@@ -135,7 +135,7 @@ def mappings():
           at(x + .3, y + .2))
     case("texture mapping planar under a CTM", scene(
         f'{SUN}AttributeBegin Translate .2 .1 0 Scale 2 .5 1\nTexture "t" "spectrum" {head} {planar}\n'
-        'AttributeEnd\nMaterial "diffuse" "texture reflectance" "t"\n' + rectangle(), samples=256),
+        'AttributeEnd\nMaterial "diffuse" "texture reflectance" "t"\n' + rectangle(), samples=1024),
          at((x - .2) / 2, (y - .1) / .5))
     # About the texture's own axes, here at z = 1 before the plate.
     z = np.ones_like(x)

@@ -138,6 +138,50 @@ TEST(MotionStability, G14RotatingGroupsStayInTheirBounds) {
 // C1: all rays of a film point meet in the plane of focus; a point at depth S is spread over a
 // circle of radius R |1/S - 1/F| on the screen one unit away (the circle of confusion, A |S - F| /
 // S / F for an aperture A in that unit).
+// A shape that turns within an object whose instance turns and grows: two motions in a row.
+TEST(MotionStability, G14ShapesThatMoveInMovingObjectsStayInTheirBounds) {
+  TestScene t({0, 0, -5}, {0, 0, 0}, 60);
+  t.scene.camera.shutter_close = 1;
+  ShapeDescription& box = t.AddShape(MeshShape{t.Box({1, -0.1f, -0.1f}, {3, 0.1f, 0.1f})}, kNone);
+  box.world_from_object.end = RotateMatrix(120, {0, 0, 1}) * TranslateMatrix({0.5, 0, 0});
+  const TransformOverTime inner = box.world_from_object;
+  t.scene.objects.push_back({"arm", t.scene.world_shapes, {}});
+  t.scene.world_shapes.clear();
+  ObjectInstance instance;
+  instance.object = 0;
+  instance.world_from_instance.end =
+      TranslateMatrix({0, 1, 2}) * RotateMatrix(100, {0, 1, 0}) * ScaleMatrix({1, 2, 1.5});
+  const TransformOverTime outer = instance.world_from_instance;
+  t.scene.instances.push_back(instance);
+  SceneDescription scene = t.scene;
+  const std::vector<Vec3f> corners = scene.meshes[0].positions;
+  absl::StatusOr<BakedScene> baked = BakeScene(&scene);
+  ASSERT_TRUE(baked.ok()) << baked.status();
+  const SceneGeometry& geometry = baked->geometry;
+  ASSERT_EQ(geometry.moving.size(), 1u);
+  const AnimatedTransform world = *AnimatedTransform::Make(outer),
+                          object = *AnimatedTransform::Make(inner);
+  for (int i = 0; i < 1600; ++i) {
+    const double at = i / 100.0;
+    const auto step = static_cast<uint32_t>(at);
+    const PlacedBounds a = BoundsOfMoving(geometry, geometry.moving[0], step);
+    const PlacedBounds b = BoundsOfMoving(geometry, geometry.moving[0], step + 1);
+    const double f = at - step, time = at / (kMotionStepCount - 1);
+    const Affine transform =
+        RenderFromGroupAt(geometry, geometry.moving[0], static_cast<float>(time));
+    for (const Vec3f& corner : corners) {
+      const Vec3d p = transform.Point(ToDouble(corner) - geometry.motions[0].group_center);
+      const Vec3d expected =
+          world.At(time).Point(object.At(time).Point(ToDouble(corner))) - geometry.render_origin_world;
+      for (size_t axis = 0; axis < 3; ++axis) {
+        EXPECT_NEAR(p[axis], expected[axis], 1e-5);
+        EXPECT_GE(p[axis], a.lower[axis] * (1 - f) + b.lower[axis] * f - 1e-6);
+        EXPECT_LE(p[axis], a.upper[axis] * (1 - f) + b.upper[axis] * f + 1e-6);
+      }
+    }
+  }
+}
+
 TEST(CameraStability, C1CircleOfConfusion) {
   TestScene t({0, 0, 0}, {0, 0, 1}, 90);
   t.scene.camera.lens_radius = 0.25f;

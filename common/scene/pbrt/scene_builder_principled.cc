@@ -43,7 +43,7 @@ void SceneBuilder::FinishPrincipledEmission() {
       const ShapeDescription& shape = scene_->shapes[static_cast<size_t>(shape_index)];
       if (emission_of(shape) == nullptr) continue;
       diagnostics_->Warning(shape.location,
-                            "shapes of an object cannot emit light, as in pbrt-v4; the emission of "
+                            "shapes of an object emit no light; the emission of "
                             "the material is ignored here");
       break;
     }

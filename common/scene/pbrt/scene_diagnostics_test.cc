@@ -323,6 +323,13 @@ constexpr BadScene kBadScenes[] = {
     {"NormalCount",
      "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"normal N\" [0 0 1]\n",
      "parameter \"N\" has 1 entries, but P has 3 vertices"},
+    {"TangentCount",
+     "WorldBegin\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"vector3 S\" [0 0 1]\n",
+     "parameter \"S\" has 1 entries, but P has 3 vertices"},
+    {"MovingAreaLight",
+     "WorldBegin\nActiveTransform EndTime Translate 1 0 0 AreaLightSource \"diffuse\"\n"
+     "Shape \"sphere\"\n",
+     "main.pbrt:3:1: shape \"sphere\": an area light cannot move while the shutter is open"},
     {"BrightSurface", "WorldBegin\nMaterial \"diffuse\" \"rgb reflectance\" [0.5 1.5 0.5]\n",
      "parameter \"reflectance\" has a component greater than 1"},
     {"NegativeLight", "WorldBegin\nLightSource \"point\" \"rgb I\" [1 -1 1]\n",

@@ -4,6 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <string>
+
 #include "tests/support/colors.h"
 
 namespace sheaf {
@@ -29,6 +32,23 @@ TEST(SpectrumTest, DaylightTableAgreesWithTheStandard) {
   EXPECT_NEAR(EvaluateSpectrum(Named("stdillum-D50"), 400) * scale50, 49.30, 0.5);
   EXPECT_NEAR(EvaluateSpectrum(Named("stdillum-A"), 700), 198.261, 0.01);
   EXPECT_NEAR(EvaluateSpectrum(Named("stdillum-A"), 400), 14.708, 0.001);
+}
+
+TEST(SpectrumTest, FluorescentLampsHaveTheirChromaticities) {
+  // CIE 15:2004, table T.8.
+  constexpr double kChromaticities[12][2] = {
+      {0.3131, 0.3371}, {0.3721, 0.3751}, {0.4091, 0.3941}, {0.4402, 0.4031},
+      {0.3138, 0.3452}, {0.3779, 0.3882}, {0.3129, 0.3292}, {0.3458, 0.3586},
+      {0.3741, 0.3727}, {0.3458, 0.3588}, {0.3805, 0.3769}, {0.4370, 0.4042}};
+  for (size_t i = 0; i < 12; ++i) {
+    const auto [x, y] = kChromaticities[i];
+    const std::array<double, 3> expected = SrgbFromXyz({x / y, 1, (1 - x - y) / y});
+    const Rgb rgb =
+        SpectrumToRgb(Named("stdillum-F" + std::to_string(i + 1)), ColorRole::kIlluminant);
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(rgb[c], expected[c], 2e-3) << i + 1;
+  }
+  EXPECT_EQ(EvaluateSpectrum(Named("stdillum-F1"), 379), 0);
+  EXPECT_FALSE(IsNamedSpectrum("stdillum-F13"));
 }
 
 TEST(SpectrumTest, IlluminantsHaveLuminanceOneWhateverTheirMagnitude) {
