@@ -43,7 +43,8 @@ def radiance():
          DOWN + 'Shape "disk" "float radius" 2')
     seen("nothing behind", '"rgb L" [1 1 1]', gray(0), DOWN + SQUARE)
     seen("twosided", '"rgb L" [.5 2 3] "bool twosided" true', (.5, 2, 3), DOWN + SQUARE)
-    seen("ReverseOrientation", '"rgb L" [.5 2 3]', (.5, 2, 3), DOWN + "ReverseOrientation\n" + SQUARE)
+    seen("ReverseOrientation", '"rgb L" [.5 2 3]', (.5, 2, 3),
+         DOWN + "ReverseOrientation\n" + SQUARE)
     seen("mirrored", '"rgb L" [.5 2 3]', gray(0), "Scale -1 1 1\nReverseOrientation\n" + SQUARE)
     texels = np.random.default_rng(1).uniform(.2, 2, (4, 4, 3))
     file = image("lamp.exr", texels)
@@ -62,7 +63,7 @@ def patch():
 
 
 def corner(x, y):
-    """View factor of a rectangle with a corner before the point, of sides x and y, at distance 1."""
+    """View factor of a rectangle of sides x and y with a corner before the point, at 1."""
     p, q = math.hypot(1, x), math.hypot(1, y)
     return (x / p * math.atan(y / p) + y / q * math.atan(x / q)) / (2 * PI)
 

@@ -34,7 +34,8 @@ def raster(points, camera_from_world, screen, width, height, perspective):
     return found
 
 
-def seen(name, camera, screen, eye=((0, 0, -5), (0, 0, 0), (0, 1, 0)), size=(8, 8), perspective=True,
+def seen(name, camera, screen, eye=((0, 0, -5), (0, 0, 0), (0, 1, 0)), size=(8, 8),
+         perspective=True,
          points=None, more="", crop=None):
     points = points or QUAD
     width, height = size
@@ -56,7 +57,8 @@ def screen_of(fov, aspect=1.0):
 def perspective():
     for fov in (20, 25, 35):
         seen(f"fov {fov}", f'Camera "perspective" "float fov" {fov}', screen_of(fov))
-    seen("default fov", 'Camera "perspective"', screen_of(90), eye=((0, 0, -1.7), (0, 0, 0), (0, 1, 0)))
+    seen("default fov", 'Camera "perspective"', screen_of(90),
+         eye=((0, 0, -1.7), (0, 0, 0), (0, 1, 0)))
     seen("fov of the shorter side, wide", 'Camera "perspective" "float fov" 22', screen_of(22, 2),
          size=(16, 8))
     seen("fov of the shorter side, high", 'Camera "perspective" "float fov" 22', screen_of(22, .5),
@@ -112,7 +114,8 @@ def spherical():
     def equirectangular(x, y):
         # pbrt-v4: theta = pi y, phi = 2 pi x about z, then y and z change places.
         theta, phi = PI * y, 2 * PI * x
-        return np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], -1)
+        return np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)],
+                        -1)
 
     def equal_area(x, y):
         u, v = 2 * x - 1, 2 * y - 1
@@ -144,7 +147,7 @@ def lenses():
              gray(min(share, 1)))
 
     for kind in ("perspective", "orthographic"):
-        # From the lens point p, rays to the focus pass the lamp's plane at p (1 - distance / focus).
+        # Rays from p on the lens to the focus pass the lamp at p (1 - distance / focus).
         for radius, focus, lamp_radius, distance in ((.5, 4, .1, 4), (.5, 4, .1, 6), (.5, 4, .1, 3),
                                                      (1, 10, .3, 5), (.2, 2, .1, 5)):
             share = (lamp_radius / max(radius * abs(1 - distance / focus), 1e-9)) ** 2

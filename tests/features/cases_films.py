@@ -20,7 +20,8 @@ def triangle(x, radius):
 
 
 def gaussian(x, radius, sigma):
-    return np.maximum(0, np.exp(-x * x / (2 * sigma ** 2)) - math.exp(-radius ** 2 / (2 * sigma ** 2)))
+    end = math.exp(-radius ** 2 / (2 * sigma ** 2))
+    return np.maximum(0, np.exp(-x * x / (2 * sigma ** 2)) - end)
 
 
 def mitchell(x, radius, b, c):
@@ -57,7 +58,8 @@ def filters():
                                            pixel_filter=text), np.tile(down[:, None], (1, SIZE)))
 
     both("box", "box", lambda x: box(x, .5), .5)
-    both("box of 1.5 by 1", 'box" "float xradius" 1.5 "float yradius" 1 #', lambda x: box(x, 1.5), 1.5,
+    both("box of 1.5 by 1", 'box" "float xradius" 1.5 "float yradius" 1 #', lambda x: box(x, 1.5),
+         1.5,
          lambda x: box(x, 1), 1)
     both("triangle", "triangle", lambda x: triangle(x, 2), 2)
     both("triangle of 1 by 1.5", 'triangle" "float xradius" 1 "float yradius" 1.5 #',
@@ -105,8 +107,10 @@ def films():
     color = (.5, .6, .8)  # Within sRGB in each of the spaces.
     glow = lamp(rectangle(-9, 9, -9, 9), '"rgb L" [.5 .6 .8]')
     # The columns are the primaries with their white scaled to 1.
-    for name, primaries, white in (("rec2020", (.708, .292, .170, .797, .131, .046), (.3127, .3290)),
-                                   ("dci-p3", (.680, .320, .265, .690, .150, .060), (.3127, .3290))):
+    for name, primaries, white in (("rec2020", (.708, .292, .170, .797, .131, .046),
+                                    (.3127, .3290)),
+                                   ("dci-p3", (.680, .320, .265, .690, .150, .060),
+                                    (.3127, .3290))):
         m = np.array([[primaries[i] / primaries[i + 1], 1,
                        (1 - primaries[i] - primaries[i + 1]) / primaries[i + 1]]
                       for i in (0, 2, 4)]).T

@@ -33,8 +33,10 @@ def diffuse():
     sun("diffusetransmission default, reflected", '"diffusetransmission"', gray(.25))
     for name, text, r, t in (
             ("reflectance and transmittance",
-             '"rgb reflectance" [.1 .2 .3] "rgb transmittance" [.4 .3 .2]', (.1, .2, .3), (.4, .3, .2)),
-            ("scale", '"rgb reflectance" [.1 .2 .3] "rgb transmittance" [.4 .3 .2] "float scale" .5',
+             '"rgb reflectance" [.1 .2 .3] "rgb transmittance" [.4 .3 .2]', (.1, .2, .3),
+             (.4, .3, .2)),
+            ("scale",
+             '"rgb reflectance" [.1 .2 .3] "rgb transmittance" [.4 .3 .2] "float scale" .5',
              (.05, .1, .15), (.2, .15, .1))):
         sun(f"diffusetransmission {name}, reflected", f'"diffusetransmission" {text}', r)
         case(f"material diffusetransmission {name}, transmitted", scene(
@@ -46,7 +48,8 @@ def diffuse():
         'Material "diffuse"', (.1, .5, .9))
     for amount in (0, .25, .5, 1):
         sun(f"mix amount {amount}",
-            '"diffuse"\nMakeNamedMaterial "a" "string type" "diffuse" "rgb reflectance" [.1 .5 .9]\n'
+            '"diffuse"\nMakeNamedMaterial "a" "string type" "diffuse" "rgb reflectance" [.1 .5 '
+            '.9]\n'
             'MakeNamedMaterial "b" "string type" "diffuse" "rgb reflectance" [.9 .1 .3]\n'
             f'Material "mix" "string materials" ["a" "b"] "float amount" {amount}',
             np.array((.1, .5, .9)) * (1 - amount) + np.array((.9, .1, .3)) * amount, samples=1024)
@@ -65,8 +68,10 @@ def conductors():
                     color="spectral")
     furnace("conductor reflectance", '"conductor" "rgb reflectance" [.9 .5 .2]', (.9, .5, .2))
     # Of normal incidence is known: eta is 1 and k = 2 sqrt(r / (1 - r)).
-    want = [cf.fresnel(math.cos(math.radians(60)), 1, 2 * math.sqrt(r / (1 - r))) for r in (.9, .5, .2)]
-    furnace("conductor reflectance at 60 degrees", '"conductor" "rgb reflectance" [.9 .5 .2]', want, 60)
+    want = [cf.fresnel(math.cos(math.radians(60)), 1,
+                       2 * math.sqrt(r / (1 - r))) for r in (.9, .5, .2)]
+    furnace("conductor reflectance at 60 degrees", '"conductor" "rgb reflectance" [.9 .5 .2]',
+            want, 60)
 
 
 def dielectrics():
@@ -77,11 +82,13 @@ def dielectrics():
             # The ground is black: what is transmitted is lost.
             case(f"dielectric of {eta} at {angle} degrees", scene(
                 f'{SKY}AttributeBegin Material "dielectric" "float eta" {eta}\n'
-                + rectangle(-9, 9, -9, 9) + f"AttributeEnd\n{BLACK}" + rectangle(-99, 99, -99, 99, .01),
+                + rectangle(-9, 9, -9, 9) + f"AttributeEnd\n{BLACK}" + rectangle(-99, 99, -99, 99,
+                                                                                 .01),
                 samples=1024, integrator=PATHS.format(9),
                 camera=f"LookAt {-5 * math.sin(math.radians(angle))} 0 "
                 f"{-5 * math.cos(math.radians(angle))}  0 0 0  0 1 0\n" + window(.01)), gray(f))
-            furnace(f"thindielectric of {eta} at {angle} degrees", f'"thindielectric" "float eta" {eta}',
+            furnace(f"thindielectric of {eta} at {angle} degrees",
+                    f'"thindielectric" "float eta" {eta}',
                     gray(2 * f / (1 + f)), angle, samples=1024,
                     shape=rectangle(-9, 9, -9, 9) + BLACK + rectangle(-99, 99, -99, 99, .01))
     f = cf.fresnel(1, 1.5)
@@ -109,11 +116,14 @@ def rough():
         a = math.sqrt(r)
         sun(f"conductor of roughness {r}", f'"conductor" {k} "float roughness" {r}', peak(a, a),
             color="spectral", samples=256)
-    sun("conductor of alpha .3", f'"conductor" {k} "float roughness" .3 "bool remaproughness" false',
+    sun("conductor of alpha .3",
+        f'"conductor" {k} "float roughness" .3 "bool remaproughness" false',
         peak(.3, .3), color="spectral", samples=256)
-    sun("conductor of two roughnesses", f'"conductor" {k} "float uroughness" .1 "float vroughness" .4',
+    sun("conductor of two roughnesses",
+        f'"conductor" {k} "float uroughness" .1 "float vroughness" .4',
         peak(math.sqrt(.1), math.sqrt(.4)), color="spectral", samples=256)
-    sun("conductor of a roughness texture", '"diffuse"\nTexture "r" "float" "constant" "float value" .3\n'
+    sun("conductor of a roughness texture",
+        '"diffuse"\nTexture "r" "float" "constant" "float value" .3\n'
         f'Material "conductor" {k} "texture roughness" "r"', peak(math.sqrt(.3), math.sqrt(.3)),
         color="spectral", samples=256)
     for eta in (1.3, 1.8):
@@ -132,13 +142,15 @@ def rough():
         light = SUN.replace("[0 0 -1]", f"[{w[0]} {w[1]} {-w[2]}]")
         case("material anisotropic " + name, scene(
             f'{light}Material "conductor" {k} "bool remaproughness" false "float uroughness" {ax} '
-            f'"float vroughness" {ay}\n{text}{shape or rectangle()}', samples=256, color="spectral"),
+            f'"float vroughness" {ay}\n{text}{shape or rectangle()}', samples=256,
+            color="spectral"),
              gray(want))
 
     for name, d in (("along x", (.5, 0, 1)), ("along y", (0, .5, 1)), ("across", (.4, .3, 1))):
         aside(f"light {name}", .1, .4, d)
         aside(f"light {name}, the other way", .4, .1, d)
-    turned = ('Shape "trianglemesh" "point3 P" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] "point2 uv" [0 0 0 1 1 1 '
+    turned = ('Shape "trianglemesh" "point3 P" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] "point2 uv" [0 0 0 1 '
+              '1 1 '
               '1 0] "integer indices" [0 1 2 0 2 3] "vector3 S" [{0} {0} {0} {0}]')
     for degrees in (0, 30, 45, 90):
         t = math.radians(degrees)
@@ -170,7 +182,8 @@ def coats():
     for angle in (50, 75):
         g = cf.fresnel(math.cos(math.radians(angle)), 1.5)
         furnace(f"coateddiffuse at {angle} degrees",
-                '"coateddiffuse" "float roughness" 0 "rgb reflectance" [.5 .5 .5] "float thickness" 0',
+                '"coateddiffuse" "float roughness" 0 "rgb reflectance" [.5 .5 .5] "float '
+                'thickness" 0',
                 gray(g + (1 - g) * (1 - inside) * .5 / (1 - inside * .5)), angle)
     for eta in (1.2, 1.8):
         g = cf.fresnel(1, eta)
@@ -180,7 +193,8 @@ def coats():
         base = cf.fresnel(1, n / 1.5, k / 1.5)
         furnace(f"coatedconductor of {n} + {k} i",
                 '"coatedconductor" "float interface.roughness" 0 "float conductor.roughness" 0 '
-                f'"spectrum conductor.eta" [300 {n} 900 {n}] "spectrum conductor.k" [300 {k} 900 {k}] '
+                f'"spectrum conductor.eta" [300 {n} 900 {n}] "spectrum conductor.k" [300 {k} 900 '
+                f'{k}] '
                 '"float thickness" 0', gray(f + (1 - f) ** 2 * base / (1 - f * base)),
                 color="spectral")
     furnace("coatedconductor reflectance",

@@ -38,8 +38,10 @@ def seen(name, kind, text, want, depth=1, world=None, samples=1024, **more):
 def transmittance():
     for name, text, sigma in (
             ("sigma_a", '"rgb sigma_a" [.5 1 .2] "rgb sigma_s" [0 0 0]', (.5, 1, .2)),
-            ("scale", '"rgb sigma_a" [.5 1 .2] "rgb sigma_s" [0 0 0] "float scale" .5', (.25, .5, .1)),
-            ("sigma_a and sigma_s", '"rgb sigma_a" [.1 .2 .3] "rgb sigma_s" [.3 .2 .1]', (.4, .4, .4)),
+            ("scale", '"rgb sigma_a" [.5 1 .2] "rgb sigma_s" [0 0 0] "float scale" .5',
+             (.25, .5, .1)),
+            ("sigma_a and sigma_s", '"rgb sigma_a" [.1 .2 .3] "rgb sigma_s" [.3 .2 .1]',
+             (.4, .4, .4)),
             ("a preset", '"string preset" "Wholemilk" "float scale" .1',
              np.array((.0011 + 2.55, .0024 + 3.21, .014 + 3.77)) * .1)):
         seen(f"homogeneous, {name}", "homogeneous", text, np.exp(-2 * np.array(sigma)), depth=0)
@@ -50,8 +52,8 @@ def transmittance():
     seen("uniformgrid of one value", "uniformgrid",
          f'{WIDE} "float density" [{"1 " * 27}] "rgb sigma_a" [.2 .6 1] "rgb sigma_s" [0 0 0]',
          np.exp(-2 * points), depth=0)
-    # Voxels in a row along z; between their middles density is linear, and at the ends it falls to 0
-    # beyond half a voxel.
+    # Voxels in a row along z: density is linear between their middles, and falls to 0 beyond the
+    # first and the last.
     for name, density in (("two values", (1, 3)), ("four values", (1, 0, 2, .5))):
         n = len(density)
         at = (np.arange(20000) + .5) / 20000 * n - .5
@@ -117,7 +119,8 @@ def scattering():
     """One scattering of a distant light, in a box so long that its ends do not matter."""
     s = .2
     for g in (-.6, 0, .3, .8):
-        for name, x, z in (("behind the camera", 0, -1), ("beside", 1, 0), ("before the camera", 0, 1),
+        for name, x, z in (("behind the camera", 0, -1), ("beside", 1, 0),
+                           ("before the camera", 0, 1),
                            ("at 45 degrees", 1, -1)):
             w = cf.normalize((x, 0, z))
             # Length that the light has passed at depth t of the box from -1 to 1.

@@ -62,17 +62,21 @@ def meshes():
     share("trianglemesh of two", 'Shape "trianglemesh" "point3 P" [-1 -1 0 1 -1 0 1 1 0 -1 1 0] '
           '"integer indices" [0 1 2 2 3 0]', 4)
     share("bilinearmesh", 'Shape "bilinearmesh" "point3 P" [-1 -1 0 1 -1 0 -1 1 0 1 1 0]', 4)
-    share("bilinearmesh of two", 'Shape "bilinearmesh" "point3 P" [-1 -1 0 0 -1 0 1 -1 0 -1 1 0 0 1 0 '
+    share("bilinearmesh of two",
+          'Shape "bilinearmesh" "point3 P" [-1 -1 0 0 -1 0 1 -1 0 -1 1 0 0 1 0 '
           '1 .5 0] "integer indices" [0 1 3 4 1 2 4 5]', 3.75)
-    share("bilinearmesh that is twisted", 'Shape "bilinearmesh" "point3 P" [-1 -1 -.5 1 -1 .5 -1 1 .5 '
+    share("bilinearmesh that is twisted",
+          'Shape "bilinearmesh" "point3 P" [-1 -1 -.5 1 -1 .5 -1 1 .5 '
           '1 1 -.5]', 4)
-    share("bilinearmesh with a corner inside", 'Shape "bilinearmesh" "point3 P" [-1 -1 0 1 -1 0 -1 1 '
+    share("bilinearmesh with a corner inside",
+          'Shape "bilinearmesh" "point3 P" [-1 -1 0 1 -1 0 -1 1 '
           '0 .5 .5 0]', 3)
     # Every vertex of a regular triangle's boundary moves; the limit is a cubic B-spline.
     share("loopsubdiv of a plane", 'Shape "loopsubdiv" "point3 P" [-1 -1 0 1 -1 0 1 1 0 -1 1 0] '
           '"integer indices" [0 1 2 0 2 3] "integer levels" 5', spline_area(
               [(-1, -1), (1, -1), (1, 1), (-1, 1)]))
-    head = ("ply\nformat {}\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    head = ("ply\nformat {}\nelement vertex 4\nproperty float x\nproperty float y\nproperty float "
+            "z\n"
             "element face {}\nproperty list uchar int vertex_indices\nend_header\n")
     points = [(-1, -1, 0), (1, -1, 0), (1, .5, 0), (-1, 1, 0)]
     text = "".join(f"{x} {y} {z}\n" for x, y, z in points)
@@ -111,14 +115,17 @@ def curves():
           '"normal N" [0 0 1 0 0 1]', .8)
     t = math.radians(60)
     share("curve, ribbon turned by 60 degrees", f'Shape "curve" "string type" "ribbon" {line} '
-          f'"float width" .4 "normal N" [0 {math.sin(t)} {math.cos(t)} 0 {math.sin(t)} {math.cos(t)}]',
+          f'"float width" .4 "normal N" [0 {math.sin(t)} {math.cos(t)} 0 {math.sin(t)} '
+          f'{math.cos(t)}]',
           .8 * math.cos(t))
     share("curve, tapered", f'Shape "curve" {line} "float width0" .6 "float width1" .2', .8)
     share("curve of degree 2", 'Shape "curve" "integer degree" 2 "point3 P" [-1 0 0 0 0 0 1 0 0] '
           '"float width" .4', .8)
-    share("curve of a b-spline", 'Shape "curve" "string basis" "bspline" "point3 P" [-3 0 0 -1 0 0 1 0 '
+    share("curve of a b-spline",
+          'Shape "curve" "string basis" "bspline" "point3 P" [-3 0 0 -1 0 0 1 0 '
           '0 3 0 0] "float width" .4', .8)
-    share("curve of two segments", 'Shape "curve" "point3 P" [-1 0 0 -.7 0 0 -.3 0 0 0 0 0 .3 0 0 .7 0 0 '
+    share("curve of two segments",
+          'Shape "curve" "point3 P" [-1 0 0 -.7 0 0 -.3 0 0 0 0 0 .3 0 0 .7 0 0 '
           '1 0 0] "float width" .4', .8)
     # A thin curve along a parabola covers its length times its width.
     s = np.linspace(0, 1, 20001)
@@ -130,7 +137,8 @@ def curves():
 def cutouts():
     white = WHITE + "{}"
     for alpha in (0, .3, .5, 1):
-        case(f"shape of alpha {alpha}", scene(white.format(rectangle(more=f'"float alpha" {alpha}')),
+        case(f"shape of alpha {alpha}",
+             scene(white.format(rectangle(more=f'"float alpha" {alpha}')),
                                               samples=1024), gray(alpha))
     lamps = lamp(rectangle(-2, 2, -2, 2, 1)) + 'Material "diffuse" "rgb reflectance" [0 0 0]\n'
     for count in (2, 4):
@@ -139,7 +147,8 @@ def cutouts():
             samples=4096), gray(.5 ** count))
     mask = image("mask.exr", np.array([[1, 0, 1, 0]] * 4)[:, :, None])
     case("shape cut out by a texture", scene(
-        WHITE + f'Texture "m" "float" "imagemap" "string filename" "{mask}" "string filter" "point"\n'
+        WHITE + f'Texture "m" "float" "imagemap" "string filename" "{mask}" "string filter" '
+                f'"point"\n'
         + rectangle(more='"texture alpha" "m"')), np.tile([1, 1, 0, 0, 1, 1, 0, 0], (8, 1)))
     case("shape alpha by Attribute", scene(
         WHITE + 'Attribute "shape" "float alpha" .25\n' + rectangle(), samples=1024), gray(.25))
@@ -174,7 +183,8 @@ def intersections():
     of("a saddle", 'Shape "bilinearmesh" "point3 P" [-1 -1 -1 1 -1 1 -1 1 1 1 1 -1]', 5, (0, 0, 1))
     # z = -x y here.
     n = cf.normalize((.4, .5, 1))
-    of("a saddle beside its middle", 'Translate -.5 -.4 0\nShape "bilinearmesh" "point3 P" [-1 -1 -1 '
+    of("a saddle beside its middle",
+       'Translate -.5 -.4 0\nShape "bilinearmesh" "point3 P" [-1 -1 -1 '
        '1 -1 1 -1 1 1 1 1 -1]', 5 - .2, n)
     of("a plane with normals", 'Shape "trianglemesh" "point3 P" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] '
        '"integer indices" [0 1 2 0 2 3] "normal N" [.3 0 -1 .3 0 -1 .3 0 -1 .3 0 -1]', 5,

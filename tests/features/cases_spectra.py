@@ -4,9 +4,9 @@
 import numpy as np
 
 import closed_forms as cf
-from scenes import LOOK, SUN, case, lamp, rectangle, scene, window, write
+from scenes import BLACK, LOOK, SUN, case, film, lamp, rectangle, scene, window, write
 
-# Chromaticities of the CIE's illuminants. Source: CIE 15:2004, tables T.3 and T.8; of acesD60, SMPTE.
+# Chromaticities of illuminants. Source: CIE 15:2004, tables T.3 and T.8; of acesD60, SMPTE.
 ILLUMINANTS = {
     "stdillum-A": (.44757, .40745), "stdillum-D50": (.34567, .35851),
     "stdillum-D65": (.31272, .32903), "illum-acesD60": (.32168, .33767),
@@ -39,7 +39,8 @@ def lights():
     for name, (x, y) in ILLUMINANTS.items():
         seen(f"light of {name}", f'"spectrum L" "{name}"', cf.rgb_of_xy(x, y))
     for kelvin in (1800, 2400, 3000, 4000, 5000, 6500, 9000, 15000):
-        seen(f"black body of {kelvin} K", f'"blackbody L" {kelvin}', cf.rgb_of_light(cf.planck(kelvin)))
+        seen(f"black body of {kelvin} K", f'"blackbody L" {kelvin}',
+             cf.rgb_of_light(cf.planck(kelvin)))
     for name, points in (("flat", (360, 1, 830, 1)), ("rising", (400, 0, 700, 1)),
                          ("falling", (400, 1, 700, 0)), ("peak", (450, 0, 550, 1, 650, 0)),
                          ("two peaks", (420, 0, 450, 1, 480, 0, 580, 0, 610, 1, 640, 0)),
@@ -49,10 +50,12 @@ def lights():
         want = np.maximum(cf.rgb_of_light(cf.table(*points)), -9)
         seen(f"light of a spectrum, {name}", f'"spectrum L" [{text}]', want)
         seen(f"light of a spectrum, {name}, 3 times as high",
-             f'"spectrum L" [{" ".join(str(p * (3 if i % 2 else 1)) for i, p in enumerate(points))}]',
+             f'"spectrum L" '
+             f'[{" ".join(str(p * (3 if i % 2 else 1)) for i, p in enumerate(points))}]',
              want)
     file = write("lamp.spd", "# nm and value\n400 0\n550 1\n700 .5\n")
-    seen("light of a file", f'"spectrum L" "{file}"', cf.rgb_of_light(cf.table(400, 0, 550, 1, 700, .5)))
+    seen("light of a file", f'"spectrum L" "{file}"',
+         cf.rgb_of_light(cf.table(400, 0, 550, 1, 700, .5)))
     for color in ((1, .1, .1), (.1, 1, .1), (.1, .1, 1), (.9, .8, .1), (4, 2, 1)):
         seen(f"light of rgb {color}", f'"rgb L" [{color[0]} {color[1]} {color[2]}]', color)
 
@@ -65,7 +68,8 @@ def surfaces():
 
     for color in ((.9, .1, .1), (.1, .9, .1), (.1, .1, .9), (.8, .7, .1), (.2, .2, .2), (1, 1, 1),
                   (0, 0, 0), (.5, .25, .125)):
-        shown(f"surface of rgb {color}", SUN, f'"rgb reflectance" [{color[0]} {color[1]} {color[2]}]',
+        shown(f"surface of rgb {color}", SUN,
+              f'"rgb reflectance" [{color[0]} {color[1]} {color[2]}]',
               color)
     for name, points in (("flat", (300, .3, 900, .3)), ("rising", (400, 0, 700, 1)),
                          ("band", (490, 0, 500, 1, 570, 1, 580, 0)),
@@ -82,34 +86,39 @@ def surfaces():
 
 
 def indices():
-    """A smooth mirror before the camera shows the lamp behind it, in a band of 2 nm."""
-    def shown(name, material, reflectance):
-        for i, nm in enumerate((450, 550, 650)):
-            band = (nm - 1, 0, nm, 1, nm + 1, 0)
-            light = " ".join(str(b) for b in band)
-            # Luminance shows the reflectance; red, green and blue of a band may be negative.
-            case(f"{name} at {nm} nm", scene(
-                lamp("Translate 0 0 -8\nReverseOrientation\n" + rectangle(-9, 9, -9, 9),
-                     f'"spectrum L" [{light}]') + f"Material {material}\n" + rectangle(),
-                camera=LOOK + window(.5), samples=16,
-                integrator='Integrator "path" "integer maxdepth" 2\n', color="spectral"),
-                 np.maximum(0, cf.rgb_of_xy(*chromaticity(nm))) * reflectance[i])
+    """A smooth mirror before the camera shows a lamp behind the camera."""
+    def shown(name, light, material, want):
+        points = " ".join(str(p) for p in light)
+        case(name, scene(
+            BLACK + lamp(f"Translate 0 0 -8 ReverseOrientation {rectangle(-9, 9, -9, 9)}",
+                         f'"spectrum L" [{points}]')
+            + f"Material {material}\n{rectangle()}", camera=LOOK + window(.5), films=film(4, 4),
+            samples=4096, color="spectral",
+            integrator='Integrator "path" "integer maxdepth" 2\n'), want)
 
-    def chromaticity(nm):
-        xyz = np.array([np.interp(nm, cf.NM, c) for c in cf.CMF])
-        return xyz[0] / xyz.sum(), xyz[1] / xyz.sum()
+    def metal(name, material, index, nms=(450, 550, 650)):
+        """In bands so narrow that the index is that of their middle."""
+        for nm in nms:
+            band = (nm - 10, 0, nm, 1, nm + 10, 0)
+            shown(f"{name} at {nm} nm", band, material,
+                  cf.rgb_of_light(cf.table(*band)) * cf.fresnel(1, *index(nm)))
 
     for name, (eta, k) in METALS.items():
-        shown(f"metal-{name}", f'"conductor" "spectrum eta" "metal-{name}-eta" '
-              f'"spectrum k" "metal-{name}-k"', [cf.fresnel(1, eta[i], k[i]) for i in range(3)])
+        metal(f"metal-{name}",
+              f'"conductor" "spectrum eta" "metal-{name}-eta" "spectrum k" "metal-{name}-k"',
+              lambda nm, eta=eta, k=k: (eta[(nm - 450) // 100], k[(nm - 450) // 100]),
+              (450, 550, 650) if name in ("Cu", "Au", "CuZn") else (550,))
+    metal("conductor of spectra",
+          '"conductor" "spectrum eta" [400 1 700 2] "spectrum k" [400 3 700 6]',
+          lambda nm: (1 + (nm - 400) / 300, 3 + (nm - 400) / 100))
     for name, eta in GLASSES.items():
-        shown(f"glass-{name}", f'"dielectric" "spectrum eta" "glass-{name}"',
-              [cf.fresnel(1, e) for e in eta])
-    shown("conductor of spectra", '"conductor" "spectrum eta" [400 1 700 2] '
-          '"spectrum k" [400 3 700 6]',
-          [cf.fresnel(1, 1 + t, 3 + 3 * t) for t in ((nm - 400) / 300 for nm in (450, 550, 650))])
-    shown("dielectric of a spectrum", '"dielectric" "spectrum eta" [400 2 700 1.4]',
-          [cf.fresnel(1, 2 - .6 * (nm - 400) / 300) for nm in (450, 550, 650)])
+        shown(f"glass-{name}", (360, 1, 830, 1), f'"dielectric" "spectrum eta" "glass-{name}"',
+              cf.rgb_of_light(lambda nm: 1, lambda nm, eta=eta: cf.fresnel(
+                  1, np.interp(nm, (450, 550, 650), eta))))
+    shown("dielectric of a spectrum", (360, 1, 830, 1),
+          '"dielectric" "spectrum eta" [400 3 700 1.8]',
+          cf.rgb_of_light(lambda nm: 1, lambda nm: cf.fresnel(
+              1, np.interp(nm, (400, 700), (3, 1.8)))))
 
 
 lights()

@@ -37,7 +37,8 @@ def syntax():
         same(name, world)
     file = write("included.pbrt", PLATE)
     same("Include", SUN + f'Include "{file}"\n' + rectangle())
-    same("Include of an include", SUN + f'Include "{write("outer.pbrt", f"Include {chr(34)}{file}{chr(34)}")}"'
+    same("Include of an include",
+         SUN + f'Include "{write("outer.pbrt", f"Include {chr(34)}{file}{chr(34)}")}"'
          + "\n" + rectangle())
     same("Import of a plate", SUN + f'Import "{write("plate.pbrt", PLATE + rectangle())}"')
 
@@ -45,9 +46,11 @@ def syntax():
 def types():
     body = SUN + PLATE + rectangle()
     same("point for point3", body.replace('"point3', '"point'))
-    same("vector and normal", SUN + PLATE + rectangle(more='"normal N" [0 0 -1 0 0 -1 0 0 -1 0 0 -1]'))
+    same("vector and normal",
+         SUN + PLATE + rectangle(more='"normal N" [0 0 -1 0 0 -1 0 0 -1 0 0 -1]'))
     same("a bool in brackets", SUN + PLATE + lamp("", '"bool twosided" [false]') + rectangle())
-    same("a spectrum of a value", SUN + 'Material "diffuse" "spectrum reflectance" [200 .5 900 .5]\n'
+    same("a spectrum of a value",
+         SUN + 'Material "diffuse" "spectrum reflectance" [200 .5 900 .5]\n'
          + rectangle(), gray(.5))
     same("integer for float", SUN.replace(f"{math.pi}", "3") + PLATE + rectangle(),
          tuple(c * 3 / math.pi for c in COLOR))
@@ -57,7 +60,8 @@ def defaults():
     same("no material", SUN + rectangle(), gray(.5))
     same("Attribute light", 'Attribute "light" "float scale" 3.14159265\nLightSource "distant" '
          '"point3 from" [0 0 -1] "point3 to" [0 0 0]\n' + PLATE + rectangle())
-    same("a parameter beats Attribute", SUN + 'Attribute "material" "rgb reflectance" [1 0 0]\n' + PLATE
+    same("a parameter beats Attribute",
+         SUN + 'Attribute "material" "rgb reflectance" [1 0 0]\n' + PLATE
          + rectangle())
     same("Attribute ends with its block", SUN + 'AttributeBegin\nAttribute "material" '
          '"rgb reflectance" [1 0 0]\nAttributeEnd\nMaterial "diffuse"\n' + rectangle(), gray(.5))
@@ -65,14 +69,18 @@ def defaults():
          '"rgb reflectance" [1 0 0]\nAttributeEnd\n' + rectangle())
     same("a named material used before it is made", SUN + 'NamedMaterial "m"\n' + rectangle()
          + 'MakeNamedMaterial "m" "string type" "diffuse" "rgb reflectance" [.1 .5 .9]\n')
-    same("an area light ends with its block", 'AttributeBegin\nAreaLightSource "diffuse"\nAttributeEnd\n'
+    same("an area light ends with its block",
+         'AttributeBegin\nAreaLightSource "diffuse"\nAttributeEnd\n'
          + SUN + PLATE + rectangle())
     flat = image("spelled.exr", [[list(COLOR)] * 2] * 2)
-    same("a texture of an image", SUN + f'Texture "t" "spectrum" "imagemap" "string filename" "{flat}"\n'
+    same("a texture of an image",
+         SUN + f'Texture "t" "spectrum" "imagemap" "string filename" "{flat}"\n'
          'Material "diffuse" "texture reflectance" "t"\n' + rectangle())
     same("a texture named like a parameter", SUN + 'Texture "reflectance" "spectrum" "constant" '
-         '"rgb value" [.1 .5 .9]\nMaterial "diffuse" "texture reflectance" "reflectance"\n' + rectangle())
-    same("a material named like a type", SUN + 'MakeNamedMaterial "conductor" "string type" "diffuse" '
+         '"rgb value" [.1 .5 .9]\nMaterial "diffuse" "texture reflectance" "reflectance"\n'
+         + rectangle())
+    same("a material named like a type",
+         SUN + 'MakeNamedMaterial "conductor" "string type" "diffuse" '
          '"rgb reflectance" [.1 .5 .9]\nNamedMaterial "conductor"\n' + rectangle())
 
 

@@ -72,7 +72,8 @@ def maps():
                   '"float vscale" 3 "float udelta" -.4 "float vdelta" -.8',
                   means(method(TEXELS, 2 * u - .4, 3 * v - .8, wrap)))
     for name, text, map_u, map_v in (
-            ("uscale", '"float uscale" 2.5', 2.5 * u, v), ("vscale", '"float vscale" .5', u, .5 * v),
+            ("uscale", '"float uscale" 2.5', 2.5 * u, v),
+        ("vscale", '"float vscale" .5', u, .5 * v),
             ("udelta", '"float udelta" .3', u + .3, v), ("vdelta", '"float vdelta" .2', u, v + .2),
             ("negative scales", '"float uscale" -1 "float vscale" -2', -u, -2 * v)):
         shown(name, f"{head} {point} {text}", means(nearest(TEXELS, map_u, map_v)))
@@ -134,7 +135,8 @@ def mappings():
     shown("mapping planar of deltas", f'{head} {planar} "float udelta" .3 "float vdelta" .2',
           at(x + .3, y + .2))
     case("texture mapping planar under a CTM", scene(
-        f'{SUN}AttributeBegin Translate .2 .1 0 Scale 2 .5 1\nTexture "t" "spectrum" {head} {planar}\n'
+        f'{SUN}AttributeBegin Translate .2 .1 0 Scale 2 .5 1\nTexture "t" "spectrum" {head} '
+        f'{planar}\n'
         'AttributeEnd\nMaterial "diffuse" "texture reflectance" "t"\n' + rectangle(), samples=1024),
          at((x - .2) / 2, (y - .1) / .5))
     # About the texture's own axes, here at z = 1 before the plate.
@@ -146,7 +148,8 @@ def mappings():
     def moved(name, kind, s, t):
         case(f"texture mapping {name}", scene(
             f'{SUN}AttributeBegin Translate 0 0 -1\nTexture "t" "spectrum" {head} '
-            f'"string mapping" "{kind}"\nAttributeEnd\nMaterial "diffuse" "texture reflectance" "t"\n'
+            f'"string mapping" "{kind}"\nAttributeEnd\nMaterial "diffuse" "texture reflectance" '
+            f'"t"\n'
             + rectangle(), samples=256), at(s, t))
 
     moved("spherical", "spherical", np.arccos(z / r) / PI, phi)
@@ -173,7 +176,8 @@ def mixtures():
              np.floor(4 * u) + np.floor(2 * v)),
             ("checkerboard of deltas", '"float uscale" 4 "float vscale" 4 "float udelta" .5',
              np.floor(4 * u + .5) + np.floor(4 * v)),
-            ("checkerboard of dimension 2", '"integer dimension" 2 "float uscale" 2 "float vscale" 2',
+            ("checkerboard of dimension 2",
+             '"integer dimension" 2 "float uscale" 2 "float vscale" 2',
              np.floor(2 * u) + np.floor(2 * v)),
             ("checkerboard planar", '"string mapping" "planar" "vector3 v1" [2 0 0] '
              '"vector3 v2" [0 4 0]', np.floor(2 * (2 * u - 1)) + np.floor(4 * (2 * v - 1)))):
@@ -185,7 +189,8 @@ def mixtures():
         f'{SUN}AttributeBegin Translate 0 0 -.25 Scale .5 .5 .5\nTexture "t" "spectrum" {board} '
         '"integer dimension" 3\nAttributeEnd\nMaterial "diffuse" "texture reflectance" "t"\n'
         + rectangle(), samples=256), means(np.where((cells % 2 == 0)[..., None], red, blue)))
-    shown("unused beside", '"constant" "rgb value" [.8 .2 .1]\nTexture "other" "spectrum" "constant"',
+    shown("unused beside",
+          '"constant" "rgb value" [.8 .2 .1]\nTexture "other" "spectrum" "constant"',
           red)
 
 
@@ -237,7 +242,8 @@ def floats():
            of(TEXELS[:, :, :1]) / 2)
     opaque("invert", f'"imagemap" "string filename" "{linear}" {point} "bool invert" true',
            1 - of(TEXELS[:, :, :1]))
-    opaque("of a png", f'"imagemap" "string filename" "{coded}" {point}', of(srgb_to_linear(levels)))
+    opaque("of a png", f'"imagemap" "string filename" "{coded}" {point}',
+           of(srgb_to_linear(levels)))
     opaque("of a linear png", f'"imagemap" "string filename" "{coded}" {point} '
            '"string encoding" "linear"', of(levels))
     opaque("of a color image", f'"imagemap" "string filename" "{color}" {point}',
@@ -264,7 +270,8 @@ def coordinates():
     shown("on a patch with uv", head, means(nearest(ramp, 1 - v, u)),
           'Shape "bilinearmesh" "point3 P" [-1 -1 0 1 -1 0 -1 1 0 1 1 0] '
           '"point2 uv" [1 0 1 1 0 0 0 1]')
-    ply = write("uv.ply", "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+    ply = write("uv.ply",
+                "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
                 "property float z\nproperty float u\nproperty float v\nelement face 1\n"
                 "property list uchar int vertex_indices\nend_header\n-1 -1 0 0 0\n1 -1 0 1 0\n"
                 "1 1 0 1 1\n-1 1 0 0 1\n4 0 1 2 3\n")

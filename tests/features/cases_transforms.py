@@ -65,7 +65,8 @@ def blocks():
              'CoordinateSystem "here"\nAttributeEnd\nCoordSysTransform "here"\n{}', t),
             ("ActiveTransform All", "ActiveTransform All\nTranslate .3 -.2 0\n{}", t),
             ("ReverseOrientation", "ReverseOrientation\nTranslate .3 -.2 0\n{}", t),
-            ("nested blocks", "AttributeBegin\nTranslate .3 -.2 0\nAttributeBegin\nRotate 30 0 0 1\n"
+            ("nested blocks",
+             "AttributeBegin\nTranslate .3 -.2 0\nAttributeBegin\nRotate 30 0 0 1\n"
              "{}AttributeEnd\nAttributeEnd", t @ r),
             ("camera's own system", 'CoordSysTransform "camera"\nTranslate 0 0 5\n{}', np.eye(4))):
         moved(name, text, matrix)
@@ -79,7 +80,8 @@ def blocks():
           camera="Rotate 30 0 0 1\n" + LOOK + window(1))
     moved("camera moved", "{}", cf.translate(.3, .1, 0),
           camera="Translate .3 .1 0\n" + LOOK + window(1))
-    moved("Transform before the camera", "{}", r, camera=f"Transform [{numbers(cf.translate(0, 0, 5) @ r)}]\n"
+    moved("Transform before the camera", "{}", r,
+          camera=f"Transform [{numbers(cf.translate(0, 0, 5) @ r)}]\n"
           + window(1))
 
 

@@ -171,8 +171,8 @@ TEST(MotionStability, G14ShapesThatMoveInMovingObjectsStayInTheirBounds) {
         RenderFromGroupAt(geometry, geometry.moving[0], static_cast<float>(time));
     for (const Vec3f& corner : corners) {
       const Vec3d p = transform.Point(ToDouble(corner) - geometry.motions[0].group_center);
-      const Vec3d expected =
-          world.At(time).Point(object.At(time).Point(ToDouble(corner))) - geometry.render_origin_world;
+      const Vec3d expected = world.At(time).Point(object.At(time).Point(ToDouble(corner))) -
+                             geometry.render_origin_world;
       for (size_t axis = 0; axis < 3; ++axis) {
         EXPECT_NEAR(p[axis], expected[axis], 1e-5);
         EXPECT_GE(p[axis], a.lower[axis] * (1 - f) + b.lower[axis] * f - 1e-6);

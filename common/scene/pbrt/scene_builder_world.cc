@@ -237,9 +237,10 @@ void SceneBuilder::CheckEmitter(const ShapeDescription& shape, ParameterList& pa
   if (faces < 2 || !(scene_->area_lights[shape.area_light].scale.power_w > 0)) return;
   if (std::exchange(has_noted_power_, true)) return;
   diagnostics_->Note(parameters.location(),
-                     absl::StrCat(parameters.owner(), ": the \"power\" of its area light is that of "
-                                  "the whole mesh; pbrt-v4 gives it to each of the ", faces,
-                                  " faces"));
+                     absl::StrCat(parameters.owner(),
+                                  ": the \"power\" of its area light is that of "
+                                  "the whole mesh; pbrt-v4 gives it to each of the ",
+                                  faces, " faces"));
 }
 
 void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
@@ -264,10 +265,10 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
   }
   if (state_.area_light != kNone) {
     if (open_object_ != kNone) {
-      diagnostics_->Warning(
-          location,
-          "shapes of an object emit no light; the area light is ignored here. In pbrt-v4 they shine "
-          "where they are seen, but light nothing");
+      diagnostics_->Warning(location,
+                            "shapes of an object emit no light; the area light is ignored here. In "
+                            "pbrt-v4 they shine "
+                            "where they are seen, but light nothing");
     } else if (materials_.IsInterface(state_.material)) {
       diagnostics_->Warning(location,
                             "shapes of the material interface emit no light, as in pbrt-v4; the "

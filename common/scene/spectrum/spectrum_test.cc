@@ -36,10 +36,10 @@ TEST(SpectrumTest, DaylightTableAgreesWithTheStandard) {
 
 TEST(SpectrumTest, FluorescentLampsHaveTheirChromaticities) {
   // CIE 15:2004, table T.8.
-  constexpr double kChromaticities[12][2] = {
-      {0.3131, 0.3371}, {0.3721, 0.3751}, {0.4091, 0.3941}, {0.4402, 0.4031},
-      {0.3138, 0.3452}, {0.3779, 0.3882}, {0.3129, 0.3292}, {0.3458, 0.3586},
-      {0.3741, 0.3727}, {0.3458, 0.3588}, {0.3805, 0.3769}, {0.4370, 0.4042}};
+  constexpr double kChromaticities[12][2] = {{0.3131, 0.3371}, {0.3721, 0.3751}, {0.4091, 0.3941},
+                                             {0.4402, 0.4031}, {0.3138, 0.3452}, {0.3779, 0.3882},
+                                             {0.3129, 0.3292}, {0.3458, 0.3586}, {0.3741, 0.3727},
+                                             {0.3458, 0.3588}, {0.3805, 0.3769}, {0.4370, 0.4042}};
   for (size_t i = 0; i < 12; ++i) {
     const auto [x, y] = kChromaticities[i];
     const std::array<double, 3> expected = SrgbFromXyz({x / y, 1, (1 - x - y) / y});

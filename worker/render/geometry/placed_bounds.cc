@@ -58,8 +58,7 @@ double GroupMotion::LinearDeviationMax(double time_0, double time_1, double radi
                              std::max(Length(s0.offset), Length(s1.offset)) + inner;
   const double way = NormOf(LinearDifference(s1, s0)) * reach + Length(s1.offset - s0.offset);
   return world_from_placed.LinearDeviationMax(time_0, time_1, inner_reach) +
-         std::max(NormOf(a0), NormOf(a1)) * inner +
-         0.25 * NormOf(LinearDifference(a1, a0)) * way;
+         std::max(NormOf(a0), NormOf(a1)) * inner + 0.25 * NormOf(LinearDifference(a1, a0)) * way;
 }
 
 PlacedBounds BoundsOfStill(const SceneGeometry& geometry, const PlacedGroup& placed) {

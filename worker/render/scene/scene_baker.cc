@@ -247,8 +247,7 @@ absl::StatusOr<std::optional<uint32_t>> SceneBaker::BakeMovingShape(int32_t inde
   group.center = bounds.Center();
   Affine group_from_shape;
   group_from_shape.offset = -group.center;
-  const absl::Status status =
-      shapes_.AddShape(index, group_from_shape, /*may_emit=*/false, &group);
+  const absl::Status status = shapes_.AddShape(index, group_from_shape, /*may_emit=*/false, &group);
   if (!status.ok()) return status;
   if (group.empty()) return std::nullopt;
   FinishGroup(&group);

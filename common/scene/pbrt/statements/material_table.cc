@@ -353,35 +353,6 @@ CoatedConductorMaterial MaterialTable::MakeCoatedConductor(ParameterList& parame
   return coated;
 }
 
-void MaterialTable::GetCoat(ParameterList& parameters, const std::string& eta_name,
-                            ClearCoat* coat) {
-  const RefractiveIndex eta = GetIndex(parameters, eta_name);
-  coat->eta = eta.mean;
-  if (eta.Disperses()) {
-    diagnostics_->Note(parameters.Find(eta_name)->location,
-                       absl::StrCat(parameters.owner(), ": ", eta_name,
-                                    " varies with wavelength; a coat uses its mean ", coat->eta));
-  }
-  coat->thickness = GetConstant(parameters, "thickness", 0.01f);
-  coat->g = GetConstant(parameters, "g", 0);
-  coat->albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,
-                                          RgbColor(Rgb::Gray(0)));
-  if (coat->albedo.texture != kNone || !coat->albedo.value.rgb.IsBlack()) {
-    parameters.ErrorAt(*parameters.Find("albedo"),
-                       "is not supported unless 0: the coat has no scattering medium yet");
-  }
-  for (const char* name : {"maxdepth", "nsamples"}) {
-    if (parameters.GetInteger(name, 1) < 1) {
-      parameters.ErrorAt(*parameters.Find(name), "must be at least 1");
-    }
-  }
-  parameters.NoteWithoutEffect(
-      "maxdepth", "a coat here keeps all the light that passes between its layers, any number of "
-                  "times; pbrt-v4 drops what is left after maxdepth");
-  parameters.NoteWithoutEffect("nsamples", "a coat here is computed without samples of its own");
-  if (!(coat->thickness >= 0)) parameters.Error(parameters.owner() + ": thickness is negative");
-}
-
 MixMaterial MaterialTable::MakeMix(ParameterList& parameters) {
   MixMaterial mix;
   mix.amount = textures_->GetFloatInput(parameters, "amount", 0.5f);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The special-purpose materials of MaterialTable: hair and measured materials.
+// The special-purpose materials of MaterialTable: hair, measured materials and coats.
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -10,6 +10,42 @@
 #include "common/scene/pbrt/statements/material_table.h"
 
 namespace sheaf {
+namespace {
+
+// A coat is not sampled on its own.
+void NoteCoatSampling(ParameterList& parameters) {
+  for (const char* name : {"maxdepth", "nsamples"}) {
+    if (parameters.GetInteger(name, 1) < 1) {
+      parameters.ErrorAt(*parameters.Find(name), "must be at least 1");
+    }
+  }
+  parameters.NoteWithoutEffect("maxdepth",
+                               "a coat keeps light however often it is reflected inside");
+  parameters.NoteWithoutEffect("nsamples", "a coat is computed without samples of its own");
+}
+
+}  // namespace
+
+void MaterialTable::GetCoat(ParameterList& parameters, const std::string& eta_name,
+                            ClearCoat* coat) {
+  const RefractiveIndex eta = GetIndex(parameters, eta_name);
+  coat->eta = eta.mean;
+  if (eta.Disperses()) {
+    diagnostics_->Note(parameters.Find(eta_name)->location,
+                       absl::StrCat(parameters.owner(), ": ", eta_name,
+                                    " varies with wavelength; a coat uses its mean ", coat->eta));
+  }
+  coat->thickness = GetConstant(parameters, "thickness", 0.01f);
+  coat->g = GetConstant(parameters, "g", 0);
+  coat->albedo = textures_->GetColorInput(parameters, "albedo", ColorRole::kReflectance,
+                                          RgbColor(Rgb::Gray(0)));
+  if (coat->albedo.texture != kNone || !coat->albedo.value.rgb.IsBlack()) {
+    parameters.ErrorAt(*parameters.Find("albedo"),
+                       "is not supported unless 0: the coat has no scattering medium yet");
+  }
+  NoteCoatSampling(parameters);
+  if (!(coat->thickness >= 0)) parameters.Error(parameters.owner() + ": thickness is negative");
+}
 
 HairMaterial MaterialTable::MakeHair(ParameterList& parameters) {
   HairMaterial hair;

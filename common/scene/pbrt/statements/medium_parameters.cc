@@ -205,8 +205,8 @@ void SetRgbGrid(ParameterList& parameters, MediumDescription* medium) {
   }
   if (const Parameter* radiance = parameters.Find("Le")) {
     parameters.diagnostics().Note(
-        radiance->location,
-        absl::StrCat(parameters.owner(), ": \"Le\" is a radiance, as in other media; pbrt-v4 has "
+        radiance->location, absl::StrCat(parameters.owner(),
+                                         ": \"Le\" is a radiance, as in other media; pbrt-v4 has "
                                          "106.856 times the light in an rgbgrid alone: multiply "
                                          "\"Lescale\" by that for its image"));
   }
