@@ -44,7 +44,7 @@ def seen(name, camera, screen, eye=((0, 0, -5), (0, 0, 0), (0, 1, 0)), size=(8, 
     want = cf.coverage(corners, width, height)
     case("camera " + name,
          scene(polygon(points), camera=f"LookAt {numbers}\n{camera}\n",
-               films=film(width, height, more), samples=4096),
+               films=film(width, height, more), samples=2048),
          want if crop is None else want[crop])
 
 
@@ -109,7 +109,7 @@ def spherical():
         want = hit.reshape(8, 8, 8, 8).mean(axis=(1, 3))
         case(name, scene(lamp(rectangle(-.8, 1.8, -.6, 1.2, 1)),
                          camera=f'LookAt 0 0 0  0 0 1  0 1 0\nCamera "spherical" {mapping}\n',
-                         samples=4096, **more), want.mean() * np.ones(3))
+                         samples=1024, **more), want.mean() * np.ones(3))
 
     def equirectangular(x, y):
         # pbrt-v4: theta = pi y, phi = 2 pi x about z, then y and z change places.
@@ -174,38 +174,38 @@ def shutter():
     for name, opens, closes in (("0 to 1", 0, 1), ("0 to .5", 0, .5), (".5 to 1", .5, 1),
                                 ("at .25", .25, .25), ("0 to 2", 0, 2)):
         case(f"shutter open from {name}",
-             scene(light + glow, samples=4096, camera=LOOK + 'Camera "orthographic" '
+             scene(light + glow, samples=2048, camera=LOOK + 'Camera "orthographic" '
                    f'"float screenwindow" [-1 1 -1 1] "float shutteropen" {opens} '
                    f'"float shutterclose" {closes}\n'), blur(opens, closes))
-    case("TransformTimes", scene(light + glow, samples=4096, before="TransformTimes .5 1.5\n",
+    case("TransformTimes", scene(light + glow, samples=2048, before="TransformTimes .5 1.5\n",
                                  camera=LOOK + window(1)), blur(-.5, .5))
     case("a camera that moves", scene(
-        lamp(rectangle(-2, -1, -1, 1)), samples=4096,
+        lamp(rectangle(-2, -1, -1, 1)), samples=2048,
         camera="ActiveTransform EndTime\nLookAt -2 0 -5  -2 0 0  0 1 0\nActiveTransform StartTime\n"
         "LookAt 0 0 -5  0 0 0  0 1 0\nActiveTransform All\n" + window(1)), blur(0, 1))
     case("an instance that moves", scene(
         light + 'Material "diffuse" "spectrum reflectance" [300 1 900 1]\nObjectBegin "o"\n'
         + rectangle(-2, -1, -1, 1) + 'ObjectEnd\nActiveTransform EndTime\nTranslate 2 0 0\n'
-        'ActiveTransform All\nObjectInstance "o"', samples=4096), blur(0, 1))
+        'ActiveTransform All\nObjectInstance "o"', samples=2048), blur(0, 1))
     inside = (light + 'Material "diffuse" "spectrum reflectance" [300 1 900 1]\nObjectBegin "o"\n'
               + "{} ObjectEnd\n{}")
-    case("motion in an object", scene(inside.format(body, 'ObjectInstance "o"'), samples=4096),
+    case("motion in an object", scene(inside.format(body, 'ObjectInstance "o"'), samples=2048),
          blur(0, 1))
     still = rectangle(-1, 1, -1, 0) + body
     want = blur(0, 1)
     want[4:] = 1
     case("motion in an object beside a shape at rest",
-         scene(inside.format(still, 'ObjectInstance "o"'), samples=4096), want)
+         scene(inside.format(still, 'ObjectInstance "o"'), samples=2048), want)
     # Twice the width and twice the way: the instance scales both.
     half = (light + 'Material "diffuse" "spectrum reflectance" [300 1 900 1]\nObjectBegin "o"\n'
             'ActiveTransform EndTime\nTranslate 1 0 0\nActiveTransform All\n'
             + rectangle(-1, -.5, -.5, .5) + 'ObjectEnd\nScale 2 2 2\nObjectInstance "o"')
-    case("motion in an object under a scale", scene(half, samples=4096), blur(0, 1))
+    case("motion in an object under a scale", scene(half, samples=2048), blur(0, 1))
     both = (light + 'Material "diffuse" "spectrum reflectance" [300 1 900 1]\nObjectBegin "o"\n'
             'ActiveTransform EndTime\nTranslate 1.5 0 0\nActiveTransform All\n'
             + rectangle(-2, -1, -1, 1) + 'ObjectEnd\nActiveTransform EndTime\nTranslate .5 0 0\n'
             'ActiveTransform All\nObjectInstance "o"')
-    case("motion in an object that moves", scene(both, samples=4096), blur(0, 1))
+    case("motion in an object that moves", scene(both, samples=2048), blur(0, 1))
 
 
 perspective()

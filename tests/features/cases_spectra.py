@@ -93,7 +93,7 @@ def indices():
             BLACK + lamp(f"Translate 0 0 -8 ReverseOrientation {rectangle(-9, 9, -9, 9)}",
                          f'"spectrum L" [{points}]')
             + f"Material {material}\n{rectangle()}", camera=LOOK + window(.5), films=film(4, 4),
-            samples=4096, color="spectral",
+            samples=8192, color="spectral",
             integrator='Integrator "path" "integer maxdepth" 2\n'), want)
 
     def metal(name, material, index, nms=(450, 550, 650)):
@@ -107,12 +107,15 @@ def indices():
         metal(f"metal-{name}",
               f'"conductor" "spectrum eta" "metal-{name}-eta" "spectrum k" "metal-{name}-k"',
               lambda nm, eta=eta, k=k: (eta[(nm - 450) // 100], k[(nm - 450) // 100]),
-              (450, 550, 650) if name in ("Cu", "Au", "CuZn") else (550,))
+              (450, 550, 650) if name in ("Cu", "CuZn") else (450, 650) if name == "Au"
+              else (550,))
     metal("conductor of spectra",
           '"conductor" "spectrum eta" [400 1 700 2] "spectrum k" [400 3 700 6]',
           lambda nm: (1 + (nm - 400) / 300, 3 + (nm - 400) / 100))
+    # A conductor that absorbs nothing reflects as glass does, without the noise of its choice.
     for name, eta in GLASSES.items():
-        shown(f"glass-{name}", (360, 1, 830, 1), f'"dielectric" "spectrum eta" "glass-{name}"',
+        shown(f"glass-{name}", (360, 1, 830, 1),
+              f'"conductor" "spectrum eta" "glass-{name}" "spectrum k" [300 0 900 0]',
               cf.rgb_of_light(lambda nm: 1, lambda nm, eta=eta: cf.fresnel(
                   1, np.interp(nm, (450, 550, 650), eta))))
     shown("dielectric of a spectrum", (360, 1, 830, 1),

@@ -70,7 +70,7 @@ def maps():
             shown(f"wrap {wrap}, {name}",
                   f'{head} "string filter" "{name}" "string wrap" "{wrap}" "float uscale" 2 '
                   '"float vscale" 3 "float udelta" -.4 "float vdelta" -.8',
-                  means(method(TEXELS, 2 * u - .4, 3 * v - .8, wrap)))
+                  means(method(TEXELS, 2 * u - .4, 3 * v - .8, wrap)), samples=4096)
     for name, text, map_u, map_v in (
             ("uscale", '"float uscale" 2.5', 2.5 * u, v),
         ("vscale", '"float vscale" .5', u, .5 * v),
