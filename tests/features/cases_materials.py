@@ -215,7 +215,7 @@ def normals():
     texel = [math.sin(t) / 2 + .5, .5, math.cos(t) / 2 + .5]
     file = image("normal.exr", [[texel] * 2] * 2)
     # Height falls along u, which goes from 0 to 1 over a width of 2.
-    ramp = image("ramp.exr", np.tile((63.5 - np.arange(64))[None, :] / 64 * 2 * math.tan(t),
+    ramp = image("slope.exr", np.tile((63.5 - np.arange(64))[None, :] / 64 * 2 * math.tan(t),
                                      (2, 1))[:, :, None])
     vertices = ('Shape "trianglemesh" "point3 P" [-1 -1 0 -1 1 0 1 1 0 1 -1 0] "integer indices" '
                 '[0 1 2 0 2 3] "normal N" ['

@@ -88,6 +88,7 @@ def plate(light, material=GRAY, half=0.01, **more):
 
 def image(name, texels, depth="float"):
     """Writes texels[row][column](channel); a file of 8 or 16 bits gets them as they are."""
+    assert not os.path.exists(os.path.join(FOLDER, name)), name
     texels = np.array(texels, dtype=np.float32)
     if texels.ndim == 2:
         texels = texels[:, :, None]
