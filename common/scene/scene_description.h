@@ -108,8 +108,8 @@ struct TriangleMesh {
   // follow at equal intervals of time, the last at shutter closing. Vertices move linearly between
   // steps.
   std::vector<VertexStep> steps = {};
-  // Empty or one per position: directions of the surface from which anisotropic materials and normal
-  // maps count, in place of those along u.
+  // Empty or one per position: directions of the surface from which anisotropic materials and
+  // normal maps count, in place of those along u.
   std::vector<Vec3f> tangents = {};
 };
 // Bilinear patches: corners at (u, v) = (0,0), (1,0), (0,1), (1,1), in this order.

@@ -150,7 +150,8 @@ TEST_F(SceneReaderTest, ObjectInstancesKeepBothTransforms) {
   EXPECT_EQ(TransformPoint(scene.instances[0].world_from_instance.start, {0, 0, 0}),
             (Vec3d{0, 7, 0}));
   EXPECT_EQ(scene.shapes[0].area_light, kNone);
-  ExpectNote(SceneDiagnostic::Severity::kWarning, "main.pbrt:5:1: shapes of an object cannot emit");
+  ExpectNote(SceneDiagnostic::Severity::kWarning,
+             "main.pbrt:5:1: shapes of an object emit no light");
 }
 
 TEST_F(SceneReaderTest, DiffuseTransmissionDefaults) {

@@ -117,9 +117,8 @@ inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, cons
   point->uv = uv0 + hit.u * (uv1 - uv0) + hit.v * (uv2 - uv0);
   if (!mesh.surface.needs_tangent) return;
   if (!mesh.tangents.empty()) [[unlikely]] {
-    point->own_tangent =
-        ToDouble(mesh.tangents[t[0]] * (1 - hit.u - hit.v) + mesh.tangents[t[1]] * hit.u +
-                 mesh.tangents[t[2]] * hit.v);
+    point->own_tangent = ToDouble(mesh.tangents[t[0]] * (1 - hit.u - hit.v) +
+                                  mesh.tangents[t[1]] * hit.u + mesh.tangents[t[2]] * hit.v);
   }
   const double u1 = static_cast<double>(uv1.x) - uv0.x, v1 = static_cast<double>(uv1.y) - uv0.y;
   const double u2 = static_cast<double>(uv2.x) - uv0.x, v2 = static_cast<double>(uv2.y) - uv0.y;
