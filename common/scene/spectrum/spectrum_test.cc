@@ -35,7 +35,7 @@ TEST(SpectrumTest, DaylightTableAgreesWithTheStandard) {
 }
 
 TEST(SpectrumTest, FluorescentLampsHaveTheirChromaticities) {
-  // CIE 15:2004, table T.8.
+  // CIE 15:2004, table T.8: sums of steps of 5 nm, rounded to four digits.
   constexpr double kChromaticities[12][2] = {{0.3131, 0.3371}, {0.3721, 0.3751}, {0.4091, 0.3941},
                                              {0.4402, 0.4031}, {0.3138, 0.3452}, {0.3779, 0.3882},
                                              {0.3129, 0.3292}, {0.3458, 0.3586}, {0.3741, 0.3727},
@@ -45,7 +45,7 @@ TEST(SpectrumTest, FluorescentLampsHaveTheirChromaticities) {
     const std::array<double, 3> expected = SrgbFromXyz({x / y, 1, (1 - x - y) / y});
     const Rgb rgb =
         SpectrumToRgb(Named("stdillum-F" + std::to_string(i + 1)), ColorRole::kIlluminant);
-    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(rgb[c], expected[c], 2e-3) << i + 1;
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(rgb[c], expected[c], 5e-3) << i + 1;
   }
   EXPECT_EQ(EvaluateSpectrum(Named("stdillum-F1"), 379), 0);
   EXPECT_FALSE(IsNamedSpectrum("stdillum-F13"));
