@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/image/image_io.h"
+#include "worker/render/color/file_primaries.h"
 #include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::cli {
@@ -23,8 +25,7 @@ Rgb TexelOf(const FloatImage& image, int x, int y) {
   y = std::clamp(y, 0, image.height - 1);
   Rgb color;
   for (int c = 0; c < 3; ++c) {
-    const float value = image.At(x, y, image.channels < 3 ? 0 : c);
-    const float linear = image.is_integer ? DecodeSrgb(value) : value;
+    const float linear = image.At(x, y, image.channels < 3 ? 0 : c);
     color[static_cast<size_t>(c)] = std::isfinite(linear) && linear > 0 ? linear : 0;
   }
   return color;
@@ -38,6 +39,18 @@ Rgb LookUp(const FloatImage& image, Vec3d d) {
   const auto fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
   return (TexelOf(image, x0, y0) * (1 - fx) + TexelOf(image, x0 + 1, y0) * fx) * (1 - fy) +
          (TexelOf(image, x0, y0 + 1) * (1 - fx) + TexelOf(image, x0 + 1, y0 + 1) * fx) * fy;
+}
+
+// By the primaries that the file gives.
+void MoveToSrgb(const std::string& path, FloatImage* image) {
+  const std::optional<Matrix4> srgb_from_file =
+      render::SrgbFromFile(image->chromaticities, ColorRole::kIlluminant, path);
+  if (!srgb_from_file) return;
+  for (size_t i = 0; i + 2 < image->pixels.size(); i += 3) {
+    Rgb color{image->pixels[i], image->pixels[i + 1], image->pixels[i + 2]};
+    render::MoveToSrgb(*srgb_from_file, &color);
+    for (size_t c = 0; c < 3; ++c) image->pixels[i + c] = color[c];
+  }
 }
 
 }  // namespace
@@ -54,8 +67,9 @@ GltfView ViewOf(const GltfArguments& arguments, int32_t frame_number) {
 }
 
 absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path) {
-  const absl::StatusOr<FloatImage> image = ReadImage(path);
+  absl::StatusOr<FloatImage> image = ReadImage(path);
   if (!image.ok()) return image.status();
+  MoveToSrgb(path, &*image);
   if (image->width != 2 * image->height) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": has ", image->width, " x ", image->height,

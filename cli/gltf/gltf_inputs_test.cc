@@ -5,10 +5,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <string>
 
 #include "common/base/file.h"
+#include "common/scene/spectrum/primaries.h"
+#include "tests/support/image_files.h"
+#include "tests/support/temporary_path.h"
 
 namespace sheaf::cli {
 namespace {
@@ -62,6 +66,24 @@ TEST(GltfInputsTest, AddsViewAndEnvironment) {
     sum += static_cast<double>(value) / (16 * 16 * 3);
   }
   EXPECT_NEAR(sum, 4, 0.05);  // Areas stay equal.
+}
+
+TEST(GltfInputsTest, EnvironmentsAreInThePrimariesOfTheirHeader) {
+  const std::string path = sheaf::testing::TemporaryPath("sky.exr");
+  const std::array<float, 8> rec2020{.708f, .292f, .17f, .797f, .131f, .046f, .3127f, .329f};
+  ASSERT_TRUE(WriteFileOnce(
+                  path, sheaf::testing::ExrBytes({.width = 8,
+                                                  .height = 4,
+                                                  .channels = {{"R", .5f}, {"G", .4f}, {"B", .3f}},
+                                                  .chromaticities = rec2020}))
+                  .ok());
+  const absl::StatusOr<std::string> map = EqualAreaEnvironment(path);
+  ASSERT_TRUE(map.ok()) << map.status();
+  Rgb texel;
+  std::memcpy(&texel, map->data() + map->size() - sizeof texel, sizeof texel);
+  const Rgb expected =
+      SrgbFromPrimaries({.5f, .4f, .3f}, Primaries::kRec2020, ColorRole::kIlluminant);
+  for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(texel[c], expected[c], 1e-3f);
 }
 
 TEST(GltfInputsTest, LeavesOtherScenesAlone) {

@@ -23,7 +23,7 @@ struct NamedFile {
   SourceLocation location;
   std::string use;   // "texture "wood"".
   std::string file;  // Canonical name; empty: no file.
-  bool is_volume = false;
+  enum class Kind { kTexture, kLight, kVolume } kind = Kind::kTexture;
   std::string grid = {};  // Of a volume file.
 };
 
@@ -44,16 +44,18 @@ std::vector<NamedFile> FilesNamed(const SceneDescription& scene) {
         {texture.location, absl::StrCat("texture \"", texture.name, "\""), image->file});
   }
   for (const AreaLightDescription& light : scene.area_lights) {
-    files.push_back({light.location, "area light", light.file});
+    files.push_back({light.location, "area light", light.file, NamedFile::Kind::kLight});
   }
   for (const LightDescription& light : scene.lights) {
-    files.push_back({light.location, "light", FileOf(light)});
+    files.push_back({light.location, "light", FileOf(light), NamedFile::Kind::kLight});
   }
+  files.push_back({scene.camera.location, "aperture", scene.camera.lens.aperture_file,
+                   NamedFile::Kind::kLight});
   for (const MediumDescription& medium : scene.media) {
     const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
     if (volume == nullptr) continue;
     const NamedFile file{medium.location, absl::StrCat("medium \"", medium.name, "\""),
-                         volume->file, true, volume->density_grid};
+                         volume->file, NamedFile::Kind::kVolume, volume->density_grid};
     files.push_back(file);
     if (!volume->temperature_grid || !medium.emits) continue;
     files.push_back(file);
@@ -76,23 +78,25 @@ absl::Status CheckVolume(const NamedFile& named, const std::string& path) {
 }
 
 absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) {
-  if (named.is_volume) return CheckVolume(named, path);
+  if (named.kind == NamedFile::Kind::kVolume) return CheckVolume(named, path);
+  const bool is_light = named.kind == NamedFile::Kind::kLight;
   const absl::StatusOr<FloatImage> image =
       ReadImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
+                       .side_max = is_light ? kLightImageSideMax : kImageSideMax,
                        .whole_pixels_max = kWholePixelsMax});
   return NamedAsInScene(image.status(), path, named.file);
 }
 
 }  // namespace
 
-absl::Status InputChecks::Once(const std::string& key, const std::function<absl::Status()>& read) {
+absl::Status InputChecks::Once(const Use& use, const std::function<absl::Status()>& read) {
   {
     const MutexLock lock(&mutex_);
-    if (const auto found = known_.find(key); found != known_.end()) return found->second;
+    if (const auto found = known_.find(use); found != known_.end()) return found->second;
   }
   absl::Status status = read();
   const MutexLock lock(&mutex_);
-  return known_.emplace(key, std::move(status)).first->second;
+  return known_.emplace(use, std::move(status)).first->second;
 }
 
 absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files) {
@@ -101,7 +105,8 @@ absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files
     if (named.file.empty()) continue;
     const absl::StatusOr<std::string> path = files.LocalPath(named.file);
     if (!path.ok()) return path.status();
-    const absl::Status status = Once(absl::StrCat(*path, "\n", named.grid),
+    const bool is_light = named.kind == NamedFile::Kind::kLight;
+    const absl::Status status = Once({*path, named.grid, is_light},
                                      [&] { return ReadAsFarAsNeeded(named, *path); });
     // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
     // file.

@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <tuple>
 
 #include "absl/status/status.h"
 #include "common/base/mutex.h"
@@ -30,10 +31,12 @@ class InputChecks {
   absl::Status Check(const SceneDescription& scene, FileSource& files);
 
  private:
-  absl::Status Once(const std::string& key, const std::function<absl::Status()>& read);
+  // A path, the grid that is read of a volume file, and whether a light reads the file.
+  using Use = std::tuple<std::string, std::string, bool>;
+  absl::Status Once(const Use& use, const std::function<absl::Status()>& read);
 
   Mutex mutex_;
-  std::map<std::string, absl::Status> known_ ABSL_GUARDED_BY(mutex_);  // By path and grid.
+  std::map<Use, absl::Status> known_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace sheaf::cli

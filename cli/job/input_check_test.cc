@@ -7,9 +7,11 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 
 #include "common/image/image_io.h"
 #include "common/scene/pbrt/scene_reader.h"
+#include "tests/support/image_files.h"
 
 namespace sheaf::cli {
 namespace {
@@ -74,6 +76,30 @@ TEST_F(InputCheckTest, OnlyHeadersOfLargeImagesAreRead) {
   const std::string texture = "Texture \"a\" \"spectrum\" \"imagemap\" \"string filename\" ";
   EXPECT_TRUE(CheckScene(texture + "\"large.png\"\n").ok());
   EXPECT_FALSE(CheckScene(texture + "\"large garbage.png\"\n").ok());
+}
+
+// A worker would refuse them, after the scene has been sent to it.
+TEST_F(InputCheckTest, ImagesWithoutColorsAndTooLargeOnesAreRefused) {
+  Write("depth.exr", sheaf::testing::ExrBytes({.channels = {{"A", 1}, {"Z", 1}}}));
+  Write("wide.exr", sheaf::testing::ExrBytes(
+                        {.width = 80'000'000, .channels = {{"Y", 1}}, .header_only = true}));
+  Write("light.exr", sheaf::testing::ExrBytes({.width = 8193, .channels = {{"Y", 1}}}));
+  const std::string texture = "Texture \"a\" \"spectrum\" \"imagemap\" \"string filename\" ";
+  for (const auto& [lines, expected] : std::map<std::string, std::string>{
+           {texture + "\"depth.exr\"\n",
+            "room.pbrt:5:1: texture \"a\": depth.exr: its channels are A, Z, but an image has R, G "
+            "and B, or Y"},
+           {texture + "\"wide.exr\"\n",
+            "room.pbrt:5:1: texture \"a\": wide.exr: its header claims 80000000 x 1 pixels of 1 "
+            "channels, but 131072 columns and rows are the most"},
+           {"LightSource \"infinite\" \"string filename\" \"light.exr\"\n",
+            "room.pbrt:5:1: light: light.exr: its header claims 8193 x 1 pixels of 1 channels, but "
+            "8192 columns and rows are the most"}}) {
+    const absl::Status status = CheckScene(lines);
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(expected));
+  }
+  EXPECT_TRUE(CheckScene(texture + "\"light.exr\"\n").ok());
 }
 
 TEST_F(InputCheckTest, ScenesWithoutFilesAreAccepted) { EXPECT_TRUE(CheckScene("").ok()); }

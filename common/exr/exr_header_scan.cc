@@ -232,25 +232,26 @@ absl::StatusOr<ExrFileHeader> ScanExrHeader(std::string_view bytes) {
   }
 }
 
-absl::Status CheckExrHeader(const std::string& path) {
+absl::StatusOr<std::optional<ExrFileHeader>> ReadExrHeader(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::string read;
-  absl::Status status = absl::DataLossError("");
-  for (size_t size = 1 << 14; absl::IsDataLoss(status) && size <= kExrHeaderBytesMax; size *= 16) {
+  absl::StatusOr<ExrFileHeader> header = absl::DataLossError("");
+  for (size_t size = 1 << 14; absl::IsDataLoss(header.status()) && size <= kExrHeaderBytesMax;
+       size *= 16) {
     const size_t had = read.size();
     read.resize(size);
     file.read(read.data() + had, static_cast<std::streamsize>(size - had));
     read.resize(had + static_cast<size_t>(file.gcount()));
-    if (!read.starts_with(kMagic)) return absl::OkStatus();
-    status = ScanExrHeader(read).status();
+    if (!read.starts_with(kMagic)) return std::nullopt;
+    header = ScanExrHeader(read);
     if (!file) break;
   }
-  if (status.ok()) return status;
-  const bool longer = absl::IsDataLoss(status) && file.good();
+  if (header.ok()) return *std::move(header);
+  const bool longer = absl::IsDataLoss(header.status()) && file.good();
   return absl::InvalidArgumentError(
       absl::StrCat(path, ": not a readable image: ",
                    longer ? absl::StrCat("its header has more than ", kExrHeaderBytesMax, " bytes")
-                          : std::string(status.message())));
+                          : std::string(header.status().message())));
 }
 
 }  // namespace sheaf

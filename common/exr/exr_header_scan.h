@@ -15,7 +15,6 @@
 #include <string_view>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
 namespace sheaf {
@@ -58,10 +57,10 @@ struct ExrFileHeader {
 // within the header). Cost: memory proportional to the header's own bytes.
 absl::StatusOr<ExrFileHeader> ScanExrHeader(std::string_view bytes);
 
-// Scans the header of the file at path. Files of other formats pass.
+// Scans the header of the file at path; none if the file has another format.
 // Errors: kInvalidArgument, also where the header is larger than kExrHeaderBytesMax; the message
 // begins with the path. Cost: reads the header, at most 16 times its size.
-absl::Status CheckExrHeader(const std::string& path);
+absl::StatusOr<std::optional<ExrFileHeader>> ReadExrHeader(const std::string& path);
 inline constexpr size_t kExrHeaderBytesMax = size_t{1} << 26;
 
 }  // namespace sheaf

@@ -2,12 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/image/image_io.h"
 
-#include <filesystem>
-#include <system_error>
-
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
-#include "common/exr/exr_header_scan.h"
+#include "common/image/image_header.h"
 #include "common/image/image_library.h"
 
 namespace sheaf {
@@ -20,11 +17,7 @@ absl::Status WritePng(const std::string& path, int width, int height,
 }
 
 absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLimits& limits) {
-  std::error_code code;
-  if (!std::filesystem::is_regular_file(path, code)) {
-    return absl::NotFoundError(absl::StrCat(path, ": no such file"));
-  }
-  if (absl::Status header = CheckExrHeader(path); !header.ok()) return header;
+  if (absl::Status header = CheckImageHeader(path); !header.ok()) return header;
   const absl::StatusOr<const ImageLibrary*> library = LoadImageLibrary();
   if (!library.ok()) return library.status();
   return (*library)->read(path, limits);

@@ -16,6 +16,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/image/image_limits.h"
 
 namespace sheaf {
 
@@ -33,35 +34,42 @@ absl::StatusOr<std::string> EncodePng(int width, int height, const std::vector<R
 absl::Status WritePng(const std::string& path, int width, int height,
                       const std::vector<Rgb8>& pixels);
 
-// An image as its file stores it: integer formats become value / largest value and stay encoded
-// (usually sRGB); float formats are taken unchanged, including NaN and infinity.
+// An image file as linear values: gray, or red, green and blue, by the names of its channels. Its
+// alpha is ignored, and colors are not multiplied by it. Integers are decoded as sRGB; floats are
+// taken unchanged, including NaN and infinity.
 struct FloatImage {
-  int width = 0, height = 0, channels = 0;
+  int width = 0, height = 0;  // In EXR of the display window; what is not stored of it is black.
+  int channels = 0;           // 1 or 3.
   std::vector<float> pixels;  // Row-major [height][width][channels], top row first.
-  bool is_8bit = false;       // The file holds 8-bit integers.
-  bool is_integer = false;    // The file holds integers of any width.
-  // Chromaticities of red, green, blue and white, x before y, if the file gives them (EXR).
+  // Chromaticities of red, green, blue and white, x before y, if the file gives them (EXR). The
+  // values are in these primaries.
   std::optional<std::array<float, 8>> chromaticities;
 
   // Requires: 0 <= x < width, 0 <= y < height, 0 <= channel < channels.
-  float At(int x, int y, int channel) const {
-    return pixels[(static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)) *
-                      static_cast<size_t>(channels) +
-                  static_cast<size_t>(channel)];
+  float At(int x, int y, int channel) const { return pixels[IndexOf(x, y, channel)]; }
+  float& At(int x, int y, int channel) { return pixels[IndexOf(x, y, channel)]; }
+
+ private:
+  size_t IndexOf(int x, int y, int channel) const {
+    return (static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)) *
+               static_cast<size_t>(channels) +
+           static_cast<size_t>(channel);
   }
 };
 
 struct ReadImageLimits {
-  uint64_t memory_bytes_max = uint64_t{4} << 30;  // Size of FloatImage::pixels.
-  int channels_max = 64;
-  // If the image has more pixels, only the header is read, and FloatImage::pixels stays empty.
+  uint64_t memory_bytes_max = uint64_t{4} << 30;  // Of the numbers that are read, as floats.
+  int64_t side_max = kImageSideMax;               // Columns, and rows.
+  // If the image or what is stored of it has more pixels, only the header is read, and
+  // FloatImage::pixels stays empty.
   uint64_t whole_pixels_max = std::numeric_limits<uint64_t>::max();
 };
 
-// Reads EXR, PFM, HDR, PNG, TGA, JPEG, TIFF and the other formats of OpenImageIO. Color channels
-// are not multiplied by alpha.
-// Errors: kNotFound; kInvalidArgument for a file that is not an image, truncated or damaged;
-// kResourceExhausted beyond the limits. Messages begin with the path.
+// Reads EXR, PFM, HDR, PNG, TGA, JPEG, TIFF and the other formats of OpenImageIO. Textures read
+// files by the same rules (texture_cache.h).
+// Errors: kNotFound; kInvalidArgument for a file that is not an image, truncated or damaged, whose
+// channels have no meaning (openimageio/image_layout.h), or beyond the limits of its header
+// (image_limits.h); kResourceExhausted beyond memory_bytes_max. Messages begin with the path.
 absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLimits& limits = {});
 
 // Opto-electronic transfer of sRGB and its inverse, on [0, 1]; values outside are clamped, NaN

@@ -3,6 +3,7 @@
 #include "common/image/texture_cache.h"
 
 #include "common/base/log.h"
+#include "common/image/image_header.h"
 #include "common/image/image_library.h"
 
 namespace sheaf {
@@ -12,6 +13,7 @@ TextureCache::TextureCache(uint64_t bytes_max) : bytes_max_(bytes_max) {}
 TextureCache::~TextureCache() = default;
 
 absl::StatusOr<TextureImage> TextureCache::Open(const std::string& path, TexelEncoding encoding) {
+  if (absl::Status header = CheckImageHeader(path); !header.ok()) return header;
   if (tiles_ == nullptr) {
     const absl::StatusOr<const ImageLibrary*> library = LoadImageLibrary();
     if (!library.ok()) return library.status();

@@ -11,6 +11,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -21,19 +22,22 @@ namespace sheaf {
 // How stored integers become linear values. Float images are always taken unchanged.
 struct TexelEncoding {
   enum class Kind {
-    kAuto,  // sRGB for 8-bit images, linear for all others.
-    kLinear,
     kSrgb,
+    kLinear,
     kGamma,  // value^gamma.
-  } kind = Kind::kAuto;
+  } kind = Kind::kSrgb;
   float gamma = 1;
 };
 
 struct TextureImage {
-  int32_t index = -1;  // For ReadTexels.
-  int width = 0, height = 0;
-  int channels = 0;                // 1 (gray), 3 (RGB) or 4 (RGBA).
+  int32_t index = -1;         // For ReadTexels.
+  int width = 0, height = 0;  // In EXR of the display window; what is not stored of it is 0.
+  // 1 (gray), 3 (RGB) or 4 (RGBA), by the names of the file's channels; 3 where alpha is 1
+  // everywhere.
+  int channels = 0;
   uint64_t non_finite_texels = 0;  // Texels with a NaN or infinity; those channels read as 0.
+  // Of red, green, blue and white, x before y, if the file gives them. Texels are in them.
+  std::optional<std::array<float, 8>> chromaticities;
 };
 
 // Row 0 is the top of the image.
@@ -54,8 +58,8 @@ class TextureCache {
 
   // Reads the whole image once, in bands, so that damage and non-finite texels are found here and
   // not during rendering. The same path and encoding give the same image.
-  // Errors: kNotFound; kInvalidArgument if the image cannot be decoded, in messages that begin with
-  // the path; those of LoadImageLibrary.
+  // Errors: kNotFound; kInvalidArgument as for ReadImage, in messages that begin with the path;
+  // those of LoadImageLibrary.
   // Thread safety: none; open everything before reading.
   absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding);
 

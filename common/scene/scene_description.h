@@ -37,12 +37,7 @@ struct UvMapping {
   Matrix4 texture_from_world;  // For planar, spherical, cylindrical and 3-D checkerboards.
 };
 enum class TextureWrap { kRepeat, kBlack, kClamp, kOctahedral, kMirror };
-enum class ColorEncoding {
-  kAuto,
-  kLinear,
-  kSrgb,
-  kGamma
-};  // kAuto: sRGB for 8-bit files, else linear.
+enum class ColorEncoding { kSrgb, kLinear, kGamma };  // Of files of integers; floats are linear.
 
 struct ConstantTexture {
   ColorSpec color;
@@ -54,7 +49,7 @@ struct ImageTexture {
   TextureWrap wrap = TextureWrap::kRepeat;
   std::optional<TextureWrap> wrap_v = {};  // If it differs along v; neither is kOctahedral then.
   enum class Filter { kPoint, kBilinear, kTrilinear, kEwa } filter = Filter::kBilinear;
-  ColorEncoding encoding = ColorEncoding::kAuto;
+  ColorEncoding encoding = ColorEncoding::kSrgb;
   float encoding_gamma = 1;
   float scale = 1;
   bool invert = false;

@@ -5,16 +5,16 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <new>
-#include <system_error>
 #include <vector>
 
 #include <OpenImageIO/half.h>
 #include <OpenImageIO/imagecache.h>
 
 #include "absl/strings/str_cat.h"
+#include "common/image/image_limits.h"
+#include "common/image/openimageio/image_layout.h"
 #include "common/image/openimageio/read_image.h"
 #include "common/math/elementary.h"
 
@@ -29,27 +29,30 @@ struct OpenedImage {
   std::string path;
   TexelEncoding encoding;
   TextureImage facts;
+  ImageLayout layout;
   OIIO::ImageCache::ImageHandle* handle = nullptr;
-  int origin_x = 0, origin_y = 0;
   int stored_channels = 0;
-  std::vector<float> decode;  // Linear value of each stored integer; empty for floats.
+  std::vector<float> decode;  // Linear value of each stored integer of 8 or 16 bits.
   mutable std::atomic<bool> failure_logged = false;
 };
+
+float Linear(float encoded, TexelEncoding encoding) {
+  switch (encoding.kind) {
+    case TexelEncoding::Kind::kSrgb:
+      return DecodeSrgb(encoded);
+    case TexelEncoding::Kind::kGamma:
+      return Pow(encoded, encoding.gamma);
+    case TexelEncoding::Kind::kLinear:
+      break;
+  }
+  return encoded;
+}
 
 std::vector<float> MakeDecodeTable(TexelEncoding encoding, bool is_8bit) {
   const size_t count = is_8bit ? 256 : 65536;
   std::vector<float> table(count);
   for (size_t i = 0; i < count; ++i) {
-    const float encoded = static_cast<float>(i) / static_cast<float>(count - 1);
-    const bool is_srgb = encoding.kind == TexelEncoding::Kind::kSrgb ||
-                         (encoding.kind == TexelEncoding::Kind::kAuto && is_8bit);
-    if (is_srgb) {
-      table[i] = DecodeSrgb(encoded);
-    } else if (encoding.kind == TexelEncoding::Kind::kGamma) {
-      table[i] = Pow(encoded, encoding.gamma);
-    } else {
-      table[i] = encoded;
-    }
+    table[i] = Linear(static_cast<float>(i) / static_cast<float>(count - 1), encoding);
   }
   return table;
 }
@@ -64,8 +67,11 @@ float DecodeChannel(const OpenedImage& image, OIIO::TypeDesc format, const void*
       return image.decode[static_cast<const uint16_t*>(pixels)[at]];
     case OIIO::TypeDesc::HALF:
       return static_cast<float>(static_cast<const half*>(pixels)[at]);
-    default:
-      return static_cast<const float*>(pixels)[at];
+    default: {
+      // The cache keeps all other types as floats.
+      const float value = static_cast<const float*>(pixels)[at];
+      return image.layout.is_integer ? Linear(value, image.encoding) : value;
+    }
   }
 }
 
@@ -84,7 +90,10 @@ class TileCursor {
 
   // False if the tile cannot be read.
   bool Read(TexelIndex where, Texel& texel) {
-    const int x = where.x + image_.origin_x, y = where.y + image_.origin_y;
+    texel = {};
+    const ImageLayout& layout = image_.layout;
+    if (!layout.Stores(where.x, where.y)) return true;
+    const int x = where.x + layout.origin_x, y = where.y + layout.origin_y;
     if (tile_ == nullptr || !roi_.contains(x, y)) {
       Release();
       tile_ = cache_.get_tile(image_.handle, thread_, 0, 0, x, y, 0);
@@ -96,10 +105,10 @@ class TileCursor {
     const size_t pixel = static_cast<size_t>(y - roi_.ybegin) * static_cast<size_t>(roi_.width()) +
                          static_cast<size_t>(x - roi_.xbegin);
     const size_t begin = pixel * static_cast<size_t>(roi_.nchannels());
-    texel = {};
-    for (int c = 0; c < image_.facts.channels; ++c) {
-      const float value = DecodeChannel(image_, format_, pixels_, begin + static_cast<size_t>(c));
-      texel[static_cast<size_t>(c)] = std::isfinite(value) ? value : 0;
+    for (size_t c = 0; c < static_cast<size_t>(image_.facts.channels); ++c) {
+      const size_t place = begin + static_cast<size_t>(layout.place[c]);
+      const float value = DecodeChannel(image_, format_, pixels_, place);
+      texel[c] = std::isfinite(value) ? value : 0;
     }
     return true;
   }
@@ -118,21 +127,6 @@ class TileCursor {
   OIIO::TypeDesc format_;
   const void* pixels_ = nullptr;
 };
-
-absl::Status DescribeImage(const OIIO::ImageSpec& spec, const std::string& path,
-                           OpenedImage& image) {
-  if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0 || spec.depth > 1) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": not a flat image"));
-  }
-  image.facts.width = spec.width;
-  image.facts.height = spec.height;
-  // Gray with alpha counts as gray; channels beyond RGBA are other layers.
-  image.facts.channels = spec.nchannels < 3 ? 1 : std::min(spec.nchannels, 4);
-  image.origin_x = spec.x;
-  image.origin_y = spec.y;
-  image.stored_channels = spec.nchannels;
-  return absl::OkStatus();
-}
 
 class OpenImageIOTiles final : public TextureTiles {
  public:
@@ -164,28 +158,35 @@ class OpenImageIOTiles final : public TextureTiles {
   std::vector<std::unique_ptr<OpenedImage>> images_;
 };
 
-// Reads every texel, to find damage and to count non-finite ones.
+// Reads every texel, to find damage, to count non-finite ones, and to drop an alpha that is 1
+// everywhere, as pbrt-v4 does.
 absl::Status OpenImageIOTiles::Scan(OpenedImage& image) const {
-  const int width = image.facts.width, height = image.facts.height;
-  std::vector<float> band(static_cast<size_t>(width) * kBandHeight *
-                          static_cast<size_t>(image.stored_channels));
-  for (int y = 0; y < height; y += kBandHeight) {
-    const int rows = std::min(kBandHeight, height - y);
-    const int y0 = image.origin_y + y;
-    if (!cache_->get_pixels(image.handle, ThreadRecord(), 0, 0, image.origin_x,
-                            image.origin_x + width, y0, y0 + rows, 0, 1, OIIO::TypeDesc::FLOAT,
-                            band.data())) {
+  const ImageLayout& layout = image.layout;
+  const int x_begin = layout.origin_x + layout.x0, x_end = layout.origin_x + layout.x1;
+  const auto stored_channels = static_cast<size_t>(image.stored_channels);
+  const auto channels = static_cast<size_t>(layout.channels);
+  std::vector<float> band(static_cast<size_t>(layout.x1 - layout.x0) *
+                          static_cast<size_t>(std::min(kBandHeight, layout.y1 - layout.y0)) *
+                          stored_channels);
+  bool is_opaque = layout.StoresAll();
+  for (int y = layout.y0; y < layout.y1; y += kBandHeight) {
+    const int rows = std::min(kBandHeight, layout.y1 - y);
+    const int y0 = layout.origin_y + y;
+    if (!cache_->get_pixels(image.handle, ThreadRecord(), 0, 0, x_begin, x_end, y0, y0 + rows, 0, 1,
+                            OIIO::TypeDesc::FLOAT, band.data())) {
       return absl::InvalidArgumentError(
           absl::StrCat(image.path, ": cannot be decoded: ", CacheError(*cache_)));
     }
-    const size_t texels = static_cast<size_t>(width) * static_cast<size_t>(rows);
+    const size_t texels = static_cast<size_t>(x_end - x_begin) * static_cast<size_t>(rows);
     for (size_t i = 0; i < texels; ++i) {
-      const float* texel = &band[i * static_cast<size_t>(image.stored_channels)];
-      const bool finite = std::all_of(texel, texel + image.facts.channels,
-                                      [](float value) { return std::isfinite(value); });
+      const float* texel = &band[i * stored_channels];
+      bool finite = true;
+      for (size_t c = 0; c < channels; ++c) finite &= std::isfinite(texel[layout.place[c]]);
       if (!finite) ++image.facts.non_finite_texels;
+      is_opaque = is_opaque && (channels < 4 || texel[layout.place[3]] == 1);
     }
   }
+  if (is_opaque) image.facts.channels = std::min(image.facts.channels, 3);
   return absl::OkStatus();
 }
 
@@ -209,25 +210,30 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
       return image->facts;
     }
   }
-  std::error_code code;
-  if (!std::filesystem::is_regular_file(path, code)) {
-    return absl::NotFoundError(absl::StrCat(path, ": no such file"));
-  }
   auto image = std::make_unique<OpenedImage>();
   image->path = path;
   image->encoding = encoding;
-  OIIO::ImageCache& cache = *cache_;
   try {
-    image->handle = cache.get_image_handle(OIIO::ustring(path), ThreadRecord());
-    OIIO::ImageSpec spec;
-    if (image->handle == nullptr ||
-        !cache.get_imagespec(image->handle, ThreadRecord(), spec, 0, 0, true)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(path, ": not a readable image: ", CacheError(cache)));
-    }
-    if (absl::Status status = DescribeImage(spec, path, *image); !status.ok()) return status;
+    // The cache takes memory by the size of an image, which is therefore checked before.
+    const absl::StatusOr<std::unique_ptr<OIIO::ImageInput>> input = OpenInput(path);
+    if (!input.ok()) return input.status();
+    const OIIO::ImageSpec spec = (*input)->spec();
+    absl::StatusOr<ImageLayout> layout =
+        LayoutOf(path, (*input)->format_name(), spec, kImageSideMax);
+    if (!layout.ok()) return layout.status();
+    image->layout = *std::move(layout);
+    image->stored_channels = spec.nchannels;
+    image->facts.width = image->layout.width;
+    image->facts.height = image->layout.height;
+    image->facts.channels = image->layout.channels;
+    image->facts.chromaticities = image->layout.chromaticities;
     if (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16) {
       image->decode = MakeDecodeTable(encoding, spec.format == OIIO::TypeDesc::UINT8);
+    }
+    image->handle = cache_->get_image_handle(OIIO::ustring(path), ThreadRecord());
+    if (image->handle == nullptr) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": not a readable image: ", CacheError(*cache_)));
     }
     if (absl::Status status = Scan(*image); !status.ok()) return status;
   } catch (const std::bad_alloc&) {

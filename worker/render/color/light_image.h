@@ -14,10 +14,6 @@
 
 namespace sheaf::render {
 
-// Maximum width and height of an image; a larger one would exceed a worker's memory at 12 to 18
-// bytes a pixel.
-inline constexpr int kLightImageSizeMax = 8192;
-
 // Linear sRGB, row-major [height][width], top row first. Files that specify other primaries are
 // converted; components that become negative are clamped to 0, with a warning.
 struct LightImage {
@@ -25,8 +21,8 @@ struct LightImage {
   std::vector<Rgb> texels;
 };
 
-// location: of the light; messages begin with it. Errors: a file that is missing, cannot be
-// decoded, is larger than kLightImageSizeMax, or has two channels.
+// location: of the light; messages begin with it. Errors: those of ReadImage; a side beyond
+// kLightImageSideMax.
 absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceLocation location,
                                           const std::string& file, FileSource& files);
 

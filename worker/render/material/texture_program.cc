@@ -7,6 +7,7 @@
 
 #include "common/base/check.h"
 #include "common/math/elementary.h"
+#include "worker/render/color/file_primaries.h"
 #include "worker/render/material/material.h"
 
 namespace sheaf::render {
@@ -275,6 +276,24 @@ Texel TextureProgram::LookUp(const Node& node, const TexturePoint& point) const 
   return sum;
 }
 
+Rgb TextureProgram::ImageColor(const Node& node, const TexturePoint& point) const {
+  const Texel texel = LookUp(node, point);
+  Rgb color = node.image.channels == 1 ? Rgb::Gray(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
+  color *= node.tint * node.scale;
+  if (node.invert) color = Rgb::Gray(1) - color;
+  // This form keeps NaN, so that a failed read is noticed.
+  for (size_t c = 0; c < 3; ++c) color[c] = color[c] < 0 ? 0 : color[c];
+  if (node.primaries_index == kNone) return color;
+  // As in pbrt-v4, a reflectance ends at 1 in its own primaries. Gray stays gray to the bit.
+  if (node.role == ColorRole::kReflectance) {
+    for (size_t c = 0; c < 3; ++c) color[c] = color[c] > 1 ? 1 : color[c];
+  }
+  const bool is_gray = color.r == color.g && color.g == color.b;
+  if (is_gray && node.role != ColorRole::kIlluminant) return color;
+  MoveToSrgb(primaries_[static_cast<size_t>(node.primaries_index)], &color);
+  return color;
+}
+
 template <typename Color>
 Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
                                const WavelengthsOf<Color>& wavelengths) const {
@@ -283,16 +302,8 @@ Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
   switch (node.kind) {
     case Kind::kConstant:
       return value(0);
-    case Kind::kImage: {
-      const Texel texel = LookUp(node, point);
-      Rgb color =
-          node.image.channels == 1 ? Rgb::Gray(texel[0]) : Rgb{texel[0], texel[1], texel[2]};
-      color *= node.tint * node.scale;
-      if (node.invert) color = Rgb::Gray(1) - color;
-      // This form keeps NaN, so that a failed read is noticed.
-      for (size_t c = 0; c < 3; ++c) color[c] = color[c] < 0 ? 0 : color[c];
-      return ColorOfRgb<Color>(color, node.role, wavelengths);
-    }
+    case Kind::kImage:
+      return ColorOfRgb<Color>(ImageColor(node, point), node.role, wavelengths);
     case Kind::kCheckerboard2:
     case Kind::kCheckerboard3:
       return value(IsOddCell(node, point) ? 1 : 0);

@@ -16,6 +16,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/image/texture_cache.h"
+#include "common/math/transform.h"
 #include "common/math/vec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
@@ -46,7 +47,7 @@ class TextureProgram {
  public:
   // Errors: an image that cannot be read or decoded; textures that refer to themselves; nesting
   // that evaluates more than kEvaluationsMax nodes per lookup. Messages begin with the texture's
-  // location. Warns about non-finite texels. cache must outlive *this.
+  // location. Warns about non-finite texels and colors outside of sRGB. cache must outlive *this.
   static absl::StatusOr<TextureProgram> Build(const SceneDescription& scene, FileSource& files,
                                               TextureCache& cache, bool spectral);
 
@@ -100,6 +101,7 @@ class TextureProgram {
     int32_t mapping_index = kNone;             // In mappings_.
     TextureImage image;
     float scale = 1;
+    int32_t primaries_index = kNone;  // In primaries_, of an image in other primaries than sRGB.
     ColorOperand color[2];
     FloatOperand value[2];
     FloatOperand amount;  // Mixing weight, or scale factor.
@@ -133,11 +135,13 @@ class TextureProgram {
   Vec2d LengthsOf(const Node& node, const TexturePoint& point) const;
   bool IsOddCell(const Node& node, const TexturePoint& point) const;
   Texel LookUp(const Node& node, const TexturePoint& point) const;
+  Rgb ImageColor(const Node& node, const TexturePoint& point) const;
 
   bool spectral_ = false;
   const TextureCache* cache_ = nullptr;
   std::vector<Node> nodes_;  // As SceneDescription::textures.
   std::vector<Mapping> mappings_;
+  std::vector<Matrix4> primaries_;  // To linear sRGB.
 };
 
 }  // namespace sheaf::render

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Builds TextureProgram: children before parents, constants folded.
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -9,6 +10,7 @@
 #include "common/base/log.h"
 #include "common/base/status.h"
 #include "common/scene/named_as_in_scene.h"
+#include "worker/render/color/file_primaries.h"
 #include "worker/render/material/texture_program.h"
 
 namespace sheaf::render {
@@ -16,8 +18,6 @@ namespace {
 
 TexelEncoding EncodingOf(const ImageTexture& image) {
   switch (image.encoding) {
-    case ColorEncoding::kAuto:
-      return {TexelEncoding::Kind::kAuto};
     case ColorEncoding::kLinear:
       return {TexelEncoding::Kind::kLinear};
     case ColorEncoding::kSrgb:
@@ -37,7 +37,12 @@ class TextureProgram::Builder {
         files_(files),
         cache_(cache),
         states_(scene.textures.size()),
-        costs_(scene.textures.size(), 1) {
+        costs_(scene.textures.size(), 1),
+        is_normal_map_(scene.textures.size()) {
+    for (const MaterialDescription& material : scene.materials) {
+      if (material.normal_map == kNone) continue;
+      is_normal_map_[static_cast<size_t>(material.normal_map)] = true;
+    }
     program_.cache_ = &cache;
     program_.spectral_ = spectral;
     program_.nodes_.resize(scene.textures.size());
@@ -177,7 +182,35 @@ class TextureProgram::Builder {
     node->invert = t.invert;
     node->scale = t.scale;
     node->image = *image;
+    if (node->is_color && !is_normal_map_[static_cast<size_t>(texture)])
+      SetPrimaries(texture, t, node);
     return absl::OkStatus();
+  }
+  void SetPrimaries(int32_t texture, const ImageTexture& t, Node* node) {
+    const std::string place(Error(texture, absl::StatusCode::kInvalidArgument, t.file).message());
+    const auto srgb_from_file = SrgbFromFile(node->image.chromaticities, node->role, place);
+    if (!srgb_from_file) return;
+    node->primaries_index = static_cast<int32_t>(program_.primaries_.size());
+    program_.primaries_.push_back(*srgb_from_file);
+    const uint64_t outside = CountOutside(node->image, *srgb_from_file);
+    if (outside == 0) return;
+    LogWarning(absl::StrCat(place, ": ", outside,
+                            " texels are colors outside sRGB, which are clipped to its gamut"));
+  }
+  uint64_t CountOutside(const TextureImage& image, const Matrix4& srgb_from_file) const {
+    uint64_t outside = 0;
+    const auto width = static_cast<size_t>(image.width);
+    std::vector<TexelIndex> where(width);
+    std::vector<Texel> texels(width);
+    for (int y = 0; y < image.height; ++y) {
+      for (size_t x = 0; x < width; ++x) where[x] = {static_cast<int>(x), y};
+      cache_.ReadTexels(image.index, where, texels);
+      for (const Texel& texel : texels) {
+        Rgb color{texel[0], texel[1], texel[2]};
+        outside += !MoveToSrgb(srgb_from_file, &color);
+      }
+    }
+    return outside;
   }
   absl::Status Fill(int32_t texture, const CheckerboardTexture& t, uint64_t level, Node* node) {
     for (size_t i = 0; i < 2; ++i) {
@@ -219,6 +252,7 @@ class TextureProgram::Builder {
   TextureProgram program_;
   std::vector<State> states_;
   std::vector<uint64_t> costs_;
+  std::vector<bool> is_normal_map_;  // Its texels are directions, not colors.
 };
 
 absl::StatusOr<TextureProgram> TextureProgram::Build(const SceneDescription& scene,
