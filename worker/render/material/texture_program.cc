@@ -283,6 +283,7 @@ Rgb TextureProgram::ImageColor(const Node& node, const TexturePoint& point) cons
   if (node.invert) color = Rgb::Gray(1) - color;
   // This form keeps NaN, so that a failed read is noticed.
   for (size_t c = 0; c < 3; ++c) color[c] = color[c] < 0 ? 0 : color[c];
+  color *= node.factor;
   if (node.primaries_index == kNone) return color;
   // As in pbrt-v4, a reflectance ends at 1 in its own primaries. Gray stays gray to the bit.
   if (node.role == ColorRole::kReflectance) {

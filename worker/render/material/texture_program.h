@@ -101,6 +101,7 @@ class TextureProgram {
     int32_t mapping_index = kNone;             // In mappings_.
     TextureImage image;
     float scale = 1;
+    float factor = 1;                 // Of an image as a color texture, after invert.
     int32_t primaries_index = kNone;  // In primaries_, of an image in other primaries than sRGB.
     ColorOperand color[2];
     FloatOperand value[2];

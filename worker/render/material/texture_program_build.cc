@@ -129,6 +129,15 @@ class TextureProgram::Builder {
     node->value[0].value = node->value[0].value * weights[0] + node->value[1].value * weights[1];
   }
 
+  // As pbrt-v4 does, so that colors end at 1 before they become spectra.
+  void FoldIntoImage(Node* node) const {
+    const float amount = node->amount.value;
+    const Node& image = program_.nodes_[static_cast<size_t>(node->color[0].texture)];
+    if (image.kind != Kind::kImage) return;
+    *node = image;
+    node->factor *= amount;
+  }
+
   void SetMapping(const UvMapping& mapping, Node* node) {
     Mapping m;
     m.scale_u = mapping.scale_u;
@@ -227,8 +236,11 @@ class TextureProgram::Builder {
     if (!status.ok()) return status;
     node->kind = Kind::kScale;
     node->amount = program_.Operand(t.scale);
-    if (!Varies(*node, 0) && node->amount.texture == kNone) {
+    if (node->amount.texture != kNone) return absl::OkStatus();
+    if (!Varies(*node, 0)) {
       Fold(node, {node->amount.value, 0});
+    } else if (node->is_color) {
+      FoldIntoImage(node);
     }
     return absl::OkStatus();
   }

@@ -108,5 +108,31 @@ TEST_F(TextureProgramTest, PrimariesThatDefineNoColorAreThoseOfSrgb) {
   EXPECT_EQ(ColorAt(Add(true, image_)), (Rgb{.5f, .2f, .1f}));
 }
 
+// Brighter than 1, where a reflectance ends. It ends there before it becomes a spectrum.
+TEST_F(TextureProgramTest, ConstantScalesOfImagesAreTheScaleOfTheImage) {
+  Write("color.png", PngBytes(1, 1, 8, 2, std::string("\xe0\x90\x40")));
+  const Wavelengths wavelengths = Wavelengths::Sample(0.3f);
+  const int32_t plain = Add(true, image_);
+  ScaleTexture scale;
+  scale.color.texture = plain;
+  scale.scale.value = 3;
+  const int32_t scaled = Add(true, scale);
+  image_.scale = 3;
+  const int32_t bright = Add(true, image_);
+  EXPECT_EQ(ColorAt(scaled), ColorAt(bright));
+  const Spectral a = ColorAt<Spectral>(scaled, wavelengths),
+                 b = ColorAt<Spectral>(bright, wavelengths);
+  for (size_t i = 0; i < kWavelengthCount; ++i) {
+    EXPECT_EQ(a[i], b[i]);
+    EXPECT_LE(a[i], 1);
+  }
+  // The product is that of the inverted image.
+  image_.scale = 1;
+  image_.invert = true;
+  scale.color.texture = Add(true, image_);
+  const Rgb inverted = ColorAt(scale.color.texture);
+  EXPECT_EQ(ColorAt(Add(true, scale)), inverted * 3);
+}
+
 }  // namespace
 }  // namespace sheaf::render
