@@ -23,7 +23,7 @@ struct NamedFile {
   SourceLocation location;
   std::string use;   // "texture "wood"".
   std::string file;  // Canonical name; empty: no file.
-  enum class Kind { kTexture, kLight, kVolume } kind = Kind::kTexture;
+  enum class Kind { kTextureFile, kLightFile, kVolumeFile } kind = Kind::kTextureFile;
   std::string grid = {};  // Of a volume file.
 };
 
@@ -44,18 +44,18 @@ std::vector<NamedFile> FilesNamed(const SceneDescription& scene) {
         {texture.location, absl::StrCat("texture \"", texture.name, "\""), image->file});
   }
   for (const AreaLightDescription& light : scene.area_lights) {
-    files.push_back({light.location, "area light", light.file, NamedFile::Kind::kLight});
+    files.push_back({light.location, "area light", light.file, NamedFile::Kind::kLightFile});
   }
   for (const LightDescription& light : scene.lights) {
-    files.push_back({light.location, "light", FileOf(light), NamedFile::Kind::kLight});
+    files.push_back({light.location, "light", FileOf(light), NamedFile::Kind::kLightFile});
   }
   files.push_back({scene.camera.location, "aperture", scene.camera.lens.aperture_file,
-                   NamedFile::Kind::kLight});
+                   NamedFile::Kind::kLightFile});
   for (const MediumDescription& medium : scene.media) {
     const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
     if (volume == nullptr) continue;
     const NamedFile file{medium.location, absl::StrCat("medium \"", medium.name, "\""),
-                         volume->file, NamedFile::Kind::kVolume, volume->density_grid};
+                         volume->file, NamedFile::Kind::kVolumeFile, volume->density_grid};
     files.push_back(file);
     if (!volume->temperature_grid || !medium.emits) continue;
     files.push_back(file);
@@ -78,8 +78,8 @@ absl::Status CheckVolume(const NamedFile& named, const std::string& path) {
 }
 
 absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) {
-  if (named.kind == NamedFile::Kind::kVolume) return CheckVolume(named, path);
-  const bool is_light = named.kind == NamedFile::Kind::kLight;
+  if (named.kind == NamedFile::Kind::kVolumeFile) return CheckVolume(named, path);
+  const bool is_light = named.kind == NamedFile::Kind::kLightFile;
   const absl::StatusOr<FloatImage> image =
       ReadImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
                        .side_max = is_light ? kLightImageSideMax : kImageSideMax,
@@ -105,9 +105,9 @@ absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files
     if (named.file.empty()) continue;
     const absl::StatusOr<std::string> path = files.LocalPath(named.file);
     if (!path.ok()) return path.status();
-    const bool is_light = named.kind == NamedFile::Kind::kLight;
-    const absl::Status status = Once({*path, named.grid, is_light},
-                                     [&] { return ReadAsFarAsNeeded(named, *path); });
+    const bool is_light = named.kind == NamedFile::Kind::kLightFile;
+    const absl::Status status =
+        Once({*path, named.grid, is_light}, [&] { return ReadAsFarAsNeeded(named, *path); });
     // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
     // file.
     if (status.ok() || absl::IsFailedPrecondition(status)) continue;
