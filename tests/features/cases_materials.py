@@ -233,9 +233,23 @@ def normals():
                 camera=LOOK + window(.5)), gray(math.cos(math.radians(40 - 10 * sign))))
 
 
+def tilted_normals():
+    """Whatever tilts the normals of a white plate, it keeps all light."""
+    white = '"diffuse" "rgb reflectance" [1 1 1]'
+    for degrees in (10, 25, 40):
+        t = math.radians(degrees)
+        file = image(f"normal{degrees}.exr",
+                     [[[math.sin(t) / 2 + .5, .5, math.cos(t) / 2 + .5]] * 2] * 2)
+        furnace(f"normal map of {degrees} degrees", f'{white} "string normalmap" "{file}"',
+                gray(1))
+        furnace(f"vertex normals of {degrees} degrees", white, gray(1), shape=rectangle(
+            -9, 9, -9, 9, more='"normal N" [' + f"{math.sin(t)} 0 {-math.cos(t)} " * 4 + "]"))
+
+
 diffuse()
 conductors()
 dielectrics()
 rough()
 coats()
 normals()
+tilted_normals()

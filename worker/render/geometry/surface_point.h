@@ -85,7 +85,7 @@ struct GroupPoint {
 inline constexpr double kShadingCosineMin = 0.5;
 
 // Returns the shading normal for interpolated vertex normals ns on a surface with unit normal ng.
-// Beyond 60 degrees the normal is pulled towards ng, which it reaches at 90: such a normal carries no
+// Beyond 60 degrees it is pulled towards ng, which it reaches at 90: such a normal carries no
 // information about the lighting. See docs/adr/0052.
 inline Vec3d ShadingNormalOf(Vec3d ns, Vec3d ng) {
   const double height = Dot(ns, ng);
@@ -300,7 +300,7 @@ inline void PlacePoint(const Placement& placement, GroupPoint* point, Vec3d* rou
 
 // The frame's x axis follows the mesh's own tangent or dpdu, if there is one.
 inline Frame ShadingFrame(Vec3f ns, const TangentPlane& plane) {
-  const Vec3d tangent = TangentOf(plane);
+  const Vec3d tangent = TangentOf(plane, ToDouble(ns));
   const double length = Length(tangent);
   if (!(length > 0) || !std::isfinite(length)) return Frame::FromNormal(ns);
   const Vec3f t = ToFloat(tangent * (1 / length));

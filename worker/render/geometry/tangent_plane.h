@@ -19,16 +19,17 @@ struct TangentPlane {
   Vec3d own_tangent = {};     // That of the mesh itself, of any length; zero without one.
 };
 
-// The direction in the plane, not unit, from which anisotropy and normal maps count: that of the
-// mesh's own tangent, else that of dpdu. Zero or not finite if there is none.
-inline Vec3d TangentOf(const TangentPlane& plane) {
-  const auto in_plane = [&plane](Vec3d v) { return v - plane.n * Dot(plane.n, v); };
+// The direction at right angles to the unit normal n, not unit, from which anisotropy and normal
+// maps count: that of the mesh's own tangent, else that of dpdu. Zero or not finite if there is
+// none.
+inline Vec3d TangentOf(const TangentPlane& plane, Vec3d n) {
+  const auto across = [n](Vec3d v) { return v - n * Dot(n, v); };
   if (LengthSquared(plane.own_tangent) > 0) [[unlikely]] {
-    const Vec3d own = in_plane(plane.own_tangent);
+    const Vec3d own = across(plane.own_tangent);
     const double length = Length(own);
     if (length > 0 && std::isfinite(length)) return own;
   }
-  return plane.has_tangents ? in_plane(plane.dpdu) : Vec3d{0, 0, 0};
+  return plane.has_tangents ? across(plane.dpdu) : Vec3d{0, 0, 0};
 }
 
 }  // namespace sheaf::render

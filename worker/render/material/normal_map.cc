@@ -22,7 +22,7 @@ bool IsUsable(Vec3d n) {
 Vec3d NormalOfTexel(Rgb texel, const TangentPlane& plane) {
   const double r = 2 * static_cast<double>(texel.r) - 1, g = 2 * static_cast<double>(texel.g) - 1,
                b = 2 * static_cast<double>(texel.b) - 1;
-  const Vec3d tangent = TangentOf(plane);
+  const Vec3d tangent = TangentOf(plane, plane.n);
   const double length = Length(tangent);
   if (!(length > 0) || !std::isfinite(length)) return plane.n;
   const Vec3d x = tangent / length;
