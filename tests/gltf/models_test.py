@@ -73,10 +73,12 @@ class ModelsTest(unittest.TestCase):
             self.assertEqual(code, 0, text)
             return exr
         tile = render("emission-tile")
-        for name in ("emission-repeat", "emission-mirror"):
-            with self.subTest(name):
-                code, text = sheaf("compare", tile, render(name), "--tolerance", "1e-6")
-                self.assertEqual(code, 0, text)
+        code, text = sheaf("compare", tile, render("emission-repeat"), "--tolerance", "1e-6")
+        self.assertEqual(code, 0, text)
+        # A mirrored image has other samples of the same light.
+        code, text = sheaf("compare", tile, render("emission-mirror"))
+        self.assertEqual(code, 0, text)
+        self.assertIn("within noise", text)
 
     def test_frames_are_times(self):
         code, text = sheaf("render", self.path("animation.glb"), *SMALL, "--fps", "4", "--frames",

@@ -334,7 +334,7 @@ class ClientTest(ClientCase):
         line = SCENE.count("\n") + 1
         twisted = ('AreaLightSource "diffuse"\nShape "bilinearmesh" '
                    '"point3 P" [-1 -1 0  1 -1 .5  -1 1 .5  1 1 0]\n')
-        bright = 'LightSource "point" "rgb I" [1e30 1 1]\n'
+        bright = 'LightSource "point" "rgb I" [1e30 1 1] "float scale" 1e30\n'
         jobs = self.farm.sheaf("list").stdout
         for text, place in ((twisted, line + 1), (bright, line)):
             scene = self.write("late.pbrt", SCENE + text)

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <optional>
 
+#include "tests/render/perturbed_surface.h"
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
-#include "tests/support/perturbed_surface.h"
 
 namespace sheaf::render {
 namespace {

@@ -15,11 +15,11 @@
 #include <vector>
 
 #include "common/math/elementary.h"
+#include "tests/render/perturbed_surface.h"
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/hard_case.h"
 #include "tests/support/naive_materials.h"
-#include "tests/support/perturbed_surface.h"
 #include "tests/support/temporary_path.h"
 #include "worker/render/material/material.h"
 

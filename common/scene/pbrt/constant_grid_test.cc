@@ -44,7 +44,10 @@ class ConstantGridTest : public ::testing::Test {
     absl::StatusOr<ReadSceneResult> result = ReadScene("main.pbrt", files);
     EXPECT_TRUE(result.ok()) << result.status().message();
     if (!result.ok()) return {};
-    EXPECT_TRUE(result->diagnostics.empty()) << result->diagnostics[0].text;
+    for (const SceneDiagnostic& diagnostic : result->diagnostics) {
+      // The only remark about these scenes: how pbrt-v4 reads the emission of rgbgrid.
+      EXPECT_NE(diagnostic.text.find("\"Le\" is a radiance"), std::string::npos) << diagnostic.text;
+    }
     return std::move(result->scene);
   }
   void ExpectTaken(const std::string& medium, const std::string& world) {

@@ -178,7 +178,11 @@ typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::TiltByVertices(const
     point.shading = Frame::FromNormal(point.ng);
     return {};
   }
-  const Vec3f n = BendNormal(given.n, point.ng, wo);
+  // Only reflections need to be bent; diffuse light has no mirror direction.
+  const bool is_diffuse =
+      bsdf.kind == BsdfKind::kDiffuse || bsdf.kind == BsdfKind::kDiffuseTransmission;
+  if (is_diffuse && Dot(wo, given.n) * Dot(wo, point.ng) <= 0) return {};
+  const Vec3f n = is_diffuse ? given.n : BendNormal(given.n, point.ng, wo);
   if (n != given.n) {
     const TangentPlane tangents{ToDouble(n), ToDouble(given.t), ToDouble(given.b), true};
     point.shading = internal::ShadingFrame(n, tangents);

@@ -33,7 +33,9 @@ TEST(MemoryEstimateTest, GrowsWithInstances) {
   twice.shapes.push_back(twice.shapes[0]);  // A mesh is baked once for each shape that uses it.
   EXPECT_EQ(EstimateMemory(twice, files).TotalBytes(), 2 * once.TotalBytes());
   SceneDescription instanced = SceneOfMesh(1000);
+  instanced.objects.emplace_back();
   instanced.instances.resize(50);
+  for (ObjectInstance& instance : instanced.instances) instance.object = 0;
   const uint64_t total = EstimateMemory(instanced, files).TotalBytes();
   EXPECT_GT(total, once.TotalBytes());
   EXPECT_LT(total, 2 * once.TotalBytes()) << "instances share their triangles";
