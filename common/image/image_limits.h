@@ -18,12 +18,12 @@ inline constexpr int64_t kImageChannelsMax = 1024;
 // Readers hold some dozens of rows, and a few tiles per thread.
 inline constexpr int64_t kImageRowValuesMax = int64_t{1} << 20;
 inline constexpr int64_t kImageTileValuesMax = int64_t{1} << 24;
-// Of formats that a library decodes as a whole; the others are read in bands of rows.
+// Limits formats that a library decodes as a whole; the others are read in bands of rows.
 inline constexpr int64_t kWholeImageValuesMax = int64_t{1} << 30;
 // Columns and rows of an image of a light: it stays in memory, at 12 to 18 bytes a pixel.
 inline constexpr int64_t kLightImageSideMax = 8192;
 
-// What a header says. Numbers below 1 count as too large.
+// The sizes that a header states. Numbers below 1 count as too large.
 struct ImageClaim {
   int64_t width = 1, height = 1, channels = 1;
   int64_t tile_pixels = 1;  // 1: no tiles.

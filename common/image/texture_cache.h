@@ -36,7 +36,7 @@ struct TextureImage {
   // everywhere.
   int channels = 0;
   uint64_t non_finite_texels = 0;  // Texels with a NaN or infinity; those channels read as 0.
-  // Of red, green, blue and white, x before y, if the file gives them. Texels are in them.
+  // The primaries of the texels, if the file gives them: red, green, blue, white; x before y.
   std::optional<std::array<float, 8>> chromaticities;
 };
 

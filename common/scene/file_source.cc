@@ -12,7 +12,7 @@
 namespace sheaf {
 namespace {
 
-// What a backslash between folders becomes: itself, or an escape such as that of a tab.
+// A backslash between folders stays itself, or becomes an escape such as that of a tab.
 constexpr std::string_view kTracesOfBackslashes = "\\\b\f\n\r\t";
 
 absl::Status NotFound(const std::string& name, const std::string& why) {

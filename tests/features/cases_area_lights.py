@@ -75,7 +75,7 @@ def lighting():
         case("area light before a plate: " + name, plate(lamp(shape, light), **more),
              np.array((4, 2, 1)) * irradiance / (2 * PI))
 
-    # What shines is above the plate's middle; the camera looks past it.
+    # The lamp is above the plate's middle; the camera looks past it.
     away = "Rotate 180 0 1 0\n"
     lit("square", away + rectangle(-1, 1, -1, 1, 2, '"float alpha" 0'), 4 * corner(.5, .5) * PI)
     lit("rectangle to one side", away + rectangle(-3, -1, 0, 2, 2, '"float alpha" 0'),

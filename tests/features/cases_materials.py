@@ -67,7 +67,7 @@ def conductors():
                     gray(cf.fresnel(math.cos(math.radians(angle)), eta, k)), angle,
                     color="spectral")
     furnace("conductor reflectance", '"conductor" "rgb reflectance" [.9 .5 .2]', (.9, .5, .2))
-    # Of normal incidence is known: eta is 1 and k = 2 sqrt(r / (1 - r)).
+    # The reflectance at normal incidence gives eta = 1 and k = 2 sqrt(r / (1 - r)).
     want = [cf.fresnel(math.cos(math.radians(60)), 1,
                        2 * math.sqrt(r / (1 - r))) for r in (.9, .5, .2)]
     furnace("conductor reflectance at 60 degrees", '"conductor" "rgb reflectance" [.9 .5 .2]',
@@ -171,7 +171,7 @@ def rough():
 def coats():
     """Smooth layers: light between them is a geometric series."""
     f = cf.fresnel(1, 1.5)
-    # Of a diffuse base: outside f, and inside for all directions.
+    # A diffuse base: f outside, and inside the average over all directions.
     c = (np.arange(200000) + .5) / 200000
     out = np.array([1.0 if 1 - x * x >= 1 / 2.25 else cf.fresnel(x, 1 / 1.5) for x in c[::20]])
     inside = (out * 2 * c[::20]).mean()

@@ -39,7 +39,7 @@ import scenes  # noqa: E402  pylint: disable=wrong-import-position
 TOLERANCE = 0.02
 CASES_MIN = 300
 RENDER_SECONDS_MAX = 120
-# What counts as 0 beside the values of these scenes, which are about 1.
+# Smaller values count as 0 beside those of these scenes, which are about 1.
 SMALL = 1e-3
 
 

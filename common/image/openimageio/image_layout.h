@@ -18,7 +18,7 @@
 namespace sheaf {
 
 struct ImageLayout {
-  // Of the image: in EXR the display window, in all other formats what is stored.
+  // The size of the image: in EXR the display window, in all other formats what is stored.
   int width = 0, height = 0;
   // The pixels that are stored, half-open; those around them are black and transparent.
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;

@@ -38,7 +38,7 @@ class PlyFaces {
   void AddTriangle(uint32_t a, uint32_t b, uint32_t c, bool continues);
 
   std::vector<uint32_t> indices_;
-  // Of each triangle: whether it continues the fan of the one before.
+  // By triangle: whether it continues the fan of the one before.
   std::vector<bool> continues_;
   std::vector<uint32_t> fans_;
   std::array<uint32_t, 2> latest_{};  // Of the strip; of a polygon the first and the latest.

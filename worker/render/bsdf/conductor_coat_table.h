@@ -37,8 +37,8 @@ inline constexpr float kLobeAlphaMin = 1e-4f;
 inline constexpr int kTintNodeCount = 17;  // At reflectance 1 - (1 - i / 16)^2.
 
 struct ConductorCoatRow {
-  // Of the highlight's lobe over refracted directions: by axis, the parts of the base and of the
-  // interface, and by cosine outside how much of the latter counts. See LobeAt.
+  // The width of the highlight's lobe over refracted directions: by axis, the parts of the base
+  // and of the interface, and by cosine outside how much of the latter counts. See LobeAt.
   std::array<float, 2> base_width{}, interface_width{};
   MuCurve bend;
   float thickness = 0;     // Optical depth at normal incidence.

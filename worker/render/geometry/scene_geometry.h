@@ -50,7 +50,7 @@ struct Surface {
   uint16_t rank = kNoRank;              // The interior's rank, if it has a priority: InteriorTable.
   bool encloses_subsurface = false;     // A boundary of a subsurface medium.
   bool has_subsurface_texture = false;  // A texture scales the scattering of that medium here.
-  // Of a body: light passes into glass or a medium behind it.
+  // The surface bounds a body: light passes into glass or a medium behind it.
   bool is_boundary = false;
   bool emits_on_front_only = false;
   MediumBoundary media;
@@ -159,7 +159,7 @@ struct PlacedGroup {
 struct GroupMotion {
   AnimatedTransform world_from_placed;
   Vec3d group_center, render_origin_world;
-  // Of a shape that moves within its object.
+  // The motion of a shape within its object.
   std::optional<AnimatedTransform> placed_from_shape = std::nullopt;
   // Upper bound of the distance between the path of any point of the group, which lies within
   // `radius` of its center, and the straight line between its positions at the two times.

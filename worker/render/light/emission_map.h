@@ -32,7 +32,7 @@ class EmissionMap {
   // Approximate mean over a box of uv; positive if At is positive anywhere in the box. Cost:
   // bounded for any number of texels.
   double MeanLuminance(Vec2f lower, Vec2f upper) const;
-  // Of the image, which maps of equal identity share.
+  // The memory of the image, which maps of equal identity share.
   uint64_t memory_bytes() const;
   const void* image_identity() const { return image_.get(); }
 

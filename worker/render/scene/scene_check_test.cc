@@ -20,7 +20,7 @@ constexpr char kFrame[] =
     "Camera \"perspective\"\nFilm \"rgb\" \"integer xresolution\" 8 \"integer yresolution\" 8\n"
     "WorldBegin\nLightSource \"infinite\"\n";
 
-// What both say about a scene of these lines, which begin in line 5.
+// CheckScene and CompileScene agree about a scene of these lines, which begin in line 5.
 void ExpectBothSay(const std::string& world, const std::string& text) {
   const std::string folder = ::testing::TempDir();
   std::ofstream(folder + "/checked.pbrt") << kFrame << world;
