@@ -27,6 +27,8 @@ pkg_check_modules(libarchive REQUIRED IMPORTED_TARGET GLOBAL libarchive)  # zip 
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)      # content transfer
 pkg_check_modules(blosc REQUIRED IMPORTED_TARGET GLOBAL blosc)  # volume grids
 find_path(SHEAF_NANOVDB nanovdb/NanoVDB.h REQUIRED)           # form for lookups, header-only
+find_library(SHEAF_OPENVDB openvdb REQUIRED)                  # .vdb files
+find_package(TBB REQUIRED)                                    # OpenVDB's threads
 find_package(embree 4 QUIET)           # ray intersection; 4.x on Debian 13
 if(NOT embree_FOUND)
   find_package(embree 3 REQUIRED)      # 3.13 on Debian 12

@@ -23,9 +23,9 @@
 #include "cli/job/prepared_job.h"
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
+#include "common/process/child_process.h"
 #include "sheaf/v1/submission.pb.h"
 #include "worker/sandbox/confinement.h"
-#include "worker/sandbox/scene_messages.h"
 
 namespace sheaf::cli {
 namespace {
@@ -39,7 +39,7 @@ constexpr char kScratch[] = "scratch";
 constexpr char kUnpacked[] = "scratch/unpacked";
 
 // The first process of a process namespace ignores signals without a handler, SIGABRT too.
-void EndAsAborted(int number) { ::_exit(worker::kExitBySignal + number); }
+void EndAsAborted(int number) { ::_exit(kExitBySignal + number); }
 
 void PrepareProcess() {
   worker::EndWithParent();

@@ -42,10 +42,7 @@ inline constexpr char kImageLibraryFile[] = "libsheaf_openimageio.so";
 // The module's only symbol, an ImageLibrary.
 inline constexpr char kImageLibrarySymbol[] = "sheaf_image_library";
 
-// Where the module is looked for: the program's own folder, or, in an installation, ../lib/sheaf
-// beside it. Found by /proc at the first call: a process that gives up /proc calls this before.
-const std::vector<std::string>& ImageLibraryFolders();
-// Loads the module from these folders. Never unloaded.
+// Loads the module from ModuleFolders(). Never unloaded.
 // Errors: kFailedPrecondition if it is missing or incompatible.
 // Thread safety: any number of threads.
 absl::StatusOr<const ImageLibrary*> LoadImageLibrary();

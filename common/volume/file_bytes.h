@@ -41,6 +41,7 @@ class FileBytes {
   }
 
   uint64_t size() const { return size_; }
+  int descriptor() const { return descriptor_; }
   // True if all bytes were read, i.e. the file has them.
   bool Read(uint64_t offset_bytes, uint64_t size_bytes, void* out) const {
     constexpr uint64_t kReadBytesMax = uint64_t{1} << 30;

@@ -182,26 +182,4 @@ absl::StatusOr<VolumeGrid> VolumeGridFromArray(const std::string& where, const s
   return FromArray(where, name, shape, values, limits);
 }
 
-namespace volume {
-
-void FillHead(const std::string& name, const Matrix4& medium_from_index, nanovdb::GridType type,
-              uint64_t size_bytes, nanovdb::GridData* head) {
-  head->mMagic = NANOVDB_MAGIC_NUMBER;
-  head->mVersion = nanovdb::Version();
-  head->mFlags = static_cast<uint32_t>(nanovdb::GridFlags::IsBreadthFirst);
-  head->mGridCount = 1;
-  head->mGridSize = size_bytes;
-  head->mGridType = type;
-  head->mGridClass = nanovdb::GridClass::FogVolume;
-  std::memcpy(head->mGridName, name.data(), std::min(name.size(), sizeof(head->mGridName) - 1));
-  for (size_t row = 0; row < 3; ++row) {
-    for (size_t column = 0; column < 3; ++column) {
-      head->mMap.mMatD[3 * row + column] = medium_from_index.m[row][column];
-    }
-    head->mMap.mVecD[row] = medium_from_index.m[row][3];
-  }
-  head->mMap.mTaperD = 1;
-}
-
-}  // namespace volume
 }  // namespace sheaf

@@ -4,7 +4,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "common/base/file.h"
 #include "common/volume/nvdb_file.h"
 #include "common/volume/vdb_file.h"
 
@@ -12,14 +11,13 @@ namespace sheaf {
 namespace {
 
 constexpr uint64_t kNanovdbMagic = 0x304244566f6e614e;  // "NanoVDB0".
-// Limit for files that are read whole, like .vdb files, which are compressed.
-constexpr uint64_t kVdbFileBytesMax = uint64_t{16} << 30;
 
+// The place of the first grid of that name.
 template <typename Entry>
-absl::StatusOr<Entry> Find(const std::string& file_name, const std::vector<Entry>& entries,
-                           const std::string& grid_name) {
-  for (const Entry& entry : entries) {
-    if (entry.name == grid_name) return entry;
+absl::StatusOr<size_t> Find(const std::string& file_name, const std::vector<Entry>& entries,
+                            const std::string& grid_name) {
+  for (size_t i = 0; i < entries.size(); ++i) {
+    if (entries[i].name == grid_name) return i;
   }
   return absl::NotFoundError(absl::StrCat(
       file_name, ": no grid \"", grid_name,
@@ -46,6 +44,27 @@ absl::StatusOr<OpenFile> Open(const std::string& file_name, const std::string& l
   return OpenFile{*std::move(file), is_vdb};
 }
 
+absl::StatusOr<std::vector<VolumeFileEntry>> ListVdb(volume::VdbFile& file) {
+  auto entries = file.List();
+  if (!entries.ok()) return entries;
+  for (VolumeFileEntry& entry : *entries) entry.role = VolumeRoleOf(entry.name);
+  return entries;
+}
+
+absl::StatusOr<VolumeGrid> ReadVdbGrid(const std::string& file_name, const OpenFile& open,
+                                       const std::string& grid_name, const VolumeLimits& limits,
+                                       int thread_count) {
+  const auto file = volume::VdbFile::Open(file_name, open.file, limits);
+  if (!file.ok()) return file.status();
+  const auto entries = ListVdb(**file);
+  if (!entries.ok()) return entries.status();
+  const auto index = Find(file_name, *entries, grid_name);
+  if (!index.ok()) return index.status();
+  auto image = (*file)->Read(*index);
+  if (!image.ok()) return image.status();
+  return VolumeGrid::FromImage(*std::move(image), file_name, limits, thread_count);
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& file_name,
@@ -54,11 +73,8 @@ absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& f
   const auto open = Open(file_name, local_path);
   if (!open.ok()) return open.status();
   if (open->is_vdb) {
-    const auto bytes = ReadWholeFile(local_path, kVdbFileBytesMax);
-    if (!bytes.ok()) return bytes.status();
-    const auto entries = volume::ListVdb(file_name, *bytes, limits);
-    if (!entries.ok()) return entries.status();
-    return std::vector<VolumeFileEntry>(entries->begin(), entries->end());
+    const auto file = volume::VdbFile::Open(file_name, open->file, limits);
+    return file.ok() ? ListVdb(**file) : file.status();
   }
   const auto entries = volume::ListNvdb(file_name, open->file, limits);
   if (!entries.ok()) return entries.status();
@@ -71,20 +87,12 @@ absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           int thread_count) {
   const auto open = Open(file_name, local_path);
   if (!open.ok()) return open.status();
-  if (open->is_vdb) {
-    const auto bytes = ReadWholeFile(local_path, kVdbFileBytesMax);
-    if (!bytes.ok()) return bytes.status();
-    const auto entries = volume::ListVdb(file_name, *bytes, limits);
-    if (!entries.ok()) return entries.status();
-    const auto entry = Find(file_name, *entries, grid_name);
-    if (!entry.ok()) return entry.status();
-    return volume::ReadVdbGrid(file_name, *bytes, *entry, limits, thread_count);
-  }
+  if (open->is_vdb) return ReadVdbGrid(file_name, *open, grid_name, limits, thread_count);
   const auto entries = volume::ListNvdb(file_name, open->file, limits);
   if (!entries.ok()) return entries.status();
-  const auto entry = Find(file_name, *entries, grid_name);
-  if (!entry.ok()) return entry.status();
-  return volume::ReadNvdbGrid(file_name, open->file, *entry, limits, thread_count);
+  const auto index = Find(file_name, *entries, grid_name);
+  if (!index.ok()) return index.status();
+  return volume::ReadNvdbGrid(file_name, open->file, (*entries)[*index], limits, thread_count);
 }
 
 }  // namespace sheaf

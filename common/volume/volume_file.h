@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Volume grids from files: NanoVDB's .nvdb and OpenVDB's .vdb, distinguished by their first bytes.
-// Both are untrusted: sizes are compared with the file's and with the limits before memory is
-// allocated.
+// Both are untrusted. Sizes of a .nvdb file are compared with the file's and with the limits before
+// memory is allocated; OpenVDB reads a .vdb file in a confined process (vdb_file.h).
 #pragma once
 
 #include <string>
@@ -20,7 +20,7 @@ struct VolumeFileEntry {
   VolumeRole role = VolumeRole::kOther;
   std::string type_name;  // The file's name for the type of values.
   bool can_be_read = false;
-  uint64_t offset_bytes = 0;  // Offset of the grid's data (.nvdb) or its descriptor's end (.vdb).
+  uint64_t offset_bytes = 0;  // Of the grid's data; only .nvdb.
 };
 
 // file_name: as the scene writes it; messages begin with it.
@@ -32,7 +32,7 @@ absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& f
 
 // The first grid of that name.
 // Errors: as ListVolumeFile; also kNotFound, listing the names in the file; kInvalidArgument for
-// unsupported types and transforms (vectors of double, frustums, ...).
+// unsupported types (points, ...).
 absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           const std::string& local_path,
                                           const std::string& grid_name,

@@ -4,69 +4,27 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <limits>
 
-#include "common/base/file.h"
-#include "tests/support/temporary_path.h"
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume_files.h"
 
 namespace sheaf {
 namespace {
 
+using ::sheaf::testing::ExpectVoxels;
 using ::sheaf::testing::GridToWrite;
+using ::sheaf::testing::Lumps;
 using ::sheaf::testing::NvdbCodec;
 using ::sheaf::testing::NvdbFile;
+using ::sheaf::testing::Ramp;
 using ::sheaf::testing::VdbFile;
-using ::sheaf::testing::VdbOptions;
+using ::sheaf::testing::VolumeFileTest;
 using ::sheaf::testing::Voxel;
 using ::testing::HasSubstr;
-
-float Ramp(const Voxel& v) {
-  return static_cast<float>((v[0] + 40) + 100 * (v[1] + 40)) +
-         0.25f * static_cast<float>(v[2] + 40);
-}
-float Lumps(const Voxel& v) {
-  const int64_t x = v[0], y = v[1], z = v[2];  // Voxels lie as far away as int32_t reaches.
-  return static_cast<float>((x * 7 + y * 13 + z * 5) & 15) / 16;
-}
-
-class VolumeFileTest : public ::testing::Test {
- protected:
-  ~VolumeFileTest() override { ::unlink(path_.c_str()); }
-  absl::StatusOr<VolumeGrid> Read(const std::string& bytes, const std::string& grid = "density",
-                                  const VolumeLimits& limits = {}) {
-    EXPECT_TRUE(WriteFileAtomically(path_, bytes).ok());
-    return ReadVolumeGrid("smoke.vdb", path_, grid, limits);
-  }
-  std::string Message(const std::string& bytes, const std::string& grid = "density",
-                      const VolumeLimits& limits = {}) {
-    const auto read = Read(bytes, grid, limits);
-    EXPECT_FALSE(read.ok());
-    return read.ok() ? "" : std::string(read.status().message());
-  }
-  const std::string path_ = testing::TemporaryPath("volume");
-};
-
-// Compares every voxel, and one beyond the edge, with the written values.
-void ExpectVoxels(const VolumeGrid& grid, const GridToWrite& written, float tolerance) {
-  VolumeGrid::Cursor cursor(grid);
-  for (int32_t x = written.lo[0] - 1; x <= written.hi[0] + 1; ++x) {
-    for (int32_t y = written.lo[1] - 1; y <= written.hi[1] + 1; ++y) {
-      for (int32_t z = written.lo[2] - 1; z <= written.hi[2] + 1; ++z) {
-        const bool inside = x >= written.lo[0] && x <= written.hi[0] && y >= written.lo[1] &&
-                            y <= written.hi[1] && z >= written.lo[2] && z <= written.hi[2];
-        const float expected = inside ? written.value({x, y, z}) : written.background;
-        ASSERT_NEAR(grid.At({double(x), double(y), double(z)}, &cursor), expected, tolerance)
-            << x << " " << y << " " << z;
-      }
-    }
-  }
-}
 
 TEST_F(VolumeFileTest, ReadsNvdbOfEveryCodec) {
   const GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Ramp};
@@ -117,49 +75,6 @@ TEST_F(VolumeFileTest, ReadsVectors) {
   }
 }
 
-TEST_F(VolumeFileTest, ReadsVdbWrittenByOpenVdb) {
-  const GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Ramp};
-  for (const bool zip : {false, true}) {
-    for (const bool blosc : {false, true}) {
-      for (const bool active_mask : {false, true}) {
-        const auto grid =
-            Read(VdbFile({written}, {.zip = zip, .blosc = blosc, .active_mask = active_mask}));
-        ASSERT_TRUE(grid.ok()) << grid.status() << zip << blosc << active_mask;
-        ExpectVoxels(*grid, written, 0);
-        EXPECT_EQ(grid->info().active_voxel_count, 30u * 16 * 16);
-      }
-    }
-  }
-}
-
-TEST_F(VolumeFileTest, ReadsVdbHalfFloatsStreamsAndBackgrounds) {
-  GridToWrite written{.lo = {-9, -3, 2}, .hi = {20, 12, 17}, .value = Lumps};
-  for (const bool zip : {false, true}) {
-    for (const bool blosc : {false, true}) {
-      const auto grid = Read(VdbFile({written}, {.zip = zip, .blosc = blosc, .half = true}));
-      ASSERT_TRUE(grid.ok()) << grid.status();
-      ExpectVoxels(*grid, written, 0);  // Halves hold sixteenths exactly.
-    }
-  }
-  written.background = 0.5f;
-  const auto stream = Read(VdbFile({written}, {.as_stream = true}));
-  ASSERT_TRUE(stream.ok()) << stream.status();
-  ExpectVoxels(*stream, written, 0);
-}
-
-TEST_F(VolumeFileTest, ReadsVdbTiles) {
-  const auto grid = Read(VdbFile({{.value = Lumps}}, {.with_tile = true}));
-  ASSERT_TRUE(grid.ok()) << grid.status();
-  VolumeGrid::Cursor cursor(*grid);
-  EXPECT_EQ(grid->At({-64, -64, -64}, &cursor), 2.0f);
-  EXPECT_EQ(grid->At({-64.25, -100.5, -127.75}, &cursor), 2.0f);
-  EXPECT_EQ(grid->At({-128.5, -64, -64}, &cursor), 1.0f);
-  EXPECT_EQ(grid->info().active_voxel_count, 128u * 128 * 128 + 1000);
-  EXPECT_EQ(grid->UniformValue({-128, -128, -128}, {-1, -1, -1}), 2.0f);
-  EXPECT_EQ(grid->UniformValue({-129, -128, -128}, {-1, -1, -1}), std::nullopt);
-  EXPECT_EQ(grid->UniformValue({500, 500, 500}, {900, 900, 9000}), 0.0f);
-}
-
 TEST_F(VolumeFileTest, TransformsAreAffine) {
   GridToWrite written{.value = Lumps};
   written.voxel_size = 0.25;
@@ -176,14 +91,14 @@ TEST_F(VolumeFileTest, TransformsAreAffine) {
   const Vec3d x = TransformVector(turned->medium_from_index(), {1, 0, 0});
   EXPECT_NEAR(Length(x), 0.25, 1e-12);
   EXPECT_NEAR(x.x, 0.25 * std::cos(0.5), 1e-12);
-  EXPECT_THAT(Message(VdbFile({written}, {.frustum = true})),
-              HasSubstr("smoke.vdb: grid \"density\" has a transform of type NonlinearFrustumMap"));
 }
 
 TEST_F(VolumeFileTest, ListsGridsByNameAndRole) {
   std::vector<GridToWrite> grids{
       {.value = Lumps}, {.name = "temperature", .value = Ramp}, {.name = "strange", .value = Ramp}};
   grids[2].type = "double";
+  GridToWrite points{.name = "strange"};
+  points.type = "points";
   for (const std::string& bytes :
        {NvdbFile(grids, NvdbCodec::kBlosc), VdbFile(grids, {.zip = true})}) {
     const auto density = Read(bytes, "density"), temperature = Read(bytes, "temperature");
@@ -193,8 +108,16 @@ TEST_F(VolumeFileTest, ListsGridsByNameAndRole) {
     const auto list = ListVolumeFile("smoke.vdb", path_);
     ASSERT_TRUE(list.ok());
     ASSERT_EQ(list->size(), 3u);
-    EXPECT_TRUE(list->at(0).can_be_read && list->at(1).can_be_read && !list->at(2).can_be_read);
+    EXPECT_TRUE(list->at(0).can_be_read && list->at(1).can_be_read);
+    EXPECT_EQ(list->at(1).role, VolumeRole::kTemperature);
     EXPECT_THAT(Message(bytes, "flame"), HasSubstr("no grid \"flame\"; there are: \"density\" ("));
+  }
+  for (const std::string& bytes :
+       {NvdbFile(grids, NvdbCodec::kBlosc), VdbFile({grids[0], grids[1], points}, {.zip = true})}) {
+    ASSERT_TRUE(Read(bytes).ok());
+    const auto list = ListVolumeFile("smoke.vdb", path_);
+    ASSERT_TRUE(list.ok());
+    EXPECT_FALSE(list->at(2).can_be_read);
     EXPECT_THAT(Message(bytes, "strange"), HasSubstr("grid \"strange\""));
     EXPECT_THAT(Message(bytes, "strange"), HasSubstr("convert it"));
   }

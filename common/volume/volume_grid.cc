@@ -260,12 +260,6 @@ const char* VolumeValueTypeName(VolumeValueType type) {
   }
 }
 
-VolumeBytes::VolumeBytes(uint64_t size_bytes) : size_(size_bytes) {
-  const uint64_t padded = (size_bytes + kAlignment - 1) / kAlignment * kAlignment;
-  data_.reset(
-      static_cast<std::byte*>(std::aligned_alloc(kAlignment, std::max(padded, kAlignment))));
-}
-
 VolumeGrid::Cursor::Cursor(const VolumeGrid& grid) {
   volume::WithType(grid.info_.type, [&]<typename BuildT>() {
     static_assert(sizeof(Accessor<BuildT>) <= sizeof(accessor_) && alignof(Accessor<BuildT>) <= 8 &&

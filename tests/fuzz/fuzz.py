@@ -55,8 +55,8 @@ def programs(build, only):
 
 
 def write_volume_seeds(build):
-    """The corpus of the target volume is too large for the repository."""
-    folder = os.path.join(build, "corpus", "volume")
+    """The corpora of the targets volume and vdb are too large for the repository."""
+    folder = os.path.join(build, "corpus")
     subprocess.run([os.path.join(build, "bin", "volume_seeds"), folder], check=True)
 
 
@@ -121,7 +121,7 @@ def main():
     arguments = parser.parse_args()
     build = os.path.abspath(arguments.build)
     targets = programs(build, arguments.target)
-    if "volume" in targets:
+    if {"volume", "vdb"} & set(targets):
         write_volume_seeds(build)
     seconds = 60 * arguments.minutes / len(targets)
     with concurrent.futures.ThreadPoolExecutor(arguments.j) as pool:

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Writes the corpus of the target volume, which is too large for the repository: small files of
-// NanoVDB and OpenVDB, one for each kind of content and compression.
+// Writes the corpora of the targets volume and vdb, which are too large for the repository, below a
+// folder: small files of NanoVDB and OpenVDB, one for each kind of content and compression.
 //
 //   volume_seeds FOLDER
 #include <cstdio>
@@ -18,30 +18,49 @@ namespace {
 using sheaf::testing::GridToWrite;
 using sheaf::testing::NvdbCodec;
 
-std::vector<std::string> Seeds() {
+float Value(const sheaf::testing::Voxel& v) {
+  return static_cast<float>((v[0] * 7 + v[1] * 13 + v[2] * 5) & 15) / 16;
+}
+
+GridToWrite GridOf(const char* type) {
+  GridToWrite grid{.lo = {-2, -2, -2}, .hi = {5, 5, 5}, .value = Value};
+  grid.type = type;
+  return grid;
+}
+
+std::vector<std::string> NvdbSeeds() {
   std::vector<std::string> seeds;
-  const auto value = [](const sheaf::testing::Voxel& v) {
-    return static_cast<float>((v[0] * 7 + v[1] * 13 + v[2] * 5) & 15) / 16;
-  };
   for (const char* type : {"float", "Fp4", "Fp8", "Fp16", "FpN", "Vec3f"}) {
-    GridToWrite grid{.lo = {-2, -2, -2}, .hi = {5, 5, 5}, .value = value};
-    grid.type = type;
-    seeds.push_back(sheaf::testing::NvdbFile({grid}, NvdbCodec::kNone));
+    seeds.push_back(sheaf::testing::NvdbFile({GridOf(type)}, NvdbCodec::kNone));
   }
-  const GridToWrite grid{.lo = {-2, -2, -2}, .hi = {5, 5, 5}, .value = value};
-  seeds.push_back(sheaf::testing::NvdbFile({grid}, NvdbCodec::kZip));
-  seeds.push_back(sheaf::testing::NvdbFile({grid}, NvdbCodec::kBlosc));
+  seeds.push_back(sheaf::testing::NvdbFile({GridOf("float")}, NvdbCodec::kZip));
+  seeds.push_back(sheaf::testing::NvdbFile({GridOf("float")}, NvdbCodec::kBlosc));
+  return seeds;
+}
+
+std::vector<std::string> VdbSeeds() {
+  std::vector<std::string> seeds;
+  const GridToWrite grid = GridOf("float");
   for (const bool active_mask : {false, true}) {
     for (const bool half : {false, true}) {
       seeds.push_back(sheaf::testing::VdbFile({grid}, {.active_mask = active_mask, .half = half}));
     }
   }
   seeds.push_back(sheaf::testing::VdbFile({grid}, {.zip = true}));
-  seeds.push_back(sheaf::testing::VdbFile({grid}, {.blosc = true}));
-  GridToWrite vectors = grid;
-  vectors.type = "Vec3f";
-  seeds.push_back(sheaf::testing::VdbFile({vectors, grid}, {}));
+  seeds.push_back(sheaf::testing::VdbFile({grid}, {.blosc = true, .frustum = true}));
+  seeds.push_back(sheaf::testing::VdbFile({GridOf("Vec3f"), grid}, {}));
+  for (const char* type : {"double", "int64", "bool", "mask", "Vec3d", "points"}) {
+    seeds.push_back(sheaf::testing::VdbFile({GridOf(type)}, {.level_set = type[0] == 'd'}));
+  }
+  seeds.push_back(sheaf::testing::VdbFile({grid, grid}, {.as_instances = true, .as_stream = true}));
   return seeds;
+}
+
+void Write(const std::vector<std::string>& seeds, const std::filesystem::path& folder) {
+  std::filesystem::create_directories(folder);
+  for (size_t i = 0; i < seeds.size(); ++i) {
+    std::ofstream(folder / std::to_string(i), std::ios::binary) << seeds[i];
+  }
 }
 
 }  // namespace
@@ -52,10 +71,7 @@ int main(int count, char** arguments) {
     return 2;
   }
   const std::filesystem::path folder = arguments[1];
-  std::filesystem::create_directories(folder);
-  const std::vector<std::string> seeds = Seeds();
-  for (size_t i = 0; i < seeds.size(); ++i) {
-    std::ofstream(folder / std::to_string(i), std::ios::binary) << seeds[i];
-  }
+  Write(NvdbSeeds(), folder / "volume");
+  Write(VdbSeeds(), folder / "vdb");
   return 0;
 }

@@ -22,7 +22,8 @@ struct GridToWrite {
   float background = 0;
   double voxel_size = 1;
   // NanoVDB's types: "float", "Fp4", "Fp8", "Fp16", "FpN", "Vec3f" (value times (1, 2, 3)),
-  // "double".
+  // "double". OpenVDB's: "float", "double", "int32", "int64", "bool", "mask" (active where the
+  // value is not 0), "Vec3f", "Vec3d", "Vec3i", "points" (none).
   std::string type = "float";
 };
 
@@ -33,7 +34,12 @@ std::string NvdbFile(const std::vector<GridToWrite>& grids, NvdbCodec codec);
 struct VdbOptions {
   bool zip = false, blosc = false, active_mask = true;
   bool half = false;
+  // Ten voxels wide in front, half as wide at the back, and as deep as they are wide.
   bool frustum = false;
+  // Distances: values of at least the background become inactive, and uniform nodes tiles.
+  bool level_set = false;
+  // All grids share the first one's tree.
+  bool as_instances = false;
   bool has_affine_rotation = false;
   // Adds a filled cube of 128^3 voxels, which becomes a tile.
   bool with_tile = false;

@@ -23,9 +23,10 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
 #include "common/content/file_descriptor.h"
+#include "common/process/child_process.h"
+#include "common/volume/vdb_file.h"
 #include "worker/sandbox/file_access_rules.h"
 #include "worker/sandbox/readable_paths.h"
-#include "worker/sandbox/scene_messages.h"
 #include "worker/sandbox/system_call_filter.h"
 
 namespace sheaf::worker {
@@ -202,6 +203,7 @@ absl::Status Confine(const Confinement& confinement, Protections* missing) {
     status = apply(Protection::kSystemCalls,
                    [&] { return FilterSystemCalls(!confinement.writable_folder.empty()); });
   }
+  if (status.ok()) volume::ReadVdbInThisProcess();
   return status;
 }
 

@@ -8,7 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/process/module.h"
 #include "common/image/image_library.h"
+#include "common/volume/vdb_library.h"
 
 namespace sheaf::worker {
 
@@ -21,8 +23,9 @@ std::vector<std::string> LibraryPaths() {
       if (folder.starts_with('/') && folder != "/") candidates.emplace_back(folder);
     }
   }
-  for (const std::string& folder : ImageLibraryFolders()) {
+  for (const std::string& folder : ModuleFolders()) {
     candidates.push_back(absl::StrCat(folder, "/", kImageLibraryFile));
+    candidates.push_back(absl::StrCat(folder, "/", volume::kVdbLibraryFile));
   }
   std::vector<std::string> paths;
   for (const std::string& candidate : candidates) {

@@ -11,7 +11,7 @@
 namespace sheaf::worker {
 
 // Absolute paths that exist: the system's library folders, those of LD_LIBRARY_PATH, the dynamic
-// linker's cache, Debian's alternatives, and the module that reads images.
+// linker's cache, Debian's alternatives, and the modules that read images and volumes.
 std::vector<std::string> LibraryPaths();
 
 }  // namespace sheaf::worker

@@ -24,7 +24,11 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/base/file.h"
 #include "common/base/log.h"
+#include "common/volume/volume_file.h"
+#include "tests/support/temporary_path.h"
+#include "tests/support/volume_writers.h"
 #include "worker/sandbox/scene_messages.h"
 #include "worker/sandbox/scene_server.h"
 
@@ -113,13 +117,21 @@ class ActingScene : public OpenScene {
 };
 
 // "crash" acts while it loads, "render crash" while it renders; "read NAME" opens a file of the
-// scene.
+// scene; "volume NAME" reads a grid of one.
 class ActingScenes : public SceneOpener {
  public:
   OpenResult Open(const SceneInputs& inputs, std::stop_token stop) override {
     const std::string& what = inputs.main_file;
     if (absl::StartsWith(what, "render ")) {
       return {std::make_unique<ActingScene>(what.substr(7)), absl::OkStatus(), {}};
+    }
+    if (absl::StartsWith(what, "volume ")) {
+      const std::string& path = inputs.local_paths.at(what.substr(7));
+      const auto grid = ReadVolumeGrid("smoke.vdb", path, "density");
+      return {nullptr,
+              grid.ok() ? absl::InvalidArgumentError(absl::StrCat(grid->info().values.max))
+                        : grid.status(),
+              FailureKind::kScene};
     }
     if (absl::StartsWith(what, "read ")) {
       std::ifstream file(inputs.local_paths.at(what.substr(5)));
@@ -226,6 +238,20 @@ TEST_P(SandboxedScenesTest, ReadsItsOwnFiles) {
   const OpenResult opened = Open("read a/name");
   EXPECT_EQ(opened.failure_kind, FailureKind::kScene);
   EXPECT_EQ(opened.status.message(), "its text");
+}
+
+// A process that is confined reads .vdb files itself, as it cannot start another.
+TEST_P(SandboxedScenesTest, ReadsVolumesWithOpenVdb) {
+  const std::string path = testing::TemporaryPath("smoke.vdb");
+  const std::string bytes =
+      testing::VdbFile({{.value = [](const testing::Voxel&) { return 0.25f; }}}, {.blosc = true});
+  ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
+  inputs_.local_paths["smoke.vdb"] = path;
+  EXPECT_EQ(Open("volume smoke.vdb").status.message(), "0.25");
+  ASSERT_TRUE(WriteFileAtomically(path, bytes.substr(0, bytes.size() / 2)).ok());
+  EXPECT_EQ(Open("volume smoke.vdb").status.message(),
+            "smoke.vdb: the file is cut short or damaged");
+  ::unlink(path.c_str());
 }
 
 TEST_P(SandboxedScenesTest, SeesNoOtherFile) {

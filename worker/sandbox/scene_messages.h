@@ -11,6 +11,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "common/process/child_process.h"
 #include "sheaf/v1/sandbox.pb.h"
 #include "worker/agent/work.h"
 #include "worker/sandbox/confinement.h"
@@ -19,12 +20,8 @@
 
 namespace sheaf::worker {
 
-// The exit code of a process that waited for another one, which was ended by signal N, or that
-// handles the signal itself, is this + N, as with shells.
-inline constexpr int kExitBySignal = 128;
-
 // The descriptor by which a scene's process talks with its worker.
-inline constexpr int kSceneSocket = 3;
+inline constexpr int kSceneSocket = kChildSocket;
 
 // What a process accepts from its worker: the names of all files of a scene come in one message.
 inline constexpr MessageLimits kRequestLimits{uint32_t{1} << 30, 0};

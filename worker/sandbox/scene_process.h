@@ -19,9 +19,9 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "common/base/mutex.h"
+#include "common/process/child_process.h"
 #include "sheaf/v1/sandbox.pb.h"
 #include "worker/agent/work.h"
-#include "worker/sandbox/child_process.h"
 #include "worker/sandbox/message_channel.h"
 #include "worker/sandbox/protections.h"
 

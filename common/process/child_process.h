@@ -17,7 +17,14 @@
 #include "common/base/mutex.h"
 #include "common/content/file_descriptor.h"
 
-namespace sheaf::worker {
+namespace sheaf {
+
+// The descriptor of a child process by which it talks with this one.
+inline constexpr int kChildSocket = 3;
+
+// The exit code of a process that waited for another one, which was ended by signal N, or that
+// handles the signal itself, is this + N, as with shells.
+inline constexpr int kExitBySignal = 128;
 
 // How a process ended: by a signal, or with an exit code. A shell's code for a signal (128 + N)
 // counts as the signal N.
@@ -29,14 +36,16 @@ struct ProcessEnd {
 // Thread safety: Kill may be called by any thread; the others by one.
 class ChildProcess {
  public:
-  // Starts the program, whose descriptor kSceneSocket is the other end of socket(), and which
+  // Starts the program, whose descriptor kChildSocket is the other end of socket(), and which
   // writes its standard output and error into output(). Of the environment it gets only what
-  // libraries need to load: the rest may hold secrets.
+  // libraries need to load: the rest may hold secrets. input: its standard input, an open file;
+  // -1: empty.
   // The process should die with the thread that calls this (see EndWithParent), so that thread
   // must live as long.
   // kill_signal: what Kill sends. Errors: kUnavailable and similar.
   static absl::StatusOr<std::unique_ptr<ChildProcess>> Start(
-      const std::string& program, const std::vector<std::string>& arguments, int kill_signal);
+      const std::string& program, const std::vector<std::string>& arguments, int kill_signal,
+      int input = -1);
   // Kills the process with SIGKILL if it still runs.
   ~ChildProcess();
   ChildProcess(const ChildProcess&) = delete;
@@ -66,4 +75,4 @@ class ChildProcess {
   bool ended_ ABSL_GUARDED_BY(mutex_) = false;  // Its id may belong to another process.
 };
 
-}  // namespace sheaf::worker
+}  // namespace sheaf

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/sandbox/child_process.h"
+#include "common/process/child_process.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -19,9 +19,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
-#include "worker/sandbox/scene_messages.h"
 
-namespace sheaf::worker {
+namespace sheaf {
 namespace {
 
 // A process that accepts no bytes for so long hangs.
@@ -70,12 +69,16 @@ absl::StatusOr<Pipe> MakeSockets() {
 // The new process's descriptors: standard ones, and the socket.
 class FileActions {
  public:
-  FileActions(int output, int socket) {
+  FileActions(int input, int output, int socket) {
     ::posix_spawn_file_actions_init(&actions_);
-    ::posix_spawn_file_actions_addopen(&actions_, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    if (input >= 0) {
+      ::posix_spawn_file_actions_adddup2(&actions_, input, STDIN_FILENO);
+    } else {
+      ::posix_spawn_file_actions_addopen(&actions_, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    }
     ::posix_spawn_file_actions_adddup2(&actions_, output, STDOUT_FILENO);
     ::posix_spawn_file_actions_adddup2(&actions_, output, STDERR_FILENO);
-    ::posix_spawn_file_actions_adddup2(&actions_, socket, kSceneSocket);
+    ::posix_spawn_file_actions_adddup2(&actions_, socket, kChildSocket);
   }
   ~FileActions() { ::posix_spawn_file_actions_destroy(&actions_); }
   FileActions(const FileActions&) = delete;
@@ -89,19 +92,20 @@ class FileActions {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<ChildProcess>> ChildProcess::Start(
-    const std::string& program, const std::vector<std::string>& arguments, int kill_signal) {
+    const std::string& program, const std::vector<std::string>& arguments, int kill_signal,
+    int input) {
   absl::StatusOr<Pipe> sockets = MakeSockets();
   if (!sockets.ok()) return sockets.status();
   absl::StatusOr<Pipe> output = MakePipe();
   if (!output.ok()) return output.status();
-  const FileActions actions(output->write.get(), sockets->write.get());
+  const FileActions actions(input, output->write.get(), sockets->write.get());
   std::vector<std::string> argument_texts = arguments;
   std::vector<std::string> environment_texts = KeptEnvironment();
   pid_t pid = -1;
   const int error =
       ::posix_spawn(&pid, program.c_str(), actions.get(), nullptr,
                     PointersOf(argument_texts).data(), PointersOf(environment_texts).data());
-  if (error != 0) return StatusFromErrno(error, "starting a process for the scene");
+  if (error != 0) return StatusFromErrno(error, "starting a confined process");
   return std::unique_ptr<ChildProcess>(
       new ChildProcess(pid, kill_signal, std::move(sockets->read), std::move(output->read)));
 }
@@ -137,4 +141,4 @@ ProcessEnd ChildProcess::Wait(absl::Duration patience) {
   return code > kExitBySignal ? ProcessEnd{code - kExitBySignal, 0} : ProcessEnd{0, code};
 }
 
-}  // namespace sheaf::worker
+}  // namespace sheaf
