@@ -6,7 +6,7 @@
 // straight axes, and copies these into NanoVDB images. OpenVDB trusts its input and throws: this
 // code runs in confined processes, and lets no exception out.
 //
-//     FileBuffer > Archive > GridBase > Scalars, Vectors > FloatGrid, Vec3SGrid > ImageOf
+//     FileBuffer > Archive > GridBase > Scalars > FloatGrid, Vec3SGrid ... > ImageOf
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -202,14 +202,6 @@ vdb::FloatGrid::Ptr Scalars(const vdb::GridBase::Ptr& grid) {
   return OnesOf(*vdb::gridPtrCast<vdb::MaskGrid>(grid));
 }
 
-vdb::Vec3SGrid::Ptr Vectors(const vdb::GridBase::Ptr& grid) {
-  if (auto floats = vdb::gridPtrCast<vdb::Vec3SGrid>(grid)) return floats;
-  if (auto doubles = vdb::gridPtrCast<vdb::Vec3DGrid>(grid)) {
-    return Converted<vdb::Vec3SGrid>(*doubles);
-  }
-  return Converted<vdb::Vec3SGrid>(*vdb::gridPtrCast<vdb::Vec3IGrid>(grid));
-}
-
 // The transform of a grid of cubes that covers the active voxels of a grid on other axes, as fine
 // as its finest voxel, or as kResampledCellsMax allows. Null if there is none.
 vdb::math::Transform::Ptr StraightAxes(const vdb::math::Transform& bent,
@@ -295,7 +287,10 @@ class ImageFiller {
     return ((c.x() | c.y() | c.z()) & (TreeT::RootNodeType::ChildNodeType::DIM - 1)) == 0;
   }
   static float Of(float v) { return v; }
-  static nanovdb::Vec3f Of(const vdb::Vec3s& v) { return {v[0], v[1], v[2]}; }
+  template <typename NumberT>
+  static nanovdb::Vec3f Of(const vdb::math::Vec3<NumberT>& v) {
+    return {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2])};
+  }
   static Index3 Of(const vdb::Coord& c) { return {c.x(), c.y(), c.z()}; }
 
   template <typename MaskT, typename ToMaskT>
@@ -342,6 +337,18 @@ absl::StatusOr<VolumeBytes> ImageOf(const std::string& where, const std::string&
                                                       straight->constTree(), limits);
 }
 
+absl::StatusOr<VolumeBytes> VectorImageOf(const std::string& where, const std::string& name,
+                                          const vdb::GridBase::Ptr& grid,
+                                          const VolumeLimits& limits) {
+  if (const auto floats = vdb::gridPtrCast<vdb::Vec3SGrid>(grid)) {
+    return ImageOf<vdb::Vec3SGrid>(where, name, floats, limits);
+  }
+  if (const auto doubles = vdb::gridPtrCast<vdb::Vec3DGrid>(grid)) {
+    return ImageOf<vdb::Vec3DGrid>(where, name, doubles, limits);
+  }
+  return ImageOf<vdb::Vec3IGrid>(where, name, vdb::gridPtrCast<vdb::Vec3IGrid>(grid), limits);
+}
+
 absl::Status NotReadable(const std::string& where, const vdb::io::GridDescriptor& descriptor) {
   const std::string& type = descriptor.gridType();
   const bool has_points =
@@ -377,7 +384,7 @@ absl::StatusOr<VolumeBytes> Read(const std::string& where, int file, size_t inde
   auto grid = archive.Read(where, index);
   if (!grid.ok()) return grid.status();
   if (!is_scalar) {
-    return ImageOf<vdb::Vec3SGrid>(where, descriptor.gridName(), Vectors(*std::move(grid)), limits);
+    return VectorImageOf(where, descriptor.gridName(), *grid, limits);
   }
   const vdb::FloatGrid::Ptr scalars = Scalars(*std::move(grid));
   // Distances are no density: the inside of the surface is one.

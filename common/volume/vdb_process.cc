@@ -13,9 +13,9 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "common/base/memory_room.h"
-#include "common/process/module.h"
 #include "common/base/printable.h"
 #include "common/process/child_process.h"
+#include "common/process/module.h"
 #include "common/volume/vdb_wire.h"
 
 namespace sheaf::volume {

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <string>
 
 namespace sheaf::testing {
@@ -14,8 +15,9 @@ namespace sheaf::testing {
 // A path in the system's temporary folder that no concurrent test receives.
 inline std::string TemporaryPath(const std::string& name) {
   const ::testing::TestInfo* test = ::testing::UnitTest::GetInstance()->current_test_info();
-  return ::testing::TempDir() + "sheaf-" + std::to_string(getpid()) + "-" +
-         (test != nullptr ? test->name() : "") + "-" + name;
+  std::string test_name = test != nullptr ? test->name() : "";
+  std::replace(test_name.begin(), test_name.end(), '/', '-');  // Before the parameter's number.
+  return ::testing::TempDir() + "sheaf-" + std::to_string(getpid()) + "-" + test_name + "-" + name;
 }
 
 }  // namespace sheaf::testing
