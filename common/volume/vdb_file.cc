@@ -22,6 +22,9 @@ class VdbFileHere : public VdbFile {
   absl::StatusOr<VolumeBytes> Read(size_t index) override {
     return library_->read(file_name_, file_.descriptor(), index, limits_);
   }
+  absl::StatusOr<VolumeSurface> Surface(size_t index, float isovalue) override {
+    return library_->surface(file_name_, file_.descriptor(), index, isovalue, limits_);
+  }
 
  private:
   const VdbLibrary* const library_;

@@ -16,6 +16,7 @@
 #include "absl/status/statusor.h"
 #include "common/volume/file_bytes.h"
 #include "common/volume/volume_file.h"
+#include "common/volume/volume_surface.h"
 
 namespace sheaf::volume {
 
@@ -39,6 +40,8 @@ class VdbFile {
   virtual absl::StatusOr<std::vector<VolumeFileEntry>> List() = 0;
   // An unverified image of the grid at that place in the list. Errors: those of ReadVolumeGrid.
   virtual absl::StatusOr<VolumeBytes> Read(size_t index) = 0;
+  // An unverified surface of that grid. Errors: those of ReadVolumeSurface.
+  virtual absl::StatusOr<VolumeSurface> Surface(size_t index, float isovalue) = 0;
 };
 
 }  // namespace sheaf::volume

@@ -7,11 +7,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <string>
 
-#include "tests/support/volume_files.h"
+#include "common/base/file.h"
+#include "common/math/vec.h"
+#include "common/volume/volume_surface.h"
+#include "tests/support/volume/volume_files.h"
 
 namespace sheaf {
 namespace {
@@ -207,6 +211,86 @@ TEST_F(VdbFileTest, VdbLevelSetsBecomeFog) {
     EXPECT_EQ(grid->info().values, (ValueRange{0, 1}));
     EXPECT_TRUE(grid->CheckDensity("a").ok());
   }
+}
+
+// What a closed mesh encloses, about a point near it.
+struct Measured {
+  double volume = 0, area = 0, radius_min = 1e300, radius_max = 0, normal_error_max = 0;
+};
+Measured Measure(const VolumeSurface& surface, const Vec3d& center) {
+  Measured measured;
+  const auto at = [&](size_t i) { return surface.positions[surface.triangles[i]] - center; };
+  for (size_t i = 0; i < surface.triangles.size(); i += 3) {
+    const Vec3d face = Cross(at(i + 1) - at(i), at(i + 2) - at(i));
+    measured.area += Length(face) / 2;
+    measured.volume += Dot(at(i), face) / 6;
+  }
+  for (size_t i = 0; i < surface.positions.size(); ++i) {
+    const Vec3d out = surface.positions[i] - center;
+    measured.radius_min = std::min(measured.radius_min, Length(out));
+    measured.radius_max = std::max(measured.radius_max, Length(out));
+    measured.normal_error_max = std::max(
+        measured.normal_error_max, Length(ToDouble(surface.normals[i]) - out / Length(out)));
+  }
+  return measured;
+}
+
+// A ball of a radius of 12 voxels, near its grid's origin and ten thousand kilometers away.
+TEST_F(VdbFileTest, VdbLevelSetsHaveSurfaces) {
+  for (const double offset : {0.5, 1e7}) {
+    GridToWrite written{.lo = {-20, -20, -20}, .hi = {20, 20, 20}, .value = Sphere};
+    written.background = 3;
+    written.voxel_size = 0.25;
+    written.offset = offset;
+    ASSERT_TRUE(WriteFileAtomically(path_, VdbFile({written}, {.level_set = true})).ok());
+    const auto surface = ReadVolumeSurface("ball.vdb", path_, "", 0);
+    ASSERT_TRUE(surface.ok()) << surface.status();
+    const Measured ball = Measure(*surface, Vec3d{offset, offset, offset});
+    EXPECT_NEAR(ball.radius_min, 3, 0.02) << offset;
+    EXPECT_NEAR(ball.radius_max, 3, 0.02) << offset;
+    EXPECT_NEAR(ball.area, 4 * M_PI * 9, 0.01 * 4 * M_PI * 9) << offset;
+    EXPECT_NEAR(ball.volume, 4 * M_PI * 9, 0.01 * 4 * M_PI * 9) << offset;
+    EXPECT_LT(ball.normal_error_max, 0.1) << offset;
+  }
+}
+
+float Ball(const Voxel& v) { return -Sphere(v); }
+
+// The body of a density has the larger values.
+TEST_F(VdbFileTest, VdbDensitiesHaveSurfaces) {
+  GridToWrite written{.lo = {-20, -20, -20}, .hi = {20, 20, 20}, .value = Ball};
+  written.background = -9;
+  ASSERT_TRUE(WriteFileAtomically(path_, VdbFile({written}, {.zip = true})).ok());
+  for (const float isovalue : {0.0f, 4.0f}) {
+    const auto surface = ReadVolumeSurface("ball.vdb", path_, "density", isovalue);
+    ASSERT_TRUE(surface.ok()) << surface.status();
+    const double radius = 12 - isovalue;
+    const Measured ball = Measure(*surface, Vec3d{0.5, 0.5, 0.5});
+    EXPECT_NEAR(ball.radius_min, radius, 0.1);
+    EXPECT_NEAR(ball.volume, 4.0 / 3 * M_PI * radius * radius * radius, 0.02 * ball.volume);
+  }
+  const auto none = ReadVolumeSurface("ball.vdb", path_, "density", 40);
+  ASSERT_TRUE(none.ok()) << none.status();
+  EXPECT_TRUE(none->triangles.empty());
+}
+
+TEST_F(VdbFileTest, RefusesSurfacesOfOtherGrids) {
+  GridToWrite vectors{.name = "vel", .value = Ramp};
+  vectors.type = "Vec3f";
+  const auto message = [&](const std::string& bytes, const std::string& grid,
+                           const VolumeLimits& limits = {}) {
+    EXPECT_TRUE(WriteFileAtomically(path_, bytes).ok());
+    const auto surface = ReadVolumeSurface("ball.vdb", path_, grid, 0.5f, limits);
+    return surface.ok() ? "" : std::string(surface.status().message());
+  };
+  const std::string both = VdbFile({vectors, {.value = Lumps}}, {});
+  EXPECT_THAT(message(both, "vel"), HasSubstr("ball.vdb: grid \"vel\" is a Tree_vec3s_5_4_3, which "
+                                              "has no surface; name a grid of numbers"));
+  EXPECT_THAT(message(both, ""), HasSubstr("no grid \"\"; there are: \"vel\""));
+  EXPECT_EQ(message(both, "density"), "");
+  EXPECT_THAT(message(both, "density", {.grid_bytes_max = 1000}), HasSubstr("(grid_bytes_max)"));
+  EXPECT_THAT(message(testing::NvdbFile({{.value = Lumps}}, testing::NvdbCodec::kNone), ""),
+              HasSubstr("ball.vdb: is a NanoVDB file; surfaces are made of OpenVDB files"));
 }
 
 TEST_F(VdbFileTest, VdbInstancesHaveTheTreeOfAnotherGrid) {

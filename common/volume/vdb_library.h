@@ -13,6 +13,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/volume/volume_file.h"
+#include "common/volume/volume_surface.h"
 
 namespace sheaf::volume {
 
@@ -24,6 +25,9 @@ struct VdbLibrary {
   // A NanoVDB image of the grid at that place in the list, which nothing has verified.
   absl::StatusOr<VolumeBytes> (*read)(const std::string& file_name, int file, size_t index,
                                       const VolumeLimits& limits);
+  // The surface of that grid, which nothing has verified (ReadVolumeSurface).
+  absl::StatusOr<VolumeSurface> (*surface)(const std::string& file_name, int file, size_t index,
+                                           float isovalue, const VolumeLimits& limits);
 };
 
 inline constexpr char kVdbLibraryFile[] = "libsheaf_openvdb.so";

@@ -144,6 +144,29 @@ class VdbFileInProcess : public VdbFile {
     return image;
   }
 
+  absl::StatusOr<VolumeSurface> Surface(size_t index, float isovalue) override {
+    const auto size =
+        Ask({.verb = VdbVerb::kSurface, .limits = limits_, .index = index, .isovalue = isovalue},
+            limits_.grid_bytes_max + sizeof(SurfaceCounts));
+    if (!size.ok()) return size.status();
+    SurfaceCounts counts;
+    if (*size < sizeof(counts)) return reader_.Malformed();
+    if (!reader_.Receive(&counts, sizeof(counts))) return reader_.Ended();
+    if (counts.positions > *size || counts.triangle_indices > *size) return reader_.Malformed();
+    VolumeSurface surface;
+    surface.positions.resize(counts.positions);
+    surface.normals.resize(counts.positions);
+    surface.triangles.resize(counts.triangle_indices);
+    if (surface.SizeBytes() != *size - sizeof(counts)) return reader_.Malformed();
+    const auto receive = [&](auto& values) {
+      return reader_.Receive(values.data(), values.size() * sizeof(values[0]));
+    };
+    if (!receive(surface.positions) || !receive(surface.normals) || !receive(surface.triangles)) {
+      return reader_.Ended();
+    }
+    return surface;
+  }
+
  private:
   absl::StatusOr<uint64_t> Ask(const VdbRequest& request, uint64_t payload_bytes_max) {
     if (absl::Status status = reader_.Send(request); !status.ok()) return status;

@@ -15,6 +15,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/volume/volume_file.h"
+#include "common/volume/volume_surface.h"
 
 namespace sheaf::volume {
 
@@ -30,6 +31,7 @@ enum class VdbVerb : uint32_t {
   kConfine = 1,  // First, once. Payload: the missing protections, a uint32_t.
   kList = 2,     // Payload: EncodeVdbList.
   kRead = 3,     // Payload: an image.
+  kSurface = 4,  // Payload: SurfaceCounts, then the arrays of a VolumeSurface in their order.
 };
 struct VdbRequest {
   uint32_t version = kVdbWireVersion;
@@ -38,15 +40,20 @@ struct VdbRequest {
   uint32_t protections = 0;
   uint32_t cpu_seconds_max = 0;
   uint64_t memory_bytes_max = 0;
-  // kList, kRead.
+  // kList, kRead, kSurface.
   VolumeLimits limits = {};
   uint64_t index = 0;
+  float isovalue = 0;
   uint32_t file_name_bytes = 0;
 };
 struct VdbReply {
   int32_t code = 0;  // absl::StatusCode
   uint32_t text_bytes = 0;
   uint64_t payload_bytes = 0;
+};
+
+struct SurfaceCounts {
+  uint64_t positions = 0, triangle_indices = 0;
 };
 
 // False if the other end is closed. SendAll requires: SIGPIPE is ignored.

@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/volume/volume_file.h"
 
+#include <cmath>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/volume/nvdb_file.h"
 #include "common/volume/vdb_file.h"
+#include "common/volume/volume_surface.h"
 
 namespace sheaf {
 namespace {
@@ -65,7 +68,45 @@ absl::StatusOr<VolumeGrid> ReadVdbGrid(const std::string& file_name, const OpenF
   return VolumeGrid::FromImage(*std::move(image), file_name, limits, thread_count);
 }
 
+// What OpenVDB makes of an untrusted file is as untrusted.
+absl::Status CheckSurface(const std::string& file_name, const VolumeSurface& surface) {
+  const auto is_finite = [](const auto& v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+  };
+  bool is_good =
+      surface.normals.size() == surface.positions.size() && surface.triangles.size() % 3 == 0;
+  for (const uint32_t at : surface.triangles) is_good = is_good && at < surface.positions.size();
+  for (const Vec3d& p : surface.positions) is_good = is_good && is_finite(ToFloat(p));
+  for (const Vec3f& n : surface.normals) is_good = is_good && is_finite(n);
+  if (is_good) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat(
+      file_name, ": its surface is malformed or not finite: the file is damaged; write it again"));
+}
+
 }  // namespace
+
+absl::StatusOr<VolumeSurface> ReadVolumeSurface(const std::string& file_name,
+                                                const std::string& local_path,
+                                                const std::string& grid_name, float isovalue,
+                                                const VolumeLimits& limits) {
+  const auto open = Open(file_name, local_path);
+  if (!open.ok()) return open.status();
+  if (!open->is_vdb) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        file_name, ": is a NanoVDB file; surfaces are made of OpenVDB files (.vdb): convert it"));
+  }
+  const auto file = volume::VdbFile::Open(file_name, open->file, limits);
+  if (!file.ok()) return file.status();
+  const auto entries = ListVdb(**file);
+  if (!entries.ok()) return entries.status();
+  absl::StatusOr<size_t> index = 0;
+  if (!grid_name.empty() || entries->size() != 1) index = Find(file_name, *entries, grid_name);
+  if (!index.ok()) return index.status();
+  auto surface = (*file)->Surface(*index, isovalue);
+  if (!surface.ok()) return surface.status();
+  if (absl::Status status = CheckSurface(file_name, *surface); !status.ok()) return status;
+  return surface;
+}
 
 absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& file_name,
                                                             const std::string& local_path,

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <limits>
 
-#include "tests/support/volume_files.h"
+#include "tests/support/volume/volume_files.h"
 
 namespace sheaf {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "common/volume/volume_array.h"
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume/volume_writers.h"
 
 namespace sheaf {
 namespace {

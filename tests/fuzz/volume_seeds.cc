@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume/volume_writers.h"
 
 namespace {
 

@@ -20,7 +20,7 @@
 #include "tests/support/long_tests.h"
 #include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume/volume_writers.h"
 #include "worker/render/ablation/ablate.h"
 #include "worker/render/traits/trait_set.h"
 

@@ -15,6 +15,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
 #include "tests/support/measured_builder.h"
+#include "tests/support/volume/volume_writers.h"
 
 namespace sheaf {
 namespace {
@@ -70,7 +71,11 @@ class PbrtSupportTest : public ::testing::Test {
   PbrtSupportTest() {
     std::filesystem::create_directories(directory_);
     Write("empty.pbrt", "# nothing\n");
-    for (const char* name : {"map.png", "a.png", "smoke.nvdb", "smoke.vdb"}) Write(name, "x");
+    for (const char* name : {"map.png", "a.png", "smoke.nvdb"}) Write(name, "x");
+    Write("smoke.vdb", testing::VdbFile({{.value = [](const testing::Voxel& v) {
+                                            return v[0] > 4 ? 1.f : 0.f;
+                                          }}},
+                                        {}));
     Write("lens.dat", "# A lens before its stop.\n50 4 1.5 20\n-50 5 1 20\n0 45 0 10\n");
     Write("lamp.ies",
           "IES:LM-63-2019\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 60\n0 45 90\n0\n"

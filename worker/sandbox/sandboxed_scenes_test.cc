@@ -28,7 +28,7 @@
 #include "common/base/log.h"
 #include "common/volume/volume_file.h"
 #include "tests/support/temporary_path.h"
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume/volume_writers.h"
 #include "worker/sandbox/scene_messages.h"
 #include "worker/sandbox/scene_server.h"
 

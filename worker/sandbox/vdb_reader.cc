@@ -41,15 +41,19 @@ void PrepareProcess() {
   for (const int number : {SIGINT, SIGTERM, SIGHUP}) ::signal(number, SIG_IGN);
 }
 
-bool Reply(const absl::Status& status, const void* payload, size_t payload_bytes) {
+// The payload follows.
+bool BeginReply(const absl::Status& status, size_t payload_bytes) {
   const std::string text = std::string(status.message().substr(0, volume::kVdbTextBytesMax));
   VdbReply reply;
   reply.code = static_cast<int32_t>(status.code());
   reply.text_bytes = static_cast<uint32_t>(text.size());
-  reply.payload_bytes = status.ok() ? payload_bytes : 0;
+  reply.payload_bytes = payload_bytes;
   return volume::SendAll(kChildSocket, &reply, sizeof(reply)) &&
-         volume::SendAll(kChildSocket, text.data(), text.size()) &&
-         volume::SendAll(kChildSocket, payload, reply.payload_bytes);
+         volume::SendAll(kChildSocket, text.data(), text.size());
+}
+bool Reply(const absl::Status& status, const void* payload, size_t payload_bytes) {
+  if (!status.ok()) return BeginReply(status, 0);
+  return BeginReply(status, payload_bytes) && volume::SendAll(kChildSocket, payload, payload_bytes);
 }
 
 absl::Status LimitCpu(uint64_t seconds) {
@@ -99,6 +103,21 @@ bool Read(const VdbRequest& request, const std::string& file_name) {
                     : Reply(image.status(), nullptr, 0);
 }
 
+bool Surface(const VdbRequest& request, const std::string& file_name) {
+  const auto library = volume::LoadVdbLibrary();
+  if (!library.ok()) return Reply(library.status(), nullptr, 0);
+  const auto surface =
+      (*library)->surface(file_name, STDIN_FILENO, request.index, request.isovalue, request.limits);
+  if (!surface.ok()) return Reply(surface.status(), nullptr, 0);
+  const volume::SurfaceCounts counts{surface->positions.size(), surface->triangles.size()};
+  const auto send = [](const auto& values) {
+    return volume::SendAll(kChildSocket, values.data(), values.size() * sizeof(values[0]));
+  };
+  return BeginReply(absl::OkStatus(), sizeof(counts) + surface->SizeBytes()) &&
+         volume::SendAll(kChildSocket, &counts, sizeof(counts)) && send(surface->positions) &&
+         send(surface->normals) && send(surface->triangles);
+}
+
 // Until the program closes the socket, or sends what it never sends.
 bool ServeOne() {
   VdbRequest request;
@@ -119,6 +138,8 @@ bool ServeOne() {
       return List(request, file_name);
     case VdbVerb::kRead:
       return Read(request, file_name);
+    case VdbVerb::kSurface:
+      return Surface(request, file_name);
   }
   return false;
 }

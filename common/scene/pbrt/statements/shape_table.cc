@@ -12,6 +12,7 @@
 #include "common/scene/formats/ply_reader.h"
 #include "common/scene/loop_subdivision.h"
 #include "common/scene/pbrt/statements/curve_reader.h"
+#include "common/scene/pbrt/statements/level_set_reader.h"
 #include "common/scene/pbrt/statements/mesh_parameters.h"
 #include "common/scene/pbrt/statements/supported_names.h"
 
@@ -64,6 +65,8 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
     is_good = SetTriangleMesh(parameters, shape);
   } else if (type == "plymesh") {
     is_good = SetPlyMesh(parameters, shape);
+  } else if (type == "levelset") {
+    is_good = SetLevelSet(parameters, shape);
   } else if (type == "loopsubdiv") {
     is_good = SetLoopSubdivision(parameters, shape);
   } else if (type == "sphere") {
@@ -79,8 +82,8 @@ bool ShapeTable::SetShape(const std::string& type, ParameterList& parameters,
   } else {
     parameters.Error(absl::StrCat(
         parameters.owner(), " is not supported",
-        SupportedNamesHint(type, {"trianglemesh", "plymesh", "loopsubdiv", "bilinearmesh", "sphere",
-                                  "disk", "cylinder", "curve"})));
+        SupportedNamesHint(type, {"trianglemesh", "plymesh", "loopsubdiv", "bilinearmesh",
+                                  "levelset", "sphere", "disk", "cylinder", "curve"})));
     return false;
   }
   parameters.ReportUnused();
@@ -196,6 +199,23 @@ bool ShapeTable::SetPlyMesh(ParameterList& parameters, ShapeDescription* shape) 
   if (is_new) {
     known.at.may_move = may_move;
     std::optional<TriangleMesh> mesh = ReadPlyFiles(names, parameters, &known.at);
+    if (!mesh.has_value() || !AddMesh(*std::move(mesh), parameters, &known.mesh)) return false;
+  }
+  if (known.mesh == kNone) return false;  // Reported at its first use.
+  MoveOrigin(known.at.origin, &shape->world_from_object);
+  return FinishMesh(parameters, shape, MeshShape{known.mesh});
+}
+
+bool ShapeTable::SetLevelSet(ParameterList& parameters, ShapeDescription* shape) {
+  const std::optional<LevelSetParameters> wanted = ReadLevelSetParameters(parameters);
+  if (!wanted.has_value()) return false;
+  const bool may_move = CanMoveOrigin(shape->world_from_object);
+  const auto [entry, is_new] = mesh_of_files_.try_emplace({wanted->Key(), may_move});
+  FileMesh& known = entry->second;
+  if (is_new) {
+    known.at.may_move = may_move;
+    std::optional<TriangleMesh> mesh =
+        ReadLevelSet(*wanted, limits_, parameters, *files_, diagnostics_, &known.at);
     if (!mesh.has_value() || !AddMesh(*std::move(mesh), parameters, &known.mesh)) return false;
   }
   if (known.mesh == kNone) return false;  // Reported at its first use.

@@ -65,6 +65,7 @@ class ShapeTable {
   // one cannot be read or does not fit the first.
   std::optional<TriangleMesh> ReadPlyFiles(const std::vector<std::string>& names,
                                            ParameterList& parameters, MeshOrigin* at);
+  bool SetLevelSet(ParameterList& parameters, ShapeDescription* shape);
   void AddSkipped(const std::string& file, SourceLocation location, const PlySkipped& skipped);
   bool AddMesh(TriangleMesh mesh, ParameterList& parameters, int32_t* index);
   // Reads the shape's parameters that apply to its mesh. False (reported) if they are inconsistent.

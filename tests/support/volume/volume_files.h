@@ -13,7 +13,7 @@
 #include "common/base/file.h"
 #include "common/volume/volume_file.h"
 #include "tests/support/temporary_path.h"
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume/volume_writers.h"
 
 namespace sheaf::testing {
 

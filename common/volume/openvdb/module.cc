@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// libsheaf_openvdb.so: the door to OpenVDB, in one source file, because its templates take long to
-// compile. Reads grids of .vdb files, brings them into trees of float or of three floats on
-// straight axes, and copies these into NanoVDB images. OpenVDB trusts its input and throws: this
-// code runs in confined processes, and lets no exception out.
+// libsheaf_openvdb.so: the door to OpenVDB, one translation unit, because its templates take long
+// to compile. Reads grids of .vdb files, brings them into trees of float or of three floats on
+// straight axes, and copies these into NanoVDB images, or meshes them. OpenVDB trusts its input and
+// throws: this code runs in confined processes, and lets no exception out.
 //
-//     FileBuffer > Archive > GridBase > Scalars > FloatGrid, Vec3SGrid ... > ImageOf
+//     FileBuffer > Archive > GridBase > Scalars > FloatGrid, Vec3SGrid ... > ImageOf, SurfaceOf
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,187 +20,17 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "common/volume/file_buffer.h"
 #include "common/volume/image_builder.h"
+#include "common/volume/openvdb/archive.h"
+#include "common/volume/openvdb/headers.h"
+#include "common/volume/openvdb/surface.h"
 #include "common/volume/vdb_library.h"
-
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wpragmas"
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wundef"
-#pragma GCC diagnostic ignored "-Wpedantic"
-#pragma GCC diagnostic ignored "-Wextra"
-#pragma GCC diagnostic ignored "-Wall"
-#include <openvdb/io/Archive.h>
-#include <openvdb/io/GridDescriptor.h>
-#include <openvdb/openvdb.h>
-#include <openvdb/tools/GridTransformer.h>
-#include <openvdb/tools/Interpolation.h>
-#include <openvdb/tools/LevelSetUtil.h>
-#include <tbb/task_arena.h>
-#pragma GCC diagnostic pop
 
 namespace sheaf::volume {
 namespace {
 
-namespace vdb = openvdb;
-
 // Cells of the box around a frustum that is resampled.
 constexpr double kResampledCellsMax = 1 << 27;
-
-absl::Status CutShort(const std::string& where) {
-  return absl::DataLossError(absl::StrCat(where, ": the file is cut short or damaged"));
-}
-
-// The grids of a file. OpenVDB's own File opens paths, which a confined process may not.
-class Archive : private vdb::io::Archive {
- public:
-  explicit Archive(int file) : buffer_(file), in_(&buffer_) {
-    // OpenVDB does not look: it would go on with whatever its variables hold.
-    in_.exceptions(std::ios_base::badbit | std::ios_base::failbit | std::ios_base::eofbit);
-  }
-
-  // Reads what the file says of its grids and, where they follow each other without offsets, the
-  // grids.
-  absl::Status Open(const std::string& where, const VolumeLimits& limits) {
-    readHeader(in_);
-    vdb::io::setStreamMetadataPtr(in_, stream_state_, /*transfer=*/false);
-    vdb::io::setVersion(in_, libraryVersion(), fileVersion());
-    vdb::io::setDataCompression(in_, compression());
-    vdb::MetaMap().readMeta(in_);
-    const int32_t count = readGridCount(in_);
-    if (count < 0) return CutShort(where);
-    if (count > limits.grid_count_max) {
-      return absl::ResourceExhaustedError(absl::StrCat(where, ": ", count, " grids, more than ",
-                                                       limits.grid_count_max, " (grid_count_max)"));
-    }
-    for (int32_t i = 0; i < count; ++i) {
-      Stored stored;
-      ReadDescriptor(&stored);
-      const bool is_last = i + 1 == count;
-      if (!inputHasGridOffsets()) {
-        if (!stored.is_known && !is_last) return Skipped(where, stored.descriptor.gridType());
-        if (stored.is_known) stored.grid = ReadHere(stored.descriptor);
-      } else if (!is_last) {
-        stored.descriptor.seekToEnd(in_);
-      }
-      stored_.push_back(std::move(stored));
-    }
-    return absl::OkStatus();
-  }
-
-  size_t size() const { return stored_.size(); }
-  const vdb::io::GridDescriptor& Descriptor(size_t i) const { return stored_[i].descriptor; }
-
-  // With the tree of another grid if it is an instance.
-  absl::StatusOr<vdb::GridBase::Ptr> Read(const std::string& where, size_t i) {
-    const vdb::io::GridDescriptor& descriptor = Descriptor(i);
-    const vdb::GridBase::Ptr grid = ReadAlone(i);
-    if (!descriptor.isInstance()) return grid;
-    for (size_t k = 0; k < stored_.size(); ++k) {
-      if (Descriptor(k).uniqueName() != descriptor.instanceParentName()) continue;
-      if (Descriptor(k).isInstance() || Descriptor(k).gridType() != descriptor.gridType()) break;
-      grid->setTree(ReadAlone(k)->baseTreePtr());
-      return grid;
-    }
-    return absl::DataLossError(
-        absl::StrCat(where, ": grid \"", descriptor.gridName(), "\" shares the tree of \"",
-                     vdb::io::GridDescriptor::nameAsString(descriptor.instanceParentName()),
-                     "\", which the file does not have; write it again"));
-  }
-
- private:
-  struct Stored {
-    vdb::io::GridDescriptor descriptor;
-    bool is_known = true;
-    vdb::GridBase::Ptr grid;  // Only without offsets.
-  };
-
-  static absl::Status Skipped(const std::string& where, const std::string& type) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        where, ": a grid of type ", type, ", which OpenVDB does not know, is followed ",
-        "by others without offsets (a stream); write it as a file"));
-  }
-
-  void ReadDescriptor(Stored* stored) {
-    try {
-      stored->descriptor.read(in_);
-    } catch (const vdb::LookupError&) {
-      stored->is_known = false;  // The offsets of the grid come next.
-      std::array<int64_t, 3> offsets{};
-      in_.read(reinterpret_cast<char*>(offsets.data()), sizeof(offsets));
-      stored->descriptor.setGridPos(offsets[0]);
-      stored->descriptor.setBlockPos(offsets[1]);
-      stored->descriptor.setEndPos(offsets[2]);
-    }
-  }
-  vdb::GridBase::Ptr ReadHere(const vdb::io::GridDescriptor& descriptor) {
-    const vdb::GridBase::Ptr grid = vdb::GridBase::createGrid(descriptor.gridType());
-    grid->setSaveFloatAsHalf(descriptor.saveFloatAsHalf());
-    readGrid(grid, descriptor, in_);
-    return grid;
-  }
-  vdb::GridBase::Ptr ReadAlone(size_t i) {
-    if (!inputHasGridOffsets()) return stored_[i].grid;
-    Descriptor(i).seekToGrid(in_);
-    return ReadHere(Descriptor(i));
-  }
-
-  FileBuffer buffer_;
-  std::istream in_;
-  vdb::io::StreamMetadata::Ptr stream_state_ = std::make_shared<vdb::io::StreamMetadata>();
-  std::vector<Stored> stored_;
-};
-
-// What a file calls the grid's type, with the suffix of files that hold halves.
-std::string TypeName(const vdb::io::GridDescriptor& descriptor) {
-  return absl::StrCat(descriptor.gridType(), descriptor.saveFloatAsHalf() ? "_HalfFloat" : "");
-}
-
-bool IsScalar(const std::string& type) {
-  return type == vdb::FloatGrid::gridType() || type == vdb::DoubleGrid::gridType() ||
-         type == vdb::Int32Grid::gridType() || type == vdb::Int64Grid::gridType() ||
-         type == vdb::BoolGrid::gridType() || type == vdb::MaskGrid::gridType();
-}
-bool IsVector(const std::string& type) {
-  return type == vdb::Vec3SGrid::gridType() || type == vdb::Vec3DGrid::gridType() ||
-         type == vdb::Vec3IGrid::gridType();
-}
-
-template <typename GridT, typename FromT>
-typename GridT::Ptr Converted(const FromT& from) {
-  auto grid = GridT::create(
-      typename GridT::TreeType::Ptr(std::make_shared<typename GridT::TreeType>(from.constTree())));
-  grid->setTransform(from.transform().copy());
-  grid->setGridClass(from.getGridClass());
-  return grid;
-}
-
-// A mask has no values: it is 1 where it is active.
-vdb::FloatGrid::Ptr OnesOf(const vdb::MaskGrid& mask) {
-  auto grid = vdb::FloatGrid::create(
-      std::make_shared<vdb::FloatTree>(mask.constTree(), 0.0f, 1.0f, vdb::TopologyCopy()));
-  grid->setTransform(mask.transform().copy());
-  return grid;
-}
-
-vdb::FloatGrid::Ptr Scalars(const vdb::GridBase::Ptr& grid) {
-  if (auto floats = vdb::gridPtrCast<vdb::FloatGrid>(grid)) return floats;
-  if (auto doubles = vdb::gridPtrCast<vdb::DoubleGrid>(grid)) {
-    return Converted<vdb::FloatGrid>(*doubles);
-  }
-  if (auto numbers = vdb::gridPtrCast<vdb::Int32Grid>(grid)) {
-    return Converted<vdb::FloatGrid>(*numbers);
-  }
-  if (auto numbers = vdb::gridPtrCast<vdb::Int64Grid>(grid)) {
-    return Converted<vdb::FloatGrid>(*numbers);
-  }
-  if (auto flags = vdb::gridPtrCast<vdb::BoolGrid>(grid)) {
-    return Converted<vdb::FloatGrid>(*flags);
-  }
-  return OnesOf(*vdb::gridPtrCast<vdb::MaskGrid>(grid));
-}
 
 // The transform of a grid of cubes that covers the active voxels of a grid on other axes, as fine
 // as its finest voxel, or as kResampledCellsMax allows. Null if there is none.
@@ -349,16 +179,6 @@ absl::StatusOr<VolumeBytes> VectorImageOf(const std::string& where, const std::s
   return ImageOf<vdb::Vec3IGrid>(where, name, vdb::gridPtrCast<vdb::Vec3IGrid>(grid), limits);
 }
 
-absl::Status NotReadable(const std::string& where, const vdb::io::GridDescriptor& descriptor) {
-  const std::string& type = descriptor.gridType();
-  const bool has_points =
-      absl::StartsWith(type, "Tree_ptdataidx") || absl::StartsWith(type, "Tree_ptidx");
-  return absl::InvalidArgumentError(
-      absl::StrCat(where, ": grid \"", descriptor.gridName(), "\" is a ", TypeName(descriptor),
-                   has_points ? ", which holds points, no values" : ", which OpenVDB does not know",
-                   "; grids of numbers and of vectors can be read: convert it"));
-}
-
 absl::StatusOr<std::vector<VolumeFileEntry>> List(const std::string& where, int file,
                                                   const VolumeLimits& limits) {
   Archive archive(file);
@@ -421,6 +241,10 @@ absl::StatusOr<VolumeBytes> GuardedRead(const std::string& where, int file, size
                                         const VolumeLimits& limits) {
   return Guarded(where, [&] { return Read(where, file, index, limits); });
 }
+absl::StatusOr<VolumeSurface> GuardedSurface(const std::string& where, int file, size_t index,
+                                             float isovalue, const VolumeLimits& limits) {
+  return Guarded(where, [&] { return SurfaceOf(where, file, index, isovalue, limits); });
+}
 
 }  // namespace
 }  // namespace sheaf::volume
@@ -428,5 +252,6 @@ absl::StatusOr<VolumeBytes> GuardedRead(const std::string& where, int file, size
 extern "C" {
 extern const sheaf::volume::VdbLibrary sheaf_vdb_library;
 const sheaf::volume::VdbLibrary sheaf_vdb_library = {.list = sheaf::volume::GuardedList,
-                                                     .read = sheaf::volume::GuardedRead};
+                                                     .read = sheaf::volume::GuardedRead,
+                                                     .surface = sheaf::volume::GuardedSurface};
 }

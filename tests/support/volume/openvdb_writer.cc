@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume/volume_writers.h"
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpragmas"
@@ -38,7 +38,7 @@ openvdb::math::Transform::Ptr MakeTransform(const GridToWrite& grid, const VdbOp
   }
   auto transform = openvdb::math::Transform::createLinearTransform(grid.voxel_size);
   if (options.has_affine_rotation) transform->preRotate(0.5, openvdb::math::Y_AXIS);
-  transform->postTranslate(openvdb::Vec3d(0.5));
+  transform->postTranslate(openvdb::Vec3d(grid.offset));
   return transform;
 }
 

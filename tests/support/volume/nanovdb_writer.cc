@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/support/volume_writers.h"
+#include "tests/support/volume/volume_writers.h"
 
 #define NANOVDB_USE_ZIP
 #define NANOVDB_USE_BLOSC
