@@ -229,8 +229,8 @@ Measured Measure(const VolumeSurface& surface, const Vec3d& center) {
     const Vec3d out = surface.positions[i] - center;
     measured.radius_min = std::min(measured.radius_min, Length(out));
     measured.radius_max = std::max(measured.radius_max, Length(out));
-    measured.normal_error_max = std::max(
-        measured.normal_error_max, Length(ToDouble(surface.normals[i]) - out / Length(out)));
+    measured.normal_error_max = std::max(measured.normal_error_max,
+                                         Length(ToDouble(surface.normals[i]) - out / Length(out)));
   }
   return measured;
 }
@@ -286,7 +286,9 @@ TEST_F(VdbFileTest, RefusesSurfacesOfOtherGrids) {
   const std::string both = VdbFile({vectors, {.value = Lumps}}, {});
   EXPECT_THAT(message(both, "vel"), HasSubstr("ball.vdb: grid \"vel\" is a Tree_vec3s_5_4_3, which "
                                               "has no surface; name a grid of numbers"));
-  EXPECT_THAT(message(both, ""), HasSubstr("no grid \"\"; there are: \"vel\""));
+  EXPECT_THAT(message(both, ""),
+              HasSubstr("ball.vdb: has 2 grids, none without a name; name the one "
+                        "that is meant (gridname): \"vel\" (Tree_vec3s_5_4_3), "));
   EXPECT_EQ(message(both, "density"), "");
   EXPECT_THAT(message(both, "density", {.grid_bytes_max = 1000}), HasSubstr("(grid_bytes_max)"));
   EXPECT_THAT(message(testing::NvdbFile({{.value = Lumps}}, testing::NvdbCodec::kNone), ""),

@@ -15,6 +15,13 @@ namespace {
 
 constexpr uint64_t kNanovdbMagic = 0x304244566f6e614e;  // "NanoVDB0".
 
+template <typename Entry>
+std::string JoinNames(const std::vector<Entry>& entries) {
+  return absl::StrJoin(entries, ", ", [](std::string* out, const Entry& entry) {
+    absl::StrAppend(out, "\"", entry.name, "\" (", entry.type_name, ")");
+  });
+}
+
 // The place of the first grid of that name.
 template <typename Entry>
 absl::StatusOr<size_t> Find(const std::string& file_name, const std::vector<Entry>& entries,
@@ -22,11 +29,8 @@ absl::StatusOr<size_t> Find(const std::string& file_name, const std::vector<Entr
   for (size_t i = 0; i < entries.size(); ++i) {
     if (entries[i].name == grid_name) return i;
   }
-  return absl::NotFoundError(absl::StrCat(
-      file_name, ": no grid \"", grid_name,
-      "\"; there are: ", absl::StrJoin(entries, ", ", [](std::string* out, const Entry& entry) {
-        absl::StrAppend(out, "\"", entry.name, "\" (", entry.type_name, ")");
-      })));
+  return absl::NotFoundError(
+      absl::StrCat(file_name, ": no grid \"", grid_name, "\"; there are: ", JoinNames(entries)));
 }
 
 struct OpenFile {
@@ -99,8 +103,13 @@ absl::StatusOr<VolumeSurface> ReadVolumeSurface(const std::string& file_name,
   if (!file.ok()) return file.status();
   const auto entries = ListVdb(**file);
   if (!entries.ok()) return entries.status();
-  absl::StatusOr<size_t> index = 0;
-  if (!grid_name.empty() || entries->size() != 1) index = Find(file_name, *entries, grid_name);
+  const bool is_only = grid_name.empty() && entries->size() == 1;
+  const absl::StatusOr<size_t> index = is_only ? 0 : Find(file_name, *entries, grid_name);
+  if (!index.ok() && grid_name.empty()) {
+    return absl::NotFoundError(absl::StrCat(file_name, ": has ", entries->size(),
+                                            " grids, none without a name; name the one that is ",
+                                            "meant (gridname): ", JoinNames(*entries)));
+  }
   if (!index.ok()) return index.status();
   auto surface = (*file)->Surface(*index, isovalue);
   if (!surface.ok()) return surface.status();
