@@ -1,0 +1,152 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneDescription + RenderPlan > CompiledScene.
+#include "worker/render/scene/compile_tables.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "common/base/log.h"
+#include "worker/render/scene/scene_baker.h"
+
+namespace sheaf::render {
+namespace {
+
+// Makes every hit compute its parameters, whether or not a texture reads them.
+void WantParameters(SceneGeometry* geometry) {
+  for (GeometryGroup& group : geometry->groups) {
+    for (BakedMesh& mesh : group.meshes) mesh.surface.reads_textures = true;
+    for (BakedQuadric& quadric : group.quadrics) quadric.surface.reads_textures = true;
+    for (BakedPatches& patches : group.patches) patches.surface.reads_textures = true;
+  }
+}
+
+// Builds the table of media, and finds the light group of their emission.
+absl::Status BuildMedia(FileSource& files, CompileInput* input, CompiledScene* scene) {
+  absl::StatusOr<std::unique_ptr<MediumTable>> media =
+      MediumTable::Build(scene->description, scene->geometry, std::move(input->velocities), files,
+                         {Has(scene->plan.traits, Trait::kSpectral), input->threads,
+                          input->techniques.bound_media_once});
+  if (!media.ok()) return media.status();
+  (*media)->ChooseEquiangular(*scene->lights, input->techniques.equiangular_mode);
+  scene->media = *std::move(media);
+  scene->majorant_factor = input->techniques.majorant_factor;
+  const std::vector<std::string>& groups = scene->settings.outputs.light_groups;
+  scene->media_group = static_cast<uint32_t>(
+      std::find(groups.begin(), groups.end(), kDefaultLightGroup) - groups.begin());
+  return absl::OkStatus();
+}
+
+// Builds the table of lights, and assigns their groups.
+absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
+                         LightTableInput emitters, CompiledScene* scene) {
+  emitters.spectral = Has(scene->plan.traits, Trait::kSpectral);
+  emitters.splits = Has(scene->plan.traits, Trait::kLightSplits);
+  emitters.choose_evenly = techniques.choose_lights_evenly;
+  absl::StatusOr<std::unique_ptr<LightTable>> lights =
+      LightTable::Build(scene->description, std::move(emitters), files);
+  if (!lights.ok()) return lights.status();
+  scene->lights = *std::move(lights);
+  const FilmOutputs& outputs = scene->settings.outputs;
+  if (!outputs.light_groups.empty() && !outputs.light_paths) {
+    scene->lights->AssignGroups(scene->description, outputs.light_groups);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status BuildTechniques(CompiledScene* scene) {
+  const FrameSettings& settings = scene->settings;
+  if (IsGuided(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
+  if (!HasLightPaths(settings.techniques)) return absl::OkStatus();
+  if (settings.similarity_after > 0) {
+    return absl::InvalidArgumentError(
+        "light paths cannot be combined with similarity, whose media depend on the number of "
+        "scatterings from the camera: use techniques camera, or no similarity");
+  }
+  const Vec3d lower = ToDouble(scene->geometry.bounds_lower),
+              upper = ToDouble(scene->geometry.bounds_upper);
+  double media_power = 0;
+  if (scene->media && Has(scene->plan.traits, Trait::kEmissiveMedia)) {
+    scene->emission_points =
+        std::make_unique<EmissionPoints>(scene->media->MakeEmissionPoints(scene->geometry));
+    media_power = scene->emission_points->power();
+  }
+  scene->emission = std::make_unique<LightEmission>(*scene->lights, 0.5 * (lower + upper),
+                                                    0.5 * Length(upper - lower), media_power);
+  scene->light_paths_per_pass =
+      static_cast<double>(settings.width_px) * static_cast<double>(settings.height_px);
+  scene->light_paths_alone = settings.techniques == Techniques::kLight;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<CompiledScene>> CompileTables(SceneDescription description,
+                                                             const FrameSettings& settings,
+                                                             FileSource& files,
+                                                             CompileInput input) {
+  auto scene = std::make_unique<CompiledScene>();
+  scene->settings = settings;
+  scene->plan = std::move(input.plan);
+  scene->settings.max_depth = scene->plan.max_depth;
+  absl::StatusOr<EmissionMaps> maps = ReadEmissionMaps(description, files);
+  if (!maps.ok()) return maps.status();
+  absl::StatusOr<BakedScene> baked = BakeScene(&description, *std::move(maps));
+  if (!baked.ok()) return baked.status();
+  scene->description = std::move(description);
+  scene->geometry = std::move(baked->geometry);
+  if (settings.outputs.Has(Aov::kUv)) WantParameters(&scene->geometry);
+  if (settings.outputs.HasIds()) {
+    absl::StatusOr<SceneIds> ids = SceneIds::Make(scene->description, scene->geometry);
+    if (!ids.ok()) return ids.status();
+    scene->ids = *std::move(ids);
+  }
+  if (scene->geometry.degenerate_triangle_count > 0) {
+    LogWarning(absl::StrCat(
+        scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",
+        scene->geometry.degenerate_triangle_count, " triangles without area were skipped"));
+  }
+  absl::StatusOr<Camera> camera =
+      Camera::Make(scene->description, settings.width_px, settings.height_px,
+                   scene->geometry.render_origin_world, &files);
+  if (!camera.ok()) return camera.status();
+  scene->camera = *camera;
+  scene->camera.set_ray_start_radius(scene->geometry.radius_if_far);
+  absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
+  if (!filter.ok()) return filter.status();
+  scene->filter = *std::move(filter);
+  scene->film = FilmResponse::Make(scene->description.film, settings);
+  const bool spectral = Has(scene->plan.traits, Trait::kSpectral);
+  if (spectral) scene->wavelengths = WavelengthSampler(NarrowBandsOf(scene->description));
+  absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
+      MaterialTable::Build(scene->description, files,
+                           {input.texture_cache_bytes_max, spectral, settings.single_scattering});
+  if (!materials.ok()) return materials.status();
+  scene->materials = *std::move(materials);
+  if (absl::Status built =
+          BuildLights(files, input.techniques, std::move(baked->emitters), scene.get());
+      !built.ok()) {
+    return built;
+  }
+  scene->roulette_depth_min = input.techniques.roulette_depth_min;
+  if ((scene->plan.traits & kInsides) != 0) {
+    const absl::Status built = BuildMedia(files, &input, scene.get());
+    if (!built.ok()) return built;
+  }
+  scene->training_paths_first = input.techniques.training_paths_first;
+  if (absl::Status built = BuildTechniques(scene.get()); !built.ok()) return built;
+  if (Has(scene->plan.traits, Trait::kNestedDielectrics)) {
+    absl::StatusOr<std::unique_ptr<InteriorTable>> interiors =
+        InteriorTable::Build(scene->description, scene->media.get(), *scene->materials, spectral,
+                             settings.single_scattering, &scene->geometry);
+    if (!interiors.ok()) return interiors.status();
+    scene->interiors = *std::move(interiors);
+  }
+  return scene;
+}
+
+}  // namespace sheaf::render
