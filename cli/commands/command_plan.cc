@@ -7,16 +7,19 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
 #include "cli/job/camera_paths_check.h"
+#include "cli/job/input_check.h"
 #include "cli/job/opened_scene.h"
 #include "common/base/printable.h"
 #include "worker/render/ablation/plan_measurement.h"
 #include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/plan/render_plan.h"
 #include "worker/render/scene/memory_estimate.h"
+#include "worker/render/scene/scene_check.h"
 
 namespace sheaf::cli {
 namespace {
@@ -45,7 +48,7 @@ class PlanCommand : public Command {
   ExitCode Run() override {
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
-    const SceneDescription& scene = opened.file.read.scene;
+    SceneDescription& scene = opened.file.read.scene;
     const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
     std::optional<render::TechniqueMeasurement> techniques;
@@ -64,6 +67,10 @@ class PlanCommand : public Command {
       measurement = *std::move(measured);
     }
     const render::MemoryEstimate memory = render::EstimateMemory(scene, *opened.file.files);
+    if (!measure_) {  // Which compiles the scene.
+      absl::Status checked = CheckFiles(&scene, opened.settings, *opened.file.files);
+      if (!checked.ok()) return ReportSceneError(checked);
+    }
     if (json_) {
       PrintJson(plan, opened.settings, memory, measurement, techniques);
     } else {
@@ -78,6 +85,15 @@ class PlanCommand : public Command {
   }
 
  private:
+  // What a worker would find. Takes the scene, whose copy may be large.
+  static absl::Status CheckFiles(SceneDescription* scene, const FrameSettings& settings,
+                                 FileSource& files) {
+    absl::Status checked = InputChecks().Check(*scene, files);
+    if (checked.ok()) checked = render::CheckScene(std::move(*scene), settings, files);
+    // Without its library no image can be read; this is no error of the scene.
+    return absl::IsFailedPrecondition(checked) ? absl::OkStatus() : checked;
+  }
+
   static nlohmann::ordered_json MeasurementJson(const render::PlanMeasurement& measurement) {
     nlohmann::ordered_json json = {{"seconds", measurement.seconds},
                                    {"pixels", measurement.pixels},

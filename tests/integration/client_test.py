@@ -338,7 +338,7 @@ class ClientTest(ClientCase):
         jobs = self.farm.sheaf("list").stdout
         for text, place in ((twisted, line + 1), (bright, line)):
             scene = self.write("late.pbrt", SCENE + text)
-            for command in (("render",), ("submit",), ("submit", "--no-quote")):
+            for command in (("render",), ("submit",), ("submit", "--no-quote"), ("plan",)):
                 with self.subTest(text=text, command=command):
                     done = self.farm.sheaf(*command, scene, check=False, seconds=30)
                     said = self.expect(done, BAD_SCENE).stderr
