@@ -150,7 +150,9 @@ def told(step: Step) -> str:
 def run(controller: Controller, options: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+        # Ignored ones stay so: a script's command in the background ignores SIGINT.
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: stop.set())
     last, failed = "", ""
     while True:
         try:
@@ -163,7 +165,13 @@ def run(controller: Controller, options: argparse.Namespace) -> int:
         except (FarmError, EngineError) as error:
             if str(error) != failed:
                 LOG.warning("%s", error)
-            failed = str(error)
+            failed = str(error) or type(error).__name__
+        except Exception as error:
+            # A pool whose autoscaler has ended neither grows nor shrinks.
+            text = f"{type(error).__name__}: {error}"
+            if text != failed:
+                LOG.exception("a defect of sheaf-autoscaler; it tries again. Please report it")
+            failed = text
         if options.once or stop.wait(options.look_every):
             return 1 if options.once and failed else 0
 

@@ -84,7 +84,7 @@ class ThreadUse:
             self._since = self._last = look
             return
         before = sum(w.threads for w in self._last.workers if w.lease_count >= w.threads)
-        self._thread_seconds += before * max(0.0, look.time - self._last.time)
+        self._thread_seconds += before * max(0.0, look.steady - self._last.steady)
         self._last = look
         if self._thread_seconds < MEASURED_THREAD_SECONDS_MIN:
             return
@@ -114,20 +114,21 @@ class Controller:
     def step(self) -> Step:
         """Looks, decides and acts once. Raises FarmError and EngineError; call it again then."""
         look = self._farm.look()
-        count = self._engine.count()
         self._thread_use.note(look)
         ours, others = self._split(look)
+        # Whichever sees more: an engine that was asked wrongly must not make the pool grow.
+        count = max(self._engine.count(), len(ours))
         leaving = [worker for worker in ours if worker.leaving]
         staying = max(0, count - len(leaving))
         want = self._wanted(look, others)
         target = self._target(want, ours, others)
-        self._note_target(look.time, target, staying)
+        self._note_target(look.steady, target, staying)
         step = Step(want, staying, target)
         self._note_losses(look, staying, bool(ours))
         if target > staying:
             step = self._grow(step, look, count, leaving)
         keep = max(value for _, value in self._targets)
-        if staying > keep or look.time - self._inspected >= INSPECT_SECONDS:
+        if staying > keep or look.steady - self._inspected >= INSPECT_SECONDS:
             step = self._shrink(step, look, ours, keep)
         self._expected = staying + step.grown + step.kept - len(step.ended) - len(step.drained)
         return step
@@ -171,7 +172,7 @@ class Controller:
         self._is_tried = True
         self._grow_wait = min(GROW_WAIT_SECONDS_MAX,
                               max(GROW_WAIT_SECONDS_MIN, 2 * self._grow_wait))
-        self._grow_after = look.time + self._grow_wait
+        self._grow_after = look.steady + self._grow_wait
         LOG.warning("%d instances ended before their workers connected; asking for others in "
                     "%.0f s. The log of a worker says why it ended", lost, self._grow_wait)
 
@@ -182,14 +183,14 @@ class Controller:
             self._farm.undrain(kept)
         # Those that leave hold machines until they have gone.
         more = min(missing - len(kept), self._bounds.workers_max - count)
-        if more <= 0 or look.time < self._grow_after:
+        if more <= 0 or look.steady < self._grow_after:
             return dataclasses.replace(step, kept=len(kept))
         self._engine.grow(more)
         self._is_tried = False
         return dataclasses.replace(step, grown=more, kept=len(kept))
 
     def _shrink(self, step: Step, look: Look, ours: Sequence[WorkerState], keep: int) -> Step:
-        self._inspected = look.time
+        self._inspected = look.steady
         instances = self._engine.describe()
         by_tag = {tag: worker for worker in ours for tag in worker.tags}
         ended = [i.name for i in instances if self._is_broken(i, by_tag)]

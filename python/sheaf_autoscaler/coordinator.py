@@ -54,7 +54,8 @@ class CoordinatorReader:
             workers = self._client.list_workers()
         except sheaf.SheafError as error:
             raise FarmError(str(error)) from error
-        return Look(time.time(), tuple(works_of([j for j in jobs if self._is_for_pool(j)])),
+        return Look(time.time(), time.monotonic(),
+                    tuple(works_of([j for j in jobs if self._is_for_pool(j)])),
                     tuple(_state_of(w) for w in workers
                           if w.message.pool == self._pool and w.state in _WORKING),
                     self._cpu_seconds_done)

@@ -29,7 +29,7 @@ class LocalEngine:
     def __init__(self, pool: str, command: Sequence[str], log_path: str) -> None:
         self._prefix = f"{INSTANCE_PREFIX}local.{pool}."
         self._command, self._log_path = list(command), log_path
-        self._children: list[subprocess.Popen[bytes]] = []
+        self._children: dict[str, subprocess.Popen[bytes]] = {}  # By the name of the instance.
 
     def count(self) -> int:
         return len(self._processes())
@@ -37,16 +37,17 @@ class LocalEngine:
     def grow(self, count: int) -> None:
         try:
             too_long = os.path.getsize(self._log_path) > LOG_BYTES_MAX
-        except FileNotFoundError:
+        except OSError:  # There is none yet, or opening it says what is wrong.
             too_long = False
         try:
             with open(self._log_path, "wb" if too_long else "ab") as log:
                 for _ in range(count):
-                    self._children.append(subprocess.Popen(
-                        [*self._command, "--tag", self._prefix + secrets.token_hex(4)],
-                        stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True))
-                    _wait_for_arguments(self._children[-1])
-        except OSError as error:
+                    name = self._prefix + secrets.token_hex(4)
+                    self._children[name] = subprocess.Popen(
+                        [*self._command, "--tag", name],
+                        stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
+                    _wait_for_arguments(self._children[name])
+        except (OSError, ValueError) as error:
             raise EngineError(f"a worker cannot be started: {error}; give --worker the program and "
                               "--log-file a file that can be written") from error
 
@@ -57,6 +58,9 @@ class LocalEngine:
                     os.kill(pid, signal.SIGTERM)
                 except ProcessLookupError:
                     continue
+                except OSError as error:
+                    raise EngineError(f"process {pid} cannot be stopped: {error}; it is a worker "
+                                      "of this pool that runs as another user") from error
 
     def describe(self) -> list[Instance]:
         now = time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -72,16 +76,23 @@ class LocalEngine:
         return instances
 
     def _processes(self) -> list[tuple[int, str]]:
-        self._children = [child for child in self._children if child.poll() is None]
+        self._children = {n: child for n, child in self._children.items() if child.poll() is None}
+        # A program that rewrites its arguments is found as a child only.
+        by_name = {name: child.pid for name, child in self._children.items()}
         # Between fork and exec a worker's child has the worker's arguments.
-        by_name: dict[str, int] = {}
         for pid, name in self._find():
-            by_name[name] = min(pid, by_name.get(name, pid))
+            if name not in self._children:
+                by_name[name] = min(pid, by_name.get(name, pid))
         return [(pid, name) for name, pid in by_name.items()]
 
     def _find(self) -> Iterator[tuple[int, str]]:
         own = os.getuid()
-        for entry in os.scandir("/proc"):
+        try:
+            entries = list(os.scandir("/proc"))
+        except OSError as error:
+            raise EngineError(f"/proc: cannot be listed: {error}; the local engine finds its "
+                              "workers there") from error
+        for entry in entries:
             if not entry.name.isdigit():
                 continue
             try:
