@@ -51,9 +51,20 @@ export class Live {
     follow<api.Job>('job', (job) => this.store.setJob(job));
     follow<api.Frame>('frame', (frame) => this.store.setFrame(frame));
     follow<api.Worker>('worker', (worker) => this.store.setWorker(worker));
+    follow<{name: string}>('job_removed', ({name}) => this.onRemoved(() => {
+      if (this.store.jobs.get(name)) this.store.removeJob(name);
+    }));
+    follow<{name: string}>(
+        'worker_removed', ({name}) => this.onRemoved(() => this.store.removeWorker(name)));
     source.addEventListener('reset', () => this.refresh());
     this.counterTimer =
         setInterval(() => this.attempt('loading counters', () => this.loadCounters()), COUNTERS_MS);
+  }
+
+  // A load that began before would bring it back.
+  private onRemoved(remove: () => void) {
+    remove();
+    if (this.loading) void this.refresh();
   }
 
   // The browser hands over all events that arrived at once in one task; they are read in several.

@@ -153,6 +153,12 @@ export class Store {
     this.touch('workers');
   }
 
+  removeWorker(name: string) {
+    const others = this.workers.sorted.filter((worker) => worker.name !== name);
+    this.workers.keepOnly(new Set(others.map((worker) => worker.name)));
+    this.touch('workers');
+  }
+
   setCounters(counters: Counter[]) {
     this.counters = counters;
     this.touch('counters');

@@ -272,6 +272,8 @@ std::string FailureJson(const std::string& job_id, const FailureView& view) {
   });
 }
 
+std::string NameJson(const std::string& name) { return Dump({{"name", name}}); }
+
 std::string WorkerJson(const WorkerView& worker) {
   Json leases = Json::array();
   for (const LeaseView& lease : worker.leases) {

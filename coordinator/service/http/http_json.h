@@ -25,6 +25,8 @@ std::string RemovalJson(const RemovalView& removal);
 // One of a job's failures.
 std::string FailureJson(const std::string& job_id, const FailureView& view);
 std::string WorkerJson(const WorkerView& worker);
+// {"name":"jobs/7"}.
+std::string NameJson(const std::string& name);
 
 // {"KEY": [objects...], "next_page_token": "..."}.
 // Requires: each of `objects` is JSON.

@@ -6,6 +6,8 @@
 #include "coordinator/service/http/http_watch.h"
 
 #include <algorithm>
+#include <set>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -18,13 +20,13 @@ namespace {
 
 std::string Mark(const JobView& job) {
   const PreviewFrame preview_frame = job.preview_frame.value_or(PreviewFrame());
-  return absl::StrCat(
-      static_cast<int>(job.state), " ", job.priority, " ", job.progress.sample_count_done, " ",
-      job.frame_complete_count, " ", job.frame_incomplete_count, " ", job.training_frame_count, " ",
-      preview_frame.frame_number, " ", preview_frame.preview_version, " ",
-      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.warning, " ", job.failure,
-      job.pinned ? " pinned" : "",
-      job.parts_removed_time == absl::InfiniteFuture() ? "" : " without parts");
+  return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
+                      job.progress.sample_count_done, " ", job.frame_complete_count, " ",
+                      job.frame_incomplete_count, " ", job.training_frame_count, " ",
+                      preview_frame.frame_number, " ", preview_frame.preview_version, " ",
+                      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.warning, " ",
+                      job.failure, job.pinned ? " pinned" : "",
+                      job.parts_removed_time == absl::InfiniteFuture() ? "" : " without parts");
 }
 
 std::string Mark(const FrameView& frame) {
@@ -60,17 +62,37 @@ void FarmDifference::Publish(const FarmView& farm) {
   const bool watched = hub_->ReaderCount() > 0;
   // Frames are compared only while there are viewers. Later viewers fetch them after subscribing.
   if (!watched) frames_.clear();
-  for (const JobView& job : farm.ListJobs()) {
+  const std::vector<JobView> jobs = farm.ListJobs();
+  for (const JobView& job : jobs) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
     hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
     // A failed job may be tried again, and its frames then lose what viewers have seen of them.
     if (HasEnded(job.state) && job.state != JobState::kFailed) frames_.erase(job.job_id);
   }
-  for (const WorkerView& worker : farm.ListWorkers()) {
+  const std::vector<WorkerView> workers = farm.ListWorkers();
+  for (const WorkerView& worker : workers) {
     if (!Differs(&workers_, worker.worker_id, Mark(worker)) || !watched) continue;
     hub_->Publish({"worker", absl::StrCat("workers/", worker.worker_id), WorkerJson(worker)});
   }
+  if (jobs_.size() > jobs.size()) PublishRemoved("job", jobs, &JobView::job_id, &jobs_);
+  if (workers_.size() > workers.size()) {
+    PublishRemoved("worker", workers, &WorkerView::worker_id, &workers_);
+  }
+}
+
+template <typename View>
+void FarmDifference::PublishRemoved(const std::string& kind, const std::vector<View>& present,
+                                    std::string View::*id, Marks* marks) {
+  std::set<std::string> ids;
+  for (const View& view : present) ids.insert(view.*id);
+  std::erase_if(*marks, [&](const auto& mark) {
+    if (ids.contains(mark.first)) return false;
+    const std::string name = absl::StrCat(kind, "s/", mark.first);
+    hub_->Publish({kind + "_removed", name, NameJson(name)});
+    frames_.erase(mark.first);
+    return true;
+  });
 }
 
 void FarmDifference::PublishFrames(const FarmView& farm, const std::string& job_id) {

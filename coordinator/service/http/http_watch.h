@@ -11,6 +11,7 @@
 #include <map>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "coordinator/service/http/event_stream.h"
 #include "coordinator/service/view/farm_view.h"
@@ -35,6 +36,10 @@ class FarmDifference {
   // Keys of objects and, as text, the properties whose changes are published.
   using Marks = std::map<std::string, std::string>;
   void PublishFrames(const FarmView& farm, const std::string& job_id);
+  // Of what is gone: jobs were deleted or went by the limits, workers have been away for long.
+  template <typename View>
+  void PublishRemoved(const std::string& kind, const std::vector<View>& present,
+                      std::string View::*id, Marks* marks);
 
   EventHub* const hub_;
   Marks jobs_;

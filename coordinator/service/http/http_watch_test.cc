@@ -61,6 +61,33 @@ TEST_F(HttpWatchTest, FramesThatAreTriedAgainAreChanged) {
   EXPECT_EQ(reader->Take(), "");
 }
 
+TEST_F(HttpWatchTest, WhatIsGoneIsPublished) {
+  FarmDifference difference(&hub_);
+  const auto reader = hub_.Subscribe();
+  difference.Publish(farm_);
+  reader->Take();
+  farm_.jobs.erase(farm_.jobs.begin());  // jobs/2.
+  difference.Publish(farm_);
+  EXPECT_EQ(reader->Take(), "event: job_removed\ndata: {\"name\":\"jobs/2\"}\n\n");
+  farm_.workers.clear();
+  difference.Publish(farm_);
+  EXPECT_EQ(reader->Take(), "event: worker_removed\ndata: {\"name\":\"workers/w\"}\n\n");
+  difference.Publish(farm_);
+  EXPECT_EQ(reader->Take(), "");
+}
+
+TEST_F(HttpWatchTest, AJobThatGoesWhileAnotherComesIsPublished) {
+  FarmDifference difference(&hub_);
+  const auto reader = hub_.Subscribe();
+  difference.Publish(farm_);
+  reader->Take();
+  farm_.jobs[0] = MakeFakeJob("3");
+  difference.Publish(farm_);
+  const std::string events = reader->Take();
+  EXPECT_THAT(events, HasSubstr("event: job_removed\ndata: {\"name\":\"jobs/2\"}"));
+  EXPECT_THAT(events, HasSubstr("event: job\ndata: {\"name\":\"jobs/3\""));
+}
+
 TEST_F(HttpWatchTest, LateReadersGetLaterChanges) {
   FarmDifference difference(&hub_);
   difference.Publish(farm_);
