@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "coordinator/core/retention/aging_clock.h"
 #include "gtest/gtest.h"
 
 namespace sheaf::coordinator {
@@ -47,6 +48,29 @@ RetentionLimits NoLimits() {
   limits.unnamed_age_max = absl::InfiniteDuration();
   limits.free_bytes_min = 0;
   return limits;
+}
+
+TEST(AgingClockTest, AClockThatIsSetAheadAgesNothing) {
+  const absl::Time start = absl::FromUnixSeconds(1'700'000'000);
+  const absl::Duration boot = absl::Seconds(50);
+  const AgingClock clock(start, boot);
+  const auto at = [&](absl::Duration wall, absl::Duration passed) {
+    return clock.At(start + wall, boot + passed) - start;
+  };
+  const absl::Duration month = absl::Hours(24 * 30), minute = absl::Minutes(1);
+  EXPECT_EQ(at(minute, minute), minute);
+  EXPECT_EQ(at(month, minute), minute) << "set ahead";
+  EXPECT_EQ(at(month, month), month) << "a month has passed";
+  EXPECT_EQ(at(-month, minute), -month) << "set back: what is there ages later";
+  EXPECT_EQ(clock.Ahead(start + month, boot + minute), month - minute);
+
+  // The parts of a job that ended before the jump.
+  KeptItem parts;
+  parts.job_id = 1;
+  parts.size_bytes = 1;
+  parts.unused_since = start;
+  EXPECT_EQ(DecideRemovals({parts}, {}, {}, start + month).size(), 1u);
+  EXPECT_EQ(DecideRemovals({parts}, {}, {}, clock.At(start + month, boot + minute)).size(), 0u);
 }
 
 TEST(RetentionTest, WithoutLimitsEverythingStays) {

@@ -170,7 +170,7 @@ class Farm : public FarmView {
   // Removes what the limits of retention say, and returns it. dry_run: only says what it would be.
   // Errors: those of the store.
   absl::StatusOr<std::vector<RemovalView>> CollectGarbage(bool dry_run) {
-    return keeper_.CollectForPeople(dry_run, absl::Now());
+    return keeper_.CollectForPeople(dry_run, keeper_.AgingNow());
   }
 
   // What jobs have taken and what is kept of them, of the query's owner or of all. Errors:

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/farm/upkeep/disk_keeper.h"
 
+#include <time.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <set>
@@ -24,6 +26,7 @@ constexpr absl::Duration kLookInterval = absl::Seconds(1);
 constexpr absl::Duration kFirstAgePass = absl::Seconds(10);
 constexpr absl::Duration kAgeIntervalMax = absl::Minutes(10);
 constexpr int kAgeIntervalsPerAge = 10;
+constexpr absl::Duration kClockStepTold = absl::Hours(1);
 // While nothing is left to remove, listing it again costs more than it brings.
 constexpr absl::Duration kOverInterval = absl::Seconds(10);
 // Walking through the directory takes no more than this fraction of the time.
@@ -56,6 +59,12 @@ std::string NameOf(const KeptItem& item) {
              : absl::StrCat(KeptKindName(item.kind), " of job ", item.job_id);
 }
 
+absl::Duration SinceBoot() {
+  timespec now{};
+  ::clock_gettime(CLOCK_BOOTTIME, &now);
+  return absl::DurationFromTimespec(now);
+}
+
 }  // namespace
 
 DiskKeeper::DiskKeeper(const FarmOptions& options, const Parts& parts)
@@ -67,6 +76,7 @@ DiskKeeper::DiskKeeper(const FarmOptions& options, const Parts& parts)
       blobs_(parts.blobs),
       previews_(parts.previews),
       lifecycle_(parts.lifecycle),
+      aging_(absl::Now(), SinceBoot()),
       next_age_pass_(SteadyTime::Now() + std::min(AgeInterval(), kFirstAgePass)) {}
 
 absl::Duration DiskKeeper::AgeInterval() const {
@@ -87,7 +97,7 @@ void DiskKeeper::Update() {
     is_due |= over.limit > 0 || over.free_space > 0;
   }
   if (!is_due) return;
-  const absl::Status collected = Collect(/*dry_run=*/false, absl::Now()).status();
+  const absl::Status collected = Collect(/*dry_run=*/false, AgingNow()).status();
   if (!collected.ok()) {
     LogError(absl::StrCat("keeping the disk within its limits: ", collected.message()));
   }
@@ -95,6 +105,21 @@ void DiskKeeper::Update() {
   const DiskUse use = Measure();
   NoteOver(use);
   if (is_over_) next_look_ = SteadyTime::Now() + kOverInterval;
+}
+
+absl::Time DiskKeeper::AgingNow() {
+  const absl::Time wall = absl::Now();
+  const absl::Duration since_boot = SinceBoot();
+  const absl::Duration ahead = aging_.Ahead(wall, since_boot);
+  const bool is_ahead = ahead > kClockStepTold;
+  if (!is_ahead_.exchange(is_ahead) && is_ahead) {
+    LogWarning(
+        absl::StrCat("the clock of this machine has been set ahead by ",
+                     absl::FormatDuration(absl::Trunc(ahead + absl::Seconds(30), absl::Minutes(1))),
+                     "; what is stored ages as if it had not been. If the clock is right "
+                     "now, restart the coordinator"));
+  }
+  return aging_.At(wall, since_boot);
 }
 
 void DiskKeeper::NoteOver(const DiskUse& use) {

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -18,6 +19,7 @@
 #include "common/base/mutex.h"
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
+#include "coordinator/core/retention/aging_clock.h"
 #include "coordinator/core/retention/retention.h"
 #include "coordinator/core/usage/owner_bytes.h"
 #include "coordinator/service/farm/farm_options.h"
@@ -50,6 +52,8 @@ class DiskKeeper {
 
   // Removes what the limits say. Cheap where nothing is due.
   void Update();
+  // The time by which things age, for Collect. Warns when the wall clock has been set ahead.
+  absl::Time AgingNow();
   // Returns the things that the limits remove now; removes them unless dry_run. Errors: those
   // of the store.
   absl::StatusOr<std::vector<Removal>> Collect(bool dry_run, absl::Time now);
@@ -116,6 +120,9 @@ class DiskKeeper {
   const BlobStore& blobs_;
   RoundPreviews& previews_;
   JobLifecycle& lifecycle_;
+
+  const AgingClock aging_;
+  std::atomic<bool> is_ahead_ = false;  // Whether the wall clock was, at the last look.
 
   mutable Mutex mutex_;  // Held by one pass at a time. Taken before those of JobLifecycle.
   // Files by scene, as read from manifests, of the scenes that jobs name.

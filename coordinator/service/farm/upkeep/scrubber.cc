@@ -43,12 +43,12 @@ const char* Scrubber::KindName(Kind kind) {
 }
 
 void Scrubber::Run(const std::stop_token& stop) {
-  absl::Time next_pass = absl::Now() + kFirstPause;
+  SteadyTime next_pass = SteadyTime::Now() + kFirstPause;
   while (SleepUnlessStopped(kLookAgainInterval, stop)) {
     LookAgain();
-    if (absl::Now() < next_pass) continue;
+    if (SteadyTime::Now() < next_pass) continue;
     if (!Pass(stop)) return;
-    next_pass = absl::Now() + kPassPause;
+    next_pass = SteadyTime::Now() + kPassPause;
   }
 }
 
@@ -197,8 +197,8 @@ void Scrubber::NoteDamage(Kind kind, const std::string& name, std::function<Stat
 }
 
 void Scrubber::LookAgain() {
-  if (damaged_.empty() || absl::Now() < next_look_) return;
-  next_look_ = absl::Now() + kLookAgainInterval;
+  if (damaged_.empty() || SteadyTime::Now() < next_look_) return;
+  next_look_ = SteadyTime::Now() + kLookAgainInterval;
   for (auto it = damaged_.begin(); it != damaged_.end();) {
     const State state = it->second();
     if (state == State::kDamaged) {

@@ -21,6 +21,7 @@
 
 #include "absl/time/time.h"
 #include "common/base/mutex.h"
+#include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
 #include "coordinator/service/farm/delivered_images.h"
 #include "coordinator/service/farm/farm_tables.h"
@@ -83,7 +84,7 @@ class Scrubber {
   const uint64_t bytes_per_second_;
   const Parts parts_;
   std::map<std::pair<Kind, std::string>, std::function<State()>> damaged_;
-  absl::Time next_look_ = absl::InfinitePast();
+  SteadyTime next_look_ = SteadyTime::InfinitePast();
 
   mutable Mutex mutex_;
   uint64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -1,0 +1,33 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// AgingClock: the time by which stored things age. Their stamps are of the wall clock, which
+// somebody may set a month ahead by mistake, and what has been removed does not come back.
+#pragma once
+
+#include <algorithm>
+
+#include "absl/time/time.h"
+
+namespace sheaf::coordinator {
+
+class AgingClock {
+ public:
+  // since_boot: of CLOCK_BOOTTIME, which nobody sets and which runs on while a machine sleeps.
+  // Requires: the wall clock is right now.
+  AgingClock(absl::Time wall, absl::Duration since_boot) : boot_(wall - since_boot) {}
+
+  // The wall clock, but never later than it would be had nobody set it.
+  absl::Time At(absl::Time wall, absl::Duration since_boot) const {
+    return std::min(wall, boot_ + since_boot);
+  }
+  // How far the wall clock has been set ahead; negative if it was set back.
+  absl::Duration Ahead(absl::Time wall, absl::Duration since_boot) const {
+    return wall - boot_ - since_boot;
+  }
+
+ private:
+  absl::Time boot_;
+};
+
+}  // namespace sheaf::coordinator
