@@ -10,8 +10,8 @@ namespace sheaf::cli {
 
 enum class ExitCode : int {
   kOk = 0,
-  // The job failed, compared images differ by more than the tolerance, or a task failed as its
-  // bundle records.
+  // The job failed, compared images differ by more than the tolerance, a task failed as its bundle
+  // records, or the coordinator refused the call: there is no such job, say.
   kFailed = 1,
   kUsage = 2,
   kUnreachable = 3,  // The coordinator does not answer.
@@ -24,8 +24,9 @@ enum class ExitCode : int {
 
 // The lines of sheaf --help that list the exit codes.
 inline constexpr const char* kExitCodeHelp =
-    "Exit codes: 0 done; 1 the job or task failed, or images differ; 2 wrong usage;\n"
-    "3 the coordinator does not answer; 4 the scene has errors; 5 the job was cancelled; 6 a file\n"
+    "Exit codes: 0 done; 1 the job or task failed or does not exist, or images differ; 2 wrong\n"
+    "usage; 3 the coordinator does not answer; 4 the scene has errors; 5 the job was cancelled; 6 "
+    "a file\n"
     "cannot be read or written; 7 a task failed otherwise than its bundle records;\n"
     "130 interrupted.";
 

@@ -93,7 +93,10 @@ std::string FormatProgress(const v1::Job& job) {
     absl::StrAppend(&text, absl::StrFormat(", error (relMSE) %.1e", progress.relative_mse()));
   }
   const double wall_seconds = Seconds(progress.wall_duration());
-  if (wall_seconds > 0 && progress.sample_count_done() > 0) {
+  // Samples that came with an image were rendered in other time.
+  const bool is_rendered = std::ranges::none_of(
+      job.frames(), [](const v1::Frame& frame) { return frame.spec().has_resumed_image(); });
+  if (is_rendered && wall_seconds > 0 && progress.sample_count_done() > 0) {
     absl::StrAppend(&text, ", ",
                     FormatCount(static_cast<double>(progress.sample_count_done()) / wall_seconds),
                     " samples/s");

@@ -54,6 +54,14 @@ TEST(ProgressLineTest, TimeLeftHasABandAndSaysWhatOtherJobsTake) {
               HasSubstr(", 52:00 left (45:00 to 1:00:00; 4:00 without other jobs)"));
 }
 
+TEST(ProgressLineTest, SamplesOfAnotherJobHaveNoRate) {
+  v1::Job job = HalfDone();
+  job.add_frames();
+  EXPECT_THAT(FormatProgress(job), HasSubstr("samples/s"));
+  job.mutable_frames(0)->mutable_spec()->mutable_resumed_image()->set_size_bytes(1);
+  EXPECT_EQ(FormatProgress(job), "50.0 %");
+}
+
 TEST(ProgressLineTest, ReportsAPausedJob) {
   v1::Job job = HalfDone();
   job.set_state(v1::Job::STATE_PAUSED);

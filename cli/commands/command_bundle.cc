@@ -31,7 +31,8 @@ class BundleCommand : public FarmCommand {
     command
         ->add_option("JOB", target_,
                      "The job, as in jobs/7 or 7, or with a frame and a task of it, as in 7:12:3")
-        ->required();
+        ->required()
+        ->check(IsText());
     CLI::Option* frame = command->add_option("--frame", frame_, "The frame");
     command->add_option("--task", task_, "The task of the frame, as sheaf show numbers them")
         ->needs(frame);

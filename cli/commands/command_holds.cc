@@ -85,8 +85,10 @@ class ApproveCommand : public ControlCommand {
 class WorkerCommand : public FarmCommand {
  protected:
   void AddWorkers(CLI::App* command) {
-    command->add_option("WORKER", workers_, "The workers, as sheaf workers lists them");
-    command->add_option("--all-of-host", host_, "All workers of this host that are connected now");
+    command->add_option("WORKER", workers_, "The workers, as sheaf workers lists them")
+        ->check(IsText());
+    command->add_option("--all-of-host", host_, "All workers of this host that are connected now")
+        ->check(IsText());
   }
   // Names without the collection, as people copy them from the list.
   template <typename Request>

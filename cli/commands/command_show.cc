@@ -5,6 +5,7 @@
 // terminals that can show one.
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
@@ -13,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
@@ -26,6 +28,7 @@
 #include "cli/progress_line.h"
 #include "common/base/memory_room.h"
 #include "common/base/printable.h"
+#include "common/base/surroundings/local_time.h"
 #include "common/film/denoised_output.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
@@ -92,8 +95,7 @@ void PrintWaiting(const v1::Job& job) {
 std::string KeptText(const v1::Job& job) {
   if (job.has_parts_removed_time()) {
     const absl::Time time = absl::FromUnixSeconds(job.parts_removed_time().seconds());
-    return absl::StrCat("parts removed on ",
-                        absl::FormatTime("%Y-%m-%d", time, absl::LocalTimeZone()),
+    return absl::StrCat("parts removed on ", absl::FormatTime("%Y-%m-%d", time, LocalZone()),
                         ": sheaf refine continues from its image", job.pinned() ? "; pinned" : "");
   }
   return job.pinned() ? "pinned: all, until sheaf unpin" : "as the coordinator's limits say";
@@ -102,7 +104,7 @@ std::string KeptText(const v1::Job& job) {
 // Says until when the job should be done, and whether it will be, by the band of its time left.
 std::string DeadlineText(const v1::Job& job) {
   const absl::Time deadline = absl::FromUnixSeconds(job.deadline().time().seconds());
-  std::string text = absl::FormatTime("%Y-%m-%d %H:%M", deadline, absl::LocalTimeZone());
+  std::string text = absl::FormatTime("%Y-%m-%d %H:%M", deadline, LocalZone());
   const v1::Progress& progress = job.progress();
   if (job.has_end_time() || !progress.has_remaining_duration_high()) return text;
   const double left = absl::ToDoubleSeconds(deadline - absl::Now());
@@ -297,7 +299,7 @@ class ShowCommand : public FarmCommand {
         graphics_ = TerminalGraphics::kNone;
       }
     }
-    if (!target_.ends_with(".exr")) return FarmCommand::Run();
+    if (!absl::EndsWithIgnoreCase(target_, ".exr")) return FarmCommand::Run();
     const absl::StatusOr<FrameImage> image = ReadFrameImage(target_);
     if (!image.ok()) return ReportError(ExitCode::kFile, image.status());
     PrintFile(target_, *image, json());
@@ -308,6 +310,9 @@ class ShowCommand : public FarmCommand {
   ExitCode RunWith(FarmClient* client) override {
     const absl::StatusOr<v1::Job> job = client->GetJob(JobName(target_));
     if (!job.ok()) return ReportCallError(job.status());
+    if (absl::Status status = CheckFrame(*job); !status.ok()) {
+      return ReportError(ExitCode::kFailed, status);
+    }
     if (json()) {
       std::printf("%s\n", JobJson(*job).c_str());
     } else {
@@ -341,6 +346,21 @@ class ShowCommand : public FarmCommand {
     if (graphics_name_ == kAuto && graphics_ == TerminalGraphics::kNone) {
       graphics_ = TerminalGraphics::kBlocks;
     }
+  }
+
+  // Errors: kNotFound, if the job has no such frame, be it finished or not.
+  absl::Status CheckFrame(const v1::Job& job) const {
+    const auto is_asked = [this](const v1::Frame& frame) {
+      return frame.spec().frame_number() == *frame_number_;
+    };
+    if (!frame_number_ || std::ranges::any_of(job.frames(), is_asked)) return absl::OkStatus();
+    std::string numbers;
+    for (const int at : {0, job.frames_size() - 1}) {
+      const int number = job.frames(at).spec().frame_number();
+      absl::StrAppend(&numbers, numbers.empty() ? "" : " to ", number);
+    }
+    return absl::NotFoundError(
+        absl::StrCat(job.name(), ": has no frame ", *frame_number_, ", only ", numbers));
   }
 
   // The requested frame or, without a request, the last frame that has an image. Null if there is

@@ -4,6 +4,7 @@
 // sheaf submit: reads scenes on this machine, uploads the blobs that the farm lacks and creates the
 // job; with --wait, stays until the job has ended.
 #include <cstdio>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -20,8 +21,12 @@
 #include "cli/message.h"
 #include "cli/quote/deadline.h"
 #include "cli/quote/quote.h"
+#include "common/base/status.h"
+#include "common/base/surroundings/local_time.h"
+#include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "coordinator/core/job.h"
+#include "coordinator/service/grpc/wire.h"
 #include "worker/render/ablation/plan_measurement.h"
 
 namespace sheaf::cli {
@@ -48,14 +53,17 @@ class SubmitCommand : public Command {
     command->add_flag("--wait", wait_, "Wait, then download the images");
     command->add_flag("--no-quote", no_quote_, "Do not print a quote first (see sheaf quote)")
         ->envname("SHEAF_NO_QUOTE");
-    command->add_option("--title", arguments_.title, "Title of the job (default: the file's name)");
+    command->add_option("--title", arguments_.title, "Title of the job (default: the file's name)")
+        ->check(IsText(coordinator::kTitleBytesMax));
     command->add_option("--priority", arguments_.priority, "Higher values run first")
         ->check(CLI::Range(-1000, 1000))
         ->capture_default_str();
     AddPlacementOptions(command, &arguments_);
-    command->add_option("--after", after_,
-                        "Wait until this job is delivered; with JOB:frames, each frame until the "
-                        "job's frame of its number is. May be given several times");
+    command
+        ->add_option("--after", after_,
+                     "Wait until this job is delivered; with JOB:frames, each frame until the "
+                     "job's frame of its number is. May be given several times")
+        ->check(IsText());
     command->add_option("--approve-after", approve_after_,
                         "Render so many samples per pixel, a power of two; the rest after sheaf "
                         "approve");
@@ -88,6 +96,9 @@ class SubmitCommand : public Command {
     if (absl::Status status = ReadDeadline(); !status.ok()) {
       return ReportError(ExitCode::kUsage, status);
     }
+    if (absl::Status status = ReadDependencies(); !status.ok()) {
+      return ReportError(ExitCode::kUsage, status);
+    }
     const absl::StatusOr<ViewTransform> view = OpenView(arguments_);
     if (!view.ok()) return ReportError(ExitCode::kUsage, view.status());
     const bool is_named =
@@ -112,6 +123,11 @@ class SubmitCommand : public Command {
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
     if (!channel.ok()) return ReportCallError(channel.status());
     FarmClient client(*channel, coordinator_.address, interruption.token());
+    // Before a scene is uploaded for nothing.
+    for (const v1::JobDependency& dependency : dependencies_) {
+      const absl::Status found = client.GetJob(dependency.job_name()).status();
+      if (!found.ok()) return ReportCallError(Annotate(found, "--after"));
+    }
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
     }
@@ -147,18 +163,27 @@ class SubmitCommand : public Command {
  private:
   void AddHolds(v1::CreateJobRequest* request) const {
     request->set_approve_after_samples(approve_after_);
+    request->mutable_dependencies()->Assign(dependencies_.begin(), dependencies_.end());
+  }
+
+  absl::Status ReadDependencies() {
+    std::set<std::string> names;
     for (const std::string& after : after_) {
       absl::string_view job = after;
-      v1::JobDependency& dependency = *request->add_dependencies();
+      v1::JobDependency& dependency = dependencies_.emplace_back();
       dependency.set_by_frame(absl::ConsumeSuffix(&job, kByFrame));
       dependency.set_job_name(JobName(std::string(job)));
+      if (!names.insert(dependency.job_name()).second) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            "--after ", after, ": ", dependency.job_name(), " is given twice; give it once"));
+      }
     }
+    return absl::OkStatus();
   }
 
   absl::Status ReadDeadline() {
     if (deadline_.empty()) return absl::OkStatus();
-    const absl::StatusOr<absl::Time> time =
-        ParseDeadline(deadline_, absl::Now(), absl::LocalTimeZone());
+    const absl::StatusOr<absl::Time> time = ParseDeadline(deadline_, absl::Now(), LocalZone());
     if (time.ok()) deadline_time_ = *time;
     return time.status();
   }
@@ -182,8 +207,7 @@ class SubmitCommand : public Command {
           "tells the time left");
       return absl::OkStatus();
     }
-    PrintInfo(JudgeDeadline(deadline_time_, absl::Now(), absl::LocalTimeZone(), *row,
-                            quote->thread_count));
+    PrintInfo(JudgeDeadline(deadline_time_, absl::Now(), LocalZone(), *row, quote->thread_count));
     if (row->cpu_seconds.value > 0) {
       deadline.mutable_cpu_seconds()->set_value(row->cpu_seconds.value);
       deadline.mutable_cpu_seconds()->set_low(row->cpu_seconds.low);
@@ -216,6 +240,7 @@ class SubmitCommand : public Command {
   std::string deadline_;
   absl::Time deadline_time_ = absl::InfiniteFuture();
   std::vector<std::string> after_;
+  std::vector<v1::JobDependency> dependencies_;  // Of after_.
   uint64_t approve_after_ = 0;
 };
 

@@ -11,6 +11,7 @@
 #include "cli/interruption.h"
 #include "cli/job/farm_channel.h"
 #include "cli/job/farm_client.h"
+#include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 
 namespace sheaf::cli {
@@ -36,7 +37,7 @@ class FarmCommand : public Command {
     return command;
   }
   void AddJob(CLI::App* command) {
-    command->add_option("JOB", job_, "The job, as in jobs/7 or 7")->required();
+    command->add_option("JOB", job_, "The job, as in jobs/7 or 7")->required()->check(IsText());
   }
   bool json() const { return json_; }
   std::string job_name() const { return JobName(job_); }

@@ -24,6 +24,8 @@ namespace {
 constexpr int kJobsPageSize = 1000;
 // For one attempt at a streaming call; a larger upload or download resumes in the next one.
 constexpr absl::Duration kAttemptDeadline = kStreamDeadline;
+// Between looks at a file that another client uploads.
+constexpr absl::Duration kSharedUploadWait = absl::Seconds(1);
 
 RetryEnvironment MakeEnvironment(std::stop_token stop) {
   RetryEnvironment environment = SystemRetryEnvironment();
@@ -424,8 +426,10 @@ absl::Status FarmClient::Upload(const BlobSource& blob,
         if (complete) return absl::OkStatus();
         absl::Status sent = UploadOnce(context, blob, offset_bytes, on_progress);
         if (absl::IsAlreadyExists(sent)) return absl::OkStatus();
-        // Another client uploads the same blob: retry, which queries its progress again.
-        if (absl::IsOutOfRange(sent)) return absl::UnavailableError(sent.message());
+        // Retry, which queries its progress again.
+        if (absl::IsOutOfRange(sent)) {
+          return RetryAfterError("another client uploads the same file", kSharedUploadWait);
+        }
         return sent;
       },
       kAttemptDeadline);

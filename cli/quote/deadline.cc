@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/surroundings/local_time.h"
 #include "coordinator/core/work_left.h"
 
 namespace sheaf::cli {
@@ -15,6 +16,15 @@ namespace {
 std::string ClockText(absl::Time time, absl::Time now, absl::TimeZone zone) {
   const bool is_today = absl::ToCivilDay(time, zone) == absl::ToCivilDay(now, zone);
   return absl::FormatTime(is_today ? "%H:%M" : "%Y-%m-%d %H:%M", time, zone);
+}
+
+bool ParseClock(const char* format, const std::string& text, absl::TimeZone zone,
+                absl::Time* time) {
+  absl::Time as_utc;
+  std::string error;
+  if (!absl::ParseTime(format, text, absl::UTCTimeZone(), &as_utc, &error)) return false;
+  *time = FromLocal(absl::ToCivilSecond(as_utc, absl::UTCTimeZone()), zone);
+  return true;
 }
 
 std::string ThreadsText(const Banded& cpu_seconds, double seconds) {
@@ -33,15 +43,15 @@ absl::StatusOr<absl::Time> ParseDeadline(const std::string& text, absl::Time now
   absl::Time time;
   std::string error;
   const std::string today = absl::FormatTime("%Y-%m-%d ", now, zone);
-  if (absl::ParseTime("%Y-%m-%d %H:%M", today + text, zone, &time, &error)) {
+  if (ParseClock("%Y-%m-%d %H:%M", today + text, zone, &time)) {
     if (time > now) return time;
     const absl::CivilDay tomorrow = absl::ToCivilDay(now, zone) + 1;
-    absl::ParseTime("%Y-%m-%d %H:%M", absl::StrCat(absl::FormatCivilTime(tomorrow), " ", text),
-                    zone, &time, &error);
+    ParseClock("%Y-%m-%d %H:%M", absl::StrCat(absl::FormatCivilTime(tomorrow), " ", text), zone,
+               &time);
     return time;
   }
-  if (!absl::ParseTime("%Y-%m-%d %H:%M", text, zone, &time, &error) &&
-      !absl::ParseTime("%Y-%m-%dT%H:%M", text, zone, &time, &error) &&
+  if (!ParseClock("%Y-%m-%d %H:%M", text, zone, &time) &&
+      !ParseClock("%Y-%m-%dT%H:%M", text, zone, &time) &&
       !absl::ParseTime(absl::RFC3339_full, text, zone, &time, &error)) {
     return absl::InvalidArgumentError(
         absl::StrCat("--deadline \"", text,

@@ -17,8 +17,9 @@
 namespace sheaf {
 namespace {
 
-constexpr int kLinksMax = 40;  // The limit of Linux.
-constexpr mode_t kPublicMode = 0644, kSecretMode = 0600;
+constexpr int kLinksMax = 40;         // The limit of Linux.
+constexpr mode_t kPublicMode = 0666;  // Less the umask, as of other programs.
+constexpr mode_t kSecretMode = 0600;
 
 class Descriptor {
  public:
@@ -124,7 +125,8 @@ absl::Status CheckWritable(const std::string& path) {
   const absl::StatusOr<std::string> file = FollowToFile(path);
   if (!file.ok()) return file.status();
   const std::string temporary = TemporaryName(*file);
-  const Descriptor probe(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+  const Descriptor probe(
+      ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, kPublicMode));
   if (probe.get() < 0) {
     return StatusFromErrno(errno, absl::StrCat(path, ": its folder is not writable"));
   }

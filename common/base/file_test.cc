@@ -56,6 +56,25 @@ TEST_F(FileTest, OnlyTheOwnerReadsSecrets) {
   EXPECT_EQ(info.st_mode & 0777, 0700u);
 }
 
+TEST_F(FileTest, TheUmaskDecidesWhoMayWriteOthers) {
+  const mode_t before = ::umask(0);
+  for (const mode_t mask : {0002, 0022, 0077}) {
+    ::umask(mask);
+    const std::string path = directory_ + "/file";
+    const auto mode = [&](const absl::Status& written) {
+      struct stat info {};
+      EXPECT_TRUE(written.ok() && ::stat(path.c_str(), &info) == 0);
+      ::unlink(path.c_str());
+      return info.st_mode & 0777;
+    };
+    EXPECT_EQ(mode(WriteFileAtomically(path, "x")), 0666 & ~mask);
+    EXPECT_EQ(mode(WriteFileUnsynced(path, "x")), 0666 & ~mask);
+    EXPECT_EQ(mode(WriteFileOnce(path, "x")), 0666 & ~mask);
+    EXPECT_EQ(mode(WriteSecretAtomically(path, "x")), 0600 & ~mask);
+  }
+  ::umask(before);
+}
+
 TEST_F(FileTest, SymbolicLinksAreFollowedAndKept) {
   const std::string file = directory_ + "/real", link = directory_ + "/link";
   std::filesystem::create_symlink("real", link);

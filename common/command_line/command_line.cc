@@ -160,6 +160,22 @@ std::string ValueName(const CLI::Option& option) {
   return type == "INT" || type == "UINT" || type == "FLOAT" ? "N" : type;
 }
 
+CLI::Validator IsText(size_t bytes_max) {
+  return CLI::Validator(
+      [bytes_max](const std::string& text) -> std::string {
+        const size_t at = FindUnprintable(text);
+        if (at != std::string::npos) {
+          return absl::StrCat("\"", Printable(text), "\": byte ", at + 1,
+                              " is not printable UTF-8; write it in UTF-8");
+        }
+        if (text.size() > bytes_max) {
+          return absl::StrCat("\"", Printable(text, 40), "\": is over ", bytes_max, " bytes");
+        }
+        return "";
+      },
+      "");
+}
+
 CLI::Option* AddChoiceOf(CLI::App* command, const std::string& names,
                          std::vector<std::string> words, std::function<void(size_t)> on_choice,
                          const std::string& help) {

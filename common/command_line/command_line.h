@@ -26,6 +26,11 @@ std::string ValueName(const CLI::Option& option);
 // The words that the option accepts, if they are few; for completion.
 std::vector<std::string> ChoicesOf(const CLI::Option& option);
 
+// Of a text that goes to the coordinator: it is refused unless it is printable UTF-8, and of at
+// most so many bytes.
+inline constexpr size_t kNameBytesMax = 300;
+CLI::Validator IsText(size_t bytes_max = kNameBytesMax);
+
 // Options added during its lifetime appear under that heading in help.
 class OptionGroup {
  public:

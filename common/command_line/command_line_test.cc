@@ -98,6 +98,18 @@ TEST_F(CommandLineTest, ChoicesAreDescribed) {
   EXPECT_THAT(ChoicesOf(*command_->get_option("--tile-size")), ElementsAre());
 }
 
+TEST_F(CommandLineTest, TextsArePrintableUtf8) {
+  command_->add_option("--title", scene_, "The title")->check(IsText(8));
+  EXPECT_EQ(Parse({"render", "a.pbrt", "--title",
+                   "Gr\xc3\xbc\xc3\x9f"
+                   "e"}),
+            "");
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--title", "caf\xe9"}),
+              HasSubstr("--title: \"caf\\xe9\": byte 4 is not printable UTF-8"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--title", "a\nb"}), HasSubstr("byte 2"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--title", "123456789"}), HasSubstr("over 8 bytes"));
+}
+
 TEST_F(CommandLineTest, HelpIsPlainText) {
   const std::string help = Help();
   for (const char* words : {"How it looks:", "--color auto|rgb ", "--tile-size N ",

@@ -21,7 +21,8 @@ std::string WhyRefused(std::string_view name) {
     return absl::StrCat("it is longer than ", kRelativeNameBytesMax, " bytes");
   }
   if (name.front() == '/') return "it is absolute";
-  if (FindUnprintable(name) != std::string_view::npos) return "it is not printable UTF-8";
+  if (FindUnprintable(name) != std::string_view::npos)
+    return "it is not printable UTF-8; rename the file";
   if (name.find('\\') != std::string_view::npos) return "it contains \"\\\"";
   const std::vector<std::string> parts = absl::StrSplit(std::string(name), '/');
   if (parts.size() > kRelativeNamePartsMax) {

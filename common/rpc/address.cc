@@ -24,6 +24,11 @@ absl::Status Malformed(const std::string& text, const std::string& why) {
 
 absl::StatusOr<Address> ParseAddress(const std::string& text,
                                      std::optional<uint16_t> default_port) {
+  if (const size_t scheme = text.find("://"); scheme != std::string::npos) {
+    return Malformed(text, absl::StrCat("is an address of the page or of a web server; leave out ",
+                                        text.substr(0, scheme + 3), " and give the port of gRPC, ",
+                                        kCoordinatorPort, " unless --listen names another"));
+  }
   size_t colon = text.rfind(':');
   // The colons inside "[::1]" do not start a port.
   if (colon != std::string::npos && text.find(']', colon) != std::string::npos) {

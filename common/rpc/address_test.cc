@@ -31,6 +31,16 @@ TEST(AddressTest, RejectsInvalidAddresses) {
   }
 }
 
+TEST(AddressTest, AddressesOfPagesAreNamedAsSuch) {
+  for (const std::string text :
+       {"http://farm:7480", "https://farm.example", "http://[::1]:7480/"}) {
+    const std::string why(ParseAddress(text, kCoordinatorPort).status().message());
+    EXPECT_NE(why.find(text.substr(0, text.find("://") + 3) + " and give the port of gRPC, 7400"),
+              std::string::npos)
+        << why;
+  }
+}
+
 TEST(AddressTest, AddsTheDefaultCoordinatorPort) {
   const auto complete = [](std::string text) {
     const std::string wrong = CompleteCoordinatorAddress(text);

@@ -16,7 +16,7 @@ namespace {
 void RenewUntil(const std::stop_token& stop, const std::string& address,
                 const CredentialFiles& files, absl::Duration interval) {
   bool failing = false;
-  while (SleepUnlessStopped(interval, stop)) {
+  do {
     const absl::StatusOr<bool> renewed = RenewCertificate(address, files, kRenewalFraction);
     if (renewed.ok() && *renewed) LogInfo("the certificate is renewed");
     if (!renewed.ok() && !failing) {
@@ -24,7 +24,7 @@ void RenewUntil(const std::stop_token& stop, const std::string& address,
                               std::string(renewed.status().message()), "; trying again"));
     }
     failing = !renewed.ok();
-  }
+  } while (SleepUnlessStopped(interval, stop));
 }
 
 }  // namespace

@@ -18,7 +18,8 @@ inline constexpr double kRenewalFraction = 2.0 / 3.0;
 
 class CertificateRenewal {
  public:
-  // Looks at the certificate every `interval`, renews it when it is due, and logs failures once.
+  // Looks at the certificate at once and every `interval`, renews it when it is due, and logs
+  // failures once.
   CertificateRenewal(std::string address, CredentialFiles files,
                      absl::Duration interval = absl::Minutes(1));
   // Stops at once, but for a call under way.

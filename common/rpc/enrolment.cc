@@ -9,7 +9,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/file.h"
+#include "common/base/log.h"
 #include "common/base/status.h"
+#include "common/base/surroundings/local_time.h"
 #include "common/rpc/address_list.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
@@ -49,6 +51,7 @@ absl::StatusOr<Enrolment> Enroll(const std::string& address, const EnrolmentToke
   credentials.authority_pem = token.authority_pem;
   const absl::StatusOr<std::string> request_pem = MakeCertificateRequest(credentials.key_pem);
   if (!request_pem.ok()) return request_pem.status();
+  WarnOfClock(token.authority_pem);
   v1::EnrollRequest request;
   request.set_token_secret(token.secret);
   request.set_certificate_request_pem(*request_pem);
@@ -72,6 +75,13 @@ absl::StatusOr<Enrolment> Enroll(const std::string& address, const EnrolmentToke
   return Enrolment{response.identity(), response.role(), terms->not_after, *std::move(files)};
 }
 
+void WarnOfClock(const std::string& certificate_pem) {
+  const absl::StatusOr<CertificateTerms> terms = ReadCertificate(certificate_pem);
+  if (!terms.ok()) return;
+  const std::string why = WhyNotYetValid(*terms, absl::Now());
+  if (!why.empty()) LogWarning(why);
+}
+
 absl::StatusOr<bool> RenewCertificate(const std::string& address, const CredentialFiles& files,
                                       double life_fraction) {
   const absl::StatusOr<std::string> certificate =
@@ -82,10 +92,9 @@ absl::StatusOr<bool> RenewCertificate(const std::string& address, const Credenti
   const double life = LifeFraction(*terms, absl::Now());
   if (life <= life_fraction) return false;
   if (life > 1) {
-    return absl::UnauthenticatedError(
-        absl::StrCat("the certificate of ", terms->common_name, " for ", address, " ended at ",
-                     absl::FormatTime("%Y-%m-%d %H:%M", terms->not_after, absl::LocalTimeZone()),
-                     EnrolAgain(address)));
+    return absl::UnauthenticatedError(absl::StrCat(
+        "the certificate of ", terms->common_name, " for ", address, " ended at ",
+        absl::FormatTime("%Y-%m-%d %H:%M", terms->not_after, LocalZone()), EnrolAgain(address)));
   }
   const absl::StatusOr<std::string> key = ReadWholeFile(files.key_path, kPemBytesMax);
   if (!key.ok()) return key.status();

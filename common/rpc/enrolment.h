@@ -33,6 +33,9 @@ absl::StatusOr<Enrolment> Enroll(const std::string& address, const EnrolmentToke
 absl::StatusOr<bool> RenewCertificate(const std::string& address, const CredentialFiles& files,
                                       double life_fraction);
 
+// Logs WhyNotYetValid of a certificate.
+void WarnOfClock(const std::string& certificate_pem);
+
 // Whether the files hold a certificate whose time has not ended.
 bool HasValidCertificate(const std::optional<CredentialFiles>& files);
 

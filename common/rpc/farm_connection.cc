@@ -5,10 +5,12 @@
 #include <chrono>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/rpc/address.h"
 #include "common/rpc/address_list.h"
 #include "common/rpc/channel.h"
+#include "common/rpc/enrolment.h"
 #include "common/rpc/tls_credentials.h"
 
 namespace sheaf {
@@ -52,7 +54,12 @@ absl::StatusOr<FarmConnection> ConnectionTo(const std::string& address,
     if (!parsed.ok()) return parsed.status();
     remote = remote || !IsLoopback(*parsed);
   }
-  if (connection.files) return connection;
+  if (connection.files) {
+    const absl::StatusOr<std::string> certificate =
+        ReadWholeFile(connection.files->certificate_path, kPemBytesMax);
+    if (certificate.ok()) WarnOfClock(*certificate);
+    return connection;
+  }
   if (remote && !insecure) {
     return NoCertificateError("no certificate for the coordinator at ", address,
                               ", or, for experiments on a network that you trust, connect without "

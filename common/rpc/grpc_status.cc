@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/rpc/protobuf_log.h"
 
 namespace sheaf {
 namespace {
@@ -30,6 +31,12 @@ constexpr std::pair<const char*, const char*> kPlainDescriptions[] = {
 };
 
 std::string DescribePlainly(const grpc::Status& status) {
+  if (status.error_message().empty() && status.error_code() == grpc::StatusCode::INTERNAL) {
+    const std::string field = TakeFieldThatIsNotUtf8();
+    return field.empty()
+               ? "the call failed without a reason; the log of the coordinator may have it"
+               : absl::StrCat(field, ": is not UTF-8; write it in UTF-8");
+  }
   const bool of_the_connection = status.error_code() == grpc::StatusCode::UNAVAILABLE ||
                                  status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
   for (const auto& [part, words] : kPlainDescriptions) {

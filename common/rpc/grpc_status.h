@@ -16,7 +16,8 @@ namespace sheaf {
 // Returns the same code and message for the wire.
 grpc::Status ToGrpcStatus(const absl::Status& status);
 // Returns the same code and message; a code that is not canonical becomes kUnknown. gRPC's own
-// messages about connections are replaced by plain words: "the connection was refused".
+// messages about connections are replaced by plain words: "the connection was refused". A call
+// whose message could not be read names the field that is not UTF-8.
 absl::Status FromGrpcStatus(const grpc::Status& status);
 
 // Rewords the error of a call to the coordinator that ended with kUnavailable or kDeadlineExceeded:

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "gtest/gtest.h"
+#include "sheaf/v1/job.pb.h"
 
 namespace sheaf {
 namespace {
@@ -63,6 +64,19 @@ TEST(GrpcStatusTest, TimeoutsNameTheAddressAndARemedy) {
 TEST(GrpcStatusTest, ForeignCodeBecomesUnknown) {
   const grpc::Status foreign(grpc::StatusCode::DO_NOT_USE, "odd");
   EXPECT_EQ(FromGrpcStatus(foreign).code(), absl::StatusCode::kUnknown);
+}
+
+TEST(GrpcStatusTest, ACallThatCouldNotBeReadNamesTheTextThatIsNotUtf8) {
+  const grpc::Status unread(grpc::StatusCode::INTERNAL, "");
+  EXPECT_NE(FromGrpcStatus(unread).message().find("without a reason"), std::string::npos);
+  v1::GetJobRequest request;
+  request.set_name("jobs/\xe9");
+  testing::internal::CaptureStderr();
+  EXPECT_FALSE(request.SerializeAsString().empty());
+  EXPECT_EQ(FromGrpcStatus(unread).message(),
+            "GetJobRequest.name: is not UTF-8; write it in UTF-8");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "protobuf prints nothing";
+  EXPECT_NE(FromGrpcStatus(unread).message().find("without a reason"), std::string::npos);
 }
 
 }  // namespace

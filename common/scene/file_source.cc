@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/base/surroundings/similar_file.h"
 
 namespace sheaf {
 namespace {
@@ -60,7 +61,8 @@ absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& ca
   std::string path = JoinPath(directory_, canonical_name);
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0) {
-    return NotFound(canonical_name, absl::StrCat("does not exist (looked for ", path, ")"));
+    return NotFound(canonical_name,
+                    absl::StrCat("does not exist (looked for ", path, ")", SimilarFileHint(path)));
   }
   if (S_ISDIR(info.st_mode)) return NotFound(canonical_name, "is a directory, not a file");
   const MutexLock lock(&mutex_);

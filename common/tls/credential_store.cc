@@ -13,6 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
+#include "common/base/surroundings/local_time.h"
 
 namespace sheaf {
 namespace {
@@ -61,6 +62,16 @@ std::string UserDirectory(const char* variable, const char* default_below_home, 
 double LifeFraction(const CertificateTerms& certificate, absl::Time now) {
   return absl::FDivDuration(now - certificate.not_before,
                             certificate.not_after - certificate.not_before);
+}
+
+std::string WhyNotYetValid(const CertificateTerms& certificate, absl::Time now) {
+  if (now >= certificate.not_before - kClockSkewMax) return "";
+  const auto text = [](absl::Time time) {
+    return absl::FormatTime("%Y-%m-%d %H:%M", time, LocalZone());
+  };
+  return absl::StrCat("the certificate of ", certificate.common_name, " is not valid before ",
+                      text(certificate.not_before), ", and the clock of this machine says ",
+                      text(now), ": set the clock, otherwise no coordinator is found");
 }
 
 std::string CredentialStore::PersonalDirectory() {

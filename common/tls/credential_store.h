@@ -36,8 +36,11 @@ struct Credentials {
   std::string key_pem, certificate_pem, authority_pem;
 };
 
-// How much of a certificate's life is over: 0 at its beginning, 1 at its end.
+// How much of a certificate's life is over: 0 at its beginning, 1 at its end. Negative before.
 double LifeFraction(const CertificateTerms& certificate, absl::Time now);
+// Says so, and what to do, if the clock is so far behind that by it the certificate has yet to
+// begin; otherwise empty. Programs with such a clock find no coordinator.
+std::string WhyNotYetValid(const CertificateTerms& certificate, absl::Time now);
 
 // Thread safety: all members may be called concurrently, also by several processes.
 class CredentialStore {

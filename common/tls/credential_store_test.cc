@@ -9,6 +9,7 @@
 
 #include "absl/time/clock.h"
 #include "common/base/file.h"
+#include "common/base/surroundings/local_time.h"
 
 namespace sheaf {
 namespace {
@@ -79,6 +80,21 @@ TEST_F(CredentialStoreTest, LifeGoesFromZeroToOne) {
   EXPECT_DOUBLE_EQ(LifeFraction(terms, absl::FromUnixSeconds(1000)), 0);
   EXPECT_DOUBLE_EQ(LifeFraction(terms, absl::FromUnixSeconds(1500)), 0.5);
   EXPECT_DOUBLE_EQ(LifeFraction(terms, absl::FromUnixSeconds(3000)), 2);
+  EXPECT_DOUBLE_EQ(LifeFraction(terms, absl::FromUnixSeconds(0)), -1);
+}
+
+TEST_F(CredentialStoreTest, ClocksThatAreFarBehindAreNamed) {
+  CertificateTerms terms;
+  terms.common_name = "user:anna";
+  terms.not_before = absl::FromCivil(absl::CivilDay(2026, 5, 4), LocalZone());
+  terms.not_after = terms.not_before + absl::Hours(24 * 90);
+  for (const absl::Duration late :
+       {absl::ZeroDuration(), -absl::Minutes(59), absl::Hours(10'000)}) {
+    EXPECT_EQ(WhyNotYetValid(terms, terms.not_before + late), "");
+  }
+  EXPECT_EQ(WhyNotYetValid(terms, terms.not_before - absl::Hours(24)),
+            "the certificate of user:anna is not valid before 2026-05-04 00:00, and the clock of "
+            "this machine says 2026-05-03 00:00: set the clock, otherwise no coordinator is found");
 }
 
 }  // namespace

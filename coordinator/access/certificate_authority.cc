@@ -6,7 +6,6 @@
 #include <ifaddrs.h>
 #include <net/if.h>
 #include <netinet/in.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -18,6 +17,7 @@
 #include "absl/strings/str_split.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/base/surroundings/host_name.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -25,7 +25,6 @@ namespace {
 constexpr uint64_t kHostsBytesMax = 64 << 10;
 constexpr size_t kHostBytesMax = 253;  // Of a name in DNS.
 // Other machines' clocks may be behind the coordinator's.
-constexpr absl::Duration kClockSkewMax = absl::Hours(1);
 
 std::string AuthorityKeyPath(const std::string& directory) { return directory + "/authority.key"; }
 std::string AuthorityPath(const std::string& directory) { return directory + "/authority.pem"; }
@@ -161,7 +160,9 @@ absl::StatusOr<bool> CertificateAuthority::RenewServerCertificate(absl::Time now
       ReadWholeFile(server_files().certificate_path, kPemBytesMax);
   if (present.ok()) {
     const absl::StatusOr<CertificateTerms> terms = ReadCertificate(*present);
-    if (terms.ok() && LifeFraction(*terms, now) < 0.5) {
+    const double life = terms.ok() ? LifeFraction(*terms, now) : 1;
+    // One that has yet to begin was made while the clock was ahead: no client takes it.
+    if (life >= 0 && life < 0.5) {
       const bool all_there = std::all_of(hosts->begin(), hosts->end(), [&](const std::string& h) {
         return h.find(':') != std::string::npos ||  // An IPv6 address has several spellings.
                std::find(terms->hosts.begin(), terms->hosts.end(), h) != terms->hosts.end();
@@ -205,8 +206,9 @@ absl::StatusOr<std::string> CertificateAuthority::IssueClientCertificate(
 
 std::vector<std::string> HostsOfThisMachine() {
   std::vector<std::string> hosts = {"localhost"};
-  char name[256] = {};
-  if (::gethostname(name, sizeof name - 1) == 0) hosts.push_back(name);
+  const std::string name = HostName();
+  // A certificate holds names of ASCII letters only.
+  if (std::all_of(name.begin(), name.end(), absl::ascii_isascii)) hosts.push_back(name);
   ifaddrs* interfaces = nullptr;
   if (::getifaddrs(&interfaces) != 0) return hosts;
   for (const ifaddrs* at = interfaces; at != nullptr; at = at->ifa_next) {

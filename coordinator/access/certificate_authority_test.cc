@@ -84,6 +84,14 @@ TEST_F(CertificateAuthorityTest, RenewsItsServerInTime) {
   EXPECT_EQ(authority->ServerExpiry(), absl::UnixEpoch()) << "as if it had ended";
 }
 
+TEST_F(CertificateAuthorityTest, ReplacesAServerCertificateThatHasYetToBegin) {
+  const auto authority = Create({"localhost"});  // While the clock is ahead.
+  const absl::Time right = kIssueTime - absl::Hours(24);
+  EXPECT_TRUE(*authority->RenewServerCertificate(right));
+  EXPECT_LT(ReadCertificate(ServerCertificate(*authority))->not_before, right);
+  EXPECT_FALSE(*authority->RenewServerCertificate(right));
+}
+
 TEST_F(CertificateAuthorityTest, IssuesToIdentities) {
   const auto authority = Create({"localhost"});
   Identity identity;

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/retry_after.h"
+#include "common/base/surroundings/local_time.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -109,7 +110,7 @@ absl::Status IdentityUse::BeginUpload(const IdentityId& id, uint64_t size_bytes,
   }
   if (size_bytes > limits_.upload_bytes_per_day_max - use.upload_bytes) {
     const std::string end =
-        absl::FormatTime("%Y-%m-%d %H:%M", use.day_begin + kUploadPeriod, absl::LocalTimeZone());
+        absl::FormatTime("%Y-%m-%d %H:%M", use.day_begin + kUploadPeriod, LocalZone());
     return Refuse(
         IdentityLimit::kUploadBytes,
         absl::StrCat(FormatIdentity(id), " has uploaded ", use.upload_bytes, " bytes today; ",

@@ -38,6 +38,11 @@ class Address:
 
 def parse_address(text: str) -> Address:
     """Raises InvalidRequestError."""
+    scheme = re.match(r"\w+://", text)
+    if scheme:
+        raise InvalidRequestError(
+            f'address "{text}": is an address of the page or of a web server; leave out '
+            f"{scheme[0]} and give the port of gRPC, {DEFAULT_PORT} unless --listen names another")
     match = re.fullmatch(r"(?:\[([0-9A-Fa-f:.%\w]+)\]|([^\[\]:]+))(?::(\d{1,5}))?", text)
     port = int(match[3] or DEFAULT_PORT) if match else 0
     if match is None or not 0 < port <= 65535:

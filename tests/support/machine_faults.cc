@@ -127,6 +127,14 @@ int clock_gettime(clockid_t clock, timespec* time) noexcept {
   return result;
 }
 
+// OpenSSL reads the time of certificates by it.
+time_t time(time_t* result) noexcept {
+  timespec now{};
+  clock_gettime(CLOCK_REALTIME, &now);
+  if (result != nullptr) *result = now.tv_sec;
+  return now.tv_sec;
+}
+
 ssize_t write(int file, const void* bytes, size_t count) {
   return WriteFails(file) ? Fail(WriteError()) : ::syscall(SYS_write, file, bytes, count);
 }

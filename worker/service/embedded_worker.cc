@@ -14,18 +14,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "common/base/memory_room.h"
+#include "common/base/surroundings/host_name.h"
 #include "common/rpc/address_list.h"
 #include "common/scene/settings/render_settings.h"
 #include "worker/sandbox/direct_scenes.h"
 
 namespace sheaf::worker {
 namespace {
-
-std::string HostName() {
-  char name[256] = {};
-  if (::gethostname(name, sizeof name - 1) != 0) return "unknown-host";
-  return name;
-}
 
 AgentOptions MakeAgentOptions(const WorkerOptions& options) {
   AgentOptions agent;

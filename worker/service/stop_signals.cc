@@ -8,22 +8,18 @@
 #include <chrono>
 #include <utility>
 
+#include "common/base/surroundings/ignored_signals.h"
+
 namespace sheaf::worker {
 namespace {
 
-constexpr int kStopSignals[] = {SIGTERM, SIGINT, SIGHUP};
 // timeout(1) and some supervisors signal a process and then its whole group: that counts as one
 // stop request.
 constexpr std::chrono::milliseconds kBurstDuration{300};
 constexpr timespec kPollInterval{0, 100'000'000};  // Delay until the destructor is noticed.
 
 sigset_t BlockOnlyStopSignals() {
-  sigset_t stop_signals;
-  sigemptyset(&stop_signals);
-  for (const int number : kStopSignals) {
-    sigaddset(&stop_signals, number);
-    ::signal(number, SIG_DFL);  // An ignored signal would never become pending.
-  }
+  const sigset_t stop_signals = WithoutIgnored({SIGTERM, SIGINT, SIGHUP});
   ::signal(SIGPIPE, SIG_IGN);  // A write to a closed peer or pager returns an error instead.
   ::pthread_sigmask(SIG_SETMASK, &stop_signals, nullptr);
   return stop_signals;

@@ -14,8 +14,8 @@ class StopSignals {
  public:
   // Calls on_signal with the signal's number and the count of signals so far, from 1; signals
   // within a fraction of a second of another count as the same. Create it before any other thread:
-  // threads inherit the blocked signals. Resets all other signals that a batch system may have
-  // blocked or ignored for its children (Slurm blocks SIGTERM).
+  // threads inherit the blocked signals. Unblocks all others, which a batch system may have
+  // blocked for its children (Slurm blocks SIGTERM). Signals that are ignored stay so.
   explicit StopSignals(std::function<void(int signal_number, int count)> on_signal);
   ~StopSignals() = default;  // Ends the thread; later signals stay pending.
 

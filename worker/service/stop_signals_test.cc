@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <thread>
 
 namespace sheaf::worker {
@@ -40,6 +41,26 @@ TEST(StopSignalsTest, HandlesSignalsBlockedByItsParent) {
   wait_for(2);
   EXPECT_EQ(last, SIGINT);
   EXPECT_EQ(times, 2);
+}
+
+// In a process of its own: the handlers and masks of this one are the other tests'.
+void DeliverWhereHangupsAreIgnored(int number) {
+  ::signal(SIGHUP, SIG_IGN);
+  ::signal(SIGINT, SIG_IGN);
+  std::atomic<int> last{0};
+  const StopSignals signals([&](int received, int) { last = received; });
+  ::kill(::getpid(), SIGHUP);
+  ::kill(::getpid(), SIGINT);
+  ::kill(::getpid(), number);
+  for (int i = 0; i < 2000 && last == 0; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  std::exit(last);
+}
+
+TEST(StopSignalsDeathTest, IgnoredSignalsStayIgnored) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_EXIT(DeliverWhereHangupsAreIgnored(SIGTERM), testing::ExitedWithCode(SIGTERM), "");
 }
 
 }  // namespace

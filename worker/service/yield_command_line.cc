@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/base/surroundings/local_time.h"
 #include "worker/yield/machine_use.h"
 
 namespace sheaf::worker {
@@ -78,7 +79,7 @@ std::function<std::string(uint64_t scene_bytes)> WhyAwayBy(const YieldArguments&
   if (!arguments.by_hours && !reads_machine) return nullptr;
   return [yielding = std::make_shared<Yielding>(limits), reads_machine](uint64_t scene_bytes) {
     const MachineReading reading = reads_machine ? ReadMachine() : MachineReading();
-    const absl::CivilMinute local = absl::ToCivilMinute(absl::Now(), absl::LocalTimeZone());
+    const absl::CivilMinute local = absl::ToCivilMinute(absl::Now(), LocalZone());
     return yielding->WhyAway(SteadyTime::Now(), local, reading, scene_bytes);
   };
 }

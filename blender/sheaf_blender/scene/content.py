@@ -6,8 +6,8 @@ import hashlib
 import json
 import os
 import pathlib
+import secrets
 import shutil
-import tempfile
 
 CONTENT_BYTES_MAX = 20 << 30  # What prune() leaves; the files used last stay.
 REMEMBERED_FILES_MAX = 20000
@@ -45,9 +45,10 @@ class ContentFolder:
             self.kept += 1
             return str(path)
         path.parent.mkdir(exist_ok=True)
-        handle, partial = tempfile.mkstemp(dir=path.parent, prefix=".partial-")
+        # Not tempfile.mkstemp: colleagues may read what the umask lets them.
+        partial = path.parent / f".partial-{secrets.token_hex(8)}"
         try:
-            with os.fdopen(handle, "wb") as file:
+            with open(partial, "xb") as file:
                 write(file)
             os.replace(partial, path)
         except BaseException:

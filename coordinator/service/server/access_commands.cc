@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "common/base/surroundings/local_time.h"
 #include "common/rpc/address.h"
 #include "common/tls/credential_store.h"
 #include "common/tls/enrolment_token.h"
@@ -55,7 +56,7 @@ absl::StatusOr<absl::Duration> ParseLifetime(const std::string& text, absl::Dura
 }
 
 std::string LocalTime(absl::Time time) {
-  return absl::FormatTime("%Y-%m-%d %H:%M", time, absl::LocalTimeZone());
+  return absl::FormatTime("%Y-%m-%d %H:%M", time, LocalZone());
 }
 
 // Enrols whoever runs the command as an administrator, under all addresses of the coordinator.

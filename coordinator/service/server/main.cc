@@ -23,6 +23,8 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
+#include "common/base/steady_time.h"
+#include "common/base/surroundings/ignored_signals.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/completion.h"
 #include "common/rpc/address.h"
@@ -246,10 +248,7 @@ int Fail(const absl::Status& status) {
 
 // Every thread inherits the mask, so that the signals wait for WaitForStop.
 sigset_t BlockStopSignals() {
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
+  const sigset_t signals = WithoutIgnored({SIGTERM, SIGINT});
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
   return signals;
@@ -278,10 +277,10 @@ absl::StatusOr<OwnedFarm> StandBy(const CommandLine& line, const ServiceManager&
 absl::StatusOr<std::unique_ptr<CoordinatorServer>> Load(const CommandLine& line,
                                                         const ServiceManager& manager,
                                                         std::unique_ptr<Database> database) {
-  const absl::Time begin = absl::Now();
+  const SteadyTime begin = SteadyTime::Now();
   std::optional<Watchdog> watchdog;
   if (database != nullptr) {
-    watchdog.emplace(&manager, [begin] { return absl::Now() - begin < kLoadMax; });
+    watchdog.emplace(&manager, [begin] { return SteadyTime::Now() - begin < kLoadMax; });
   }
   return CoordinatorServer::Start(line.server, std::move(database));
 }

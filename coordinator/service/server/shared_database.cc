@@ -2,25 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/server/shared_database.h"
 
-#include <unistd.h>
-
-#include <array>
 #include <cstdlib>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "common/base/surroundings/host_name.h"
 #include "coordinator/store/database/postgres_database.h"
 
 namespace sheaf::coordinator {
 namespace {
 
-constexpr size_t kHostNameMax = 256;
-
 std::string NameOf(const std::string& listen_address) {
-  std::array<char, kHostNameMax> host{};
-  if (::gethostname(host.data(), host.size() - 1) != 0) return listen_address;
-  return absl::StrCat(listen_address, " on ", host.data());
+  return absl::StrCat(listen_address, " on ", HostName());
 }
 
 // Ends the process at once: nothing of it may go on with a state that is not the farm's any more.
