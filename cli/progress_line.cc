@@ -159,7 +159,8 @@ void ProgressLine::Show(const std::string& label, double fraction, const std::st
 }
 
 void ProgressLine::Finish() {
-  if (drawn_ && width_columns_ > 0) write_("\n");
+  if (width_columns_ == 0) return;  // Each line has ended; the next one keeps its interval.
+  if (drawn_) write_("\n");
   drawn_ = false;
 }
 

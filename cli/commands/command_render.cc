@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // sheaf render: renders with a farm of one machine in this process (local_farm.h).
+#include <algorithm>
 #include <memory>
 #include <string>
 
@@ -92,20 +93,33 @@ class RenderCommand : public Command {
     if (absl::Status status = farm->StartWorker(); !status.ok()) {
       return ReportError(ExitCode::kFile, status);
     }
-    const absl::StatusOr<v1::Job> ended = FollowJob(&client, created->name(), json_);
+    ImageSaver images(&client, delivery);
+    const absl::StatusOr<v1::Job> ended = FollowJob(&client, created->name(), json_, &images);
     if (absl::IsCancelled(ended.status())) {
       return ReportInterruption(farm, client.Uninterrupted()->GetJob(created->name()));
     }
     if (!ended.ok()) return ReportCallError(ended.status());
-    if (ended->state() == v1::Job::STATE_SUCCEEDED) {
-      const absl::Status saved = SaveImages(&client, *ended, delivery);
-      if (!saved.ok()) {
-        PrintInfo(KeepState(farm));
-        return ReportError(absl::IsCancelled(saved) ? ExitCode::kInterrupted : ExitCode::kFile,
-                           saved);
-      }
+    if (const absl::Status saved = images.status(); !saved.ok()) {
+      PrintInfo(KeepState(farm));
+      const ExitCode code = absl::IsCancelled(saved) ? ExitCode::kInterrupted : ExitCode::kFile;
+      ReportError(code, saved);
+      if (ended->state() == v1::Job::STATE_SUCCEEDED) return code;
     }
-    return ReportEnd(*ended, /*images_written=*/true);
+    return ReportEnd(*ended, /*images_written=*/true, RemedyText(farm, *ended));
+  }
+
+  // What renders the missing images of a job that has failed or was cancelled. Finished work on
+  // them is kept.
+  std::string RemedyText(LocalFarm* farm, const v1::Job& job) const {
+    const std::string missing = MissingImages(job);
+    if (missing.empty()) return "";
+    const bool has_parts = std::ranges::any_of(job.frames(), [](const v1::Frame& frame) {
+      return !frame.complete() && frame.progress().sample_count_done() > 0;
+    });
+    if (has_parts || !farm_.kept_state.empty()) return KeepState(farm);
+    if (job.frames_size() == 1) return "";
+    return absl::StrCat("the same command with --frames ", missing, " renders ",
+                        missing.find_first_of(",-") == std::string::npos ? "it" : "them");
   }
 
   // Keeps the farm's state and returns the text that says how to resume from it.

@@ -24,6 +24,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
 #include "common/rpc/address.h"
+#include "coordinator/core/job.h"
 
 namespace sheaf::cli {
 namespace {
@@ -57,38 +58,53 @@ absl::Status AddDenoiserLayer(const std::string& path, const std::string& delive
                                    : absl::FailedPreconditionError(text);
 }
 
-absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePaths& paths,
-                       const Delivery& delivery) {
-  const absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kImageBytesMax);
+// A frame's image as the farm delivered it.
+struct Delivered {
+  std::string bytes;
+  FrameImage image;
+};
+
+// Errors: those of the calls; kDataLoss if the frame has another image.
+absl::StatusOr<Delivered> Fetch(FarmClient* client, const v1::Frame& frame) {
+  absl::StatusOr<std::string> bytes = client->ReadFrameOutput(frame.name(), kImageBytesMax);
   if (!bytes.ok()) return bytes.status();
-  std::optional<FrameImage> image;
-  const auto check = [&](absl::StatusOr<FrameImage> read) -> absl::Status {
-    if (!read.ok()) return read.status();
-    if (ImageDigest(*read) != frame.image_digest()) {
-      return absl::DataLossError("it is not the image that the coordinator delivered");
-    }
-    image = *std::move(read);
-    return absl::OkStatus();
-  };
+  absl::StatusOr<FrameImage> image = DecodeFrameImage(*bytes);
+  if (!image.ok()) return image.status();
+  if (ImageDigest(*image) != frame.image_digest()) {
+    return absl::DataLossError(
+        absl::StrCat(frame.name(), ": its image is not the one that the coordinator delivered"));
+  }
+  return Delivered{*std::move(bytes), *std::move(image)};
+}
+
+absl::Status WriteExr(const std::string& path, const Delivered& delivered,
+                      const ImageFormat& format) {
+  const std::string& bytes =
+      format.IsDefault() ? delivered.bytes : EncodeFrameImage(delivered.image, format.exr);
+  if (absl::Status status = WriteFileAtomically(path, bytes); !status.ok()) return status;
+  const absl::StatusOr<std::string> written = ReadWholeFile(path);
+  if (!written.ok()) return written.status();
+  return *written == bytes ? absl::OkStatus()
+                           : absl::DataLossError("the disk has not kept what was written");
+}
+
+// Errors: those of WriteOrKeep and AddExternalLayer.
+absl::Status WriteImages(FarmClient* client, const v1::Frame& frame, const ImagePaths& paths,
+                         const Delivery& delivery, Delivered delivered) {
   const ImageFormat& format = delivery.format;
-  const auto write_exr = [&](const std::string& path) -> absl::Status {
-    if (format.IsDefault()) {
-      if (absl::Status status = WriteFileAtomically(path, *bytes); !status.ok()) return status;
-      return check(ReadFrameImage(path));
-    }
-    if (absl::Status status = check(DecodeFrameImage(*bytes)); !status.ok()) return status;
-    AddAttributes(format, frame, absl::Now(), &*image);
-    return WriteFileAtomically(path, EncodeFrameImage(*image, format.exr));
-  };
-  if (absl::Status status = WriteOrKeep(paths.exr, write_exr); !status.ok()) return status;
+  FrameImage* const image = &delivered.image;
+  if (!format.IsDefault()) AddAttributes(format, frame, absl::Now(), image);
+  absl::Status status = WriteOrKeep(
+      paths.exr, [&](const std::string& path) { return WriteExr(path, delivered, format); });
+  if (!status.ok()) return status;
   if (!paths.png.empty()) {
-    const absl::Status status = WriteOrKeep(
+    status = WriteOrKeep(
         paths.png, [&](const std::string& path) { return WriteView(delivery.view, *image, path); });
     if (!status.ok()) return status;
   }
   absl::Status denoised;
   if (!delivery.denoise_with.empty()) {
-    denoised = AddDenoiserLayer(paths.exr, *bytes, delivery, client->stop(), &*image);
+    denoised = AddDenoiserLayer(paths.exr, delivered.bytes, delivery, client->stop(), image);
   }
   if (const int64_t cut = format.exr.type == ExrType::kHalf ? CountBeyondHalf(*image) : 0;
       cut > 0) {
@@ -103,6 +119,24 @@ absl::Status SaveImage(FarmClient* client, const v1::Frame& frame, const ImagePa
                                   : "",
                          is_black ? delivery.black_advice : ""));
   return denoised;
+}
+
+std::string MissingText(const v1::Job& job, const std::string& missing) {
+  if (job.frames_size() == 1) return "it has no image";
+  const bool is_one = missing.find_first_of(",-") == std::string::npos;
+  return absl::StrCat(is_one ? "frame " : "frames ", missing, " of ", job.frames_size(),
+                      is_one ? " has no image" : " have no image");
+}
+
+// The command that renders the missing images of a job on a farm.
+std::string RemedyText(const v1::Job& job, const std::string& missing, const std::string& fetch) {
+  const std::string again = job.frames_size() == 1
+                                ? "submit it again"
+                                : absl::StrCat("submit them again with --frames ", missing);
+  if (job.state() == v1::Job::STATE_CANCELLED) return again;
+  const std::string retry = absl::StrCat("sheaf retry ", job.name(), ", then ", fetch);
+  if (!coordinator::IsSceneFailure(job.failure())) return "try again with: " + retry;
+  return absl::StrCat("correct the scene and ", again);
 }
 
 }  // namespace
@@ -172,7 +206,59 @@ std::string FetchCommand(const FarmClient& client, const std::string& name,
                       delivery.options.empty() ? "" : " ", delivery.options);
 }
 
-absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json) {
+ImageSaver::ImageSaver(FarmClient* client, const Delivery& delivery)
+    : client_(client), delivery_(delivery), taken_(delivery.paths.size()) {}
+
+bool ImageSaver::IsDue(const v1::Job& job, size_t i) const {
+  const v1::Frame& frame = job.frames(static_cast<int>(i));
+  if (!frame.complete() || frame.image_digest() == taken_[i].written) return false;
+  return HasEnded(job) || frame.image_digest() != taken_[i].missed;
+}
+
+bool ImageSaver::HasWork(const v1::Job& job) const {
+  for (size_t i = 0; i < FrameCount(job); ++i) {
+    if (IsDue(job, i)) return true;
+  }
+  return false;
+}
+
+void ImageSaver::Save(const v1::Job& job) {
+  for (size_t i = 0; i < FrameCount(job) && !stopped_; ++i) {
+    if (IsDue(job, i)) SaveFrame(job, i);
+  }
+}
+
+void ImageSaver::SaveFrame(const v1::Job& job, size_t i) {
+  const v1::Frame& frame = job.frames(static_cast<int>(i));
+  absl::StatusOr<Delivered> delivered = Fetch(client_, frame);
+  if (!delivered.ok()) {
+    stopped_ = absl::IsCancelled(delivered.status()) || absl::IsUnavailable(delivered.status());
+    // While the job goes on, the frame may have begun anew: to be refined, or to be corrected.
+    taken_[i].missed = frame.image_digest();
+    if (stopped_ || HasEnded(job)) NoteFailure(delivered.status(), &call_);
+    return;
+  }
+  taken_[i].written = frame.image_digest();
+  const absl::Status status =
+      WriteImages(client_, frame, delivery_.paths[i], delivery_, *std::move(delivered));
+  stopped_ = absl::IsCancelled(status);
+  if (!status.ok()) NoteFailure(status, &file_);
+}
+
+void ImageSaver::NoteFailure(const absl::Status& status, absl::Status* first) {
+  if (first->ok()) {
+    *first = status;
+  } else {
+    ReportError(ExitCode::kFile, status);
+  }
+}
+
+size_t ImageSaver::FrameCount(const v1::Job& job) const {
+  return std::min(taken_.size(), static_cast<size_t>(job.frames_size()));
+}
+
+absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json,
+                                  ImageSaver* images) {
   ProgressLine line;
   return client->WatchJob(name, [&](const v1::Job& job) {
     if (json) {
@@ -181,32 +267,32 @@ absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, b
     } else {
       line.Show(job.name(), FractionDone(job.progress()), FormatProgress(job));
     }
+    if (!images->HasWork(job)) return;
+    line.Finish();
+    images->Save(job);
   });
 }
 
-absl::Status SaveImages(FarmClient* client, const v1::Job& job, const Delivery& delivery) {
-  absl::Status first;
-  for (size_t i = 0; i < delivery.paths.size() && i < static_cast<size_t>(job.frames_size()); ++i) {
-    const absl::Status status =
-        SaveImage(client, job.frames(static_cast<int>(i)), delivery.paths[i], delivery);
-    if (status.ok()) continue;
-    if (!absl::IsFailedPrecondition(status)) return status;
-    if (first.ok()) {
-      first = status;
-    } else {
-      ReportError(ExitCode::kFile, status);
-    }
+std::string MissingImages(const v1::Job& job) {
+  std::vector<int32_t> numbers;
+  for (const v1::Frame& frame : job.frames()) {
+    if (!frame.complete()) numbers.push_back(frame.spec().frame_number());
   }
-  return first;
+  return FormatFrameRange(numbers);
 }
 
-ExitCode ReportEnd(const v1::Job& job, bool images_written) {
+ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& remedy) {
+  const std::string missing = MissingImages(job);
+  const std::string rest = missing.empty() || remedy.empty()
+                               ? ""
+                               : absl::StrCat("; ", MissingText(job, missing), "; ", remedy);
   if (job.state() == v1::Job::STATE_CANCELLED) {
-    return ReportError(ExitCode::kCancelled, absl::CancelledError(job.name() + " was cancelled"));
+    return ReportError(ExitCode::kCancelled,
+                       absl::CancelledError(absl::StrCat(job.name(), " was cancelled", rest)));
   }
   if (job.state() == v1::Job::STATE_FAILED) {
     return ReportError(ExitCode::kFailed, absl::FailedPreconditionError(absl::StrCat(
-                                              job.name(), " failed: ", job.failure())));
+                                              job.name(), " failed: ", job.failure(), rest)));
   }
   // With a single image, the line printed when it was written has said the same.
   const bool is_reported = images_written && job.frames_size() == 1;
@@ -220,7 +306,8 @@ ExitCode ReportEnd(const v1::Job& job, bool images_written) {
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
                         const Delivery& delivery) {
   const std::string fetch = FetchCommand(*client, name, delivery);
-  const absl::StatusOr<v1::Job> job = FollowJob(client, name, json);
+  ImageSaver images(client, delivery);
+  const absl::StatusOr<v1::Job> job = FollowJob(client, name, json, &images);
   if (absl::IsCancelled(job.status())) {
     return ReportError(
         ExitCode::kInterrupted,
@@ -230,15 +317,15 @@ ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
             "; end it with: sheaf cancel ", name)));
   }
   if (!job.ok()) return ReportCallError(job.status());
-  if (job->state() == v1::Job::STATE_SUCCEEDED) {
-    const absl::Status saved = SaveImages(client, *job, delivery);
-    if (!saved.ok()) {
-      PrintInfo(absl::StrCat(name, " is finished; download its images with: ", fetch));
-      return absl::IsFailedPrecondition(saved) ? ReportError(ExitCode::kFile, saved)
-                                               : ReportCallError(saved);
-    }
+  if (const absl::Status saved = images.status(); !saved.ok()) {
+    PrintInfo(absl::StrCat(name, " has ended; download its images with: ", fetch));
+    const ExitCode code =
+        images.has_call_failed() ? ReportCallError(saved) : ReportError(ExitCode::kFile, saved);
+    if (job->state() == v1::Job::STATE_SUCCEEDED) return code;
   }
-  return ReportEnd(*job, !delivery.paths.empty());
+  const std::string remedy =
+      delivery.paths.empty() ? "" : RemedyText(*job, MissingImages(*job), fetch);
+  return ReportEnd(*job, !delivery.paths.empty(), remedy);
 }
 
 }  // namespace sheaf::cli

@@ -43,21 +43,57 @@ absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job
 std::string FetchCommand(const FarmClient& client, const std::string& name,
                          const Delivery& delivery);
 
-// Shows the job until it ends. With json, prints it on standard output after each change. Errors:
-// those of FarmClient::WatchJob.
-absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json);
+// Writes the images of a job as they become complete, each one that the farm has, whatever becomes
+// of the others. An image is written again where the farm has delivered a better one: after an
+// approval, a refinement or a correction.
+class ImageSaver {
+ public:
+  // client and delivery must outlive the object.
+  ImageSaver(FarmClient* client, const Delivery& delivery);
 
-// Fetches all images of a job that succeeded; reports the path and the costs of each on standard
-// error. An image that cannot be written or denoised does not prevent the others. Errors: those of
-// the calls; the first of WriteOrKeep and AddExternalLayer.
-absl::Status SaveImages(FarmClient* client, const v1::Job& job, const Delivery& delivery);
+  // Whether the job has images that are not written yet.
+  bool HasWork(const v1::Job& job) const;
+  // Fetches and writes them; reports the path and the costs of each on standard error.
+  void Save(const v1::Job& job);
+  // The first failure; the others are reported on standard error. Errors: those of the calls, of
+  // WriteOrKeep and AddExternalLayer.
+  absl::Status status() const { return call_.ok() ? file_ : call_; }
+  // Whether that is an image which the coordinator has not given.
+  bool has_call_failed() const { return !call_.ok(); }
 
-// Reports on standard error how the job ended: its costs, or why it failed. images_written:
-// SaveImages has reported each image, so a job of one image gets no further line. Returns the
-// matching exit code.
-ExitCode ReportEnd(const v1::Job& job, bool images_written);
+ private:
+  // Digests of a frame's images.
+  struct Taken {
+    std::string written;
+    std::string missed;  // Could not be fetched while the job went on.
+  };
+  bool IsDue(const v1::Job& job, size_t i) const;
+  void SaveFrame(const v1::Job& job, size_t i);
+  void NoteFailure(const absl::Status& status, absl::Status* first);
+  size_t FrameCount(const v1::Job& job) const;
 
-// Runs FollowJob, SaveImages and ReportEnd. If interrupted, it says how to resume.
+  FarmClient* const client_;
+  const Delivery& delivery_;
+  std::vector<Taken> taken_;
+  absl::Status call_, file_;
+  bool stopped_ = false;  // Nobody answers, or the user has interrupted it.
+};
+
+// Shows the job until it ends, and has its images written meanwhile. With json, prints it on
+// standard output after each change. Errors: those of FarmClient::WatchJob.
+absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json,
+                                  ImageSaver* images);
+
+// The frames that have no image, "3,5,10-12"; empty if all have one.
+std::string MissingImages(const v1::Job& job);
+
+// Reports on standard error how the job ended: its costs, or why it failed and which images are
+// missing. images_written: each image has been reported, so a job of one image gets no further
+// line. remedy: what renders missing images; empty: they are not mentioned. Returns the matching
+// exit code.
+ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& remedy);
+
+// Runs FollowJob and ReportEnd. If interrupted, it says how to resume.
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
                         const Delivery& delivery);
 

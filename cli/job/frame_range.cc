@@ -68,6 +68,16 @@ absl::StatusOr<std::vector<int32_t>> ParseFrameRange(const std::string& text) {
   return std::vector<int32_t>(numbers.begin(), numbers.end());
 }
 
+std::string FormatFrameRange(const std::vector<int32_t>& numbers) {
+  std::string text;
+  for (size_t first = 0, last = 0; first < numbers.size(); first = ++last) {
+    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
+    absl::StrAppend(&text, text.empty() ? "" : ",", numbers[first]);
+    if (last > first) absl::StrAppend(&text, last == first + 1 ? "," : "-", numbers[last]);
+  }
+  return text;
+}
+
 bool IsPattern(const std::string& path) {
   return path.find('#', path.rfind('/') + 1) != std::string::npos;
 }

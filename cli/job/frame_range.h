@@ -18,6 +18,9 @@ inline constexpr size_t kFramesMax = 100'000;
 // Errors: kInvalidArgument, saying what is wrong with the text.
 absl::StatusOr<std::vector<int32_t>> ParseFrameRange(const std::string& text);
 
+// The same as text: "1-3,7". Requires: ascending numbers.
+std::string FormatFrameRange(const std::vector<int32_t>& numbers);
+
 // Whether the file name contains a run of '#'.
 bool IsPattern(const std::string& path);
 

@@ -38,6 +38,13 @@ TEST(FrameRangeTest, NamesItsLimits) {
               HasSubstr("more than 100000 frames; submit them as several jobs"));
 }
 
+TEST(FrameRangeTest, WritesWhatItReads) {
+  for (const char* text : {"7", "1,2", "1-4", "1,4,9-12", "3,5,10-12", "0,1,3-5,8,9"}) {
+    EXPECT_EQ(FormatFrameRange(*ParseFrameRange(text)), text);
+  }
+  EXPECT_EQ(FormatFrameRange({}), "");
+}
+
 TEST(FrameRangeTest, PadsFrameNumbersToTheHashes) {
   EXPECT_EQ(ExpandPattern("shot.####.pbrt", 7), "shot.0007.pbrt");
   EXPECT_EQ(ExpandPattern("shot.#.pbrt", 12), "shot.12.pbrt");

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import tempfile
 import time
 from typing import Any, Callable, Generator, Sequence, Union
@@ -27,6 +28,7 @@ DOWNLOAD_SECONDS_MAX = 3600.0  # For one attempt.
 IMAGE_BYTES_MAX = 1 << 35
 JOBS_PAGE_SIZE = 1000
 REWATCH_SECONDS = 0.2
+MISSING_SHOWN_MAX = 20  # Numbers of frames in a message.
 STOPPED_SAMPLES_MAX = 65536  # The maximum per pixel of a refinement that ends by a stop rule.
 
 JobLike = Union[Job, str, int]  # A job, "jobs/7", "7" or 7.
@@ -146,24 +148,56 @@ class Client:
             time.sleep(REWATCH_SECONDS)
 
     def wait(self, job: JobLike, timeout_seconds: float | None = None,
-             on_change: Callable[[Job], object] | None = None) -> Job:
+             on_change: Callable[[Job], object] | None = None, *,
+             images: str | os.PathLike[str] | None = None) -> Job:
         """Waits for the job's end and returns it.
 
-        Raises JobFailedError, JobCancelledError, and WaitExpiredError after the timeout.
+        images: where each image is written as soon as it is complete, whatever becomes of the
+        others; of a job of several frames with #### where the number goes, as shot.####.exr.
+
+        Raises JobFailedError, JobCancelledError, and WaitExpiredError after the timeout; FileError
+        at the end if an image cannot be written.
         """
         last: Job | None = None
+        pattern = None if images is None else os.fspath(images)
+        written: dict[int, str] = {}  # The digest of each frame's image that has been written.
+        failures: list[errors.SheafError] = []
         with contextlib.closing(self.watch(job, timeout_seconds)) as changes:
             for last in changes:
+                if pattern is not None:
+                    self._write_images(last, pattern, written, failures)
                 if on_change is not None:
                     on_change(last)
         assert last is not None  # A watch yields at least once, or raises.
         if last.state is JobState.FAILED:
-            raise errors.JobFailedError(f"{last.name}: failed: {last.failure}; correct the cause "
-                                        "and submit again", last)
+            raise errors.JobFailedError(
+                f"{last.name}: failed: {last.failure}{_missing(last)}; correct the cause and "
+                "submit again, or try again with retry()", last) from next(iter(failures), None)
         if last.state is JobState.CANCELLED:
-            raise errors.JobCancelledError(f"{last.name}: was cancelled and has no images; submit "
-                                           "it again if they are needed", last)
+            raise errors.JobCancelledError(
+                f"{last.name}: was cancelled{_missing(last)}; submit again what is needed",
+                last) from next(iter(failures), None)
+        if failures:
+            raise failures[0]
         return last
+
+    def _write_images(self, job: Job, pattern: str, written: dict[int, str],
+                      failures: list[errors.SheafError]) -> None:
+        """An image that cannot be fetched or written keeps none of the others back."""
+        paths = frame_paths(pattern, [frame.number for frame in job.frames])
+        for frame, path in zip(job.frames, paths):
+            if not frame.complete or written.get(frame.number) == frame.image_digest:
+                continue
+            try:
+                self._download(frame.name, path)
+            except (errors.NotFoundError, errors.WrongStateError) as error:
+                # While the job goes on, a frame may have begun anew: to be refined, or corrected.
+                if job.state.has_ended:
+                    failures.append(error)
+                continue
+            except errors.FileError as error:
+                failures.append(error)
+            written[frame.number] = frame.image_digest
 
     def cancel(self, job: JobLike) -> Job:
         return job_from(self._unary("CancelJob", job_pb2.CancelJobRequest(name=job_name(job))))
@@ -272,8 +306,9 @@ class Client:
     def download(self, job: JobLike, path: str | os.PathLike[str],
                  frame: int | None = None) -> None:
         """Writes the EXR of a complete frame, as a whole or not at all."""
-        name = self._frame_of(job, frame).name
-        target = os.fspath(path)
+        self._download(self._frame_of(job, frame).name, os.fspath(path))
+
+    def _download(self, name: str, target: str) -> None:
         partial = f"{target}.{os.getpid()}.partial"
         try:
             with open(partial, "wb") as file:
@@ -331,6 +366,35 @@ class Client:
                     and failure.code() != grpc.StatusCode.DEADLINE_EXCEEDED):
                 raise self._connection.error_of(failure) from None
             return None
+
+
+def frame_paths(pattern: str, numbers: Sequence[int]) -> list[str]:
+    """The path of each frame's image. Of several frames, the last run of # in the file's name is
+    the number; of one, # is a letter unless there are several in a row.
+    """
+    folder, name = os.path.split(pattern)
+    runs = [match for match in re.finditer("#+", name)
+            if len(numbers) > 1 or numbers[:1] != [1] or len(match[0]) > 1]
+    if not runs:
+        if len(numbers) > 1:
+            raise errors.InvalidRequestError(f"{pattern}: the job has {len(numbers)} frames; put "
+                                             "#### where the number goes")
+        return [pattern] * len(numbers)
+    first, last = runs[-1].span()
+    return [os.path.join(folder, f"{name[:first]}{number:0{last - first}d}{name[last:]}")
+            for number in numbers]
+
+
+def _missing(job: Job) -> str:
+    """"; frames 3, 5 of 12 have no image", or nothing if there is one frame."""
+    missing = [str(frame.number) for frame in job.frames if not frame.complete]
+    if not missing:
+        return ""
+    if len(job.frames) == 1:
+        return "; it has no image"
+    shown = ", ".join(missing[:MISSING_SHOWN_MAX]) + (" ..." if missing[MISSING_SHOWN_MAX:] else "")
+    are = "frame {} of {} has" if len(missing) == 1 else "frames {} of {} have"
+    return f"; {are.format(shown, len(job.frames))} no image"
 
 
 def _download(stub: Any, name: str, file: Any) -> None:

@@ -31,12 +31,14 @@ def run(*arguments, seconds=30, environment=None):
 class ClientCase(unittest.TestCase):
     """One farm with one worker serves all tests of a class."""
 
+    worker_arguments = ()
+
     @classmethod
     def setUpClass(cls):
         cls.farm = farm.Farm(["--allow-host", "farm.example", "--allow-host", "other.example"])
         cls.farm.__enter__()
         cls.addClassCleanup(cls.farm.__exit__)
-        cls.farm.start_worker()
+        cls.farm.start_worker(*cls.worker_arguments)
 
     def write(self, name, text):
         path = self.farm.path(name)

@@ -28,24 +28,16 @@ except ImportError as missing:
 
 import farm as farms
 from client_case import SCENE
+from package_build import PACKAGE, build_package
 from secure_farm_test import SecureFarm
 
-PACKAGE = os.path.join(farms.ROOT, "python")
 FEW, MANY = 16, 1 << 20
 WAIT_SECONDS = 60 * farms.PATIENCE
 
 
 def setUpModule():
-    """Builds the package as an installation does, and imports it."""
     global sheaf, BUILT
-    base = tempfile.mkdtemp(prefix="sheaf package ")
-    unittest.addModuleCleanup(shutil.rmtree, base, ignore_errors=True)
-    BUILT = os.path.join(base, "lib")
-    done = subprocess.run([sys.executable, "setup.py", "-q", "build", "--build-base", base,
-                           "--build-lib", BUILT], cwd=PACKAGE, capture_output=True, text=True,
-                          timeout=60 * farms.PATIENCE)
-    if done.returncode:
-        raise AssertionError("the package cannot be built:\n" + done.stdout + done.stderr)
+    BUILT = build_package()
     sys.path.insert(0, BUILT)
     import sheaf
     logging.getLogger("sheaf").addHandler(logging.NullHandler())

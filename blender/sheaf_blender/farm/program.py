@@ -75,13 +75,18 @@ class Process:
             except queue.Empty:
                 return found
             if is_error:
-                if len(self.messages) < NOTES_MAX and line.strip():
-                    self.messages.append(Message(line))
+                self._note(line)
                 continue
             try:
                 found.append(json.loads(line))
             except ValueError:
                 continue
+
+    def _note(self, line):
+        """Errors are kept, however much was said before."""
+        message = Message(line)
+        if message.text and (len(self.messages) < NOTES_MAX or message.severity == "error"):
+            self.messages.append(message)
 
     @property
     def exit_code(self):
