@@ -48,6 +48,19 @@ class TextTest(unittest.TestCase):
         self.assertEqual(text.matrix_text(rows), "[1 5 9 0 2 6 10 0 3 7 11 0 4 8 12 1]")
 
 
+class OutputTest(unittest.TestCase):
+    def test_output_paths_mean_what_they_mean_in_blender(self):
+        """Regression: #### was added always. The paths are those of scene.render.frame_path."""
+        for path, seventh in (("/o/shot_####", "/o/shot_0007.exr"),
+                              ("/o/shot_", "/o/shot_0007.exr"),
+                              ("/o/####_beauty", "/o/0007_beauty.exr"), ("/o/", "/o/0007.exr"),
+                              ("/o#1/a", "/o#1/a0007.exr"), ("/o/a#2_##.png", "/o/a#2_07.exr"),
+                              ("/o/shot.####", "/o/shot.0007.exr"),
+                              ("/o/shot.png", "/o/shot.png0007.exr"),
+                              ("/o/v1.2_#", "/o/v1.2_7.exr")):
+            self.assertEqual(jobs.frame_path(jobs.output_pattern(path), 7), seventh, path)
+
+
 class MeshTest(unittest.TestCase):
     def setUp(self):
         # Two triangles that share an edge, as four corners each would in Blender.

@@ -15,6 +15,9 @@ from .farm.program import Process, SheafError
 POLL_SECONDS = 0.1
 PREVIEW_SECONDS_MIN = 0.5  # Between two previews.
 CANCEL_ATTEMPTS_MAX = 5
+# Of file formats in Blender.
+IMAGE_ENDINGS = (".bmp", ".cin", ".dpx", ".exr", ".hdr", ".jp2", ".j2c", ".jpeg", ".jpg", ".png",
+                 ".psd", ".rgb", ".rgba", ".sgi", ".tga", ".tif", ".tiff", ".tx", ".webp")
 CANCEL_RETRY_SECONDS = 1.0
 
 
@@ -198,8 +201,32 @@ def job_state(sheaf, name, address, insecure):
         sheaf, ["show", name, *program.address_arguments(address, insecure)]).splitlines()[-1])
 
 
+def output_pattern(path):
+    """The EXR files that an output path of Blender means, with # where the number goes: the last
+    run of # in the file's name, or four of them at its end. Blender replaces the ending of a known
+    image format.
+    """
+    folder, name = os.path.split(path)
+    if "#" not in name:
+        name += "####"
+    root, ending = os.path.splitext(name)
+    return os.path.join(folder, (root if ending.lower() in IMAGE_ENDINGS else name) + ".exr")
+
+
+def frame_path(pattern, frame):
+    """A pattern's path for a frame."""
+    folder, name = os.path.split(pattern)
+    first, last = [match.span() for match in re.finditer("#+", name)][-1]
+    return os.path.join(folder, f"{name[:first]}{frame:0{last - first}d}{name[last:]}")
+
+
 def download(sheaf, name, output, address, insecure):
-    """Writes the images of a finished job, '####' being the frame. Raises SheafError."""
+    """Waits for a job, and writes each image when it is complete. output: an output_pattern, or
+    the path of a single frame's image. Raises SheafError, also if a frame has no image.
+    """
+    frames = job_state(sheaf, name, address, insecure)["frames"]
+    if len(frames) == 1 and "#" in os.path.basename(output):
+        output = frame_path(output, frames[0]["frame_number"])
     os.makedirs(os.path.dirname(output) or ".", exist_ok=True)
     process = Process(sheaf, ["watch", name, "-o", output,
                               *program.address_arguments(address, insecure)])

@@ -105,9 +105,7 @@ class FetchFrames(_SheafOperator):
     def run(self, context):
         sheaf, address, insecure = _farm(context)
         own = context.scene.sheaf
-        path = bpy.path.abspath(context.scene.render.filepath)
-        root, ending = os.path.splitext(path)
-        output = (root if ending.lower() in (".exr", ".png", ".jpg", ".tif") else path) + "####.exr"
+        output = jobs.output_pattern(bpy.path.abspath(context.scene.render.filepath))
         jobs.download(sheaf, own.frames_job, output, address, insecure)
         own.frames_state = f"images are at {output}"
 

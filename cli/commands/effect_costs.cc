@@ -32,16 +32,13 @@ v1::EffectCost ToWire(const render::EffectMeasurement& effect) {
 
 absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& arguments,
                                                            double seconds) {
-  std::string scene = arguments.scene;
-  int32_t number = 1;
-  if (!arguments.frames.empty()) {
-    const absl::StatusOr<std::vector<int32_t>> numbers = ParseFrameRange(arguments.frames);
-    if (!numbers.ok()) return numbers.status();
-    number = numbers->front();
-    scene = ExpandPattern(scene, number);
-  }
+  const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
+  if (!numbers.ok()) return numbers.status();
+  const int32_t number = numbers->front();
+  const absl::StatusOr<FramePath> scene = ScenePath(arguments);
+  if (!scene.ok()) return scene.status();
   GltfInputs gltf(arguments.gltf);
-  const absl::StatusOr<SceneFile> file = ReadSceneFile(scene, &gltf, number);
+  const absl::StatusOr<SceneFile> file = ReadSceneFile(scene->Of(number), &gltf, number);
   if (!file.ok()) return file.status();
   const absl::StatusOr<FrameSettings> settings =
       ResolveSettings(file->read.scene, arguments.settings);

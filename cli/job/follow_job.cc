@@ -139,22 +139,25 @@ std::string RemedyText(const v1::Job& job, const std::string& missing, const std
   return absl::StrCat("correct the scene and ", again);
 }
 
-}  // namespace
-
-absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
-                                      ViewTransform view) {
-  Delivery delivery{OutputPaths(arguments, job), std::move(view), arguments.format, "",
-                    arguments.denoise_with};
+absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering numbering,
+                                      const PreparedJob& job, ViewTransform view) {
+  const absl::StatusOr<ImagePatterns> patterns = OutputPatterns(arguments, numbering, job);
+  if (!patterns.ok()) return patterns.status();
+  Delivery delivery{{}, std::move(view), arguments.format, "", arguments.denoise_with};
   if (IsGltfName(arguments.scene)) {
     delivery.black_advice = "; --environment names an image of what surrounds a glTF scene";
   }
   std::vector<std::string> outputs;
-  for (const ImagePaths& paths : delivery.paths) {
+  for (const PreparedFrame& frame : job.frames) {
+    const ImagePaths& paths = delivery.paths.emplace_back(patterns->Of(frame.number));
     outputs.insert(outputs.end(), {paths.exr, paths.png});
   }
   if (absl::Status status = CheckOutputs(outputs, InputPaths(job)); !status.ok()) return status;
-  const ImagePaths patterns = OutputPatterns(arguments, job);
-  delivery.options = absl::StrCat("-o ", ShellQuoted(patterns.exr));
+  // Of one frame the names themselves: whether it was asked for by its number is not known later.
+  const ImagePaths names = delivery.paths.size() == 1
+                               ? delivery.paths.front()
+                               : ImagePaths{patterns->exr.path, patterns->png.path};
+  delivery.options = absl::StrCat("-o ", ShellQuoted(names.exr));
   for (const auto& [option, value] : FormatOptions(arguments.format)) {
     absl::StrAppend(&delivery.options, " ", option, value.empty() ? "" : " ",
                     value.empty() ? "" : ShellQuoted(value));
@@ -162,19 +165,36 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const Prepa
   if (!arguments.denoise_with.empty()) {
     absl::StrAppend(&delivery.options, " --denoise-with ", ShellQuoted(arguments.denoise_with));
   }
-  if (patterns.png.empty()) return delivery;
+  if (names.png.empty()) return delivery;
   for (const auto& [flag, value] :
-       {std::pair("--png", patterns.png), std::pair("--ocio", arguments.view.config),
+       {std::pair("--png", names.png), std::pair("--ocio", arguments.view.config),
         std::pair("--display", arguments.view.display), std::pair("--view", arguments.view.view)}) {
     if (!value.empty()) absl::StrAppend(&delivery.options, " ", flag, " ", ShellQuoted(value));
   }
   return delivery;
 }
 
+}  // namespace
+
+absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, const PreparedJob& job,
+                                      ViewTransform view) {
+  return MakeDelivery(arguments, NumberingOf(arguments), job, std::move(view));
+}
+
 absl::Status ProbeOutputs(const JobArguments& arguments) {
-  const ImagePaths patterns = OutputPatterns(arguments, {});
-  return CheckOutputs({arguments.output.empty() ? "" : patterns.exr, patterns.png},
-                      {arguments.scene, arguments.resume_from});
+  const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
+  if (!numbers.ok()) return numbers.status();
+  PreparedJob frames;
+  for (const int32_t number : *numbers) frames.frames.push_back({number, {}, {}, ""});
+  const absl::StatusOr<ImagePatterns> patterns =
+      OutputPatterns(arguments, NumberingOf(arguments), frames);
+  if (!patterns.ok()) return patterns.status();
+  std::vector<std::string> outputs;
+  for (const int32_t number : *numbers) {
+    const ImagePaths paths = patterns->Of(number);
+    outputs.insert(outputs.end(), {arguments.output.empty() ? "" : paths.exr, paths.png});
+  }
+  return CheckOutputs(outputs, {arguments.scene, arguments.resume_from});
 }
 
 absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
@@ -185,16 +205,20 @@ absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job
         "--denoise-with adds a layer to an image that is written: name it, as in -o room.exr");
   }
   PreparedJob frames;
+  std::vector<int32_t> numbers;
   for (const v1::Frame& frame : job.frames()) {
-    frames.frames.push_back({frame.spec().frame_number(), {}, {}, ""});
+    numbers.push_back(frame.spec().frame_number());
+    frames.frames.push_back({numbers.back(), {}, {}, ""});
   }
-  for (const std::string& pattern : {arguments.output, arguments.png}) {
-    if (frames.frames.size() < 2 || pattern.empty() || IsPattern(pattern)) continue;
-    return absl::InvalidArgumentError(absl::StrCat(pattern, ": the job has ", frames.frames.size(),
-                                                   " frames; put #### where the number goes"));
+  if (numbers.empty()) return absl::FailedPreconditionError(job.name() + ": has no frames");
+  // Without --frames a job's frame is 1.
+  const Numbering numbering =
+      numbers == std::vector<int32_t>{1} ? Numbering::kUnknown : Numbering::kAsked;
+  if (absl::Status status = CheckNumbers(arguments, numbering, numbers); !status.ok()) {
+    return status;
   }
   arguments.scene = job.title();
-  return MakeDelivery(arguments, frames, std::move(view));
+  return MakeDelivery(arguments, numbering, frames, std::move(view));
 }
 
 std::string FetchCommand(const FarmClient& client, const std::string& name,

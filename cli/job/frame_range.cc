@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/job/frame_range.h"
 
+#include <algorithm>
+#include <filesystem>
 #include <set>
+#include <system_error>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -57,6 +60,22 @@ absl::Status AddItem(const std::string& item, std::set<int32_t>* numbers) {
   return absl::OkStatus();
 }
 
+bool Exists(const std::string& path) {
+  std::error_code ignored;  // What cannot be looked at is not there for us either.
+  return std::filesystem::exists(path, ignored);
+}
+
+// The runs of at least run_min '#' in path[begin, end), each as the number of the path.
+std::vector<FramePath> FindRuns(const std::string& path, size_t begin, size_t end, size_t run_min) {
+  std::vector<FramePath> runs;
+  for (size_t at = path.find('#', begin); at < end; at = path.find('#', at)) {
+    const size_t width = std::min(path.find_first_not_of('#', at), path.size()) - at;
+    if (width >= run_min) runs.push_back({path, at, width});
+    at += width;
+  }
+  return runs;
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<int32_t>> ParseFrameRange(const std::string& text) {
@@ -78,19 +97,55 @@ std::string FormatFrameRange(const std::vector<int32_t>& numbers) {
   return text;
 }
 
-bool IsPattern(const std::string& path) {
-  return path.find('#', path.rfind('/') + 1) != std::string::npos;
+std::string FramePath::Of(int32_t frame_number) const {
+  if (!HasNumber()) return path;
+  std::string number = absl::StrCat(frame_number);
+  if (number.size() < width) number.insert(0, width - number.size(), '0');
+  return absl::StrCat(path.substr(0, first), number, path.substr(first + width));
 }
 
-std::string ExpandPattern(const std::string& pattern, int32_t frame_number) {
-  const size_t last = pattern.rfind('#');
-  if (last == std::string::npos) return pattern;
-  size_t first = last;
-  while (first > 0 && pattern[first - 1] == '#') --first;
-  std::string number = absl::StrCat(frame_number);
-  const size_t width = last - first + 1;
-  if (number.size() < width) number.insert(0, width - number.size(), '0');
-  return absl::StrCat(pattern.substr(0, first), number, pattern.substr(last + 1));
+absl::StatusOr<FramePath> FindFrameNumber(const std::string& path, int32_t frame_number,
+                                          size_t run_min) {
+  const size_t name = path.rfind('/') + 1;
+  if (const std::vector<FramePath> runs = FindRuns(path, name, path.size(), run_min);
+      !runs.empty()) {
+    return runs.back();
+  }
+  FramePath found{path};
+  for (size_t begin = 0; begin < name; begin = path.find('/', begin) + 1) {
+    const size_t end = path.find('/', begin);
+    const std::vector<FramePath> runs = FindRuns(path, begin, end, run_min);
+    FramePath folder = found;
+    folder.path.resize(end);
+    if (runs.empty() || Exists(folder.Of(frame_number))) continue;
+    if (found.HasNumber()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path,
+                       ": # in several folders, none of which exists; write #### in the one "
+                       "that has the frame's number, and make the others"));
+    }
+    found = runs.back();
+  }
+  return found;
+}
+
+absl::StatusOr<FramePath> FindInputFrameNumber(const std::string& path, int32_t frame_number) {
+  std::vector<FramePath> runs = FindRuns(path, path.rfind('/') + 1, path.size(), 1);
+  if (runs.size() < 2) return FindFrameNumber(path, frame_number);
+  const FramePath last = runs.back();
+  std::erase_if(runs, [&](const FramePath& run) { return !Exists(run.Of(frame_number)); });
+  if (runs.size() < 2) return runs.empty() ? last : runs.front();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": which # is the frame's number is not clear: ", runs[0].Of(frame_number),
+                   " and ", runs[1].Of(frame_number), " are both files; rename one of them"));
+}
+
+size_t LongestRun(const std::string& path) {
+  size_t longest = 0;
+  for (const FramePath& run : FindRuns(path, path.rfind('/') + 1, path.size(), 1)) {
+    longest = std::max(longest, run.width);
+  }
+  return longest;
 }
 
 }  // namespace sheaf::cli

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Frame ranges and file name patterns: "1-24", "1-100x5", "1,4,9-12" with "shot.####.pbrt".
+// Frame ranges and the numbers of frames in paths: "1-24", "1-100x5", "1,4,9-12" with
+// "shot.####.pbrt".
 #pragma once
 
 #include <cstdint>
@@ -21,11 +22,29 @@ absl::StatusOr<std::vector<int32_t>> ParseFrameRange(const std::string& text);
 // The same as text: "1-3,7". Requires: ascending numbers.
 std::string FormatFrameRange(const std::vector<int32_t>& numbers);
 
-// Whether the file name contains a run of '#'.
-bool IsPattern(const std::string& path);
+// A path, and where it has the number of its frame.
+struct FramePath {
+  std::string path;
+  size_t first = 0;  // Of the run of '#' that stands for the number.
+  size_t width = 0;  // Of the run; 0: the path is the same for every frame.
 
-// Replaces the last run of '#' by the number, padded with zeros to the run's length.
-// "shot.####.exr" and 7 make "shot.0007.exr". A path without '#' is returned unchanged.
-std::string ExpandPattern(const std::string& pattern, int32_t frame_number);
+  bool HasNumber() const { return width > 0; }
+  // With the number in place of the run, padded with zeros to its length: "shot.####.exr" and 7
+  // make "shot.0007.exr".
+  std::string Of(int32_t frame_number) const;
+};
+
+// Finds the number in a path of an image to write: the last run of at least run_min '#' in the
+// file's name. Without one, the run in the one folder that does not exist as it is written
+// ("f/####/s.exr"); '#' in folders that do exist are letters. frame_number: of a frame, for folders
+// below that one. Errors: kInvalidArgument if it could be in several folders.
+absl::StatusOr<FramePath> FindFrameNumber(const std::string& path, int32_t frame_number,
+                                          size_t run_min = 1);
+// The same for a file to read. Of several runs in its name it is the one that makes the name of a
+// file. Errors: also kInvalidArgument if several do.
+absl::StatusOr<FramePath> FindInputFrameNumber(const std::string& path, int32_t frame_number);
+
+// The longest run of '#' in the file's name.
+size_t LongestRun(const std::string& path);
 
 }  // namespace sheaf::cli

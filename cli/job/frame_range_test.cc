@@ -5,6 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+
 namespace sheaf::cli {
 namespace {
 
@@ -45,18 +48,66 @@ TEST(FrameRangeTest, WritesWhatItReads) {
   EXPECT_EQ(FormatFrameRange({}), "");
 }
 
-TEST(FrameRangeTest, PadsFrameNumbersToTheHashes) {
-  EXPECT_EQ(ExpandPattern("shot.####.pbrt", 7), "shot.0007.pbrt");
-  EXPECT_EQ(ExpandPattern("shot.#.pbrt", 12), "shot.12.pbrt");
-  EXPECT_EQ(ExpandPattern("##/shot.##.exr", 3), "##/shot.03.exr");
-  EXPECT_EQ(ExpandPattern("####", 123456), "123456");
-  EXPECT_EQ(ExpandPattern("plain.exr", 7), "plain.exr");
+class FramePathTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = ::testing::TempDir() + "/frame_path_" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name();
+    std::filesystem::remove_all(directory_);
+    std::filesystem::create_directories(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+  void Make(const std::string& name) {
+    const std::filesystem::path path = directory_ + "/" + name;
+    std::filesystem::create_directories(path.parent_path());
+    std::ofstream(path) << name;
+  }
+  // The path of frame 7, below the directory.
+  std::string Seventh(const std::string& name, size_t run_min = 1) {
+    const absl::StatusOr<FramePath> found = FindFrameNumber(directory_ + "/" + name, 7, run_min);
+    if (!found.ok()) return std::string(found.status().message());
+    return found->Of(7).substr(directory_.size() + 1);
+  }
+  std::string SeventhInput(const std::string& name) {
+    const absl::StatusOr<FramePath> found = FindInputFrameNumber(directory_ + "/" + name, 7);
+    if (!found.ok()) return std::string(found.status().message());
+    return found->Of(7).substr(directory_.size() + 1);
+  }
+
+  std::string directory_;
+};
+
+TEST_F(FramePathTest, TheNumberIsPaddedToTheHashes) {
+  EXPECT_EQ(Seventh("shot.####.pbrt"), "shot.0007.pbrt");
+  EXPECT_EQ(Seventh("shot.#.pbrt"), "shot.7.pbrt");
+  EXPECT_EQ(Seventh("##/shot.##.exr"), "##/shot.07.exr");
+  EXPECT_EQ(Seventh("take#2.####.exr"), "take#2.0007.exr");
+  EXPECT_EQ(Seventh("take#2.exr", 2), "take#2.exr");
+  EXPECT_EQ(Seventh("plain.exr"), "plain.exr");
+  EXPECT_EQ(FindFrameNumber("####", 7)->Of(123456), "123456");
+  EXPECT_EQ(FindFrameNumber("/#/a", 7)->Of(3), "/3/a");
+  EXPECT_FALSE(FindFrameNumber("plain.exr", 7)->HasNumber());
+  EXPECT_EQ(LongestRun("####/a#b##.exr"), 2u);
 }
 
-TEST(FrameRangeTest, RecognizesPatternsByFileName) {
-  EXPECT_TRUE(IsPattern("a/shot.##.pbrt"));
-  EXPECT_FALSE(IsPattern("#1/shot.pbrt"));
-  EXPECT_FALSE(IsPattern("shot.pbrt"));
+TEST_F(FramePathTest, HashesOfFoldersThatExistAreLetters) {
+  EXPECT_EQ(Seventh("f/####/s.pbrt"), "f/0007/s.pbrt");
+  Make("shot#7/scene.pbrt");
+  EXPECT_EQ(Seventh("shot#7/scene.pbrt"), "shot#7/scene.pbrt");
+  EXPECT_EQ(Seventh("shot#7/f/####/s.pbrt"), "shot#7/f/0007/s.pbrt");
+  Make("g/007/cam#2/s.pbrt");
+  EXPECT_EQ(Seventh("g/###/cam#2/s.pbrt"), "g/007/cam#2/s.pbrt");
+  EXPECT_THAT(Seventh("none#1/###/s.pbrt"), HasSubstr("# in several folders"));
+}
+
+TEST_F(FramePathTest, TheNumberOfAnInputMakesAFile) {
+  Make("take#2.0007.pbrt");
+  EXPECT_EQ(SeventhInput("take#2.####.pbrt"), "take#2.0007.pbrt");
+  Make("0007.take#2.pbrt");
+  EXPECT_EQ(SeventhInput("####.take#2.pbrt"), "0007.take#2.pbrt");
+  EXPECT_EQ(SeventhInput("none#1.##.pbrt"), "none#1.07.pbrt");
+  Make("####.take72.pbrt");
+  EXPECT_THAT(SeventhInput("####.take#2.pbrt"), HasSubstr("are both files"));
 }
 
 }  // namespace

@@ -104,26 +104,30 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   return result;
 }
 
-absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments) {
-  const bool is_pattern = IsPattern(arguments.scene);
-  if (arguments.frames.empty()) {
-    if (!is_pattern) return std::vector<int32_t>{1};
-    return absl::InvalidArgumentError(absl::StrCat(
-        arguments.scene, ": is a pattern; give its frames, for example --frames 1-24"));
-  }
-  if (!is_pattern && !IsGltfName(arguments.scene)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("--frames needs a glTF scene, or one with #### where the number goes, as in "
-                     "shot.####.pbrt; got ",
-                     arguments.scene));
-  }
-  return ParseFrameRange(arguments.frames);
+// path: of images to write. frame_number: of the first.
+absl::StatusOr<FramePath> PathOf(const std::string& path, Numbering numbering,
+                                 int32_t frame_number) {
+  if (numbering == Numbering::kUnasked) return FramePath{path};
+  return FindFrameNumber(path, frame_number, numbering == Numbering::kAsked ? 1 : 2);
 }
 
-absl::Status CheckPattern(const std::string& flag, const std::string& pattern) {
-  if (pattern.empty() || IsPattern(pattern)) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat(
-      flag, " ", pattern, ": several frames need #### where the number goes, as in out.####.exr"));
+// Of images that the user has given no name: by the scene.
+absl::StatusOr<FramePath> DefaultName(const JobArguments& arguments, Numbering numbering,
+                                      const PreparedJob& job) {
+  // The scene's own name for the image, if there is a single image. Its folder is ignored, since
+  // it refers to the scene author's machine.
+  if (job.frames.size() == 1 && !job.frames.front().film_filename.empty()) {
+    fs::path name = fs::path(job.frames.front().film_filename).filename();
+    return FramePath{name.replace_extension(".exr").string()};
+  }
+  fs::path name = fs::path(arguments.scene).filename();
+  // A glTF file holds all frames, and the frames of a pattern may have a folder each.
+  const bool has_number =
+      numbering != Numbering::kUnasked && !IsGltfName(arguments.scene) && LongestRun(name) > 0;
+  const bool needs_number = job.frames.size() > 1 && !has_number;
+  name.replace_extension(needs_number ? ".####.exr" : ".exr");
+  if (!has_number && !needs_number) return FramePath{name.string()};
+  return FindFrameNumber(name.string(), job.frames.front().number);
 }
 
 }  // namespace
@@ -135,23 +139,78 @@ absl::Status CheckImageNames(const JobArguments& arguments) {
   return status.ok() ? CheckOutputName("--png", arguments.png, {".png"}) : status;
 }
 
+absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments) {
+  if (arguments.frames.empty()) return std::vector<int32_t>{1};
+  return ParseFrameRange(arguments.frames);
+}
+
+absl::StatusOr<FramePath> ScenePath(const JobArguments& arguments) {
+  const std::string& scene = arguments.scene;
+  const bool is_gltf = IsGltfName(scene);
+  if (arguments.frames.empty() || is_gltf) {
+    std::error_code ignored;
+    if (!is_gltf && scene.find('#') != std::string::npos && !fs::exists(scene, ignored)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(scene,
+                       ": there is no file of this name; if # stands for a frame's number, "
+                       "give --frames, for example --frames 1-24"));
+    }
+    return FramePath{scene};
+  }
+  const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
+  if (!numbers.ok()) return numbers.status();
+  absl::StatusOr<FramePath> found = FindInputFrameNumber(scene, numbers->front());
+  if (!found.ok() || found->HasNumber()) return found;
+  return absl::InvalidArgumentError(
+      absl::StrCat("--frames needs a glTF scene, or one with #### where the number goes, as in "
+                   "shot.####.pbrt; got ",
+                   scene));
+}
+
+Numbering NumberingOf(const JobArguments& arguments) {
+  return arguments.frames.empty() ? Numbering::kUnasked : Numbering::kAsked;
+}
+
+absl::Status CheckNumbers(const JobArguments& arguments, Numbering numbering,
+                          const std::vector<int32_t>& numbers) {
+  const std::pair<const char*, std::string> names[] = {{"-o", arguments.output},
+                                                       {"--png", arguments.png}};
+  for (const auto& [flag, name] : names) {
+    if (name.empty()) continue;
+    if (numbering == Numbering::kUnasked && LongestRun(name) > 1) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(flag, " ", name,
+                       ": ## stands for a frame's number, but no frames are asked for; give "
+                       "--frames, or another name"));
+    }
+    const absl::StatusOr<FramePath> found = PathOf(name, numbering, numbers.front());
+    if (!found.ok()) return found.status();
+    if (numbers.size() == 1 || found->HasNumber()) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat(flag, " ", name, ": the job has ", numbers.size(),
+                     " frames; put #### where the number goes, as in out.####.exr"));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckJobArguments(const JobArguments& arguments) {
   if (absl::Status status = CheckImageNames(arguments); !status.ok()) return status;
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
-  if (numbers->size() == 1) return absl::OkStatus();
-  if (!arguments.resume_from.empty()) {
+  if (absl::Status status = ScenePath(arguments).status(); !status.ok()) return status;
+  if (!arguments.resume_from.empty() && numbers->size() > 1) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--resume-from ", arguments.resume_from, ": an image holds one frame, but the job has ",
         numbers->size(), " frames; submit them one by one"));
   }
-  if (absl::Status status = CheckPattern("-o", arguments.output); !status.ok()) return status;
-  return CheckPattern("--png", arguments.png);
+  return CheckNumbers(arguments, NumberingOf(arguments), *numbers);
 }
 
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
+  const absl::StatusOr<FramePath> scene = ScenePath(arguments);
+  if (!scene.ok()) return scene.status();
   DigestMemory memory(DigestMemory::DefaultPath());
   FileDigests digests(&memory);
   InputChecks checks;
@@ -169,8 +228,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
       readers.emplace_back([&] {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
-          results[i].emplace(ReadFrame(ExpandPattern(arguments.scene, number), number, settings,
-                                       &gltf, &digests, &checks));
+          results[i].emplace(
+              ReadFrame(scene->Of(number), number, settings, &gltf, &digests, &checks));
           if (!results[i]->ok()) failed = true;
         }
       });
@@ -201,34 +260,20 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   return job;
 }
 
-ImagePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job) {
-  std::string exr = arguments.output, png = arguments.png;
-  if (exr.empty()) {
-    // The scene's own name for the image, if there is a single image. Its folder is ignored, since
-    // it refers to the scene author's machine.
-    fs::path name = fs::path(arguments.scene).filename();
-    if (job.frames.size() == 1 && !job.frames.front().film_filename.empty()) {
-      name = fs::path(job.frames.front().film_filename).filename();
-    }
-    // A glTF file holds all frames.
-    const bool needs_number = job.frames.size() > 1 && !IsPattern(name.string());
-    exr = name.replace_extension(needs_number ? ".####.exr" : ".exr").string();
+absl::StatusOr<ImagePatterns> OutputPatterns(const JobArguments& arguments, Numbering numbering,
+                                             const PreparedJob& job) {
+  const int32_t first = job.frames.front().number;
+  absl::StatusOr<FramePath> exr = arguments.output.empty()
+                                      ? DefaultName(arguments, numbering, job)
+                                      : PathOf(arguments.output, numbering, first);
+  if (!exr.ok()) return exr.status();
+  absl::StatusOr<FramePath> png = PathOf(arguments.png, numbering, first);
+  if (!png.ok()) return png.status();
+  if (IsPng(exr->path)) {
+    if (png->path.empty()) png = exr;
+    exr->path = fs::path(exr->path).replace_extension(".exr").string();
   }
-  if (IsPng(exr)) {
-    if (png.empty()) png = exr;
-    exr = fs::path(exr).replace_extension(".exr").string();
-  }
-  return {exr, png};
-}
-
-std::vector<ImagePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job) {
-  const ImagePaths patterns = OutputPatterns(arguments, job);
-  std::vector<ImagePaths> paths;
-  for (const PreparedFrame& frame : job.frames) {
-    paths.push_back(
-        {ExpandPattern(patterns.exr, frame.number), ExpandPattern(patterns.png, frame.number)});
-  }
-  return paths;
+  return ImagePatterns{*std::move(exr), *std::move(png)};
 }
 
 std::vector<std::string> InputPaths(const PreparedJob& job) {

@@ -18,6 +18,7 @@
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
 #include "cli/job/format/image_format.h"
+#include "cli/job/frame_range.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"
 
@@ -35,7 +36,8 @@ using coordinator::kStoppedSamplesMax;
 
 // The arguments that submit and render share.
 struct JobArguments {
-  // A path, or a pattern with #### when frames is given; of a glTF file a path in any case.
+  // A path, or a pattern with #### if frames is given (frame_range.h); of a glTF file a path in any
+  // case.
   std::string scene;
   std::string frames;        // As for ParseFrameRange; empty for a single image.
   std::string output;        // A path or pattern; empty: taken from the scene.
@@ -93,11 +95,32 @@ struct ImagePaths {
   std::string exr;
   std::string png;  // Empty: no PNG.
 };
-// The paths with #### in place of the frame's number. An output that ends in .png names a PNG and
-// implies an EXR beside it.
-ImagePaths OutputPatterns(const JobArguments& arguments, const PreparedJob& job);
-// The paths for all frames, in their order.
-std::vector<ImagePaths> OutputPaths(const JobArguments& arguments, const PreparedJob& job);
+// Where the names of images have the number of their frame.
+enum class Numbering {
+  kAsked,    // Frames were asked for: in any run of '#'.
+  kUnasked,  // A single image was asked for: nowhere.
+  kUnknown,  // Of a job with one frame, by whomever it was submitted: in runs of several '#'.
+};
+Numbering NumberingOf(const JobArguments& arguments);
+// Of the frames that are asked for; {1} if none are. Errors: those of ParseFrameRange.
+absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments);
+// Checks the names that the arguments give. numbers: of the frames. Errors: kInvalidArgument if
+// several frames would get one name, or "####" stands for no number; those of FindFrameNumber.
+absl::Status CheckNumbers(const JobArguments& arguments, Numbering numbering,
+                          const std::vector<int32_t>& numbers);
+
+// The scene's file of each frame. Requires: CheckJobArguments is OK.
+absl::StatusOr<FramePath> ScenePath(const JobArguments& arguments);
+
+// The paths with #### in place of the frame's number. Requires: the job has frames. An output that
+// ends in .png names a PNG and implies an EXR beside it. Errors: those of FindFrameNumber.
+struct ImagePatterns {
+  FramePath exr;
+  FramePath png;  // Empty: no PNG.
+  ImagePaths Of(int32_t frame_number) const { return {exr.Of(frame_number), png.Of(frame_number)}; }
+};
+absl::StatusOr<ImagePatterns> OutputPatterns(const JobArguments& arguments, Numbering numbering,
+                                             const PreparedJob& job);
 // The files on this machine that the job consists of.
 std::vector<std::string> InputPaths(const PreparedJob& job);
 

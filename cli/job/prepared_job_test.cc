@@ -99,24 +99,61 @@ TEST_F(PreparedJobTest, RefusesConflictingArguments) {
   EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("####"));
   arguments.scene = "shot.pbrt";
   EXPECT_FALSE(CheckJobArguments(arguments).ok());
+  arguments.frames.clear();
+  EXPECT_TRUE(CheckJobArguments(arguments).ok());
+  arguments.output = "out.####.exr";
+  EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--frames"));
+}
+
+TEST_F(PreparedJobTest, HashesAreLettersWhereNoFramesAreAskedFor) {
+  const std::string scene = "WorldBegin\nLightSource \"infinite\"\n";
+  std::filesystem::create_directories(directory_ + "/shot#7");
+  std::filesystem::create_directories(directory_ + "/shot17");
+  JobArguments arguments;
+  for (const char* name : {"shot#7/take#2.pbrt", "shot#7/####.pbrt", "shot#7/s.pbrt"}) {
+    arguments.scene = Write(name, scene);
+    ASSERT_TRUE(CheckJobArguments(arguments).ok()) << name;
+    EXPECT_EQ(ScenePath(arguments)->Of(1), arguments.scene);
+  }
+  Write("shot17/s.pbrt", scene);
+  arguments.frames = "1-2";
+  EXPECT_TRUE(absl::IsInvalidArgument(CheckJobArguments(arguments))) << "not shot17/s.pbrt";
+  arguments.scene = directory_ + "/f/####/s.pbrt";
+  EXPECT_EQ(ScenePath(arguments)->Of(2), directory_ + "/f/0002/s.pbrt");
+  arguments.scene = directory_ + "/shot#7.glb";
+  EXPECT_EQ(ScenePath(arguments)->Of(2), arguments.scene);
 }
 
 TEST_F(PreparedJobTest, ChoosesOutputPaths) {
   PreparedJob job;
-  job.frames = {{1, {}, {}, "../elsewhere/image.png"}};
+  job.frames = {{1, {}, {}, "../elsewhere/image#1.png"}};
   JobArguments arguments;
+  const auto path = [&](int32_t number, Numbering numbering) {
+    return OutputPatterns(arguments, numbering, job)->Of(number);
+  };
+  constexpr Numbering kAsked = Numbering::kAsked, kUnasked = Numbering::kUnasked;
   arguments.scene = "scenes/room.pbrt";
-  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "image.exr");  // Never outside this folder.
+  EXPECT_EQ(path(1, kUnasked).exr, "image#1.exr");  // Never outside this folder.
+  EXPECT_EQ(path(1, kAsked).exr, "image#1.exr");
   job.frames[0].film_filename.clear();
-  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "room.exr");
-  EXPECT_EQ(OutputPaths(arguments, job)[0].png, "");
-  arguments.output = "out/a.png";
-  EXPECT_EQ(OutputPaths(arguments, job)[0].exr, "out/a.exr");
-  EXPECT_EQ(OutputPaths(arguments, job)[0].png, "out/a.png");
+  EXPECT_EQ(path(1, kUnasked).exr, "room.exr");
+  EXPECT_EQ(path(1, kUnasked).png, "");
+  arguments.output = "out/a#.png";
+  EXPECT_EQ(path(1, kUnasked).exr, "out/a#.exr");
+  EXPECT_EQ(path(1, kUnasked).png, "out/a#.png");
+  EXPECT_EQ(path(1, Numbering::kUnknown).png, "out/a#.png");
+  EXPECT_EQ(path(1, kAsked).png, "out/a1.png");
+  EXPECT_EQ(path(1, kAsked).exr, "out/a1.exr");
+  arguments.output = "a.##.exr";
+  EXPECT_EQ(path(1, Numbering::kUnknown).exr, "a.01.exr");
   arguments.output.clear();
   arguments.scene = "shot.####.pbrt";
   job.frames = {{7, {}, {}, "same.exr"}, {8, {}, {}, "same.exr"}};
-  EXPECT_EQ(OutputPaths(arguments, job)[1].exr, "shot.0008.exr");
+  EXPECT_EQ(path(8, kAsked).exr, "shot.0008.exr");
+  arguments.scene = "f/####/s.pbrt";
+  EXPECT_EQ(path(8, kAsked).exr, "s.0008.exr");
+  arguments.scene = "shot#7.glb";
+  EXPECT_EQ(path(8, kAsked).exr, "shot#7.0008.exr");
 }
 
 }  // namespace

@@ -3,7 +3,9 @@
 #include "common/command_line/command_line.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
+#include <system_error>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -134,6 +136,10 @@ std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
                                    [](const std::string& text) { return text.starts_with("-"); });
   if (option != left.end()) {
     const std::string name = option->substr(0, option->find('='));
+    std::error_code ignored;
+    if (std::filesystem::exists(*option, ignored)) {
+      return absl::StrCat(*option, ": is read as an option; write the file's name as ./", *option);
+    }
     return absl::StrCat("unknown option ", name, NearestNameHint(name, OptionNames(command)));
   }
   if (&command == &app && !app.get_subcommands({}).empty()) {

@@ -61,6 +61,23 @@ TEST(TextureCacheTest, EightBitTexelsUseTheRequestedEncoding) {
   EXPECT_FLOAT_EQ(values[1][0], (128 / 255.0f) * (128 / 255.0f));
 }
 
+TEST(TextureCacheTest, NamesAreNoOptionsAndNoPatterns) {
+  for (const char* name : {"a?b=1.png", "<UDIM>.png", "%(UDIM)d.png", "what?.png"}) {
+    const std::string path = WritePattern(name, 64);
+    TextureCache cache(uint64_t{16} << 20);
+    const absl::StatusOr<TextureImage> image = cache.Open(path, {});
+    ASSERT_TRUE(image.ok()) << image.status();
+    const TexelIndex where[] = {{63, 7}};
+    Texel values[1];
+    cache.ReadTexels(image->index, where, values);
+    EXPECT_EQ(values[0][0], DecodeSrgb(63 / 255.0f)) << name;
+    EXPECT_EQ(values[0][1], DecodeSrgb(7 / 255.0f)) << name;
+    const absl::StatusOr<FloatImage> whole = ReadImage(path);
+    ASSERT_TRUE(whole.ok()) << whole.status();
+    EXPECT_EQ(whole->width, 64) << name;
+  }
+}
+
 TEST(TextureCacheTest, ValuesDoNotDependOnTheCacheState) {
   const int size = 512;
   const std::string path = WritePattern("eviction.png", size);

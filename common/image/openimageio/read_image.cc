@@ -7,6 +7,8 @@
 #include <exception>
 #include <memory>
 #include <new>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include <OpenImageIO/imageio.h>
@@ -99,6 +101,22 @@ absl::StatusOr<FloatImage> ReadOpened(const std::string& path, OIIO::ImageInput&
   return image;
 }
 
+// OpenImageIO takes a '?' in a name for the beginning of options. With the format's name instead,
+// the plug-in opens the path as it is.
+std::unique_ptr<OIIO::ImageInput> OpenByExtension(const std::string& path,
+                                                  const OIIO::ImageSpec& requested_spec,
+                                                  std::string* error) {
+  const size_t dot = path.rfind('.');
+  const std::string format = dot == std::string::npos ? "" : path.substr(dot + 1);
+  std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::create(format);
+  OIIO::ImageSpec found;
+  if (input && !input->open(path, found, requested_spec)) {
+    *error = input->geterror();
+    input = nullptr;
+  }
+  return input;
+}
+
 }  // namespace
 
 std::string OneLine(std::string text, const std::string& fallback) {
@@ -112,10 +130,14 @@ std::string OneLine(std::string text, const std::string& fallback) {
 absl::StatusOr<std::unique_ptr<OIIO::ImageInput>> OpenInput(const std::string& path) {
   OIIO::ImageSpec requested_spec;
   requested_spec.attribute("oiio:UnassociatedAlpha", 1);
-  std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path, &requested_spec);
+  std::string error;
+  std::unique_ptr<OIIO::ImageInput> input = path.find('?') == std::string::npos
+                                                ? OIIO::ImageInput::open(path, &requested_spec)
+                                                : OpenByExtension(path, requested_spec, &error);
   if (input) return input;
+  if (error.empty()) error = OIIO::geterror();
   return absl::InvalidArgumentError(
-      absl::StrCat(path, ": not a readable image: ", OneLine(OIIO::geterror(), "unknown format")));
+      absl::StrCat(path, ": not a readable image: ", OneLine(std::move(error), "unknown format")));
 }
 
 absl::StatusOr<FloatImage> ReadByOpenImageIO(const std::string& path,

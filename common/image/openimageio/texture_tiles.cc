@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/image/image_limits.h"
 #include "common/image/openimageio/image_layout.h"
+#include "common/image/openimageio/plain_names.h"
 #include "common/image/openimageio/read_image.h"
 #include "common/math/elementary.h"
 
@@ -156,6 +157,7 @@ class OpenImageIOTiles final : public TextureTiles {
   OIIO::ImageCache* cache_ = nullptr;
   uint64_t id_ = 0;  // Never reused in a process: names the cache in thread-local storage.
   std::vector<std::unique_ptr<OpenedImage>> images_;
+  PlainNames names_;
 };
 
 // Reads every texel, to find damage, to count non-finite ones, and to drop an alpha that is 1
@@ -230,7 +232,9 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
     if (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16) {
       image->decode = MakeDecodeTable(encoding, spec.format == OIIO::TypeDesc::UINT8);
     }
-    image->handle = cache_->get_image_handle(OIIO::ustring(path), ThreadRecord());
+    const absl::StatusOr<std::string> name = names_.Of(path);
+    if (!name.ok()) return name.status();
+    image->handle = cache_->get_image_handle(OIIO::ustring(*name), ThreadRecord());
     if (image->handle == nullptr) {
       return absl::InvalidArgumentError(
           absl::StrCat(path, ": not a readable image: ", CacheError(*cache_)));

@@ -1,0 +1,206 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Files and folders by any name: each command reads and writes the right file, or refuses in one
+line. Beside each there are files that a name means if it is taken for a pattern.
+"""
+import json
+import os
+import shutil
+import subprocess
+import sys
+import unittest
+
+import farm
+from client_case import OK, SCENE, USAGE, ClientCase
+from package_build import build_package
+
+# Name -> what it means where it is taken for a pattern of frame 1.
+NAMES = {"take#2": "take12", "a#7.####": "a#7.0001", "100%d%04d": "10011", "why?*[x]=1": "whyy",
+         " it's \"q\" ": " its q ", "line\nend": "line", "-dash": "dash",
+         "back\\slash $HOME;x": "backslash", "~": "home", "<UDIM>": "1001"}
+TEXTURE = 'Texture "t" "spectrum" "imagemap" "string filename" "{}"\n'
+SMALL = SCENE.replace("48", "8").replace("32", "4").replace(
+    "Shape", 'Material "diffuse" "texture reflectance" "t"\nShape')
+
+
+def setUpModule():
+    global sheaf
+    sys.path.insert(0, build_package())
+    import sheaf
+
+
+class NamesTest(ClientCase):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.images, cls.pixels = {}, {}
+        for kind, level in (("right", "0.9"), ("wrong", "0.1")):
+            cls.images[kind] = cls.farm.path(kind + ".png")
+            light = cls.write(cls, kind + "_maker.pbrt", SCENE.replace("0.5 0.6", level + " 0.6"))
+            farm.render(light, cls.images[kind], "--samples", 1)
+        scene = cls.write(cls, "plain.pbrt", SMALL.replace("WorldBegin\n", "WorldBegin\n"
+                                                           + TEXTURE.format("right.png")))
+        plain = cls.farm.path("plain.exr")
+        farm.render(scene, plain, "--samples", 1)
+        cls.digest = farm.image_digest(plain)
+
+    def lay_out(self, base, name, kind):
+        folder = os.path.join(base, name)
+        os.makedirs(folder, exist_ok=True)
+        # Texts of scenes cannot hold line ends.
+        texture = "texture" if "\n" in name else name
+        shutil.copy(self.images[kind], os.path.join(folder, texture + ".png"))
+        quoted = texture.replace("\\", "\\\\").replace('"', '\\"')
+        with open(os.path.join(folder, name + ".pbrt"), "w", encoding="utf-8") as file:
+            file.write(SMALL.replace("WorldBegin\n",
+                                     "WorldBegin\n" + TEXTURE.format(quoted + ".png")))
+
+    def sheaf(self, base, *arguments):
+        environment = dict(self.farm.environment, SHEAF_COORDINATOR=self.farm.address,
+                           SHEAF_NO_QUOTE="1")
+        return subprocess.run([os.path.join(farm.programs(), "sheaf"), *map(str, arguments)],
+                              cwd=base, env=environment, stdin=subprocess.DEVNULL,
+                              capture_output=True, text=True, check=False,
+                              timeout=60 * farm.PATIENCE)
+
+    def steps(self, path):
+        """Commands with the files that they write."""
+        job = ("--samples", 1)
+        yield ("plan", path + ".pbrt"), ()
+        yield (("render", path + ".pbrt", *job, "-o", path + ".exr", "--png", path + "_v.png"),
+               (path + ".exr", path + "_v.png"))
+        yield (("submit", path + ".pbrt", *job, "--wait", "-o", path + "_s.exr", "--title", "t"),
+               (path + "_s.exr",))
+        yield ("watch", "JOB", "-o", path + "_w.exr", "--png", path + "_w.png"), (path + "_w.exr",
+                                                                                  path + "_w.png")
+        yield ("refine", "JOB", "--samples", 1, "--wait", "-o", path + "_r.exr"), (path + "_r.exr",)
+        yield ("show", path + ".exr"), ()
+        yield ("compare", path + ".exr", path + "_s.exr", "--diff", path + "_d.exr"), (
+            path + "_d.exr",)
+
+    def test_each_command_takes_names_as_they_are(self):
+        for name, decoy in NAMES.items():
+            base = self.farm.path("names", str(list(NAMES).index(name)))
+            self.lay_out(base, name, "right")
+            for folder, file in ((decoy, name), (name, decoy), (decoy, decoy)):
+                self.lay_out(base, folder, "wrong")
+                if file != folder:
+                    os.rename(os.path.join(base, folder, folder + ".pbrt"),
+                              os.path.join(base, folder, file + ".pbrt"))
+            self.lay_out(base, name, "right")
+            for path in (os.path.join(name, name), os.path.join(base, name, name)):
+                self.check_steps(base, name, path)
+
+    def check_steps(self, base, name, path):
+        for arguments, outputs in self.steps(path):
+            with self.subTest(name=name, path=path, command=arguments[0]):
+                before = self.tree(base)
+                if "JOB" in arguments:
+                    arguments = [self.newest() if a == "JOB" else a for a in arguments]
+                done = self.sheaf(base, *arguments)
+                if str(arguments[1]).startswith("-"):  # As any program reads it.
+                    self.expect(done, USAGE)
+                    self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+                    if arguments[0] in ("plan", "render"):
+                        self.assertIn("write the file's name as ./-dash", done.stderr)
+                    self.assertEqual(self.tree(base), before)
+                    continue
+                if "####" in name and outputs and arguments[0] not in ("compare",):
+                    self.check_long_run(base, done, before, path, outputs, arguments)
+                    continue
+                if arguments[0] in ("show", "compare") and "####" in name:
+                    continue
+                self.expect(done, OK)
+                made = {os.path.relpath(os.path.join(base, output), base) for output in outputs}
+                self.assertEqual(self.tree(base) - before, made - before)
+                for output in outputs:
+                    if output.endswith(".exr") and arguments[0] != "compare":
+                        self.assertEqual(farm.image_digest(os.path.join(base, output)), self.digest)
+
+    def check_long_run(self, base, done, before, path, outputs, arguments):
+        """Where no frames are asked for, #### is refused; watch cannot know."""
+        if arguments[0] in ("render", "submit"):
+            self.expect(done, USAGE)
+            self.assertIn("--frames", done.stderr)
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+            self.assertEqual(self.tree(base), before)
+            # By another name of the image the scene is the right one.
+            image = os.path.join(base, "image.exr")
+            self.expect(self.sheaf(base, arguments[0], path + ".pbrt", "--samples", 1, "-o", image,
+                                   *(("--wait", "--title", "t") if arguments[0] == "submit"
+                                     else ())), OK)
+            self.assertEqual(farm.image_digest(image), self.digest)
+            os.remove(image)
+            return
+        self.expect(done, OK)
+        for output in outputs:
+            folder, file = os.path.split(os.path.join(base, output))
+            self.assertTrue(os.path.exists(os.path.join(folder, file.replace("####", "0001"))))
+
+    @staticmethod
+    def tree(base):
+        return {os.path.relpath(os.path.join(folder, name), base)
+                for folder, _, names in os.walk(base) for name in names}
+
+    def newest(self):
+        return json.loads(self.farm.sheaf("list", "--json", "--limit", 1).stdout)["name"]
+
+    def test_a_study_takes_names_as_they_are(self):
+        base, name = self.farm.path("study"), "s#1 <UDIM> %d?*'\""
+        self.lay_out(base, name, "right")
+        path = os.path.join(name, name)
+        self.expect(self.sheaf(base, "study", path + ".pbrt", "--minutes", 0.2, "-o",
+                               path + ".html", "--json-output", path + ".json"), OK)
+        self.assertTrue(os.path.exists(os.path.join(base, path + ".html")))
+        self.assertTrue(os.path.exists(os.path.join(base, path + ".json")))
+
+    def test_python_takes_names_as_they_are(self):
+        with sheaf.connect(self.farm.address, programs=farm.programs()) as client:
+            for name, decoy in NAMES.items():
+                with self.subTest(name=name):
+                    base = self.farm.path("python", str(list(NAMES).index(name)))
+                    self.lay_out(base, decoy, "wrong")
+                    self.lay_out(base, name, "right")
+                    path = os.path.join(base, name, name)
+                    job = client.wait(client.submit(path + ".pbrt", samples=1, title="t"),
+                                      images=path + "_w.exr")
+                    client.download(job, path + ".exr")
+                    written = path.replace(name, name.replace("####", "0001")) + "_w.exr"
+                    for image in (path + ".exr", os.path.join(base, name,
+                                                              os.path.basename(written))):
+                        self.assertEqual(farm.image_digest(image), self.digest)
+                        self.assertEqual(sheaf.read_image(image).rgb.shape, (4, 8, 3))
+
+    def test_a_folder_for_each_frame(self):
+        """Regression: without --frames f/####/s.pbrt was f/0001/s.pbrt, with them it was refused;
+        shot#7/s.pbrt was shot17/s.pbrt.
+        """
+        base = self.farm.path("frames")
+        for folder in ("f/0001", "f/0002", "shot#7", "shot17", "shot27", "o/1", "o/2"):
+            os.makedirs(os.path.join(base, folder))
+            with open(os.path.join(base, folder, "s.pbrt"), "w", encoding="utf-8") as file:
+                file.write(SCENE.replace("0.5 0.6", f"0.{len(folder)} 0.{folder[-1]}"))
+        both = ("--frames", "1-2", "--samples", 1)
+        done = self.sheaf(base, "render", "f/####/s.pbrt", "--samples", 1)
+        self.assertIn("give --frames", self.expect(done, USAGE).stderr)
+        self.expect(self.sheaf(base, "render", "f/####/s.pbrt", *both, "-o", "o/#/x.exr"), OK)
+        for number in (1, 2):
+            farm.render(os.path.join(base, f"f/000{number}/s.pbrt"), os.path.join(base, "y.exr"),
+                        "--samples", 1)
+            self.assertEqual(farm.image_digest(os.path.join(base, "y.exr")),
+                             farm.image_digest(os.path.join(base, f"o/{number}/x.exr")))
+        done = self.sheaf(base, "render", "shot#7/s.pbrt", *both, "-o", "f.#.exr")
+        self.assertIn("needs", self.expect(done, USAGE).stderr)
+        self.expect(self.sheaf(base, "render", "shot#7/s.pbrt", "--samples", 1, "-o",
+                               "shot#7/x.exr"), OK)
+        farm.render(os.path.join(base, "shot#7", "s.pbrt"), os.path.join(base, "y.exr"),
+                    "--samples", 1)
+        self.assertEqual(farm.image_digest(os.path.join(base, "y.exr")),
+                         farm.image_digest(os.path.join(base, "shot#7", "x.exr")))
+        done = self.sheaf(base, "render", "f/####/s.pbrt", *both, "-o", "shot#7/x.exr")
+        self.assertIn("the job has 2 frames", self.expect(done, USAGE).stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
