@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/commands/local_farm.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -16,9 +18,12 @@
 #include "common/base/log.h"
 #include "common/base/status.h"
 #include "common/base/steady_time.h"
+#include "common/content/file_descriptor.h"
 
 namespace sheaf::cli {
 namespace {
+
+namespace fs = std::filesystem;
 
 // How long to wait for the worker's first report before continuing without it.
 constexpr absl::Duration kWorkerReportWait = absl::Seconds(2);
@@ -37,36 +42,76 @@ void AwaitWorker(const coordinator::FarmView& farm) {
 
 }  // namespace
 
+constexpr char kPrefix[] = "sheaf-render-";
+// In each temporary folder, locked by its process. Its name says that nobody has been told to keep
+// the folder.
+constexpr char kOwnerFile[] = "/temporary";
+
+// The file with its lock held; invalid where another process holds it, or there is none.
+FileDescriptor OpenLocked(const std::string& path, int flags) {
+  FileDescriptor file(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC | flags, 0600));
+  if (file.ok() && ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) file.Close();
+  return file;
+}
+
+// Makes the folder's owner file, which is locked before others see it.
+absl::StatusOr<FileDescriptor> MakeOwnerFile(const std::string& folder) {
+  const std::string path = folder + kOwnerFile, unseen = path + ".new";
+  FileDescriptor file = OpenLocked(unseen, O_CREAT | O_EXCL);
+  if (file.ok() && ::rename(unseen.c_str(), path.c_str()) == 0) return file;
+  return StatusFromErrno(errno, absl::StrCat("making ", path));
+}
+
+// Removes what killed processes have left. Folders of other users fail, and stay.
+void RemoveLeftovers(const std::string& parent) {
+  std::error_code error;
+  for (fs::directory_iterator it(parent, error), end; !error && it != end; it.increment(error)) {
+    if (!it->path().filename().string().starts_with(kPrefix)) continue;
+    std::error_code ignored;
+    if (!fs::is_directory(it->symlink_status(ignored))) continue;
+    const FileDescriptor lock = OpenLocked(it->path().string() + kOwnerFile, 0);
+    if (lock.ok()) fs::remove_all(it->path(), ignored);
+  }
+}
+
 // The folder for one run's state. It is removed at the end unless the caller named it.
 class LocalFarm::StateDirectory {
  public:
   static absl::StatusOr<std::unique_ptr<StateDirectory>> Open(const std::string& kept) {
     if (!kept.empty()) {
       if (absl::Status status = MakeDirectories(kept); !status.ok()) return status;
-      return std::unique_ptr<StateDirectory>(new StateDirectory(kept, true));
+      return std::unique_ptr<StateDirectory>(new StateDirectory(kept, FileDescriptor()));
     }
-    const char* parent = std::getenv("TMPDIR");
-    std::string path = absl::StrCat(parent == nullptr || parent[0] == '\0' ? "/tmp" : parent,
-                                    "/sheaf-render-XXXXXX");
+    const char* named = std::getenv("TMPDIR");
+    const std::string parent = named == nullptr || named[0] == '\0' ? "/tmp" : named;
+    RemoveLeftovers(parent);
+    std::string path = absl::StrCat(parent, "/", kPrefix, "XXXXXX");
     if (::mkdtemp(path.data()) == nullptr) {
       return StatusFromErrno(errno, absl::StrCat("creating a folder ", path,
                                                  " (choose another with TMPDIR or --keep-state)"));
     }
-    return std::unique_ptr<StateDirectory>(new StateDirectory(path, false));
+    absl::StatusOr<FileDescriptor> owner = MakeOwnerFile(path);
+    if (!owner.ok()) return owner.status();
+    return std::unique_ptr<StateDirectory>(new StateDirectory(path, *std::move(owner)));
   }
   ~StateDirectory() {
     std::error_code ignored;  // Files left in a temporary folder are no error.
-    if (!kept_) std::filesystem::remove_all(path_, ignored);
+    if (owner_.ok()) fs::remove_all(path_, ignored);
   }
   StateDirectory(const StateDirectory&) = delete;
   StateDirectory& operator=(const StateDirectory&) = delete;
   const std::string& path() const { return path_; }
-  void Keep() { kept_ = true; }
+  void Keep() {
+    if (owner_.ok()) ::unlink((path_ + kOwnerFile).c_str());
+    owner_.Close();
+  }
 
  private:
-  StateDirectory(std::string path, bool kept) : path_(std::move(path)), kept_(kept) {}
+  // owner: invalid for a folder that is kept.
+  StateDirectory(std::string path, FileDescriptor owner)
+      : path_(std::move(path)), owner_(std::move(owner)) {}
   const std::string path_;
-  bool kept_;
+  FileDescriptor owner_;
 };
 
 LocalFarm::LocalFarm() = default;
@@ -80,6 +125,12 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   farm->state_ = *std::move(state);
   coordinator::CoordinatorOptions coordinator;
   coordinator.farm.state_directory = farm->state_->path();
+  // The disk is the user's: nobody else's jobs need space on it.
+  coordinator.farm.retention.free_bytes_min = 0;
+  coordinator.farm.space_advice =
+      options.kept_state.empty()
+          ? "choose a folder on a larger one with TMPDIR, or with --keep-state"
+          : "choose a folder on a larger one with --keep-state";
   if (options.kept_state.empty()) {  // The state ends with this process.
     coordinator.farm.durability = coordinator::Durability::kProcess;
     coordinator.farm.kept_parts_bytes_max = 0;
@@ -98,6 +149,7 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   farm->server_ = *std::move(server);
   farm->channel_ = farm->server_->InProcessChannel();
   farm->options_.worker.cache_directory = absl::StrCat(farm->state_->path(), "/cache");
+  farm->options_.worker.cache_lender = absl::StrCat(farm->state_->path(), "/content");
   farm->options_.worker.grace = std::chrono::milliseconds(0);
   return farm;
 }

@@ -77,7 +77,10 @@ absl::StatusOr<FileDescriptor> WritePartial(const std::string& path, std::string
   if (::ftruncate(file.get(), 0) != 0) {
     return StatusFromErrno(errno, absl::StrCat("truncating ", path));
   }
-  if (absl::Status status = WriteAll(file.get(), bytes, path); !status.ok()) return status;
+  if (absl::Status status = WriteAll(file.get(), bytes, path); !status.ok()) {
+    ::unlink(path.c_str());
+    return status;
+  }
   ::fchmod(file.get(), 0444);
   return file;
 }
@@ -96,7 +99,10 @@ absl::Status WriteTogether(const BlobStore& store, const std::vector<BlobDigest>
   for (const BlobDigest& blob : blobs) {
     absl::StatusOr<FileDescriptor> file =
         WritePartial(store.PartialPath(blob), bytes.at(blob.sha256_hex));
-    if (!file.ok()) return file.status();
+    if (!file.ok()) {
+      for (const auto& [done, open] : written) ::unlink(store.PartialPath(*done).c_str());
+      return file.status();
+    }
     if (file->ok()) written.emplace_back(&blob, *std::move(file));
   }
   if (absl::Status status = SyncAll(store.directory()); !status.ok()) return status;

@@ -73,6 +73,18 @@ BlobWriter::~BlobWriter() {
   if (fd_ >= 0) ::close(fd_);
 }
 
+void BlobWriter::Discard() {
+  if (fd_ < 0) return;
+  ::unlink(partial_path_.c_str());
+  ::close(std::exchange(fd_, -1));
+}
+
+absl::Status BlobWriter::Failed(const char* operation) {
+  absl::Status status = StatusFromErrno(errno, absl::StrCat(operation, " ", partial_path_));
+  if (absl::IsResourceExhausted(status)) Discard();
+  return status;
+}
+
 BlobWriter::BlobWriter(BlobWriter&& other) noexcept
     : store_(other.store_),
       partial_path_(std::move(other.partial_path_)),
@@ -102,7 +114,7 @@ absl::Status BlobWriter::Append(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return StatusFromErrno(errno, absl::StrCat("writing ", partial_path_));
+    if (n < 0) return Failed("writing");
     hash_.Update(bytes.data(), static_cast<size_t>(n));
     committed_bytes_ += static_cast<uint64_t>(n);
     bytes.remove_prefix(static_cast<size_t>(n));
@@ -111,9 +123,9 @@ absl::Status BlobWriter::Append(std::string_view bytes) {
 }
 
 absl::Status BlobWriter::Flush() {
-  SHEAF_CHECK(fd_ >= 0);
+  if (fd_ < 0) return absl::OkStatus();  // Nothing is left of it.
   if (::fdatasync(fd_) == 0) return absl::OkStatus();
-  return StatusFromErrno(errno, absl::StrCat("fsync of ", partial_path_));
+  return Failed("fsync of");
 }
 
 absl::Status BlobWriter::Commit() {
@@ -129,7 +141,7 @@ absl::Status BlobWriter::Commit() {
                                                    "; the file changed or was damaged in transit"));
   }
   ::fchmod(fd_, 0444);  // A blob never changes; the mode only helps to notice attempts.
-  if (::fsync(fd_) != 0) return StatusFromErrno(errno, absl::StrCat("fsync of ", partial_path_));
+  if (::fsync(fd_) != 0) return Failed("fsync of");
   if (absl::Status status = store_->MakeVisible(digest_, partial_path_); !status.ok()) {
     return status;
   }

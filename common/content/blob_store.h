@@ -65,7 +65,7 @@ struct StoredBlob {
 class BlobStore;
 
 // One upload; holds the partial file's lock for its lifetime. If destroyed without Commit, it
-// leaves the bytes appended so far to be resumed.
+// leaves the bytes appended so far to be resumed; but where the disk is full, it leaves nothing.
 // Thread safety: one thread at a time.
 class BlobWriter {
  public:
@@ -83,6 +83,8 @@ class BlobWriter {
   // Errors: kInvalidArgument (too short: the bytes stay and can be resumed; or wrong digest: the
   // partial file is removed); kResourceExhausted (disk full).
   absl::Status Commit();
+  // Removes the partial file. No other call may follow but committed_bytes.
+  void Discard();
 
  private:
   friend class BlobStore;
@@ -94,6 +96,8 @@ class BlobWriter {
         digest_(std::move(digest)),
         fd_(fd) {}
   absl::Status HashExistingBytes();
+  // The error in errno. A full disk gets the bytes back.
+  absl::Status Failed(const char* operation);
 
   const BlobStore* store_;
   std::string partial_path_, final_path_;

@@ -47,6 +47,18 @@ TEST_F(BlobStoreTest, ReturnsStoredBlobs) {
   EXPECT_TRUE(store_->Put("hello").ok());
 }
 
+TEST_F(BlobStoreTest, ADiscardedUploadLeavesNothing) {
+  const BlobDigest digest = DigestOf("hello");
+  absl::StatusOr<BlobWriter> writer = store_->BeginWrite(digest, 0);
+  ASSERT_TRUE(writer.ok());
+  ASSERT_TRUE(writer->Append("hel").ok());
+  writer->Discard();
+  EXPECT_EQ(writer->committed_bytes(), 3u) << "for accounts";
+  EXPECT_TRUE(writer->Flush().ok());
+  EXPECT_FALSE(std::filesystem::exists(store_->PartialPath(digest)));
+  EXPECT_TRUE(store_->BeginWrite(digest, 0).ok()) << "its lock has gone with it";
+}
+
 TEST_F(BlobStoreTest, ListsMissingBlobsInOrder) {
   const BlobDigest stored = *store_->Put("stored");
   const BlobDigest a = DigestOf("a"), b = DigestOf("b");

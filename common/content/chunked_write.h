@@ -48,6 +48,11 @@ class ChunkedWrite {
   absl::Status Finish();
   // Makes the chunks so far durable. For interrupted writes.
   absl::Status Flush() { return writer_.Flush(); }
+  // Removes what is there. No other call may follow.
+  void Discard() { writer_.Discard(); }
+
+  // Number of bytes in the partial file.
+  uint64_t committed_bytes() const { return writer_.committed_bytes(); }
 
   uint64_t reused_bytes() const { return reused_bytes_; }
 

@@ -11,15 +11,18 @@
 #include <cerrno>
 #include <chrono>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/disk_space.h"
 #include "common/base/file.h"
 #include "common/base/mutex.h"
 #include "common/base/status.h"
+#include "common/content/cache_shortage.h"
 
 namespace sheaf {
 namespace {
@@ -100,6 +103,8 @@ uint64_t SizeOf(const std::string& path) {
 std::string StampPath(const std::string& cache, const std::string& sha256_hex) {
   return absl::StrCat(cache, "/used/", sha256_hex);
 }
+
+uint64_t Less(uint64_t bytes, uint64_t taken) { return bytes - std::min(bytes, taken); }
 
 void NoteUse(const std::string& stamp) {
   const FileDescriptor file(::open(stamp.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
@@ -214,6 +219,14 @@ absl::StatusOr<std::unique_ptr<ContentCache>> ContentCache::Open(const std::stri
       BlobStore::Open(absl::StrCat(directory, "/blobs"));
   if (!blobs.ok()) return blobs.status();
   std::unique_ptr<ContentCache> cache(new ContentCache(directory, limits, *std::move(blobs)));
+  if (!limits.lender.empty()) {
+    // Links to its blobs are absolute.
+    std::error_code error;
+    const std::string lender = fs::absolute(limits.lender, error).string();
+    blobs = BlobStore::Open(error ? limits.lender : lender);
+    if (!blobs.ok()) return blobs.status();
+    cache->lender_ = *std::move(blobs);
+  }
   absl::StatusOr<FileDescriptor> lock = cache->LockCache();
   if (!lock.ok()) return lock.status();
   cache->FreeDeadLeases();
@@ -271,35 +284,68 @@ absl::StatusOr<ContentLease> ContentCache::MakeLease() {
   return lease;
 }
 
-absl::Status ContentCache::MakeRoom(uint64_t size_bytes) const {
-  uint64_t used_bytes = 0;
+uint64_t ContentCache::FreeBytes() const {
+  const std::optional<DiskSpace> space = DiskSpaceOf(directory_);
+  if (!space) return UINT64_MAX;  // Unknown; a write tells.
+  return Less(space->available_bytes,
+              AtMostFractionOf(*space, kCacheFreeFractionMax, limits_.free_bytes_min));
+}
+
+absl::Status ContentCache::MakeRoom(uint64_t missing_bytes, uint64_t scene_bytes) const {
+  uint64_t used_bytes = 0, reserved_bytes = 0, evictable_bytes = 0;
   std::vector<Evictable> evictable;
   ScanBlobs(directory_, blobs_->directory(), &used_bytes, &evictable);
   for (const std::string& lease : LeaseDirectories(directory_)) {
-    used_bytes += SizeOf(absl::StrCat(lease, "/reserved"));
+    reserved_bytes += SizeOf(absl::StrCat(lease, "/reserved"));
   }
+  used_bytes += reserved_bytes;
+  for (const Evictable& victim : evictable) evictable_bytes += victim.size_bytes;
+  const uint64_t pinned_bytes = used_bytes - evictable_bytes;
+  uint64_t free_bytes = Less(FreeBytes(), reserved_bytes);
+  const uint64_t room = std::min(Less(limits_.bytes_max, pinned_bytes),
+                                 free_bytes + std::min(evictable_bytes, UINT64_MAX - free_bytes));
+  const auto lacks_room = [&] {
+    return used_bytes + missing_bytes > limits_.bytes_max || missing_bytes > free_bytes;
+  };
   std::sort(evictable.begin(), evictable.end(), UsedBefore);
   for (const Evictable& victim : evictable) {
-    if (used_bytes + size_bytes <= limits_.bytes_max) break;
+    if (missing_bytes > room || !lacks_room()) break;
     if (!Evict(victim)) continue;
     used_bytes -= victim.size_bytes;
+    free_bytes += std::min(victim.size_bytes, UINT64_MAX - free_bytes);
     ::unlink(StampPath(directory_, fs::path(victim.path).filename().string()).c_str());
   }
-  if (used_bytes + size_bytes <= limits_.bytes_max) return absl::OkStatus();
-  return absl::ResourceExhaustedError(
-      absl::StrCat("content cache ", directory_, ": ", size_bytes, " bytes are needed and ",
-                   used_bytes, " of ", limits_.bytes_max,
-                   " are in use by loaded scenes; raise the cache's limit (--cache-bytes-max)"));
+  if (!lacks_room()) return absl::OkStatus();
+  const bool of_disk = pinned_bytes + missing_bytes <= limits_.bytes_max;
+  const std::string why =
+      of_disk ? absl::StrCat("its file system has ", room,
+                             " left; free space on it or choose another folder (--cache-dir)")
+              : absl::StrCat(pinned_bytes, " of ", limits_.bytes_max,
+                             " are in use by loaded scenes; raise the cache's limit "
+                             "(--cache-bytes-max)");
+  return WithShortage(
+      absl::ResourceExhaustedError(absl::StrCat("content cache ", directory_, ": ", missing_bytes,
+                                                " bytes are needed and ", why)),
+      {scene_bytes, scene_bytes - missing_bytes + room});
+}
+
+const BlobStore* ContentCache::StoreOf(const BlobDigest& digest) const {
+  if (blobs_->StateOf(digest).ok()) return blobs_.get();
+  return lender_ != nullptr && lender_->StateOf(digest).ok() ? lender_.get() : nullptr;
 }
 
 absl::Status ContentCache::Link(const std::vector<ManifestFile>& files,
                                 const std::vector<size_t>& indices, ContentLease* lease) {
   const BlobDigest& digest = files[indices.front()].digest;
-  const absl::StatusOr<FileState> state = blobs_->StateOf(digest);
+  const BlobStore* const store = StoreOf(digest);
+  if (store == nullptr) return absl::NotFoundError(digest.sha256_hex);
+  const absl::StatusOr<FileState> state = store->StateOf(digest);
   if (!state.ok()) return absl::NotFoundError(state.status().message());
   // Relative to DIR/leases/ID/K.
   const std::string blob =
-      absl::StrCat("../../../blobs/", digest.sha256_hex.substr(0, 2), "/", digest.sha256_hex);
+      store == blobs_.get()
+          ? absl::StrCat("../../../blobs/", digest.sha256_hex.substr(0, 2), "/", digest.sha256_hex)
+          : store->FinalPath(digest);
   for (const size_t i : indices) {
     const std::string path = absl::StrCat(lease->directory_, "/", LinkName(i, files[i].name));
     if (::symlink(blob.c_str(), path.c_str()) != 0 && errno != EEXIST) {
@@ -309,7 +355,7 @@ absl::Status ContentCache::Link(const std::vector<ManifestFile>& files,
     }
     lease->local_paths_[files[i].name] = path;
   }
-  lease->pinned_.push_back({files[indices.front()].name, digest, *state});
+  lease->pinned_.push_back({files[indices.front()].name, digest, *state, store});
   NoteUse(StampPath(directory_, digest.sha256_hex));
   return absl::OkStatus();
 }
@@ -323,13 +369,21 @@ absl::Status ContentCache::Download(const BlobDigest& digest, const Fetch& fetch
     if (there->complete) return absl::OkStatus();
     absl::StatusOr<BlobWriter> writer = blobs_->BeginWrite(digest, there->committed_bytes);
     if (writer.ok()) {
+      absl::Status written;
       absl::Status status = fetch(digest, there->committed_bytes, [&](std::string_view bytes) {
-        return stop.stop_requested() ? absl::CancelledError("stopped") : writer->Append(bytes);
+        if (stop.stop_requested()) return absl::CancelledError("stopped");
+        written = writer->Append(bytes);
+        return written;
       });
+      if (!written.ok()) return written;
+      // In this class, this code is for the cache's own disk.
+      if (absl::IsResourceExhausted(status)) return absl::UnavailableError(status.message());
       if (!status.ok()) return status;
       status = writer->Commit();
-      if (!status.ok()) return absl::DataLossError(status.message());
-      return absl::OkStatus();
+      if (!status.ok() && !absl::IsResourceExhausted(status)) {
+        return absl::DataLossError(status.message());
+      }
+      return status;
     }
     if (absl::IsAlreadyExists(writer.status())) return absl::OkStatus();
     if (absl::IsUnavailable(writer.status())) {  // Another process is downloading it.
@@ -351,19 +405,35 @@ absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFil
     if (same.empty()) total_bytes += files[i].digest.size_bytes;
     same.push_back(i);
   }
-  if (total_bytes > limits_.bytes_max) {
-    return absl::ResourceExhaustedError(absl::StrCat(
-        "the scene's files have ", total_bytes, " bytes, more than the content cache's limit of ",
-        limits_.bytes_max, "; raise it (--cache-bytes-max)"));
+  if (total_bytes > limits_.bytes_max && lender_ == nullptr) {
+    return WithShortage(absl::ResourceExhaustedError(
+                            absl::StrCat("the scene's files have ", total_bytes,
+                                         " bytes, more than the content cache's limit of ",
+                                         limits_.bytes_max, "; raise it (--cache-bytes-max)")),
+                        {total_bytes, limits_.bytes_max});
   }
   for (const auto& [hex, indices] : by_digest) {
     // Digests the blob if necessary before the cache is locked. A damaged blob is moved aside, and
     // downloaded again below.
-    const absl::Status present = blobs_->PathOf(files[indices.front()].digest).status();
+    const BlobDigest& digest = files[indices.front()].digest;
+    absl::Status present = blobs_->PathOf(digest).status();
+    if (!present.ok() && lender_ != nullptr) present = lender_->PathOf(digest).status();
     if (absl::IsUnavailable(present) || absl::IsPermissionDenied(present)) return present;
   }
+  absl::StatusOr<ContentLease> lease = AcquireAll(files, by_digest, total_bytes, fetch, stop);
+  // Also a lack of space for links and the like.
+  if (absl::IsResourceExhausted(lease.status()) && !ShortageOf(lease.status())) {
+    return WithShortage(lease.status(), {total_bytes, std::min(total_bytes - 1, FreeBytes())});
+  }
+  return lease;
+}
+
+absl::StatusOr<ContentLease> ContentCache::AcquireAll(const std::vector<ManifestFile>& files,
+                                                      const FilesByDigest& by_digest,
+                                                      uint64_t scene_bytes, const Fetch& fetch,
+                                                      const std::stop_token& stop) {
   std::vector<std::string> missing;
-  absl::StatusOr<ContentLease> lease = PinPresent(files, by_digest, &missing);
+  absl::StatusOr<ContentLease> lease = PinPresent(files, by_digest, scene_bytes, &missing);
   if (!lease.ok()) return lease.status();
   absl::Status status = DownloadMissing(files, by_digest, missing, fetch, stop, &*lease);
   if (!status.ok()) return status;
@@ -372,7 +442,7 @@ absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFil
 
 absl::Status ContentCache::CheckUnchanged(const ContentLease& lease) const {
   for (const ContentLease::Pinned& pinned : lease.pinned_) {
-    const absl::StatusOr<FileState> state = blobs_->StateOf(pinned.digest);
+    const absl::StatusOr<FileState> state = pinned.store->StateOf(pinned.digest);
     if (state.ok() && *state == pinned.state) continue;
     return absl::DataLossError(absl::StrCat(
         "file ", pinned.name, " (blob ", pinned.digest.sha256_hex, ") was altered in the cache ",
@@ -383,6 +453,7 @@ absl::Status ContentCache::CheckUnchanged(const ContentLease& lease) const {
 
 absl::StatusOr<ContentLease> ContentCache::PinPresent(const std::vector<ManifestFile>& files,
                                                       const FilesByDigest& by_digest,
+                                                      uint64_t scene_bytes,
                                                       std::vector<std::string>* missing) {
   absl::StatusOr<FileDescriptor> lock = LockCache();
   if (!lock.ok()) return lock.status();
@@ -398,7 +469,7 @@ absl::StatusOr<ContentLease> ContentCache::PinPresent(const std::vector<Manifest
     missing_bytes += files[indices.front()].digest.size_bytes;
   }
   if (missing->empty()) return lease;
-  if (absl::Status status = MakeRoom(missing_bytes); !status.ok()) return status;
+  if (absl::Status status = MakeRoom(missing_bytes, scene_bytes); !status.ok()) return status;
   if (absl::Status status = SetReserved(lease->directory_, missing_bytes); !status.ok()) {
     return status;
   }

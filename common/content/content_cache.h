@@ -37,7 +37,12 @@ namespace sheaf {
 
 struct ContentCacheLimits {
   uint64_t bytes_max = uint64_t{20} << 30;  // For all blobs, including those in progress.
+  // Free bytes that stay on the file system for others, at most 1 / kCacheFreeFractionMax of it.
+  uint64_t free_bytes_min = uint64_t{64} << 20;
+  // A BlobStore's folder, whose blobs are used where they lie instead of being fetched; or empty.
+  std::string lender = {};
 };
+inline constexpr uint64_t kCacheFreeFractionMax = 20;
 
 // The files of one scene on this machine; none of them is removed while the lease exists.
 class ContentLease {
@@ -55,6 +60,7 @@ class ContentLease {
     std::string name;  // Name of one of its files.
     BlobDigest digest;
     FileState state;
+    const BlobStore* store = nullptr;  // Where it lies.
   };
   class Folder;
   ContentLease(std::string directory, std::shared_ptr<Folder> folder)
@@ -78,7 +84,8 @@ class ContentCache {
                                                             ContentCacheLimits limits);
 
   // Makes all files present and pins them. One process downloads a blob while others wait for it.
-  // Errors: kResourceExhausted (the files are larger than the limit, or all room is in use);
+  // Errors: kResourceExhausted, with a CacheShortage (the files are larger than the limit or than
+  // what the file system has left, or all room is in use);
   // kCancelled (stop was requested); kDataLoss (the downloaded bytes do not match the digest);
   // those of fetch.
   absl::StatusOr<ContentLease> Acquire(const std::vector<ManifestFile>& files, const Fetch& fetch,
@@ -95,20 +102,28 @@ class ContentCache {
   // Maps a digest to the indices of the files that have it.
   using FilesByDigest = std::map<std::string, std::vector<size_t>>;
   ContentCache(std::string directory, ContentCacheLimits limits, std::unique_ptr<BlobStore> blobs)
-      : directory_(std::move(directory)), limits_(limits), blobs_(std::move(blobs)) {}
+      : directory_(std::move(directory)), limits_(std::move(limits)), blobs_(std::move(blobs)) {}
   absl::StatusOr<FileDescriptor> LockCache() const;
   absl::StatusOr<ContentLease> MakeLease();
   // All require LockCache.
   absl::Status MakeLeaseFolder();
   void FreeDeadLeases() const;
-  absl::Status MakeRoom(uint64_t size_bytes) const;
+  // For the missing ones of the scene's bytes.
+  absl::Status MakeRoom(uint64_t missing_bytes, uint64_t scene_bytes) const;
+  // What the file system has left beyond its minimum.
+  uint64_t FreeBytes() const;
+  // Where the blob lies; null where it has to be fetched.
+  const BlobStore* StoreOf(const BlobDigest& digest) const;
   // Links one blob into the lease under the names of its files. Errors: kNotFound.
   absl::Status Link(const std::vector<ManifestFile>& files, const std::vector<size_t>& indices,
                     ContentLease* lease);
   // Makes a lease on the blobs that are present, and room for the missing ones.
   absl::StatusOr<ContentLease> PinPresent(const std::vector<ManifestFile>& files,
-                                          const FilesByDigest& by_digest,
+                                          const FilesByDigest& by_digest, uint64_t scene_bytes,
                                           std::vector<std::string>* missing);
+  absl::StatusOr<ContentLease> AcquireAll(const std::vector<ManifestFile>& files,
+                                          const FilesByDigest& by_digest, uint64_t scene_bytes,
+                                          const Fetch& fetch, const std::stop_token& stop);
   absl::Status DownloadMissing(const std::vector<ManifestFile>& files,
                                const FilesByDigest& by_digest,
                                const std::vector<std::string>& missing, const Fetch& fetch,
@@ -118,6 +133,7 @@ class ContentCache {
   const std::string directory_;
   const ContentCacheLimits limits_;
   const std::unique_ptr<BlobStore> blobs_;
+  std::unique_ptr<BlobStore> lender_;  // Null: there is none.
   std::shared_ptr<ContentLease::Folder> lease_folder_;
   Mutex mutex_;
   uint64_t lease_count_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
+#include "common/content/cache_shortage.h"
 
 namespace sheaf {
 namespace {
@@ -103,6 +104,74 @@ TEST_F(ContentCacheTest, RefusesASceneLargerThanTheLimit) {
       Open(10)->Acquire({File("big", "12345678901")}, FromOrigin(), {}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(fetch_count_, 0);
+}
+
+TEST_F(ContentCacheTest, SaysByHowMuchASceneDoesNotFit) {
+  const std::unique_ptr<ContentCache> cache = Open(1000);
+  const std::vector<ManifestFile> pinned = {File("a", std::string(600, 'a'))};
+  const absl::StatusOr<ContentLease> lease = cache->Acquire(pinned, FromOrigin(), {});
+  ASSERT_TRUE(lease.ok());
+  const std::vector<ManifestFile> larger = {File("b", std::string(1200, 'b'))};
+  EXPECT_EQ(ShortageOf(cache->Acquire(larger, FromOrigin(), {}).status()),
+            (CacheShortage{1200, 1000}));
+  const std::vector<ManifestFile> second = {pinned[0], File("c", std::string(700, 'c'))};
+  EXPECT_EQ(ShortageOf(cache->Acquire(second, FromOrigin(), {}).status()),
+            (CacheShortage{1300, 1000}));
+  const std::vector<ManifestFile> third = {File("d", std::string(700, 'd'))};
+  EXPECT_EQ(ShortageOf(cache->Acquire(third, FromOrigin(), {}).status()),
+            (CacheShortage{700, 400}));
+  EXPECT_EQ(fetch_count_, 1) << "nothing is fetched of what does not fit";
+}
+
+TEST_F(ContentCacheTest, ComparesASceneWithTheFreeSpace) {
+  const std::unique_ptr<ContentCache> cache = Open(UINT64_MAX);
+  // No file system has so much; it is compared before the first byte.
+  const std::vector<ManifestFile> files = {{"huge", {std::string(64, 'e'), uint64_t{1} << 60}}};
+  const absl::Status status = cache->Acquire(files, FromOrigin(), {}).status();
+  const std::optional<CacheShortage> shortage = ShortageOf(status);
+  ASSERT_TRUE(shortage.has_value()) << status;
+  EXPECT_EQ(shortage->needed_bytes, uint64_t{1} << 60);
+  EXPECT_LT(shortage->room_bytes, uint64_t{1} << 60);
+  EXPECT_EQ(fetch_count_, 0);
+}
+
+TEST_F(ContentCacheTest, WhatDoesNotFitEvictsNothing) {
+  const std::unique_ptr<ContentCache> cache = Open(1000);
+  const std::vector<ManifestFile> kept = {File("a", std::string(500, 'a'))};
+  ASSERT_TRUE(cache->Acquire(kept, FromOrigin(), {}).ok());
+  const std::vector<ManifestFile> larger = {File("b", std::string(1001, 'b'))};
+  EXPECT_FALSE(cache->Acquire(larger, FromOrigin(), {}).ok());
+  ASSERT_TRUE(cache->Acquire(kept, FromOrigin(), {}).ok());
+  EXPECT_EQ(fetch_count_, 1);
+}
+
+TEST_F(ContentCacheTest, AnErrorOfADiskThatFillsIsAShortage) {
+  const std::unique_ptr<ContentCache> cache = Open(1000);
+  const std::vector<ManifestFile> files = {File("a", std::string(500, 'a'))};
+  const auto refuse = [](const BlobDigest&, uint64_t, const ContentCache::Append&) {
+    return absl::ResourceExhaustedError("a limit of the coordinator");
+  };
+  const absl::Status status = cache->Acquire(files, refuse, {}).status();
+  EXPECT_FALSE(ShortageOf(status).has_value()) << "that is not the disk's: " << status;
+}
+
+TEST_F(ContentCacheTest, UsesTheBlobsOfALenderWhereTheyLie) {
+  const std::string lender = directory_ + "-lender";
+  std::filesystem::remove_all(lender);
+  {
+    const auto store = BlobStore::Open(lender);
+    ASSERT_TRUE(store.ok() && (*store)->Put("lent").ok());
+  }
+  const auto cache = ContentCache::Open(directory_, {.bytes_max = 2, .lender = lender});
+  ASSERT_TRUE(cache.ok());
+  const std::vector<ManifestFile> files = {File("a.pbrt", "lent")};
+  const absl::StatusOr<ContentLease> lease = (*cache)->Acquire(files, FromOrigin(), {});
+  ASSERT_TRUE(lease.ok()) << lease.status();
+  EXPECT_EQ(fetch_count_, 0);
+  EXPECT_EQ(*ReadWholeFile(lease->local_paths().at("a.pbrt")), "lent");
+  EXPECT_TRUE((*cache)->CheckUnchanged(*lease).ok());
+  EXPECT_FALSE((*cache)->blobs().PathOf(files[0].digest).ok()) << "there is no second copy";
+  std::filesystem::remove_all(lender);
 }
 
 TEST_F(ContentCacheTest, ConcurrentRequestsShareADownload) {

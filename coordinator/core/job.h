@@ -174,6 +174,9 @@ struct LeaseFailure {
   FailureKind kind = FailureKind::kReleased;
   std::string message;
   std::string token = {};  // The proof that the lease is the sender's (lease_token.h).
+  // For kInfrastructure: the scene's files and the room for them in the worker's cache; 0: it is
+  // another failure.
+  uint64_t cache_needed_bytes = 0, cache_room_bytes = 0;
 };
 
 // A lease that came to nothing, as people are told of it.

@@ -60,6 +60,13 @@ uint64_t SampleCountTotal(const FrameRecord& frame);
 // where none is.
 std::string IncompleteText(const FrameRecord& frame);
 
+// A worker whose cache has no room for a scene of the job.
+struct CacheRefusal {
+  uint64_t needed_bytes = 0, room_bytes = 0;
+  int count = 0;
+  SteadyTime not_before;  // The worker is asked again, for its disk may have room then.
+};
+
 struct JobRecord {
   JobSpec spec;  // Without frames: they are in `frames`.
   JobPhase phase = JobPhase::kLive;
@@ -83,6 +90,7 @@ struct JobRecord {
   FailureLog failures;
   LoadingLosses loading_losses;  // Since a frame was loaded for the first time.
   std::map<int32_t, LoadingLosses> frame_loading_losses;  // By number, of frames not yet loaded.
+  std::map<std::string, CacheRefusal> cache_refusals;     // By worker, until it loads a scene.
 
   std::optional<uint32_t> FindIndex(int32_t frame_number) const;
   // Requires: there is such a frame.

@@ -3,6 +3,8 @@
 //
 // The part of Scheduler that has results rendered again by others, to notice false ones.
 #include <algorithm>
+#include <set>
+#include <string>
 
 #include "coordinator/scheduling/scheduler.h"
 
@@ -17,7 +19,10 @@ void Scheduler::ConsiderCheck(const FrameId& id, const Task& task, const ResultV
              : limits_.check_fraction;
   const bool is_training = Frame(id).tasks->grid().KindOf(task.tile) == TaskKind::kTraining;
   if (draw >= fraction && !is_training) return;
-  if (!OtherIdentitiesLive(jobs_.at(id.job_id).spec, {merged.identity})) return;
+  const JobRecord& job = jobs_.at(id.job_id);
+  std::set<std::string> none_of_these = IdentitiesWithoutRoom(job);
+  none_of_these.insert(merged.identity);
+  if (!OtherIdentitiesLive(job.spec, none_of_these)) return;
   checks_.Begin(MakeTaskId(id, task), merged);
   ++counters_.checks_begun;
 }
@@ -87,10 +92,11 @@ bool Scheduler::AwaitsChecks(const FrameId& id, SteadyTime now) {
   if (checks.empty() || !job.MayLease()) return false;
   const auto [wait_end, is_new] = check_wait_ends_.try_emplace(id, now + limits_.check_wait_max);
   if (now >= wait_end->second) return false;
+  const std::set<std::string> without_room = IdentitiesWithoutRoom(job);
   return std::ranges::any_of(checks, [&](const TaskId& task) {
     const ResultCheck& check = *checks_.Find(task);
     return check.leased || AnyIdentityFits(job.spec, [&](const std::string& identity) {
-             return check.MayBeDoneBy(identity);
+             return check.MayBeDoneBy(identity) && !without_room.contains(identity);
            });
   });
 }

@@ -64,7 +64,11 @@ void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, St
     const bool is_running =
         held.phase == LeasePhase::kLoading || held.phase == LeasePhase::kRendering;
     if (is_running) shares_.Run(held.lease_id, now);
-    if (held.phase == LeasePhase::kRendering) NoteLoaded(leases_.Find(held.lease_id)->frame);
+    if (held.phase == LeasePhase::kRendering) {
+      const FrameId& frame = leases_.Find(held.lease_id)->frame;
+      jobs_.at(frame.job_id).cache_refusals.erase(report.worker_id);
+      NoteLoaded(frame);
+    }
   }
   const std::set<uint64_t> leases = worker->leases;
   for (const uint64_t lease_id : leases) {
@@ -109,9 +113,15 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
   const Lease* found = leases_.Find(failure.lease_id);
   if (found == nullptr || found->worker_id != worker_id) return;
   const Lease lease = *found;
+  const bool of_cache =
+      failure.kind == FailureKind::kInfrastructure && failure.cache_needed_bytes > 0;
+  if (of_cache && !RefuseForCache(lease, failure, now)) {
+    return DropLease(failure.lease_id, /*put_back=*/true);
+  }
   ++counters_.failures[static_cast<size_t>(failure.kind)];
   DropLease(failure.lease_id, /*put_back=*/true);
   KeepFailure(lease, failure);
+  if (of_cache) return;
   if (lease.is_check) {
     // The task is done: that somebody cannot do it again is no trouble of the job.
     const bool failed = failure.kind != FailureKind::kReleased;
@@ -124,6 +134,41 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
   if (failure.kind == FailureKind::kScene || failure.kind == FailureKind::kMemory) {
     RefuseFrame(lease, failure);
   }
+}
+
+// Neither the worker nor the task is at fault: the job waits until a worker has room, and the
+// worker renders others. Returns whether it is news: leases of one load fail together.
+bool Scheduler::RefuseForCache(const Lease& lease, const LeaseFailure& failure, SteadyTime now) {
+  JobRecord& job = jobs_.at(lease.frame.job_id);
+  std::erase_if(job.cache_refusals, [&](const auto& refusal) {
+    return workers_.Find(refusal.first) == nullptr;  // It has been forgotten.
+  });
+  CacheRefusal& refusal = job.cache_refusals[lease.worker_id];
+  if (refusal.count > 0 && now < refusal.not_before) return false;
+  ++refusal.count;
+  refusal.needed_bytes = failure.cache_needed_bytes;
+  refusal.room_bytes = failure.cache_room_bytes;
+  refusal.not_before = now + RetryDelay(refusal.count);
+  return true;
+}
+
+bool Scheduler::IsRefusedForCache(const JobRecord& job, const WorkerRecord& worker) {
+  const auto refusal = job.cache_refusals.find(worker.worker_id);
+  return refusal != job.cache_refusals.end() && worker.last_seen_time < refusal->second.not_before;
+}
+
+std::set<std::string> Scheduler::IdentitiesWithoutRoom(const JobRecord& job) {
+  std::set<std::string> identities;
+  for (const auto& [id, refusal] : job.cache_refusals) {
+    const WorkerRecord* refused = workers_.Find(id);
+    if (refused == nullptr) continue;
+    const std::vector<WorkerRecord*> workers = workers_.WorkersOf(refused->identity);
+    const bool none_has_room = std::ranges::all_of(workers, [&](const WorkerRecord* worker) {
+      return !worker->Live() || job.cache_refusals.contains(worker->worker_id);
+    });
+    if (none_has_room) identities.insert(refused->identity);
+  }
+  return identities;
 }
 
 void Scheduler::KeepFailure(const Lease& lease, const LeaseFailure& failure) {
@@ -279,6 +324,7 @@ void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
     return;
   }
   if (failure.kind == FailureKind::kInfrastructure) {
+    if (now < worker->no_work_before) return;  // Leases that fail together have one cause.
     ++worker->infrastructure_failures;
     worker->no_work_before = now + RetryDelay(worker->infrastructure_failures);
     return;

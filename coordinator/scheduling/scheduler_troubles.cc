@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/base/memory_room.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {
@@ -293,6 +294,7 @@ void Scheduler::Retry(uint64_t job_id, std::optional<int32_t> number,
     UpdateReady(&job, index);
   }
   if (!number) job.loading_losses.Clear();
+  job.cache_refusals.clear();
 }
 
 bool Scheduler::IsHeld(const FrameRecord& frame) const {
@@ -346,8 +348,26 @@ std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {
   return "";
 }
 
+// Also while one of the workers tries again.
+std::string Scheduler::WhyNoCacheHolds(const JobRecord& job) const {
+  std::set<std::string> refused;
+  uint64_t needed_bytes = 0, room_bytes = 0;
+  for (const auto& [id, refusal] : job.cache_refusals) {
+    const auto worker = workers_.workers().find(id);
+    if (worker == workers_.workers().end() || !worker->second.Live()) continue;
+    refused.insert(id);
+    needed_bytes = std::max(needed_bytes, refusal.needed_bytes);
+    room_bytes = std::max(room_bytes, refusal.room_bytes);
+  }
+  if (refused.empty() || OthersLive(job.spec, refused)) return "";
+  return absl::StrCat("needs ", FormatMemory(needed_bytes), " of scene cache; workers have ",
+                      FormatMemory(room_bytes), refused.size() == 1 ? "" : " at most",
+                      " (sheaf-worker --cache-bytes-max, --cache-dir, and the disk's free space)");
+}
+
 std::string Scheduler::WaitingReason(const JobRecord& job) const {
   if (job.phase != JobPhase::kLive || job.Paused()) return "";
+  if (std::string why = WhyNoCacheHolds(job); !why.empty()) return why;
   if (leases_.CountOfJob(job.spec.job_id) > 0) return "";
   if (std::string why = WhyHeld(jobs_, job); !why.empty()) return why;
   for (const FrameRecord& frame : job.frames) {

@@ -90,6 +90,9 @@ struct StoredJob {
   std::string damage;  // The files of it that changed on disk; empty: none.
 };
 
+// The size of a test write: more than a row, less than most parts.
+inline constexpr size_t kProbeBytes = size_t{1} << 20;
+
 // Thread safety: all members may be called concurrently.
 // Errors of every writing call: kResourceExhausted (disk full), kUnavailable (other disk errors).
 // After an error nothing has changed.
@@ -233,7 +236,7 @@ class JobStore {
   // job failed; none if there is none.
   virtual absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() = 0;
 
-  // Writes and removes some dummy data, to test whether the disk accepts writes (again).
+  // Writes and removes kProbeBytes, to test whether the disk accepts writes (again).
   virtual absl::Status Probe() = 0;
 
   // Size of all parts on disk, in bytes.

@@ -22,6 +22,7 @@
 #include "common/base/status.h"
 #include "common/objects/folder_objects.h"
 #include "coordinator/store/database/sqlite_database.h"
+#include "coordinator/store/disk_reserve.h"
 #include "coordinator/store/job_schema.h"
 #include "coordinator/store/sql_job_store.h"
 
@@ -48,8 +49,6 @@ absl::StatusOr<int> LockDirectory(const std::string& directory, bool shared) {
       directory + ": another coordinator uses this state directory; stop it or choose another one");
 }
 
-// The size of a test write: more than a row, less than most parts.
-constexpr size_t kProbeBytes = size_t{1} << 20;
 constexpr char kProbeName[] = "probe";
 
 absl::Status MakeFolders(const std::string& directory) {
@@ -102,6 +101,7 @@ absl::StatusOr<std::unique_ptr<SqlJobStore>> SqlJobStore::Open(const std::string
   if (absl::Status status = MakeFolders(directory); !status.ok()) return status;
   const absl::StatusOr<int> lock = LockDirectory(directory, /*shared=*/false);
   if (!lock.ok()) return lock.status();
+  MakeRoomForDatabase(directory);
   absl::StatusOr<std::unique_ptr<SqliteDatabase>> database = OpenFile(directory, durability);
   if (!database.ok()) {
     ::close(*lock);

@@ -310,7 +310,8 @@ void Agent::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status
   } else {
     const std::string text = absl::StrCat("lease ", lease_id, " failed: ", status.message());
     options_.warns_of_failed_leases ? LogWarning(text) : LogInfo(text);
-    ledger_.Fail(lease_id, kind, std::string(status.message()));
+    ledger_.Fail(lease_id, kind, std::string(status.message()),
+                 ShortageOf(status).value_or(CacheShortage()));
     ++counts_.failed;
   }
   news_ = true;

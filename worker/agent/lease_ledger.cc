@@ -85,11 +85,13 @@ void LeaseLedger::Acknowledge(uint64_t lease_id) {
   Remove(it);
 }
 
-void LeaseLedger::Fail(uint64_t lease_id, FailureKind kind, std::string message) {
+void LeaseLedger::Fail(uint64_t lease_id, FailureKind kind, std::string message,
+                       CacheShortage shortage) {
   const auto it = held_.find(lease_id);
   SHEAF_CHECK(it != held_.end());
   if (!it->second.dropped) {
-    failures_.push_back({{lease_id, kind, std::move(message), it->second.lease.token}, sequence_});
+    failures_.push_back(
+        {{lease_id, kind, std::move(message), it->second.lease.token, shortage}, sequence_});
   }
   Remove(it);
 }

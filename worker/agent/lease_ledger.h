@@ -51,7 +51,7 @@ class LeaseLedger {
   void Acknowledge(uint64_t lease_id);
   // Ends a lease without a result, in any phase. No failure is reported for a lease that was
   // dropped meanwhile.
-  void Fail(uint64_t lease_id, FailureKind kind, std::string message);
+  void Fail(uint64_t lease_id, FailureKind kind, std::string message, CacheShortage shortage = {});
 
   // Returns all leases that no thread has begun.
   void ReleaseQueued();

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/content/blob_digest.h"
+#include "common/content/cache_shortage.h"
 #include "common/film/task_kind.h"
 #include "common/film/tile_cells.h"
 #include "common/film/tile_geometry.h"
@@ -46,7 +47,8 @@ struct LeaseFailure {
   uint64_t lease_id = 0;
   FailureKind kind = FailureKind::kInternal;
   std::string message;
-  std::string token = {};  // The lease's.
+  std::string token = {};       // The lease's.
+  CacheShortage shortage = {};  // For kInfrastructure: that the scene does not fit into the cache.
   friend bool operator==(const LeaseFailure&, const LeaseFailure&) = default;
 };
 

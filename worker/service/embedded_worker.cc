@@ -73,7 +73,8 @@ absl::StatusOr<std::unique_ptr<EmbeddedWorker>> EmbeddedWorker::Open(
     const std::shared_ptr<grpc::Channel>& control, const std::shared_ptr<grpc::Channel>& data,
     const WorkerOptions& options) {
   absl::StatusOr<std::unique_ptr<ContentCache>> cache =
-      ContentCache::Open(options.cache_directory, {options.cache_bytes_max});
+      ContentCache::Open(options.cache_directory,
+                         {.bytes_max = options.cache_bytes_max, .lender = options.cache_lender});
   if (!cache.ok()) {
     return absl::Status(cache.status().code(),
                         absl::StrCat(std::string(cache.status().message()),

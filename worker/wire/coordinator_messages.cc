@@ -121,6 +121,10 @@ v1::SynchronizeRequest ToWire(const WorkerState& state) {
     message->set_kind(ToWire(failure.kind));
     message->set_message(failure.message);
     message->set_token(failure.token);
+    if (failure.shortage.needed_bytes > 0) {
+      message->mutable_cache_shortage()->set_needed_bytes(failure.shortage.needed_bytes);
+      message->mutable_cache_shortage()->set_room_bytes(failure.shortage.room_bytes);
+    }
   }
   request.set_requested_lease_count(state.requested_lease_count);
   request.set_draining(state.draining);

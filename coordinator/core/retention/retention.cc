@@ -31,7 +31,7 @@ absl::Duration AgeMax(const KeptItem& item, const RetentionLimits& limits) {
 // Whether it may go for lack of space.
 bool MayMakeRoom(const KeptItem& item, const RetentionLimits& limits, absl::Time now) {
   if (item.in_use || item.size_bytes == 0) return false;
-  return !IsOfBlobs(item) || now - item.unused_since >= limits.blob_age_min;
+  return item.kind != KeptKind::kBlob || now - item.unused_since >= limits.blob_age_min;
 }
 
 void Subtract(uint64_t bytes, uint64_t* left) { *left -= std::min(bytes, *left); }
@@ -74,7 +74,8 @@ BytesOver BytesOverOf(const DiskUse& use, const RetentionLimits& limits) {
     over.limit = use.bytes - (limits.bytes_max - limits.bytes_max / kRoomFraction);
   }
   const uint64_t free_min = std::min(limits.free_bytes_min, use.capacity_bytes / kFreeFractionMax);
-  if (use.free_bytes < free_min) over.free_space = free_min - use.free_bytes;
+  const uint64_t needed = free_min + use.claimed_bytes;
+  if (use.free_bytes < needed) over.free_space = needed - use.free_bytes;
   return over;
 }
 

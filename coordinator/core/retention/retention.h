@@ -17,14 +17,14 @@ namespace sheaf::coordinator {
 
 // In the order in which they go where space is short: what costs least to lose goes first.
 enum class KeptKind {
+  kUpload,    // An upload that nobody writes: its sender begins it anew.
   kParts,     // All parts of an ended job: it is refined from its image then.
-  kUpload,    // An upload that was given up.
   kBlob,      // A file of a scene: submitting the scene again brings it back.
   kPreviews,  // The images of the ends of a job's rounds.
   kJob,       // The job's rows, its delivered images and thumbnails.
 };
 inline constexpr int kKeptKindCount = 5;
-// Returns "parts", "upload", "blob", "previews" or "job".
+// Returns "upload", "parts", "blob", "previews" or "job".
 const char* KeptKindName(KeptKind kind);
 
 struct KeptItem {
@@ -44,7 +44,8 @@ struct RetentionLimits {
   absl::Duration jobs_age_max = absl::InfiniteDuration();  // Previews and images, too.
   // For blobs that no job names, and for uploads that nobody goes on with.
   absl::Duration unnamed_age_max = absl::Hours(24);
-  // Clients ask which blobs are there, and submit afterwards: no blob goes earlier than this.
+  // Clients ask which blobs are there, and submit afterwards: no blob goes earlier than this. An
+  // upload goes at any time: nobody has been told that its blob is there.
   absl::Duration blob_age_min = absl::Hours(1);
   // A job is not removed this soon after its end: somebody may still be working on it.
   absl::Duration job_age_min = absl::Minutes(10);
@@ -64,6 +65,7 @@ struct DiskUse {
   uint64_t bytes = 0;                // Below the state directory.
   uint64_t free_bytes = UINT64_MAX;  // In the file system; UINT64_MAX: unknown.
   uint64_t capacity_bytes = 0;
+  uint64_t claimed_bytes = 0;  // Of the free ones, by what is about to be written.
 };
 
 enum class RemovalReason { kAge, kUnnamed, kLimit, kFreeSpace };

@@ -80,6 +80,25 @@ TEST(RetentionTest, WithoutLimitsEverythingStays) {
   EXPECT_TRUE(DecideRemovals(items, {kMebi * 1000, 0, 0}, NoLimits(), kNow).empty());
 }
 
+TEST(RetentionTest, UploadsGoFirstAndAtOnceWhereSpaceIsShort) {
+  RetentionLimits limits = NoLimits();
+  limits.free_bytes_min = 10 * kMebi;
+  KeptItem upload = Item(KeptKind::kUpload, 0, absl::ZeroDuration());
+  upload.blob = {std::string(64, 'u'), kMebi};
+  KeptItem under_way = upload;
+  under_way.in_use = true;
+  const std::vector<KeptItem> items = {Item(KeptKind::kParts, 1, absl::Hours(10)), under_way,
+                                       upload, Blob('a', absl::ZeroDuration(), false)};
+  EXPECT_EQ(Text(DecideRemovals(items, {0, 9 * kMebi, 1000 * kMebi}, limits, kNow)),
+            "upload u: the file system has too little free space\n");
+  EXPECT_EQ(Text(DecideRemovals(items, {0, 8 * kMebi, 1000 * kMebi}, limits, kNow)),
+            "upload u: the file system has too little free space\n"
+            "parts 1: the file system has too little free space\n");
+  // What is about to be written counts as written.
+  EXPECT_EQ(Text(DecideRemovals(items, {0, 11 * kMebi, 1000 * kMebi, 2 * kMebi}, limits, kNow)),
+            "upload u: the file system has too little free space\n");
+}
+
 TEST(RetentionTest, PartsGoByTheirAgeAndJobsByTheirs) {
   RetentionLimits limits = NoLimits();
   limits.parts_age_max = absl::Hours(7 * 24);
@@ -194,7 +213,7 @@ TEST(RetentionTest, NothingInUseEverGoes) {
     limits.jobs_age_max = absl::Hours(300);
     const std::vector<Removal> removals =
         DecideRemovals(items, {30 * kMebi, UINT64_MAX, 0}, limits, kNow);
-    KeptKind last = KeptKind::kParts;
+    KeptKind last = KeptKind::kUpload;  // The first one.
     for (const Removal& removal : removals) {
       EXPECT_FALSE(removal.item.in_use);
       if (removal.reason != RemovalReason::kLimit) continue;

@@ -80,6 +80,61 @@ TEST_F(TroublesTest, InfrastructureFailuresGoToOthersFirst) {
   EXPECT_EQ(Sync("a", 2).at(1).task, (Task{0, {0, 16}})) << "such trouble passes";
 }
 
+TEST_F(TroublesTest, LeasesThatFailTogetherDelayTheirWorkerOnce) {
+  AddJob();
+  Sync("a", 3);
+  ASSERT_EQ(held_["a"].size(), 3u);
+  const std::vector<Lease> of_one_load = held_["a"];
+  for (const Lease& lease : of_one_load) Fail(lease, FailureKind::kInfrastructure, "no route");
+  EXPECT_TRUE(Sync("a", 3).empty());
+  now_ += limits_.retry_delay_initial;
+  EXPECT_FALSE(Sync("a", 3).empty()) << "one load, one delay";
+}
+
+TEST_F(TroublesTest, ASceneThatACacheCannotHoldDelaysItsJobAlone) {
+  const uint64_t large = AddJob(), small = AddJob();
+  const auto refuse = [&] {
+    const std::vector<Lease> held = held_["a"];
+    for (const Lease& lease : held) {
+      if (lease.frame.job_id != large) continue;
+      Fail(lease, FailureKind::kInfrastructure, "no room");
+      failures_["a"].back().cache_needed_bytes = uint64_t{14} << 20;
+      failures_["a"].back().cache_room_bytes = uint64_t{8} << 20;
+    }
+  };
+  Sync("a", 2);
+  ASSERT_EQ(held_["a"].at(0).frame.job_id, large);
+  refuse();
+  for (const Lease& lease : Sync("a", 4)) EXPECT_EQ(lease.frame.job_id, small);
+  EXPECT_FALSE(held_["a"].empty());
+  EXPECT_THAT(scheduler_.WaitingReason(Job(large)),
+              HasSubstr("needs 14 MiB of scene cache; workers have 8 MiB"));
+  EXPECT_EQ(scheduler_.WaitingReason(Job(small)), "");
+  EXPECT_EQ(Job(large).failures.count, 1) << "leases of one load";
+  EXPECT_TRUE(FrameOf(large).failures.empty()) << "no budget";
+
+  // It asks again, more and more rarely.
+  for (int attempt = 2; attempt < 30; ++attempt) {
+    now_ += limits_.retry_delay_max;
+    Sync("a", 0);
+    held_["a"].clear();
+    Sync("a", 8);
+    refuse();
+    Sync("a", 8);
+    EXPECT_EQ(Job(large).phase, JobPhase::kLive);
+    EXPECT_EQ(Job(large).failures.count, attempt);
+  }
+  // Another worker has room; it is not waited for that the first one checks its results.
+  const std::vector<Lease>& of_b = Sync("b", 1);
+  ASSERT_EQ(of_b.size(), 1u);
+  EXPECT_EQ(of_b[0].frame.job_id, large);
+  EXPECT_EQ(scheduler_.WaitingReason(Job(large)), "");
+  const Lease first = of_b[0];
+  EXPECT_FALSE(Accept(first));
+  scheduler_.ConsiderCheck(first.frame, first.task, {"b", "bits"}, 0.0);
+  EXPECT_EQ(scheduler_.counters().checks_begun, 0u);
+}
+
 TEST_F(TroublesTest, BudgetsAreThoseOfTheirClass) {
   AddJob();
   FailFirstTask({"a", "b"}, FailureKind::kInvalid);

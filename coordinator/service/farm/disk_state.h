@@ -5,19 +5,26 @@
 // written, as the last write found it.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "absl/status/status.h"
 #include "common/base/mutex.h"
 #include "coordinator/service/farm/farm_signals.h"
+#include "coordinator/store/disk_reserve.h"
 
 namespace sheaf::coordinator {
 
 // Thread safety: all members may be called concurrently, under any other lock.
 class DiskState {
  public:
-  // `signals` must outlive the object.
-  explicit DiskState(FarmSignals* signals) : signals_(*signals) {}
+  // Both must outlive the object.
+  DiskState(FarmSignals* signals, const DiskReserve* reserve)
+      : signals_(*signals), reserve_(*reserve) {}
+
+  // Whether so many bytes may be written that are not the database's. Errors:
+  // DiskReserve::CheckRoom's.
+  absl::Status CheckRoom(uint64_t bytes) const { return reserve_.CheckRoom(bytes); }
 
   // Notes the outcome of a write. Errors that are not the disk's are ignored.
   void Note(const absl::Status& written);
@@ -27,6 +34,7 @@ class DiskState {
 
  private:
   FarmSignals& signals_;
+  const DiskReserve& reserve_;
   mutable Mutex mutex_;
   absl::Status last_ ABSL_GUARDED_BY(mutex_);
 };

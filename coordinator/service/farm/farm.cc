@@ -20,6 +20,7 @@ namespace {
 
 constexpr absl::Duration kBackgroundInterval = absl::Milliseconds(100);
 constexpr absl::Duration kDeliveryRetryInterval = absl::Seconds(5);
+constexpr absl::Duration kReserveLookInterval = absl::Seconds(1);
 
 }  // namespace
 
@@ -73,7 +74,8 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       tokens_(secret),
       choice_(secret),
       tables_(options.limits, store_->FirstLeaseId(), options.merge_bytes_max),
-      disk_(&signals_),
+      reserve_(options.state_directory, options.disk_reserve_bytes),
+      disk_(&signals_, &reserve_),
       removals_(store_.get(), &disk_),
       resumed_(blobs_.get(), NumericProfile()),
       lifecycle_(
@@ -89,7 +91,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
                                                lifecycle_, queue_, disk_, signals_, *blobs_}),
       lost_scenes_(&tables_, blobs_.get(), &signals_),
       share_control_(options.limits, {tables_, *store_, disk_, signals_}),
-      keeper_(options, {tables_, *store_, *blobs_, *round_previews_, lifecycle_}),
+      keeper_(options, {tables_, *store_, *blobs_, *round_previews_, lifecycle_, reserve_}),
       previews_(&tables_, store_.get(), round_previews_.get(), &images_),
       job_views_(options.state_directory, &tables_, round_previews_.get(), &disk_),
       worker_views_(&tables_, blobs_.get()),
@@ -113,13 +115,17 @@ Farm::~Farm() {
 
 void Farm::RunOnce() {
   if (lifecycle_.Tick()) signals_.Changed();
+  if (const SteadyTime now = SteadyTime::Now(); now >= next_reserve_look_) {
+    next_reserve_look_ = now + kReserveLookInterval;
+    reserve_.Update();
+  }
   const bool disk_fine = disk_.Last().ok();
   if (disk_fine || SteadyTime::Now() >= next_delivery_) {
     next_delivery_ = SteadyTime::Now() + kDeliveryRetryInterval;
     lifecycle_.SettleEnded();
     lifecycle_.LimitKeptParts();
     // Nobody else may write meanwhile, and so notice that there is space again.
-    if (!disk_fine) disk_.Note(store_->Probe());
+    if (!disk_fine) disk_.Note(ProbeDisk());
     removals_.Retry();
     RemoveFalseResults();
     images_.Heal(&lifecycle_);
@@ -133,6 +139,11 @@ void Farm::RunOnce() {
   keeper_.Update();
   lost_scenes_.Update();
   delivery_.RefreshFrames();
+}
+
+absl::Status Farm::ProbeDisk() {
+  const absl::Status room = disk_.CheckRoom(kProbeBytes);
+  return room.ok() ? store_->Probe() : room;
 }
 
 void Farm::RemoveFalseResults() {

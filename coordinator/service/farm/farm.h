@@ -183,6 +183,11 @@ class Farm : public FarmView {
   absl::Status CheckOwnerBytes(const std::string& owner, uint64_t more) {
     return keeper_.CheckOwner(owner, more);
   }
+  // The disk space of an upload, before its first byte. blob: its SHA-256, or empty for several
+  // blobs. Errors: those of DiskKeeper::ClaimUpload.
+  absl::StatusOr<UploadClaim> ClaimUpload(const std::string& blob, uint64_t bytes) {
+    return keeper_.ClaimUpload(blob, bytes, absl::Now());
+  }
 
   struct SynchronizeAnswer {
     std::vector<LeaseGrant> leases;
@@ -302,6 +307,8 @@ class Farm : public FarmView {
        std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews,
        const std::string& secret);
   // Removes the results of those who were found to make false ones, and those of lost fields.
+  // Whether the disk takes writes again.
+  absl::Status ProbeDisk();
   void RemoveFalseResults();
   // Writes the accounts that wait; logs what fails.
   void WriteUsage();
@@ -317,6 +324,7 @@ class Farm : public FarmView {
   const CheckChoice choice_;
   FarmTables tables_;
   FarmSignals signals_;
+  DiskReserve reserve_;
   DiskState disk_;
   PartRemovals removals_;
   DeliveryQueue queue_;
@@ -333,6 +341,7 @@ class Farm : public FarmView {
   ShareControl share_control_;
   DiskKeeper keeper_;
   SteadyTime next_delivery_ = SteadyTime::InfinitePast();
+  SteadyTime next_reserve_look_ = SteadyTime::InfinitePast();
   SteadyTime next_usage_write_ = SteadyTime::InfinitePast();
 
   FramePreviews previews_;

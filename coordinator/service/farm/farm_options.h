@@ -33,7 +33,11 @@ struct FarmOptions {
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
-      absl::Milliseconds(300);                    // Between two previews of a frame.
+      absl::Milliseconds(300);      // Between two previews of a frame.
+  uint64_t disk_reserve_bytes = 0;  // DiskReserve's; 0: none.
+  // What people may do where an upload does not fit.
+  std::string space_advice =
+      "free space on it (sheaf gc, sheaf usage), or lower --disk-free-min, which is kept for jobs";
   uint64_t part_bytes_max = uint64_t{512} << 20;  // For one result.
   // Whether failures of jobs are logged as warnings; otherwise whoever owns the farm says them.
   bool warns_of_failed_jobs = true;

@@ -319,6 +319,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
   row.cost = cost;
   row.sample_count = SamplesOf(found);
   absl::Status written = removals_.MakeRoom(row.key);
+  if (written.ok() && !report.is_stored) written = disk_.CheckRoom(bytes.size());
   if (written.ok()) {
     written = report.is_stored ? store_.AddStoredPart(row, bytes) : store_.WritePart(row, bytes);
   }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/grpc/content_service.h"
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -28,9 +29,11 @@ absl::Status AppendChunk(const v1::WriteBlobRequest& message, BlobWriter* writer
 // the upload can be resumed.
 absl::Status WriteAll(v1::WriteBlobRequest* message,
                       grpc::ServerReader<v1::WriteBlobRequest>* reader, BlobWriter* writer,
-                      const BlobDigest& digest) {
+                      const BlobDigest& digest, UploadClaim* claim) {
   do {
+    const uint64_t before = writer->committed_bytes();
     absl::Status status = AppendChunk(*message, writer);
+    claim->NoteWritten(writer->committed_bytes() - before);
     if (!status.ok()) {
       writer->Flush().IgnoreError();
       return status;
@@ -67,8 +70,13 @@ grpc::Status ContentService::FindMissing(grpc::ServerContext* /*context*/,
   }
   const absl::StatusOr<std::vector<BlobDigest>> missing = blobs_->FindMissing(digests);
   if (!missing.ok()) return ToGrpcStatus(missing.status());
-  for (const BlobDigest& digest : *missing) *response->add_missing() = ToWire(digest);
-  return grpc::Status::OK;
+  uint64_t bytes = 0;
+  for (const BlobDigest& digest : *missing) {
+    *response->add_missing() = ToWire(digest);
+    bytes += std::min(digest.size_bytes, UINT64_MAX - bytes);
+  }
+  // Before the first byte of the first one: a part of a scene is of no use.
+  return ToGrpcStatus(bytes == 0 ? absl::OkStatus() : farm_->ClaimUpload("", bytes).status());
 }
 
 grpc::Status ContentService::GetWriteStatus(grpc::ServerContext* /*context*/,
@@ -102,9 +110,13 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
   }
   if (!writer.ok()) return Finish(writer.status(), &message, reader);
   const uint64_t asked_bytes = digest->size_bytes - writer->committed_bytes();
-  const absl::Status allowed = BeginUpload(*context, farm_, access_, "WriteBlob", asked_bytes);
-  if (!allowed.ok()) return Finish(allowed, &message, reader);
-  const absl::Status status = WriteAll(&message, reader, &*writer, *digest);
+  absl::StatusOr<UploadClaim> claim =
+      BeginUpload(*context, farm_, access_, "WriteBlob", digest->sha256_hex, asked_bytes);
+  if (!claim.ok()) {
+    writer->Discard();
+    return Finish(claim.status(), &message, reader);
+  }
+  const absl::Status status = WriteAll(&message, reader, &*writer, *digest, &*claim);
   const uint64_t missing_bytes = digest->size_bytes - writer->committed_bytes();
   ReturnUpload(*context, access_, missing_bytes);
   NoteUpload(*context, farm_, *digest, asked_bytes - missing_bytes);

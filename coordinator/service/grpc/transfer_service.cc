@@ -98,11 +98,14 @@ absl::StatusOr<ContentReport> FromWire(const v1::ReportContentRequest& request) 
 
 // Reads the chunks of an upload; those before an error or a broken stream stay.
 absl::Status WriteAll(grpc::ServerReader<v1::WriteChunksRequest>* reader,
-                      v1::WriteChunksRequest* message, ChunkedWrite* write, uint64_t* received) {
+                      v1::WriteChunksRequest* message, ChunkedWrite* write, UploadClaim* claim,
+                      uint64_t* received) {
   while (reader->Read(message)) {
+    const uint64_t before = write->committed_bytes();
     const absl::StatusOr<std::string> bytes =
         DecompressChunk(message->zstd_chunk(), kChunkBytesMax);
     absl::Status status = bytes.ok() ? write->Append(message->index(), *bytes) : bytes.status();
+    claim->NoteWritten(write->committed_bytes() - before);
     if (!status.ok()) {
       write->Flush().IgnoreError();
       return status;
@@ -128,9 +131,10 @@ absl::Status TransferService::WriteSmall(const grpc::ServerContext& context,
   const absl::StatusOr<std::string> bytes =
       DecompressChunk(request.zstd_bytes(), kSmallBlobsBytesMax);
   if (!bytes.ok()) return bytes.status();
-  absl::Status status = BeginUpload(context, farm_, access_, "WriteSmallBlobs", bytes->size());
-  if (!status.ok()) return status;
-  status = PutSmallBlobs(*blobs_, digests, *bytes);
+  const absl::StatusOr<UploadClaim> claim =
+      BeginUpload(context, farm_, access_, "WriteSmallBlobs", "", bytes->size());
+  if (!claim.ok()) return claim.status();
+  absl::Status status = PutSmallBlobs(*blobs_, digests, *bytes);
   if (status.ok()) {
     for (const BlobDigest& digest : digests) {
       NoteUpload(context, farm_, digest, digest.size_bytes);
@@ -181,10 +185,14 @@ grpc::Status TransferService::WriteChunks(grpc::ServerContext* context,
   if (absl::IsAlreadyExists(write.status())) return finish(absl::OkStatus());
   if (!write.ok()) return finish(write.status());
   const uint64_t asked_bytes = list->blob.size_bytes - message.offset_bytes();
-  absl::Status status = BeginUpload(*context, farm_, access_, "WriteChunks", asked_bytes);
-  if (!status.ok()) return finish(status);
+  absl::StatusOr<UploadClaim> claim =
+      BeginUpload(*context, farm_, access_, "WriteChunks", list->blob.sha256_hex, asked_bytes);
+  if (!claim.ok()) {
+    write->Discard();
+    return finish(claim.status());
+  }
   uint64_t received_bytes = 0;
-  status = WriteAll(reader, &message, &*write, &received_bytes);
+  absl::Status status = WriteAll(reader, &message, &*write, &*claim, &received_bytes);
   if (status.ok() && context->IsCancelled()) {
     status = write->Flush();
     if (status.ok()) status = absl::CancelledError("the upload was interrupted; it can go on");

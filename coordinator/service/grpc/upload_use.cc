@@ -21,20 +21,24 @@ absl::Status RequireRoom(const grpc::ServerContext& context, Farm* farm, AccessC
 
 }  // namespace
 
-absl::Status BeginUpload(const grpc::ServerContext& context, Farm* farm, AccessControl* access,
-                         const char* operation, uint64_t size_bytes) {
+absl::StatusOr<UploadClaim> BeginUpload(const grpc::ServerContext& context, Farm* farm,
+                                        AccessControl* access, const char* operation,
+                                        const std::string& blob, uint64_t size_bytes) {
+  absl::StatusOr<UploadClaim> claim = farm->ClaimUpload(blob, size_bytes);
+  if (!claim.ok()) return claim;
   if (absl::Status room = RequireRoom(context, farm, access, operation, size_bytes); !room.ok()) {
     return room;
   }
   const absl::StatusOr<IdentityId> id = ParseIdentity(CallerIdentity(context));
-  if (access == nullptr || !id.ok()) return absl::OkStatus();
+  if (access == nullptr || !id.ok()) return claim;
   const absl::Time now = absl::Now();
   absl::Status allowed = access->use().BeginUpload(*id, size_bytes, now);
   if (!allowed.ok()) {
     access->NoteRefused(absl::StrCat(FormatIdentity(*id), " at ", context.peer()), operation,
                         allowed, now);
+    return allowed;
   }
-  return allowed;
+  return claim;
 }
 
 void ReturnUpload(const grpc::ServerContext& context, AccessControl* access,

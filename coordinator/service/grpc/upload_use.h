@@ -8,18 +8,22 @@
 #include <grpcpp/server_context.h>
 
 #include <cstdint>
+#include <string>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "common/content/blob_digest.h"
 #include "coordinator/access/access_control.h"
 #include "coordinator/service/farm/farm.h"
 
 namespace sheaf::coordinator {
 
-// Whether the caller may keep so many more bytes, and upload them today; counts them. access: null
-// without certificates. operation: for the audit log. Errors: kResourceExhausted, recorded.
-absl::Status BeginUpload(const grpc::ServerContext& context, Farm* farm, AccessControl* access,
-                         const char* operation, uint64_t size_bytes);
+// Whether the disk has space for the bytes, and the caller may keep them, and upload them today;
+// counts them. access: null without certificates. operation: for the audit log. blob: its SHA-256,
+// or empty for several. Errors: kResourceExhausted, recorded where the caller is to blame.
+absl::StatusOr<UploadClaim> BeginUpload(const grpc::ServerContext& context, Farm* farm,
+                                        AccessControl* access, const char* operation,
+                                        const std::string& blob, uint64_t size_bytes);
 // Takes back what did not come of it.
 void ReturnUpload(const grpc::ServerContext& context, AccessControl* access,
                   uint64_t missing_bytes);

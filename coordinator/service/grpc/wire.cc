@@ -339,7 +339,9 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
     const absl::StatusOr<FailureKind> kind = FromWire(failure.kind());
     if (!kind.ok()) return kind.status();
     const std::string text = Printable(failure.message(), kFailureTextBytesMax);
-    report.failures.push_back({failure.lease_id(), *kind, text, failure.token()});
+    report.failures.push_back({failure.lease_id(), *kind, text, failure.token(),
+                               failure.cache_shortage().needed_bytes(),
+                               failure.cache_shortage().room_bytes()});
   }
   return report;
 }

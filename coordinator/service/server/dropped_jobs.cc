@@ -57,6 +57,12 @@ absl::Status StoreBlob(const DroppedJobsTo& to, const std::string& owner, const 
   absl::StatusOr<BlobWriter> writer = to.farm->blobs().BeginWrite(digest, 0);
   if (absl::IsAlreadyExists(writer.status())) return absl::OkStatus();
   if (!writer.ok()) return writer.status();
+  const absl::StatusOr<UploadClaim> claim =
+      to.farm->ClaimUpload(digest.sha256_hex, digest.size_bytes);
+  if (!claim.ok()) {
+    writer->Discard();
+    return claim.status();
+  }
   const IdentityId id{IdentityKind::kUser, owner};
   if (to.access != nullptr) {
     absl::Status allowed = to.access->use().BeginUpload(id, digest.size_bytes, absl::Now());

@@ -135,6 +135,7 @@ void AddDurationOption(const char* name, absl::Duration* duration, const char* h
 void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
   RetentionLimits& limits = farm->retention;
   farm->scrub_bytes_per_second = kScrubBytesPerSecondDefault;
+  farm->disk_reserve_bytes = kDiskReserveDefault;
   const char* const group = "What is kept of jobs that have ended and are not pinned";
   AddDurationOption("--keep-parts", &limits.parts_age_max,
                     "Parts, with which sheaf refine continues, e.g. 12h (default 7d)", group, app);
@@ -145,9 +146,16 @@ void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
                   "parts first, then files of scenes, previews, and jobs with their images")
       ->transform(CLI::AsSizeValue(false))
       ->group(group);
-  app->add_option("--disk-free-min", limits.free_bytes_min,
-                  "Free space of its file system, e.g. 10G (default 1G, at most 1/20 of it). Below "
-                  "it the oldest go, but no jobs")
+  app->add_option(
+         "--disk-free-min", limits.free_bytes_min,
+         "Free space of its file system, e.g. 10G (default 1G, at most 1/20 of it): uploads "
+         "leave it to jobs. Below it the oldest go, but no jobs")
+      ->transform(CLI::AsSizeValue(false))
+      ->group(group);
+  app->add_option("--disk-reserve", farm->disk_reserve_bytes,
+                  "Free space that is kept for the database alone, e.g. 256M (default 64M, at most "
+                  "1/8 of the file system), so that a coordinator with a full disk works and "
+                  "starts. 0: none")
       ->transform(CLI::AsSizeValue(false))
       ->group(group);
   app->add_option("--kept-parts-max", farm->kept_parts_bytes_max,

@@ -71,12 +71,14 @@ DiskKeeper::DiskKeeper(const FarmOptions& options, const Parts& parts)
     : state_directory_(options.state_directory),
       limits_(options.retention),
       owner_bytes_max_(options.limits.owner_bytes_max),
+      space_advice_(options.space_advice),
       tables_(parts.tables),
       store_(parts.store),
       blobs_(parts.blobs),
       previews_(parts.previews),
       lifecycle_(parts.lifecycle),
       aging_(absl::Now(), SinceBoot()),
+      reserve_(parts.reserve),
       next_age_pass_(SteadyTime::Now() + std::min(AgeInterval(), kFirstAgePass)) {}
 
 absl::Duration DiskKeeper::AgeInterval() const {
@@ -183,15 +185,7 @@ absl::StatusOr<std::vector<Removal>> DiskKeeper::Collect(bool dry_run, absl::Tim
   std::vector<Removal> removals =
       DecideRemovals(std::move(stored->items), stored->use, limits_, now);
   if (dry_run) return removals;
-  std::vector<Removal> removed = RemoveAll(removals, stored->reopen_count, now);
-  if (!removed.empty()) next_walk_ = SteadyTime::InfinitePast();
-  const MutexLock counting(&counts_mutex_);
-  for (const Removal& removal : removed) {
-    Counts& counts = counts_.at(static_cast<size_t>(removal.item.kind));
-    ++counts.removed;
-    counts.bytes += removal.item.size_bytes;
-  }
-  return removed;
+  return RemoveAll(removals, stored->reopen_count, now);
 }
 
 absl::StatusOr<std::vector<RemovalView>> DiskKeeper::CollectForPeople(bool dry_run,
@@ -242,6 +236,13 @@ std::vector<Removal> DiskKeeper::RemoveAll(const std::vector<Removal>& removals,
   });
   if (!done) LogInfo("a job began again: blobs are looked at later");
   if (count > 0) LogInfo(absl::StrCat("removed: ", count, " blobs and uploads"));
+  if (!removed.empty()) next_walk_ = SteadyTime::InfinitePast();
+  const MutexLock counting(&counts_mutex_);
+  for (const Removal& removal : removed) {
+    Counts& counts = counts_.at(static_cast<size_t>(removal.item.kind));
+    ++counts.removed;
+    counts.bytes += removal.item.size_bytes;
+  }
   return removed;
 }
 
@@ -358,8 +359,10 @@ void DiskKeeper::ListBlobs(const std::map<uint64_t, JobUse>& jobs, absl::Time no
     item.in_use = !all_known || (item.is_named && use->second.in_use);
     items->push_back(std::move(item));
   }
+  const std::set<std::string> under_way = claims_.Blobs();
   for (const StoredBlob& upload : blobs_.ListUploads()) {
     KeptItem item{.kind = KeptKind::kUpload, .blob = upload.digest};
+    item.in_use = under_way.contains(upload.digest.sha256_hex);
     item.size_bytes = upload.digest.size_bytes;
     item.unused_since = now - absl::FromChrono(upload.age);
     items->push_back(std::move(item));

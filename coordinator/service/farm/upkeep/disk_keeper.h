@@ -25,7 +25,9 @@
 #include "coordinator/service/farm/farm_options.h"
 #include "coordinator/service/farm/farm_tables.h"
 #include "coordinator/service/farm/job_lifecycle.h"
+#include "coordinator/service/farm/upkeep/upload_claims.h"
 #include "coordinator/service/view/farm_view.h"
+#include "coordinator/store/disk_reserve.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/round_previews.h"
 
@@ -47,6 +49,7 @@ class DiskKeeper {
     const BlobStore& blobs;
     RoundPreviews& previews;
     JobLifecycle& lifecycle;
+    DiskReserve& reserve;
   };
   DiskKeeper(const FarmOptions& options, const Parts& parts);
 
@@ -72,6 +75,10 @@ class DiskKeeper {
   absl::Status CheckOwner(const std::string& owner, uint64_t more);
   // Whether the file system has its minimum of free space. Errors: kResourceExhausted.
   absl::Status CheckFreeSpace() const;
+  // Claims disk space for the bytes of an upload, beyond the minimum of free space, the database's
+  // reserve and what other uploads have claimed. Makes room where that suffices. blob: its SHA-256,
+  // or empty for several. Errors: kResourceExhausted.
+  absl::StatusOr<UploadClaim> ClaimUpload(const std::string& blob, uint64_t bytes, absl::Time now);
 
  private:
   struct Stored {
@@ -104,6 +111,10 @@ class DiskKeeper {
       const std::map<std::string, std::string>& uploaders) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   uint64_t OutputBytes(uint64_t job_id) const;
   DiskUse Measure() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // What uploads may take of the file system.
+  uint64_t UploadRoom() const;
+  // Removes what the limits let go where that makes room for so many bytes more.
+  void MakeUploadRoom(uint64_t bytes, absl::Time now);
   // Whether it is gone.
   bool Remove(const KeptItem& item, absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Those of `removals` that are blobs or uploads; removes others from the list.
@@ -115,11 +126,14 @@ class DiskKeeper {
   const std::string state_directory_;
   const RetentionLimits limits_;
   const uint64_t owner_bytes_max_;
+  const std::string space_advice_;
   FarmTables& tables_;
   JobStore& store_;
   const BlobStore& blobs_;
   RoundPreviews& previews_;
   JobLifecycle& lifecycle_;
+  DiskReserve& reserve_;
+  UploadClaims claims_;
 
   const AgingClock aging_;
   std::atomic<bool> is_ahead_ = false;  // Whether the wall clock was, at the last look.

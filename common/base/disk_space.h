@@ -1,0 +1,24 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// DiskSpace: how much a file system holds, and how much of that may still be written.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace sheaf {
+
+struct DiskSpace {
+  uint64_t available_bytes = 0;  // To this user.
+  uint64_t capacity_bytes = 0;
+};
+
+// Of the file system of a path. Absent where it does not say.
+std::optional<DiskSpace> DiskSpaceOf(const std::string& path);
+
+// bytes, but no more than 1 / fraction of the file system: small ones are not kept empty.
+uint64_t AtMostFractionOf(const DiskSpace& space, uint64_t fraction, uint64_t bytes);
+
+}  // namespace sheaf
