@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "cli/job/job_changes.h"
 #include "cli/message.h"
 #include "common/base/digest.h"
 #include "common/base/mutex.h"
@@ -340,6 +341,7 @@ absl::StatusOr<v1::Job> FarmClient::WatchJob(const std::string& name,
                                              const std::function<void(const v1::Job&)>& on_change) {
   v1::WatchJobRequest request;
   request.set_name(name);
+  request.set_changes_only(true);
   v1::Job job;
   bool ended = false;
   while (!ended) {
@@ -349,7 +351,9 @@ absl::StatusOr<v1::Job> FarmClient::WatchJob(const std::string& name,
         [&](grpc::ClientContext* context) -> absl::Status {
           const auto reader = jobs_->WatchJob(context, request);
           bool began = false;
-          while (reader->Read(&job)) {
+          v1::Job message;
+          while (reader->Read(&message)) {
+            MergeChanges(std::move(message), &job);
             began = true;
             answered_ = true;
             ended = HasEnded(job);

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <optional>
 #include <random>
-#include <set>
 #include <thread>
 #include <utility>
 
@@ -17,6 +16,7 @@
 #include "cli/denoiser/external_denoiser.h"
 #include "cli/job/digest_memory.h"
 #include "cli/job/file_digests.h"
+#include "cli/job/frame_notes.h"
 #include "cli/job/frame_range.h"
 #include "cli/job/input_check.h"
 #include "cli/job/opened_scene.h"
@@ -237,7 +237,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   }
   PreparedJob job;
   job.derived = gltf.derived();
-  std::set<std::string> seen;
+  FrameNotes notes;
   for (std::optional<absl::StatusOr<ReadFrameResult>>& result : results) {
     if (!result.has_value()) continue;  // Another frame failed first.
     if (!result->ok()) return result->status();
@@ -246,10 +246,12 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
       const std::string digest = blob.digest.sha256_hex;
       job.blobs.emplace(digest, std::move(blob));
     }
-    for (std::string& text : (**result).diagnostics) {
-      if (seen.insert(text).second) job.diagnostics.push_back(std::move(text));
+    const int32_t number = (**result).frame.number;
+    for (const std::string& note : (**result).diagnostics) {
+      notes.Add(number, ExpandPattern(arguments.scene, number), note);
     }
   }
+  job.diagnostics = notes.List();
   if (!arguments.resume_from.empty()) {
     const absl::StatusOr<BlobDigest> digest = digests.Of(arguments.resume_from);
     if (!digest.ok()) return digest.status();

@@ -262,6 +262,12 @@ class Farm : public FarmView {
     return job_views_.Find(job_id, /*with_frames=*/true);
   }
   // As ListJobs has it: without its frames. Errors: kNotFound.
+  absl::StatusOr<JobView> FindJobChanges(const std::string& job_id,
+                                         FrameMarks* marks) const override {
+    return job_views_.FindChanges(job_id, marks);
+  }
+  // Whether the job is there and has not ended. Cheap.
+  bool IsLive(const std::string& job_id) const { return job_views_.IsLive(job_id); }
   absl::StatusOr<JobView> FindJobAlone(const std::string& job_id) const {
     return job_views_.Find(job_id, /*with_frames=*/false);
   }

@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "absl/hash/hash.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "coordinator/core/holds/job_approval.h"
@@ -68,6 +69,17 @@ std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundReco
   return views;
 }
 
+// Never 0, which stands for a frame that nobody has seen. view: without its spec.
+size_t MarkOf(const FrameRecord& frame, const FrameView& view, size_t round_count) {
+  const ProgressView& progress = view.progress;
+  const size_t mark = absl::HashOf(
+      frame.phase, frame.failures.size(), frame.refused_by.size(), view.is_training,
+      view.waiting_reason, view.correction_count, view.preview_version, view.image_digest,
+      round_count, progress.sample_count_done, progress.sample_count_total,
+      progress.nonfinite_count, progress.ray_count, progress.cpu_seconds, progress.relative_mse);
+  return mark == 0 ? 1 : mark;
+}
+
 absl::Status NoSuchJob(const std::string& job_id) {
   return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
 }
@@ -96,7 +108,7 @@ std::vector<JobView> JobViews::ListBelow(uint64_t job_id) const {
   std::vector<JobView> views;
   const std::map<uint64_t, JobRecord>& jobs = tables_.scheduler.jobs();
   for (auto it = std::make_reverse_iterator(jobs.lower_bound(job_id)); it != jobs.rend(); ++it) {
-    views.push_back(ViewOf(it->second, /*with_frames=*/false, now));
+    views.push_back(ViewOf(it->second, /*with_frames=*/false, /*marks=*/nullptr, now));
   }
   return views;
 }
@@ -107,10 +119,28 @@ absl::StatusOr<JobView> JobViews::Find(const std::string& job_id, bool with_fram
   const MutexLock lock(&tables_.mutex);
   const auto job = tables_.scheduler.jobs().find(id);
   if (job == tables_.scheduler.jobs().end()) return NoSuchJob(job_id);
-  return ViewOf(job->second, with_frames, SteadyTime::Now());
+  return ViewOf(job->second, with_frames, /*marks=*/nullptr, SteadyTime::Now());
 }
 
-JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) const {
+absl::StatusOr<JobView> JobViews::FindChanges(const std::string& job_id, FrameMarks* marks) const {
+  uint64_t id = 0;
+  if (!absl::SimpleAtoi(job_id, &id)) return NoSuchJob(job_id);
+  const MutexLock lock(&tables_.mutex);
+  const auto job = tables_.scheduler.jobs().find(id);
+  if (job == tables_.scheduler.jobs().end()) return NoSuchJob(job_id);
+  return ViewOf(job->second, /*with_frames=*/true, marks, SteadyTime::Now());
+}
+
+bool JobViews::IsLive(const std::string& job_id) const {
+  uint64_t id = 0;
+  if (!absl::SimpleAtoi(job_id, &id)) return false;
+  const MutexLock lock(&tables_.mutex);
+  const auto job = tables_.scheduler.jobs().find(id);
+  return job != tables_.scheduler.jobs().end() && job->second.phase == JobPhase::kLive;
+}
+
+JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, FrameMarks* marks,
+                         SteadyTime now) const {
   const JobAccount& account = tables_.accounts.at(job.spec.job_id);
   JobView view;
   view.job_id = absl::StrCat(job.spec.job_id);
@@ -146,13 +176,21 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, SteadyTime now)
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
   if (with_frames) view.effect_costs = job.spec.effect_costs;
-  for (const FrameRecord& frame : job.frames) {
-    FrameView of_frame = ViewOf(job, frame, with_frames, now);
+  if (marks != nullptr) marks->resize(job.frames.size());
+  for (size_t i = 0; i < job.frames.size(); ++i) {
+    const FrameRecord& frame = job.frames[i];
+    FrameView of_frame = ViewOf(job, frame, with_frames && marks == nullptr, now);
     AddProgress(of_frame.progress, &view.progress);
     view.training_frame_count += of_frame.is_training ? 1 : 0;
     NotePreviewFrame(of_frame, &view);
     if (!with_frames) continue;
     const auto rounds = account.rounds.find(frame.number());
+    if (marks != nullptr) {
+      const size_t round_count = rounds == account.rounds.end() ? 0 : rounds->second.size();
+      const size_t mark = MarkOf(frame, of_frame, round_count);
+      if (std::exchange((*marks)[i], mark) == mark) continue;
+      of_frame = ViewOf(job, frame, /*with_spec=*/true, now);
+    }
     if (rounds != account.rounds.end()) {
       of_frame.rounds =
           ViewsOf({job.spec.job_id, of_frame.frame_number}, rounds->second, previews_);

@@ -31,9 +31,15 @@ class JobViews {
   std::vector<JobView> List() const;
   std::vector<JobView> ListWithPilots() const;
   absl::StatusOr<JobView> Find(const std::string& job_id, bool with_frames) const;
+  // With those frames alone whose marks differ from these, which become the new ones. A frame's
+  // mark differs where people would see a change, but for the time that passes.
+  absl::StatusOr<JobView> FindChanges(const std::string& job_id, FrameMarks* marks) const;
+  // Whether it is there and has not ended. Cheap.
+  bool IsLive(const std::string& job_id) const;
 
  private:
-  JobView ViewOf(const JobRecord& job, bool with_frames, SteadyTime now) const
+  // marks: null: all frames.
+  JobView ViewOf(const JobRecord& job, bool with_frames, FrameMarks* marks, SteadyTime now) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
                    SteadyTime now) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -255,23 +256,28 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
                                   grpc::ServerWriter<v1::Job>* writer) {
   const absl::StatusOr<IdentityUse::Stream> stream = OpenStream(*context, access_, "WatchJob");
   if (!stream.ok()) return ToGrpcStatus(stream.status());
-  std::string last;
-  SteadyTime next_write = SteadyTime::InfinitePast();
+  const absl::StatusOr<std::string> id = ParseJobName(request->name());
+  if (!id.ok()) return ToGrpcStatus(id.status());
+  const std::shared_ptr<JobWatch> watch = watches_.Of(*id);
+  uint64_t version = 0;
   while (!stopping_ && !context->IsCancelled()) {
     // A watch does not outlive the permission to watch.
     const absl::Status permitted = CallerOf(*context, access_).status();
     if (!permitted.ok()) return ToGrpcStatus(permitted);
     const uint64_t seen = farm_->ChangeCount(), ends_seen = farm_->EndCount();
-    const absl::StatusOr<JobView> view = Find(request->name());
-    if (!view.ok()) return ToGrpcStatus(view.status());
-    const v1::Job job = ToWire(*view);
-    std::string now = job.SerializeAsString();
-    if (now != last && (HasEnded(view->state) || SteadyTime::Now() >= next_write)) {
-      last = std::move(now);
-      next_write = SteadyTime::Now() + kWatchIntervalMin;
-      if (!writer->Write(job)) return grpc::Status::OK;  // The watcher has gone.
+    if (!farm_->IsLive(*id)) {
+      const absl::StatusOr<JobView> view = Find(request->name());
+      if (!view.ok()) return ToGrpcStatus(view.status());
+      if (HasEnded(view->state)) {  // Else it has just been tried again.
+        writer->Write(ToWire(*view));
+        return grpc::Status::OK;
+      }
     }
-    if (HasEnded(view->state)) return grpc::Status::OK;
+    if (uint64_t number = 0; absl::SimpleAtoi(*id, &number)) farm_->NotePilotRequest(number);
+    const absl::StatusOr<std::optional<v1::Job>> job =
+        watch->Next(&version, request->changes_only());
+    if (!job.ok()) return ToGrpcStatus(job.status());
+    if (*job && !writer->Write(**job)) return grpc::Status::OK;  // The watcher has gone.
     // A client that waits for a job's end learns of it at once.
     farm_->WaitForEnd(ends_seen, kWatchIntervalMin);
     farm_->WaitForChange(seen, kWatchIntervalMin);

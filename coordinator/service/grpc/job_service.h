@@ -10,11 +10,11 @@
 
 #include "coordinator/access/access_control.h"
 #include "coordinator/service/farm/farm.h"
+#include "coordinator/service/grpc/job_watches.h"
 #include "sheaf/v1/job.grpc.pb.h"
 
 namespace sheaf::coordinator {
 
-inline constexpr absl::Duration kWatchIntervalMin = absl::Milliseconds(200);
 inline constexpr int kJobPageSizeDefault = 100;
 inline constexpr int kJobPageSizeMax = 1000;
 inline constexpr int kMissingNamesMax = 20;  // Listed in a message about missing blobs.
@@ -22,7 +22,8 @@ inline constexpr int kMissingNamesMax = 20;  // Listed in a message about missin
 class JobService final : public v1::JobService::Service {
  public:
   // Both must outlive the service. access: null without certificates; everybody may do everything.
-  explicit JobService(Farm* farm, AccessControl* access = nullptr) : farm_(farm), access_(access) {}
+  explicit JobService(Farm* farm, AccessControl* access = nullptr)
+      : farm_(farm), access_(access), watches_(farm) {}
   // Ends watches, so that the server can stop.
   void Stop() { stopping_ = true; }
 
@@ -121,6 +122,7 @@ class JobService final : public v1::JobService::Service {
 
   Farm* const farm_;
   AccessControl* const access_;
+  JobWatches watches_;
   std::atomic<bool> stopping_{false};
 };
 

@@ -48,6 +48,10 @@ class FakeFarm : public FarmView {
     for (JobView& job : list) job.frames.clear();
     return list;
   }
+  absl::StatusOr<JobView> FindJobChanges(const std::string& job_id,
+                                         FrameMarks* /*marks*/) const override {
+    return FindJob(job_id);
+  }
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
     const MutexLock lock(&mutex_);
     for (const JobView& job : jobs) {

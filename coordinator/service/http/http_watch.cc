@@ -61,14 +61,20 @@ bool Differs(std::map<std::string, std::string>* marks, const std::string& key, 
 void FarmDifference::Publish(const FarmView& farm) {
   const bool watched = hub_->ReaderCount() > 0;
   // Frames are compared only while there are viewers. Later viewers fetch them after subscribing.
-  if (!watched) frames_.clear();
+  if (!watched) {
+    frames_.clear();
+    seen_.clear();
+  }
   const std::vector<JobView> jobs = farm.ListJobs();
   for (const JobView& job : jobs) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
     hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
     // A failed job may be tried again, and its frames then lose what viewers have seen of them.
-    if (HasEnded(job.state) && job.state != JobState::kFailed) frames_.erase(job.job_id);
+    if (HasEnded(job.state) && job.state != JobState::kFailed) {
+      frames_.erase(job.job_id);
+      seen_.erase(job.job_id);
+    }
   }
   const std::vector<WorkerView> workers = farm.ListWorkers();
   for (const WorkerView& worker : workers) {
@@ -91,12 +97,13 @@ void FarmDifference::PublishRemoved(const std::string& kind, const std::vector<V
     const std::string name = absl::StrCat(kind, "s/", mark.first);
     hub_->Publish({kind + "_removed", name, NameJson(name)});
     frames_.erase(mark.first);
+    seen_.erase(mark.first);
     return true;
   });
 }
 
 void FarmDifference::PublishFrames(const FarmView& farm, const std::string& job_id) {
-  const absl::StatusOr<JobView> job = farm.FindJob(job_id);
+  const absl::StatusOr<JobView> job = farm.FindJobChanges(job_id, &seen_[job_id]);
   if (!job.ok()) return;  // Deleted since it was listed: there is no change to publish.
   Marks& marks = frames_[job_id];
   const std::string untouched = Mark(FrameView());

@@ -46,6 +46,7 @@ class FarmDifference {
   Marks workers_;
   // By job, for jobs that have changed since there are readers.
   std::map<std::string, Marks> frames_;
+  std::map<std::string, FrameMarks> seen_;  // By job: frames that need no comparison.
 };
 
 // Runs FarmDifference in its own thread until destroyed.

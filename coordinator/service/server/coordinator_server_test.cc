@@ -152,6 +152,73 @@ TEST_F(CoordinatorServerTest, FailuresSurviveRestartsAndRefinements) {
   expect_kept();
 }
 
+TEST_F(CoordinatorServerTest, WatchersGetTheFramesThatHaveChanged) {
+  Start();
+  constexpr int kFrames = 300;
+  v1::CreateJobRequest request = Request(4);
+  for (int frame = 2; frame <= kFrames; ++frame) {
+    *request.add_frames() = request.frames(0);
+    request.mutable_frames(frame - 1)->set_frame_number(frame);
+    request.mutable_frames(frame - 1)->mutable_settings()->set_seed(static_cast<uint64_t>(frame));
+  }
+  const std::string name = Create(request).name();
+  grpc::ClientContext context;
+  SetDeadline(&context, kPatience);
+  v1::WatchJobRequest watch;
+  watch.set_name(name);
+  watch.set_changes_only(true);
+  const auto reader = jobs_->WatchJob(&context, watch);
+  v1::Job job;
+  ASSERT_TRUE(reader->Read(&job));
+  EXPECT_FALSE(job.frames_are_changes());
+  EXPECT_EQ(job.frames_size(), kFrames);
+  v1::SetJobPriorityRequest priority;
+  for (int i = 1; i <= 3; ++i) {
+    priority.set_priority(i);
+    Control(&v1::JobService::Stub::SetJobPriority, name, priority);
+    while (job.priority() != i && reader->Read(&job)) {
+      EXPECT_TRUE(job.frames_are_changes());
+      EXPECT_EQ(job.frames_size(), 0) << "they are as they were";
+    }
+  }
+  SyntheticWorker worker = MakeWorker("w");
+  ASSERT_TRUE(worker.Synchronize(1).ok());
+  ASSERT_TRUE(worker.RenderOne().ok());
+  int changed = 0;
+  while (changed == 0 && reader->Read(&job)) changed = job.frames_size();
+  EXPECT_LT(changed, kFrames / 10);
+  EXPECT_GT(changed, 0);
+  grpc::ClientContext cancelling;
+  v1::CancelJobRequest cancel;
+  cancel.set_name(name);
+  v1::Job cancelled;
+  ASSERT_TRUE(jobs_->CancelJob(&cancelling, cancel, &cancelled).ok());
+  while (reader->Read(&job)) {
+  }
+  EXPECT_EQ(job.state(), v1::Job::STATE_CANCELLED);
+  EXPECT_FALSE(job.frames_are_changes());
+  EXPECT_EQ(job.frames_size(), kFrames) << "the last message has all";
+}
+
+TEST_F(CoordinatorServerTest, AllWatchersOfAJobShareOneLookAtIt) {
+  Start();
+  const std::string name = Create(Request(64)).name();
+  const std::string id = name.substr(5);
+  JobWatches watches(&server_->farm());
+  const std::shared_ptr<JobWatch> first = watches.Of(id), second = watches.Of(id);
+  EXPECT_EQ(first, second);
+  uint64_t seen_by_first = 0, seen_by_second = 0;
+  ASSERT_TRUE(first->Next(&seen_by_first, true)->has_value());
+  const uint64_t looks = first->look_count();
+  ASSERT_TRUE(second->Next(&seen_by_second, true)->has_value());
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_TRUE(first->Next(&seen_by_first, true).ok());
+    ASSERT_TRUE(second->Next(&seen_by_second, true).ok());
+  }
+  EXPECT_EQ(first->look_count(), looks) << "nothing has changed";
+  EXPECT_FALSE(watches.Of("999")->Next(&seen_by_first, true).ok());
+}
+
 TEST_F(CoordinatorServerTest, EndedJobsHaveAnEndTime) {
   Start();
   v1::CreateJobRequest request = Request(64);

@@ -278,6 +278,9 @@ struct PreviewView {
   bool complete = false;
 };
 
+// What somebody has seen of the frames of a job, by their index.
+using FrameMarks = std::vector<size_t>;
+
 // Thread safety: all functions may be called from any thread. They wait for short locks only,
 // except WaitForChange, Preview (which copies planes of an image) and PriceRefinement.
 class FarmView {
@@ -288,6 +291,10 @@ class FarmView {
   virtual std::vector<JobView> ListJobs() const = 0;
   // With frames. Errors: kNotFound.
   virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;
+  // With those frames alone whose marks differ from these, which become the new ones. A frame's
+  // mark differs where people would see a change, but for the time that passes.
+  virtual absl::StatusOr<JobView> FindJobChanges(const std::string& job_id,
+                                                 FrameMarks* marks) const = 0;
   // The last failures of a job, newest first. Errors: kNotFound.
   virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
       const std::string& job_id) const = 0;
