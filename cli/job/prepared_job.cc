@@ -248,7 +248,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
     }
     const int32_t number = (**result).frame.number;
     for (const std::string& note : (**result).diagnostics) {
-      notes.Add(number, ExpandPattern(arguments.scene, number), note);
+      notes.Add(number, scene->Of(number), note);
     }
   }
   job.diagnostics = notes.List();

@@ -77,8 +77,8 @@ DiskKeeper::DiskKeeper(const FarmOptions& options, const Parts& parts)
       blobs_(parts.blobs),
       previews_(parts.previews),
       lifecycle_(parts.lifecycle),
-      aging_(absl::Now(), SinceBoot()),
       reserve_(parts.reserve),
+      aging_(absl::Now(), SinceBoot()),
       next_age_pass_(SteadyTime::Now() + std::min(AgeInterval(), kFirstAgePass)) {}
 
 absl::Duration DiskKeeper::AgeInterval() const {
