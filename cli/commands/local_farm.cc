@@ -43,7 +43,7 @@ void AwaitWorker(const coordinator::FarmView& farm) {
 }  // namespace
 
 constexpr char kPrefix[] = "sheaf-render-";
-// In each temporary folder, locked by its process. Its name says that nobody has been told to keep
+// In each temporary folder, locked by its process. Its name says that no user has been told to keep
 // the folder.
 constexpr char kOwnerFile[] = "/temporary";
 
@@ -125,7 +125,7 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   farm->state_ = *std::move(state);
   coordinator::CoordinatorOptions coordinator;
   coordinator.farm.state_directory = farm->state_->path();
-  // The disk is the user's: nobody else's jobs need space on it.
+  // The disk is the user's: no other jobs need space on it.
   coordinator.farm.retention.free_bytes_min = 0;
   coordinator.farm.space_advice =
       options.kept_state.empty()

@@ -257,7 +257,7 @@ void ImageSaver::SaveFrame(const v1::Job& job, size_t i) {
   absl::StatusOr<Delivered> delivered = Fetch(client_, frame);
   if (!delivered.ok()) {
     stopped_ = absl::IsCancelled(delivered.status()) || absl::IsUnavailable(delivered.status());
-    // While the job goes on, the frame may have begun anew: to be refined, or to be corrected.
+    // While the job runs, the frame may have begun anew: to be refined, or to be corrected.
     taken_[i].missed = frame.image_digest();
     if (stopped_ || HasEnded(job)) NoteFailure(delivered.status(), &call_);
     return;

@@ -76,7 +76,7 @@ class ImageSaver {
   const Delivery& delivery_;
   std::vector<Taken> taken_;
   absl::Status call_, file_;
-  bool stopped_ = false;  // Nobody answers, or the user has interrupted it.
+  bool stopped_ = false;  // The coordinator does not answer, or the user has interrupted it.
 };
 
 // Shows the job until it ends, and has its images written meanwhile. With json, prints it on

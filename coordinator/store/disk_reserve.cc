@@ -48,7 +48,7 @@ uint64_t GiveHalf(const std::string& path) {
   return error ? 0 : size - left;
 }
 
-// The uploads, of which nobody has been told that they are there.
+// The uploads, of which no client has been told.
 uint64_t RemoveUploads(const std::string& directory) {
   uint64_t bytes = 0;
   std::error_code error;
@@ -66,8 +66,8 @@ uint64_t RemoveUploads(const std::string& directory) {
 void MakeRoomForDatabase(const std::string& directory) {
   if (!LacksSpace(directory)) return;
   if (const uint64_t bytes = RemoveUploads(directory); bytes > 0) {
-    LogWarning(absl::StrCat(directory, ": its file system is full; removed uploads that nobody ",
-                            "had ended, ", FormatMemory(bytes)));
+    LogWarning(absl::StrCat(directory, ": its file system is full; removed incomplete uploads, ",
+                            FormatMemory(bytes)));
   }
   if (!LacksSpace(directory)) return;
   if (const uint64_t bytes = GiveHalf(PathIn(directory)); bytes > 0) {

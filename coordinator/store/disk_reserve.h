@@ -4,7 +4,7 @@
 // DiskReserve: disk space that only the database may take, so that a coordinator whose disk is full
 // starts, and does what people ask of it to free space.
 //
-//     DIR/reserve   a file that occupies the space while nobody lacks it
+//     DIR/reserve   a file that occupies the space while it is not needed
 //
 // Where the file system is full, half of the file is given up at a time; the coordinator's other
 // writers ask CheckRoom, and so leave to the database what was given up. Programs of others may
@@ -27,8 +27,8 @@ inline constexpr uint64_t kReserveFractionMax = 8;  // 1 / 8.
 inline constexpr uint64_t kDatabaseBytesMin = uint64_t{1} << 20;
 
 // Where the file system lacks space for the database: removes the uploads of an earlier life, then
-// gives up half of its reserve. Requires: the caller holds the directory's lock, so that nobody
-// writes uploads.
+// gives up half of its reserve. Requires: the caller holds the directory's lock, so that no other
+// process writes uploads.
 void MakeRoomForDatabase(const std::string& directory);
 
 // Thread safety: all members may be called concurrently.

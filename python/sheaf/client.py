@@ -191,7 +191,7 @@ class Client:
             try:
                 self._download(frame.name, path)
             except (errors.NotFoundError, errors.WrongStateError) as error:
-                # While the job goes on, a frame may have begun anew: to be refined, or corrected.
+                # While the job runs, a frame may have begun anew: to be refined, or corrected.
                 if job.state.has_ended:
                     failures.append(error)
                 continue

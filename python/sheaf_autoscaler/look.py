@@ -32,7 +32,7 @@ class WorkerState:
 @dataclasses.dataclass(frozen=True)
 class Look:
     time: float  # Seconds since 1970, which deadlines are compared with. People set this clock.
-    steady: float  # Seconds of a clock that nobody sets, for intervals.
+    steady: float  # Seconds of a clock that cannot be set, for intervals.
     jobs: tuple[JobWork, ...] = ()
     workers: tuple[WorkerState, ...] = ()
     # CPU time of all results so far, of the jobs that were listed.

@@ -61,7 +61,7 @@ class SimPool:
     def __init__(self, jobs, threads=1, machines=8, start_seconds=(5, 25), seed=1,
                  thread_use=0.95):
         self.now = 1_000_000.0
-        self.steady_offset = 0.0  # Of the clock that nobody sets; tests set the other one.
+        self.steady_offset = 0.0  # Of the clock that cannot be set; tests set the other one.
         self.jobs, self.threads, self.machines = list(jobs), threads, machines
         self._start_seconds, self._thread_use = start_seconds, thread_use
         self.random = random.Random(seed)

@@ -57,7 +57,7 @@ class WantingFarm:
         return Look(self.wall + self.now, self.now, jobs)
 
     def drain(self, workers):
-        raise AssertionError("nobody is connected")
+        raise AssertionError("no worker is connected")
 
     undrain = drain
 

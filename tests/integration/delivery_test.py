@@ -110,7 +110,7 @@ class DeliveryTest(ClientCase):
         python = threading.Thread(target=self.wait_in_python, args=(name, out["python"]))
         python.start()
         self.farm.sheaf("kill", name, "--frame", KILLED)
-        for folder in ("waited", "watched", "python"):  # While the job goes on.
+        for folder in ("waited", "watched", "python"):  # While the job runs.
             farm.wait_until(lambda f=folder: names(out[f]) == expected(), 60, folder)
         self.assertEqual(self.state(name), "running")
         self.farm.sheaf("cancel", name)

@@ -150,7 +150,7 @@ class DiskSpaceTest(unittest.TestCase):
             self.restart(f)
             self.await_samples(f, running)
 
-    def test_uploads_that_nobody_writes_go_first(self):
+    def test_uploads_without_a_writer_go_first(self):
         with self.farm_on_small_disk() as f:
             f.start_worker()
             left = f.path("state", "content", "partial", hashlib.sha256(b"a").hexdigest() + ".part")
@@ -279,7 +279,7 @@ class DiskSpaceTest(unittest.TestCase):
         self.await_reason(f, job, "of scene cache", needs, has)
         listed = f.sheaf("list").stdout
         self.assertIn("of scene cache", listed)
-        # It delays nobody else.
+        # It delays no other job.
         for _ in range(3):
             self.check_other_job(f)
         self.await_reason(f, job, "of scene cache")

@@ -13,11 +13,11 @@ namespace sheaf::coordinator {
 
 class AgingClock {
  public:
-  // since_boot: of CLOCK_BOOTTIME, which nobody sets and which runs on while a machine sleeps.
+  // since_boot: of CLOCK_BOOTTIME, which cannot be set and which runs while a machine sleeps.
   // Requires: the wall clock is right now.
   AgingClock(absl::Time wall, absl::Duration since_boot) : boot_(wall - since_boot) {}
 
-  // The wall clock, but never later than it would be had nobody set it.
+  // The wall clock, but never later than it would be without being set.
   absl::Time At(absl::Time wall, absl::Duration since_boot) const {
     return std::min(wall, boot_ + since_boot);
   }

@@ -17,7 +17,7 @@ namespace sheaf::coordinator {
 
 // In the order in which they go where space is short: what costs least to lose goes first.
 enum class KeptKind {
-  kUpload,    // An upload that nobody writes: its sender begins it anew.
+  kUpload,    // An upload without a writer: its sender begins it anew.
   kParts,     // All parts of an ended job: it is refined from its image then.
   kBlob,      // A file of a scene: submitting the scene again brings it back.
   kPreviews,  // The images of the ends of a job's rounds.
@@ -45,7 +45,7 @@ struct RetentionLimits {
   // For blobs that no job names, and for uploads that nobody goes on with.
   absl::Duration unnamed_age_max = absl::Hours(24);
   // Clients ask which blobs are there, and submit afterwards: no blob goes earlier than this. An
-  // upload goes at any time: nobody has been told that its blob is there.
+  // upload goes at any time: no client has been told that its blob is there.
   absl::Duration blob_age_min = absl::Hours(1);
   // A job is not removed this soon after its end: somebody may still be working on it.
   absl::Duration job_age_min = absl::Minutes(10);

@@ -69,7 +69,7 @@ std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundReco
   return views;
 }
 
-// Never 0, which stands for a frame that nobody has seen. view: without its spec.
+// Never 0, which stands for a frame that has not been seen. view: without its spec.
 size_t MarkOf(const FrameRecord& frame, const FrameView& view, size_t round_count) {
   const ProgressView& progress = view.progress;
   const size_t mark = absl::HashOf(
