@@ -324,7 +324,7 @@ void Agent::UploadLoop(std::stop_token ended) {
   std::chrono::milliseconds backoff = options_.backoff_initial;
   const auto has_parts = [this]()
                              ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !outbox_.empty(); };
-  while (uploads_.Wait(&mutex_, ended, has_parts)) {
+  while (uploads_.Wait(&mutex_, ended, has_parts) && !ended.stop_requested()) {
     const std::vector<const FinishedPart*> parts = outbox_.Front(part_count_max);
     lock.Unlock();
     const absl::StatusOr<std::vector<UploadOutcome>> outcomes =

@@ -117,6 +117,20 @@ TEST(AgentTest, TermWithoutACoordinatorEndsAfterTheGracePeriod) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(200));
 }
 
+// Regression: the thread that sends results tried without a pause and never ended.
+TEST(AgentTest, TermEndsWithResultsThatNoCoordinatorTakes) {
+  FakeCoordinator coordinator(20);
+  FakeRenderer renderer;
+  renderer.gate_open = false;
+  Running running(FastOptions(), &coordinator, &renderer);
+  ASSERT_TRUE(Eventually([&] { return renderer.rendering_count == 2; }));
+  coordinator.set_away(true);
+  renderer.gate_open = true;
+  ASSERT_TRUE(Eventually([&] { return renderer.rendering_count == 0; }));
+  EXPECT_EQ(running.Stop().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(coordinator.done_count(), 0u);
+}
+
 TEST(AgentTest, ClassifiesLoadFailures) {
   FakeCoordinator coordinator(1);
   FakeRenderer renderer;
