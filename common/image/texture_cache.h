@@ -51,17 +51,20 @@ class TextureTiles;
 class TextureCache {
  public:
   // bytes_max: limit of the tiles in memory. Beyond it every thread keeps at most two tiles in use.
+  // 0: images are opened by their headers alone, to check a scene.
   explicit TextureCache(uint64_t bytes_max);
   ~TextureCache();
   TextureCache(const TextureCache&) = delete;
   TextureCache& operator=(const TextureCache&) = delete;
 
   // Reads the whole image once, in bands, so that damage and non-finite texels are found here and
-  // not during rendering. The same path and encoding give the same image.
-  // Errors: kNotFound; kInvalidArgument as for ReadImage, in messages that begin with the path;
-  // those of LoadImageLibrary.
-  // Thread safety: none; open everything before reading.
+  // not during rendering; by its header alone, it keeps an alpha that is 1 everywhere. The same
+  // path and encoding give the same image. Errors: kNotFound; kInvalidArgument as for ReadImage, in
+  // messages that begin with the path; those of LoadImageLibrary. Thread safety: none; open
+  // everything before reading.
   absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding);
+
+  bool opens_by_header() const { return bytes_max_ == 0; }
 
   // values[i] becomes the texel at where[i]. A tile that can no longer be read (the file was
   // changed or removed while in use) gives NaN, which the film counts and reports, and is logged

@@ -153,6 +153,7 @@ class OpenImageIOTiles final : public TextureTiles {
   }
   absl::Status Scan(OpenedImage& image) const;
 
+  const bool opens_by_header_;
   void (*log_error_)(std::string_view);
   OIIO::ImageCache* cache_ = nullptr;
   uint64_t id_ = 0;  // Never reused in a process: names the cache in thread-local storage.
@@ -193,7 +194,7 @@ absl::Status OpenImageIOTiles::Scan(OpenedImage& image) const {
 }
 
 OpenImageIOTiles::OpenImageIOTiles(uint64_t bytes_max, void (*log_error)(std::string_view))
-    : log_error_(log_error) {
+    : opens_by_header_(bytes_max == 0), log_error_(log_error) {
   static std::atomic<uint64_t> next_id = 1;
   id_ = next_id++;
   cache_ = OIIO::ImageCache::create(false);
@@ -239,7 +240,9 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
       return absl::InvalidArgumentError(
           absl::StrCat(path, ": not a readable image: ", CacheError(*cache_)));
     }
-    if (absl::Status status = Scan(*image); !status.ok()) return status;
+    if (absl::Status status = opens_by_header_ ? absl::OkStatus() : Scan(*image); !status.ok()) {
+      return status;
+    }
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(
         absl::StrCat(path, ": there is no memory to decode the image"));

@@ -25,7 +25,7 @@ struct TexturePoint {
 };
 
 struct MaterialOptions {
-  uint64_t texture_cache_bytes_max = 0;
+  uint64_t texture_cache_bytes_max = 0;  // As for TextureCache.
   bool spectral = false;           // Evaluate may be called with kSpectral, too.
   bool single_scattering = false;  // As in RenderSettings.
 };

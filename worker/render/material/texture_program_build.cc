@@ -201,6 +201,7 @@ class TextureProgram::Builder {
     if (!srgb_from_file) return;
     node->primaries_index = static_cast<int32_t>(program_.primaries_.size());
     program_.primaries_.push_back(*srgb_from_file);
+    if (cache_.opens_by_header()) return;
     const uint64_t outside = CountOutside(node->image, *srgb_from_file);
     if (outside == 0) return;
     LogWarning(absl::StrCat(place, ": ", outside,

@@ -24,7 +24,7 @@ struct CompileInput {
   RenderPlan plan;
   MediumVelocities velocities;
   int threads = 1;
-  uint64_t texture_cache_bytes_max = 0;
+  uint64_t texture_cache_bytes_max = 0;  // As for TextureCache.
   CompileTechniques techniques;
 };
 

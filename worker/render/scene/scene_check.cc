@@ -17,8 +17,6 @@
 namespace sheaf::render {
 namespace {
 
-constexpr uint64_t kTextureCacheBytes = uint64_t{16} << 20;
-
 const std::string* FileOf(const LightDescription& light) {
   return std::visit(
       [](const auto& kind) -> const std::string* {
@@ -56,7 +54,6 @@ absl::Status CheckScene(SceneDescription scene, const FrameSettings& settings, F
   const LogSilence silence;
   LeaveOutFiles(&scene, files);
   CompileInput input;
-  input.texture_cache_bytes_max = kTextureCacheBytes;
   input.techniques.bound_media_once = true;
   absl::StatusOr<MediumVelocities> velocities = ReadMediumVelocities(files, input.threads, &scene);
   if (!velocities.ok()) return velocities.status();

@@ -3,7 +3,7 @@
 //
 // CheckScene: mistakes of a scene that CompileScene finds and the reader does not, for a client
 // that is about to submit it. It goes the way of CompileScene, but leaves out what takes long: the
-// ray tracer, displacement, volume files, and large images of lights.
+// ray tracer, displacement, texels, volume files, and large images of lights.
 #pragma once
 
 #include <cstdint>
