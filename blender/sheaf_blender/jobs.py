@@ -118,6 +118,7 @@ class FarmRender(RenderJob):
         self._address, self._insecure, self._http_port = address, insecure, http_port
         self._farm = program.address_arguments(address, insecure)
         self.name = None       # Of the job, once it is known.
+        self._created = ""     # When it was created.
         self._is_submitted = False
         self._submit_messages = []
         self._process = Process(self._sheaf, ["submit", self._scene, "--no-quote", "--title",
@@ -134,6 +135,8 @@ class FarmRender(RenderJob):
             self._update_submission()
             return False
         self._read()
+        if self.state is not None:
+            check_identity(self.state, self._created)
         code = self._process.exit_code
         if code is None:
             return False
@@ -166,7 +169,7 @@ class FarmRender(RenderJob):
                 names = [self.name] if self.name else program.unfinished_jobs(
                     self._sheaf, self.title, self._address, self._insecure)
                 for name in names:
-                    program.cancel(self._sheaf, name, self._address, self._insecure)
+                    cancel(self._sheaf, name, self._address, self._insecure, self._created)
                 return
             except SheafError:
                 if attempt + 1 == CANCEL_ATTEMPTS_MAX:
@@ -176,29 +179,44 @@ class FarmRender(RenderJob):
     def _read_name(self):
         for answer in self._process.read():
             if self.name is None and "name" in answer:
-                self.name = answer["name"]
+                self.name, self._created = answer["name"], answer.get("create_time", "")
 
 
 def submit_frames(sheaf, pattern, frames, options, title, address, insecure):
-    """Submits 'shot.####.pbrt' as one job. Returns (its name, notes). Raises SheafError."""
+    """Submits 'shot.####.pbrt' as one job. Returns (its JSON, notes). Raises SheafError."""
     process = Process(sheaf, ["submit", pattern, "--frames", frames, "--no-quote", "--title", title,
                               *program.address_arguments(address, insecure), *options])
-    name = None
+    answers = []
     while process.exit_code is None:
-        for answer in process.read():
-            name = answer.get("name", name)
+        answers += process.read()
         time.sleep(POLL_SECONDS)
-    for answer in process.read():
-        name = answer.get("name", name)
-    if process.exit_code != 0 or name is None:
+    answers += process.read()
+    if process.exit_code != 0 or not any("name" in answer for answer in answers):
         raise SheafError(process.failure())
-    return name, [m.text for m in process.messages]
+    return ([answer for answer in answers if "name" in answer][-1],
+            [m.text for m in process.messages])
 
 
-def job_state(sheaf, name, address, insecure):
-    """The JSON of a job. Raises SheafError."""
-    return json.loads(program.call(
+def job_state(sheaf, name, address, insecure, created=""):
+    """The JSON of a job. created: its create_time when it was submitted, if that is known; numbers
+    are given again when a coordinator's state is replaced. Raises SheafError.
+    """
+    state = json.loads(program.call(
         sheaf, ["show", name, *program.address_arguments(address, insecure)]).splitlines()[-1])
+    check_identity(state, created)
+    return state
+
+
+def check_identity(state, created):
+    if created and state["create_time"] != created:
+        raise SheafError(f"{state['name']}: is another job now, since the coordinator's state was "
+                         "replaced; submit again")
+
+
+def cancel(sheaf, name, address, insecure, created=""):
+    """Cancels a job. Raises SheafError."""
+    job_state(sheaf, name, address, insecure, created)
+    program.cancel(sheaf, name, address, insecure)
 
 
 def output_pattern(path):
@@ -220,18 +238,19 @@ def frame_path(pattern, frame):
     return os.path.join(folder, f"{name[:first]}{frame:0{last - first}d}{name[last:]}")
 
 
-def download(sheaf, name, output, address, insecure):
+def download(sheaf, name, output, address, insecure, created=""):
     """Waits for a job, and writes each image when it is complete. output: an output_pattern, or
     the path of a single frame's image. Raises SheafError, also if a frame has no image.
     """
-    frames = job_state(sheaf, name, address, insecure)["frames"]
+    frames = job_state(sheaf, name, address, insecure, created)["frames"]
     if len(frames) == 1 and "#" in os.path.basename(output):
         output = frame_path(output, frames[0]["frame_number"])
     os.makedirs(os.path.dirname(output) or ".", exist_ok=True)
     process = Process(sheaf, ["watch", name, "-o", output,
                               *program.address_arguments(address, insecure)])
     while process.exit_code is None:
-        process.read()
+        for state in process.read():
+            check_identity(state, created)
         time.sleep(POLL_SECONDS)
     if process.exit_code != 0:
         raise SheafError(process.failure())

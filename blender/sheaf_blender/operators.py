@@ -65,14 +65,15 @@ class SubmitFrames(_SheafOperator):
         step = f"x{scene.frame_step}" if scene.frame_step > 1 else ""
         text = (f"{frames[0]}-{frames[-1]}{step}" if len(frames) > 1 else str(frames[0]))
         title = bpy.path.basename(bpy.data.filepath) or "untitled.blend"
-        name, notes = jobs.submit_frames(
+        job, notes = jobs.submit_frames(
             sheaf, pattern, text,
             [*engine.job_options(scene), *passes.options(scene, context.view_layer)], title,
             address, insecure)
         for note in notes:
             print("Sheaf:", note)
-        scene.sheaf.frames_job, scene.sheaf.frames_state = name, "submitted"
-        self.report({"INFO"}, f"Sheaf: {name}: {len(frames)} frames")
+        scene.sheaf.frames_job, scene.sheaf.frames_state = job["name"], "submitted"
+        scene.sheaf.frames_created = job.get("create_time", "")
+        self.report({"INFO"}, f"Sheaf: {job['name']}: {len(frames)} frames")
 
 
 class RefreshFrames(_SheafOperator):
@@ -82,7 +83,8 @@ class RefreshFrames(_SheafOperator):
 
     def run(self, context):
         own = context.scene.sheaf
-        state = jobs.job_state(_farm(context)[0], own.frames_job, *_farm(context)[1:])
+        state = jobs.job_state(_farm(context)[0], own.frames_job, *_farm(context)[1:],
+                               own.frames_created)
         own.frames_state = f"{state['state']}, {program.progress_text(state)[1]}"
 
 
@@ -93,8 +95,9 @@ class CancelFrames(_SheafOperator):
 
     def run(self, context):
         sheaf, address, insecure = _farm(context)
-        program.cancel(sheaf, context.scene.sheaf.frames_job, address, insecure)
-        context.scene.sheaf.frames_state = "cancelled"
+        own = context.scene.sheaf
+        jobs.cancel(sheaf, own.frames_job, address, insecure, own.frames_created)
+        own.frames_state = "cancelled"
 
 
 class FetchFrames(_SheafOperator):
@@ -106,7 +109,7 @@ class FetchFrames(_SheafOperator):
         sheaf, address, insecure = _farm(context)
         own = context.scene.sheaf
         output = jobs.output_pattern(bpy.path.abspath(context.scene.render.filepath))
-        jobs.download(sheaf, own.frames_job, output, address, insecure)
+        jobs.download(sheaf, own.frames_job, output, address, insecure, own.frames_created)
         own.frames_state = f"images are at {output}"
 
 

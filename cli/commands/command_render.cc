@@ -85,9 +85,8 @@ class RenderCommand : public Command {
     if (absl::Status status = UploadMissing(&client, job); !status.ok()) {
       return ReportCallError(status);
     }
-    v1::CreateJobRequest request = MakeCreateJobRequest(arguments_, job);
-    request.set_request_id(RepeatableRequestId(request));
-    const absl::StatusOr<v1::Job> created = client.CreateJob(request);
+    const absl::StatusOr<v1::Job> created =
+        CreateOrContinue(&client, MakeCreateJobRequest(arguments_, job));
     if (!created.ok()) return ReportCallError(created.status());
 
     if (absl::Status status = farm->StartWorker(); !status.ok()) {
@@ -141,10 +140,28 @@ class RenderCommand : public Command {
                                            keeps ? KeepState(farm) : "nothing was rendered yet")));
   }
 
-  // The same command creates the same request, so a second run finds the job of the first one.
-  static std::string RepeatableRequestId(v1::CreateJobRequest request) {
+  // The same command continues the job of its last run: with failed work tried again, or with a new
+  // job if that one was cancelled.
+  static absl::StatusOr<v1::Job> CreateOrContinue(FarmClient* client,
+                                                  v1::CreateJobRequest request) {
     request.clear_request_id();
-    const std::string hex = Sha256Hex(request.SerializeAsString());
+    const std::string content = request.SerializeAsString();
+    absl::StatusOr<v1::Job> job;
+    int cancelled_count = 0;
+    do {
+      request.set_request_id(RepeatableRequestId(content, cancelled_count++));
+      job = client->CreateJob(request);
+    } while (job.ok() && job->state() == v1::Job::STATE_CANCELLED);
+    if (!job.ok() || job->state() != v1::Job::STATE_FAILED) return job;
+    PrintInfo("the work that failed is tried again; it failed because: " + job->failure());
+    v1::RetryTasksRequest retry;
+    retry.set_name(job->name());
+    return client->RetryTasks(retry);
+  }
+
+  static std::string RepeatableRequestId(const std::string& content, int cancelled_count) {
+    const std::string hex =
+        Sha256Hex(cancelled_count == 0 ? content : absl::StrCat(content, cancelled_count));
     return absl::StrCat(hex.substr(0, 8), "-", hex.substr(8, 4), "-4", hex.substr(13, 3), "-8",
                         hex.substr(17, 3), "-", hex.substr(20, 12));
   }

@@ -123,10 +123,8 @@ class SubmitCommand : public Command {
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
     if (!channel.ok()) return ReportCallError(channel.status());
     FarmClient client(*channel, coordinator_.address, interruption.token());
-    // Before a scene is uploaded for nothing.
-    for (const v1::JobDependency& dependency : dependencies_) {
-      const absl::Status found = client.GetJob(dependency.job_name()).status();
-      if (!found.ok()) return ReportCallError(Annotate(found, "--after"));
+    if (absl::Status status = CheckDependencies(&client); !status.ok()) {
+      return ReportCallError(status);
     }
     if (absl::Status status = UploadMissing(&client, *job); !status.ok()) {
       return ReportCallError(status);
@@ -144,6 +142,10 @@ class SubmitCommand : public Command {
     AddHolds(&request);
     const absl::StatusOr<v1::Job> created = client.CreateJob(request);
     if (!created.ok()) return ReportCallError(created.status());
+    if (absl::Status status = CheckDependencies(&client); !status.ok()) {
+      client.CancelJob(created->name()).IgnoreError();
+      return ReportCallError(status);
+    }
     if (wait_) return FollowToTheEnd(&client, created->name(), json_, *delivery);
     if (is_named) {
       PrintNote("without --wait no image is written; download it with: " +
@@ -161,6 +163,15 @@ class SubmitCommand : public Command {
   }
 
  private:
+  // Whether the jobs of --after are there, and are those that they were before the upload.
+  absl::Status CheckDependencies(FarmClient* client) const {
+    for (const v1::JobDependency& dependency : dependencies_) {
+      const absl::Status found = client->GetJob(dependency.job_name()).status();
+      if (!found.ok()) return Annotate(found, "--after");
+    }
+    return absl::OkStatus();
+  }
+
   void AddHolds(v1::CreateJobRequest* request) const {
     request->set_approve_after_samples(approve_after_);
     request->mutable_dependencies()->Assign(dependencies_.begin(), dependencies_.end());

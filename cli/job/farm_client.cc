@@ -134,6 +134,7 @@ absl::StatusOr<v1::Job> FarmClient::CreateJob(const v1::CreateJobRequest& reques
       },
       kUnaryDeadline);
   if (!status.ok()) return status;
+  known_->Note(job);
   return job;
 }
 
@@ -141,16 +142,19 @@ absl::StatusOr<v1::Job> FarmClient::GetJob(const std::string& name) {
   v1::GetJobRequest request;
   request.set_name(name);
   v1::Job job;
-  const absl::Status status = Call(
+  absl::Status status = Call(
       [&](grpc::ClientContext* context) {
         return FromGrpcStatus(jobs_->GetJob(context, request, &job));
       },
       kUnaryDeadline);
   if (!status.ok()) return status;
+  if (status = known_->Check(job); !status.ok()) return status;
   return job;
 }
 
 absl::StatusOr<v1::Job> FarmClient::CancelJob(const std::string& name) {
+  absl::Status same = known_->Has(name) ? GetJob(name).status() : absl::OkStatus();
+  if (!same.ok()) return same;
   v1::CancelJobRequest request;
   request.set_name(name);
   v1::Job job;
@@ -356,6 +360,11 @@ absl::StatusOr<v1::Job> FarmClient::WatchJob(const std::string& name,
             MergeChanges(std::move(message), &job);
             began = true;
             answered_ = true;
+            if (absl::Status same = known_->Check(job); !same.ok()) {
+              context->TryCancel();
+              reader->Finish();
+              return same;
+            }
             ended = HasEnded(job);
             on_change(job);
           }

@@ -20,6 +20,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "cli/job/identity/known_jobs.h"
 #include "common/content/blob_digest.h"
 #include "common/content/chunk_list.h"
 #include "common/rpc/retry.h"
@@ -49,7 +50,9 @@ class FarmClient {
 
   // A client of the same farm that ignores the stop request, for calls that must be made after it.
   std::unique_ptr<FarmClient> Uninterrupted() const {
-    return std::make_unique<FarmClient>(channel_, address_, std::stop_token());
+    auto client = std::make_unique<FarmClient>(channel_, address_, std::stop_token());
+    client->known_ = known_;
+    return client;
   }
 
   const std::string& address() const { return address_; }
@@ -57,6 +60,8 @@ class FarmClient {
 
   // Errors of all calls below: those of the call; kUnavailable, naming the address, if nobody
   // answered for long enough; kCancelled if stop was requested.
+  // Those of CreateJob, GetJob, CancelJob and WatchJob: also kNotFound if the name is now that of
+  // another job than the one which this client has seen.
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
   absl::StatusOr<v1::Job> CancelJob(const std::string& name);
@@ -123,6 +128,7 @@ class FarmClient {
   const std::unique_ptr<v1::ContentService::Stub> content_;
   const std::unique_ptr<v1::TransferService::Stub> transfer_;
   const RetryEnvironment environment_;
+  std::shared_ptr<KnownJobs> known_ = std::make_shared<KnownJobs>();
   std::atomic<bool> answered_{false};
   std::atomic<bool> silent_{false};   // Whether a lasting outage has been reported.
   std::atomic<bool> limited_{false};  // Whether a limit of the rate of calls has been.

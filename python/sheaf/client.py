@@ -124,7 +124,17 @@ class Client:
         return jobs
 
     def get_job(self, job: JobLike) -> Job:
-        return job_from(self._unary("GetJob", job_pb2.GetJobRequest(name=job_name(job))))
+        """The job as it is now. Of this and all other calls: a Job as argument is that very job;
+        raises NotFoundError if its number is another's, because the coordinator's state was
+        replaced.
+        """
+        found = job_from(self._unary("GetJob", job_pb2.GetJobRequest(name=job_name(job))))
+        _check_identity(job, found)
+        return found
+
+    def _name(self, job: JobLike) -> str:
+        """For calls that change the job."""
+        return self.get_job(job).name if isinstance(job, Job) else job_name(job)
 
     def watch(self, job: JobLike,
               timeout_seconds: float | None = None) -> Generator[Job, None, None]:
@@ -138,6 +148,8 @@ class Client:
             try:
                 while message is not None:
                     present = job_from(message)
+                    _check_identity(job, present)
+                    job = present
                     yield present
                     if present.state.has_ended:
                         return
@@ -200,33 +212,33 @@ class Client:
             written[frame.number] = frame.image_digest
 
     def cancel(self, job: JobLike) -> Job:
-        return job_from(self._unary("CancelJob", job_pb2.CancelJobRequest(name=job_name(job))))
+        return job_from(self._unary("CancelJob", job_pb2.CancelJobRequest(name=self._name(job))))
 
     def pause(self, job: JobLike) -> Job:
-        return job_from(self._unary("PauseJob", job_pb2.PauseJobRequest(name=job_name(job))))
+        return job_from(self._unary("PauseJob", job_pb2.PauseJobRequest(name=self._name(job))))
 
     def resume(self, job: JobLike) -> Job:
-        return job_from(self._unary("ResumeJob", job_pb2.ResumeJobRequest(name=job_name(job))))
+        return job_from(self._unary("ResumeJob", job_pb2.ResumeJobRequest(name=self._name(job))))
 
     def pin(self, job: JobLike) -> Job:
         """Keeps all of the job, however full the coordinator's disk is, until unpin()."""
-        return job_from(self._unary("PinJob", job_pb2.PinJobRequest(name=job_name(job))))
+        return job_from(self._unary("PinJob", job_pb2.PinJobRequest(name=self._name(job))))
 
     def unpin(self, job: JobLike) -> Job:
-        return job_from(self._unary("UnpinJob", job_pb2.UnpinJobRequest(name=job_name(job))))
+        return job_from(self._unary("UnpinJob", job_pb2.UnpinJobRequest(name=self._name(job))))
 
     def release(self, job: JobLike) -> Job:
         """Starts a job that waits for other jobs, whatever became of them."""
-        return job_from(self._unary("ReleaseJob", job_pb2.ReleaseJobRequest(name=job_name(job))))
+        return job_from(self._unary("ReleaseJob", job_pb2.ReleaseJobRequest(name=self._name(job))))
 
     def approve(self, job: JobLike, frames: Sequence[int] = ()) -> Job:
         """Has frames rendered to the end that wait for approval; by default all that wait."""
-        request = job_pb2.ApproveFramesRequest(name=job_name(job), frame_numbers=list(frames))
+        request = job_pb2.ApproveFramesRequest(name=self._name(job), frame_numbers=list(frames))
         return job_from(self._unary("ApproveFrames", request))
 
     def retry(self, job: JobLike, *, frame: int | None = None, task: int | None = None) -> Job:
         """Tries the failed work of the job again, of one frame, or of one task of a frame."""
-        request = job_pb2.RetryTasksRequest(name=job_name(job))
+        request = job_pb2.RetryTasksRequest(name=self._name(job))
         if frame is not None:
             request.frame_number = frame
         if task is not None:
@@ -235,7 +247,7 @@ class Client:
 
     def kill(self, job: JobLike, frame: int, *, task: int | None = None) -> Job:
         """Gives up a frame or a task of it; the rest of the job goes on."""
-        request = job_pb2.KillTasksRequest(name=job_name(job), frame_number=frame)
+        request = job_pb2.KillTasksRequest(name=self._name(job), frame_number=frame)
         if task is not None:
             request.task = task
         return job_from(self._unary("KillTasks", request))
@@ -244,7 +256,7 @@ class Client:
         """From -1000 to 1000; higher goes first."""
         _check_priority(priority)
         return job_from(self._unary("SetJobPriority", job_pb2.SetJobPriorityRequest(
-            name=job_name(job), priority=priority)))
+            name=self._name(job), priority=priority)))
 
     def refine(self, job: JobLike, *, samples: int | None = None,
                target_error: float | None = None, time_seconds: float | None = None,
@@ -263,7 +275,7 @@ class Client:
             raise errors.InvalidRequestError(
                 "a refinement needs a limit; give samples, target_error, time_seconds or "
                 "cpu_seconds")
-        request = job_pb2.RefineJobRequest(name=job_name(job))
+        request = job_pb2.RefineJobRequest(name=self._name(job))
         request.sample_count = samples or STOPPED_SAMPLES_MAX
         if has_stop:
             request.stop.CopyFrom(stop)
@@ -273,7 +285,7 @@ class Client:
     def price_refinement(self, job: JobLike,
                          target_errors: Sequence[float]) -> list[RefinementPrice]:
         """What it would cost to refine the job to each of the errors, at most 32."""
-        request = job_pb2.PriceRefinementRequest(name=job_name(job), target_errors=target_errors)
+        request = job_pb2.PriceRefinementRequest(name=self._name(job), target_errors=target_errors)
         return list(map(price_from, self._unary("PriceRefinement", request).prices))
 
     def list_workers(self) -> list[Worker]:
@@ -366,6 +378,14 @@ class Client:
                     and failure.code() != grpc.StatusCode.DEADLINE_EXCEEDED):
                 raise self._connection.error_of(failure) from None
             return None
+
+
+def _check_identity(job: JobLike, found: Job) -> None:
+    if isinstance(job, Job) and job.message.create_time != found.message.create_time:
+        raise errors.NotFoundError(
+            f"{found.name}: is another job now, created at {found.create_time:%Y-%m-%d %H:%M:%S}, "
+            f"since the coordinator's state was replaced; the one of "
+            f"{job.create_time:%Y-%m-%d %H:%M:%S} is no longer there: submit it again")
 
 
 def frame_paths(pattern: str, numbers: Sequence[int]) -> list[str]:
