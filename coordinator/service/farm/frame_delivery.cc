@@ -200,6 +200,8 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   image->attributes.merge(attributes_.Of(frame->spec.scene));
   *delivered = Account(id, *frame);
   AddFindings(*delivered, frame->merge, image);
+  // Its size is not known before. The database has its space first.
+  if (absl::Status s = disk_.CheckRoom(0); !s.ok()) return s;
   if (absl::Status s = images_.Write(id, *image); !s.ok()) return s;
   return true;
 }

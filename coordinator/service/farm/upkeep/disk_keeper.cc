@@ -21,6 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// DiskReserve's file, which holds nothing.
+constexpr char kReserveName[] = "reserve";
 // How often space and ages are looked at.
 constexpr absl::Duration kLookInterval = absl::Seconds(1);
 constexpr absl::Duration kFirstAgePass = absl::Seconds(10);
@@ -32,15 +34,15 @@ constexpr absl::Duration kOverInterval = absl::Seconds(10);
 // Walking through the directory takes no more than this fraction of the time.
 constexpr int kWalkFraction = 20;  // 1 / 20.
 
-// Bytes of the files below a folder, without those of one of its folders. Files that vanish
-// meanwhile count as none.
-uint64_t BytesBelow(const std::string& folder, const std::string& left_out = "") {
+// Bytes of the files below a folder, without those of some of its files and folders. Files that
+// vanish meanwhile count as none.
+uint64_t BytesBelow(const std::string& folder, const std::set<std::string>& left_out = {}) {
   uint64_t bytes = 0;
   std::error_code error;
   for (fs::recursive_directory_iterator it(folder, error), end; !error && it != end;
        it.increment(error)) {
     std::error_code ignored;
-    if (it.depth() == 0 && it->path().filename() == left_out) {
+    if (it.depth() == 0 && left_out.contains(it->path().filename().string())) {
       it.disable_recursion_pending();
       continue;
     }
@@ -167,7 +169,7 @@ DiskUse DiskKeeper::Measure() {
   const bool is_limited = limits_.bytes_max != UINT64_MAX;
   const SteadyTime now = SteadyTime::Now();
   if (is_limited && now >= next_walk_) {
-    other_bytes_ = BytesBelow(state_directory_, "parts");
+    other_bytes_ = BytesBelow(state_directory_, {"parts", kReserveName});
     const SteadyTime end = SteadyTime::Now();
     next_walk_ = end + (end - now) * kWalkFraction;
   }
