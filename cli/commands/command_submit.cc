@@ -165,9 +165,9 @@ class SubmitCommand : public Command {
  private:
   // Whether the jobs of --after are there, and are those that they were before the upload.
   absl::Status CheckDependencies(FarmClient* client) const {
-    for (const v1::JobDependency& dependency : dependencies_) {
-      const absl::Status found = client->GetJob(dependency.job_name()).status();
-      if (!found.ok()) return Annotate(found, "--after");
+    for (size_t i = 0; i < after_.size(); ++i) {
+      const absl::Status found = client->GetJob(dependencies_[i].job_name()).status();
+      if (!found.ok()) return Annotate(found, "--after " + after_[i]);
     }
     return absl::OkStatus();
   }

@@ -194,7 +194,7 @@ class SurroundingsTest(unittest.TestCase):
         self.assertIn("is given twice", text)
         code, text = self.refused(farm, "submit", farm.scene, "--after", "3")
         self.assertEqual(code, 1)
-        self.assertIn("--after: ", text)
+        self.assertIn("--after 3: ", text)
         self.assertEqual(os.listdir(farm.path("state", "content", "blobs"))
                          if os.path.exists(farm.path("state", "content", "blobs")) else [], [])
 
