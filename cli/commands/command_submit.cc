@@ -17,6 +17,7 @@
 #include "cli/job/camera_paths_check.h"
 #include "cli/job/farm_channel.h"
 #include "cli/job/follow_job.h"
+#include "cli/job/identity/opened_files.h"
 #include "cli/job/job_json.h"
 #include "cli/message.h"
 #include "cli/quote/deadline.h"
@@ -137,6 +138,10 @@ class SubmitCommand : public Command {
       const absl::StatusOr<std::vector<v1::EffectCost>> costs =
           MeasureEffects(arguments_, measure_seconds_);
       if (!costs.ok()) return ReportSceneError(costs.status());
+      // They are those of the scene that was submitted.
+      if (absl::Status status = CheckUnchanged(job->inputs); !status.ok()) {
+        return ReportSceneError(status);
+      }
       request.mutable_effect_costs()->Assign(costs->begin(), costs->end());
     }
     AddHolds(&request);

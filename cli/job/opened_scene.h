@@ -10,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "cli/exit_code.h"
 #include "cli/gltf/gltf_inputs.h"
+#include "cli/job/identity/opened_files.h"
 #include "cli/job/prepared_job.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
@@ -17,7 +18,7 @@
 namespace sheaf::cli {
 
 struct SceneFile {
-  std::unique_ptr<DirectoryFileSource> files;
+  std::unique_ptr<OpenedFiles> files;
   ReadSceneResult read;
 };
 // Also warns if the scene's image is necessarily black. gltf outlives the call; its derived files

@@ -46,6 +46,7 @@ constexpr size_t kReadersMax = 4;
 struct ReadFrameResult {
   PreparedFrame frame;
   std::vector<BlobSource> blobs;
+  std::map<std::string, FileState> inputs;
   std::vector<std::string> diagnostics;
 };
 
@@ -83,6 +84,9 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
     files.push_back({name, *digest});
     result.blobs.push_back({*digest, local_path, ""});
   }
+  // What was read is what was hashed.
+  result.inputs = file->files->States();
+  if (absl::Status status = CheckUnchanged(result.inputs); !status.ok()) return status;
   Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
   CameraMatrices camera = CameraMatricesOf(read.scene.camera);
   manifest.world_to_camera = std::move(camera.world_to_camera);
@@ -242,6 +246,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
     if (!result.has_value()) continue;  // Another frame failed first.
     if (!result->ok()) return result->status();
     job.frames.push_back((**result).frame);
+    job.inputs.merge((**result).inputs);
     for (BlobSource& blob : (**result).blobs) {
       const std::string digest = blob.digest.sha256_hex;
       job.blobs.emplace(digest, std::move(blob));

@@ -19,6 +19,7 @@
 #include "cli/job/farm_client.h"
 #include "cli/job/format/image_format.h"
 #include "cli/job/frame_range.h"
+#include "common/content/file_state.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"
 
@@ -75,6 +76,7 @@ struct PreparedFrame {
 struct PreparedJob {
   std::vector<PreparedFrame> frames;
   std::map<std::string, BlobSource> blobs;  // By digest.
+  std::map<std::string, FileState> inputs;  // As they were when they were read; by path.
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
   std::shared_ptr<DerivedFiles> derived;    // Keeps files among the blobs until they are uploaded.
 };

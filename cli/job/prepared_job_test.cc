@@ -5,8 +5,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
+
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 namespace sheaf::cli {
 namespace {
@@ -77,6 +80,31 @@ TEST_F(PreparedJobTest, ResumedImageIsUploaded) {
   arguments.scene = "shot.####.pbrt";
   arguments.frames = "1-2";
   EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--resume-from"));
+}
+
+// Replaces a file by another while the scene is read: a pipe holds the reader until then.
+TEST_F(PreparedJobTest, ASceneThatIsSavedWhileItIsReadIsNoMixture) {
+  const std::string scene =
+      Write("one.pbrt",
+            "Film \"rgb\" \"integer xresolution\" [8] \"integer yresolution\" [4]\n"
+            "WorldBegin\nLightSource \"infinite\"\nInclude \"pipe.pbrt\"\n");
+  const std::string pipe = directory_ + "/pipe.pbrt";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  std::jthread saver([&] {
+    std::ofstream held(pipe);  // Waits for the reader.
+    Write("saved",
+          "Film \"rgb\" \"integer xresolution\" [16] \"integer yresolution\" [8]\n"
+          "WorldBegin\nLightSource \"infinite\"\n");
+    std::filesystem::rename(directory_ + "/saved", scene);
+    Write("regular", "# Nothing.\n");
+    std::filesystem::rename(directory_ + "/regular", pipe);
+    held << "# Nothing.\n";
+  });
+  JobArguments arguments;
+  arguments.scene = scene;
+  const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
+  EXPECT_TRUE(absl::IsFailedPrecondition(job.status())) << job.status();
+  EXPECT_THAT(std::string(job.status().message()), HasSubstr("changed while"));
 }
 
 TEST_F(PreparedJobTest, SceneErrorsHaveALocation) {
