@@ -82,7 +82,7 @@ class SchedulingHoldsTest(unittest.TestCase):
             frames = f.sheaf(*self.shot, "--after", first + ":frames").stdout.strip()
             vain = self.submit(f, "--after", first.removeprefix("jobs/"))
             refused = f.sheaf("submit", self.scene, *JOB, "--after", "99", check=False)
-            self.assertIn("no such job to wait for", refused.stderr)
+            self.assertIn("--after 99: jobs/99: there is no such job", refused.stderr)
             refused = f.sheaf("submit", self.scene, *JOB, "--after", whole + ":frames",
                               "--frames", "7", check=False)
             self.assertNotEqual(refused.returncode, 0)
