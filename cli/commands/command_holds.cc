@@ -10,7 +10,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "cli/commands/control_command.h"
-#include "cli/job/frame_range.h"
+#include "cli/job/frames/frame_range.h"
 #include "common/base/printable.h"
 
 namespace sheaf::cli {

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "cli/job/frame_range.h"
+#include "cli/job/frames/frame_range.h"
 #include "cli/job/opened_scene.h"
 #include "worker/render/ablation/plan_measurement.h"
 

@@ -5,17 +5,14 @@
 #include <grpcpp/client_context.h>
 
 #include <algorithm>
-#include <fstream>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "cli/job/job_changes.h"
+#include "cli/job/wire_digest.h"
 #include "cli/message.h"
-#include "common/base/digest.h"
 #include "common/base/mutex.h"
 #include "common/base/retry_after.h"
-#include "common/content/blob_store.h"
-#include "common/content/chunk_codec.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 
@@ -25,8 +22,6 @@ namespace {
 constexpr int kJobsPageSize = 1000;
 // For one attempt at a streaming call; a larger upload or download resumes in the next one.
 constexpr absl::Duration kAttemptDeadline = kStreamDeadline;
-// Between looks at a file that another client uploads.
-constexpr absl::Duration kSharedUploadWait = absl::Seconds(1);
 
 RetryEnvironment MakeEnvironment(std::stop_token stop) {
   RetryEnvironment environment = SystemRetryEnvironment();
@@ -35,44 +30,6 @@ RetryEnvironment MakeEnvironment(std::stop_token stop) {
   };
   return environment;
 }
-
-void SetDigest(const BlobDigest& digest, v1::Digest* message) {
-  message->set_sha256_hex(digest.sha256_hex);
-  message->set_size_bytes(digest.size_bytes);
-}
-
-// Reads a blob's bytes in order, starting at an offset.
-class BlobReader {
- public:
-  BlobReader(const BlobSource& blob, uint64_t offset_bytes) : blob_(blob), offset_(offset_bytes) {
-    if (blob.path.empty()) return;
-    file_.open(blob.path, std::ios::binary);
-    file_.seekg(static_cast<std::streamoff>(offset_bytes));
-  }
-  // Errors: kFailedPrecondition if the file was truncated or became unreadable.
-  absl::StatusOr<std::string> Next() {
-    std::string bytes;
-    const uint64_t size = std::min(kBlobChunkBytesMax, blob_.digest.size_bytes - offset_);
-    if (blob_.path.empty()) {
-      bytes = blob_.bytes.substr(offset_, size);
-    } else {
-      bytes.resize(size);
-      file_.read(bytes.data(), static_cast<std::streamsize>(size));
-      if (static_cast<uint64_t>(file_.gcount()) != size) {
-        return absl::FailedPreconditionError(
-            absl::StrCat(blob_.path, ": became shorter while it was being uploaded; submit again"));
-      }
-    }
-    offset_ += size;
-    return bytes;
-  }
-  bool AtEnd() const { return offset_ == blob_.digest.size_bytes; }
-
- private:
-  const BlobSource& blob_;
-  uint64_t offset_;
-  std::ifstream file_;
-};
 
 }  // namespace
 
@@ -301,7 +258,7 @@ absl::StatusOr<std::vector<BlobDigest>> FarmClient::FindMissing(
   for (size_t first = 0; first < digests.size(); first += kFindMissingMax) {
     v1::FindMissingRequest request;
     const size_t end = std::min(digests.size(), first + kFindMissingMax);
-    for (size_t i = first; i < end; ++i) SetDigest(digests[i], request.add_digests());
+    for (size_t i = first; i < end; ++i) SetWireDigest(digests[i], request.add_digests());
     v1::FindMissingResponse response;
     const absl::Status status = Call(
         [&](grpc::ClientContext* context) {
@@ -379,80 +336,6 @@ absl::StatusOr<v1::Job> FarmClient::WatchJob(const std::string& name,
     }
   }
   return job;
-}
-
-absl::StatusOr<uint64_t> FarmClient::CommittedBytes(const BlobDigest& digest, bool* complete) {
-  v1::GetWriteStatusRequest request;
-  SetDigest(digest, request.mutable_digest());
-  v1::GetWriteStatusResponse response;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(content_->GetWriteStatus(context, request, &response));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  *complete = response.complete();
-  return response.committed_bytes();
-}
-
-absl::Status FarmClient::UploadOnce(grpc::ClientContext* context, const BlobSource& blob,
-                                    uint64_t offset_bytes,
-                                    const std::function<void(uint64_t)>& on_progress) {
-  v1::WriteBlobResponse response;
-  const auto writer = content_->WriteBlob(context, &response);
-  BlobReader reader(blob, offset_bytes);
-  bool first = true;
-  do {
-    const absl::StatusOr<std::string> bytes = reader.Next();
-    if (!bytes.ok()) {
-      context->TryCancel();
-      writer->Finish();
-      return bytes.status();
-    }
-    v1::WriteBlobRequest request;
-    if (first) {
-      SetDigest(blob.digest, request.mutable_digest());
-      request.set_offset_bytes(offset_bytes);
-    }
-    first = false;
-    request.set_zstd_chunk(CompressChunk(*bytes));
-    if (!writer->Write(request)) break;  // Finish says why.
-    on_progress(bytes->size());
-  } while (!reader.AtEnd());
-  writer->WritesDone();
-  return FromGrpcStatus(writer->Finish());
-}
-
-absl::Status FarmClient::Upload(const BlobSource& blob,
-                                const std::function<void(uint64_t)>& on_progress) {
-  bool resuming = blob.digest.size_bytes > kBlobChunkBytesMax;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) -> absl::Status {
-        uint64_t offset_bytes = 0;
-        bool complete = false;
-        if (resuming) {
-          const absl::StatusOr<uint64_t> committed = CommittedBytes(blob.digest, &complete);
-          if (!committed.ok()) return committed.status();
-          offset_bytes = *committed;
-        }
-        resuming = true;  // Any further call is another attempt.
-        if (complete) return absl::OkStatus();
-        absl::Status sent = UploadOnce(context, blob, offset_bytes, on_progress);
-        if (absl::IsAlreadyExists(sent)) return absl::OkStatus();
-        // Retry, which queries its progress again.
-        if (absl::IsOutOfRange(sent)) {
-          return RetryAfterError("another client uploads the same file", kSharedUploadWait);
-        }
-        return sent;
-      },
-      kAttemptDeadline);
-  if (!absl::IsInvalidArgument(status) || blob.path.empty()) return status;
-  const absl::StatusOr<FileDigest> now = Sha256OfFile(blob.path);
-  if (!now.ok() || now->sha256_hex != blob.digest.sha256_hex) {
-    return absl::FailedPreconditionError(
-        absl::StrCat(blob.path, ": changed while it was being uploaded; submit again"));
-  }
-  return status;
 }
 
 }  // namespace sheaf::cli

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/job/farm_client.h"
+#include "cli/job/wire_digest.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
@@ -28,11 +29,6 @@ namespace {
 absl::Status ChangedError(const std::string& path) {
   return absl::FailedPreconditionError(
       absl::StrCat(path, ": changed while it was being uploaded; submit again"));
-}
-
-void SetWireDigest(const BlobDigest& digest, v1::Digest* message) {
-  message->set_sha256_hex(digest.sha256_hex);
-  message->set_size_bytes(digest.size_bytes);
 }
 
 // The bytes of a blob, as its digest says.

@@ -13,7 +13,7 @@
 #include "absl/time/clock.h"
 #include "cli/denoiser/external_denoiser.h"
 #include "cli/job/format/image_format.h"
-#include "cli/job/frame_range.h"
+#include "cli/job/frames/frame_range.h"
 #include "cli/job/job_json.h"
 #include "cli/job/output_files.h"
 #include "cli/job/summary.h"

@@ -18,7 +18,7 @@
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
 #include "cli/job/format/image_format.h"
-#include "cli/job/frame_range.h"
+#include "cli/job/frames/frame_range.h"
 #include "common/content/file_state.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job.h"

@@ -14,8 +14,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "cli/job/digest_memory.h"
 #include "cli/job/follow_job.h"
+#include "cli/job/identity/digest_memory.h"
 #include "cli/job/summary.h"
 #include "cli/progress_line.h"
 #include "common/base/first_error.h"

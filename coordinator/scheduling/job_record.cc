@@ -59,4 +59,9 @@ double SamplesPerThreadSecond(const FrameRecord& frame, const WorkerRecord& work
   return worker.RelativeSpeed() * static_cast<double>(frame.sample_count_timed) / cpu_seconds;
 }
 
+bool JobRecord::IsRefusedByCacheOf(const std::string& worker_id, SteadyTime now) const {
+  const auto refusal = cache_refusals.find(worker_id);
+  return refusal != cache_refusals.end() && now < refusal->second.not_before;
+}
+
 }  // namespace sheaf::coordinator

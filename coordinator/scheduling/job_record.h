@@ -97,6 +97,8 @@ struct JobRecord {
   uint32_t IndexOf(int32_t frame_number) const;
   bool Paused() const { return paused_time != SteadyTime::InfiniteFuture(); }
   bool MayLease() const { return !Paused() && !blocked; }
+  // Whether the worker's cache lately had no room for the job.
+  bool IsRefusedByCacheOf(const std::string& worker_id, SteadyTime now) const;
 };
 // Pixel samples of the frame per second and thread of the worker: what the frame's samples cost so
 // far, on workers as fast as this one, or without any what other frames' do. 0: not known.

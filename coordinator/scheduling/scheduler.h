@@ -338,15 +338,11 @@ class Scheduler {
   void NoteWarm(const WorkerRecord& worker);
   void NoteWork(JobRecord* job, const PackedDigest& scene);
 
-  // Whether HoldScenes named the frame's scene.
-  bool IsHeld(const FrameRecord& frame) const;
+  bool IsHeld(const FrameRecord& frame) const;  // HoldScenes named the frame's scene.
   bool RefuseForCache(const Lease& lease, const LeaseFailure& failure, SteadyTime now);
-  // Whether the worker's cache lately had no room for the job.
-  static bool IsRefusedForCache(const JobRecord& job, const WorkerRecord& worker);
   // The identities of which no live worker's cache has room for the job.
   std::set<std::string> IdentitiesWithoutRoom(const JobRecord& job);
-  // That no worker's cache has room for the job; empty where that is not known.
-  std::string WhyNoCacheHolds(const JobRecord& job) const;
+  std::string WhyNoCacheHolds(const JobRecord& job) const;  // Empty where that is not known.
 
   // scheduler_checks.cc
   // urgent_only: those whose scene is warm in the worker, or whose frame waits for nothing else.

@@ -152,11 +152,6 @@ bool Scheduler::RefuseForCache(const Lease& lease, const LeaseFailure& failure, 
   return true;
 }
 
-bool Scheduler::IsRefusedForCache(const JobRecord& job, const WorkerRecord& worker) {
-  const auto refusal = job.cache_refusals.find(worker.worker_id);
-  return refusal != job.cache_refusals.end() && worker.last_seen_time < refusal->second.not_before;
-}
-
 std::set<std::string> Scheduler::IdentitiesWithoutRoom(const JobRecord& job) {
   std::set<std::string> identities;
   for (const auto& [id, refusal] : job.cache_refusals) {

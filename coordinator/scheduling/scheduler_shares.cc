@@ -38,7 +38,8 @@ bool Scheduler::KeepsLimit(const ShareSubject& subject, const WorkerRecord& work
 }
 
 bool Scheduler::MayServe(const JobRecord& job, const WorkerRecord& worker) const {
-  return Fits(job.spec.requirements, worker.traits) && !IsRefusedForCache(job, worker) &&
+  return Fits(job.spec.requirements, worker.traits) &&
+         !job.IsRefusedByCacheOf(worker.worker_id, worker.last_seen_time) &&
          KeepsLimit({ShareKind::kUser, job.spec.owner}, worker) &&
          KeepsLimit({ShareKind::kShow, job.spec.show}, worker) &&
          KeepsLimit({ShareKind::kPool, worker.traits.pool}, worker);

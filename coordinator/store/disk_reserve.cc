@@ -12,9 +12,9 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "common/base/disk_space.h"
 #include "common/base/log.h"
 #include "common/base/memory_room.h"
+#include "common/base/surroundings/disk_space.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <string>
 
-#include "common/base/disk_space.h"
+#include "common/base/surroundings/disk_space.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -4,7 +4,8 @@
 """What a job of many frames costs: the seconds of its submission, and the processors that the
 coordinator takes without clients and while three watch it.
 
-Prints one line of JSON. The targets are at most 5 s, and at most .1 processors more for the watchers.
+Prints one line of JSON. The targets are at most 5 s, and at most .1 processors more for the
+watchers.
 
     tests/bench/watchers.py [FRAMES] [SECONDS]
 """

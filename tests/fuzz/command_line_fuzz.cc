@@ -9,7 +9,7 @@
 
 #include "absl/strings/str_split.h"
 #include "cli/commands/options.h"
-#include "cli/job/frame_range.h"
+#include "cli/job/frames/frame_range.h"
 #include "common/command_line/command_line.h"
 #include "tests/fuzz/fuzz_target.h"
 

@@ -20,7 +20,7 @@ FUNCTION_LINES_MAX = 80
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
-    "cli": ". < image | denoiser | gltf < job/format | job/identity < job | bundle "
+    "cli": ". < image | denoiser | gltf < job/format | job/frames | job/identity < job | bundle "
            "< dropped | quote < study < commands",
     "common/film": ". < denoise | light < error < exr",
     "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt "

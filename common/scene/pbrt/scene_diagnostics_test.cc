@@ -137,7 +137,7 @@ constexpr BadScene kBadScenes[] = {
      "main.pbrt:2:1: object \"a\" is used here but not defined"},
     {"UnknownShape", "WorldBegin\nShape \"paraboloid\"\n",
      "main.pbrt:2:1: shape \"paraboloid\" is not supported; supported: trianglemesh, plymesh, "
-     "loopsubdiv, bilinearmesh, sphere, disk, cylinder and curve"},
+     "loopsubdiv, bilinearmesh, levelset, sphere, disk, cylinder and curve"},
     {"UnknownCamera", "Camera \"fisheye\"\nWorldBegin\n",
      "main.pbrt:1:1: camera \"fisheye\" is not supported; supported: perspective, "
      "orthographic, spherical and realistic"},

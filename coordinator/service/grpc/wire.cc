@@ -242,19 +242,6 @@ v1::Lease ToWire(const LeaseGrant& grant) {
 
 }  // namespace
 
-absl::StatusOr<BlobDigest> FromWire(const v1::Digest& wire) {
-  BlobDigest digest{wire.sha256_hex(), wire.size_bytes()};
-  if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
-  return digest;
-}
-
-v1::Digest ToWire(const BlobDigest& digest) {
-  v1::Digest wire;
-  wire.set_sha256_hex(digest.sha256_hex);
-  wire.set_size_bytes(digest.size_bytes);
-  return wire;
-}
-
 absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
   absl::Status status = CheckText("request_id", request.request_id(), kRequestIdBytesMax);
   if (status.ok()) status = CheckText("title", request.title(), kTitleBytesMax);
@@ -338,10 +325,10 @@ absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request) {
   for (const v1::LeaseFailure& failure : request.failures()) {
     const absl::StatusOr<FailureKind> kind = FromWire(failure.kind());
     if (!kind.ok()) return kind.status();
-    const std::string text = Printable(failure.message(), kFailureTextBytesMax);
+    std::string text = Printable(failure.message(), kFailureTextBytesMax);
+    const v1::CacheShortage& lacks = failure.cache_shortage();
     report.failures.push_back({failure.lease_id(), *kind, text, failure.token(),
-                               failure.cache_shortage().needed_bytes(),
-                               failure.cache_shortage().room_bytes()});
+                               lacks.needed_bytes(), lacks.room_bytes()});
   }
   return report;
 }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The names of jobs and frames on the wire.
+// Names of jobs and frames, and digests, on the wire.
 #include <string>
 #include <vector>
 
@@ -39,6 +39,19 @@ absl::StatusOr<FrameId> ParseFrameName(const std::string& name) {
 
 std::string FrameName(const FrameId& id) {
   return absl::StrCat("jobs/", id.job_id, "/frames/", id.frame_number);
+}
+
+absl::StatusOr<BlobDigest> FromWire(const v1::Digest& wire) {
+  BlobDigest digest{wire.sha256_hex(), wire.size_bytes()};
+  if (absl::Status status = CheckDigest(digest); !status.ok()) return status;
+  return digest;
+}
+
+v1::Digest ToWire(const BlobDigest& digest) {
+  v1::Digest wire;
+  wire.set_sha256_hex(digest.sha256_hex);
+  wire.set_size_bytes(digest.size_bytes);
+  return wire;
 }
 
 }  // namespace sheaf::coordinator

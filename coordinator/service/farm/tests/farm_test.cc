@@ -274,8 +274,9 @@ TEST_F(FarmTest, FramesWithoutAStopRuleHaveACurve) {
   EXPECT_EQ(farm_->EndCount(), 1u);
   for (size_t i = 1; i < curve.size(); ++i) {
     EXPECT_GT(curve[i].sample_count, curve[i - 1].sample_count);
-    EXPECT_LT(curve[i].relative_mse, curve[i - 1].relative_mse);
   }
+  // Its points depend on when a worker asked; neighbors may be as near as their errors.
+  EXPECT_LT(curve.back().relative_mse, curve.front().relative_mse);
 }
 
 }  // namespace

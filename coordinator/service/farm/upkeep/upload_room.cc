@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "common/base/disk_space.h"
 #include "common/base/log.h"
+#include "common/base/surroundings/disk_space.h"
 #include "coordinator/service/farm/upkeep/disk_keeper.h"
 
 namespace sheaf::coordinator {

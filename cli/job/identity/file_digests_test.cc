@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/job/file_digests.h"
+#include "cli/job/identity/file_digests.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "common/base/disk_space.h"
+#include "common/base/surroundings/disk_space.h"
 
 #include <sys/statvfs.h>
 

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/job/frame_range.h"
+#include "cli/job/frames/frame_range.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/job/digest_memory.h"
+#include "cli/job/identity/digest_memory.h"
 
 #include <algorithm>
 #include <cstdlib>

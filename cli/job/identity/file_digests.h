@@ -11,7 +11,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "cli/job/digest_memory.h"
+#include "cli/job/identity/digest_memory.h"
 #include "common/base/mutex.h"
 #include "common/content/blob_digest.h"
 

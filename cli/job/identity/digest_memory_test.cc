@@ -3,14 +3,14 @@
 //
 // A file that has not changed keeps its digest from one command to the next; any change, or a
 // change that a time stamp could hide, makes it be hashed again.
-#include "cli/job/digest_memory.h"
+#include "cli/job/identity/digest_memory.h"
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 
-#include "cli/job/file_digests.h"
+#include "cli/job/identity/file_digests.h"
 #include "common/base/digest.h"
 
 namespace sheaf::cli {

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/job/frame_notes.h"
+#include "cli/job/frames/frame_notes.h"
 
 #include <algorithm>
 #include <utility>
