@@ -29,13 +29,16 @@
 namespace sheaf::volume {
 namespace {
 
-// Cells of the box around a frustum that is resampled.
+// Cells of the box around a frustum that is resampled: for each stored voxel, at least, and at
+// most. A small file must not take minutes.
+constexpr double kResampledCellsPerVoxel = 64;
+constexpr double kResampledCellsMin = 1 << 20;
 constexpr double kResampledCellsMax = 1 << 27;
 
 // The transform of a grid of cubes that covers the active voxels of a grid on other axes, as fine
-// as its finest voxel, or as kResampledCellsMax allows. Null if there is none.
+// as its finest voxel, or as cells_max allows. Null if there is none.
 vdb::math::Transform::Ptr StraightAxes(const vdb::math::Transform& bent,
-                                       const vdb::CoordBBox& voxels) {
+                                       const vdb::CoordBBox& voxels, double cells_max) {
   vdb::BBoxd box;
   double side = std::numeric_limits<double>::infinity();
   for (int corner = 0; corner < 8; ++corner) {
@@ -51,7 +54,7 @@ vdb::math::Transform::Ptr StraightAxes(const vdb::math::Transform& bent,
   const auto cells = [&](double voxel) {
     return (extents.x() / voxel + 1) * (extents.y() / voxel + 1) * (extents.z() / voxel + 1);
   };
-  while (cells(side) > kResampledCellsMax) side *= 2;
+  while (cells(side) > cells_max) side *= 2;
   auto straight = vdb::math::Transform::createLinearTransform(side);
   straight->postTranslate(box.min());
   return straight;
@@ -64,7 +67,11 @@ typename GridT::Ptr OnStraightAxes(const typename GridT::Ptr& grid) {
   auto straight = GridT::create(grid->background());
   const vdb::CoordBBox voxels = grid->evalActiveVoxelBoundingBox();
   if (voxels.empty()) return straight;
-  const auto transform = StraightAxes(grid->transform(), voxels);
+  const double stored = static_cast<double>(grid->constTree().leafCount()) *
+                        static_cast<double>(GridT::TreeType::LeafNodeType::SIZE);
+  const auto transform = StraightAxes(
+      grid->transform(), voxels,
+      std::clamp(kResampledCellsPerVoxel * stored, kResampledCellsMin, kResampledCellsMax));
   if (transform == nullptr) return nullptr;
   straight->setTransform(transform);
   vdb::tools::resampleToMatch<vdb::tools::BoxSampler>(*grid, *straight);
