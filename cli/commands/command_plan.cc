@@ -85,7 +85,7 @@ class PlanCommand : public Command {
   }
 
  private:
-  // What a worker would find. Takes the scene, whose copy may be large.
+  // Finds what a worker would refuse. Takes the scene, whose copy may be large.
   static absl::Status CheckFiles(SceneDescription* scene, const FrameSettings& settings,
                                  FileSource& files) {
     absl::Status checked = InputChecks().Check(*scene, files);

@@ -65,7 +65,7 @@ class ImageSaver {
   // Digests of a frame's images.
   struct Taken {
     std::string written;
-    std::string missed;  // Could not be fetched while the job went on.
+    std::string missed;  // The fetch failed while the job ran.
   };
   bool IsDue(const v1::Job& job, size_t i) const;
   void SaveFrame(const v1::Job& job, size_t i);

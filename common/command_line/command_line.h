@@ -27,7 +27,7 @@ std::string ValueName(const CLI::Option& option);
 std::vector<std::string> ChoicesOf(const CLI::Option& option);
 
 // Of a text that goes to the coordinator: it is refused unless it is printable UTF-8, and of at
-// most so many bytes.
+// most this many bytes.
 inline constexpr size_t kNameBytesMax = 300;
 CLI::Validator IsText(size_t bytes_max = kNameBytesMax);
 

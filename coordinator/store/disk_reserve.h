@@ -42,7 +42,7 @@ class DiskReserve {
   void Update();
   // Bytes of the free space that are the database's.
   uint64_t OwedBytes() const;
-  // Whether so many bytes may be written that are not the database's. Errors: kResourceExhausted.
+  // Whether this many bytes beside the database's may be written. Errors: kResourceExhausted.
   absl::Status CheckRoom(uint64_t bytes) const;
 
  private:

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// AgingClock: the time by which stored things age. Their stamps are of the wall clock, which
-// somebody may set a month ahead by mistake, and what has been removed does not come back.
+// AgingClock: the time by which stored things age. Their stamps come from the wall clock, which can
+// be set a month ahead by mistake, and a removal cannot be undone.
 #pragma once
 
 #include <algorithm>

@@ -22,7 +22,7 @@ class DiskState {
   DiskState(FarmSignals* signals, const DiskReserve* reserve)
       : signals_(*signals), reserve_(*reserve) {}
 
-  // Whether so many bytes may be written that are not the database's. Errors:
+  // Whether this many bytes beside the database's may be written. Errors:
   // DiskReserve::CheckRoom's.
   absl::Status CheckRoom(uint64_t bytes) const { return reserve_.CheckRoom(bytes); }
 

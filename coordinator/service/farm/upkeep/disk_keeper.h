@@ -113,7 +113,7 @@ class DiskKeeper {
   DiskUse Measure() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // What uploads may take of the file system.
   uint64_t UploadRoom() const;
-  // Removes what the limits let go where that makes room for so many bytes more.
+  // Removes what the limits let go where that makes room for this many more bytes.
   void MakeUploadRoom(uint64_t bytes, absl::Time now);
   // Whether it is gone.
   bool Remove(const KeptItem& item, absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
