@@ -168,8 +168,8 @@ class IdentityTest(unittest.TestCase):
                                        "Content-Type": "application/json"})
             try:
                 return urlopen(request, timeout=10 * farm.PATIENCE).status == 200
-            except OSError:  # There is no job yet.
-                return False
+            except OSError:  # There is no job yet, or the render has ended before it answered.
+                return process.poll() is not None
 
         farm.wait_until(cancel, 30, "the job")
         _, text = process.communicate(timeout=60 * farm.PATIENCE)
