@@ -115,7 +115,8 @@ std::string FormatProgress(const v1::Job& job) {
                     job.incomplete_frame_count() == 1 ? " frame is" : " frames are", " incomplete");
   }
   if (!job.waiting_reason().empty()) {
-    const bool says_so = absl::StartsWith(job.waiting_reason(), "waiting ");
+    const bool says_so = absl::StartsWith(job.waiting_reason(), "waiting ") ||
+                         absl::StartsWith(job.waiting_reason(), "waits ");
     absl::StrAppend(&text, says_so ? "; " : "; waiting: ", job.waiting_reason());
   }
   if (progress.nonfinite_count() > 0) {

@@ -37,6 +37,14 @@ uint32_t JobRecord::IndexOf(int32_t frame_number) const {
   return *index;
 }
 
+absl::Duration ExpectedCpu(const FrameRecord& frame, const Task& task,
+                           absl::Duration unless_known) {
+  const uint64_t samples = frame.tasks == nullptr ? 0 : frame.tasks->PixelSamples(task);
+  if (frame.sample_count_timed == 0 || samples == 0) return unless_known;
+  return frame.cost.cpu_duration *
+         (static_cast<double>(samples) / static_cast<double>(frame.sample_count_timed));
+}
+
 SteadyTime FirstLeaseTime(const JobRecord& job) {
   SteadyTime first = SteadyTime::InfiniteFuture();
   for (const FrameRecord& frame : job.frames) first = std::min(first, frame.first_lease_time);

@@ -103,6 +103,9 @@ struct JobRecord {
 // Pixel samples of the frame per second and thread of the worker: what the frame's samples cost so
 // far, on workers as fast as this one, or without any what other frames' do. 0: not known.
 double SamplesPerThreadSecond(const FrameRecord& frame, const WorkerRecord& worker);
+// The CPU time that the task is expected to take, by what the frame's samples cost so far; until
+// one is timed, unless_known. A training's is never known.
+absl::Duration ExpectedCpu(const FrameRecord& frame, const Task& task, absl::Duration unless_known);
 // The first of all its frames, in this life; InfiniteFuture before.
 SteadyTime FirstLeaseTime(const JobRecord& job);
 // sample_count_left: of all or some of the job's samples. A sample is expected to cost what those

@@ -6,8 +6,11 @@
 
 namespace sheaf::coordinator {
 
-LeaseTable::HedgeKey LeaseTable::KeyOf(const Lease& lease) {
-  return {lease.phase != LeasePhase::kQueued, lease.grant_time, lease.lease_id};
+LeaseTable::HedgeKey LeaseTable::KeyOf(const TaskId& task) const {
+  const std::vector<uint64_t>& holders = holders_.at(task);
+  const Lease& first = leases_.at(holders.front());
+  return {holders.size(), first.is_check, first.phase != LeasePhase::kQueued, first.grant_time,
+          first.lease_id};
 }
 
 const Lease& LeaseTable::Add(Lease lease) {
@@ -17,9 +20,9 @@ const Lease& LeaseTable::Add(Lease lease) {
   ++count_by_identity_[lease.identity];
   const Lease& stored = leases_.emplace(lease.lease_id, lease).first->second;
   std::vector<uint64_t>& holders = holders_[task];
-  for (const uint64_t holder : holders) hedgeable_.erase(KeyOf(leases_.at(holder)));
+  if (!holders.empty()) hedgeable_.erase(KeyOf(task));
   holders.push_back(stored.lease_id);
-  if (holders.size() == 1 && !stored.is_check) hedgeable_.insert(KeyOf(stored));
+  hedgeable_.insert(KeyOf(task));
   return stored;
 }
 
@@ -30,29 +33,31 @@ const Lease* LeaseTable::Find(uint64_t lease_id) const {
 
 void LeaseTable::SetPhase(uint64_t lease_id, LeasePhase phase) {
   Lease& lease = leases_.at(lease_id);
-  const bool hedgeable = hedgeable_.erase(KeyOf(lease)) > 0;
+  const TaskId task = MakeTaskId(lease.frame, lease.task);
+  hedgeable_.erase(KeyOf(task));
   lease.phase = phase;
-  if (hedgeable) hedgeable_.insert(KeyOf(lease));
+  hedgeable_.insert(KeyOf(task));
 }
 
 int LeaseTable::Remove(uint64_t lease_id) {
   const auto found = leases_.find(lease_id);
   SHEAF_CHECK(found != leases_.end());
   const Lease lease = found->second;
-  hedgeable_.erase(KeyOf(lease));
+  const TaskId task = MakeTaskId(lease.frame, lease.task);
+  hedgeable_.erase(KeyOf(task));
   leases_.erase(found);
   const auto identity = count_by_identity_.find(lease.identity);
   if (--identity->second == 0) count_by_identity_.erase(identity);
   const auto job = by_job_.find(lease.frame.job_id);
   job->second.erase(lease_id);
   if (job->second.empty()) by_job_.erase(job);
-  const auto holders = holders_.find(MakeTaskId(lease.frame, lease.task));
+  const auto holders = holders_.find(task);
   std::erase(holders->second, lease_id);
   const int left = static_cast<int>(holders->second.size());
   if (left == 0) {
     holders_.erase(holders);
-  } else if (left == 1 && !leases_.at(holders->second.front()).is_check) {
-    hedgeable_.insert(KeyOf(leases_.at(holders->second.front())));
+  } else {
+    hedgeable_.insert(KeyOf(task));
   }
   return left;
 }

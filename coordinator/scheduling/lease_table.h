@@ -31,6 +31,8 @@ inline TaskId MakeTaskId(const FrameId& frame, const Task& task) {
   return {frame, task.tile, task.block.first, task.block.count, task.cells};
 }
 
+inline Task TaskOf(const TaskId& id) { return {id.tile, {id.first, id.count}, id.cells}; }
+
 class LeaseTable {
  public:
   explicit LeaseTable(uint64_t first_lease_id) : next_lease_id_(first_lease_id) {}
@@ -48,12 +50,15 @@ class LeaseTable {
   size_t CountOfIdentity(const std::string& identity) const;
   size_t size() const { return leases_.size(); }
 
-  // Leases that are their task's only one: those not begun first, then the oldest.
-  using HedgeKey = std::tuple<bool, SteadyTime, uint64_t>;  // Begun, granted, id.
+  // The first lease of each task that is leased. Before others: those of tasks with few holders,
+  // then those that are no checks, that have not begun, and that are the oldest.
+  using HedgeKey = std::tuple<size_t, bool, bool, SteadyTime, uint64_t>;
+  static uint64_t LeaseIdOf(const HedgeKey& key) { return std::get<4>(key); }
   const std::set<HedgeKey>& hedgeable() const { return hedgeable_; }
 
  private:
-  static HedgeKey KeyOf(const Lease& lease);
+  // Requires: a lease holds the task.
+  HedgeKey KeyOf(const TaskId& task) const;
 
   uint64_t next_lease_id_;
   std::unordered_map<uint64_t, Lease> leases_;

@@ -47,6 +47,13 @@ struct ResultCheck {
   bool MayBeDoneBy(const std::string& identity) const;
 };
 
+// The wait of a rendered frame for its checks.
+struct CheckWait {
+  SteadyTime begin, progress;  // Since when; and when a check last came.
+  SteadyTime end;              // Until when, unless a check comes.
+  bool waits = true;           // As it was when last asked.
+};
+
 // Thread safety: none. Cost: O(log n) a call, and O(n) of what is returned.
 class ResultChecks {
  public:

@@ -370,7 +370,9 @@ void Scheduler::Grow(const FrameId& id, std::span<const uint64_t> samples) {
   SHEAF_CHECK(frame.phase == FrameRecord::Phase::kRendered);
   GrowTasks(samples, frame.tasks.get());
   if (!frame.tasks->Complete()) frame.phase = FrameRecord::Phase::kOpen;
-  check_wait_ends_.erase(id);
+  if (const auto wait = check_waits_.find(id); wait != check_waits_.end() && wait->second.waits) {
+    check_waits_.erase(wait);
+  }
   UpdateReady(&job, index);
 }
 

@@ -143,8 +143,12 @@ class Scheduler {
                        const std::string& worker_id, const ResultVersion& merged,
                        const ResultVersion& version, const ResultCost& cost, SteadyTime now);
   // Whether the delivery of a rendered frame, or its next round, shall wait for checks of its
-  // results: while somebody is live who can do them, and no longer than check_wait_max.
+  // results: while somebody is live who can do them, within the limits (check_wait_factor). A frame
+  // that has waited in vain does not wait in later rounds, until a check of it comes.
   bool AwaitsChecks(const FrameId& id, SteadyTime now);
+  // Those that were begun, and not given up, by frame; and the same for people, or empty.
+  const std::map<FrameId, CheckWait>& check_waits() const { return check_waits_; }
+  std::string WhyAwaitsChecks(const FrameId& id) const;
   const ResultChecks& checks() const { return checks_; }
   // The part of an accepted block is lost: it is rendered again. Parts that were made with a lost
   // field stay.
@@ -269,9 +273,10 @@ class Scheduler {
   bool GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
   bool GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker, SteadyTime now);
   bool Hedge(WorkerRecord* worker, SteadyTime now);
+  // Whether the task of this lease, its first, may be leased to the worker too.
+  bool MayHedge(const Lease& first, const WorkerRecord& worker, SteadyTime now);
   void AddLease(JobRecord* job, FrameRecord* frame, const Task& task, WorkerRecord* worker,
                 bool is_check, SteadyTime now);
-  // Leases of the job that are likely rendered at once: those held, and its part of the farm.
   int LeaseSlots(const JobRecord& job) const;
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, const FrameTasks::FreshBlock& block) const;
@@ -286,13 +291,11 @@ class Scheduler {
   // Whether a frame that this worker could render is between rounds, or will soon be.
   bool RoundIsSoon(const WorkerRecord& worker, SteadyTime now) const;
   absl::Duration NextSynchronize(const WorkerRecord& worker, SteadyTime now) const;
-  // How often a worker that holds leases says what it does.
   absl::Duration BusyInterval() const;
 
   // scheduler_shares.cc
   // Leases from the first job by shares that has something for the worker.
   bool GrantFirstRender(WorkerRecord* worker, SteadyTime now);
-  // Threads that a lease of the worker renders with.
   static int ThreadsPerLease(const WorkerRecord& worker);
   // Whether a lease more of the worker keeps the subject's limit.
   bool KeepsLimit(const ShareSubject& subject, const WorkerRecord& worker) const;
@@ -301,7 +304,6 @@ class Scheduler {
   // Charges a new lease to those who share the farm.
   void ChargeLease(const JobRecord& job, const WorkerRecord& worker, const Lease& lease,
                    uint64_t sample_count);
-  // The lease gave this result.
   void ChargeResult(const Lease& lease, const ResultCost& cost, SteadyTime now);
   // Whether the identity of a live worker that meets the job's requirements is accepted. A scan
   // over workers where the job requires tags or memory.
@@ -316,7 +318,6 @@ class Scheduler {
   bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
   bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool MayPassOver(const JobRecord& job, const WorkerRecord& worker, SteadyTime now) const;
-  // Another job gets the lease.
   void NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now);
   bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
@@ -347,7 +348,10 @@ class Scheduler {
   // scheduler_checks.cc
   // urgent_only: those whose scene is warm in the worker, or whose frame waits for nothing else.
   bool GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime now);
-  // The task needs no further version, or is to be rendered anew.
+  bool MayCheck(const TaskId& task, const WorkerRecord& worker, bool urgent_only);
+  // Whether a live identity may do the check that has delivered results (proven), or any.
+  bool AnyMayCheck(const TaskId& task, bool proven_only);
+  SteadyTime CheckWaitEnd(const TaskId& task, const CheckWait& wait);
   void DropCheckLeases(const TaskId& task);
   void DropChecks(const FrameId& id);
   // Counts what a worker delivered under a lease granted at grant_time.
@@ -357,13 +361,11 @@ class Scheduler {
   // scheduler_failures.cc
   // Whether a live worker is left that meets the job's requirements and is not in `failed`.
   bool OthersLive(const JobSpec& spec, const std::set<std::string>& failed) const;
-  // The same of identities.
   bool OtherIdentitiesLive(const JobSpec& spec, const std::set<std::string>& failed) const;
   // Whether what these identities say can end a job: one of them has delivered results, or nobody
   // who is live has. A scan over the live identities where all of them are strangers.
   bool AreBelieved(const std::string& numeric_profile,
                    const std::set<std::string>& identities) const;
-  // A worker's message, as users read it.
   std::string Quote(const Lease& lease, const LeaseFailure& failure) const;
   void DropLease(uint64_t lease_id, bool put_back);
   void ApplyReport(WorkerRecord* worker, const WorkerReport& report, SteadyTime now);
@@ -402,7 +404,6 @@ class Scheduler {
   void ForgetTroubles(FrameRecord* frame);
   // Sets the task aside, at once or when its last lease ends.
   void SetAside(FrameRecord* frame, const TaskId& id, const std::string& why);
-  // Ends the frame as it is.
   void GiveUpFrame(JobRecord* job, uint32_t index, const std::string& why);
   void CloseIncomplete(JobRecord* job, uint32_t index);
   void CloseStuckFrames();
@@ -412,7 +413,6 @@ class Scheduler {
   void RefuseForMemory(const FrameId& id, const std::string& worker_id);
   // Which failures keep the workers that are there from the job's tasks; empty where none do.
   std::string WhyOthersAreNeeded(const JobRecord& job) const;
-  // The end of such a text: what a person can do about it.
   std::string WhatEndsTheWait(const JobRecord& job, const FrameRecord& frame) const;
   std::string TaskFailureText(const FrameRecord& frame, const TaskFailures& failures) const;
 
@@ -434,7 +434,7 @@ class Scheduler {
   WorkerTable workers_;
   LeaseTable leases_;
   ResultChecks checks_;
-  std::map<FrameId, SteadyTime> check_wait_ends_;  // Of frames that wait for checks.
+  std::map<FrameId, CheckWait> check_waits_;
   Counters counters_;
   int64_t open_pixels_ = 0;
   int live_job_count_ = 0;

@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {
@@ -27,25 +28,43 @@ void Scheduler::ConsiderCheck(const FrameId& id, const Task& task, const ResultV
   ++counters_.checks_begun;
 }
 
+bool Scheduler::AnyMayCheck(const TaskId& task, bool proven_only) {
+  const JobRecord& job = jobs_.at(task.frame.job_id);
+  const ResultCheck& check = *checks_.Find(task);
+  const std::set<std::string> without_room = IdentitiesWithoutRoom(job);
+  int scanned = 0;
+  return AnyIdentityFits(job.spec, [&](const std::string& identity) {
+    if (!check.MayBeDoneBy(identity) || without_room.contains(identity)) return false;
+    // On a farm of so many, one that has delivered results is taken for granted.
+    if (++scanned > limits_.check_identities_scan_max) return true;
+    return !proven_only || workers_.ResultCount(identity) > 0;
+  });
+}
+
+bool Scheduler::MayCheck(const TaskId& task, const WorkerRecord& worker, bool urgent_only) {
+  const FrameRecord& frame = Frame(task.frame);
+  const ResultCheck* check = checks_.Find(task);
+  if (check == nullptr || !check->MayBeDoneBy(worker.identity)) return false;
+  if (!MayOpenFor(frame, worker) || AwaitsField(frame, task.tile)) return false;
+  // All that is rendered meanwhile depends on a field.
+  const bool is_training = frame.tasks->grid().KindOf(task.tile) == TaskKind::kTraining;
+  const bool is_urgent = is_training || frame.phase == FrameRecord::Phase::kRendered ||
+                         worker.warm_scenes.contains(frame.packed.scene().Hex());
+  if (urgent_only && !is_urgent) return false;
+  // A stranger may hoard checks, and its word counts for little.
+  return workers_.ResultCount(worker.identity) > 0 || !AnyMayCheck(task, /*proven_only=*/true);
+}
+
 bool Scheduler::GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime now) {
   int scanned = 0;
   for (const TaskId& id : checks_.waiting()) {
     if (++scanned > limits_.check_scan_max) return false;
     JobRecord& job = jobs_.at(id.frame.job_id);
-    FrameRecord& frame = Frame(id.frame);
     if (!job.MayLease() || job.spec.numeric_profile != worker->numeric_profile) continue;
-    if (!MayOpenFor(frame, *worker) || AwaitsField(frame, id.tile)) continue;
-    if (!MayServe(job, *worker)) continue;
-    if (!checks_.Find(id)->MayBeDoneBy(worker->identity)) continue;
-    // All that is rendered meanwhile depends on a field.
-    const bool is_training = frame.tasks->grid().KindOf(id.tile) == TaskKind::kTraining;
-    const bool is_urgent = is_training || frame.phase == FrameRecord::Phase::kRendered ||
-                           worker->warm_scenes.contains(frame.packed.scene().Hex());
-    if (urgent_only && !is_urgent) continue;
+    if (!MayServe(job, *worker) || !MayCheck(id, *worker, urgent_only)) continue;
     const TaskId taken = id;
     checks_.Lease(taken);
-    AddLease(&job, &frame, {taken.tile, {taken.first, taken.count}, taken.cells}, worker,
-             /*is_check=*/true, now);
+    AddLease(&job, &Frame(taken.frame), TaskOf(taken), worker, /*is_check=*/true, now);
     return true;
   }
   return false;
@@ -63,6 +82,10 @@ CheckVerdict Scheduler::Compare(const FrameId& id, const Task& task, uint64_t le
     NoteDelivery(worker_id, samples, cost, lease->grant_time, now);
     ChargeResult(*lease, cost, now);
     DropLease(lease_id, /*put_back=*/true);
+    if (const auto wait = check_waits_.find(id); wait != check_waits_.end()) {
+      if (!wait->second.waits) wait->second = {now, now, now};
+      wait->second.progress = now;
+    }
   }
   CheckVerdict verdict = checks_.Add(task_id, merged, version);
   if (checks_.Find(task_id) == nullptr) DropCheckLeases(task_id);
@@ -83,22 +106,60 @@ void Scheduler::DropChecks(const FrameId& id) {
     ++counters_.checks_dropped;
   }
   checks_.EraseFrame(id);
-  check_wait_ends_.erase(id);
+  check_waits_.erase(id);
+}
+
+SteadyTime Scheduler::CheckWaitEnd(const TaskId& task, const CheckWait& wait) {
+  const FrameRecord& frame = Frame(task.frame);
+  const absl::Duration lease_target = absl::Seconds(limits_.lease_target_seconds);
+  const absl::Duration frame_time =
+      std::max(absl::ZeroDuration(), wait.begin - frame.first_lease_time);
+  const bool is_training = frame.tasks->grid().KindOf(task.tile) == TaskKind::kTraining;
+  const absl::Duration usual = is_training ? frame_time / limits_.check_wait_factor
+                                           : ExpectedCpu(frame, TaskOf(task), lease_target);
+  const auto patience = [&](absl::Duration expected) {
+    return std::max(limits_.check_wait_min, limits_.check_wait_factor * expected);
+  };
+  SteadyTime end = wait.progress;
+  if (checks_.Find(task)->leased) {
+    end += patience(usual);
+  } else if (AnyMayCheck(task, /*proven_only=*/true)) {
+    end += patience(std::max(usual, lease_target));  // They may be busy with other leases.
+  } else if (AnyMayCheck(task, /*proven_only=*/false)) {
+    end += patience(usual);
+  }
+  // Strangers get no time of their own: they could ask for it again and again.
+  for (const uint64_t id : leases_.HoldersOf(task)) {
+    const Lease& held = *leases_.Find(id);
+    if (workers_.ResultCount(held.identity) == 0) continue;
+    const bool is_rendered = held.phase >= LeasePhase::kRendering;
+    // Whoever rendered the frame has loaded its scene in that time.
+    const absl::Duration loading =
+        held.phase == LeasePhase::kLoading ? frame_time : absl::ZeroDuration();
+    end = std::max(end, held.grant_time + loading +
+                            patience(is_rendered ? usual : std::max(usual, lease_target)));
+  }
+  return std::min(end, wait.begin + limits_.check_wait_max);
 }
 
 bool Scheduler::AwaitsChecks(const FrameId& id, SteadyTime now) {
   const std::vector<TaskId> checks = checks_.OfFrame(id);
-  const JobRecord& job = jobs_.at(id.job_id);
-  if (checks.empty() || !job.MayLease()) return false;
-  const auto [wait_end, is_new] = check_wait_ends_.try_emplace(id, now + limits_.check_wait_max);
-  if (now >= wait_end->second) return false;
-  const std::set<std::string> without_room = IdentitiesWithoutRoom(job);
-  return std::ranges::any_of(checks, [&](const TaskId& task) {
-    const ResultCheck& check = *checks_.Find(task);
-    return check.leased || AnyIdentityFits(job.spec, [&](const std::string& identity) {
-             return check.MayBeDoneBy(identity) && !without_room.contains(identity);
-           });
-  });
+  if (checks.empty() || !jobs_.at(id.job_id).MayLease()) return false;
+  const auto [found, is_new] = check_waits_.try_emplace(id, CheckWait{now, now, now});
+  CheckWait& wait = found->second;
+  if (!wait.waits) return false;
+  wait.end = now;
+  for (const TaskId& task : checks) wait.end = std::max(wait.end, CheckWaitEnd(task, wait));
+  wait.waits = now < wait.end;
+  return wait.waits;
+}
+
+std::string Scheduler::WhyAwaitsChecks(const FrameId& id) const {
+  const auto wait = check_waits_.find(id);
+  const size_t count = checks_.OfFrame(id).size();
+  if (wait == check_waits_.end() || !wait->second.waits || count == 0) return "";
+  return absl::StrCat("waits for checks: other workers render ", count,
+                      count == 1 ? " result" : " results", " again, to compare");
 }
 
 }  // namespace sheaf::coordinator

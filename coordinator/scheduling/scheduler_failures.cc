@@ -95,7 +95,7 @@ void Scheduler::DropLease(uint64_t lease_id, bool put_back) {
   }
   held_threads_.Remove(lease_id);
   if (lease.is_check) {
-    if (put_back) checks_.Return(MakeTaskId(lease.frame, lease.task));
+    if (put_back && holders_left == 0) checks_.Return(MakeTaskId(lease.frame, lease.task));
     return;
   }
   FrameRecord& frame = Frame(lease.frame);

@@ -224,21 +224,37 @@ bool Scheduler::MayRender(const FrameRecord& frame, const TaskId& task, const Wo
          !OthersLive(jobs_.at(task.frame.job_id).spec, failures.Workers());
 }
 
+bool Scheduler::MayHedge(const Lease& first, const WorkerRecord& worker, SteadyTime now) {
+  const JobRecord& job = jobs_.at(first.frame.job_id);
+  const FrameRecord& frame = Frame(first.frame);
+  const TaskId task = MakeTaskId(first.frame, first.task);
+  const std::vector<uint64_t> holders = leases_.HoldersOf(task);
+  if (holders.size() >= limits_.hedge_holders_max) return false;
+  const absl::Duration usual =
+      ExpectedCpu(frame, first.task, absl::Seconds(limits_.lease_target_seconds));
+  const absl::Duration due = std::max(limits_.overdue_min, limits_.overdue_factor * usual);
+  for (const uint64_t id : holders) {
+    const Lease& held = *leases_.Find(id);
+    if (held.worker_id == worker.worker_id) return false;
+    if (held.is_check && held.identity == worker.identity) return false;
+    if (holders.size() > 1 && now - held.grant_time < due) return false;
+  }
+  if (AwaitsField(frame, first.task.tile)) return false;
+  if (!job.MayLease() || job.spec.numeric_profile != worker.numeric_profile) return false;
+  if (!MayServe(job, worker)) return false;
+  return first.is_check ? MayCheck(task, worker, /*urgent_only=*/true)
+                        : MayRender(frame, task, worker, now);
+}
+
 bool Scheduler::Hedge(WorkerRecord* worker, SteadyTime now) {
   int scanned = 0;
   for (const LeaseTable::HedgeKey& key : leases_.hedgeable()) {
     if (++scanned > limits_.hedge_scan_max) return false;
-    const Lease& first = *leases_.Find(std::get<2>(key));
-    JobRecord& job = jobs_.at(first.frame.job_id);
-    FrameRecord& frame = Frame(first.frame);
-    if (first.worker_id == worker->worker_id) continue;
-    if (AwaitsField(frame, first.task.tile)) continue;
-    if (!job.MayLease() || job.spec.numeric_profile != worker->numeric_profile) continue;
-    if (!MayServe(job, *worker)) continue;
-    if (!MayRender(frame, MakeTaskId(first.frame, first.task), *worker, now)) continue;
+    const Lease& first = *leases_.Find(LeaseTable::LeaseIdOf(key));
+    if (!MayHedge(first, *worker, now)) continue;
     ++counters_.leases_hedged;
     const Task task = first.task;
-    AddLease(&job, &frame, task, worker, /*is_check=*/false, now);
+    AddLease(&jobs_.at(first.frame.job_id), &Frame(first.frame), task, worker, first.is_check, now);
     return true;
   }
   return false;

@@ -18,8 +18,6 @@ namespace {
 
 TaskId FrameTroubleId(const FrameId& id) { return {id, 0, 0, 0, 0}; }
 
-Task TaskOf(const TaskId& id) { return {id.tile, {id.first, id.count}, id.cells}; }
-
 }  // namespace
 
 std::string IncompleteText(const FrameRecord& frame) {
@@ -368,7 +366,17 @@ std::string Scheduler::WhyNoCacheHolds(const JobRecord& job) const {
 std::string Scheduler::WaitingReason(const JobRecord& job) const {
   if (job.phase != JobPhase::kLive || job.Paused()) return "";
   if (std::string why = WhyNoCacheHolds(job); !why.empty()) return why;
-  if (leases_.CountOfJob(job.spec.job_id) > 0) return "";
+  const std::vector<uint64_t> leases = leases_.OfJob(job.spec.job_id);
+  if (!std::ranges::all_of(leases, [&](uint64_t id) { return leases_.Find(id)->is_check; })) {
+    return "";
+  }
+  const FrameId first{job.spec.job_id, INT32_MIN};
+  for (auto wait = check_waits_.lower_bound(first);
+       job.ready.empty() && wait != check_waits_.end() && wait->first.job_id == first.job_id;
+       ++wait) {
+    if (std::string why = WhyAwaitsChecks(wait->first); !why.empty()) return why;
+  }
+  if (!leases.empty()) return "";
   if (std::string why = WhyHeld(jobs_, job); !why.empty()) return why;
   for (const FrameRecord& frame : job.frames) {
     if (held_scenes_.empty()) break;

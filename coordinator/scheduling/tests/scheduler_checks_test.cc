@@ -133,22 +133,62 @@ TEST_F(SchedulerChecksTest, RenderedFramesWaitForChecksWhileSomebodyCanDoThem) {
   EXPECT_TRUE(scheduler_.Deliver(frame));
 }
 
-TEST_F(SchedulerChecksTest, DeliveriesWaitNoLongerThanTheLimit) {
+// b takes the checks, says that it renders them, and delivers nothing.
+TEST_F(SchedulerChecksTest, DeliveriesDoNotWaitForHoarders) {
   Sync("b", 0);
   const FrameId frame{1, 1};
   for (const Lease& lease : Sync("a", 4)) Accept(lease, "x", kChosen);
-  Sync("b", 4);
-  EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
-  const SteadyTime end = now_ + limits_.check_wait_max;
+  EXPECT_EQ(Sync("b", 4).size(), 4u);
+  const SteadyTime end = now_ + limits_.check_wait_min;
   while (now_ < end) {
     EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
-    now_ += absl::Seconds(10);
+    EXPECT_EQ(scheduler_.WaitingReason(scheduler_.jobs().at(1)),
+              "waits for checks: other workers render 4 results again, to compare");
+    now_ += absl::Seconds(1);
     Sync("b", 4);
     Sync("a", 0);
   }
   EXPECT_FALSE(scheduler_.AwaitsChecks(frame, now_));
+  EXPECT_EQ(scheduler_.WhyAwaitsChecks(frame), "");
   EXPECT_TRUE(scheduler_.Deliver(frame));
   EXPECT_EQ(scheduler_.counters().checks_dropped, 4u);
+  EXPECT_EQ(scheduler_.leases().size(), 0u);
+}
+
+TEST_F(SchedulerChecksTest, EachCheckThatComesProlongsTheWait) {
+  Sync("b", 0);
+  const FrameId frame{1, 1};
+  for (const Lease& lease : Sync("a", 4)) Accept(lease, "x", kChosen);
+  const std::vector<Lease> checks = Sync("b", 4);
+  EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
+  for (size_t i = 0; i < 3; ++i) {
+    now_ += limits_.check_wait_min - absl::Seconds(1);
+    Compare(checks[i], "x");
+    EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
+  }
+}
+
+TEST_F(SchedulerChecksTest, ChecksGoToProvenWorkersWhereThereAreSome) {
+  const FrameId frame{1, 1};
+  Accept(Sync("c", 1).at(0), "x", kNotChosen);
+  Sync("b", 0);
+  for (const Lease& lease : Sync("a", 3)) Accept(lease, "x", kChosen);
+  EXPECT_TRUE(Sync("b", 4).empty()) << "it has delivered nothing, and c has";
+  EXPECT_EQ(Sync("c", 4).size(), 3u);
+  EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
+}
+
+// A frozen worker had delivered results before.
+TEST_F(SchedulerChecksTest, IdleWorkersHedgeChecks) {
+  Accept(Sync("b", 1).at(0), "x", kNotChosen);
+  Accept(Sync("c", 1).at(0), "x", kNotChosen);
+  Accept(Sync("a", 1).at(0), "x", kChosen);
+  Accept(Sync("a", 1).at(0), "x", kNotChosen);
+  ASSERT_EQ(Sync("b", 1).size(), 1u);
+  const std::vector<Lease> hedge = Sync("c", 1);
+  ASSERT_EQ(hedge.size(), 1u);
+  EXPECT_TRUE(hedge[0].is_check);
+  EXPECT_EQ(Compare(hedge[0], "x").kind, CheckVerdict::Kind::kConfirmed);
   EXPECT_EQ(scheduler_.leases().size(), 0u);
 }
 

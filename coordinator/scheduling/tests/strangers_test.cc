@@ -44,6 +44,25 @@ TEST_F(StrangersTest, LeasesGrowWithResults) {
   EXPECT_EQ(held_["new"].size(), static_cast<size_t>(limits_.leases_per_worker_max));
 }
 
+// Both hold the same tasks and deliver nothing.
+TEST_F(StrangersTest, TwoHoardersKeepNoTaskFromOthers) {
+  const uint64_t job = AddJob();
+  ASSERT_FALSE(Sync("h1", 256).empty());
+  for (size_t before = 0; Sync("old", 256).size() > before; before = held_["old"].size()) {
+    while (held_["old"].size() > 1) Accept(held_["old"][0]);
+  }
+  ASSERT_EQ(Sync("h2", 1).size(), 1u) << "a hedge";
+  while (!held_["old"].empty()) {
+    Accept(held_["old"][0]);
+    Sync("old", 1);
+  }
+  EXPECT_EQ(scheduler_.leases().size(), 2u) << "two hold one task, not yet for long";
+  now_ += limits_.overdue_min;
+  ASSERT_EQ(Sync("old", 1).size(), 1u);
+  EXPECT_TRUE(Accept(held_["old"][0]));
+  EXPECT_TRUE(scheduler_.Deliver({job, 1}));
+}
+
 TEST_F(StrangersTest, SceneErrorsOfStrangersEndNoJob) {
   const uint64_t job = AddJob();
   for (const char* id : {"x", "y", "z"}) FailOne(id, FailureKind::kScene);

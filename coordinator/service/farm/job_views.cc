@@ -235,6 +235,7 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
     AddSetAside(frame, &view);
   }
   view.waiting_reason = WhyFrameWaits(tables_.scheduler.jobs(), job, frame);
+  if (view.waiting_reason.empty()) view.waiting_reason = tables_.scheduler.WhyAwaitsChecks(id);
   const std::map<int32_t, int32_t>& corrections = tables_.accounts.at(id.job_id).corrections;
   const auto corrected = corrections.find(id.frame_number);
   if (corrected != corrections.end()) view.correction_count = corrected->second;
