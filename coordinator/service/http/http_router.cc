@@ -139,7 +139,9 @@ bool HttpRouter::ChangeIsAllowed(const HttpRequest& request, bool from_form,
     return false;
   }
   const std::string origin = HeaderValue(request, "Origin");
-  if (!origin.empty() && !absl::EndsWithIgnoreCase(origin, "://" + HeaderValue(request, "Host"))) {
+  const std::string host = HeaderValue(request, "Host");
+  if (!origin.empty() && !absl::EqualsIgnoreCase(origin, "http://" + host) &&
+      !absl::EqualsIgnoreCase(origin, "https://" + host)) {
     *refusal = HttpError(403, "PERMISSION_DENIED",
                          absl::StrCat("requests from the site ", origin, " are not accepted"));
     return false;

@@ -97,6 +97,13 @@ TEST(HttpRouterTest, ChangesNeedHeaderAndOrigin) {
   foreign.headers.emplace_back("Origin", "http://evil.example");
   EXPECT_EQ(MakeRouter().Route(foreign).status, 403);
 
+  for (const char* origin : {"https://x://localhost:8080", "x://localhost:8080", "null",
+                             "http://localhost:80801", "http://evil.localhost:8080"}) {
+    HttpRequest near = Post("/jobs/7:cancel");
+    near.headers.emplace_back("Origin", origin);
+    EXPECT_EQ(MakeRouter().Route(near).status, 403) << origin;
+  }
+
   HttpRequest own = Post("/jobs/7:cancel");
   own.headers.emplace_back("Origin", "http://localhost:8080");
   EXPECT_EQ(MakeRouter().Route(own).status, 200);
