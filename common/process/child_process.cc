@@ -9,6 +9,7 @@
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
+#include <sys/timerfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -98,6 +99,8 @@ absl::StatusOr<std::unique_ptr<ChildProcess>> ChildProcess::Start(
   if (!sockets.ok()) return sockets.status();
   absl::StatusOr<Pipe> output = MakePipe();
   if (!output.ok()) return output.status();
+  FileDescriptor overdue(::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC));
+  if (!overdue.ok()) return StatusFromErrno(errno, "making a timer");
   const FileActions actions(input, output->write.get(), sockets->write.get());
   std::vector<std::string> argument_texts = arguments;
   std::vector<std::string> environment_texts = KeptEnvironment();
@@ -106,13 +109,21 @@ absl::StatusOr<std::unique_ptr<ChildProcess>> ChildProcess::Start(
       ::posix_spawn(&pid, program.c_str(), actions.get(), nullptr,
                     PointersOf(argument_texts).data(), PointersOf(environment_texts).data());
   if (error != 0) return StatusFromErrno(error, "starting a confined process");
-  return std::unique_ptr<ChildProcess>(
-      new ChildProcess(pid, kill_signal, std::move(sockets->read), std::move(output->read)));
+  return std::unique_ptr<ChildProcess>(new ChildProcess(
+      pid, kill_signal, std::move(sockets->read), std::move(output->read), std::move(overdue)));
 }
 
 ChildProcess::~ChildProcess() { Wait(absl::ZeroDuration()); }
 
-void ChildProcess::Kill() { Signal(kill_signal_); }
+void ChildProcess::Kill() {
+  Signal(kill_signal_);
+  if (kill_signal_ == SIGKILL) return;
+  itimerspec timer{};
+  timer.it_value = absl::ToTimespec(kKillPatience);
+  ::timerfd_settime(overdue_.get(), 0, &timer, nullptr);
+}
+
+void ChildProcess::KillForCertain() { Signal(SIGKILL); }
 
 void ChildProcess::Signal(int number) {
   const MutexLock lock(&mutex_);

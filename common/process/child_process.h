@@ -33,6 +33,10 @@ struct ProcessEnd {
   int exit_code = 0;
 };
 
+// After a kill by another signal than SIGKILL, which a process that stands still does not heed, the
+// process has so long to end.
+inline constexpr absl::Duration kKillPatience = absl::Seconds(3);
+
 // Thread safety: Kill may be called by any thread; the others by one.
 class ChildProcess {
  public:
@@ -56,21 +60,28 @@ class ChildProcess {
   FileDescriptor TakeSocket() { return std::move(socket_); }
 
   void Kill();
+  // Becomes readable kKillPatience after a Kill by another signal than SIGKILL; then whoever waits
+  // calls KillForCertain.
+  const FileDescriptor& overdue() const { return overdue_; }
+  void KillForCertain();
   // Waits for the end at most so long, then kills the process with SIGKILL. Call once.
   ProcessEnd Wait(absl::Duration patience);
 
  private:
-  ChildProcess(pid_t pid, int kill_signal, FileDescriptor socket, FileDescriptor output)
+  ChildProcess(pid_t pid, int kill_signal, FileDescriptor socket, FileDescriptor output,
+               FileDescriptor overdue)
       : pid_(pid),
         kill_signal_(kill_signal),
         socket_(std::move(socket)),
-        output_(std::move(output)) {}
+        output_(std::move(output)),
+        overdue_(std::move(overdue)) {}
   void Signal(int number);
 
   const pid_t pid_;
   const int kill_signal_;
   FileDescriptor socket_;
   const FileDescriptor output_;
+  const FileDescriptor overdue_;  // A timer.
   Mutex mutex_;
   bool ended_ ABSL_GUARDED_BY(mutex_) = false;  // Its id may belong to another process.
 };

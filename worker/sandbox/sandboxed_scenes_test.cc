@@ -17,6 +17,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <thread>
 #include <vector>
@@ -50,6 +51,20 @@ std::string TakeMemory() {
 void WriteNowhere() {
   volatile int* volatile nowhere = nullptr;
   *nowhere = 1;
+}
+
+// The processes that this one has started, and those that they have.
+std::vector<pid_t> Descendants() {
+  std::vector<pid_t> found = {::getpid()};
+  for (size_t i = 0; i < found.size(); ++i) {
+    for (const auto& task :
+         std::filesystem::directory_iterator(absl::StrCat("/proc/", found[i], "/task"))) {
+      std::ifstream children(task.path() / "children");
+      for (pid_t child = 0; children >> child;) found.push_back(child);
+    }
+  }
+  found.erase(found.begin());
+  return found;
 }
 
 [[noreturn]] void Loop() {
@@ -320,6 +335,20 @@ TEST_P(SandboxedScenesTest, EndlessWorkIsStopped) {
   EXPECT_EQ(opened.failure_kind, FailureKind::kInternal);
   EXPECT_THAT(std::string(opened.status.message()), HasSubstr("did not finish within 300ms"));
   EXPECT_THAT(std::string(Render("loop").status().message()), HasSubstr("did not finish"));
+}
+
+// Processes that are stopped heed no signal but one.
+TEST_P(SandboxedScenesTest, ProcessesThatStandStillAreKilled) {
+  OpenResult opened = Open("render wait");
+  ASSERT_NE(opened.scene, nullptr);
+  const std::vector<pid_t> processes = Descendants();
+  ASSERT_FALSE(processes.empty());
+  for (const pid_t process : processes) ASSERT_EQ(::kill(process, SIGSTOP), 0);
+  opened.scene.reset();
+  scenes_.reset();
+  for (const pid_t process : processes) {
+    while (::kill(process, 0) == 0) ::usleep(1'000);
+  }
 }
 
 TEST_P(SandboxedScenesTest, ATaskCanBeCancelled) {

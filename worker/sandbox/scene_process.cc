@@ -76,13 +76,17 @@ void SceneProcess::Run(const SceneProgram& program, Protections protections) {
 }
 
 void SceneProcess::Receive() {
-  std::array<pollfd, 2> sources = {
-      {{channel_->descriptor(), POLLIN, 0}, {child_->output().get(), POLLIN, 0}}};
+  std::array<pollfd, 3> sources = {{{channel_->descriptor(), POLLIN, 0},
+                                    {child_->output().get(), POLLIN, 0},
+                                    {child_->overdue().get(), POLLIN, 0}}};
   while (true) {
     if (::poll(sources.data(), sources.size(), -1) < 0 && errno != EINTR) return;
     // Output first: it tells why the process ends.
     if (sources[1].revents != 0 && !TakeOutput()) sources[1].fd = -1;
     if (sources[0].revents != 0 && !TakeMessage()) return;
+    // It did not heed the signal, as where it is stopped. With it its own child dies
+    // (EndWithParent); nothing more of them is waited for.
+    if (sources[2].revents != 0) return child_->KillForCertain();
   }
 }
 
