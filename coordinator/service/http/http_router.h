@@ -22,7 +22,8 @@ namespace sheaf::coordinator {
 // Bytes of a body at most, on routes that take more than others, from callers that are let in.
 inline constexpr uint64_t kHttpLargeBodyBytesMax = 2 * 1024 * 1024;
 
-// Answers one request. Runs on the server's only handler thread, so it must not block.
+// Answers one request. Runs on the server's handler thread, so it must not block; those of
+// probes and metrics run on another one (http_server.h).
 using HttpFunction = std::function<HttpResponse(const HttpRequest&)>;
 
 // One route. A segment of `pattern` is literal text, or "{}" followed by literal text:

@@ -25,6 +25,7 @@
 #include <boost/beast/http.hpp>
 #include <optional>
 #include <set>
+#include <string_view>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -37,6 +38,8 @@
 namespace sheaf::coordinator {
 namespace {
 
+// Answered on a thread of their own.
+constexpr std::string_view kProbePaths[] = {"/healthz", "/readyz", "/metrics"};
 // Pause after accept fails, for example for lack of file descriptors.
 constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 
@@ -51,7 +54,13 @@ absl::Status TooManyConnectionsError(const asio::ip::address& peer) {
 class HttpServer::Impl {
  public:
   Impl(const HttpServerOptions& options, const HttpRouter& router, EventHub* hub)
-      : options_(options), router_(router), hub_(hub), answering_(1), io_(1), acceptor_(io_) {
+      : options_(options),
+        router_(router),
+        hub_(hub),
+        answering_(1),
+        probing_(1),
+        io_(1),
+        acceptor_(io_) {
     if (options.tls) tls_.emplace(*options.tls);
   }
   ~Impl();
@@ -104,6 +113,7 @@ class HttpServer::Impl {
   std::atomic<bool> wake_posted_ = false;
   // Destroyed in reverse order, as the coroutines that io_ owns use all members above it.
   asio::thread_pool answering_;
+  asio::thread_pool probing_;  // For kProbePaths, which never wait behind an encoder.
   asio::io_context io_;
   tcp::acceptor acceptor_;
   std::thread thread_;
@@ -114,6 +124,7 @@ HttpServer::Impl::~Impl() {
   io_.stop();
   if (thread_.joinable()) thread_.join();
   answering_.join();
+  probing_.join();
 }
 
 absl::Status HttpServer::Impl::Listen() {
@@ -300,8 +311,10 @@ asio::awaitable<bool> HttpServer::Impl::Answer(Connection* connection,
     }
     co_return co_await Send(stream, std::move(refusal), keep_alive, false);
   }
-  HttpResponse response =
-      co_await asio::co_spawn(answering_, RouteElsewhere(std::move(request)), asio::use_awaitable);
+  const std::string path = request.target.substr(0, request.target.find('?'));
+  const bool is_probe = std::ranges::find(kProbePaths, path) != std::end(kProbePaths);
+  HttpResponse response = co_await asio::co_spawn(
+      is_probe ? probing_ : answering_, RouteElsewhere(std::move(request)), asio::use_awaitable);
   co_return co_await Send(stream, std::move(response), keep_alive, head_only);
 }
 

@@ -4,9 +4,9 @@
 // The HTTP port: reads requests from sockets, passes them to the router, writes its responses, and
 // sends server-sent events to many readers. One thread handles all sockets, so a reader costs
 // memory but no thread. The router's functions run on a second thread, so that encoding an image
-// does not block a stream. Only http_server.cc and the headers
-// http_beast.h, http_connection.h, http_stream.h, http_tls.h and submitting/http_large_body.h use
-// Boost.Beast and Boost.Asio.
+// does not block a stream, and those of the probes and of metrics on a third one. Only
+// http_server.cc and the headers http_beast.h, http_connection.h, http_stream.h, http_tls.h and
+// submitting/http_large_body.h use Boost.Beast and Boost.Asio.
 #pragma once
 
 #include <chrono>
@@ -83,7 +83,7 @@ class HttpServer {
   // port is in use; its certificate cannot be read).
   static absl::StatusOr<std::unique_ptr<HttpServer>> Start(const HttpServerOptions& options,
                                                            const HttpRouter& router, EventHub* hub);
-  // Closes every connection and waits for both threads.
+  // Closes every connection and waits for its threads.
   ~HttpServer();
 
   // The port on which the server listens.

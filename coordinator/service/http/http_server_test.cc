@@ -15,6 +15,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <fstream>
+#include <future>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -117,6 +118,35 @@ TEST_F(HttpServerTest, ServesSeveralRequestsPerConnection) {
     EXPECT_THAT(response, HasSubstr("Content-Security-Policy: default-src 'none'"));
     EXPECT_THAT(response, HasSubstr("X-Content-Type-Options: nosniff"));
   }
+}
+
+// An encoder may take seconds.
+TEST_F(HttpServerTest, ProbesDoNotWaitBehindOtherRoutes) {
+  std::promise<void> end;
+  const auto slow = [done = end.get_future().share()](const HttpRequest&) {
+    done.wait();
+    return HttpResponse();
+  };
+  const auto quick = [](const HttpRequest&) {
+    HttpResponse response;
+    response.body = "here";
+    return response;
+  };
+  const HttpRouter router({{"GET", "/slow", slow},
+                           {"GET", "/healthz", quick},
+                           {"GET", "/readyz", quick},
+                           {"GET", "/metrics", quick}},
+                          {});
+  auto server = HttpServer::Start({}, router, &hub_);
+  ASSERT_TRUE(server.ok());
+  Client waiting((*server)->port());
+  ASSERT_TRUE(waiting.Send(Get("/slow")));
+  for (const char* path : {"/healthz", "/readyz", "/metrics?x=1"}) {
+    Client probe((*server)->port());
+    ASSERT_TRUE(probe.Send(Get(path)));
+    EXPECT_THAT(probe.ReadUntil("here"), HasSubstr("200 OK")) << path;
+  }
+  end.set_value();
 }
 
 TEST_F(HttpServerTest, HeadSendsOnlyTheLength) {
