@@ -5,8 +5,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <sys/stat.h>
+#include <fcntl.h>
+#include <semaphore.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -82,23 +85,31 @@ TEST_F(PreparedJobTest, ResumedImageIsUploaded) {
   EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--resume-from"));
 }
 
-// Replaces a file by another while the scene is read: a pipe holds the reader until then.
+sem_t lease_breaks;  // Another opens the file of a lease.
+
+// Replaces a file by another while the scene is read: a lease holds the reader at a later file
+// until then.
 TEST_F(PreparedJobTest, ASceneThatIsSavedWhileItIsReadIsNoMixture) {
   const std::string scene =
       Write("one.pbrt",
             "Film \"rgb\" \"integer xresolution\" [8] \"integer yresolution\" [4]\n"
-            "WorldBegin\nLightSource \"infinite\"\nInclude \"pipe.pbrt\"\n");
-  const std::string pipe = directory_ + "/pipe.pbrt";
-  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+            "WorldBegin\nLightSource \"infinite\"\nInclude \"later.pbrt\"\n");
+  const int later = ::open(Write("later.pbrt", "# Nothing.\n").c_str(), O_RDONLY | O_CLOEXEC);
+  ASSERT_GE(later, 0);
+  ASSERT_EQ(::sem_init(&lease_breaks, 0, 0), 0);
+  std::signal(SIGIO, [](int) { ::sem_post(&lease_breaks); });
+  if (::fcntl(later, F_SETLEASE, F_WRLCK) != 0) {
+    ::close(later);
+    GTEST_SKIP() << "the file system of " << directory_ << " has no leases";
+  }
   std::jthread saver([&] {
-    std::ofstream held(pipe);  // Waits for the reader.
+    while (::sem_wait(&lease_breaks) != 0) {
+    }
     Write("saved",
           "Film \"rgb\" \"integer xresolution\" [16] \"integer yresolution\" [8]\n"
           "WorldBegin\nLightSource \"infinite\"\n");
     std::filesystem::rename(directory_ + "/saved", scene);
-    Write("regular", "# Nothing.\n");
-    std::filesystem::rename(directory_ + "/regular", pipe);
-    held << "# Nothing.\n";
+    ::close(later);  // Ends the lease.
   });
   JobArguments arguments;
   arguments.scene = scene;

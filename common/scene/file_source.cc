@@ -23,6 +23,14 @@ absl::Status NotFound(const std::string& name, const std::string& why) {
       has_backslash ? "; its name is written with a backslash, between folders write /" : ""));
 }
 
+// Only regular files are read: others have no end, or wait for another process.
+absl::Status CheckRegular(const std::string& name, mode_t mode) {
+  if (S_ISREG(mode)) return absl::OkStatus();
+  if (S_ISDIR(mode)) return NotFound(name, "is a directory, not a file");
+  const char* const kind = S_ISFIFO(mode) ? "a pipe" : S_ISSOCK(mode) ? "a socket" : "a device";
+  return NotFound(name, absl::StrCat("is ", kind, ", not a regular file; copy its bytes into one"));
+}
+
 std::string JoinPath(const std::string& directory, const std::string& name) {
   if (name.empty() || name.front() == '/' || directory.empty()) return name;
   return directory.back() == '/' ? directory + name : directory + "/" + name;
@@ -64,7 +72,7 @@ absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& ca
     return NotFound(canonical_name,
                     absl::StrCat("does not exist (looked for ", path, ")", SimilarFileHint(path)));
   }
-  if (S_ISDIR(info.st_mode)) return NotFound(canonical_name, "is a directory, not a file");
+  if (absl::Status status = CheckRegular(canonical_name, info.st_mode); !status.ok()) return status;
   const MutexLock lock(&mutex_);
   files_used_[canonical_name] = path;
   return path;
@@ -90,6 +98,12 @@ absl::StatusOr<std::string> TableFileSource::LocalPath(const std::string& canoni
   const auto found = local_paths_.find(canonical_name);
   if (found == local_paths_.end()) {
     return NotFound(canonical_name, "is not among the files of this scene");
+  }
+  struct stat info {};
+  if (::stat(found->second.c_str(), &info) == 0) {
+    if (absl::Status status = CheckRegular(canonical_name, info.st_mode); !status.ok()) {
+      return status;
+    }
   }
   return found->second;
 }

@@ -22,6 +22,7 @@ namespace {
 
 // The file layout of GLB: glTF 2.0 specification, sec. 4.4.
 constexpr size_t kGlbHeaderBytes = 12, kChunkHeaderBytes = 8;
+constexpr size_t kShownBytesMax = 200;  // Of a name in a message.
 
 absl::Status BadFile(const std::string& main_file, const std::string& what) {
   return absl::InvalidArgumentError(absl::StrCat(main_file, ": ", what, "; export the file again"));
@@ -86,10 +87,17 @@ absl::Status CheckJson(const std::string& main_file, std::string_view json) {
 }
 
 // The canonical name of what a file in the main file's folder is called there.
-std::string NameBeside(const std::string& main_file, const std::string& name) {
+absl::StatusOr<std::string> NameBeside(const std::string& main_file, const std::string& name) {
+  const std::string beside = CanonicalFileName(name);
+  if (beside.starts_with('/') || beside == ".." || beside.starts_with("../")) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("file \"", Printable(name, kShownBytesMax),
+                     "\" lies outside of the scene's folder, which a glTF file may not leave; copy "
+                     "it into the folder and export again"));
+  }
   const size_t slash = main_file.rfind('/');
-  if (slash == std::string::npos || name.starts_with('/')) return CanonicalFileName(name);
-  return CanonicalFileName(main_file.substr(0, slash + 1) + name);
+  if (slash == std::string::npos) return beside;
+  return CanonicalFileName(main_file.substr(0, slash + 1) + beside);
 }
 
 // Compressed geometry is refused by its name: without it the parser finds buffers and views
@@ -117,13 +125,14 @@ struct Access {
 bool ReadBuffer(std::vector<unsigned char>* out, std::string* error, const std::string& name,
                 void* access_pointer) {
   auto* access = static_cast<Access*>(access_pointer);
-  const std::string canonical =
+  const absl::StatusOr<std::string> canonical =
       NameBeside(access->main_file, name.starts_with("./") ? name.substr(2) : name);
-  const absl::StatusOr<std::string> path = access->files->LocalPath(canonical);
+  const absl::StatusOr<std::string> path =
+      canonical.ok() ? access->files->LocalPath(*canonical) : canonical.status();
   absl::StatusOr<std::string> bytes =
       path.ok() ? ReadWholeFile(*path, access->bytes_left) : path.status();
   if (!bytes.ok()) {
-    access->status.Update(path.ok() ? NamedAsInScene(bytes.status(), *path, canonical)
+    access->status.Update(path.ok() ? NamedAsInScene(bytes.status(), *path, *canonical)
                                     : path.status());
     *error = std::string(bytes.status().message());
     return false;
@@ -206,7 +215,7 @@ absl::Status Parse(Access* access, const std::string& bytes, bool is_binary, tin
 
 }  // namespace
 
-std::string NameOfUri(const std::string& main_file, std::string_view uri) {
+absl::StatusOr<std::string> NameOfUri(const std::string& main_file, std::string_view uri) {
   std::string decoded;
   for (size_t i = 0; i < uri.size(); ++i) {
     const int high = i + 2 < uri.size() && uri[i] == '%' ? DigitOf(uri[i + 1]) : -1;

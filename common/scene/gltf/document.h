@@ -22,8 +22,9 @@ inline constexpr int kJsonDepthMax = 64;  // Nested lists and objects; the parse
 inline constexpr size_t kItemsMax = 4'000'000;  // Nodes, meshes, accessors, and so on: of each.
 
 // The canonical name of a file that the scene file names by a relative URI, with %20 and the like
-// decoded.
-std::string NameOfUri(const std::string& main_file, std::string_view uri);
+// decoded. Errors: kInvalidArgument for a name that leads out of the scene file's folder, since the
+// files that a scene names are uploaded and the scene may be foreign.
+absl::StatusOr<std::string> NameOfUri(const std::string& main_file, std::string_view uri);
 
 // Images are not loaded: those of data URIs are left in Image::image as they are in the file,
 // others stay where bufferView and uri say. Errors: kInvalidArgument; kResourceExhausted beyond the

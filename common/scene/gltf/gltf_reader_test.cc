@@ -291,6 +291,17 @@ TEST(GltfReaderTest, CamerasAndLights) {
   EXPECT_THAT(Read(File(rest), tip).status().message(), HasSubstr("did you mean \"Top\""));
 }
 
+std::string FileWithImage(const std::string& uri) {
+  return File(absl::StrCat(R"("images": [{"uri": ")", uri, R"("}], "textures": [{"source": 0}],
+    "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}])"));
+}
+
+std::string FileWithBuffer(const std::string& uri) {
+  return absl::StrCat(R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": ")",
+                      uri, R"("}]})");
+}
+
 TEST(GltfReaderTest, RefusesByName) {
   std::string four = kAccessors;
   four.replace(four.find("\"count\": 3"), 10, "\"count\": 4");
@@ -313,6 +324,12 @@ TEST(GltfReaderTest, RefusesByName) {
         "textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
         "nodes": [{"mesh": 0}])"),
        "KHR_texture_basisu"},
+      {FileWithImage("../secret.png"), "\"../secret.png\" lies outside of the scene's folder"},
+      {FileWithImage("%2e%2e/secret.png"), "lies outside of the scene's folder"},
+      {FileWithImage("in/../../secret.png"), "lies outside of the scene's folder"},
+      {FileWithImage("/secret.png"), "lies outside of the scene's folder"},
+      {FileWithBuffer("../secret.txt"), "lies outside of the scene's folder"},
+      {FileWithBuffer("%2Fsecret.txt"), "lies outside of the scene's folder"},
   };
   for (const auto& [text, message] : cases) {
     const auto read = Read(text);

@@ -94,9 +94,9 @@ std::string ImageTextures::FileOfImage(int index, const std::string& what) {
   const tinygltf::Image& image = model_->images[static_cast<size_t>(index)];
   if (!image.image.empty()) return Derive(index, image.image.data(), image.image.size(), what);
   if (image.bufferView < 0) {
-    const std::string name = NameOfUri(main_file_, image.uri);
-    const absl::StatusOr<std::string> path = files_->LocalPath(name);
-    return path.ok() ? name : Fail(what, std::string(path.status().message()));
+    const absl::StatusOr<std::string> name = NameOfUri(main_file_, image.uri);
+    const absl::StatusOr<std::string> path = name.ok() ? files_->LocalPath(*name) : name.status();
+    return path.ok() ? *name : Fail(what, std::string(path.status().message()));
   }
   const std::string bad = absl::StrCat("image ", index,
                                        " lies outside of its buffer; export the "

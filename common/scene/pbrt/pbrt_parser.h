@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,6 +31,8 @@ class PbrtParser {
 
  private:
   absl::Status ParseFile(const std::string& canonical_name);
+  // Errors: kResourceExhausted once files are included too often, or too much is read again.
+  absl::Status ChargeInclusion(const std::string& canonical_name, const std::string& path);
   void ParseDirectives();
   void ParseDirective(std::string_view word, SourceLocation location);
   bool ParseTransformDirective(std::string_view word, SourceLocation location);
@@ -69,6 +72,9 @@ class PbrtParser {
   int32_t file_ = kNone;                 // Its index in SceneDescription::files.
   bool file_failed_ = false;             // The rest of the file cannot be read.
   std::vector<std::string> open_files_;  // From the main file to the one being read.
+  std::set<std::string> files_read_;
+  uint32_t inclusions_ = 0;
+  uint64_t repeated_bytes_ = 0;
 };
 
 }  // namespace sheaf

@@ -39,7 +39,7 @@ SceneBuilder::SceneBuilder(SceneDescription* scene, FileSource* files, Diagnosti
       diagnostics_(diagnostics),
       memory_bytes_max_(limits.memory_bytes_max),
       textures_(scene, files, diagnostics),
-      materials_(scene, &textures_, files, diagnostics),
+      materials_(scene, &textures_, files, diagnostics, limits.mix_depth_max),
       shapes_(scene, &textures_, files, diagnostics, limits) {
   scene_->sampling.sampler = "zsobol";
   scene_->sampling.integrator = "volpath";

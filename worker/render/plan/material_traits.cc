@@ -7,7 +7,9 @@
 #include <optional>
 #include <type_traits>
 #include <variant>
+#include <vector>
 
+#include "absl/container/flat_hash_set.h"
 #include "common/scene/spectrum/spectrum.h"
 #include "worker/render/bsdf/lobes.h"
 #include "worker/render/plan/render_plan.h"
@@ -22,7 +24,12 @@ class NeedsCollector {
   explicit NeedsCollector(const SceneDescription& scene) : scene_(scene) {}
 
   MaterialNeeds Collect(int32_t material) {
-    Visit(material);
+    Reach(material);
+    while (!open_.empty()) {
+      const int32_t next = open_.back();
+      open_.pop_back();
+      Visit(next);
+    }
     if (needs_.reads_textures) needs_.traits |= Bit(Trait::kTextures);
     return needs_;
   }
@@ -32,8 +39,11 @@ class NeedsCollector {
   void Roughness(const RoughnessInput& input) { Read(input); }
 
  private:
+  // Mixes may share what they mix: each material is visited once.
+  void Reach(int32_t material) {
+    if (material != kNone && reached_.insert(material).second) open_.push_back(material);
+  }
   void Visit(int32_t material) {
-    if (material == kNone) return;
     const MaterialDescription& description = scene_.materials[material];
     if (description.priority.has_value()) {
       needs_.traits |= Bit(Trait::kNestedDielectrics);
@@ -147,8 +157,8 @@ class NeedsCollector {
   void Add(const MixMaterial& m) {
     needs_.traits |= Bit(Trait::kAlpha);
     Read(m.amount);
-    Visit(m.material[0]);
-    Visit(m.material[1]);
+    Reach(m.material[0]);
+    Reach(m.material[1]);
     needs_.may_pass = true;
   }
   void Add(const InterfaceMaterial&) {
@@ -159,6 +169,8 @@ class NeedsCollector {
 
   const SceneDescription& scene_;
   MaterialNeeds needs_;
+  std::vector<int32_t> open_;
+  absl::flat_hash_set<int32_t> reached_;
   bool has_priority_ = false;  // Then the outside index may differ from 1.
 };
 

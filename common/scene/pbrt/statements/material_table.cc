@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/mix_graph.h"
 #include "common/scene/pbrt/statements/supported_names.h"
 #include "common/scene/spectrum/spectrum.h"
 
@@ -368,25 +369,6 @@ MixMaterial MaterialTable::MakeMix(ParameterList& parameters) {
   return mix;
 }
 
-bool MaterialTable::ReachesItself(int32_t material) const {
-  std::vector<int32_t> open = {material};
-  std::vector<bool> seen(scene_->materials.size(), false);
-  while (!open.empty()) {
-    const int32_t index = open.back();
-    open.pop_back();
-    const auto* mix =
-        std::get_if<MixMaterial>(&scene_->materials[static_cast<size_t>(index)].material);
-    if (mix == nullptr) continue;
-    for (const int32_t part : mix->material) {
-      if (part == material) return true;
-      if (part == kNone || seen[static_cast<size_t>(part)]) continue;
-      seen[static_cast<size_t>(part)] = true;
-      open.push_back(part);
-    }
-  }
-  return false;
-}
-
 void MaterialTable::Finish() {
   for (const auto& [name, slot] : slots_) {
     const MaterialDescription& material = scene_->materials[static_cast<size_t>(slot.index)];
@@ -398,12 +380,10 @@ void MaterialTable::Finish() {
       diagnostics_->Error(material.location,
                           absl::StrCat("material \"", name, "\" is used here but not defined",
                                        NearestNameHint(name, names)));
-    } else if (ReachesItself(slot.index)) {
-      diagnostics_->Error(material.location,
-                          absl::StrCat("the mix material \"", name, "\" contains itself"));
     }
     if (diagnostics_->Exhausted()) return;
   }
+  CheckMixes(*scene_, mix_depth_max_, diagnostics_);
   for (const MaterialDescription& material : scene_->materials) {
     const auto* mix = std::get_if<MixMaterial>(&material.material);
     if (mix == nullptr) continue;

@@ -20,8 +20,12 @@ class MaterialTable {
  public:
   // Requires: all pointers outlive this.
   MaterialTable(SceneDescription* scene, TextureTable* textures, FileSource* files,
-                Diagnostics* diagnostics)
-      : scene_(scene), textures_(textures), files_(files), diagnostics_(diagnostics) {}
+                Diagnostics* diagnostics, uint32_t mix_depth_max)
+      : scene_(scene),
+        textures_(textures),
+        files_(files),
+        diagnostics_(diagnostics),
+        mix_depth_max_(mix_depth_max) {}
 
   // Material "type" ...: the index of a new unnamed material.
   int32_t Add(const std::string& type, ParameterList parameters);
@@ -79,12 +83,12 @@ class MaterialTable {
   float GetConstant(ParameterList& parameters, const std::string& name, float fallback);
   void GetBumps(ParameterList& parameters, MaterialDescription* description);
   Slot& SlotFor(const std::string& name, SourceLocation location);
-  bool ReachesItself(int32_t material) const;
 
   SceneDescription* scene_;
   TextureTable* textures_;
   FileSource* files_;
   Diagnostics* diagnostics_;
+  const uint32_t mix_depth_max_;
   std::map<std::string, Slot> slots_;
   std::vector<MediumDescription> subsurface_;
   int32_t default_ = kNone;
