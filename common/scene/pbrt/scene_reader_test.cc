@@ -4,7 +4,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/stat.h>
 
 #include <cmath>
 #include <fstream>
@@ -12,7 +11,6 @@
 #include <string>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "common/base/file.h"
 
 namespace sheaf {
@@ -402,69 +400,6 @@ TEST_F(SceneReaderTest, ErrorsAreCollectedUpToTheLimit) {
   EXPECT_THAT(message, HasSubstr("main.pbrt:4:1: shape \"cone\""));
   EXPECT_THAT(message, ::testing::Not(HasSubstr("main.pbrt:5:1")));
   EXPECT_THAT(message, HasSubstr("reading stopped after 3 errors"));
-}
-
-TEST_F(SceneReaderTest, ErrorsNameLimits) {
-  SceneReaderLimits limits;
-  limits.memory_bytes_max = 64;
-  const std::string mesh = std::string("WorldBegin\nShape \"trianglemesh\" ") + kTriangle;
-  EXPECT_THAT(std::string(Read(mesh, limits).status().message()), HasSubstr("memory_bytes_max"));
-  EXPECT_EQ(Read(mesh, limits).status().code(), absl::StatusCode::kResourceExhausted);
-  limits = {};
-  limits.triangles_max = 0;
-  EXPECT_THAT(std::string(Read(mesh, limits).status().message()), HasSubstr("triangles_max"));
-  limits = {};
-  limits.file_bytes_max = 20;
-  EXPECT_THAT(std::string(Read(mesh, limits).status().message()), HasSubstr("file_bytes_max"));
-  limits = {};
-  limits.include_depth_max = 1;
-  Write("a.pbrt", "Include \"b.pbrt\"\n");
-  Write("b.pbrt", "Include \"c.pbrt\"\n");
-  Write("c.pbrt", "");
-  EXPECT_THAT(std::string(Read("WorldBegin\nInclude \"a.pbrt\"\n", limits).status().message()),
-              HasSubstr("a.pbrt:1:1: files are nested deeper than the limit of 1"));
-}
-
-// Each level includes the next one twice: 2^29 inclusions by 1.7 kB of files.
-TEST_F(SceneReaderTest, IncludesThatDoubleAreBounded) {
-  constexpr int kLevels = 29;
-  for (int i = 0; i < kLevels; ++i) {
-    const std::string next = absl::StrCat("Include \"", i + 1, ".pbrt\"\n");
-    Write(absl::StrCat(i, ".pbrt"), next + next);
-  }
-  Write(absl::StrCat(kLevels, ".pbrt"), "# Nothing.\n");
-  const std::string scene = "WorldBegin\nInclude \"0.pbrt\"\n";
-  EXPECT_THAT(std::string(Read(scene).status().message()),
-              HasSubstr("included more often than the limit of 100000 (inclusions_max)"));
-  SceneReaderLimits limits;
-  limits.repeated_bytes_max = 1000;
-  EXPECT_THAT(std::string(Read(scene, limits).status().message()),
-              HasSubstr("more than the limit of 1000 bytes (repeated_bytes_max)"));
-}
-
-TEST_F(SceneReaderTest, FilesThatHaveNoEndAreNotRead) {
-  Write("other.pbrt", "");
-  ASSERT_EQ(::mkfifo((Directory() + "/pipe.pbrt").c_str(), 0600), 0);
-  EXPECT_THAT(std::string(Read("WorldBegin\nInclude \"pipe.pbrt\"\n").status().message()),
-              HasSubstr("main.pbrt:2:1: cannot read \"pipe.pbrt\": file \"pipe.pbrt\" is a pipe"));
-  EXPECT_THAT(std::string(Read("WorldBegin\nInclude \"/dev/zero\"\n").status().message()),
-              HasSubstr("is a device, not a regular file"));
-}
-
-// Levels of mixes whose parts are one mix each: 2^levels paths lead to the last one.
-std::string SharedMixes(int levels) {
-  std::string text = "WorldBegin\nMakeNamedMaterial \"0\" \"string type\" \"diffuse\"\n";
-  for (int i = 1; i <= levels; ++i) {
-    absl::StrAppend(&text, "MakeNamedMaterial \"", i, "\" \"string type\" \"mix\" ",
-                    "\"string materials\" [\"", i - 1, "\" \"", i - 1, "\"]\n");
-  }
-  return text;
-}
-
-TEST_F(SceneReaderTest, SharedMixesAreWalkedOnce) {
-  EXPECT_EQ(ReadGood(SharedMixes(60)).materials.size(), 61u);
-  EXPECT_THAT(std::string(Read(SharedMixes(100'000)).status().message()),
-              HasSubstr("mix materials are nested 65 deep, more than the limit of 64"));
 }
 
 TEST_F(SceneReaderTest, LongInlineMeshesCrossBufferBoundaries) {

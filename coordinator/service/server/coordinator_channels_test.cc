@@ -22,10 +22,9 @@ constexpr int kConnections = 400;
 constexpr int kCallsOfEach = 10;
 constexpr int kConnectsMax = 20;
 
-// gRPC 1.51 looks at errno some steps after connect(), and takes for connect()'s what a step between
-// has left there: EINVAL where abseil names its memory and the kernel lacks
-// CONFIG_ANON_VMA_NAME, ENOENT where malloc counts processors. connect() to an address of TCP gives
-// neither: such a call was never sent.
+// gRPC 1.51 looks at errno some steps after connect(), where a step between may have left its own:
+// EINVAL if abseil names its memory and the kernel lacks CONFIG_ANON_VMA_NAME, ENOENT if malloc
+// counts processors. connect() to an address of TCP gives neither: such a call was never sent.
 bool IsUnsent(const grpc::Status& status) {
   return status.error_code() == grpc::StatusCode::UNAVAILABLE &&
          absl::StrContains(status.error_message(), "failed to connect") &&
