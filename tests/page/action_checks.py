@@ -22,9 +22,9 @@ def check_clicks(browser):
     """Runs over made-up jobs, with a shown job that has ended."""
     before = browser.run(THEME)
     browser.click("theme")
-    assert browser.run(THEME) != before, "the appearance stays"
+    wait_until(lambda: browser.run(THEME) != before, CHANGE_SECONDS_MAX, "another appearance")
     browser.click("theme")
-    assert browser.run(THEME) == before
+    wait_until(lambda: browser.run(THEME) == before, CHANGE_SECONDS_MAX, "the first appearance")
     browser.run("localStorage.clear()")  # Later checks use the system's theme again.
     fitted = zoom_percent(browser)
     browser.click("zoom-in")
