@@ -33,8 +33,8 @@ struct ProcessEnd {
   int exit_code = 0;
 };
 
-// After a kill by another signal than SIGKILL, which a process that stands still does not heed, the
-// process has so long to end.
+// The time that a process has to end after a signal other than SIGKILL. A stopped process handles
+// no such signal.
 inline constexpr absl::Duration kKillPatience = absl::Seconds(3);
 
 // Thread safety: Kill may be called by any thread; the others by one.

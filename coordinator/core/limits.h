@@ -118,11 +118,11 @@ struct Limits {
   double new_identity_check_fraction = 0.25;  // Of the first results of an identity.
   uint64_t new_identity_results = 16;
   size_t result_versions_max = 5;  // Different results of a task; then nobody can decide.
-  // A rendered frame waits for checks so many times the time that one is expected to take, after
-  // the last one that came, ...
+  // How long a rendered frame waits for checks: a multiple of the expected time of one, counted
+  // from the last that came, between the minimum and, for all of them, the maximum.
   double check_wait_factor = 4;
-  absl::Duration check_wait_min = absl::Seconds(5);  // ... so long at least, ...
-  absl::Duration check_wait_max = absl::Minutes(2);  // ... and for all of them so long at most.
+  absl::Duration check_wait_min = absl::Seconds(5);
+  absl::Duration check_wait_max = absl::Minutes(2);
   int check_identities_scan_max = 256;  // Looked at for one that has delivered results.
 
   // Shares, limits and requirements.
@@ -134,8 +134,8 @@ struct Limits {
   size_t requirement_groups_max = 256;  // Different requirements of unfinished jobs.
   int worker_kinds_scan_max = 256;      // Kinds of workers looked at for a job's memory.
 
-  // Hedges. A task that is leased twice gets a further holder when all that it has are overdue:
-  // they take so many times as long as it is expected to take, and so long at least.
+  // Hedges. A task that is leased twice gets a further holder once all its holders are overdue: each
+  // has had it for a multiple of its expected time, and for the minimum.
   double overdue_factor = 4;
   absl::Duration overdue_min = absl::Seconds(5);
   size_t hedge_holders_max = 8;

@@ -143,7 +143,7 @@ class Scheduler {
                        const std::string& worker_id, const ResultVersion& merged,
                        const ResultVersion& version, const ResultCost& cost, SteadyTime now);
   // Whether the delivery of a rendered frame, or its next round, shall wait for checks of its
-  // results: while somebody is live who can do them, within the limits (check_wait_factor). A frame
+  // results: only while a live worker can do them, within the limits (check_wait_factor). A frame
   // that has waited in vain does not wait in later rounds, until a check of it comes.
   bool AwaitsChecks(const FrameId& id, SteadyTime now);
   // Those that were begun, and not given up, by frame; and the same for people, or empty.

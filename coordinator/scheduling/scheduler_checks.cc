@@ -35,7 +35,7 @@ bool Scheduler::AnyMayCheck(const TaskId& task, bool proven_only) {
   int scanned = 0;
   return AnyIdentityFits(job.spec, [&](const std::string& identity) {
     if (!check.MayBeDoneBy(identity) || without_room.contains(identity)) return false;
-    // On a farm of so many, one that has delivered results is taken for granted.
+    // Beyond the limit, some identity is assumed to have delivered results.
     if (++scanned > limits_.check_identities_scan_max) return true;
     return !proven_only || workers_.ResultCount(identity) > 0;
   });

@@ -58,7 +58,7 @@ class MixGraph {
     const auto first = std::find_if(unresolved_parts_.begin(), unresolved_parts_.end(),
                                     [](uint32_t parts) { return parts > 0; });
     if (first == unresolved_parts_.end()) return {};
-    // What is unresolved has an unresolved part: following them leads into a cycle.
+    // Each unresolved mix has an unresolved part, so following them leads into a cycle.
     std::vector<size_t> path;
     std::vector<bool> is_on_path(depth_.size(), false);
     auto at = static_cast<size_t>(first - unresolved_parts_.begin());
