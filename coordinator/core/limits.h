@@ -134,8 +134,8 @@ struct Limits {
   size_t requirement_groups_max = 256;  // Different requirements of unfinished jobs.
   int worker_kinds_scan_max = 256;      // Kinds of workers looked at for a job's memory.
 
-  // Hedges. A task that is leased twice gets a further holder once all its holders are overdue: each
-  // has had it for a multiple of its expected time, and for the minimum.
+  // Hedges. A task that is leased twice gets a further holder once all its holders are overdue:
+  // each has had it for a multiple of its expected time, and for the minimum.
   double overdue_factor = 4;
   absl::Duration overdue_min = absl::Seconds(5);
   size_t hedge_holders_max = 8;
