@@ -139,15 +139,15 @@ def mappings():
         f'{planar}\n'
         'AttributeEnd\nMaterial "diffuse" "texture reflectance" "t"\n' + rectangle(), samples=1024),
          at((x - .2) / 2, (y - .1) / .5))
-    # About the texture's own axes, here at z = 1 before the plate.
-    z = np.ones_like(x)
+    # About the texture's own axes, here at z = .8 before the plate.
+    z = np.full_like(x, .8)
     r = np.sqrt(x * x + y * y + z * z)
     phi = np.arctan2(y, x)
     phi = np.where(phi < 0, phi + 2 * PI, phi) / (2 * PI)
 
     def moved(name, kind, s, t):
         case(f"texture mapping {name}", scene(
-            f'{SUN}AttributeBegin Translate 0 0 -1\nTexture "t" "spectrum" {head} '
+            f'{SUN}AttributeBegin Translate 0 0 -.8\nTexture "t" "spectrum" {head} '
             f'"string mapping" "{kind}"\nAttributeEnd\nMaterial "diffuse" "texture reflectance" '
             f'"t"\n'
             + rectangle(), samples=256), at(s, t))

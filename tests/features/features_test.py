@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares features of the pbrt-v4 format, one a scene, with closed forms.
 
-    tests/features/features_test.py [--self-check] [--table] [--keep FOLDER] [NAME ...]
+    tests/features/features_test.py [--self-check] [--changed [CHANGE]] [--table] [--keep FOLDER]
+                                    [NAME ...]
 
 Each case is a scene of a few pixels. The expected value follows from pbrt-v4's documentation by the
 forms of closed_forms.py; no renderer is asked. The scenes are frames of two runs of `sheaf render
@@ -12,6 +13,9 @@ case fails where a channel is off by more than 2 % of the expected value (of the
 images).
 
 --self-check breaks cases by hand (broken.py): each of them must fail, or the test has no power.
+--changed renders each case as changes.py rewrites it, turned, mirrored, moved and so on, for the
+same values: every change that keeps its image (with SHEAF_ALL_TESTS), or one of them, in turn.
+
 --table prints every case; NAMEs select cases that contain one of them.
 
 Needs Debian's python3-numpy and python3-openimageio, as the system's interpreter has them.
@@ -147,9 +151,24 @@ def self_check(cases, folder):
     return 1 if missed else 0
 
 
+def change(cases, wanted):
+    """Cases as they are after changes that keep their images: all changes, or one for each case."""
+    import changes  # pylint: disable=import-outside-toplevel
+    out = []
+    for number, c in enumerate(cases):
+        names = [n for n in changes.NAMES if wanted in n and changes.applies(n, c.scene, c.layer)]
+        if not wanted and not os.environ.get("SHEAF_ALL_TESTS"):
+            names = [names[number % len(names)]]
+        out += [scenes.Case(f"{c.name} ({name})", changes.changed(name, c.scene), c.want, c.layer,
+                            c.pixels) for name in names]
+    return out
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--self-check", action="store_true", help="cases broken by hand must fail")
+    parser.add_argument("--changed", metavar="CHANGE", nargs="?", const="",
+                        help="changes that keep the image; CHANGE: those with this text")
     parser.add_argument("--table", action="store_true", help="print every case")
     parser.add_argument("--keep", metavar="FOLDER", help="leave the scenes and images there")
     parser.add_argument("names", nargs="*", help="parts of names of cases")
@@ -162,6 +181,8 @@ def main():
             cases = [c for c in cases if any(n in c.name for n in arguments.names)]
         elif len(cases) < CASES_MIN:
             sys.exit(f"only {len(cases)} cases, where {CASES_MIN} are the least")
+        if arguments.changed is not None:
+            cases = change(cases, arguments.changed)
         off = run(cases, scenes.FOLDER, arguments.table)
         print(f"{len(cases) - len(off)} of {len(cases)} features are as documented")
         return 1 if off else 0

@@ -226,7 +226,39 @@ TEST(ContactStability, G17TouchingIsTheLimitOfAGap) {
 }
 
 // A floor of the given size, tilted, under a sun; once or twice.
-enum class Twin { kNone, kSame, kBack, kOtherDiagonal, kFiner, kOneMesh };
+enum class Twin {
+  kNone,
+  kSame,
+  kBack,
+  kOtherDiagonal,
+  kFiner,
+  kOneMesh,
+  kMiddle,
+  kPlaced,
+  kMoving
+};
+// Adds a twin of the middle of the floor: as its own shape, or, in an instance, with the plane of
+// its object known exactly.
+void AddMiddle(Twin twin, float half, int32_t material, const Matrix4& turn, TestScene* t) {
+  const int32_t mesh =
+      t->Quad({-half, 0, -half}, {-half, 0, half}, {half, 0, half}, {half, 0, -half});
+  if (twin == Twin::kMiddle) {
+    t->AddShape(MeshShape{mesh}, material, turn);
+    return;
+  }
+  if (twin == Twin::kMoving) {
+    t->AddShape(MeshShape{mesh}, material, turn).world_from_object.end =
+        turn * TranslateMatrix({0.3 * static_cast<double>(half), 0, 0});
+    return;
+  }
+  t->AddLooseShape(MeshShape{mesh}, material);
+  t->scene.objects.push_back({"middle", {static_cast<int32_t>(t->scene.shapes.size()) - 1}, {}});
+  ObjectInstance instance;
+  instance.object = 0;
+  instance.world_from_instance.start = instance.world_from_instance.end = turn;
+  t->scene.instances.push_back(instance);
+}
+
 double FloorUnderSun(float half, Twin twin) {
   const Matrix4 turn = RotateMatrix(37.3, {0.3, 0.7, -0.4});
   TestScene t({0, 0, 0}, {0, 0, 1}, 30);
@@ -261,6 +293,10 @@ double FloorUnderSun(float half, Twin twin) {
     }
     t.AddShape(MeshShape{t.AddMesh(finer, faces)}, gray, turn);
   }
+  if (twin == Twin::kMiddle || twin == Twin::kPlaced || twin == Twin::kMoving) {
+    AddMiddle(twin, std::min(0.5f * half, 1.0f), gray, turn, &t);
+  }
+  if (twin == Twin::kMoving) t.scene.camera.shutter_close = 1;
   DistantLight sun;
   sun.radiance.rgb = Rgb::Gray(3);
   sun.from = {1, 2, -1};
@@ -275,8 +311,11 @@ TEST(ContactStability, G17FacesGivenTwiceAreOne) {
   for (const float half : {0.5f, 10.0f, 1e3f, 1e6f}) {
     const double once = FloorUnderSun(half, Twin::kNone);
     ASSERT_GT(once, 0);
-    for (const Twin twin :
-         {Twin::kSame, Twin::kBack, Twin::kOtherDiagonal, Twin::kFiner, Twin::kOneMesh}) {
+    for (const Twin twin : {Twin::kSame, Twin::kBack, Twin::kOtherDiagonal, Twin::kFiner,
+                            Twin::kOneMesh, Twin::kMiddle, Twin::kPlaced, Twin::kMoving}) {
+      // Barycentric coordinates are floats: on a triangle of 1e6 a point is off by .1 along it, so
+      // that points beside the edge of a small face may lie on it.
+      if (twin >= Twin::kMiddle && half > 1e3f) continue;
       const double twice = FloorUnderSun(half, twin);
       EXPECT_NEAR(twice, once, 1e-3 * once) << half << " " << static_cast<int>(twin);
       lost = std::max(lost, std::fabs(1 - twice / once));
@@ -287,6 +326,69 @@ TEST(ContactStability, G17FacesGivenTwiceAreOne) {
                   .expected = 0,
                   .measured = lost,
                   .tolerance = 1e-3});
+}
+
+// Turns under which the rounding of a plane's vertices moves it to either side.
+std::vector<Matrix4> OddTurns() {
+  std::vector<Matrix4> turns;
+  for (const double angle : {10.0, 37.3, 61.0, 83.0, 140.0, 200.0}) {
+    turns.push_back(RotateMatrix(angle, {0.3, 0.7, -0.4}));
+  }
+  return turns;
+}
+
+// G17: cards of the world lie on a floor that is an instance, with its plane known exactly. Cards
+// and floor do not shadow each other.
+TEST(ContactStability, G17CardsOnAnInstancedFloor) {
+  const auto floor = [](bool has_card, const Matrix4& turn) {
+    TestScene t({0, 0, 0}, {0, 0, 1}, 30);
+    Matrix4 upright;
+    EXPECT_TRUE(LookAtMatrix({0, 3, -5}, {0, 0, 0}, {0, 1, 0}, &upright));
+    t.scene.camera.world_from_camera.start = t.scene.camera.world_from_camera.end = turn * upright;
+    const int32_t gray = t.Diffuse(Rgb::Gray(0.5f));
+    AddMiddle(Twin::kPlaced, 4, gray, turn, &t);
+    if (has_card) AddMiddle(Twin::kMiddle, 1.5f, gray, turn, &t);
+    DistantLight sun;
+    sun.radiance.rgb = Rgb::Gray(3);
+    sun.from = {1, 2, -1};
+    sun.to = {0, 0, 0};
+    t.scene.lights.push_back({sun, {}, turn, {}});
+    return static_cast<double>(RenderMean(t.scene, SquareSettings(16, 16, 3)).mean.g);
+  };
+  for (const Matrix4& turn : OddTurns()) {
+    const double bare = floor(false, turn);
+    EXPECT_NEAR(floor(true, turn), bare, 1e-4 * bare);
+  }
+}
+
+// G17: a lamp is let into a ceiling that is an instance, with its plane known exactly. In the file
+// the lamp is far away, so its plane is rounded. The ceiling hides no part of it from a shelf
+// below.
+TEST(ContactStability, G17LampInAnInstancedCeiling) {
+  const auto shelf = [](bool has_ceiling, float far, const Matrix4& turn) {
+    TestScene t({0, 0, 0}, {0, 0, 1}, 20);
+    Matrix4 level;
+    EXPECT_TRUE(LookAtMatrix({0, -0.005, -0.5}, {0, -0.02, 0}, {0, 1, 0}, &level));
+    t.scene.camera.world_from_camera.start = t.scene.camera.world_from_camera.end = turn * level;
+    const int32_t gray = t.Diffuse(Rgb::Gray(0.5f));
+    t.AddShape(
+        MeshShape{t.Quad({-1, -0.02f, -1}, {-1, -0.02f, 1}, {1, -0.02f, 1}, {1, -0.02f, -1})}, gray,
+        turn);
+    const Matrix4 back = TranslateMatrix({0, -std::round(static_cast<double>(far) * 10) / 10, 0});
+    t.AddShape(MeshShape{t.Quad({-1, far, -1}, {1, far, -1}, {1, far, 1}, {-1, far, 1})},
+               t.Diffuse({}), turn * back)
+        .area_light = t.AreaLight(Rgb::Gray(2));
+    if (has_ceiling) AddMiddle(Twin::kPlaced, 3, gray, turn, &t);
+    return MeanOverPixels(RenderBothFilms(*Compile(t.scene, SquareSettings(12, 64, 2))), 0);
+  };
+  for (const float far : {1000.1f, 1000.2f, 1000.3f, 1000.4f}) {
+    for (const Matrix4& turn : OddTurns()) {
+      const ComponentMean expected = shelf(false, far, turn), measured = shelf(true, far, turn);
+      EXPECT_GT(expected.value, 0);
+      EXPECT_NEAR(measured.value, expected.value,
+                  5 * std::hypot(measured.standard_error, expected.standard_error));
+    }
+  }
 }
 
 // G17: a lamp in a plane of coordinate 0, where the rounding of its points is 0, shines by every

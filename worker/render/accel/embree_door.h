@@ -31,24 +31,36 @@ using QueryContext = RTCIntersectContext;
 inline constexpr float kDistanceDoubt = 0x1p-18f;
 inline float SearchEnd(float t) { return t * (1 + kDistanceDoubt); }
 
+// The plane of an emitter on which a ray ends is known within a bound. Hits are compared with it in
+// double up to this many bounds before the end, which covers rays that are inclined by more than
+// 1/256 to it.
+inline constexpr float kEndBounds = 256;
+
 // Embree passes its context to callbacks; ours adds the ray, the placed group that is being traced
 // (kNotPlaced for the world), and the nearest hit so far.
 struct TraceContext {
   QueryContext base;
   const SceneGeometry& geometry;
   const Ray& ray;  // Space: render, in the world as well as in groups.
-  // The contact that the ray leaves, if other surfaces may lie at its place (Ray::contact).
+  // The contact that the ray leaves, if other surfaces may lie at its place (Ray::contact), and the
+  // doubt of its distance, in lengths of the direction.
   const Contact* start = nullptr;
+  double start_doubt = 0;
   uint32_t here = kNotPlaced;
   // Initially the ray's end, without an id. nearest.contact may grow after the hit was taken.
   mutable RawHit nearest;
-  mutable float nearest_doubt = 0;
+  mutable float nearest_doubt = 0;  // Initially that of the ray's end.
   // The mesh of a hit whose u and v are still Embree's; null where they are ours (Settle).
   mutable const BakedMesh* unsettled = nullptr;
 
-  TraceContext(const SceneGeometry& scene, const Ray& traced, const Contact* left)
+  // plane_bound: of the distance of any emitter's plane from the one that is meant.
+  TraceContext(const SceneGeometry& scene, float plane_bound, const Ray& traced,
+               const Contact* left)
       : geometry(scene), ray(traced), start(left) {
     nearest.t = ray.t_max;
+    if (ray.end == Ray::End::kEmitter) nearest_doubt = kEndBounds * plane_bound / Length(ray.d);
+    if (left != nullptr) [[unlikely]]
+      start_doubt = left->doubt / std::fabs(Dot(left->n, ToDouble(ray.d)));
     Init();
   }
   // For a ray that enters a placed group.
@@ -56,6 +68,7 @@ struct TraceContext {
       : geometry(outside.geometry),
         ray(outside.ray),
         start(outside.start),
+        start_doubt(outside.start_doubt),
         here(placed),
         nearest(outside.nearest),
         nearest_doubt(outside.nearest_doubt) {
@@ -102,7 +115,7 @@ struct TraceContext {
   bool Blocks(const RawHit& hit, float doubt) const {
     if (start != nullptr && !IsAfterStart(hit, doubt)) [[unlikely]]
       return false;
-    if (std::fabs(hit.t - ray.t_max) <= doubt) return IsBeforeEnd(hit);
+    if (std::fabs(hit.t - ray.t_max) <= doubt + nearest_doubt) return IsBeforeEnd(hit);
     return hit.t < ray.t_max;
   }
 
@@ -153,6 +166,7 @@ inline void TraceAny(RTCScene scene, const TraceContext* context, RTCRay* ray) {
 #endif
 }
 
+// Without its end.
 inline RTCRay ToRtc(const Ray& ray) {
   RTCRay r;
   r.org_x = ray.o.x;
@@ -163,7 +177,6 @@ inline RTCRay ToRtc(const Ray& ray) {
   r.dir_y = ray.d.y;
   r.dir_z = ray.d.z;
   r.time = ray.time;
-  r.tfar = SearchEnd(ray.t_max);
   r.mask = ~0u;
   r.id = 0;
   r.flags = 0;

@@ -52,6 +52,7 @@ struct EmbreeScene::State {
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
   const SceneGeometry* described = nullptr;
+  float plane_bound = 0;  // Of the distance of a plane of the world from the one that is meant.
   std::deque<TracedMesh> meshes;      // For all groups; Embree holds pointers to elements.
   std::deque<PatchList> patch_lists;  // For all groups; Embree holds pointers to elements.
   std::deque<CurveList> curve_lists;  // Likewise.
@@ -188,6 +189,7 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
   State& state = *result->state_;
   state.filters = filters;
   state.described = &geometry;
+  state.plane_bound = Gamma(2) * Length(geometry.reach);
   state.leak_guard = LeakGuard(geometry);
   const std::string config = absl::StrCat("isa=avx2,threads=", build_threads);
   state.device = rtcNewDevice(config.c_str());
@@ -219,7 +221,8 @@ void EmbreeScene::NoteOutsideIsDark() { state_->leak_guard.NoteOutsideIsDark(); 
   RTCRayHit ray_hit;
   ray_hit.ray = ToRtc(ray);
   ClearHit(&ray_hit.hit);
-  const TraceContext context(*state_->described, ray, start);
+  const TraceContext context(*state_->described, state_->plane_bound, ray, start);
+  ray_hit.ray.tfar = context.SearchEndOf();
   TraceNearest(state_->scenes[0], &context, &ray_hit);
   if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
   Settle(context, &ray_hit);
@@ -247,7 +250,8 @@ bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
 [[gnu::always_inline]] inline bool EmbreeScene::OccludedFrom(const Contact* start,
                                                              const Ray& ray) const {
   RTCRay r = ToRtc(ray);
-  const TraceContext context(*state_->described, ray, start);
+  const TraceContext context(*state_->described, state_->plane_bound, ray, start);
+  r.tfar = context.SearchEndOf();
   TraceAny(state_->scenes[0], &context, &r);
   return r.tfar < 0;
 }

@@ -23,7 +23,7 @@ bool IsFlat(const SceneGeometry& geometry, PrimitiveId emitter) {
 }  // namespace
 
 bool TraceContext::IsAfterStart(const RawHit& hit, float doubt) const {
-  if (std::fabs(static_cast<double>(hit.t) - start->t) > static_cast<double>(doubt)) {
+  if (std::fabs(static_cast<double>(hit.t) - start->t) > static_cast<double>(doubt) + start_doubt) {
     return static_cast<double>(hit.t) > start->t;
   }
   if (hit.id == ray.source) return false;
