@@ -14,9 +14,9 @@ struct SceneReaderLimits {
   uint64_t memory_bytes_max = uint64_t{16} << 30;  // Size of the description.
   std::string memory_limit = "memory_bytes_max";   // The origin of that limit, for messages.
   uint32_t include_depth_max = 64;
-  // Files that include each other twice double at each level: both bound the whole.
+  // Files that include each other twice double at each level, and each line may name a large file.
   uint32_t inclusions_max = 100'000;
-  uint64_t repeated_bytes_max = uint64_t{4} << 30;  // Read from files that were read before.
+  uint64_t repeated_bytes_max = uint64_t{4} << 30;  // Read or copied of files read before.
   uint32_t mix_depth_max = 64;                      // Mix materials within each other.
   uint64_t file_bytes_max = uint64_t{8} << 30;
   uint32_t errors_max = 50;  // Reading stops after this many.

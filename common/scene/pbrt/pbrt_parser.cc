@@ -3,10 +3,7 @@
 #include "common/scene/pbrt/pbrt_parser.h"
 
 #include <algorithm>
-#include <cstdint>
-#include <filesystem>
 #include <memory>
-#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -80,9 +77,13 @@ absl::Status PbrtParser::ParseMainFile(const std::string& canonical_name) {
 }
 
 absl::Status PbrtParser::ParseFile(const std::string& canonical_name) {
-  absl::StatusOr<std::string> path = files_->LocalPath(canonical_name);
+  if (++inclusions_ > limits_.inclusions_max) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("files are included more often than the limit of ", limits_.inclusions_max,
+                     " (inclusions_max); define an object once and place it by ObjectInstance"));
+  }
+  absl::StatusOr<std::string> path = files_->PathToRead(canonical_name);
   if (!path.ok()) return path.status();
-  if (absl::Status status = ChargeInclusion(canonical_name, *path); !status.ok()) return status;
   absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(*path, limits_.file_bytes_max);
   if (!input.ok()) return input.status();
   Tokenizer tokenizer(std::move(*input));
@@ -96,24 +97,6 @@ absl::Status PbrtParser::ParseFile(const std::string& canonical_name) {
   file_ = outer_file;
   file_failed_ = outer_failed;
   return absl::OkStatus();
-}
-
-absl::Status PbrtParser::ChargeInclusion(const std::string& canonical_name,
-                                         const std::string& path) {
-  if (++inclusions_ > limits_.inclusions_max) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("files are included more often than the limit of ", limits_.inclusions_max,
-                     " (inclusions_max); define an object once and place it by ObjectInstance"));
-  }
-  if (files_read_.insert(canonical_name).second) return absl::OkStatus();
-  std::error_code unknown;
-  const uintmax_t bytes = std::filesystem::file_size(path, unknown);
-  repeated_bytes_ += unknown ? 0 : bytes;
-  if (repeated_bytes_ <= limits_.repeated_bytes_max) return absl::OkStatus();
-  return absl::ResourceExhaustedError(absl::StrCat(
-      "files that were included before add up to more than the limit of ",
-      limits_.repeated_bytes_max,
-      " bytes (repeated_bytes_max); define an object once and place it by ObjectInstance"));
 }
 
 Token PbrtParser::Next() {

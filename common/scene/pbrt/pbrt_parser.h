@@ -6,14 +6,13 @@
 #pragma once
 
 #include <cstdint>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
-#include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_builder.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/pbrt/syntax/tokenizer.h"
@@ -22,7 +21,7 @@ namespace sheaf {
 
 class PbrtParser {
  public:
-  PbrtParser(SceneBuilder* builder, FileSource* files, Diagnostics* diagnostics,
+  PbrtParser(SceneBuilder* builder, SceneFiles* files, Diagnostics* diagnostics,
              const SceneReaderLimits& limits)
       : builder_(builder), files_(files), diagnostics_(diagnostics), limits_(limits) {}
 
@@ -31,8 +30,6 @@ class PbrtParser {
 
  private:
   absl::Status ParseFile(const std::string& canonical_name);
-  // Errors: kResourceExhausted once files are included too often, or too much is read again.
-  absl::Status ChargeInclusion(const std::string& canonical_name, const std::string& path);
   void ParseDirectives();
   void ParseDirective(std::string_view word, SourceLocation location);
   bool ParseTransformDirective(std::string_view word, SourceLocation location);
@@ -65,16 +62,14 @@ class PbrtParser {
   }
 
   SceneBuilder* builder_;
-  FileSource* files_;
+  SceneFiles* files_;
   Diagnostics* diagnostics_;
   SceneReaderLimits limits_;
   Tokenizer* tokens_ = nullptr;          // The file being read.
   int32_t file_ = kNone;                 // Its index in SceneDescription::files.
   bool file_failed_ = false;             // The rest of the file cannot be read.
   std::vector<std::string> open_files_;  // From the main file to the one being read.
-  std::set<std::string> files_read_;
   uint32_t inclusions_ = 0;
-  uint64_t repeated_bytes_ = 0;
 };
 
 }  // namespace sheaf

@@ -32,7 +32,7 @@ Matrix4 MatrixFromColumns(const double* numbers) {
 
 }  // namespace
 
-SceneBuilder::SceneBuilder(SceneDescription* scene, FileSource* files, Diagnostics* diagnostics,
+SceneBuilder::SceneBuilder(SceneDescription* scene, SceneFiles* files, Diagnostics* diagnostics,
                            const SceneReaderLimits& limits)
     : scene_(scene),
       files_(files),

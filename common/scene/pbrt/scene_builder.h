@@ -13,10 +13,10 @@
 #include <unordered_map>
 #include <vector>
 
-#include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
 #include "common/scene/pbrt/statements/material_table.h"
 #include "common/scene/pbrt/statements/option_parameters.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/statements/shape_table.h"
 #include "common/scene/pbrt/statements/texture_table.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
@@ -29,7 +29,7 @@ namespace sheaf {
 class SceneBuilder {
  public:
   // Requires: all pointers outlive this.
-  SceneBuilder(SceneDescription* scene, FileSource* files, Diagnostics* diagnostics,
+  SceneBuilder(SceneDescription* scene, SceneFiles* files, Diagnostics* diagnostics,
                const SceneReaderLimits& limits);
 
   // The index of the file in SceneDescription::files.
@@ -126,7 +126,7 @@ class SceneBuilder {
 
   SceneDescription* scene_;
   std::unordered_map<std::string, int32_t> file_indices_;  // In SceneDescription::files.
-  FileSource* files_;
+  SceneFiles* files_;
   Diagnostics* diagnostics_;
   uint64_t memory_bytes_max_;
   TextureTable textures_;

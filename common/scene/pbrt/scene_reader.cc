@@ -6,6 +6,7 @@
 
 #include "common/scene/pbrt/pbrt_parser.h"
 #include "common/scene/pbrt/scene_builder.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 
 namespace sheaf {
@@ -14,8 +15,9 @@ absl::StatusOr<ReadSceneResult> ReadScene(const std::string& main_file, FileSour
                                           const SceneReaderLimits& limits) {
   ReadSceneResult result;
   Diagnostics diagnostics(&result.scene, limits);
-  SceneBuilder builder(&result.scene, &files, &diagnostics, limits);
-  PbrtParser parser(&builder, &files, &diagnostics, limits);
+  SceneFiles scene_files(&files, limits.repeated_bytes_max);
+  SceneBuilder builder(&result.scene, &scene_files, &diagnostics, limits);
+  PbrtParser parser(&builder, &scene_files, &diagnostics, limits);
   if (absl::Status status = parser.ParseMainFile(main_file); !status.ok()) return status;
   if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
   result.diagnostics = diagnostics.TakeAll();

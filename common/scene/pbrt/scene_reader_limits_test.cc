@@ -11,6 +11,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "common/scene/pbrt/scene_reader.h"
 
 namespace sheaf {
@@ -75,6 +76,52 @@ TEST_F(SceneReaderLimitsTest, IncludesThatDoubleAreBounded) {
   limits.repeated_bytes_max = 1000;
   EXPECT_THAT(std::string(Read(scene, limits).status().message()),
               HasSubstr("more than the limit of 1000 bytes (repeated_bytes_max)"));
+}
+
+std::string Repeated(const std::string& line, int count) {
+  std::string text = "WorldBegin\n";
+  for (int i = 0; i < count; ++i)
+    absl::StrAppend(&text, absl::StrReplaceAll(line, {{"$", absl::StrCat(i)}}), "\n");
+  return text;
+}
+
+// Each line of a small file may name a large one.
+TEST_F(SceneReaderLimitsTest, FilesNamedAgainAreBounded) {
+  std::string spectrum, ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 37 1 1 2 0 0 0\n1 1 100\n";
+  for (int i = 0; i < 100; ++i) absl::StrAppend(&spectrum, 360 + i, " .5\n");
+  for (int i = 0; i <= 180; i += 5) absl::StrAppend(&ies, i, " ");
+  absl::StrAppend(&ies, "\n0\n");
+  for (int i = 0; i <= 180; i += 5) absl::StrAppend(&ies, 100, " ");
+  Write("a.spd", spectrum);
+  Write("a.ies", ies);
+  Write("a.ply",
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  SceneReaderLimits limits;
+  limits.repeated_bytes_max = 2000;
+  for (const char* const line :
+       {"Material \"diffuse\" \"spectrum reflectance\" \"a.spd\"",
+        "LightSource \"point\" \"spectrum I\" \"a.spd\"",
+        "MakeNamedMedium \"$\" \"string type\" \"homogeneous\" \"spectrum sigma_a\" \"a.spd\"",
+        "LightSource \"goniometric\" \"string filename\" \"a.ies\""}) {
+    EXPECT_TRUE(Read(Repeated(line, 3), limits).ok()) << Read(Repeated(line, 3), limits).status();
+    EXPECT_THAT(std::string(Read(Repeated(line, 50), limits).status().message()),
+                HasSubstr("more than the limit of 2000 bytes (repeated_bytes_max)"))
+        << line;
+  }
+  // A mesh is read once for each list of steps.
+  const std::string shape = "Shape \"plymesh\" \"string filename\" \"a.ply\"";
+  EXPECT_TRUE(Read(Repeated(shape, 50), limits).ok());
+  std::string steps = Repeated(shape, 1);
+  for (int count = 1; count <= 6; ++count) {
+    absl::StrAppend(&steps, shape);
+    for (int i = 1; i <= count; ++i)
+      absl::StrAppend(&steps, " \"string filename", i, "\" \"a.ply\"");
+    absl::StrAppend(&steps, "\n");
+  }
+  EXPECT_THAT(std::string(Read(steps, limits).status().message()),
+              HasSubstr("more than the limit of 2000 bytes (repeated_bytes_max)"));
 }
 
 TEST_F(SceneReaderLimitsTest, FilesThatHaveNoEndAreNotRead) {

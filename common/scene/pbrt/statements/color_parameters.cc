@@ -8,31 +8,11 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "common/scene/formats/number.h"
-#include "common/scene/pbrt/syntax/tokenizer.h"
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/spectrum.h"
 
 namespace sheaf {
 namespace {
-
-constexpr uint64_t kSpectrumFileBytesMax = uint64_t{1} << 24;
-
-// Returns an error text, empty on success.
-std::string ReadSpectrumFile(const std::string& path, std::vector<float>* numbers) {
-  absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, kSpectrumFileBytesMax);
-  if (!input.ok()) return std::string(input.status().message());
-  Tokenizer tokens(std::move(*input));
-  while (true) {
-    const Token token = tokens.Next();
-    if (token.kind == Token::Kind::kEnd) return "";
-    float value = 0;
-    if (token.kind != Token::Kind::kWord || !ParseFloat(token.text, &value)) {
-      return absl::StrCat("line ", token.line, ", column ", token.column, ": expected a number");
-    }
-    numbers->push_back(value);
-  }
-}
 
 std::string SetSamples(const std::vector<float>& numbers, ColorSpec* color) {
   if (numbers.empty() || numbers.size() % 2 != 0) {
@@ -51,20 +31,20 @@ std::string SetSamples(const std::vector<float>& numbers, ColorSpec* color) {
   return "";
 }
 
-std::string SetNamed(const std::string& name, FileSource& files, ColorSpec* color) {
+std::string SetNamed(const std::string& name, SceneFiles& files, ColorSpec* color) {
   color->name = name;
   if (IsNamedSpectrum(name)) {
     color->kind = ColorSpec::Kind::kNamed;
     return "";
   }
-  const absl::StatusOr<std::string> path = files.LocalPath(CanonicalFileName(name));
-  if (!path.ok()) {
+  const std::string file = CanonicalFileName(name);
+  if (const auto path = files.LocalPath(file); !path.ok()) {
     return absl::StrCat("names no known spectrum, and ", path.status().message(),
                         NearestNameHint(name, NamedSpectra()));
   }
-  std::vector<float> numbers;
-  std::string error = ReadSpectrumFile(*path, &numbers);
-  if (error.empty()) error = SetSamples(numbers, color);
+  const absl::StatusOr<const std::vector<float>*> numbers = files.SpectrumNumbers(file);
+  const std::string error =
+      numbers.ok() ? SetSamples(**numbers, color) : std::string(numbers.status().message());
   if (!error.empty()) return absl::StrCat("cannot use the spectrum file \"", name, "\": ", error);
   return "";
 }
@@ -117,7 +97,7 @@ ColorSpec RgbColor(Rgb rgb) {
 }
 
 ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole role,
-                   const ColorSpec& fallback, FileSource& files) {
+                   const ColorSpec& fallback, SceneFiles& files) {
   const Parameter* parameter = parameters.Find(name);
   if (parameter == nullptr) return fallback;
   ColorSpec color;

@@ -7,7 +7,7 @@
 
 #include <string>
 
-#include "common/scene/file_source.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
 
@@ -19,6 +19,6 @@ ColorSpec RgbColor(Rgb rgb);
 // reported).
 // Requires: the parameter is not a texture.
 ColorSpec GetColor(ParameterList& parameters, const std::string& name, ColorRole role,
-                   const ColorSpec& fallback, FileSource& files);
+                   const ColorSpec& fallback, SceneFiles& files);
 
 }  // namespace sheaf

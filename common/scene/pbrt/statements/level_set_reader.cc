@@ -10,6 +10,13 @@
 #include "common/volume/volume_surface.h"
 
 namespace sheaf {
+namespace {
+
+// A grid is compressed, and a process of its own reads it: one reading costs as much as that of
+// this many bytes of text.
+constexpr uint64_t kReadingBytes = uint64_t{4} << 20;
+
+}  // namespace
 
 std::vector<std::string> LevelSetParameters::Key() const {
   return {file, "", grid, absl::StrCat(isovalue)};
@@ -30,11 +37,11 @@ std::optional<LevelSetParameters> ReadLevelSetParameters(ParameterList& paramete
 
 std::optional<TriangleMesh> ReadLevelSet(const LevelSetParameters& wanted,
                                          const SceneReaderLimits& limits, ParameterList& parameters,
-                                         FileSource& files, Diagnostics* diagnostics,
+                                         SceneFiles& files, Diagnostics* diagnostics,
                                          MeshOrigin* at) {
   VolumeLimits volume_limits;
   volume_limits.grid_bytes_max = std::min(volume_limits.grid_bytes_max, limits.memory_bytes_max);
-  const absl::StatusOr<std::string> path = files.LocalPath(wanted.file);
+  const absl::StatusOr<std::string> path = files.PathToRead(wanted.file, kReadingBytes);
   absl::StatusOr<VolumeSurface> surface =
       path.ok() ? ReadVolumeSurface(wanted.file, *path, wanted.grid, wanted.isovalue, volume_limits)
                 : absl::StatusOr<VolumeSurface>(path.status());

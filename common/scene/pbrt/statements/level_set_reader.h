@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/scene/file_source.h"
 #include "common/scene/pbrt/statements/mesh_parameters.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/scene_reader_limits.h"
@@ -30,7 +30,7 @@ std::optional<LevelSetParameters> ReadLevelSetParameters(ParameterList& paramete
 // The surface as a mesh; warned about if it is empty. Empty (reported) if it cannot be read.
 std::optional<TriangleMesh> ReadLevelSet(const LevelSetParameters& wanted,
                                          const SceneReaderLimits& limits, ParameterList& parameters,
-                                         FileSource& files, Diagnostics* diagnostics,
+                                         SceneFiles& files, Diagnostics* diagnostics,
                                          MeshOrigin* at);
 
 }  // namespace sheaf

@@ -55,7 +55,7 @@ void CheckDirection(ParameterList& parameters, Vec3d from, Vec3d to) {
 
 // Canonical name of the parameter's file, whose readability has been checked (failures are
 // reported); empty if there is no parameter.
-std::string GetFile(ParameterList& parameters, FileSource& files) {
+std::string GetFile(ParameterList& parameters, SceneFiles& files) {
   const std::string filename = parameters.GetString("filename", "");
   if (filename.empty()) return "";
   std::string file = CanonicalFileName(filename);
@@ -88,7 +88,7 @@ std::vector<Vec3d> GetPortal(ParameterList& parameters) {
   return corners;
 }
 
-InfiniteLight GetInfinite(ParameterList& parameters, FileSource& files) {
+InfiniteLight GetInfinite(ParameterList& parameters, SceneFiles& files) {
   InfiniteLight light;
   light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
   light.illuminance_lx = parameters.GetFloat("illuminance", -1);
@@ -104,7 +104,7 @@ InfiniteLight GetInfinite(ParameterList& parameters, FileSource& files) {
   return light;
 }
 
-DistantLight GetDistant(ParameterList& parameters, FileSource& files) {
+DistantLight GetDistant(ParameterList& parameters, SceneFiles& files) {
   DistantLight light;
   light.radiance = GetColor(parameters, "L", ColorRole::kIlluminant, White(), files);
   light.from = parameters.GetPoint3("from", {0, 0, 0});
@@ -114,14 +114,14 @@ DistantLight GetDistant(ParameterList& parameters, FileSource& files) {
   return light;
 }
 
-PointLight GetPoint(ParameterList& parameters, FileSource& files) {
+PointLight GetPoint(ParameterList& parameters, SceneFiles& files) {
   PointLight light;
   light.intensity = GetColor(parameters, "I", ColorRole::kIlluminant, White(), files);
   light.from = parameters.GetPoint3("from", {0, 0, 0});
   return light;
 }
 
-SpotLight GetSpot(ParameterList& parameters, FileSource& files) {
+SpotLight GetSpot(ParameterList& parameters, SceneFiles& files) {
   SpotLight light;
   light.intensity = GetColor(parameters, "I", ColorRole::kIlluminant, White(), files);
   light.from = parameters.GetPoint3("from", {0, 0, 0});
@@ -141,7 +141,7 @@ SpotLight GetSpot(ParameterList& parameters, FileSource& files) {
   return light;
 }
 
-GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
+GoniometricLight GetGoniometric(ParameterList& parameters, SceneFiles& files) {
   GoniometricLight light;
   light.intensity = GetColor(parameters, "I", ColorRole::kIlluminant, White(), files);
   light.file = GetFile(parameters, files);
@@ -152,11 +152,10 @@ GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
                      ": without \"string filename\" it emits equally in all directions"));
   }
   if (!IsIesFileName(light.file)) return light;
-  const absl::StatusOr<std::string> path = files.LocalPath(light.file);
-  if (!path.ok()) return light;  // Reported already.
-  absl::StatusOr<CandelaTable> table = ReadIes(light.file, *path);
+  if (!files.LocalPath(light.file).ok()) return light;  // Reported already.
+  const absl::StatusOr<const CandelaTable*> table = files.Candelas(light.file);
   if (table.ok()) {
-    light.table = *std::move(table);
+    light.table = **table;
     if (light.table.dims_when_tilted) {
       parameters.diagnostics().Note(
           parameters.Find("filename")->location,
@@ -171,7 +170,7 @@ GoniometricLight GetGoniometric(ParameterList& parameters, FileSource& files) {
   return light;
 }
 
-ProjectionLight GetProjection(ParameterList& parameters, FileSource& files) {
+ProjectionLight GetProjection(ParameterList& parameters, SceneFiles& files) {
   ProjectionLight light;
   light.file = GetFile(parameters, files);
   if (light.file.empty()) {
@@ -189,7 +188,7 @@ ProjectionLight GetProjection(ParameterList& parameters, FileSource& files) {
 }  // namespace
 
 std::optional<LightDescription> GetLight(const std::string& type, const Matrix4& world_from_light,
-                                         ParameterList& parameters, FileSource& files) {
+                                         ParameterList& parameters, SceneFiles& files) {
   LightDescription light;
   light.location = parameters.location();
   light.world_from_light = world_from_light;
@@ -228,7 +227,7 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
 }
 
 std::optional<AreaLightDescription> GetAreaLight(const std::string& type, ParameterList& parameters,
-                                                 FileSource& files) {
+                                                 SceneFiles& files) {
   if (type != "diffuse") {
     parameters.Error(absl::StrCat(parameters.owner(), " is not supported",
                                   SupportedNamesHint(type, {"diffuse"})));

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "common/scene/file_source.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
 
@@ -15,10 +15,10 @@ namespace sheaf {
 
 // LightSource "type" ...; empty (reported) if Sheaf does not support the type.
 std::optional<LightDescription> GetLight(const std::string& type, const Matrix4& world_from_light,
-                                         ParameterList& parameters, FileSource& files);
+                                         ParameterList& parameters, SceneFiles& files);
 
 // AreaLightSource "diffuse" ...
 std::optional<AreaLightDescription> GetAreaLight(const std::string& type, ParameterList& parameters,
-                                                 FileSource& files);
+                                                 SceneFiles& files);
 
 }  // namespace sheaf

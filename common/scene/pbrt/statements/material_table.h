@@ -19,7 +19,7 @@ namespace sheaf {
 class MaterialTable {
  public:
   // Requires: all pointers outlive this.
-  MaterialTable(SceneDescription* scene, TextureTable* textures, FileSource* files,
+  MaterialTable(SceneDescription* scene, TextureTable* textures, SceneFiles* files,
                 Diagnostics* diagnostics, uint32_t mix_depth_max)
       : scene_(scene),
         textures_(textures),
@@ -86,7 +86,7 @@ class MaterialTable {
 
   SceneDescription* scene_;
   TextureTable* textures_;
-  FileSource* files_;
+  SceneFiles* files_;
   Diagnostics* diagnostics_;
   const uint32_t mix_depth_max_;
   std::map<std::string, Slot> slots_;

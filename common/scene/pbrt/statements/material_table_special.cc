@@ -94,17 +94,12 @@ MeasuredMaterial MaterialTable::MakeMeasured(ParameterList& parameters) {
   }
   measured.file = CanonicalFileName(name);
   const Parameter& parameter = *parameters.Find("filename");
-  const absl::StatusOr<std::string> path = files_->LocalPath(measured.file);
-  if (!path.ok()) {
-    parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", path.status().message()));
-    return measured;
-  }
-  const absl::StatusOr<MeasuredShape> shape = ReadMeasuredShape(measured.file, *path);
+  const absl::StatusOr<const MeasuredShape*> shape = files_->MeasuredShapeOf(measured.file);
   if (!shape.ok()) {
     parameters.ErrorAt(parameter, absl::StrCat("cannot be read: ", shape.status().message()));
     return measured;
   }
-  measured.is_anisotropic = shape->phi_count > 1;
+  measured.is_anisotropic = (*shape)->phi_count > 1;
   return measured;
 }
 

@@ -56,7 +56,7 @@ bool IsFreePath(const ColorSpec& color, float scale) {
 }
 
 // Coefficients from the interior's reflectance under uniform light and its mean free path.
-void GetReflectance(ParameterList& parameters, TextureTable& textures, FileSource& files, float eta,
+void GetReflectance(ParameterList& parameters, TextureTable& textures, SceneFiles& files, float eta,
                     MediumDescription* subsurface) {
   SubsurfaceReflectance reflectance;
   const ColorInput color = textures.GetColorInput(parameters, "reflectance",

@@ -17,7 +17,7 @@
 namespace sheaf {
 namespace {
 
-void GetCoefficients(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
+void GetCoefficients(ParameterList& parameters, SceneFiles& files, MediumDescription* medium) {
   const ColorSpec one = RgbColor(Rgb::Gray(1));
   medium->sigma_a = GetColor(parameters, "sigma_a", ColorRole::kUnbounded, one, files);
   medium->sigma_s = GetColor(parameters, "sigma_s", ColorRole::kUnbounded, one, files);
@@ -35,7 +35,7 @@ void GetRadianceScale(ParameterList& parameters, MediumDescription* medium) {
   }
 }
 
-void GetRadiance(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
+void GetRadiance(ParameterList& parameters, SceneFiles& files, MediumDescription* medium) {
   medium->radiance = GetColor(parameters, "Le", ColorRole::kIlluminant, {}, files);
   medium->emits = parameters.Has("Le") && !medium->radiance.rgb.IsBlack();
 }
@@ -49,7 +49,7 @@ TemperatureEmission GetTemperatureEmission(ParameterList& parameters) {
   return emission;
 }
 
-void SetHomogeneous(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
+void SetHomogeneous(ParameterList& parameters, SceneFiles& files, MediumDescription* medium) {
   const std::string preset = parameters.GetString("preset", "");
   if (preset.empty()) {
     GetCoefficients(parameters, files, medium);
@@ -159,7 +159,7 @@ std::vector<Rgb> GetColorCells(ParameterList& parameters, const std::string& nam
   return cells;
 }
 
-void SetUniformGrid(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
+void SetUniformGrid(ParameterList& parameters, SceneFiles& files, MediumDescription* medium) {
   UniformGridMedium grid;
   GetCoefficients(parameters, files, medium);
   if (GetBox(parameters, &grid.box)) {
@@ -215,7 +215,7 @@ void SetRgbGrid(ParameterList& parameters, MediumDescription* medium) {
   medium->kind = std::move(grid);
 }
 
-void SetCloud(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
+void SetCloud(ParameterList& parameters, SceneFiles& files, MediumDescription* medium) {
   CloudMedium cloud;
   GetCoefficients(parameters, files, medium);
   GetCorners(parameters, &cloud.p0, &cloud.p1);
@@ -231,7 +231,7 @@ void SetCloud(ParameterList& parameters, FileSource& files, MediumDescription* m
   medium->kind = cloud;
 }
 
-void SetVolumeFile(ParameterList& parameters, FileSource& files, MediumDescription* medium) {
+void SetVolumeFile(ParameterList& parameters, SceneFiles& files, MediumDescription* medium) {
   VolumeFileMedium volume;
   GetCoefficients(parameters, files, medium);
   const std::string file = parameters.GetString("filename", "");
@@ -327,7 +327,7 @@ void RemoveGridsWithoutEffect(ParameterList& parameters, MediumDescription* medi
   medium->emits = false;
 }
 
-bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, FileSource& files,
+bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, SceneFiles& files,
                MediumDescription* medium) {
   medium->world_from_medium = world_from_medium;
   const std::string type = parameters.GetString("type", "");

@@ -6,7 +6,7 @@
 
 #include <string>
 
-#include "common/scene/file_source.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
 
@@ -18,7 +18,7 @@ inline constexpr int64_t kGridCellsMax = int64_t{1} << 30;
 
 // MakeNamedMedium "name" ... False (reported) if Sheaf does not support the type; other mistakes
 // are reported and replaced by the default.
-bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, FileSource& files,
+bool SetMedium(const Matrix4& world_from_medium, ParameterList& parameters, SceneFiles& files,
                MediumDescription* medium);
 
 // Reports physically impossible coefficients, and sets them to 0.

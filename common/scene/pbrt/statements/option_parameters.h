@@ -7,7 +7,7 @@
 
 #include <string>
 
-#include "common/scene/file_source.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
 
@@ -24,7 +24,7 @@ struct PendingFrame {
 };
 
 // files: for the lens and aperture files of a realistic camera.
-void SetCamera(const std::string& type, ParameterList& parameters, FileSource& files,
+void SetCamera(const std::string& type, ParameterList& parameters, SceneFiles& files,
                CameraDescription* camera, PendingFrame* frame);
 void SetFilm(const std::string& type, ParameterList& parameters, FilmDescription* film,
              PendingFrame* frame);

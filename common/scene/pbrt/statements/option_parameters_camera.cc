@@ -112,7 +112,7 @@ void GetLens(ParameterList& parameters, CameraDescription* camera) {
   }
 }
 
-void GetAperture(ParameterList& parameters, FileSource& files, LensDescription* lens) {
+void GetAperture(ParameterList& parameters, SceneFiles& files, LensDescription* lens) {
   using Aperture = LensDescription::Aperture;
   const std::string aperture = parameters.GetString("aperture", "");
   if (aperture.empty()) return;
@@ -135,7 +135,7 @@ void GetAperture(ParameterList& parameters, FileSource& files, LensDescription* 
   }
 }
 
-void GetRealistic(ParameterList& parameters, FileSource& files, LensDescription* lens) {
+void GetRealistic(ParameterList& parameters, SceneFiles& files, LensDescription* lens) {
   lens->aperture_diameter_mm = parameters.GetFloat("aperturediameter", 1);
   lens->focus_distance_m = parameters.GetFloat("focusdistance", 10);
   for (const char* name : {"aperturediameter", "focusdistance"}) {
@@ -151,7 +151,7 @@ void GetRealistic(ParameterList& parameters, FileSource& files, LensDescription*
   }
   lens->file = CanonicalFileName(file);
   const Parameter& place = *parameters.Find("lensfile");
-  const absl::StatusOr<std::string> path = files.LocalPath(lens->file);
+  const absl::StatusOr<std::string> path = files.PathToRead(lens->file);
   absl::StatusOr<std::vector<LensSurface>> surfaces =
       path.ok() ? ReadLens(lens->file, *path) : path.status();
   if (!surfaces.ok()) {
@@ -200,7 +200,7 @@ void GetMapping(ParameterList& parameters, CameraDescription* camera) {
 
 }  // namespace
 
-void SetCamera(const std::string& type, ParameterList& parameters, FileSource& files,
+void SetCamera(const std::string& type, ParameterList& parameters, SceneFiles& files,
                CameraDescription* camera, PendingFrame* frame) {
   if (type == "perspective") {
     camera->kind = CameraDescription::Kind::kPerspective;

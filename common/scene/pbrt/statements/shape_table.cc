@@ -108,7 +108,7 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
   for (size_t i = 0; i < names.size(); ++i) {
     const Parameter& parameter =
         *parameters.Find(i == 0 ? std::string("filename") : absl::StrCat("filename", i));
-    const absl::StatusOr<std::string> path = files_->LocalPath(names[i]);
+    const absl::StatusOr<std::string> path = files_->PathToRead(names[i]);
     // Later steps share the origin of the first.
     const std::optional<Vec3d> origin =
         at->may_move && i == 0 ? std::nullopt : std::optional(at->origin);

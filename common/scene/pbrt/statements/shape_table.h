@@ -12,9 +12,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/scene/file_source.h"
 #include "common/scene/formats/ply_reader.h"
 #include "common/scene/pbrt/statements/mesh_parameters.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/statements/texture_table.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
@@ -25,7 +25,7 @@ namespace sheaf {
 class ShapeTable {
  public:
   // Requires: all pointers outlive this.
-  ShapeTable(SceneDescription* scene, TextureTable* textures, FileSource* files,
+  ShapeTable(SceneDescription* scene, TextureTable* textures, SceneFiles* files,
              Diagnostics* diagnostics, const SceneReaderLimits& limits)
       : scene_(scene),
         textures_(textures),
@@ -77,7 +77,7 @@ class ShapeTable {
 
   SceneDescription* scene_;
   TextureTable* textures_;
-  FileSource* files_;
+  SceneFiles* files_;
   Diagnostics* diagnostics_;
   SceneReaderLimits limits_;
   float displacement_edge_scale_ = 1;

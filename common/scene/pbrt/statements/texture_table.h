@@ -10,7 +10,7 @@
 #include <string>
 #include <tuple>
 
-#include "common/scene/file_source.h"
+#include "common/scene/pbrt/statements/scene_files.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
 
@@ -19,7 +19,7 @@ namespace sheaf {
 class TextureTable {
  public:
   // Requires: all pointers outlive this.
-  TextureTable(SceneDescription* scene, FileSource* files, Diagnostics* diagnostics)
+  TextureTable(SceneDescription* scene, SceneFiles* files, Diagnostics* diagnostics)
       : scene_(scene), files_(files), diagnostics_(diagnostics) {}
 
   // Texture "name" "float|spectrum" "kind" ... with the current transformation.
@@ -61,7 +61,7 @@ class TextureTable {
   ConstantTexture MakeConstant(ParameterList& parameters, bool is_color);
 
   SceneDescription* scene_;
-  FileSource* files_;
+  SceneFiles* files_;
   Diagnostics* diagnostics_;
   std::map<Key, Slot> slots_;
   bool is_declaring_ = false;
