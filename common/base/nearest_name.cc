@@ -3,6 +3,7 @@
 #include "common/base/nearest_name.h"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 #include "absl/strings/str_cat.h"
@@ -10,32 +11,39 @@
 namespace sheaf {
 namespace {
 
-// Levenshtein distance, the number of single-byte edits from a to b.
-size_t EditDistance(std::string_view a, std::string_view b) {
-  std::vector<size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), size_t{0});
+constexpr size_t kNameBytesMax = 64;  // Longer names are not worth the quadratic comparison.
+
+// Levenshtein distance, the number of single-byte edits from a to b; `limit` if it is no less.
+// Requires: neither is longer than kNameBytesMax.
+size_t EditDistance(std::string_view a, std::string_view b, size_t limit) {
+  const size_t difference = std::max(a.size(), b.size()) - std::min(a.size(), b.size());
+  if (difference >= limit) return limit;
+  std::array<size_t, kNameBytesMax + 1> columns;
+  size_t* const row = columns.data();
+  std::iota(row, row + b.size() + 1, size_t{0});
   for (size_t i = 0; i < a.size(); ++i) {
     size_t diagonal = row[0];
-    row[0] = i + 1;
+    size_t least = row[0] = i + 1;
     for (size_t j = 0; j < b.size(); ++j) {
       const size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
       diagonal = row[j + 1];
       row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+      least = std::min(least, row[j + 1]);
     }
+    if (least >= limit) return limit;  // Rows never decrease.
   }
-  return row[b.size()];
+  return std::min(row[b.size()], limit);
 }
 
 }  // namespace
 
 std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates) {
-  constexpr size_t kNameBytesMax = 64;  // Longer names are not worth the quadratic comparison.
   if (name.size() > kNameBytesMax) return "";
   const std::string* best = nullptr;
   size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
   for (const std::string& candidate : candidates) {
     if (candidate.size() > kNameBytesMax) continue;
-    const size_t distance = EditDistance(name, candidate);
+    const size_t distance = EditDistance(name, candidate, best_distance);
     if (distance < best_distance) {
       best_distance = distance;
       best = &candidate;

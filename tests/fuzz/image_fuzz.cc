@@ -36,12 +36,16 @@ class Folder {
 }  // namespace
 
 SHEAF_FUZZ_TARGET(image) {
+  // A file that its own reader refuses goes to all others, among them those of cameras, which take
+  // ten times as long as the rest. OpenImageIO is loaded by the first image.
+  static const int own_reader_only = ::setenv("OPENIMAGEIO_OPTIONS", "try_all_readers=0", 1);
+  SHEAF_CHECK(own_reader_only == 0);
   static const Folder folder;
   const char* const extension = kExtensions[testing::TakeByte(&bytes) % kExtensions.size()];
   const std::string path = folder.path() + "/a." + extension;
   std::ofstream(path, std::ios::binary) << bytes;
   ReadImageLimits limits;
-  limits.memory_bytes_max = uint64_t{1} << 24;
+  limits.memory_bytes_max = uint64_t{1} << 20;  // Cleared before a file turns out to be short.
   const absl::StatusOr<FloatImage> image = ReadImage(path, limits);
   if (!image.ok()) return;
   SHEAF_CHECK(image->width > 0 && image->height > 0 && image->channels > 0);

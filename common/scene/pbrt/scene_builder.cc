@@ -9,6 +9,7 @@
 #include "common/base/check.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
 #include "common/scene/pbrt/statements/light_parameters.h"
+#include "common/scene/pbrt/statements/subsurface_reflectance.h"
 
 namespace sheaf {
 namespace {
@@ -321,6 +322,10 @@ void SceneBuilder::EndOfScene() {
   shapes_.ReportSkipped();
   textures_.Finish();
   materials_.Finish();
+  if (diagnostics_->HasErrors()) return;
+  for (MediumDescription& medium : scene_->media) {
+    if (medium.reflectance.has_value()) SetReflectance(*medium.reflectance, &medium);
+  }
 }
 
 }  // namespace sheaf

@@ -5,12 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <optional>
 
 #include "common/base/check.h"
 #include "common/math/elementary.h"
+#include "common/scene/spectrum/named_spectra.h"
 #include "common/scene/spectrum/narrow_bands.h"
 #include "common/scene/spectrum/spectrum_data.h"
+#include "common/scene/spectrum/table_lookup.h"
 
 namespace sheaf {
 namespace {
@@ -18,62 +19,6 @@ namespace {
 namespace data = spectrum_data;
 
 constexpr int kFirstNm = kSpectrumFirstNm, kLastNm = kSpectrumLastNm;
-constexpr double kElectronVoltNm =
-    1239.84;  // Wavelength in nm of a photon of 1 eV, as in the tables.
-
-// Linear interpolation in an equidistant table; constant beyond its ends.
-double Equidistant(const double* values, size_t count, double first, double step, double at) {
-  const double position = std::clamp((at - first) / step, 0.0, static_cast<double>(count - 1));
-  const size_t below = std::min(static_cast<size_t>(position), count - 2);
-  const double t = position - static_cast<double>(below);
-  return values[below] * (1 - t) + values[below + 1] * t;
-}
-
-// Linear interpolation in a table of any spacing; 0 outside.
-template <typename T>
-double PiecewiseLinear(const T* wavelengths_nm, const T* values, size_t count, double at) {
-  if (count == 0 || at < wavelengths_nm[0] || at > wavelengths_nm[count - 1]) return 0;
-  const T* above = std::upper_bound(wavelengths_nm, wavelengths_nm + count, at);
-  const auto i = static_cast<size_t>(above - wavelengths_nm);
-  if (i == count) return values[count - 1];
-  const double low = wavelengths_nm[i - 1];
-  const double t = (at - low) / (wavelengths_nm[i] - low);
-  return values[i - 1] * (1 - t) + values[i] * t;
-}
-
-// CIE illuminant A. Source: CIE 15:2004, eq. 3.1 (Planck's law at 2848 K with the old constant).
-double IlluminantA(double nm) {
-  const double ratio = 560 / nm;
-  const double fifth = ratio * ratio * ratio * ratio * ratio;
-  return 100 * fifth * Expm1(1.435e7 / (2848 * 560)) / Expm1(1.435e7 / (2848 * nm));
-}
-
-// CIE daylight of a correlated color temperature from 4000 to 25000 K. Source: CIE 15:2004, 3.2.
-double Daylight(double temperature_k, double nm) {
-  const double r = 1000 / temperature_k;
-  const double x = temperature_k <= 7000 ? ((-4.6070 * r + 2.9678) * r + 0.09911) * r + 0.244063
-                                         : ((-2.0064 * r + 1.9018) * r + 0.24748) * r + 0.237040;
-  const double y = -3 * x * x + 2.87 * x - 0.275;
-  const double m = 0.0241 + 0.2562 * x - 0.7341 * y;
-  const double m1 = (-1.3515 - 1.7703 * x + 5.9114 * y) / m;
-  const double m2 = (0.03 - 31.4424 * x + 30.0717 * y) / m;
-  const auto component = [&](const double* values) {
-    return Equidistant(values, data::kDaylightCount, data::kDaylightFirstNm, data::kDaylightStepNm,
-                       nm);
-  };
-  return component(data::kDaylightS0) + m1 * component(data::kDaylightS1) +
-         m2 * component(data::kDaylightS2);
-}
-
-// Corrects the temperatures of the daylight names. The constant of Planck's law has changed since
-// D65 was named, which moved its temperature from 6500 K.
-constexpr double kConstantRatio = 1.4388 / 1.438;
-std::optional<double> DaylightTemperature(const std::string& name) {
-  if (name == "stdillum-D50") return 5000 * kConstantRatio;
-  if (name == "stdillum-D65") return 6500 * kConstantRatio;
-  if (name == "illum-acesD60") return 6000 * kConstantRatio;
-  return std::nullopt;
-}
 
 // Planck's law. Source: CODATA 2010, the values pbrt-v4 uses.
 double Blackbody(double temperature_k, double nm) {
@@ -82,48 +27,6 @@ double Blackbody(double temperature_k, double nm) {
   const double fifth = metres * metres * metres * metres * metres;
   return 2 * kPlanck * kLightSpeed * kLightSpeed /
          (fifth * Expm1(kPlanck * kLightSpeed / (metres * kBoltzmann * temperature_k)));
-}
-
-// "metal-Cu-eta" and the like; empty for other names.
-std::optional<double> MetalAt(const std::string& name, double nm) {
-  for (const data::Metal& metal : data::kMetals) {
-    const std::string prefix = std::string("metal-") + metal.name;
-    const bool is_eta = name == prefix + "-eta";
-    if (!is_eta && name != prefix + "-k") continue;
-    return Equidistant(is_eta ? metal.eta : metal.k, data::kMetalCount, data::kMetalFirstEv,
-                       data::kMetalStepEv, kElectronVoltNm / nm);
-  }
-  return std::nullopt;
-}
-
-std::string FluorescentName(size_t lamp) { return "stdillum-F" + std::to_string(lamp + 1); }
-
-// "stdillum-F1" and the like; empty for other names. 0 beyond the table's ends.
-std::optional<double> FluorescentAt(const std::string& name, double nm) {
-  if (!name.starts_with("stdillum-F")) return std::nullopt;
-  for (size_t i = 0; i < data::kFluorescentLampCount; ++i) {
-    if (name != FluorescentName(i)) continue;
-    constexpr double kEndNm =
-        data::kFluorescentFirstNm + data::kFluorescentStepNm * (data::kFluorescentCount - 1);
-    if (nm < data::kFluorescentFirstNm || nm > kEndNm) return 0;
-    return Equidistant(data::kFluorescent[i], data::kFluorescentCount, data::kFluorescentFirstNm,
-                       data::kFluorescentStepNm, nm);
-  }
-  return std::nullopt;
-}
-
-std::optional<double> NamedAt(const std::string& name, double nm) {
-  if (name == "stdillum-A") return IlluminantA(nm);
-  if (const auto lamp = FluorescentAt(name, nm)) return lamp;
-  if (const auto temperature = DaylightTemperature(name)) return Daylight(*temperature, nm);
-  if (const auto metal = MetalAt(name, nm)) return metal;
-  for (const data::Table& table : data::kTables) {
-    if (name != table.name) continue;
-    return PiecewiseLinear(
-        table.wavelengths_nm, table.values, table.count,
-        std::clamp(nm, table.wavelengths_nm[0], table.wavelengths_nm[table.count - 1]));
-  }
-  return std::nullopt;
 }
 
 struct Xyz {
@@ -148,14 +51,29 @@ void AddNarrowBands(const ColorSpec& spectrum, const Function& factor, const Sum
   }
 }
 
+// The observer at each whole nanometer.
+const std::array<Xyz, kSpectrumCount>& Observer() {
+  static const auto observer = [] {
+    std::array<Xyz, kSpectrumCount> result;
+    for (size_t i = 0; i < kSpectrumCount; ++i) {
+      const double nm = kFirstNm + static_cast<double>(i);
+      result[i] = {CmfAt(data::kCmfX, nm), CmfAt(data::kCmfY, nm), CmfAt(data::kCmfZ, nm)};
+    }
+    return result;
+  }();
+  return observer;
+}
+
 template <typename Function>
 Xyz Integrate(const Function& radiance) {
+  const auto& observer = Observer();
   Xyz sum;
   for (int nm = kFirstNm; nm <= kLastNm; ++nm) {
     const double value = radiance(nm);
-    sum.x += CmfAt(data::kCmfX, nm) * value;
-    sum.y += CmfAt(data::kCmfY, nm) * value;
-    sum.z += CmfAt(data::kCmfZ, nm) * value;
+    const Xyz& response = observer[static_cast<size_t>(nm - kFirstNm)];
+    sum.x += response.x * value;
+    sum.y += response.y * value;
+    sum.z += response.z * value;
   }
   return sum;
 }
@@ -169,10 +87,9 @@ struct ColorSpace {
 // Columns of xyz_from_rgb are the primaries scaled such that rgb (1, 1, 1) is white.
 ColorSpace MakeColorSpace() {
   ColorSpace space;
-  const double temperature_k = *DaylightTemperature("stdillum-D65");
-  const Xyz white = Integrate([&](int nm) { return Daylight(temperature_k, nm); });
+  const Xyz white = Integrate([](int nm) { return Daylight(kD65TemperatureK, nm); });
   for (size_t i = 0; i < kSpectrumCount; ++i) {
-    space.d65[i] = Daylight(temperature_k, kFirstNm + static_cast<double>(i)) / white.y;
+    space.d65[i] = Daylight(kD65TemperatureK, kFirstNm + static_cast<double>(i)) / white.y;
   }
   // Chromaticities of the sRGB primaries. Source: IEC 61966-2-1.
   constexpr double kPrimaries[3][2] = {{0.64, 0.33}, {0.30, 0.60}, {0.15, 0.06}};
@@ -243,16 +160,32 @@ Rgb IlluminantRgb(const ColorSpec& spectrum) {
 }
 Rgb ReflectanceRgb(const ColorSpec& spectrum) { return ToRgb(IntegrateTimes(spectrum, UnitD65)); }
 
+// Weights of the whole nanometers in the mean of each channel.
+const std::array<std::array<double, kSpectrumCount>, 3>& ChannelWeights() {
+  static const auto weights = [] {
+    std::array<std::array<double, kSpectrumCount>, 3> result;
+    for (size_t n = 0; n < kSpectrumCount; ++n) {
+      const std::array<double, 3> rgb = ObserverRgb(kFirstNm + static_cast<double>(n));
+      for (size_t i = 0; i < 3; ++i) result[i][n] = std::max(0.0, rgb[i]) * Space().d65[n];
+    }
+    return result;
+  }();
+  return weights;
+}
+
 // Mean of a spectrum for each channel, weighted by how strongly each wavelength under D65 makes the
 // channel brighter. Negative lobes, which a mean cannot have, have weight 0.
 Rgb ChannelMeans(const ColorSpec& spectrum) {
+  std::array<double, kSpectrumCount> values;
+  for (size_t n = 0; n < kSpectrumCount; ++n) {
+    values[n] = EvaluateSpectrum(spectrum, kFirstNm + static_cast<double>(n));
+  }
   Rgb means;
   for (size_t i = 0; i < 3; ++i) {
     double sum = 0, weights = 0;
-    for (int nm = kFirstNm; nm <= kLastNm; ++nm) {
-      const double weight =
-          std::max(0.0, ObserverRgb(nm)[i]) * Space().d65[static_cast<size_t>(nm - kFirstNm)];
-      sum += weight * EvaluateSpectrum(spectrum, nm);
+    for (size_t n = 0; n < kSpectrumCount; ++n) {
+      const double weight = ChannelWeights()[i][n];
+      sum += weight * values[n];
       weights += weight;
     }
     AddNarrowBands(
@@ -280,16 +213,11 @@ Rgb ConductorReflectance(const ColorSpec& eta, const ColorSpec& k, double outsid
 
 }  // namespace
 
-bool IsNamedSpectrum(const std::string& name) { return NamedAt(name, 550).has_value(); }
+bool IsNamedSpectrum(const std::string& name) { return FindNamed(name) != nullptr; }
 
 std::vector<std::string> NamedSpectra() {
-  std::vector<std::string> names = {"stdillum-A", "stdillum-D50", "stdillum-D65", "illum-acesD60"};
-  for (size_t i = 0; i < data::kFluorescentLampCount; ++i) names.push_back(FluorescentName(i));
-  for (const data::Metal& metal : data::kMetals) {
-    names.push_back(std::string("metal-") + metal.name + "-eta");
-    names.push_back(std::string("metal-") + metal.name + "-k");
-  }
-  for (const data::Table& table : data::kTables) names.emplace_back(table.name);
+  std::vector<std::string> names;
+  for (const NamedSpectrum& named : AllNamedSpectra()) names.push_back(named.name);
   return names;
 }
 
@@ -299,9 +227,9 @@ double EvaluateSpectrum(const ColorSpec& spectrum, double wavelength_nm) {
       return PiecewiseLinear(spectrum.wavelengths_nm.data(), spectrum.values.data(),
                              spectrum.values.size(), wavelength_nm);
     case ColorSpec::Kind::kNamed: {
-      const std::optional<double> value = NamedAt(spectrum.name, wavelength_nm);
-      SHEAF_CHECK(value.has_value());
-      return *value;
+      const NamedSpectrum* named = FindNamed(spectrum.name);
+      SHEAF_CHECK(named != nullptr);
+      return named->At(wavelength_nm);
     }
     case ColorSpec::Kind::kBlackbody:
       return Blackbody(spectrum.temperature_k, wavelength_nm);
@@ -335,7 +263,7 @@ std::array<double, 3> SrgbFromXyz(const std::array<double, 3>& xyz) {
 double LuminousEfficiency(double wavelength_nm) { return CmfAt(data::kCmfY, wavelength_nm); }
 
 double LightOfTemperature(double temperature_k, double wavelength_nm) {
-  const double cct_k = temperature_k * kConstantRatio;
+  const double cct_k = temperature_k * kPlanckConstantRatio;
   return cct_k >= 4000 ? Daylight(cct_k, wavelength_nm) : Blackbody(cct_k, wavelength_nm);
 }
 

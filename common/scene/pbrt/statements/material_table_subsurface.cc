@@ -55,7 +55,8 @@ bool IsFreePath(const ColorSpec& color, float scale) {
          std::all_of(color.values.begin(), color.values.end(), is_length);
 }
 
-// Coefficients from the interior's reflectance under uniform light and its mean free path.
+// The interior's reflectance under uniform light and its mean free path. Its coefficients follow
+// once the scene is read, since they take milliseconds.
 void GetReflectance(ParameterList& parameters, TextureTable& textures, SceneFiles& files, float eta,
                     MediumDescription* subsurface) {
   SubsurfaceReflectance reflectance;
@@ -74,7 +75,7 @@ void GetReflectance(ParameterList& parameters, TextureTable& textures, SceneFile
                                   ": mfp times scale must be finite and more than ", kFreePathMin));
     return;
   }
-  SetReflectance(reflectance, subsurface);
+  subsurface->reflectance = reflectance;
 }
 
 }  // namespace
