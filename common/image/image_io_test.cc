@@ -80,6 +80,18 @@ TEST(ImageIoTest, ErrorsNameThePath) {
   EXPECT_EQ(ReadImage(TemporaryPath("absent.png")).status().code(), absl::StatusCode::kNotFound);
 }
 
+// The library takes the memory first, and then finds the end of the file.
+TEST(ImageIoTest, ChunksOfPngLieWithinTheFile) {
+  constexpr size_t kAfterHeader = 33;
+  std::string bytes = *EncodePng(1, 1, std::vector<Rgb8>(1));
+  bytes.insert(kAfterHeader, std::string("\x7f\0\0\0tEXt", 8));
+  const std::string path = TemporaryPath("claims.png");
+  std::ofstream(path, std::ios::binary) << bytes;
+  EXPECT_NE(ReadImage(path).status().message().find("a chunk at byte 33 claims 2130706432 bytes"),
+            std::string::npos)
+      << ReadImage(path).status();
+}
+
 TEST(ImageIoTest, OnlyHeadersOfLargeImagesAreReadOnRequest) {
   std::vector<Rgb8> pixels(64 * 64);
   for (size_t i = 0; i < pixels.size(); ++i) pixels[i].r = static_cast<uint8_t>(i * i * 37 >> 3);
