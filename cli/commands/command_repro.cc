@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <system_error>
 
@@ -96,9 +97,9 @@ class ReproCommand : public Command {
         ->transform(CLI::AsSizeValue(false));
     command
         ->add_option("--load-seconds-max", load_seconds_max_,
-                     "Time to load the scene, after which its process is killed")
-        ->check(CLI::Range(1.0, kSecondsMax))
-        ->capture_default_str();
+                     "Time to load the scene, after which its process is killed (default: 120,\n"
+                     "and 1 for each megabyte of the scene's files)")
+        ->check(CLI::Range(1.0, kSecondsMax));
     command
         ->add_option("--task-seconds-max", task_seconds_max_,
                      "Time to render the task, after which its process is killed")
@@ -141,7 +142,7 @@ class ReproCommand : public Command {
     worker::SandboxOptions options;
     options.mode = worker::SandboxMode::kBest;
     options.program.arguments = {"sheaf", worker::kSceneProcessFlag};
-    options.load_time_max = absl::Seconds(load_seconds_max_);
+    if (load_seconds_max_.has_value()) options.load_time_max = absl::Seconds(*load_seconds_max_);
     options.task_time_max = absl::Seconds(task_seconds_max_);
     return worker::SandboxedScenes::Make(options);
   }
@@ -226,7 +227,8 @@ class ReproCommand : public Command {
 
   std::string path_, output_;
   worker::SceneLimits limits_;
-  double load_seconds_max_ = 3600, task_seconds_max_ = 3600;
+  std::optional<double> load_seconds_max_;
+  double task_seconds_max_ = 3600;
   bool no_sandbox_ = false, json_ = false;
 };
 

@@ -162,6 +162,18 @@ absl::StatusOr<std::unique_ptr<SandboxedScenes>> SandboxedScenes::Make(SandboxOp
   return std::unique_ptr<SandboxedScenes>(new SandboxedScenes(std::move(options), protections));
 }
 
+absl::Duration LoadTimeFor(const SceneInputs& inputs) {
+  constexpr absl::Duration kLeast = absl::Minutes(2);
+  constexpr double kBytesPerSecond = 1e6;
+  double bytes = 0;
+  for (const auto& [name, path] : inputs.local_paths) {
+    std::error_code unknown;
+    const uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
+    if (!unknown) bytes += static_cast<double>(size_bytes);
+  }
+  return kLeast + absl::Seconds(bytes / kBytesPerSecond);
+}
+
 OpenResult SandboxedScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
   constexpr char kConfining[] = "confining the scene's process";
   constexpr char kLoading[] = "loading the scene";
@@ -187,7 +199,12 @@ OpenResult SandboxedScenes::Open(const SceneInputs& inputs, std::stop_token stop
   }
   v1::SandboxRequest load;
   *load.mutable_load() = LoadRequestOf(inputs);
-  answer = (*process)->Call(std::move(load), options_.load_time_max, stop, OnStop::kKill);
+  const absl::Duration load_time_max = options_.load_time_max.value_or(LoadTimeFor(inputs));
+  answer = (*process)->Call(std::move(load), load_time_max, stop, OnStop::kKill);
+  if (absl::IsDeadlineExceeded(answer.status)) {
+    answer.status = absl::DeadlineExceededError(absl::StrCat(
+        answer.status.message(), ", its limit (sheaf-worker --load-seconds-max raises it)"));
+  }
   if (!answer.status.ok()) return Failed(kLoading, answer.failure_kind, answer.status);
   if (const absl::Status status = StatusOf(answer.reply); !status.ok()) {
     return {nullptr, absl::IsCancelled(status) ? absl::InternalError(status.message()) : status,

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <utility>
 
@@ -23,9 +24,14 @@ struct SandboxOptions {
   Protections protections = Protections::All();  // Tests leave some out.
   // Beyond these the process is killed, and its tasks fail. They end what never ends; the
   // coordinator gives up a lease after two hours.
-  absl::Duration load_time_max = absl::Hours(1);
+  std::optional<absl::Duration> load_time_max;  // None: LoadTimeFor the scene.
   absl::Duration task_time_max = absl::Hours(1);
 };
+
+// The time that loading a scene may take: 2 minutes, and a second for each megabyte of its files,
+// which is several times what the slowest readers need. A small scene that asks for endless work
+// does not occupy a worker for an hour. Files that cannot be found add nothing.
+absl::Duration LoadTimeFor(const SceneInputs& inputs);
 
 class SandboxedScenes : public SceneOpener {
  public:

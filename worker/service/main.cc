@@ -49,7 +49,7 @@ struct Arguments {
   double grace_seconds = 10;
   double exit_when_idle_seconds = 0;
   std::string sandbox = "best";
-  double load_seconds_max = 3600;
+  std::optional<double> load_seconds_max;
   double task_seconds_max = 3600;
   bool no_peers = false;
   YieldArguments yield;
@@ -80,9 +80,9 @@ void AddSandboxOptions(CLI::App* app, Arguments* arguments) {
       ->check(CLI::IsMember({"required", "best", "none"}))
       ->capture_default_str();
   app->add_option("--load-seconds-max", arguments->load_seconds_max,
-                  "Time to load a scene, after which its process is killed")
-      ->check(CLI::Range(1.0, kSecondsMax))
-      ->capture_default_str();
+                  "Time to load a scene, after which its process is killed (default: 120, and\n"
+                  "1 for each megabyte of the scene's files)")
+      ->check(CLI::Range(1.0, kSecondsMax));
   app->add_option("--task-seconds-max", arguments->task_seconds_max,
                   "Time to render a task, after which its scene's process is killed")
       ->check(CLI::Range(1.0, kSecondsMax))
@@ -284,7 +284,9 @@ int Main(int argc, char** argv) {
   SandboxOptions& sandbox = arguments.worker.sandbox;
   sandbox.mode = SandboxModeFromName(arguments.sandbox).value();
   sandbox.program.arguments = {"sheaf-worker", kSceneProcessFlag};
-  sandbox.load_time_max = absl::Seconds(arguments.load_seconds_max);
+  if (arguments.load_seconds_max.has_value()) {
+    sandbox.load_time_max = absl::Seconds(*arguments.load_seconds_max);
+  }
   sandbox.task_time_max = absl::Seconds(arguments.task_seconds_max);
   return Work(arguments);
 }
