@@ -4,12 +4,12 @@
 // Derives traits from materials.
 #include "worker/render/plan/material_traits.h"
 
+#include <cstdint>
 #include <optional>
 #include <type_traits>
 #include <variant>
 #include <vector>
 
-#include "absl/container/flat_hash_set.h"
 #include "common/scene/spectrum/spectrum.h"
 #include "worker/render/bsdf/lobes.h"
 #include "worker/render/plan/render_plan.h"
@@ -19,16 +19,20 @@ namespace {
 
 uint32_t Bit(Trait trait) { return static_cast<uint32_t>(trait); }
 
+// The needs of one material, without those of the materials that it mixes.
 class NeedsCollector {
  public:
   explicit NeedsCollector(const SceneDescription& scene) : scene_(scene) {}
 
-  MaterialNeeds Collect(int32_t material) {
-    Reach(material);
-    while (!open_.empty()) {
-      const int32_t next = open_.back();
-      open_.pop_back();
-      Visit(next);
+  MaterialNeeds Collect(const MaterialDescription& description) {
+    if (description.priority.has_value()) {
+      needs_.traits |= Bit(Trait::kNestedDielectrics);
+      needs_.may_pass = has_priority_ = true;
+    }
+    std::visit([this](const auto& m) { Add(m); }, description.material);
+    if (description.normal_map != kNone || description.displacement.texture != kNone) {
+      needs_.traits |= Bit(Trait::kNormalMaps);
+      needs_.has_normal_map = needs_.reads_textures = true;
     }
     if (needs_.reads_textures) needs_.traits |= Bit(Trait::kTextures);
     return needs_;
@@ -39,21 +43,6 @@ class NeedsCollector {
   void Roughness(const RoughnessInput& input) { Read(input); }
 
  private:
-  // Mixes may share what they mix: each material is visited once.
-  void Reach(int32_t material) {
-    if (material != kNone && reached_.insert(material).second) open_.push_back(material);
-  }
-  void Visit(int32_t material) {
-    const MaterialDescription& description = scene_.materials[material];
-    if (description.priority.has_value()) {
-      needs_.traits |= Bit(Trait::kNestedDielectrics);
-      needs_.may_pass = has_priority_ = true;
-    }
-    std::visit([this](const auto& m) { Add(m); }, description.material);
-    if (description.normal_map == kNone && description.displacement.texture == kNone) return;
-    needs_.traits |= Bit(Trait::kNormalMaps);
-    needs_.has_normal_map = needs_.reads_textures = true;
-  }
   void Read(const FloatInput& input) { needs_.reads_textures |= input.texture != kNone; }
   void Read(const ColorInput& input) { needs_.reads_textures |= input.texture != kNone; }
   void Read(const RoughnessInput& roughness) {
@@ -157,8 +146,6 @@ class NeedsCollector {
   void Add(const MixMaterial& m) {
     needs_.traits |= Bit(Trait::kAlpha);
     Read(m.amount);
-    Reach(m.material[0]);
-    Reach(m.material[1]);
     needs_.may_pass = true;
   }
   void Add(const InterfaceMaterial&) {
@@ -169,15 +156,50 @@ class NeedsCollector {
 
   const SceneDescription& scene_;
   MaterialNeeds needs_;
-  std::vector<int32_t> open_;
-  absl::flat_hash_set<int32_t> reached_;
   bool has_priority_ = false;  // Then the outside index may differ from 1.
 };
 
+void AddNeeds(const MaterialNeeds& part, MaterialNeeds* whole) {
+  whole->traits |= part.traits;
+  whole->may_pass |= part.may_pass;
+  whole->is_boundary |= part.is_boundary;
+  whole->anisotropic |= part.anisotropic;
+  whole->reads_textures |= part.reads_textures;
+  whole->has_normal_map |= part.has_normal_map;
+  whole->has_subsurface_texture |= part.has_subsurface_texture;
+}
+
 }  // namespace
 
-MaterialNeeds NeedsOfMaterial(const SceneDescription& scene, int32_t material) {
-  return NeedsCollector(scene).Collect(material);
+MaterialNeedsTable::MaterialNeedsTable(const SceneDescription& scene)
+    : needs_(scene.materials.size()) {
+  for (size_t i = 0; i < needs_.size(); ++i) {
+    needs_[i] = NeedsCollector(scene).Collect(scene.materials[i]);
+  }
+  enum class State : uint8_t { kNew, kOpen, kWhole };
+  std::vector<State> states(needs_.size(), State::kNew);
+  std::vector<int32_t> open;  // A mix stays below its parts until they are whole.
+  for (size_t i = 0; i < needs_.size(); ++i) {
+    open.push_back(static_cast<int32_t>(i));
+    while (!open.empty()) {
+      const auto at = static_cast<size_t>(open.back());
+      const auto* mix = std::get_if<MixMaterial>(&scene.materials[at].material);
+      if (mix != nullptr && states[at] == State::kNew) {
+        states[at] = State::kOpen;
+        for (const int32_t part : mix->material) {
+          if (part != kNone && states[static_cast<size_t>(part)] == State::kNew) {
+            open.push_back(part);
+          }
+        }
+        continue;
+      }
+      if (mix != nullptr && states[at] == State::kOpen) {
+        for (const int32_t part : mix->material) AddNeeds(Of(part), &needs_[at]);
+      }
+      states[at] = State::kWhole;
+      open.pop_back();
+    }
+  }
 }
 
 }  // namespace sheaf::render

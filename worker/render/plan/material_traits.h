@@ -1,11 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// NeedsOfMaterial: the renderer features that a material requires, from its description: the
+// MaterialNeedsTable: the renderer features that each material requires, from its description: the
 // traits, and the values that a hit must compute.
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "common/scene/scene_description.h"
 
@@ -21,7 +22,18 @@ struct MaterialNeeds {
   bool has_subsurface_texture = false;  // The subsurface reflectance is a texture.
 };
 
-// Requires: material is kNone (a gray diffuse surface) or an index; mixes have no cycle.
-MaterialNeeds NeedsOfMaterial(const SceneDescription& scene, int32_t material);
+// Finds the needs of each material once: many shapes share one, and mixes share what they mix.
+class MaterialNeedsTable {
+ public:
+  explicit MaterialNeedsTable(const SceneDescription& scene);
+  // Requires: material is kNone (a gray diffuse surface) or an index.
+  const MaterialNeeds& Of(int32_t material) const {
+    return material == kNone ? none_ : needs_[static_cast<size_t>(material)];
+  }
+
+ private:
+  MaterialNeeds none_;
+  std::vector<MaterialNeeds> needs_;
+};
 
 }  // namespace sheaf::render

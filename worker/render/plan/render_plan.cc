@@ -28,7 +28,7 @@ namespace {
 
 class PlanMaker {
  public:
-  explicit PlanMaker(const SceneDescription& scene) : scene_(scene) {}
+  explicit PlanMaker(const SceneDescription& scene) : scene_(scene), needs_(scene) {}
 
   RenderPlan Make(const FrameSettings& settings) {
     ExamineCamera();
@@ -190,7 +190,7 @@ class PlanMaker {
     if (material == kNone || !materials_examined_.insert(material).second) return;
     const MaterialDescription& description = scene_.materials[material];
     has_scattering_media_ = has_scattering_media_ || !IsBlack(description);
-    const uint32_t traits = NeedsOfMaterial(scene_, material).traits;
+    const uint32_t traits = needs_.Of(material).traits;
     const std::string what = description.name.empty()
                                  ? std::string("Material")
                                  : absl::StrCat("material \"", description.name, "\"");
@@ -374,6 +374,7 @@ class PlanMaker {
   }
 
   const SceneDescription& scene_;
+  const MaterialNeedsTable needs_;
   std::array<Cause, std::size(kTraitNames)> causes_;
   std::set<int32_t> materials_examined_, area_lights_examined_, objects_stretched_;
   std::vector<std::string> notes_;

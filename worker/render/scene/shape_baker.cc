@@ -14,7 +14,6 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "worker/render/geometry/plain_shape.h"
-#include "worker/render/plan/material_traits.h"
 
 namespace sheaf::render {
 namespace {
@@ -137,7 +136,10 @@ size_t DropFaces(size_t corners, HasArea has_area, std::vector<uint32_t>* indice
 }  // namespace
 
 ShapeBaker::ShapeBaker(SceneDescription* scene, EmissionMaps maps)
-    : scene_(*scene), emitters_(*scene, std::move(maps)), mesh_uses_(scene->meshes.size(), 0) {
+    : scene_(*scene),
+      needs_(*scene),
+      emitters_(*scene, std::move(maps)),
+      mesh_uses_(scene->meshes.size(), 0) {
   const auto count = [this](int32_t shape) {
     const auto* mesh = std::get_if<MeshShape>(&scene_.shapes[shape].shape);
     if (mesh != nullptr) ++mesh_uses_[mesh->mesh];
@@ -160,7 +162,7 @@ TriangleMesh ShapeBaker::TakeMesh(int32_t mesh) {
 
 Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
   const ShapeDescription& shape = scene_.shapes[shape_index];
-  const MaterialNeeds needs = NeedsOfMaterial(scene_, shape.material);
+  const MaterialNeeds& needs = needs_.Of(shape.material);
   Surface surface;
   surface.material = shape.material;
   surface.shape = shape_index;

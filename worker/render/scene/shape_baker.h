@@ -11,6 +11,7 @@
 
 #include "absl/status/status.h"
 #include "worker/render/geometry/bounds.h"
+#include "worker/render/plan/material_traits.h"
 #include "worker/render/scene/emitter_list.h"
 #include "worker/render/scene/scene_baker.h"
 
@@ -47,6 +48,7 @@ class ShapeBaker {
                           const Affine& target_from_shape, GeometryGroup* group);
 
   SceneDescription& scene_;
+  const MaterialNeedsTable needs_;
   EmitterList emitters_;
   std::vector<uint32_t> mesh_uses_;
   uint64_t degenerate_triangle_count_ = 0;
