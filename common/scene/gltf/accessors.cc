@@ -6,7 +6,9 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <limits>
+#include <system_error>
 #include <type_traits>
 
 #include "absl/strings/str_cat.h"
@@ -106,6 +108,23 @@ T LoadComponent(const unsigned char* bytes, int type, bool normalized) {
 }
 
 }  // namespace
+
+SceneReaderLimits LimitsFor(const tinygltf::Model& model, const std::string& main_file,
+                            FileSource& files, const SceneReaderLimits& limits) {
+  uint64_t bytes = 0;
+  std::error_code unknown;
+  const absl::StatusOr<std::string> path = files.LocalPath(main_file);
+  const uintmax_t main_bytes = path.ok() ? std::filesystem::file_size(*path, unknown) : 0;
+  if (!unknown) bytes += main_bytes;
+  for (const tinygltf::Buffer& buffer : model.buffers) bytes += buffer.data.size();
+  const uint64_t expanded = limits.expansion_bytes + limits.expansion_factor * bytes;
+  SceneReaderLimits fitting = limits;
+  if (expanded >= limits.memory_bytes_max) return fitting;
+  fitting.memory_bytes_max = expanded;
+  fitting.memory_limit = absl::StrCat("expansion_bytes, and expansion_factor ",
+                                      limits.expansion_factor, " times the bytes of its files");
+  return fitting;
+}
 
 size_t Accessors::Shape::size() const { return components * BytesOfComponent(component_type); }
 

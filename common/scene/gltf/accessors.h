@@ -12,10 +12,16 @@
 #include <string>
 #include <vector>
 
+#include "common/scene/file_source.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_reader_limits.h"
 
 namespace sheaf::gltf {
+
+// The limits with a memory that fits the bytes of the files: a file may claim elements that it does
+// not have, and name the same ones many times.
+SceneReaderLimits LimitsFor(const tinygltf::Model& model, const std::string& main_file,
+                            FileSource& files, const SceneReaderLimits& limits);
 
 class Accessors {
  public:

@@ -46,9 +46,11 @@ class Builder {
         diagnostics_(diagnostics),
         scene_(scene),
         accessors_(&model, diagnostics, limits),
-        textures_(&model, main_file, files, diagnostics, scene),
+        textures_(&model, main_file, files, &accessors_, diagnostics, scene),
         materials_(&model, &textures_, &skipped_, diagnostics, scene),
-        meshes_(&model, &accessors_, &skipped_, diagnostics, limits) {}
+        meshes_(&model, &accessors_, &skipped_, diagnostics, limits),
+        placements_max_(limits.placements_max),
+        placements_left_(limits.placements_max) {}
 
   void Build() {
     AddAll();
@@ -130,9 +132,9 @@ class Builder {
     }
     std::vector<TransformOverTime> places = {PlaceOf(n)};
     if (Instancing(node) != nullptr && !ReadInstances(node, what, &places)) return;
-    std::vector<Matrix4> joints_start, joints_end;
-    if (node.skin >= 0 && !ReadSkin(node.skin, what, &joints_start, &joints_end)) return;
+    const Joints* const joints = JointsOf(node.skin, what);
     const tinygltf::Mesh& mesh = model_.meshes[static_cast<size_t>(node.mesh)];
+    if (joints == nullptr || !ChargePlacements(mesh.primitives.size() * places.size())) return;
     std::vector<ShapeDescription> shapes;
     bool emits = false, is_shared = uses_[node.mesh] > 1;
     for (size_t p = 0; p < mesh.primitives.size(); ++p) {
@@ -148,12 +150,12 @@ class Builder {
       emits = emits || surface.area_light != kNone;
       const std::vector<double>& weights_start = WeightsOf(start_, n, mesh);
       const std::vector<double>& weights_end = WeightsOf(end_, n, mesh);
-      const bool has_skin = !joints_start.empty() && primitive->influences > 0;
+      const bool has_skin = !joints->start.empty() && primitive->influences > 0;
       if (has_skin || Morphs(*primitive, weights_start) || Morphs(*primitive, weights_end)) {
         is_shared = false;
         shape.shape = MeshShape{AddDeformed(
-            Deformed(*primitive, weights_start, joints_start),
-            moves_ ? std::optional(Deformed(*primitive, weights_end, joints_end)) : std::nullopt,
+            Deformed(*primitive, weights_start, joints->start),
+            moves_ ? std::optional(Deformed(*primitive, weights_end, joints->end)) : std::nullopt,
             *primitive)};
       } else {
         shape.shape = MeshShape{MeshIndex(node.mesh, p, surface.uv_set, *primitive)};
@@ -162,7 +164,7 @@ class Builder {
       shapes.push_back(std::move(shape));
     }
     // A skin alone says where its mesh is.
-    if (!joints_start.empty()) places = {TransformOverTime()};
+    if (!joints->start.empty()) places = {TransformOverTime()};
     if (is_shared && !emits) {
       PlaceInstances(n, shapes, places, what);
     } else {
@@ -338,14 +340,38 @@ class Builder {
     return true;
   }
 
-  bool ReadSkin(int index, const std::string& what, std::vector<Matrix4>* start,
-                std::vector<Matrix4>* end) {
+  bool ChargePlacements(uint64_t count) {
+    if (count <= placements_left_) {
+      placements_left_ -= count;
+      return true;
+    }
+    diagnostics_->MemoryError(
+        kFile, absl::StrCat("nodes and instances place primitives more often than the limit of ",
+                            placements_max_, " (placements_max); join primitives of one material"));
+    return false;
+  }
+
+  // For each joint of a skin the matrix from the mesh's space to the world; empty without a skin.
+  struct Joints {
+    bool is_valid = true;
+    std::vector<Matrix4> start, end;
+  };
+
+  // Null after an error, which is reported. skin: -1 for none.
+  const Joints* JointsOf(int skin, const std::string& what) {
+    const auto [entry, is_new] = joints_.try_emplace(skin);
+    if (is_new && skin >= 0) entry->second.is_valid = ReadSkin(skin, what, &entry->second);
+    return entry->second.is_valid ? &entry->second : nullptr;
+  }
+
+  bool ReadSkin(int index, const std::string& what, Joints* joints) {
     if (!HasIndex(model_.skins, index)) {
       diagnostics_->Error(kFile, absl::StrCat(what, " has the skin ", index,
                                               ", which does not exist; export the file again"));
       return false;
     }
     const tinygltf::Skin& skin = model_.skins[static_cast<size_t>(index)];
+    if (!accessors_.Charge(2 * skin.joints.size() * sizeof(Matrix4))) return false;
     std::vector<float> inverse;
     if (skin.inverseBindMatrices >= 0) {
       auto read = accessors_.Floats(skin.inverseBindMatrices, 16,
@@ -364,8 +390,8 @@ class Builder {
       for (size_t k = 0; k < 16 && !inverse.empty(); ++k) {
         bind.m[k % 4][k / 4] = static_cast<double>(inverse[16 * j + k]);
       }
-      start->push_back(world_start_[static_cast<size_t>(skin.joints[j])] * bind);
-      end->push_back(world_end_[static_cast<size_t>(skin.joints[j])] * bind);
+      joints->start.push_back(world_start_[static_cast<size_t>(skin.joints[j])] * bind);
+      joints->end.push_back(world_end_[static_cast<size_t>(skin.joints[j])] * bind);
     }
     return true;
   }
@@ -382,6 +408,9 @@ class Builder {
   bool moves_ = false;
   std::vector<Pose> start_, end_;  // When the shutter opens and closes.
   std::vector<Matrix4> world_start_, world_end_;
+  const uint64_t placements_max_;
+  uint64_t placements_left_;
+  std::map<int, Joints> joints_;    // By skin.
   std::map<int, int> uses_;         // By mesh.
   std::map<int, int32_t> objects_;  // By mesh.
   std::set<std::string> object_names_;
@@ -403,7 +432,8 @@ absl::StatusOr<ReadSceneResult> ReadGltf(const std::string& main_file, FileSourc
   if (!model.ok()) return model.status();
   Diagnostics diagnostics(&result.scene, limits);
   if (!warning.empty()) diagnostics.Note(gltf::kFile, warning);
-  gltf::Builder(**model, main_file, &files, view, limits, &diagnostics, &result.scene).Build();
+  const SceneReaderLimits fitting = gltf::LimitsFor(**model, main_file, files, limits);
+  gltf::Builder(**model, main_file, &files, view, fitting, &diagnostics, &result.scene).Build();
   if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
   AddPrincipledMedia(&result.scene, &diagnostics);
   result.diagnostics = diagnostics.TakeAll();

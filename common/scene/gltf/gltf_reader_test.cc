@@ -12,6 +12,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "common/base/file.h"
 #include "common/scene/file_source.h"
 
@@ -65,11 +66,12 @@ std::string File(const std::string& rest, const std::string& mesh = kMesh,
                       absl::Base64Escape(buffer), "\"}],", accessors, mesh, rest, "}");
 }
 
-absl::StatusOr<ReadSceneResult> Read(const std::string& text, const GltfView& view = {}) {
+absl::StatusOr<ReadSceneResult> Read(const std::string& text, const GltfView& view = {},
+                                     const SceneReaderLimits& limits = {}) {
   const std::string path = ::testing::TempDir() + "/a.gltf";
   EXPECT_TRUE(WriteFileOnce(path, text).ok());
   TableFileSource files({{"a.gltf", path}, {"wood.png", "/nowhere/wood.png"}});
-  return ReadGltf("a.gltf", files, view);
+  return ReadGltf("a.gltf", files, view, limits);
 }
 
 const std::string kOneNode = R"("materials": [{"name": "green", "pbrMetallicRoughness": {
@@ -300,6 +302,59 @@ std::string FileWithImage(const std::string& uri) {
 std::string FileWithBuffer(const std::string& uri) {
   return absl::StrCat(R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": ")",
                       uri, R"("}]})");
+}
+
+std::string WithAccessor(const std::string& accessor) {
+  const std::string last = R"("type": "VEC4"})";
+  return absl::StrReplaceAll(kAccessors, {{last, absl::StrCat(last, ", ", accessor)}});
+}
+
+// An accessor of one sparse value claims 12 GB from two kilobytes.
+TEST(GltfReaderTest, ContentFitsTheBytesOfTheFiles) {
+  const std::string file =
+      File(R"("nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}])",
+           R"("meshes": [{"primitives": [{"attributes": {"POSITION": 6}}]}],)",
+           WithAccessor(R"({"componentType": 5126, "count": 1000000000, "type": "VEC3", "sparse":
+        {"count": 1, "indices": {"bufferView": 2, "componentType": 5123},
+         "values": {"bufferView": 0}}})"));
+  EXPECT_THAT(std::string(Read(file).status().message()), HasSubstr("expansion_factor 256 times"));
+  EXPECT_TRUE(absl::IsResourceExhausted(Read(file).status()));
+}
+
+// 20,000 nodes that show a mesh of 20,000 primitives: 4e8 placements by 2 MB.
+TEST(GltfReaderTest, PlacementsAreBounded) {
+  std::string nodes, roots, primitives;
+  for (int i = 0; i < 20'000; ++i) {
+    const char* const comma = i > 0 ? "," : "";
+    absl::StrAppend(&nodes, comma, R"({"mesh": 0})");
+    absl::StrAppend(&roots, comma, i);
+    absl::StrAppend(&primitives, comma, R"({"attributes": {"POSITION": 0}})");
+  }
+  const std::string file =
+      File(absl::StrCat(R"("nodes": [)", nodes, R"(], "scenes": [{"nodes": [)", roots, "]}]"),
+           absl::StrCat(R"("meshes": [{"primitives": [)", primitives, "]}],"));
+  SceneReaderLimits limits;
+  limits.placements_max = 100'000;
+  EXPECT_THAT(std::string(Read(file, {}, limits).status().message()),
+              HasSubstr("more often than the limit of 100000 (placements_max)"));
+}
+
+// Each of 200 nodes has the same skin of 2000 joints.
+TEST(GltfReaderTest, SkinsAreReadOnce) {
+  std::string nodes, roots, joints;
+  for (int i = 0; i < 200; ++i) {
+    absl::StrAppend(&nodes, i > 0 ? "," : "", R"({"mesh": 0, "skin": 0})");
+    absl::StrAppend(&roots, i > 0 ? "," : "", i);
+  }
+  for (int i = 0; i < 2000; ++i) absl::StrAppend(&joints, i > 0 ? "," : "", i % 200);
+  const std::string file =
+      File(absl::StrCat(R"("materials": [{}], "nodes": [)", nodes,
+                        R"(], "skins": [{"inverseBindMatrices": 6, "joints": [)", joints,
+                        R"(]}], "scenes": [{"nodes": [)", roots, "]}]"),
+           kMesh, WithAccessor(R"({"componentType": 5126, "count": 2000, "type": "MAT4"})"));
+  SceneReaderLimits limits;
+  limits.memory_bytes_max = 4 << 20;  // The skin takes a seventh.
+  EXPECT_TRUE(Read(file, {}, limits).ok()) << Read(file, {}, limits).status();
 }
 
 TEST(GltfReaderTest, RefusesByName) {

@@ -84,6 +84,8 @@ std::string ImageTextures::Derive(int image, const unsigned char* bytes, size_t 
                                    " within the file is neither PNG nor JPEG nor "
                                    "WebP; export it as PNG"));
   }
+  // Images may share their bytes, or a part of them.
+  if (!accessors_->Charge(size)) return "";
   const std::string name = absl::StrCat(main_file_, ".image-", image, ending);
   const absl::StatusOr<std::string> path = files_->DerivedPath(name, content);
   if (!path.ok()) return Fail(what, std::string(path.status().message()));

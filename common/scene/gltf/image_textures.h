@@ -13,6 +13,7 @@
 #include <string>
 
 #include "common/scene/file_source.h"
+#include "common/scene/gltf/accessors.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
 
@@ -34,10 +35,11 @@ class ImageTextures {
  public:
   // All arguments must outlive this.
   ImageTextures(const tinygltf::Model* model, const std::string& main_file, FileSource* files,
-                Diagnostics* diagnostics, SceneDescription* scene)
+                Accessors* accessors, Diagnostics* diagnostics, SceneDescription* scene)
       : model_(model),
         main_file_(main_file),
         files_(files),
+        accessors_(accessors),
         diagnostics_(diagnostics),
         scene_(scene) {}
 
@@ -63,6 +65,7 @@ class ImageTextures {
   const tinygltf::Model* model_;
   const std::string main_file_;
   FileSource* files_;
+  Accessors* accessors_;  // For its budget of memory.
   Diagnostics* diagnostics_;
   SceneDescription* scene_;
   std::map<int, std::string> files_of_images_;
