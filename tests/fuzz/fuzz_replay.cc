@@ -16,6 +16,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -140,8 +141,11 @@ int Main(const std::vector<std::string>& arguments) {
   int untested = 0;
   for (const auto& [name, target] : Targets()) {
     if (!only.empty() && name != only) continue;
+    const std::clock_t start = std::clock();
     const int64_t inputs = Replay(name, target, change_count, folders);
-    std::printf("%-16s %lld inputs\n", name.c_str(), static_cast<long long>(inputs));
+    const double cpu_seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+    std::printf("%-16s %lld inputs in %.2f CPU seconds\n", name.c_str(),
+                static_cast<long long>(inputs), cpu_seconds);
     std::fflush(stdout);
     const bool is_built = name == "volume" || name == "vdb";  // Their corpora, by volume_seeds.
     if (inputs == 0 && (name == only || !is_built)) ++untested;
