@@ -42,4 +42,17 @@ absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceL
   return result;
 }
 
+absl::StatusOr<LightImage> LightImages::Read(SourceLocation location, const std::string& file) {
+  if (repeated_texels_ > repeated_texels_max_) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat(FormatLocation(scene_, location),
+                     ": images that were read for other lights add up to more ",
+                     "than the limit of ", repeated_texels_max_,
+                     " texels (repeated_texels_max); use fewer lights, or smaller images"));
+  }
+  absl::StatusOr<LightImage> image = ReadLightImage(scene_, location, file, files_);
+  if (image.ok() && !read_.insert(file).second) repeated_texels_ += image->texels.size();
+  return image;
+}
+
 }  // namespace sheaf::render

@@ -4,6 +4,8 @@
 // LightImage: an image file read as linear radiance for a light.
 #pragma once
 
+#include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -25,5 +27,27 @@ struct LightImage {
 // kLightImageSideMax.
 absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceLocation location,
                                           const std::string& file, FileSource& files);
+
+// Of files that were read before: lights that differ otherwise have an image each.
+inline constexpr uint64_t kRepeatedTexelsMax = uint64_t{1} << 28;
+
+// The images of a scene's lights, of which each may name the same large file.
+class LightImages {
+ public:
+  // All arguments must outlive this.
+  LightImages(const SceneDescription& scene, FileSource& files,
+              uint64_t repeated_texels_max = kRepeatedTexelsMax)
+      : scene_(scene), files_(files), repeated_texels_max_(repeated_texels_max) {}
+
+  // As ReadLightImage. Errors: also kResourceExhausted beyond the texels that are read again.
+  absl::StatusOr<LightImage> Read(SourceLocation location, const std::string& file);
+
+ private:
+  const SceneDescription& scene_;
+  FileSource& files_;
+  const uint64_t repeated_texels_max_;
+  uint64_t repeated_texels_ = 0;
+  std::set<std::string> read_;
+};
 
 }  // namespace sheaf::render

@@ -219,6 +219,7 @@ double EmissionMap::MeanLuminance(Vec2f lower, Vec2f upper) const {
 
 absl::StatusOr<EmissionMaps> ReadEmissionMaps(const SceneDescription& scene, FileSource& files) {
   EmissionMaps maps;
+  LightImages images(scene, files);
   std::map<std::tuple<std::string, float, float, float>, EmissionMap> known;
   for (size_t i = 0; i < scene.area_lights.size(); ++i) {
     const AreaLightDescription& light = scene.area_lights[i];
@@ -227,7 +228,7 @@ absl::StatusOr<EmissionMaps> ReadEmissionMaps(const SceneDescription& scene, Fil
     const std::tuple key(light.file, light.tint.r, light.tint.g, light.tint.b);
     auto map = known.find(key);
     if (map == known.end()) {
-      absl::StatusOr<LightImage> image = ReadLightImage(scene, light.location, light.file, files);
+      absl::StatusOr<LightImage> image = images.Read(light.location, light.file);
       if (!image.ok()) return image.status();
       for (Rgb& texel : image->texels) texel *= light.tint;
       absl::StatusOr<EmissionMap> made =

@@ -60,7 +60,7 @@ class SceneLightReader {
                    bool spectral, LightTable::Impl* impl)
       : scene_(scene),
         render_origin_world_(render_origin_world),
-        files_(files),
+        images_(scene, files),
         spectral_(spectral),
         impl_(impl) {}
 
@@ -91,7 +91,7 @@ class SceneLightReader {
 
   const SceneDescription& scene_;
   Vec3d render_origin_world_;
-  FileSource& files_;
+  LightImages images_;
   const bool spectral_;
   LightTable::Impl* impl_;
   // Images are read once, however many lights use them: indices by file, and by field of view.
@@ -174,7 +174,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const DistantL
 
 absl::StatusOr<LightImage> SceneLightReader::ReadSquareMap(const LightDescription& light,
                                                            const std::string& file) {
-  absl::StatusOr<LightImage> image = ReadLightImage(scene_, light.location, file, files_);
+  absl::StatusOr<LightImage> image = images_.Read(light.location, file);
   if (image.ok() && image->width != image->height) {
     return ErrorAt(scene_, light.location,
                    absl::StrCat("\"", file, "\" is ", image->width, " x ", image->height,
@@ -345,8 +345,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
 
 absl::StatusOr<ProjectedImage> SceneLightReader::ReadProjectedImage(
     const LightDescription& light, const ProjectionLight& projection) {
-  absl::StatusOr<LightImage> image =
-      ReadLightImage(scene_, light.location, projection.file, files_);
+  absl::StatusOr<LightImage> image = images_.Read(light.location, projection.file);
   if (!image.ok()) return image.status();
   absl::StatusOr<ProjectedImage> projected = ProjectedImage::Make(
       image->width, image->height, std::move(image->texels), projection.fov_degrees);
