@@ -21,6 +21,8 @@ pkg_check_modules(sqlite3 REQUIRED IMPORTED_TARGET sqlite3)   # durable state
 pkg_check_modules(libpq REQUIRED IMPORTED_TARGET libpq)       # durable state of several coordinators
 pkg_check_modules(libcurl REQUIRED IMPORTED_TARGET libcurl)  # HTTP to object stores
 find_path(TINYGLTF_INCLUDE_DIR tiny_gltf.h REQUIRED)  # glTF scenes; one header
+pkg_check_modules(draco REQUIRED IMPORTED_TARGET GLOBAL draco)  # compressed meshes of glTF scenes
+find_package(meshoptimizer REQUIRED)  # compressed buffers of glTF scenes
 pkg_check_modules(tinyxml2 REQUIRED IMPORTED_TARGET tinyxml2)  # answers of object stores
 pkg_check_modules(libseccomp REQUIRED IMPORTED_TARGET libseccomp)  # filters of system calls
 pkg_check_modules(libarchive REQUIRED IMPORTED_TARGET GLOBAL libarchive)  # zip files

@@ -71,11 +71,15 @@ class GltfFile:
         return self.add("textures", {"source": self.add("images", image), **members})
 
     def write(self, path):
-        """A .glb by its name, or a .gltf with its buffer in a file beside it."""
+        """A .glb by its name, or a .gltf with its buffer in a file beside it.
+
+        Buffers of `json` follow the file's own.
+        """
+        more = self.json.get("buffers", [])
         if path.endswith(".glb"):
             data = self.data + b"\0" * (-len(self.data) % 4)
             if data:
-                self.json["buffers"] = [{"byteLength": len(data)}]
+                self.json["buffers"] = [{"byteLength": len(data)}, *more]
             text = json.dumps(self.json).encode()
             text += b" " * (-len(text) % 4)
             chunks = struct.pack("<I", len(text)) + b"JSON" + text
@@ -89,6 +93,6 @@ class GltfFile:
             with open(os.path.join(os.path.dirname(path), name), "wb") as file:
                 file.write(self.data)
             self.json["buffers"] = [{"byteLength": len(self.data),
-                                     "uri": name.replace(" ", "%20")}]
+                                     "uri": name.replace(" ", "%20")}, *more]
         with open(path, "w", encoding="utf-8") as file:
             json.dump(self.json, file)

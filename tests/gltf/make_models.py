@@ -8,6 +8,7 @@ Usage: make_models.py FOLDER
 MODELS maps the name of each to what its reading must say: None if it has no notes but those of the
 camera, a text that a note has, or "error: TEXT".
 """
+import base64
 import math
 import os
 import sys
@@ -181,7 +182,7 @@ def _(file):
     file.node(mesh=square(file, indices=(0, 1, 2, 3), mode=6), translation=[1.5, 0, 0])
 
 
-@model("points.glb", "points or lines")
+@model("points.glb", "points and lines")
 def _(file):
     file.node(mesh=square(file, indices=None, mode=0))
     file.node(mesh=square(file))
@@ -248,7 +249,7 @@ def _(file):
     file.node(camera=flat, translation=[0, 0, 4])
 
 
-@model("lights.glb", "ranges of lights")
+@model("lights.glb", "its range has no effect")
 def _(file):
     file.extension("KHR_lights_punctual")
     lights = [{"type": "point", "intensity": 30, "range": 10},
@@ -327,17 +328,97 @@ def _(file):
         "index": texture}}))
 
 
-@model("draco.glb", "error: KHR_draco_mesh_compression")
-def _(file):
+def compressed(text):
+    return base64.b64decode(text)
+
+
+# The square with uv, by Draco's own encoder: positions have the id 0, uv the id 1.
+DRACO_SEQUENTIAL = compressed(
+    "RFJBQ08CAgEAAAACBAEAAQIAAgMBAgAJAwAAAwkCAAECAgABAQADAwEwARADADSCiAQAAAAA/wcAAAABAQADAwEwARAD"
+    "ADSCpAAAAAAA/wMAAAAAAAAAAAAAAAAAAAAAgD8LAAAAAAAAAAAAAIA/Cg==")
+DRACO_EDGEBREAKER = compressed(
+    "RFJBQ08CAgEBAAAABAIBAgAAAR//ARH/AREC/wAAAAAAAQAJAwAAAgEDCQIAAQIBAQEAAwMBMAEQAwAogpgAAAAAAP8H"
+    "AAAAAAAAAAAAAAAAAAAAAIA/CwEBAQADAwEwARADACiCLAAAAAAA/wMAAAAAAAAAAAAAAACAPwo=")
+# The square's positions and indices, by meshoptimizer's own encoder.
+MESHOPT_POSITIONS = compressed(
+    "oAAAATMAAAD//wEzAAAAfn0AAAEMAAAA/wEMAAAAfgAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA==")
+MESHOPT_TRIANGLES = compressed("4PAAAHaHVmd4qYZliWiYAWkAAA==")
+
+
+def draco_square(file, data, triangles=2):
     file.extension("KHR_draco_mesh_compression")
-    file.node(mesh=square(file, extensions={"KHR_draco_mesh_compression": {"bufferView": 0,
-                                                                          "attributes": {}}}))
+    file.json["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    accessors = [file.add("accessors", {"componentType": component, "count": count, "type": kind})
+                 for component, count, kind in ((5126, 4, "VEC3"), (5126, 4, "VEC2"),
+                                                (5123, 3 * triangles, "SCALAR"))]
+    draco = {"bufferView": file.view(data), "attributes": {"POSITION": 0, "TEXCOORD_0": 1}}
+    file.node(mesh=file.add("meshes", {"primitives": [{
+        "attributes": {"POSITION": accessors[0], "TEXCOORD_0": accessors[1]},
+        "indices": accessors[2], "extensions": {"KHR_draco_mesh_compression": draco}}]}))
 
 
-@model("meshopt.glb", "error: EXT_meshopt_compression")
+@model("draco.glb")
 def _(file):
+    draco_square(file, DRACO_EDGEBREAKER)
+
+
+@model("draco-sequential.glb")
+def _(file):
+    draco_square(file, DRACO_SEQUENTIAL)
+
+
+@model("draco-damaged.glb", "error: the Draco mesh (KHR_draco_mesh_compression) is damaged")
+def _(file):
+    draco_square(file, DRACO_EDGEBREAKER[:-20])
+
+
+@model("draco-large.glb", "error: has 2 triangles, but its accessors only 1")
+def _(file):
+    draco_square(file, DRACO_EDGEBREAKER, triangles=1)
+
+
+def meshopt_square(file, vertices=4):
+    """The views refer to a buffer without bytes, a fallback for readers without the extension."""
     file.extension("EXT_meshopt_compression")
-    file.node(mesh=square(file))
+    file.json["extensionsRequired"] = ["EXT_meshopt_compression"]
+    file.json["buffers"] = [{"byteLength": 60,
+                             "extensions": {"EXT_meshopt_compression": {"fallback": True}}}]
+    sources = []
+    for data, mode, count, stride in ((MESHOPT_POSITIONS, "ATTRIBUTES", vertices, 12),
+                                      (MESHOPT_TRIANGLES, "TRIANGLES", 6, 2)):
+        index = file.view(data)
+        view = file.json["bufferViews"][index]
+        sources.append({"buffer": 0, "byteOffset": view["byteOffset"], "byteLength": len(data),
+                        "byteStride": stride, "count": count, "mode": mode})
+    file.json["bufferViews"] = [
+        {"buffer": 1, "byteOffset": offset, "byteLength": length, "extensions": {
+            "EXT_meshopt_compression": source}}
+        for source, offset, length in zip(sources, (0, 48), (48, 12))]
+    for view, component, count, kind in ((0, 5126, 4, "VEC3"), (1, 5123, 6, "SCALAR")):
+        file.add("accessors", {"bufferView": view, "componentType": component, "count": count,
+                               "type": kind})
+    file.node(mesh=file.add("meshes", {"primitives": [{"attributes": {"POSITION": 0},
+                                                       "indices": 1}]}))
+
+
+@model("meshopt.glb")
+def _(file):
+    meshopt_square(file)
+
+
+@model("meshopt.gltf")
+def _(file):
+    meshopt_square(file)
+
+
+@model("meshopt-damaged.glb", "error: buffer view 0 (EXT_meshopt_compression) is damaged")
+def _(file):
+    meshopt_square(file, vertices=1000)
+
+
+@model("meshopt-large.glb", "error: more than they can; compress the file again")
+def _(file):
+    meshopt_square(file, vertices=1 << 30)
 
 
 @model("cycle.gltf", "error: lies within itself")

@@ -23,8 +23,8 @@ ROOMS = {
     "cli": ". < image | denoiser | gltf < job/format | job/frames | job/identity < job | bundle "
            "< dropped | quote < study < commands",
     "common/film": ". < denoise | light < error < exr",
-    "common/scene": ". < spectrum < settings | formats < pbrt/syntax < pbrt/statements < pbrt "
-                    "< gltf",
+    "common/scene": ". < spectrum < settings | formats | gltf/draco < pbrt/syntax "
+                    "< pbrt/statements < pbrt < gltf",
     "worker/render": "traits < color < sampling < geometry "
                      "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
@@ -101,6 +101,8 @@ DOORS = {
     r"curl/": r"^common/objects/http_client\.cc$",
     r"tiny_gltf\.h": r"^common/scene/gltf/tinygltf_door\.h$",
     r"common/scene/gltf/tinygltf_door\.h": r"^common/scene/gltf/",
+    r"draco/(?!draco_mesh)": r"^common/scene/gltf/(draco/draco_mesh|compressed_gltf_test)\.cc$",
+    r"meshoptimizer\.h": r"^common/scene/gltf/(meshopt_views|compressed_gltf_test)\.cc$",
     r"tinyxml2\.h": r"^common/objects/s3_xml\.cc$",
     r"seccomp\.h": r"^worker/sandbox/system_call_filter\.cc$",
     r"sqlite3\.h": r"^coordinator/store/database/sqlite_database\.cc$",
@@ -108,8 +110,8 @@ DOORS = {
     r"boost/math/": r"^common/math/normal_distribution",
     r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
-    r"nlohmann/": r"^(cli/|common/scene/gltf/tinygltf\.cc$|coordinator/access/audit_log\.cc$|"
-        r"coordinator/service/http/)",
+    r"nlohmann/": r"^(cli/|common/scene/gltf/(tinygltf|parsable_json)\.cc$|"
+        r"coordinator/access/audit_log\.cc$|coordinator/service/http/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
         r"^(common/rpc/|worker/(sandbox|service|wire)/|"
         r"coordinator/service/(dropped|grpc|server)/|cli/)",

@@ -15,6 +15,7 @@
 #include "common/base/file.h"
 #include "common/base/printable.h"
 #include "common/base/status.h"
+#include "common/scene/gltf/parsable_json.h"
 #include "common/scene/named_as_in_scene.h"
 
 namespace sheaf::gltf {
@@ -100,18 +101,33 @@ absl::StatusOr<std::string> NameBeside(const std::string& main_file, const std::
   return CanonicalFileName(main_file.substr(0, slash + 1) + beside);
 }
 
-// Compressed geometry is refused by its name: without it the parser finds buffers and views
-// missing.
+// Refused by its name: without it the parser finds buffers and views missing.
 absl::Status CheckCodecs(const std::string& main_file, std::string_view json) {
-  for (const char* codec :
-       {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}) {
-    if (json.find(absl::StrCat("\"", codec, "\"")) == std::string_view::npos) continue;
-    return absl::InvalidArgumentError(
-        absl::StrCat(main_file, ": is compressed (", codec,
-                     "), which Sheaf does not read; export "
-                     "it without compression, or: gltf-transform copy in.glb out.glb"));
+  constexpr char kUnread[] = "KHR_meshopt_compression";
+  if (json.find(absl::StrCat("\"", kUnread, "\"")) == std::string_view::npos) {
+    return absl::OkStatus();
   }
-  return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(main_file, ": is compressed (", kUnread,
+                                                 "), which Sheaf does not read; export it without "
+                                                 "compression, or with EXT_meshopt_compression"));
+}
+
+void AppendWord(uint32_t word, std::string* bytes) {
+  bytes->append(reinterpret_cast<const char*>(&word), sizeof word);
+}
+
+// The file as the parser can read it. json: of the file.
+std::string Parsable(std::string bytes, std::string_view json, bool is_binary) {
+  std::string text = ParsableJson(json);
+  if (text == json) return bytes;
+  if (!is_binary) return text;
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  const std::string rest = bytes.substr(kGlbHeaderBytes + kChunkHeaderBytes + json.size());
+  std::string file = bytes.substr(0, 8);
+  AppendWord(static_cast<uint32_t>(kGlbHeaderBytes + kChunkHeaderBytes + text.size() + rest.size()),
+             &file);
+  AppendWord(static_cast<uint32_t>(text.size()), &file);
+  return file + bytes.substr(16, 4) + text + rest;
 }
 
 // State of the parser's callbacks.
@@ -239,7 +255,7 @@ absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string&
   // The parser counts in 32 bits.
   const uint64_t bytes_max = std::min<uint64_t>(
       {limits.file_bytes_max, limits.memory_bytes_max, std::numeric_limits<uint32_t>::max()});
-  const absl::StatusOr<std::string> bytes = ReadWholeFile(*path, bytes_max);
+  absl::StatusOr<std::string> bytes = ReadWholeFile(*path, bytes_max);
   if (!bytes.ok()) return NamedAsInScene(bytes.status(), *path, main_file);
   const bool is_binary = bytes->starts_with("glTF");
   std::string_view json = *bytes;
@@ -250,9 +266,11 @@ absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string&
   }
   if (absl::Status status = CheckJson(main_file, json); !status.ok()) return status;
   if (absl::Status status = CheckCodecs(main_file, json); !status.ok()) return status;
+  const std::string parsable = Parsable(*std::move(bytes), json, is_binary);
   auto model = std::make_unique<tinygltf::Model>();
   Access access{main_file, &files, bytes_max, absl::OkStatus()};
-  if (absl::Status status = Parse(&access, *bytes, is_binary, model.get(), warning); !status.ok()) {
+  if (absl::Status status = Parse(&access, parsable, is_binary, model.get(), warning);
+      !status.ok()) {
     return status;
   }
   return model;

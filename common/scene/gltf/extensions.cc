@@ -7,6 +7,8 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/gltf/draco_primitives.h"
+#include "common/scene/gltf/meshopt_views.h"
 #include "common/scene/gltf/values.h"
 
 namespace sheaf::gltf {
@@ -28,6 +30,8 @@ constexpr const char* kKnownExtensions[] = {
     "KHR_texture_transform",
     "EXT_texture_webp",
     kInstancing,
+    kDraco,
+    kMeshopt,
 };
 // Those that have messages of their own where they are used.
 constexpr const char* kNamedElsewhere[] = {"KHR_materials_dispersion", "KHR_texture_basisu",

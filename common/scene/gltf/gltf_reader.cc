@@ -18,11 +18,13 @@
 #include "common/scene/gltf/camera_views.h"
 #include "common/scene/gltf/deformation.h"
 #include "common/scene/gltf/document.h"
+#include "common/scene/gltf/draco_primitives.h"
 #include "common/scene/gltf/extensions.h"
 #include "common/scene/gltf/image_textures.h"
 #include "common/scene/gltf/lights.h"
 #include "common/scene/gltf/materials.h"
 #include "common/scene/gltf/meshes.h"
+#include "common/scene/gltf/meshopt_views.h"
 #include "common/scene/gltf/node_tree.h"
 #include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/gltf/values.h"
@@ -38,7 +40,7 @@ constexpr int32_t kDefaultSamples = 64, kDefaultDepth = 12;
 
 class Builder {
  public:
-  Builder(const tinygltf::Model& model, const std::string& main_file, FileSource* files,
+  Builder(tinygltf::Model& model, const std::string& main_file, FileSource* files,
           const GltfView& view, const SceneReaderLimits& limits, Diagnostics* diagnostics,
           SceneDescription* scene)
       : model_(model),
@@ -60,6 +62,10 @@ class Builder {
  private:
   void AddAll() {
     CheckExtensions(model_, diagnostics_);
+    if (!DecodeMeshoptViews(&model_, &accessors_, diagnostics_) ||
+        !DecodeDracoPrimitives(&model_, &accessors_, diagnostics_)) {
+      return;
+    }
     std::optional<NodeTree> tree = NodeTree::Make(model_, diagnostics_);
     if (!tree) return;
     CountHidden(*tree);
@@ -396,7 +402,7 @@ class Builder {
     return true;
   }
 
-  const tinygltf::Model& model_;
+  tinygltf::Model& model_;
   const GltfView& view_;
   Diagnostics* diagnostics_;
   SceneDescription* scene_;

@@ -373,7 +373,7 @@ TEST(GltfReaderTest, RefusesByName) {
       {File(R"("nodes": [{"mesh": 0}], "extensionsUsed": ["ACME_x"],
         "extensionsRequired": ["ACME_x"])"),
        "needs the extension ACME_x"},
-      {File(R"("extensionsUsed": ["KHR_draco_mesh_compression"])"), "KHR_draco_mesh_compression"},
+      {File(R"("extensionsUsed": ["KHR_meshopt_compression"])"), "KHR_meshopt_compression"},
       {File(kOneNode, kMesh, four), "has 4 elements, more than buffer view 0"},
       {File(R"("materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
         "textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],

@@ -1,0 +1,22 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The JSON of a compressed file, as the parser takes it.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace sheaf::gltf {
+
+// Where the accessor of a Draco primitive's indices stands in its extension.
+inline constexpr char kDracoIndices[] = "sheafIndices";
+
+// The JSON text with two changes; the same text if neither applies, or if it is not JSON.
+// Fallback buffers of EXT_meshopt_compression get one byte of their own: they mostly have none,
+// which the parser refuses, and no view that is read refers to them.
+// Draco primitives keep the accessor of their indices in the extension: the parser refuses one
+// without a buffer view in the primitive.
+std::string ParsableJson(std::string_view json);
+
+}  // namespace sheaf::gltf
