@@ -13,6 +13,7 @@
 #include "cli/interruption.h"
 #include "cli/job/farm_channel.h"
 #include "cli/job/follow_job.h"
+#include "cli/job/identity/opened_files.h"
 #include "cli/message.h"
 #include "cli/quote/quote.h"
 #include "common/base/log.h"
@@ -79,6 +80,7 @@ class QuoteCommand : public Command {
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);
     if (!here_) {
+      if (const std::string note = OutsideNote(job->outside); !note.empty()) PrintNote(note);
       const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
       if (!channel.ok()) return ReportCallError(channel.status());
       FarmClient client(*channel, coordinator_.address, interruption.token());

@@ -113,6 +113,7 @@ class SubmitCommand : public Command {
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);
+    if (const std::string note = OutsideNote(job->outside); !note.empty()) PrintNote(note);
     if (measure_seconds_ > 0) {
       const Techniques techniques = job->frames.front().settings.techniques;
       absl::Status status = CheckCameraPaths("measurements of effects", techniques);

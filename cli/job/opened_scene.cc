@@ -20,8 +20,9 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
   if (absl::Status status = CheckSceneFormatOf(path); !status.ok()) return status;
   const std::filesystem::path scene(path);
   const std::string directory = scene.parent_path().string();
-  auto files = std::make_unique<OpenedFiles>(directory.empty() ? "." : directory, gltf->derived());
   const std::string main_file = scene.filename().string();
+  auto files = std::make_unique<OpenedFiles>(directory.empty() ? "." : directory, gltf->derived(),
+                                             main_file);
   if (absl::Status status = gltf->Add(main_file, frame_number, files.get()); !status.ok()) {
     return status;
   }

@@ -47,6 +47,7 @@ struct ReadFrameResult {
   PreparedFrame frame;
   std::vector<BlobSource> blobs;
   std::map<std::string, FileState> inputs;
+  std::set<std::string> outside;
   std::vector<std::string> diagnostics;
 };
 
@@ -86,6 +87,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   }
   // What was read is what was hashed.
   result.inputs = file->files->States();
+  result.outside = file->files->Outside();
   if (absl::Status status = CheckUnchanged(result.inputs); !status.ok()) return status;
   Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
   CameraMatrices camera = CameraMatricesOf(read.scene.camera);
@@ -247,6 +249,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
     if (!result->ok()) return result->status();
     job.frames.push_back((**result).frame);
     job.inputs.merge((**result).inputs);
+    job.outside.merge((**result).outside);
     for (BlobSource& blob : (**result).blobs) {
       const std::string digest = blob.digest.sha256_hex;
       job.blobs.emplace(digest, std::move(blob));

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -77,6 +78,7 @@ struct PreparedJob {
   std::vector<PreparedFrame> frames;
   std::map<std::string, BlobSource> blobs;  // By digest.
   std::map<std::string, FileState> inputs;  // As they were when they were read; by path.
+  std::set<std::string> outside;            // Of the scene's folder: names, for OutsideNote.
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
   std::shared_ptr<DerivedFiles> derived;    // Keeps files among the blobs until they are uploaded.
 };

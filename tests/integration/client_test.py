@@ -10,6 +10,7 @@ import base64
 import json
 import os
 import re
+import shutil
 import subprocess
 import unittest
 from unittest import mock
@@ -310,6 +311,30 @@ class ClientTest(ClientCase):
         self.expect(run("compare", self.farm.path("none.exr"), self.farm.path("none.exr")), FILE)
         scene = self.write("unwritable.pbrt", SCENE)
         self.expect(run("render", scene, "--samples", 1, "-o", "/proc/none/out.exr"), FILE)
+
+    def test_files_outside_of_the_scene_folder_are_listed_or_refused(self):
+        """Regression: what a scene of others names was uploaded without a word."""
+        os.makedirs(self.farm.path("inner"), exist_ok=True)
+        shutil.copy(os.path.join(farm.ROOT, "scenes", "lenses", "double-gauss-50mm.dat"),
+                    self.farm.path("lens.dat"))
+        scene = self.write("inner/outside.pbrt", SCENE.replace(
+            'Camera "perspective" "float fov" 45',
+            'Camera "realistic" "string lensfile" "../lens.dat" "float focusdistance" 3'))
+        said = "1 file outside of the scene's folder is uploaded: ../lens.dat"
+        submit = ("submit", "--coordinator", self.farm.address, "--no-quote", "--samples", 1)
+        done = self.expect(run(*submit, scene), OK)
+        self.assertIn("sheaf: note: " + said + "\n", done.stderr)
+        notes = [json.loads(line) for line in
+                 self.expect(run(*submit, "--json", scene), OK).stderr.splitlines()]
+        self.assertIn({"severity": "note", "message": said}, notes)
+        self.assertNotIn("outside of", self.expect(run(
+            *submit, self.write("inside.pbrt", SCENE)), OK).stderr)
+        self.write("secret", "0" * 36)
+        os.symlink(self.farm.path("secret"), self.farm.path("inner/link.bin"))
+        model = self.write("inner/outside.gltf", json.dumps({
+            "asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": "link.bin"}]}))
+        self.assertIn('outside.gltf: file "link.bin" leads outside of the scene\'s folder',
+                      self.expect(run(*submit, model), BAD_SCENE).stderr)
 
     def test_broken_scenes_report_locations(self):
         self.write("short.ply", TRUNCATED_PLY)

@@ -7,6 +7,8 @@
 #pragma once
 
 #include <map>
+#include <memory>
+#include <set>
 #include <string>
 
 #include "absl/status/status.h"
@@ -19,16 +21,35 @@ namespace sheaf::cli {
 
 class OpenedFiles final : public DirectoryFileSource {
  public:
-  using DirectoryFileSource::DirectoryFileSource;
+  // main_file: its name in the directory. The user has chosen it, so it may be a symbolic link to
+  // anywhere; what a glTF file names may not leave the directory.
+  explicit OpenedFiles(const std::string& directory,
+                       std::shared_ptr<DerivedFiles> derived = nullptr, std::string main_file = "");
+  // Errors: also kInvalidArgument for a file outside of a glTF file's directory.
   absl::StatusOr<std::string> LocalPath(const std::string& canonical_name) override;
+  absl::StatusOr<std::string> DerivedPath(const std::string& canonical_name,
+                                          std::string_view bytes) override;
 
   // By path.
   std::map<std::string, FileState> States() const;
+  // Names of the files outside of the directory, by their names or by symbolic links.
+  std::set<std::string> Outside() const;
 
  private:
+  bool IsOutside(const std::string& canonical_name, const std::string& path) const;
+
+  const std::string real_directory_;  // Empty: unknown.
+  const std::string main_file_;
   mutable Mutex states_mutex_;
   std::map<std::string, FileState> states_ ABSL_GUARDED_BY(states_mutex_);
+  std::set<std::string> derived_ ABSL_GUARDED_BY(states_mutex_);
+  std::set<std::string> outside_ ABSL_GUARDED_BY(states_mutex_);
 };
+
+// Says which files outside of a scene's folder are uploaded, naming the first few.
+// Empty if there are none.
+inline constexpr size_t kOutsideNamesMax = 5;
+std::string OutsideNote(const std::set<std::string>& names);
 
 // Errors: kFailedPrecondition if a file is not as it was, naming it.
 absl::Status CheckUnchanged(const std::map<std::string, FileState>& states);

@@ -7,6 +7,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <string>
 
 namespace sheaf::cli {
 namespace {
@@ -48,6 +50,46 @@ TEST_F(OpenedFilesTest, AFileThatIsRemovedIsNamed) {
   ASSERT_TRUE(files.LocalPath("a.pbrt").ok());
   std::filesystem::remove(directory_ + "/a.pbrt");
   EXPECT_FALSE(CheckUnchanged(files.States()).ok());
+}
+
+TEST_F(OpenedFilesTest, FilesOutsideAreNamedForPbrtAndRefusedForGltf) {
+  const std::string outside = directory_ + "_outside";
+  std::filesystem::create_directories(outside);
+  std::filesystem::create_directories(directory_ + "/in");
+  std::ofstream(outside + "/secret") << "key";
+  std::ofstream(directory_ + "/in/c.bin") << "three";
+  std::filesystem::create_symlink(outside + "/secret", directory_ + "/link");
+  std::filesystem::create_symlink(outside, directory_ + "/folder");
+  std::filesystem::create_symlink("in/c.bin", directory_ + "/within");
+  std::filesystem::create_symlink(outside + "/secret", directory_ + "/main.gltf");
+  const std::string above = "../" + std::filesystem::path(outside).filename().string() + "/secret";
+
+  OpenedFiles pbrt(directory_, nullptr, "a.pbrt");
+  for (const std::string& name :
+       {std::string("a.pbrt"), std::string("in/c.bin"), std::string("within"), above,
+        outside + "/secret", std::string("link"), std::string("folder/secret")}) {
+    EXPECT_TRUE(pbrt.LocalPath(name).ok()) << name;
+  }
+  EXPECT_EQ(pbrt.Outside(),
+            (std::set<std::string>{above, outside + "/secret", "link", "folder/secret"}));
+
+  OpenedFiles gltf(directory_, nullptr, "main.gltf");
+  for (const char* const name : {"main.gltf", "in/c.bin", "within"}) {
+    EXPECT_TRUE(gltf.LocalPath(name).ok()) << name;
+  }
+  for (const char* const name : {"link", "folder/secret"}) {
+    EXPECT_THAT(
+        std::string(gltf.LocalPath(name).status().message()),
+        HasSubstr(std::string("file \"") + name + "\" leads outside of the scene's folder"));
+  }
+  std::filesystem::remove_all(outside);
+}
+
+TEST(OutsideNoteTest, CountsAllAndNamesTheFirst) {
+  EXPECT_EQ(OutsideNote({}), "");
+  EXPECT_EQ(OutsideNote({"../a"}), "1 file outside of the scene's folder is uploaded: ../a");
+  EXPECT_EQ(OutsideNote({"/1", "/2", "/3", "/4", "/5", "/6", "/7"}),
+            "7 files outside of the scene's folder are uploaded: /1, /2, /3, /4, /5 and 2 more");
 }
 
 }  // namespace
