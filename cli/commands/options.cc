@@ -66,6 +66,10 @@ std::string CheckPowerOfTwo(const std::string& text) {
   return text + " is not a power of two";
 }
 
+std::string CheckExposure(const std::string& text) {
+  return std::string(ParseExposure(text).status().message());
+}
+
 // Options for layers beside the colors, and for the primaries of the colors.
 void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
   const OptionGroup group(command, "Image contents");
@@ -280,6 +284,11 @@ void AddViewOptions(CLI::App* command, ViewArguments* view) {
       ->add_option("--ocio", view->config,
                    "OpenColorIO config that defines displays and views (default: Sheaf's own)")
       ->envname("OCIO");
+  command
+      ->add_option("--exposure", view->exposure,
+                   "Exposure of the image in PNGs and terminals: stops, e.g. -9.5, or auto "
+                   "(default: 0, and auto for glTF files with lights in candela and lux)")
+      ->check(CheckExposure);
 }
 
 void AddImageOptions(CLI::App* command, JobArguments* arguments) {

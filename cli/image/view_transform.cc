@@ -19,6 +19,7 @@
 #include "cli/image/view_config.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
+#include "common/base/status.h"
 #include "common/scene/spectrum/primaries.h"
 
 namespace sheaf::cli {
@@ -185,19 +186,29 @@ absl::StatusOr<ViewTransform> ViewTransform::OpenOrThrow(const ViewArguments& ar
 }
 
 absl::StatusOr<ViewTransform> ViewTransform::Open(const ViewArguments& arguments) {
+  const absl::StatusOr<Exposure> exposure = ParseExposure(arguments.exposure);
+  if (!exposure.ok()) return Annotate(exposure.status(), "--exposure");
   try {
-    return OpenOrThrow(arguments);
+    absl::StatusOr<ViewTransform> opened = OpenOrThrow(arguments);
+    if (opened.ok()) opened->set_exposure(*exposure);
+    return opened;
   } catch (const std::exception& error) {
     return absl::InvalidArgumentError(
         absl::StrCat("--ocio ", ConfigName(arguments), ": ", error.what()));
   }
 }
 
+bool ViewTransform::ShowsNumbers() const { return opened_ != nullptr && opened_->anchor.empty(); }
+
+double ViewTransform::StopsFor(const FrameImage& frame_image) const {
+  if (!exposure_.is_automatic) return exposure_.stops;
+  return ShowsNumbers() ? 0 : AutomaticStops(frame_image);
+}
+
 PngTags ViewTransform::Tags() const {
   PngTags tags;
   tags.text = {{"View", view_}, {"Display", display_}};
-  const bool shows_data = opened_ != nullptr && opened_->anchor.empty();
-  tags.is_srgb = !shows_data && absl::StrContains(absl::AsciiStrToLower(display_), "srgb");
+  tags.is_srgb = !ShowsNumbers() && absl::StrContains(absl::AsciiStrToLower(display_), "srgb");
   return tags;
 }
 
@@ -224,6 +235,11 @@ std::vector<Rgb8> ViewTransform::ShowOrThrow(const FrameImage& frame_image) cons
 }
 
 absl::StatusOr<std::vector<Rgb8>> ViewTransform::Show(const FrameImage& frame_image) const {
+  if (const double stops = StopsFor(frame_image); stops != 0) {
+    ViewTransform unexposed = *this;
+    unexposed.set_exposure({});
+    return unexposed.Show(Exposed(frame_image, stops));
+  }
   if (opened_ == nullptr) return ToneMapSrgb(frame_image);
   try {
     return ShowOrThrow(frame_image);

@@ -88,6 +88,16 @@ absl::Status WriteExr(const std::string& path, const Delivered& delivered,
                            : absl::DataLossError("the disk has not kept what was written");
 }
 
+// An automatic exposure is part of what the PNG shows.
+void NoteExposure(const Delivery& delivery, const FrameImage& image, const std::string& png) {
+  if (!delivery.view.is_exposed_automatically()) return;
+  PrintNote(absl::StrFormat("%s: exposed by %.2f stops, so that the average is middle gray; %s",
+                            png, delivery.view.StopsFor(image),
+                            delivery.paths.size() > 1
+                                ? "each frame by its own: --exposure STOPS exposes all alike"
+                                : "--exposure 0 shows the values of the EXR"));
+}
+
 // Errors: those of WriteOrKeep and AddExternalLayer.
 absl::Status WriteImages(FarmClient* client, const v1::Frame& frame, const ImagePaths& paths,
                          const Delivery& delivery, Delivered delivered) {
@@ -101,6 +111,7 @@ absl::Status WriteImages(FarmClient* client, const v1::Frame& frame, const Image
     status = WriteOrKeep(
         paths.png, [&](const std::string& path) { return WriteView(delivery.view, *image, path); });
     if (!status.ok()) return status;
+    NoteExposure(delivery, *image, paths.png);
   }
   absl::Status denoised;
   if (!delivery.denoise_with.empty()) {
@@ -166,9 +177,15 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
     absl::StrAppend(&delivery.options, " --denoise-with ", ShellQuoted(arguments.denoise_with));
   }
   if (names.png.empty()) return delivery;
+  std::string exposure = arguments.view.exposure;
+  if (exposure.empty() && job.is_photometric) {
+    exposure = kAutomaticExposure;
+    delivery.view.set_exposure({.is_automatic = true});
+  }
   for (const auto& [flag, value] :
        {std::pair("--png", names.png), std::pair("--ocio", arguments.view.config),
-        std::pair("--display", arguments.view.display), std::pair("--view", arguments.view.view)}) {
+        std::pair("--display", arguments.view.display), std::pair("--view", arguments.view.view),
+        std::pair("--exposure", exposure)}) {
     if (!value.empty()) absl::StrAppend(&delivery.options, " ", flag, " ", ShellQuoted(value));
   }
   return delivery;

@@ -10,6 +10,7 @@
 #include <random>
 #include <thread>
 #include <utility>
+#include <variant>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -48,8 +49,17 @@ struct ReadFrameResult {
   std::vector<BlobSource> blobs;
   std::map<std::string, FileState> inputs;
   std::set<std::string> outside;
+  bool is_photometric = false;
   std::vector<std::string> diagnostics;
 };
+
+// Whether a glTF file has lights of its own. Their units are candela and lux, those of surroundings
+// are free.
+bool IsPhotometric(const std::string& path, const SceneDescription& scene) {
+  return IsGltfName(path) && std::ranges::any_of(scene.lights, [](const LightDescription& light) {
+           return !std::holds_alternative<InfiniteLight>(light.light);
+         });
+}
 
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
                                           const RenderSettings& settings, GltfInputs* gltf,
@@ -88,6 +98,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   // What was read is what was hashed.
   result.inputs = file->files->States();
   result.outside = file->files->Outside();
+  result.is_photometric = IsPhotometric(path, read.scene);
   if (absl::Status status = CheckUnchanged(result.inputs); !status.ok()) return status;
   Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
   CameraMatrices camera = CameraMatricesOf(read.scene.camera);
@@ -250,6 +261,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
     job.frames.push_back((**result).frame);
     job.inputs.merge((**result).inputs);
     job.outside.merge((**result).outside);
+    job.is_photometric |= (**result).is_photometric;
     for (BlobSource& blob : (**result).blobs) {
       const std::string digest = blob.digest.sha256_hex;
       job.blobs.emplace(digest, std::move(blob));

@@ -79,6 +79,7 @@ struct PreparedJob {
   std::map<std::string, BlobSource> blobs;  // By digest.
   std::map<std::string, FileState> inputs;  // As they were when they were read; by path.
   std::set<std::string> outside;            // Of the scene's folder: names, for OutsideNote.
+  bool is_photometric = false;              // A glTF file with lights in candela and lux.
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
   std::shared_ptr<DerivedFiles> derived;    // Keeps files among the blobs until they are uploaded.
 };

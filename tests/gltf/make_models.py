@@ -313,6 +313,19 @@ def _(file):
         {"sampler": 0, "target": {"node": tip, "path": "translation"}}]})
 
 
+@model("lamp.glb")
+def _(file):
+    """A white square, lit from its front by a lamp of 1000 cd and seen by a camera."""
+    file.extension("KHR_lights_punctual")
+    file.json["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 1000}]}}
+    file.node(mesh=square(file, material=file.add("materials", {
+        "pbrMetallicRoughness": {"metallicFactor": 0}})), translation=[-0.5, -0.5, 0])
+    file.node(extensions={"KHR_lights_punctual": {"light": 0}}, translation=[0, 0, 2])
+    file.node(camera=file.add("cameras", {"type": "perspective", "perspective": {
+        "yfov": 0.5, "znear": 0.1}}), translation=[0, 0, 1.5])
+
+
 @model("hidden.glb", "scaled to nothing")
 def _(file):
     file.node(mesh=sphere(file))

@@ -10,7 +10,9 @@ are rendered small, or name what they refuse.
 Usage: models_test.py [FOLDER]
 """
 import glob
+import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -20,6 +22,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 sys.path[:0] = [HERE, os.path.join(ROOT, "tests", "integration")]
 import farm  # pylint: disable=wrong-import-position
+from guided_farm_test import png_rows  # pylint: disable=wrong-import-position
 import make_models  # pylint: disable=wrong-import-position
 
 MODELS_MIN = 25
@@ -79,6 +82,36 @@ class ModelsTest(unittest.TestCase):
         code, text = sheaf("compare", tile, render("emission-mirror"))
         self.assertEqual(code, 0, text)
         self.assertIn("within noise", text)
+
+    def test_lights_in_candela_are_exposed_automatically(self):
+        """Regression: PNGs of Blender's exports were white."""
+        def render(name, *arguments):
+            exr, png = self.path(name + ".exr"), self.path(name + ".png")
+            code, text = sheaf("render", self.path("lamp.glb"), *SMALL, "-o", exr, "--png", png,
+                               *arguments)
+            self.assertEqual(code, 0, text)
+            return farm.read_bytes(exr), farm.read_bytes(png), text
+
+        exr, png, text = render("automatic")
+        found = re.search(r"automatic\.png: exposed by (-\d+\.\d\d) stops", text)
+        self.assertTrue(found, text)
+        # The square has 1000 cd / (2 m)^2 / pi = 80 cd/m^2 at its center, a little less elsewhere;
+        # this becomes middle gray.
+        self.assertAlmostEqual(float(found[1]), math.log2(0.18 / (250 / math.pi)), delta=0.3)
+        levels = b"".join(png_rows(self.path("automatic.png")))
+        self.assertLess(levels.count(255), len(levels) / 5)
+        self.assertAlmostEqual(sum(levels) / len(levels), 118, delta=8)
+        self.assertEqual(render("same", "--exposure", found[1])[:2], (exr, png))
+        render("white", "--exposure", "0")
+        self.assertEqual(max(b"".join(png_rows(self.path("white.png")))), 255)
+        self.assertNotIn("exposed by", render("given", "--exposure", "-3")[2])
+        code, text = sheaf("render", self.path("lamp.glb"), "--exposure", "bright")
+        self.assertEqual(code, 2, text)
+        self.assertIn("--exposure", text)
+        # A surrounding has no unit.
+        code, text = sheaf("render", self.path("draco.glb"), *SMALL, "--png", self.path("d.png"),
+                           "-o", self.path("d.exr"))
+        self.assertNotIn("exposed by", text)
 
     def test_frames_are_times(self):
         code, text = sheaf("render", self.path("animation.glb"), *SMALL, "--fps", "4", "--frames",
