@@ -17,6 +17,8 @@ import sys
 import tempfile
 import time
 import unittest
+import urllib.error
+import urllib.request
 
 import client_case
 import farm
@@ -26,7 +28,7 @@ MEBI = 1 << 20
 DISK_BYTES = 24 * MEBI
 JOB = ("--tile-size", "16", "--pass-samples", "16", "--samples", "32")
 # More than a test renders, in leases of some tenths of a second: their parts take little space.
-LONG_JOB = ("--tile-size", "16", "--pass-samples", "4096", "--lease-passes", "1", "--samples",
+LONG_JOB = ("--tile-size", "16", "--pass-samples", "1024", "--lease-passes", "1", "--samples",
             "16777216")
 TOLD_SECONDS = 5
 
@@ -107,10 +109,12 @@ class DiskSpaceTest(unittest.TestCase):
         farm.wait_until(told, TOLD_SECONDS, f"the reason of {job}: {words}")
 
     def check_other_job(self, f):
-        """A job that needs little ends, with the same bytes as on a large disk."""
+        """A job that needs little ends, with the same bytes as on a large disk. It is more urgent
+        than long ones, which it would wait for.
+        """
         out = os.path.join(self.folder, "out.exr")
-        f.sheaf("submit", self.scene, *JOB, "--title", f"other {time.monotonic_ns()}", "--wait",
-                "-o", out)
+        f.sheaf("submit", self.scene, *JOB, "--title", f"other {time.monotonic_ns()}",
+                "--priority", "1", "--wait", "-o", out)
         self.assertEqual(farm.image_digest(out), self.expected)
 
     def restart(self, f, by=signal.SIGTERM):
@@ -160,6 +164,35 @@ class DiskSpaceTest(unittest.TestCase):
             job = self.submit(f, scene, *JOB)
             self.assertFalse(os.path.exists(left))
             f.sheaf("watch", job, "-o", os.path.join(self.folder, "large.exr"))
+            self.check_other_job(f)
+
+    def post(self, f, path, body=b""):
+        request = urllib.request.Request(f"http://{f.http}/api/v1/submissions{path}", body,
+                                         {"X-Sheaf-Request": "1"})
+        try:
+            with urllib.request.urlopen(request, timeout=10 * farm.PATIENCE) as answer:
+                return answer.status, json.load(answer)
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code, json.load(error)
+
+    def test_what_is_dropped_on_the_page_takes_the_space_of_uploads(self):
+        """Regression: it left 2 GiB free, whatever the disk's size and --disk-free-min."""
+        with self.farm_on_small_disk("--disk-free-min", "8M") as f:
+            dropped = self.post(f, "")[1]["name"].partition("/")[2]
+            code, taken = self.post(f, f"/{dropped}/files?name=a&offset=0", b"x" * MEBI)
+            self.assertEqual(code, 200, taken)
+            for number in range(1, DISK_BYTES // MEBI):
+                code, refused = self.post(f, f"/{dropped}/files?name=a&offset={number * MEBI}",
+                                          b"x" * MEBI)
+                if code != 200:
+                    break
+            self.assertIn("free for uploads", refused["error"]["message"])
+            self.assertIn("--disk-free-min", refused["error"]["message"])
+            # --disk-free-min counts at most for a twentieth of a disk.
+            self.assertGreater(free_bytes(f.path("state")), DISK_BYTES // 20)
+            self.assertEqual(self.post(f, f"/{dropped}:discard")[0], 200)
+            f.start_worker()
             self.check_other_job(f)
 
     def test_an_upload_that_the_disk_cannot_take_leaves_nothing(self):

@@ -5,7 +5,6 @@
 #include <fcntl.h>
 #include <linux/openat2.h>
 #include <sys/stat.h>
-#include <sys/statvfs.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -53,8 +52,8 @@ absl::StatusOr<FileDescriptor> FolderOfName(int files, const std::string& name, 
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<DroppedFiles>> DroppedFiles::Create(const std::string& folder,
-                                                                   const DroppedLimits& limits) {
+absl::StatusOr<std::unique_ptr<DroppedFiles>> DroppedFiles::Create(
+    const std::string& folder, const DroppedLimits& limits, WriteWithSpace write_with_space) {
   if (::mkdir(folder.c_str(), 0700) != 0) {
     return StatusFromErrno(errno, absl::StrCat("making ", folder));
   }
@@ -63,7 +62,8 @@ absl::StatusOr<std::unique_ptr<DroppedFiles>> DroppedFiles::Create(const std::st
   }
   FileDescriptor files(::open((folder + kFilesFolder).c_str(), kFolderFlags));
   if (!files.ok()) return StatusFromErrno(errno, absl::StrCat("opening ", folder));
-  return std::unique_ptr<DroppedFiles>(new DroppedFiles(folder, std::move(files), limits));
+  return std::unique_ptr<DroppedFiles>(
+      new DroppedFiles(folder, std::move(files), limits, std::move(write_with_space)));
 }
 
 DroppedFiles::~DroppedFiles() {
@@ -71,7 +71,7 @@ DroppedFiles::~DroppedFiles() {
   std::filesystem::remove_all(folder_, ignored);
 }
 
-absl::Status DroppedFiles::CheckRoom(const std::string& name, uint64_t more) const {
+absl::Status DroppedFiles::CheckLimits(const std::string& name, uint64_t more) const {
   if (!sizes_.contains(name) && sizes_.size() >= limits_.files_max) {
     return absl::ResourceExhaustedError(
         absl::StrCat("more than ", limits_.files_max,
@@ -81,12 +81,6 @@ absl::Status DroppedFiles::CheckRoom(const std::string& name, uint64_t more) con
     return absl::ResourceExhaustedError(
         absl::StrCat("the dropped files are larger than ", FormatMemory(limits_.bytes_max),
                      ", the limit of this coordinator (--drop-bytes-max); use sheaf submit"));
-  }
-  struct statvfs disk {};
-  if (::fstatvfs(files_.get(), &disk) != 0) return StatusFromErrno(errno, folder_);
-  if (uint64_t{disk.f_bavail} * disk.f_frsize < limits_.free_bytes_min + more) {
-    return absl::ResourceExhaustedError(
-        "the coordinator's disk is nearly full; ask an operator of the farm (sheaf gc)");
   }
   return absl::OkStatus();
 }
@@ -135,8 +129,9 @@ absl::StatusOr<uint64_t> DroppedFiles::Append(const std::string& name, uint64_t 
   const uint64_t there = size - offset_bytes;
   if (!is_new && there >= bytes.size()) return size;
   bytes.remove_prefix(there);
-  if (absl::Status status = CheckRoom(name, bytes.size()); !status.ok()) return status;
-  if (absl::Status status = Write(name, bytes, is_new); !status.ok()) return status;
+  if (absl::Status status = CheckLimits(name, bytes.size()); !status.ok()) return status;
+  absl::Status status = write_with_space_(bytes.size(), [&] { return Write(name, bytes, is_new); });
+  if (!status.ok()) return status;
   bytes_ += bytes.size();
   return sizes_[name] = size + bytes.size();
 }

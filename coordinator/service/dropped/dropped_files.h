@@ -9,11 +9,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <string_view>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "common/content/file_descriptor.h"
 
@@ -22,16 +24,20 @@ namespace sheaf::coordinator {
 struct DroppedLimits {
   uint64_t bytes_max = uint64_t{4} << 30;  // Of all files together.
   uint64_t files_max = 20'000;
-  // Files are refused where less than this would be left of the disk, which has other uses.
-  uint64_t free_bytes_min = uint64_t{2} << 30;
 };
+
+// Claims disk space for the bytes, calls write, and gives the claim up. Errors: kResourceExhausted
+// where the space is lacking; those of write.
+using WriteWithSpace =
+    std::function<absl::Status(uint64_t bytes, const std::function<absl::Status()>& write)>;
 
 // Thread safety: one thread at a time.
 class DroppedFiles {
  public:
   // Makes the folder, which must not be there. Errors: those of files.
   static absl::StatusOr<std::unique_ptr<DroppedFiles>> Create(const std::string& folder,
-                                                              const DroppedLimits& limits);
+                                                              const DroppedLimits& limits,
+                                                              WriteWithSpace write_with_space);
   // Removes the folder with all that is in it.
   ~DroppedFiles();
   DroppedFiles(const DroppedFiles&) = delete;
@@ -48,14 +54,19 @@ class DroppedFiles {
   uint64_t file_count() const { return sizes_.size(); }
 
  private:
-  DroppedFiles(std::string folder, FileDescriptor files, const DroppedLimits& limits)
-      : folder_(std::move(folder)), files_(std::move(files)), limits_(limits) {}
-  absl::Status CheckRoom(const std::string& name, uint64_t more) const;
+  DroppedFiles(std::string folder, FileDescriptor files, const DroppedLimits& limits,
+               WriteWithSpace write_with_space)
+      : folder_(std::move(folder)),
+        files_(std::move(files)),
+        limits_(limits),
+        write_with_space_(std::move(write_with_space)) {}
+  absl::Status CheckLimits(const std::string& name, uint64_t more) const;
   absl::Status Write(const std::string& name, std::string_view bytes, bool is_new) const;
 
   const std::string folder_;
   const FileDescriptor files_;  // The folder "files".
   const DroppedLimits limits_;
+  const WriteWithSpace write_with_space_;
   std::map<std::string, uint64_t> sizes_;  // Of files by name; at most files_max.
   uint64_t bytes_ = 0;
 };

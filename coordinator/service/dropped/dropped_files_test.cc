@@ -18,11 +18,15 @@ using ::testing::HasSubstr;
 class DroppedFilesTest : public ::testing::Test {
  protected:
   void Open(const DroppedLimits& limits) {
-    auto files = DroppedFiles::Create(folder_, limits);
+    auto files = DroppedFiles::Create(folder_, limits, [this](uint64_t bytes, const auto& write) {
+      if (bytes > space_) return absl::ResourceExhaustedError("no space");
+      space_ -= bytes;
+      return write();
+    });
     ASSERT_TRUE(files.ok()) << files.status();
     files_ = *std::move(files);
   }
-  void SetUp() override { Open({.bytes_max = 100, .files_max = 3, .free_bytes_min = 0}); }
+  void SetUp() override { Open({.bytes_max = 100, .files_max = 3}); }
   ~DroppedFilesTest() override { std::filesystem::remove_all(folder_); }
   std::string Error(const std::string& name, uint64_t offset, const std::string& bytes) {
     return std::string(files_->Append(name, offset, bytes).status().message());
@@ -31,6 +35,7 @@ class DroppedFilesTest : public ::testing::Test {
     return ReadWholeFile(folder_ + "/files/" + name).value_or("nothing");
   }
   const std::string folder_ = sheaf::testing::TemporaryPath("dropped");
+  uint64_t space_ = 1000;
   std::unique_ptr<DroppedFiles> files_;
 };
 
@@ -79,10 +84,16 @@ TEST_F(DroppedFilesTest, LimitsHold) {
   EXPECT_EQ(files_->bytes(), 100u);
 }
 
-TEST_F(DroppedFilesTest, AFullDiskTakesNothing) {
-  files_.reset();
-  Open({.free_bytes_min = uint64_t{1} << 62});
-  EXPECT_THAT(Error("a", 0, "x"), HasSubstr("disk is nearly full"));
+TEST_F(DroppedFilesTest, SpaceIsClaimedForWhatIsNew) {
+  space_ = 8;
+  ASSERT_TRUE(files_->Append("a", 0, "12345").ok());
+  ASSERT_TRUE(files_->Append("a", 3, "4567").ok()) << "two of them are there";
+  EXPECT_EQ(space_, 1u);
+  EXPECT_EQ(Error("a", 7, "89"), "no space");
+  EXPECT_EQ(Error("b", 0, "12"), "no space");
+  EXPECT_EQ(Read("a"), "1234567");
+  EXPECT_EQ(files_->file_count(), 1u) << "nothing is left of what was refused";
+  ASSERT_TRUE(files_->Append("a", 7, "8").ok());
 }
 
 TEST_F(DroppedFilesTest, OnlyFilesBelowTheFolderAreOpened) {

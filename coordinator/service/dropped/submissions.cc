@@ -161,8 +161,8 @@ absl::StatusOr<SubmissionView> Submissions::Begin(const SubmissionCaller& caller
   EndSilent(now);
   if (absl::Status status = MakeRoom(caller.owner); !status.ok()) return status;
   const uint64_t id = next_id_++;
-  absl::StatusOr<std::unique_ptr<DroppedFiles>> files =
-      DroppedFiles::Create(absl::StrCat(options_.folder, "/", id), options_.limits);
+  absl::StatusOr<std::unique_ptr<DroppedFiles>> files = DroppedFiles::Create(
+      absl::StrCat(options_.folder, "/", id), options_.limits, options_.write_with_space);
   if (!files.ok()) return files.status();
   auto submission = std::make_shared<Submission>();
   submission->caller = caller;

@@ -45,6 +45,7 @@ struct SubmissionOptions {
   std::string program;  // `sheaf`; empty: scenes are not read.
   std::string why_not;  // Why nothing is taken; empty: it is.
   DroppedLimits limits;
+  WriteWithSpace write_with_space;
   ReaderProcessLimits reader;
 };
 

@@ -31,7 +31,7 @@ class SubmissionsTest : public ::testing::Test {
     std::filesystem::create_directories(folder_);
     options_.folder = folder_ + "/dropped";
     options_.program = folder_ + "/reader";
-    options_.limits.free_bytes_min = 0;
+    options_.write_with_space = [](uint64_t, const auto& write) { return write(); };
     options_.reader.wall_max = absl::Seconds(20);
   }
   ~SubmissionsTest() override {

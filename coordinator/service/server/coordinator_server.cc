@@ -199,6 +199,11 @@ absl::Status CoordinatorServer::StartSubmissions(const CoordinatorOptions& optio
         "this coordinator reads no scenes: the program sheaf is not installed beside "
         "sheaf-coordinator";
   }
+  dropped.write_with_space = [farm = farm_.get()](uint64_t bytes,
+                                                  const std::function<absl::Status()>& write) {
+    const absl::StatusOr<UploadClaim> claim = farm->ClaimUpload("", bytes);
+    return claim.ok() ? write() : claim.status();
+  };
   const DroppedJobsTo to{farm_.get(), job_service_.get(), access_.get()};
   absl::StatusOr<std::unique_ptr<Submissions>> submissions = Submissions::Start(
       std::move(dropped),
