@@ -57,6 +57,8 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
   RetryPolicy policy;
   policy.elapsed_max = answered_ ? kLaterAnswerWait : kFirstAnswerWait;
   policy.attempts_max = 10'000;
+  // Once for this call: calls within an attempt succeed meanwhile.
+  bool told_limited = false, told_silent = false;
   const absl::Status status =
       RetryLoop(policy, Idempotency::kIdempotent, environment_, [&]() -> absl::Status {
         if (stop_.stop_requested()) return absl::CancelledError("interrupted");
@@ -66,11 +68,13 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
         absl::Status result = attempt(&context);
         if (stop_.stop_requested()) return absl::CancelledError("interrupted");
         if (result.ok()) answered_ = true;
-        if (RetryAfterOf(result) && !limited_.exchange(true)) {
+        if (RetryAfterOf(result) && !std::exchange(told_limited, true) &&
+            !limited_.exchange(true)) {
           PrintInfo(absl::StrCat("the coordinator at ", address_,
                                  " lets this call wait: ", result.message()));
         }
-        if (answered_ && absl::IsUnavailable(result) && !silent_.exchange(true)) {
+        if (answered_ && absl::IsUnavailable(result) && !std::exchange(told_silent, true) &&
+            !silent_.exchange(true)) {
           PrintInfo(
               absl::StrCat("the coordinator at ", address_, " does not answer; trying again"));
         }

@@ -14,11 +14,13 @@
 #include "cli/job/wire_digest.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
+#include "common/base/retry_after.h"
 #include "common/base/status.h"
 #include "common/content/blob_batch.h"
 #include "common/content/chunk_codec.h"
 #include "common/content/chunk_cutter.h"
 #include "common/content/file_descriptor.h"
+#include "common/content/shared_upload.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/chunk_list_codec.h"
 #include "common/rpc/grpc_status.h"
@@ -155,9 +157,13 @@ absl::Status FarmClient::UploadByChunks(const BlobSource& blob,
         if (std::exchange(is_first, false)) on_progress(blob.digest.size_bytes - to_send_bytes);
         const absl::Status sent =
             SendChunks(context, transfer_.get(), blob.path, *list, *plan, on_progress, &own);
-        // Another client uploads the same blob, or a chunk is gone that was there: planned again.
-        const bool plan_again = absl::IsOutOfRange(sent) || absl::IsFailedPrecondition(sent);
-        return own.ok() && plan_again ? absl::UnavailableError(sent.message()) : sent;
+        if (!own.ok()) return own;
+        // Planned again.
+        if (absl::IsOutOfRange(sent)) return SharedUploadError();
+        if (absl::IsFailedPrecondition(sent)) {
+          return RetryAfterError("a chunk is gone that was there", kSharedUploadWait);
+        }
+        return sent;
       },
       kStreamDeadline);
   return absl::IsUnimplemented(status) ? Upload(blob, on_progress) : status;

@@ -12,17 +12,14 @@
 #include "cli/job/farm_client.h"
 #include "cli/job/wire_digest.h"
 #include "common/base/digest.h"
-#include "common/base/retry_after.h"
 #include "common/content/blob_store.h"
 #include "common/content/chunk_codec.h"
+#include "common/content/shared_upload.h"
 #include "common/rpc/channel.h"
 #include "common/rpc/grpc_status.h"
 
 namespace sheaf::cli {
 namespace {
-
-// Between looks at a file that another client uploads.
-constexpr absl::Duration kSharedUploadWait = absl::Seconds(1);
 
 // Reads a blob's bytes in order, starting at an offset.
 class BlobReader {
@@ -118,10 +115,7 @@ absl::Status FarmClient::Upload(const BlobSource& blob,
         absl::Status sent = UploadOnce(context, blob, offset_bytes, on_progress);
         if (absl::IsAlreadyExists(sent)) return absl::OkStatus();
         // Retry, which queries its progress again.
-        if (absl::IsOutOfRange(sent)) {
-          return RetryAfterError("another client uploads the same file", kSharedUploadWait);
-        }
-        return sent;
+        return absl::IsOutOfRange(sent) ? SharedUploadError() : sent;
       },
       kStreamDeadline);
   if (!absl::IsInvalidArgument(status) || blob.path.empty()) return status;

@@ -32,6 +32,7 @@ class SlowLink:
         self.open = set()  # Writers of all connections.
         self.refusing = False
         self.lines = ()  # Upward and downward.
+        self.flowing = None  # Whether data is forwarded.
         self.loop = asyncio.new_event_loop()
         self.ready = threading.Event()
         self.thread = threading.Thread(target=self._run, daemon=True)
@@ -53,6 +54,13 @@ class SlowLink:
     def accept(self):
         self.refusing = False
 
+    def hold(self):
+        """Forwards nothing until let_go is called."""
+        self.loop.call_soon_threadsafe(self.flowing.clear)
+
+    def let_go(self):
+        self.loop.call_soon_threadsafe(self.flowing.set)
+
     def _reset_all(self):
         for writer in list(self.open):
             reset(writer)
@@ -62,6 +70,8 @@ class SlowLink:
         server = self.loop.run_until_complete(
             asyncio.start_server(self._serve, "127.0.0.1", 0, backlog=1024))
         self.lines = (asyncio.Lock(), asyncio.Lock())
+        self.flowing = asyncio.Event()
+        self.flowing.set()
         self.address = "127.0.0.1:%d" % server.sockets[0].getsockname()[1]
         self.ready.set()
         self.loop.run_forever()
@@ -109,6 +119,7 @@ class SlowLink:
             if self.bytes_per_second:
                 async with line:  # Connections take turns.
                     await asyncio.sleep(len(data) / self.bytes_per_second)
+            await self.flowing.wait()
             await queue.put((max(first, self.loop.time() + self.one_way), data))
 
     async def _deliver(self, queue, writer):

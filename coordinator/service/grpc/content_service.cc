@@ -108,7 +108,7 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
     // Somebody else brought it: a blob never changes.
     return Finish(absl::OkStatus(), &message, reader);
   }
-  if (!writer.ok()) return Finish(writer.status(), &message, reader);
+  if (!writer.ok()) return Finish(OfSharedUpload(writer.status()), &message, reader);
   const uint64_t asked_bytes = digest->size_bytes - writer->committed_bytes();
   absl::StatusOr<UploadClaim> claim =
       BeginUpload(*context, farm_, access_, "WriteBlob", digest->sha256_hex, asked_bytes);

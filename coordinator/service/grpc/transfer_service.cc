@@ -142,7 +142,7 @@ absl::Status TransferService::WriteSmall(const grpc::ServerContext& context,
   } else {
     ReturnUpload(context, access_, bytes->size());
   }
-  return status;
+  return OfSharedUpload(status);
 }
 
 grpc::Status TransferService::WriteSmallBlobs(grpc::ServerContext* context,
@@ -183,7 +183,7 @@ grpc::Status TransferService::WriteChunks(grpc::ServerContext* context,
       ChunkedWrite::Begin(*blobs_, &content_->chunks(), *list, message.offset_bytes());
   // Somebody else brought it: a blob never changes.
   if (absl::IsAlreadyExists(write.status())) return finish(absl::OkStatus());
-  if (!write.ok()) return finish(write.status());
+  if (!write.ok()) return finish(OfSharedUpload(write.status()));
   const uint64_t asked_bytes = list->blob.size_bytes - message.offset_bytes();
   absl::StatusOr<UploadClaim> claim =
       BeginUpload(*context, farm_, access_, "WriteChunks", list->blob.sha256_hex, asked_bytes);

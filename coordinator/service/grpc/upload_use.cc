@@ -2,8 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/grpc/upload_use.h"
 
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "common/content/shared_upload.h"
 #include "coordinator/service/grpc/caller.h"
 
 namespace sheaf::coordinator {
@@ -39,6 +42,10 @@ absl::StatusOr<UploadClaim> BeginUpload(const grpc::ServerContext& context, Farm
     return allowed;
   }
   return claim;
+}
+
+absl::Status OfSharedUpload(absl::Status status) {
+  return absl::IsUnavailable(status) ? SharedUploadError() : std::move(status);
 }
 
 void ReturnUpload(const grpc::ServerContext& context, AccessControl* access,

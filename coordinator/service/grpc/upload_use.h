@@ -24,6 +24,8 @@ namespace sheaf::coordinator {
 absl::StatusOr<UploadClaim> BeginUpload(const grpc::ServerContext& context, Farm* farm,
                                         AccessControl* access, const char* operation,
                                         const std::string& blob, uint64_t size_bytes);
+// Tells the caller to wait where another client writes the blob. status: of the blob store.
+absl::Status OfSharedUpload(absl::Status status);
 // Takes back what did not come of it.
 void ReturnUpload(const grpc::ServerContext& context, AccessControl* access,
                   uint64_t missing_bytes);
