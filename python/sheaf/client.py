@@ -18,6 +18,7 @@ from sheaf import errors
 from sheaf.address import coordinator_addresses
 from sheaf.connection import UNARY_SECONDS_MAX, Connection, transient_wait
 from sheaf.images import Image, read_image
+from sheaf.job_changes import JobChanges
 from sheaf.jobs import (Frame, Job, JobState, RefinementPrice, Worker, job_from, price_from,
                         worker_from)
 from sheaf.programs import run_sheaf
@@ -143,11 +144,12 @@ class Client:
         """
         name = job_name(job)
         end = None if timeout_seconds is None else time.monotonic() + timeout_seconds
+        changes = JobChanges()
         while True:
             messages, message = self._open_watch(name, end)
             try:
                 while message is not None:
-                    present = job_from(message)
+                    present = changes.add(message)
                     _check_identity(job, present)
                     job = present
                     yield present
@@ -354,7 +356,8 @@ class Client:
             timeout = WATCH_SECONDS_MAX
             if end is not None:
                 timeout = min(timeout, max(0.001, end - time.monotonic()))
-            messages = stub.WatchJob(job_pb2.WatchJobRequest(name=name), timeout=timeout)
+            messages = stub.WatchJob(job_pb2.WatchJobRequest(name=name, changes_only=True),
+                                     timeout=timeout)
             return messages, next(messages, None)
         try:
             return self._connection.call(attempt, end)

@@ -150,11 +150,13 @@ class RefinementPrice:
     wall_seconds: Estimate
 
 
-def job_from(message: job_pb2.Job) -> Job:
+def job_from(message: job_pb2.Job, frames: tuple[Frame, ...] | None = None) -> Job:
+    """frames: those of the message, where they are known."""
     return Job(
         name=message.name, title=message.title, state=_enum(JobState, message.state, 0),
         priority=message.priority, progress=_progress(message.progress),
-        frames=tuple(map(_frame, message.frames)), create_time=_time(message.create_time),
+        frames=tuple(map(frame_from, message.frames)) if frames is None else frames,
+        create_time=_time(message.create_time),
         end_time=_time(message.end_time) if message.HasField("end_time") else None,
         failure=message.failure, waiting_reason=message.waiting_reason, warning=message.warning,
         owner=message.owner, message=message)
@@ -178,7 +180,7 @@ def price_from(message: job_pb2.RefinementPrice) -> RefinementPrice:
         cpu_seconds=_estimate(message.cpu_seconds), wall_seconds=_estimate(message.wall_seconds))
 
 
-def _frame(message: frame_pb2.Frame) -> Frame:
+def frame_from(message: frame_pb2.Frame) -> Frame:
     settings = message.spec.settings
     return Frame(
         name=message.name, number=message.spec.frame_number, width_px=settings.width_px,

@@ -137,6 +137,47 @@ class PackageTest(unittest.TestCase):
                 client.wait(3)
         self.assertIs(raised.exception.job, failed)
 
+    def test_watches_get_the_frames_that_have_changed(self):
+        from sheaf.job_changes import JobChanges
+        from sheaf.v1 import frame_pb2, job_pb2
+
+        def message(numbers, troubles, digest, changes=True):
+            job = job_pb2.Job(name="jobs/3", waiting_reason=digest, frames_are_changes=changes)
+            for number in numbers:
+                job.frames.append(frame_pb2.Frame(
+                    spec=frame_pb2.FrameSpec(frame_number=number), image_digest=digest))
+            for number in troubles:
+                job.troubles.append(job_pb2.FrameTrouble(frame_number=number, incomplete=digest))
+            return job
+
+        def state(job):
+            whole = job.message
+            self.assertFalse(whole.frames_are_changes)
+            self.assertEqual([(f.number, f.image_digest) for f in job.frames],
+                             [(f.spec.frame_number, f.image_digest) for f in whole.frames])
+            return (job.waiting_reason, [f.image_digest for f in job.frames],
+                    [(t.frame_number, t.incomplete) for t in whole.troubles])
+
+        known = JobChanges()
+        first = known.add(message([1, 2, 30], [1, 30], "a", changes=False))
+        second = known.add(message([2, 30], [2], "b"))
+        self.assertEqual(state(second), ("b", ["a", "b", "b"], [(1, "a"), (2, "b")]))
+        self.assertEqual(state(first), ("a", ["a"] * 3, [(1, "a"), (30, "a")]))
+        self.assertIs(second.frames[0], first.frames[0])
+        self.assertEqual(state(known.add(message([], [], "c")))[1], ["a", "b", "b"])
+        self.assertEqual(state(known.add(message([7], [], "d", changes=False))), ("d", ["d"], []))
+
+        # What WatchJob sends between the first message and the last one.
+        stub = mock.Mock()
+        stub.WatchJob.return_value = mock.MagicMock(__next__=mock.Mock(side_effect=[
+            message([1, 2], [], "a", changes=False), message([2], [], "b"),
+            job_pb2.Job(name="jobs/3", state=job_pb2.Job.STATE_SUCCEEDED)]))
+        client = sheaf.Client(mock.Mock(call=lambda attempt, *_: attempt(stub)))
+        jobs = list(client.watch(3))
+        self.assertTrue(stub.WatchJob.call_args[0][0].changes_only)
+        self.assertEqual([[f.image_digest for f in job.frames] for job in jobs],
+                         [["a", "a"], ["a", "b"], []])
+
     def test_values_of_a_newer_coordinator(self):
         from sheaf.jobs import job_from
         from sheaf.v1 import job_pb2

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Two clients that upload one scene at the same time: both jobs run, one copy is stored, and neither
-waits for a client that is gone.
+"""Two clients that upload one scene at the same time: both jobs run, one copy is stored, and
+neither waits for a client that is gone.
 
-One client's link stands still for a while, so that the other one finds it in the middle of the file.
+One client's link stands still for a while, so that the other finds it in the middle of the file.
 """
 import os
 import re
