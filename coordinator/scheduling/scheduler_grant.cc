@@ -110,6 +110,7 @@ bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frame
 bool Scheduler::GrantByOpening(JobRecord* job, uint32_t index, WorkerRecord* worker,
                                SteadyTime now) {
   if (!MayOpen(job->frames[index]) || IsHeld(job->frames[index])) return false;
+  if (job->IsRefusedByCacheOf(worker->worker_id, now)) return false;
   Open(job, index);
   return GrantFromFrame(job, index, worker, now);
 }
@@ -119,6 +120,7 @@ bool Scheduler::GrantFromFrame(JobRecord* job, uint32_t index, WorkerRecord* wor
   FrameRecord& frame = job->frames[index];
   const FrameId id{job->spec.job_id, frame.number()};
   if (!MayOpenFor(frame, *worker)) return false;
+  if (job->IsRefusedByCacheOf(worker->worker_id, now)) return false;
   std::optional<Task> task = frame.tasks->TakeReturned(
       [&](const Task& t) { return MayRender(frame, MakeTaskId(id, t), *worker, now); },
       limits_.avoid_scan_max);

@@ -135,6 +135,29 @@ TEST_F(TroublesTest, ASceneThatACacheCannotHoldDelaysItsJobAlone) {
   EXPECT_EQ(scheduler_.counters().checks_begun, 0u);
 }
 
+TEST_F(TroublesTest, AJobThatIsAloneIsDelayedWhereItsSceneHasNoRoom) {
+  const uint64_t job = AddJob();
+  absl::Duration delay = limits_.retry_delay_initial;
+  for (int attempt = 1; attempt <= 3; ++attempt) {
+    ASSERT_FALSE(Sync("a", 2).empty()) << attempt;
+    const std::vector<Lease> held = held_["a"];
+    for (const Lease& lease : held) {
+      Fail(lease, FailureKind::kInfrastructure, "no room");
+      failures_["a"].back().cache_needed_bytes = uint64_t{14} << 20;
+      failures_["a"].back().cache_room_bytes = uint64_t{8} << 20;
+    }
+    EXPECT_TRUE(Sync("a", 2).empty()) << attempt;
+    now_ += delay / 2;
+    EXPECT_TRUE(Sync("a", 2).empty()) << attempt;
+    EXPECT_EQ(Job(job).failures.count, attempt);
+    EXPECT_FALSE(Sync("b", 1).empty()) << "another worker is not delayed";
+    Sync("b", 0);
+    held_["b"].clear();
+    now_ += delay / 2;
+    delay *= 2;
+  }
+}
+
 TEST_F(TroublesTest, BudgetsAreThoseOfTheirClass) {
   AddJob();
   FailFirstTask({"a", "b"}, FailureKind::kInvalid);
