@@ -2,8 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // sheaf: the command line client for all operations of the farm.
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <string>
@@ -71,6 +78,7 @@ ExitCode Main(int argc, char** argv) {
   // Our own errors are one line each; gRPC's internal ones beside them help nobody.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf");
+  ::signal(SIGXFSZ, SIG_IGN);  // Writing beyond ulimit -f fails instead.
   RaiseOpenFileLimit();
   CLI::App app("Renders scenes with one path tracer on any number of machines.", "sheaf");
   app.set_version_flag("--version", absl::StrCat("sheaf " SHEAF_VERSION ", ", DescribeProtocol()));
@@ -93,6 +101,23 @@ ExitCode Main(int argc, char** argv) {
   return ExitCode::kUsage;
 }
 
+// A full disk that has not taken the output is no success. A pipe may be closed at any time.
+ExitCode CheckOutput(ExitCode code) {
+  errno = 0;
+  const bool failed = std::fflush(stdout) != 0 || std::ferror(stdout) != 0;
+  const int error = errno;
+  struct stat info {};
+  if (!failed || ::fstat(STDOUT_FILENO, &info) != 0 || S_ISFIFO(info.st_mode) ||
+      S_ISSOCK(info.st_mode)) {
+    return code;
+  }
+  PrintError(ExitCode::kFile,
+             absl::StrCat("standard output: cannot be written",
+                          error == 0 ? "" : absl::StrCat(" (", std::strerror(error), ")"),
+                          "; part of it is lost: free space, and run the command again"));
+  return code == ExitCode::kOk ? ExitCode::kFile : code;
+}
+
 }  // namespace
 }  // namespace sheaf::cli
 
@@ -103,5 +128,5 @@ int main(int argc, char** argv) {
   if (argc == 2 && std::string_view(argv[1]) == sheaf::cli::kDroppedSceneFlag) {
     return sheaf::cli::RunDroppedScene();
   }
-  return static_cast<int>(sheaf::cli::Main(argc, argv));
+  return static_cast<int>(sheaf::cli::CheckOutput(sheaf::cli::Main(argc, argv)));
 }

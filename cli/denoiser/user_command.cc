@@ -88,6 +88,7 @@ class CommandSpawn {
     sigemptyset(&signals);
     ::posix_spawnattr_setsigmask(&attributes_, &signals);
     sigaddset(&signals, SIGPIPE);
+    sigaddset(&signals, SIGXFSZ);
     sigaddset(&signals, SIGINT);
     sigaddset(&signals, SIGTERM);
     ::posix_spawnattr_setsigdefault(&attributes_, &signals);

@@ -17,7 +17,10 @@ absl::Status Annotate(const absl::Status& status, const std::string& context) {
 absl::Status StatusFromErrno(int error_number, const std::string& context) {
   absl::StatusCode code = absl::StatusCode::kUnavailable;
   if (error_number == ENOENT) code = absl::StatusCode::kNotFound;
-  if (error_number == ENOSPC || error_number == EDQUOT) code = absl::StatusCode::kResourceExhausted;
+  // EFBIG is the limit of ulimit -f.
+  if (error_number == ENOSPC || error_number == EDQUOT || error_number == EFBIG) {
+    code = absl::StatusCode::kResourceExhausted;
+  }
   if (error_number == EACCES || error_number == EPERM) code = absl::StatusCode::kPermissionDenied;
   return absl::Status(code,
                       absl::StrCat(context, ": ", std::generic_category().message(error_number)));

@@ -23,6 +23,7 @@ TEST(StatusTest, ErrnoMapsToCodeAndMessage) {
   EXPECT_EQ(StatusFromErrno(ENOSPC, "writing x"),
             absl::ResourceExhaustedError("writing x: No space left on device"));
   EXPECT_TRUE(absl::IsResourceExhausted(StatusFromErrno(EDQUOT, "x")));
+  EXPECT_TRUE(absl::IsResourceExhausted(StatusFromErrno(EFBIG, "x")));
   EXPECT_TRUE(absl::IsNotFound(StatusFromErrno(ENOENT, "x")));
   EXPECT_TRUE(absl::IsPermissionDenied(StatusFromErrno(EACCES, "x")));
   EXPECT_TRUE(absl::IsUnavailable(StatusFromErrno(EIO, "x")));

@@ -235,6 +235,35 @@ class DiskSpaceTest(unittest.TestCase):
             os.remove(ballast)
             self.check_other_job(f)
 
+    def test_a_database_that_the_disk_cannot_take(self):
+        with self.farm_on_small_disk("--disk-reserve", "0") as f:
+            f.start_worker(threads=2)
+            running = self.submit(f, self.scene, *LONG_JOB)
+            self.await_samples(f, running)
+            ballast = f.path("state", "somebody.log")
+            refused = None
+            while refused is None or refused.returncode == 0:  # Its log may have a page to spare.
+                fill(ballast)
+                refused = f.sheaf("pause" if refused is None else "resume", running, check=False)
+            self.assertIn("disk is full", refused.stderr)
+            self.assertIsNone(f.coordinator.poll())
+            self.await_reason(f, running, "No space left")
+            f.kill(f.coordinator)
+            os.remove(ballast)
+            f.start_coordinator()
+            f.sheaf("resume", running)
+            self.await_samples(f, running)
+            self.check_other_job(f)
+
+    def test_logs_that_the_disk_cannot_take(self):
+        with farm.Farm() as f:
+            f.log_file = "/dev/full"
+            self.restart(f)
+            f.start_worker()
+            self.check_other_job(f)
+            self.restart(f, signal.SIGKILL)
+            self.check_other_job(f)
+
     def test_a_job_whose_parts_fill_the_disk(self):
         with self.farm_on_small_disk() as f:
             f.start_worker(threads=2)
@@ -287,7 +316,57 @@ class DiskSpaceTest(unittest.TestCase):
             self.await_samples(f, running)
             self.check_other_job(f)
 
+    def test_an_image_beyond_the_limit_of_files(self):
+        """Regression: SIGXFSZ ended the coordinator, without a word."""
+        large = client_case.SCENE.replace('"integer xresolution" 48 "integer yresolution" 32',
+                                          '"integer xresolution" 768 "integer yresolution" 512')
+        scene = self.write("image.pbrt", large)
+        settings = ("--tile-size", "128", "--samples", "1")
+        f = farm.Farm(["--disk-reserve", "0"])
+        f.coordinator_prefix = ["prlimit", f"--fsize={2 * MEBI}"]  # Enough for a part.
+        with f:
+            f.start_worker(threads=2)
+            job = self.submit(f, scene, *settings)
+            self.await_reason(f, job, "File too large")
+            self.check_other_job(f)
+            f.coordinator_prefix = []
+            self.restart(f)
+            f.sheaf("watch", job, "-o", os.path.join(self.folder, "image.exr"))
+        local = os.path.join(self.folder, "local.exr")
+        farm.render(scene, local, *settings)
+        self.assertEqual(farm.image_digest(os.path.join(self.folder, "image.exr")),
+                         farm.image_digest(local))
+
     # Disks of clients.
+
+    def test_an_image_that_a_client_cannot_write(self):
+        """Regression: SIGXFSZ ended it, without a word, and left a part of the image."""
+        out = os.path.join(self.folder, "images")
+        os.makedirs(out)
+        image = os.path.join(out, "image.exr")
+        with farm.Farm() as f:
+            f.start_worker()
+            f.client_prefix = ["prlimit", "--fsize=4096"]
+            done = f.sheaf("submit", self.scene, *JOB, "--wait", "-o", image, check=False)
+            self.assertEqual(done.returncode, client_case.FILE, done.stderr)
+            self.assertIn(f"{image}: cannot be written (", done.stderr)
+            self.assertIn("File too large", done.stderr)
+            self.assertEqual(os.listdir(out), [])
+            f.client_prefix = []
+            f.sheaf("watch", "1", "-o", image)
+            self.assertEqual(farm.image_digest(image), self.expected)
+
+    def test_output_that_a_disk_does_not_take_is_no_success(self):
+        with farm.Farm() as f, open("/dev/full", "wb") as full:
+            job = self.submit(f, self.scene, *JOB)
+            for command in (["list"], ["show", job, "--json"], ["--help"]):
+                done = subprocess.run([os.path.join(farm.programs(), "sheaf"), *command],
+                                      env=dict(f.environment, SHEAF_COORDINATOR=f.address),
+                                      stdin=subprocess.DEVNULL, stdout=full,
+                                      stderr=subprocess.PIPE, text=True, check=False)
+                self.assertEqual(done.returncode, client_case.FILE, command)
+                self.assertIn("standard output: cannot be written", done.stderr)
+
 
     def test_a_bundle_that_does_not_fit(self):
         disk = self.mount(os.path.join(self.folder, "disk"), 8 * MEBI)
@@ -345,6 +424,15 @@ class DiskSpaceTest(unittest.TestCase):
             fill(ballast)
             job = self.submit(f, self.scene, *JOB)
             self.await_reason(f, job, "of scene cache")
+            # A worker that starts there says so too, and takes the job when there is space.
+            f.kill(f.workers[0])
+            fill(ballast)
+            f.start_worker()
+            farm.wait_until(lambda: "its file system has 0 left" in f.log("worker2"), 10,
+                            "the worker's words")
+            self.await_reason(f, job, "of scene cache")
+            # Regression: a job that was alone was tried 200 times a second.
+            self.assertLess(f.log("worker1").count("\n") + f.log("worker2").count("\n"), 50)
             os.remove(ballast)
             f.sheaf("watch", job, "-o", os.path.join(self.folder, "late.exr"))
             self.assertEqual(farm.image_digest(os.path.join(self.folder, "late.exr")),

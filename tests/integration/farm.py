@@ -79,6 +79,7 @@ class Farm:
         self.client_prefix = []
         self.worker_count = 0
         self.environment = dict(os.environ)  # For all programs.
+        self.log_file = None  # Where all programs write their logs: a file of each by default.
 
     def __enter__(self):
         try:
@@ -110,7 +111,7 @@ class Farm:
             return f.read()
 
     def _start(self, name, arguments):
-        log = open(self.path(name + ".log"), "ab")
+        log = open(self.log_file or self.path(name + ".log"), "ab")
         process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                                    env=self.environment)
         log.close()

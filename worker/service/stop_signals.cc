@@ -20,7 +20,9 @@ constexpr timespec kPollInterval{0, 100'000'000};  // Delay until the destructor
 
 sigset_t BlockOnlyStopSignals() {
   const sigset_t stop_signals = WithoutIgnored({SIGTERM, SIGINT, SIGHUP});
-  ::signal(SIGPIPE, SIG_IGN);  // A write to a closed peer or pager returns an error instead.
+  // A write to a closed peer or pager, or of a file beyond ulimit -f, returns an error instead.
+  ::signal(SIGPIPE, SIG_IGN);
+  ::signal(SIGXFSZ, SIG_IGN);
   ::pthread_sigmask(SIG_SETMASK, &stop_signals, nullptr);
   return stop_signals;
 }

@@ -259,6 +259,7 @@ sigset_t BlockStopSignals() {
   const sigset_t signals = WithoutIgnored({SIGTERM, SIGINT});
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
+  signal(SIGXFSZ, SIG_IGN);  // Writing beyond ulimit -f fails instead.
   return signals;
 }
 
