@@ -20,6 +20,7 @@ namespace {
 constexpr int kLinksMax = 40;         // The limit of Linux.
 constexpr mode_t kPublicMode = 0666;  // Less the umask, as of other programs.
 constexpr mode_t kSecretMode = 0600;
+constexpr mode_t kSecretFolderMode = 0700;
 
 class Descriptor {
  public:
@@ -92,10 +93,23 @@ absl::Status ReplaceFile(const std::string& path, std::string_view bytes, mode_t
   return absl::OkStatus();
 }
 
+// Returns the error's number, 0 if there is none.
+int MakeMissingFolders(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return 0;
+  const std::string parent = std::filesystem::path(path).parent_path().string();
+  if (!parent.empty() && parent != path) {
+    if (const int error = MakeMissingFolders(parent); error != 0) return error;
+  }
+  if (::mkdir(path.c_str(), kSecretFolderMode) == 0) return 0;
+  if (errno != EEXIST) return errno;
+  return std::filesystem::is_directory(path, ignored) ? 0 : ENOTDIR;
+}
+
 }  // namespace
 
 absl::Status WriteFileOnce(const std::string& path, std::string_view bytes) {
-  return WriteNewFile(path, bytes, /*sync=*/false, kPublicMode);
+  return WriteNewFile(path, bytes, /*sync=*/false, kSecretMode);
 }
 
 absl::StatusOr<std::string> FollowToFile(const std::string& path) {
@@ -139,7 +153,7 @@ absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes
 }
 
 absl::Status WriteFileUnsynced(const std::string& path, std::string_view bytes) {
-  return WriteAndRename(path, bytes, /*sync=*/false, kPublicMode);
+  return WriteAndRename(path, bytes, /*sync=*/false, kSecretMode);
 }
 
 absl::Status WriteSecretAtomically(const std::string& path, std::string_view bytes) {
@@ -171,10 +185,9 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path, uint64_t size
 }
 
 absl::Status MakeDirectories(const std::string& path) {
-  std::error_code error;
-  std::filesystem::create_directories(path, error);
-  if (error) return StatusFromErrno(error.value(), absl::StrCat("creating directory ", path));
-  return absl::OkStatus();
+  const int error = MakeMissingFolders(path);
+  if (error == 0) return absl::OkStatus();
+  return StatusFromErrno(error, absl::StrCat("creating directory ", path));
 }
 
 absl::StatusOr<std::unique_ptr<FileSystemSync>> FileSystemSync::Open(const std::string& directory) {
@@ -192,7 +205,11 @@ absl::Status FileSystemSync::Sync() const {
 
 absl::Status MakePrivateDirectory(const std::string& path) {
   if (absl::Status status = MakeDirectories(path); !status.ok()) return status;
-  if (::chmod(path.c_str(), 0700) != 0) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0 && (info.st_mode & 0777) == kSecretFolderMode) {
+    return absl::OkStatus();
+  }
+  if (::chmod(path.c_str(), kSecretFolderMode) != 0) {
     return StatusFromErrno(errno, absl::StrCat("closing ", path, " to others"));
   }
   return absl::OkStatus();

@@ -20,21 +20,23 @@ namespace sheaf {
 // file.
 absl::StatusOr<std::string> FollowToFile(const std::string& path);
 // Writes FILE.tmp-PID-N beside the FILE that FollowToFile returns, fsyncs it, renames it to FILE,
-// fsyncs the directory.
+// fsyncs the directory. The umask decides who may read the file.
 // Errors: also those of FollowToFile.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
-// The same without both fsyncs: others see the whole file or none, but it survives power loss only
+// The same without both fsyncs, for a file that only its owner may read: others see the whole file or none, but it survives power loss only
 // once a later FileSystemSync::Sync returns OK. Requires: no file that must survive is replaced.
 absl::Status WriteFileUnsynced(const std::string& path, std::string_view bytes);
 // The same as WriteFileAtomically for a file that only its owner may read.
 absl::Status WriteSecretAtomically(const std::string& path, std::string_view bytes);
 // OK if WriteFileAtomically could start now: creates and removes an empty file beside path.
 absl::Status CheckWritable(const std::string& path);
-// Creates or replaces the file. May leave a partial file if it fails or the machine stops.
+// Creates or replaces the file, for its owner alone. May leave a partial file if it fails or the
+// machine stops.
 absl::Status WriteFileOnce(const std::string& path, std::string_view bytes);
 // Errors: kNotFound; kResourceExhausted beyond size_bytes_max.
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path,
                                           uint64_t size_bytes_max = uint64_t{1} << 34);
+// Makes the folders of a path that are missing; only their owner may enter them.
 absl::Status MakeDirectories(const std::string& path);
 
 // A file system as a whole, named by one of its directories. Thread safety: all members may be

@@ -68,9 +68,16 @@ TEST_F(FileTest, TheUmaskDecidesWhoMayWriteOthers) {
       return info.st_mode & 0777;
     };
     EXPECT_EQ(mode(WriteFileAtomically(path, "x")), 0666 & ~mask);
-    EXPECT_EQ(mode(WriteFileUnsynced(path, "x")), 0666 & ~mask);
-    EXPECT_EQ(mode(WriteFileOnce(path, "x")), 0666 & ~mask);
-    EXPECT_EQ(mode(WriteSecretAtomically(path, "x")), 0600 & ~mask);
+    EXPECT_EQ(mode(WriteFileUnsynced(path, "x")), 0600);
+    EXPECT_EQ(mode(WriteFileOnce(path, "x")), 0600);
+    EXPECT_EQ(mode(WriteSecretAtomically(path, "x")), 0600);
+    EXPECT_TRUE(MakeDirectories(directory_ + "/above/folder").ok());
+    for (const char* folder : {"/above", "/above/folder"}) {
+      struct stat info {};
+      EXPECT_EQ(::stat((directory_ + folder).c_str(), &info), 0);
+      EXPECT_EQ(info.st_mode & 0777, 0700u) << folder;
+    }
+    std::filesystem::remove_all(directory_ + "/above");
   }
   ::umask(before);
 }

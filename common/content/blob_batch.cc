@@ -65,7 +65,7 @@ absl::Status WriteAll(int fd, std::string_view bytes, const std::string& path) {
 // Writes a blob's partial file and keeps it locked, as a BlobWriter does. Invalid: another writer
 // brings the blob.
 absl::StatusOr<FileDescriptor> WritePartial(const std::string& path, std::string_view bytes) {
-  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!file.ok()) return StatusFromErrno(errno, absl::StrCat("opening ", path));
   if (::flock(file.get(), LOCK_EX | LOCK_NB) != 0) return FileDescriptor();
   struct stat opened {
@@ -81,7 +81,7 @@ absl::StatusOr<FileDescriptor> WritePartial(const std::string& path, std::string
     ::unlink(path.c_str());
     return status;
   }
-  ::fchmod(file.get(), 0444);
+  ::fchmod(file.get(), 0400);
   return file;
 }
 

@@ -51,7 +51,7 @@ absl::StatusOr<size_t> ReadSome(int fd, char* buffer, size_t size, const std::st
 // is another writer's finished blob by then, so the partial file is opened again.
 absl::StatusOr<FileDescriptor> OpenAndLock(const std::string& path) {
   for (int attempt = 0; attempt < kLockAttemptsMax; ++attempt) {
-    FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
     if (!file.ok()) return StatusFromErrno(errno, absl::StrCat("opening ", path));
     if (::flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
       if (errno == EINTR) continue;
@@ -140,7 +140,7 @@ absl::Status BlobWriter::Commit() {
                                                    ": the bytes received have SHA-256 ", actual,
                                                    "; the file changed or was damaged in transit"));
   }
-  ::fchmod(fd_, 0444);  // A blob never changes; the mode only helps to notice attempts.
+  ::fchmod(fd_, 0400);  // A blob never changes; the mode only helps to notice attempts.
   if (::fsync(fd_) != 0) return Failed("fsync of");
   if (absl::Status status = store_->MakeVisible(digest_, partial_path_); !status.ok()) {
     return status;

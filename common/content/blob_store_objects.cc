@@ -96,7 +96,7 @@ absl::Status BlobStore::MakeVisible(const BlobDigest& digest,
 }
 
 absl::Status BlobStore::FetchTo(const BlobDigest& digest, const std::string& path) const {
-  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   if (!file.ok()) return StatusFromErrno(errno, absl::StrCat("creating ", path));
   Sha256 hash;
   absl::Status status = ForEachPiece(objects_, digest, [&](const std::string& piece) {
@@ -108,7 +108,7 @@ absl::Status BlobStore::FetchTo(const BlobDigest& digest, const std::string& pat
     return absl::DataLossError(absl::StrCat("blob ", digest.sha256_hex, ": its object in ",
                                             objects_->Name(), " has other bytes"));
   }
-  ::fchmod(file.get(), 0444);
+  ::fchmod(file.get(), 0400);
   if (::fsync(file.get()) == 0) return absl::OkStatus();
   return StatusFromErrno(errno, absl::StrCat("fsync of ", path));
 }

@@ -63,7 +63,7 @@ absl::Status ChunkIndex::Add(const ChunkList& list) {
   LoadOnce();
   const std::string folder = absl::StrCat(store_.directory(), "/chunks");
   if (absl::Status status = MakeDirectories(folder); !status.ok()) return status;
-  const absl::Status written = WriteFileAtomically(PathOf(list.blob), EncodeChunkList(list));
+  const absl::Status written = WriteSecretAtomically(PathOf(list.blob), EncodeChunkList(list));
   if (written.ok()) Index(list);
   return written;
 }

@@ -58,7 +58,7 @@ std::string LinkName(size_t index, const std::string& name) {
 
 absl::Status SetReserved(const std::string& lease_directory, uint64_t size_bytes) {
   const std::string path = absl::StrCat(lease_directory, "/reserved");
-  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
+  const FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
   if (!file.ok() || ::ftruncate(file.get(), static_cast<off_t>(size_bytes)) != 0) {
     return StatusFromErrno(errno, absl::StrCat("reserving room in ", path));
   }
@@ -68,7 +68,7 @@ absl::Status SetReserved(const std::string& lease_directory, uint64_t size_bytes
 uint64_t Less(uint64_t bytes, uint64_t taken) { return bytes - std::min(bytes, taken); }
 
 void NoteUse(const std::string& stamp) {
-  const FileDescriptor file(::open(stamp.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
+  const FileDescriptor file(::open(stamp.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600));
   if (file.ok()) ::futimens(file.get(), nullptr);
 }
 
@@ -103,8 +103,8 @@ ContentLease::ContentLease(ContentLease&& other) noexcept
 
 absl::StatusOr<std::unique_ptr<ContentCache>> ContentCache::Open(const std::string& directory,
                                                                  ContentCacheLimits limits) {
-  for (const char* below : {"/leases", "/used"}) {
-    if (absl::Status status = MakeDirectories(absl::StrCat(directory, below)); !status.ok()) {
+  for (const char* below : {"/leases", "/used", "/blobs"}) {
+    if (absl::Status status = MakePrivateDirectory(absl::StrCat(directory, below)); !status.ok()) {
       return status;
     }
   }
@@ -129,7 +129,7 @@ absl::StatusOr<std::unique_ptr<ContentCache>> ContentCache::Open(const std::stri
 
 absl::StatusOr<FileDescriptor> ContentCache::LockCache() const {
   const std::string path = absl::StrCat(directory_, "/lock");
-  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  FileDescriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!file.ok()) return StatusFromErrno(errno, absl::StrCat("opening ", path));
   while (::flock(file.get(), LOCK_EX) != 0) {
     if (errno != EINTR) return StatusFromErrno(errno, absl::StrCat("locking ", path));
@@ -154,7 +154,7 @@ absl::Status ContentCache::MakeLeaseFolder() {
   for (int attempt = 0; attempt < kLeaseFoldersMax; ++attempt) {
     const std::string path = absl::StrCat(directory_, "/leases/", ::getpid(), "-", attempt);
     const std::string lock_path = absl::StrCat(path, ".lock");
-    FileDescriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+    FileDescriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
     if (!lock.ok() && errno == EEXIST) continue;
     if (!lock.ok() || ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
       return StatusFromErrno(errno, absl::StrCat("creating ", lock_path));

@@ -73,7 +73,7 @@ absl::Status RoundPreviews::Keep(const FrameId& frame, int32_t round, const Fram
   const MutexLock lock(&mutex_);
   if (absl::Status status = MakeDirectories(FolderOf(frame)); !status.ok()) return status;
   const Name name{frame, round};
-  if (absl::Status status = WriteFileAtomically(PathOf(name), bytes); !status.ok()) return status;
+  if (absl::Status status = WriteSecretAtomically(PathOf(name), bytes); !status.ok()) return status;
   Add(name, bytes.size());
   ThinOut(frame);
   return absl::OkStatus();

@@ -39,7 +39,7 @@ constexpr absl::Duration kCheckTimeMax = absl::Seconds(2);
 // system releases it when the process ends.
 absl::StatusOr<int> LockDirectory(const std::string& directory, bool shared) {
   const std::string path = directory + "/lock";
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (fd < 0) return StatusFromErrno(errno, path);
   if (::flock(fd, (shared ? LOCK_SH : LOCK_EX) | LOCK_NB) == 0) return fd;
   const int error = errno;
@@ -52,8 +52,8 @@ absl::StatusOr<int> LockDirectory(const std::string& directory, bool shared) {
 constexpr char kProbeName[] = "probe";
 
 absl::Status MakeFolders(const std::string& directory) {
-  for (const char* folder : {"", "/parts", "/outputs"}) {
-    if (absl::Status status = MakeDirectories(directory + folder); !status.ok()) return status;
+  for (const char* folder : {"/parts", "/outputs"}) {
+    if (absl::Status status = MakePrivateDirectory(directory + folder); !status.ok()) return status;
   }
   return absl::OkStatus();
 }

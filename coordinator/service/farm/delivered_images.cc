@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/shrink_image.h"
@@ -57,7 +58,7 @@ absl::StatusOr<uint64_t> DeliveredImages::Verify(const FrameId& id) const {
 absl::Status DeliveredImages::Write(const FrameId& id, const FrameImage& image) {
   const absl::StatusOr<std::string> path = store_.OutputPath(id);
   if (!path.ok()) return path.status();
-  if (absl::Status s = WriteFrameImage(image, *path); !s.ok()) return s;
+  if (absl::Status s = WriteSecretAtomically(*path, EncodeFrameImage(image)); !s.ok()) return s;
   if (const auto state = StateOfFile(*path)) verified_.Remember(*path, *state);
   KeepThumbnail(id, image);
   return absl::OkStatus();
@@ -76,7 +77,7 @@ void DeliveredImages::KeepThumbnail(const FrameId& id, const FrameImage& image) 
   absl::Status status = small.status();
   if (status.ok()) {
     const absl::StatusOr<std::string> path = ThumbnailPath(id);
-    status = path.ok() ? WriteFrameImage(*small, *path) : path.status();
+    status = path.ok() ? WriteSecretAtomically(*path, EncodeFrameImage(*small)) : path.status();
   }
   if (!status.ok()) LogWarning(absl::StrCat("storing a thumbnail: ", status.message()));
 }

@@ -17,6 +17,7 @@
 #include "common/tls/credential_store.h"
 #include "common/tls/enrolment_token.h"
 #include "coordinator/access/access_control.h"
+#include "coordinator/service/server/state_privacy.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -164,6 +165,7 @@ IdentityId AccessCommands::id() const {
 }
 
 absl::Status AccessCommands::Init() const {
+  CloseStateDirectory(state_directory_);
   std::vector<std::string> hosts = HostsOfThisMachine();
   hosts.insert(hosts.end(), host_names_.begin(), host_names_.end());
   const std::string directory = AccessControl::Directory(state_directory_);

@@ -35,6 +35,7 @@
 #include "coordinator/service/server/access_commands.h"
 #include "coordinator/service/server/coordinator_server.h"
 #include "coordinator/service/server/shared_database.h"
+#include "coordinator/service/server/state_privacy.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -295,6 +296,7 @@ absl::StatusOr<std::unique_ptr<CoordinatorServer>> Load(const CommandLine& line,
 }
 
 int Serve(const CommandLine& line) {
+  CloseStateDirectory(line.server.farm.state_directory);
   const ServiceManager manager;
   const sigset_t signals = BlockStopSignals();
   absl::StatusOr<OwnedFarm> owned = OwnedFarm();

@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/store/database/sqlite_database.h"
 
+#include <fcntl.h>
 #include <sqlite3.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -18,6 +20,7 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr int kBusyTimeoutMs = 5000;
+constexpr char kInMemory[] = ":memory:";  // No file.
 // SQLite's virtual machine runs this many steps between checks of the time: well below a
 // millisecond.
 constexpr int kCheckSteps = 1000;
@@ -112,11 +115,19 @@ class SqliteStatement : public PreparedStatement {
   absl::Status status_;  // The status of the calls before Step.
 };
 
+// Makes the file of a new database, readable for its owner alone; SQLite gives its logs the same
+// permissions. A file that exists is not opened: closing it would release SQLite's locks.
+void MakePrivateFile(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd >= 0) ::close(fd);
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<SqliteDatabase>> SqliteDatabase::Open(const std::string& path,
                                                                      Durability durability) {
   const int64_t lost_commits = CountLostCommits(path + "-wal");
+  if (path != kInMemory) MakePrivateFile(path);
   sqlite3* handle = nullptr;
   const int result =
       sqlite3_open_v2(path.c_str(), &handle,

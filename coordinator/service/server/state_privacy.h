@@ -1,0 +1,20 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The state directory is for the coordinator's account alone. All that a coordinator makes there is
+// private from the start; earlier versions left most of it readable for others.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace sheaf::coordinator {
+
+// Files and folders that are closed in one start; some seconds on a disk that is not cached.
+inline constexpr size_t kClosedEntriesMax = 1'000'000;
+
+// Closes the directory to others, and once what an earlier version left open in it; other files in
+// it stay as they are. What belongs to another account cannot be closed: a warning says so.
+void CloseStateDirectory(const std::string& directory, size_t entries_max = kClosedEntriesMax);
+
+}  // namespace sheaf::coordinator
