@@ -21,12 +21,24 @@ CREATE TABLE IF NOT EXISTS identities(
   revoked_ns INTEGER NOT NULL, PRIMARY KEY(kind, name)) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS tokens(
   secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
-  expire_ns INTEGER NOT NULL, used_ns INTEGER NOT NULL, key_sha256 TEXT NOT NULL) WITHOUT ROWID;
+  expire_ns INTEGER NOT NULL, used_ns INTEGER NOT NULL, key_sha256 TEXT NOT NULL,
+  role INTEGER) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS scrape_tokens(
   secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
   expire_ns INTEGER NOT NULL) WITHOUT ROWID;
 )sql";
 constexpr char kUnused[] = "";  // key_sha256 of a token that nobody has used.
+
+// Tokens of earlier versions have no role: they give that of their identity.
+absl::Status AddRolesOfTokens(SqliteDatabase* database) {
+  return database->InTransaction([database] {
+    Statement find =
+        database->Prepare("SELECT 1 FROM pragma_table_info('tokens') WHERE name = 'role'");
+    const absl::StatusOr<bool> there = find.Step();
+    if (!there.ok() || *there) return there.status();
+    return database->Execute("ALTER TABLE tokens ADD COLUMN role INTEGER");
+  });
+}
 
 int64_t Stored(IdentityKind kind) { return static_cast<int64_t>(kind); }
 
@@ -41,6 +53,7 @@ absl::StatusOr<std::unique_ptr<IdentityStore>> IdentityStore::Open(const std::st
                           "check the disk"));
   }
   if (absl::Status status = (*database)->Execute(kIdentitySchema); !status.ok()) return status;
+  if (absl::Status status = AddRolesOfTokens(database->get()); !status.ok()) return status;
   return std::unique_ptr<IdentityStore>(new IdentityStore(*std::move(database)));
 }
 
@@ -75,9 +88,28 @@ absl::Status IdentityStore::PutIdentity(const IdentityId& id, Role role) {
       .Run();
 }
 
+absl::Status IdentityStore::PrepareForToken(const IdentityId& id, Role role) {
+  const absl::StatusOr<std::optional<Identity>> present = Find(id);
+  if (!present.ok()) return present.status();
+  const bool is_active = present->has_value() && !(*present)->revoked();
+  if (!is_active || role < (*present)->role) {
+    if (absl::Status status = PutIdentity(id, role); !status.ok()) return status;
+  }
+  const MutexLock lock(&mutex_);
+  return database_
+      ->Prepare(
+          "UPDATE tokens SET role = ? WHERE kind = ? AND name = ? AND key_sha256 = ? AND role > ?")
+      .Bind(static_cast<int64_t>(role))
+      .Bind(Stored(id.kind))
+      .Bind(id.name)
+      .Bind(kUnused)
+      .Bind(static_cast<int64_t>(role))
+      .Run();
+}
+
 absl::StatusOr<std::string> IdentityStore::MakeToken(const IdentityId& id, Role role,
                                                      absl::Time now, absl::Duration lifetime) {
-  if (absl::Status status = PutIdentity(id, role); !status.ok()) return status;
+  if (absl::Status status = PrepareForToken(id, role); !status.ok()) return status;
   const MutexLock lock(&mutex_);
   if (absl::Status removed = RemoveExpired("tokens", now); !removed.ok()) return removed;
   const absl::StatusOr<int64_t> count = Count("SELECT COUNT(*) FROM tokens");
@@ -90,13 +122,14 @@ absl::StatusOr<std::string> IdentityStore::MakeToken(const IdentityId& id, Role 
   absl::Status added =
       database_
           ->Prepare(
-              "INSERT INTO tokens(secret_sha256, kind, name, expire_ns, used_ns, key_sha256) "
-              "VALUES(?,?,?,?,0,?)")
+              "INSERT INTO tokens(secret_sha256, kind, name, expire_ns, used_ns, key_sha256, role) "
+              "VALUES(?,?,?,?,0,?,?)")
           .Bind(Sha256Hex(secret))
           .Bind(Stored(id.kind))
           .Bind(id.name)
           .Bind(ToNanoseconds(now + lifetime))
           .Bind(kUnused)
+          .Bind(static_cast<int64_t>(role))
           .Run();
   if (!added.ok()) return added;
   return secret;
@@ -127,37 +160,63 @@ absl::Status IdentityStore::Revoke(const IdentityId& id, absl::Time now) {
   return absl::OkStatus();
 }
 
+absl::StatusOr<IdentityId> IdentityStore::TakeToken(const std::string& secret,
+                                                    const std::string& key_sha256_hex,
+                                                    absl::Time now) {
+  // The transaction excludes other processes: of several callers at most one key gets the token.
+  Statement find = database_->Prepare(
+      "SELECT kind, name, key_sha256, role FROM tokens "
+      "WHERE secret_sha256 = ? AND expire_ns > ? AND key_sha256 IN (?, ?)");
+  const absl::StatusOr<bool> usable = find.Bind(Sha256Hex(secret))
+                                          .Bind(ToNanoseconds(now))
+                                          .Bind(kUnused)
+                                          .Bind(key_sha256_hex)
+                                          .Step();
+  if (!usable.ok()) return usable.status();
+  if (!*usable) {
+    return absl::UnauthenticatedError(
+        "the enrolment token is unknown, used, expired or revoked; an administrator makes "
+        "another with sheaf-coordinator enroll");
+  }
+  const IdentityId id{static_cast<IdentityKind>(find.Int64(0)), find.Text(1)};
+  const bool is_first = find.Text(2) == kUnused;
+  const int64_t role = find.Int64(3);  // 0 where there is none.
+  if (absl::Status status = find.Run(); !status.ok()) return status;
+  if (!is_first) return id;
+  absl::Status used =
+      database_->Prepare("UPDATE tokens SET used_ns = ?, key_sha256 = ? WHERE secret_sha256 = ?")
+          .Bind(ToNanoseconds(now))
+          .Bind(key_sha256_hex)
+          .Bind(Sha256Hex(secret))
+          .Run();
+  if (!used.ok()) return used;
+  cached_version_ = -1;
+  // No token lowers a role: it was made before or after one that gave a higher role was used.
+  used = database_->Prepare("UPDATE identities SET role = MAX(role, ?) WHERE kind = ? AND name = ?")
+             .Bind(role)
+             .Bind(Stored(id.kind))
+             .Bind(id.name)
+             .Run();
+  if (!used.ok()) return used;
+  return id;
+}
+
 absl::StatusOr<Identity> IdentityStore::UseToken(const std::string& secret,
                                                  const std::string& key_sha256_hex,
                                                  absl::Time now) {
-  IdentityId id;
+  absl::StatusOr<IdentityId> id;
   {
     const MutexLock lock(&mutex_);
-    // One statement, so that of several callers at most one key gets the token.
-    Statement use = database_->Prepare(
-        "UPDATE tokens SET used_ns = ?, key_sha256 = ? "
-        "WHERE secret_sha256 = ? AND expire_ns > ? AND key_sha256 IN (?, ?) "
-        "RETURNING kind, name");
-    const absl::StatusOr<bool> usable = use.Bind(ToNanoseconds(now))
-                                            .Bind(key_sha256_hex)
-                                            .Bind(Sha256Hex(secret))
-                                            .Bind(ToNanoseconds(now))
-                                            .Bind(kUnused)
-                                            .Bind(key_sha256_hex)
-                                            .Step();
-    if (!usable.ok()) return usable.status();
-    if (!*usable) {
-      return absl::UnauthenticatedError(
-          "the enrolment token is unknown, used, expired or revoked; an administrator makes "
-          "another with sheaf-coordinator enroll");
-    }
-    id = {static_cast<IdentityKind>(use.Int64(0)), use.Text(1)};
-    if (absl::Status status = use.Run(); !status.ok()) return status;
+    absl::Status status = database_->InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+      id = TakeToken(secret, key_sha256_hex, now);
+      return id.status();
+    });
+    if (!status.ok()) return status;
   }
-  const absl::StatusOr<std::optional<Identity>> identity = Find(id);
+  const absl::StatusOr<std::optional<Identity>> identity = Find(*id);
   if (!identity.ok()) return identity.status();
   if (!identity->has_value() || (*identity)->revoked()) {
-    return absl::UnauthenticatedError(absl::StrCat(FormatIdentity(id), " is revoked"));
+    return absl::UnauthenticatedError(absl::StrCat(FormatIdentity(*id), " is revoked"));
   }
   return **identity;
 }

@@ -36,15 +36,18 @@ class IdentityStore {
   // Makes an identity, or gives an existing one this role; a revoked one begins anew. Errors:
   // kInvalidArgument (the name); kResourceExhausted (kIdentitiesMax).
   absl::Status PutIdentity(const IdentityId& id, Role role);
-  // The same, and a token that enrols one machine as it. Returns the token's secret. Errors: also
-  // kResourceExhausted (kOpenTokensMax).
+  // Makes a token that enrols one machine as an identity with this role, and the identity where it
+  // is new or revoked. A higher role than it has is granted when the token is used, and not before;
+  // a lower one at once, also to its tokens that are not used yet. Returns the token's secret.
+  // Errors: those of PutIdentity; kResourceExhausted (kOpenTokensMax).
   absl::StatusOr<std::string> MakeToken(const IdentityId& id, Role role, absl::Time now,
                                         absl::Duration lifetime);
   // From the next call on, its certificates and all its tokens are refused. Errors: kNotFound.
   absl::Status Revoke(const IdentityId& id, absl::Time now);
 
-  // Uses a token up for a key and returns whose it is. A token that the same key has used is
-  // accepted again until it expires, since the first answer may be lost. Errors: kUnauthenticated.
+  // Uses a token up for a key, grants its role, and returns whose it is. A token that the same key
+  // has used is accepted again until it expires, since the first answer may be lost. Errors:
+  // kUnauthenticated.
   absl::StatusOr<Identity> UseToken(const std::string& secret, const std::string& key_sha256_hex,
                                     absl::Time now);
 
@@ -63,6 +66,11 @@ class IdentityStore {
  private:
   explicit IdentityStore(std::unique_ptr<SqliteDatabase> database)
       : database_(std::move(database)), version_(database_->Prepare("PRAGMA data_version")) {}
+  // Makes or lowers the identity for a token of this role.
+  absl::Status PrepareForToken(const IdentityId& id, Role role);
+  // UseToken within a transaction, without the look at revocations.
+  absl::StatusOr<IdentityId> TakeToken(const std::string& secret, const std::string& key_sha256_hex,
+                                       absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status Refresh() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<int64_t> Count(const std::string& query) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Removes the tokens of a table ("tokens", "scrape_tokens") that have expired.

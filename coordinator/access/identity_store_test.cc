@@ -143,6 +143,46 @@ TEST_F(IdentityStoreTest, AnIdentityThatIsEnrolledAgainBeginsANewGeneration) {
   EXPECT_FALSE((*store_->Find(kStoredUser))->revoked());
 }
 
+TEST_F(IdentityStoreTest, AHigherRoleIsGrantedWhenItsTokenIsUsed) {
+  const auto role = [&] { return (*store_->Find(kStoredUser))->role; };
+  ASSERT_EQ(Use(Token(kStoredUser, Role::kView), "a laptop"), absl::StatusCode::kOk);
+  const std::string higher = Token(kStoredUser, Role::kAdminister);
+  EXPECT_EQ(role(), Role::kView) << "certificates of before gain nothing by a token";
+  EXPECT_EQ(Use("not the token", "a laptop"), absl::StatusCode::kUnauthenticated);
+  EXPECT_EQ(role(), Role::kView);
+  const absl::StatusOr<Identity> used = Open()->UseToken(higher, "another", kStoreTime);
+  ASSERT_TRUE(used.ok()) << used.status();
+  EXPECT_EQ(used->role, Role::kAdminister);
+  EXPECT_EQ(role(), Role::kAdminister);
+}
+
+TEST_F(IdentityStoreTest, ALowerRoleTakesEffectAtOnceAndForOpenTokens) {
+  const auto role = [&] { return (*store_->Find(kStoredUser))->role; };
+  const std::string first = Token(kStoredUser, Role::kOperate);
+  ASSERT_EQ(Use(first), absl::StatusCode::kOk);
+  const std::string open = Token(kStoredUser, Role::kAdminister);
+  const std::string lower = Token(kStoredUser, Role::kView);
+  EXPECT_EQ(role(), Role::kView);
+  ASSERT_EQ(Use(open, "another"), absl::StatusCode::kOk);
+  EXPECT_EQ(role(), Role::kView);
+  ASSERT_EQ(Use(first), absl::StatusCode::kOk) << "the answer may be lost";
+  EXPECT_EQ(role(), Role::kView) << "a used token grants nothing again";
+  ASSERT_EQ(Use(lower, "a third"), absl::StatusCode::kOk);
+  EXPECT_EQ(role(), Role::kView);
+}
+
+TEST_F(IdentityStoreTest, TokensOfEarlierVersionsGiveTheRoleOfTheirIdentity) {
+  const std::string secret = Token(kStoredUser, Role::kOperate);
+  {
+    const auto database = SqliteDatabase::Open(directory_ + "/access.db");
+    ASSERT_TRUE(database.ok());
+    ASSERT_TRUE((*database)->Execute("ALTER TABLE tokens DROP COLUMN role").ok());
+  }
+  store_ = Open();
+  ASSERT_EQ(Use(secret), absl::StatusCode::kOk);
+  EXPECT_EQ((*store_->Find(kStoredUser))->role, Role::kOperate);
+}
+
 TEST_F(IdentityStoreTest, AChangeByAnotherProcessIsSeenAtTheNextCall) {
   Token();
   ASSERT_FALSE((*store_->Find(kStoredUser))->revoked());
