@@ -2,16 +2,53 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/interruption.h"
 
+#include <signal.h>
 #include <unistd.h>
 
+#include <condition_variable>
+#include <mutex>
+
 #include "cli/exit_code.h"
+#include "cli/message.h"
 
 namespace sheaf::cli {
+namespace {
 
-Interruption::Interruption()
-    : signals_([this](int, int count) {
-        if (count > 1) ::_exit(static_cast<int>(ExitCode::kInterrupted));
-        stop_.request_stop();
-      }) {}
+[[noreturn]] void EndNow(const char* why) {
+  PrintError(ExitCode::kInterrupted, why);
+  ::_exit(static_cast<int>(ExitCode::kInterrupted));
+}
+
+void EndAfter(std::chrono::milliseconds grace, const std::stop_token& ended) {
+  std::mutex mutex;
+  std::condition_variable_any changed;
+  std::unique_lock<std::mutex> lock(mutex);
+  changed.wait_for(lock, ended, grace, [] { return false; });
+  if (!ended.stop_requested()) EndNow("interrupted; what was under way did not end in time");
+}
+
+}  // namespace
+
+Interruption::Interruption(std::chrono::milliseconds grace)
+    : grace_(grace), signals_([this](int, int count) { OnSignal(count); }) {}
+
+Interruption::~Interruption() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, number);
+  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+}
+
+std::stop_token Interruption::token() const {
+  is_heeded_ = true;
+  return stop_.get_token();
+}
+
+void Interruption::OnSignal(int count) {
+  if (!is_heeded_) EndNow("interrupted");
+  if (count > 1) ::_exit(static_cast<int>(ExitCode::kInterrupted));
+  deadline_ = std::jthread([this](const std::stop_token& ended) { EndAfter(grace_, ended); });
+  stop_.request_stop();
+}
 
 }  // namespace sheaf::cli

@@ -11,6 +11,7 @@
 
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
+#include "cli/interruption.h"
 #include "cli/job/camera_paths_check.h"
 #include "cli/job/input_check.h"
 #include "cli/job/opened_scene.h"
@@ -46,6 +47,7 @@ class PlanCommand : public Command {
   }
 
   ExitCode Run() override {
+    const Interruption interruption;
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
     SceneDescription& scene = opened.file.read.scene;

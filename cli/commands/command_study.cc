@@ -86,6 +86,7 @@ class StudyCommand : public Command {
         !status.ok()) {
       return ReportOutputError(status);
     }
+    const Interruption interruption;
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
     std::vector<std::string> inputs;
@@ -120,10 +121,9 @@ class StudyCommand : public Command {
   // address that does not answer costs no study.
   ExitCode DescribeFarm() {
     if (coordinator_option_->count() == 0) return ExitCode::kOk;
-    const Interruption interruption;
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
     if (!channel.ok()) return ReportCallError(channel.status());
-    FarmClient client(*channel, coordinator_.address, interruption.token());
+    FarmClient client(*channel, coordinator_.address, std::stop_token());
     const absl::StatusOr<FarmSize> size = SizeOfFarm(&client);
     if (!size.ok()) return ReportCallError(size.status());
     options_.farm = StudyFarm{coordinator_.address, size->worker_count, size->thread_count,

@@ -124,7 +124,7 @@ class SubmitCommand : public Command {
     if (!delivery.ok()) return ReportOutputError(delivery.status());
     const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
     if (!channel.ok()) return ReportCallError(channel.status());
-    FarmClient client(*channel, coordinator_.address, interruption.token());
+    FarmClient client(*channel, coordinator_.address, interruption.token(), kSubmissionAnswerWait);
     if (absl::Status status = CheckDependencies(&client); !status.ok()) {
       return ReportCallError(status);
     }

@@ -43,10 +43,11 @@ bool HasEnded(const v1::Job& job) {
 }
 
 FarmClient::FarmClient(std::shared_ptr<grpc::Channel> channel, std::string address,
-                       std::stop_token stop)
+                       std::stop_token stop, absl::Duration first_answer_wait)
     : channel_(std::move(channel)),
       address_(std::move(address)),
       stop_(stop),
+      first_answer_wait_(first_answer_wait),
       jobs_(v1::JobService::NewStub(channel_)),
       content_(v1::ContentService::NewStub(channel_)),
       transfer_(v1::TransferService::NewStub(channel_)),
@@ -55,7 +56,7 @@ FarmClient::FarmClient(std::shared_ptr<grpc::Channel> channel, std::string addre
 absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientContext*)>& attempt,
                               absl::Duration deadline) {
   RetryPolicy policy;
-  policy.elapsed_max = answered_ ? kLaterAnswerWait : kFirstAnswerWait;
+  policy.elapsed_max = answered_ ? kLaterAnswerWait : first_answer_wait_;
   policy.attempts_max = 10'000;
   // Once for this call: calls within an attempt succeed meanwhile.
   bool told_limited = false, told_silent = false;
@@ -73,10 +74,12 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
           PrintInfo(absl::StrCat("the coordinator at ", address_,
                                  " lets this call wait: ", result.message()));
         }
-        if (answered_ && absl::IsUnavailable(result) && !std::exchange(told_silent, true) &&
+        const bool is_told = answered_ || first_answer_wait_ > kFirstAnswerWait;
+        if (is_told && absl::IsUnavailable(result) && !std::exchange(told_silent, true) &&
             !silent_.exchange(true)) {
-          PrintInfo(
-              absl::StrCat("the coordinator at ", address_, " does not answer; trying again"));
+          PrintInfo(absl::StrCat("the coordinator at ", address_,
+                                 " does not answer; trying again for up to ",
+                                 absl::FormatDuration(policy.elapsed_max)));
         }
         if (result.ok()) silent_ = limited_ = false;
         return result;

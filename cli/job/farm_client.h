@@ -33,6 +33,8 @@ namespace sheaf::cli {
 // How long calls are repeated before and after the coordinator's first answer.
 inline constexpr absl::Duration kFirstAnswerWait = absl::Seconds(4);
 inline constexpr absl::Duration kLaterAnswerWait = absl::Minutes(15);
+// The first answer of a submission, so that it outlasts a restart of the coordinator.
+inline constexpr absl::Duration kSubmissionAnswerWait = absl::Minutes(1);
 inline constexpr size_t kFindMissingMax = 10'000;
 
 // Where a blob's bytes are: in the file at path, or in memory if path is empty.
@@ -46,7 +48,8 @@ struct BlobSource {
 class FarmClient {
  public:
   // address is used in messages only. Waits end early when stop is requested.
-  FarmClient(std::shared_ptr<grpc::Channel> channel, std::string address, std::stop_token stop);
+  FarmClient(std::shared_ptr<grpc::Channel> channel, std::string address, std::stop_token stop,
+             absl::Duration first_answer_wait = kFirstAnswerWait);
 
   // A client of the same farm that ignores the stop request, for calls that must be made after it.
   std::unique_ptr<FarmClient> Uninterrupted() const {
@@ -124,6 +127,7 @@ class FarmClient {
   const std::shared_ptr<grpc::Channel> channel_;
   const std::string address_;
   const std::stop_token stop_;
+  const absl::Duration first_answer_wait_;
   const std::unique_ptr<v1::JobService::Stub> jobs_;
   const std::unique_ptr<v1::ContentService::Stub> content_;
   const std::unique_ptr<v1::TransferService::Stub> transfer_;

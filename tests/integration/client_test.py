@@ -303,6 +303,23 @@ class ClientTest(ClientCase):
                          r"connection was refused \(gave up after \d+ attempts\); start one with "
                          "sheaf-coordinator, or name another with --coordinator HOST:PORT\n$")
 
+    def test_a_submission_outlasts_a_restart_of_the_coordinator(self):
+        """Regression: it gave up after 4 s."""
+        with farm.Farm() as own, open(own.path("told"), "w", encoding="utf-8") as told:
+            own.kill(own.coordinator)
+            process = subprocess.Popen(
+                [os.path.join(farm.programs(), "sheaf"), "submit", self.write("late.pbrt", SCENE),
+                 "--no-quote", "--coordinator", own.address],
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=told, text=True)
+
+            def is_waiting():
+                with open(told.name, encoding="utf-8") as text:
+                    return "does not answer; trying again for up to 1m" in text.read()
+            farm.wait_until(is_waiting, 30, "the client's words")
+            own.start_coordinator()
+            text, _ = process.communicate(timeout=90 * farm.PATIENCE)
+            self.assertEqual((process.returncode, text), (OK, "jobs/1\n"))
+
     def test_missing_files(self):
         for command in ("render", "submit", "plan"):
             with self.subTest(command=command):

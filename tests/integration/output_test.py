@@ -73,6 +73,27 @@ class OutputTest(ClientCase):
         self.assertEqual(farm.image_digest(output), farm.image_digest(whole))
         self.assertIn("2048 samples", done.stderr)
 
+    def test_the_first_signal_ends_commands_that_read_their_scene(self):
+        """Regression: they read on, for minutes if need be, and a second signal ended them."""
+        sphere = 'Shape "sphere" "float radius" 0.25\n'
+        scene = self.write("large.pbrt", SCENE + sphere * 300_000)
+        for command in (("render", "-o", self.farm.path("large.exr")), ("plan",),
+                        ("study", "-o", self.farm.path("large.html")), ("quote", "--local")):
+            with self.subTest(command=command[0]):
+                process = subprocess.Popen(
+                    [os.path.join(farm.programs(), "sheaf"), command[0], scene, *command[1:]],
+                    stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+                def is_reading(process=process):
+                    self.assertIsNone(process.poll(), "it reads for seconds")
+                    with open(f"/proc/{process.pid}/io", encoding="utf-8") as file:
+                        return int(re.search(r"rchar: (\d+)", file.read())[1]) > 1 << 20
+                farm.wait_until(is_reading, 30, "some of the scene's bytes")
+                process.send_signal(signal.SIGTERM)
+                _, text = process.communicate(timeout=60 * farm.PATIENCE)
+                self.assertEqual(process.returncode, INTERRUPTED, text)
+                self.assertEqual(text, "sheaf: interrupted\n")
+
     def test_outputs_never_replace_inputs(self):
         """Regression: `-o` replaced the scene and exited with 0."""
         texture = self.farm.path("wood.png")
