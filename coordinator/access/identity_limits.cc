@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/retry_after.h"
 #include "common/base/surroundings/local_time.h"
+#include "coordinator/access/peer_network.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -62,22 +63,23 @@ absl::Status IdentityUse::NoteCall(const IdentityId& id, absl::Time now) {
                    "coordinator with a higher --calls-per-second-max"));
 }
 
-IdentityUse::Bucket& IdentityUse::BucketOf(const std::string& address) {
-  const auto found = strangers_.find(address);
+IdentityUse::Bucket& IdentityUse::BucketOf(const std::string& network) {
+  const auto found = strangers_.find(network);
   if (found != strangers_.end()) return found->second;
   if (strangers_.size() >= kStrangerAddressesMax) strangers_.clear();
-  return strangers_[address];
+  return strangers_[network];
 }
 
 absl::Status IdentityUse::NoteStrangerCall(const std::string& address, absl::Time now) {
+  const std::string network = PeerNetwork(address);
   const MutexLock lock(&mutex_);
-  if (BucketOf(address).Take(limits_.stranger_calls_per_second_max,
+  if (BucketOf(network).Take(limits_.stranger_calls_per_second_max,
                              limits_.stranger_calls_burst_max, now)) {
     return absl::OkStatus();
   }
   return Refuse(
       IdentityLimit::kStrangerCalls,
-      absl::StrCat("callers at ", address, " that show no identity make more calls than ",
+      absl::StrCat("callers at ", network, " that show no identity make more calls than ",
                    limits_.stranger_calls_per_second_max, " a second, the limit of an address"));
 }
 

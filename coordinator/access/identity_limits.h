@@ -26,7 +26,7 @@ struct IdentityLimits {
   // Calls of an identity, over gRPC and HTTP together: a burst, and then a rate.
   double calls_per_second_max = 1000;
   double calls_burst_max = 5000;
-  // Calls of one address by callers that show no identity: enrolments and HTTP.
+  // Calls of one address (peer_network.h) by callers that show no identity: enrolments and HTTP.
   double stranger_calls_per_second_max = 20;
   double stranger_calls_burst_max = 200;
   // Calls that stream, open at once: uploads, downloads, watches. Each takes a thread. All workers
@@ -113,13 +113,13 @@ class IdentityUse {
   };
   absl::Status Refuse(IdentityLimit limit, const std::string& message)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  Bucket& BucketOf(const std::string& address) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Bucket& BucketOf(const std::string& network) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void CloseStream(const IdentityId& id);
 
   const IdentityLimits limits_;
   mutable Mutex mutex_;
   std::map<IdentityId, Use> uses_ ABSL_GUARDED_BY(mutex_);  // As many as identities, at most.
-  std::map<std::string, Bucket> strangers_ ABSL_GUARDED_BY(mutex_);  // By address.
+  std::map<std::string, Bucket> strangers_ ABSL_GUARDED_BY(mutex_);  // By PeerNetwork.
   std::array<uint64_t, kIdentityLimitCount> refused_ ABSL_GUARDED_BY(mutex_){};
 };
 

@@ -52,6 +52,16 @@ TEST(IdentityUseTest, AClockThatIsSetBackGivesNoCallsAndTakesNone) {
   EXPECT_TRUE(use.NoteCall(kLimitedUser, kLimitsTime + absl::Milliseconds(100)).ok());
 }
 
+TEST(IdentityUseTest, StrangersOfANetworkOfIpv6ShareALimit) {
+  IdentityUse use(Few());
+  EXPECT_TRUE(use.NoteStrangerCall("2001:db8::1", kLimitsTime).ok());
+  EXPECT_TRUE(use.NoteStrangerCall("ipv6:%5B2001:db8::2%5D", kLimitsTime).ok());
+  const absl::Status refused = use.NoteStrangerCall("2001:db8::3", kLimitsTime);
+  EXPECT_TRUE(absl::IsResourceExhausted(refused));
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("2001:db8::/64"));
+  EXPECT_TRUE(use.NoteStrangerCall("2001:db8:0:1::1", kLimitsTime).ok());
+}
+
 TEST(IdentityUseTest, StrangersAreLimitedByAddress) {
   IdentityUse use(Few());
   EXPECT_TRUE(use.NoteStrangerCall("192.0.2.7", kLimitsTime).ok());

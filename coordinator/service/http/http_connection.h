@@ -11,7 +11,9 @@
 #include <cstddef>
 #include <list>
 #include <map>
+#include <string>
 
+#include "coordinator/access/peer_network.h"
 #include "coordinator/service/http/http_stream.h"
 
 namespace sheaf::coordinator {
@@ -25,10 +27,10 @@ struct Connection;
 // Connections in the same state, those that have been in it longest first.
 using ConnectionList = std::list<Connection*>;
 
-// How many connections there are, in all and of each address.
+// How many connections there are, in all and of each address (PeerNetwork).
 struct ConnectionCounts {
   size_t all = 0;
-  std::map<asio::ip::address, size_t> of_peer;
+  std::map<std::string, size_t> of_peer;
 };
 
 // A client's socket while its coroutine lives, and its place in a list. Socket thread only.
@@ -37,7 +39,8 @@ struct Connection {
   Connection(tcp::socket socket, asio::ssl::context* tls, ConnectionCounts* all)
       : stream(std::move(socket), tls), counts(all) {
     error_code ignored;
-    peer = stream.socket().remote_endpoint(ignored).address();
+    address = stream.socket().remote_endpoint(ignored).address().to_string();
+    peer = PeerNetwork(address);
     stream.socket().set_option(tcp::no_delay(true), ignored);
     ++counts->all;
     ++counts->of_peer[peer];
@@ -58,7 +61,8 @@ struct Connection {
   }
 
   HttpStream stream;
-  asio::ip::address peer;
+  std::string address;
+  std::string peer;  // What counts as the same address.
   ConnectionCounts* const counts;
   ConnectionList* list = nullptr;
   ConnectionList::iterator place;

@@ -30,6 +30,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "coordinator/service/http/events/peer_watch.h"
 #include "coordinator/service/http/http_beast.h"
 #include "coordinator/service/http/http_connection.h"
 #include "coordinator/service/http/http_tls.h"
@@ -43,9 +44,9 @@ constexpr std::string_view kProbePaths[] = {"/healthz", "/readyz", "/metrics"};
 // Pause after accept fails, for example for lack of file descriptors.
 constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 
-absl::Status TooManyConnectionsError(const asio::ip::address& peer) {
+absl::Status TooManyConnectionsError(const std::string& peer) {
   return absl::ResourceExhaustedError(
-      absl::StrCat(peer.to_string(), " has ", kHttpConnectionsOfAddressMax,
+      absl::StrCat(peer, " has ", kHttpConnectionsOfAddressMax,
                    " connections, the limit of an address; close some pages or scripts there"));
 }
 
@@ -95,8 +96,10 @@ class HttpServer::Impl {
                              bool head_only);
   asio::awaitable<bool> SendFile(HttpStream* stream, HttpResponse response, bool keep_alive);
   asio::awaitable<void> StreamEvents(HttpStream* stream, HttpRequest request);
-  // Waits until the queue has events or the heartbeat is due.
-  asio::awaitable<std::string> NextEvents(EventQueue* queue, asio::steady_timer* timer);
+  // The events for whoever sends the request. Errors: as EventHub::Subscribe.
+  absl::StatusOr<std::shared_ptr<EventQueue>> Subscribe(const HttpRequest& request);
+  // Waits until the queue has events, the heartbeat is due, or the peer is gone.
+  asio::awaitable<std::string> NextEvents(EventQueue* queue, PeerWatch* watch);
   asio::awaitable<bool> SendText(HttpStream* stream, std::string text);
   void WakeReaders();
 
@@ -202,7 +205,7 @@ bool HttpServer::Impl::MakeRoomFor(const Connection& connection) {
   const auto oldest = std::find_if(idle_.begin(), idle_.end(), is_of_peer);
   if (oldest != idle_.end()) return DropOldest({*oldest});
   if (options_.note_refused) {
-    options_.note_refused(connection.peer.to_string(), TooManyConnectionsError(connection.peer));
+    options_.note_refused(connection.peer, TooManyConnectionsError(connection.peer));
   }
   return false;
 }
@@ -236,7 +239,7 @@ asio::awaitable<error_code> HttpServer::Impl::ReadRequest(
     co_await http::async_read_header(stream, *buffer, *parser, end());
   }
   if (!error && !parser->is_done()) {
-    *refusal = LimitBody(router_, connection->peer.to_string(), parser, &large_bodies_, large);
+    *refusal = LimitBody(router_, connection->address, parser, &large_bodies_, large);
     if (*refusal) error = http::error::body_limit;
   }
   if (!error && !parser->is_done()) {
@@ -302,7 +305,7 @@ asio::awaitable<bool> HttpServer::Impl::Answer(Connection* connection,
   const bool keep_alive = message.keep_alive();
   const bool head_only = message.method() == http::verb::head;
   HttpRequest request = ToRequest(message);
-  request.peer = connection->peer.to_string();
+  request.peer = connection->address;
   if (request.method == "GET" && !head_only && request.target == options_.event_path) {
     HttpResponse refusal;
     if (router_.AdmitsGet(options_.event_path, &request, &refusal)) {
@@ -375,10 +378,25 @@ asio::awaitable<bool> HttpServer::Impl::SendText(HttpStream* stream, std::string
   co_return !error;
 }
 
+absl::StatusOr<std::shared_ptr<EventQueue>> HttpServer::Impl::Subscribe(
+    const HttpRequest& request) {
+  const bool is_known = request.caller.identity.has_value();
+  absl::StatusOr<std::shared_ptr<EventQueue>> queue =
+      hub_->Subscribe(is_known ? request.caller.Name() : PeerNetwork(request.peer));
+  if (absl::IsResourceExhausted(queue.status()) && options_.note_refused) {
+    options_.note_refused(
+        is_known ? absl::StrCat(request.caller.Name(), " at ", request.peer) : request.peer,
+        queue.status());
+  }
+  return queue;
+}
+
 asio::awaitable<void> HttpServer::Impl::StreamEvents(HttpStream* stream, HttpRequest request) {
-  const std::shared_ptr<EventQueue> queue = hub_->Subscribe();
-  if (queue == nullptr) {
-    HttpResponse full = HttpError(503, "RESOURCE_EXHAUSTED", "too many event streams are open");
+  const absl::StatusOr<std::shared_ptr<EventQueue>> queue = Subscribe(request);
+  if (!queue.ok()) {
+    const bool is_share = absl::IsResourceExhausted(queue.status());
+    HttpResponse full = HttpError(is_share ? 429 : 503, "RESOURCE_EXHAUSTED",
+                                  std::string(queue.status().message()));
     co_await Send(stream, std::move(full), false, false);
     co_return;
   }
@@ -388,33 +406,30 @@ asio::awaitable<void> HttpServer::Impl::StreamEvents(HttpStream* stream, HttpReq
   for (const auto& [name, value] : kSecurityHeaders)
     absl::StrAppend(&head, name, ": ", value, "\r\n");
   absl::StrAppend(&head, "\r\nretry: 2000\n\n");
-  asio::steady_timer sleep(io_);
-  asio::steady_timer pause(io_);
+  PeerWatch watch(&io_, stream);
+  watch.Begin();
   bool open = co_await SendText(stream, std::move(head));
   while (open) {
-    std::string text = co_await NextEvents(queue.get(), &sleep);
+    std::string text = co_await NextEvents(queue->get(), &watch);
     HttpResponse refusal;  // A stream does not outlive the permission to read it.
-    if (!router_.AdmitsGet(options_.event_path, &request, &refusal)) break;
+    if (watch.is_gone() || !router_.AdmitsGet(options_.event_path, &request, &refusal)) break;
     open = co_await SendText(stream, std::move(text));
-    error_code ignored;
-    pause.expires_after(kEventInterval);
-    co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+    co_await watch.SleepUntil(std::chrono::steady_clock::now() + kEventInterval);
   }
+  co_await watch.End();
 }
 
-asio::awaitable<std::string> HttpServer::Impl::NextEvents(EventQueue* queue,
-                                                          asio::steady_timer* timer) {
+asio::awaitable<std::string> HttpServer::Impl::NextEvents(EventQueue* queue, PeerWatch* watch) {
   const auto deadline = std::chrono::steady_clock::now() + kEventHeartbeat;
-  for (;;) {
+  while (!watch->is_gone()) {
     std::string text = queue->Take();
     if (!text.empty()) co_return text;
     if (std::chrono::steady_clock::now() >= deadline) co_return ": alive\n\n";
-    timer->expires_at(deadline);
-    sleeping_.insert(timer);
-    error_code ignored;
-    co_await timer->async_wait(asio::redirect_error(asio::use_awaitable, ignored));
-    sleeping_.erase(timer);
+    sleeping_.insert(watch->timer());
+    co_await watch->SleepUntil(deadline);
+    sleeping_.erase(watch->timer());
   }
+  co_return "";
 }
 
 absl::StatusOr<std::unique_ptr<HttpServer>> HttpServer::Start(const HttpServerOptions& options,

@@ -19,7 +19,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/tls/credential_store.h"
-#include "coordinator/service/http/event_stream.h"
+#include "coordinator/service/http/events/event_stream.h"
 #include "coordinator/service/http/http_router.h"
 
 namespace sheaf::coordinator {

@@ -14,6 +14,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <future>
 #include <vector>
@@ -187,8 +188,8 @@ TEST_F(HttpServerTest, RequestsBeyondALimitAreRefused) {
 
 TEST_F(HttpServerTest, EventReadersDoNotBlockRequests) {
   std::vector<std::unique_ptr<Client>> readers;
-  for (int i = 0; i < 60; ++i) {
-    readers.push_back(std::make_unique<Client>(server_->port()));
+  for (uint32_t i = 0; i < 60; ++i) {
+    readers.push_back(std::make_unique<Client>(server_->port(), 1 + i % 2));
     ASSERT_TRUE(readers.back()->Send(Get("/api/v1/events")));
     EXPECT_THAT(readers.back()->ReadUntil("retry: 2000\n\n"), HasSubstr("text/event-stream"));
   }
@@ -255,11 +256,14 @@ TEST_F(HttpServerTest, AnAddressClosesItsOwnIdleConnectionsForNewOnes) {
 }
 
 TEST_F(HttpServerTest, AnAddressWithTooManyBusyConnectionsIsRefused) {
-  std::vector<std::unique_ptr<Client>> readers;
+  std::ofstream(FilePath(), std::ios::binary) << "more than sockets buffer";
+  std::filesystem::resize_file(FilePath(), uint64_t{1} << 30);
+  std::vector<std::unique_ptr<Client>> busy;
   for (size_t i = 0; i < kHttpConnectionsOfAddressMax; ++i) {
-    readers.push_back(std::make_unique<Client>(server_->port()));
-    ASSERT_TRUE(readers.back()->Send(Get("/api/v1/events")));
-    readers.back()->ReadUntil("retry: 2000\n\n");
+    busy.push_back(std::make_unique<Client>(server_->port()));
+    const bool is_reader = i < kEventReadersOfOneMax;
+    ASSERT_TRUE(busy.back()->Send(Get(is_reader ? "/api/v1/events" : "/file")));
+    EXPECT_THAT(busy.back()->ReadUntil("\r\n\r\n"), StartsWith("HTTP/1.1 200 OK"));
   }
   Client one_more(server_->port()), other(server_->port(), 2);
   one_more.Send(Get("/hello"));
@@ -269,19 +273,43 @@ TEST_F(HttpServerTest, AnAddressWithTooManyBusyConnectionsIsRefused) {
   EXPECT_EQ(refusals_, 1);
   other.Send(Get("/hello"));
   EXPECT_THAT(other.ReadUntil("hello"), StartsWith("HTTP/1.1 200 OK"));
-  readers.pop_back();
-  // The server notices at the next event that the reader has gone.
+  busy.erase(busy.begin());  // A reader, whose end is noticed without an event.
   const absl::Time deadline = absl::Now() + absl::Seconds(100);
   std::string answer;
   while (absl::Now() < deadline && answer.find("200 OK") == std::string::npos) {
-    hub_.Publish({"job", "jobs/1", absl::StrCat("{\"n\":", absl::ToUnixMicros(absl::Now()), "}")});
-    absl::SleepFor(absl::Milliseconds(50));
     Client again(server_->port());
     again.Send(Get("/hello"));
     answer = again.ReadUntil("hello");
     if (answer.find("429") != std::string::npos) answer.clear();
   }
   EXPECT_THAT(answer, StartsWith("HTTP/1.1 200 OK"));
+  std::remove(FilePath().c_str());
+}
+
+// Nothing is published: only the end of the connection tells that the reader has gone.
+TEST_F(HttpServerTest, AClosedEventStreamIsNoticedAtOnce) {
+  std::vector<std::unique_ptr<Client>> readers;
+  for (size_t i = 0; i < kEventReadersOfOneMax; ++i) {
+    readers.push_back(std::make_unique<Client>(server_->port()));
+    ASSERT_TRUE(readers.back()->Send(Get("/api/v1/events")));
+    readers.back()->ReadUntil("retry: 2000\n\n");
+  }
+  Client one_more(server_->port());
+  one_more.Send(Get("/api/v1/events"));
+  const std::string refusal = one_more.ReadToClose();
+  EXPECT_THAT(refusal, StartsWith("HTTP/1.1 429 "));
+  EXPECT_THAT(refusal, HasSubstr("127.0.0.1 has 32 event streams open"));
+  EXPECT_EQ(refusals_, 1);
+  const absl::Time begin = absl::Now();
+  readers.clear();
+  while (hub_.ReaderCount() > 0 && absl::Now() - begin < absl::Seconds(100)) {
+    absl::SleepFor(absl::Milliseconds(1));
+  }
+  EXPECT_EQ(hub_.ReaderCount(), 0u);
+  EXPECT_LT(absl::Now() - begin, absl::FromChrono(kEventHeartbeat)) << "a heartbeat told it";
+  Client again(server_->port());
+  again.Send(Get("/api/v1/events"));
+  EXPECT_THAT(again.ReadUntil("retry: 2000\n\n"), HasSubstr("text/event-stream"));
 }
 
 TEST_F(HttpServerTest, MissingBodiesTimeOut) {

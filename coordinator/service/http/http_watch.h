@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "coordinator/service/http/event_stream.h"
+#include "coordinator/service/http/events/event_stream.h"
 #include "coordinator/service/view/farm_view.h"
 
 namespace sheaf::coordinator {

@@ -27,7 +27,7 @@ class HttpWatchTest : public ::testing::Test {
 
 TEST_F(HttpWatchTest, PublishesOnlyChanges) {
   FarmDifference difference(&hub_);
-  const auto reader = hub_.Subscribe();
+  const auto reader = *hub_.Subscribe("reader");
   difference.Publish(farm_);
   EXPECT_THAT(reader->Take(), HasSubstr("event: worker"));
   difference.Publish(farm_);
@@ -45,7 +45,7 @@ TEST_F(HttpWatchTest, PublishesOnlyChanges) {
 
 TEST_F(HttpWatchTest, FramesThatAreTriedAgainAreChanged) {
   FarmDifference difference(&hub_);
-  const auto reader = hub_.Subscribe();
+  const auto reader = *hub_.Subscribe("reader");
   farm_.jobs[1].state = JobState::kFailed;
   farm_.jobs[1].frames[0].incomplete = "1 task is set aside";
   farm_.jobs[1].frames[0].set_aside_count = 1;
@@ -63,7 +63,7 @@ TEST_F(HttpWatchTest, FramesThatAreTriedAgainAreChanged) {
 
 TEST_F(HttpWatchTest, WhatIsGoneIsPublished) {
   FarmDifference difference(&hub_);
-  const auto reader = hub_.Subscribe();
+  const auto reader = *hub_.Subscribe("reader");
   difference.Publish(farm_);
   reader->Take();
   farm_.jobs.erase(farm_.jobs.begin());  // jobs/2.
@@ -78,7 +78,7 @@ TEST_F(HttpWatchTest, WhatIsGoneIsPublished) {
 
 TEST_F(HttpWatchTest, AJobThatGoesWhileAnotherComesIsPublished) {
   FarmDifference difference(&hub_);
-  const auto reader = hub_.Subscribe();
+  const auto reader = *hub_.Subscribe("reader");
   difference.Publish(farm_);
   reader->Take();
   farm_.jobs[0] = MakeFakeJob("3");
@@ -91,7 +91,7 @@ TEST_F(HttpWatchTest, AJobThatGoesWhileAnotherComesIsPublished) {
 TEST_F(HttpWatchTest, LateReadersGetLaterChanges) {
   FarmDifference difference(&hub_);
   difference.Publish(farm_);
-  const auto reader = hub_.Subscribe();
+  const auto reader = *hub_.Subscribe("reader");
   difference.Publish(farm_);
   EXPECT_EQ(reader->Take(), "");
   farm_.workers[0].state = WorkerState::kLost;
@@ -100,7 +100,7 @@ TEST_F(HttpWatchTest, LateReadersGetLaterChanges) {
 }
 
 TEST_F(HttpWatchTest, WatcherDetectsChanges) {
-  const auto reader = hub_.Subscribe();
+  const auto reader = *hub_.Subscribe("reader");
   const FarmWatcher watcher(farm_, &hub_);
   std::string events;
   // The first comparison publishes the present state; then a change must be published.

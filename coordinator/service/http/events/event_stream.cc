@@ -2,7 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Combines events by key and bounds the queue of a slow reader.
-#include "coordinator/service/http/event_stream.h"
+#include "coordinator/service/http/events/event_stream.h"
+
+#include <algorithm>
 
 #include "absl/strings/str_cat.h"
 
@@ -49,19 +51,28 @@ std::string EventQueue::Take() {
   return batch;
 }
 
-std::shared_ptr<EventQueue> EventHub::Subscribe() {
+absl::StatusOr<std::shared_ptr<EventQueue>> EventHub::Subscribe(const std::string& reader) {
   const MutexLock lock(&mutex_);
-  std::erase_if(queues_, [](const std::weak_ptr<EventQueue>& queue) { return queue.expired(); });
-  if (queues_.size() >= kEventReaderCountMax) return nullptr;
+  std::erase_if(subscriptions_, [](const Subscription& s) { return s.queue.expired(); });
+  const auto of_reader = [&](const Subscription& s) { return s.reader == reader; };
+  const auto own = std::count_if(subscriptions_.begin(), subscriptions_.end(), of_reader);
+  if (static_cast<size_t>(own) >= kEventReadersOfOneMax) {
+    return absl::ResourceExhaustedError(absl::StrCat(
+        reader, " has ", own, " event streams open, the limit of one; close some pages"));
+  }
+  if (subscriptions_.size() >= kEventReaderCountMax) {
+    return absl::UnavailableError(
+        absl::StrCat(kEventReaderCountMax, " event streams are open, the limit; close some pages"));
+  }
   auto queue = std::make_shared<EventQueue>();
-  queues_.push_back(queue);
+  subscriptions_.push_back({reader, queue});
   return queue;
 }
 
 void EventHub::Publish(const ServerEvent& event) {
   const MutexLock lock(&mutex_);
-  for (const std::weak_ptr<EventQueue>& weak : queues_) {
-    if (const std::shared_ptr<EventQueue> queue = weak.lock()) queue->Push(event);
+  for (const Subscription& subscription : subscriptions_) {
+    if (const std::shared_ptr<EventQueue> queue = subscription.queue.lock()) queue->Push(event);
   }
   if (wake_) wake_();
 }
@@ -69,7 +80,7 @@ void EventHub::Publish(const ServerEvent& event) {
 size_t EventHub::ReaderCount() const {
   const MutexLock lock(&mutex_);
   size_t count = 0;
-  for (const std::weak_ptr<EventQueue>& queue : queues_) count += queue.expired() ? 0 : 1;
+  for (const Subscription& s : subscriptions_) count += s.queue.expired() ? 0 : 1;
   return count;
 }
 

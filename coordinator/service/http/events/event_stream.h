@@ -16,14 +16,17 @@
 #include <unordered_map>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "common/base/mutex.h"
 
 namespace sheaf::coordinator {
 
 // Maximum number of unsent events of a reader; beyond it they are replaced by one "reset" event.
 inline constexpr size_t kEventQueueCountMax = 1024;
-// Maximum number of simultaneous readers; more are refused.
+// Maximum number of simultaneous readers, and of those of one identity, or of one address where
+// there are no identities; more are refused.
 inline constexpr size_t kEventReaderCountMax = 256;
+inline constexpr size_t kEventReadersOfOneMax = 32;
 // Maximum number of bytes passed to a socket at once; the rest waits in the queue.
 inline constexpr size_t kEventBatchBytesMax = size_t{1} << 18;
 
@@ -57,8 +60,9 @@ class EventQueue {
 // Thread safety: every method may be called from any thread.
 class EventHub {
  public:
-  // Returns a queue that is active while the caller holds it, or null beyond kEventReaderCountMax.
-  std::shared_ptr<EventQueue> Subscribe();
+  // Returns a queue that is active while the caller holds it. reader: "user:anna" or an address.
+  // Errors: kResourceExhausted (kEventReadersOfOneMax); kUnavailable (kEventReaderCountMax).
+  absl::StatusOr<std::shared_ptr<EventQueue>> Subscribe(const std::string& reader);
   void Publish(const ServerEvent& event);
   size_t ReaderCount() const;
   // Sets the function that is called after events are published, on the publisher's thread; it must
@@ -68,7 +72,11 @@ class EventHub {
 
  private:
   mutable Mutex mutex_;
-  std::vector<std::weak_ptr<EventQueue>> queues_ ABSL_GUARDED_BY(mutex_);
+  struct Subscription {
+    std::string reader;
+    std::weak_ptr<EventQueue> queue;
+  };
+  std::vector<Subscription> subscriptions_ ABSL_GUARDED_BY(mutex_);
   std::function<void()> wake_ ABSL_GUARDED_BY(mutex_);
 };
 

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "coordinator/service/http/event_stream.h"
+#include "coordinator/service/http/events/event_stream.h"
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "gtest/gtest.h"
 
@@ -49,8 +50,8 @@ TEST(EventStreamTest, EveryReaderGetsEveryEvent) {
   EventHub hub;
   int wakes = 0;
   hub.SetWake([&] { ++wakes; });
-  auto first = hub.Subscribe();
-  auto second = hub.Subscribe();
+  auto first = *hub.Subscribe("user:anna");
+  auto second = *hub.Subscribe("user:anna");
   hub.Publish({"job", "jobs/1", "1"});
   EXPECT_EQ(first->Take(), second->Take());
   EXPECT_EQ(hub.ReaderCount(), 2u);
@@ -62,10 +63,26 @@ TEST(EventStreamTest, EveryReaderGetsEveryEvent) {
 TEST(EventStreamTest, ReadersBeyondTheLimitAreRefused) {
   EventHub hub;
   std::vector<std::shared_ptr<EventQueue>> readers;
-  for (size_t i = 0; i < kEventReaderCountMax; ++i) readers.push_back(hub.Subscribe());
-  EXPECT_EQ(hub.Subscribe(), nullptr);
+  for (size_t i = 0; i < kEventReaderCountMax; ++i) {
+    readers.push_back(*hub.Subscribe(absl::StrCat("user:", i)));
+  }
+  EXPECT_TRUE(absl::IsUnavailable(hub.Subscribe("user:anna").status()));
   readers.pop_back();
-  EXPECT_NE(hub.Subscribe(), nullptr);
+  EXPECT_TRUE(hub.Subscribe("user:anna").ok());
+}
+
+TEST(EventStreamTest, OneReaderDoesNotTakeThoseOfOthers) {
+  EventHub hub;
+  std::vector<std::shared_ptr<EventQueue>> readers;
+  for (size_t i = 0; i < kEventReadersOfOneMax; ++i) {
+    readers.push_back(*hub.Subscribe("user:vera"));
+  }
+  const absl::Status refused = hub.Subscribe("user:vera").status();
+  EXPECT_TRUE(absl::IsResourceExhausted(refused));
+  EXPECT_TRUE(absl::StrContains(refused.message(), "user:vera has 32 event streams")) << refused;
+  EXPECT_TRUE(hub.Subscribe("user:anna").ok());
+  readers.pop_back();
+  EXPECT_TRUE(hub.Subscribe("user:vera").ok());
 }
 
 }  // namespace
