@@ -120,18 +120,17 @@ SteadyTime Scheduler::CheckWaitEnd(const TaskId& task, const CheckWait& wait) {
   const auto patience = [&](absl::Duration expected) {
     return std::max(limits_.check_wait_min, limits_.check_wait_factor * expected);
   };
+  const bool is_leased = checks_.Find(task)->leased;
   SteadyTime end = wait.progress;
-  if (checks_.Find(task)->leased) {
-    end += patience(usual);
-  } else if (AnyMayCheck(task, /*proven_only=*/true)) {
+  if (!is_leased && AnyMayCheck(task, /*proven_only=*/true)) {
     end += patience(std::max(usual, lease_target));  // They may be busy with other leases.
-  } else if (AnyMayCheck(task, /*proven_only=*/false)) {
-    end += patience(usual);
+  } else if (is_leased || AnyMayCheck(task, /*proven_only=*/false)) {
+    end += limits_.check_wait_min;  // Strangers get no more, however long a task takes.
   }
-  // Strangers get no time of their own: they could ask for it again and again.
   for (const uint64_t id : leases_.HoldersOf(task)) {
     const Lease& held = *leases_.Find(id);
     if (workers_.ResultCount(held.identity) == 0) continue;
+    end = std::max(end, wait.progress + patience(usual));
     const bool is_rendered = held.phase >= LeasePhase::kRendering;
     // Whoever rendered the frame has loaded its scene in that time.
     const absl::Duration loading =

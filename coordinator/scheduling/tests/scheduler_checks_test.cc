@@ -60,9 +60,9 @@ class SchedulerChecksTest : public ::testing::Test {
                   [&](const Lease& held) { return held.lease_id == lease.lease_id; });
   }
   // The first result of a task, with the digest of these bytes.
-  void Accept(Lease lease, const std::string& bytes, double draw) {
+  void Accept(Lease lease, const std::string& bytes, double draw, const ResultCost& cost = {}) {
     Forget(lease);
-    scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id, {}, now_);
+    scheduler_.Accept(lease.frame, lease.task, lease.lease_id, lease.worker_id, cost, now_);
     scheduler_.ConsiderCheck(lease.frame, lease.task, {lease.identity, bytes}, draw);
     merged_[lease.task.tile] = {lease.identity, bytes};
   }
@@ -153,6 +153,43 @@ TEST_F(SchedulerChecksTest, DeliveriesDoNotWaitForHoarders) {
   EXPECT_TRUE(scheduler_.Deliver(frame));
   EXPECT_EQ(scheduler_.counters().checks_dropped, 4u);
   EXPECT_EQ(scheduler_.leases().size(), 0u);
+}
+
+// Long tasks give workers that have delivered nothing no more time.
+TEST_F(SchedulerChecksTest, DeliveriesOfLongTasksDoNotWaitForHoarders) {
+  Sync("b", 0);
+  const FrameId frame{1, 1};
+  const std::vector<Lease> leases = Sync("a", 4);
+  ResultCost cost;
+  cost.cpu_duration = absl::Seconds(10);
+  for (const Lease& lease : leases) {
+    now_ += absl::Seconds(10);
+    Sync("b", 0);
+    Accept(lease, "x", kChosen, cost);
+  }
+  EXPECT_EQ(Sync("b", 4).size(), 4u);
+  EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
+  now_ += limits_.check_wait_min;
+  Sync("b", 4);
+  EXPECT_FALSE(scheduler_.AwaitsChecks(frame, now_));
+}
+
+TEST_F(SchedulerChecksTest, LongTasksOfProvenWorkersHaveTheirTime) {
+  Accept(Sync("b", 1).at(0), "x", kNotChosen);
+  const FrameId frame{1, 1};
+  const std::vector<Lease> leases = Sync("a", 3);
+  ResultCost cost;
+  cost.cpu_duration = absl::Seconds(10);
+  for (const Lease& lease : leases) {
+    now_ += absl::Seconds(10);
+    Sync("b", 0);
+    Accept(lease, "x", kChosen, cost);
+  }
+  EXPECT_EQ(Sync("b", 4).size(), 3u);
+  EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
+  now_ += limits_.check_wait_min + absl::Seconds(1);
+  Sync("b", 4);
+  EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
 }
 
 TEST_F(SchedulerChecksTest, EachCheckThatComesProlongsTheWait) {
