@@ -370,6 +370,14 @@ TEST_P(SandboxedScenesTest, ATaskCanBeCancelled) {
   EXPECT_TRUE(absl::IsCancelled(opened.scene->Render({}, stop.get_token()).status()));
 }
 
+TEST_P(SandboxedScenesTest, ATaskThatDoesNotHeedItsCancelIsEnded) {
+  std::stop_source stop;
+  const OpenResult opened = Open("render loop");
+  ASSERT_NE(opened.scene, nullptr);
+  std::jthread stopper([&] { stop.request_stop(); });
+  EXPECT_TRUE(absl::IsCancelled(opened.scene->Render({}, stop.get_token()).status()));
+}
+
 TEST_P(SandboxedScenesTest, ALoadCanBeCancelled) {
   std::stop_source stop;
   Open("render nothing");

@@ -24,6 +24,9 @@ namespace {
 // After a process has closed its socket, it has so long to end on its own.
 constexpr absl::Duration kEndTimeMax = absl::Seconds(5);
 
+// The time that a process has to end a call that is cancelled: it looks for that far more often.
+constexpr absl::Duration kCancelTimeMax = absl::Seconds(5);
+
 constexpr char kOutOfMemoryAdvice[] =
     "; make the scene smaller, or give this worker more memory or fewer --threads";
 
@@ -216,14 +219,27 @@ SceneProcess::Answer SceneProcess::Call(v1::SandboxRequest request, absl::Durati
   const std::stop_callback on_request(stop, [&] {
     if (on_stop == OnStop::kKill) return Kill(stopped);
     Cancel(call_id);
+    const MutexLock lock(&mutex_);
+    call.is_cancelled = true;
+    changed_.NotifyAll();
   });
   const auto done = [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     return call.done || ending_.has_value();
   };
+  const auto done_or_cancelled = [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return done() || call.is_cancelled;
+  };
   MutexLock lock(&mutex_);
-  if (!changed_.WaitFor(&mutex_, time_max, done)) {
+  bool in_time = changed_.WaitFor(&mutex_, time_max, done_or_cancelled);
+  if (call.is_cancelled) in_time = changed_.WaitFor(&mutex_, kCancelTimeMax, done);
+  if (!in_time) {
+    const bool is_cancelled = call.is_cancelled;
     lock.Unlock();
-    Kill(late);
+    if (is_cancelled) {
+      LogWarning(absl::StrCat("a scene's process did not end a cancelled task within ",
+                              absl::FormatDuration(kCancelTimeMax), " and is killed"));
+    }
+    Kill(is_cancelled ? stopped : late);
     lock.Lock();
     changed_.Wait(&mutex_, done);
   }

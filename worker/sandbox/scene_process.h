@@ -55,7 +55,8 @@ class SceneProcess {
     v1::SandboxReply reply;
     std::string payload;
   };
-  // What a request to stop does: a task is asked to end, while a load has to be killed.
+  // What a request to stop does: a task is asked to end, and killed where it does not within
+  // seconds; a load has to be killed.
   enum class OnStop { kCancelCall, kKill };
 
   // Sends the request, whose call_id it sets, and waits for the reply. The process is killed if
@@ -66,6 +67,7 @@ class SceneProcess {
  private:
   struct PendingCall {
     bool done = false;
+    bool is_cancelled = false;
     v1::SandboxReply reply;
     std::string payload;
   };
