@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -21,8 +23,11 @@ namespace {
 constexpr int kBarColumnsMax = 30;
 constexpr int kNarrowColumns = 60;  // Narrower terminals get no bar.
 
+// 0 for pipes, and for terminals that take no escape sequences: an editor's shell, a build server.
 int TerminalColumns() {
-  if (::isatty(STDERR_FILENO) == 0) return 0;
+  const char* const term = std::getenv("TERM");
+  const std::string_view name = term == nullptr ? "" : term;
+  if (::isatty(STDERR_FILENO) == 0 || name.empty() || name == "dumb") return 0;
   winsize size{};
   if (::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return 80;
   return size.ws_col;

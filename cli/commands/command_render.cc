@@ -18,6 +18,7 @@
 #include "cli/progress_line.h"
 #include "common/base/digest.h"
 #include "common/base/log.h"
+#include "common/base/text/shell_quoted.h"
 
 namespace sheaf::cli {
 namespace {

@@ -3,14 +3,9 @@
 //
 // sheaf: the command line client for all operations of the farm.
 #include <signal.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,6 +20,7 @@
 #include "cli/message.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
+#include "common/base/surroundings/standard_streams.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/protocol_version.h"
 #include "worker/sandbox/scene_server.h"
@@ -101,23 +97,6 @@ ExitCode Main(int argc, char** argv) {
   return ExitCode::kUsage;
 }
 
-// A full disk that has not taken the output is no success. A pipe may be closed at any time.
-ExitCode CheckOutput(ExitCode code) {
-  errno = 0;
-  const bool failed = std::fflush(stdout) != 0 || std::ferror(stdout) != 0;
-  const int error = errno;
-  struct stat info {};
-  if (!failed || ::fstat(STDOUT_FILENO, &info) != 0 || S_ISFIFO(info.st_mode) ||
-      S_ISSOCK(info.st_mode)) {
-    return code;
-  }
-  PrintError(ExitCode::kFile,
-             absl::StrCat("standard output: cannot be written",
-                          error == 0 ? "" : absl::StrCat(" (", std::strerror(error), ")"),
-                          "; part of it is lost: free space, and run the command again"));
-  return code == ExitCode::kOk ? ExitCode::kFile : code;
-}
-
 }  // namespace
 }  // namespace sheaf::cli
 
@@ -128,5 +107,8 @@ int main(int argc, char** argv) {
   if (argc == 2 && std::string_view(argv[1]) == sheaf::cli::kDroppedSceneFlag) {
     return sheaf::cli::RunDroppedScene();
   }
-  return static_cast<int>(sheaf::cli::CheckOutput(sheaf::cli::Main(argc, argv)));
+  const int code = static_cast<int>(sheaf::cli::Main(argc, argv));
+  return sheaf::CodeAfterOutput(code, [](const std::string& text) {
+    sheaf::cli::PrintError(sheaf::cli::ExitCode::kFile, text);
+  });
 }

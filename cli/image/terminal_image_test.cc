@@ -47,6 +47,8 @@ ShownImage Noise(int width_px, int height_px) {
 TEST(TerminalImageTest, GraphicsAreDetectedFromTheEnvironment) {
   EXPECT_EQ(Detected({}), TerminalGraphics::kNone);
   EXPECT_EQ(Detected({{"TERM", "dumb"}, {"COLORTERM", "truecolor"}}), TerminalGraphics::kNone);
+  EXPECT_EQ(Detected({{"TERM", "xterm-256color"}, {"NO_COLOR", "1"}}), TerminalGraphics::kNone);
+  EXPECT_EQ(Detected({{"TERM", "xterm-256color"}, {"NO_COLOR", ""}}), TerminalGraphics::kBlocks256);
   EXPECT_EQ(Detected({{"TERM", "xterm-kitty"}}), TerminalGraphics::kKitty);
   EXPECT_EQ(Detected({{"TERM", "xterm-256color"}, {"KITTY_WINDOW_ID", "1"}}),
             TerminalGraphics::kKitty);

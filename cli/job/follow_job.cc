@@ -21,6 +21,7 @@
 #include "cli/progress_line.h"
 #include "common/base/file.h"
 #include "common/base/printable.h"
+#include "common/base/text/shell_quoted.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
 #include "common/rpc/address.h"

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <climits>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
@@ -17,8 +18,8 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_replace.h"
 #include "common/base/file.h"
+#include "common/base/text/utf8.h"
 
 namespace sheaf::cli {
 namespace {
@@ -94,8 +95,13 @@ absl::Status WriteOrKeep(const std::string& path,
                          const std::function<absl::Status(const std::string& path)>& write) {
   const absl::Status status = write(path);
   if (status.ok()) return status;
+  const std::string beginning = absl::StrCat("sheaf-", ::getpid(), "-");
+  const std::filesystem::path file = std::filesystem::path(path).filename();
+  const std::string ending = file.extension().string();
+  const size_t stem_bytes_max =
+      NAME_MAX - std::min<size_t>(beginning.size() + ending.size(), NAME_MAX);
   const std::string name =
-      absl::StrCat("sheaf-", ::getpid(), "-", std::filesystem::path(path).filename().string());
+      absl::StrCat(beginning, Utf8Prefix(file.stem().string(), stem_bytes_max), ending);
   const std::vector<std::string> folders = FallbackFolders();
   for (const std::string& folder : folders) {
     const std::string kept = absl::StrCat(folder, "/", name);
@@ -105,14 +111,6 @@ absl::Status WriteOrKeep(const std::string& path,
   }
   return absl::FailedPreconditionError(absl::StrCat(path, ": cannot be written (", status.message(),
                                                     "), nor in ", absl::StrJoin(folders, ", ")));
-}
-
-std::string ShellQuoted(const std::string& text) {
-  const bool is_plain = !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
-    return absl::ascii_isalnum(static_cast<unsigned char>(c)) || absl::StrContains("-_./:@%+,=", c);
-  });
-  if (is_plain) return text;
-  return absl::StrCat("'", absl::StrReplaceAll(text, {{"'", "'\\''"}}), "'");
 }
 
 }  // namespace sheaf::cli

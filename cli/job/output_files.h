@@ -31,8 +31,4 @@ absl::Status CheckOutputs(const std::vector<std::string>& outputs,
 absl::Status WriteOrKeep(const std::string& path,
                          const std::function<absl::Status(const std::string& path)>& write);
 
-// Text for a command that a person may copy: in single quotes if a shell would interpret it
-// otherwise.
-std::string ShellQuoted(const std::string& text);
-
 }  // namespace sheaf::cli

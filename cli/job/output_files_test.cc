@@ -87,11 +87,20 @@ TEST_F(OutputFilesTest, UnwritableOutputsAreSavedElsewhere) {
   EXPECT_EQ(*ReadWholeFile(kept), "image");
 }
 
-TEST_F(OutputFilesTest, CopyCommandsAreShellQuoted) {
-  EXPECT_EQ(ShellQuoted("out/a.exr"), "out/a.exr");
-  EXPECT_EQ(ShellQuoted("a b.####.exr"), "'a b.####.exr'");
-  EXPECT_EQ(ShellQuoted("it's"), "'it'\\''s'");
-  EXPECT_EQ(ShellQuoted(""), "''");
+TEST_F(OutputFilesTest, FallbackNamesFitTheFileSystem) {
+  ::setenv("TMPDIR", directory_.c_str(), 1);
+  const std::string name = std::string(251, 'n') + ".exr";
+  const absl::Status status = WriteOrKeep("/nowhere/" + name, [](const std::string& path) {
+    return WriteFileAtomically(path, "image");
+  });
+  ::unsetenv("TMPDIR");
+  const std::string text(status.message());
+  const size_t at = text.find("it is kept as ");
+  ASSERT_NE(at, std::string::npos) << text;
+  const std::string kept = text.substr(at + 14);
+  EXPECT_THAT(kept, ::testing::StartsWith(directory_));
+  EXPECT_THAT(kept, ::testing::EndsWith("n.exr"));
+  EXPECT_EQ(*ReadWholeFile(kept), "image");
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
+#include "common/base/surroundings/home_directory.h"
 #include "common/base/surroundings/local_time.h"
 
 namespace sheaf {
@@ -48,13 +49,14 @@ bool EraseAddresses(const std::vector<std::string>& addresses, std::vector<std::
          }) > 0;
 }
 
-// A directory below one that the environment names, or below the home directory.
+// A directory below one that the environment names, or below the home directory; empty without
+// both.
 std::string UserDirectory(const char* variable, const char* default_below_home, const char* below) {
   if (const char* base = std::getenv(variable); base != nullptr && base[0] == '/') {
     return absl::StrCat(base, below);
   }
-  const char* home = std::getenv("HOME");
-  return absl::StrCat(home != nullptr ? home : ".", default_below_home, below);
+  const std::string home = HomeDirectory();
+  return home.empty() ? "" : absl::StrCat(home, default_below_home, below);
 }
 
 }  // namespace
@@ -114,6 +116,11 @@ absl::Status CredentialStore::RemoveAddresses(const std::string& folder,
 
 absl::StatusOr<CredentialFiles> CredentialStore::Put(
     const Credentials& credentials, const std::vector<std::string>& addresses) const {
+  if (directory_.empty()) {
+    return absl::FailedPreconditionError(
+        "credentials: no directory to keep them in, because neither HOME nor the list of users "
+        "names a home directory; set HOME");
+  }
   const absl::StatusOr<std::string> der = CertificateToDer(credentials.authority_pem);
   if (!der.ok()) return der.status();
   const std::string folder =

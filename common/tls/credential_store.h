@@ -45,11 +45,14 @@ std::string WhyNotYetValid(const CertificateTerms& certificate, absl::Time now);
 // Thread safety: all members may be called concurrently, also by several processes.
 class CredentialStore {
  public:
+  // An empty directory holds no credentials and takes none.
   explicit CredentialStore(std::string directory) : directory_(std::move(directory)) {}
 
-  // "$XDG_CONFIG_HOME/sheaf/coordinators" or "~/.config/sheaf/coordinators": a person's.
+  // "$XDG_CONFIG_HOME/sheaf/coordinators" or "~/.config/sheaf/coordinators": a person's. Empty
+  // without a home directory.
   static std::string PersonalDirectory();
-  // "$XDG_STATE_HOME/sheaf/worker" or "~/.local/state/sheaf/worker": a machine's.
+  // "$XDG_STATE_HOME/sheaf/worker" or "~/.local/state/sheaf/worker": a machine's. Empty
+  // likewise.
   static std::string WorkerDirectory();
 
   // The files for the coordinator at "host:port"; none where nobody has enrolled there.

@@ -52,6 +52,14 @@ TEST_F(CredentialStoreTest, FindsByAddress) {
   EXPECT_FALSE(store_.Find("a:2"));
 }
 
+TEST_F(CredentialStoreTest, WithoutADirectoryNothingIsFoundOrKept) {
+  const CredentialStore none("");
+  EXPECT_FALSE(none.Find("a:1"));
+  const absl::Status status = none.Put(MakeCredentials("first"), {"a:1"}).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_NE(status.message().find("set HOME"), std::string::npos) << status;
+}
+
 TEST_F(CredentialStoreTest, ANewCoordinatorAtAnAddressReplacesTheOld) {
   ASSERT_TRUE(store_.Put(MakeCredentials("old"), {"a:1", "b:1"}).ok());
   ASSERT_TRUE(store_.Put(MakeCredentials("new"), {"a:1"}).ok());

@@ -16,6 +16,7 @@ from typing import Callable
 from .controller import Bounds, Controller, FarmError, Step
 from .engine import INSTANCE_PREFIX, Engine, EngineError
 from .local import LocalEngine
+from .output import run_program
 from .slurm import SlurmEngine, SlurmOptions
 
 LOG = logging.getLogger("sheaf-autoscaler")
@@ -176,7 +177,7 @@ def run(controller: Controller, options: argparse.Namespace) -> int:
             return 1 if options.once and failed else 0
 
 
-def main() -> int:
+def operate() -> int:
     options = parser().parse_args()
     logging.basicConfig(level=logging.INFO, stream=sys.stderr,
                         format="%(asctime)s %(levelname)s %(name)s: %(message)s")
@@ -198,6 +199,10 @@ def main() -> int:
     with client:
         prefix = f"{INSTANCE_PREFIX}{options.engine}."
         return run(Controller(reader, engine, bounds, prefix), options)
+
+
+def main() -> int:
+    return run_program("sheaf-autoscaler", operate)
 
 
 if __name__ == "__main__":

@@ -365,7 +365,7 @@ class DiskSpaceTest(unittest.TestCase):
                                       stdin=subprocess.DEVNULL, stdout=full,
                                       stderr=subprocess.PIPE, text=True, check=False)
                 self.assertEqual(done.returncode, client_case.FILE, command)
-                self.assertIn("standard output: cannot be written", done.stderr)
+                self.assertIn("standard output: not all could be written", done.stderr)
 
 
     def test_a_bundle_that_does_not_fit(self):

@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "common/base/memory_room.h"
+#include "common/base/surroundings/home_directory.h"
 #include "common/base/surroundings/host_name.h"
 #include "common/rpc/address_list.h"
 #include "common/scene/settings/render_settings.h"
@@ -60,9 +61,8 @@ std::string DefaultCacheDirectory() {
   if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache != nullptr && cache[0] == '/') {
     return absl::StrCat(cache, "/sheaf");
   }
-  if (const char* home = std::getenv("HOME"); home != nullptr && home[0] == '/') {
-    return absl::StrCat(home, "/.cache/sheaf");
-  }
+  const std::string home = HomeDirectory();
+  if (!home.empty()) return absl::StrCat(home, "/.cache/sheaf");
   std::error_code error;
   const std::filesystem::path temporary = std::filesystem::temp_directory_path(error);
   return absl::StrCat(error ? std::string("/var/tmp") : temporary.string(), "/sheaf-cache-",

@@ -19,6 +19,7 @@
 #include "common/base/label.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
+#include "common/base/surroundings/standard_streams.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/completion.h"
 #include "common/rpc/address.h"
@@ -242,6 +243,8 @@ int Work(const Arguments& arguments) {
   return 0;
 }
 
+void Report(const std::string& text) { std::fprintf(stderr, "sheaf-worker: %s\n", text.c_str()); }
+
 int Main(int argc, char** argv) {
   if (argc == 2 && std::string_view(argv[1]) == kSceneProcessFlag) return RunDirectSceneProcess();
   KeepFreedMemory();
@@ -264,10 +267,7 @@ int Main(int argc, char** argv) {
   AddPeerOptions(&app, &arguments);
   AddYieldOptions(&app, &arguments.yield);
   AddCompletionOption(&app);
-  const auto report = [](const std::string& text) {
-    std::fprintf(stderr, "sheaf-worker: %s\n", text.c_str());
-  };
-  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) return *code;
+  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, Report)) return *code;
   LogLevel level = LogLevel::kInfo;
   LogLevelFromName(arguments.log_level, &level);
   SetLogLevel(level);
@@ -276,7 +276,7 @@ int Main(int argc, char** argv) {
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   RaiseOpenFileLimit();
   if (const absl::Status applied = ApplyNice(arguments.yield); !applied.ok()) {
-    report(std::string(applied.message()));
+    Report(std::string(applied.message()));
     return absl::IsInvalidArgument(applied) ? kUsageExitCode : kExitCannotStart;
   }
   arguments.worker.grace = Milliseconds(arguments.grace_seconds);
@@ -294,4 +294,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace sheaf::worker
 
-int main(int argc, char** argv) { return sheaf::worker::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return sheaf::CodeAfterOutput(sheaf::worker::Main(argc, argv), sheaf::worker::Report);
+}

@@ -12,6 +12,7 @@
 #include "absl/strings/str_split.h"
 #include "common/base/digest.h"
 #include "common/base/file.h"
+#include "common/base/surroundings/home_directory.h"
 
 namespace sheaf::cli {
 namespace {
@@ -47,10 +48,8 @@ std::string DigestMemory::DefaultPath() {
   if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache != nullptr && cache[0] == '/') {
     return absl::StrCat(cache, "/sheaf-digests");
   }
-  if (const char* home = std::getenv("HOME"); home != nullptr && home[0] == '/') {
-    return absl::StrCat(home, "/.cache/sheaf-digests");
-  }
-  return "";
+  const std::string home = HomeDirectory();
+  return home.empty() ? "" : absl::StrCat(home, "/.cache/sheaf-digests");
 }
 
 std::optional<BlobDigest> DigestMemory::Find(const std::string& path,

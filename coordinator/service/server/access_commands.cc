@@ -13,6 +13,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "common/base/surroundings/local_time.h"
+#include "common/base/text/shell_quoted.h"
 #include "common/rpc/address.h"
 #include "common/tls/credential_store.h"
 #include "common/tls/enrolment_token.h"
@@ -21,6 +22,8 @@
 
 namespace sheaf::coordinator {
 namespace {
+
+constexpr int kPagePort = 7480;
 
 absl::StatusOr<std::unique_ptr<AccessControl>> OpenAccess(const std::string& state_directory) {
   if (!AccessControl::Exists(state_directory)) {
@@ -86,6 +89,12 @@ absl::StatusOr<Identity> EnrolAdministrator(AccessControl* access,
 }
 
 }  // namespace
+
+absl::Status NoStateDirectory() {
+  return absl::InvalidArgumentError(
+      "--state-dir is needed: neither HOME nor the list of users names a home directory for the "
+      "default one");
+}
 
 CLI::App* AccessCommands::Add(CLI::App* app, const std::string& name, const std::string& help,
                               std::function<absl::Status()> run) {
@@ -155,13 +164,19 @@ void AccessCommands::AddTo(CLI::App* app) {
 
 std::optional<absl::Status> AccessCommands::RunParsed() const {
   for (const auto& [command, run] : commands_) {
-    if (command->parsed()) return run();
+    if (!command->parsed()) continue;
+    return state_directory_.empty() ? NoStateDirectory() : run();
   }
   return std::nullopt;
 }
 
 IdentityId AccessCommands::id() const {
   return {kind_ == "worker" ? IdentityKind::kWorker : IdentityKind::kUser, name_};
+}
+
+std::string AccessCommands::StateDirectoryWords() const {
+  if (state_directory_ == default_state_directory_) return "";
+  return absl::StrCat(" --state-dir ", ShellQuoted(state_directory_));
 }
 
 absl::Status AccessCommands::Init() const {
@@ -178,14 +193,15 @@ absl::Status AccessCommands::Init() const {
   const absl::StatusOr<Identity> person = EnrolAdministrator(access->get(), *all, port_);
   (*access)->audit().Note(LocalAdministrator(), "init", absl::StrJoin(*all, " "), person.status());
   if (!person.ok()) return person.status();
+  const std::string state = StateDirectoryWords();
   std::printf(
       "certificates in %s (keep authority.key secret, and a backup of it)\n"
       "the coordinator is known as: %s\n"
       "%s may %s it from this account\n"
-      "next: sheaf-coordinator --listen [::]:%d, then sheaf-coordinator enroll worker NAME for "
-      "each machine\n",
+      "next: sheaf-coordinator --listen [::]:%d --http [::]:%d%s, then\n"
+      "sheaf-coordinator enroll worker NAME%s for each machine\n",
       directory.c_str(), absl::StrJoin(*all, ", ").c_str(), FormatIdentity(person->id).c_str(),
-      RoleName(person->role), port_);
+      RoleName(person->role), port_, kPagePort, state.c_str(), state.c_str());
   return absl::OkStatus();
 }
 

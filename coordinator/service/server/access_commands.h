@@ -20,10 +20,13 @@
 
 namespace sheaf::coordinator {
 
+// Why a program without --state-dir does not run where the user has no home directory.
+absl::Status NoStateDirectory();
+
 class AccessCommands {
  public:
   explicit AccessCommands(std::string state_directory)
-      : state_directory_(std::move(state_directory)) {}
+      : state_directory_(state_directory), default_state_directory_(std::move(state_directory)) {}
   // Adds the subcommands. Requires: this outlives app.
   void AddTo(CLI::App* app);
   // Runs the subcommand that was parsed; none if there was none.
@@ -41,8 +44,12 @@ class AccessCommands {
   absl::Status Revoke() const;
   absl::Status ListIdentities() const;
   IdentityId id() const;
+  // " --state-dir DIR", for commands that others of this state directory follow; empty for the
+  // default one.
+  std::string StateDirectoryWords() const;
 
   std::string state_directory_;
+  const std::string default_state_directory_;
   std::vector<std::string> host_names_;
   uint16_t port_ = 0;
   std::string kind_, name_, role_;

@@ -24,7 +24,9 @@
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/base/steady_time.h"
+#include "common/base/surroundings/home_directory.h"
 #include "common/base/surroundings/ignored_signals.h"
+#include "common/base/surroundings/standard_streams.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/completion.h"
 #include "common/rpc/address.h"
@@ -66,8 +68,8 @@ std::string SceneReaderBeside() {
 }
 
 std::string DefaultStateDirectory() {
-  const char* home = std::getenv("HOME");
-  return absl::StrCat(home != nullptr ? home : ".", "/.local/state/sheaf/coordinator");
+  const std::string home = HomeDirectory();
+  return home.empty() ? "" : absl::StrCat(home, "/.local/state/sheaf/coordinator");
 }
 
 // The options of limits for each identity, so that none keeps the others from working.
@@ -334,6 +336,10 @@ int Serve(const CommandLine& line) {
   return 0;
 }
 
+void Report(const std::string& text) {
+  std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());
+}
+
 int Main(int argc, char** argv) {
   CommandLine line;
   CLI::App app(
@@ -352,16 +358,14 @@ int Main(int argc, char** argv) {
       "  sheaf-coordinator --state-dir /shared/sheaf --database postgresql://sheaf@db/farm");
   app.set_version_flag("--version",
                        absl::StrCat("sheaf-coordinator " SHEAF_VERSION ", ", DescribeProtocol()));
-  const auto report = [](const std::string& text) {
-    std::fprintf(stderr, "sheaf-coordinator: %s\n", text.c_str());
-  };
-  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) return *code;
+  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, Report)) return *code;
   // Our own errors are one line each; gRPC's internal ones beside them help nobody.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf-coordinator");
   if (const std::optional<absl::Status> ran = commands.RunParsed()) {
     return ran->ok() ? 0 : Fail(*ran);
   }
+  if (line.server.farm.state_directory.empty()) return Fail(NoStateDirectory());
   RaiseOpenFileLimit();
   LogLevel level = LogLevel::kInfo;
   LogLevelFromName(line.log_level, &level);
@@ -375,4 +379,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace sheaf::coordinator
 
-int main(int argc, char** argv) { return sheaf::coordinator::Main(argc, argv); }
+int main(int argc, char** argv) {
+  return sheaf::CodeAfterOutput(sheaf::coordinator::Main(argc, argv), sheaf::coordinator::Report);
+}
