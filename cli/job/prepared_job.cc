@@ -25,6 +25,7 @@
 #include "common/base/digest.h"
 #include "common/base/printable.h"
 #include "common/base/status.h"
+#include "common/base/text/utf8.h"
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "common/scene/camera_matrices.h"
@@ -80,9 +81,6 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
       MeasureAskedTechniques(settings, read.scene, *file->files, &*resolved);
   if (!techniques.ok()) return techniques.status();
   if (!techniques->empty()) result.diagnostics.push_back(absl::StrCat(path, ": ", *techniques));
-  if (std::string note = ComparisonNote(read.scene, *resolved); !note.empty()) {
-    result.diagnostics.push_back(std::move(note));
-  }
   if (resolved->outputs.HasIds()) {
     for (const std::string& line : render::MatteCollisions(read.scene)) {
       result.diagnostics.push_back(absl::StrCat(path, ": warning: ", line));
@@ -90,6 +88,10 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   }
   std::vector<ManifestFile> files;
   for (const auto& [name, local_path] : file->files->FilesUsed()) {
+    if (!IsUtf8(name)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(local_path, ": the name is not UTF-8, which a farm needs; rename the file"));
+    }
     const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
     if (!digest.ok()) return digest.status();
     files.push_back({name, *digest});

@@ -8,11 +8,13 @@
 
 #include <atomic>
 #include <cerrno>
+#include <climits>
 #include <filesystem>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
+#include "common/base/text/utf8.h"
 
 namespace sheaf {
 namespace {
@@ -60,7 +62,11 @@ absl::Status WriteNewFile(const std::string& path, std::string_view bytes, bool 
 
 std::string TemporaryName(const std::string& path) {
   static std::atomic<uint64_t> counter{0};
-  return absl::StrCat(path, ".tmp-", ::getpid(), "-", counter.fetch_add(1));
+  const std::string ending = absl::StrCat(".tmp-", ::getpid(), "-", counter.fetch_add(1));
+  const std::filesystem::path whole(path);
+  // The name of a file may be as long as the file system takes, and leave no room for more.
+  const std::string name = Utf8Prefix(whole.filename().string(), NAME_MAX - ending.size());
+  return absl::StrCat((whole.parent_path() / name).string(), ending);
 }
 
 // Writes a temporary file beside `file` and renames it.

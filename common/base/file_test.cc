@@ -114,6 +114,19 @@ TEST_F(FileTest, UnwritablePathsAreDetectedBeforeWriting) {
   EXPECT_EQ(CountEntries(), 0u) << "the probe was left";
 }
 
+TEST_F(FileTest, NamesMayBeAsLongAsTheFileSystemTakes) {
+  for (const size_t bytes : {240, 244, 254, 255}) {
+    const std::string path = directory_ + "/" + std::string(bytes - 4, 'n') + ".exr";
+    EXPECT_TRUE(CheckWritable(path).ok()) << CheckWritable(path);
+    ASSERT_TRUE(WriteFileAtomically(path, "x").ok()) << bytes;
+    EXPECT_EQ(*ReadWholeFile(path), "x");
+  }
+  const absl::Status status = CheckWritable(directory_ + "/" + std::string(256, 'n'));
+  EXPECT_EQ(status.message().find("folder"), std::string::npos) << status;
+  EXPECT_NE(status.message().find("File name too long"), std::string::npos) << status;
+  EXPECT_EQ(CountEntries(), 4u);
+}
+
 TEST_F(FileTest, WritesRelativePaths) {
   const std::filesystem::path before = std::filesystem::current_path();
   std::filesystem::current_path(directory_);

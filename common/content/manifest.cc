@@ -9,6 +9,7 @@
 #include "common/base/check.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
+#include "common/base/text/utf8.h"
 
 namespace sheaf {
 namespace {
@@ -40,6 +41,10 @@ absl::Status CheckManifest(const Manifest& manifest) {
   for (const ManifestFile& file : manifest.files) {
     if (file.name.empty()) {
       return absl::InvalidArgumentError("scene manifest: a file without a name");
+    }
+    if (!IsUtf8(file.name)) {
+      return absl::InvalidArgumentError(absl::StrCat("scene manifest: file ", file.name,
+                                                     ": its name is not UTF-8; rename the file"));
     }
     if (absl::Status status = CheckDigest(file.digest); !status.ok()) {
       return Annotate(status, absl::StrCat("scene manifest: file ", file.name));

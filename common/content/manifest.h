@@ -17,7 +17,7 @@ inline constexpr size_t kManifestFilesMax = 1'000'000;
 inline constexpr uint64_t kManifestBytesMax = uint64_t{256} << 20;  // Size of its serialized form.
 
 struct ManifestFile {
-  std::string name;  // Canonical name, as in common/scene/file_source.h.
+  std::string name;  // Canonical name, as in common/scene/file_source.h, in UTF-8.
   BlobDigest digest;
   friend bool operator==(const ManifestFile&, const ManifestFile&) = default;
 };

@@ -27,6 +27,7 @@ TEST(ManifestTest, ErrorsNameTheBrokenRule) {
       {{"a", {{"a", {kHex, 1}}, {"a", {kHex, 1}}}}, "listed twice"},
       {{"a", {{"a", {"../../etc/passwd", 1}}}}, "hexadecimal"},
       {{"", {{"", {kHex, 1}}}}, "without a name"},
+      {{"sc\xe9ne", {{"sc\xe9ne", {kHex, 1}}}}, "not UTF-8; rename"},
   };
   for (const Case& c : cases) {
     const absl::Status status = CheckManifest(c.manifest);

@@ -54,6 +54,8 @@ NOT_RUN = {
 }
 REQUIREMENTS = {"kNothing": "nobody in particular", "kScrape": "a scrape token, or view",
                 "kView": "view", "kSubmit": "submit", "kOperate": "operate"}
+# Conditions of /readyz: no fields of answers.
+SENT_ELSEWHERE = {"certificate"}
 # Names of variables in the code of programs and scripts.
 VARIABLES_IN_CODE = (
     r'getenv\("([A-Z_0-9]+)"\)', r'envname\("([A-Z_0-9]+)"\)', r'ariable\("([A-Z_0-9]+)"\)',
@@ -158,6 +160,19 @@ class DocumentsTest(unittest.TestCase):
                                       read("docs/reference/http.md"), re.M):
             table.update({name: role for name in re.findall(r"`([^`]+)`", names)})
         self.assertEqual(table, {route: REQUIREMENTS[rule] for route, rule in rows})
+
+    def test_every_field_of_answers_is_in_the_reference(self):
+        """Fields are those of the messages, or the page on HTTP says what they are."""
+        sent = set()
+        for path in sources("coordinator/service/http", endings=(".cc",)):
+            sent.update(re.findall(r'\{"([a-z]\w*)",', read(path)))
+        sent = {name for name in sent if not name.startswith("sheaf_")} - SENT_ELSEWHERE
+        self.assertGreater(len(sent), 100)
+        messages = "".join(read(path) for path in sources("proto", endings=(".proto",)))
+        fields = set(re.findall(r"^\s+(?:optional |repeated )?[\w.<>, ]+ (\w+) = \d+", messages,
+                                re.M))
+        written = set(re.findall(r'[`"](\w+)[`"]', read("docs/reference/http.md")))
+        self.assertEqual(sent - fields - written, set())
 
     def test_every_event_is_in_the_reference(self):
         code = read("coordinator/service/http/http_watch.cc") + read(

@@ -12,7 +12,7 @@ import sys
 import unittest
 
 import farm
-from client_case import OK, SCENE, USAGE, ClientCase
+from client_case import BAD_SCENE, OK, SCENE, USAGE, ClientCase
 from package_build import build_package
 
 # Name -> what it means where it is taken for a pattern of frame 1.
@@ -145,6 +145,28 @@ class NamesTest(ClientCase):
 
     def newest(self):
         return json.loads(self.farm.sheaf("list", "--json", "--limit", 1).stdout)["name"]
+
+    def test_names_that_are_not_utf8_are_refused_by_name(self):
+        folder = self.farm.path("latin")
+        os.makedirs(folder)
+        scene = os.fsencode(folder) + b"/sc\xe9ne.pbrt"
+        with open(scene, "w", encoding="utf-8") as file:
+            file.write(SCENE)
+        for command in ("render", "submit"):
+            done = self.sheaf(folder, command, os.fsdecode(scene), "--samples", "1")
+            self.assertEqual(done.returncode, BAD_SCENE, done.stderr)
+            self.assertIn("sc\\xe9ne.pbrt: the name is not UTF-8", done.stderr)
+            self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+
+    def test_outputs_may_have_the_longest_names(self):
+        folder = self.farm.path("long")
+        os.makedirs(folder)
+        scene = self.write("long/scene.pbrt", SCENE)
+        for size in (244, 255):
+            name = "n" * (size - 4) + ".exr"
+            done = self.sheaf(folder, "render", scene, "--samples", "1", "-o", name)
+            self.assertEqual(done.returncode, OK, done.stderr)
+            self.assertIn(name, os.listdir(folder))
 
     def test_a_study_takes_names_as_they_are(self):
         base, name = self.farm.path("study"), "s#1 <UDIM> %d?*'\""

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -36,6 +37,7 @@ struct TypedName {
 };
 constexpr TypedName kTypedNames[] = {{"sheaf:cellSizePx", "int"},
                                      {"sheaf:cpuSeconds", "float"},
+                                     {"sheaf:denoisedMse", "float"},
                                      {"sheaf:depthMax", "int"},
                                      {"sheaf:flip", "float"},
                                      {"sheaf:frameNumber", "int"},
@@ -194,6 +196,32 @@ void SetAttribute(const std::string& name, const std::string& text, Imf::Header*
 void SetAttributes(const FrameImage& image, Imf::Header* header) {
   for (const auto& [key, text] : image.metadata) SetAttribute(kMetadataPrefix + key, text, header);
   for (const auto& [name, text] : image.attributes) SetAttribute(name, text, header);
+}
+
+void SetScreenWindow(const FrameImage& image, Imf::Header* header) {
+  const auto matrix_of = [&image](const char* name) -> std::optional<Imath::M44d> {
+    const auto found = image.attributes.find(name);
+    if (found == image.attributes.end()) return std::nullopt;
+    const auto numbers = ParseNumbers<float>(found->second, ' ');
+    if (!numbers || numbers->size() != 16) return std::nullopt;
+    Imath::M44d matrix;
+    std::copy(numbers->begin(), numbers->end(), matrix.getValue());
+    return matrix;
+  };
+  const std::optional<Imath::M44d> to_camera = matrix_of("worldToCamera");
+  const std::optional<Imath::M44d> to_ndc = matrix_of("worldToNDC");
+  if (!to_camera || !to_ndc) return;
+  // Directions suffice, and lose no digits where the camera is far from the origin.
+  Imath::M44d axes = *to_camera, projection = *to_ndc;
+  for (int i = 0; i < 3; ++i) axes[3][i] = projection[3][i] = 0;
+  if (axes.determinant() == 0) return;
+  projection = axes.inverse() * projection;
+  const double w = projection[2][3];  // 0 without perspective.
+  const double width = w / projection[0][0], height = -w / projection[1][1];
+  if (!(w > 0) || !std::isfinite(width) || !(width > 0) || !std::isfinite(height)) return;
+  header->screenWindowWidth() = static_cast<float>(width);
+  header->screenWindowCenter() = {static_cast<float>((0.5 - projection[2][0] / w) * width),
+                                  static_cast<float>((projection[2][1] / w - 0.5) * height)};
 }
 
 void SetMatteAttributes(const FrameImage& image, std::string_view layer, Imf::Header* header) {

@@ -20,14 +20,17 @@
 #include <string>
 #include <string_view>
 
-#include "common/film/frame_image.h"
 #include "common/exr/exr_header_scan.h"
+#include "common/film/frame_image.h"
 
 namespace sheaf {
 
 // Sets the image's metadata, as "sheaf:KEY", and its attributes. A text that its type cannot hold
 // exactly, such as a seed above 2^31 - 1, is stored as a string.
 void SetAttributes(const FrameImage& image, Imf::Header* header);
+// Sets the standard screenWindowWidth and screenWindowCenter from the image's worldToCamera and
+// worldToNDC; they stay 1 and 0 without perspective, as OpenEXR wants.
+void SetScreenWindow(const FrameImage& image, Imf::Header* header);
 // Sets those of a cryptomatte's layer ("CryptoObject00"), which programs want in its part.
 void SetMatteAttributes(const FrameImage& image, std::string_view layer, Imf::Header* header);
 // Reads what SetAttributes wrote, or an earlier version as strings: "sheaf:KEY" to metadata,

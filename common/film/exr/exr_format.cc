@@ -92,6 +92,7 @@ Imf::Header HeaderOf(const FrameImage& image, const ExrFormat& format, const Par
   header.zipCompressionLevel() = kImageZipLevel;
   const std::array<float, 8> xy = image.color.chromaticities.AsStored();
   Imf::addChromaticities(header, {{xy[0], xy[1]}, {xy[2], xy[3]}, {xy[4], xy[5]}, {xy[6], xy[7]}});
+  SetScreenWindow(image, &header);
   if (is_first) SetAttributes(image, &header);
   if (is_first && !RoundingOf(format).empty()) {
     SetText(&header, std::string(kMetadataPrefix) + kRoundingKey, RoundingOf(format));

@@ -10,13 +10,14 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <random>
 #include <set>
 
+#include "common/exr/exr_header_scan.h"
 #include "common/film/exr/exr_channels.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/resumed_image.h"
-#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 namespace {
@@ -168,9 +169,10 @@ TEST(ExrFormatTest, EveryChannelHasAComponentOfOneLetter) {
 TEST(ExrFormatTest, AttributesHaveTheirTypes) {
   FrameImage image = MakeImage();
   const std::string matrix = "1 0 0 0 0 0.100000001 0 0 0 0 1 0 -3 0 2.5 1";
-  image.metadata = {{"frameNumber", "-3"},  {"relativeMse", "1.25e-05"}, {"seed", "2147483648"},
-                    {"size", "80x60"},      {"window", "3,5,67,45"},     {"whiteBalanceK", "5000"},
-                    {"errorCurve", "16 1"}, {"depthMax", "many"}};
+  image.metadata = {
+      {"frameNumber", "-3"},  {"relativeMse", "1.25e-05"}, {"seed", "2147483648"},
+      {"size", "80x60"},      {"window", "3,5,67,45"},     {"whiteBalanceK", "5000"},
+      {"errorCurve", "16 1"}, {"depthMax", "many"},        {"denoisedMse", "0.00552758"}};
   image.attributes = {{"framesPerSecond", "24000/1001"},
                       {"worldToCamera", matrix},
                       {"worldToNDC", "1 2"},
@@ -188,10 +190,39 @@ TEST(ExrFormatTest, AttributesHaveTheirTypes) {
         std::pair("sheaf:seed", "string"), std::pair("sheaf:size", "v2i"),
         std::pair("sheaf:window", "box2i"), std::pair("sheaf:whiteBalanceK", "float"),
         std::pair("sheaf:errorCurve", "string"), std::pair("sheaf:depthMax", "string"),
-        std::pair("framesPerSecond", "rational"), std::pair("worldToCamera", "m44f"),
-        std::pair("worldToNDC", "string"), std::pair("owner", "string")}) {
+        std::pair("sheaf:denoisedMse", "float"), std::pair("framesPerSecond", "rational"),
+        std::pair("worldToCamera", "m44f"), std::pair("worldToNDC", "string"),
+        std::pair("owner", "string")}) {
     EXPECT_EQ(file->parts[0].types.at(name), type) << name;
   }
+}
+
+// The field of view of other programs is that of worldToNDC, in each part.
+TEST(ExrFormatTest, TheScreenWindowIsThatOfTheCamera) {
+  const auto screen_window = [](const std::string& to_camera, const std::string& to_ndc) {
+    FrameImage image = MakeImage();
+    if (!to_camera.empty()) image.attributes["worldToCamera"] = to_camera;
+    if (!to_ndc.empty()) image.attributes["worldToNDC"] = to_ndc;
+    const absl::StatusOr<ExrFileHeader> file =
+        ScanExrHeader(EncodeFrameImage(image, {.parts = ExrParts::kMulti}));
+    std::set<float> widths;
+    for (const ExrHeader& part : file->parts) {
+      float width = 0;
+      std::memcpy(&width, part.numbers.at("screenWindowWidth").data(), sizeof width);
+      widths.insert(width);
+    }
+    EXPECT_EQ(widths.size(), 1U);
+    return *widths.begin();
+  };
+  // A camera at 1000, 20, 3 that looks along -x: its x axis is z, and its frame 1.5 by 1 wide.
+  const std::string to_camera = "0 0 -1 0 0 1 0 0 1 0 0 0 -3 -20 1000 1";
+  const std::string perspective = "-0.5 -0.5 0 -1 0 -1 0 0 0.666666687 0 0 0 498 520 0 1000";
+  EXPECT_NEAR(screen_window(to_camera, perspective), 1.5, 1e-6);
+  EXPECT_EQ(screen_window("", ""), 1);
+  EXPECT_EQ(screen_window(to_camera, ""), 1);
+  EXPECT_EQ(screen_window("1 2", perspective), 1);
+  const std::string orthographic = "1 0 0 0 0 -1 0 0 0 0 1 0 0.5 0.5 0 1";
+  EXPECT_EQ(screen_window("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", orthographic), 1);
 }
 
 TEST(ExrFormatTest, RoundedImagesCannotBeResumed) {

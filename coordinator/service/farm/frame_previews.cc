@@ -8,6 +8,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "common/film/exr/exr_channels.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/exr_pixel.h"
 #include "common/film/shrink_image.h"
@@ -179,7 +180,7 @@ absl::StatusOr<PixelView> FramePreviews::ReadPixel(const std::string& job_id, in
   const FrameImage& image = shown->open->merge.image();
   const auto index = static_cast<size_t>(image.window.IndexOf(x_px, y_px));
   for (size_t i = 0; i < image.planes.size(); ++i) {
-    pixel.channels.emplace_back(image.channel_names[i], image.planes[i][index]);
+    pixel.channels.emplace_back(FileChannelName(image.channel_names[i]), image.planes[i][index]);
   }
   return pixel;
 }

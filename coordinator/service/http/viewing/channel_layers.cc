@@ -12,6 +12,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "common/film/denoised_output.h"
 #include "common/film/shrink_image.h"
 #include "coordinator/service/http/false_color.h"
 #include "coordinator/service/view/farm_view.h"
@@ -61,6 +62,18 @@ struct ChannelGrid {
     return static_cast<size_t>(y * factor) * image_width_px + static_cast<size_t>(x * factor);
   }
 };
+
+// The error layer of the colors and errors of the planes, as SourceChannels orders them.
+absl::StatusOr<DisplayImage> DisplayError(const FrameImage& image,
+                                          const std::vector<const std::vector<float>*>& planes) {
+  FrameImage errors;
+  errors.window = image.window;
+  errors.frame_width_px = image.frame_width_px;
+  errors.frame_height_px = image.frame_height_px;
+  errors.channel_names = ChannelsOf(ImageLayer::kError);
+  for (const std::vector<float>* plane : planes) errors.planes.push_back(*plane);
+  return MakeDisplayImage(errors, ImageLayer::kError);
+}
 
 ChannelGrid ChannelGridOf(const FrameImage& image) {
   ChannelGrid grid;
@@ -168,6 +181,8 @@ const char* ChannelKindName(ChannelKind kind) {
       return "scalar";
     case ChannelKind::kId:
       return "id";
+    case ChannelKind::kError:
+      return "error";
   }
   return "";
 }
@@ -189,8 +204,9 @@ std::vector<ChannelLayer> ChannelLayersOf(const FilmOutputs& outputs) {
     if (is_color || IsTriple(names, i, "XYZ")) {
       const std::string layer = LayerOfChannel(name);
       const ChannelKind vector = layer == "P" ? ChannelKind::kVector : ChannelKind::kDirection;
-      layers.push_back(
-          {layer, is_color ? ChannelKind::kColor : vector, {name, names[i + 1], names[i + 2]}});
+      const ChannelKind color =
+          layer == kDenoisedErrorLayer ? ChannelKind::kError : ChannelKind::kColor;
+      layers.push_back({layer, is_color ? color : vector, {name, names[i + 1], names[i + 2]}});
       i += 2;
       continue;
     }
@@ -200,10 +216,21 @@ std::vector<ChannelLayer> ChannelLayersOf(const FilmOutputs& outputs) {
   return layers;
 }
 
+std::vector<std::string> SourceChannels(const ChannelLayer& layer) {
+  if (layer.kind != ChannelKind::kError) return layer.channels;
+  std::vector<std::string> sources;
+  for (const char* component : {".R", ".G", ".B"}) {
+    sources.push_back(absl::StrCat(kDenoisedLayer, component));
+  }
+  sources.insert(sources.end(), layer.channels.begin(), layer.channels.end());
+  sources.emplace_back("samples");
+  return sources;
+}
+
 absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const ChannelLayer& layer,
                                                 ImageLayer as) {
   std::vector<const std::vector<float>*> planes;
-  for (const std::string& channel : layer.channels) {
+  for (const std::string& channel : SourceChannels(layer)) {
     planes.push_back(image.Find(channel));
     if (planes.back() == nullptr) {
       return absl::InternalError(absl::StrCat("the image has no channel ", channel));
@@ -219,6 +246,7 @@ absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const C
     for (const std::vector<float>* plane : planes) color.planes.push_back(*plane);
     return MakeDisplayImage(color, as);
   }
+  if (layer.kind == ChannelKind::kError) return DisplayError(image, planes);
   const ChannelGrid grid = ChannelGridOf(image);
   switch (layer.kind) {
     case ChannelKind::kDirection:

@@ -21,8 +21,9 @@ enum class ChannelKind {
   kVector,     // Positions: each component over its range.
   kScalar,     // In false color over its range.
   kId,         // A number or hash: a color of its own for each.
+  kError,      // Errors of a color: relative to it, as ImageLayer::kError.
 };
-// "color", "direction", "vector", "scalar" or "id".
+// "color", "direction", "vector", "scalar", "id" or "error".
 const char* ChannelKindName(ChannelKind kind);
 
 struct ChannelLayer {
@@ -35,6 +36,10 @@ struct ChannelLayer {
 // The layers of an image with these outputs, in the order of its channels; without its color,
 // errors and sample counts, which are ImageLayers.
 std::vector<ChannelLayer> ChannelLayersOf(const FilmOutputs& outputs);
+
+// The channels that MakeChannelDisplay reads: those of the layer and, of errors, the color that
+// they are relative to and the numbers of samples.
+std::vector<std::string> SourceChannels(const ChannelLayer& layer);
 
 // The display of a layer, shrunk as MakeDisplayImage does. as: kImage or kLight, for colors only.
 // The range of scalars leaves the outermost hundredths out. Errors: kInternal if the image lacks a

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <set>
 
+#include "absl/strings/str_cat.h"
+#include "common/film/denoised_output.h"
 #include "coordinator/service/http/false_color.h"
 #include "gtest/gtest.h"
 
@@ -62,6 +64,39 @@ TEST(ChannelLayersTest, EachKindHasItsColors) {
   ASSERT_TRUE(depth.range.has_value());
   EXPECT_EQ(depth.range->low, 2);
   EXPECT_EQ(depth.pixels[0], Viridis(0));
+}
+
+TEST(ChannelLayersTest, ErrorsAreRelativeToTheirColor) {
+  FilmOutputs outputs;
+  AddDenoised(&outputs);
+  const std::vector<ChannelLayer> layers = ChannelLayersOf(outputs);
+  EXPECT_EQ(Find(layers, "denoised")->kind, ChannelKind::kColor);
+  const ChannelLayer* const layer = Find(layers, "denoisedError");
+  ASSERT_NE(layer, nullptr);
+  EXPECT_EQ(layer->kind, ChannelKind::kError);
+  // Dark pixels, bright ones, and one without samples; the error is the same.
+  FrameImage image = MakeFrameImage({0, 0, 201, 1}, 201, 1, outputs);
+  const auto fill = [&image](const std::string& channel, float dark, float bright) {
+    std::vector<float>& plane = *image.Find(channel);
+    std::fill(plane.begin(), plane.begin() + 100, dark);
+    std::fill(plane.begin() + 100, plane.end() - 1, bright);
+  };
+  fill("samples", 4, 4);
+  for (const char* component : {"R", "G", "B"}) {
+    fill(absl::StrCat("denoised.", component), 1, 100);
+    fill(absl::StrCat("denoisedError.", component), 1, 1);
+  }
+  for (const std::string& channel : SourceChannels(*layer)) {
+    EXPECT_NE(image.Find(channel), nullptr) << channel;
+  }
+  const auto display = MakeChannelDisplay(image, *layer, ImageLayer::kImage);
+  ASSERT_TRUE(display.ok()) << display.status();
+  ASSERT_TRUE(display->range.has_value());
+  EXPECT_LT(display->range->low, 0.02);
+  EXPECT_GT(display->range->high, 0.1);
+  EXPECT_GT(display->pixels[0].r, display->pixels[150].r) << "dark pixels have larger errors";
+  EXPECT_NE(display->pixels[200], display->pixels[150])
+      << "nothing is known where there are no samples";
 }
 
 TEST(ChannelLayersTest, AMissingChannelIsNamed) {

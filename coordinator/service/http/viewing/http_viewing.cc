@@ -15,6 +15,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/film/exr/exr_channels.h"
 #include "coordinator/service/http/http_api.h"
 #include "coordinator/service/http/viewing/channel_layers.h"
 #include "coordinator/service/http/viewing/image_difference.h"
@@ -88,9 +89,11 @@ HttpResponse HttpApi::GetLayers(const HttpRequest& request) const {
   if (!frame.ok()) return HttpErrorFromStatus(frame.status());
   Json layers = Json::array();
   for (const ChannelLayer& layer : ChannelLayersOf(frame->settings.outputs)) {
+    std::vector<std::string> channels;
+    for (const std::string& channel : layer.channels) channels.push_back(FileChannelName(channel));
     layers.push_back({{"name", layer.name},
                       {"kind", ChannelKindName(layer.kind)},
-                      {"channels", layer.channels}});
+                      {"channels", std::move(channels)}});
   }
   return JsonResponse(Json::object({{"layers", std::move(layers)}}).dump());
 }
@@ -154,7 +157,7 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
     const absl::StatusOr<ChannelLayer> layer = FindChannelLayer(frame, of);
     if (!layer.ok()) return layer.status();
     const absl::StatusOr<PreviewView> view =
-        farm_.Preview(job_id, frame.frame_number, layer->channels);
+        farm_.Preview(job_id, frame.frame_number, SourceChannels(*layer));
     if (!view.ok()) return view.status();
     return EncodeView(MakeChannelDisplay(view->image, *layer, *as), version_of(view->version));
   }

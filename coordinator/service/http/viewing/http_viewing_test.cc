@@ -72,6 +72,18 @@ TEST_F(HttpViewingTest, LayersAreListedAndShown) {
   EXPECT_EQ(Preview("layer=samples&of=depth").status, 400);
 }
 
+TEST_F(HttpViewingTest, LayersHaveTheChannelsOfTheFile) {
+  FilmOutputs* const outputs = &farm_.jobs[0].frames[0].settings.outputs;
+  ASSERT_TRUE(AddAovs("object-id", outputs).ok());
+  ASSERT_TRUE(AddCryptomattes("object", outputs).ok());
+  const HttpResponse list = Send("GET", "jobs/3/frames/1/layers");
+  for (const char* part : {R"({"name":"nonfinite","kind":"scalar","channels":["nonfinite.X"]})",
+                           R"({"name":"objectId","kind":"id","channels":["objectId.X"]})",
+                           R"("channels":["rest.CryptoObject.X"])", R"("channels":["depth.Z"])"}) {
+    EXPECT_TRUE(absl::StrContains(list.body, part)) << part << " in " << list.body;
+  }
+}
+
 TEST_F(HttpViewingTest, DifferencesOfTwoFramesAreShown) {
   for (const char* kind : {"absolute", "relative"}) {
     const HttpResponse difference = Preview(absl::StrCat("with=jobs/4/frames/1&difference=", kind));
