@@ -259,7 +259,7 @@ export interface View {
 // A layer beside the color: one or three channels.
 export interface ChannelLayer {
   name: string;
-  kind: 'color'|'direction'|'vector'|'scalar'|'id';
+  kind: 'color'|'direction'|'vector'|'scalar'|'id'|'error';
   channels: string[];
 }
 

@@ -140,8 +140,15 @@ export class ImagePane {
         preview?.bitmap.close();
       }
     } catch (failure) {
-      // The next version or event tries again.
-      this.store.note(this.attempt, failure);
+      const {of} = this.options.wanted().view;
+      if (of && failure instanceof api.ApiError && failure.status === 404) {
+        // Two jobs may have different layers.
+        this.show(path, layer, null, null);
+        this.drawNote('This frame has no layer ' + of + '.');
+      } else {
+        // The next version or event tries again.
+        this.store.note(this.attempt, failure);
+      }
     }
     this.fetching = false;
     const changed = !isSame(this.options.wanted(), frame, path);

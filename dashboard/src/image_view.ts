@@ -26,6 +26,8 @@ export class ImageView {
   private readonly layers: LayerChoice;
   private readonly mode: CompareModeChoice;
   private job: string|null = null;
+  // The job that the comparison was chosen for.
+  private comparedJob: string|null = null;
   private rangeWords = '';
   private besideWords = '';
 
@@ -41,7 +43,7 @@ export class ImageView {
       wanted: () => this.wanted(store.beside, 'No image yet.', null),
       onView: () => {},
       onRange: (layer, range) => {
-        this.besideWords = rangeWords(layer, range);
+        this.besideWords = rangeWords(this.scaleOf(layer), range);
         this.drawNames();
       },
     });
@@ -71,12 +73,21 @@ export class ImageView {
     // Until a frame's first image arrives, the previous frame of the same job stays visible.
     if (this.job !== jobName) this.pane.clear();
     this.job = jobName;
+    this.dropComparison();
     this.rounds.show(frame);
     this.pane.draw();
     this.drawNames();
   };
 
+  // A comparison that was chosen for another job remains where it is one of this job too.
+  private dropComparison() {
+    const {beside, frame, jobName} = this.store;
+    if (!beside || !frame || jobName === this.comparedJob) return;
+    if (beside.name === frame.name || !haveOneSize(beside, frame)) this.store.setBeside(undefined);
+  }
+
   private readonly drawBeside = () => {
+    this.comparedJob = this.store.jobName;
     this.mode.draw();
     // Also where nothing is compared any longer: the difference is still shown.
     if (this.mode.isDifference)
@@ -95,6 +106,15 @@ export class ImageView {
     const other = store.beside;
     if (!this.mode?.isDifference || !other || other.preview_version === 0)
       return this.wanted(store.frame, note, this.rounds.round);
+    if (!store.frame || !haveOneSize(store.frame, other)) {
+      return {
+        frame: undefined,
+        view: {layer: 'image', of: '', other: null},
+        stops: 0,
+        round: null,
+        note: 'The two images differ in size, and so have no difference.',
+      };
+    }
     const layer: Layer = this.mode.mode === 'relative' ? 'relative' : 'difference';
     return {frame: store.frame, view: {layer, of: '', other}, stops: 0, round: null, note};
   }
@@ -110,9 +130,15 @@ export class ImageView {
   }
 
   private onRange(layer: Layer, range: LayerRange|null) {
-    this.rangeWords = rangeWords(layer, range);
-    this.controls.drawLegend(layer, range);
+    const scale = this.scaleOf(layer);
+    this.rangeWords = rangeWords(scale, range);
+    this.controls.drawLegend(scale, range);
     this.drawNames();
+  }
+
+  // The layer whose scale the shown one has.
+  private scaleOf(layer: Layer): Layer {
+    return layer === 'image' && this.layers.isError(this.controls.of) ? 'error' : layer;
   }
 
   // Names the two images and their color scales, whose ranges may differ.
@@ -132,11 +158,16 @@ export class ImageView {
   }
 }
 
+function haveOneSize({window: a}: Frame, {window: b}: Frame): boolean {
+  return a.x1_px - a.x0_px === b.x1_px - b.x0_px && a.y1_px - a.y0_px === b.y1_px - b.y0_px;
+}
+
 function noteOf(job: Job|undefined, frame: Frame|undefined): string {
   if (!job) return 'Select a job to see its image.';
   if (job.waiting_reason) return 'Waiting: ' + job.waiting_reason.replace(/^waiting /, '');
   if (job.state === 'failed') return 'The job failed before there was an image.';
   if (job.state === 'cancelled') return 'The job was cancelled before there was an image.';
   if (job.state === 'paused') return 'Paused before the first samples.';
-  return frame ? 'No samples yet.' : '';
+  if (!frame) return '';
+  return frame.preview_version > 0 ? 'The image is being loaded.' : 'No samples yet.';
 }

@@ -19,6 +19,7 @@ const KIND_WORDS: Record<string, string> = {
   vector: 'position',
   scalar: 'value',
   id: 'id',
+  error: 'relative error',
 };
 
 export class LayerChoice {
@@ -35,6 +36,11 @@ export class LayerChoice {
   // Whether the chosen layer is a color, which can be exposed.
   isColor(name: string): boolean {
     return this.layers.find((layer) => layer.name === name)?.kind === 'color';
+  }
+
+  // Whether the layer holds errors of a color, which have the scale of the standard error.
+  isError(name: string): boolean {
+    return this.layers.find((layer) => layer.name === name)?.kind === 'error';
   }
 
   private readonly draw = () => {

@@ -101,7 +101,9 @@ export class ViewerControls {
     setText(byId('legend-low'), single ? '' : words(range.low));
     setText(byId('legend-middle'), single ? '' : words(middle));
     setText(byId('legend-high'), words(range.high));
-    setText(byId('legend-words'), LEGENDS[layer] || this.of + ', linear. Gray: no number.');
+    const ofErrors = this.of + ': expected error of a pixel, relative to its value; logarithmic.';
+    const legend = layer === 'error' && this.of ? ofErrors : LEGENDS[layer];
+    setText(byId('legend-words'), legend || this.of + ', linear. Gray: no number.');
   }
 
   private changed() {

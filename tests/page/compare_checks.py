@@ -80,3 +80,25 @@ def check_compare(browser, screenshot):
     # The controls above may be some pixels higher or lower.
     wait_until(lambda: browser.run(WIDTH) > 1.9 * width and zoom_percent(browser) > 0.98 * zoom,
                CHANGE_SECONDS_MAX, "all the room")
+    check_other_size(browser)
+
+
+def check_other_size(browser):
+    """The shown job is a crop, jobs/1 is larger: they have no difference, and a comparison with a
+    job does not survive the change to it.
+    """
+    shown = browser.run("return location.hash")
+    browser.run(CHOOSE, "beside-job", "jobs/1")
+    wait_until(lambda: not browser.run(HIDDEN, "compare-mode"), CHANGE_SECONDS_MAX, "the modes")
+    browser.run(CHOOSE, "compare-mode", "relative")
+    wait_until(lambda: "differ in size" in browser.run(TEXT, "image-note"), CHANGE_SECONDS_MAX,
+               "why there is no difference")
+    browser.run("location.hash = 'jobs/1'")
+    wait_until(lambda: browser.run("return document.getElementById('beside-job').value") == "" and
+               browser.run(HIDDEN, "beside-box") and browser.run(PIXELS), CHANGE_SECONDS_MAX,
+               "the image of jobs/1 alone")
+    assert browser.run(HIDDEN, "problems"), browser.run(TEXT, "problems-text")
+    assert "No samples" not in browser.run(TEXT, "image-note")
+    browser.run("location.hash = arguments[0]", shown)
+    wait_until(lambda: browser.run("return location.hash") == shown and browser.run(PIXELS),
+               CHANGE_SECONDS_MAX, "the job shown before")

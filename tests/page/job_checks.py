@@ -106,6 +106,7 @@ def check_first_steps(browser, url, screenshot):
                         "sheaf submit scene.pbrt --coordinator 127.0.0.1:7411 --samples 64"]
     for part in ("#viewer", ".details-head", "#facts"):
         assert not browser.run(SHOWN, part), f"{part} is shown without a job"
+    assert browser.run(SHOWN, "#first-steps"), "the first steps are not shown"
     assert "elect a job" not in browser.run("return document.body.innerText")
     browser.run("document.querySelector('#first-steps button').click()")
     wait_until(lambda: browser.run("return document.querySelector('#first-steps button')"

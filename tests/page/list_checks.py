@@ -1,6 +1,8 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """The list of jobs and what stands beside it, over made-up jobs. For page_test.py."""
+import re
+
 from farm import wait_until
 from focus_checks import TAB
 from viewer_checks import FOCUS, HIDDEN, TEXT
@@ -34,6 +36,18 @@ FILTER = """
   select.dispatchEvent(new Event("change"));
 """
 STATES = "return [...document.querySelectorAll('#jobs .badge')].map((badge) => badge.textContent)"
+COLORS = """
+  return ["running", "paused"].map((state) => {
+    const row = document.createElement("div");
+    row.innerHTML = `<span class="badge" data-state="${state}"></span>
+      <div class="bar" data-state="${state}"><div class="bar-fill"></div></div>`;
+    document.getElementById("jobs").append(row);
+    const colors = [getComputedStyle(row.querySelector(".badge")).color,
+                    getComputedStyle(row.querySelector(".bar-fill")).backgroundColor];
+    row.remove();
+    return colors;
+  });
+"""
 OWNERS = "return [...document.querySelectorAll('#jobs .vlist-row')].map((row) => row.title)"
 
 
@@ -46,8 +60,20 @@ def check_jobs_in_sight(browser):
     assert not cut, f"titles are cut beside free space: {cut}"
 
 
+def check_colors_of_states(browser):
+    """Jobs that run and those that are paused differ in color, in the badge and in the bar."""
+    running, paused = browser.run(COLORS)
+    assert running[0] != paused[0] and running[1] != paused[1], (running, paused)
+
+
 def check_diagnostics_tab(browser):
-    """Counters are in a tab that arrow keys reach, and are scrolled by keyboard."""
+    """Counters are in a tab that arrow keys reach, and are scrolled by keyboard. The number of
+    workers is behind the tab of that name.
+    """
+    tabs = browser.run("""
+      return ["tab-workers", "tab-diagnostics"].map((id) => document.getElementById(id).innerText);
+    """)
+    assert re.search(r"^Workers\s+[\d,]+$", tabs[0]) and not re.search(r"\d", tabs[1]), tabs
     assert browser.run(HIDDEN, "tab-panel-diagnostics"), "counters take room unasked"
     browser.run(FOCUS, "tab-workers")
     browser.press(ARROW_RIGHT)
@@ -82,5 +108,6 @@ def check_search(browser):
 
 def check_job_list(browser):
     check_jobs_in_sight(browser)
+    check_colors_of_states(browser)
     check_diagnostics_tab(browser)
     check_search(browser)
