@@ -34,6 +34,11 @@ void AddFormatOptions(CLI::App* command, ImageFormat* format) {
       ->add_option("--exr-tiles", format->exr.tile_size_px,
                    "Store tiles with this edge in pixels, not scan lines")
       ->check(CLI::Range(kExrTileSizePxMin, kExrTileSizePxMax));
+  AddChoice(command, "--exr-depth", &format->depth,
+            std::vector<std::pair<std::string, ExrDepth>>{{"ray", ExrDepth::kRay},
+                                                          {"plane", ExrDepth::kPlane}},
+            "plane: depth.Z as compositing programs expect it, the distance from the camera's "
+            "plane, and 1e10 where nothing is. Such a copy cannot be resumed");
   command->add_option("--exr-owner", format->owner, "The attribute owner");
   command->add_option("--exr-comments", format->comments, "The attribute comments");
   command->add_option("--exr-fps", format->frames_per_second,

@@ -13,6 +13,7 @@
 #include "common/base/label.h"
 #include "common/command_line/command_line.h"
 #include "common/film/denoised_output.h"
+#include "common/film/exr/external_layer.h"
 #include "common/rpc/address.h"
 
 namespace sheaf::cli {
@@ -154,6 +155,16 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
 }
 
 // --denoise-with.
+void AddPngOptions(CLI::App* command, JobArguments* arguments) {
+  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddChoice(
+      command, "--png-layer", &arguments->png_layer,
+      std::vector<std::pair<std::string, std::string>>{
+          {"image", "image"}, {kDenoisedLayer, kDenoisedLayer}, {kExternalLayer, kExternalLayer}},
+      "The layer that PNGs show (default: that of --denoise-with or --denoise, without them "
+      "the image)");
+}
+
 void AddDenoiserOption(CLI::App* command, JobArguments* arguments) {
   const OptionGroup group(command, kImageGroup);
   command
@@ -295,7 +306,7 @@ void AddImageOptions(CLI::App* command, JobArguments* arguments) {
   const OptionGroup group(command, kImageGroup);
   command->add_option("-o,--output", arguments->output,
                       "Image to write at the end: .exr or .png; #### is the frame number");
-  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddPngOptions(command, arguments);
   AddViewOptions(command, &arguments->view);
   AddFormatOptions(command, &arguments->format);
   AddDenoiserOption(command, arguments);
@@ -376,7 +387,7 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option(
       "-o,--output", arguments->output,
       "Image to write: .exr, or .png with an .exr beside it; #### is the frame number");
-  command->add_option("--png", arguments->png, "Also write a PNG");
+  AddPngOptions(command, arguments);
   AddViewOptions(command, &arguments->view);
   AddFormatOptions(command, &arguments->format);
   AddDenoiserOption(command, arguments);

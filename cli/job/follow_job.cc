@@ -13,6 +13,8 @@
 #include "absl/time/clock.h"
 #include "cli/denoiser/external_denoiser.h"
 #include "cli/job/format/image_format.h"
+#include "cli/job/format/plane_depth.h"
+#include "cli/job/format/shown_layer.h"
 #include "cli/job/frames/frame_range.h"
 #include "cli/job/job_json.h"
 #include "cli/job/output_files.h"
@@ -21,6 +23,7 @@
 #include "cli/progress_line.h"
 #include "common/base/file.h"
 #include "common/base/printable.h"
+#include "common/base/status.h"
 #include "common/base/text/shell_quoted.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
@@ -105,18 +108,25 @@ absl::Status WriteImages(FarmClient* client, const v1::Frame& frame, const Image
   const ImageFormat& format = delivery.format;
   FrameImage* const image = &delivered.image;
   if (!format.IsDefault()) AddAttributes(format, frame, absl::Now(), image);
+  if (format.depth == ExrDepth::kPlane) {
+    if (const absl::Status made = MakePlaneDepth(image); !made.ok()) {
+      PrintNote(absl::StrCat(paths.exr, ": ", made.message()));
+    }
+  }
   absl::Status status = WriteOrKeep(
       paths.exr, [&](const std::string& path) { return WriteExr(path, delivered, format); });
   if (!status.ok()) return status;
-  if (!paths.png.empty()) {
-    status = WriteOrKeep(
-        paths.png, [&](const std::string& path) { return WriteView(delivery.view, *image, path); });
-    if (!status.ok()) return status;
-    NoteExposure(delivery, *image, paths.png);
-  }
   absl::Status denoised;
   if (!delivery.denoise_with.empty()) {
     denoised = AddDenoiserLayer(paths.exr, delivered.bytes, delivery, client->stop(), image);
+  }
+  if (!paths.png.empty()) {
+    const absl::StatusOr<FrameImage> shown = ImageOfLayer(*image, delivery.png_layer);
+    if (!shown.ok()) return Annotate(shown.status(), paths.png);
+    status = WriteOrKeep(
+        paths.png, [&](const std::string& path) { return WriteView(delivery.view, *shown, path); });
+    if (!status.ok()) return status;
+    NoteExposure(delivery, *shown, paths.png);
   }
   if (const int64_t cut = format.exr.type == ExrType::kHalf ? CountBeyondHalf(*image) : 0;
       cut > 0) {
@@ -156,6 +166,7 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
   const absl::StatusOr<ImagePatterns> patterns = OutputPatterns(arguments, numbering, job);
   if (!patterns.ok()) return patterns.status();
   Delivery delivery{{}, std::move(view), arguments.format, "", arguments.denoise_with};
+  delivery.png_layer = arguments.png_layer;
   if (IsGltfName(arguments.scene)) {
     delivery.black_advice = "; --environment names an image of what surrounds a glTF scene";
   }
@@ -184,9 +195,9 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
     delivery.view.set_exposure({.is_automatic = true});
   }
   for (const auto& [flag, value] :
-       {std::pair("--png", names.png), std::pair("--ocio", arguments.view.config),
-        std::pair("--display", arguments.view.display), std::pair("--view", arguments.view.view),
-        std::pair("--exposure", exposure)}) {
+       {std::pair("--png", names.png), std::pair("--png-layer", arguments.png_layer),
+        std::pair("--ocio", arguments.view.config), std::pair("--display", arguments.view.display),
+        std::pair("--view", arguments.view.view), std::pair("--exposure", exposure)}) {
     if (!value.empty()) absl::StrAppend(&delivery.options, " ", flag, " ", ShellQuoted(value));
   }
   return delivery;

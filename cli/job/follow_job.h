@@ -26,6 +26,7 @@ struct Delivery {
   ImageFormat format;             // Of EXRs.
   std::string options;            // The same as options of `sheaf watch`, "-o room.exr".
   std::string denoise_with = {};  // The denoiser's command; empty: none.
+  std::string png_layer = {};     // As for ImageOfLayer.
   std::string black_advice = {};  // What to do if an image is black; empty: unknown.
 };
 // Checks everything that is known before the scene is read. Errors: those of CheckOutputs.

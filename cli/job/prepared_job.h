@@ -44,6 +44,7 @@ struct JobArguments {
   std::string frames;        // As for ParseFrameRange; empty for a single image.
   std::string output;        // A path or pattern; empty: taken from the scene.
   std::string png;           // The same for a PNG; empty: no PNG.
+  std::string png_layer;     // As for ImageOfLayer.
   ViewArguments view;        // The view that PNGs show.
   ImageFormat format;        // Of EXRs.
   std::string denoise_with;  // A command, as for AddExternalLayer; empty: none.

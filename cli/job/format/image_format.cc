@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "cli/job/format/plane_depth.h"
 #include "common/base/printable.h"
 
 namespace sheaf::cli {
@@ -87,6 +88,7 @@ std::vector<std::pair<std::string, std::string>> FormatOptions(const ImageFormat
   }
   if (format.exr.parts) add("--exr-parts", ExrPartsName(*format.exr.parts));
   if (format.exr.tile_size_px != 0) add("--exr-tiles", absl::StrCat(format.exr.tile_size_px));
+  if (format.depth == ExrDepth::kPlane) add("--exr-depth", kPlaneDepth);
   if (!format.owner.empty()) add("--exr-owner", format.owner);
   if (!format.comments.empty()) add("--exr-comments", format.comments);
   if (!format.frames_per_second.empty()) add("--exr-fps", format.frames_per_second);

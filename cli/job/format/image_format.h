@@ -6,6 +6,7 @@
 // is, so that it can be verified and continued.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,8 +18,12 @@
 
 namespace sheaf::cli {
 
+// What depth.Z is: as the farm delivers it, or by plane_depth.h.
+enum class ExrDepth : uint8_t { kRay, kPlane };
+
 struct ImageFormat {
   ExrFormat exr;
+  ExrDepth depth = ExrDepth::kRay;
   // Attributes of the file; empty or false: without. Those that differ from run to run are only
   // written on request, so that equal images are equal files.
   std::string owner, comments;

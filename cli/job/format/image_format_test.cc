@@ -13,14 +13,16 @@ TEST(ImageFormatTest, OptionsNameWhatDiffers) {
   EXPECT_TRUE(FormatOptions({}).empty());
   ImageFormat format;
   format.exr = {ExrType::kHalf, ExrCompression::kPiz, ExrParts::kMulti, 64};
+  format.depth = ExrDepth::kPlane;
   format.owner = "Anna B";
   format.frames_per_second = "25";
   format.date = true;
   EXPECT_FALSE(format.IsDefault());
   const std::vector<std::pair<std::string, std::string>> expected{
-      {"--exr-type", "half"}, {"--exr-compression", "piz"}, {"--exr-parts", "multi"},
-      {"--exr-tiles", "64"},  {"--exr-owner", "Anna B"},    {"--exr-fps", "25"},
-      {"--exr-date", ""}};
+      {"--exr-type", "half"},   {"--exr-compression", "piz"},
+      {"--exr-parts", "multi"}, {"--exr-tiles", "64"},
+      {"--exr-depth", "plane"}, {"--exr-owner", "Anna B"},
+      {"--exr-fps", "25"},      {"--exr-date", ""}};
   EXPECT_EQ(FormatOptions(format), expected);
 }
 

@@ -145,6 +145,11 @@ absl::StatusOr<ResumedImage> ResumedImage::Make(FrameImage image, const FilmOutp
                                "): continue from a copy written with --exr-type float and a "
                                "compression without loss"));
   }
+  if (image.metadata.contains(kDepthKey)) {
+    return Refuse(
+        "its depth was converted when it was written: continue from a copy written with "
+        "--exr-depth ray");
+  }
   if (absl::Status status = CheckOutputs(outputs); !status.ok()) return status;
   const auto weight = image.metadata.find(kSampleWeightKey);
   if (weight != image.metadata.end() && weight->second == "signed") {

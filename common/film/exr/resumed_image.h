@@ -34,6 +34,8 @@ inline constexpr char kImageDigestKey[] = "imageDigest";
 inline constexpr char kSampleWeightKey[] = "sampleWeight";
 // The rounding of pixels when the file was written (exr_format.h): "half", "dwaa".
 inline constexpr char kRoundingKey[] = "rounding";
+// "plane" if depth.Z is that from the plane of the camera; otherwise it is along the ray.
+inline constexpr char kDepthKey[] = "depth";
 
 // Thread safety: const members may be called concurrently.
 class ResumedImage {
