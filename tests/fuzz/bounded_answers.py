@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Each file of the fuzzers' corpora gets an answer within 2 GiB of address space and 10 CPU seconds.
+"""Each file of the fuzzers' corpora gets an answer within 2 GiB of memory and 10 CPU seconds.
 
 Usage: bounded_answers.py [--all] [FOLDER]...
 

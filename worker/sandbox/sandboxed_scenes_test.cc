@@ -337,17 +337,6 @@ TEST_P(SandboxedScenesTest, EndlessWorkIsStopped) {
   EXPECT_THAT(std::string(Render("loop").status().message()), HasSubstr("did not finish"));
 }
 
-TEST(LoadTimeForTest, FollowsTheBytesOfTheScene) {
-  const std::string path = ::testing::TempDir() + "/load_time_for_scene.pbrt";
-  std::ofstream(path) << "WorldBegin\n";
-  SceneInputs inputs;
-  inputs.local_paths = {{"a.pbrt", path}, {"lost.ply", path + ".lost"}};
-  EXPECT_LT(LoadTimeFor(inputs), absl::Seconds(121));
-  std::filesystem::resize_file(path, 600'000'000);
-  EXPECT_EQ(LoadTimeFor(inputs), absl::Seconds(720));
-  std::filesystem::remove(path);
-}
-
 // Processes that are stopped heed no signal but one.
 TEST_P(SandboxedScenesTest, ProcessesThatStandStillAreKilled) {
   OpenResult opened = Open("render wait");
