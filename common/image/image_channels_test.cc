@@ -168,6 +168,11 @@ TEST(ImageChannelsTest, TheDisplayWindowIsTheImage) {
                 is_stored ? (std::vector<float>{1, 2, 3, 1}) : std::vector<float>(4));
     }
   }
+  exr.width = 6;
+  exr.height = 5;
+  exr.y = 1;
+  exr.channels = {{"R", 1}, {"G", 2}, {"B", 3}};
+  EXPECT_EQ(ReadImage(Written("beyond.exr", ExrBytes(exr)))->pixels.size(), size_t{4 * 3 * 3});
   exr.display = {100, 100, 103, 102};
   const absl::Status apart = ReadPixel(Written("apart.exr", ExrBytes(exr))).status();
   EXPECT_THAT(std::string(apart.message()), HasSubstr("stores no pixel of its display window"));
