@@ -146,7 +146,7 @@ class AttacksTest(unittest.TestCase):
                 self.farm.sheaf("cancel", job)
 
     def test_a_hoarder_does_not_hold_up_delivery(self):
-        """It takes all leases and delivers nothing; checks that it holds are not waited for long."""
+        """It takes all leases and delivers nothing; a frame waits for its checks for seconds."""
         from hoarding_worker import HoardingWorker
         scene = self.write("hoard.pbrt", SCENE)
         profile = self.submit(scene, "--samples", 1)["numeric_profile"]
