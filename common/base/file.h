@@ -23,8 +23,9 @@ absl::StatusOr<std::string> FollowToFile(const std::string& path);
 // fsyncs the directory. The umask decides who may read the file.
 // Errors: also those of FollowToFile.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
-// The same without both fsyncs, for a file that only its owner may read: others see the whole file or none, but it survives power loss only
-// once a later FileSystemSync::Sync returns OK. Requires: no file that must survive is replaced.
+// The same without both fsyncs, for a file that only its owner may read: others see the whole file
+// or none, but it survives power loss only once a later FileSystemSync::Sync returns OK. Requires:
+// no file that must survive is replaced.
 absl::Status WriteFileUnsynced(const std::string& path, std::string_view bytes);
 // The same as WriteFileAtomically for a file that only its owner may read.
 absl::Status WriteSecretAtomically(const std::string& path, std::string_view bytes);

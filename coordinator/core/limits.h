@@ -119,7 +119,8 @@ struct Limits {
   uint64_t new_identity_results = 16;
   size_t result_versions_max = 5;  // Different results of a task; then nobody can decide.
   // How long a rendered frame waits for checks: a multiple of the expected time of one, counted
-  // from the last that came, between the minimum and, for all of them, the maximum.
+  // from the last that came, between the minimum and, for all of them, the maximum. Where only
+  // identities that have delivered nothing may do them: the minimum.
   double check_wait_factor = 4;
   absl::Duration check_wait_min = absl::Seconds(5);
   absl::Duration check_wait_max = absl::Minutes(2);
