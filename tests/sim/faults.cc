@@ -25,7 +25,7 @@ constexpr FaultKind kKinds[kFaultCount] = {
     {"worker-killed", 0.04},    {"worker-frozen", 0.03},
     {"worker-slow", 0.3},       {"task-failed", 0.1},
     {"worker-lies", 0.5},       {"false-pixels", 0.8},
-    {"stranger", 0.2},
+    {"stranger", 0.2},          {"worker-hoards", 0.5},
 };
 
 // How many of all seeds have a kind.

@@ -32,10 +32,11 @@ enum class Fault {
   kWorkerKilled,
   kWorkerFrozen,  // As by SIGSTOP, for up to two minutes.
   kWorkerSlow,
-  kTaskFailed,   // A worker reports that a lease came to nothing.
-  kWorkerLies,   // A part that is not what its description says.
-  kFalsePixels,  // A part of wrong values that looks right, by a worker that has the habit.
-  kStranger,     // Messages of somebody who is no worker of ours.
+  kTaskFailed,    // A worker reports that a lease came to nothing.
+  kWorkerLies,    // A part that is not what its description says.
+  kFalsePixels,   // A part of wrong values that looks right, by a worker that has the habit.
+  kStranger,      // Messages of somebody who is no worker of ours.
+  kWorkerHoards,  // A worker that takes many leases, heartbeats, and delivers nothing.
   kCount
 };
 inline constexpr size_t kFaultCount = static_cast<size_t>(Fault::kCount);

@@ -61,6 +61,7 @@ void SimWorker::Wake(std::function<void()> run) {
 void SimWorker::Freeze(absl::Duration time) { frozen_until_ = world_.now() + time; }
 
 void SimWorker::Drain() {
+  if (habits_.hoards) return Kill();
   draining_ = true;
   ledger_.ReleaseQueued();
   NoteNews();
@@ -147,10 +148,9 @@ void SimWorker::Synchronize() {
 }
 
 void SimWorker::CheckGrant(const worker::Lease& lease) {
-  const std::string task =
-      absl::StrCat(id_, " ", lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ",
-                   lease.block.first, " ", lease.block.count, " ", lease.cells.mask, " ",
-                   TaskKindName(lease.kind));
+  const std::string task = absl::StrCat(
+      id_, " ", lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ", lease.block.first,
+      " ", lease.block.count, " ", lease.cells.mask, " ", TaskKindName(lease.kind));
   world_.tokens[lease.lease_id] = lease.token;
   const bool needs_field = IsGuided(lease.settings.techniques) && lease.kind != TaskKind::kTraining;
   if (needs_field != !lease.field.sha256_hex.empty()) {
@@ -177,7 +177,15 @@ void SimWorker::TakeAnswer(uint64_t sequence, const std::vector<worker::Lease>& 
   EndIfDone();
 }
 
+void SimWorker::Hoard() {
+  while (const std::optional<LeaseLedger::Task> task = ledger_.TakeNext()) {
+    ledger_.BeginRendering(task->lease.lease_id);
+    NoteNews();
+  }
+}
+
 void SimWorker::TakeWork() {
+  if (habits_.hoards) return Hoard();
   while (busy_threads_ < habits_.thread_count && outbox_.HasRoom()) {
     const std::optional<LeaseLedger::Task> task = ledger_.TakeNext();
     if (!task) return;

@@ -30,6 +30,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
     double slowness = 1;
     bool lies = false;
     bool makes_false_pixels = false;  // As a broken processor does, now and then.
+    bool hoards = false;              // Says that it renders its leases, and never ends one.
     std::string identity = {};        // As WorkerReport has it.
   };
   SimWorker(World* world, Network* network, const Promises* promises, std::string id,
@@ -65,6 +66,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void EndIfDone();
 
   void TakeWork();
+  void Hoard();
   void Load(const worker::LeaseLedger::Task& task);
   // Reads the guiding field of the task's frame, once a frame, and goes on.
   void FetchField(const worker::LeaseLedger::Task& task);

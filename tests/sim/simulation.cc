@@ -19,6 +19,7 @@ constexpr absl::Duration kEndMax = absl::Minutes(40);
 constexpr uint64_t kEndEventsMax = 400'000;
 constexpr uint64_t kEndCheckInterval = 20;  // Events.
 constexpr size_t kHonestWorkersAtEnd = 3;
+constexpr int32_t kHoardedThreads = 64;
 // How many of the workers make false pixels at all, where there are any that do.
 constexpr double kBrokenWorkerFraction = 0.4;
 
@@ -53,6 +54,10 @@ void Simulation::AddWorker(bool may_lie) {
   habits.lies = may_lie && world_.random.Chance(0.4);
   habits.makes_false_pixels =
       may_lie && world_.faults.random(Fault::kFalsePixels).Chance(kBrokenWorkerFraction);
+  if (may_lie && world_.faults.Happens(Fault::kWorkerHoards)) {
+    habits.hoards = true;
+    habits.thread_count = kHoardedThreads;
+  }
   if (may_lie && world_.random.Chance(0.2)) {
     habits.identity = absl::StrCat("owner ", world_.random.Below(2));
   }
