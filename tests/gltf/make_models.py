@@ -421,7 +421,9 @@ def _(file):
 
 @model("meshopt.gltf")
 def _(file):
+    """Some tools leave out the word that the buffer without bytes is a fallback."""
     meshopt_square(file)
+    del file.json["buffers"][0]["extensions"]
 
 
 @model("meshopt-damaged.glb", "error: buffer view 0 (EXT_meshopt_compression) is damaged")

@@ -3,6 +3,7 @@
 #include "common/scene/gltf/parsable_json.h"
 
 #include <nlohmann/json.hpp>
+#include <set>
 
 namespace sheaf::gltf {
 namespace {
@@ -21,13 +22,43 @@ Json* Array(Json* object, const char* key) {
   return found != nullptr && found->is_array() ? found : nullptr;
 }
 
-bool FillFallback(Json* buffer) {
-  const Json* fallback =
-      Find(Find(Find(buffer, "extensions"), "EXT_meshopt_compression"), "fallback");
-  if (fallback == nullptr || !fallback->is_boolean() || !fallback->get<bool>()) return false;
-  (*buffer)["byteLength"] = 1;
-  (*buffer)["uri"] = "data:application/octet-stream;base64,AA==";
-  return true;
+Json* MeshoptOf(Json* item) { return Find(Find(item, "extensions"), "EXT_meshopt_compression"); }
+
+// Buffers whose bytes are read: those of views without compression, and those that hold what is
+// compressed.
+std::set<size_t> ReadBuffers(Json* json) {
+  std::set<size_t> numbers;
+  Json* views = Array(json, "bufferViews");
+  if (views == nullptr) return numbers;
+  for (Json& view : *views) {
+    Json* meshopt = MeshoptOf(&view);
+    const Json* number = Find(meshopt == nullptr ? &view : meshopt, "buffer");
+    if (number != nullptr && number->is_number_unsigned()) numbers.insert(number->get<size_t>());
+  }
+  return numbers;
+}
+
+// Whether a buffer is only what compressed views would be without compression: by its own word, or
+// because it has no bytes and none are read. The first may have the bytes of a GLB file.
+bool IsFallback(Json* buffer, size_t index, const std::set<size_t>& read) {
+  const Json* fallback = Find(MeshoptOf(buffer), "fallback");
+  if (fallback != nullptr && fallback->is_boolean() && fallback->get<bool>()) return true;
+  return index > 0 && Find(buffer, "uri") == nullptr && !read.contains(index);
+}
+
+bool FillFallbacks(Json* json) {
+  Json* buffers = Array(json, "buffers");
+  if (buffers == nullptr) return false;
+  const std::set<size_t> read = ReadBuffers(json);
+  bool is_changed = false;
+  for (size_t b = 0; b < buffers->size(); ++b) {
+    Json& buffer = (*buffers)[b];
+    if (!buffer.is_object() || !IsFallback(&buffer, b, read)) continue;
+    buffer["byteLength"] = 1;
+    buffer["uri"] = "data:application/octet-stream;base64,AA==";
+    is_changed = true;
+  }
+  return is_changed;
 }
 
 bool MoveIndices(Json* primitive) {
@@ -40,10 +71,7 @@ bool MoveIndices(Json* primitive) {
 }
 
 bool Change(Json* json) {
-  bool is_changed = false;
-  if (Json* buffers = Array(json, "buffers")) {
-    for (Json& buffer : *buffers) is_changed |= FillFallback(&buffer);
-  }
+  bool is_changed = FillFallbacks(json);
   if (Json* meshes = Array(json, "meshes")) {
     for (Json& mesh : *meshes) {
       Json* primitives = Array(&mesh, "primitives");

@@ -14,7 +14,7 @@ inline constexpr char kDracoIndices[] = "sheafIndices";
 
 // The JSON text with two changes; the same text if neither applies, or if it is not JSON.
 // Fallback buffers of EXT_meshopt_compression get one byte of their own: they mostly have none,
-// which the parser refuses, and no view that is read refers to them.
+// which the parser refuses, and no view that is read refers to them. Some tools do not mark them.
 // Draco primitives keep the accessor of their indices in the extension: the parser refuses one
 // without a buffer view in the primitive.
 std::string ParsableJson(std::string_view json);
