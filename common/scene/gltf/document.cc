@@ -269,10 +269,14 @@ absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string&
   const std::string parsable = Parsable(*std::move(bytes), json, is_binary);
   auto model = std::make_unique<tinygltf::Model>();
   Access access{main_file, &files, bytes_max, absl::OkStatus()};
-  if (absl::Status status = Parse(&access, parsable, is_binary, model.get(), warning);
-      !status.ok()) {
-    return status;
+  const absl::Status status = Parse(&access, parsable, is_binary, model.get(), warning);
+  const bool is_first = status.ok() ? model->asset.version.starts_with("1.")
+                                    : access.status.ok() && !is_binary && IsFirstVersion(parsable);
+  if (is_first) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        main_file, ": is glTF 1.0, Sheaf reads 2.0; convert it, for example with gltf-pipeline"));
   }
+  if (!status.ok()) return status;
   return model;
 }
 

@@ -364,6 +364,9 @@ TEST(GltfReaderTest, RefusesByName) {
     std::string text, message;
   } cases[] = {
       {"{}", "not valid glTF"},
+      {R"({"asset": {"version": "1.1"}, "meshes": {"m": {}}})",
+       "a.gltf: is glTF 1.0, Sheaf reads 2.0"},
+      {R"({"buffers": {}, "meshes": {"m": {}}})", "a.gltf: is glTF 1.0, Sheaf reads 2.0"},
       {std::string(4000, '['), "nests JSON"},
       {"glTF", "too short"},
       {File(R"("materials": [{}], "nodes": [{"mesh": 7}], "scenes": [{"nodes": [0]}])"), "mesh 7"},

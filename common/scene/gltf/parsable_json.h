@@ -19,4 +19,7 @@ inline constexpr char kDracoIndices[] = "sheafIndices";
 // without a buffer view in the primitive.
 std::string ParsableJson(std::string_view json);
 
+// Whether the JSON text is that of glTF 1.0, which has objects in place of the arrays of 2.0.
+bool IsFirstVersion(std::string_view json);
+
 }  // namespace sheaf::gltf
