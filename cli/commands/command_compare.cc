@@ -57,7 +57,7 @@ class CompareCommand : public Command {
     command
         ->add_option("--tolerance", tolerance_,
                      "Exit with 1 if relMSE is larger; 0 also requires identical bits")
-        ->check(CLI::NonNegativeNumber);
+        ->check(InRange(0.0));
     command->add_flag("--hdr-flip", hdr_flip_,
                       "Also print how different they look over all exposures (HDR-FLIP; slow)");
     command->add_flag("--tiles", tiles_, "Also list tiles that differ by more than noise");
@@ -65,17 +65,17 @@ class CompareCommand : public Command {
         ->add_option(
             "--tile-tolerance", limits_.mean_fraction_max,
             "With --tiles: allowed difference beyond noise, as a fraction of a tile's mean")
-        ->check(CLI::NonNegativeNumber)
+        ->check(InRange(0.0))
         ->capture_default_str();
     command
         ->add_option("--tile-sigmas", limits_.standard_errors_max,
                      "With --tiles: allowed difference in standard errors")
-        ->check(CLI::NonNegativeNumber)
+        ->check(InRange(0.0))
         ->capture_default_str();
     command
         ->add_option("--reference-samples", reference_samples_,
                      "With --tiles: samples per pixel of REFERENCE; 0: it has converged")
-        ->check(CLI::NonNegativeNumber)
+        ->check(InRange(0.0))
         ->capture_default_str();
     AddJsonFlag(command, &json_);
     command->footer(

@@ -68,7 +68,7 @@ class PriorityCommand : public ControlCommand {
     AddJob(command);
     command->add_option("N", priority_, "Higher values run first")
         ->required()
-        ->check(CLI::Range(-1000, 1000));
+        ->check(InRange(-1000, 1000));
     command->footer(
         "Examples:\n"
         "  sheaf priority jobs/7 10\n"

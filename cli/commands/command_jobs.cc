@@ -11,6 +11,7 @@
 #include "cli/commands/farm_command.h"
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
+#include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/memory_room.h"
 #include "common/base/printable.h"
@@ -60,23 +61,45 @@ class WatchCommand : public FarmCommand {
   JobArguments arguments_;
 };
 
+constexpr int kJobsListedMax = 1'000'000;
+
 class ListCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = AddCommon(app, "list", "List jobs, newest first");
     command->add_option("--limit", limit_, "Maximum number of jobs")
-        ->check(CLI::Range(1, 1'000'000))
+        ->check(InRange(1, kJobsListedMax))
         ->capture_default_str();
+    AddChoice(command, "--state", &state_,
+              std::vector<std::pair<std::string, std::string>>{{"queued", "queued"},
+                                                               {"running", "running"},
+                                                               {"paused", "paused"},
+                                                               {"succeeded", "succeeded"},
+                                                               {"failed", "failed"},
+                                                               {"cancelled", "cancelled"}},
+              "Only jobs in this state");
+    command->add_option("--user", user_, "Only jobs of this user")->check(IsText());
     command->add_flag("--all", all_, "Also list the pilots of quotes");
-    command->footer("Examples:\n  sheaf list\n  sheaf list --json --limit 10");
+    command->footer(
+        "Examples:\n  sheaf list\n  sheaf list --json --limit 10\n  sheaf list --state failed "
+        "--user anna");
     return command;
   }
 
  protected:
   ExitCode RunWith(FarmClient* client) override {
-    const absl::StatusOr<std::vector<v1::Job>> jobs =
-        client->ListJobs(static_cast<size_t>(limit_), all_);
+    // One more than the limit tells whether there are more.
+    const auto limit = static_cast<size_t>(limit_);
+    const bool is_chosen = !state_.empty() || !user_.empty();
+    absl::StatusOr<std::vector<v1::Job>> jobs =
+        client->ListJobs(is_chosen ? kJobsListedMax : limit + 1, all_);
     if (!jobs.ok()) return ReportCallError(jobs.status());
+    std::erase_if(*jobs, [this](const v1::Job& job) {
+      return (!state_.empty() && JobStateName(job.state()) != state_) ||
+             (!user_.empty() && job.owner() != user_);
+    });
+    const bool are_more = jobs->size() > limit;
+    if (are_more) jobs->resize(limit);
     if (!json())
       std::printf("%-12s %-10s %7s  %-10s %-12s %-12s %s\n", "JOB", "STATE", "DONE", "ERROR",
                   "OWNER", "SHOW", "TITLE");
@@ -95,12 +118,17 @@ class ListCommand : public FarmCommand {
         std::printf("  %s\n", PrintableLines(job.waiting_reason()).c_str());
       }
     }
+    if (are_more) {
+      PrintNote(absl::StrCat("there are older jobs than these ", limit,
+                             "; --limit lists more, --state and --user list some"));
+    }
     return ExitCode::kOk;
   }
 
  private:
   int limit_ = 100;
   bool all_ = false;
+  std::string state_, user_;
 };
 
 // "tags gpu-free, ssd; 60 GiB for scenes": empty where the worker has no tags.

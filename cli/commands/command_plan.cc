@@ -38,7 +38,7 @@ class PlanCommand : public Command {
     command
         ->add_option("--measure-seconds", measure_seconds_,
                      "Seconds to measure; more seconds give less noise")
-        ->check(CLI::Range(render::kMeasureSecondsMin, render::kMeasureSecondsMax))
+        ->check(InRange(render::kMeasureSecondsMin, render::kMeasureSecondsMax))
         ->capture_default_str();
     command->footer(
         "Examples:\n  sheaf plan room.pbrt\n  sheaf plan room.pbrt --json\n"

@@ -33,18 +33,18 @@ class QuoteCommand : public Command {
     AddPartitionOptions(command, &arguments_);
     command->add_option("--targets", asked_.targets, "Errors (relMSE) to quote, 0.1,0.05,...")
         ->delimiter(',')
-        ->check(CLI::Range(1e-9, 1e3))
+        ->check(InRange(1e-9, 1e3))
         ->capture_default_str();
     command
         ->add_option("--minutes", asked_.minutes,
                      "Wall times in minutes to quote the least error for, 10,60,...")
         ->delimiter(',')
-        ->check(CLI::Range(0.01, 1e6))
+        ->check(InRange(0.01, 1e6))
         ->capture_default_str();
     command
         ->add_option("--priority", arguments_.priority,
                      "Priority of the quoted job: higher values run first and wait for fewer jobs")
-        ->check(CLI::Range(-1000, 1000))
+        ->check(InRange(-1000, 1000))
         ->capture_default_str();
     AddCoordinatorOption(command, &coordinator_);
     command->add_flag("--local", here_,
@@ -52,7 +52,7 @@ class QuoteCommand : public Command {
     command
         ->add_option("--threads", farm_.worker.thread_count,
                      "With --local: threads; 0: all processors")
-        ->check(CLI::Range(0, 4096));
+        ->check(InRange(0, 4096));
     AddJsonFlag(command, &json_);
     command->footer(
         "Examples:\n"

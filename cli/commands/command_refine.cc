@@ -34,7 +34,7 @@ class RefineCommand : public FarmCommand {
     command
         ->add_option("--samples", samples_,
                      "Total samples per pixel; with an error, a time or a budget: the maximum")
-        ->check(CLI::PositiveNumber);
+        ->check(InRange(int64_t{1}));
     command->add_flag("--wait", wait_, "Wait, then download the images");
     command->add_flag(
         "--price", price_,

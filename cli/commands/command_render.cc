@@ -30,7 +30,7 @@ class RenderCommand : public Command {
     AddJobOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
     command->add_option("--threads", farm_.worker.thread_count, "Threads; 0: all processors")
-        ->check(CLI::Range(0, 4096))
+        ->check(InRange(0, 4096))
         ->capture_default_str();
     command->add_option("--http", farm_.http_address,
                         "Serve the page that shows the progress of the image, HOST:PORT");

@@ -99,11 +99,11 @@ class ReproCommand : public Command {
         ->add_option("--load-seconds-max", load_seconds_max_,
                      "Time to load the scene, after which its process is killed (default: 120,\n"
                      "and 1 for each megabyte of the scene's files)")
-        ->check(CLI::Range(1.0, kSecondsMax));
+          ->check(InRange(1.0, kSecondsMax));
     command
         ->add_option("--task-seconds-max", task_seconds_max_,
                      "Time to render the task, after which its process is killed")
-        ->check(CLI::Range(1.0, kSecondsMax))
+        ->check(InRange(1.0, kSecondsMax))
         ->capture_default_str();
     command->footer(
         "Examples:\n"

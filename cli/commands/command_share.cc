@@ -37,10 +37,10 @@ class ShareCommand : public FarmCommand {
         ->add_option("--weight", weight_,
                      "Its share beside users of the same show, or beside other shows, relative to "
                      "their weights; others have 1")
-        ->check(CLI::Range(coordinator::kShareWeightMin, coordinator::kShareWeightMax));
+        ->check(InRange(coordinator::kShareWeightMin, coordinator::kShareWeightMax));
     command
         ->add_option("--threads-max", threads_max_, "Threads that it may hold at once; 0: no limit")
-        ->check(CLI::Range(0, coordinator::kShareThreadsMax));
+        ->check(InRange(0, coordinator::kShareThreadsMax));
     command->footer(
         "Examples:\n"
         "  sheaf share list\n"

@@ -40,10 +40,10 @@ class StudyCommand : public Command {
     command
         ->add_option("--minutes", options_.minutes,
                      "Approximate duration; more minutes give less noise")
-        ->check(CLI::Range(kStudyMinutesMin, kStudyMinutesMax))
+        ->check(InRange(kStudyMinutesMin, kStudyMinutesMax))
         ->capture_default_str();
     command->add_option("--threads", options_.threads, "Threads that render (default: all)")
-        ->check(CLI::Range(1, 4096));
+        ->check(InRange(1, 4096));
     AddCoordinatorOption(command, &coordinator_);
     coordinator_option_ = command->get_option("--coordinator");
     coordinator_option_->description(

@@ -57,7 +57,7 @@ class SubmitCommand : public Command {
     command->add_option("--title", arguments_.title, "Title of the job (default: the file's name)")
         ->check(IsText(coordinator::kTitleBytesMax));
     command->add_option("--priority", arguments_.priority, "Higher values run first")
-        ->check(CLI::Range(-1000, 1000))
+        ->check(InRange(-1000, 1000))
         ->capture_default_str();
     AddPlacementOptions(command, &arguments_);
     command
@@ -76,7 +76,7 @@ class SubmitCommand : public Command {
             "--measure", measure_seconds_,
             "First measure for this many seconds, on this machine, the cost and the influence of "
             "each effect of the first frame's scene (see sheaf plan); shown with the job")
-        ->check(CLI::Range(render::kMeasureSecondsMin, render::kMeasureSecondsMax));
+        ->check(InRange(render::kMeasureSecondsMin, render::kMeasureSecondsMax));
     command->footer(
         "Examples:\n"
         "  sheaf submit room.pbrt --samples 256 --wait -o room.exr --png room.png\n"

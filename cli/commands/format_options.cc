@@ -33,7 +33,7 @@ void AddFormatOptions(CLI::App* command, ImageFormat* format) {
   command
       ->add_option("--exr-tiles", format->exr.tile_size_px,
                    "Store tiles with this edge in pixels, not scan lines")
-      ->check(CLI::Range(kExrTileSizePxMin, kExrTileSizePxMax));
+      ->check(InRange(kExrTileSizePxMin, kExrTileSizePxMax));
   AddChoice(command, "--exr-depth", &format->depth,
             std::vector<std::pair<std::string, ExrDepth>>{{"ray", ExrDepth::kRay},
                                                           {"plane", ExrDepth::kPlane}},

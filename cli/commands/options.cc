@@ -135,12 +135,12 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
                    "Animation, by its name (default: the first, with those that move other things)")
       ->check(one_line);
   command->add_option("--fps", gltf->fps, "Frames per second: frame N shows (N - 1) / fps seconds")
-      ->check(CLI::Range(1e-3, GltfArguments::kFpsMax))
+      ->check(InRange(1e-3, GltfArguments::kFpsMax))
       ->capture_default_str();
   command
       ->add_option("--shutter", gltf->shutter,
                    "How long the shutter is open, in frames; 0: no motion blur")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(InRange(0.0, 1.0))
       ->capture_default_str();
   command
       ->add_option("--environment", gltf->environment,
@@ -197,7 +197,7 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "--similarity", settings->similarity_after,
           "Scatterings in media after which a path treats media as isotropic and thinner: faster "
           "in dense media, but BIASED, and displayed errors do not include the bias; 0: never")
-      ->check(CLI::Range(0, kSimilarityAfterMax))
+      ->check(InRange(0, kSimilarityAfterMax))
       ->capture_default_str();
   command
       ->add_option(
@@ -206,7 +206,7 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "is uncertain which of them matter, and each part is sampled: less noise for more time, "
           "where many lights are near. The limit halves with each scattering; frames with paths "
           "from lights, and vertices in media, take 1")
-      ->check(CLI::Range(1, kLightSamplesMax))
+      ->check(InRange(1, kLightSamplesMax))
       ->capture_default_str();
   std::vector<std::string> techniques = TechniquesNames();
   techniques.insert(techniques.begin(), kMeasuredTechniques);
@@ -253,11 +253,11 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option("SCENE", arguments->scene, "Scene file: pbrt-v4, or glTF 2.0 (.gltf, .glb)")
       ->required();
   command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
-      ->check(CLI::PositiveNumber);
+      ->check(InRange(int64_t{1}));
   command
       ->add_option("--max-depth", settings.max_depth,
                    "Maximum number of bounces (default: the scene's)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(InRange(int64_t{0}));
   command->add_option("--seed", settings.seed, "Seed of all samples (default: the scene's)");
   command->add_option_function<std::string>(
       "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
@@ -327,13 +327,13 @@ void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
   command
       ->add_option("--tile-size", arguments->tile_size_px,
                    "Edge of a tile; changes no pixel, unless sampling is adaptive")
-      ->check(CLI::Range(8, kTileSizePxMax));
+      ->check(InRange(8, kTileSizePxMax));
   command
       ->add_option("--cell-size", arguments->cell_size_px,
                    "With adaptive sampling: edge of the cells of a tile, each with its own number "
                    "of samples; divides the tile's edge into at most 8 cells (default: 4 in small "
                    "frames, more in larger ones)")
-      ->check(CLI::Range(1, kTileSizePxMax));
+      ->check(InRange(1, kTileSizePxMax));
   command
       ->add_option("--pass-samples", arguments->pass_sample_count,
                    "Samples of one pass, a power of two; changes no pixel")

@@ -3,11 +3,13 @@
 #include "common/command_line/command_line.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <system_error>
 
 #include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
@@ -180,6 +182,34 @@ CLI::Validator IsText(size_t bytes_max) {
         return "";
       },
       "");
+}
+
+CLI::Validator InRange(int64_t min, int64_t max) {
+  const bool is_open = max == std::numeric_limits<int64_t>::max();
+  const std::string allowed =
+      is_open ? absl::StrCat("of at least ", min) : absl::StrCat("from ", min, " to ", max);
+  return CLI::Validator(
+      [=](const std::string& text) -> std::string {
+        int64_t value = 0;
+        if (absl::SimpleAtoi(text, &value) && value >= min && value <= max) return "";
+        return absl::StrCat("\"", Printable(text), "\" is not a whole number ", allowed);
+      },
+      is_open ? "" : absl::StrCat("N in [", min, " - ", max, "]"));
+}
+
+CLI::Validator InRange(int min, int max) { return InRange(int64_t{min}, int64_t{max}); }
+
+CLI::Validator InRange(double min, double max) {
+  const bool is_open = std::isinf(max);
+  const std::string allowed =
+      is_open ? absl::StrCat("of at least ", min) : absl::StrCat("from ", min, " to ", max);
+  return CLI::Validator(
+      [=](const std::string& text) -> std::string {
+        double value = 0;
+        if (absl::SimpleAtod(text, &value) && value >= min && value <= max) return "";
+        return absl::StrCat("\"", Printable(text), "\" is not a number ", allowed);
+      },
+      is_open ? "" : absl::StrCat("N in [", min, " - ", max, "]"));
 }
 
 CLI::Option* AddChoiceOf(CLI::App* command, const std::string& names,

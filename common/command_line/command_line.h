@@ -7,7 +7,9 @@
 
 #include <CLI/CLI.hpp>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
@@ -30,6 +32,12 @@ std::vector<std::string> ChoicesOf(const CLI::Option& option);
 // most this many bytes.
 inline constexpr size_t kNameBytesMax = 300;
 CLI::Validator IsText(size_t bytes_max = kNameBytesMax);
+
+// Of a number: it is refused, in words, unless it is one of at least min and at most max; a whole
+// one where min is.
+CLI::Validator InRange(int64_t min, int64_t max = std::numeric_limits<int64_t>::max());
+CLI::Validator InRange(int min, int max);
+CLI::Validator InRange(double min, double max = std::numeric_limits<double>::infinity());
 
 // Options added during its lifetime appear under that heading in help.
 class OptionGroup {

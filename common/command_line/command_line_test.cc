@@ -29,7 +29,10 @@ class CommandLineTest : public ::testing::Test {
     command_->add_option("SCENE", scene_, "The scene")->required();
     const OptionGroup group(command_, "How it looks");
     AddChoice<int, int>(command_, "--color", &color_, {{"auto", 0}, {"rgb", 1}}, "The color");
-    command_->add_option("--tile-size", size_, "Edge of a tile")->check(CLI::Range(8, 1024));
+    command_->add_option("--tile-size", size_, "Edge of a tile")->check(InRange(8, 1024));
+    command_->add_option("--samples", size_, "How many")->check(InRange(int64_t{1}));
+    command_->add_option("--tolerance", tolerance_, "How far")->check(InRange(0.0));
+    command_->add_option("--error", tolerance_, "How wrong")->check(InRange(1e-9, 1e3));
     command_->add_option("--memory", memory_, "Limit")
         ->transform(CLI::AsSizeValue(false))
         ->capture_default_str();
@@ -62,7 +65,23 @@ class CommandLineTest : public ::testing::Test {
   std::string scene_;
   int color_ = -1, size_ = 0;
   uint64_t memory_ = 64;
+  double tolerance_ = 0;
 };
+
+TEST_F(CommandLineTest, RefusedNumbersAreToldTheRangeInWords) {
+  for (const char* text : {"0", "-1", "abc", "1.5", "99999999999999999999"}) {
+    EXPECT_THAT(
+        Parse({"render", "a.pbrt", "--samples", text}),
+        HasSubstr(absl::StrCat("--samples: \"", text, "\" is not a whole number of at least 1")));
+  }
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--tile-size", "4"}),
+              HasSubstr("\"4\" is not a whole number from 8 to 1024"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--tolerance", "nan"}),
+              HasSubstr("\"nan\" is not a number of at least 0"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--error", "0"}),
+              HasSubstr("\"0\" is not a number from 1e-09 to 1000"));
+  EXPECT_EQ(Parse({"render", "a.pbrt", "--samples", "1", "--tolerance", "0.5"}), "");
+}
 
 TEST_F(CommandLineTest, SuggestsNearestNames) {
   EXPECT_THAT(Parse({"rendr"}), HasSubstr("unknown command \"rendr\"; did you mean \"render\"?"));

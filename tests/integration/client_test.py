@@ -184,11 +184,25 @@ class ClientTest(ClientCase):
                   self.farm.sheaf("list", "--json").stdout.splitlines()]
         self.assertIn(name, [entry["name"] for entry in listed])
         self.assertIn(name, self.farm.sheaf("list").stdout)
+        self.check_list(name, listed)
 
         again = self.farm.path("out", "again.#.exr")
         self.farm.sheaf("watch", name, "-o", again)
         self.assertEqual(farm.image_digest(self.farm.path("out", "again.2.exr")), digests[1])
         self.expect(self.farm.sheaf("watch", name, "-o", "one.exr", check=False), USAGE)
+
+    def check_list(self, name, listed):
+        """Of what the list leaves out, and the choice of what it lists."""
+        self.farm.sheaf("submit", self.write("listed.pbrt", SCENE), "--samples", 1, "--pool", "none")
+        done = self.farm.sheaf("list", "--limit", 1)
+        self.assertEqual(done.stdout.count("jobs/"), 1, done.stdout)
+        self.assertIn("there are older jobs than these 1", done.stderr)
+        whole = self.farm.sheaf("list", "--limit", len(listed) + 1)
+        self.assertEqual(whole.stdout.count("jobs/"), len(listed) + 1)
+        self.assertNotIn("older jobs", whole.stderr)
+        self.assertNotIn(name, self.farm.sheaf("list", "--state", "queued").stdout)
+        self.assertIn(name, self.farm.sheaf("list", "--state", "succeeded").stdout)
+        self.assertNotIn("jobs/", self.farm.sheaf("list", "--user", "nobody-of-this-name").stdout)
 
     def test_views(self):
         scene = self.write("view.pbrt", SCENE)
