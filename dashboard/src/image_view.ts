@@ -26,7 +26,8 @@ export class ImageView {
   private readonly layers: LayerChoice;
   private readonly mode: CompareModeChoice;
   private job: string|null = null;
-  // The job that the comparison was chosen for.
+  // The compared frame, and the job that it was chosen for.
+  private comparedFrame = '';
   private comparedJob: string|null = null;
   private rangeWords = '';
   private besideWords = '';
@@ -87,7 +88,10 @@ export class ImageView {
   }
 
   private readonly drawBeside = () => {
-    this.comparedJob = this.store.jobName;
+    // Newer images of the compared frame are no new choice.
+    const compared = this.store.beside?.name ?? '';
+    if (compared !== this.comparedFrame) this.comparedJob = this.store.jobName;
+    this.comparedFrame = compared;
     this.mode.draw();
     // Also where nothing is compared any longer: the difference is still shown.
     if (this.mode.isDifference)
