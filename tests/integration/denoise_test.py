@@ -56,13 +56,41 @@ class DenoiseTest(unittest.TestCase):
 
     def test_layers_are_beside_the_image(self):
         header = farm.read_bytes(self.path("expected"))[:4096]
-        for channel in (b"R\0", b"denoised.R\0", b"denoisedError.B\0", b"sheaf:denoisedMse\0"):
+        for channel in (b"R\0", b"denoised.R\0", b"denoisedError.B\0",
+                        b"sheaf:denoisedMse\0float\0"):
             self.assertIn(channel, header)
         self.assertNotIn(b"even.", header)
         self.rendered("plain")
         self.assertNotIn(b"denoised", farm.read_bytes(self.path("plain"))[:4096])
         compared = json.loads(farm.compare(self.path("plain"), self.path("expected")))
         self.assertEqual(compared["verdict"], "identical")
+
+    def test_pngs_show_the_denoised_layer(self):
+        pngs = {}
+        for layer in ("", "denoised", "image", "denoised_external"):
+            png = self.path(layer or "unasked") + ".png"
+            asked = ("--png-layer", layer) if layer else ()
+            done = subprocess.run([os.path.join(farm.programs(), "sheaf"), "render", self.scene,
+                                   "--denoise", "-o", self.path("shown"), "--png", png, *asked],
+                                  capture_output=True, text=True, check=False)
+            if layer == "denoised_external":
+                self.assertEqual(done.returncode, 6, done.stderr)
+                self.assertIn("no layer denoised_external; --denoise-with adds it", done.stderr)
+                self.assertEqual(farm.image_digest(self.path("shown")), self.expected)
+            else:
+                self.assertEqual(done.returncode, 0, done.stderr)
+                pngs[layer] = farm.read_bytes(png)
+        self.assertEqual(pngs[""], pngs["denoised"])
+        self.assertNotEqual(pngs[""], pngs["image"])
+
+    def test_depth_from_the_plane_of_the_camera(self):
+        self.rendered("ray")
+        self.rendered("plane", "--exr-depth", "plane")
+        header = farm.read_bytes(self.path("plane"))[:4096]
+        self.assertIn(b"sheaf:depth\0string\0", header)
+        self.assertNotIn(b"sheaf:depth\0", farm.read_bytes(self.path("ray"))[:4096])
+        self.assertNotEqual(farm.image_digest(self.path("plane")),
+                            farm.image_digest(self.path("ray")))
 
     def test_in_one_process(self):
         for arguments in (SMALL, ("--threads", 3)):
