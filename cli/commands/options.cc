@@ -81,20 +81,21 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
   AddChoice(
       command, "--primaries", &settings->primaries, primaries,
       "Primaries of the image's R, G, B, all linear (default: the ColorSpace at the scene's Film)");
-  command->add_option_function<std::string>(
-      "--aov", [settings](const std::string& text) { AddOutputs(text, &settings->outputs); },
-      "Also write these quantities of the first surface, separated by commas: position, "
-      "normal-geometric, normal-shading, uv, motion, object-id, material-id, asset-id (see "
-      "docs/outputs.md)");
-  command->add_option_function<std::string>(
-      "--cryptomatte",
+  AddList(
+      command, "--aov",
+      {"position", "normal-geometric", "normal-shading", "uv", "motion", "object-id", "material-id",
+       "asset-id"},
+      [settings](const std::string& text) { AddOutputs(text, &settings->outputs); },
+      "Also write these quantities of the first surface", " (see docs/outputs.md)");
+  AddList(
+      command, "--cryptomatte", {"object", "material", "asset"},
       [settings](const std::string& text) {
         const absl::Status status = AddCryptomattes(text, &settings->outputs);
         if (!status.ok()) {
           throw CLI::ValidationError("--cryptomatte", std::string(status.message()));
         }
       },
-      "Also write these mattes, separated by commas: object, material, asset");
+      "Also write these mattes");
   command->add_flag("--light-groups", settings->light_groups,
                     "Write the contribution of each group of lights (\"string lightgroup\")");
   command->add_flag("--light-paths", settings->light_paths,

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <system_error>
@@ -22,6 +23,7 @@ namespace {
 
 constexpr size_t kHelpColumns = 100;
 constexpr size_t kNameColumns = 26;
+constexpr char kListed[] = ", separated by commas: ";
 
 // The argument library's description of an option's type: "UINT:INT in [8 - 1024]".
 std::string Notation(const CLI::Option& option) {
@@ -230,6 +232,22 @@ CLI::Option* AddChoiceOf(CLI::App* command, const std::string& names,
           },
           help)
       ->type_name(type);
+}
+
+CLI::Option* AddList(CLI::App* command, const std::string& names,
+                     const std::vector<std::string>& words,
+                     std::function<void(const std::string&)> on_text, const std::string& help,
+                     const std::string& after) {
+  return command->add_option_function<std::string>(
+      names, std::move(on_text), absl::StrCat(help, kListed, absl::StrJoin(words, ", "), after));
+}
+
+std::vector<std::string> ListedWordsOf(const CLI::Option& option) {
+  const std::string help = option.get_description();
+  const size_t at = help.find(kListed);
+  if (at == std::string::npos) return {};
+  const size_t begin = at + std::strlen(kListed);
+  return absl::StrSplit(help.substr(begin, help.find(" (", begin) - begin), ", ");
 }
 
 std::vector<std::string> ChoicesOf(const CLI::Option& option) {

@@ -28,6 +28,9 @@ std::string ValueName(const CLI::Option& option);
 // The words that the option accepts, if they are few; for completion.
 std::vector<std::string> ChoicesOf(const CLI::Option& option);
 
+// The words of an option made by AddList; empty for others.
+std::vector<std::string> ListedWordsOf(const CLI::Option& option);
+
 // Of a text that goes to the coordinator: it is refused unless it is printable UTF-8, and of at
 // most this many bytes.
 inline constexpr size_t kNameBytesMax = 300;
@@ -72,6 +75,13 @@ CLI::Option* AddChoice(CLI::App* command, const std::string& names, Target* targ
       command, names, std::move(words),
       [target, choices = std::move(choices)](size_t i) { *target = choices[i].second; }, help);
 }
+
+// An option that accepts a list of words, separated by commas. help: its beginning, which the words
+// follow; after: its end.
+CLI::Option* AddList(CLI::App* command, const std::string& names,
+                     const std::vector<std::string>& words,
+                     std::function<void(const std::string&)> on_text, const std::string& help,
+                     const std::string& after = "");
 
 // Parses the command line. Returns the exit code if the program should end: after printing help or
 // the version, or after passing a one-line error to on_error.

@@ -68,6 +68,19 @@ class CommandLineTest : public ::testing::Test {
   double tolerance_ = 0;
 };
 
+TEST_F(CommandLineTest, ListsNameTheirWords) {
+  std::string taken;
+  const CLI::Option* list = AddList(
+      command_, "--aov", {"uv", "motion"}, [&](const std::string& text) { taken = text; },
+      "Quantities", " (see the documents)");
+  EXPECT_EQ(list->get_description(),
+            "Quantities, separated by commas: uv, motion (see the documents)");
+  EXPECT_EQ(ListedWordsOf(*list), (std::vector<std::string>{"uv", "motion"}));
+  EXPECT_TRUE(ListedWordsOf(*command_->get_option("--color")).empty());
+  EXPECT_EQ(Parse({"render", "a.pbrt", "--aov", "uv,motion"}), "");
+  EXPECT_EQ(taken, "uv,motion");
+}
+
 TEST_F(CommandLineTest, RefusedNumbersAreToldTheRangeInWords) {
   for (const char* text : {"0", "-1", "abc", "1.5", "99999999999999999999"}) {
     EXPECT_THAT(

@@ -14,7 +14,8 @@ CompletionCommand DescribeCommand(const CLI::App& command) {
     }
     for (const std::string& name : option->get_lnames()) {
       description.options.push_back({"--" + name, option->get_description(),
-                                     option->get_items_expected_max() > 0, ChoicesOf(*option)});
+                                     option->get_items_expected_max() > 0, ChoicesOf(*option),
+                                     ListedWordsOf(*option)});
     }
   }
   return description;

@@ -36,9 +36,11 @@ std::string Names(const std::vector<CompletionOption>& options) {
 std::string BashValues(const std::string& command, const std::vector<CompletionOption>& options) {
   std::string values;
   for (const CompletionOption& option : options) {
-    if (option.choices.empty()) continue;
+    if (option.choices.empty() && option.listed.empty()) continue;
+    const bool is_list = !option.listed.empty();
     absl::StrAppend(&values, "    ", command, ":", option.name, ") words='",
-                    absl::StrJoin(option.choices, " "), "' ;;\n");
+                    absl::StrJoin(is_list ? option.listed : option.choices, " "), "'",
+                    is_list ? " list=yes" : "", " ;;\n");
   }
   return values;
 }
@@ -60,7 +62,14 @@ std::string BashScript(const CompletionProgram& program) {
   return absl::StrCat(function,
                       "() {\n"
                       "  local word=\"${COMP_WORDS[COMP_CWORD]}\" words=\"\" command=\"\"\n"
-                      "  COMPREPLY=()\n",
+                      "  local before=\"${COMP_WORDS[COMP_CWORD-1]}\" list=\"\" first=\"\"\n"
+                      "  COMPREPLY=()\n"
+                      // bash takes the = of --option=value for a word of its own.
+                      "  if [ \"$word\" = '=' ]; then\n"
+                      "    word=''\n"
+                      "  elif [ \"$before\" = '=' ]; then\n"
+                      "    before=\"${COMP_WORDS[COMP_CWORD-2]}\"\n"
+                      "  fi\n",
                       program.commands.empty()
                           ? ""
                           : absl::StrCat("  if [ \"$COMP_CWORD\" -gt 1 ]; then\n"
@@ -68,7 +77,7 @@ std::string BashScript(const CompletionProgram& program) {
                                          Names(program.commands, "|"),
                                          ") command=\"${COMP_WORDS[1]}\" ;; esac\n"
                                          "  fi\n"),
-                      "  case \"$command:${COMP_WORDS[COMP_CWORD-1]}\" in\n", values,
+                      "  case \"$command:$before\" in\n", values,
                       "  esac\n"
                       "  if [ -n \"$words\" ]; then\n"
                       "    :\n"
@@ -85,8 +94,13 @@ std::string BashScript(const CompletionProgram& program) {
                       arguments,
                       "    esac\n"
                       "  fi\n"
+                      "  if [ -n \"$list\" ]; then\n"
+                      "    [[ \"$word\" == *,* ]] && first=\"${word%,*},\"\n"
+                      "    compopt -o nospace 2>/dev/null\n"
+                      "  fi\n"
                       "  if [ -n \"$words\" ]; then\n"
-                      "    mapfile -t COMPREPLY < <(compgen -W \"$words\" -- \"$word\")\n"
+                      "    mapfile -t COMPREPLY < <(compgen -P \"$first\" -W \"$words\" -- "
+                      "\"${word#\"$first\"}\")\n"
                       "  fi\n"
                       "}\n"
                       "complete -o default -F ",
@@ -97,11 +111,18 @@ std::string ZshWords(const std::vector<std::string>& choices) {
   return choices.empty() ? "_files" : absl::StrCat("(", absl::StrJoin(choices, " "), ")");
 }
 
+std::string ZshValue(const CompletionOption& option) {
+  if (option.listed.empty()) return ZshWords(option.choices);
+  return absl::StrCat("_values -s , value ", absl::StrJoin(option.listed, " "));
+}
+
 std::string ZshOptions(const std::vector<CompletionOption>& options) {
   std::string text;
   for (const CompletionOption& option : options) {
-    absl::StrAppend(&text, " '", option.name, "[", Plain(option.help), "]",
-                    option.takes_value ? ":value:" + ZshWords(option.choices) : "", "'");
+    // With "=", zsh completes --option=value as well.
+    absl::StrAppend(&text, " '", option.name, option.takes_value ? "=" : "", "[",
+                    Plain(option.help), "]", option.takes_value ? ":value:" + ZshValue(option) : "",
+                    "'");
   }
   return text;
 }
@@ -155,14 +176,19 @@ std::string ZshScript(const CompletionProgram& program) {
                       function, " ", program.name, "\nfi\n");
 }
 
+std::string FishValues(const CompletionOption& option) {
+  if (!option.listed.empty()) {
+    return absl::StrCat(" -f -a '(__fish_append , ", absl::StrJoin(option.listed, " "), ")'");
+  }
+  return option.choices.empty() ? ""
+                                : absl::StrCat(" -f -a '", absl::StrJoin(option.choices, " "), "'");
+}
+
 std::string FishOptions(const std::string& when, const std::vector<CompletionOption>& options) {
   std::string script;
   for (const CompletionOption& option : options) {
     absl::StrAppend(&script, when, " -l ", option.name.substr(2), option.takes_value ? " -r" : "",
-                    option.choices.empty()
-                        ? ""
-                        : absl::StrCat(" -f -a '", absl::StrJoin(option.choices, " "), "'"),
-                    " -d '", Plain(option.help), "'\n");
+                    FishValues(option), " -d '", Plain(option.help), "'\n");
   }
   return script;
 }

@@ -14,6 +14,7 @@ struct CompletionOption {
   std::string help;  // One line.
   bool takes_value = false;
   std::vector<std::string> choices = {};  // Values it accepts; empty: files.
+  std::vector<std::string> listed = {};   // The words of a list that commas separate.
 };
 struct CompletionCommand {
   std::string name, help;

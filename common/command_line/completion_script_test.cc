@@ -22,7 +22,8 @@ CompletionProgram Sheaf() {
             "Render on a farm",
             {{"--samples", "Samples per pixel", true},
              {"--wait", "It's [fast]: wait", false},
-             {"--color", "What a path carries", true, {"auto", "rgb"}}}},
+             {"--color", "What a path carries", true, {"auto", "rgb"}},
+             {"--aov", "Quantities", true, {}, {"position", "motion", "uv"}}}},
            {"watch", "Watch a job", {{"--json", "JSON", false}}, {}, true},
            {"completion", "For a shell", {}, {"bash", "zsh"}}},
           "sheaf completion jobs 2>/dev/null"};
@@ -49,6 +50,14 @@ TEST(CompletionScriptTest, BashCompletesCommandsAndTheirOptions) {
   EXPECT_EQ(complete("sheaf \"\"", 1), "submit watch completion\n");
   EXPECT_EQ(complete("sheaf submit --color \"\"", 3), "auto rgb\n");
   EXPECT_EQ(complete("sheaf submit --color r", 3), "rgb\n");
+  EXPECT_EQ(complete("sheaf submit --color = \"\"", 4), "auto rgb\n");  // --color=
+  EXPECT_EQ(complete("sheaf submit --color =", 3), "auto rgb\n");
+  EXPECT_EQ(complete("sheaf submit --color = r", 4), "rgb\n");
+  EXPECT_EQ(complete("sheaf submit --aov po", 3), "position\n");
+  EXPECT_EQ(complete("sheaf submit --aov position,mo", 3), "position,motion\n");
+  EXPECT_EQ(complete("sheaf submit --aov uv,position,", 3),
+            "uv,position,position uv,position,motion uv,position,uv\n");
+  EXPECT_EQ(complete("sheaf submit --aov = uv,m", 4), "uv,motion\n");
   EXPECT_EQ(complete("sheaf completion z", 2), "zsh\n");
   EXPECT_EQ(complete("sheaf --", 1), "--version\n");
   EXPECT_EQ(complete("sheaf submit --sa", 2), "--samples\n");
@@ -62,6 +71,8 @@ TEST(CompletionScriptTest, HelpTextIsQuoted) {
     EXPECT_THAT(script, HasSubstr("samples"));
     EXPECT_THAT(script, HasSubstr("watch"));
     EXPECT_THAT(script, HasSubstr("auto rgb"));
+    EXPECT_THAT(script, HasSubstr(", " + std::string(shell == Shell::kZsh ? "value " : "") +
+                                  "position motion uv"));
     EXPECT_THAT(script, HasSubstr("sheaf completion jobs"));
   }
 }

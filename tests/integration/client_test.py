@@ -550,6 +550,13 @@ class ClientTest(ClientCase):
                          ["image", "error", "samples", "denoised", "denoisedError",
                           "denoised_external"])
         self.assertIn("acescg", complete("submit", "--primaries", "a"))
+        listed = complete("render", "--aov", '""')
+        self.assertEqual(complete("render", "--aov", "uv,mot"), ["uv,motion"])
+        self.assertEqual(complete("render", "--cryptomatte", "a"), ["asset"])
+        scene = self.write("listed.pbrt", SCENE)
+        self.expect(run("plan", scene, "--aov", ",".join(listed)), OK)
+        wrong = self.expect(run("plan", scene, "--aov", "none"), USAGE).stderr
+        self.assertEqual([word for word in listed if word not in wrong], [])
         self.assertIn(name, complete("watch", '""'))
         self.assertIn(name, complete("cancel", "jobs/"))
 

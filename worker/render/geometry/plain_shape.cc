@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <utility>
 #include <variant>
 
@@ -112,6 +113,21 @@ TriangleMesh MeshOf(const BilinearMesh& patches) {
   return mesh;
 }
 
+// Removes the triangles without area, as at the poles of spheres: they would be reported as those
+// of the user's meshes are.
+void RemoveCollapsed(TriangleMesh* mesh) {
+  std::vector<uint32_t> kept;
+  for (size_t at = 0; at < mesh->indices.size(); at += 3) {
+    const Vec3d a = ToDouble(mesh->positions[mesh->indices[at]]);
+    const Vec3d b = ToDouble(mesh->positions[mesh->indices[at + 1]]);
+    const Vec3d c = ToDouble(mesh->positions[mesh->indices[at + 2]]);
+    if (!(LengthSquared(Cross(b - a, c - a)) > 0)) continue;
+    kept.insert(kept.end(), mesh->indices.begin() + static_cast<std::ptrdiff_t>(at),
+                mesh->indices.begin() + static_cast<std::ptrdiff_t>(at + 3));
+  }
+  mesh->indices = std::move(kept);
+}
+
 }  // namespace
 
 std::optional<TriangleMesh> TrianglesOf(const ShapeDescription& shape, uint32_t steps) {
@@ -130,6 +146,7 @@ void MakePlain(SceneDescription* scene) {
       mesh = MeshOf(scene->bilinear_meshes[static_cast<size_t>(patches->mesh)]);
     }
     if (!mesh.has_value()) continue;
+    RemoveCollapsed(&*mesh);
     shape.shape = MeshShape{static_cast<int32_t>(scene->meshes.size())};
     scene->meshes.push_back(*std::move(mesh));
   }

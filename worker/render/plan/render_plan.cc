@@ -382,13 +382,6 @@ class PlanMaker {
   bool has_scattering_media_ = false, has_emissive_media_ = false;
 };
 
-// "~ +12 %", or "?" if there is no measurement.
-std::string CostText(const PlannedEffect& effect) {
-  if (effect.expected_time_ratio == 0) return "?";
-  const long percent = std::lround(100 * (effect.expected_time_ratio - 1));
-  return absl::StrCat("~ ", percent < 0 ? "" : "+", percent, " %");
-}
-
 std::string JoinNames(const std::vector<std::string>& names) {
   std::string joined;
   for (const std::string& name : names) absl::StrAppend(&joined, joined.empty() ? "" : ", ", name);
@@ -402,22 +395,17 @@ RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& se
 }
 
 std::string FormatRenderPlan(const RenderPlan& plan) {
-  size_t width = 0, cost_width = 0;
-  for (const PlannedEffect& effect : plan.effects) {
-    width = std::max(width, effect.name.size());
-    cost_width = std::max(cost_width, CostText(effect).size());
-  }
+  size_t width = 0;
+  for (const PlannedEffect& effect : plan.effects) width = std::max(width, effect.name.size());
   std::string text;
   for (const PlannedEffect& effect : plan.effects) {
-    const std::string cost = CostText(effect);
-    absl::StrAppend(&text, effect.name,
-                    std::string(width - effect.name.size() + 2 + cost_width - cost.size(), ' '),
-                    cost, "  ", effect.cause, "\n");
+    absl::StrAppend(&text, effect.name, std::string(width - effect.name.size() + 2, ' '),
+                    effect.cause, "\n");
   }
   if (!plan.effects.empty()) {
     absl::StrAppend(&text,
-                    "~: change in time per sample, measured in a small test scene of the effect; "
-                    "it may differ much here, and --measure measures it in this scene\n");
+                    "what each of them costs differs from scene to scene: --measure measures "
+                    "it in this one\n");
   }
   if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
   absl::StrAppend(&text, "lights: ", plan.light_count,
