@@ -193,7 +193,8 @@ class ClientTest(ClientCase):
 
     def check_list(self, name, listed):
         """Of what the list leaves out, and the choice of what it lists."""
-        self.farm.sheaf("submit", self.write("listed.pbrt", SCENE), "--samples", 1, "--pool", "none")
+        scene = self.write("listed.pbrt", SCENE)
+        self.farm.sheaf("submit", scene, "--samples", 1, "--pool", "none")
         done = self.farm.sheaf("list", "--limit", 1)
         self.assertEqual(done.stdout.count("jobs/"), 1, done.stdout)
         self.assertIn("there are older jobs than these 1", done.stderr)
