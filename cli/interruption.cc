@@ -5,11 +5,10 @@
 #include <signal.h>
 #include <unistd.h>
 
-#include <condition_variable>
-#include <mutex>
-
+#include "absl/time/time.h"
 #include "cli/exit_code.h"
 #include "cli/message.h"
+#include "common/base/mutex.h"
 
 namespace sheaf::cli {
 namespace {
@@ -20,11 +19,9 @@ namespace {
 }
 
 void EndAfter(std::chrono::milliseconds grace, const std::stop_token& ended) {
-  std::mutex mutex;
-  std::condition_variable_any changed;
-  std::unique_lock<std::mutex> lock(mutex);
-  changed.wait_for(lock, ended, grace, [] { return false; });
-  if (!ended.stop_requested()) EndNow("interrupted; what was under way did not end in time");
+  if (SleepUnlessStopped(absl::FromChrono(grace), ended)) {
+    EndNow("interrupted; what was under way did not end in time");
+  }
 }
 
 }  // namespace
