@@ -32,7 +32,7 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
     limits.memory_limit = "the remainder of " + room.limit;
   }
   absl::StatusOr<ReadSceneResult> read = ReadSceneByName(main_file, *files, limits);
-  if (!read.ok()) return read.status();
+  if (!read.ok()) return ChangeOr(read.status(), *files);
   if (std::string black =
           WhyBlack(read->scene, IsGltfName(main_file) ? SceneFormat::kGltf : SceneFormat::kPbrt);
       !black.empty()) {

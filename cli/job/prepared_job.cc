@@ -68,7 +68,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
   if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
-    return status;
+    return ChangeOr(status, *file->files);
   }
   ReadSceneResult& read = file->read;
   ReadFrameResult result;
@@ -119,7 +119,9 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   result.frame.memory_bytes = render::EstimateMemory(read.scene, *file->files).TotalBytes();
   absl::Status checked = render::CheckScene(std::move(read.scene), *resolved, *file->files);
   // Without its library (kFailedPrecondition) no image can be read; this is no error of the scene.
-  if (!checked.ok() && !absl::IsFailedPrecondition(checked)) return checked;
+  if (!checked.ok() && !absl::IsFailedPrecondition(checked)) {
+    return ChangeOr(checked, *file->files);
+  }
   return result;
 }
 

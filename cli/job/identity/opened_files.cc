@@ -104,4 +104,9 @@ absl::Status CheckUnchanged(const std::map<std::string, FileState>& states) {
   return absl::OkStatus();
 }
 
+absl::Status ChangeOr(const absl::Status& failed, const OpenedFiles& files) {
+  absl::Status changed = CheckUnchanged(files.States());
+  return changed.ok() ? failed : changed;
+}
+
 }  // namespace sheaf::cli

@@ -53,5 +53,8 @@ std::string OutsideNote(const std::set<std::string>& names);
 
 // Errors: kFailedPrecondition if a file is not as it was, naming it.
 absl::Status CheckUnchanged(const std::map<std::string, FileState>& states);
+// Why a scene could not be read: that a file has changed, where one has, for what was read is then
+// a mixture. failed: what the reader says.
+absl::Status ChangeOr(const absl::Status& failed, const OpenedFiles& files);
 
 }  // namespace sheaf::cli
