@@ -270,8 +270,8 @@ absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string&
   auto model = std::make_unique<tinygltf::Model>();
   Access access{main_file, &files, bytes_max, absl::OkStatus()};
   const absl::Status status = Parse(&access, parsable, is_binary, model.get(), warning);
-  const bool is_first = status.ok() ? model->asset.version.starts_with("1.")
-                                    : access.status.ok() && !is_binary && IsFirstVersion(parsable);
+  // The parser passes over the objects of the first version, or fails at what is not there.
+  const bool is_first = access.status.ok() && model->meshes.empty() && IsFirstVersion(parsable);
   if (is_first) {
     return absl::InvalidArgumentError(absl::StrCat(
         main_file, ": is glTF 1.0, Sheaf reads 2.0; convert it, for example with gltf-pipeline"));

@@ -96,10 +96,6 @@ std::string ParsableJson(std::string_view text) {
 
 bool IsFirstVersion(std::string_view text) {
   Json json = Json::parse(text, nullptr, false);
-  const Json* version = Find(Find(&json, "asset"), "version");
-  if (version != nullptr && version->is_string()) {
-    return version->get<std::string>().starts_with("1.");
-  }
   const Json* meshes = Find(&json, "meshes");
   return meshes != nullptr && meshes->is_object();
 }
