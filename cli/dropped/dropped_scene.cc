@@ -84,6 +84,8 @@ absl::Status ConfineTo(const v1::PrepareRequest& request, worker::Protections* m
   // Paths are relative from here on, so that messages show what people have dropped.
   if (::chdir(request.folder().c_str()) != 0) return StatusFromErrno(errno, "entering the folder");
   ::setenv("TMPDIR", kScratch, 1);  // Of DerivedFiles.
+  // Looking up the user's home may take a socket, which ends the process.
+  ::setenv("HOME", confinement.writable_folder.c_str(), 1);
   return absl::OkStatus();
 }
 

@@ -86,6 +86,11 @@ JobView MakeJob(int number, absl::Time create_time) {
   job.title = number % 7 == 3 ? "<script>alert(1)</script> & a rather long title that must be cut"
                               : absl::StrCat("shot ", number % 40 + 10, " / turntable");
   job.create_time = create_time;
+  for (FrameView& frame : job.frames) {
+    frame.settings.width_px = kWidthPx;
+    frame.settings.height_px = kHeightPx;
+    frame.settings.window = {0, 0, kWidthPx, kHeightPx};
+  }
   job.owner = number % 3 == 0 ? "anna" : "ben";
   job.show = number % 2 == 0 ? "film" : "test";
   job.state = number % 11 == 5 ? JobState::kFailed : JobState::kSucceeded;
@@ -112,9 +117,6 @@ JobView MakeRunningJob(int number, int frame_count) {
   job.end_time = absl::InfiniteFuture();
   job.frame_count = frame_count;
   FrameView frame = job.frames[0];
-  frame.settings.width_px = kWidthPx;
-  frame.settings.height_px = kHeightPx;
-  frame.settings.window = {0, 0, kWidthPx, kHeightPx};
   frame.settings.samples = kSampleCount;
   frame.preview_version = 0;
   frame.progress = {};
