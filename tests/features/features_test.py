@@ -43,6 +43,7 @@ import scenes  # noqa: E402  pylint: disable=wrong-import-position
 TOLERANCE = 0.02
 CASES_MIN = 300
 RENDER_SECONDS_MAX = 120
+FRAMES_MAX = 800  # Of one run of the renderer.
 # Smaller values count as 0 beside those of these scenes, which are about 1.
 SMALL = 1e-3
 
@@ -64,22 +65,26 @@ def render(cases, folder):
         with open(os.path.join(folder, f"{c.color}.{i:04d}.pbrt"), "w", encoding="utf-8") as file:
             file.write(c.scene)
     for color in sorted({c.color for c in cases}):
-        frames = ",".join(str(i) for i, c in enumerate(cases, 1) if c.color == color)
-        command = [os.path.join(farm.programs(), "sheaf"), "render", f"{color}.####.pbrt",
-                   "--frames", frames, "--single-scattering", "--color", color, "-o", "####.exr"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False,
-                              stdin=subprocess.DEVNULL, timeout=RENDER_SECONDS_MAX * farm.PATIENCE)
-        if done.returncode == 0 or "," not in frames:
-            continue
+        numbers_of_color = [str(i) for i, c in enumerate(cases, 1) if c.color == color]
+        for begin in range(0, len(numbers_of_color), FRAMES_MAX):
+            render_frames(color, numbers_of_color[begin:begin + FRAMES_MAX], cases, folder)
+
+
+def render_frames(color, frames, cases, folder):
+    command = [os.path.join(farm.programs(), "sheaf"), "render", f"{color}.####.pbrt", "--frames",
+               ",".join(frames), "--single-scattering", "--color", color, "-o", "####.exr"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False,
+                          stdin=subprocess.DEVNULL, timeout=RENDER_SECONDS_MAX * farm.PATIENCE)
+    if done.returncode == 0:
+        return
+    if len(frames) > 1:
         # One by one, so that a scene that is refused hides no other.
-        for i, c in enumerate(cases, 1):
-            if c.color == color and not os.path.exists(os.path.join(folder, f"{i:04d}.exr")):
-                command[4] = str(i)
-                done = subprocess.run(command, cwd=folder, capture_output=True, text=True,
-                                      check=False, stdin=subprocess.DEVNULL,
-                                      timeout=RENDER_SECONDS_MAX * farm.PATIENCE)
-                if done.returncode != 0:
-                    print(f"{c.name}: {done.stderr.strip().splitlines()[-1]}", flush=True)
+        for frame in frames:
+            if not os.path.exists(os.path.join(folder, f"{int(frame):04d}.exr")):
+                render_frames(color, [frame], cases, folder)
+        return
+    reason = (done.stderr.strip().splitlines() or ["no reason is given"])[-1]
+    print(f"{cases[int(frames[0]) - 1].name}: {reason}", flush=True)
 
 
 def read(path, layer):
