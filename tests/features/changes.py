@@ -14,7 +14,7 @@ import closed_forms as cf
 
 TOKEN = re.compile(r'#[^\n]*|"[^"]*"|\[[^\]]*\]|[^\s\[\]"#]+')
 DIRECTIVE = re.compile(r"[A-Z][A-Za-z]+$")
-# What a block may not hold if it is to change places: later blocks could need it.
+# A block that holds one of these keeps its place: later blocks may need it.
 DEFINES = {"Texture", "MakeNamedMaterial", "MakeNamedMedium", "ObjectBegin", "CoordinateSystem",
            "Include", "Import", "Option", "ColorSpace"}
 # The units of these are not those of lengths alone, so a scaled scene is another one.

@@ -31,7 +31,7 @@ SCENE_ENDINGS = (".pbrt", ".gltf", ".glb")
 
 HEAD = 'Film "rgb" "integer xresolution" 16 "integer yresolution" 16\n'
 WORLD = 'WorldBegin\nLightSource "infinite"\n'
-# What a scene says of a file of a corpus, and the file's name.
+# A file's name, and the scene that names it.
 SCENES = {
     "ply": ("a.ply", HEAD + WORLD + 'Shape "plymesh" "string filename" "a.ply"\n'),
     "lens": ("a.dat", 'Camera "realistic" "string lensfile" "a.dat"\n' + HEAD + WORLD),

@@ -35,7 +35,7 @@ enum class Fault {
   kTaskFailed,    // A worker reports that a lease came to nothing.
   kWorkerLies,    // A part that is not what its description says.
   kFalsePixels,   // A part of wrong values that looks right, by a worker that has the habit.
-  kStranger,      // Messages of somebody who is no worker of ours.
+  kStranger,      // Messages of a stranger, who is no worker of ours.
   kWorkerHoards,  // A worker that takes many leases, heartbeats, and delivers nothing.
   kCount
 };

@@ -55,8 +55,7 @@ class SceneProcess {
     v1::SandboxReply reply;
     std::string payload;
   };
-  // What a request to stop does: a task is asked to end, and killed where it does not within
-  // seconds; a load has to be killed.
+  // A request to stop asks a task to end, and kills it after some seconds; it kills a load at once.
   enum class OnStop { kCancelCall, kKill };
 
   // Sends the request, whose call_id it sets, and waits for the reply. The process is killed if

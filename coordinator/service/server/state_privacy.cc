@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 constexpr mode_t kOthers = 077;
 // A coordinator keeps it locked. It is closed last, so that it tells whether all the others are.
 constexpr char kLockFile[] = "/lock";
-// What a coordinator keeps in its state directory; files with a suffix too, as farm.db-wal.
+// Files of the state directory, also with a suffix, as farm.db-wal.
 constexpr std::string_view kNames[] = {"access",    "audit.log", "content", "dropped", "farm.db",
                                        "lease.key", "outputs",   "parts",   "reserve", "rounds"};
 
