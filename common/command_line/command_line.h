@@ -36,8 +36,7 @@ std::vector<std::string> ListedWordsOf(const CLI::Option& option);
 inline constexpr size_t kNameBytesMax = 300;
 CLI::Validator IsText(size_t bytes_max = kNameBytesMax);
 
-// Of a number: it is refused, in words, unless it is one of at least min and at most max; a whole
-// one where min is.
+// Refuses, in words, all but numbers from min to max; the integer forms, all but whole ones.
 CLI::Validator InRange(int64_t min, int64_t max = std::numeric_limits<int64_t>::max());
 CLI::Validator InRange(int min, int max);
 CLI::Validator InRange(double min, double max = std::numeric_limits<double>::infinity());

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What limits of an address count as one peer. A machine with IPv6 has 2^64 addresses of its own.
+// Addresses that limits count as one peer. A machine with IPv6 has 2^64 addresses of its own.
 #pragma once
 
 #include <string>

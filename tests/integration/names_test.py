@@ -50,7 +50,7 @@ class NamesTest(ClientCase):
         plain = cls.farm.path("plain.exr")
         farm.render(scene, plain, "--samples", 1)
         cls.expected = cls.pixels_of(plain)
-        # What "JOB" means where a name is refused, so that it makes none.
+        # A refused name makes no job; "JOB" stands for this one.
         done = cls.farm.sheaf("submit", scene, "--samples", 1, "--wait", "--title", "t", "-o",
                               cls.farm.path("submitted.exr"))
         cls.job = cls.job_of(done)

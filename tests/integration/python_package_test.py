@@ -167,7 +167,7 @@ class PackageTest(unittest.TestCase):
         self.assertEqual(state(known.add(message([], [], "c")))[1], ["a", "b", "b"])
         self.assertEqual(state(known.add(message([7], [], "d", changes=False))), ("d", ["d"], []))
 
-        # What WatchJob sends between the first message and the last one.
+        # WatchJob sends these between the first message and the last one.
         stub = mock.Mock()
         stub.WatchJob.return_value = mock.MagicMock(__next__=mock.Mock(side_effect=[
             message([1, 2], [], "a", changes=False), message([2], [], "b"),

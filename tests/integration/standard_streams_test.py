@@ -39,6 +39,20 @@ def with_closed(words, redirections, **more):
                           stderr=subprocess.PIPE, timeout=60 * farms.PATIENCE, check=False, **more)
 
 
+def read_terminal(main):
+    """All that is written until the other side is closed; closes this one."""
+    text = b""
+    with os.fdopen(main, "rb", buffering=0) as terminal:
+        while True:
+            try:
+                read = terminal.read(65536)
+            except OSError:  # The other side is closed.
+                return text
+            if not read:
+                return text
+            text += read
+
+
 class StandardStreamsTest(ClientCase):
     @classmethod
     def setUpClass(cls):
@@ -197,16 +211,7 @@ class StandardStreamsTest(ClientCase):
                                     "-o", self.farm.path("t.exr")], env=environment, stderr=side,
                                    stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         os.close(side)
-        text = b""
-        while True:
-            try:
-                read = os.read(main, 65536)
-            except OSError:  # The other side is closed.
-                break
-            if not read:
-                break
-            text += read
-        os.close(main)
+        text = read_terminal(main)
         self.assertEqual(process.wait(), OK)
         return text
 
@@ -227,16 +232,7 @@ class StandardStreamsTest(ClientCase):
         process = subprocess.Popen([program("sheaf"), "show", self.image], stdout=side, stderr=side,
                                    stdin=subprocess.DEVNULL, env=environment)
         os.close(side)
-        text = b""
-        while True:
-            try:
-                read = os.read(main, 65536)
-            except OSError:
-                break
-            if not read:
-                break
-            text += read
-        os.close(main)
+        text = read_terminal(main)
         self.assertEqual(process.wait(), OK)
         self.assertNotIn(b"\x1b", text)
 

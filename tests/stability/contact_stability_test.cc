@@ -225,6 +225,14 @@ TEST(ContactStability, G17TouchingIsTheLimitOfAGap) {
                   .tolerance = 1e-3});
 }
 
+void AddSun(const Matrix4& turn, TestScene* t) {
+  DistantLight sun;
+  sun.radiance.rgb = Rgb::Gray(3);
+  sun.from = {1, 2, -1};
+  sun.to = {0, 0, 0};
+  t->scene.lights.push_back({sun, {}, turn, {}});
+}
+
 // A floor of the given size, tilted, under a sun; once or twice.
 enum class Twin {
   kNone,
@@ -297,11 +305,7 @@ double FloorUnderSun(float half, Twin twin) {
     AddMiddle(twin, std::min(0.5f * half, 1.0f), gray, turn, &t);
   }
   if (twin == Twin::kMoving) t.scene.camera.shutter_close = 1;
-  DistantLight sun;
-  sun.radiance.rgb = Rgb::Gray(3);
-  sun.from = {1, 2, -1};
-  sun.to = {0, 0, 0};
-  t.scene.lights.push_back({sun, {}, turn, {}});
+  AddSun(turn, &t);
   return static_cast<double>(RenderMean(t.scene, SquareSettings(16, 16, 3)).mean.g);
 }
 
@@ -348,11 +352,7 @@ TEST(ContactStability, G17CardsOnAnInstancedFloor) {
     const int32_t gray = t.Diffuse(Rgb::Gray(0.5f));
     AddMiddle(Twin::kPlaced, 4, gray, turn, &t);
     if (has_card) AddMiddle(Twin::kMiddle, 1.5f, gray, turn, &t);
-    DistantLight sun;
-    sun.radiance.rgb = Rgb::Gray(3);
-    sun.from = {1, 2, -1};
-    sun.to = {0, 0, 0};
-    t.scene.lights.push_back({sun, {}, turn, {}});
+    AddSun(turn, &t);
     return static_cast<double>(RenderMean(t.scene, SquareSettings(16, 16, 3)).mean.g);
   };
   for (const Matrix4& turn : OddTurns()) {

@@ -18,7 +18,7 @@
 
 namespace sheaf::cli {
 
-// What depth.Z is: as the farm delivers it, or by plane_depth.h.
+// The meaning of depth.Z: as the farm delivers it, or by plane_depth.h.
 enum class ExrDepth : uint8_t { kRay, kPlane };
 
 struct ImageFormat {

@@ -52,7 +52,7 @@ absl::Status ReadPixels(const std::string& path, OIIO::ImageInput& input, const 
   const auto [first, last] =
       std::minmax_element(layout.place.begin(), layout.place.begin() + image->channels);
   const int begin = *first, end = *last + 1;
-  // What is stored may extend beyond the image.
+  // The stored pixels may extend beyond the image.
   const bool is_as_stored =
       input.spec().width == image->width && input.spec().height == image->height &&
       layout.StoresAll() && end - begin == image->channels &&

@@ -66,6 +66,16 @@ class SchedulerChecksTest : public ::testing::Test {
     scheduler_.ConsiderCheck(lease.frame, lease.task, {lease.identity, bytes}, draw);
     merged_[lease.task.tile] = {lease.identity, bytes};
   }
+  // Worker "a" renders tasks that take ten seconds each, and a check of each is chosen.
+  void DeliverLongTasks(int count) {
+    ResultCost cost;
+    cost.cpu_duration = absl::Seconds(10);
+    for (const Lease& lease : Sync("a", count)) {
+      now_ += absl::Seconds(10);
+      Sync("b", 0);
+      Accept(lease, "x", kChosen, cost);
+    }
+  }
   CheckVerdict Compare(Lease lease, const std::string& bytes) {
     Forget(lease);
     return scheduler_.Compare(lease.frame, lease.task, lease.lease_id, lease.worker_id,
@@ -159,14 +169,7 @@ TEST_F(SchedulerChecksTest, DeliveriesDoNotWaitForHoarders) {
 TEST_F(SchedulerChecksTest, DeliveriesOfLongTasksDoNotWaitForHoarders) {
   Sync("b", 0);
   const FrameId frame{1, 1};
-  const std::vector<Lease> leases = Sync("a", 4);
-  ResultCost cost;
-  cost.cpu_duration = absl::Seconds(10);
-  for (const Lease& lease : leases) {
-    now_ += absl::Seconds(10);
-    Sync("b", 0);
-    Accept(lease, "x", kChosen, cost);
-  }
+  DeliverLongTasks(4);
   EXPECT_EQ(Sync("b", 4).size(), 4u);
   EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
   now_ += limits_.check_wait_min;
@@ -177,14 +180,7 @@ TEST_F(SchedulerChecksTest, DeliveriesOfLongTasksDoNotWaitForHoarders) {
 TEST_F(SchedulerChecksTest, LongTasksOfProvenWorkersHaveTheirTime) {
   Accept(Sync("b", 1).at(0), "x", kNotChosen);
   const FrameId frame{1, 1};
-  const std::vector<Lease> leases = Sync("a", 3);
-  ResultCost cost;
-  cost.cpu_duration = absl::Seconds(10);
-  for (const Lease& lease : leases) {
-    now_ += absl::Seconds(10);
-    Sync("b", 0);
-    Accept(lease, "x", kChosen, cost);
-  }
+  DeliverLongTasks(3);
   EXPECT_EQ(Sync("b", 4).size(), 3u);
   EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
   now_ += limits_.check_wait_min + absl::Seconds(1);

@@ -28,7 +28,7 @@ struct LightImage {
 absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceLocation location,
                                           const std::string& file, FileSource& files);
 
-// Of files that were read before: lights that differ otherwise have an image each.
+// The limit counts files that were read before: lights that differ otherwise have an image each.
 inline constexpr uint64_t kRepeatedTexelsMax = uint64_t{1} << 28;
 
 // The images of a scene's lights, of which each may name the same large file.

@@ -19,8 +19,7 @@
 namespace sheaf::gltf {
 namespace {
 
-// What the decoder takes for a component of an attribute besides the value: the integers that
-// values are predicted in.
+// The decoder predicts values in integers, and keeps one for each component of an attribute.
 constexpr uint64_t kPortableBytes = sizeof(int32_t);
 
 // Types of components (glTF 2.0 specification, sec. 3.6.2.2).
