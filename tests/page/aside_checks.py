@@ -56,7 +56,8 @@ def check_set_aside(browser, farm, screenshot):
     wait_until(lambda: browser.run(TEXT, "job-state") in ("queued", "running"), CHANGE_SECONDS_MAX,
                "the job goes on")
     assert counter(farm, "sheaf_tasks_retried_total") == before + 1
-    assert "Frame 2" in browser.run(ASIDE), "only the task was to be tried again"
+    text = browser.run(ASIDE)
+    assert "Frame 2" in text, f"only the task was to be tried again: {text}"
     browser.click("retry")
     wait_until(lambda: browser.run(HIDDEN, "aside-section"), CHANGE_SECONDS_MAX, "nothing aside")
     # The button also follows the job, whose event comes after those of its frames.
