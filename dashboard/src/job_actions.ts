@@ -151,7 +151,8 @@ export class JobActions {
   private async finish(attempt: string, ask: () => Promise<Job>) {
     this.store.note(attempt, null);
     try {
-      this.store.setJob(await ask());
+      const [job, changed] = await this.store.answers.to(ask);
+      if (!changed.has(job.name)) this.store.setJob(job);
     } catch (failure) {
       this.store.note(attempt, failure);
     }

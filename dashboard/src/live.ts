@@ -44,9 +44,13 @@ export class Live {
     this.source = source;
     source.onopen = () => this.refresh();
     source.onerror = () => this.onStreamLost();
-    const follow = <Type>(type: string, apply: (object: Type) => void) =>
+    const follow = <Type extends {name: string}>(type: string, apply: (object: Type) => void) =>
         source.addEventListener(type, (event: MessageEvent<string>) => {
-          this.enqueue(() => apply(JSON.parse(event.data) as Type));
+          this.enqueue(() => {
+            const object = JSON.parse(event.data) as Type;
+            this.store.answers.noteEvent(object.name);
+            apply(object);
+          });
         });
     follow<api.Job>('job', (job) => this.store.setJob(job));
     follow<api.Frame>('frame', (frame) => this.store.setFrame(frame));
@@ -155,8 +159,9 @@ export class Live {
 
   private async loadJobs() {
     const names = await namesOf(async (pageSize, token) => {
-      const {jobs, next_page_token} = await api.listJobs(pageSize, token);
-      for (const job of jobs) this.store.setJob(job);
+      const [{jobs, next_page_token}, changed] =
+          await this.store.answers.to(() => api.listJobs(pageSize, token));
+      for (const job of jobs) if (!changed.has(job.name)) this.store.setJob(job);
       return [jobs, next_page_token];
     });
     this.store.jobs.keepOnly(names);
@@ -165,8 +170,9 @@ export class Live {
 
   private async loadWorkers() {
     const names = await namesOf(async (pageSize, token) => {
-      const {workers, next_page_token} = await api.listWorkers(pageSize, token);
-      for (const worker of workers) this.store.setWorker(worker);
+      const [{workers, next_page_token}, changed] =
+          await this.store.answers.to(() => api.listWorkers(pageSize, token));
+      for (const worker of workers) if (!changed.has(worker.name)) this.store.setWorker(worker);
       return [workers, next_page_token];
     });
     this.store.workers.keepOnly(names);
@@ -189,15 +195,16 @@ export class Live {
   private async loadFrames(token: string) {
     const name = this.store.jobName;
     if (!name) return;
-    const job = await api.getJob(name, FRAMES_PAGE, token).catch((failure: unknown) => {
-      // A restarted coordinator may no longer have the job; everything else is still followed.
-      if (failure instanceof api.ApiError && failure.status === 404) return null;
-      throw failure;
-    });
+    const [job, changed] = await this.store.answers.to(
+        () => api.getJob(name, FRAMES_PAGE, token).catch((failure: unknown) => {
+          // A restarted coordinator may no longer have the job; everything else is still followed.
+          if (failure instanceof api.ApiError && failure.status === 404) return null;
+          throw failure;
+        }));
     if (name !== this.store.jobName) return;
     this.store.setJobMissing(job === null);
     if (job === null) return;
-    for (const frame of job.frames) this.store.setFrame(frame);
+    for (const frame of job.frames) if (!changed.has(frame.name)) this.store.setFrame(frame);
     this.store.framesToken = job.next_page_token;
     this.store.setEffects(job.effect_costs);
     this.store.touch('frames');

@@ -5,6 +5,7 @@
 // a topic. They are called at most once per animation frame, however many events came, and a few at
 // a time, so that no task takes long.
 
+import {Answers} from './answers';
 import type {Counter, EffectCost, Frame, Job, Worker} from './api';
 import {WatchedCurve, curveOfRounds} from './curve';
 import type {CurveSource} from './curve';
@@ -34,6 +35,7 @@ export class Store {
   // Frames of the selected job only.
   readonly frames = new SortedMap<Frame>((a, b) => a.frame_number - b.frame_number);
   framesToken = '';
+  readonly answers = new Answers();
   // Effects of the selected job's scene.
   effects: readonly EffectCost[] = [];
   // A frame of any job, shown beside the current one.
@@ -68,6 +70,7 @@ export class Store {
   private schedule() {
     if (this.scheduled) return;
     this.scheduled = true;
+    document.documentElement.dataset.drawing = '';  // Some views do not show the data yet.
     requestAnimationFrame(() => this.tell());
   }
 
@@ -84,6 +87,7 @@ export class Store {
       if (performance.now() > end) break;
     }
     if (this.untold.size > 0) this.schedule();
+    if (!this.scheduled) delete document.documentElement.dataset.drawing;
   }
 
   // Records the result of an attempt: the failure, or null for success. Attempts that a person

@@ -17,6 +17,7 @@ from farm import wait_until
 START_SECONDS_MAX = 60
 CALL_SECONDS_MAX = 60
 STILL_SECONDS_MAX = 10
+DRAWING_MS_MAX = 10000
 CHROMIUM_ARGUMENTS = [
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -26,6 +27,26 @@ CHROMIUM_ARGUMENTS = [
 IS_ON_TOP = """
   const [id, x, y] = arguments;
   return document.getElementById(id).contains(document.elementFromPoint(x, y));
+"""
+# Runs the body of a function as soon as the page has drawn every view, or at the limit.
+AFTER_DRAWING = """
+  const done = arguments[arguments.length - 1];
+  const given = [...arguments].slice(0, -1);
+  const end = performance.now() + %d;
+  const body = function() { %s
+  };
+  const run = async () => {
+    if ("drawing" in document.documentElement.dataset && performance.now() < end) {
+      setTimeout(run);
+      return;
+    }
+    try {
+      done({result: await body(...given)});
+    } catch (error) {
+      done({error: String(error)});
+    }
+  };
+  run();
 """
 
 
@@ -87,8 +108,15 @@ class Browser:
         self._do("POST", "/url", {"url": url})
 
     def run(self, script, *arguments):
-        """Runs the body of a function in the page and returns its result."""
-        return self._do("POST", "/execute/sync", {"script": script, "args": list(arguments)})
+        """Runs the body of a function in the page and returns its result.
+
+        Waits until every view shows what the page knows: views of one change are drawn in several
+        animation frames.
+        """
+        script = AFTER_DRAWING % (DRAWING_MS_MAX, script)
+        answer = self._do("POST", "/execute/async", {"script": script, "args": list(arguments)})
+        assert "error" not in answer, answer["error"]
+        return answer.get("result")
 
     def chrome(self, command, **parameters):
         """Sends a command of the DevTools protocol."""
