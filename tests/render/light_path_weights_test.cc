@@ -111,8 +111,10 @@ void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, 
       const BsdfValue value = at->SeenFrom(c, seen->wi).Eval(-path.ray.d);
       const Rgb transmittance = TransmittanceToLens(c, *at, *seen, {}, path);
       if (!value.f_cos.IsBlack() && !transmittance.IsBlack()) {
-        const float weight = ConnectionWeight(
-            c, CameraPathsAtLens(c, static_cast<double>(value.pdf), seen->ray_density, path));
+        const double camera_paths = CameraPathsAtLens(
+            c, static_cast<double>(value.pdf),
+            static_cast<double>(at->FluxFactor(seen->wi, path)), seen->ray_density, path);
+        const float weight = ConnectionWeight(c, camera_paths);
         paths->push_back({{seen->p_lens, points, path.other_end}, static_cast<double>(weight)});
       }
     }

@@ -68,11 +68,11 @@ void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<
   if (value.f_cos.IsBlack()) return;
   const Color transmittance = TransmittanceToLens(c, vertex, *seen, {u[3], u[2]}, path);
   if (transmittance.IsBlack()) return;
+  const auto flux = static_cast<double>(vertex.FluxFactor(seen->wi, path));
   const double camera_paths =
-      CameraPathsAtLens(c, static_cast<double>(value.pdf), seen->ray_density, path);
+      CameraPathsAtLens(c, static_cast<double>(value.pdf), flux, seen->ray_density, path);
   float weight = ConnectionWeight(c, camera_paths);
-  const auto factor = static_cast<float>(static_cast<double>(vertex.FluxFactor(seen->wi, path)) *
-                                         seen->importance * path.other_end.scale);
+  const auto factor = static_cast<float>(flux * seen->importance * path.other_end.scale);
   const Rgb unweighted =
       c.scene.film.Of(path.throughput * value.f_cos * transmittance * factor, path.wavelengths);
   const auto per_pass = static_cast<float>(1 / c.scene.light_paths_per_pass);

@@ -355,9 +355,10 @@ bool SurfaceVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path)
     end.camera_paths = CameraPathsAfterSpecular(end) * static_cast<double>(ScatteringShare());
   } else {
     const BsdfValueOf<Color> value = SeenFrom(c, w).Eval(-path->ray.d);
-    path->throughput *= value.f_cos * (FluxFactor(w, *path) / sample->pdf);
-    end.camera_paths =
-        CameraPathsAfter(end, static_cast<double>(value.pdf)) / static_cast<double>(sample->pdf);
+    const float flux = FluxFactor(w, *path);
+    path->throughput *= value.f_cos * (flux / sample->pdf);
+    end.camera_paths = CameraPathsAfter(end, static_cast<double>(value.pdf)) *
+                       static_cast<double>(flux) / static_cast<double>(sample->pdf);
   }
   if (path->throughput.IsBlack()) return false;
   if (end.is_first) end.is_specular_first = is_specular;

@@ -5,14 +5,17 @@
 // A path is x0 (lens), x1 ... xk (light). It is found by scattering that hits xk, by a sample of
 // the light at x(k-1), or by a light path that is connected from x1 to the lens. With the densities
 // of scattering at xi, per solid angle, forward(i) towards x(i+1) and backward(i) towards x(i-1),
-// all cosines and distances cancel:
+// all distances cancel, and the densities per area of the whole path have the ratio
 //
 //   light path / scattering = n / PdfWe(x1) * E * product i=2..k-1 of backward(i)
 //                                               / product i=1..k-1 of forward(i)
+//                             * product i=1..k-1 of |cos(xi, x(i+1))| / |cos(xi, x(i-1))|
 //
 // n: light paths while each pixel sends one camera ray; E: LightEmission::DensityAt, and for the
-// emission of media, of which x(k-1) sees all along one line, MediaDensityAt. For a sampled light,
-// its pdf takes the place of forward(k-1). Vertices that scatter specularly count as 1.
+// emission of media, of which x(k-1) sees all along one line, MediaDensityAt. Both E and PdfWe are
+// per area that faces the ray. Cosines are those with geometric normals, and 1 in media. For a
+// sampled light, its pdf takes the place of forward(k-1). Vertices that scatter specularly count as
+// 1, cosines included.
 // Weights are those of the power heuristic. Sources: Veach 1997, ch. 9 and 10; docs/adr/0063.
 //
 // A vertex is a SurfaceVertex or a MediumVertex.
@@ -78,7 +81,9 @@ void NoteScattering(const Context<C>& c, const Vertex& vertex, Vec3f wi, float p
           end.is_first
               ? 1
               : static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path->ray.d).pdf);
-      end.light_paths *= backward / static_cast<double>(pdf);
+      const auto cosines = static_cast<double>(vertex.FluxFactor(wi, *path));
+      end.light_paths *= backward * cosines / static_cast<double>(pdf);
+      if (!std::isfinite(end.light_paths)) end.light_paths = 0;  // The path arrived at grazing.
     }
     end.is_first = false;
   }
@@ -116,7 +121,8 @@ float HitWeight(const Context<C>& c, double sampled, double emitted, const PathS
 template <typename C, typename Vertex>
 double LightPathsOverSample(const Context<C>& c, const Vertex& vertex, Vec3f wi, double emitted,
                             double sampled, const PathState<C>& path) {
-  double light_paths = path.other_end.light_paths * emitted;
+  double light_paths = path.other_end.light_paths * emitted *
+                       static_cast<double>(vertex.FluxFactor(wi, path));
   if (!path.other_end.is_first) {
     light_paths *= static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path.ray.d).pdf);
   }
@@ -188,7 +194,8 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
 }
 
 // The densities of the camera's techniques over that of light paths, after a vertex that scatters a
-// camera path with pdf `forward`; to be divided by `backward`. n / PdfWe is not included.
+// camera path with pdf `forward`; to be divided by `backward` and multiplied by the vertex's
+// FluxFactor. n / PdfWe is not included.
 inline double CameraPathsAfter(const LightEnd& end, double forward) {
   if (!end.is_first) return end.camera_paths * forward;
   return std::hypot(end.can_be_hit ? forward : 0, end.sampled) / end.emitted;
@@ -199,11 +206,11 @@ inline double CameraPathsAfterSpecular(const LightEnd& end) {
 }
 
 // The density of the camera's techniques over that of light paths at a connection to the lens.
-// seen: as CameraConnection::ray_density.
+// flux: of the vertex, towards the lens. seen: as CameraConnection::ray_density.
 template <typename C>
-double CameraPathsAtLens(const Context<C>& c, double forward, double seen,
+double CameraPathsAtLens(const Context<C>& c, double forward, double flux, double seen,
                          const PathState<C>& path) {
-  return CameraPathsAfter(path.other_end, forward) * seen / c.scene.light_paths_per_pass;
+  return CameraPathsAfter(path.other_end, forward) * flux * seen / c.scene.light_paths_per_pass;
 }
 
 // The weight of that connection.
