@@ -56,7 +56,7 @@ TEST(StudyWordsTest, FirstLinesSayErrorAndTimeAndWhatTenMinutesBuy) {
   EXPECT_EQ(lines[0],
             "As given, 64 samples per pixel have an error of ±10 % (relMSE 0.01) and take 40 s of "
             "CPU time, on the 2 threads of this machine about 21.1 s; half the error takes 4.0 "
-            "times as long.");
+            "times as long, where independent samples take 4 times.");
   // 600 s x 2 threads x 0.95 / 0.625 s = 1824 samples, and relMSE 0.64 / 1824.
   EXPECT_EQ(lines[1],
             "In 10 minutes, this machine reaches about ±1.9 % (relMSE 0.00035) (1.82 k samples "

@@ -35,9 +35,11 @@ add_executable(light_samples_bench ${CMAKE_CURRENT_LIST_DIR}/light_samples_bench
 target_link_libraries(light_samples_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)
 add_executable(store_bench ${CMAKE_CURRENT_LIST_DIR}/store_bench.cc)
 target_link_libraries(store_bench PRIVATE sheaf::coordinator_store sheaf_warnings)
+add_executable(discrepancy_bench ${CMAKE_CURRENT_LIST_DIR}/discrepancy_bench.cc)
+target_link_libraries(discrepancy_bench PRIVATE sheaf::render_sampling sheaf_warnings)
 set(benches
   ray_rate_bench memory_bench texture_memory_bench geometry_bench many_lights_bench
   variant_speed_bench volume_bench fog_light_bench majorant_bench part_bench completions_bench
-  connections_bench similarity_bench light_samples_bench store_bench)
+  connections_bench similarity_bench light_samples_bench store_bench discrepancy_bench)
 set_target_properties(${benches} PROPERTIES EXCLUDE_FROM_ALL ON)
 add_custom_target(benches DEPENDS ${benches})
