@@ -11,7 +11,7 @@
 #include "common/base/printable.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/task_kind.h"
-#include "coordinator/core/part_check.h"
+#include "coordinator/core/frame/part_check.h"
 #include "worker/agent/render_failure.h"
 #include "worker/agent/task_border.h"
 

@@ -11,7 +11,7 @@
 #include "absl/status/statusor.h"
 #include "cli/bundle/bundle_file.h"
 #include "common/content/content_cache.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 #include "worker/sandbox/scene_opener.h"
 
 namespace sheaf::cli {

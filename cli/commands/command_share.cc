@@ -13,7 +13,7 @@
 #include "cli/job/job_json.h"
 #include "cli/message.h"
 #include "common/base/printable.h"
-#include "coordinator/core/sharing/share_setting.h"
+#include "coordinator/core/job/share_setting.h"
 
 namespace sheaf::cli {
 namespace {

@@ -32,8 +32,8 @@
 #include "common/film/denoised_output.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
-#include "coordinator/core/error_curve.h"
-#include "coordinator/service/http/image_layer.h"
+#include "coordinator/core/frame/error_curve.h"
+#include "coordinator/service/http/image/image_layer.h"
 
 namespace sheaf::cli {
 namespace {

@@ -26,7 +26,7 @@
 #include "common/base/surroundings/local_time.h"
 #include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 #include "coordinator/service/grpc/wire.h"
 #include "worker/render/ablation/plan_measurement.h"
 

@@ -14,8 +14,8 @@
 #include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/printable.h"
-#include "coordinator/core/usage/owner_bytes.h"
-#include "coordinator/core/usage/usage.h"
+#include "coordinator/core/policy/owner_bytes.h"
+#include "coordinator/core/policy/usage.h"
 
 namespace sheaf::cli {
 namespace {

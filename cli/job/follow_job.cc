@@ -28,7 +28,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
 #include "common/rpc/address.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::cli {
 namespace {

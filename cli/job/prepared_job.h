@@ -22,7 +22,7 @@
 #include "cli/job/frames/frame_range.h"
 #include "common/content/file_state.h"
 #include "common/scene/settings/render_settings.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::cli {
 

@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "cli/duration.h"
 #include "cli/progress_line.h"
-#include "coordinator/core/sample_rounds.h"
+#include "coordinator/core/frame/sample_rounds.h"
 
 namespace sheaf::cli {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/surroundings/local_time.h"
-#include "coordinator/core/work_left.h"
+#include "coordinator/core/job/work_left.h"
 
 namespace sheaf::cli {
 namespace {

@@ -20,8 +20,8 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/film/light/light_image.h"
 #include "common/rpc/settings_codec.h"
-#include "coordinator/core/job.h"
-#include "coordinator/core/limits.h"
+#include "coordinator/core/job/job.h"
+#include "coordinator/core/job/limits.h"
 
 namespace sheaf::cli {
 namespace {

@@ -20,7 +20,7 @@
 #include "cli/study/study_scenes.h"
 #include "cli/study/study_tiles.h"
 #include "common/film/error/error_estimate.h"
-#include "coordinator/core/sample_rounds.h"
+#include "coordinator/core/frame/sample_rounds.h"
 
 namespace sheaf::cli {
 namespace {

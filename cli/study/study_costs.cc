@@ -6,7 +6,7 @@
 
 #include "cli/study/light_passes.h"
 #include "cli/study/study_tiles.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::cli {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "absl/strings/escaping.h"
 #include "cli/study/study.h"
-#include "coordinator/core/work_left.h"
+#include "coordinator/core/job/work_left.h"
 
 namespace sheaf::cli {
 namespace {

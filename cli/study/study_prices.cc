@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "coordinator/core/work_left.h"
+#include "coordinator/core/job/work_left.h"
 
 namespace sheaf::cli {
 namespace {

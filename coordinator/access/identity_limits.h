@@ -3,8 +3,8 @@
 //
 // IdentityUse: what each identity takes of a coordinator with certificates, and the limits beyond
 // which it is refused, so that no user and no worker keeps the others from working, by mistake or
-// on purpose (ADR 62). Limits of unfinished jobs stand in coordinator/core/owner_work.h. What is
-// counted is kept in memory: a restart of the coordinator begins anew.
+// on purpose (ADR 62). Limits of unfinished jobs stand in coordinator/core/job/owner_work.h. What
+// is counted is kept in memory: a restart of the coordinator begins anew.
 #pragma once
 
 #include <array>
@@ -47,7 +47,7 @@ enum class IdentityLimit {
   kStreams,
   kUploadBytes,
   kConnections,
-  kStoredBytes,  // Decided by the farm (coordinator/core/usage/owner_bytes.h).
+  kStoredBytes,  // Decided by the farm (coordinator/core/policy/owner_bytes.h).
 };
 inline constexpr size_t kIdentityLimitCount = 6;
 // Returns "calls", "stranger_calls", "streams", "upload_bytes", "connections" or "stored_bytes".

@@ -21,7 +21,7 @@
 #include <span>
 #include <vector>
 
-#include "coordinator/core/sample_rounds.h"
+#include "coordinator/core/frame/sample_rounds.h"
 #include "coordinator/forecast/emitter_silhouettes.h"
 
 namespace sheaf::coordinator {

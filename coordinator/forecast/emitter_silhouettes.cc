@@ -11,7 +11,7 @@
 
 #include "common/film/error/error_planes.h"
 #include "common/scene/filter_value.h"
-#include "coordinator/core/cell_errors.h"
+#include "coordinator/core/frame/cell_errors.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -8,7 +8,7 @@
 #include "common/base/check.h"
 #include "common/film/error/error_planes.h"
 #include "common/scene/spectrum/primaries.h"
-#include "coordinator/core/cell_errors.h"
+#include "coordinator/core/frame/cell_errors.h"
 #include "coordinator/forecast/pilot_light.h"
 
 namespace sheaf::coordinator {

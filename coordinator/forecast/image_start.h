@@ -17,8 +17,8 @@
 
 #include "absl/status/statusor.h"
 #include "common/film/exr/resumed_image.h"
-#include "coordinator/core/cell_grid.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/cell_grid.h"
+#include "coordinator/core/job/job.h"
 #include "coordinator/forecast/cost_forecast.h"
 
 namespace sheaf::coordinator {

@@ -9,7 +9,7 @@
 
 #include <span>
 
-#include "coordinator/core/sample_rounds.h"
+#include "coordinator/core/frame/sample_rounds.h"
 
 namespace sheaf::coordinator {
 

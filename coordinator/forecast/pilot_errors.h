@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/film/error/error_estimate.h"
-#include "coordinator/core/cell_grid.h"
+#include "coordinator/core/job/cell_grid.h"
 
 namespace sheaf::coordinator {
 

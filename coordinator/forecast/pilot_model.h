@@ -23,7 +23,7 @@
 #include "common/film/frame_image.h"
 #include "common/film/pixel_lattice.h"
 #include "common/scene/scene_description.h"
-#include "coordinator/core/cell_grid.h"
+#include "coordinator/core/job/cell_grid.h"
 #include "coordinator/forecast/cost_forecast.h"
 #include "coordinator/forecast/zoomed_pilots.h"
 

@@ -22,7 +22,7 @@
 #include <string>
 #include <vector>
 
-#include "coordinator/core/work_left.h"
+#include "coordinator/core/job/work_left.h"
 #include "coordinator/forecast/cost_forecast.h"
 
 namespace sheaf::coordinator {

@@ -14,7 +14,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "coordinator/core/work_left.h"
+#include "coordinator/core/job/work_left.h"
 #include "coordinator/forecast/cost_forecast.h"
 #include "coordinator/forecast/shared_farm.h"
 

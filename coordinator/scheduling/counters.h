@@ -8,7 +8,7 @@
 #include <array>
 #include <cstdint>
 
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::coordinator {
 

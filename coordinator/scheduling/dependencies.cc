@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/core/holds/job_approval.h"
+#include "coordinator/core/job/job_approval.h"
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {

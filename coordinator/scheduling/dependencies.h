@@ -12,7 +12,7 @@
 #include <set>
 #include <string>
 
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::coordinator {
 

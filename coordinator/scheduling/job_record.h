@@ -14,9 +14,9 @@
 
 #include "absl/container/btree_map.h"
 #include "common/base/steady_time.h"
-#include "coordinator/core/frame_tasks.h"
-#include "coordinator/core/owner_work.h"
-#include "coordinator/core/work_left.h"
+#include "coordinator/core/frame/frame_tasks.h"
+#include "coordinator/core/job/owner_work.h"
+#include "coordinator/core/job/work_left.h"
 #include "coordinator/scheduling/lease_table.h"
 #include "coordinator/scheduling/loading_losses.h"
 #include "coordinator/scheduling/packed_frame.h"

@@ -14,7 +14,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::coordinator {
 

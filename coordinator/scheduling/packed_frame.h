@@ -11,7 +11,7 @@
 #include <deque>
 #include <string>
 
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::coordinator {
 

@@ -7,9 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/frame_image.h"
-#include "coordinator/core/cell_grid.h"
-#include "coordinator/core/holds/job_approval.h"
-#include "coordinator/core/job_check.h"
+#include "coordinator/core/job/cell_grid.h"
+#include "coordinator/core/job/job_approval.h"
+#include "coordinator/core/job/job_check.h"
 
 namespace sheaf::coordinator {
 namespace {

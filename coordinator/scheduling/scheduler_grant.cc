@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/core/job_check.h"
+#include "coordinator/core/job/job_check.h"
 #include "coordinator/scheduling/placement/lease_length.h"
 #include "coordinator/scheduling/scheduler.h"
 

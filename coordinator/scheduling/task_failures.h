@@ -9,8 +9,8 @@
 #include <string>
 
 #include "common/base/steady_time.h"
-#include "coordinator/core/job.h"
-#include "coordinator/core/limits.h"
+#include "coordinator/core/job/job.h"
+#include "coordinator/core/job/limits.h"
 
 namespace sheaf::coordinator {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "common/base/check.h"
-#include "coordinator/core/work_left.h"
+#include "coordinator/core/job/work_left.h"
 
 namespace sheaf::coordinator {
 

@@ -15,8 +15,8 @@
 
 #include "absl/time/time.h"
 #include "common/base/steady_time.h"
-#include "coordinator/core/job.h"
-#include "coordinator/core/limits.h"
+#include "coordinator/core/job/job.h"
+#include "coordinator/core/job/limits.h"
 #include "coordinator/scheduling/sharing/requirement_groups.h"
 
 namespace sheaf::coordinator {

@@ -16,10 +16,10 @@
 #include "absl/time/time.h"
 #include "common/film/error/rare_layers.h"
 #include "common/objects/object_store.h"
-#include "coordinator/core/job.h"
-#include "coordinator/core/sample_rounds.h"
-#include "coordinator/core/sharing/share_setting.h"
-#include "coordinator/core/usage/usage.h"
+#include "coordinator/core/frame/sample_rounds.h"
+#include "coordinator/core/job/job.h"
+#include "coordinator/core/job/share_setting.h"
+#include "coordinator/core/policy/usage.h"
 
 namespace sheaf::coordinator {
 
@@ -155,7 +155,7 @@ class JobStore {
   virtual absl::Status RemoveDrains(const std::vector<std::string>& worker_ids) = 0;
   virtual absl::StatusOr<std::vector<DrainRecord>> LoadDrains() = 0;
 
-  // Retention (coordinator/core/retention/retention.h).
+  // Retention (coordinator/core/policy/retention.h).
   virtual absl::Status SetPinned(uint64_t job_id, bool pinned) = 0;
   // Notes that the parts of an ended job are about to be removed, by RemoveFrameParts.
   virtual absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) = 0;
@@ -198,7 +198,7 @@ class JobStore {
   virtual absl::StatusOr<std::string> OutputPath(const FrameId& frame) = 0;
   virtual absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) = 0;
 
-  // Accounts (coordinator/core/usage/usage.h). Whose usage it is: a job's, or an owner's upload,
+  // Accounts (coordinator/core/policy/usage.h). Whose usage it is: a job's, or an owner's upload,
   // which has the job id 0.
   struct UsageOf {
     uint64_t job_id = 0;

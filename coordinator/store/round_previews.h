@@ -19,7 +19,7 @@
 #include "absl/status/statusor.h"
 #include "common/base/mutex.h"
 #include "common/film/frame_image.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 
 namespace sheaf::coordinator {
 

@@ -26,7 +26,7 @@
 #include "absl/time/time.h"
 #include "common/film/error/rare_layers.h"
 #include "common/film/film_outputs.h"
-#include "coordinator/core/sharing/requirements.h"
+#include "coordinator/core/job/requirements.h"
 #include "coordinator/store/database/database.h"
 #include "coordinator/store/stored_times.h"
 

@@ -34,7 +34,7 @@
 #include "common/base/mutex.h"
 #include "common/objects/object_store.h"
 #include "coordinator/store/database/database.h"
-#include "coordinator/store/durability.h"
+#include "coordinator/store/database/durability.h"
 #include "coordinator/store/job_store.h"
 
 namespace sheaf::coordinator {

@@ -17,7 +17,7 @@ import sys
 import tempfile
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
-SCENES = ["scenes/cornell-box.pbrt", "scenes/showroom.pbrt", "scenes/fog-room.pbrt"]
+SCENES = ["scenes/cornell-box.pbrt", "scenes/showroom.pbrt", "scenes/principled.pbrt"]
 COUNTS = [16 << i for i in range(9)]
 COLUMNS = (16, 256, 1024, 4096)
 # Name in the benchmark, words in the table, color in the chart.

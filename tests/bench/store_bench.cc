@@ -25,7 +25,7 @@
 #include "common/base/check.h"
 #include "common/base/digest.h"
 #include "common/base/mutex.h"
-#include "coordinator/core/frame_tasks.h"
+#include "coordinator/core/frame/frame_tasks.h"
 #include "coordinator/store/database/farm_ownership.h"
 #include "coordinator/store/database/postgres_database.h"
 #include "coordinator/store/sql_job_store.h"

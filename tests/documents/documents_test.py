@@ -175,8 +175,8 @@ class DocumentsTest(unittest.TestCase):
         self.assertEqual(sent - fields - written, set())
 
     def test_every_event_is_in_the_reference(self):
-        code = read("coordinator/service/http/http_watch.cc") + read(
-            "coordinator/service/http/events/event_stream.cc")
+        code = read("coordinator/service/http/api/http_watch.cc") + read(
+            "coordinator/service/http/server/event_stream.cc")
         sent = set(re.findall(r'(?:Publish|EncodeEvent)\(\{"(\w+)"', code))
         events = read("docs/reference/http.md").partition("\n## Events")[2]
         self.assertEqual(set(re.findall(r"^\| `(\w+)` \|", events, re.M)), sent)

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "absl/strings/str_split.h"
-#include "coordinator/service/http/http_api.h"
-#include "coordinator/service/http/http_fake_farm.h"
+#include "coordinator/service/http/api/http_api.h"
+#include "coordinator/service/http/api/http_fake_farm.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace sheaf::coordinator {

@@ -11,7 +11,7 @@
 #include <memory>
 #include <string>
 
-#include "coordinator/service/http/http_server.h"
+#include "coordinator/service/http/server/http_server.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace sheaf::coordinator {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "common/scene/settings/render_settings.h"
-#include "coordinator/core/cell_grid.h"
-#include "coordinator/core/limits.h"
+#include "coordinator/core/job/cell_grid.h"
+#include "coordinator/core/job/limits.h"
 #include "coordinator/scheduling/scheduler.h"
 #include "coordinator/service/farm/farm.h"
 

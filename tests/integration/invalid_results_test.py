@@ -14,7 +14,7 @@ import farm
 from client_case import SCENE
 from python_package_test import setUpModule  # noqa: F401  unittest calls it.
 
-WORKERS_MAX = 2  # invalid_workers_max of coordinator/core/limits.h.
+WORKERS_MAX = 2  # invalid_workers_max of coordinator/core/job/limits.h.
 JOB = ("--samples", "16", "--pass-samples", "16", "--tile-size", "32", "--crop", "0,0,32,32",
        "--lease-passes", "1")
 

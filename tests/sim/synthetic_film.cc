@@ -13,9 +13,9 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/film/light/light_pass_accumulator.h"
 #include "common/math/mix_bits.h"
-#include "coordinator/core/cell_errors.h"
-#include "coordinator/core/frame_merge.h"
-#include "coordinator/core/sample_rounds.h"
+#include "coordinator/core/frame/cell_errors.h"
+#include "coordinator/core/frame/frame_merge.h"
+#include "coordinator/core/frame/sample_rounds.h"
 
 namespace sheaf::sim {
 namespace {

@@ -8,7 +8,7 @@
 
 #include <string>
 
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 #include "worker/agent/work.h"
 
 namespace sheaf::sim {

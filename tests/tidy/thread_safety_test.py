@@ -48,7 +48,7 @@ PRECOMPILED = """#include <functional>
 #include "sheaf/v1/worker.grpc.pb.h"
 #include "common/base/mutex.h"
 #include "common/scene/scene_description.h"
-#include "coordinator/core/job.h"
+#include "coordinator/core/job/job.h"
 """
 
 

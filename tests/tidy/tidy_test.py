@@ -5,6 +5,7 @@
 
 Run from anywhere: tests/tidy/tidy_test.py. Each check is one test; a failure lists every place.
 """
+import graphlib
 import json
 import os
 import re
@@ -25,6 +26,10 @@ ROOMS = {
     "common/film": ". < denoise | light < error < exr",
     "common/scene": ". < spectrum < settings | formats | gltf/draco < pbrt/syntax "
                     "< pbrt/statements < pbrt < gltf",
+    "coordinator/core": ". < job < frame | policy",
+    "coordinator/service/farm": "state < jobs < delivery < intake | upkeep | queries < .",
+    "coordinator/service/http": "image < server < api < .",
+    "coordinator/store": "database < .",
     "worker/render": "traits < color < sampling < geometry "
                      "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
@@ -140,7 +145,8 @@ def page_files():
 
 
 def product_files():
-    return [f for f in cpp_files() if not f.startswith("tests/") and not f.endswith("_test.cc")]
+    return [f for f in cpp_files() if not f.startswith("tests/") and "/tests/" not in f
+            and not f.endswith("_test.cc")]
 
 
 def function_lengths(text):
@@ -196,10 +202,23 @@ class TidyTest(unittest.TestCase):
                             problems.append(f"{path} includes {include}")
         self.expect_none(problems, "a lower room includes a higher one")
 
+    def test_no_cycle_between_folders(self):
+        below = {}
+        product = set(product_files())
+        for path in product:
+            folder = os.path.dirname(path)
+            for include in re.findall(r'#include "([^"]+)"', read(path)):
+                if include in product and os.path.dirname(include) != folder:
+                    below.setdefault(folder, set()).add(os.path.dirname(include))
+        try:
+            graphlib.TopologicalSorter(below).prepare()
+        except graphlib.CycleError as error:
+            self.fail("folders include each other: " + " > ".join(error.args[1]))
+
     def test_folders_are_small_and_described(self):
         problems = []
         sources = {}
-        for path in cpp_files():
+        for path in product_files():
             sources.setdefault(os.path.dirname(path), []).append(path)
         for folder, files in sources.items():
             if len(files) > FOLDER_SOURCES_MAX:

@@ -138,7 +138,7 @@ void RareHits::Add(size_t tile, const PixelError& error, double count) {
 }
 
 void RareHits::AddVariances(std::vector<ErrorSums>* tiles) const {
-  // The error probability of the first check (coordinator/core/sample_rounds.h).
+  // The error probability of the first check (coordinator/core/frame/sample_rounds.h).
   constexpr double kBeyondFraction = 0.03;
   const double largest = std::pow(kScale * sum_ / kBeyondFraction, 1 / kIndex);
   for (const Hit& hit : hits_) {

@@ -16,7 +16,7 @@
 
 #include <cstdint>
 
-#include "coordinator/core/limits.h"
+#include "coordinator/core/job/limits.h"
 
 namespace sheaf::coordinator {
 

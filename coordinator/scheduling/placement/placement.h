@@ -32,7 +32,7 @@
 
 #include "absl/container/btree_set.h"
 #include "common/base/steady_time.h"
-#include "coordinator/core/limits.h"
+#include "coordinator/core/job/limits.h"
 
 namespace sheaf::coordinator {
 
@@ -64,8 +64,8 @@ class SceneJobs {
 
 // Whether a worker that is cold for the next job may take warm work instead.
 struct PassingOver {
-  SteadyTime worker_cold_time;   // When the worker last began a scene; InfinitePast: never.
-  SteadyTime job_passed_time;    // Since when the job has been passed over; InfiniteFuture: not.
+  SteadyTime worker_cold_time;  // When the worker last began a scene; InfinitePast: never.
+  SteadyTime job_passed_time;   // Since when the job has been passed over; InfiniteFuture: not.
 };
 bool MayPassOver(const PassingOver& state, SteadyTime now, const Limits& limits);
 

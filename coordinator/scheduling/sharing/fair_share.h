@@ -35,8 +35,8 @@
 
 #include "absl/time/time.h"
 #include "common/base/steady_time.h"
-#include "coordinator/core/limits.h"
-#include "coordinator/core/sharing/share_setting.h"
+#include "coordinator/core/job/limits.h"
+#include "coordinator/core/job/share_setting.h"
 
 namespace sheaf::coordinator {
 

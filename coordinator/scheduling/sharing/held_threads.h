@@ -14,7 +14,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "coordinator/core/sharing/share_setting.h"
+#include "coordinator/core/job/share_setting.h"
 
 namespace sheaf::coordinator {
 

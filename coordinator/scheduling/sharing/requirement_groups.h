@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "coordinator/core/sharing/requirements.h"
+#include "coordinator/core/job/requirements.h"
 
 namespace sheaf::coordinator {
 

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "coordinator/core/holds/job_approval.h"
+#include "coordinator/core/job/job_approval.h"
 #include "coordinator/scheduling/tests/scheduler_fixture.h"
 #include "gmock/gmock.h"
 

@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/base/steady_time.h"
-#include "coordinator/service/farm/upkeep/object_metrics.h"
+#include "coordinator/service/farm/queries/object_metrics.h"
 #include "coordinator/store/farm_secret.h"
 #include "coordinator/store/sql_job_store.h"
 

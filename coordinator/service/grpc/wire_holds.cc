@@ -6,7 +6,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "coordinator/core/holds/job_approval.h"
+#include "coordinator/core/job/job_approval.h"
 #include "coordinator/service/grpc/wire.h"
 
 namespace sheaf::coordinator {

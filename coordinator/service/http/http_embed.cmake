@@ -44,7 +44,7 @@ endforeach()
 
 file(WRITE ${OUTPUT}
 "// Generated from dashboard/ by http_embed.cmake.
-#include \"coordinator/service/http/http_page.h\"
+#include \"coordinator/service/http/server/http_page.h\"
 
 namespace sheaf::coordinator {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "coordinator/service/http/http_page.h"
+#include "coordinator/service/http/server/http_page.h"
 
 namespace sheaf::coordinator {
 namespace {

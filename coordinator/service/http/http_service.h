@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "coordinator/service/http/http_access.h"
-#include "coordinator/service/http/http_api.h"
-#include "coordinator/service/http/http_server.h"
-#include "coordinator/service/http/http_watch.h"
-#include "coordinator/service/http/submitting/http_submissions.h"
+#include "coordinator/service/http/api/http_api.h"
+#include "coordinator/service/http/api/http_submissions.h"
+#include "coordinator/service/http/api/http_watch.h"
+#include "coordinator/service/http/server/http_access.h"
+#include "coordinator/service/http/server/http_server.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/service/view/submission_desk.h"
 

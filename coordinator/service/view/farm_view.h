@@ -18,9 +18,9 @@
 #include "common/film/film.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/settings/render_settings.h"
-#include "coordinator/core/job.h"
-#include "coordinator/core/usage/owner_bytes.h"
-#include "coordinator/core/usage/usage.h"
+#include "coordinator/core/job/job.h"
+#include "coordinator/core/policy/owner_bytes.h"
+#include "coordinator/core/policy/usage.h"
 #include "coordinator/forecast/refinement_price.h"
 
 namespace sheaf::coordinator {
@@ -227,7 +227,7 @@ struct FailureView {
   std::string command;  // The command that renders the tile again on one machine.
 };
 
-// Things of one kind, of one job, that go for one reason (coordinator/core/retention/retention.h).
+// Things of one kind, of one job, that go for one reason (coordinator/core/policy/retention.h).
 struct RemovalView {
   std::string kind;    // "parts", "upload", "blob", "previews" or "job".
   std::string job_id;  // Empty: blobs and uploads.

@@ -19,8 +19,8 @@
 
 #include "absl/status/statusor.h"
 #include "coordinator/store/database/database.h"
+#include "coordinator/store/database/durability.h"
 #include "coordinator/store/database/postgres_connection.h"
-#include "coordinator/store/durability.h"
 
 namespace sheaf::coordinator {
 

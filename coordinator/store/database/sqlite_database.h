@@ -12,7 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "coordinator/store/database/database.h"
-#include "coordinator/store/durability.h"
+#include "coordinator/store/database/durability.h"
 
 struct sqlite3;
 

@@ -15,7 +15,7 @@
 
 #include "common/objects/object_store.h"
 #include "coordinator/store/database/database.h"
-#include "coordinator/store/durability.h"
+#include "coordinator/store/database/durability.h"
 #include "coordinator/store/sql_job_store.h"
 #include "coordinator/store/tests/postgres_server.h"
 

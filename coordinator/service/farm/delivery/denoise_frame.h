@@ -7,8 +7,8 @@
 #pragma once
 
 #include "absl/status/statusor.h"
-#include "coordinator/service/farm/open_frame.h"
-#include "coordinator/service/farm/tile_builder.h"
+#include "coordinator/service/farm/delivery/tile_builder.h"
+#include "coordinator/service/farm/state/open_frame.h"
 #include "coordinator/store/job_store.h"
 
 namespace sheaf::coordinator {

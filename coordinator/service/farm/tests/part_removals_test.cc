@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Tests the farm with a disk that refuses to remove parts.
-#include "coordinator/service/farm/part_removals.h"
+#include "coordinator/service/farm/state/part_removals.h"
 
 #include <future>
 #include <string>

@@ -7,8 +7,8 @@
 #include <map>
 #include <string>
 
+#include "coordinator/service/farm/queries/user_metrics.h"
 #include "coordinator/service/farm/tests/farm_fixture.h"
-#include "coordinator/service/farm/upkeep/user_metrics.h"
 #include "coordinator/store/database/sqlite_database.h"
 
 namespace sheaf::coordinator {

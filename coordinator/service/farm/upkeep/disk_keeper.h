@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // DiskKeeper: keeps the state directory within its limits. It lists what is stored, has
-// DecideRemovals (coordinator/core/retention/retention.h) say what goes, and removes that. Whatever
+// DecideRemovals (coordinator/core/policy/retention.h) say what goes, and removes that. Whatever
 // it removes is checked again under the locks of its owner, so nothing goes that a job has come to
 // need since it was listed.
 #pragma once
@@ -19,12 +19,12 @@
 #include "common/base/mutex.h"
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
-#include "coordinator/core/retention/aging_clock.h"
-#include "coordinator/core/retention/retention.h"
-#include "coordinator/core/usage/owner_bytes.h"
-#include "coordinator/service/farm/farm_options.h"
-#include "coordinator/service/farm/farm_tables.h"
-#include "coordinator/service/farm/job_lifecycle.h"
+#include "coordinator/core/policy/aging_clock.h"
+#include "coordinator/core/policy/owner_bytes.h"
+#include "coordinator/core/policy/retention.h"
+#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/state/farm_options.h"
+#include "coordinator/service/farm/state/farm_tables.h"
 #include "coordinator/service/farm/upkeep/upload_claims.h"
 #include "coordinator/service/view/farm_view.h"
 #include "coordinator/store/disk_reserve.h"

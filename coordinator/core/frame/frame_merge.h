@@ -1,0 +1,157 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FrameMerge: the parts of one frame as they become its image. A pure function of the set of
+// parts: each tile's parts go into CellTrees, and a tile whose samples are all there is developed
+// from their roots; for good, or until it gets more (sample_rounds.h).
+//
+// Memory is bounded by a budget that all frames share. A tile that finds the budget used up is not
+// kept: its parts are on disk, and it is built from them when the last one has come. Tiles are
+// never pushed out in favour of others, for tiles are visited in turn, and then the oldest is
+// needed next.
+//
+// A frame with light paths (task_kind.h) has three images: the camera's, that of its light paths,
+// and their sum, which is the frame's.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <set>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "common/film/cell_trees.h"
+#include "common/film/error/flip_estimate.h"
+#include "common/film/error/mean_interval.h"
+#include "common/film/film.h"
+#include "common/film/light/light_image.h"
+#include "coordinator/core/job/cell_grid.h"
+#include "coordinator/core/job/job.h"
+
+namespace sheaf::coordinator {
+
+// Bytes of unfinished tiles in memory, over all frames.
+class MergeBudget {
+ public:
+  explicit MergeBudget(uint64_t bytes_max) : bytes_max_(bytes_max) {}
+  bool Exhausted() const { return bytes_ >= bytes_max_; }
+  void Change(uint64_t before, uint64_t after) { bytes_ += after - before; }
+  uint64_t bytes() const { return bytes_; }
+
+ private:
+  const uint64_t bytes_max_;
+  std::atomic<uint64_t> bytes_{0};
+};
+
+// Sums of a tile that have samples in some of its cells: of the tile, or of the one cell.
+struct CellPart {
+  FilmTile sums;
+  uint64_t cells = 1;  // As Task::cells.
+};
+
+// Thread safety: none; one lock a frame. The budget may be shared.
+class FrameMerge {
+ public:
+  // samples: of each of the camera's cells. The light tile has as many passes as the most of them.
+  FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_t> samples,
+             MergeBudget* budget);
+  ~FrameMerge();
+  FrameMerge(const FrameMerge&) = delete;
+  FrameMerge& operator=(const FrameMerge&) = delete;
+
+  // Adds a part that is on disk. Nothing happens where the tile was built from disk meanwhile.
+  // Requires: no part that overlaps it was added before (SHEAF_CHECKed).
+  void Insert(uint32_t tile, CellPart part);
+  // Gives a cell of the camera this many samples in all. Nothing happens where it has them.
+  // Requires: no less than it has.
+  void Grow(uint32_t cell, uint64_t samples);
+  // The tile has parts that are only on disk: after a start, or when one of them was lost.
+  void MarkOnDisk(uint32_t tile);
+  // Whether the tile must be built from its parts on disk before it can be developed.
+  bool OnDisk(uint32_t tile) const { return tiles_[tile].state == State::kOnDisk; }
+  // Empty trees for the parts of a tile that is built anew.
+  std::unique_ptr<CellTrees> MakeTrees(uint32_t tile) const;
+  // Replaces a tile by these trees and develops it. Errors: kInvalidArgument where they do not have
+  // all samples.
+  absl::Status Rebuild(uint32_t tile, std::unique_ptr<CellTrees> trees);
+
+  bool Developed(uint32_t tile) const { return tiles_[tile].state == State::kDeveloped; }
+  bool AllDeveloped() const { return developed_count_ == tiles_.size(); }
+  uint32_t tile_count() const { return static_cast<uint32_t>(tiles_.size()); }
+  const CellGrid& grid() const { return grid_; }
+  // The samples per pixel of each of the camera's cells, as far as they are in memory or developed:
+  // those that the image shows once it is refreshed.
+  std::vector<uint64_t> SamplesOfCells() const;
+  // The fewest of them; no more than there are light passes, where the frame has such.
+  uint64_t FewestSamples() const;
+
+  // Develops what has changed since the last call into the image, for looking at. Returns the
+  // camera's tiles that had; none while light passes are wanted and there are none, as the image
+  // would be too dark.
+  std::vector<uint32_t> Refresh();
+  // The camera's developed tiles whose error is not reliable (mean_interval.h).
+  std::vector<PixelRect> UnreliableTiles() const;
+  bool HasSamples() const { return has_samples_; }
+  // Whether the filter weighs samples otherwise than by 1, in developed tiles.
+  bool signed_weights() const { return signed_weights_; }
+  // The image's FLIP (flip_estimate.h); none where the frame's replicates are not independent, or
+  // not all of its pixels are rendered. Requires: all tiles are developed.
+  std::optional<double> Flip() const;
+  const FrameImage& image() const { return image_; }
+  FrameImage* mutable_image() { return &image_; }
+  // Adds the light layer (light_image.h) to the image of a frame with light passes.
+  void AddLightLayer() {
+    if (has_light_) SetLightLayer(light_.image, &image_);
+  }
+
+ private:
+  enum class State : uint8_t { kEmpty, kInMemory, kOnDisk, kDeveloped };
+  struct Tile {
+    State state = State::kEmpty;
+    // The interval of the camera paths; those of light paths are in light_intervals_.
+    MeanInterval interval;
+    // While in memory; once developed, where the tile may grow and the budget allows.
+    std::unique_ptr<CellTrees> trees;
+    uint64_t size_bytes = 0;  // The trees' size, as counted in the budget.
+  };
+
+  // The images and error samples of one kind of path.
+  struct Layer {
+    FrameImage image;
+    std::optional<ErrorSample> error_sample;
+  };
+  Layer& LayerOf(uint32_t tile) {
+    return grid_.KindOf(tile) == TaskKind::kLight ? light_ : camera_;
+  }
+  // Where the tile's sums are developed; image_ itself in frames without light paths.
+  FrameImage& TargetOf(uint32_t tile) { return has_light_ ? LayerOf(tile).image : image_; }
+  // Updates image_ where the tile has changed in its layer.
+  void Combine(uint32_t tile);
+  void SetIntervals(uint32_t tile, const FilmTile& root);
+  uint64_t SamplesOf(uint32_t tile, uint32_t cell_of_tile) const;
+  bool AwaitsLight() const;
+  void GrowCell(uint32_t cell, uint64_t samples);
+  // Whether all of the tile's cells have their samples in the trees.
+  bool Complete(uint32_t tile, const CellTrees& trees) const;
+  void SetSize(Tile* tile, uint64_t size_bytes);
+  void Develop(uint32_t tile, std::unique_ptr<CellTrees> trees);
+
+  const bool grows_;
+  const CellGrid grid_;
+  const bool has_light_;
+  std::vector<uint64_t> samples_;  // By cell, that of the light tile included.
+  std::vector<Tile> tiles_;
+  MergeBudget* budget_;
+  FrameImage image_;
+  Layer camera_, light_;  // Their images are empty in frames without light paths.
+  std::vector<MeanInterval> light_intervals_;  // By tile of the camera; empty without light passes.
+  std::set<uint32_t> changed_;                 // In memory, not yet developed as they are.
+  std::set<uint32_t> developed_since_refresh_;
+  bool has_samples_ = false;
+  bool signed_weights_ = false;
+  size_t developed_count_ = 0;
+};
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,88 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// FrameDelivery: what the background thread does with open frames: it refreshes their previews, and
+// develops, writes and delivers those that are complete.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "coordinator/service/farm/delivery/delivered_images.h"
+#include "coordinator/service/farm/delivery/frame_rounds.h"
+#include "coordinator/service/farm/delivery/image_attributes.h"
+#include "coordinator/service/farm/delivery/tile_builder.h"
+#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/state/delivery_queue.h"
+#include "coordinator/service/farm/state/disk_state.h"
+#include "coordinator/service/farm/state/farm_signals.h"
+#include "coordinator/service/farm/state/farm_tables.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::coordinator {
+
+// Thread safety: one thread at a time.
+class FrameDelivery {
+ public:
+  // The objects that it works on; all must outlive it.
+  struct Parts {
+    FarmTables& tables;
+    JobStore& store;
+    TileBuilder& tiles;
+    FrameRounds& rounds;
+    DeliveredImages& images;
+    JobLifecycle& lifecycle;
+    DeliveryQueue& queue;
+    DiskState& disk;
+    FarmSignals& signals;
+    const BlobStore& blobs;
+  };
+  FrameDelivery(absl::Duration preview_interval_min, const Parts& parts)
+      : preview_interval_min_(preview_interval_min),
+        tables_(parts.tables),
+        store_(parts.store),
+        tiles_(parts.tiles),
+        rounds_(parts.rounds),
+        images_(parts.images),
+        lifecycle_(parts.lifecycle),
+        queue_(parts.queue),
+        disk_(parts.disk),
+        signals_(parts.signals),
+        attributes_(&parts.blobs) {}
+
+  // Develops tiles that have changed, of frames whose previews are old enough.
+  void RefreshFrames();
+  // Delivers the frames of the queue. Those that fail go back into it.
+  void DeliverFrames();
+
+ private:
+  absl::Status Deliver(const FrameId& id);
+  // Builds what is missing of the image, completes it and writes it. Returns false where the
+  // frame is not done: parts were lost, another round begins, or its job has ended.
+  absl::StatusOr<bool> Finish(OpenFrame* frame, const FrameId& id, DeliveredFrame* delivered);
+  std::map<std::string, std::string> MetadataOf(const FrameId& id, const FrameSpec& spec) const;
+  DeliveredFrame Account(const FrameId& id, const OpenFrame& frame) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
+  // DeliveredFrame::one_sequence_gain.
+  double PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const;
+  // Adds what a quote asks a pilot's frame for: the light layer, and the CPU seconds of workers for
+  // the tiles of a lattice, for light passes and for the training, as far as it has such.
+  void AddPilotFindings(const FrameId& id, OpenFrame* frame) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
+
+  const absl::Duration preview_interval_min_;
+  FarmTables& tables_;
+  JobStore& store_;
+  TileBuilder& tiles_;
+  FrameRounds& rounds_;
+  DeliveredImages& images_;
+  JobLifecycle& lifecycle_;
+  DeliveryQueue& queue_;
+  DiskState& disk_;
+  FarmSignals& signals_;
+  const ImageAttributes attributes_;
+};
+
+}  // namespace sheaf::coordinator

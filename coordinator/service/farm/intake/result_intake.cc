@@ -1,0 +1,414 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "coordinator/service/farm/intake/result_intake.h"
+
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/base/digest.h"
+#include "common/base/log.h"
+#include "common/film/exr/exr_codec.h"
+#include "coordinator/core/frame/part_check.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+std::string KeyText(const ResultReport& r) {
+  return absl::StrCat("frame digest ", r.frame_digest.substr(0, 12), ", ",
+                      WorkText(r.kind, r.tile, r.block),
+                      r.cells.All() ? "" : absl::StrFormat(", cells %#x", r.cells.mask));
+}
+
+uint64_t NonfiniteCount(const FilmTile& part) {
+  const float* plane = part.channel(FilmChannel::kNonFiniteCount);
+  double sum = 0;
+  for (size_t i = 0; i < part.plane_size(); ++i) sum += static_cast<double>(plane[i]);
+  return static_cast<uint64_t>(sum);
+}
+
+// Decodes a part and compares what it says of itself with its key. Empty text: it fits.
+std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_profile,
+                         const FrameSettings& settings, const DecodedPart& part) {
+  if (part.header.frame_digest != report.frame_digest) return "the part belongs to another frame";
+  if (part.header.numeric_profile != numeric_profile) {
+    return absl::StrCat("the part was rendered with numeric profile \"",
+                        part.header.numeric_profile, "\", but the job needs \"", numeric_profile,
+                        "\"");
+  }
+  if (!(part.tile.rect() == report.tile)) return "the part belongs to another tile";
+  if (!(part.tile.block() == report.block)) return "the part has other samples than its task";
+  if (part.header.cells != report.cells) return "the part has other cells than its task";
+  if (!(part.tile.outputs() == settings.outputs)) {
+    return "the part has other outputs than the job";
+  }
+  if (part.header.kind != report.kind) return "the part has another kind of paths than its task";
+  if (part.header.lattice != settings.lattice) {
+    return "the part has other pixels than the job";
+  }
+  return WhyNotOfSettings(part.tile, settings, report.kind);
+}
+
+}  // namespace
+
+class ResultIntake::TileReservation {
+ public:
+  TileReservation(ResultIntake* intake, TileName name) : intake_(*intake), name_(std::move(name)) {
+    const MutexLock lock(&intake_.mutex_);
+    const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
+      return intake_.pause_count_ == 0 && !intake_.reserved_.contains(name_);
+    };
+    intake_.released_.Wait(&intake_.mutex_, is_free);
+    intake_.reserved_.insert(name_);
+  }
+  ~TileReservation() {
+    {
+      const MutexLock lock(&intake_.mutex_);
+      intake_.reserved_.erase(name_);
+    }
+    intake_.released_.NotifyAll();
+  }
+  TileReservation(const TileReservation&) = delete;
+  TileReservation& operator=(const TileReservation&) = delete;
+
+ private:
+  ResultIntake& intake_;
+  const TileName name_;
+};
+
+ResultIntake::Pause::Pause(ResultIntake* intake) : intake_(*intake) {
+  const MutexLock lock(&intake_.mutex_);
+  ++intake_.pause_count_;
+  const auto none_under_way = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
+    return intake_.reserved_.empty();
+  };
+  intake_.released_.Wait(&intake_.mutex_, none_under_way);
+}
+
+ResultIntake::Pause::~Pause() {
+  {
+    const MutexLock lock(&intake_.mutex_);
+    --intake_.pause_count_;
+  }
+  intake_.released_.NotifyAll();
+}
+
+absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
+                                                const std::string& bytes) {
+  if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
+  if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
+    return Reject(report, "the bytes do not match their digest");
+  }
+  const TileReservation reservation(
+      this, {report.frame_digest, report.kind, report.tile.y0, report.tile.x0});
+  // Again: the sender's results may have been removed while this one waited for its tile.
+  if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
+  Scheduler::FoundTask found;
+  std::string numeric_profile;
+  FrameSettings settings;
+  {
+    const MutexLock lock(&tables_.mutex);
+    found = FindTask(report);
+    if (found.kind == Scheduler::FoundTask::Kind::kWanted) {
+      numeric_profile = tables_.scheduler.jobs().at(found.frame.job_id).spec.numeric_profile;
+      settings = tables_.scheduler.FindFrame(found.frame)->settings();
+    }
+  }
+  using Kind = Scheduler::FoundTask::Kind;
+  if (found.kind == Kind::kMalformed) return Reject(report, "the frame has no such task");
+  if (found.kind == Kind::kOtherField) {
+    return Reject(report, "it was made with another guiding field than the frame's",
+                  &Counters::results_other_field);
+  }
+  if (found.kind == Kind::kUnknown || found.kind == Kind::kPartial) {
+    NoteLost(report, found.frame.job_id);
+    const MutexLock lock(&tables_.mutex);
+    ++tables_.scheduler.counters().results_superseded;
+    return ResultOutcome::kSuperseded;
+  }
+  if (found.kind == Kind::kCovered) return JudgeCovered(report, found);
+  if (report.kind == TaskKind::kTraining) return AddField(report, bytes, found);
+  absl::StatusOr<DecodedPart> part = DecodePart(bytes, report.tile.PixelCount());
+  if (!part.ok()) return Reject(report, std::string(part.status().message()));
+  const std::string why_not = WhyNotPartOf(report, numeric_profile, settings, *part);
+  if (!why_not.empty()) return Reject(report, why_not);
+  return Store(report, bytes, found, std::move(part->tile));
+}
+
+bool ResultIntake::HasField(const FrameId& id, const BlobDigest& digest) const {
+  const FrameRecord* frame = tables_.scheduler.FindFrame(id);
+  return frame != nullptr && frame->tasks != nullptr &&
+         frame->tasks->grid().training_tile().has_value() && frame->tasks->Trained() &&
+         frame->tasks->field() == digest;
+}
+
+absl::StatusOr<std::string> ResultIntake::ReadField(const FrameId& id, const BlobDigest& digest) {
+  const absl::Status none = absl::NotFoundError(absl::StrCat(
+      "frame ", id.frame_number, " of job ", id.job_id, " does not have such a guiding field"));
+  PartKey key{id, {}, {0, 1}, {}, TaskKind::kTraining};
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (!HasField(id, digest)) return none;
+    key.tile = tables_.scheduler.FindFrame(id)->settings().window;
+  }
+  const absl::StatusOr<std::optional<PartRow>> row = store_.FindPart(key);
+  if (!row.ok()) return row.status();
+  if (!row->has_value() || (*row)->digest != digest) return none;
+  absl::StatusOr<std::string> bytes = store_.ReadPart(**row);
+  if (!absl::IsNotFound(bytes.status()) && !absl::IsDataLoss(bytes.status())) return bytes;
+  LoseField(**row, bytes.status());
+  return none;
+}
+
+void ResultIntake::LoseField(const PartRow& field, const absl::Status& why) {
+  const PartKey& key = field.key;
+  std::string frame_digest;
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (!HasField(key.frame, field.digest)) return;
+    frame_digest = tables_.scheduler.FindFrame(key.frame)->packed.frame_digest().Hex();
+  }
+  // Neither another field is taken meanwhile, nor is the frame corrected.
+  const TileReservation reservation(this, {frame_digest, key.kind, key.tile.y0, key.tile.x0});
+  {
+    const MutexLock lock(&tables_.mutex);
+    if (!HasField(key.frame, field.digest)) return;
+  }
+  tiles_.RevokePart(field, why);
+  signals_.Changed();
+}
+
+absl::Status ResultIntake::CheckSender(const ResultReport& report) {
+  const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest, report.tile,
+                        report.block,    report.cells,    report.kind};
+  const bool was_leased = tokens_.IsValid(work, report.token);
+  std::string why = "the work was not leased to the sender, or the coordinator has another secret";
+  {
+    const MutexLock lock(&tables_.mutex);
+    const auto& quarantined = tables_.scheduler.workers().quarantined();
+    const auto quarantine = quarantined.find(report.Sender());
+    if (was_leased && quarantine == quarantined.end()) return absl::OkStatus();
+    if (was_leased) why = absl::StrCat("the sender is in quarantine: ", quarantine->second);
+    ++tables_.scheduler.counters().results_refused;
+  }
+  const std::string text =
+      absl::StrCat("result of worker ", report.worker_id,
+                   report.identity.empty() ? "" : absl::StrCat(" of ", report.identity), " for ",
+                   KeyText(report), " is refused: ", why);
+  LogWarning(text);
+  return absl::PermissionDeniedError(text);
+}
+
+absl::StatusOr<ResultOutcome> ResultIntake::AddField(const ResultReport& report,
+                                                     const std::string& bytes,
+                                                     const Scheduler::FoundTask& found) {
+  if (bytes.empty() || bytes.size() > kGuidingFieldBytesMax) {
+    return Reject(report, absl::StrCat("a guiding field has 1 to ", kGuidingFieldBytesMax,
+                                       " bytes, not ", bytes.size()));
+  }
+  {
+    const MutexLock lock(&tables_.mutex);
+    const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
+    const bool has_parts = frame != nullptr && frame->tasks != nullptr &&
+                           frame->tasks->sample_count_done() > 0 &&
+                           !frame->tasks->field().sha256_hex.empty();
+    if (has_parts && frame->tasks->field().sha256_hex != report.digest.sha256_hex) {
+      tables_.stale_fields.insert(found.frame);
+      const std::string text = absl::StrCat(
+          "job ", found.frame.job_id, ": frame ", found.frame.frame_number,
+          " has another guiding field than the lost one; the parts that were made with that are ",
+          "removed first");
+      LogWarning(text);
+      return absl::UnavailableError(text);
+    }
+  }
+  return Store(report, bytes, found, std::nullopt);
+}
+
+absl::Status ResultIntake::Reject(const ResultReport& report, const std::string& why,
+                                  uint64_t Counters::*counter) {
+  const std::string text =
+      absl::StrCat("result of worker ", report.worker_id, " for ", KeyText(report), ": ", why);
+  LogWarning(text);
+  uint64_t job_id = 0;
+  {
+    const MutexLock lock(&tables_.mutex);
+    ++(tables_.scheduler.counters().*counter);
+    const Lease* lease = tables_.scheduler.leases().Find(report.lease_id);
+    if (lease != nullptr) job_id = lease->frame.job_id;
+    tables_.scheduler.Fail({report.lease_id, FailureKind::kInvalid, "invalid result: " + why},
+                           report.worker_id, SteadyTime::Now());
+    tables_.NoteEndedJobs();
+  }
+  NoteLost(report, job_id);
+  lifecycle_.SettleEnded();
+  signals_.Changed();
+  return absl::InvalidArgumentError(text);
+}
+
+// A task that is done already: the same bits again confirm it, other bits mean that one of the two
+// is false.
+absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& report,
+                                                         const Scheduler::FoundTask& found) {
+  const absl::StatusOr<std::optional<PartRow>> row =
+      store_.FindPart({found.frame, report.tile, report.block, report.cells, report.kind});
+  if (!row.ok()) return row.status();
+  // A worker that missed the answer sends its result again; nobody rendered it twice.
+  const bool is_resent =
+      row->has_value() && (*row)->worker_id == report.worker_id && (*row)->digest == report.digest;
+  if (!is_resent) NoteRepeated(report, found);
+  CheckVerdict verdict;
+  bool is_equal = false;
+  {
+    const MutexLock lock(&tables_.mutex);
+    Counters& counters = tables_.scheduler.counters();
+    const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
+    const bool is_open = frame != nullptr && frame->tasks != nullptr;
+    if (!row->has_value() || !is_open) {
+      ++counters.results_superseded;
+      return ResultOutcome::kSuperseded;
+    }
+    const PartRow& merged = **row;
+    is_equal = merged.digest == report.digest;
+    ++(is_equal ? counters.results_duplicate_equal : counters.results_duplicate_mismatch);
+    const ResultCost cost{report.ray_count, 0, report.cpu_duration, report.digest.size_bytes};
+    verdict = tables_.scheduler.Compare(found.frame, found.task, report.lease_id, report.worker_id,
+                                        {merged.identity, merged.digest.sha256_hex},
+                                        {report.Sender(), report.digest.sha256_hex}, cost,
+                                        SteadyTime::Now());
+    if (!is_equal) {
+      LogWarning(absl::StrCat("the result of worker ", report.worker_id, " for ", KeyText(report),
+                              " differs from that of worker ", merged.worker_id));
+    }
+    Punish(report, merged, verdict);
+    tables_.NoteEndedJobs();
+  }
+  if (verdict.kind == CheckVerdict::Kind::kUndecided) {
+    lifecycle_
+        .SetWarning(found.frame.job_id,
+                    absl::StrCat("frame ", found.frame.frame_number,
+                                 " is disputed: no two workers agree on a part of it"))
+        .IgnoreError();  // The disk's state is noted, and the text is in the log.
+  }
+  if (!verdict.liars.empty()) lifecycle_.SettleEnded();
+  queue_.Wake();
+  signals_.Changed();
+  return is_equal ? ResultOutcome::kDuplicateEqual : ResultOutcome::kDuplicateMismatch;
+}
+
+void ResultIntake::Punish(const ResultReport& report, const PartRow& merged,
+                          const CheckVerdict& verdict) {
+  for (const std::string& liar : verdict.liars) {
+    const std::string reason =
+        absl::StrCat("its result for ", KeyText(report), " differs from that of others, who agree");
+    LogError(absl::StrCat(liar, " is quarantined: ", reason,
+                          liar == merged.identity ? "; its result was merged" : ""));
+    tables_.scheduler.Quarantine(liar, reason, /*made_false_results=*/true);
+  }
+}
+
+absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
+                                                  const std::string& bytes,
+                                                  const Scheduler::FoundTask& found,
+                                                  std::optional<FilmTile> part) {
+  const ResultCost cost{report.ray_count, part ? NonfiniteCount(*part) : 0, report.cpu_duration,
+                        report.digest.size_bytes};
+  PartRow row = RowOf(report, found.frame);
+  row.cost = cost;
+  row.sample_count = SamplesOf(found);
+  absl::Status written = removals_.MakeRoom(row.key);
+  if (written.ok() && !report.is_stored) written = disk_.CheckRoom(bytes.size());
+  if (written.ok()) {
+    written = report.is_stored ? store_.AddStoredPart(row, bytes) : store_.WritePart(row, bytes);
+  }
+  disk_.Note(written);
+  if (!written.ok()) return written;
+  tables_.PrepareOpen(found.frame);
+  std::shared_ptr<OpenFrame> open;
+  bool tile_complete = false;
+  bool rendered = false;
+  const double draw =
+      choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells, report.kind);
+  {
+    const MutexLock lock(&tables_.mutex);
+    const Scheduler::FoundTask again = FindTask(report);
+    const bool wanted =
+        again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
+    if (wanted) {
+      open = tables_.Open(found.frame);
+      if (!part) tables_.scheduler.SetField(found.frame, report.digest);
+      rendered = tables_.scheduler.Accept(found.frame, found.task, report.lease_id,
+                                          report.worker_id, cost, SteadyTime::Now());
+      tables_.scheduler.ConsiderCheck(found.frame, found.task,
+                                      {report.Sender(), report.digest.sha256_hex}, draw);
+      tile_complete =
+          tables_.scheduler.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
+    } else {
+      ++tables_.scheduler.counters().results_superseded;
+    }
+  }
+  if (open == nullptr) {
+    // While it was written its job ended, or a larger block that contains it was leased.
+    removals_.Remove({row});
+    store_.NoteUsage({found.frame.job_id},
+                     {.lost_count = 1, .lost_cpu_duration = report.cpu_duration});
+    return ResultOutcome::kSuperseded;
+  }
+  if (cost.nonfinite_count > 0) {
+    LogWarning(absl::StrCat(cost.nonfinite_count,
+                            report.kind == TaskKind::kLight ? " splats" : " samples",
+                            " were not finite in ", KeyText(report)));
+  }
+  if (part) {
+    Merge(open.get(), found.frame, found.task.tile, {*std::move(part), found.task.cells},
+          tile_complete);
+  }
+  if (rendered) {
+    queue_.Add(found.frame);
+    queue_.Wake();
+  }
+  signals_.Changed();
+  return ResultOutcome::kAccepted;
+}
+
+void ResultIntake::Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
+                         bool tile_complete) {
+  const MutexLock lock(&frame->mutex);
+  frame->merge.Insert(tile, std::move(part));
+  if (!tile_complete || !frame->merge.OnDisk(tile)) return;
+  const absl::Status status = tiles_.Rebuild(frame, id, tile);
+  if (!status.ok()) LogError(absl::StrCat("merging a tile from disk: ", status.message()));
+}
+
+Usage ResultIntake::UsageOfResult(const ResultReport& report, uint64_t sample_count) {
+  return {.result_count = 1,
+          .sample_count = sample_count,
+          .ray_count = report.ray_count,
+          .cpu_duration = report.cpu_duration};
+}
+
+void ResultIntake::NoteLost(const ResultReport& report, uint64_t job_id) {
+  if (job_id == 0) return;
+  Usage usage = UsageOfResult(report, 0);
+  usage.lost_count = 1;
+  usage.lost_cpu_duration = report.cpu_duration;
+  store_.NoteUsage({job_id}, usage);
+}
+
+void ResultIntake::NoteRepeated(const ResultReport& report, const Scheduler::FoundTask& found) {
+  Usage usage = UsageOfResult(report, SamplesOf(found));
+  usage.repeated_count = 1;
+  usage.repeated_cpu_duration = report.cpu_duration;
+  store_.NoteUsage({found.frame.job_id}, usage);
+}
+
+uint64_t ResultIntake::SamplesOf(const Scheduler::FoundTask& found) const {
+  const MutexLock lock(&tables_.mutex);
+  const FrameRecord* frame = tables_.scheduler.FindFrame(found.frame);
+  const bool is_open = frame != nullptr && frame->tasks != nullptr;
+  return is_open ? frame->tasks->PixelSamples(found.task) : 0;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,172 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// ResultIntake: takes results. It checks a result, writes it to the store (file, then row), tells
+// the scheduler, merges it, and only then returns its outcome, which is the acknowledgement.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "common/base/mutex.h"
+#include "common/film/film_tile.h"
+#include "coordinator/core/frame/check_choice.h"
+#include "coordinator/core/frame/lease_token.h"
+#include "coordinator/service/farm/delivery/tile_builder.h"
+#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/state/delivery_queue.h"
+#include "coordinator/service/farm/state/disk_state.h"
+#include "coordinator/service/farm/state/farm_signals.h"
+#include "coordinator/service/farm/state/farm_tables.h"
+#include "coordinator/service/farm/state/part_removals.h"
+#include "coordinator/store/job_store.h"
+
+namespace sheaf::coordinator {
+
+// One result as it came in.
+struct ResultReport {
+  std::string frame_digest;
+  PixelRect tile;
+  SampleBlock block;
+  TileCells cells;
+  TaskKind kind = TaskKind::kCamera;
+  uint64_t lease_id = 0;
+  std::string token;  // LeaseGrant::token.
+  std::string worker_id;
+  std::string identity;  // As WorkerReport has it.
+  BlobDigest digest;     // The digest of the part's bytes, or of the guiding field's.
+  // The SHA-256 of the guiding field that the part was made with; empty where there is none.
+  std::string field;
+  uint64_t ray_count = 0;
+  absl::Duration cpu_duration;
+  bool is_stored = false;  // The sender has stored the bytes, by a ticket.
+
+  const std::string& Sender() const { return identity.empty() ? worker_id : identity; }
+};
+enum class ResultOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };
+
+// Thread safety: all members may be called concurrently.
+class ResultIntake {
+ public:
+  // The objects that it works on; all must outlive it.
+  struct Parts {
+    const LeaseTokens& tokens;
+    const CheckChoice& choice;
+    FarmTables& tables;
+    JobStore& store;
+    PartRemovals& removals;
+    TileBuilder& tiles;
+    JobLifecycle& lifecycle;
+    DeliveryQueue& queue;
+    DiskState& disk;
+    FarmSignals& signals;
+  };
+  explicit ResultIntake(const Parts& parts)
+      : tokens_(parts.tokens),
+        choice_(parts.choice),
+        tables_(parts.tables),
+        store_(parts.store),
+        removals_(parts.removals),
+        tiles_(parts.tiles),
+        lifecycle_(parts.lifecycle),
+        queue_(parts.queue),
+        disk_(parts.disk),
+        signals_(parts.signals) {}
+
+  // OK means: the outcome is durable.
+  // Errors: kPermissionDenied (the work was not leased to the sender, or that is in quarantine),
+  // kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
+  absl::StatusOr<ResultOutcome> Add(const ResultReport& report, const std::string& bytes);
+
+  // These are in transfer/stored_results.cc. The permission to store the result's bytes; none where
+  // it is not wanted, or only the coordinator can store it. Errors: kPermissionDenied, as Add.
+  absl::StatusOr<std::optional<PutTicket>> TicketFor(const ResultReport& report);
+  // Add for a result that the sender has stored. Errors: also kFailedPrecondition (the bytes are
+  // not there, or others; the sender is to send them).
+  absl::StatusOr<ResultOutcome> AddStored(const ResultReport& report);
+
+  // The verified bytes of a frame's guiding field, which is stored as the part of its training. One
+  // that is lost or damaged is trained again. Errors: kNotFound (the frame has no such field, or it
+  // is lost: the frame is leased again when it has one); others of the store.
+  absl::StatusOr<std::string> ReadField(const FrameId& id, const BlobDigest& digest);
+
+  // While it lives no result is taken: it waits for those under way, and others wait for its end.
+  // One at a time. Take no lock before it that taking a result needs.
+  class Pause;
+
+ private:
+  using TileName = std::tuple<std::string, TaskKind, int32_t, int32_t>;  // Frame digest, y0, x0.
+  // Holds a tile's reservation: results of one tile are taken one at a time.
+  class TileReservation;
+
+  Scheduler::FoundTask FindTask(const ResultReport& report) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // The row of a result for a frame, without what is counted in it.
+  static PartRow RowOf(const ResultReport& report, const FrameId& frame);
+  // Whether the sender may deliver the result. Errors: kPermissionDenied.
+  absl::Status CheckSender(const ResultReport& report);
+  // The account of a result that makes no part.
+  static Usage UsageOfResult(const ResultReport& report, uint64_t sample_count);
+  // Notes a result that came to nothing, of a job where that is known (not 0).
+  void NoteLost(const ResultReport& report, uint64_t job_id);
+  // Notes a result of a task that was done already.
+  void NoteRepeated(const ResultReport& report, const Scheduler::FoundTask& found);
+  // Pixel samples or light paths of a task; 0 where its frame has ended.
+  uint64_t SamplesOf(const Scheduler::FoundTask& found) const ABSL_LOCKS_EXCLUDED(tables_.mutex);
+  absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
+                                             const Scheduler::FoundTask& found);
+  // counter: what the result counts as.
+  absl::Status Reject(const ResultReport& report, const std::string& why,
+                      uint64_t Counters::*counter = &Counters::results_invalid);
+  // Takes the bytes of a guiding field. Errors: kInvalidArgument; kUnavailable where parts are left
+  // that were made with another field.
+  absl::StatusOr<ResultOutcome> AddField(const ResultReport& report, const std::string& bytes,
+                                         const Scheduler::FoundTask& found);
+  // part: none of a training.
+  absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
+                                      const Scheduler::FoundTask& found,
+                                      std::optional<FilmTile> part);
+  // Gives a field back to be trained again. Nothing happens where the frame has no such one by now.
+  void LoseField(const PartRow& field, const absl::Status& why);
+  // Whether the frame is trained, with this field.
+  bool HasField(const FrameId& id, const BlobDigest& digest) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  // Acts on what a comparison showed.
+  void Punish(const ResultReport& report, const PartRow& merged, const CheckVerdict& verdict)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
+  void Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part, bool tile_complete);
+
+  const LeaseTokens& tokens_;
+  const CheckChoice& choice_;
+  FarmTables& tables_;
+  JobStore& store_;
+  PartRemovals& removals_;
+  TileBuilder& tiles_;
+  JobLifecycle& lifecycle_;
+  DeliveryQueue& queue_;
+  DiskState& disk_;
+  FarmSignals& signals_;
+  Mutex mutex_;
+  CondVar released_;
+  std::set<TileName> reserved_ ABSL_GUARDED_BY(mutex_);
+  int pause_count_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+class ResultIntake::Pause {
+ public:
+  explicit Pause(ResultIntake* intake);
+  ~Pause();
+  Pause(const Pause&) = delete;
+  Pause& operator=(const Pause&) = delete;
+
+ private:
+  ResultIntake& intake_;
+};
+
+}  // namespace sheaf::coordinator

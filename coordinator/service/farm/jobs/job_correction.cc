@@ -1,0 +1,155 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of JobLifecycle that removes the results of those who made false ones. The frames that
+// hold such results are rendered again from the parts that are left, also where they are delivered
+// already. A frame that is rendered in rounds begins with its first round, for its decisions came
+// from false sums.
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "common/base/log.h"
+#include "coordinator/service/farm/jobs/job_lifecycle.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+// The frames that people are told of by number.
+constexpr size_t kFramesToldMax = 20;
+
+std::string FramesText(const std::set<int32_t>& numbers) {
+  std::vector<int32_t> told(numbers.begin(), numbers.end());
+  const bool all = told.size() <= kFramesToldMax;
+  if (!all) told.resize(kFramesToldMax);
+  return absl::StrCat(numbers.size() == 1 ? "frame " : "frames ", absl::StrJoin(told, ", "),
+                      all ? "" : " and more");
+}
+
+}  // namespace
+
+absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
+  const MutexLock settling(&settle_mutex_);
+  const PartKeys left = removals_.Left();
+  absl::StatusOr<std::vector<PartRow>> rows = store_.FindPartsOf(identity);
+  if (!rows.ok()) return rows.status();
+  std::map<uint64_t, std::vector<PartRow>> by_job;
+  for (PartRow& row : *rows) {
+    if (left.contains(row.key)) continue;  // A call before this one corrected its frame.
+    by_job[row.key.frame.job_id].push_back(std::move(row));
+  }
+  for (auto& [job_id, of_job] : by_job) {
+    absl::StatusOr<std::vector<PartRow>> parts = WithPartsOfFields(job_id, std::move(of_job));
+    if (!parts.ok()) return parts.status();
+    absl::Status corrected = CorrectJob(
+        job_id, absl::StrCat("results of ", identity, " were found false after delivery"), *parts);
+    if (!corrected.ok()) return corrected;
+    LogWarning(absl::StrCat("job ", job_id, ": ", parts->size(), " results of ", identity,
+                            ", or made with its guiding fields, are not believed any more and are "
+                            "rendered again"));
+  }
+  rows = store_.FindPartsOf(identity);
+  if (!rows.ok()) return rows.status();
+  if (rows->empty()) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat("the disk does not remove ", rows->size(), " of them yet; it is asked again"));
+}
+
+absl::StatusOr<std::vector<PartRow>> JobLifecycle::WithPartsOfFields(
+    uint64_t job_id, std::vector<PartRow> false_parts) {
+  const auto is_field = [](const PartRow& row) { return row.key.kind == TaskKind::kTraining; };
+  std::map<FrameId, std::string> fields;
+  for (const PartRow& row : false_parts) {
+    if (is_field(row)) fields[row.key.frame] = row.digest.sha256_hex;
+  }
+  if (fields.empty()) return false_parts;
+  const absl::StatusOr<JobStore::LoadedParts> all = LoadPartsOf(job_id);
+  if (!all.ok()) return all.status();
+  const std::string identity = false_parts.front().identity;
+  for (const PartRow& row : all->rows) {
+    const auto field = fields.find(row.key.frame);
+    const bool has_field = field != fields.end() && row.field == field->second;
+    if (has_field && row.identity != identity) false_parts.push_back(row);
+  }
+  std::stable_partition(false_parts.begin(), false_parts.end(),
+                        [&](const PartRow& row) { return !is_field(row); });
+  return false_parts;
+}
+
+absl::Status JobLifecycle::RemovePartsOfLostField(const FrameId& id) {
+  const MutexLock settling(&settle_mutex_);
+  {
+    const MutexLock lock(&tables_.mutex);
+    const FrameRecord* frame = tables_.scheduler.FindFrame(id);
+    if (frame == nullptr || frame->tasks == nullptr) return absl::OkStatus();  // It has ended.
+  }
+  absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(id.job_id);
+  if (!parts.ok()) return parts.status();
+  std::erase_if(parts->rows, [&id](const PartRow& row) { return !(row.key.frame == id); });
+  return CorrectJob(id.job_id, "its guiding field was lost and came out otherwise", parts->rows);
+}
+
+absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,
+                                      const std::vector<PartRow>& false_parts) {
+  std::set<int32_t> numbers, delivered;
+  for (const PartRow& part : false_parts) numbers.insert(part.key.frame.frame_number);
+  StoredJob job;
+  bool goes_on = false;
+  {
+    const MutexLock lock(&tables_.mutex);
+    const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
+    if (found.ok()) {
+      const JobRecord& record = **found;
+      goes_on = record.phase == JobPhase::kLive ||
+                (record.phase == JobPhase::kSucceeded && !record.spec.pilot);
+      job = StoredJobOf(record);
+      for (const FrameRecord& frame : record.frames) {
+        const bool is_delivered = frame.phase == FrameRecord::Phase::kDelivered;
+        if (is_delivered && numbers.contains(frame.number())) delivered.insert(frame.number());
+      }
+    }
+  }
+  if (!delivered.empty()) {
+    absl::Status warned =
+        SetWarning(job_id, absl::StrCat(FramesText(delivered),
+                                        goes_on ? " corrected: " : " may be false: ", why,
+                                        goes_on ? "" : ", and the job does not go on"));
+    if (!warned.ok()) return warned;
+  }
+  if (!goes_on) {
+    RemoveFalse(false_parts);
+    return absl::OkStatus();
+  }
+  std::vector<JobStore::ReopenedFrame> reopened;
+  for (const FrameSpec& frame : job.spec.frames) {
+    if (!numbers.contains(frame.frame_number)) continue;
+    reopened.push_back({frame, /*rounds=*/{}, delivered.contains(frame.frame_number)});
+  }
+  return ReopenFrames(std::move(job), reopened, false_parts);
+}
+
+void JobLifecycle::RemoveFalse(const std::vector<PartRow>& parts) {
+  removals_.Remove(parts);
+  for (const PartRow& part : parts) {
+    store_.NoteUsage({part.key.frame.job_id},
+                     {.lost_count = 1, .lost_cpu_duration = part.cost.cpu_duration});
+  }
+  const MutexLock lock(&tables_.mutex);
+  tables_.scheduler.counters().parts_revoked += parts.size();
+}
+
+absl::Status JobLifecycle::SetWarning(uint64_t job_id, const std::string& text) {
+  LogWarning(absl::StrCat("job ", job_id, ": ", text));
+  absl::Status written = store_.SetWarning(job_id, text);
+  disk_.Note(written);
+  const MutexLock lock(&tables_.mutex);
+  tables_.accounts[job_id].warning = text;
+  return written;
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,212 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The responses of the HTTP port: health, metrics, and the farm's state as JSON and images.
+//
+//   GET  /healthz                                   200 while the process serves: {"healthy": true}
+//   GET  /readyz                                    200 if work is accepted, else 503; with the
+//        conditions: {"ready": false, "conditions": [{"name": "disk", "ok": false, "reason":
+//        "..."},
+//        ...]}
+//   GET  /metrics                                   Prometheus text
+//   GET  /api/v1/jobs?page_size&page_token          jobs, newest first, without frames
+//   GET  /api/v1/jobs/ID?page_size&page_token       one job with a page of its frames
+//   GET  /api/v1/jobs/ID/failures                   the last failed leases, newest first, each with
+//        the command that renders its tile again on one machine
+//   POST /api/v1/jobs/ID:delete                     removes a job that has ended, with its images:
+//        {"name": "jobs/7"}
+//   POST /api/v1/jobs/ID:cancel                     cancels the job; idempotent
+//   POST /api/v1/jobs/ID:pause, ID:resume           stops or resumes granting leases; idempotent
+//   POST /api/v1/jobs/ID:pin, ID:unpin              whether all of it stays; idempotent
+//   POST /api/v1/gc?dry_run=1                       removes what is not kept any longer, and lists
+//        it; with dry_run=1 only lists it
+//   POST /api/v1/jobs/ID:priority?value=N           sets the priority, from -1000 to 1000; jobs of
+//        higher priority go first; idempotent
+//   POST /api/v1/jobs/ID:retry?frame=N&task=T       tries failed work again: of the job, or of one
+//        frame or task (the number of a tile)
+//   POST /api/v1/jobs/ID:kill?frame=N&task=T        gives up a frame, or one task of it
+//   POST /api/v1/jobs/ID:release                    starts a job that waits for others; idempotent
+//   POST /api/v1/jobs/ID:approve?frames=N,N,...     has frames rendered to the end that wait for
+//        approval: these, or all that wait now; idempotent
+//   POST /api/v1/jobs/ID:refine?target_error=E&samples=N
+//        refines a job that succeeded until its frames' relMSE is at most E, with at most N
+//        samples per pixel; without E, with N samples; idempotent
+//   GET  /api/v1/jobs/ID/refine-price?target_error=E,E,...
+//        the cost of such a refinement, beyond existing samples, for up to 32 values of E
+//   GET  /api/v1/jobs/ID/frames/N                   one frame
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME
+//        the image so far; 204 if there is none. Layers: image, light, error, samples and time
+//        (image_layer.h); the last three have a header X-Sheaf-Range: LOW HIGH, the values at the
+//        ends of their false colors
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?size=thumbnail
+//        a small copy of the image so far; 204 if there is none
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&round=R
+//        a small copy of a layer at the end of a round (from 0); 404 if it is not kept: the frame's
+//        rounds[R].preview_version is then 0
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=image&of=NAME
+//        a layer of .../layers instead of the color; layer=light for those of kind color
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?with=jobs/8/frames/1&difference=absolute
+//        the difference from another frame's image, or its ratio (relative), in false color with
+//        X-Sheaf-Range
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?size=full
+//        the delivered image in its own size
+//   GET  /api/v1/jobs/ID/frames/N/layers            the layers beside the color: {"layers":
+//        [{"name": "albedo", "kind": "color", "channels": ["albedo.R", ...]}, ...]}
+//   GET  /api/v1/jobs/ID/frames/N/pixel?x=X&y=Y     all channels of a pixel, linear: {"version": 3,
+//        "x": 10, "y": 20, "channels": [{"name": "R", "value": 0.18}, ...]}; values that are no
+//        number are "nan", "inf" and "-inf"
+//   GET  /api/v1/false-color.png                    the false colors from low to high, one row
+//   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered image
+//   GET  /api/v1/workers?page_size&page_token       workers; all of them without page_size
+//   GET  /api/v1/farm                               how workers and sheaf reach the coordinator:
+//        {"grpc_port": 7400, "tls": false}; 0 for no port
+//   GET  /api/v1/session                            who is signed in: {"user": "anna", "role":
+//        "submit"}; both are "" for a coordinator without certificates
+//   GET  /api/v1/counters                           the numbers of /metrics as JSON, without
+//        histograms
+//   GET  /api/v1/usage?by=user&since=2026-05-01&until=2026-05-31&daily=1&format=csv
+//        what jobs have taken, by user, show or job, and what users keep; of all with the role
+//        operate, else of the caller. All parameters are optional; the CSV has the sums alone
+//   GET  /api/v1/events                             changes, as server-sent events. Events of type
+//        job, frame and worker carry the objects of the calls above; reset says that events were
+//        dropped and everything must be fetched again. Last-Event-ID is ignored: events carry the
+//        present state, so a reader that reconnects fetches everything and continues.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "coordinator/service/http/api/http_preview.h"
+#include "coordinator/service/http/server/http_access.h"
+#include "coordinator/service/http/server/http_router.h"
+#include "coordinator/service/view/farm_view.h"
+#include "coordinator/service/view/pixel_view.h"
+#include "coordinator/service/view/server_metrics.h"
+
+namespace sheaf::coordinator {
+
+// The header with the range of a layer in false color: two numbers.
+inline constexpr char kRangeHeader[] = "X-Sheaf-Range";
+// Objects on a page of a list.
+inline constexpr int kPageSizeDefault = 100;
+inline constexpr int kPageSizeMax = 1000;
+
+// How workers and clients other than browsers reach the coordinator.
+struct FarmAddress {
+  int grpc_port = 0;  // 0: it listens on none.
+  bool tls = false;   // Whether everybody needs a certificate.
+};
+
+// An image that is encoded for one request. version: for its ETag.
+struct ViewedImage {
+  std::string version;
+  std::string png;
+  std::optional<LayerRange> range;
+};
+
+// Actions on the farm that the page offers.
+struct FarmActions {
+  // Cancels a job. Errors: kNotFound; kFailedPrecondition (the job has ended).
+  std::function<absl::Status(const std::string& job_id)> cancel_job;
+  // Pause, resume, or set the priority of a job. Errors: as for cancel_job; for the priority also
+  // kInvalidArgument.
+  std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;
+  std::function<absl::Status(const std::string& job_id, int32_t priority)> set_job_priority;
+  // Tries failed work of a job, a frame or a task again, or sets a frame or a task aside. Errors:
+  // those of Farm::RetryTasks and KillTasks.
+  std::function<absl::Status(const std::string& job_id, std::optional<int32_t> frame,
+                             std::optional<uint32_t> task)>
+      retry_tasks;
+  std::function<absl::Status(const std::string& job_id, int32_t frame, std::optional<uint32_t> task,
+                             const std::string& why)>
+      kill_tasks;
+  // Continues a job that succeeded. Errors: those of Farm::RefineJob.
+  std::function<absl::Status(const std::string& job_id, const Refinement& refinement)> refine_job;
+  // Pins or unpins a job. Errors: kNotFound; kUnavailable (the disk).
+  std::function<absl::Status(const std::string&job_id)> pin_job, unpin_job;
+  // Farm::ReleaseJob and ApproveFrames.
+  std::function<absl::Status(const std::string& job_id)> release_job;
+  std::function<absl::Status(const std::string& job_id, const std::vector<int32_t>& frames)>
+      approve_frames;
+  // Removes a job that has ended. Errors: those of Farm::DeleteJob.
+  std::function<absl::Status(const std::string& job_id)> delete_job;
+  // All channels of a pixel. Errors: those of Farm::ReadPixel.
+  std::function<absl::StatusOr<PixelView>(const std::string& job_id, int32_t frame_number,
+                                          int32_t x_px, int32_t y_px)>
+      read_pixel;
+  // May be null: no address is known.
+  std::function<FarmAddress()> address;
+  // Farm::CollectGarbage.
+  std::function<absl::StatusOr<std::vector<RemovalView>>(bool dry_run)> collect_garbage;
+  // Farm::ListUsage.
+  std::function<absl::StatusOr<UsageReport>(const UsageQuery& query)> list_usage;
+};
+
+class HttpApi {
+ public:
+  // `farm` must outlive this object. `instance` identifies this run of the coordinator, so that
+  // browsers do not use cached images of an earlier run.
+  // access: who may change which job; null: everybody may. server: null: none. Both must outlive
+  // this object.
+  HttpApi(const FarmView& farm, FarmActions actions, std::string instance,
+          const HttpAccess* access = nullptr, const ServerMetrics* server = nullptr);
+
+  // The table above without the event stream, which the server itself provides. The functions refer
+  // to this object. Thread safety: one thread at a time.
+  std::vector<HttpRoute> Routes();
+
+ private:
+  HttpResponse Ready() const;  // These four in operations/http_operations.cc.
+  std::vector<ReadyCondition> Conditions() const;
+  HttpResponse GetUsage(const HttpRequest& request) const;
+  HttpResponse ListJobs(const HttpRequest& request) const;
+  HttpResponse GetJob(const HttpRequest& request) const;
+  HttpResponse ListFailures(const HttpRequest& request) const;
+  // Calls `act` for the job in the path and responds with the job's new state.
+  HttpResponse ChangeJob(const HttpRequest& request,
+                         const std::function<absl::Status(const std::string&)>& act) const;
+  // Calls `act` if the caller may control the job.
+  absl::Status ControlJob(const HttpRequest& request,
+                          const std::function<absl::Status(const std::string&)>& act) const;
+  HttpResponse SetPriority(const HttpRequest& request) const;
+  HttpResponse RetryTasks(const HttpRequest& request) const;  // These two in http_retry.cc.
+  HttpResponse KillTasks(const HttpRequest& request) const;
+  HttpResponse ApproveFrames(const HttpRequest& request) const;  // In http_retry.cc.
+  HttpResponse RefineJob(const HttpRequest& request) const;      // These two in http_refine.cc.
+  HttpResponse GetRefinePrice(const HttpRequest& request) const;
+  HttpResponse GetLayers(const HttpRequest& request) const;  // These in viewing/http_viewing.cc.
+  HttpResponse GetPixel(const HttpRequest& request) const;
+  HttpResponse DeleteJob(const HttpRequest& request) const;
+  HttpResponse GetFarm() const;
+  // Whether the request is for an image that View makes, and not the cache of previews.
+  static bool IsView(const HttpRequest& request);
+  absl::StatusOr<ViewedImage> View(const HttpRequest& request, const FrameView& frame) const;
+  HttpResponse CollectGarbage(const HttpRequest& request) const;
+  HttpResponse GetFrame(const HttpRequest& request) const;
+  HttpResponse GetPreview(const HttpRequest& request);
+  HttpResponse GetFalseColor() const;
+  HttpResponse GetOutput(const HttpRequest& request) const;
+  HttpResponse ListWorkers(const HttpRequest& request) const;
+  HttpResponse ListCounters() const;
+  // The farm's, the server's, the conditions of readiness, and what was refused.
+  std::vector<MetricView> Metrics() const;
+  // Finds the job and frame in the path. Errors: kNotFound, kInvalidArgument.
+  absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
+
+  const FarmView& farm_;
+  const FarmActions actions_;
+  const std::string instance_;
+  const HttpAccess* const access_;
+  const ServerMetrics* const server_;
+  PreviewCache previews_, thumbnails_{kThumbnailCacheCountMax};
+};
+
+HttpResponse JsonResponse(std::string json);
+// Converts an error to a response. Requires: !status.ok().
+HttpResponse HttpErrorFromStatus(const absl::Status& status);
+
+}  // namespace sheaf::coordinator

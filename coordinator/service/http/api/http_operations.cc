@@ -1,0 +1,75 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of HttpApi for those who run a farm.
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "coordinator/service/http/api/http_api.h"
+#include "coordinator/service/http/api/http_json.h"
+
+namespace sheaf::coordinator {
+
+HttpResponse HttpApi::GetUsage(const HttpRequest& request) const {
+  const std::string daily = QueryValue(request, "daily");
+  const std::string format = QueryValue(request, "format");
+  if (!daily.empty() && daily != "0" && daily != "1") {
+    return HttpErrorFromStatus(
+        absl::InvalidArgumentError(absl::StrCat("daily \"", daily, "\" is neither 0 nor 1")));
+  }
+  if (!format.empty() && format != "json" && format != "csv") {
+    return HttpErrorFromStatus(absl::InvalidArgumentError(
+        absl::StrCat("format \"", format, "\" is neither json nor csv")));
+  }
+  absl::StatusOr<UsageQuery> query =
+      ParseUsageQuery(QueryValue(request, "by"), QueryValue(request, "since"),
+                      QueryValue(request, "until"), daily == "1");
+  if (!query.ok()) return HttpErrorFromStatus(query.status());
+  query->owner = AccessControl::UsageOwnerOf(request.caller);
+  const absl::StatusOr<UsageReport> report = actions_.list_usage(*query);
+  if (!report.ok()) return HttpErrorFromStatus(report.status());
+  if (format != "csv") return JsonResponse(UsageJson(*report));
+  HttpResponse response;
+  response.content_type = "text/csv; charset=utf-8";
+  response.headers = {{"Cache-Control", "no-store"},
+                      {"Content-Disposition", "attachment; filename=\"sheaf-usage.csv\""}};
+  response.body = UsageCsv(report->sums);
+  return response;
+}
+
+std::vector<ReadyCondition> HttpApi::Conditions() const {
+  std::vector<ReadyCondition> conditions = farm_.Conditions();
+  if (access_ != nullptr) {
+    conditions.push_back({"certificate", access_->CheckCertificates(absl::Now())});
+  }
+  return conditions;
+}
+
+HttpResponse HttpApi::Ready() const {
+  const std::vector<ReadyCondition> conditions = Conditions();
+  const bool is_ready =
+      std::all_of(conditions.begin(), conditions.end(),
+                  [](const ReadyCondition& condition) { return condition.status.ok(); });
+  HttpResponse response = JsonResponse(ReadyJson(conditions));
+  response.status = is_ready ? 200 : 503;
+  return response;
+}
+
+std::vector<MetricView> HttpApi::Metrics() const {
+  std::vector<MetricView> metrics = farm_.Metrics();
+  for (const ReadyCondition& condition : Conditions()) {
+    metrics.push_back({"sheaf_ready", "Whether a condition for accepting work holds: 1 or 0.",
+                       MetricView::Kind::kGauge, "condition", condition.name,
+                       condition.status.ok() ? 1.0 : 0.0});
+  }
+  const auto append = [&metrics](std::vector<MetricView> more) {
+    for (MetricView& metric : more) metrics.push_back(std::move(metric));
+  };
+  if (server_ != nullptr) append(server_->List());
+  if (access_ != nullptr) append(access_->Metrics());
+  return metrics;
+}
+
+}  // namespace sheaf::coordinator

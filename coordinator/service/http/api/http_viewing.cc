@@ -1,0 +1,190 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The part of HttpApi for those who look closely at images: layers, differences, pixels, and images
+// in full size.
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "common/film/exr/exr_channels.h"
+#include "coordinator/service/http/api/http_api.h"
+#include "coordinator/service/http/image/channel_layers.h"
+#include "coordinator/service/http/image/image_difference.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+absl::StatusOr<ChannelLayer> FindChannelLayer(const FrameView& frame, const std::string& name) {
+  for (ChannelLayer& layer : ChannelLayersOf(frame.settings.outputs)) {
+    if (layer.name == name) return std::move(layer);
+  }
+  return absl::NotFoundError(absl::StrCat("frame ", frame.frame_number, " has no layer \"", name,
+                                          "\"; .../layers lists them"));
+}
+
+// JSON has no other numbers than finite ones.
+Json PixelValueJson(float value) {
+  if (std::isfinite(value)) return value;
+  if (std::isnan(value)) return "nan";
+  return value > 0 ? "inf" : "-inf";
+}
+
+struct NamedFrame {
+  std::string job_id;
+  int32_t number = 0;
+};
+
+// "jobs/8/frames/1". Errors: kInvalidArgument.
+absl::StatusOr<NamedFrame> ParseFrame(const std::string& text) {
+  const std::vector<std::string> parts = absl::StrSplit(text, '/');
+  NamedFrame name;
+  if (parts.size() != 4 || parts[0] != "jobs" || parts[2] != "frames" ||
+      !absl::SimpleAtoi(parts[3], &name.number)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("with=\"", text, "\" is not the name of a frame, such as jobs/8/frames/1"));
+  }
+  name.job_id = parts[1];
+  return name;
+}
+
+absl::StatusOr<DifferenceKind> ParseDifferenceKind(const std::string& text) {
+  if (text == "absolute") return DifferenceKind::kAbsolute;
+  if (text == "relative") return DifferenceKind::kRelative;
+  return absl::InvalidArgumentError(
+      absl::StrCat("difference \"", text, "\" is neither absolute nor relative"));
+}
+
+absl::StatusOr<ViewedImage> EncodeView(const absl::StatusOr<DisplayImage>& display,
+                                       const std::string& version) {
+  if (!display.ok()) return display.status();
+  absl::StatusOr<std::string> png =
+      EncodePng(display->width_px, display->height_px, display->pixels);
+  if (!png.ok()) return png.status();
+  return ViewedImage{version, *std::move(png), display->range};
+}
+
+absl::StatusOr<int32_t> ParseCoordinate(const HttpRequest& request, const std::string& name) {
+  const std::string text = QueryValue(request, name);
+  int32_t value = 0;
+  if (absl::SimpleAtoi(text, &value)) return value;
+  return absl::InvalidArgumentError(
+      absl::StrCat(name, " \"", text, "\" is not an integer; as in pixel?x=10&y=20"));
+}
+
+}  // namespace
+
+HttpResponse HttpApi::GetLayers(const HttpRequest& request) const {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  Json layers = Json::array();
+  for (const ChannelLayer& layer : ChannelLayersOf(frame->settings.outputs)) {
+    std::vector<std::string> channels;
+    for (const std::string& channel : layer.channels) channels.push_back(FileChannelName(channel));
+    layers.push_back({{"name", layer.name},
+                      {"kind", ChannelKindName(layer.kind)},
+                      {"channels", std::move(channels)}});
+  }
+  return JsonResponse(Json::object({{"layers", std::move(layers)}}).dump());
+}
+
+HttpResponse HttpApi::GetPixel(const HttpRequest& request) const {
+  const absl::StatusOr<FrameView> frame = FindFrame(request);
+  if (!frame.ok()) return HttpErrorFromStatus(frame.status());
+  const absl::StatusOr<int32_t> x = ParseCoordinate(request, "x");
+  if (!x.ok()) return HttpErrorFromStatus(x.status());
+  const absl::StatusOr<int32_t> y = ParseCoordinate(request, "y");
+  if (!y.ok()) return HttpErrorFromStatus(y.status());
+  const absl::StatusOr<PixelView> pixel =
+      actions_.read_pixel(request.path_parameters[0], frame->frame_number, *x, *y);
+  if (!pixel.ok()) return HttpErrorFromStatus(pixel.status());
+  Json channels = Json::array();
+  for (const auto& [name, value] : pixel->channels) {
+    channels.push_back({{"name", name}, {"value", PixelValueJson(value)}});
+  }
+  return JsonResponse(
+      Json::object(
+          {{"version", pixel->version}, {"x", *x}, {"y", *y}, {"channels", std::move(channels)}})
+          .dump());
+}
+
+bool HttpApi::IsView(const HttpRequest& request) {
+  return !QueryValue(request, "of").empty() || !QueryValue(request, "with").empty() ||
+         QueryValue(request, "size") == "full";
+}
+
+absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
+                                          const FrameView& frame) const {
+  const std::string& job_id = request.path_parameters[0];
+  const auto version_of = [this](uint64_t version) {
+    return absl::StrCat(instance_, "-", version);
+  };
+  if (const std::string with = QueryValue(request, "with"); !with.empty()) {
+    const absl::StatusOr<DifferenceKind> kind =
+        ParseDifferenceKind(QueryValue(request, "difference"));
+    if (!kind.ok()) return kind.status();
+    const absl::StatusOr<NamedFrame> other_name = ParseFrame(with);
+    if (!other_name.ok()) return other_name.status();
+    absl::StatusOr<PreviewView> image = farm_.Preview(job_id, frame.frame_number, {"R", "G", "B"});
+    if (!image.ok()) return image.status();
+    absl::StatusOr<PreviewView> other =
+        farm_.Preview(other_name->job_id, other_name->number, {"R", "G", "B"});
+    if (!other.ok()) return other.status();
+    if (!(image->image.color.chromaticities == other->image.color.chromaticities)) {
+      const Chromaticities& to = image->image.color.chromaticities;
+      if (absl::Status same = ConvertColor(to, &other->image); !same.ok()) return same;
+    }
+    return EncodeView(MakeDifference(image->image, other->image, *kind),
+                      absl::StrCat(version_of(image->version), "-", other->version));
+  }
+  const std::string name = QueryValue(request, "layer");
+  const std::optional<ImageLayer> as = ImageLayerFromName(name);
+  if (!as || (*as != ImageLayer::kImage && *as != ImageLayer::kLight)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("layer \"", name, "\" is neither image nor light, as of= and size=full need"));
+  }
+  if (const std::string of = QueryValue(request, "of"); !of.empty()) {
+    const absl::StatusOr<ChannelLayer> layer = FindChannelLayer(frame, of);
+    if (!layer.ok()) return layer.status();
+    const absl::StatusOr<PreviewView> view =
+        farm_.Preview(job_id, frame.frame_number, SourceChannels(*layer));
+    if (!view.ok()) return view.status();
+    return EncodeView(MakeChannelDisplay(view->image, *layer, *as), version_of(view->version));
+  }
+  if (!frame.complete) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("frame ", frame.frame_number,
+                     " is not complete yet, and has no image in full size; leave out size=full"));
+  }
+  const absl::StatusOr<PreviewView> view =
+      farm_.Preview(job_id, frame.frame_number, {"R", "G", "B"});
+  if (!view.ok()) return view.status();
+  return EncodeView(MakeDisplayImage(view->image, *as, /*full_size=*/true),
+                    version_of(view->version));
+}
+
+HttpResponse HttpApi::DeleteJob(const HttpRequest& request) const {
+  const std::string& job_id = request.path_parameters[0];
+  const absl::Status done = ControlJob(request, actions_.delete_job);
+  if (access_ != nullptr) access_->NoteInAudit(request, job_id, done);
+  if (!done.ok()) return HttpErrorFromStatus(done);
+  return JsonResponse(Json::object({{"name", absl::StrCat("jobs/", job_id)}}).dump());
+}
+
+HttpResponse HttpApi::GetFarm() const {
+  const FarmAddress address = actions_.address ? actions_.address() : FarmAddress();
+  return JsonResponse(
+      Json::object({{"grpc_port", address.grpc_port}, {"tls", address.tls}}).dump());
+}
+
+}  // namespace sheaf::coordinator

@@ -1,0 +1,126 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Requests for layers, differences, pixels and images in full size, for the address of the farm,
+// and to delete a job.
+#include <limits>
+#include <string>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "coordinator/service/http/api/http_api.h"
+#include "coordinator/service/http/api/http_fake_farm.h"
+#include "gtest/gtest.h"
+
+namespace sheaf::coordinator {
+namespace {
+
+class HttpViewingTest : public ::testing::Test {
+ protected:
+  HttpViewingTest() : api_(farm_, Actions(), "run"), router_(api_.Routes(), {}) {
+    farm_.jobs = {MakeFakeJob("3"), MakeFakeJob("4")};
+    farm_.preview.version = 3;
+    farm_.preview.image = MakeFakeImage(4, 2, 0.5f);
+    farm_.preview.image.planes[0][6] = std::numeric_limits<float>::infinity();
+  }
+  FarmActions Actions() {
+    FarmActions actions;
+    actions.read_pixel = [this](const std::string&, int32_t, int32_t x_px, int32_t y_px) {
+      return FakePixel(farm_.preview, x_px, y_px);
+    };
+    actions.delete_job = [this](const std::string& job_id) {
+      if (job_id == "4") return absl::FailedPreconditionError("jobs/4 has not ended");
+      deleted_ = job_id;
+      return absl::OkStatus();
+    };
+    actions.address = [] { return FarmAddress{7411, true}; };
+    return actions;
+  }
+  HttpResponse Send(const std::string& method, const std::string& target) {
+    HttpRequest request;
+    request.method = method;
+    request.target = absl::StrCat("/api/v1/", target);
+    request.headers = {{"Host", "localhost"}, {"X-Sheaf-Request", "1"}};
+    return router_.Route(request);
+  }
+  HttpResponse Preview(const std::string& query) {
+    return Send("GET", absl::StrCat("jobs/3/frames/1/preview.png?", query));
+  }
+  static bool HasRange(const HttpResponse& response) {
+    for (const auto& [name, value] : response.headers) {
+      if (name == kRangeHeader) return true;
+    }
+    return false;
+  }
+
+  FakeFarm farm_;
+  std::string deleted_;
+  HttpApi api_;
+  HttpRouter router_;
+};
+
+TEST_F(HttpViewingTest, LayersAreListedAndShown) {
+  const HttpResponse list = Send("GET", "jobs/3/frames/1/layers");
+  EXPECT_EQ(list.status, 200);
+  EXPECT_TRUE(absl::StrContains(list.body, R"({"name":"albedo","kind":"color")")) << list.body;
+  farm_.preview.image.channel_names[7] = "depth.Z";
+  const HttpResponse depth = Preview("layer=image&of=depth");
+  EXPECT_EQ(depth.status, 200) << depth.body;
+  EXPECT_EQ(depth.body.substr(1, 3), "PNG");
+  EXPECT_TRUE(HasRange(depth));
+  EXPECT_EQ(Preview("layer=image&of=nothing").status, 404);
+  EXPECT_EQ(Preview("layer=samples&of=depth").status, 400);
+}
+
+TEST_F(HttpViewingTest, LayersHaveTheChannelsOfTheFile) {
+  FilmOutputs* const outputs = &farm_.jobs[0].frames[0].settings.outputs;
+  ASSERT_TRUE(AddAovs("object-id", outputs).ok());
+  ASSERT_TRUE(AddCryptomattes("object", outputs).ok());
+  const HttpResponse list = Send("GET", "jobs/3/frames/1/layers");
+  for (const char* part : {R"({"name":"nonfinite","kind":"scalar","channels":["nonfinite.X"]})",
+                           R"({"name":"objectId","kind":"id","channels":["objectId.X"]})",
+                           R"("channels":["rest.CryptoObject.X"])", R"("channels":["depth.Z"])"}) {
+    EXPECT_TRUE(absl::StrContains(list.body, part)) << part << " in " << list.body;
+  }
+}
+
+TEST_F(HttpViewingTest, DifferencesOfTwoFramesAreShown) {
+  for (const char* kind : {"absolute", "relative"}) {
+    const HttpResponse difference = Preview(absl::StrCat("with=jobs/4/frames/1&difference=", kind));
+    EXPECT_EQ(difference.status, 200) << difference.body;
+    EXPECT_TRUE(HasRange(difference));
+  }
+  EXPECT_EQ(Preview("with=jobs/4/frames/1&difference=other").status, 400);
+  EXPECT_EQ(Preview("with=jobs/4&difference=absolute").status, 400);
+}
+
+TEST_F(HttpViewingTest, FullSizeNeedsADeliveredImage) {
+  EXPECT_EQ(Preview("size=full").status, 409);
+  farm_.jobs[0].frames[0].complete = true;
+  EXPECT_EQ(Preview("size=full").status, 200);
+  EXPECT_EQ(Preview("size=full&layer=error").status, 400);
+}
+
+TEST_F(HttpViewingTest, PixelsHaveTheValuesOfAllChannels) {
+  const HttpResponse pixel = Send("GET", "jobs/3/frames/1/pixel?x=2&y=1");
+  EXPECT_EQ(pixel.status, 200) << pixel.body;
+  for (const char* part : {R"("version":3)", R"("x":2,"y":1)", R"({"name":"R","value":"inf"})",
+                           R"({"name":"G","value":0.5})", R"({"name":"samples","value":16.0})"}) {
+    EXPECT_TRUE(absl::StrContains(pixel.body, part)) << part << " in " << pixel.body;
+  }
+  EXPECT_EQ(Send("GET", "jobs/3/frames/1/pixel?x=4&y=1").status, 400);
+  EXPECT_EQ(Send("GET", "jobs/3/frames/1/pixel?x=2").status, 400);
+}
+
+TEST_F(HttpViewingTest, JobsAreDeleted) {
+  EXPECT_EQ(Send("POST", "jobs/3:delete").status, 200);
+  EXPECT_EQ(deleted_, "3");
+  EXPECT_EQ(Send("POST", "jobs/4:delete").status, 409);
+}
+
+TEST_F(HttpViewingTest, TheAddressOfTheFarmIsTold) {
+  EXPECT_EQ(Send("GET", "farm").body, "{\"grpc_port\":7411,\"tls\":true}\n");
+}
+
+}  // namespace
+}  // namespace sheaf::coordinator
