@@ -5,16 +5,27 @@
 // for SQLite and PostgreSQL.
 #pragma once
 
+#include <span>
+
 #include "absl/status/status.h"
 #include "coordinator/store/database/database.h"
 
 namespace sheaf::coordinator {
 
-// Creates the tables of a new database at once, or adds to those of an earlier version what each
-// version since has added. Errors: kFailedPrecondition, with its name, if a later version wrote it.
-absl::Status MigrateSchema(Database* database);
+// The tables of new databases, and what each version of Sheaf after the first has added to those of
+// the version before. An addition is part of `tables`, too.
+struct SchemaHistory {
+  const char* tables;
+  std::span<const char* const> additions;
+};
 
-// Whether the tables have the names and columns that MigrateSchema makes: SQLite's own check does
+// Creates the tables of a new database, or adds to those of an earlier version, in one transaction.
+// Errors: kFailedPrecondition, with its name, if a later version wrote it.
+absl::Status UpdateSchema(Database* database, const SchemaHistory& history);
+// The same with the tables of this version.
+absl::Status UpdateSchema(Database* database);
+
+// Whether the tables have the names and columns that UpdateSchema makes: SQLite's own check does
 // not see a changed bit in them. Errors: kDataLoss, with what is missing or unknown.
 absl::Status CheckSchema(Database* database);
 

@@ -153,7 +153,7 @@ absl::Status SqlJobStore::Initialize() {
 
 absl::Status SqlJobStore::BeginLife() {
   if (absl::Status status = database_->Check(kCheckTimeMax); !status.ok()) return status;
-  if (absl::Status status = MigrateSchema(database_.get()); !status.ok()) return status;
+  if (absl::Status status = UpdateSchema(database_.get()); !status.ok()) return status;
   if (absl::Status status = CheckSchema(database_.get()); !status.ok()) return status;
   lost_commits_ = database_->LostCommits();
   if (lost_commits_ > 0) {

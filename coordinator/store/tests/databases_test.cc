@@ -1,14 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Properties that the store needs of each database: migrations, transactions, and values that come
+// Properties that the store needs of each database: updates, transactions, and values that come
 // back as they were.
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "coordinator/store/database/database.h"
+#include "coordinator/store/job_schema.h"
 #include "coordinator/store/tests/test_databases.h"
 #include "gtest/gtest.h"
 
@@ -17,32 +19,38 @@ namespace {
 
 class DatabasesTest : public JobStoreFixture {};
 
-// Only the additions of the last two versions are looked at: all versions are migrated by one list.
-TEST_P(DatabasesTest, AnEarlierDatabaseIsMigrated) {
+// Databases are updated from any earlier version, at once or one by one, and never back.
+TEST_P(DatabasesTest, AnEarlierDatabaseIsUpdated) {
   store_.reset();
   const std::unique_ptr<Database> database = OpenDatabase();
-  const absl::StatusOr<int64_t> version = database->SchemaVersion();
-  ASSERT_TRUE(version.ok() && *version >= 30) << version.status();
-  ASSERT_TRUE(database
-                  ->InTransaction([&] {
-                    absl::Status dropped = database->Execute(
-                        "DROP TABLE dependencies;DROP TABLE approvals;DROP TABLE drains;"
-                        "ALTER TABLE jobs DROP COLUMN deadline_ns;"
-                        "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds;"
-                        "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds_low;"
-                        "ALTER TABLE jobs DROP COLUMN quoted_cpu_seconds_high;");
-                    return dropped.ok() ? database->SetSchemaVersion(28) : dropped;
-                  })
-                  .ok());
-  Reopen();
-  EXPECT_EQ(*database->SchemaVersion(), *version);
-  ASSERT_TRUE(store_->WriteDrains({{"w", true, absl::FromUnixSeconds(5)}}).ok());
-  EXPECT_EQ(store_->LoadDrains()->size(), 1u);
-  EXPECT_TRUE(store_->LoadJobs().ok());
-  store_.reset();
-  ASSERT_TRUE(
-      database->InTransaction([&] { return database->SetSchemaVersion(*version + 1); }).ok());
+  const char* const additions[] = {"ALTER TABLE drains ADD COLUMN why TEXT NOT NULL DEFAULT 'none'",
+                                   "UPDATE drains SET why = 'earlier';"
+                                   "CREATE TABLE added(x INTEGER NOT NULL)"};
+  ASSERT_EQ(database->SchemaVersion().value_or(-1), 1);
+  ASSERT_TRUE(database->Execute("INSERT INTO drains VALUES('w', 1, 5)").ok());
+  const SchemaHistory second{"", std::span(additions, 1)}, third{"", additions};
+  ASSERT_TRUE(UpdateSchema(database.get(), second).ok());
+  EXPECT_EQ(database->SchemaVersion().value_or(-1), 2);
+  EXPECT_EQ(CheckSchema(database.get()).code(), absl::StatusCode::kDataLoss);
+  ASSERT_TRUE(UpdateSchema(database.get(), third).ok());
+  EXPECT_EQ(database->SchemaVersion().value_or(-1), 3);
+  ASSERT_TRUE(UpdateSchema(database.get(), third).ok()) << "nothing is added twice";
+  Statement why = database->Prepare("SELECT why FROM drains");
+  ASSERT_TRUE(*why.Step());
+  EXPECT_EQ(why.Text(0), "earlier");
+  EXPECT_EQ(UpdateSchema(database.get(), second).code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(OpenStore().status().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+TEST_P(DatabasesTest, AnAdditionThatFailsLeavesTheEarlierVersion) {
+  store_.reset();
+  const std::unique_ptr<Database> database = OpenDatabase();
+  const char* const additions[] = {
+      "CREATE TABLE added(x INTEGER NOT NULL);"
+      "UPDATE nothing SET x = 1"};
+  EXPECT_FALSE(UpdateSchema(database.get(), {"", additions}).ok());
+  EXPECT_EQ(database->SchemaVersion().value_or(-1), 1);
+  EXPECT_TRUE(CheckSchema(database.get()).ok()) << "half of an addition stays";
 }
 
 TEST_P(DatabasesTest, AFailedTransactionChangesNothing) {
