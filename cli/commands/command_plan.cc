@@ -127,18 +127,19 @@ class PlanCommand : public Command {
                                     {"cost_rays_per_sample", c.cost_rays}};
     };
     nlohmann::ordered_json gains;
-    for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kCameraGuided}) {
-      gains[TechniquesName(techniques)] = measured.Gain(techniques);
+    for (const TechniqueSet techniques :
+         {TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided}) {
+      gains[techniques.Name()] = measured.Gain(techniques);
     }
     if (measured.guided_both) {
-      gains[TechniquesName(Techniques::kCameraAndLightGuided)] =
-          measured.Gain(Techniques::kCameraAndLightGuided);
+      gains[TechniqueSet::kCameraAndLightGuided.Name()] =
+          measured.Gain(TechniqueSet::kCameraAndLightGuided);
     }
     if (measured.split) {
-      const Techniques split = WithSplitting(measured.Best());
-      gains[TechniquesName(split)] = measured.Gain(split);
+      const TechniqueSet split = measured.Best().With(Technique::kSplitting);
+      gains[split.Name()] = measured.Gain(split);
     }
-    nlohmann::ordered_json json = {{"best", TechniquesName(measured.Best())},
+    nlohmann::ordered_json json = {{"best", measured.Best().Name()},
                                    {"gain", measured.Gain(measured.Best())},
                                    {"gains", gains},
                                    {"light_share", measured.light_share},
@@ -162,7 +163,7 @@ class PlanCommand : public Command {
                                    {"variant_traits", plan.variant_traits},
                                    {"light_count", plan.light_count},
                                    {"max_depth", plan.max_depth},
-                                   {"techniques", TechniquesName(settings.techniques)},
+                                   {"techniques", settings.techniques.Name()},
                                    {"memory_bytes", memory.TotalBytes()},
                                    {"triangle_count", memory.triangle_count},
                                    {"effects", nlohmann::ordered_json::array()},

@@ -115,7 +115,7 @@ class SubmitCommand : public Command {
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);
     if (const std::string note = OutsideNote(job->outside); !note.empty()) PrintNote(note);
     if (measure_seconds_ > 0) {
-      const Techniques techniques = job->frames.front().settings.techniques;
+      const TechniqueSet techniques = job->frames.front().settings.techniques;
       absl::Status status = CheckCameraPaths("measurements of effects", techniques);
       if (!status.ok()) return ReportError(ExitCode::kUsage, status);
     }

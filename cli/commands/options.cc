@@ -5,12 +5,17 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
 #include "cli/commands/format_options.h"
 #include "common/base/label.h"
+#include "common/base/nearest_name.h"
 #include "common/command_line/command_line.h"
 #include "common/film/denoised_output.h"
 #include "common/film/exr/external_layer.h"
@@ -176,7 +181,32 @@ void AddDenoiserOption(CLI::App* command, JobArguments* arguments) {
       ->type_name("COMMAND");
 }
 
+constexpr char kTechniquesOption[] = "--techniques";
 constexpr char kMeasuredTechniques[] = "auto";
+
+// What --techniques takes; words joined by + may stand in any order.
+std::vector<std::string> TechniquesWords() {
+  std::vector<std::string> words = TechniquesNames();
+  words.insert(words.begin(), kMeasuredTechniques);
+  return words;
+}
+
+void ParseTechniques(const std::string& text, RenderSettings* settings) {
+  settings->techniques.reset();
+  settings->measure_techniques = absl::EqualsIgnoreCase(text, kMeasuredTechniques);
+  if (settings->measure_techniques) return;
+  const absl::StatusOr<TechniqueSet> techniques = TechniqueSet::Parse(text);
+  if (techniques.ok()) {
+    settings->techniques = *techniques;
+    return;
+  }
+  const std::vector<std::string> words = TechniquesWords();
+  throw CLI::ValidationError(kTechniquesOption, absl::IsNotFound(techniques.status())
+                                                    ? absl::StrCat("\"", text, "\" is not one of ",
+                                                                   absl::StrJoin(words, ", "),
+                                                                   NearestNameHint(text, words))
+                                                    : std::string(techniques.status().message()));
+}
 
 // Options for light transport.
 void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
@@ -209,20 +239,17 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "from lights, and vertices in media, take 1")
       ->check(InRange(1, kLightSamplesMax))
       ->capture_default_str();
-  std::vector<std::string> techniques = TechniquesNames();
-  techniques.insert(techniques.begin(), kMeasuredTechniques);
-  AddChoiceOf(
-      command, "--techniques", techniques,
-      [settings, techniques](size_t i) {
-        settings->measure_techniques = techniques[i] == kMeasuredTechniques;
-        settings->techniques = TechniquesFromName(techniques[i]);
-      },
-      "Where paths begin: at the camera; at the camera and at lights, which finds caustics and "
-      "small lights behind glass sooner; or at lights alone where possible. +guiding: paths from "
-      "the camera also go where a training, before the first sample, found light, for rooms that "
-      "are lit indirectly. +splitting: several paths go on from where that light matters most. All "
-      "have the same mean. auto: at lights too if that pays, which a small "
-      "image measures first (default: those of the scene's integrator)");
+  command
+      ->add_option_function<std::string>(
+          kTechniquesOption,
+          [settings](const std::string& text) { ParseTechniques(text, settings); },
+          "Where paths begin: at the camera; at the camera and at lights, which finds caustics and "
+          "small lights behind glass sooner; or at lights alone where possible. +guiding: paths "
+          "from the camera also go where a training, before the first sample, found light, for "
+          "rooms that are lit indirectly. +splitting: several paths go on from where that light "
+          "matters most. All have the same mean. auto: at lights too if that pays, which a small "
+          "image measures first (default: those of the scene's integrator)")
+      ->type_name(absl::StrJoin(TechniquesWords(), "|"));
   command->add_flag("--generic", settings->force_generic_variant,
                     "Run the variant that supports every effect; changes no pixel");
 }

@@ -7,11 +7,11 @@
 
 namespace sheaf::cli {
 
-absl::Status CheckCameraPaths(const std::string& what, Techniques techniques) {
+absl::Status CheckCameraPaths(const std::string& what, TechniqueSet techniques) {
   if (!HasLightPaths(techniques)) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
-      what, " know paths from the camera alone, not the techniques ", TechniquesName(techniques),
-      "; give --techniques ", TechniquesName(WithoutLightPaths(techniques)),
+      what, " know paths from the camera alone, not the techniques ", techniques.Name(),
+      "; give --techniques ", techniques.Without(Technique::kLightPaths).Name(),
       " for an image of the same mean without light paths"));
 }
 

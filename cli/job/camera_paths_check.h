@@ -15,7 +15,7 @@ namespace sheaf::cli {
 
 // what: what is refused, in the plural ("measurements of effects"). Errors: kInvalidArgument where
 // the techniques have light paths, with what to do.
-absl::Status CheckCameraPaths(const std::string& what, Techniques techniques);
+absl::Status CheckCameraPaths(const std::string& what, TechniqueSet techniques);
 // The same; the error begins with the place of the integrator where the scene asks for them.
 absl::Status CheckCameraPaths(const std::string& what, const SceneDescription& scene,
                               const FrameSettings& settings);

@@ -10,15 +10,15 @@ namespace {
 constexpr char kWhat[] = "measurements of effects";
 
 TEST(CameraPathsCheckTest, OnlyPathsFromTheCameraPass) {
-  EXPECT_TRUE(CheckCameraPaths(kWhat, Techniques::kCamera).ok());
-  EXPECT_EQ(CheckCameraPaths(kWhat, Techniques::kCameraAndLight),
+  EXPECT_TRUE(CheckCameraPaths(kWhat, TechniqueSet::kCamera).ok());
+  EXPECT_EQ(CheckCameraPaths(kWhat, TechniqueSet::kCameraAndLight),
             absl::InvalidArgumentError(
                 "measurements of effects know paths from the camera alone, not the techniques "
                 "camera+light; give "
                 "--techniques camera for an image of the same mean without light paths"));
-  EXPECT_FALSE(CheckCameraPaths(kWhat, Techniques::kLight).ok());
-  EXPECT_TRUE(CheckCameraPaths(kWhat, Techniques::kCameraGuided).ok());
-  EXPECT_EQ(CheckCameraPaths(kWhat, Techniques::kCameraAndLightGuided),
+  EXPECT_FALSE(CheckCameraPaths(kWhat, TechniqueSet::kLight).ok());
+  EXPECT_TRUE(CheckCameraPaths(kWhat, TechniqueSet::kCameraGuided).ok());
+  EXPECT_EQ(CheckCameraPaths(kWhat, TechniqueSet::kCameraAndLightGuided),
             absl::InvalidArgumentError(
                 "measurements of effects know paths from the camera alone, not the techniques "
                 "camera+light+guiding; "
@@ -33,13 +33,13 @@ TEST(CameraPathsCheckTest, NamesTheIntegratorThatAsksForLightPaths) {
   scene.sampling.integrator_location = {0, 4, 2};
   FrameSettings settings;
   EXPECT_TRUE(CheckCameraPaths(kWhat, scene, settings).ok());
-  settings.techniques = Techniques::kCameraAndLight;
+  settings.techniques = TechniqueSet::kCameraAndLight;
   const std::string of_scene(CheckCameraPaths(kWhat, scene, settings).message());
   EXPECT_EQ(
       of_scene.rfind("main.pbrt:4:2: measurements of effects know paths from the camera alone", 0),
       0u)
       << of_scene;
-  settings.techniques = Techniques::kLight;  // By a flag.
+  settings.techniques = TechniqueSet::kLight;  // By a flag.
   const std::string of_flag(CheckCameraPaths(kWhat, scene, settings).message());
   EXPECT_EQ(of_flag.rfind("measurements of effects know", 0), 0u) << of_flag;
 }

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -167,8 +168,9 @@ void AddSettings(const v1::FrameSettings& settings, SettingField::Shown shown, J
   const FrameSettings names_only;
   VisitFrameSettings(names_only, [&](const SettingField& field, const auto& member) {
     if (field.shown != shown) return;
-    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(member)>, Techniques>) {
-      (*json)[field.name] = TechniquesName(static_cast<Techniques>(settings.techniques()));
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(member)>, TechniqueSet>) {
+      const std::optional<TechniqueSet> set = TechniqueSet::FromNumber(settings.techniques());
+      (*json)[field.name] = set ? set->Name() : "unknown";
     } else {
       (*json)[field.name] = SettingJson(settings, field.name);
     }

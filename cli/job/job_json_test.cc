@@ -48,7 +48,7 @@ TEST(JobJsonTest, NamesEveryTechnique) {
   v1::Job job;
   v1::FrameSettings* settings = job.add_frames()->mutable_spec()->mutable_settings();
   for (const std::string& name : TechniquesNames()) {
-    settings->set_techniques(static_cast<v1::Techniques>(*TechniquesFromName(name)));
+    settings->set_techniques(static_cast<v1::Techniques>(TechniqueSet::Parse(name)->Number()));
     EXPECT_EQ(nlohmann::json::parse(JobJson(job))["frames"][0]["techniques"], name);
   }
 }

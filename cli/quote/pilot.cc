@@ -70,7 +70,7 @@ absl::StatusOr<FrameImage> FetchImage(FarmClient* client, const v1::Frame& frame
 }
 
 absl::StatusOr<PilotImage> FetchPilot(FarmClient* client, const v1::Frame& frame,
-                                      const PilotLevel& level, Techniques techniques,
+                                      const PilotLevel& level, TechniqueSet techniques,
                                       size_t tile_count) {
   absl::StatusOr<FrameImage> image = FetchImage(client, frame);
   if (!image.ok()) return image.status();
@@ -200,7 +200,7 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     // A training of its own would cost more than the small image. That of a light image is as
     // small as the image, and light passes know how camera paths are guided.
     if (level.lattice.All() && !level.is_light_image) {
-      frame.settings.techniques = WithoutGuiding(frame.settings.techniques);
+      frame.settings.techniques = frame.settings.techniques.Without(Technique::kGuiding);
       frame.settings.outputs = {};
       frame.settings.outputs.AddLightPaths();
     }
@@ -213,7 +213,8 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     }
     for (const ZoomedRegion& place : plans[i].zoomed_pilots) {
       FrameSettings settings = Enlarged(frame.settings, place);
-      settings.techniques = Techniques::kCamera;  // Only the emission that the camera sees counts.
+      settings.techniques =
+          TechniqueSet::kCamera;  // Only the emission that the camera sees counts.
       add(frame, std::move(settings), {{}, 1});
     }
   }
@@ -319,7 +320,7 @@ absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
     frame.settings.outputs = {};
     AddDenoised(&frame.settings.outputs);
     // A training would cost more than a crop.
-    frame.settings.techniques = WithoutGuiding(frame.settings.techniques);
+    frame.settings.techniques = frame.settings.techniques.Without(Technique::kGuiding);
   }
   if (pilot.frames.empty()) return images;
   const absl::StatusOr<v1::Job> ended = RunPilot(client, arguments, pilot, deadline);

@@ -16,7 +16,7 @@ FrameSettings SettingsWithLight() {
   FrameSettings settings;
   settings.width_px = settings.height_px = kFramePx;
   settings.window = {0, 0, kFramePx, kFramePx};
-  settings.techniques = Techniques::kCameraAndLight;
+  settings.techniques = TechniqueSet::kCameraAndLight;
   return settings;
 }
 
@@ -48,7 +48,7 @@ TEST(LightOfTest, PixelsBesideTheWindowAreItsNearest) {
 
 class LightPassesTest : public ::testing::Test {
  protected:
-  StudyScene Compile(int32_t shrink, Techniques techniques = Techniques::kCameraAndLight) {
+  StudyScene Compile(int32_t shrink, TechniqueSet techniques = TechniqueSet::kCameraAndLight) {
     FrameSettings settings = SettingsWithLight();
     settings.techniques = techniques;
     StudyScenes scenes(room_.scene, files_, 2);
@@ -105,17 +105,17 @@ double MeanOfTiles(const StudyScene& scene) {
 
 // Together the tiles of camera and light paths show what paths from the camera alone show.
 TEST_F(LightPassesTest, TilesShowBothKindsOfPath) {
-  const double camera = MeanOfTiles(Compile(1, Techniques::kCamera));
+  const double camera = MeanOfTiles(Compile(1, TechniqueSet::kCamera));
   EXPECT_NEAR(MeanOfTiles(Compile(1)) / camera, 1, 0.03);
   EXPECT_NEAR(MeanOfTiles(Compile(3)) / camera, 1, 0.03);
-  EXPECT_NEAR(MeanOfTiles(Compile(1, Techniques::kLight)) / camera, 1, 0.03);
+  EXPECT_NEAR(MeanOfTiles(Compile(1, TechniqueSet::kLight)) / camera, 1, 0.03);
 }
 
 // The weights of tile and smaller frame agree, whatever the seed of a setting.
 TEST_F(LightPassesTest, GuidedScenesShareOneField) {
-  const double camera = MeanOfTiles(Compile(1, Techniques::kCamera));
+  const double camera = MeanOfTiles(Compile(1, TechniqueSet::kCamera));
   FrameSettings settings = SettingsWithLight();
-  settings.techniques = Techniques::kCameraAndLightGuided;
+  settings.techniques = TechniqueSet::kCameraAndLightGuided;
   StudyScenes scenes(room_.scene, files_, 2);
   const absl::StatusOr<StudyScene> given = scenes.Compile(settings, 3);
   ASSERT_TRUE(given.ok()) << given.status();
@@ -126,7 +126,7 @@ TEST_F(LightPassesTest, GuidedScenesShareOneField) {
   EXPECT_EQ(other->training_cpu_seconds, given->training_cpu_seconds);
   EXPECT_NEAR(MeanOfTiles(*other) / camera, 1, 0.03);
   // Without light paths, a setting is guided by a field of its own.
-  settings.techniques = Techniques::kCameraGuided;
+  settings.techniques = TechniqueSet::kCameraGuided;
   const absl::StatusOr<StudyScene> alone = scenes.Compile(settings, 3);
   ASSERT_TRUE(alone.ok()) << alone.status();
   EXPECT_GT(alone->training_cpu_seconds, 0);

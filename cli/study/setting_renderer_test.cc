@@ -22,7 +22,7 @@ double MeasuredError(int32_t shrink, int32_t depth) {
                 TranslateMatrix({-0.3, -0.4, 0.3}));
   TableFileSource files({});
   FrameSettings settings = render::SquareSettings(kGlassRoomPx, 16, 6);
-  settings.techniques = Techniques::kLight;
+  settings.techniques = TechniqueSet::kLight;
   settings.seed = 1;
   const std::vector<PixelRect> tiles = ChooseTiles(settings.window, 1000);
   StudyScenes scenes(room.scene, files, 2);

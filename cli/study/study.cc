@@ -393,7 +393,7 @@ class Study {
     const double seconds =
         std::max(kEffectsFraction * Budget(), std::min(0.97 * Budget() - Seconds(), Budget() / 4));
     FrameSettings settings = settings_;
-    settings.techniques = WithoutLightPaths(settings.techniques);
+    settings.techniques = settings.techniques.Without(Technique::kLightPaths);
     absl::StatusOr<render::PlanMeasurement> effects =
         render::MeasurePlan(scene_, settings, files_, seconds);
     if (!effects.ok()) return effects.status();

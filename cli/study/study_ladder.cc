@@ -59,16 +59,16 @@ class Ladder {
 
   // A frame with light paths is compared with the same without them.
   void AddTechniques() {
-    const Techniques given = given_.techniques;
+    const TechniqueSet given = given_.techniques;
     if (!HasLightPaths(given)) return;
-    StudySetting& camera =
-        Add("no light paths", "paths from the camera alone", FlagOf(WithoutLightPaths(given)));
-    camera.settings.techniques = WithoutLightPaths(given);
+    StudySetting& camera = Add("no light paths", "paths from the camera alone",
+                               FlagOf(given.Without(Technique::kLightPaths)));
+    camera.settings.techniques = given.Without(Technique::kLightPaths);
     camera.is_without_light_paths = true;
-    if (given != Techniques::kLight) return;
+    if (!given.Has(Technique::kLightPathsAlone)) return;
     Add("both kinds of path", "paths from the camera find light that paths from lights find too",
-        FlagOf(Techniques::kCameraAndLight))
-        .settings.techniques = Techniques::kCameraAndLight;
+        FlagOf(TechniqueSet::kCameraAndLight))
+        .settings.techniques = TechniqueSet::kCameraAndLight;
   }
 
   void AddDepths() {
@@ -138,8 +138,8 @@ class Ladder {
   }
 
  private:
-  static std::string FlagOf(Techniques techniques) {
-    return absl::StrCat("--techniques ", TechniquesName(techniques));
+  static std::string FlagOf(TechniqueSet techniques) {
+    return absl::StrCat("--techniques ", techniques.Name());
   }
 
   StudySetting& Add(std::string name, std::string how, std::string flag) {

@@ -31,12 +31,12 @@ bool HasName(const std::vector<std::string>& names, const std::string& name) {
 
 TEST(StudyLadderTest, FramesWithLightPathsAreComparedWithoutThem) {
   FrameSettings settings;
-  settings.techniques = Techniques::kCameraAndLightGuided;
+  settings.techniques = TechniqueSet::kCameraAndLightGuided;
   const std::vector<StudySetting> ladder = MakeLadder(settings, PlanOfFog());
   EXPECT_TRUE(ladder[0].is_base);
   EXPECT_TRUE(ladder[1].is_without_light_paths);
   EXPECT_TRUE(ladder[1].is_unbiased);
-  EXPECT_EQ(ladder[1].settings.techniques, Techniques::kCameraGuided);
+  EXPECT_EQ(ladder[1].settings.techniques, TechniqueSet::kCameraGuided);
   EXPECT_EQ(ladder[1].flag, "--techniques camera+guiding");
   for (size_t i = 0; i < ladder.size(); ++i) {
     EXPECT_EQ(ladder[i].settings.techniques == settings.techniques, i != 1) << ladder[i].name;
@@ -45,17 +45,17 @@ TEST(StudyLadderTest, FramesWithLightPathsAreComparedWithoutThem) {
 
 TEST(StudyLadderTest, LightPathsAloneAreComparedWithBothKinds) {
   FrameSettings settings;
-  settings.techniques = Techniques::kLight;
+  settings.techniques = TechniqueSet::kLight;
   const std::vector<StudySetting> ladder = MakeLadder(settings, PlanOfFog());
-  EXPECT_EQ(ladder[1].settings.techniques, Techniques::kCamera);
-  EXPECT_EQ(ladder[2].settings.techniques, Techniques::kCameraAndLight);
+  EXPECT_EQ(ladder[1].settings.techniques, TechniqueSet::kCamera);
+  EXPECT_EQ(ladder[2].settings.techniques, TechniqueSet::kCameraAndLight);
 }
 
 // Similarity is refused with light paths, and lines of media are not sampled beside them.
 TEST(StudyLadderTest, WhatLightPathsExcludeIsNamed) {
   FrameSettings settings;
   const std::vector<std::string> camera = NamesOf(MakeLadder(settings, PlanOfFog()));
-  settings.techniques = Techniques::kCameraAndLight;
+  settings.techniques = TechniqueSet::kCameraAndLight;
   const std::vector<std::string> light = NamesOf(MakeLadder(settings, PlanOfFog()));
   for (const char* name : {"similarity", "distance samples only", "always equiangular"}) {
     EXPECT_TRUE(HasName(camera, name)) << name;

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int32_t kRoomPx = 32;
 
-StudyPaths MeasureRoom(Techniques techniques, int32_t shrink) {
+StudyPaths MeasureRoom(TechniqueSet techniques, int32_t shrink) {
   const render::TestScene room = render::LitRoom(1);
   TableFileSource files({});
   FrameSettings settings = render::SquareSettings(kRoomPx, 64, 5);
@@ -35,10 +35,10 @@ double LightOf(const StudyPaths& paths, LightPathKind kind) {
 
 // Light that begins at lights counts for its kinds, whose fractions stay what they are.
 TEST(StudyPathsTest, KindsHaveTheLightOfBothKindsOfPath) {
-  const StudyPaths camera = MeasureRoom(Techniques::kCamera, 0);
+  const StudyPaths camera = MeasureRoom(TechniqueSet::kCamera, 0);
   EXPECT_EQ(camera.assessed_tile_count, 2u);
   for (const int32_t shrink : {1, 2}) {
-    const StudyPaths both = MeasureRoom(Techniques::kCameraAndLight, shrink);
+    const StudyPaths both = MeasureRoom(TechniqueSet::kCameraAndLight, shrink);
     double light = 0, noise = 0;
     for (const StudyPath& path : both.paths) {
       light += path.fractions.light;
@@ -52,7 +52,7 @@ TEST(StudyPathsTest, KindsHaveTheLightOfBothKindsOfPath) {
     }
   }
   // Paths from the camera alone see almost nothing where light paths find all that they can.
-  const StudyPaths light_alone = MeasureRoom(Techniques::kLight, 1);
+  const StudyPaths light_alone = MeasureRoom(TechniqueSet::kLight, 1);
   EXPECT_NEAR(LightOf(light_alone, LightPathKind::kIndirect),
               LightOf(camera, LightPathKind::kIndirect),
               0.1 * LightOf(camera, LightPathKind::kIndirect));

@@ -6,6 +6,8 @@
 #include <google/protobuf/message.h>
 
 #include <cmath>
+#include <iterator>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -25,15 +27,15 @@ static_assert(static_cast<int>(Primaries::kAcesCg) == v1::PRIMARIES_ACESCG &&
 static_assert(static_cast<int>(ColorTransport::kSpectral) == v1::COLOR_TRANSPORT_SPECTRAL &&
               v1::ColorTransport_ARRAYSIZE == 3);
 
-static_assert(static_cast<int>(Techniques::kLight) == v1::TECHNIQUES_LIGHT &&
-              static_cast<int>(Techniques::kCameraGuided) == v1::TECHNIQUES_CAMERA_GUIDED &&
-              static_cast<int>(Techniques::kCameraAndLightGuided) ==
+static_assert(TechniqueSet::kCameraAndLight.Number() == v1::TECHNIQUES_CAMERA_AND_LIGHT &&
+              TechniqueSet::kLight.Number() == v1::TECHNIQUES_LIGHT &&
+              TechniqueSet::kCameraGuided.Number() == v1::TECHNIQUES_CAMERA_GUIDED &&
+              TechniqueSet::kCameraAndLightGuided.Number() ==
                   v1::TECHNIQUES_CAMERA_AND_LIGHT_GUIDED &&
-              static_cast<int>(Techniques::kCameraGuidedSplit) ==
-                  v1::TECHNIQUES_CAMERA_GUIDED_SPLIT &&
-              static_cast<int>(Techniques::kCameraAndLightGuidedSplit) ==
+              TechniqueSet::kCameraGuidedSplit.Number() == v1::TECHNIQUES_CAMERA_GUIDED_SPLIT &&
+              TechniqueSet::kCameraAndLightGuidedSplit.Number() ==
                   v1::TECHNIQUES_CAMERA_AND_LIGHT_GUIDED_SPLIT &&
-              v1::Techniques_ARRAYSIZE == kTechniquesCount);
+              v1::Techniques_ARRAYSIZE == std::size(kNumberedTechniques));
 
 const google::protobuf::FieldDescriptor* FieldOf(const SettingField& field) {
   const google::protobuf::FieldDescriptor* const found =
@@ -69,8 +71,8 @@ class FieldWriter {
   void operator()(const SettingField& field, Primaries value) const {
     reflection_.SetEnumValue(&wire_, FieldOf(field), static_cast<int>(value));
   }
-  void operator()(const SettingField& field, Techniques value) const {
-    reflection_.SetEnumValue(&wire_, FieldOf(field), static_cast<int>(value));
+  void operator()(const SettingField& field, TechniqueSet value) const {
+    reflection_.SetEnumValue(&wire_, FieldOf(field), value.Number());
   }
   void operator()(const SettingField& field, const PixelRect& value) const {
     reflection_.MutableMessage(&wire_, FieldOf(field))->CopyFrom(ToWire(value));
@@ -122,10 +124,10 @@ class FieldReader {
           absl::StrCat("primaries number ", number, " are unknown here")));
     }
   }
-  void operator()(const SettingField& field, Techniques& value) const {
+  void operator()(const SettingField& field, TechniqueSet& value) const {
     const int number = reflection_.GetEnumValue(wire_, FieldOf(field));
-    if (v1::Techniques_IsValid(number)) {
-      value = static_cast<Techniques>(number);
+    if (const std::optional<TechniqueSet> set = TechniqueSet::FromNumber(number)) {
+      value = *set;
     } else {
       status_.Update(absl::InvalidArgumentError(
           absl::StrCat("techniques number ", number, " are unknown here")));

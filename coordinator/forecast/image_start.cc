@@ -38,7 +38,7 @@ std::string WhyNotOf(const FrameSpec& spec, const std::string& numeric_profile,
       {"window", absl::StrCat(w.x0, ",", w.y0, ",", w.x1, ",", w.y1), "with another crop"},
       {"seed", absl::StrCat(s.seed), "with another seed"},
       {"depthMax", absl::StrCat(s.max_depth), "with another --max-depth"},
-      {"techniques", TechniquesName(s.techniques), "with other --techniques", "camera"},
+      {"techniques", s.techniques.Name(), "with other --techniques", "camera"},
       {"sceneDigest", spec.scene.sha256_hex, "from another scene, or its files have changed"},
   };
   for (const Claim& claim : claims) {

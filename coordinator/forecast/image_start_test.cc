@@ -115,7 +115,7 @@ TEST(ImageStartTest, ExplainsWhyAnImageDoesNotFit) {
 
 // An image of MakeSpec with light paths: of the variance of its pixels, light passes have this
 // fraction.
-FrameSpec WithLight(FrameSpec spec, Techniques techniques = Techniques::kCameraAndLight) {
+FrameSpec WithLight(FrameSpec spec, TechniqueSet techniques = TechniqueSet::kCameraAndLight) {
   spec.settings.techniques = techniques;
   spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
   return spec;
@@ -168,8 +168,8 @@ TEST(ImageStartTest, CostCountsOnlyMissingLightPasses) {
 }
 
 TEST(ImageStartTest, ImagesWithoutALightLayerAreRefused) {
-  for (const Techniques techniques :
-       {Techniques::kCameraAndLight, Techniques::kLight, Techniques::kCameraAndLightGuided}) {
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCameraAndLight, TechniqueSet::kLight, TechniqueSet::kCameraAndLightGuided}) {
     const FrameSpec spec = WithLight(MakeSpec(), techniques);
     EXPECT_TRUE(ResumeImage(MakeLightImage(spec, 0.5f), spec, kProfile).ok());
     FrameImage image = MakeImage();
@@ -182,7 +182,7 @@ TEST(ImageStartTest, ImagesWithoutALightLayerAreRefused) {
 
 TEST(ImageStartTest, GuidedImagesOfTheCameraContinue) {
   FrameSpec spec = MakeSpec();
-  spec.settings.techniques = Techniques::kCameraGuided;
+  spec.settings.techniques = TechniqueSet::kCameraGuided;
   spec.frame_digest = FrameDigest(spec.scene.sha256_hex, spec.settings, kProfile);
   FrameImage image = MakeImage();
   image.metadata[kFrameDigestKey] = spec.frame_digest;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/store/row_columns.h"
 
+#include <optional>
 #include <utility>
 
 #include "absl/strings/numbers.h"
@@ -31,6 +32,17 @@ absl::Status ReadValue(const Statement& row, int column, FilmOutputs* value) {
     return absl::DataLossError(absl::StrCat("a stored frame: ", outputs.status().message()));
   }
   *value = *std::move(outputs);
+  return absl::OkStatus();
+}
+
+absl::Status ReadValue(const Statement& row, int column, TechniqueSet* value) {
+  const int64_t number = row.Int64(column);
+  const std::optional<TechniqueSet> set = TechniqueSet::FromNumber(number);
+  if (!set) {
+    return absl::DataLossError(
+        absl::StrCat("a stored frame: techniques number ", number, " are unknown here"));
+  }
+  *value = *set;
   return absl::OkStatus();
 }
 

@@ -26,6 +26,7 @@
 #include "absl/time/time.h"
 #include "common/film/error/rare_layers.h"
 #include "common/film/film_outputs.h"
+#include "common/scene/settings/techniques.h"
 #include "coordinator/core/job/requirements.h"
 #include "coordinator/store/database/database.h"
 #include "coordinator/store/stored_times.h"
@@ -52,6 +53,7 @@ inline const std::string& StoredForm(const std::string& value) { return value; }
 inline const StoredBytes& StoredForm(const StoredBytes& value) { return value; }
 inline int64_t StoredForm(absl::Time value) { return ToNanoseconds(value); }
 inline int64_t StoredForm(absl::Duration value) { return ToNanoseconds(value); }
+inline int64_t StoredForm(TechniqueSet value) { return value.Number(); }
 inline std::string StoredForm(const FilmOutputs& value) { return FormatOutputs(value); }
 inline std::string StoredForm(const std::vector<LayerCount>& value) { return FormatLayers(value); }
 inline std::string StoredForm(const std::vector<std::string>& tags) { return FormatTags(tags); }
@@ -95,6 +97,7 @@ inline absl::Status ReadValue(const Statement& row, int column, absl::Duration* 
   return absl::OkStatus();
 }
 absl::Status ReadValue(const Statement& row, int column, FilmOutputs* value);
+absl::Status ReadValue(const Statement& row, int column, TechniqueSet* value);
 inline absl::Status ReadValue(const Statement& row, int column, std::vector<LayerCount>* value) {
   *value = ParseLayers(row.Text(column));
   return absl::OkStatus();

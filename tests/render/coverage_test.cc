@@ -31,7 +31,7 @@ struct CoverageCase {
   std::string name;
   std::function<TestScene()> make;
   uint64_t samples = 64;
-  Techniques techniques = Techniques::kCamera;
+  TechniqueSet techniques = TechniqueSet::kCamera;
   CompileTechniques compile = {};
 };
 void PrintTo(const CoverageCase& c, std::ostream* out) { *out << c.name; }
@@ -236,7 +236,7 @@ INSTANTIATE_TEST_SUITE_P(
                       CoverageCase{"haze", [] { return Hazy(Tint{1}); }}),
     NameOf);
 
-constexpr Techniques kBoth = Techniques::kCameraAndLight;
+constexpr TechniqueSet kBoth = TechniqueSet::kCameraAndLight;
 INSTANTIATE_TEST_SUITE_P(
     LightPaths, CoverageTest,
     ::testing::Values(CoverageCase{"room", [] { return LitRoom(1); }, 64, kBoth},
@@ -251,7 +251,7 @@ CoverageCase Guided(std::string name, std::function<TestScene()> make) {
   return {std::move(name),
           std::move(make),
           64,
-          Techniques::kCameraGuided,
+          TechniqueSet::kCameraGuided,
           {.training_paths_first = 512}};
 }
 INSTANTIATE_TEST_SUITE_P(Guided, CoverageTest,

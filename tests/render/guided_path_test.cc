@@ -26,11 +26,11 @@ using sheaf::testing::TilePair;
 using testing::Estimate;
 
 constexpr Tint kColored{1};
-constexpr Techniques kGuided = Techniques::kCameraGuided,
-                     kBothGuided = Techniques::kCameraAndLightGuided;
+constexpr TechniqueSet kGuided = TechniqueSet::kCameraGuided,
+                       kBothGuided = TechniqueSet::kCameraAndLightGuided;
 
 struct Rendering {
-  Techniques techniques = Techniques::kCamera;
+  TechniqueSet techniques = TechniqueSet::kCamera;
   ColorTransport color = ColorTransport::kRgb;
   uint64_t seed = 0, samples = 64;
   int32_t depth = 4;
@@ -73,7 +73,7 @@ void ExpectGuidedAgree(const std::string& name, const std::vector<TestScene>& sc
   guided.seed = 101;
   guided.samples = Samples(guided.samples);
   Rendering camera = guided;
-  camera.techniques = Techniques::kCamera;
+  camera.techniques = TechniqueSet::kCamera;
   camera.seed = 100;
   ExpectAgreement(name, bias, TilePairs(scenes, camera, guided));
 }
@@ -125,7 +125,7 @@ TEST(GuidedPathTest, FindWhatTheCameraFindsBesideLightPathsInMediaAndThroughASli
 // Where light comes through a slit alone, the variance is 2.4 times smaller.
 TEST(GuidedPathTest, HaveLessNoiseWhereLightIsHardToFind) {
   const TestScene room = SlitRoom(kColored, 0.1f);
-  const auto variance_by = [&](Techniques techniques) {
+  const auto variance_by = [&](TechniqueSet techniques) {
     double sum = 0;
     for (const Estimate& estimate :
          Render(room, {.techniques = techniques, .seed = 11, .samples = Samples(64), .depth = 8})) {
@@ -133,7 +133,7 @@ TEST(GuidedPathTest, HaveLessNoiseWhereLightIsHardToFind) {
     }
     return sum;
   };
-  const double by_camera = variance_by(Techniques::kCamera), guided = variance_by(kGuided);
+  const double by_camera = variance_by(TechniqueSet::kCamera), guided = variance_by(kGuided);
   std::printf("variance through a slit: %g by camera paths, %g guided\n", by_camera, guided);
   EXPECT_LT(guided, by_camera / 1.7);
 }

@@ -27,7 +27,7 @@ constexpr int32_t kSizePx = 24;
 
 FrameSettings GuidedSettings() {
   FrameSettings settings = SquareSettings(kSizePx, 16, 5);
-  settings.techniques = Techniques::kCameraGuided;
+  settings.techniques = TechniqueSet::kCameraGuided;
   return settings;
 }
 CompiledScenePtr CompileTrained(const TestScene& t, const FrameSettings& settings) {
@@ -106,7 +106,7 @@ TEST(GuidingTrainingTest, SplittingAddsToTheField) {
   for (const TestScene& t : Scenes()) {
     FrameSettings settings = GuidedSettings();
     const std::string guided = FieldFor(t, settings);
-    settings.techniques = Techniques::kCameraGuidedSplit;
+    settings.techniques = TechniqueSet::kCameraGuidedSplit;
     const std::string split = FieldFor(t, settings);
     EXPECT_GT(split.size(), guided.size());
     EXPECT_TRUE(split.starts_with(guided));
@@ -123,7 +123,7 @@ TEST(GuidingTrainingTest, DependsOnWhatPathsDependOn) {
       [](FrameSettings* s) { s->seed = 1; },
       [](FrameSettings* s) { s->max_depth = 3; },
       [](FrameSettings* s) { s->color = ColorTransport::kSpectral; },
-      [](FrameSettings* s) { s->techniques = Techniques::kCameraAndLightGuided; },
+      [](FrameSettings* s) { s->techniques = TechniqueSet::kCameraAndLightGuided; },
   };
   for (const auto& change : changes) {
     FrameSettings settings = GuidedSettings();
@@ -149,7 +149,7 @@ TEST(GuidingTrainingTest, CountsItsRays) {
 
 TEST(GuidingTrainingTest, FramesWithoutGuidingAreRefused) {
   FrameSettings settings = GuidedSettings();
-  settings.techniques = Techniques::kCamera;
+  settings.techniques = TechniqueSet::kCamera;
   const CompiledScenePtr scene = CompileTrained(Diffuse({1}), settings);
   const absl::Status trained = TrainGuiding(*scene, 1, {}, nullptr).status();
   EXPECT_EQ(trained.code(), absl::StatusCode::kInvalidArgument);
@@ -234,8 +234,9 @@ TEST(GuidingTrainingTest, DamagedFieldsAreRefused) {
 // --- One image -----------------------------------------------------------------------------------
 
 TEST(GuidedFrameTest, CropsAreThatPartOfTheWhole) {
-  for (const Techniques techniques : {Techniques::kCameraGuided, Techniques::kCameraAndLightGuided,
-                                      Techniques::kCameraGuidedSplit}) {
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCameraGuided, TechniqueSet::kCameraAndLightGuided,
+        TechniqueSet::kCameraGuidedSplit}) {
     FrameSettings settings = GuidedSettings();
     settings.techniques = techniques;
     for (const TestScene& t : {SlitRoom({1}, 0.3f), Cloudy({1})}) {

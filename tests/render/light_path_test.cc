@@ -29,7 +29,7 @@ using testing::Estimate;
 constexpr int32_t kDepth = 4;
 
 struct Rendering {
-  Techniques techniques = Techniques::kCamera;
+  TechniqueSet techniques = TechniqueSet::kCamera;
   ColorTransport color = ColorTransport::kRgb;
   uint64_t seed = 0, samples = 64;
 };
@@ -60,7 +60,7 @@ std::vector<TilePair> TilePairs(const std::vector<TestScene>& scenes, Rendering 
 }
 
 void ExpectLightPathsAgree(const std::string& name, const std::vector<TestScene>& scenes,
-                           double bias, Techniques techniques, uint64_t samples,
+                           double bias, TechniqueSet techniques, uint64_t samples,
                            ColorTransport color = ColorTransport::kRgb) {
   ExpectAgreement(
       name, bias,
@@ -70,7 +70,7 @@ void ExpectLightPathsAgree(const std::string& name, const std::vector<TestScene>
 }
 
 constexpr Tint kColored{1};
-constexpr Techniques kBoth = Techniques::kCameraAndLight, kAlone = Techniques::kLight;
+constexpr TechniqueSet kBoth = TechniqueSet::kCameraAndLight, kAlone = TechniqueSet::kLight;
 
 // Every kind of light, and lens, motion, cut-outs, media.
 std::vector<TestScene> LitScenes(Tint tint) {

@@ -51,7 +51,8 @@ class WeightsTest : public ::testing::Test {
 
   void Load(const TestScene& test_scene) {
     FrameSettings settings = SquareSettings(16, 1, 8);
-    settings.techniques = kGuided ? Techniques::kCameraAndLightGuided : Techniques::kCameraAndLight;
+    settings.techniques =
+        kGuided ? TechniqueSet::kCameraAndLightGuided : TechniqueSet::kCameraAndLight;
     compiled_ = Compile(test_scene.scene, settings, kSmallTraining);
     ASSERT_TRUE(EnsureGuiding(*compiled_, {}).ok());
   }

@@ -116,7 +116,7 @@ TEST(LightPathsTest, VolumeEmissionComesFromMedia) {
 // Paths that begin in media bring their light to that layer, or to the group of media.
 TEST(LightPathsTest, PathsFromMediaBringTheirEmission) {
   FrameSettings settings = PathSettings(4);
-  settings.techniques = Techniques::kLight;
+  settings.techniques = TechniqueSet::kLight;
   const auto light_image = [&](const TestScene& t) {
     const BothFilms films = RenderBothFilms(*Compile(t.scene, settings));
     FrameImage image =

@@ -35,7 +35,7 @@ constexpr Tint kColored{1};
 
 struct Rendering {
   int32_t light_samples = 0;
-  Techniques techniques = Techniques::kCamera;
+  TechniqueSet techniques = TechniqueSet::kCamera;
   ColorTransport color = ColorTransport::kRgb;
   uint64_t seed = 0, samples = 64;
 };
@@ -86,7 +86,7 @@ TEST(LightSplitsTest, SeveralSamplesHaveTheMeanOfOneInSpectra) {
 }
 TEST(LightSplitsTest, SeveralSamplesHaveTheMeanOfOneInGuidedFrames) {
   ExpectSplitsAgree("light splits, guided", {Outdoor(kColored), ManyLights(kColored)}, 2 * Bias(),
-                    {.techniques = Techniques::kCameraGuided});
+                    {.techniques = TechniqueSet::kCameraGuided});
 }
 
 // The noise of the whole image, as a fraction of that of single samples.
@@ -107,7 +107,7 @@ TEST(LightSplitsTest, SeveralSamplesHaveLessNoise) {
 
 // Light paths know nothing of splits, so frames that have them are those of single samples.
 TEST(LightSplitsTest, FramesWithLightPathsTakeOneSample) {
-  const Rendering both{.techniques = Techniques::kCameraAndLight, .samples = 1};
+  const Rendering both{.techniques = TechniqueSet::kCameraAndLight, .samples = 1};
   Rendering split = both;
   split.light_samples = 8;
   const TestScene scene = ManyLights(kColored);
@@ -135,9 +135,9 @@ class WeightsOf {
   using C = IntegratorConfig<kTraits, const EmbreeScene, DirectLight::kByBoth>;
 
   explicit WeightsOf(const TestScene& scene)
-      : compiled_(CompileFor(
-            scene, {.light_samples = 16,
-                    .techniques = C::kGuided ? Techniques::kCameraGuided : Techniques::kCamera})) {
+      : compiled_(CompileFor(scene, {.light_samples = 16,
+                                     .techniques = C::kGuided ? TechniqueSet::kCameraGuided
+                                                              : TechniqueSet::kCamera})) {
     EXPECT_TRUE(EnsureGuiding(*compiled_, {}).ok());
     for (uint64_t i = 0; i < 1'000; ++i) Follow(i);
   }

@@ -34,7 +34,7 @@ using testing::Estimate;
 constexpr Tint kColors{1};
 
 struct SplitRendering {
-  Techniques techniques = Techniques::kCameraGuidedSplit;
+  TechniqueSet techniques = TechniqueSet::kCameraGuidedSplit;
   ColorTransport color = ColorTransport::kRgb;
   uint64_t seed = 0, samples = 64;
   int32_t depth = 4;
@@ -54,7 +54,7 @@ void ExpectSplitAgree(const std::string& name, const std::vector<TestScene>& sce
   split.seed = 101;
   split.samples = Samples(split.samples);
   SplitRendering camera = split;
-  camera.techniques = Techniques::kCamera;
+  camera.techniques = TechniqueSet::kCamera;
   camera.seed = 100;
   std::vector<TilePair> tiles;
   for (const TestScene& scene : scenes) {
@@ -81,7 +81,7 @@ TEST(SplitPathTest, FindWhatTheCameraFindsInMediaAndBodiesInSpectra) {
 TEST(SplitPathTest, FindWhatTheCameraFindsThroughASlitBesideLightPaths) {
   ExpectSplitAgree("split beside light paths", {Diffuse(kColors), SlitRoom(kColors, 0.8f)},
                    4 * Bias(),
-                   {.techniques = Techniques::kCameraAndLightGuidedSplit, .samples = 64});
+                   {.techniques = TechniqueSet::kCameraAndLightGuidedSplit, .samples = 64});
 }
 
 // --- Limits --------------------------------------------------------------------------------------
@@ -172,7 +172,7 @@ TEST(SplitPathTest, LimitsKeepTheMeanAndBoundTheWork) {
   constexpr int32_t kDepth = 6, kPixels = 8;
   for (const TestScene& scene : {Diffuse(kColors), Glossy(kColors)}) {
     FrameSettings settings = SquareSettings(kPixels, Samples(64), kDepth);
-    settings.techniques = Techniques::kCameraGuidedSplit;
+    settings.techniques = TechniqueSet::kCameraGuidedSplit;
     const CompiledScenePtr teacher = Compile(scene.scene, settings, kSmallTraining),
                            split = Compile(scene.scene, settings, kSmallTraining);
     ASSERT_TRUE(split->guiding
@@ -180,7 +180,7 @@ TEST(SplitPathTest, LimitsKeepTheMeanAndBoundTheWork) {
                     .ok());
     RenderStats stats;
     const TileMean by_split = MeanOf(RenderAll(*split, &stats));
-    settings.techniques = Techniques::kCamera;
+    settings.techniques = TechniqueSet::kCamera;
     settings.samples *= 16;
     settings.seed = 5;
     const TileMean by_camera = MeanOf(RenderAll(*Compile(scene.scene, settings)));

@@ -49,7 +49,7 @@ TestScene Caustic(float radius) {
 
 TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
   const TechniqueMeasurement measured = Measure(Caustic(0.05f));
-  EXPECT_GT(measured.Gain(Techniques::kCameraAndLight), 5);
+  EXPECT_GT(measured.Gain(TechniqueSet::kCameraAndLight), 5);
   EXPECT_TRUE(HasLightPaths(measured.Best())) << FormatTechniqueMeasurement(measured);
   EXPECT_GT(measured.light_share, 0.01);
   EXPECT_LT(measured.light_share, 0.5);
@@ -62,24 +62,24 @@ TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
 // The smaller the light, the rarer camera paths find its caustic, and a small image may contain
 // nothing of it: the second moment from light paths still tells.
 TEST(TechniqueMeasurementTest, GainGrowsForLightsThatCameraPathsMiss) {
-  const double of_small = Measure(Caustic(0.01f)).Gain(Techniques::kCameraAndLight),
-               of_large = Measure(Caustic(0.1f)).Gain(Techniques::kCameraAndLight);
+  const double of_small = Measure(Caustic(0.01f)).Gain(TechniqueSet::kCameraAndLight),
+               of_large = Measure(Caustic(0.1f)).Gain(TechniqueSet::kCameraAndLight);
   EXPECT_GT(of_small, 5 * of_large) << of_small << " " << of_large;
 }
 
 TEST(TechniqueMeasurementTest, CameraPathsSufficeForOpenLight) {
   for (const TestScene& scene : {Diffuse({1}), ManyLights({1})}) {
     const TechniqueMeasurement measured = Measure(scene);
-    EXPECT_EQ(measured.Best(), Techniques::kCamera) << FormatTechniqueMeasurement(measured);
-    EXPECT_LT(measured.Gain(Techniques::kCameraAndLight), 1);
+    EXPECT_EQ(measured.Best(), TechniqueSet::kCamera) << FormatTechniqueMeasurement(measured);
+    EXPECT_LT(measured.Gain(TechniqueSet::kCameraAndLight), 1);
   }
 }
 
 TEST(TechniqueMeasurementTest, LightThatCameraPathsCannotFindIsTold) {
   const TechniqueMeasurement measured = Measure(Caustic(0));
-  EXPECT_TRUE(std::isinf(measured.Gain(Techniques::kCameraAndLight)));
+  EXPECT_TRUE(std::isinf(measured.Gain(TechniqueSet::kCameraAndLight)));
   EXPECT_GT(measured.only_light_share, 0.005);
-  EXPECT_EQ(measured.Gain(Techniques::kCameraGuided), 0);
+  EXPECT_EQ(measured.Gain(TechniqueSet::kCameraGuided), 0);
   EXPECT_TRUE(HasLightPaths(measured.Best()));
   EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("light paths alone find"));
 }
@@ -95,14 +95,14 @@ TEST(TechniqueMeasurementTest, SplittingMustPay) {
     measured.split = split;
     return measured.Best();
   };
-  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0.7, 2}), Techniques::kCameraGuidedSplit);
-  EXPECT_EQ(measured.Gain(Techniques::kCameraGuidedSplit), 100 / 1.4);
+  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0.7, 2}), TechniqueSet::kCameraGuidedSplit);
+  EXPECT_EQ(measured.Gain(TechniqueSet::kCameraGuidedSplit), 100 / 1.4);
   EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("; camera+guiding+splitting 71"));
-  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0.9, 2}), Techniques::kCameraGuided);
-  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0, 2}), Techniques::kCameraGuided);
-  EXPECT_EQ(best_of({10, 2}, {1, 2}, {0.7, 2}), Techniques::kCameraAndLightGuidedSplit);
+  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0.9, 2}), TechniqueSet::kCameraGuided);
+  EXPECT_EQ(best_of({1, 2}, {2, 2}, {0, 2}), TechniqueSet::kCameraGuided);
+  EXPECT_EQ(best_of({10, 2}, {1, 2}, {0.7, 2}), TechniqueSet::kCameraAndLightGuidedSplit);
   measured.split.reset();
-  EXPECT_EQ(measured.Best(), Techniques::kCameraAndLightGuided);
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLightGuided);
 }
 
 // A frame of plain light pays for the first look alone; another one for images that grow with it.
@@ -134,8 +134,9 @@ TEST(TechniqueMeasurementTest, TechniquesChangeWithoutCompiling) {
   const TestScene t = Caustic(0.05f);
   FrameSettings settings = SquareSettings(24, 16, 6);
   CompiledScenePtr changing = Compile(t.scene, settings);
-  for (const Techniques techniques : {Techniques::kCameraAndLight, Techniques::kCameraGuided,
-                                      Techniques::kCamera, Techniques::kCameraAndLightGuided}) {
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided, TechniqueSet::kCamera,
+        TechniqueSet::kCameraAndLightGuided}) {
     ASSERT_TRUE(SetTechniques(techniques, &changing).ok());
     settings.techniques = techniques;
     const CompiledScenePtr compiled = Compile(t.scene, settings);
@@ -143,14 +144,14 @@ TEST(TechniqueMeasurementTest, TechniquesChangeWithoutCompiling) {
     for (const CompiledScene* scene : {changing.get(), compiled.get()}) {
       ASSERT_TRUE(EnsureGuiding(*scene, {}).ok());
     }
-    EXPECT_TRUE(RenderAll(*changing) == RenderAll(*compiled)) << TechniquesName(techniques);
+    EXPECT_TRUE(RenderAll(*changing) == RenderAll(*compiled)) << techniques.Name();
   }
 }
 
 TEST(TechniqueMeasurementTest, BlackImageNeedsNoLightPaths) {
   const TechniqueMeasurement measured = Measure(OpenBox({1}));
-  EXPECT_EQ(measured.Gain(Techniques::kCameraAndLight), 1);
-  EXPECT_EQ(measured.Best(), Techniques::kCamera);
+  EXPECT_EQ(measured.Gain(TechniqueSet::kCameraAndLight), 1);
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCamera);
 }
 
 }  // namespace

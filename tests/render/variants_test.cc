@@ -152,7 +152,7 @@ TEST(VariantsTest, PlanNamesTechniquesAndTheirCause) {
   TestScene t = Base();
   FrameSettings settings = SquareSettings(4, 1, 1);
   EXPECT_TRUE(MakeRenderPlan(t.scene, settings).notes.empty());
-  settings.techniques = Techniques::kCameraAndLight;
+  settings.techniques = TechniqueSet::kCameraAndLight;
   EXPECT_EQ(MakeRenderPlan(t.scene, settings).notes,
             std::vector<std::string>{"techniques: camera+light, requested"});
   t.scene.sampling.integrator = "bdpt";
@@ -166,12 +166,12 @@ TEST(VariantsTest, PlanNamesTechniquesAndTheirCause) {
 TEST(VariantsTest, PlanSaysWhatGuidingNeeds) {
   const TestScene t = Base();
   FrameSettings settings = SquareSettings(4, 1, 1);
-  for (const Techniques techniques :
-       {Techniques::kCameraGuided, Techniques::kCameraAndLightGuided}) {
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCameraGuided, TechniqueSet::kCameraAndLightGuided}) {
     settings.techniques = techniques;
     const std::vector<std::string> notes = MakeRenderPlan(t.scene, settings).notes;
     ASSERT_EQ(notes.size(), 2u);
-    EXPECT_EQ(notes[0], std::string("techniques: ") + TechniquesName(techniques) + ", requested");
+    EXPECT_EQ(notes[0], std::string("techniques: ") + techniques.Name() + ", requested");
     EXPECT_EQ(notes[1].rfind("guiding: ", 0), 0u) << notes[1];
     EXPECT_NE(notes[1].find("training"), std::string::npos) << notes[1];
   }

@@ -59,10 +59,10 @@ JobSpec SimUser::MakeJob() {
     }
     const bool has_light = scene == 1 && frame.settings.window.x1 == 12;
     const bool is_guided = frame.settings.window.x1 == 12 && frame.settings.samples >= 48;
-    if (has_light) frame.settings.techniques = Techniques::kCameraAndLight;
+    if (has_light) frame.settings.techniques = TechniqueSet::kCameraAndLight;
     if (is_guided) {
       frame.settings.techniques =
-          has_light ? Techniques::kCameraAndLightGuided : Techniques::kCameraGuided;
+          has_light ? TechniqueSet::kCameraAndLightGuided : TechniqueSet::kCameraGuided;
     }
     spec.frames.push_back(std::move(frame));
   }

@@ -72,7 +72,7 @@ struct FlushPair {
   std::string name;
   std::function<void(FlushScene*)> one, rest;
   std::function<void(FlushScene*, float gap)> other;
-  std::vector<Techniques> techniques{Techniques::kCamera};
+  std::vector<TechniqueSet> techniques{TechniqueSet::kCamera};
 };
 
 void AddSky(FlushScene* t) { t->ConstantEnvironment(Rgb::Gray(1)); }
@@ -88,8 +88,8 @@ void AddVessel(FlushScene* t) {
   t->Add(t->Box({-1, -1, -1}, {1, 1, 1}), glass).reverse_orientation = true;
 }
 
-const std::vector<Techniques> kAllTechniques{Techniques::kCamera, Techniques::kLight,
-                                             Techniques::kCameraAndLight};
+const std::vector<TechniqueSet> kAllTechniques{TechniqueSet::kCamera, TechniqueSet::kLight,
+                                               TechniqueSet::kCameraAndLight};
 
 std::vector<FlushPair> Pairs() {
   const auto red_wall = [](FlushScene* t) {
@@ -176,7 +176,7 @@ std::vector<FlushPair> Pairs() {
 }
 
 BothFilms Render(const FlushPair& pair, float gap, bool reversed, const Matrix4& turn,
-                 Techniques techniques) {
+                 TechniqueSet techniques) {
   FlushScene t(turn);
   if (reversed) {
     pair.rest(&t);
@@ -199,8 +199,8 @@ TEST(ContactStability, G17TouchingIsTheLimitOfAGap) {
   double largest = 0;
   for (const FlushPair& pair : Pairs()) {
     SCOPED_TRACE(pair.name);
-    const BothFilms apart = Render(pair, kGap, false, {}, Techniques::kCamera);
-    for (const Techniques techniques : pair.techniques) {
+    const BothFilms apart = Render(pair, kGap, false, {}, TechniqueSet::kCamera);
+    for (const TechniqueSet techniques : pair.techniques) {
       SCOPED_TRACE(static_cast<int>(techniques));
       for (const bool reversed : {false, true}) {
         for (const Matrix4& turn : {Matrix4{}, RotateMatrix(37.3, {0.3, 0.7, -0.4})}) {
@@ -394,7 +394,7 @@ TEST(ContactStability, G17LampInAnInstancedCeiling) {
 // G17: a lamp in a plane of coordinate 0, where the rounding of its points is 0, shines by every
 // technique. Render space begins at the camera, which is at the lamp's height.
 TEST(ContactStability, G17LampAtTheHeightOfTheCamera) {
-  const auto render = [](double height, Techniques techniques) {
+  const auto render = [](double height, TechniqueSet techniques) {
     TestScene t({0, height, -5}, {0, 1, 0}, 40);
     t.AddShape(MeshShape{t.Quad({-3, 0, -3}, {-3, 0, 3}, {3, 0, 3}, {3, 0, -3})},
                t.Diffuse(Rgb::Gray(0.5f)));
@@ -404,8 +404,8 @@ TEST(ContactStability, G17LampAtTheHeightOfTheCamera) {
     settings.techniques = techniques;
     return MeanOverPixels(RenderBothFilms(*Compile(t.scene, settings)), 0);
   };
-  const ComponentMean expected = render(2, Techniques::kCamera);
-  for (const Techniques techniques : {Techniques::kLight, Techniques::kCameraAndLight}) {
+  const ComponentMean expected = render(2, TechniqueSet::kCamera);
+  for (const TechniqueSet techniques : {TechniqueSet::kLight, TechniqueSet::kCameraAndLight}) {
     const ComponentMean measured = render(2, techniques);
     EXPECT_NEAR(measured.value, expected.value,
                 5 * std::hypot(measured.standard_error, expected.standard_error));

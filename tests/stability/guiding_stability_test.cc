@@ -23,7 +23,7 @@ constexpr float kRho = 0.5f;
 constexpr int32_t kPixels = 8;
 constexpr Vec3f kUp{0, 1, 0};
 
-CompiledScenePtr CompileWith(const TestScene& t, Techniques techniques, uint64_t samples,
+CompiledScenePtr CompileWith(const TestScene& t, TechniqueSet techniques, uint64_t samples,
                              int32_t depth, const CompileTechniques& training = kSmallTraining) {
   FrameSettings settings = SquareSettings(kPixels, samples, depth);
   settings.techniques = techniques;
@@ -31,10 +31,10 @@ CompiledScenePtr CompileWith(const TestScene& t, Techniques techniques, uint64_t
 }
 CompiledScenePtr CompileGuided(const TestScene& t, uint64_t samples, int32_t depth,
                                const CompileTechniques& training = kSmallTraining) {
-  return CompileWith(t, Techniques::kCameraGuided, samples, depth, training);
+  return CompileWith(t, TechniqueSet::kCameraGuided, samples, depth, training);
 }
 FilmTile FilmByCamera(const TestScene& t, uint64_t samples, int32_t depth) {
-  return RenderAll(*CompileWith(t, Techniques::kCamera, samples, depth));
+  return RenderAll(*CompileWith(t, TechniqueSet::kCamera, samples, depth));
 }
 
 // The directions learned at a place of the scene that faces n; null where there are none.
@@ -251,8 +251,8 @@ TEST(GuidingStability, L27NothingToLearn) {
     const char* name;
   } cases[] = {{&empty, 0, "nothing"}, {&sky, 0.75, "a sky"}, {&black, 0, "a black lamp"}};
   for (const auto& c : cases) {
-    for (const Techniques techniques :
-         {Techniques::kCameraGuided, Techniques::kCameraAndLightGuided}) {
+    for (const TechniqueSet techniques :
+         {TechniqueSet::kCameraGuided, TechniqueSet::kCameraAndLightGuided}) {
       const CompiledScenePtr scene = CompileWith(*c.scene, techniques, 16, 5);
       const TileMean mean = MeanOf(RenderAll(*scene));
       EXPECT_EQ(mean.non_finite, 0u);
@@ -260,13 +260,12 @@ TEST(GuidingStability, L27NothingToLearn) {
       EXPECT_EQ(field.RegionAt({0, 0, 0}), nullptr);
       EXPECT_EQ(field.RegionAt({1e30f, -1e30f, 0}), nullptr);
       EXPECT_TRUE(GuidingField::Decode(field.Encode()).ok());
-      ExpectHardCase(
-          {.row = "L27",
-           .figure = std::string("radiance of ") + c.name + ", " + TechniquesName(techniques),
-           .expected = c.expected,
-           .measured = mean.mean.r,
-           .naive = std::nanf(""),
-           .naive_by = "positions relative to a box without extent"});
+      ExpectHardCase({.row = "L27",
+                      .figure = std::string("radiance of ") + c.name + ", " + techniques.Name(),
+                      .expected = c.expected,
+                      .measured = mean.mean.r,
+                      .naive = std::nanf(""),
+                      .naive_by = "positions relative to a box without extent"});
     }
   }
 }

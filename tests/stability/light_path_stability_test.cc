@@ -22,7 +22,7 @@ constexpr int32_t kPixels = 8;
 
 using Mean = ComponentMean;
 
-Mean RedOf(const TestScene& t, Techniques techniques, uint64_t samples, int32_t depth) {
+Mean RedOf(const TestScene& t, TechniqueSet techniques, uint64_t samples, int32_t depth) {
   FrameSettings settings = SquareSettings(kPixels, samples, depth);
   settings.techniques = techniques;
   return MeanOverPixels(RenderBothFilms(*Compile(t.scene, settings)), 0);
@@ -59,7 +59,7 @@ TEST(LightPathStability, L17FluxAtShadingNormals) {
   const auto lean = static_cast<float>(std::sqrt(0.75));
   t.scene.meshes[static_cast<size_t>(mesh)].normals.assign(4, {lean, 0.5f, 0});
   t.AddShape(MeshShape{mesh}, t.Diffuse(Rgb::Gray(kRho)));
-  const Mean mean = RedOf(t, Techniques::kLight, 256, 1);
+  const Mean mean = RedOf(t, TechniqueSet::kLight, 256, 1);
   const double expected = 0.5 * static_cast<double>(kRho) / std::numbers::pi;
   EXPECT_LT(mean.standard_error, 0.02 * expected);
   ExpectHardCase({.row = "L17",
@@ -80,7 +80,7 @@ TEST(LightPathStability, L18RefractionOfFlux) {
   t.AddShape(MeshShape{Floor(&t, 1)}, t.Diffuse(Rgb::Gray(kRho)));
   DielectricMaterial glass;
   t.AddShape(MeshShape{t.Box({-2, -1, -2}, {2, 1, 2})}, t.AddMaterial(glass));
-  const Mean mean = RedOf(t, Techniques::kLight, 256, 2);
+  const Mean mean = RedOf(t, TechniqueSet::kLight, 256, 2);
   const double expected = 0.96 * static_cast<double>(kRho) / std::numbers::pi;
   EXPECT_LT(mean.standard_error, 0.03 * expected);
   ExpectHardCase({.row = "L18",
@@ -91,7 +91,7 @@ TEST(LightPathStability, L18RefractionOfFlux) {
                   .naive = 0.96f * kRho / std::numbers::pi_v<float> / (1.5f * 1.5f),
                   .naive_by = "the factor 1 / eta^2 of radiance"});
   // No path from the camera finds a sun without size through glass.
-  EXPECT_EQ(RedOf(t, Techniques::kCamera, 16, 2).value, 0);
+  EXPECT_EQ(RedOf(t, TechniqueSet::kCamera, 16, 2).value, 0);
 }
 
 // Expected by the catalogue: nothing. Neither kind of path connects a light without size with the
@@ -103,14 +103,14 @@ TEST(LightPathStability, L19LightWithoutSizeInAMirror) {
   mirror.has_reflectance = true;
   mirror.reflectance.value.rgb = Rgb::Gray(1);
   t.AddShape(MeshShape{Floor(&t, 1)}, t.AddMaterial(mirror));
-  for (const Techniques techniques :
-       {Techniques::kCamera, Techniques::kCameraAndLight, Techniques::kLight}) {
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kLight}) {
     EXPECT_EQ(RedOf(t, techniques, 16, 4).value, 0);
   }
   ExpectHardCase({.row = "L19",
                   .figure = "radiance of a sun in a mirror",
                   .expected = 0,
-                  .measured = RedOf(t, Techniques::kCameraAndLight, 16, 4).value,
+                  .measured = RedOf(t, TechniqueSet::kCameraAndLight, 16, 4).value,
                   .naive = std::nanf(""),
                   .naive_by = "weights that divide by the sum of densities"});
 }
@@ -125,7 +125,7 @@ TEST(LightPathStability, L20LampInThePinhole) {
   t.scene.lights.push_back({lamp, {}, {}, {}});
   t.AddShape(MeshShape{Floor(&t, 0.01f)}, t.Diffuse(Rgb::Gray(kRho)));
   const double expected = static_cast<double>(kRho) / (4 * std::numbers::pi);
-  const Mean both = RedOf(t, Techniques::kCameraAndLight, 256, 1);
+  const Mean both = RedOf(t, TechniqueSet::kCameraAndLight, 256, 1);
   ExpectHardCase({.row = "L20",
                   .figure = "radiance of a floor under a lamp in the pinhole",
                   .expected = expected,
@@ -142,7 +142,7 @@ TEST(LightPathStability, L21RaysAtTheEdgeOfTheScene) {
   TestScene t = AboveFloor(2);
   t.ConstantEnvironment(Rgb::Gray(1));
   t.AddShape(MeshShape{Floor(&t, 0.5f)}, t.Diffuse(Rgb::Gray(kRho)));
-  const Mean mean = RedOf(t, Techniques::kLight, DrawCount(512, 8192), 1);
+  const Mean mean = RedOf(t, TechniqueSet::kLight, DrawCount(512, 8192), 1);
   EXPECT_LT(mean.standard_error, 0.01 * static_cast<double>(kRho));
   ExpectHardCase({.row = "L21",
                   .figure = "radiance of a floor that is the scene",
@@ -167,8 +167,8 @@ TEST(LightPathStability, L22LampInTheFaceOfAMedium) {
              t.AddMaterial(InterfaceMaterial{}))
       .media.inside = 0;
   t.scene.media.push_back(std::move(fog));
-  const Mean camera = RedOf(t, Techniques::kCamera, 256, 2);
-  const Mean light = RedOf(t, Techniques::kLight, DrawCount(512, 8192), 2);
+  const Mean camera = RedOf(t, TechniqueSet::kCamera, 256, 2);
+  const Mean light = RedOf(t, TechniqueSet::kLight, DrawCount(512, 8192), 2);
   const double error = std::hypot(camera.standard_error, light.standard_error) / camera.value;
   EXPECT_LT(error, 0.02);
   ExpectHardCase({.row = "L22",
@@ -182,10 +182,10 @@ TEST(LightPathStability, L22LampInTheFaceOfAMedium) {
 
 // Expected by the catalogue: a room that is 2^20 times as large or small has the same bits.
 TEST(LightPathStability, G2LightPathsAtEveryScale) {
-  const double unit = RedOf(LitRoom(1), Techniques::kLight, 32, 4).value;
+  const double unit = RedOf(LitRoom(1), TechniqueSet::kLight, 32, 4).value;
   EXPECT_GT(unit, 0);
   for (const double scale : {0x1p-20, 0x1p20}) {
-    EXPECT_EQ(RedOf(LitRoom(scale), Techniques::kLight, 32, 4).value, unit) << scale;
+    EXPECT_EQ(RedOf(LitRoom(scale), TechniqueSet::kLight, 32, 4).value, unit) << scale;
   }
 }
 

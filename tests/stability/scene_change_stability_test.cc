@@ -148,7 +148,7 @@ TestScene FlushRoom() {
 struct ChangedScene {
   std::string name;
   TestScene scene;
-  std::vector<Techniques> techniques;
+  std::vector<TechniqueSet> techniques;
 };
 
 std::vector<size_t> BlockOf(int32_t index) {
@@ -163,7 +163,7 @@ std::vector<size_t> BlockOf(int32_t index) {
   return pixels;
 }
 
-BothFilms RenderChanged(const SceneDescription& scene, Techniques techniques) {
+BothFilms RenderChanged(const SceneDescription& scene, TechniqueSet techniques) {
   FrameSettings settings = SquareSettings(kPixels, DrawCount(32, 512), 8);
   settings.techniques = techniques;
   return RenderBothFilms(*Compile(scene, settings));
@@ -171,18 +171,18 @@ BothFilms RenderChanged(const SceneDescription& scene, Techniques techniques) {
 
 // G19: the image of a scene does not depend on where it is, how it is turned or written.
 TEST(SceneChangeStability, G19ChangedScenesKeepTheirImage) {
-  const std::vector<Techniques> all{Techniques::kCamera, Techniques::kLight,
-                                    Techniques::kCameraAndLight};
+  const std::vector<TechniqueSet> all{TechniqueSet::kCamera, TechniqueSet::kLight,
+                                      TechniqueSet::kCameraAndLight};
   const std::vector<ChangedScene> cases{
       {"diffuse", Diffuse({1}), all},
-      {"glossy", Glossy({1}), {Techniques::kCamera, Techniques::kCameraAndLight}},
+      {"glossy", Glossy({1}), {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight}},
       {"closed room", LitRoom(1), all},
-      {"flush room", FlushRoom(), {Techniques::kCamera, Techniques::kCameraAndLight}},
+      {"flush room", FlushRoom(), {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight}},
   };
   double largest = 0;
   for (const ChangedScene& of : cases) {
     SCOPED_TRACE(of.name);
-    for (const Techniques techniques : of.techniques) {
+    for (const TechniqueSet techniques : of.techniques) {
       SCOPED_TRACE(static_cast<int>(techniques));
       const BothFilms plain = RenderChanged(of.scene.scene, techniques);
       for (const Change& change : ImageKeepingChanges()) {

@@ -154,7 +154,7 @@ std::string DigestValue(const DigestLine&, const std::string& value) { return va
 std::string DigestValue(const DigestLine&, ColorTransport value) {
   return ColorTransportName(value);
 }
-std::string DigestValue(const DigestLine&, Techniques value) { return TechniquesName(value); }
+std::string DigestValue(const DigestLine&, TechniqueSet value) { return value.Name(); }
 std::string DigestValue(const DigestLine&, Primaries value) { return PrimariesName(value); }
 std::string DigestValue(const DigestLine&, const FilmOutputs& value) {
   return FormatOutputs(value);

@@ -55,7 +55,7 @@ struct RenderSettings {
   // The most light samples at a vertex, from 1 to kLightSamplesMax: with more than 1, the hierarchy
   // of lights is split where its estimates are uncertain. See docs/adr/0070.
   int32_t light_samples = 1;
-  std::optional<Techniques> techniques;  // Otherwise those of the scene's integrator.
+  std::optional<TechniqueSet> techniques;  // Otherwise those of the scene's integrator.
   // Measure which techniques pay (MeasureTechniques), instead of `techniques`; for the caller of
   // ResolveSettings to do.
   bool measure_techniques = false;
@@ -75,7 +75,7 @@ struct FrameSettings {
   // 0: one at each vertex; else from 2 to kLightSamplesMax, as RenderSettings::light_samples.
   // Frames with light paths take one, whatever the value.
   int32_t light_samples = 0;
-  Techniques techniques = Techniques::kCamera;
+  TechniqueSet techniques = TechniqueSet::kCamera;
   bool force_generic_variant = false;
   // The pixels of the window that are rendered; the others stay empty.
   PixelLattice lattice;

@@ -47,11 +47,11 @@ TEST(RenderSettingsTest, SceneProvidesMissingSettings) {
 }
 
 TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
-  const std::pair<const char*, Techniques> cases[] = {
-      {"bdpt", Techniques::kCameraAndLight}, {"mlt", Techniques::kCameraAndLight},
-      {"sppm", Techniques::kCameraAndLight}, {"lightpath", Techniques::kLight},
-      {"path", Techniques::kCamera},         {"volpath", Techniques::kCamera},
-      {"randomwalk", Techniques::kCamera},   {"", Techniques::kCamera},
+  const std::pair<const char*, TechniqueSet> cases[] = {
+      {"bdpt", TechniqueSet::kCameraAndLight}, {"mlt", TechniqueSet::kCameraAndLight},
+      {"sppm", TechniqueSet::kCameraAndLight}, {"lightpath", TechniqueSet::kLight},
+      {"path", TechniqueSet::kCamera},         {"volpath", TechniqueSet::kCamera},
+      {"randomwalk", TechniqueSet::kCamera},   {"", TechniqueSet::kCamera},
   };
   for (const auto& [integrator, expected] : cases) {
     SceneDescription scene;
@@ -59,40 +59,9 @@ TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
     EXPECT_EQ(ResolveSettings(scene, {})->techniques, expected) << integrator;
     for (const std::string& name : TechniquesNames()) {
       RenderSettings asked;
-      asked.techniques = TechniquesFromName(name);
-      EXPECT_EQ(TechniquesName(ResolveSettings(scene, asked)->techniques), name) << integrator;
+      asked.techniques = *TechniqueSet::Parse(name);
+      EXPECT_EQ(ResolveSettings(scene, asked)->techniques.Name(), name) << integrator;
     }
-  }
-}
-
-TEST(TechniquesTest, NamesAreUnique) {
-  EXPECT_THAT(TechniquesNames(),
-              ::testing::ElementsAre("camera", "camera+light", "light", "camera+guiding",
-                                     "camera+light+guiding", "camera+guiding+splitting",
-                                     "camera+light+guiding+splitting"));
-  for (const std::string& name : TechniquesNames()) {
-    EXPECT_EQ(TechniquesName(*TechniquesFromName(name)), name);
-  }
-  EXPECT_EQ(TechniquesFromName("lights"), std::nullopt);
-  EXPECT_EQ(TechniquesFromName("guiding"), std::nullopt);
-  EXPECT_EQ(TechniquesFromName("unknown"), std::nullopt);
-}
-
-TEST(TechniquesTest, NamesTellLightPathsAndGuiding) {
-  for (const std::string& name : TechniquesNames()) {
-    const Techniques techniques = *TechniquesFromName(name);
-    EXPECT_EQ(HasLightPaths(techniques), name.find("light") != std::string::npos) << name;
-    EXPECT_EQ(IsGuided(techniques), name.find("guiding") != std::string::npos) << name;
-    const Techniques without = WithoutLightPaths(techniques);
-    EXPECT_FALSE(HasLightPaths(without)) << name;
-    EXPECT_EQ(IsGuided(without), IsGuided(techniques)) << name;
-    EXPECT_EQ(SplitsPaths(techniques), name.find("splitting") != std::string::npos) << name;
-    EXPECT_EQ(SplitsPaths(without), SplitsPaths(techniques)) << name;
-    EXPECT_EQ(HasLightPaths(WithoutGuiding(techniques)), HasLightPaths(techniques)) << name;
-    EXPECT_FALSE(IsGuided(WithoutGuiding(techniques))) << name;
-    if (!IsGuided(techniques)) continue;
-    EXPECT_TRUE(SplitsPaths(WithSplitting(techniques))) << name;
-    EXPECT_EQ(HasLightPaths(WithSplitting(techniques)), HasLightPaths(techniques)) << name;
   }
 }
 
@@ -168,10 +137,10 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   others[11].lattice.stride_px = 8;
   others[12].sensor = "nikon_d850";
   others[13].max_component_value = 10;
-  others[14].techniques = Techniques::kCameraAndLight;
-  others[15].techniques = Techniques::kLight;
-  others[16].techniques = Techniques::kCameraGuided;
-  others[17].techniques = Techniques::kCameraAndLightGuided;
+  others[14].techniques = TechniqueSet::kCameraAndLight;
+  others[15].techniques = TechniqueSet::kLight;
+  others[16].techniques = TechniqueSet::kCameraGuided;
+  others[17].techniques = TechniqueSet::kCameraAndLightGuided;
   others[18].light_samples = 2;
   others[19].light_samples = 8;
   for (const FrameSettings& other : others)
@@ -232,7 +201,7 @@ TEST(RenderSettingsTest, DigestTextsKeepTheirBytes) {
   settings.one_sequence = true;
   settings.similarity_after = 12;
   settings.light_samples = 8;
-  settings.techniques = Techniques::kCameraAndLight;
+  settings.techniques = TechniqueSet::kCameraAndLight;
   settings.lattice = {8, settings.seed};
   settings.outputs.Add(Aov::kPosition);
   settings.outputs.Add(Aov::kMotion);
@@ -307,14 +276,14 @@ TEST(RenderSettingsTest, DigestIncludesBiasIfAny) {
 // Parts of earlier versions stay valid.
 TEST(RenderSettingsTest, DigestIncludesTechniquesBesideThoseOfTheCamera) {
   FrameSettings settings;
-  settings.techniques = Techniques::kCamera;
+  settings.techniques = TechniqueSet::kCamera;
   EXPECT_EQ(FrameDigestText("scene", settings, "profile").find("techniques"), std::string::npos);
   EXPECT_EQ(FrameDigest("scene", settings, "profile"),
             FrameDigest("scene", FrameSettings(), "profile"));
-  settings.techniques = Techniques::kLight;
+  settings.techniques = TechniqueSet::kLight;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
               ::testing::HasSubstr("\ntechniques light\nprofile profile\n"));
-  settings.techniques = Techniques::kCameraGuided;
+  settings.techniques = TechniqueSet::kCameraGuided;
   EXPECT_THAT(FrameDigestText("scene", settings, "profile"),
               ::testing::HasSubstr("\ntechniques camera+guiding\nprofile profile\n"));
 }

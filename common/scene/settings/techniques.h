@@ -1,79 +1,135 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Techniques: the ways in which the integrator finds paths between lights and the camera. All have
-// the same mean; they differ in noise and cost (docs/adr/0063-light-paths.md). Thread-safe.
+// TechniqueSet: the ways in which the integrator finds paths between lights and the camera. All
+// have the same mean; they differ in noise and cost (docs/adr/0063-light-paths.md, 0126).
+// Thread-safe.
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
+
 namespace sheaf {
 
-// The numbers are those of messages and of stored jobs.
-enum class Techniques : uint8_t {
-  // Paths from the camera alone.
-  kCamera = 0,
+// What is added to paths from the camera. The numbers are those of bits in messages and in stored
+// jobs (TechniqueSet::Number). A new technique needs a line here and one in the table kTechniques,
+// with its word in names and what it needs.
+enum class Technique : uint8_t {
   // Light paths too: those that begin at lights and are connected to the camera. Both kinds are
   // combined by multiple importance sampling.
-  kCameraAndLight = 1,
+  kLightPaths = 0,
   // Light paths find all light that they can find, and camera paths only the rest: light seen
-  // directly or by specular scattering alone.
-  kLight = 2,
-  // kCamera with path guiding: camera paths sample directions from a learned field of the light
-  // that arrives, beside their BSDFs.
-  kCameraGuided = 3,
-  // kCameraAndLight, whose camera paths are guided.
-  kCameraAndLightGuided = 4,
-  // The same, with paths from the camera that are split: several go on from a vertex, where the
-  // field knows that what they find matters to the pixel and is uncertain.
-  kCameraGuidedSplit = 5,
-  kCameraAndLightGuidedSplit = 6,
+  // directly or by specular scattering alone. Names lack the word "camera".
+  kLightPathsAlone = 1,
+  // Path guiding: camera paths sample directions from a learned field of the light that arrives,
+  // beside their BSDFs.
+  kGuiding = 2,
+  // Camera paths are split: several go on from a vertex, where the field knows that what they find
+  // matters to the pixel and is uncertain.
+  kSplitting = 3,
 };
-inline constexpr int kTechniquesCount = 7;
+
+// The techniques of a frame: paths from the camera and what is added to them.
+class TechniqueSet {
+ public:
+  // The sets that messages and stored jobs number from 0 on, in this order.
+  static const TechniqueSet kCamera, kCameraAndLight, kLight, kCameraGuided, kCameraAndLightGuided,
+      kCameraGuidedSplit, kCameraAndLightGuidedSplit;
+
+  constexpr TechniqueSet() = default;  // Paths from the camera alone.
+  // Requires: each has what it needs.
+  constexpr TechniqueSet(std::initializer_list<Technique> techniques) {
+    for (const Technique technique : techniques) Add(BitOf(technique));
+  }
+
+  constexpr bool Has(Technique technique) const { return (bits_ & BitOf(technique)) != 0; }
+  constexpr bool HasAll(TechniqueSet other) const { return (other.bits_ & ~uint32_t{bits_}) == 0; }
+  // The same with the technique and what it needs.
+  TechniqueSet With(Technique technique) const;
+  // The same without the technique and without those that need it.
+  TechniqueSet Without(Technique technique) const;
+
+  // "camera", "camera+light", "light", "camera+guiding", "camera+light+guiding",
+  // "camera+guiding+splitting", ...: the words in the order of the table.
+  std::string Name() const;
+  // Takes the words in any order, ignoring case. Errors: kNotFound for words that name no
+  // technique; kInvalidArgument, with a name that can be, for techniques that lack what they need.
+  static absl::StatusOr<TechniqueSet> Parse(const std::string& name);
+
+  // In messages and stored jobs: that of one of the constants, else kNumberOfBits + the bits.
+  static constexpr int kNumberOfBits = 16;
+  constexpr int Number() const;
+  // Nothing for numbers that no set of this version has.
+  static std::optional<TechniqueSet> FromNumber(int64_t number);
+
+  // All sets that can be, in the order of their numbers.
+  static std::vector<TechniqueSet> All();
+
+  friend constexpr bool operator==(TechniqueSet a, TechniqueSet b) = default;
+
+ private:
+  static constexpr uint32_t BitOf(Technique technique) {
+    return uint32_t{1} << static_cast<int>(technique);
+  }
+
+  constexpr void Add(uint32_t bits) { bits_ = static_cast<uint16_t>(bits_ | bits); }
+  constexpr void Remove(Technique technique) {
+    bits_ = static_cast<uint16_t>(bits_ & ~BitOf(technique));
+  }
+
+  uint16_t bits_ = 0;
+};
+
+inline constexpr TechniqueSet TechniqueSet::kCamera;
+inline constexpr TechniqueSet TechniqueSet::kCameraAndLight{Technique::kLightPaths};
+inline constexpr TechniqueSet TechniqueSet::kLight{Technique::kLightPaths,
+                                                   Technique::kLightPathsAlone};
+inline constexpr TechniqueSet TechniqueSet::kCameraGuided{Technique::kGuiding};
+inline constexpr TechniqueSet TechniqueSet::kCameraAndLightGuided{Technique::kLightPaths,
+                                                                  Technique::kGuiding};
+inline constexpr TechniqueSet TechniqueSet::kCameraGuidedSplit{Technique::kGuiding,
+                                                               Technique::kSplitting};
+inline constexpr TechniqueSet TechniqueSet::kCameraAndLightGuidedSplit{
+    Technique::kLightPaths, Technique::kGuiding, Technique::kSplitting};
+
+inline constexpr TechniqueSet kNumberedTechniques[] = {
+    TechniqueSet::kCamera,
+    TechniqueSet::kCameraAndLight,
+    TechniqueSet::kLight,
+    TechniqueSet::kCameraGuided,
+    TechniqueSet::kCameraAndLightGuided,
+    TechniqueSet::kCameraGuidedSplit,
+    TechniqueSet::kCameraAndLightGuidedSplit,
+};
+
+constexpr int TechniqueSet::Number() const {
+  for (size_t i = 0; i < std::size(kNumberedTechniques); ++i) {
+    if (kNumberedTechniques[i] == *this) return static_cast<int>(i);
+  }
+  return kNumberOfBits + static_cast<int>(bits_);
+}
 
 // Whether paths begin at lights too; otherwise the image is that of camera paths alone.
-constexpr bool HasLightPaths(Techniques techniques) {
-  return techniques == Techniques::kCameraAndLight || techniques == Techniques::kLight ||
-         techniques == Techniques::kCameraAndLightGuided ||
-         techniques == Techniques::kCameraAndLightGuidedSplit;
-}
-// Whether camera paths are split.
-constexpr bool SplitsPaths(Techniques techniques) {
-  return techniques == Techniques::kCameraGuidedSplit ||
-         techniques == Techniques::kCameraAndLightGuidedSplit;
+constexpr bool HasLightPaths(TechniqueSet techniques) {
+  return techniques.Has(Technique::kLightPaths);
 }
 // Whether camera paths are guided by a learned field.
-constexpr bool IsGuided(Techniques techniques) {
-  return techniques == Techniques::kCameraGuided ||
-         techniques == Techniques::kCameraAndLightGuided || SplitsPaths(techniques);
-}
-// The same techniques without light paths; kCamera for kLight.
-constexpr Techniques WithoutLightPaths(Techniques techniques) {
-  if (SplitsPaths(techniques)) return Techniques::kCameraGuidedSplit;
-  return IsGuided(techniques) ? Techniques::kCameraGuided : Techniques::kCamera;
-}
-// The same techniques without guiding, and so without splitting.
-constexpr Techniques WithoutGuiding(Techniques techniques) {
-  if (!IsGuided(techniques)) return techniques;
-  return HasLightPaths(techniques) ? Techniques::kCameraAndLight : Techniques::kCamera;
-}
-// The same techniques with splitting. Requires: IsGuided.
-constexpr Techniques WithSplitting(Techniques techniques) {
-  return HasLightPaths(techniques) ? Techniques::kCameraAndLightGuidedSplit
-                                   : Techniques::kCameraGuidedSplit;
+constexpr bool IsGuided(TechniqueSet techniques) { return techniques.Has(Technique::kGuiding); }
+// Whether camera paths are split.
+constexpr bool SplitsPaths(TechniqueSet techniques) {
+  return techniques.Has(Technique::kSplitting);
 }
 
-// "camera", "camera+light", "light", "camera+guiding", "camera+light+guiding",
-// "camera+guiding+splitting", "camera+light+guiding+splitting".
-const char* TechniquesName(Techniques techniques);
-std::optional<Techniques> TechniquesFromName(const std::string& name);
-// In the order of the numbers.
+// The names of all sets, in the order of their numbers.
 std::vector<std::string> TechniquesNames();
 
 // The techniques of pbrt-v4's integrator of this name; kCamera for unknown names.
-Techniques TechniquesOfIntegrator(const std::string& integrator);
+TechniqueSet TechniquesOfIntegrator(const std::string& integrator);
 
 }  // namespace sheaf

@@ -16,7 +16,7 @@ namespace {
 constexpr PixelRect kWindow{0, 0, 40, 24};
 constexpr uint64_t kSamples = 32;
 
-FrameSpec SpecOf(Techniques techniques) {
+FrameSpec SpecOf(TechniqueSet techniques) {
   FrameSpec spec;
   spec.settings.width_px = kWindow.x1;
   spec.settings.height_px = kWindow.y1;
@@ -61,14 +61,14 @@ std::vector<Part> PartsOf(const CellGrid& grid, uint64_t block_samples, uint64_t
 
 class FrameMergeTest : public ::testing::Test {
  protected:
-  std::unique_ptr<FrameMerge> MergeOf(Techniques techniques) {
+  std::unique_ptr<FrameMerge> MergeOf(TechniqueSet techniques) {
     const FrameSpec spec = SpecOf(techniques);
     CellGrid grid(spec, {.tile_size_px = 16});
     std::vector<uint64_t> samples(grid.cells().size(), kSamples);
     return std::make_unique<FrameMerge>(spec, std::move(grid), std::move(samples), &budget_);
   }
   // Inserts parts in a random order, looking at the image now and then.
-  std::unique_ptr<FrameMerge> Merged(Techniques techniques, uint64_t block_samples,
+  std::unique_ptr<FrameMerge> Merged(TechniqueSet techniques, uint64_t block_samples,
                                      uint64_t block_passes, uint32_t seed) {
     std::unique_ptr<FrameMerge> merge = MergeOf(techniques);
     std::vector<Part> parts = PartsOf(merge->grid(), block_samples, block_passes);
@@ -90,15 +90,15 @@ float At(const FrameImage& image, const char* channel, int32_t x, int32_t y) {
 }
 
 TEST_F(FrameMergeTest, TheImageIsOneWhateverTheOrderAndTheTasks) {
-  const std::string digest = ImageDigest(Merged(Techniques::kCameraAndLight, 32, 16, 1)->image());
-  EXPECT_EQ(ImageDigest(Merged(Techniques::kCameraAndLight, 4, 1, 2)->image()), digest);
-  EXPECT_EQ(ImageDigest(Merged(Techniques::kCameraAndLight, 16, 8, 3)->image()), digest);
-  EXPECT_NE(ImageDigest(Merged(Techniques::kCamera, 32, 16, 1)->image()), digest);
+  const std::string digest = ImageDigest(Merged(TechniqueSet::kCameraAndLight, 32, 16, 1)->image());
+  EXPECT_EQ(ImageDigest(Merged(TechniqueSet::kCameraAndLight, 4, 1, 2)->image()), digest);
+  EXPECT_EQ(ImageDigest(Merged(TechniqueSet::kCameraAndLight, 16, 8, 3)->image()), digest);
+  EXPECT_NE(ImageDigest(Merged(TechniqueSet::kCamera, 32, 16, 1)->image()), digest);
 }
 
 TEST_F(FrameMergeTest, LightIsAddedToTheCamerasImage) {
-  const auto camera = Merged(Techniques::kCamera, 32, 16, 1);
-  const auto both = Merged(Techniques::kCameraAndLight, 32, 16, 1);
+  const auto camera = Merged(TechniqueSet::kCamera, 32, 16, 1);
+  const auto both = Merged(TechniqueSet::kCameraAndLight, 32, 16, 1);
   double mean = 0;
   for (uint64_t pass = 0; pass < kSamples; ++pass) {
     mean += double{HashToUnit(pass * 1024 + 3 * 20 + 5)} / kSamples;
@@ -113,7 +113,7 @@ TEST_F(FrameMergeTest, LightIsAddedToTheCamerasImage) {
 
 // Without light passes, a preview would be too dark.
 TEST_F(FrameMergeTest, NothingIsShownBeforeTheFirstLightPass) {
-  const auto merge = MergeOf(Techniques::kCameraAndLight);
+  const auto merge = MergeOf(TechniqueSet::kCameraAndLight);
   const uint32_t light = *merge->grid().light_tile();
   merge->Insert(0, {MakeTestTile(merge->grid().RectOf(0), {0, 16}), 1});
   EXPECT_TRUE(merge->Refresh().empty());
@@ -129,7 +129,7 @@ TEST_F(FrameMergeTest, NothingIsShownBeforeTheFirstLightPass) {
 }
 
 TEST_F(FrameMergeTest, ATileIsRebuiltWithAllOfItsPassesOnly) {
-  const auto merge = Merged(Techniques::kCameraAndLight, 32, 16, 4);
+  const auto merge = Merged(TechniqueSet::kCameraAndLight, 32, 16, 4);
   const std::string digest = ImageDigest(merge->image());
   const uint32_t light = *merge->grid().light_tile();
   merge->MarkOnDisk(light);
@@ -148,7 +148,7 @@ TEST_F(FrameMergeTest, ATileIsRebuiltWithAllOfItsPassesOnly) {
 
 // Light passes follow the cell with most samples.
 TEST_F(FrameMergeTest, MoreSamplesOfACellNeedMoreLightPasses) {
-  const auto merge = Merged(Techniques::kCameraAndLight, 32, 16, 5);
+  const auto merge = Merged(TechniqueSet::kCameraAndLight, 32, 16, 5);
   merge->Grow(2, 2 * kSamples);
   EXPECT_FALSE(merge->Developed(2));
   EXPECT_FALSE(merge->Developed(*merge->grid().light_tile()));

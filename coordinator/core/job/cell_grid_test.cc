@@ -94,16 +94,16 @@ TEST(CellGridTest, TheLightTileIsTheLastAndTheWholeWindow) {
 TEST(CellGridTest, OnlyFramesWithLightPathsHaveALightTile) {
   FrameSpec frame;
   frame.settings.window = {0, 0, 40, 20};
-  for (const Techniques techniques :
-       {Techniques::kCameraAndLight, Techniques::kLight, Techniques::kCameraAndLightGuided}) {
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCameraAndLight, TechniqueSet::kLight, TechniqueSet::kCameraAndLightGuided}) {
     frame.settings.techniques = techniques;
-    EXPECT_EQ(CellGrid(frame, Partition()).light_tile(), 2u) << TechniquesName(techniques);
+    EXPECT_EQ(CellGrid(frame, Partition()).light_tile(), 2u) << techniques.Name();
   }
-  for (const Techniques techniques : {Techniques::kCamera, Techniques::kCameraGuided}) {
+  for (const TechniqueSet techniques : {TechniqueSet::kCamera, TechniqueSet::kCameraGuided}) {
     frame.settings.techniques = techniques;
     const CellGrid grid(frame, Partition());
-    EXPECT_EQ(grid.light_tile(), std::nullopt) << TechniquesName(techniques);
-    EXPECT_EQ(grid.tile_count(), 2u) << TechniquesName(techniques);
+    EXPECT_EQ(grid.light_tile(), std::nullopt) << techniques.Name();
+    EXPECT_EQ(grid.tile_count(), 2u) << techniques.Name();
   }
 }
 

@@ -74,7 +74,7 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
                         " MiB, more than the limit of ", limits.light_part_bytes_max >> 20,
                         "; render parts of the frame with --crop, request fewer outputs, or use "
                         "--techniques ",
-                        TechniquesName(WithoutLightPaths(s.techniques)));
+                        s.techniques.Without(Technique::kLightPaths).Name());
   }
   for (const auto& [edge_px, most, what] :
        {std::tuple{partition.tile_size_px, limits.tiles_per_frame_max, "tiles"},

@@ -60,8 +60,8 @@ TEST(JobCheckTest, InvalidJobsAreRefusedWithAReason) {
 
 // The frame itself has too many pixels for light passes; a lattice of it has none.
 TEST(JobCheckTest, PixelLatticesHaveNoLightPasses) {
-  for (const Techniques techniques :
-       {Techniques::kCameraAndLight, Techniques::kLight, Techniques::kCameraAndLightGuided}) {
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCameraAndLight, TechniqueSet::kLight, TechniqueSet::kCameraAndLightGuided}) {
     JobSpec job = JobOf(16384, 16384, 16);
     FrameSettings& settings = job.frames[0].settings;
     settings.techniques = techniques;
@@ -83,21 +83,21 @@ TEST(JobCheckTest, FramesMustBeUniqueAndSorted) {
 TEST(JobCheckTest, LightPassesHaveLimits) {
   const auto with_light = [](int32_t width_px, int32_t height_px, uint64_t samples) {
     JobSpec job = JobOf(width_px, height_px, samples);
-    job.frames[0].settings.techniques = Techniques::kCameraAndLight;
+    job.frames[0].settings.techniques = TechniqueSet::kCameraAndLight;
     return job;
   };
   EXPECT_TRUE(CheckJobSpec(with_light(3840, 2160, 4096), Limits()).ok());
   ExpectRefused(with_light(16384, 16384, 16), "light pass of them", "--crop");
   JobSpec guided = with_light(16384, 16384, 16);
-  guided.frames[0].settings.techniques = Techniques::kCameraAndLightGuided;
+  guided.frames[0].settings.techniques = TechniqueSet::kCameraAndLightGuided;
   ExpectRefused(guided, "light pass of them", "--techniques camera+guiding");
-  guided.frames[0].settings.techniques = Techniques::kCameraGuided;
+  guided.frames[0].settings.techniques = TechniqueSet::kCameraGuided;
   EXPECT_TRUE(CheckJobSpec(guided, Limits()).ok());
   // Light passes of a crop trace the paths of the whole frame.
   JobSpec job = with_light(65536, 65536, uint64_t{1} << 20);
   job.frames[0].settings.window = {0, 0, 16, 16};
   ExpectRefused(job, "samples each", "request fewer");
-  job.frames[0].settings.techniques = Techniques::kCamera;
+  job.frames[0].settings.techniques = TechniqueSet::kCamera;
   EXPECT_TRUE(CheckJobSpec(job, Limits()).ok());
 }
 
@@ -119,9 +119,9 @@ TEST(JobCheckTest, LightPathsDoNotDependOnTheWindow) {
   settings.window = {100, 100, 110, 120};
   EXPECT_EQ(PathsPerLightPass(settings), 640 * 480);
   EXPECT_EQ(PathsPerSample(settings), 200u);
-  settings.techniques = Techniques::kLight;
+  settings.techniques = TechniqueSet::kLight;
   EXPECT_EQ(PathsPerSample(settings), 640u * 480u + 200u);
-  settings.techniques = Techniques::kCameraGuided;
+  settings.techniques = TechniqueSet::kCameraGuided;
   EXPECT_EQ(PathsPerSample(settings), 200u);
 }
 

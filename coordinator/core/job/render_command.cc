@@ -69,7 +69,7 @@ std::string RenderCommand(const std::string& scene, const FrameSettings& setting
   if (s.similarity_after != 0) absl::StrAppend(&command, " --similarity ", s.similarity_after);
   if (s.light_samples != 0) absl::StrAppend(&command, " --light-samples ", s.light_samples);
   // The scene may name other techniques.
-  absl::StrAppend(&command, " --techniques ", TechniquesName(s.techniques));
+  absl::StrAppend(&command, " --techniques ", s.techniques.Name());
   if (s.force_generic_variant) absl::StrAppend(&command, " --generic");
   AddOutputs(s.outputs, &command);
   return command;

@@ -16,7 +16,7 @@ TEST(RenderCommandTest, NamesTileSamplesSeedAndDepth) {
   EXPECT_EQ(RenderCommand("shots/room.0007.pbrt", settings, kTile, 48),
             "sheaf render shots/room.0007.pbrt --crop 32,0,64,17 --samples 48 --seed 9 "
             "--max-depth 0 --techniques camera");
-  settings.techniques = Techniques::kCameraGuided;
+  settings.techniques = TechniqueSet::kCameraGuided;
   EXPECT_EQ(RenderCommand("room.pbrt", settings, kTile, 1),
             "sheaf render room.pbrt --crop 32,0,64,17 --samples 1 --seed 9 --max-depth 0 "
             "--techniques camera+guiding");
@@ -29,7 +29,7 @@ TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
   settings.single_scattering = settings.one_sequence = settings.force_generic_variant = true;
   settings.similarity_after = 8;
   settings.light_samples = 4;
-  settings.techniques = Techniques::kCameraAndLight;
+  settings.techniques = TechniqueSet::kCameraAndLight;
   settings.outputs.Add(Aov::kUv);
   settings.outputs.AddIdNumber(IdKind::kAsset);
   settings.outputs.AddCryptomatte(IdKind::kObject);

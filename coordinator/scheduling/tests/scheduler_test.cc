@@ -352,7 +352,7 @@ TEST_F(SchedulerTest, LightPassesAreLeasedBesideTiles) {
   job.numeric_profile = kProfile;
   job.partition = {32, 16, 4};
   job.frames.push_back(Frame(1, "scene", 1));
-  job.frames[0].settings.techniques = Techniques::kCameraAndLight;
+  job.frames[0].settings.techniques = TechniqueSet::kCameraAndLight;
   ASSERT_TRUE(scheduler_.CheckJob(job).ok());
   scheduler_.AddJob(job);
   std::vector<Lease> leases = Sync("w", 6);
@@ -388,7 +388,7 @@ TEST_F(SchedulerTest, UnknownWorkersGetOneLightPass) {
   job.numeric_profile = kProfile;
   job.partition = {64, 16, 0};
   job.frames.push_back(Frame(1, "scene", 1));
-  job.frames[0].settings.techniques = Techniques::kCameraAndLight;
+  job.frames[0].settings.techniques = TechniqueSet::kCameraAndLight;
   scheduler_.AddJob(job);
   const std::vector<Lease> leases = Sync("w", 2);
   ASSERT_EQ(leases.size(), 2u);

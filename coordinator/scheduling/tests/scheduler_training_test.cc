@@ -21,7 +21,7 @@ class TrainingTest : public SchedulerTest {
     job.numeric_profile = kProfile;
     job.partition = {64, 16, 4};
     job.frames.push_back(Frame(1, "scene", 1));
-    job.frames[0].settings.techniques = Techniques::kCameraAndLightGuided;
+    job.frames[0].settings.techniques = TechniqueSet::kCameraAndLightGuided;
     ASSERT_TRUE(scheduler_.CheckJob(job).ok());
     scheduler_.AddJob(job);
   }

@@ -47,7 +47,7 @@ class JobStoreTest : public JobStoreFixture {
       frame.settings.similarity_after = 24;
       frame.settings.light_samples = 8;
       frame.settings.techniques =
-          number == 7 ? Techniques::kCameraAndLightGuided : Techniques::kLight;
+          number == 7 ? TechniqueSet::kCameraAndLightGuided : TechniqueSet::kLight;
       frame.settings.sensor = "nikon_d850";
       frame.settings.max_component_value = 12.5f;
       frame.settings.lattice = {8, frame.settings.seed};
@@ -134,8 +134,8 @@ TEST_P(JobStoreTest, JobsSurviveAReopen) {
   EXPECT_TRUE(stored.spec.frames[1].settings.one_sequence);
   EXPECT_EQ(stored.spec.frames[1].settings.similarity_after, 24);
   EXPECT_EQ(stored.spec.frames[1].settings.light_samples, 8);
-  EXPECT_EQ(stored.spec.frames[0].settings.techniques, Techniques::kLight);
-  EXPECT_EQ(stored.spec.frames[1].settings.techniques, Techniques::kCameraAndLightGuided);
+  EXPECT_EQ(stored.spec.frames[0].settings.techniques, TechniqueSet::kLight);
+  EXPECT_EQ(stored.spec.frames[1].settings.techniques, TechniqueSet::kCameraAndLightGuided);
   EXPECT_EQ(stored.spec.frames[1].settings.sensor, "nikon_d850");
   EXPECT_EQ(stored.spec.frames[1].settings.max_component_value, 12.5f);
   EXPECT_EQ(stored.spec.frames[1].settings.lattice, (PixelLattice{8, UINT64_MAX - 1}));

@@ -356,7 +356,7 @@ constexpr Change kChanges[] = {
      [](AblatedScene* without) { ForgetPriorities(&without->scene); }},
     {Trait::kGuiding, "directions are sampled by materials and media alone",
      [](AblatedScene* without) {
-       without->settings.techniques = WithoutGuiding(without->settings.techniques);
+       without->settings.techniques = without->settings.techniques.Without(Technique::kGuiding);
      }},
     {Trait::kLightSplits, "each vertex takes one light sample",
      [](AblatedScene* without) { without->settings.light_samples = 0; }},

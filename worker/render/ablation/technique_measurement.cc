@@ -123,8 +123,8 @@ class Judge {
 };
 
 bool IsPromising(const TechniqueMeasurement& look) {
-  return look.Gain(Techniques::kCameraAndLight) >= kPromisingGainMin ||
-         look.Gain(Techniques::kCameraGuided) >= kPromisingGainMin;
+  return look.Gain(TechniqueSet::kCameraAndLight) >= kPromisingGainMin ||
+         look.Gain(TechniqueSet::kCameraGuided) >= kPromisingGainMin;
 }
 
 // The fraction of the frame's samples, rounded down to a power of two.
@@ -137,18 +137,18 @@ uint64_t SamplesFor(const FrameSettings& frame, uint64_t per_sample, uint64_t mi
 // thorough: light paths and guiding together, too, and splitting where guiding pays.
 absl::StatusOr<TechniqueMeasurement> MeasurePilots(bool thorough, PilotRenderer* renderer) {
   std::vector<Pilot> pilots;
-  for (const Techniques techniques :
-       {Techniques::kCamera, Techniques::kCameraAndLight, Techniques::kCameraGuided,
-        Techniques::kCameraAndLightGuided}) {
-    if (techniques == Techniques::kCameraAndLightGuided && !thorough) break;
+  for (const TechniqueSet techniques :
+       {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided,
+        TechniqueSet::kCameraAndLightGuided}) {
+    if (techniques == TechniqueSet::kCameraAndLightGuided && !thorough) break;
     absl::StatusOr<Pilot> pilot = renderer->Render(techniques);
     if (!pilot.ok()) return pilot.status();
     pilots.push_back(*std::move(pilot));
   }
   const Judge judge(pilots, renderer->settings());
   TechniqueMeasurement result = judge.Measure();
-  if (const Techniques best = result.Best(); thorough && IsGuided(best)) {
-    const absl::StatusOr<Pilot> split = renderer->Render(WithSplitting(best));
+  if (const TechniqueSet best = result.Best(); thorough && IsGuided(best)) {
+    const absl::StatusOr<Pilot> split = renderer->Render(best.With(Technique::kSplitting));
     if (!split.ok()) return split.status();
     result.split = HasLightPaths(best) ? judge.Cost(*split) : judge.CostOfGuided(*split);
   }
@@ -157,37 +157,38 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(bool thorough, PilotRenderer*
 
 }  // namespace
 
-double TechniqueMeasurement::Gain(Techniques techniques) const {
-  const TechniqueCost& cost = SplitsPaths(techniques)                   ? *split
-                              : techniques == Techniques::kCamera       ? camera
-                              : techniques == Techniques::kCameraGuided ? guided
-                              : IsGuided(techniques)                    ? *guided_both
-                                                                        : both;
+double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
+  const TechniqueCost& cost = SplitsPaths(techniques)                     ? *split
+                              : techniques == TechniqueSet::kCamera       ? camera
+                              : techniques == TechniqueSet::kCameraGuided ? guided
+                              : IsGuided(techniques)                      ? *guided_both
+                                                                          : both;
   if (only_light_share > 0) {
     return HasLightPaths(techniques) ? std::numeric_limits<double>::infinity() : 0;
   }
   return cost.ErrorTimesCost() > 0 ? camera.ErrorTimesCost() / cost.ErrorTimesCost() : 1;
 }
 
-Techniques TechniqueMeasurement::Best() const {
-  Techniques best = Techniques::kCamera;
-  if (Gain(Techniques::kCameraAndLight) >= kTechniqueGainMin) best = Techniques::kCameraAndLight;
-  if (Gain(Techniques::kCameraGuided) >=
-      std::max(kTechniqueGainMin, Gain(Techniques::kCameraAndLight))) {
-    best = Techniques::kCameraGuided;
+TechniqueSet TechniqueMeasurement::Best() const {
+  TechniqueSet best = TechniqueSet::kCamera;
+  if (Gain(TechniqueSet::kCameraAndLight) >= kTechniqueGainMin)
+    best = TechniqueSet::kCameraAndLight;
+  if (Gain(TechniqueSet::kCameraGuided) >=
+      std::max(kTechniqueGainMin, Gain(TechniqueSet::kCameraAndLight))) {
+    best = TechniqueSet::kCameraGuided;
   }
-  const TechniqueCost& simpler = best == Techniques::kCameraGuided     ? guided
-                                 : best == Techniques::kCameraAndLight ? both
-                                                                       : camera;
-  const double factor = best == Techniques::kCamera ? kTechniqueGainMin : kCombinationGainMin;
+  const TechniqueCost& simpler = best == TechniqueSet::kCameraGuided     ? guided
+                                 : best == TechniqueSet::kCameraAndLight ? both
+                                                                         : camera;
+  const double factor = best == TechniqueSet::kCamera ? kTechniqueGainMin : kCombinationGainMin;
   const bool combines = guided_both && guided_both->ErrorTimesCost() > 0 &&
                         simpler.ErrorTimesCost() >= factor * guided_both->ErrorTimesCost();
-  if (combines) best = Techniques::kCameraAndLightGuided;
+  if (combines) best = TechniqueSet::kCameraAndLightGuided;
   if (!split || !IsGuided(best)) return best;
   const TechniqueCost& unsplit = HasLightPaths(best) ? *guided_both : guided;
   const bool splits = split->ErrorTimesCost() > 0 &&
                       unsplit.ErrorTimesCost() >= kCombinationGainMin * split->ErrorTimesCost();
-  return splits ? WithSplitting(best) : best;
+  return splits ? best.With(Technique::kSplitting) : best;
 }
 
 absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& scene,
@@ -211,8 +212,8 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
 }
 
 std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
-  const Techniques best = m.Best();
-  std::string text = absl::StrCat("techniques: ", TechniquesName(best), "; ");
+  const TechniqueSet best = m.Best();
+  std::string text = absl::StrCat("techniques: ", best.Name(), "; ");
   if (m.only_light_share > 0) {
     absl::StrAppendFormat(&text, "light paths alone find %.2g %% of the light",
                           100 * m.only_light_share);
@@ -220,14 +221,14 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
     absl::StrAppendFormat(&text,
                           "times as efficient as camera paths: light paths %.2g, which find %.2g "
                           "%% of the light; guiding %.2g",
-                          m.Gain(Techniques::kCameraAndLight), 100 * m.light_share,
-                          m.Gain(Techniques::kCameraGuided));
+                          m.Gain(TechniqueSet::kCameraAndLight), 100 * m.light_share,
+                          m.Gain(TechniqueSet::kCameraGuided));
     if (m.guided_both) {
-      absl::StrAppendFormat(&text, "; both %.2g", m.Gain(Techniques::kCameraAndLightGuided));
+      absl::StrAppendFormat(&text, "; both %.2g", m.Gain(TechniqueSet::kCameraAndLightGuided));
     }
     if (m.split) {
-      absl::StrAppendFormat(&text, "; %s %.2g", TechniquesName(WithSplitting(best)),
-                            m.Gain(WithSplitting(best)));
+      absl::StrAppendFormat(&text, "; %s %.2g", best.With(Technique::kSplitting).Name(),
+                            m.Gain(best.With(Technique::kSplitting)));
     }
   }
   absl::StrAppendFormat(&text, " (%d x %d pixels, %d samples, which cost as much as %.1f, %.1f",

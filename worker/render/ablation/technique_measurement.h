@@ -65,9 +65,9 @@ struct TechniqueMeasurement {
   // cost. Infinite where they find light that camera paths miss, 0 where they miss light that light
   // paths find; 1 where the image is black or has no error. Requires: techniques that were
   // measured; not kLight.
-  double Gain(Techniques techniques) const;
+  double Gain(TechniqueSet techniques) const;
   // Never kLight.
-  Techniques Best() const;
+  TechniqueSet Best() const;
 };
 
 // A pure function of its arguments. The settings' own techniques do not count. Runs on the calling

@@ -91,7 +91,7 @@ FrameSettings PilotSettings(const FrameSettings& frame, const PilotSize& size) {
   pilot.outputs = {};
   pilot.lattice = {};
   pilot.one_sequence = false;
-  pilot.techniques = Techniques::kCamera;
+  pilot.techniques = TechniqueSet::kCamera;
   return pilot;
 }
 
@@ -172,7 +172,7 @@ absl::StatusOr<PilotRenderer> PilotRenderer::Make(SceneDescription scene,
   return PilotRenderer(*std::move(compiled), FrameSamples(frame), trainings_in_frames);
 }
 
-absl::StatusOr<Pilot> PilotRenderer::Render(Techniques techniques) {
+absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
   if (absl::Status set = SetTechniques(techniques, &scene_); !set.ok()) return set;
   Pilot pilot;
   if (IsGuided(techniques)) {

@@ -64,7 +64,7 @@ class PilotRenderer {
                                             const PilotSize& size, FileSource& files);
   const FrameSettings& settings() const { return SettingsOf(*scene_); }
   // Errors: as SetTechniques and RenderTilePass.
-  absl::StatusOr<Pilot> Render(Techniques techniques);
+  absl::StatusOr<Pilot> Render(TechniqueSet techniques);
 
  private:
   PilotRenderer(CompiledScenePtr scene, double frame_samples, double trainings_in_frames)

@@ -317,15 +317,15 @@ class PlanMaker {
     }
   }
 
-  void NoteTechniques(Techniques techniques, RenderPlan* plan) const {
-    if (techniques == Techniques::kCamera) return;
+  void NoteTechniques(TechniqueSet techniques, RenderPlan* plan) const {
+    if (techniques == TechniqueSet::kCamera) return;
     const SamplingDescription& sampling = scene_.sampling;
     const std::string cause =
         TechniquesOfIntegrator(sampling.integrator) != techniques
             ? "requested"
             : absl::StrCat(FormatLocation(scene_, sampling.integrator_location), ": Integrator \"",
                            sampling.integrator, "\"");
-    plan->notes.push_back(absl::StrCat("techniques: ", TechniquesName(techniques), ", ", cause));
+    plan->notes.push_back(absl::StrCat("techniques: ", techniques.Name(), ", ", cause));
     if (!IsGuided(techniques)) return;
     plan->notes.emplace_back(
         "guiding: camera paths also sample directions from the light that a training finds before "

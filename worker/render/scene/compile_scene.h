@@ -56,7 +56,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription scene, const Fram
 // untrained afterwards. Requires: the scene was compiled for camera paths; nobody else uses it.
 // The plan's `traits` follow, its texts do not. Errors: kInvalidArgument for light paths beside
 // similarity.
-absl::Status SetTechniques(Techniques techniques, CompiledScenePtr* scene);
+absl::Status SetTechniques(TechniqueSet techniques, CompiledScenePtr* scene);
 const RenderPlan& PlanOf(const CompiledScene& scene);
 const FrameSettings& SettingsOf(const CompiledScene& scene);
 uint64_t MemoryBytesOf(const CompiledScene& scene);

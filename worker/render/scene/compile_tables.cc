@@ -81,7 +81,7 @@ absl::Status BuildTechniques(CompiledScene* scene) {
                                                     0.5 * Length(upper - lower), media_power);
   scene->light_paths_per_pass =
       static_cast<double>(settings.width_px) * static_cast<double>(settings.height_px);
-  scene->light_paths_alone = settings.techniques == Techniques::kLight;
+  scene->light_paths_alone = settings.techniques.Has(Technique::kLightPathsAlone);
   return absl::OkStatus();
 }
 

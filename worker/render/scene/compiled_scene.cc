@@ -84,7 +84,7 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
   return CompiledScenePtr(compiled->release());
 }
 
-absl::Status SetTechniques(Techniques techniques, CompiledScenePtr* scene) {
+absl::Status SetTechniques(TechniqueSet techniques, CompiledScenePtr* scene) {
   // CompileScene made it, and not as a constant.
   auto& changed = const_cast<CompiledScene&>(**scene);
   changed.settings.techniques = techniques;

@@ -66,20 +66,12 @@ constexpr OtherIntegrator kOtherIntegrators[] = {
        {"seed", ParameterType::kInteger}}}},
 };
 
-const char* MethodOf(Techniques techniques) {
-  switch (techniques) {
-    case Techniques::kCamera:
-    case Techniques::kCameraGuided:  // Only by --techniques.
-    case Techniques::kCameraAndLightGuided:
-    case Techniques::kCameraGuidedSplit:
-    case Techniques::kCameraAndLightGuidedSplit:
-      break;
-    case Techniques::kCameraAndLight:
-      return "paths from the camera and from lights";
-    case Techniques::kLight:
-      return "paths from lights, and from the camera where those find no light";
+const char* MethodOf(TechniqueSet techniques) {
+  if (techniques.Has(Technique::kLightPathsAlone)) {
+    return "paths from lights, and from the camera where those find no light";
   }
-  return "paths from the camera, with sampled lights";
+  return HasLightPaths(techniques) ? "paths from the camera and from lights"
+                                   : "paths from the camera, with sampled lights";
 }
 
 // Notes that the parameters are not used. Those of another type than pbrt-v4's are reported.
@@ -322,10 +314,9 @@ void SetIntegrator(const std::string& type, ParameterList& parameters,
   }
   if (!is_ours) {
     IgnoreMethod(*other, parameters);
-    const Techniques techniques = TechniquesOfIntegrator(type);
-    parameters.Note(absl::StrCat(parameters.owner(), " is read as --techniques ",
-                                 TechniquesName(techniques), ": ", MethodOf(techniques), "; ",
-                                 other->mean));
+    const TechniqueSet techniques = TechniquesOfIntegrator(type);
+    parameters.Note(absl::StrCat(parameters.owner(), " is read as --techniques ", techniques.Name(),
+                                 ": ", MethodOf(techniques), "; ", other->mean));
   }
   parameters.ReportUnused();
 }

@@ -29,27 +29,27 @@ absl::StatusOr<ReadSceneResult> Read(const std::string& text) {
 
 struct IntegratorCase {
   std::string name;
-  Techniques techniques = Techniques::kCamera;
+  TechniqueSet techniques = TechniqueSet::kCamera;
   std::vector<std::pair<std::string, std::string>> unused = {};  // "bool samplebsdf", "true".
 };
 std::vector<IntegratorCase> OtherIntegrators() {
   return {
       {"bdpt",
-       Techniques::kCameraAndLight,
+       TechniqueSet::kCameraAndLight,
        {{"bool visualizestrategies", "true"}, {"bool visualizeweights", "false"}}},
       {"mlt",
-       Techniques::kCameraAndLight,
+       TechniqueSet::kCameraAndLight,
        {{"integer bootstrapsamples", "9"},
         {"integer chains", "9"},
         {"integer mutationsperpixel", "9"},
         {"float largestepprobability", "0.5"},
         {"float sigma", "0.5"}}},
       {"sppm",
-       Techniques::kCameraAndLight,
+       TechniqueSet::kCameraAndLight,
        {{"integer photonsperiteration", "9"}, {"float radius", "0.5"}, {"integer seed", "9"}}},
-      {"lightpath", Techniques::kLight},
+      {"lightpath", TechniqueSet::kLight},
       {"simplepath",
-       Techniques::kCamera,
+       TechniqueSet::kCamera,
        {{"bool samplelights", "false"}, {"bool samplebsdf", "true"}}},
       {"simplevolpath"},
       {"randomwalk"},
@@ -78,9 +78,9 @@ TEST(OptionParametersTest, IntegratorsAreReadAsTechniques) {
       absl::StrAppend(&notes, note.text, "\n");
     }
     EXPECT_EQ(read->diagnostics.size(), 1 + unused.size()) << notes;
-    EXPECT_THAT(notes, HasSubstr(absl::StrCat("main.pbrt:2:3: integrator \"", name,
-                                              "\" is read as --techniques ",
-                                              TechniquesName(techniques), ": ")));
+    EXPECT_THAT(notes,
+                HasSubstr(absl::StrCat("main.pbrt:2:3: integrator \"", name,
+                                       "\" is read as --techniques ", techniques.Name(), ": ")));
     for (size_t i = 0; i < unused.size(); ++i) {
       const std::string& parameter = unused[i].first;
       const std::string word = parameter.substr(parameter.find(' ') + 1);

@@ -50,7 +50,7 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
   if (!spec.resumed.sha256_hex.empty()) metadata["resumedFrom"] = spec.resumed.sha256_hex;
   if (s.one_sequence) metadata["sampling"] = "one-sequence";
   if (s.light_samples != 0) metadata["lightSamplesMax"] = absl::StrCat(s.light_samples);
-  if (s.techniques != Techniques::kCamera) metadata["techniques"] = TechniquesName(s.techniques);
+  if (s.techniques != TechniqueSet::kCamera) metadata["techniques"] = s.techniques.Name();
   if (s.similarity_after != 0) {
     metadata["similarityAfter"] = absl::StrCat(s.similarity_after);
     metadata["bias"] = "similarity";

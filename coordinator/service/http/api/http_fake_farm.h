@@ -169,7 +169,7 @@ inline JobView MakeFakeJob(const std::string& job_id) {
   frame.settings.window = {0, 0, 4, 2};
   frame.settings.samples = 16;
   frame.settings.similarity_after = 8;
-  frame.settings.techniques = Techniques::kCameraAndLight;
+  frame.settings.techniques = TechniqueSet::kCameraAndLight;
   frame.preview_version = 3;
   frame.progress.sample_count_done = 32;
   frame.progress.sample_count_total = 128;

@@ -44,7 +44,7 @@ Json SettingJson(const PixelLattice& value) { return value.All() ? 0 : value.str
 Json SettingJson(const FilmOutputs& value) { return FormatOutputs(value); }
 Json SettingJson(ColorTransport value) { return ColorTransportName(value); }
 Json SettingJson(Primaries value) { return PrimariesName(value); }
-Json SettingJson(Techniques value) { return TechniquesName(value); }
+Json SettingJson(TechniqueSet value) { return value.Name(); }
 
 // Adds the settings that are shown in this JSON object.
 void AddSettings(const FrameSettings& settings, SettingField::Shown shown, Json* json) {
