@@ -201,7 +201,7 @@ TEST(ContactStability, G17TouchingIsTheLimitOfAGap) {
     SCOPED_TRACE(pair.name);
     const BothFilms apart = Render(pair, kGap, false, {}, TechniqueSet::kCamera);
     for (const TechniqueSet techniques : pair.techniques) {
-      SCOPED_TRACE(static_cast<int>(techniques));
+      SCOPED_TRACE(techniques.Name());
       for (const bool reversed : {false, true}) {
         for (const Matrix4& turn : {Matrix4{}, RotateMatrix(37.3, {0.3, 0.7, -0.4})}) {
           const BothFilms touching = Render(pair, 0, reversed, turn, techniques);

@@ -183,7 +183,7 @@ TEST(SceneChangeStability, G19ChangedScenesKeepTheirImage) {
   for (const ChangedScene& of : cases) {
     SCOPED_TRACE(of.name);
     for (const TechniqueSet techniques : of.techniques) {
-      SCOPED_TRACE(static_cast<int>(techniques));
+      SCOPED_TRACE(techniques.Name());
       const BothFilms plain = RenderChanged(of.scene.scene, techniques);
       for (const Change& change : ImageKeepingChanges()) {
         SCOPED_TRACE(change.name);
