@@ -22,7 +22,7 @@ std::string WhyBroken(const JobRecords& jobs, uint64_t job_id) {
   return "has incomplete frames";
 }
 
-// What a person can do about a dependency that is broken.
+// Tells a user how to resolve a broken dependency.
 std::string Remedy(const JobRecords& jobs, const JobRecord& waiting, uint64_t job_id) {
   const auto job = jobs.find(job_id);
   const bool can_retry = job != jobs.end() && job->second.phase != JobPhase::kCancelled;

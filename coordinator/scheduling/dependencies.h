@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Jobs that wait for other jobs (docs/scheduling.md): what is delivered of those, and what people
-// are told. Pure functions of the jobs as they are; jobs depend on earlier ones alone, so that no
-// job waits for itself.
+// Dependencies between jobs (docs/scheduling.md): their state, and the text that users see. Pure
+// functions of the jobs. A job depends only on earlier jobs, so there are no cycles.
 #pragma once
 
 #include <cstdint>
@@ -20,28 +19,28 @@ struct FrameRecord;
 struct JobRecord;
 using JobRecords = std::map<uint64_t, JobRecord>;
 
-// kBroken: it is not delivered, and will not be unless a person does something.
+// kBroken: it is not delivered, and will not be unless a user acts.
 enum class DependencyState { kDone, kAwaited, kBroken };
 
-// How the dependency of a job stands as a whole or, where that goes by frame, that of one frame.
+// Returns the state of a dependency as a whole or, for a dependency by frame, of one frame.
 DependencyState StateOf(const JobRecords& jobs, const JobDependency& dependency,
                         std::optional<int32_t> frame_number);
-// How it stands for all frames of the job that waits: done where it is for all of them, broken
-// where it is for one.
+// Returns the state over all frames of the waiting job: done if done for all of them, broken if
+// broken for any.
 DependencyState StateForAll(const JobRecords& jobs, const JobRecord& job,
                             const JobDependency& dependency);
-// Whether the job waits for another one as a whole, or the frame for one of another job.
+// Whether the job waits as a whole, or the frame waits for a frame of another job.
 bool IsBlocked(const JobRecords& jobs, const JobRecord& job);
 bool IsBlocked(const JobRecords& jobs, const JobRecord& job, int32_t frame_number);
 
-// Why nothing of a live job can be leased: it, or all that is left of it, waits for other jobs or
-// for approval. What a person can do about it is named. Empty where something can be leased, or
-// nothing waits.
+// Explains why no task of a live job can be leased: the job, or all that is left of it, waits for
+// other jobs or for approval. Says what a user can do about it. Empty if a task can be leased, or
+// if nothing waits.
 std::string WhyHeld(const JobRecords& jobs, const JobRecord& job);
-// Why a frame of a live job is not rendered (to the end): it waits for another job's, or for
-// approval. Empty where it does not.
+// Explains why a frame of a live job is not rendered to the end: it waits for another job's frame,
+// or for approval. Empty if it does not wait.
 std::string WhyFrameWaits(const JobRecords& jobs, const JobRecord& job, const FrameRecord& frame);
-// How a dependency stands, in a few words: "done", "released", "waits", "has failed" and the like.
+// Describes the state of a dependency: "done", "released", "waits", "has failed" and the like.
 std::string DependencyText(const JobRecords& jobs, const JobRecord& job,
                            const JobDependency& dependency);
 

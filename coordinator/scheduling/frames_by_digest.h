@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FramesByDigest: the live frames that a result may belong to. A digest has one frame but where
-// somebody submits the same again, so those beyond the first are kept apart.
+// FramesByDigest: the live frames that a result may belong to. A digest usually has one frame; it
+// has several if the same frame is submitted again. Those beyond the first are stored apart.
 #pragma once
 
 #include <cstdint>
@@ -18,9 +18,9 @@ namespace sheaf::coordinator {
 class FramesByDigest {
  public:
   void Insert(const PackedDigest& digest, const FrameId& id);
-  // Nothing happens where it is not there.
+  // A no-op if it is absent.
   void Erase(const PackedDigest& digest, const FrameId& id);
-  // Ascending. May hold frames of other digests, by chance.
+  // Ascending. May include frames of other digests (hash collisions).
   std::vector<FrameId> Find(const PackedDigest& digest) const;
 
  private:

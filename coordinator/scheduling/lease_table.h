@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LeaseTable: the leases that live, found by id, by task and by job, and those worth a second
-// holder.
+// LeaseTable: the live leases, by id, by task and by job, and the candidates for a second holder
+// (hedges).
 #pragma once
 
 #include <compare>
@@ -50,8 +50,8 @@ class LeaseTable {
   size_t CountOfIdentity(const std::string& identity) const;
   size_t size() const { return leases_.size(); }
 
-  // The first lease of each task that is leased. Before others: those of tasks with few holders,
-  // then those that are no checks, that have not begun, and that are the oldest.
+  // The first lease of each leased task. Order: tasks with fewer holders first, then leases other
+  // than checks, then those that have not begun, then the oldest.
   using HedgeKey = std::tuple<size_t, bool, bool, SteadyTime, uint64_t>;
   static uint64_t LeaseIdOf(const HedgeKey& key) { return std::get<4>(key); }
   const std::set<HedgeKey>& hedgeable() const { return hedgeable_; }

@@ -3,8 +3,8 @@
 //
 // LoadingLosses: workers that vanished one after the other while they loaded a scene. A scene that
 // needs more memory than a worker has ends the worker, and then the next one; machines that are
-// switched off vanish too, but many at once. So a loss counts only where its lease was granted
-// after the worker that counted last was gone for certain.
+// switched off vanish too, but many at once. So a loss counts only if its lease was granted after
+// the previously counted worker was certainly gone.
 #pragma once
 
 #include <string>
@@ -16,12 +16,12 @@ namespace sheaf::coordinator {
 
 class LoadingLosses {
  public:
-  // A worker vanished that loaded the scene under a lease granted at grant_time; it was gone by
-  // gone_time. Returns whether it counts.
+  // A worker vanished while it loaded the scene under a lease granted at grant_time; it was gone by
+  // gone_time. Returns whether the loss counts.
   bool Add(const std::string& worker_id, SteadyTime grant_time, SteadyTime gone_time);
-  // The next loss counts whenever its lease was granted: after a restart clocks tell other times.
+  // The next loss counts whenever its lease was granted: a restart resets the steady clock.
   void ForgetTime() { last_gone_time_ = SteadyTime::InfinitePast(); }
-  // A worker has loaded the scene: it can be done.
+  // A worker has loaded the scene, so it fits.
   void Clear();
 
   int count() const { return static_cast<int>(workers_.size()); }

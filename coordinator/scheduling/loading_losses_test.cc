@@ -58,7 +58,7 @@ class LoadingSchedulerTest : public ::testing::Test {
     report.leases = held;
     return scheduler_->Synchronize(report, now_)->leases;
   }
-  // The worker takes two leases, gets as far as the phase with both, and is heard of no more.
+  // The worker takes two leases, reaches the phase with both, and falls silent.
   std::vector<Lease> Take(const std::string& id, LeasePhase phase) {
     const std::vector<Lease> leases = Sync(id, 2);
     std::vector<LeaseReport> held;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PackedFrame: a FrameSpec in a tenth of its memory, as jobs have a hundred thousand of them that
-// wait. Digests are bytes, and what most frames of a job have in common they share.
+// PackedFrame: a FrameSpec in a tenth of its memory, because a job may have a hundred thousand
+// waiting frames. Digests are bytes, and frames share what most frames of a job have in common.
 #pragma once
 
 #include <array>

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PendingFrames: those of a job's frames that no worker has begun and that wait for nothing, the
-// first of them, and the first of a scene. Less than ten bytes a frame; a call is O(log frames),
-// and a scan of a bit for each 4096 frames.
+// PendingFrames: the frames of a job that no worker has begun and that wait for nothing. Finds the
+// first of them, and the first of a scene. Takes less than ten bytes a frame; a call is O(log
+// frames), plus a scan of one bit per 4096 frames.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@
 
 namespace sheaf::coordinator {
 
-// A set of numbers below a size, as bits, with a bit for each word of them that has some.
+// A set of numbers below a size, as bits, with one summary bit for each non-empty word.
 class NumberSet {
  public:
   NumberSet() = default;
@@ -25,7 +25,7 @@ class NumberSet {
   bool Has(uint32_t number) const { return words_[number / 64] >> (number % 64) & 1; }
   void Insert(uint32_t number);
   void Erase(uint32_t number);
-  // The first one that is no less; the size where there is none.
+  // Returns the first number >= `number`, or the size if there is none.
   uint32_t NextFrom(uint32_t number) const;
 
  private:
@@ -43,16 +43,16 @@ class PendingFrames {
 
   bool empty() const { return count_ == 0; }
   uint32_t count() const { return count_; }
-  // Of all frames, those that have left among them.
+  // The scenes of all frames, including frames already opened.
   uint32_t scene_count() const { return scene_count_; }
-  // The lowest frame of each scene, pending or not; none where there are more scenes than this.
+  // The lowest frame of each scene, pending or not; empty if there are more than scenes_max scenes.
   std::vector<uint32_t> FirstOfScenes(uint32_t scenes_max) const;
   // Requires: not empty.
   uint32_t First() const { return pending_.NextFrom(0); }
   std::optional<uint32_t> FirstOf(const PackedDigest& scene) const;
-  // Nothing happens to one that is there.
+  // A no-op if it is present.
   void Insert(uint32_t index);
-  // Nothing happens to one that has left.
+  // A no-op if it is absent.
   void Erase(uint32_t index);
 
  private:

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ResultChecks: the tasks that are rendered again, by other identities, to compare the results. A
-// check is over when two identities have delivered the same bytes: they are believed, and everyone
-// who delivered others made false ones. Until two differ it is a mere check; from then on it is a
+// check is over when two identities have delivered the same bytes: those are believed, and every
+// identity that delivered other bytes made a false result. Once two results differ, the check is a
 // dispute, and neither is believed.
 #pragma once
 
@@ -30,9 +30,9 @@ struct ResultVersion {
 struct CheckVerdict {
   enum class Kind {
     kOpen,       // More versions are needed.
-    kConfirmed,  // All that there are agree.
+    kConfirmed,  // All versions agree.
     kDecided,    // Some agree, and the others made false results.
-    kUndecided,  // So many differ that no more are asked for.
+    kUndecided,  // Too many differ: no further versions are requested.
   };
   Kind kind = Kind::kOpen;
   std::vector<std::string> liars;  // Identities.
@@ -43,27 +43,27 @@ struct ResultCheck {
   std::set<std::string> avoided;        // Identities that failed to render it.
   bool leased = false;
   bool IsDispute() const { return versions.size() > 1; }
-  // Whether another version of this identity would tell anything.
+  // Whether another version of this identity would add information.
   bool MayBeDoneBy(const std::string& identity) const;
 };
 
 // The wait of a rendered frame for its checks.
 struct CheckWait {
-  SteadyTime begin, progress;  // Since when; and when a check last came.
-  SteadyTime end;              // Until when, unless a check comes.
-  bool waits = true;           // As it was when last asked.
+  SteadyTime begin, progress;  // Start, and the time of the last check.
+  SteadyTime end;              // Deadline, unless a check arrives.
+  bool waits = true;           // The last answer.
 };
 
 // Thread safety: none. Cost: O(log n) a call, and O(n) of what is returned.
 class ResultChecks {
  public:
-  // versions_max: of one task; with so many different ones a dispute stays undecided.
+  // versions_max: different versions of one task at which a dispute stays undecided.
   explicit ResultChecks(size_t versions_max) : versions_max_(versions_max) {}
 
-  // Begins a check of what was merged. Nothing happens where there is one.
+  // Begins a check of the merged result. A no-op if there is one.
   void Begin(const TaskId& task, ResultVersion merged);
-  // Adds a version; begins a check where there is none. An identity that contradicts itself made a
-  // false result, whoever else agrees. A check that is not open after this is over.
+  // Adds a version; begins a check if there is none. An identity that contradicts itself made a
+  // false result, whichever identities agree with it. A check that is not open after this is over.
   CheckVerdict Add(const TaskId& task, const ResultVersion& merged, ResultVersion version);
   void Erase(const TaskId& task);
   void EraseFrame(const FrameId& frame);

@@ -5,29 +5,29 @@
 // network: the time is an argument, decisions are return values, and equal calls give equal
 // decisions.
 //
-//     Synchronize  a worker reports its leases; the answer is the leases that it shall hold
-//     FindTask     a result came: which task is it, and is it still wanted
+//     Synchronize a worker reports its leases; the answer is the leases that it must hold FindTask
+//     a result came: which task is it, and is it still wanted
 //     Accept       ... and it is durable now
 //     Compare      ... and it was there before: do they agree
 //     Tick         time passed: workers that fell silent lose their leases
 //
-//     Pause        a person wants a job to wait: nothing new of it is leased
+//     Pause        a user pauses a job: no further task of it is leased
 //
 // Order of work: jobs by priority, then by shares (fair_share.h: shows, users, jobs), of those
 // whose requirements the worker meets, but for a bounded time jobs of that priority whose scenes
 // are warm in the worker (placement.h); within a job a scene that is warm in the worker, then a
-// frame nobody works on yet, then the scene with most work for each worker that has it; within a
-// frame returned blocks, then the tile with the fewest samples. Of a guided frame, nothing but its
-// training is leased until its field is there; other frames fill the gap. A worker that holds
-// nothing and finds nothing ready is leased a task that another one holds (a hedge), never its own.
+// frame that no worker works on yet, then the scene with most work for each worker that has it;
+// within a frame returned blocks, then the tile with the fewest samples. A guided frame leases only
+// its training until its field is made; other frames fill the gap. A worker that holds nothing and
+// finds nothing ready is leased a task that another one holds (a hedge), never its own.
 //
 // Failures (budgets in limits.h): a worker never gets a task again that it failed by a crash, lack
-// of memory or an invalid result; one that it failed for trouble with its disk or network, only
-// while no other is there. A task that fails for good is set aside, and the rest of its frame goes
-// on; a frame that has nothing else left is incomplete, and a job with such a frame fails once all
-// others are done. For that, failures count by identity (WorkerReport::identity), and strangers are
-// not enough: one of those that blame the work must have delivered results before, while anybody is
-// live who has. A worker that fails what others render is sick.
+// of memory or an invalid result. It gets one that it failed for trouble with its disk or network
+// only while there is no other worker. A task that uses up its budget is set aside, and the rest of
+// its frame continues. A frame with nothing else left is incomplete, and a job with such a frame
+// fails once its other frames are done. Failures count by identity (WorkerReport::identity).
+// Strangers alone cannot end a job: one of the identities that blame the work must have delivered
+// results before, as long as any live identity has. A worker that fails what others render is sick.
 //
 // Thread safety: none; the owner holds one lock. Cost: O(log n) a lease, no scan over tasks.
 #pragma once
@@ -75,29 +75,29 @@ class Scheduler {
  public:
   Scheduler(const Limits& limits, uint64_t first_lease_id);
 
-  // Whether a job keeps the limits (job_check.h) and there is room for it. Errors:
+  // Checks that a job is within the limits (job_check.h) and that there is room for it. Errors:
   // kInvalidArgument, kResourceExhausted.
   absl::Status CheckJob(const JobSpec& spec) const;
-  // Whether its owner may have it beside what is unfinished of them; counts refusals. Requires:
+  // Checks that its owner may add it to their unfinished jobs; counts refusals. Requires:
   // CheckJobSpec is OK. Errors: kResourceExhausted.
   absl::Status CheckOwner(const JobSpec& spec);
   // Requires: CheckJob is OK, job_id is new.
   void AddJob(const JobSpec& spec);
   // Forgets a job that has ended.
   void RemoveJob(uint64_t job_id);
-  // Puts back what was durable, after AddJob at a start. Restore* of one frame come before any
-  // lease.
+  // Restores durable state at a start, after AddJob. All Restore* calls of a frame precede its
+  // first lease.
   void RestoreEnded(uint64_t job_id, JobPhase phase, const std::string& failure);
   void RestoreFailures(uint64_t job_id, FailureLog failures);
   // sample_count: pixel samples of the whole frame.
   void RestoreDelivered(const FrameId& id, const ResultCost& cost, uint64_t sample_count);
-  // Gives each cell at least so many samples: what the frame's last round gives, or what it goes on
-  // from has. Before its parts.
+  // Raises each cell to at least this many samples (from the last round, or from the resumed
+  // image). Before its parts.
   void RestoreRound(const FrameId& id, std::span<const uint64_t> samples);
   // The guiding field that the frame's parts are made with. Before its parts.
   void RestoreField(const FrameId& id, const BlobDigest& field);
-  // Returns kWanted where it is put back. kOutside: the frame does not want so many samples (any
-  // more); otherwise it overlaps one that was restored.
+  // Returns kWanted if it is restored. kOutside: the frame does not want that many samples, or does
+  // not any longer. Other values: it overlaps a part that was restored.
   FrameTasks::Fit RestorePart(const FrameId& id, const PixelRect& tile, SampleBlock block,
                               const TileCells& cells, const ResultCost& cost,
                               TaskKind kind = TaskKind::kCamera);
@@ -105,7 +105,7 @@ class Scheduler {
   struct SynchronizeAnswer {
     std::vector<Lease> leases;
     absl::Duration next_synchronize;
-    bool exits = false;  // It shall end: a person wanted that, and it holds nothing more.
+    bool exits = false;  // An operator asked it to exit, and it holds no leases.
   };
   // Errors: kPermissionDenied (quarantined, or the id is another's), kResourceExhausted (too many
   // workers).
@@ -116,7 +116,7 @@ class Scheduler {
   // The task that a result belongs to.
   struct FoundTask {
     // kUnknown: no live frame has the digest. kMalformed: the frame has no such tile or block.
-    // kOtherField: it was made with another guiding field than the frame's.
+    // kOtherField: it was made with a guiding field other than the frame's.
     enum class Kind { kWanted, kCovered, kPartial, kUnknown, kMalformed, kOtherField };
     Kind kind = Kind::kUnknown;
     FrameId frame;
@@ -127,70 +127,68 @@ class Scheduler {
   FoundTask FindTask(const std::string& frame_digest, const PixelRect& tile, SampleBlock block,
                      const TileCells& cells, uint64_t lease_id, TaskKind kind = TaskKind::kCamera,
                      const std::string& field = "");
-  // The result of a training is about to be accepted: the frame's results are made with this field
-  // from now on. Requires: FindTask just said kWanted of the training.
+  // The result of a training is about to be accepted: all later results of the frame use this
+  // field. Requires: FindTask just said kWanted of the training.
   void SetField(const FrameId& id, const BlobDigest& field);
   // Requires: FindTask just said kWanted of it. Returns whether the frame is rendered now.
   bool Accept(const FrameId& id, const Task& task, uint64_t lease_id, const std::string& worker_id,
               const ResultCost& cost, SteadyTime now);
-  // Begins a check of what was just accepted where it is chosen: draw, evenly spread over [0, 1),
-  // is below the fraction of tasks that are checked. A training is always chosen, for all results
-  // of its frame depend on it, unless the fraction is 0. Nothing happens where no other identity of
-  // the profile is live.
+  // Begins a check of the result just accepted if it is chosen: if draw, uniform in [0, 1), is
+  // below the fraction of tasks that are checked. A training is always chosen, because all results
+  // of its frame depend on it, unless the fraction is 0. A no-op if no other identity of the
+  // profile is live.
   void ConsiderCheck(const FrameId& id, const Task& task, const ResultVersion& merged, double draw);
-  // Another result of a task that is done: a check, a hedge or a late one.
+  // Handles a further result of a finished task: a check, a hedge or a late result.
   CheckVerdict Compare(const FrameId& id, const Task& task, uint64_t lease_id,
                        const std::string& worker_id, const ResultVersion& merged,
                        const ResultVersion& version, const ResultCost& cost, SteadyTime now);
-  // Whether the delivery of a rendered frame, or its next round, shall wait for checks of its
+  // Whether the delivery of a rendered frame, or its next round, must wait for checks of its
   // results: only while a live worker can do them, within the limits (check_wait_factor). A frame
-  // that has waited in vain does not wait in later rounds, until a check of it comes.
+  // whose wait timed out does not wait in later rounds until a check of it arrives.
   bool AwaitsChecks(const FrameId& id, SteadyTime now);
-  // Those that were begun, and not given up, by frame; and the same for people, or empty.
+  // Waits that began and were not given up, by frame; and the same as text for users, or empty.
   const std::map<FrameId, CheckWait>& check_waits() const { return check_waits_; }
   std::string WhyAwaitsChecks(const FrameId& id) const;
   const ResultChecks& checks() const { return checks_; }
-  // The part of an accepted block is lost: it is rendered again. Parts that were made with a lost
-  // field stay.
+  // The part of an accepted block is lost: renders it again. Parts made with a lost field stay.
   void Revoke(const FrameId& id, const Task& task);
-  // Gives the cells of a rendered frame more samples: their next round. One count a cell, none less
-  // than it has.
+  // Starts the next round of a rendered frame: one sample count per cell, each at least the current
+  // one.
   void Grow(const FrameId& id, std::span<const uint64_t> samples);
-  // A lease came to nothing. Nothing happens for a lease that is not held by the worker.
+  // A lease ended without a result. A no-op if the worker does not hold the lease.
   void Fail(const LeaseFailure& failure, const std::string& worker_id, SteadyTime now);
-  // Nothing happens to an identity that is in quarantine, but that it may be noted that it made
-  // false results.
+  // For an identity already in quarantine, at most records that it made false results.
   void Quarantine(const std::string& identity, const std::string& reason,
                   bool made_false_results = false);
-  // Puts a quarantine of an earlier life back.
+  // Restores a quarantine from before a restart.
   void RestoreQuarantine(const QuarantineRecord& record);
-  // Returns whether the identity was in quarantine, or a worker of it sick. Forgets what its
-  // workers failed.
+  // Returns whether the identity was in quarantine, or had a sick worker. Clears the failures of
+  // its workers.
   bool LiftQuarantine(const std::string& identity);
 
   // scheduler_troubles.cc
-  // Puts back what was durable of a task or frame, after the parts of its job.
+  // Restores the durable record of a task or frame, after the parts of its job.
   void RestoreTrouble(const TaskTrouble& trouble);
-  // Nobody renders the tile, or without one the frame, any more; what is leased of a tile may still
-  // come. why: for people. Errors: kNotFound (no such frame or tile), kFailedPrecondition (the job
-  // has ended, or the frame is rendered).
+  // Sets the tile, or without one the frame, aside; leased tasks of a tile may still deliver. why:
+  // for users. Errors: kNotFound (no such frame or tile), kFailedPrecondition (the job has ended,
+  // or the frame is rendered).
   absl::Status Kill(const FrameId& id, std::optional<uint32_t> tile, const std::string& why);
-  // Forgets the failures of a tile, a frame or a whole job; what was set aside is leased again.
-  // Frames that are incomplete or closed only lose their records: the owner opens them again.
+  // Clears the failures of a tile, a frame or a whole job; tasks that were set aside are leased
+  // again. Incomplete or closed frames only lose their records: the owner reopens them.
   void Retry(uint64_t job_id, std::optional<int32_t> frame, std::optional<uint32_t> tile);
-  // The task failures that changed since the last call, to be written down by the owner.
+  // The task failures that changed since the last call, for the owner to store.
   std::map<TaskId, TaskTrouble> TakeTroubles() { return std::exchange(changed_troubles_, {}); }
-  // Frames that became incomplete since the last call: their images need no memory any more.
+  // Frames that became incomplete since the last call: their images can be freed.
   std::vector<FrameId> TakeIncompleteFrames() { return std::exchange(incomplete_frames_, {}); }
 
-  // The EXR of a rendered frame is there. Returns whether its job has succeeded by that.
+  // The EXR of a rendered frame is written. Returns whether its job has succeeded with it.
   bool Deliver(const FrameId& id);
-  // Nothing happens to a job that has ended.
+  // A no-op if the job has ended.
   void EndJob(uint64_t job_id, JobPhase phase, const std::string& failure);
 
   // scheduler_control.cc
-  // A paused job gets no lease; what is leased is finished and taken. The time of its frames stands
-  // still meanwhile. Nothing happens to a job that has ended, or is as it shall be.
+  // A paused job gets no lease; open leases finish and their results are taken. The clock of its
+  // frames stops meanwhile. A no-op if the job has ended or is paused.
   void Pause(uint64_t job_id, SteadyTime now);
   void Resume(uint64_t job_id, SteadyTime now);
   // Errors: kInvalidArgument beyond the limit.
@@ -199,44 +197,44 @@ class Scheduler {
   void SetPriority(uint64_t job_id, int32_t priority);
 
   // scheduler_shares.cc
-  // From the next lease on; what is leased beyond a limit is finished. Requires: CheckShareSetting
+  // Applies from the next lease on; open leases beyond a limit finish. Requires: CheckShareSetting
   // is OK.
   void SetShare(const ShareSubject& subject, const ShareSetting& setting);
   void ResetShare(const ShareSubject& subject);
-  // 1 where none was set.
+  // 1 if none was set.
   double WeightOf(const ShareSubject& subject) const;
-  // Those that were set.
+  // Only explicit settings.
   const std::map<ShareSubject, ShareSetting>& share_settings() const { return share_settings_; }
   const FairShare& shares() const { return shares_; }
   const HeldThreads& held_threads() const { return held_threads_; }
 
   // scheduler_holds.cc
-  // Whether a new job may wait for those that it names. Errors: kInvalidArgument, kNotFound,
-  // kFailedPrecondition.
+  // Checks that a new job may depend on the jobs that it names. Errors: kInvalidArgument,
+  // kNotFound, kFailedPrecondition.
   absl::Status CheckDependencies(const JobSpec& spec) const;
-  // The job waits for no other one any more.
+  // Removes all dependencies of the job.
   void Release(uint64_t job_id);
-  // A job that was delivered goes: nobody waits for it any more. Before RemoveJob.
+  // A delivered job is about to be removed: no job waits for it any longer. Before RemoveJob.
   void NoteRemoved(uint64_t job_id);
   // Whether a live job waits for this one.
   bool IsAwaited(uint64_t job_id) const;
-  // A worker, known or not, finishes what it holds and gets nothing more, until Undrain; then_exit:
-  // it is told to end afterwards. The owner forgets those of workers that do not come any more.
+  // The worker, known or not, finishes its leases and gets no more until Undrain. then_exit: it is
+  // then told to exit. The owner removes drains of workers that do not return.
   void Drain(const std::string& worker_id, bool then_exit);
   void Undrain(const std::string& worker_id);
 
-  // No frame of these scenes is leased until they are no longer named; says why (WaitingReason).
-  // Digests of manifests to reasons; replaces what was held before.
+  // Maps manifest digests to reasons (for WaitingReason). No frame of these scenes is leased while
+  // they are listed. Replaces the previous map.
   void HoldScenes(std::map<std::string, std::string> reasons) { held_scenes_ = std::move(reasons); }
   const std::map<std::string, std::string>& held_scenes() const { return held_scenes_; }
 
-  // Jobs that the scheduler itself ended since the last call, to be written down by the owner.
+  // Jobs that the scheduler itself ended since the last call, for the owner to store.
   std::vector<uint64_t> TakeEndedJobs();
-  // Jobs with failures that came since the last call, which it dates; likewise.
+  // Jobs with new failures since the last call, for the owner to store; dates them with `stamp`.
   std::set<uint64_t> TakeFailureJobs(absl::Time stamp);
-  // Quarantines that began since the last call, which it dates; likewise.
+  // Quarantines that began since the last call, for the owner to store; dates them with `stamp`.
   std::vector<QuarantineRecord> TakeQuarantines(absl::Time stamp);
-  // Why a live job makes no progress; empty where it does or may, or is paused.
+  // Explains why a live job makes no progress; empty if it does or may, or if it is paused.
   std::string WaitingReason(const JobRecord& job) const;
 
   const std::map<uint64_t, JobRecord>& jobs() const { return jobs_; }
@@ -248,14 +246,14 @@ class Scheduler {
 
  private:
   FrameRecord& Frame(const FrameId& id);
-  // Keeps the ready sets true after a change to a frame or a job.
+  // Updates the ready sets after a change to a frame or a job.
   void UpdateReady(JobRecord* job, uint32_t index);
   void UpdateReadyJob(JobRecord* job);
   // scheduler_holds.cc
-  // Whether the job and its frames are blocked, after a change to jobs that they wait for.
+  // Updates whether the job and its frames are blocked, after a change to jobs that they wait for.
   void JudgeDependencies(JobRecord* job);
   void JudgeFrame(JobRecord* job, uint32_t index);
-  // The same of those that wait for a job, or for a frame.
+  // Does the same for all jobs that wait for a job, or for a frame of it.
   void JudgeDependents(uint64_t job_id);
   void JudgeDependentsOn(const FrameId& frame);
 
@@ -264,7 +262,7 @@ class Scheduler {
   void Close(JobRecord* job, uint32_t index, FrameRecord::Phase phase);
 
   // scheduler_grant.cc
-  // How many leases it shall hold: what it asks for, within what it has shown that it can do.
+  // How many leases the worker should hold: as many as it asks for, within its proven capacity.
   size_t LeasesWanted(const WorkerRecord& worker) const;
   bool MayHoldMore(const WorkerRecord& worker) const;
   bool Grant(WorkerRecord* worker, SteadyTime now);
@@ -280,7 +278,7 @@ class Scheduler {
   int LeaseSlots(const JobRecord& job) const;
   uint64_t BlockSamplesMax(const JobRecord& job, const FrameRecord& frame,
                            const WorkerRecord& worker, const FrameTasks::FreshBlock& block) const;
-  // Compares what a result cost with what the frame's earlier results did. Before it is counted.
+  // Compares the cost of a result with the frame's earlier results. Before it is counted.
   void NoteSpeed(const FrameRecord& frame, const std::string& worker_id, uint64_t samples,
                  const ResultCost& cost);
   bool MayRender(const FrameRecord& frame, const TaskId& task, const WorkerRecord& worker,
@@ -294,14 +292,14 @@ class Scheduler {
   absl::Duration BusyInterval() const;
 
   // scheduler_shares.cc
-  // Leases from the first job by shares that has something for the worker.
+  // Leases from the first job, in order of shares, that has a task for the worker.
   bool GrantFirstRender(WorkerRecord* worker, SteadyTime now);
   static int ThreadsPerLease(const WorkerRecord& worker);
-  // Whether a lease more of the worker keeps the subject's limit.
+  // Whether one more lease of the worker stays within the subject's limit.
   bool KeepsLimit(const ShareSubject& subject, const WorkerRecord& worker) const;
-  // Whether the worker meets the job's requirements, and a lease more keeps all limits.
+  // Whether the worker meets the job's requirements, and one more lease stays within all limits.
   bool MayServe(const JobRecord& job, const WorkerRecord& worker) const;
-  // Charges a new lease to those who share the farm.
+  // Charges a new lease to its job, user and show.
   void ChargeLease(const JobRecord& job, const WorkerRecord& worker, const Lease& lease,
                    uint64_t sample_count);
   void ChargeResult(const Lease& lease, const ResultCost& cost, SteadyTime now);
@@ -309,33 +307,33 @@ class Scheduler {
   // over workers where the job requires tags or memory.
   bool AnyIdentityFits(const JobSpec& spec,
                        const std::function<bool(const std::string&)>& accept) const;
-  // Why no worker may render anything of the job: requirements that none meets, or a limit.
+  // Explains why no worker may render any task of the job: unmet requirements, or a limit.
   std::string WhyNobodyMay(const JobRecord& job) const;
 
   // scheduler_placement.cc
-  // front: jobs in the order in which they are to be served. The order of equal priorities yields
-  // to warm scenes, as placement.h says.
+  // front: jobs in order of service. Warm scenes may override the order among equal priorities
+  // (placement.h).
   bool GrantPlaced(std::span<const uint64_t> front, WorkerRecord* worker, SteadyTime now);
   bool GrantOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool MayPassOver(const JobRecord& job, const WorkerRecord& worker, SteadyTime now) const;
   void NotePassedOver(std::span<const uint64_t> jobs, SteadyTime now);
   bool GrantWarmOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
   bool GrantColdOfEquals(std::span<const uint64_t> equals, WorkerRecord* worker, SteadyTime now);
-  // Work of the job of scenes that the worker has, and any work of it.
+  // Grants work of the job for scenes that the worker has; the next, any work of the job.
   bool GrantWarm(JobRecord* job, WorkerRecord* worker, SteadyTime now);
   bool GrantCold(JobRecord* job, WorkerRecord* worker, SteadyTime now);
-  // The scene with which a cold worker would begin the job; empty where it cannot.
+  // The scene with which a cold worker would begin the job; empty if it cannot.
   std::string ColdScene(JobRecord* job);
-  // Pixel samples of the job that can be leased, about.
+  // Approximate number of pixel samples of the job that can be leased.
   double SamplesToLease(const JobRecord& job) const;
   // Whether the job's work may be leased to the worker now.
   bool IsLeased(const JobRecord& job, const WorkerRecord& worker) const;
-  // The next in order first: by priority, then as in `front`, whose jobs come before others.
+  // Sorts by priority, then as in `front`, whose jobs come before others.
   void SortByRight(std::span<const uint64_t> front, std::vector<uint64_t>* jobs) const;
   // The oldest jobs with open frames, in that order.
   std::vector<uint64_t> OpenedJobs(const WorkerRecord& worker) const;
-  // Keep warm_workers_, scene_jobs_ and opened_jobs_ true, after a change of a worker, or of what
-  // the job has of a scene.
+  // Update warm_workers_, scene_jobs_ and opened_jobs_ after a change to a worker, or to the job's
+  // work of a scene.
   void NoteWarm(const WorkerRecord& worker);
   void NoteWork(JobRecord* job, const PackedDigest& scene);
 
@@ -343,27 +341,27 @@ class Scheduler {
   bool RefuseForCache(const Lease& lease, const LeaseFailure& failure, SteadyTime now);
   // The identities of which no live worker's cache has room for the job.
   std::set<std::string> IdentitiesWithoutRoom(const JobRecord& job);
-  std::string WhyNoCacheHolds(const JobRecord& job) const;  // Empty where that is not known.
+  std::string WhyNoCacheHolds(const JobRecord& job) const;  // Empty if not known.
 
   // scheduler_checks.cc
   // urgent_only: those whose scene is warm in the worker, or whose frame waits for nothing else.
   bool GrantCheck(WorkerRecord* worker, bool urgent_only, SteadyTime now);
   bool MayCheck(const TaskId& task, const WorkerRecord& worker, bool urgent_only);
-  // Whether a live identity may do the check that has delivered results (proven), or any.
+  // Whether any live identity may do the check; with proven_only, any that has delivered results.
   bool AnyMayCheck(const TaskId& task, bool proven_only);
   SteadyTime CheckWaitEnd(const TaskId& task, const CheckWait& wait);
   void DropCheckLeases(const TaskId& task);
   void DropChecks(const FrameId& id);
-  // Counts what a worker delivered under a lease granted at grant_time.
+  // Counts a worker's delivery under a lease granted at grant_time.
   void NoteDelivery(const std::string& worker_id, uint64_t samples, const ResultCost& cost,
                     SteadyTime grant_time, SteadyTime now);
 
   // scheduler_failures.cc
-  // Whether a live worker is left that meets the job's requirements and is not in `failed`.
+  // Whether a live worker outside `failed` meets the job's requirements.
   bool OthersLive(const JobSpec& spec, const std::set<std::string>& failed) const;
   bool OtherIdentitiesLive(const JobSpec& spec, const std::set<std::string>& failed) const;
-  // Whether what these identities say can end a job: one of them has delivered results, or nobody
-  // who is live has. A scan over the live identities where all of them are strangers.
+  // Whether failures reported by these identities can end a job: one of them has delivered results,
+  // or no live identity has. Scans the live identities if all of them are strangers.
   bool AreBelieved(const std::string& numeric_profile,
                    const std::set<std::string>& identities) const;
   std::string Quote(const Lease& lease, const LeaseFailure& failure) const;
@@ -372,29 +370,29 @@ class Scheduler {
   void LoseLeases(const std::string& worker_id, SteadyTime now);
   void KeepFailure(const Lease& lease, const LeaseFailure& failure);
   void CountTaskFailure(const Lease& lease, const LeaseFailure& failure, SteadyTime now);
-  // Sets doubtful tasks aside that everybody failed and whose failures are believed by now.
+  // Sets doubtful tasks aside that every identity failed and whose failures are now believed.
   void JudgeDoubtfulTasks();
   void RefuseFrame(const Lease& lease, const LeaseFailure& failure);
   void JudgeScene(const FrameId& id);
   void JudgeDoubtfulScenes();
   void BlameWorker(const std::string& worker_id, const Lease& lease, const LeaseFailure& failure,
                    SteadyTime now);
-  // Counts the job against those that failed what has been rendered by another identity.
+  // Counts the job against workers that failed a task which another identity rendered.
   void BlameSuspects(const std::map<std::string, std::string>& suspects, uint64_t job_id,
                      const std::string& rendered_by, SteadyTime now);
-  // Somebody else rendered what the worker failed: enough of that and it is sick.
+  // Another identity rendered what the worker failed. After enough such jobs the worker is sick.
   void NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words,
                      SteadyTime now);
   void DropLeasesOf(const WorkerRecord& worker);
   absl::Duration RetryDelay(int failure_count) const;
 
   // scheduler_loading.cc
-  // A worker renders the frame, or has.
+  // A worker renders or has rendered the frame.
   void NoteLoaded(const FrameId& id);
   // The lease's worker vanished while it loaded the frame's scene.
   void CountLoadingLoss(const Lease& lease);
   void JudgeLoadingLosses(const FrameId& id);
-  // From the failures that are known of a job. Before its parts.
+  // Derives them from the known failures of a job. Before its parts.
   void RestoreLoadingLosses(JobRecord* job);
 
   // scheduler_troubles.cc
@@ -407,11 +405,11 @@ class Scheduler {
   void GiveUpFrame(JobRecord* job, uint32_t index, const std::string& why);
   void CloseIncomplete(JobRecord* job, uint32_t index);
   void CloseStuckFrames();
-  // Fails a job of which all frames are delivered or incomplete.
+  // Fails a job whose frames are all delivered or incomplete.
   void JudgeIncompleteJob(JobRecord* job);
-  // Refuses the frame to a worker without the memory for it, while that serves anything.
+  // Refuses the frame to a worker that lacks the memory for it, as long as that helps.
   void RefuseForMemory(const FrameId& id, const std::string& worker_id);
-  // Which failures keep the workers that are there from the job's tasks; empty where none do.
+  // Names the failures that keep the present workers from the job's tasks; empty if there are none.
   std::string WhyOthersAreNeeded(const JobRecord& job) const;
   std::string WhatEndsTheWait(const JobRecord& job, const FrameRecord& frame) const;
   std::string TaskFailureText(const FrameRecord& frame, const TaskFailures& failures) const;
@@ -420,16 +418,16 @@ class Scheduler {
   std::map<uint64_t, JobRecord> jobs_;
   FairShare shares_{limits_};  // Live jobs.
   HeldThreads held_threads_;
-  RequirementGroups requirement_groups_;  // Of live jobs.
+  RequirementGroups requirement_groups_;  // Live jobs.
   std::map<ShareSubject, ShareSetting> share_settings_;
   Dependents dependents_;
   std::map<std::string, std::set<uint64_t>> opened_jobs_;  // With open frames, by numeric profile.
   WarmWorkers warm_workers_;
-  SceneJobs scene_jobs_;  // Of jobs with few scenes (placement_scenes_max).
+  SceneJobs scene_jobs_;  // Jobs with few scenes (placement_scenes_max).
   FramesByDigest live_frames_;
   std::set<FrameId> round_frames_;     // Open, and rendered in rounds.
   std::set<FrameId> doubtful_frames_;  // With a scene failure that is not yet confirmed.
-  std::set<TaskId> doubtful_tasks_;    // Whose failures are too many, but not yet believed.
+  std::set<TaskId> doubtful_tasks_;    // With too many failures, not yet believed.
   std::map<std::string, std::string> held_scenes_;
   WorkerTable workers_;
   LeaseTable leases_;
@@ -438,10 +436,10 @@ class Scheduler {
   Counters counters_;
   int64_t open_pixels_ = 0;
   int live_job_count_ = 0;
-  std::map<std::string, OwnerWork> owner_work_;  // Of live jobs, by owner.
+  std::map<std::string, OwnerWork> owner_work_;  // Work of live jobs, by owner.
   std::vector<uint64_t> ended_jobs_;
   std::set<uint64_t> failure_jobs_;
-  std::set<FrameId> stuck_frames_;  // That may have nothing left but what is set aside.
+  std::set<FrameId> stuck_frames_;  // Perhaps with only set-aside tasks left.
   std::map<TaskId, TaskTrouble> changed_troubles_;
   std::vector<FrameId> incomplete_frames_;
   std::vector<QuarantineRecord> quarantines_;  // Not yet taken.

@@ -125,14 +125,14 @@ SteadyTime Scheduler::CheckWaitEnd(const TaskId& task, const CheckWait& wait) {
   if (!is_leased && AnyMayCheck(task, /*proven_only=*/true)) {
     end += patience(std::max(usual, lease_target));  // They may be busy with other leases.
   } else if (is_leased || AnyMayCheck(task, /*proven_only=*/false)) {
-    end += limits_.check_wait_min;  // Strangers get no more, however long a task takes.
+    end += limits_.check_wait_min;  // Strangers get only this, however long a task takes.
   }
   for (const uint64_t id : leases_.HoldersOf(task)) {
     const Lease& held = *leases_.Find(id);
     if (workers_.ResultCount(held.identity) == 0) continue;
     end = std::max(end, wait.progress + patience(usual));
     const bool is_rendered = held.phase >= LeasePhase::kRendering;
-    // Whoever rendered the frame has loaded its scene in that time.
+    // The frame's workers have loaded its scene in that time.
     const absl::Duration loading =
         held.phase == LeasePhase::kLoading ? frame_time : absl::ZeroDuration();
     end = std::max(end, held.grant_time + loading +

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that deals with leases that come to nothing.
+// The part of Scheduler that handles leases that end without a result.
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -123,7 +123,7 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
   KeepFailure(lease, failure);
   if (of_cache) return;
   if (lease.is_check) {
-    // The task is done: that somebody cannot do it again is no trouble of the job.
+    // The task is done: a worker's failure to repeat it does not concern the job.
     const bool failed = failure.kind != FailureKind::kReleased;
     if (failed) checks_.Avoid(MakeTaskId(lease.frame, lease.task), lease.identity);
     BlameWorker(worker_id, lease, failure, now);
@@ -302,7 +302,7 @@ void Scheduler::JudgeScene(const FrameId& id) {
   std::set<std::string> identities;
   for (const auto& [identity, message] : frame.scene_failed_by) identities.insert(identity);
   const JobSpec& spec = jobs_.at(id.job_id).spec;
-  // One report is enough where nobody is left to contradict it; results are a contradiction.
+  // One report is enough if no worker is left to contradict it; results are a contradiction.
   const bool confirmed = static_cast<int>(identities.size()) >= limits_.scene_failure_workers_max &&
                          frame.sample_count_done == 0 &&
                          AreBelieved(spec.numeric_profile, identities);
@@ -324,11 +324,11 @@ void Scheduler::BlameWorker(const std::string& worker_id, const Lease& lease,
     worker->no_work_before = now + RetryDelay(worker->infrastructure_failures);
     return;
   }
-  if (lease.is_check) {  // Somebody has rendered it.
+  if (lease.is_check) {  // Another worker has rendered it.
     NoteFailedJob(worker, lease.frame.job_id, Quote(lease, failure), now);
     return;
   }
-  // The scene may be at fault: nobody knows until another worker renders the task.
+  // The scene may be at fault, which is unknown until another worker renders the task.
   const auto record = Frame(lease.frame).failures.find(MakeTaskId(lease.frame, lease.task));
   if (record != Frame(lease.frame).failures.end()) {
     record->second.suspects[worker_id] = Quote(lease, failure);

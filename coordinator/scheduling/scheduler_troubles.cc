@@ -152,7 +152,7 @@ void Scheduler::RefuseForMemory(const FrameId& id, const std::string& worker_id)
     return counts[worker] >= limits_.lone_memory_failures_max;
   };
   // Lack of memory concerns the whole scene: leave it to larger machines while there are others.
-  // The last machine left goes on with other tasks, for it may have had bad luck.
+  // The last machine left continues with other tasks: its failure may be a coincidence.
   std::set<std::string> refused{worker_id};
   for (const auto& [worker, kind] : frame.refused_by) refused.insert(worker);
   if (is_final(worker_id) || OthersLive(job.spec, refused)) {
@@ -303,8 +303,9 @@ std::string Scheduler::WhatEndsTheWait(const JobRecord& job, const FrameRecord& 
   const int live = workers_.LiveCount(job.spec.numeric_profile);
   return absl::StrCat("; what ends this: another worker, sheaf retry jobs/", job.spec.job_id,
                       ", or sheaf kill jobs/", job.spec.job_id, " --frame ", frame.number(),
-                      "; on a farm with no more workers than ", live,
-                      ", sheaf-coordinator --poison-workers ", live);
+                      "; if no other worker will join the farm, sheaf-coordinator "
+                      "--poison-workers ",
+                      live);
 }
 
 std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TaskFailures: who failed a task so far, and how. It decides who may still render it.
+// TaskFailures: the workers that failed a task so far, and how. Decides which workers may still
+// render it.
 #pragma once
 
 #include <map>
@@ -16,13 +17,13 @@ namespace sheaf::coordinator {
 
 struct TaskFailures {
   TaskTrouble trouble;  // Its durable part.
-  // Workers that are to blame if another one renders the task, with their words.
+  // Workers that are to blame if another one renders the task, with their messages.
   std::map<std::string, std::string> suspects;
-  std::string last_words;  // As people read them; empty where there is no failure.
-  int attempt_count = 0;   // Leases that ended without result, in this life.
+  std::string last_words;  // For users; empty if there is no failure.
+  int attempt_count = 0;   // Leases without a result since the coordinator started.
   SteadyTime not_before = SteadyTime::InfinitePast();
 
-  // Counts a failure of any class but released, loading and scene.
+  // Counts a failure of any class except released, loading and scene.
   void Add(const std::string& worker_id, const std::string& identity, FailureKind kind,
            const std::string& words);
   int CountOf(FailureKind kind) const;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The tables of the database of jobs, and the changes to them in each version of Sheaf: the same
-// for SQLite and PostgreSQL.
+// The tables of the jobs database, and their changes in each version of Sheaf. The same for SQLite
+// and PostgreSQL.
 #pragma once
 
 #include <span>
@@ -12,8 +12,8 @@
 
 namespace sheaf::coordinator {
 
-// The tables of new databases, and what each version of Sheaf after the first has added to those of
-// the version before. An addition is part of `tables`, too.
+// The tables of new databases, and the additions of each version of Sheaf after the first. `tables`
+// includes all additions.
 struct SchemaHistory {
   const char* tables;
   std::span<const char* const> additions;
@@ -25,8 +25,8 @@ absl::Status UpdateSchema(Database* database, const SchemaHistory& history);
 // The same with the tables of this version.
 absl::Status UpdateSchema(Database* database);
 
-// Whether the tables have the names and columns that UpdateSchema makes: SQLite's own check does
-// not see a changed bit in them. Errors: kDataLoss, with what is missing or unknown.
+// Checks that the tables have the names and columns that UpdateSchema makes: SQLite's own check
+// does not detect a changed bit in them. Errors: kDataLoss, naming the missing or unknown column.
 absl::Status CheckSchema(Database* database);
 
 }  // namespace sheaf::coordinator

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JobStore: the coordinator's durable state. Once a call has returned OK, its change survives kill
-// -9 and, in a store of Durability::kPowerLoss, power loss. So an acknowledgement that is sent
-// afterwards holds.
+// -9 and, in a store of Durability::kPowerLoss, power loss. So an acknowledgement sent afterwards
+// is reliable.
 #pragma once
 
 #include <cstdint>
@@ -38,8 +38,8 @@ struct PartRow {
   BlobDigest digest;      // The digest of the part's bytes.
   std::string worker_id;  // The worker that rendered it.
   ResultCost cost;
-  std::string identity = {};  // Who answers for that worker (WorkerReport::identity).
-  // The SHA-256 (hex) of the guiding field that it was made with; empty where there is none.
+  std::string identity = {};  // The worker's identity (WorkerReport::identity).
+  // The SHA-256 (hex) of the guiding field that it was made with; empty if there is none.
   std::string field = {};
   uint64_t sample_count = 0;  // Pixel samples or light paths, for the accounts; not stored here.
 };
@@ -79,15 +79,15 @@ struct StoredJob {
   FailureLog failures;
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
-  absl::Duration wall_duration;        // At its last end; 0 if it has not ended, or if unknown.
-  std::vector<StoredFrame> delivered;  // Ascending by number.
-  std::string warning;                 // What its users should know of its images; mostly empty.
-  std::map<int32_t, int32_t> corrections;  // By frame: how often it was, where that is not 0.
+  absl::Duration wall_duration;            // At its last end; 0 if it has not ended, or if unknown.
+  std::vector<StoredFrame> delivered;      // Ascending by number.
+  std::string warning;                     // About its images, for users; mostly empty.
+  std::map<int32_t, int32_t> corrections;  // By frame, where not 0.
   std::vector<TaskTrouble> troubles;       // Tasks that failed or are set aside.
-  bool pinned = false;                     // Nothing of it goes to make room.
-  // When its parts were removed to make room; InfiniteFuture: they were not since it last began.
+  bool pinned = false;                     // Nothing of it is removed to make room.
+  // When its parts were removed to make room; InfiniteFuture: not since it last began.
   absl::Time parts_removed_time = absl::InfiniteFuture();
-  std::string damage;  // The files of it that changed on disk; empty: none.
+  std::string damage;  // Its files that changed on disk; empty: none.
 };
 
 // The size of a test write: more than a row, less than most parts.
@@ -95,7 +95,7 @@ inline constexpr size_t kProbeBytes = size_t{1} << 20;
 
 // Thread safety: all members may be called concurrently.
 // Errors of every writing call: kResourceExhausted (disk full), kUnavailable (other disk errors).
-// After an error nothing has changed.
+// After an error the state is unchanged.
 class JobStore {
  public:
   virtual ~JobStore() = default;
@@ -105,7 +105,7 @@ class JobStore {
   // Returns the parts of a job whose bytes are on disk. Rows without bytes, and rows that changed
   // on disk, are lost: their work is to be done again, and the caller removes them. Bytes without a
   // row are removed: no call has acknowledged them, or the row is among lost commits. They are not
-  // taken as parts, because nothing tells any more who made them.
+  // taken as parts, because their maker is unknown.
   struct LoadedParts {
     std::vector<PartRow> rows;
     std::vector<PartRow> lost;
@@ -125,18 +125,18 @@ class JobStore {
                               absl::Time end_time, absl::Duration wall) = 0;
   // Replaces the job's stored failures.
   virtual absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) = 0;
-  // Replaces what is stored of each of these tasks; of one without failures that is not set aside,
-  // nothing stays.
+  // Replaces the record of each of these tasks; removes that of a task without failures that is not
+  // set aside.
   virtual absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles) = 0;
   // Without rows that changed on disk: their tasks are rendered again.
   virtual absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id) = 0;
-  // Who gets no work. Writing replaces what is stored of the identity; nothing happens where there
-  // is nothing to remove. Loaded in the order of their times.
+  // Quarantined identities. Write replaces an identity's record; Remove is a no-op if there is
+  // none. Loaded in the order of their times.
   virtual absl::Status WriteQuarantine(const QuarantineRecord& record) = 0;
   virtual absl::Status RemoveQuarantine(const std::string& identity) = 0;
   virtual absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() = 0;
-  // What operators have set for users, shows and pools. Writing replaces what is stored of the
-  // subject; nothing happens where there is nothing to remove.
+  // Operators' settings for users, shows and pools. Write replaces a subject's setting; Remove is a
+  // no-op if there is none.
   virtual absl::Status WriteShare(const ShareSubject& subject, const ShareSetting& setting) = 0;
   virtual absl::Status RemoveShare(const ShareSubject& subject) = 0;
   virtual absl::StatusOr<std::map<ShareSubject, ShareSetting>> LoadShares() = 0;
@@ -147,10 +147,9 @@ class JobStore {
   // A job that ends is no longer paused.
   virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
   virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;
-  // The job waits for no other one any more.
+  // Removes the job's dependencies.
   virtual absl::Status ReleaseJob(uint64_t job_id) = 0;
-  // Workers that people take out. Writing replaces what is stored of a worker; nothing happens
-  // where there is nothing to remove.
+  // Drained workers. Write replaces a worker's record; Remove is a no-op if there is none.
   virtual absl::Status WriteDrains(const std::vector<DrainRecord>& records) = 0;
   virtual absl::Status RemoveDrains(const std::vector<std::string>& worker_ids) = 0;
   virtual absl::StatusOr<std::vector<DrainRecord>> LoadDrains() = 0;
@@ -159,19 +158,19 @@ class JobStore {
   virtual absl::Status SetPinned(uint64_t job_id, bool pinned) = 0;
   // Notes that the parts of an ended job are about to be removed, by RemoveFrameParts.
   virtual absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) = 0;
-  // Bytes of parts, by job that has some.
+  // Bytes of parts, by job; only jobs with parts.
   virtual absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() = 0;
-  // Removes an ended job: its rows, then its parts and images. Files that a stop or the disk leaves
-  // are removed when the store is opened next. Its id is not given again.
+  // Removes an ended job: its rows, then its parts and images. Files left by a stop or by the disk
+  // are removed when the store is next opened. The id is not reused.
   virtual absl::Status RemoveJob(uint64_t job_id) = 0;
 
   // Writes the bytes, then the row, and with it the job's account of the day. Errors:
   // kAlreadyExists if the key has a row.
   virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
-  // The same for a part whose bytes somebody else has stored with a ticket; they are written where
-  // that came to nothing.
+  // The same for a part whose bytes another process has stored with a ticket; writes them if they
+  // are not there.
   virtual absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) = 0;
-  // The permission to store the bytes of a part that has no row; none where only this process can
+  // The permission to store the bytes of a part that has no row; none if only this process can
   // store them.
   virtual std::optional<PutTicket> TicketFor(const PartRow& row) = 0;
   virtual absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) = 0;
@@ -198,19 +197,19 @@ class JobStore {
   virtual absl::StatusOr<std::string> OutputPath(const FrameId& frame) = 0;
   virtual absl::Status DeliverFrame(const FrameId& frame, const DeliveredFrame& delivered) = 0;
 
-  // Accounts (coordinator/core/policy/usage.h). Whose usage it is: a job's, or an owner's upload,
-  // which has the job id 0.
+  // Accounts (coordinator/core/policy/usage.h). The subject of a usage: a job, or an owner's
+  // uploads, which have the job id 0.
   struct UsageOf {
     uint64_t job_id = 0;
-    std::string owner = {};  // Of uploads alone; the store knows those of jobs.
+    std::string owner = {};  // Only for uploads; the store knows jobs' owners.
     friend auto operator<=>(const UsageOf&, const UsageOf&) = default;
   };
-  // Adds what no call above accounts for. It is in memory until the next WriteUsage.
+  // Adds usage that no call above accounts for. It is in memory until the next WriteUsage.
   virtual void NoteUsage(const UsageOf& of, const Usage& usage) = 0;
-  // Writes what NoteUsage added, and removes rows that are older than kUsageDaysKept. Does nothing
-  // where nothing was added. What was added stays in memory after an error.
+  // Writes the additions of NoteUsage, and removes rows older than kUsageDaysKept. A no-op if there
+  // are none. After an error the additions stay in memory.
   virtual absl::Status WriteUsage() = 0;
-  // The rows of the days and the owner of the query, with what NoteUsage added.
+  // The rows of the query's days and owner, including the additions of NoteUsage.
   virtual absl::StatusOr<std::vector<UsageRow>> LoadUsage(const UsageQuery& query) = 0;
 
   // Stores the decision at the end of a round, before any work on the next round starts. Does
@@ -223,8 +222,8 @@ class JobStore {
   virtual absl::StatusOr<std::vector<RoundRecord>> LoadFrameRounds(const FrameId& frame) = 0;
 
   // Continues a job that has ended: marks these frames as not delivered, and replaces their rules,
-  // samples, rounds and resumed images. Frames that waited for approval, and get the samples of it,
-  // are approved. The same again changes nothing, and counts no correction twice.
+  // samples, rounds and resumed images. Approves frames that waited for approval and get the
+  // samples of it. Idempotent: a repeated call does not count a correction twice.
   struct ReopenedFrame {
     FrameSpec spec;
     std::vector<RoundRecord> rounds;
@@ -232,8 +231,8 @@ class JobStore {
   };
   virtual absl::Status ReopenJob(uint64_t job_id, const std::vector<ReopenedFrame>& frames) = 0;
 
-  // The first frame that still has parts among those of unpinned jobs that were delivered or whose
-  // job failed; none if there is none.
+  // The first frame that still has parts, among frames of unpinned jobs that were delivered or
+  // whose job failed; none if there is none.
   virtual absl::StatusOr<std::optional<FrameId>> OldestDeliveredWithParts() = 0;
 
   // Writes and removes kProbeBytes, to test whether the disk accepts writes (again).
@@ -243,8 +242,8 @@ class JobStore {
   virtual uint64_t PartsBytes() const = 0;
   // The first lease id of this run of the coordinator; no earlier run has used it or a larger one.
   virtual uint64_t FirstLeaseId() const = 0;
-  // How many changes that were acknowledged were lost before this run, at most. The state is an
-  // earlier one then.
+  // An upper bound of the acknowledged changes lost before this run. If not 0, the state is an
+  // earlier one.
   virtual int64_t LostCommits() const = 0;
 };
 

@@ -46,7 +46,7 @@ class RoundPreviews {
   // Removes the previews of a frame from this round on.
   void RemoveFrom(const FrameId& frame, int32_t round);
 
-  // Bytes of previews, by job that has some.
+  // Bytes of previews, by job; only jobs with previews.
   std::map<uint64_t, uint64_t> BytesByJob() const;
   void RemoveJob(uint64_t job_id);
 

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Seals: digests that rows hold of their own columns. SQLite's checks see the structure of a
-// database, not its values; a bit that changes on disk in a seed or in a number of samples would
-// give another image.
+// Seals: digests of a row's columns, stored in the row. SQLite checks the structure of a database,
+// not its values; a changed bit in a seed or in a number of samples would give another image.
 #pragma once
 
 #include <cstdint>
@@ -48,7 +47,7 @@ struct Sealed {
   Row row;
   int64_t seal = kNoSeal;
 
-  // Whether the row is as it was written.
+  // Whether the row is unchanged since it was written.
   bool IsWhole() const { return seal == kNoSeal || seal == Seal(row).seal; }
 };
 

@@ -14,9 +14,9 @@
 //     DIR/outputs/JOB/FRAME.exr            delivered images
 //     DIR/outputs/JOB/FRAME.thumbnail.exr  small copies of them, for overviews
 //
-// A part's object is written before its row, so a crash in between leaves only one that was never
-// acknowledged. Parts of concurrent calls are a group: one Sync makes their objects durable, then
-// one commit their rows (docs/adr/0075).
+// A part's object is written before its row, so a crash in between leaves only an unacknowledged
+// object. Parts of concurrent calls are a group: one Sync makes their objects durable, then one
+// commit their rows (docs/adr/0075).
 //
 // With a database elsewhere (PostgreSQL, docs/adr/0081) several coordinators may have the directory
 // open. Then there is no DIR/farm.db, and the database says who may write.
@@ -134,17 +134,17 @@ class SqlJobStore : public JobStore {
         parts_(parts),
         database_(std::move(database)) {}
   absl::Status Initialize();
-  // Counts this life, and finds the state of earlier ones.
+  // Counts this run, and reads the state of earlier runs.
   absl::Status BeginLife() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Finds jobs whose rows are lost, so that no other job replaces their images.
+  // Finds ids of jobs whose rows are lost, so that no new job overwrites their images.
   absl::Status FindUsedJobIds() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   void NoteUsedJobId(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Removes what a stop left of removals: files of jobs that were removed, and folders of parts of
-  // frames of ended jobs that have no parts.
+  // Finishes removals that a stop interrupted: files of removed jobs, and empty folders of parts of
+  // ended jobs.
   absl::Status FinishRemovals() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status RemoveFramesWithoutParts(uint64_t job_id)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Without the lock where others work meanwhile: a server may take its time.
+  // Called without the lock while others work: a server may be slow.
   absl::Status RemoveFilesOf(uint64_t job_id);
   absl::Status NoteFilesRemoved(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes)
@@ -155,7 +155,7 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::vector<StoredJob>> ReadJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // The object of a part that has no row. Errors: kAlreadyExists (it has one).
   absl::Status WriteObject(const PartRow& row, const std::string& bytes);
-  // After a commit that failed so.
+  // Called after a commit failed with this status.
   void RemoveUnlessAcknowledged(const PartRow& row, const absl::Status& failed);
   // Returns when the group of the part is durable, or is not and will not be.
   absl::Status CommitPart(const PartRow& row);
@@ -167,8 +167,8 @@ class SqlJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status AddUsageOf(const std::vector<PendingPart*>& parts)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  static std::string FolderOf(const FrameId& frame);  // Of its parts, with a "/" at the end.
-  static std::string NameOf(const PartRow& row);      // Of its object.
+  static std::string FolderOf(const FrameId& frame);  // Folder of its parts, ending in "/".
+  static std::string NameOf(const PartRow& row);      // Name of its object.
   absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::StatusOr<CreatedJob> InsertJob(const JobSpec& spec, const std::string& request_id,
                                        absl::Time create_time)
@@ -179,10 +179,10 @@ class SqlJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   absl::Status InsertHolds(uint64_t job_id, const JobSpec& spec)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Approves the frame where it waits for so many samples, or fewer.
+  // Approves the frame if it waits for this many samples or fewer.
   absl::Status NoteApproval(const FrameId& frame, uint64_t samples)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Of a job that goes.
+  // Called when a job is removed.
   absl::Status RemoveHolds(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // All three add to the jobs in the map, which is keyed by job id, and ignore rows of other jobs.
   absl::Status LoadEffects(const std::map<uint64_t, StoredJob*>& jobs)
@@ -208,21 +208,21 @@ class SqlJobStore : public JobStore {
   const Durability durability_;
   const int lock_fd_;
   const bool shared_;                       // Other coordinators may have the directory open.
-  std::unique_ptr<ObjectStore> own_parts_;  // Files, where no other store is given.
+  std::unique_ptr<ObjectStore> own_parts_;  // Files, if no other store is given.
   ObjectStore* parts_;
   Mutex database_mutex_;
   std::unique_ptr<Database> database_ ABSL_GUARDED_BY(database_mutex_);
   Mutex pending_mutex_;
   std::deque<PendingPart*> pending_ ABSL_GUARDED_BY(pending_mutex_);
-  bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;      // Somebody leads, or is told to.
-  std::set<std::string> names_ ABSL_GUARDED_BY(pending_mutex_);  // Of parts being written.
+  bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;      // A call leads, or is about to.
+  std::set<std::string> names_ ABSL_GUARDED_BY(pending_mutex_);  // Parts being written.
   CondVar name_released_;
   Mutex usage_mutex_ ABSL_ACQUIRED_AFTER(database_mutex_);
   std::map<UsageOf, Usage> waiting_usage_ ABSL_GUARDED_BY(usage_mutex_);
   std::atomic<uint64_t> parts_bytes_{0};
   uint64_t first_lease_id_ = 1;
   int64_t lost_commits_ = 0;
-  // As far as folders and removals tell.
+  // A lower bound from folders and removals.
   uint64_t next_job_id_ ABSL_GUARDED_BY(database_mutex_) = 1;
   uint64_t next_pilot_id_ ABSL_GUARDED_BY(database_mutex_) = kFirstPilotId;
 };

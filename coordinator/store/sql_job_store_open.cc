@@ -160,10 +160,9 @@ absl::Status SqlJobStore::BeginLife() {
     LogError(absl::StrCat(
         database_->Name(), "-wal: bits changed in the log of the database. Up to ", lost_commits_,
         " of the last changes are lost: their parts are rendered again, but jobs, refinements, "
-        "pauses and the like that were asked for last may have to be asked for again. Check the "
-        "disk"));
+        "pauses and the like may have to be requested again. Check the disk"));
   }
-  // The lives that are lost had lease ids, too; each made a commit.
+  // Lost runs gave lease ids, too; each run made a commit.
   absl::Status status = database_->Prepare("UPDATE meta SET value = value + ? WHERE key = 'lives'")
                             .Bind(1 + lost_commits_)
                             .Run();

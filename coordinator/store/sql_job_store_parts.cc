@@ -106,7 +106,7 @@ void SqlJobStore::RemoveUnlessAcknowledged(const PartRow& row, const absl::Statu
   const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
   if (!existing.ok()) return;
   if (existing->has_value() && (*existing)->digest == row.digest) return;
-  parts_->Remove(NameOf(row)).IgnoreError();  // What is left has no row.
+  parts_->Remove(NameOf(row)).IgnoreError();  // A remaining object has no row.
 }
 
 absl::Status SqlJobStore::AddStoredPart(const PartRow& row, const std::string& bytes) {
@@ -144,8 +144,8 @@ std::optional<PutTicket> SqlJobStore::TicketFor(const PartRow& row) {
 }
 
 // The first caller commits the parts of all waiting calls; calls that arrive meanwhile form the
-// next group, which the first of them commits. Each call waits for its own part alone, so that the
-// end of a group wakes nobody else.
+// next group, which the first of them commits. Each call waits only for its own part, so that the
+// end of a group does not wake other calls.
 absl::Status SqlJobStore::CommitPart(const PartRow& row) {
   PendingPart mine;
   mine.row = &row;
@@ -302,7 +302,7 @@ absl::Status SqlJobStore::RemovePart(const PartRow& row) {
     }
   }
   parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
-  // What is left has no row, and goes with its frame or at the next start.
+  // A remaining object has no row, and is removed with its frame or at the next start.
   const absl::Status gone = parts_->Remove(NameOf(row));
   if (!gone.ok()) LogWarning(absl::StrCat("removing a part: ", gone.message()));
   return absl::OkStatus();

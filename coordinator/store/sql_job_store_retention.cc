@@ -125,7 +125,7 @@ absl::Status SqlJobStore::FinishRemovals() {
     if (status.ok()) status = NoteFilesRemoved(job_id);
     if (!status.ok()) LogWarning(absl::StrCat("removing what is left: ", status.message()));
   }
-  // For jobs that go on, LoadParts looks at each part.
+  // For unfinished jobs, LoadParts checks each part.
   const absl::StatusOr<std::vector<uint64_t>> ended =
       ReadIds(database_->Prepare("SELECT job_id FROM jobs WHERE phase != 0"));
   if (!ended.ok()) return ended.status();

@@ -28,7 +28,7 @@ absl::StatusOr<std::map<ShareSubject, ShareSetting>> SqlJobStore::LoadShares() {
   Statement query = database_->Prepare(SelectFrom<ShareRow>("shares"));
   std::map<ShareSubject, ShareSetting> shares;
   absl::Status read = ReadRows<ShareRow>(&query, [&shares](const ShareRow& row) {
-    // What changed on disk to nonsense is as if it were not set.
+    // A row that is damaged on disk counts as not set.
     if (CheckShareSetting(row.subject, row.setting).ok()) shares[row.subject] = row.setting;
     return absl::OkStatus();
   });

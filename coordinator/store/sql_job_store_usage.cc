@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that keeps the accounts. What parts take is added in the transaction
-// of their rows: it costs no commit, and the two never disagree.
+// The part of SqlJobStore that keeps the accounts. The usage of parts is added in the transaction
+// of their rows: it costs no extra commit, and the two always agree.
 #include <map>
 #include <utility>
 #include <vector>

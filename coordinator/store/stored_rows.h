@@ -23,7 +23,7 @@ namespace sheaf::coordinator {
 template <typename T, typename Row>
 concept RowOf = std::is_same_v<std::remove_const_t<T>, Row>;
 
-// The columns of the table `jobs` that never change.
+// The immutable columns of the table `jobs`.
 template <RowOf<StoredJob> Row, typename Visitor>
 void VisitFixedColumns(Row& row, const Visitor& visit) {
   visit("job_id", row.spec.job_id);
@@ -38,7 +38,7 @@ void VisitFixedColumns(Row& row, const Visitor& visit) {
   visit("create_ns", row.create_time);
 }
 
-// The columns of the table `jobs` that say how it goes on with a job.
+// The mutable columns of the table `jobs`.
 template <RowOf<StoredJob> Row, typename Visitor>
 void VisitStateColumns(Row& row, const Visitor& visit) {
   visit("priority", row.spec.priority);
@@ -52,8 +52,8 @@ void VisitStateColumns(Row& row, const Visitor& visit) {
 // The table `jobs`. Frames, effects and failures are in tables of their own.
 struct JobRow {
   StoredJob job;
-  int64_t seal = 0;        // Of the columns that never change.
-  int64_t state_seal = 0;  // Of those of VisitStateColumns.
+  int64_t seal = 0;        // Over the immutable columns.
+  int64_t state_seal = 0;  // Over the columns of VisitStateColumns.
 };
 template <RowOf<JobRow> Row, typename Visitor>
 void VisitColumns(Row& sealed, const Visitor& visit) {
@@ -122,7 +122,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   VisitColumns(row.spec.stop, visit);
 }
 
-// How a frame was delivered, in the table `frames`.
+// The delivery of a frame, in the table `frames`.
 struct DeliveredRow {
   bool delivered = false;  // If false, the other columns describe the last delivery, if any.
   DeliveredFrame frame;
@@ -153,7 +153,7 @@ struct ReopenedRow {
   uint64_t samples = 0;
   StopRule stop;
   BlobDigest resumed;
-  int64_t seal = 0;  // Of the frame's specification.
+  int64_t seal = 0;  // Over the frame's specification.
 };
 template <RowOf<ReopenedRow> Row, typename Visitor>
 void VisitColumns(Row& row, const Visitor& visit) {
@@ -202,8 +202,8 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("field", row.field);
 }
 
-// Reads all rows of a statement from SelectFrom<Sealed<PartRow>>; rows that changed on disk are put
-// into `changed`, and left out where that is null. Errors: those of Step.
+// Reads all rows of a statement from SelectFrom<Sealed<PartRow>>. Rows that changed on disk go to
+// `changed`; they are dropped if it is null. Errors: those of Step.
 inline absl::StatusOr<std::vector<PartRow>> ReadPartRows(Statement* query,
                                                          std::vector<PartRow>* changed = nullptr) {
   std::vector<PartRow> parts;
@@ -305,10 +305,11 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("task_kind", row.failure.task_kind);
 }
 
-// The table `task_failures`: how often a worker failed a task by a class. A count of 0 stands for a
-// task that is set aside, and the words say why. A block of no samples stands for the whole frame.
+// The table `task_failures`: how often a worker failed a task with one class of failure. A count of
+// 0 marks a task that is set aside; `words` says why. A block of no samples stands for the whole
+// frame.
 struct TroubleRow {
-  TaskTrouble task;  // Without its failures and why it is set aside.
+  TaskTrouble task;  // Without failures and set_aside.
   TaskFailure failure;
 };
 template <RowOf<TroubleRow> Row, typename Visitor>

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CheckChoice: which tasks are rendered twice, to notice false results. Nobody without the farm's
-// secret can foretell it, and equal tasks give equal answers: who asks for the same work again
-// learns nothing.
+// CheckChoice: selects the tasks that are rendered twice, to detect false results. The choice
+// cannot be predicted without the farm's secret, and equal tasks give equal answers: requesting the
+// same work again reveals nothing.
 #pragma once
 
 #include <string>
@@ -22,8 +22,8 @@ class CheckChoice {
   // secret: known to the coordinator alone.
   explicit CheckChoice(std::string secret) : secret_(std::move(secret)) {}
 
-  // A number in [0, 1), evenly spread over tasks: one below the fraction of tasks that are checked
-  // chooses its task.
+  // A number in [0, 1), uniform over tasks. A task is checked if its number is below the fraction
+  // of tasks to check.
   double DrawOf(std::string_view frame_digest, const PixelRect& tile, SampleBlock block,
                 const TileCells& cells, TaskKind kind = TaskKind::kCamera) const;
 

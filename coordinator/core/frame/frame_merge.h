@@ -1,14 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameMerge: the parts of one frame as they become its image. A pure function of the set of
-// parts: each tile's parts go into CellTrees, and a tile whose samples are all there is developed
-// from their roots; for good, or until it gets more (sample_rounds.h).
+// FrameMerge: merges the parts of one frame into its image. A pure function of the set of parts:
+// each tile's parts go into CellTrees, and a tile with all its samples is developed from their
+// roots, once per round (sample_rounds.h).
 //
-// Memory is bounded by a budget that all frames share. A tile that finds the budget used up is not
-// kept: its parts are on disk, and it is built from them when the last one has come. Tiles are
-// never pushed out in favour of others, for tiles are visited in turn, and then the oldest is
-// needed next.
+// Memory is bounded by a budget that all frames share. If the budget is used up, a new tile is not
+// kept in memory: its parts are on disk, and it is built from them once all have arrived. Tiles are
+// never evicted for others: tiles are visited in turn, so the oldest is needed next.
 //
 // A frame with light paths (task_kind.h) has three images: the camera's, that of its light paths,
 // and their sum, which is the frame's.
@@ -45,7 +44,7 @@ class MergeBudget {
   std::atomic<uint64_t> bytes_{0};
 };
 
-// Sums of a tile that have samples in some of its cells: of the tile, or of the one cell.
+// Sums with samples in some of a tile's cells: those of the whole tile, or of the one cell.
 struct CellPart {
   FilmTile sums;
   uint64_t cells = 1;  // As Task::cells.
@@ -54,18 +53,18 @@ struct CellPart {
 // Thread safety: none; one lock a frame. The budget may be shared.
 class FrameMerge {
  public:
-  // samples: of each of the camera's cells. The light tile has as many passes as the most of them.
+  // samples: for each of the camera's cells. The light tile has as many passes as their maximum.
   FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_t> samples,
              MergeBudget* budget);
   ~FrameMerge();
   FrameMerge(const FrameMerge&) = delete;
   FrameMerge& operator=(const FrameMerge&) = delete;
 
-  // Adds a part that is on disk. Nothing happens where the tile was built from disk meanwhile.
+  // Adds a part that is on disk. A no-op if the tile was built from disk meanwhile.
   // Requires: no part that overlaps it was added before (SHEAF_CHECKed).
   void Insert(uint32_t tile, CellPart part);
-  // Gives a cell of the camera this many samples in all. Nothing happens where it has them.
-  // Requires: no less than it has.
+  // Raises a cell of the camera to this many samples in total. A no-op if it has them. Requires: no
+  // fewer than it has.
   void Grow(uint32_t cell, uint64_t samples);
   // The tile has parts that are only on disk: after a start, or when one of them was lost.
   void MarkOnDisk(uint32_t tile);
@@ -73,31 +72,30 @@ class FrameMerge {
   bool OnDisk(uint32_t tile) const { return tiles_[tile].state == State::kOnDisk; }
   // Empty trees for the parts of a tile that is built anew.
   std::unique_ptr<CellTrees> MakeTrees(uint32_t tile) const;
-  // Replaces a tile by these trees and develops it. Errors: kInvalidArgument where they do not have
-  // all samples.
+  // Replaces a tile by these trees and develops it. Errors: kInvalidArgument if samples are
+  // missing.
   absl::Status Rebuild(uint32_t tile, std::unique_ptr<CellTrees> trees);
 
   bool Developed(uint32_t tile) const { return tiles_[tile].state == State::kDeveloped; }
   bool AllDeveloped() const { return developed_count_ == tiles_.size(); }
   uint32_t tile_count() const { return static_cast<uint32_t>(tiles_.size()); }
   const CellGrid& grid() const { return grid_; }
-  // The samples per pixel of each of the camera's cells, as far as they are in memory or developed:
-  // those that the image shows once it is refreshed.
+  // The samples per pixel of each of the camera's cells that are in memory or developed: those that
+  // a refreshed image shows.
   std::vector<uint64_t> SamplesOfCells() const;
-  // The fewest of them; no more than there are light passes, where the frame has such.
+  // Their minimum; in a frame with light passes, at most the number of passes.
   uint64_t FewestSamples() const;
 
-  // Develops what has changed since the last call into the image, for looking at. Returns the
-  // camera's tiles that had; none while light passes are wanted and there are none, as the image
-  // would be too dark.
+  // Develops changed tiles into the image for a preview. Returns the camera's changed tiles; none
+  // until the first of the wanted light passes, because the image would be too dark.
   std::vector<uint32_t> Refresh();
   // The camera's developed tiles whose error is not reliable (mean_interval.h).
   std::vector<PixelRect> UnreliableTiles() const;
   bool HasSamples() const { return has_samples_; }
-  // Whether the filter weighs samples otherwise than by 1, in developed tiles.
+  // Whether the filter gives samples weights other than 1, in developed tiles.
   bool signed_weights() const { return signed_weights_; }
-  // The image's FLIP (flip_estimate.h); none where the frame's replicates are not independent, or
-  // not all of its pixels are rendered. Requires: all tiles are developed.
+  // The image's FLIP (flip_estimate.h); none if the frame's replicates are not independent, or if
+  // some of its pixels are not rendered. Requires: all tiles are developed.
   std::optional<double> Flip() const;
   const FrameImage& image() const { return image_; }
   FrameImage* mutable_image() { return &image_; }
@@ -112,7 +110,7 @@ class FrameMerge {
     State state = State::kEmpty;
     // The interval of the camera paths; those of light paths are in light_intervals_.
     MeanInterval interval;
-    // While in memory; once developed, where the tile may grow and the budget allows.
+    // Present while in memory; after development, only if the tile may grow and the budget allows.
     std::unique_ptr<CellTrees> trees;
     uint64_t size_bytes = 0;  // The trees' size, as counted in the budget.
   };
@@ -127,7 +125,7 @@ class FrameMerge {
   }
   // Where the tile's sums are developed; image_ itself in frames without light paths.
   FrameImage& TargetOf(uint32_t tile) { return has_light_ ? LayerOf(tile).image : image_; }
-  // Updates image_ where the tile has changed in its layer.
+  // Updates the tile in image_ after a change in its layer.
   void Combine(uint32_t tile);
   void SetIntervals(uint32_t tile, const FilmTile& root);
   uint64_t SamplesOf(uint32_t tile, uint32_t cell_of_tile) const;
@@ -141,7 +139,7 @@ class FrameMerge {
   const bool grows_;
   const CellGrid grid_;
   const bool has_light_;
-  std::vector<uint64_t> samples_;  // By cell, that of the light tile included.
+  std::vector<uint64_t> samples_;  // By cell, including the light tile's.
   std::vector<Tile> tiles_;
   MergeBudget* budget_;
   FrameImage image_;

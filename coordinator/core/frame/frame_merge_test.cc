@@ -46,7 +46,7 @@ struct Part {
   FilmTile sums;
 };
 
-// All parts of the frame, with blocks of so many samples.
+// All parts of the frame, with blocks of block_samples samples.
 std::vector<Part> PartsOf(const CellGrid& grid, uint64_t block_samples, uint64_t block_passes) {
   std::vector<Part> parts;
   for (uint32_t tile = 0; tile < grid.tile_count(); ++tile) {

@@ -1,10 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LeaseTokens: the proof that a task was leased to somebody. The coordinator gives a token with
-// each lease and takes a result or a failure only with it. It need not remember the lease: a token
-// stays good when the lease has ended and the coordinator was started again, and so late results
-// stay welcome.
+// LeaseTokens: proofs that a task was leased to an identity. The coordinator gives a token with
+// each lease and accepts a result or a failure only with it. It need not remember the lease: a
+// token stays valid after the lease has ended and after a restart, so late results are accepted.
 #pragma once
 
 #include <cstdint>

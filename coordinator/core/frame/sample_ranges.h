@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // SampleRanges: a set of sample indices as disjoint half-open ranges. A tile has few of them,
-// mostly one, so a sorted vector serves, and one range needs no memory of its own.
+// mostly one, so a sorted vector suffices, and one range is stored inline.
 #pragma once
 
 #include <cstdint>

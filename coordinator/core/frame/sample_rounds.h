@@ -21,21 +21,21 @@
 // Sampling Techniques, sec. 5.5). b is 1 for independent samples, and larger for samples of one
 // low-discrepancy sequence; it is measured from one round to the next. No cell gets more than
 // kRoundGrowthMax times its present samples, so that an inaccurate early estimate wastes little,
-// and the round that is predicted to reach the target gets no more samples than the target needs.
+// and the round that is predicted to reach the target gets only the samples that the target needs.
 //
 // The target is reached when the upper confidence bound of the frame's error is not above it. Every
 // round tests this, and each test may succeed by chance, so the probability of a miss is divided
 // among the tests: the k-th test (from 1) may miss with probability 6 / (pi k)^2 kMissProbability,
 // and all tests together with at most kMissProbability.
 //
-// What no sample has met is in no error bar. Small things in front of a smooth background, such as
-// lamps of less than a pixel, may all be missed, and then the frame has no error at all. A frame
-// that is off by the target because of them has them in at least that fraction of its pixels, where
-// the relative error is 1 at most. If they cover the fraction kCoverageSeen of each of these
-// pixels, n samples per pixel meet none of them with the probability exp(-n kCoverageSeen target
-// pixels); so no cell ends with fewer samples than make that kMissProbability (3 = -ln 0.05: Hanley
-// and Lippman-Hand 1983, "If Nothing Goes Wrong, Is Everything All Right?"). Things that cover less
-// may be missing.
+// Error estimates do not include features that no sample has hit. All samples may miss small
+// features in front of a smooth background, such as lamps of less than a pixel, and then the
+// estimated error is zero. If such features put a frame off by the target, they are in at least
+// that fraction of its pixels, because the relative error is at most 1. If they cover the fraction
+// kCoverageSeen of each of these pixels, n samples per pixel miss all of them with the probability
+// exp(-n kCoverageSeen target pixels). So every cell ends with at least as many samples as make
+// that kMissProbability (3 = -ln 0.05: Hanley and Lippman-Hand 1983, "If Nothing Goes Wrong, Is
+// Everything All Right?"). Features that cover less may be missing.
 #pragma once
 
 #include <cstdint>
@@ -60,7 +60,7 @@ inline constexpr double kRatePrior = 1.1, kRatePriorDeviation = 0.1;
 inline constexpr double kMissProbability = 0.05;
 // See above. A frame of 640 x 360 pixels with a target of 0.01 needs no sample for it.
 inline constexpr double kCoverageSeen = 1.0 / 512;
-// Frames of few pixels are looked at with this many samples per pixel at most.
+// The most samples per pixel that this rule requires, in frames of few pixels.
 inline constexpr double kLookSamplesMax = 8 * kReplicateCount;
 // Standard deviations between a point of an error curve and its upper bound, for frames without
 // rounds: 95 of 100 normal values lie below.

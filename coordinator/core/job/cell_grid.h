@@ -8,7 +8,7 @@
 //
 // A frame with light passes has one more tile after those of the camera, the light tile
 // (task_kind.h): the whole window, and one cell. A guided frame has a training tile after all of
-// those, which is no tile of the image: it has the one task of the frame's training.
+// those. It is not part of the image and has one task, the frame's training.
 #pragma once
 
 #include <cstdint>
@@ -36,11 +36,12 @@ constexpr bool DividesIntoCells(int32_t tile_size_px, int32_t cell_size_px) {
 // multiple of kCellSizePxMin that divides it. Depends only on its arguments, so that the image is
 // reproducible.
 int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px);
-// The edge of a frame's cells; that of its tiles if its samples are not distributed by error.
+// The edge of a frame's cells; the edge of its tiles if its samples are not distributed by error.
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition);
 
 // Whether the frame has light passes. A frame of a few pixels (PixelLattice) has none: a pass
-// reaches all pixels and costs as much as all. Its image lacks the light that they would find.
+// reaches all pixels and costs as much as all. Its image lacks the light that light paths would
+// find.
 inline bool HasLightPasses(const FrameSettings& settings) {
   return HasLightPaths(settings.techniques) && settings.lattice.All();
 }
@@ -57,15 +58,16 @@ class CellGrid {
 
   int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }
-  // The tiles of the camera; they divide the image. The light tile is not among them.
+  // The tiles of the camera; they divide the image. Excludes the light tile.
   const std::vector<PixelRect>& tiles() const { return tiles_; }
   // Those of tiles(), ordered by tile, and row by row within a tile.
   const std::vector<PixelRect>& cells() const { return cells_; }
 
-  // All tiles of the image, with the light tile, which is their last; so numbers of cells.
+  // The number of tiles of the image, including the light tile, which is the last one. The same for
+  // cells.
   uint32_t tile_count() const { return all_tile_count() - (has_training_tile_ ? 1 : 0); }
   uint32_t total_cell_count() const { return first_cells_[tile_count()]; }
-  // With the training tile; numbers of tiles and cells below include it.
+  // Includes the training tile, as do the numbers of tiles and cells below.
   uint32_t all_tile_count() const { return static_cast<uint32_t>(first_cells_.size()) - 1; }
   std::optional<uint32_t> light_tile() const;
   std::optional<uint32_t> training_tile() const;

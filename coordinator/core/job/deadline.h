@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Deadline: until when a job should be done, as its submitter says. It changes nothing in the order
-// of work: whoever starts workers may keep enough of them for it (docs/elastic.md).
+// Deadline: the time by which the submitter wants a job done. It does not change the order of work;
+// a program that starts workers may keep enough of them for it (docs/elastic.md).
 #pragma once
 
 #include "absl/time/time.h"

@@ -26,29 +26,28 @@
 
 namespace sheaf::coordinator {
 
-// How frames are cut into tasks. Changes no pixel, but for tiles and their cells where samples go
-// where they are needed.
+// How frames are divided into tasks. Does not change pixels, except that tiles and cells do in
+// frames whose samples are distributed by error.
 struct Partition {
   int32_t tile_size_px = 32;
   uint64_t pass_sample_count = 16;  // A power of two.
   uint64_t lease_pass_count = 0;    // A power of two; 0 lets the coordinator choose.
-  // Edge of the squares that get samples of their own where those go where they are needed; divides
-  // the tile's (cell_grid.h). 0: chosen when the job is made; of jobs of earlier versions, the
-  // tile's.
+  // Edge of the cells in frames whose samples are distributed by error; divides the tile's edge
+  // (cell_grid.h). 0: chosen when the job is made; in jobs of earlier versions, the tile's edge.
   int32_t cell_size_px = 0;
 };
 
 struct FrameSpec {
   int32_t frame_number = 0;  // Unique in the job.
   BlobDigest scene;          // The manifest blob.
-  FrameSettings settings;    // With a stop rule, samples is the most that a pixel may get.
+  FrameSettings settings;    // With a stop rule, `samples` is the maximum per pixel.
   StopRule stop;
   std::string frame_digest;  // Hex SHA-256 over scene, settings and numeric profile.
-  // The EXR that the frame resumes (resumed_image.h); empty where there is none.
+  // The EXR that the frame resumes (resumed_image.h); empty if there is none.
   BlobDigest resumed;
 };
 
-// The cost and the gain of an effect of a scene, as v1::EffectCost says; the submitter measured it.
+// The cost and the gain of an effect of a scene (see v1::EffectCost), measured by the submitter.
 struct EffectCost {
   std::string name, problem, ablation;
   double time_fraction = 0, time_fraction_error = 0;
@@ -65,7 +64,7 @@ struct JobSpec {
   bool pilot = false;   // Rendered for a quote; has an id among those of pilots (IsPilot).
   std::string title;
   std::string owner = kLocalOwner;  // The user's name.
-  std::string show = kDefaultShow;  // What it is for; shows share the farm (fair_share.h).
+  std::string show = kDefaultShow;  // Its production; shows share the farm (fair_share.h).
   Requirements requirements;
   int32_t priority = 0;
   Partition partition;
@@ -107,7 +106,7 @@ struct FrameId {
 
 // One tile's block of samples, for some of its cells; a block of light passes; or the training.
 struct Task {
-  uint32_t tile = 0;  // Of the frame's CellGrid, which knows the kind of task.
+  uint32_t tile = 0;  // A tile of the frame's CellGrid, which knows the kind of task.
   SampleBlock block;
   uint64_t cells = 1;  // Bit i: the tile's cell i (CellGrid). A tile that is one cell has bit 0.
   friend bool operator==(const Task&, const Task&) = default;
@@ -117,13 +116,13 @@ enum class LeasePhase { kQueued, kLoading, kRendering, kUploading };
 
 struct Lease {
   uint64_t lease_id = 0;  // Unique, also over restarts.
-  int32_t attempt = 0;    // How often this task was leased before.
+  int32_t attempt = 0;    // Number of earlier leases of this task.
   FrameId frame;
   Task task;
   TaskKind kind = TaskKind::kCamera;
   PixelRect tile_rect;
   TileCells cells;   // The task's.
-  BlobDigest field;  // The guiding field to render with; empty where the frame has none.
+  BlobDigest field;  // The guiding field to render with; empty if the frame has none.
   std::string worker_id;
   std::string identity;  // The worker's.
   LeasePhase phase = LeasePhase::kQueued;
@@ -131,9 +130,9 @@ struct Lease {
   bool is_check = false;  // Its task is done; the result is compared. Workers are not told.
 };
 
-// Why a lease gave no result; each class has its own budget (limits.h).
-// Stored as numbers: new ones go to the end. kLost and kLoading: the worker vanished while it
-// rendered, or loaded the scene. kInvalid: its result was refused.
+// Why a lease gave no result; each class has its own budget (limits.h). Stored as numbers: append
+// new ones. kLost and kLoading: the worker vanished while it rendered, or loaded the scene.
+// kInvalid: its result was refused.
 enum class FailureKind {
   kReleased,
   kInfrastructure,
@@ -150,22 +149,22 @@ inline constexpr int kFailureKindCount = 8;
 const char* FailureKindName(FailureKind kind);
 // How a worker failed, for people: "a crash", "lack of memory".
 const char* FailureKindText(FailureKind kind);
-// Whether the worker failed the task by what it does with it, so that it never gets it again: a
-// crash, lack of memory or an invalid result.
+// Whether the worker itself failed the task, so that it never gets it again: a crash, lack of
+// memory or an invalid result.
 bool IsOwnFailure(FailureKind kind);
 
 // Light paths of a pass: one for each pixel of the whole frame, whatever the window.
 int64_t PathsPerLightPass(const FrameSettings& settings);
-// Paths that one more sample of each of the window's pixels takes: of the camera, and of the lights
-// where the frame has such.
+// Paths for one more sample of each of the window's pixels: camera paths, and light paths if the
+// frame has them.
 uint64_t PathsPerSample(const FrameSettings& settings);
 
 // Names work for people: "tile [0, 32) x [0, 32), samples [0, 16)", "light passes [0, 16)",
 // "training".
 std::string WorkText(TaskKind kind, const PixelRect& tile, SampleBlock block);
 
-// The failure of a job whose scene cannot be rendered; message: what the worker says. Clients tell
-// it apart from other failures.
+// The failure text of a job whose scene cannot be rendered. message: the worker's message. Clients
+// recognize this text.
 std::string SceneFailureText(int32_t frame_number, const std::string& message);
 bool IsSceneFailure(std::string_view failure);
 
@@ -174,12 +173,12 @@ struct LeaseFailure {
   FailureKind kind = FailureKind::kReleased;
   std::string message;
   std::string token = {};  // The proof that the lease is the sender's (lease_token.h).
-  // For kInfrastructure: the scene's files and the room for them in the worker's cache; 0: it is
+  // For kInfrastructure: the size of the scene's files and the room in the worker's cache; 0:
   // another failure.
   uint64_t cache_needed_bytes = 0, cache_room_bytes = 0;
 };
 
-// A lease that came to nothing, as people are told of it.
+// A lease that gave no result, as shown to users.
 struct FailureRecord {
   int32_t frame_number = 0;
   PixelRect tile;
@@ -192,18 +191,18 @@ struct FailureRecord {
   friend bool operator==(const FailureRecord&, const FailureRecord&) = default;
 };
 
-// How often a worker failed a task by a class. For lost workers only the number is known: their id
-// and identity are empty.
+// How often a worker failed a task with one class of failure. For lost workers only the count is
+// known: their id and identity are empty.
 struct TaskFailure {
   std::string worker_id, identity;
   FailureKind kind = FailureKind::kInternal;
   int32_t count = 0;
-  std::string words;  // The last message, as people read it.
+  std::string words;  // The last message, for users.
   friend bool operator==(const TaskFailure&, const TaskFailure&) = default;
 };
 
-// Decides who may still render a task; durable. A block without samples stands for
-// the frame as a whole.
+// Decides which workers may still render a task; durable. A block without samples stands for the
+// whole frame.
 struct TaskTrouble {
   FrameId frame;
   TaskKind kind = TaskKind::kCamera;
@@ -211,14 +210,14 @@ struct TaskTrouble {
   SampleBlock block;
   TileCells cells;
   std::vector<TaskFailure> failures;
-  std::string set_aside;  // Why nobody renders it any more; empty while somebody may.
+  std::string set_aside;  // Why it is set aside; empty if it is not.
 
   bool Empty() const { return failures.empty() && set_aside.empty(); }
   bool OfFrame() const { return block.count == 0; }
   friend bool operator==(const TaskTrouble&, const TaskTrouble&) = default;
 };
 
-// A job's failures that cost something: the last ones, oldest first, and how many there were.
+// A job's failures that lost work: the last ones, oldest first, and their total number.
 struct FailureLog {
   std::deque<FailureRecord> last;
   int64_t count = 0;
@@ -232,8 +231,8 @@ struct LeaseReport {
 // A worker's report of itself.
 struct WorkerReport {
   std::string worker_id;
-  // The name that answers for it: the common name of its certificate. Empty without one: then the
-  // worker answers for itself (IdentityOf).
+  // The name accountable for the worker: the common name of its certificate. Without a certificate
+  // it is empty, and the worker id takes its place (IdentityOf).
   std::string identity;
   std::string host;
   std::string numeric_profile;
@@ -251,10 +250,10 @@ inline const std::string& IdentityOf(const WorkerReport& report) {
   return report.identity.empty() ? report.worker_id : report.identity;
 }
 
-// An identity that gets no work and whose results are refused, until somebody lifts that.
+// An identity that gets no work and whose results are refused, until an operator lifts that.
 struct QuarantineRecord {
   std::string identity, reason;
-  bool made_false_results = false;         // So that none of its results is believed.
+  bool made_false_results = false;         // None of its results is believed.
   absl::Time time = absl::InfinitePast();  // InfinitePast until it is dated.
   friend bool operator==(const QuarantineRecord&, const QuarantineRecord&) = default;
 };

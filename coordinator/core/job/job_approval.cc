@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Empty where the frame can wait for approval after so many samples.
+// Empty if the frame can wait for approval after this many samples.
 std::string WhyNoApproval(uint64_t samples, const FrameSpec& frame) {
   if (frame.stop.IsActive()) {
     return "is ended by a target error, a time or a budget; approval needs a number of samples";
@@ -32,7 +32,7 @@ absl::Status HoldForApproval(uint64_t samples, JobSpec* spec) {
                                                    " samples are not a power of two; choose ",
                                                    std::bit_floor(samples)));
   }
-  if (spec->pilot) return absl::InvalidArgumentError("approve_after: nobody approves pilots");
+  if (spec->pilot) return absl::InvalidArgumentError("approve_after: not allowed for pilots");
   for (FrameSpec& frame : spec->frames) {
     if (const std::string why = WhyNoApproval(samples, frame); !why.empty()) {
       return absl::InvalidArgumentError(

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whether a job is one that the farm can do: its numbers make sense, and none is beyond a limit of
-// limits.h. Errors say what to change.
+// Checks that the farm can do a job: its numbers are valid, and none exceeds a limit of limits.h.
+// Errors say what to change.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@
 
 namespace sheaf::coordinator {
 
-// The most light passes of a lease, a power of two: the part of so many is as large as the frame. 0
-// if that of one is larger than the limit.
+// The maximum number of light passes of a lease, a power of two; their part is as large as the
+// frame. 0 if the part of one pass exceeds the limit.
 uint64_t LightPassesMax(const FrameSettings& settings, const Limits& limits);
 
 // Checks partition and frames. Errors: kInvalidArgument, kResourceExhausted.

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// OwnerWork: what the unfinished jobs of one user hold, and the limits of it, so that no user fills
-// the coordinator's tables for the others.
+// OwnerWork: the sums over one user's unfinished jobs, and their limits, so that no user fills the
+// coordinator's tables.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ namespace sheaf::coordinator {
 struct OwnerWork {
   int64_t jobs = 0;  // Pilots included.
   int64_t frames = 0;
-  uint64_t samples = 0;  // Pixel samples asked for, those that are rendered included.
+  uint64_t samples = 0;  // Requested pixel samples, including rendered ones.
 
   OwnerWork& operator+=(const OwnerWork& other);
   OwnerWork& operator-=(const OwnerWork& other);

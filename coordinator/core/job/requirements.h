@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Requirements: which workers a job may use, and WorkerTraits, what a worker says of itself for
-// that. The instruction set is no part of it: it is in the numeric profile, which job and worker
-// share in any case.
+// Requirements: the workers that a job may use; WorkerTraits: the matching properties that a worker
+// reports. The instruction set is not among them: it is in the numeric profile, which job and
+// worker always share.
 #pragma once
 
 #include <compare>
@@ -20,11 +20,11 @@ inline constexpr size_t kJobTagsMax = 16;
 inline constexpr size_t kWorkerTagsMax = 32;
 
 struct Requirements {
-  std::string pool = kDefaultPool;  // Only its workers.
-  std::vector<std::string> tags;    // Workers that have all of them. Ascending, each once.
-  uint64_t memory_min_bytes = 0;    // Workers that give scenes so much memory.
-  // What loading its scenes is expected to need; 0: not known. Workers with less get the job only
-  // while none is live that has it.
+  std::string pool = kDefaultPool;  // Only workers of this pool.
+  std::vector<std::string> tags;    // Only workers with all of them. Ascending, unique.
+  uint64_t memory_min_bytes = 0;    // Only workers with this much memory for scenes.
+  // The memory that loading its scenes is expected to need; 0: not known. Workers with less get the
+  // job only while no live worker has it.
   uint64_t memory_expected_bytes = 0;
   friend auto operator<=>(const Requirements&, const Requirements&) = default;
 };

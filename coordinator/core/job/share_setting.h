@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ShareSetting: what an operator has set for a user, a show or a pool: how much of the farm it gets
-// beside others, and how many threads it may hold.
+// ShareSetting: an operator's setting for a user, a show or a pool: its share of the farm relative
+// to others, and the threads that it may hold.
 #pragma once
 
 #include <compare>
@@ -18,7 +18,7 @@ inline constexpr char kDefaultShow[] = "default";
 inline constexpr double kShareWeightMin = 0.001, kShareWeightMax = 1000;
 inline constexpr int32_t kShareThreadsMax = 100'000'000;
 
-// Stored as numbers: new ones go to the end.
+// Stored as numbers: append new ones.
 enum class ShareKind { kUser, kShow, kPool };
 
 struct ShareSubject {
@@ -32,11 +32,11 @@ std::string FormatShareSubject(const ShareSubject& subject);
 absl::StatusOr<ShareSubject> ParseShareSubject(const std::string& text);
 
 struct ShareSetting {
-  double weight = 1;        // Of a user beside those of the same show, or a show beside others.
+  double weight = 1;        // A user's relative to users of the show; a show's to shows.
   int32_t threads_max = 0;  // 0: no limit.
   friend bool operator==(const ShareSetting&, const ShareSetting&) = default;
 };
-// Pools have no weight but 1. Errors: kInvalidArgument.
+// A pool's weight is always 1. Errors: kInvalidArgument.
 absl::Status CheckShareSetting(const ShareSubject& subject, const ShareSetting& setting);
 
 }  // namespace sheaf::coordinator

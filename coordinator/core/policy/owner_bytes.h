@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// OwnerBytes: what a user keeps on the coordinator's disk, and the limit of it
-// (`--user-bytes-max`), so that no user fills the disk for the others.
+// OwnerBytes: a user's bytes on the coordinator's disk, and their limit (`--user-bytes-max`), so
+// that no user fills the disk.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 namespace sheaf::coordinator {
 
 struct OwnerBytes {
-  uint64_t content_bytes = 0;  // Uploaded files that only this user's jobs need, or nobody's yet.
+  uint64_t content_bytes = 0;  // Uploads needed only by this user's jobs, or by none.
   uint64_t part_bytes = 0;
   uint64_t image_bytes = 0;
   uint64_t preview_bytes = 0;  // Small images of the ends of rounds.
@@ -27,8 +27,8 @@ std::string FormatBytes(uint64_t bytes);
 // "3.0 GiB of parts, 1.0 GiB of images, ...".
 std::string DescribeBytes(const OwnerBytes& bytes);
 
-// Whether a user that keeps `kept` may add more bytes; 0: whether the user may begin anything that
-// adds some. Errors: kResourceExhausted, saying what takes how much and what to do.
+// Checks that a user with `kept` may store `more` bytes; with 0, that the user may begin work that
+// stores some. Errors: kResourceExhausted, with the bytes of each kind and what to do.
 absl::Status CheckOwnerBytes(const std::string& owner, const OwnerBytes& kept, uint64_t more,
                              uint64_t bytes_max);
 

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PeerDirectory: which worker holds which blob, and where the next one should fetch it. A blob that
-// no worker holds is fetched from the coordinator by one of them, while the others wait for that
-// one: however many need it, the coordinator sends it about once.
+// PeerDirectory: the blobs that workers hold, and where the next worker should fetch a blob. One
+// worker fetches a blob that no worker holds from the coordinator, while the others wait for it:
+// the coordinator sends it about once, however many workers need it.
 #pragma once
 
 #include <cstddef>
@@ -24,12 +24,11 @@ inline constexpr size_t kPeersAnsweredMax = 3;    // In one answer.
 inline constexpr size_t kHoldersPerBlobMax = 64;  // Others are not remembered.
 inline constexpr size_t kDirectoryBlobsMax = 1 << 20;
 inline constexpr size_t kDirectoryWorkersMax = 10'000;
-// A worker that has not reported for so long is not asked.
+// A worker that has not reported for this long is not used.
 inline constexpr absl::Duration kPeerSilenceMax = absl::Seconds(30);
-// So long others wait for a worker that fetches a blob and does not say that it goes on.
+// How long others wait for a worker that fetches a blob but reports no progress.
 inline constexpr absl::Duration kFetchSilenceMax = absl::Seconds(10);
-// A peer that so many workers accuse of wrong bytes is not asked for anything any more, for so
-// long.
+// A peer that this many workers accuse of wrong bytes is not used for a time.
 inline constexpr size_t kAccusersMax = 3;
 inline constexpr absl::Duration kShunnedTime = absl::Hours(1);
 
@@ -55,16 +54,16 @@ struct PeerAnswer {
 // Blobs are named by their SHA-256 in hexadecimal. Thread safety: none.
 class PeerDirectory {
  public:
-  // A worker holds these blobs, beside those that it has reported before, and fetches those from
-  // the coordinator.
+  // A worker holds these blobs, in addition to those it reported before, and fetches those from the
+  // coordinator.
   void Report(const PeerContact& worker, const std::vector<std::string>& held,
               const std::vector<std::string>& fetching, SteadyTime now);
   // tried: peers that did not give it. serves: whether the worker will serve it once it has it; if
-  // not, nobody waits for it.
+  // not, no worker waits for it.
   PeerAnswer Locate(const std::string& blob, const std::string& worker_id, bool serves,
                     const std::set<std::string>& tried, SteadyTime now);
-  // The accuser says that the peer did not give the blob: unless it was busy, it is not asked for
-  // it again until it reports that it holds it.
+  // The accuser reports that the peer did not give the blob. Unless the peer was busy, it is not
+  // used for the blob again until it reports that it holds it.
   void NoteTrouble(const std::string& peer_id, const std::string& blob, PeerTroubleKind kind,
                    const std::string& accuser, SteadyTime now);
 
@@ -86,7 +85,7 @@ class PeerDirectory {
   };
   struct Blob {
     std::vector<std::string> holders;  // The latest last.
-    std::optional<Fetch> fetch;        // Who brings it from the coordinator.
+    std::optional<Fetch> fetch;        // The worker that fetches it from the coordinator.
   };
   bool Serves(const Worker& worker, SteadyTime now) const;
   void ForgetSilentWorkers(SteadyTime now);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Who is told to fetch a blob where: one from the coordinator, the others from those that have it,
-// and nobody waits for a worker that is gone or asks one that lies.
+// Where workers are told to fetch a blob: one from the coordinator, the others from its holders. No
+// worker waits for one that is gone or asks one that lies.
 #include "coordinator/core/policy/peer_directory.h"
 
 #include <gtest/gtest.h>
@@ -53,7 +53,7 @@ TEST_F(PeerDirectoryTest, NobodyWaitsForAWorkerThatFallsSilent) {
   now_ += kFetchSilenceMax;
   Report("a", {}, {"blob"});
   now_ += kFetchSilenceMax;
-  EXPECT_TRUE(IsWait(Locate("b"))) << "it says that it goes on";
+  EXPECT_TRUE(IsWait(Locate("b"))) << "it reports progress";
   now_ += absl::Seconds(1);
   EXPECT_TRUE(Locate("b").from_coordinator);
   EXPECT_TRUE(IsWait(Locate("a"))) << "the other brings it now";

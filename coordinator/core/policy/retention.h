@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Retention: which of the stored things go, why, and in which order, so that the coordinator's disk
-// does not fill. A pure function: what is stored, the limits and the time are arguments. Nothing
-// that a job needs which has not ended, or which is pinned, ever goes
-// ([ADR 68](docs/adr/0068-a-disk-that-does-not-fill.md)).
+// Retention: the stored items to remove, with reasons and in order, so that the coordinator's disk
+// does not fill. A pure function: the items, the limits and the time are arguments. Items that an
+// unfinished or pinned job needs are never removed ([ADR
+// 68](docs/adr/0068-a-disk-that-does-not-fill.md)).
 #pragma once
 
 #include <cstdint>
@@ -15,10 +15,10 @@
 
 namespace sheaf::coordinator {
 
-// In the order in which they go where space is short: what costs least to lose goes first.
+// In order of removal while space is short: the cheapest to lose first.
 enum class KeptKind {
-  kUpload,    // An upload without a writer: its sender begins it anew.
-  kParts,     // All parts of an ended job: it is refined from its image then.
+  kUpload,    // An upload without a writer: its sender restarts it.
+  kParts,     // All parts of an ended job: a refinement then starts from its image.
   kBlob,      // A file of a scene: submitting the scene again brings it back.
   kPreviews,  // The images of the ends of a job's rounds.
   kJob,       // The job's rows, its delivered images and thumbnails.
@@ -29,43 +29,43 @@ const char* KeptKindName(KeptKind kind);
 
 struct KeptItem {
   KeptKind kind = KeptKind::kParts;
-  uint64_t job_id = 0;   // 0: of a blob or an upload.
-  BlobDigest blob = {};  // For blobs alone.
+  uint64_t job_id = 0;   // 0: a blob or an upload.
+  BlobDigest blob = {};  // Only for blobs.
   uint64_t size_bytes = 0;
-  // When the job ended; of a blob, when the last of its jobs ended or somebody last asked for it.
+  // When the job ended. For a blob: when the last of its jobs ended, or when it was last requested.
   absl::Time unused_since = absl::InfinitePast();
-  bool in_use = false;   // A job needs it that has not ended, or is pinned.
+  bool in_use = false;   // An unfinished or pinned job needs it.
   bool is_named = true;  // For a blob: whether any job names it.
 };
 
 struct RetentionLimits {
-  // After a job's end.
+  // Time since a job's end.
   absl::Duration parts_age_max = absl::Hours(7 * 24);
   absl::Duration jobs_age_max = absl::InfiniteDuration();  // Previews and images, too.
-  // For blobs that no job names, and for uploads that nobody goes on with.
+  // For blobs that no job names, and for abandoned uploads.
   absl::Duration unnamed_age_max = absl::Hours(24);
-  // Clients ask which blobs are there, and submit afterwards: no blob goes earlier than this. An
-  // upload goes at any time: no client has been told that its blob is there.
+  // Clients ask which blobs are present before they submit, so no blob is removed earlier than
+  // this. An upload may be removed at any time: no client was told that its blob is present.
   absl::Duration blob_age_min = absl::Hours(1);
-  // A job is not removed this soon after its end: somebody may still be working on it.
+  // A job is not removed this soon after its end: a user may still be working on it.
   absl::Duration job_age_min = absl::Minutes(10);
-  // Bytes below the state directory. Jobs go by this limit, too.
+  // Bytes below the state directory. This limit also removes jobs.
   uint64_t bytes_max = UINT64_MAX;
-  // Free bytes of its file system, at most kFreeFractionMax of the whole. Jobs do not go by it:
-  // others may be filling the disk.
+  // Free bytes of its file system, at most 1 / kFreeFractionMax of the whole. This limit does not
+  // remove jobs: other programs may be filling the disk.
   uint64_t free_bytes_min = uint64_t{1} << 30;
 };
-// A small file system is not kept empty by the default.
+// Keeps the default from emptying a small file system.
 inline constexpr uint64_t kFreeFractionMax = 20;  // 1 / 20.
-// Above its limit, the directory is brought this fraction below it, so that not every result makes
-// something go.
+// A directory above its limit is brought this fraction below it, so that not every result causes a
+// removal.
 inline constexpr uint64_t kRoomFraction = 20;  // 1 / 20.
 
 struct DiskUse {
   uint64_t bytes = 0;                // Below the state directory.
   uint64_t free_bytes = UINT64_MAX;  // In the file system; UINT64_MAX: unknown.
   uint64_t capacity_bytes = 0;
-  uint64_t claimed_bytes = 0;  // Of the free ones, by what is about to be written.
+  uint64_t claimed_bytes = 0;  // Free bytes reserved for pending writes.
 };
 
 enum class RemovalReason { kAge, kUnnamed, kLimit, kFreeSpace };
@@ -77,15 +77,15 @@ struct Removal {
   RemovalReason reason = RemovalReason::kAge;
 };
 
-// The bytes that must go: by the limit of the directory, and by that of the free space.
+// The bytes to remove: by the directory's limit, and by the free-space limit.
 struct BytesOver {
   uint64_t limit = 0, free_space = 0;
 };
 BytesOver BytesOverOf(const DiskUse& use, const RetentionLimits& limits);
 
-// Returns the things that go, in this order: first the ones that are too old; then, while space is
-// short, kind by kind (as KeptKind has them) the ones that have been unused longest. Things of no
-// bytes go by their age alone.
+// Returns the removals in order: first items that are too old; then, while space is short, kind by
+// kind (in the order of KeptKind) the items unused for longest. Items of no bytes are removed only
+// by age.
 std::vector<Removal> DecideRemovals(std::vector<KeptItem> items, const DiskUse& use,
                                     const RetentionLimits& limits, absl::Time now);
 

@@ -94,7 +94,7 @@ TEST(RetentionTest, UploadsGoFirstAndAtOnceWhereSpaceIsShort) {
   EXPECT_EQ(Text(DecideRemovals(items, {0, 8 * kMebi, 1000 * kMebi}, limits, kNow)),
             "upload u: the file system has too little free space\n"
             "parts 1: the file system has too little free space\n");
-  // What is about to be written counts as written.
+  // Pending writes count as written.
   EXPECT_EQ(Text(DecideRemovals(items, {0, 11 * kMebi, 1000 * kMebi, 2 * kMebi}, limits, kNow)),
             "upload u: the file system has too little free space\n");
 }

@@ -1,10 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Usage: what jobs have taken of a farm, by day, user, show and job. The store keeps one row for
+// Usage: the resources that jobs have used, by day, user, show and job. The store keeps one row for
 // each day of a job, in the transaction that makes a result durable, so that the accounts and the
-// parts never disagree ([ADR 76](docs/adr/0076-accounts-with-the-rows.md)). Rows outlive their jobs
-// by kUsageDaysKept. Here stand the values and the sums over them, as pure functions.
+// parts never disagree ([ADR 76](docs/adr/0076-accounts-with-the-rows.md)). Rows are kept for
+// kUsageDaysKept days, also after their jobs are removed. This file has the values and pure
+// functions that sum them.
 #pragma once
 
 #include <cstddef>
@@ -18,28 +19,28 @@
 
 namespace sheaf::coordinator {
 
-// Rows of more days ago are removed.
+// Older rows are removed.
 inline constexpr int64_t kUsageDaysKept = 400;
-// Rows of one answer; a query that gives more is refused.
+// Maximum rows of one answer; a query with more is refused.
 inline constexpr size_t kUsageRowsMax = 10'000;
-// What is not written with a part waits this long for its commit: repeated and lost work, and
-// uploads. A crash of the coordinator loses no more than that.
+// Usage that is not written with a part (repeated and lost work, uploads) is committed at this
+// interval. A crash of the coordinator loses at most that much.
 inline constexpr absl::Duration kUsageWriteInterval = absl::Seconds(10);
 
 // Repeated and lost work is a part of the results and of their CPU time.
 struct Usage {
   uint64_t result_count = 0;  // Results that workers delivered.
-  uint64_t sample_count = 0;  // Pixel samples and light paths of them.
+  uint64_t sample_count = 0;  // Their pixel samples and light paths.
   uint64_t ray_count = 0;
   absl::Duration cpu_duration = {};
-  // Of work that was done already: checks and hedges.
+  // Results of work that was already done: checks and hedges.
   uint64_t repeated_count = 0;
   absl::Duration repeated_cpu_duration = {};
-  // Of results that no image has: late, invalid or false ones, and parts that the disk lost.
+  // Results that are in no image: late, invalid or false ones, and parts that the disk lost.
   uint64_t lost_count = 0;
   absl::Duration lost_cpu_duration = {};
-  uint64_t upload_bytes = 0;  // Of files of scenes and of images to resume.
-  uint64_t part_bytes = 0;    // Stored on that day, whether they still are or not.
+  uint64_t upload_bytes = 0;  // Files of scenes, and images to resume.
+  uint64_t part_bytes = 0;    // Stored on that day, even if removed since.
   uint64_t image_bytes = 0;   // Likewise, of delivered EXRs.
 
   Usage& operator+=(const Usage& other);
@@ -63,10 +64,10 @@ struct UsageQuery {
   UsageBy by = UsageBy::kUser;
   int64_t since_day = INT64_MIN, until_day = INT64_MAX;  // Both included.
   bool daily = false;                                    // A row for each day.
-  std::string owner = {};                                // Of this user alone; empty: of all.
+  std::string owner = {};                                // Only this user's; empty: all users'.
 };
 
-// The sum of some rows. What they differ in is empty.
+// The sum of several rows. Fields in which they differ are empty.
 struct UsageSum {
   std::optional<int64_t> day;  // None: over all days of the query.
   std::string user, show;
@@ -74,7 +75,7 @@ struct UsageSum {
   Usage usage;
 };
 
-// The sums that the query asks for, ascending by day; of a day, those of most CPU time first.
+// The sums that the query asks for, ascending by day; within a day, by descending CPU time.
 // Errors: kInvalidArgument (more than kUsageRowsMax rows), saying what to do.
 absl::StatusOr<std::vector<UsageSum>> SumUsage(const std::vector<UsageRow>& rows,
                                                const UsageQuery& query);
@@ -85,8 +86,7 @@ int64_t UsageDayOf(absl::Time time);
 std::string FormatUsageDay(int64_t day);
 // Errors: kInvalidArgument.
 absl::StatusOr<int64_t> ParseUsageDay(const std::string& text);
-// A query by the texts that people give; empty ones stand for the defaults. Errors:
-// kInvalidArgument.
+// Parses a query from users' texts; empty ones select the defaults. Errors: kInvalidArgument.
 absl::StatusOr<UsageQuery> ParseUsageQuery(const std::string& by, const std::string& since,
                                            const std::string& until, bool daily);
 

@@ -1,15 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LeaseLength: how many samples a lease has where the job leaves it to the coordinator. Long frames
+// LeaseLength: how many samples a lease has if the job leaves it to the coordinator. Long frames
 // get leases of some seconds (Limits::lease_target_seconds). Towards the end of a frame leases
 // shrink, so that the last ones end together: a lease has at most 1 / (tail_divisor x slots) of
 // what is left, where slots is the number of leases of the job that are rendered at once.
 //
-// With a divisor of 1 that is guided self-scheduling (Polychronopoulos and Kuck 1987, IEEE
-// Transactions on Computers C-36), which is right where samples cost the same everywhere. They do
-// not, so each round of leases takes half of what is left, as in factoring (Hummel, Schonberg and
-// Flynn 1992, Communications of the ACM 35), with a divisor of 2.
+// A divisor of 1 gives guided self-scheduling (Polychronopoulos and Kuck 1987, IEEE Transactions on
+// Computers C-36), which is optimal if all samples cost the same. They do not, so each round of
+// leases takes half of what is left, as in factoring (Hummel, Schonberg and Flynn 1992,
+// Communications of the ACM 35), with a divisor of 2.
 //
 // Blocks of any size give the same bits: all of them are nodes of the canonical tree (ADR 1).
 #pragma once
@@ -25,14 +25,14 @@ struct LeaseLength {
   double target_seconds = 0;
   double samples_left = 0;    // Pixel samples of the frame that can be leased.
   int slots = 1;              // Leases of the job that are rendered at once.
-  int64_t pixel_count = 1;    // Of the block.
-  uint64_t samples_max = 0;   // Per pixel, where there is such a limit; 0: none.
+  int64_t pixel_count = 1;    // Pixels of the block.
+  uint64_t samples_max = 0;   // Limit per pixel; 0: none.
   uint64_t pass_samples = 1;  // Per pixel; a power of two.
   uint64_t passes_max = 1;    // A power of two.
 };
 
-// Returns the samples per pixel of the lease: a power of two of passes, at least one. Unknown
-// speed: one.
+// Returns the samples per pixel of the lease: a power of two of passes, at least one pass. One pass
+// if the speed is unknown.
 uint64_t LeaseSamples(const LeaseLength& length, const Limits& limits);
 
 }  // namespace sheaf::coordinator

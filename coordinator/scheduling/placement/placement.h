@@ -7,7 +7,7 @@
 //
 // A bounded form of delay scheduling (Zaharia et al. 2010, "Delay Scheduling: A Simple Technique
 // for Achieving Locality and Fairness in Cluster Scheduling", EuroSys): a worker that has just
-// loaded a scene keeps to work that it is warm for, so that loading was worth it, and passes over
+// loaded a scene keeps to work that it is warm for, to make the loading worthwhile, and passes over
 // jobs that are next in order:
 //
 //     the next job is warm                the worker takes it
@@ -15,8 +15,8 @@
 //     the next job has waited for long    the worker takes it
 //     otherwise                           the worker takes it
 //
-// A job does not wait for the workers that are warm for it, as there: they may all be busy with it,
-// and it would get less than its share for as long as others are there.
+// Unlike there, a job does not wait for the workers that are warm for it: they may all be busy with
+// it, and it would get less than its share while other workers are free.
 //
 // Thread safety: none; the owner holds one lock. Cost: O(log n) a call, or linear where it says so.
 #pragma once
@@ -45,7 +45,7 @@ class WarmWorkers {
   int CountOf(const std::string& numeric_profile, const std::string& scene) const;
 
  private:
-  using Keys = std::set<std::string>;  // Of profile and scene.
+  using Keys = std::set<std::string>;  // Profile and scene.
   std::map<std::string, Keys> keys_of_;
   std::map<std::string, int> counts_;
 };
@@ -71,12 +71,12 @@ bool MayPassOver(const PassingOver& state, SteadyTime now, const Limits& limits)
 
 // Work that a worker is cold for.
 struct ColdWork {
-  std::string scene;        // Of which its first lease would be.
+  std::string scene;        // The scene of its first lease.
   double samples_left = 0;  // Pixel samples that can be leased.
 };
-// Returns the indices of `choices`, which are in order of right, in the order in which a cold
-// worker tries them: first scenes that no worker is warm for, as they come, then by descending work
-// left of the scene for each worker that is warm for it.
+// Returns the indices of `choices` in the order in which a cold worker tries them. `choices` are in
+// order of right. First come scenes that no worker is warm for, in their given order; then the
+// others, by descending work left of the scene per worker that is warm for it.
 std::vector<size_t> ColdOrder(std::span<const ColdWork> choices,
                               const std::function<int(const std::string& scene)>& warm_count);
 

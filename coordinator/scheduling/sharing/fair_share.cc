@@ -288,7 +288,7 @@ void FairShare::Grant(uint64_t lease_id, uint64_t job_id, uint64_t sample_count,
 void FairShare::Recharge(Charge* charge, double seconds) {
   const auto job = jobs_.find(charge->job_id);
   const double more = seconds - std::exchange(charge->seconds, seconds);
-  // What it got at another priority counts there, where it is no more.
+  // Service received at the old priority stays charged there.
   if (job == jobs_.end() || ClassOf(*job->second) != charge->job_class) return;
   Count(job->second.get(), more, /*is_grant=*/false);
 }

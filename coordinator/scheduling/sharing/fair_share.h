@@ -1,21 +1,23 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FairShare: in which order jobs are offered to workers. Jobs of one numeric profile and priority
-// share the work as a tree: first the shows, then the users of a show, then the jobs of a user.
+// FairShare: the order in which jobs are offered to workers. Jobs of one numeric profile and
+// priority share the work as a tree: first the shows, then the users of a show, then the jobs of a
+// user.
 //
-// Every node counts its share: the thread-seconds that it got, divided by its weight. The child
-// with the smallest share is offered first. A lease is charged when it is granted, by what its
-// samples are expected to cost; while it runs for longer than that, by the time that it is held;
-// and at its end by the CPU time of its result or, without one, by the time that it was held. So
-// cheap and dear scenes get equal time, not equal numbers of samples.
+// Every node counts its share: the thread-seconds that it received, divided by its weight. The
+// child with the smallest share is offered first. A grant charges the expected cost of the lease's
+// samples. While the lease runs longer than that, it is charged by the time it is held. Its end
+// charges the CPU time of its result or, without a result, the time it was held. So cheap and
+// expensive scenes get equal time, not equal numbers of samples.
 //
-// A node that comes, or comes back after it held and wanted nothing, begins at the share of the
+// A node that arrives, or returns after it held and wanted nothing, begins at the share of the
 // child that was served last, or at the least share of those that want work, if that is larger: it
-// has no claim on what others had before. This is the virtual time of start-time fair queueing
-// (Goyal, Vin and Cheng 1996, doi:10.1145/248156.248171), applied to a tree as there, with strides
-// of 1 / weight (Waldspurger and Weihl 1995, "Stride Scheduling", MIT/LCS/TM-528). A node that
-// could not be served, by a limit or for want of workers, catches up with share_lag_max at most.
+// has no claim on time that others used before. This is the virtual time of start-time fair
+// queueing (Goyal, Vin and Cheng 1996, doi:10.1145/248156.248171), applied to a tree as there, with
+// strides of 1 / weight (Waldspurger and Weihl 1995, "Stride Scheduling", MIT/LCS/TM-528). A node
+// that could not be served, because of a limit or a lack of workers, catches up by at most
+// share_lag_max.
 //
 // Thread safety: none. Cost: O(g log n) a lease, for g different requirements of a node's jobs;
 // nodes at the front that `may_take` refuses cost O(log n) each. Equal calls give equal orders.
@@ -55,13 +57,13 @@ class FairShare {
   };
   // The job wants nothing yet. Requires: the id is new.
   void AddJob(const Job& job);
-  // What its leases still cost counts for nobody.
+  // Its open leases are no longer charged to anyone.
   void RemoveJob(uint64_t job_id);
   // Whether a job has something to lease.
   void SetReady(uint64_t job_id, bool is_ready);
-  // It begins at the least share of those that it comes among.
+  // The job begins at the least share at its new priority.
   void SetPriority(uint64_t job_id, int32_t priority);
-  // Of a user or a show, from the next charge on.
+  // Sets the weight of a user or a show, from the next charge on.
   void SetWeight(const ShareSubject& subject, double weight) { weights_[subject] = weight; }
   void ResetWeight(const ShareSubject& subject) { weights_.erase(subject); }
 
@@ -73,21 +75,22 @@ class FairShare {
   std::vector<uint64_t> Offer(const std::string& numeric_profile, const std::vector<int>& groups,
                               const MayTake& may_take, size_t count_max) const;
 
-  // A lease of so many pixel samples was granted, for so many threads of a worker.
+  // A lease of sample_count pixel samples was granted, for thread_count threads of a worker.
   void Grant(uint64_t lease_id, uint64_t job_id, uint64_t sample_count, int thread_count);
-  // The lease was seen being loaded or rendered. Nothing happens to leases that have ended, here
-  // and in the next two.
+  // The lease was seen being loaded or rendered. A no-op if the lease has ended, as are the next
+  // two.
   void Run(uint64_t lease_id, SteadyTime now);
-  // The lease gave a result that took so long. cpu_max: no worker can have spent more.
+  // The lease gave a result that took `cpu`. cpu_max: an upper bound on what a worker can have
+  // spent.
   void Deliver(uint64_t lease_id, absl::Duration cpu, absl::Duration cpu_max);
   // The lease ended without a result; its worker was last heard at heard_time.
   void End(uint64_t lease_id, SteadyTime heard_time);
   // Samples of a job cost this.
   void NoteCost(uint64_t job_id, uint64_t sample_count, absl::Duration cpu);
 
-  // Thread-seconds over the weight: comparable beside jobs of the same user and priority only.
+  // Thread-seconds over the weight. Only comparable between jobs of the same user and priority.
   double ShareOfJob(uint64_t job_id) const;
-  // What a lease of the job is expected to cost, in thread-seconds.
+  // The expected cost of a lease of the job, in thread-seconds.
   double ExpectedSeconds(uint64_t job_id, uint64_t sample_count) const;
 
  private:
@@ -98,16 +101,16 @@ class FairShare {
     Level level = Level::kJob;
     std::string name;
     uint64_t order = 0;                        // A job's id.
-    int64_t minus_priority = 0;                // Of a class.
-    Node* parent = nullptr;                    // Null of a class.
+    int64_t minus_priority = 0;                // Only for a class.
+    Node* parent = nullptr;                    // Null for a class.
     double share = 0;                          // Thread-seconds over the weight.
     double clock = 0;                          // The largest share with which a child was served.
     int job_count = 0;                         // At or below it.
     int lease_count = 0;                       // The same.
     double cpu_seconds = 0, sample_count = 0;  // Measured costs.
-    int group = 0;                             // Of a job.
-    bool is_ready = false;                     // The same.
-    // Of others: children with ready jobs, by group; and all children, but for jobs.
+    int group = 0;                             // Only for a job.
+    bool is_ready = false;                     // Only for a job.
+    // Not for a job: children with ready jobs, by group; and all children other than jobs.
     std::map<int, std::set<Key>> ready;
     std::map<std::string, std::unique_ptr<Node>> children;
     std::set<Key> idle;  // Children without jobs that are ahead of others.

@@ -72,7 +72,7 @@ TEST_F(FairShareTest, WeightsAndPrioritiesDecide) {
   EXPECT_EQ(counts, (std::map<uint64_t, int>{{1, 5}, {2, 5}})) << "no debt of another priority";
 }
 
-// Cheap and dear samples get equal time.
+// Cheap and expensive samples get equal time.
 TEST_F(FairShareTest, TimeIsSharedNotSamples) {
   Add(1, "s", "cheap");
   Add(2, "s", "dear");
@@ -100,7 +100,7 @@ TEST_F(FairShareTest, NewcomersAndThoseWhoComeBackHaveNoClaim) {
   EXPECT_EQ(ServeMany(10, absl::Seconds(1)), (std::map<uint64_t, int>{{1, 5}, {2, 5}}));
 }
 
-// Who sends one small job after the other pays for those before.
+// A user who submits one small job after another pays for the earlier ones.
 TEST_F(FairShareTest, EndedJobsLeaveTheirDebtToTheirUser) {
   Add(1, "s", "anna");
   Add(2, "s", "ben");
@@ -149,7 +149,7 @@ TEST_F(FairShareTest, LimitsAndGroupsLetOthersPass) {
   EXPECT_THAT(Offer(9), ElementsAre());
 }
 
-// Who was kept back by a limit does not take the whole farm afterwards.
+// A user held back by a limit does not take the whole farm afterwards.
 TEST_F(FairShareTest, CatchingUpIsBounded) {
   Add(1, "s", "anna");
   Add(2, "s", "ben");

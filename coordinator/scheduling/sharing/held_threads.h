@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// HeldThreads: how many threads the leases of each user and show, and of each pool, hold. Of the
-// leases that wait in a worker no more render at once than it has threads, so a worker counts with
-// those at most.
+// HeldThreads: the number of threads held by the leases of each user, show and pool. A worker
+// counts with at most the threads that it has, because its queued leases cannot render at once.
 //
 // Thread safety: none. Cost: O(log n).
 #pragma once
@@ -20,20 +19,20 @@ namespace sheaf::coordinator {
 
 class HeldThreads {
  public:
-  // A lease of a worker, and who it counts for.
+  // A lease of a worker, and the subjects that it is charged to.
   struct Lease {
     std::string user, show, pool;
     std::string worker_id;
-    int lease_threads = 1;   // That it renders with.
-    int worker_threads = 1;  // That its worker has.
+    int lease_threads = 1;   // Threads it renders with.
+    int worker_threads = 1;  // Threads of its worker.
   };
   // Requires: the id is new.
   void Add(uint64_t lease_id, const Lease& lease);
-  // Nothing happens to a lease that is not there.
+  // A no-op if the lease is absent.
   void Remove(uint64_t lease_id);
 
   int64_t Of(const ShareSubject& subject) const;
-  // The same, if a worker had one lease of the subject more.
+  // The same, if a worker held one more lease of the subject.
   int64_t OfWith(const ShareSubject& subject, const std::string& worker_id, int lease_threads,
                  int worker_threads) const;
 

@@ -53,7 +53,7 @@ TEST(RequirementGroupsTest, SmallWorkersComeLastWhereMemoryIsExpectedToBeNeeded)
   kinds.Count("p", large, 1);
   EXPECT_THAT(groups.For("p", small, kinds, 9), IsEmpty());
   EXPECT_THAT(groups.For("p", large, kinds, 9), ElementsAre(group));
-  EXPECT_THAT(groups.For("p", small, kinds, 0), ElementsAre(group)) << "nobody looks";
+  EXPECT_THAT(groups.For("p", small, kinds, 0), ElementsAre(group)) << "no kinds are compared";
   kinds.Count("p", large, -1);
   EXPECT_THAT(groups.For("p", small, kinds, 9), ElementsAre(group));
 }

@@ -98,7 +98,7 @@ class FarmSim {
     std::array<SampleRanges, kTileCellsMax> merged;  // By cell.
   };
 
-  // By cell, as decided at the end of so many rounds: unequal, and often no more than before.
+  // By cell, as decided at the end of a number of rounds: unequal, and often as before.
   static std::vector<uint64_t> SamplesAfter(const FrameSpec& frame, const CellGrid& grid,
                                             int rounds) {
     if (!frame.stop.IsActive())

@@ -165,7 +165,7 @@ TEST_F(SchedulerChecksTest, DeliveriesDoNotWaitForHoarders) {
   EXPECT_EQ(scheduler_.leases().size(), 0u);
 }
 
-// Long tasks give workers that have delivered nothing no more time.
+// Long tasks do not give more time to workers that have delivered nothing.
 TEST_F(SchedulerChecksTest, DeliveriesOfLongTasksDoNotWaitForHoarders) {
   Sync("b", 0);
   const FrameId frame{1, 1};

@@ -93,7 +93,7 @@ TEST_F(SchedulerHoldsTest, FramesWaitForFrames) {
   EXPECT_EQ(Job(second).phase, JobPhase::kSucceeded);
 }
 
-// A late result of an earlier life may open a frame that waits.
+// A late result from before a restart may open a frame that waits.
 TEST_F(SchedulerHoldsTest, AFrameThatIsOpenGetsNoLeaseEither) {
   const uint64_t first = AddJob(1), second = AddAfter(1, {{first, true}});
   const FrameSpec frame = scheduler_.FindFrame({second, 1})->Spec();

@@ -15,7 +15,7 @@ namespace {
 
 class PlacementTest : public SchedulerTest {
  protected:
-  // A job of so many frames of one scene.
+  // A job with frame_count frames of one scene.
   uint64_t AddJobOf(const std::string& scene, int frame_count = 1, int32_t priority = 0,
                     int32_t edge_px = 64) {
     JobSpec job;
@@ -113,7 +113,7 @@ TEST_F(PlacementTest, ColdWorkersGoWhereFewAreWarm) {
   EXPECT_EQ(counts[y], 3);
 }
 
-// Where no further frame may be opened, the jobs that wait for that must not hide those that go on.
+// If no further frame may be opened, the jobs that wait for that must not hide those that continue.
 TEST_F(PlacementTest, JobsThatCannotOpenAFrameLeaveTheOthersTheirTurn) {
   const uint64_t big = AddJobOf("big", 1, 0, 5792);  // All pixels that may be open.
   EXPECT_EQ(Next("a", {}), big);

@@ -87,7 +87,7 @@ TEST_F(SchedulerRequirementsTest, WorkersWithTooLittleMemoryComeLast) {
   const WorkerTraits small{kDefaultPool, {}, 4 * kOneGib}, large{kDefaultPool, {}, 16 * kOneGib};
   EXPECT_EQ(Work("a", small), std::vector<uint64_t>{job}) << "there is no other";
   EXPECT_EQ(Work("b", large), std::vector<uint64_t>{job});
-  EXPECT_EQ(Work("a", small, 2).size(), 1u) << "it keeps what it has and gets no more";
+  EXPECT_EQ(Work("a", small, 2).size(), 1u) << "it keeps its lease and gets no further one";
   EXPECT_EQ(Work("b", large, 2).size(), 2u);
   now_ += limits_.lease_duration + absl::Seconds(1);
   EXPECT_EQ(Work("a", small, 3).size(), 3u) << "the large one is lost";

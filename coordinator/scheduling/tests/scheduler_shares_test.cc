@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Plays a farm of users with cheap and dear scenes, and looks who gets which part of its time.
+// Simulates a farm of users with cheap and expensive scenes, and compares their parts of its time.
 #include <algorithm>
 #include <functional>
 #include <map>

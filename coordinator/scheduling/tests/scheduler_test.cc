@@ -182,7 +182,7 @@ TEST_F(SchedulerTest, ThreeWorkersPoisonATask) {
     Sync(id, 0);
   }
   EXPECT_EQ(scheduler_.counters().tasks_poisoned, 1u);
-  EXPECT_EQ(Job(job).phase, JobPhase::kLive) << "the rest of the frame goes on";
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive) << "the rest of the frame continues";
   while (!Sync("d", 1).empty()) Accept(held_["d"][0]);
   EXPECT_EQ(Job(job).frames[0].sample_count_done, 64u * 64 * 64 - 32 * 32 * 16);
   EXPECT_EQ(Job(job).phase, JobPhase::kFailed);
@@ -223,7 +223,7 @@ TEST_F(SchedulerTest, ForgottenWorkersReturnTheirLeases) {
   EXPECT_EQ(scheduler_.leases().size(), 0u);
   EXPECT_TRUE(scheduler_.workers().workers().empty());
   EXPECT_EQ(scheduler_.counters().workers_lost, 1u);
-  EXPECT_EQ(Sync("b", 3).size(), held);  // The same work, for somebody else.
+  EXPECT_EQ(Sync("b", 3).size(), held);  // The same work, for another worker.
   EXPECT_EQ(Job(job).phase, JobPhase::kLive);
   // The work that the forgotten worker finished meanwhile still counts.
   EXPECT_EQ(Find(held_["a"].front()).kind, Found::kWanted);

@@ -88,7 +88,7 @@ TEST_F(TrainingTest, ALostFieldIsTrainedAgain) {
   const std::vector<Lease> before = Sync("w", 2);
   ASSERT_EQ(before.size(), 2u);
   scheduler_.Revoke({1, 1}, {2, {0, 1}, 1});
-  // Leased tasks go on. Nobody else gets them, for the field could not be read.
+  // Leased tasks continue. No other worker gets them, because the field could not be read.
   EXPECT_EQ(Find(before[0], kField.sha256_hex).kind, Scheduler::FoundTask::Kind::kWanted);
   const std::vector<Lease> training = Sync("v", 8);
   ASSERT_EQ(training.size(), 1u);

@@ -32,7 +32,7 @@ class TroublesTest : public SchedulerTest {
   void RenderAllBy(const std::string& id) {
     while (!Sync(id, 1).empty()) Accept(held_[id][0]);
   }
-  // Another life of the scheduler, with what was durable of one job.
+  // The scheduler after a restart, with the durable state of one job.
   std::vector<TaskTrouble> Durable() {
     std::vector<TaskTrouble> troubles;
     for (const auto& [id, trouble] : scheduler_.TakeTroubles()) {
@@ -203,7 +203,7 @@ TEST_F(TroublesTest, ScenesThatFitNoMemoryLeaveTheirFrameIncomplete) {
   EXPECT_EQ(FrameOf(job).phase, FrameRecord::Phase::kIncomplete);
   EXPECT_THAT(IncompleteText(FrameOf(job)),
               HasSubstr("a, b, c lack the memory to load its scene; worker c says: needs 3 GiB"));
-  EXPECT_EQ(Job(job).phase, JobPhase::kLive) << "the other frame goes on";
+  EXPECT_EQ(Job(job).phase, JobPhase::kLive) << "the other frame continues";
   warm_.clear();
   RenderAllBy("a");
   scheduler_.Deliver({job, 2});
@@ -222,7 +222,7 @@ TEST_F(TroublesTest, AloneAWorkerGoesOnWithOtherTasksUntilItIsClear) {
             absl::StrCat("waiting for another worker: a failed frame 1 by lack of memory; "
                          "what ends this: another worker, sheaf retry jobs/",
                          job, ", or sheaf kill jobs/", job,
-                         " --frame 1; on a farm with no more workers than 1, sheaf-coordinator "
+                         " --frame 1; if no other worker will join the farm, sheaf-coordinator "
                          "--poison-workers 1"));
   EXPECT_FALSE(Sync("b", 1).empty());
 }

@@ -24,7 +24,7 @@
 
 namespace sheaf::coordinator {
 
-// What a scene costs a worker.
+// The cost of a scene for a worker.
 struct SimulatedScene {
   const char* name;
   double load_seconds;        // Reading and compiling it.
@@ -33,7 +33,7 @@ struct SimulatedScene {
 
 struct SimulatedFarmOptions {
   int worker_count = 50;
-  int thread_count = 2;  // Of each.
+  int thread_count = 2;  // Per worker.
   int leases_ahead = 2;
   size_t scenes_kept = 2;        // In a worker's memory; the least recently used one goes.
   double cost_deviation = 0.25;  // Log-normal, of the cost of a lease.
@@ -56,7 +56,7 @@ class SimulatedFarm {
     }
   }
 
-  // Frames of so many square pixels.
+  // Frames of edge_px by edge_px pixels.
   void AddJob(uint64_t id, const std::string& scene, int frame_count, int32_t edge_px,
               uint64_t samples, int32_t priority = 0) {
     JobSpec job;
@@ -138,7 +138,7 @@ class SimulatedFarm {
     std::map<uint64_t, Running> running;      // By lease.
     std::map<std::string, SteadyTime> ready;  // Scenes in memory, and when they are loaded.
     std::vector<std::string> used;            // Those, the least recently used first.
-    std::vector<SteadyTime> thread_ends;      // Of their last tasks.
+    std::vector<SteadyTime> thread_ends;      // End of each thread's last task.
   };
 
   void Step(Worker* worker, int index) {

@@ -15,7 +15,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// Workers that nobody has seen before, on a farm with one that has delivered results.
+// Workers never seen before, on a farm with one that has delivered results.
 class StrangersTest : public SchedulerTest {
  protected:
   StrangersTest() : SchedulerTest(Limits()) {
@@ -94,7 +94,7 @@ TEST_F(StrangersTest, CrashesOfStrangersSetNothingAside) {
   EXPECT_THAT(IncompleteText(Job(job).frames[0]), HasSubstr("worker old says: "));
 }
 
-// Nobody is left who may render the task, so that no further failure tells of it.
+// No worker is left that may render the task, so no further failure reports it.
 TEST_F(StrangersTest, CrashesOfAllCountOnceWorkersWithResultsAreGone) {
   const uint64_t job = AddJob();
   for (const char* id : {"x", "y", "z"}) FailOne(id, FailureKind::kInternal);

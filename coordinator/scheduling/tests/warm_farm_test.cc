@@ -99,8 +99,8 @@ TEST(WarmFarmTest, FewLeasesAreColdAndNobodyStarves) {
   EXPECT_LT(with.longest_wait, 2 * (Limits().warm_wait_max + Limits().warm_stay_min));
 }
 
-// One long frame on a farm of workers with many threads: leases of about ten seconds, and at the
-// end nobody waits for somebody else's.
+// One long frame on a farm of workers with many threads: leases take about ten seconds, and all
+// workers finish together.
 TEST(WarmFarmTest, LeasesOfALongFrameAreLongAndEndTogether) {
   SimulatedFarmOptions options;
   options.worker_count = 8;

@@ -22,7 +22,7 @@
 namespace sheaf::coordinator {
 
 struct DroppedLimits {
-  uint64_t bytes_max = uint64_t{4} << 30;  // Of all files together.
+  uint64_t bytes_max = uint64_t{4} << 30;  // All files together.
   uint64_t files_max = 20'000;
 };
 
@@ -67,7 +67,7 @@ class DroppedFiles {
   const FileDescriptor files_;  // The folder "files".
   const DroppedLimits limits_;
   const WriteWithSpace write_with_space_;
-  std::map<std::string, uint64_t> sizes_;  // Of files by name; at most files_max.
+  std::map<std::string, uint64_t> sizes_;  // Sizes by file name; at most files_max.
   uint64_t bytes_ = 0;
 };
 

@@ -19,7 +19,7 @@ namespace sheaf::coordinator {
 
 struct ReaderProcessLimits {
   absl::Duration wall_max = absl::Minutes(10);
-  absl::Duration cpu_max = absl::Minutes(20);  // Of all its threads.
+  absl::Duration cpu_max = absl::Minutes(20);  // All its threads.
   uint64_t memory_bytes_max = uint64_t{8} << 30;
   // Limits of what it writes: files out of a zip file, and images out of a glTF file.
   uint64_t written_bytes_max = uint64_t{4} << 30;

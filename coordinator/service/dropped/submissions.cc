@@ -68,7 +68,7 @@ std::string NotesOf(const v1::PrepareReply& reply) {
   return notes;
 }
 
-// Text of a process that nobody trusts.
+// Sanitizes text of an untrusted process.
 std::string ForPeople(std::string text) {
   if (text.size() > kSubmissionTextBytesMax) {
     text.resize(kSubmissionTextBytesMax);
@@ -186,7 +186,7 @@ absl::StatusOr<uint64_t> Submissions::Append(const SubmissionCaller& caller, con
   if (!found.ok()) return found.status();
   Submission& submission = **found;
   if (submission.view.state != SubmissionState::kReceiving) {
-    return StateError(submission.view, "no more files can come");
+    return StateError(submission.view, "it takes no further files");
   }
   submission.heard = SteadyTime::Now();
   absl::StatusOr<uint64_t> size = submission.files->Append(name, offset_bytes, bytes);
@@ -292,7 +292,7 @@ absl::StatusOr<v1::PrepareReply> Submissions::ReadConfined(DroppedFiles* files,
 }
 
 void Submissions::ReadOne(Submission* submission, const std::stop_token& stop) {
-  // While it is being read, nobody else changes it but for `heard`.
+  // While it is being read, only `heard` changes.
   DroppedFiles* files = nullptr;
   SubmissionWish wish;
   SubmissionCaller caller;

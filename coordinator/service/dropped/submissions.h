@@ -27,8 +27,8 @@
 
 namespace sheaf::coordinator {
 
-// Submissions that are kept, and those of one person. One more takes the place of the oldest that
-// has ended, or is refused.
+// Submissions kept, in total and per user. A further one replaces the oldest that has ended, or is
+// refused.
 inline constexpr size_t kSubmissionsMax = 64;
 inline constexpr size_t kSubmissionsOfOwnerMax = 8;
 // Scenes that are read at once; others wait in their order.
@@ -41,7 +41,7 @@ inline constexpr uint64_t kPieceBytesMax = uint64_t{2} << 20;
 inline constexpr size_t kSubmissionTextBytesMax = 64 << 10;
 
 struct SubmissionOptions {
-  std::string folder;   // Of all submissions; emptied at the start.
+  std::string folder;   // Holds all submissions; emptied at the start.
   std::string program;  // `sheaf`; empty: scenes are not read.
   std::string why_not;  // Why nothing is taken; empty: it is.
   DroppedLimits limits;

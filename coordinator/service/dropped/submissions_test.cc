@@ -87,7 +87,7 @@ class SubmissionsTest : public ::testing::Test {
 
   const std::string folder_ = sheaf::testing::TemporaryPath("submissions");
   SubmissionOptions options_;
-  std::string made_;  // What the last job was made of.
+  std::string made_;  // The input of the last job.
   std::unique_ptr<Submissions> desk_;
 };
 

@@ -124,7 +124,7 @@ void Farm::RunOnce() {
     next_delivery_ = SteadyTime::Now() + kDeliveryRetryInterval;
     lifecycle_.SettleEnded();
     lifecycle_.LimitKeptParts();
-    // Nobody else may write meanwhile, and so notice that there is space again.
+    // No other write may happen meanwhile that would detect free space.
     if (!disk_fine) disk_.Note(ProbeDisk());
     removals_.Retry();
     RemoveFalseResults();
@@ -181,7 +181,7 @@ void Farm::KeepProvenFailures(WorkerReport* report) {
   const auto lacks_proof =
       [&](const LeaseFailure& failure) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex) {
         const Lease* lease = tables_.scheduler.leases().Find(failure.lease_id);
-        if (lease == nullptr) return true;  // It has ended: its failure concerns nobody.
+        if (lease == nullptr) return true;  // It has ended: ignore its failure.
         const std::string digest =
             tables_.scheduler.FindFrame(lease->frame)->packed.frame_digest().Hex();
         const LeasedWork work{lease->lease_id,   IdentityOf(*report), digest,     lease->tile_rect,

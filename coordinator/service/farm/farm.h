@@ -3,23 +3,23 @@
 //
 // Farm: the coordinator without its transports, as one object. It joins the scheduler (which worker
 // renders which task), the store (durable state) and the merges (parts becoming images), and adds
-// what those leave out: locks, the clock and one background thread. Its parts:
+// locks, the clock and one background thread. Its parts:
 //
 //     FarmTables       the scheduler and the tables that change with it, under one mutex
 //     JobLifecycle     creates, controls, refines and ends jobs; restores them after a start
 //     ResultIntake     takes results: check, file, row, scheduler, merge, acknowledgement; gives
 //                      guiding fields to workers
-//     FrameRounds      goes from one round of a frame to the next
+//     FrameRounds      advances frames from one round to the next
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
-//     WorkerDrains     takes workers out
-//     DiskKeeper       removes what is not kept any longer
-//     Scrubber         compares what is kept with its digests, in a thread of its own
-//     ShareControl     weights and limits of users, shows and pools
+//     WorkerDrains     drains workers
+//     DiskKeeper       removes items that are no longer kept
+//     Scrubber compares stored data with its digests, in a thread of its own ShareControl weights
+//     and limits of users, shows and pools
 //     DeliveredImages, FramePreviews, JobViews, WorkerViews, TaskReports, RefinementPricing,
 //     FarmMetrics      answer queries
 //
 // When a frame's last result is merged, the background thread develops the frame, writes the EXR,
-// and notes that it is delivered.
+// and records the delivery.
 #pragma once
 
 #include <memory>
@@ -67,7 +67,7 @@
 
 namespace sheaf::coordinator {
 
-// A lease with what the worker needs to know of its frame.
+// A lease with the data of its frame that the worker needs.
 struct LeaseGrant {
   Lease lease;
   std::string frame_digest;
@@ -85,8 +85,8 @@ class Farm : public FarmView {
   // The same with a store of another kind.
   static absl::StatusOr<std::unique_ptr<Farm>> Open(const FarmOptions& options,
                                                     std::unique_ptr<JobStore> store);
-  // The same without the background thread: its work is done where the caller calls RunOnce. For
-  // simulations, which have one thread.
+  // The same without the background thread: the caller does its work by RunOnce. For
+  // single-threaded simulations.
   static absl::StatusOr<std::unique_ptr<Farm>> OpenWithoutThread(const FarmOptions& options,
                                                                  std::unique_ptr<JobStore> store);
   ~Farm() override;
@@ -97,23 +97,23 @@ class Farm : public FarmView {
   BlobStore& blobs() { return *blobs_; }
   ContentExchange& content() { return content_; }
   const FarmOptions& options() const { return options_; }
-  // For simulations, which look whether the tables agree with each other.
+  // For simulations, which check that the tables are consistent.
   FarmTables& tables() { return tables_; }
 
   // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns
-  // the id, also of the job that an equal request_id made before. Errors: those of
+  // the id, or that of an earlier job with an equal request_id. Errors: those of
   // Scheduler::CheckJob; kInvalidArgument (a frame cannot resume its image);
   // kResourceExhausted (disk).
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id) {
     return lifecycle_.Create(std::move(spec), request_id);
   }
-  // OK means: the job's end is durable. Nothing happens to a job that was cancelled. Errors:
-  // kNotFound; kFailedPrecondition (it has ended otherwise); kUnavailable (the disk).
+  // OK means: the job's end is durable. A no-op if the job was cancelled. Errors: kNotFound;
+  // kFailedPrecondition (it has ended otherwise); kUnavailable (the disk).
   absl::Status CancelJob(uint64_t job_id) { return lifecycle_.Cancel(job_id); }
 
-  // A paused job gets no new leases until it is resumed. Nothing happens to a job that is as it
-  // shall be. OK means: it is durable. Errors: kNotFound; kFailedPrecondition (it has ended);
-  // kUnavailable (the disk).
+  // A paused job gets no new leases until it is resumed. A no-op if the job already has this state.
+  // OK means: it is durable. Errors: kNotFound; kFailedPrecondition (it has ended); kUnavailable
+  // (the disk).
   absl::Status PauseJob(uint64_t job_id) { return lifecycle_.SetPaused(job_id, true); }
   absl::Status ResumeJob(uint64_t job_id) { return lifecycle_.SetPaused(job_id, false); }
   // Errors: also kInvalidArgument.
@@ -121,12 +121,12 @@ class Farm : public FarmView {
     return lifecycle_.SetPriority(job_id, priority);
   }
 
-  // Starts a job that waits for others, whatever became of them. OK means: it is durable. Errors:
+  // Releases a job from its dependencies, whatever their state. OK means: it is durable. Errors:
   // kNotFound; kFailedPrecondition (it waits for none, or has ended); kUnavailable (the disk).
   absl::Status ReleaseJob(uint64_t job_id) { return lifecycle_.Release(job_id); }
-  // Goes on with frames that wait for approval: with these or, where none is named, with all that
-  // wait now. Nothing happens to those that are approved. OK means: it is durable. Errors:
-  // kNotFound; kFailedPrecondition (the job or a frame does not wait); kUnavailable (the disk).
+  // Continues frames that wait for approval: these or, if none is named, all that wait now. A no-op
+  // for approved frames. OK means: it is durable. Errors: kNotFound; kFailedPrecondition (the job
+  // or a frame does not wait); kUnavailable (the disk).
   absl::Status ApproveFrames(uint64_t job_id, const std::vector<int32_t>& frames) {
     const ResultIntake::Pause pause(&intake_);
     return lifecycle_.Approve(job_id, frames);
@@ -140,51 +140,52 @@ class Farm : public FarmView {
     return drains_.Undrain(chosen);
   }
 
-  // Goes on with a job that succeeded, from the parts that are kept of it; what is not kept is
-  // rendered again. Nothing happens where all of its frames are good enough. OK means: it is
-  // durable. Errors: kNotFound; kFailedPrecondition (it has not succeeded); kInvalidArgument (fewer
-  // samples than it has); kUnavailable, kResourceExhausted (the disk).
+  // Continues a job that succeeded, from its kept parts; missing parts are rendered again. A no-op
+  // if all of its frames are good enough. OK means: it is durable. Errors: kNotFound;
+  // kFailedPrecondition (it has not succeeded); kInvalidArgument (fewer samples than it has);
+  // kUnavailable, kResourceExhausted (the disk).
   absl::Status RefineJob(uint64_t job_id, const Refinement& refinement) {
     return lifecycle_.Refine(job_id, refinement);
   }
 
-  // Forgets the failures of a job, of a frame of it or of a task (a tile's number), and leases
-  // again what was set aside; a job that failed goes on. OK means: it is durable. Errors:
-  // kNotFound; kFailedPrecondition (it has ended otherwise); kUnavailable, kResourceExhausted (the
-  // disk, or the owner's limits).
+  // Clears the failures of a job, of a frame of it or of a task (a tile's number), and leases tasks
+  // again that were set aside; a failed job continues. OK means: it is durable. Errors: kNotFound;
+  // kFailedPrecondition (it has ended otherwise); kUnavailable, kResourceExhausted (the disk, or
+  // the owner's limits).
   absl::Status RetryTasks(uint64_t job_id, std::optional<int32_t> frame,
                           std::optional<uint32_t> task) {
     const ResultIntake::Pause pause(&intake_);
     return lifecycle_.Retry(job_id, frame, task);
   }
-  // Sets a task, or a whole frame, aside: nobody renders it until it is retried. OK means: it is
-  // durable. Errors: as RetryTasks; kFailedPrecondition where it is rendered.
+  // Sets a task, or a whole frame, aside until it is retried. OK means: it is durable. Errors: as
+  // RetryTasks; kFailedPrecondition if it is rendered.
   absl::Status KillTasks(const FrameId& id, std::optional<uint32_t> task, const std::string& why) {
     return lifecycle_.Kill(id, task, why);
   }
-  // A pinned job keeps all that is kept of it until it is not pinned any more. OK means: it is
-  // durable. Errors: kNotFound; kUnavailable (the disk).
+  // A pinned job keeps all its stored data until it is unpinned. OK means: it is durable. Errors:
+  // kNotFound; kUnavailable (the disk).
   absl::Status SetJobPinned(uint64_t job_id, bool pinned) {
     return lifecycle_.SetPinned(job_id, pinned);
   }
-  // Removes what the limits of retention say, and returns it. dry_run: only says what it would be.
+  // Removes the items that the limits of retention select, and returns them. dry_run: only returns
+  // them.
   // Errors: those of the store.
   absl::StatusOr<std::vector<RemovalView>> CollectGarbage(bool dry_run) {
     return keeper_.CollectForPeople(dry_run, keeper_.AgingNow());
   }
 
-  // What jobs have taken and what is kept of them, of the query's owner or of all. Errors:
+  // The usage of jobs and the bytes kept of them, for the query's owner or for all. Errors:
   // kInvalidArgument (too many rows); those of the store.
   absl::StatusOr<UsageReport> ListUsage(const UsageQuery& query);
   // An owner has uploaded bytes of a file.
   void NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes);
-  // Whether the owner may keep so many more bytes; 0: whether jobs of theirs may begin. Errors:
-  // those of DiskKeeper::CheckOwner.
+  // Checks that the owner may store `more` bytes; with 0, that they may start jobs. Errors: those
+  // of DiskKeeper::CheckOwner.
   absl::Status CheckOwnerBytes(const std::string& owner, uint64_t more) {
     return keeper_.CheckOwner(owner, more);
   }
-  // The disk space of an upload, before its first byte. blob: its SHA-256, or empty for several
-  // blobs. Errors: those of DiskKeeper::ClaimUpload.
+  // Claims the disk space of an upload, before its first byte. blob: its SHA-256, or empty for
+  // several blobs. Errors: those of DiskKeeper::ClaimUpload.
   absl::StatusOr<UploadClaim> ClaimUpload(const std::string& blob, uint64_t bytes) {
     return keeper_.ClaimUpload(blob, bytes, absl::Now());
   }
@@ -193,7 +194,7 @@ class Farm : public FarmView {
     std::vector<LeaseGrant> leases;
     absl::Duration next_synchronize;
     absl::Duration lease_duration;
-    bool exits = false;           // As Scheduler has it.
+    bool exits = false;           // As in Scheduler.
     bool direct_uploads = false;  // Workers store results themselves, by tickets.
   };
   // Errors: those of Scheduler::Synchronize.
@@ -225,9 +226,9 @@ class Farm : public FarmView {
   // The bytes of a guiding field that a TaskReport names. Errors: those of JobStore::ReadPart.
   absl::StatusOr<std::string> ReadPart(const PartRow& row) { return store_->ReadPart(row); }
 
-  // Gives an identity work again; nothing happens where it is not in quarantine. OK means: that is
-  // durable. Errors: kFailedPrecondition (its false results are still being removed);
-  // kUnavailable, kResourceExhausted (the disk).
+  // Ends the quarantine of an identity; a no-op if it is not in quarantine. OK means: it is
+  // durable. Errors: kFailedPrecondition (its false results are still being removed); kUnavailable,
+  // kResourceExhausted (the disk).
   absl::Status LiftQuarantine(const std::string& identity) {
     return lifecycle_.LiftQuarantine(identity);
   }
@@ -255,18 +256,18 @@ class Farm : public FarmView {
   std::vector<JobView> ListJobs() const override { return job_views_.List(); }
   // The same with pilots.
   std::vector<JobView> ListJobsAndPilots() const { return job_views_.ListWithPilots(); }
-  // Somebody waits for the job: a live pilot that nobody waits for is cancelled
+  // Records that a client waits for the pilot; otherwise it is cancelled
   // (Limits::pilot_unasked_max).
   void NotePilotRequest(uint64_t job_id) { lifecycle_.NotePilotRequest(job_id); }
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
     return job_views_.Find(job_id, /*with_frames=*/true);
   }
-  // As ListJobs has it: without its frames. Errors: kNotFound.
+  // As in ListJobs: without its frames. Errors: kNotFound.
   absl::StatusOr<JobView> FindJobChanges(const std::string& job_id,
                                          FrameMarks* marks) const override {
     return job_views_.FindChanges(job_id, marks);
   }
-  // Whether the job is there and has not ended. Cheap.
+  // Whether the job exists and has not ended. Cheap.
   bool IsLive(const std::string& job_id) const { return job_views_.IsLive(job_id); }
   absl::StatusOr<JobView> FindJobAlone(const std::string& job_id) const {
     return job_views_.Find(job_id, /*with_frames=*/false);
@@ -312,13 +313,13 @@ class Farm : public FarmView {
   Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
        std::unique_ptr<BlobStore> blobs, std::unique_ptr<RoundPreviews> round_previews,
        const std::string& secret);
-  // Removes the results of those who were found to make false ones, and those of lost fields.
-  // Whether the disk takes writes again.
+  // Removes the results of identities found to make false ones, and those of lost fields. Whether
+  // the disk takes writes again.
   absl::Status ProbeDisk();
   void RemoveFalseResults();
-  // Writes the accounts that wait; logs what fails.
+  // Writes pending accounts; logs errors.
   void WriteUsage();
-  // Removes the failures that do not prove that their lease is the sender's.
+  // Removes failures without proof that the lease was the sender's.
   void KeepProvenFailures(WorkerReport* report) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
   const FarmOptions options_;
@@ -341,7 +342,7 @@ class Farm : public FarmView {
   FrameRounds rounds_;
   DeliveredImages images_;
   ResultIntake intake_;
-  // RunOnce's alone.
+  // Only used by RunOnce.
   FrameDelivery delivery_;
   LostScenes lost_scenes_;
   ShareControl share_control_;
@@ -356,7 +357,7 @@ class Farm : public FarmView {
   TaskReports task_reports_;
   RefinementPricing pricing_;
   FarmMetrics metrics_;
-  std::unique_ptr<Scrubber> scrubber_;  // Null where nothing is scrubbed.
+  std::unique_ptr<Scrubber> scrubber_;  // Null if nothing is scrubbed.
   // Last: they use everything above.
   std::thread background_;
   std::jthread scrubbing_;

@@ -20,8 +20,8 @@ namespace {
 
 namespace experimental = grpc::experimental;
 
-// "WorkerService/Synchronize" of "/sheaf.v1.WorkerService/Synchronize". What a stranger makes up is
-// no label.
+// "WorkerService/Synchronize" of "/sheaf.v1.WorkerService/Synchronize". Unknown methods must not
+// become labels.
 std::string NameOf(const char* method) {
   if (method == nullptr || !RequirementOf(method)) return "other";
   const std::string_view text(method);
@@ -35,7 +35,7 @@ class CallTimer final : public experimental::Interceptor {
  public:
   CallTimer(CallTimes* times, std::string name) : times_(times), name_(std::move(name)) {}
   ~CallTimer() override {
-    if (!is_noted_) Note(absl::StatusCode::kCancelled);  // Nobody waited for its status.
+    if (!is_noted_) Note(absl::StatusCode::kCancelled);  // The client did not wait for its status.
   }
   CallTimer(const CallTimer&) = delete;
   CallTimer& operator=(const CallTimer&) = delete;

@@ -33,8 +33,8 @@ std::string OwnerOf(const grpc::ServerContext& context);
 absl::Status RequireJobControl(const grpc::ServerContext& context, AccessControl* access,
                                const std::string& owner);
 
-// Counts a call that streams among those that its caller has open, while the result lives; counts
-// nothing without TLS. operation: for the audit log. Errors: kResourceExhausted, recorded.
+// Counts a streaming call among its caller's open streams, until the result is destroyed; a no-op
+// without TLS. operation: for the audit log. Errors: kResourceExhausted, recorded.
 absl::StatusOr<IdentityUse::Stream> OpenStream(const grpc::ServerContext& context,
                                                AccessControl* access, const char* operation);
 

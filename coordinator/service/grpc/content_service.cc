@@ -105,7 +105,7 @@ grpc::Status ContentService::WriteBlob(grpc::ServerContext* context,
   absl::StatusOr<BlobWriter> writer = blobs_->BeginWrite(*digest, message.offset_bytes());
   if (absl::IsAlreadyExists(writer.status())) {
     response->set_committed_bytes(digest->size_bytes);
-    // Somebody else brought it: a blob never changes.
+    // Another client brought it: a blob never changes.
     return Finish(absl::OkStatus(), &message, reader);
   }
   if (!writer.ok()) return Finish(OfSharedUpload(writer.status()), &message, reader);

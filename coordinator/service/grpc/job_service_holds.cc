@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobService that lets held work go on, and takes workers out.
+// The part of JobService that continues held work, and drains workers.
 #include <algorithm>
 #include <string>
 #include <vector>

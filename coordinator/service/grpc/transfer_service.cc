@@ -181,7 +181,7 @@ grpc::Status TransferService::WriteChunks(grpc::ServerContext* context,
   if (!list.ok()) return finish(list.status());
   absl::StatusOr<ChunkedWrite> write =
       ChunkedWrite::Begin(*blobs_, &content_->chunks(), *list, message.offset_bytes());
-  // Somebody else brought it: a blob never changes.
+  // Another client brought it: a blob never changes.
   if (absl::IsAlreadyExists(write.status())) return finish(absl::OkStatus());
   if (!write.ok()) return finish(OfSharedUpload(write.status()));
   const uint64_t asked_bytes = list->blob.size_bytes - message.offset_bytes();
@@ -195,7 +195,10 @@ grpc::Status TransferService::WriteChunks(grpc::ServerContext* context,
   absl::Status status = WriteAll(reader, &message, &*write, &*claim, &received_bytes);
   if (status.ok() && context->IsCancelled()) {
     status = write->Flush();
-    if (status.ok()) status = absl::CancelledError("the upload was interrupted; it can go on");
+    if (status.ok())
+      status = absl::CancelledError(
+          "the upload was interrupted; it can be "
+          "continued");
   } else if (status.ok()) {
     status = write->Finish();
   }

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What people hold work back by (job_holds.h), on the wire.
+// Held work (job_holds.h), on the wire.
 #include <string>
 
 #include "absl/strings/numbers.h"

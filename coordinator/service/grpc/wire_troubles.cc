@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The tasks of frames that nobody renders, on the wire.
+// Tasks that are set aside, on the wire.
 #include "coordinator/service/grpc/wire.h"
 
 namespace sheaf::coordinator {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// WorkerVersions: tells the log which workers speak another version of the protocol than this
-// coordinator does, so that a person can see who is still to be updated.
+// WorkerVersions: logs the workers whose protocol version differs from this coordinator's, so that
+// an operator can see which ones to update.
 #pragma once
 
 #include <set>
@@ -18,7 +18,7 @@ class WorkerVersions {
   // Workers that are remembered as told of. Where there are more, they are told of again.
   static constexpr size_t kToldMax = 10'000;
 
-  // The worker speaks this version with the coordinator. Logs it once, where it is not the
+  // The worker speaks this version with the coordinator. Logs it once, if it is not the
   // coordinator's newest. Returns whether it did.
   bool Note(const std::string& worker_id, int version);
 

@@ -26,11 +26,11 @@ struct HttpServiceOptions {
   HttpServerOptions server;
   // Names under which clients reach the port, in addition to localhost and numeric addresses.
   std::vector<std::string> allowed_hosts;
-  // Decides who may use the port; null: everybody who reaches it. It must outlive the service.
+  // Decides who may use the port; null: every client that reaches it. It must outlive the service.
   AccessControl* access = nullptr;
   // Gets the times of requests, and is shown in /metrics; null: none. It must outlive the service.
   ServerMetrics* metrics = nullptr;
-  // Takes scenes that are dropped on the page; null: none are. It must outlive the service.
+  // Takes scenes that are dropped on the page; null: takes none. It must outlive the service.
   SubmissionDesk* submissions = nullptr;
 };
 

@@ -35,12 +35,12 @@ absl::StatusOr<std::unique_ptr<AccessControl>> OpenAccess(const std::string& sta
   return AccessControl::Open(state_directory);
 }
 
-// Who runs a command, for the audit log: reading the state directory is the permission.
+// The user who runs a command, for the audit log: access to the state directory is the permission.
 std::string LocalAdministrator() {
   return absl::StrCat("uid ", ::getuid(), " on the coordinator's machine");
 }
 
-// The name of the person who runs the command.
+// The name of the user who runs the command.
 std::string PersonName() {
   const passwd* person = ::getpwuid(::getuid());
   const std::string name = person == nullptr ? "" : person->pw_name;
@@ -125,7 +125,7 @@ void AccessCommands::AddTo(CLI::App* app) {
   init->add_option("--port", port_, "gRPC's port, under which sheaf finds your certificate")
       ->capture_default_str();
   init->footer("Example:\n  sheaf-coordinator init --name farm.example.org");
-  CLI::App* enroll = Add(app, "enroll", "Print a token that enrols one machine or person",
+  CLI::App* enroll = Add(app, "enroll", "Print a token that enrols one machine or user",
                          [this] { return Enroll(); });
   AddIdentity(enroll);
   enroll

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The build of this program: its version, the revision of its sources where they are a repository,
-// its compiler and its numeric profile.
+// The build of this program: its version, the revision of its sources if they are a repository, its
+// compiler and its numeric profile.
 #pragma once
 
 #include "coordinator/service/view/server_metrics.h"

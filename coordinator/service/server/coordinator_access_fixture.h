@@ -63,8 +63,8 @@ class CoordinatorAccessTest : public CoordinatorServerTest {
     return MakeChannel(Address(),
                        EnrolmentCredentials(server_->access()->authority().certificate_pem()));
   }
-  // Calls any method with an empty request: requests of all are valid when empty, and answered by
-  // an error of the handler where it is let in.
+  // Calls any method with an empty request, which is valid for every method. An admitted call is
+  // answered by an error of the handler.
   absl::Status Call(const std::shared_ptr<grpc::Channel>& channel, const std::string& operation) {
     grpc::GenericStub stub(channel);
     grpc::ClientContext context;

@@ -124,7 +124,7 @@ TEST_F(CoordinatorAccessTest, PlainTextIsForLoopbackOrOnRequest) {
     EXPECT_TRUE(absl::IsInvalidArgument(GetJob(connection->Open())));
   }
   EXPECT_TRUE(ConnectionTo(Address(), none, false).ok());
-  EXPECT_TRUE(ConnectionTo("127.0.0.1:1", none, false).ok()) << "nobody is there yet";
+  EXPECT_TRUE(ConnectionTo("127.0.0.1:1", none, false).ok()) << "no server is there yet";
 }
 
 TEST_F(CoordinatorAccessTest, AClientTrustsItsOwnAuthorityOnly) {

@@ -21,7 +21,7 @@ using ::testing::HasSubstr;
 struct ReadBundle {
   grpc::Status status;
   v1::TaskBundle task;
-  std::vector<std::string> order;            // Of the digests of the files.
+  std::vector<std::string> order;            // Digests of the files.
   std::map<std::string, std::string> files;  // By digest.
 };
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// False results over the wire: a worker that sends plausible sums which nobody rendered. They are
-// noticed by rendering again, removed and corrected, also in frames that are delivered.
+// False results over the wire: a worker that sends plausible sums that it did not render. They are
+// detected by rendering again, removed and corrected, also in delivered frames.
 #include <string>
 #include <vector>
 
@@ -65,7 +65,7 @@ TEST_F(CoordinatorChecksTest, FalseResultsThatCameFirstAreRemoved) {
   ASSERT_EQ(*liar.RenderOne(), Response::OUTCOME_ACCEPTED);
   const v1::Job after = Finish(name, {&b, &c});
   EXPECT_EQ(after.frames(0).image_digest(), ExpectedDigest(64));
-  EXPECT_EQ(after.frames(0).correction_count(), 0) << "nobody had the false image";
+  EXPECT_EQ(after.frames(0).correction_count(), 0) << "the false image was not delivered";
   EXPECT_EQ(liar.Synchronize(1).code(), absl::StatusCode::kPermissionDenied);
   EXPECT_TRUE(b.Synchronize(1).ok());
   EXPECT_TRUE(c.Synchronize(1).ok());
@@ -75,7 +75,7 @@ TEST_F(CoordinatorChecksTest, DeliveredFramesAreCorrected) {
   Start();
   SyntheticWorker liar = MakeLiar("liar");
   const std::string name = Create(Request(64)).name();
-  const v1::Job before = Finish(name, {&liar});  // Nobody else is there.
+  const v1::Job before = Finish(name, {&liar});  // It is the only worker.
   ASSERT_EQ(before.state(), v1::Job::STATE_SUCCEEDED);
   ASSERT_NE(before.frames(0).image_digest(), ExpectedDigest(64));
   // It is found in another job.
@@ -127,7 +127,7 @@ TEST_F(CoordinatorChecksTest, TwoThatDifferAreADispute) {
   const v1::Job after = Finish(name, {&liar, &b});
   EXPECT_EQ(after.state(), v1::Job::STATE_SUCCEEDED);
   EXPECT_THAT(after.warning(), HasSubstr("disputed"));
-  EXPECT_EQ(Counter("sheaf_workers_quarantined_total"), 0) << "nobody knows who is right";
+  EXPECT_EQ(Counter("sheaf_workers_quarantined_total"), 0) << "it is unknown who is right";
 }
 
 TEST_F(CoordinatorChecksTest, ACorrectionThatWasInterruptedIsDoneAtTheNextStart) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Files of the state directory that somebody or something altered: each is noticed when it is asked
-// for, said by name, and made good.
+// Altered files of the state directory: each is detected when it is requested, reported by name,
+// and repaired.
 #include <sys/stat.h>
 
 #include <algorithm>

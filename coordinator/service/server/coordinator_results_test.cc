@@ -205,7 +205,7 @@ TEST_F(CoordinatorServerTest, UnstoredResultsAreNotAcknowledged) {
   EXPECT_TRUE(server_->farm().Ready().ok());
 }
 
-// A stranger with parts of its own making, for work that nobody gave to it.
+// A stranger with invented parts, for work that was not leased to it.
 TEST_F(CoordinatorServerTest, ResultsWithoutALeaseAreRefused) {
   Start();
   const std::string name = Create(Request(64)).name();

@@ -95,7 +95,7 @@ TEST_F(CoordinatorResumeTest, ResumingMatchesOneRun) {
   EXPECT_GT(after.frames(0).flip(), 0);
   const std::string second = BytesOf(after);
   ExpectAsOneRun(second, 200);
-  // And on, from an image that went on itself.
+  // Continues again, from an image that was itself continued.
   ExpectAsOneRun(Deliver(ContinueRequest(second, 256, "even more")), 256);
   // With nothing left to do it is the same image.
   const v1::Job same = Create(ContinueRequest(second, 200, "the same"));
@@ -135,7 +135,7 @@ TEST_F(CoordinatorResumeTest, ResumingLightPathsMatchesOneRun) {
   const absl::StatusOr<FrameImage> image = DecodeFrameImage(Deliver(again));
   ASSERT_TRUE(image.ok()) << image.status();
   EXPECT_EQ(ImageDigest(*image), after.frames(0).image_digest());
-  // With nothing left to do, and from an image that went on itself.
+  // With nothing left to do, and from an image that was itself continued.
   ExpectAsOneRun(Deliver(with_light(ContinueRequest(second, 200, "the same"))), 200, true);
   // To a target, whose rounds bring light passes.
   v1::CreateJobRequest request = with_light(ContinueRequest(first, 1 << 16, "to a target"));

@@ -43,7 +43,7 @@ struct CoordinatorOptions {
   // "s3://BUCKET/PREFIX": where parts and files of scenes lie; empty: in the state directory.
   std::string objects_url;
   Environment environment = ProcessEnvironment;  // That has the key to it.
-  // Of certificates that are issued; without effect where the state directory has no authority.
+  // Lifetimes of issued certificates; unused if the state directory has no authority.
   CertificateLifetimes certificate_lifetimes;
   // For each user and worker; without effect likewise.
   IdentityLimits identity_limits;
@@ -59,7 +59,7 @@ struct CoordinatorOptions {
   bool insecure_remote_allowed = false;
   // The program `sheaf`, which reads scenes that are dropped on the page; empty: none can be.
   std::string scene_reader;
-  uint64_t drop_bytes_max = uint64_t{4} << 30;  // Of the files of one scene; 0: none.
+  uint64_t drop_bytes_max = uint64_t{4} << 30;  // Limit of one scene's files; 0: none taken.
 };
 
 class CoordinatorServer {
@@ -96,9 +96,9 @@ class CoordinatorServer {
   absl::Status StartHttp(const CoordinatorOptions& options);
   absl::Status StartSubmissions(const CoordinatorOptions& options);
 
-  ServerMetrics metrics_{CoordinatorBuild()};  // Of the services below.
+  ServerMetrics metrics_{CoordinatorBuild()};  // Metrics of the services below.
   std::unique_ptr<AccessControl> access_;
-  FarmObjects objects_;  // Of the farm; none where it has no object store.
+  FarmObjects objects_;  // The farm's; none without an object store.
   std::unique_ptr<Farm> farm_;
   std::unique_ptr<AccessService> access_service_;
   std::unique_ptr<JobService> job_service_;

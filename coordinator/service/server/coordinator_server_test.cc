@@ -345,7 +345,7 @@ TEST_F(CoordinatorServerTest, ContentRoundTripsOverGrpc) {
   EXPECT_EQ(upload(1'000'000, bytes.size()), grpc::StatusCode::OUT_OF_RANGE);
   EXPECT_EQ(upload(status.committed_bytes(), bytes.size()), grpc::StatusCode::OK);
   EXPECT_EQ(missing(), 0);
-  EXPECT_EQ(upload(0, bytes.size()), grpc::StatusCode::OK);  // Again: nothing happens.
+  EXPECT_EQ(upload(0, bytes.size()), grpc::StatusCode::OK);  // Repeated: a no-op.
   grpc::ClientContext read_context;
   v1::ReadBlobRequest read;
   *read.mutable_digest() = digest;

@@ -212,8 +212,8 @@ TEST_F(TrainingTest, FieldsWithoutBytesOrTooLargeAreRefused) {
   EXPECT_EQ(FieldPath(), "");
 }
 
-// Nobody looks for false results, but a field that comes out otherwise than the lost one takes the
-// parts away that were made with that.
+// Checks are off, but a field that differs from the lost one removes the parts made with the lost
+// one.
 TEST_F(TrainingTest, PartsOfALostFalseFieldAreRemoved) {
   Start();
   const v1::CreateJobRequest request = Guided(Request(64));

@@ -97,7 +97,7 @@ TEST_F(CoordinatorTransferTest, AnInterruptedUploadGoesOnAfterARestart) {
   std::string bytes(10 << 20, '\0');
   for (char& byte : bytes) byte = static_cast<char>(random());
   const ChunkList list = Cut(bytes);
-  EXPECT_FALSE(Send(bytes, list, 3).ok()) << "chunks were left out that nobody has";
+  EXPECT_FALSE(Send(bytes, list, 3).ok()) << "omitted chunks are not stored anywhere";
   Restart();
   EXPECT_EQ(Plan(list).missing_size(), static_cast<int>(list.chunks.size()) - 3);
   const grpc::Status status = Send(bytes, list, INT32_MAX);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MakeDroppedJob: the last step of a scene that somebody dropped on the page. It does what an
-// upload and CreateJob of that user would do, with the same limits.
+// MakeDroppedJob: the last step of a scene dropped on the page. It does the same as an upload and
+// CreateJob of that user, with the same limits.
 #pragma once
 
 #include <string>

@@ -169,7 +169,7 @@ void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
       ->group(group);
   app->add_option("--scrub-rate", farm->scrub_bytes_per_second,
                   "Bytes a second that are compared with their digests, e.g. 20M (default 4M); "
-                  "what is damaged is made good. 0: none")
+                  "repairs damage. 0 disables it")
       ->transform(CLI::AsSizeValue(false))
       ->group(group);
   app->add_option("--round-previews-max", farm->round_previews_bytes_max,
@@ -228,8 +228,8 @@ void AddOptions(CommandLine* line, CLI::App* app) {
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   app->add_option("--poison-workers", farm.limits.poison_workers_max,
-                  "A task that so many workers fail (by a crash, lack of memory or an invalid "
-                  "result) is set aside; each worker tries once. 1: for a farm of one worker")
+                  "Set a task aside after this many workers failed it (by a crash, lack of memory "
+                  "or an invalid result); each worker tries once. 1: for a farm of one worker")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   AddLimitOptions(&line->server, app);
@@ -272,8 +272,8 @@ bool SleepUnlessSignalled(const sigset_t& signals, absl::Duration duration) {
   return sigtimedwait(&signals, nullptr, &time) < 0;
 }
 
-// Stands by until this coordinator owns the farm. The service manager takes one that stands by for
-// started, and hears that it lives.
+// Stands by until this coordinator owns the farm. The service manager counts a standby as started
+// and gets its watchdog messages.
 absl::StatusOr<OwnedFarm> StandBy(const CommandLine& line, const ServiceManager& manager,
                                   const sigset_t& signals) {
   SharedDatabaseOptions options{line.database, line.server.listen_address,
@@ -359,7 +359,7 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version",
                        absl::StrCat("sheaf-coordinator " SHEAF_VERSION ", ", DescribeProtocol()));
   if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, Report)) return *code;
-  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  // Our own errors are one line each; gRPC's internal messages would only add noise.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf-coordinator");
   if (const std::optional<absl::Status> ran = commands.RunParsed()) {

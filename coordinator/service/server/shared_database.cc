@@ -17,12 +17,13 @@ std::string NameOf(const std::string& listen_address) {
   return absl::StrCat(listen_address, " on ", HostName());
 }
 
-// Ends the process at once: nothing of it may go on with a state that is not the farm's any more.
-// A result that it acknowledged is stored.
+// Ends the process at once: it must not continue with a state that is no longer the farm's. A
+// result that it acknowledged is stored.
 [[noreturn]] void StopDeposed(const absl::Status& why) {
   LogError(absl::StrCat(why.message(),
-                        "; this coordinator stops. What it acknowledged is stored, and workers and "
-                        "clients that know the other address follow. Start it again to stand by"));
+                        "; this coordinator stops. All that it acknowledged is stored, and workers "
+                        "and clients that know the other address follow. Start it again to stand "
+                        "by"));
   std::_Exit(EXIT_FAILURE);
 }
 

@@ -26,7 +26,7 @@ struct SharedDatabaseOptions {
 
 struct OwnedFarm {
   std::unique_ptr<FarmOwnership> ownership;  // Outlives the database.
-  std::unique_ptr<Database> database;        // Of jobs, for SqlJobStore::Open.
+  std::unique_ptr<Database> database;        // For SqlJobStore::Open.
 };
 
 // Stands by until this coordinator owns the farm. From then on, the process ends with a message and

@@ -30,8 +30,8 @@ bool IsOurs(const std::string& name) {
   return false;
 }
 
-// False: it stays open to others. What is neither file nor folder has no contents to read, and
-// links are not followed.
+// False: it stays open to others. Other file types have no contents to read, and links are not
+// followed.
 bool Close(const std::string& path) {
   struct stat info {};
   if (::lstat(path.c_str(), &info) != 0) return true;

@@ -13,8 +13,8 @@ namespace sheaf::coordinator {
 // Files and folders that are closed in one start; some seconds on a disk that is not cached.
 inline constexpr size_t kClosedEntriesMax = 1'000'000;
 
-// Closes the directory to others, and once what an earlier version left open in it; other files in
-// it stay as they are. What belongs to another account cannot be closed: a warning says so.
+// Closes the directory to others, and once the files that an earlier version left open in it; other
+// files stay as they are. Warns about files of another account, which cannot be closed.
 void CloseStateDirectory(const std::string& directory, size_t entries_max = kClosedEntriesMax);
 
 }  // namespace sheaf::coordinator

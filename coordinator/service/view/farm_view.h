@@ -50,7 +50,7 @@ struct ProgressView {
   // Takes the farm's other jobs into account; negative while unknown.
   double remaining_seconds = -1;
   // The band that holds in 8 of 10 cases, and the time that would be left if no other job shared
-  // the farm. Of live jobs; negative while unknown.
+  // the farm. Only for live jobs; negative while unknown.
   double remaining_low_seconds = -1, remaining_high_seconds = -1, remaining_alone_seconds = -1;
 };
 
@@ -61,18 +61,18 @@ struct RoundView {
   double relative_mse_upper = 0;      // Its upper confidence bound.
   double predicted_relative_mse = 0;  // For the next round; 0 in the last one.
   double prediction_ratio = 0;        // relative_mse over its prediction; 0 in the first round.
-  uint64_t sample_count = 0;          // Of the camera so far; this and the following are sums.
+  uint64_t sample_count = 0;          // Camera samples so far; this and the next are sums.
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;
   uint64_t part_bytes = 0;
   uint64_t preview_version = 0;  // The version of RoundPreview(); 0: not kept.
 };
 
-// A task that nobody renders, as it failed too often or a person set it aside.
+// A task that is set aside: it failed too often, or a user set it aside.
 struct SetAsideView {
   uint32_t task = 0;  // The number of its tile, by which it can be retried.
   std::string why;
-  std::vector<TaskFailure> failures;  // None where a person set it aside.
+  std::vector<TaskFailure> failures;  // None if a user set it aside.
 };
 
 struct FrameView {
@@ -137,7 +137,7 @@ struct JobView {
   Partition partition;
   std::string failure;         // Reason for the failure; empty otherwise.
   std::string waiting_reason;  // Why the job makes no progress; empty otherwise.
-  std::string warning;         // What its users should know of its images; mostly empty.
+  std::string warning;         // About its images, for users; mostly empty.
   int64_t failure_count = 0;   // Number of failed leases.
   bool pinned = false;         // Nothing that is kept of it is removed.
   // When its parts were removed to keep the disk free; InfiniteFuture: they were not.
@@ -182,7 +182,7 @@ const char* LeasePhaseName(LeasePhase phase);
 
 struct WorkerView {
   std::string worker_id;
-  std::string identity;  // Who answers for it: its certificate's common name, or itself.
+  std::string identity;  // Its certificate's common name, or its id.
   std::string host;
   WorkerState state = WorkerState::kIdle;
   int32_t thread_count = 0;
@@ -195,7 +195,7 @@ struct WorkerView {
   uint64_t lease_cold_count = 0;  // Those of scenes that it had to load first.
   absl::Time last_seen_time;
   std::string reason;  // Reason for the quarantine or sickness; empty otherwise.
-  // A person has taken it out, and it ends when it holds nothing more.
+  // An operator has drained it; it exits when it holds no lease.
   bool drained = false, exits = false;
   // At most kWorkerLeasesShownMax, in the order in which they are rendered.
   std::vector<LeaseView> leases;
@@ -212,7 +212,7 @@ struct RefinementPrices {
   int32_t jobs_before_count = 0;        // Unfinished jobs of equal or higher priority.
 };
 
-// What is set for a user, a show or a pool, and what it holds.
+// The setting of a user, a show or a pool, and the threads that it holds.
 struct ShareView {
   ShareSubject subject;
   bool is_set = false;
@@ -246,24 +246,24 @@ struct MetricView {
   double value = 0;
   // Further labels, in the order of their names in the text; label_name comes first.
   std::vector<std::pair<std::string, std::string>> more_labels = {};
-  // Of a histogram's values: "_bucket", "_sum" or "_count", after the name.
+  // For a histogram's values: "_bucket", "_sum" or "_count", after the name.
   std::string suffix = {};
 };
 
-// What must hold so that the coordinator accepts work.
+// A condition for accepting work.
 struct ReadyCondition {
   std::string name;     // "database", "disk" or "certificate".
   absl::Status status;  // OK, or why it does not hold and what to do.
 };
 
-// What a user keeps, and the limit of it.
+// A user's stored bytes, and their limit.
 struct StoredView {
   std::string user;
   OwnerBytes bytes;
   uint64_t bytes_max = UINT64_MAX;  // UINT64_MAX: none.
 };
 
-// What jobs have taken, and what is kept of them now.
+// The usage of jobs, and the bytes kept now.
 struct UsageReport {
   std::vector<UsageSum> sums;
   std::vector<StoredView> stored;  // Ascending by user.
@@ -278,7 +278,7 @@ struct PreviewView {
   bool complete = false;
 };
 
-// What somebody has seen of the frames of a job, by their index.
+// The marks of a job's frames that a reader has seen, by index.
 using FrameMarks = std::vector<size_t>;
 
 // Thread safety: all functions may be called from any thread. They wait for short locks only,

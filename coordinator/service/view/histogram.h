@@ -14,8 +14,8 @@
 
 namespace sheaf::coordinator {
 
-// Bounds of the duration of calls, in seconds: from a call that memory answers to one that waits
-// for a disk or for a person.
+// Bounds of the duration of calls, in seconds: from a call answered from memory to one that waits
+// for a disk or a user.
 inline constexpr double kCallSecondsBounds[] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05,
                                                 0.1,    0.25,  0.5,    1,     2.5,  5,     10};
 

@@ -20,7 +20,7 @@ namespace sheaf::coordinator {
 enum class SubmissionState {
   kReceiving,  // Files may come.
   kReading,    // A process reads the scene, or will when others have been read.
-  kChoosing,   // Somebody must say which of the scenes is meant.
+  kChoosing,   // The user must choose one of the scenes.
   kSubmitted,  // The job is made.
   kRefused,    // No job was made; the messages say why.
 };
@@ -41,14 +41,14 @@ struct SubmissionView {
 // The scenes that the desk takes.
 struct SubmissionOffer {
   std::string why_not;     // Why it takes nothing; empty: it does.
-  uint64_t bytes_max = 0;  // Of a submission.
+  uint64_t bytes_max = 0;  // Limit of a submission.
   uint64_t files_max = 0;
-  uint64_t piece_bytes_max = 0;  // Of one Append.
+  uint64_t piece_bytes_max = 0;  // Limit of one Append.
 };
 
-// The person who submits.
+// The user who submits.
 struct SubmissionCaller {
-  std::string owner;  // Of the job: a user's name, or kLocalOwner without certificates.
+  std::string owner;  // The job's: a user's name, or kLocalOwner without certificates.
   std::string who;    // For the audit log: "user:anna at 192.0.2.7".
 };
 

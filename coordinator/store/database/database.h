@@ -62,7 +62,7 @@ class Statement {
 
   // Returns true if there is a row, false at the end. Errors: kAlreadyExists (a key exists
   // already), kResourceExhausted (disk full), kDataLoss (the database is damaged), kUnavailable;
-  // those of Database::InTransaction where the statement changes something outside a transaction.
+  // those of Database::InTransaction if the statement changes something outside a transaction.
   absl::StatusOr<bool> Step();
   // Steps to the end and ignores rows.
   absl::Status Run();
@@ -97,24 +97,23 @@ class Database {
   // How many rows the last statement inserted, changed or removed.
   virtual int64_t ChangedRows() const = 0;
   // Runs `body` as one transaction: when this returns OK, all its changes are durable; after an
-  // error there are none. Errors: those of `body` and of Statement::Step; kAborted where another
+  // error there are none. Errors: those of `body` and of Statement::Step; kAborted if another
   // coordinator owns the database (farm_ownership.h).
   absl::Status InTransaction(const std::function<absl::Status()>& body);
 
-  // The version that the tables have: 0 in a new database, and then what was set last. Setting it
-  // is part of a transaction.
+  // The version of the tables: 0 in a new database, then the last value set. Setting it is part of
+  // a transaction.
   virtual absl::StatusOr<int64_t> SchemaVersion() = 0;
   virtual absl::Status SetSchemaVersion(int64_t version) = 0;
   // "table.column" of all.
   virtual absl::StatusOr<std::set<std::string>> TableColumns() = 0;
 
-  // Checks the integrity of what is stored within the given time, where the database does not check
+  // Checks the integrity of the stored data within the given time, if the database does not check
   // itself. Errors: kDataLoss.
   virtual absl::Status Check(absl::Duration time_max) = 0;
-  // How many commits were lost when it was opened, at most: see lost_commits.h.
+  // An upper bound of the commits lost before it was opened: see lost_commits.h.
   virtual int64_t LostCommits() const { return 0; }
-  // The advice to people about a damaged database that belongs to a state directory: a sentence or
-  // more.
+  // Advice to operators about a damaged database of a state directory: one or more sentences.
   virtual std::string Remedy(const std::string& state_directory) const = 0;
 
  protected:

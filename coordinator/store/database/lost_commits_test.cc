@@ -101,7 +101,7 @@ TEST_F(LostCommitsTest, AChangedHeaderLosesAllOfTheLog) {
   EXPECT_EQ(Count(), kInserts + 1);
 }
 
-// The end of a log may have been interrupted while it was written: nobody acknowledged that.
+// The write of a log's end may have been interrupted: it was not acknowledged.
 TEST_F(LostCommitsTest, TheLastCommitMayNotHaveBeenWritten) {
   const int64_t last = kHeaderBytes + (FrameCount() - 1) * kFrameBytes;
   ChangeByte(last + kFrameHeaderBytes);

@@ -28,7 +28,7 @@ constexpr Oid kFloat8 = 701;
 constexpr int kBinary = 1;
 // The oldest that its makers maintain; Debian 12 has 15.
 constexpr int kServerVersionMin = 130000;
-// Limit of one attempt to connect, in seconds, and of data that nobody confirms, in milliseconds.
+// Limit of one attempt to connect, in seconds, and of unacknowledged data, in milliseconds.
 constexpr char kConnectTimeout[] = "5";
 constexpr char kTcpUserTimeout[] = "10000";
 constexpr absl::Duration kReconnectInterval = absl::Milliseconds(50);
@@ -155,7 +155,7 @@ absl::Status PostgresConnection::ConnectionError() const {
 
 absl::Status PostgresConnection::Begin() {
   prepared_.clear();
-  // Notices, such as that a table exists already, help nobody.
+  // Drop notices, such as that a table exists already.
   PQsetNoticeProcessor(
       connection_, [](void*, const char*) {}, nullptr);
   if (PQserverVersion(connection_) < kServerVersionMin) {

@@ -67,7 +67,7 @@ class PostgresConnection {
 
   // "the PostgreSQL database farm at db.example.org:5432".
   std::string Name() const;
-  // Whether the connection ended: what was sent last may have been done, or not.
+  // Whether the connection ended: the last statement may or may not have been executed.
   bool IsLost() const;
   // Connects again; tries until `wait_max` has passed. Errors: those of Open.
   absl::Status Reconnect(absl::Duration wait_max);

@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PostgresDatabase: a database on a PostgreSQL server, in a schema (name space) of its own. Where
+// PostgresDatabase: a database on a PostgreSQL server, in a schema (name space) of its own. If
 // several coordinators share it, each transaction checks inside itself that its coordinator owns
 // the farm (docs/adr/0082): it writes its number into the owner's row, if that still has its epoch.
 // So another coordinator cannot take over before the transaction has ended, and no transaction
-// begins afterwards. Where the connection is lost during a commit, the number tells whether it was
-// done.
+// begins afterwards. If the connection is lost during a commit, the number tells whether the commit
+// succeeded.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,8 @@ namespace sheaf::coordinator {
 // The right to write that an owner has (farm_ownership.h).
 struct WriteFence {
   int64_t epoch = 0;
-  // Called where the right is lost, or where it stays unknown whether a change was stored: the
-  // process must not go on with what it has in memory.
+  // Called if the right is lost, or if it stays unknown whether a change was stored: the process
+  // must not continue with its state in memory.
   std::function<void(const absl::Status& why)> lost;
 };
 
@@ -38,8 +38,8 @@ inline constexpr char kJobsSchema[] = "sheaf_jobs";
 // Thread safety: one thread at a time.
 class PostgresDatabase : public Database {
  public:
-  // Makes the schema where it does not exist. fence: none where all may write. Errors: those of
-  // PostgresConnection::Open.
+  // Creates the schema if it does not exist. fence: none if every process may write. Errors: those
+  // of PostgresConnection::Open.
   static absl::StatusOr<std::unique_ptr<PostgresDatabase>> Open(
       const std::string& url, const std::string& schema, std::optional<WriteFence> fence = {},
       Durability durability = Durability::kPowerLoss);
@@ -69,7 +69,7 @@ class PostgresDatabase : public Database {
   PostgresDatabase(std::unique_ptr<PostgresConnection> connection, std::optional<WriteFence> fence)
       : connection_(std::move(connection)), fence_(std::move(fence)) {}
   absl::Status MakeSchema(const std::string& schema);
-  // Runs `run`, and once more on a new connection where the connection is lost.
+  // Runs `run`, and once more on a new connection if the connection is lost.
   absl::StatusOr<PostgresResult> WithReconnect(
       const std::function<absl::StatusOr<PostgresResult>()>& run);
   absl::StatusOr<PostgresResult> InOwnTransaction(
@@ -80,7 +80,7 @@ class PostgresDatabase : public Database {
 
   const std::unique_ptr<PostgresConnection> connection_;
   const std::optional<WriteFence> fence_;
-  int64_t transaction_number_ = 0;  // Of the last transaction of this epoch.
+  int64_t transaction_number_ = 0;  // Last transaction of this epoch.
   int64_t changed_rows_ = 0;
   bool in_transaction_ = false;
 };

@@ -284,8 +284,8 @@ TEST_F(DamageTest, RoundsThatChangeAreRefusedWithARemedy) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("backup"));
 }
 
-// A byte changes in the log after a kill: the parts whose rows SQLite drops then are known to be
-// lost, and lease ids of lives that may be lost are not given again.
+// A byte changes in the log after a kill: the parts whose rows SQLite drops are reported as lost,
+// and lease ids of runs that may be lost are not reused.
 TEST_F(DamageTest, PartsWhoseCommitsAreLostAreCounted) {
   ASSERT_TRUE(WritePart(100).ok());
   const auto log_bytes = std::filesystem::file_size(database_ + "-wal");

@@ -64,7 +64,7 @@ TEST_P(GroupsTest, AFileWithoutRowIsReplaced) {
   EXPECT_EQ(*store_->ReadPart(RowOf("bytes")), "bytes");
 }
 
-// Of one call's trouble the others of its group hear nothing.
+// One call's error does not affect the other calls of its group.
 TEST_P(GroupsTest, AKeyThatExistsConcernsItsOwnCallAlone) {
   ASSERT_TRUE(store_->WritePart(RowOf("first"), "first").ok());
   std::vector<std::thread> threads;
@@ -92,8 +92,8 @@ TEST_P(GroupsTest, EachCallOfALargeGroupHearsOfItsOwnPart) {
   std::vector<PartRow> rows;
   for (uint64_t i = 0; i < kCalls; ++i) {
     PartRow row = RowOf("part " + std::to_string(i));
-    // A third meets the part that is there, a third by twos at keys of their own, the others
-    // nobody.
+    // A third of the calls meet the stored part, a third meet in pairs at their own keys, the rest
+    // do not collide.
     if (i % 3 == 1) row.key.block.first = 16 * (1 + i / 6);
     if (i % 3 == 2) row.key.block.first = 16 * (kCalls + i);
     rows.push_back(row);

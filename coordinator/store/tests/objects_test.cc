@@ -76,7 +76,7 @@ class MemoryObjects : public ObjectStore {
 
   std::map<std::string, std::string> objects;
   absl::Status put_status;
-  absl::Status sync_status;  // Of the next Sync.
+  absl::Status sync_status;  // Returned by the next Sync.
 };
 
 // The store of objects outlives the job store.

@@ -38,7 +38,7 @@ class OwnershipTest : public ::testing::TestWithParam<DatabaseKind> {
   ~OwnershipTest() override { std::filesystem::remove_all(directory_); }
 
   static std::string Url() { return TestServer()->Url("ownership"); }
-  // Waits for so many looks at the lease.
+  // Waits for a number of checks of the lease.
   static absl::StatusOr<std::unique_ptr<FarmOwnership>> Acquire(const std::string& name,
                                                                 int looks_max) {
     return FarmOwnership::Acquire(

@@ -133,7 +133,7 @@ TEST_P(RetentionTest, FilesThatAStopLeftOfARemovedJobGoAtTheNextStart) {
   ASSERT_TRUE(store_->RemoveJob(1).ok());
   WriteFile(directory_ + "/outputs/1/7.exr", "image");
   WriteFile(directory_ + "/parts/1/7/part.exr", "bytes");
-  // Images of a job of which nothing is known may be the only ones that somebody has.
+  // The images of an unknown job may be their only copies.
   WriteFile(directory_ + "/outputs/9/7.exr", "image");
   Reopen();
   EXPECT_FALSE(Exists("outputs/1"));

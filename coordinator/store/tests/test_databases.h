@@ -43,7 +43,7 @@ class JobStoreFixture : public ::testing::TestWithParam<DatabaseKind> {
   void Reopen(Durability durability = Durability::kPowerLoss);
   absl::StatusOr<std::unique_ptr<SqlJobStore>> OpenStore(
       Durability durability = Durability::kPowerLoss);
-  // The database beside the store, as for somebody who looks into it.
+  // A second connection to the store's database, to inspect it.
   std::unique_ptr<Database> OpenDatabase(Durability durability = Durability::kPowerLoss);
   void Execute(const std::string& sql);
 

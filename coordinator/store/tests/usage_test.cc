@@ -101,7 +101,7 @@ TEST_P(UsageStoreTest, NotesAreWrittenTogether) {
     store_->NoteUsage({job}, {.lost_count = 1, .lost_cpu_duration = absl::Seconds(1)});
     store_->NoteUsage({0, "ben"}, {.upload_bytes = 10});
   }
-  store_->NoteUsage({job + 1}, {.lost_count = 1});  // Of a job that does not exist.
+  store_->NoteUsage({job + 1}, {.lost_count = 1});  // This job does not exist.
   ASSERT_TRUE(store_->WriteUsage().ok());
   Reopen();
   const std::vector<UsageRow> rows = Rows();

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// DeliveredImages: the EXR files of delivered frames and their thumbnails. A file that was
-// altered or removed on disk is noticed when it is asked for, and made again: from the frame's
-// parts, and by rendering those that are not kept.
+// DeliveredImages: the EXR files of delivered frames and their thumbnails. A file that was altered
+// or removed on disk is detected when it is requested, and made again: from the frame's parts,
+// after rendering those that are missing.
 #pragma once
 
 #include <cstdint>
@@ -30,23 +30,24 @@ class DeliveredImages {
   // Path of a delivered EXR. Errors: kNotFound; kFailedPrecondition (not delivered yet, or damaged
   // on disk and being made again).
   absl::StatusOr<std::string> Find(uint64_t job_id, int32_t frame_number) const;
-  // The same of a frame that is known to be delivered.
+  // The same for a frame that is known to be delivered.
   absl::StatusOr<std::string> FindDelivered(const FrameId& id) const;
-  // Reads the EXR of a delivered frame, also where it was verified before, and returns its size.
+  // Reads and verifies the EXR of a delivered frame, even if it was verified before. Returns its
+  // size.
   // Errors: kFailedPrecondition (damaged on disk, and being made again); kNotFound.
   absl::StatusOr<uint64_t> Verify(const FrameId& id) const;
   // Writes the EXR and the thumbnail of a frame that is about to be delivered. A thumbnail that
-  // cannot be written is not kept. Errors: those of WriteFrameImage.
+  // cannot be written is skipped. Errors: those of WriteFrameImage.
   absl::Status Write(const FrameId& id, const FrameImage& image);
   absl::StatusOr<std::string> ThumbnailPath(const FrameId& id) const;
 
-  // Has images that were found damaged made again, those of jobs that have succeeded.
+  // Starts to remake damaged images of jobs that have succeeded.
   void Heal(JobLifecycle* lifecycle);
-  // Damaged images that were found so far.
+  // The number of damaged images found so far.
   uint64_t DamagedCount() const;
 
  private:
-  // Whether the file is the image that was delivered; else has it made again. Errors:
+  // Checks that the file is the delivered image; otherwise starts to remake it. Errors:
   // kFailedPrecondition.
   absl::Status Check(const FrameId& id, const std::string& path) const;
   void KeepThumbnail(const FrameId& id, const FrameImage& image) const;
@@ -55,7 +56,7 @@ class DeliveredImages {
   FarmTables& tables_;
   JobStore& store_;
   mutable VerifiedFiles verified_;  // By path.
-  mutable Mutex mutex_;             // Taken after the tables' mutex, where both are held.
+  mutable Mutex mutex_;             // Taken after the tables' mutex if both are held.
   mutable std::set<FrameId> damaged_ ABSL_GUARDED_BY(mutex_);  // To be made again.
   mutable uint64_t damaged_count_ ABSL_GUARDED_BY(mutex_) = 0;
 };

@@ -149,7 +149,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
     absl::Status warned = lifecycle_.SetWarning(
         id.job_id, absl::StrCat("frame ", id.frame_number,
                                 " is disputed: workers delivered different results for a part of "
-                                "it, and nobody else was there to decide; the first one is kept"));
+                                "it, and no other identity could decide; the first one is kept"));
     if (!warned.ok()) return warned;
   }
   if (absl::Status s = store_.DeliverFrame(id, delivered); !s.ok()) return s;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameDelivery: what the background thread does with open frames: it refreshes their previews, and
-// develops, writes and delivers those that are complete.
+// FrameDelivery: the background thread's work on open frames. It refreshes their previews, and
+// develops, writes and delivers complete frames.
 #pragma once
 
 #include <map>
@@ -52,23 +52,23 @@ class FrameDelivery {
         signals_(parts.signals),
         attributes_(&parts.blobs) {}
 
-  // Develops tiles that have changed, of frames whose previews are old enough.
+  // Develops the changed tiles of frames whose previews are old enough.
   void RefreshFrames();
-  // Delivers the frames of the queue. Those that fail go back into it.
+  // Delivers the frames of the queue. Frames that fail return to it.
   void DeliverFrames();
 
  private:
   absl::Status Deliver(const FrameId& id);
-  // Builds what is missing of the image, completes it and writes it. Returns false where the
-  // frame is not done: parts were lost, another round begins, or its job has ended.
+  // Builds the missing tiles of the image, completes it and writes it. Returns false if the frame
+  // is not done: parts were lost, another round begins, or its job has ended.
   absl::StatusOr<bool> Finish(OpenFrame* frame, const FrameId& id, DeliveredFrame* delivered);
   std::map<std::string, std::string> MetadataOf(const FrameId& id, const FrameSpec& spec) const;
   DeliveredFrame Account(const FrameId& id, const OpenFrame& frame) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);
   // DeliveredFrame::one_sequence_gain.
   double PriceOfErrorBars(const FrameId& id, const FrameSpec& spec) const;
-  // Adds what a quote asks a pilot's frame for: the light layer, and the CPU seconds of workers for
-  // the tiles of a lattice, for light passes and for the training, as far as it has such.
+  // Adds the data that a quote needs from a pilot's frame: the light layer, and the CPU seconds of
+  // workers for the tiles of a lattice, for light passes and for the training, if it has any.
   void AddPilotFindings(const FrameId& id, OpenFrame* frame) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FrameRounds: goes from one round of a frame to the next (sample_rounds.h), and notes the points
-// of frames without rounds.
+// FrameRounds: advances frames from one round to the next (sample_rounds.h), and records points of
+// the error curve for frames without rounds.
 #pragma once
 
 #include <cstdint>
@@ -24,20 +24,19 @@ class FrameRounds {
   FrameRounds(FarmTables* tables, JobStore* store, RoundPreviews* previews, DiskState* disk)
       : tables_(*tables), store_(*store), previews_(*previews), disk_(*disk) {}
 
-  // Decides what follows the round that was just finished, and begins it. Returns whether the frame
-  // is done. Requires: all tiles are developed. Errors: those of the store.
+  // Makes the decision at the end of a round, and begins the next one. Returns whether the frame is
+  // done. Requires: all tiles are developed. Errors: those of the store.
   absl::StatusOr<bool> Finish(OpenFrame* frame, const FrameId& id)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
-  // Notes a point of the curve of a frame without rounds where one is due, or at its end. A point
-  // that cannot be stored is left out. Requires: the image is refreshed.
+  // Records a point of the curve of a frame without rounds if one is due, or at its end. A point
+  // that cannot be stored is skipped. Requires: the image is refreshed.
   void NotePoint(OpenFrame* frame, const FrameId& id, bool ended)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
-  // Adds why the image has its samples, and its errors on the way there.
+  // Adds the stop reason and the error curve to the image's metadata.
   void AddMetadata(const FrameId& id, FrameImage* image) const;
 
  private:
-  // The record of what the frame's image is now, with the errors of its cells; its decision is
-  // still to be made.
+  // A record of the frame's present image, with the errors of its cells; without a decision.
   RoundRecord RecordOf(const OpenFrame& frame, const FrameId& id,
                        const std::vector<ErrorSums>& errors) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame.mutex);

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ImageAttributes: the standard attributes of delivered images (software, worldToCamera,
-// worldToNDC). They depend on the frame and the version alone, so that equal frames are equal
-// files: dates, hosts and people are added to copies (cli/job/format/image_format.h).
+// worldToNDC). They depend only on the frame and the version, so that equal frames give equal
+// files. Dates, hosts and users are added to copies (cli/job/format/image_format.h).
 #pragma once
 
 #include <map>
@@ -18,8 +18,8 @@ class ImageAttributes {
   // `blobs` must outlive the object.
   explicit ImageAttributes(const BlobStore* blobs) : blobs_(blobs) {}
 
-  // As FrameImage::attributes has them. Without the camera's where the scene's manifest names none,
-  // or cannot be read.
+  // In the form of FrameImage::attributes. Omits the camera's if the scene's manifest has none, or
+  // cannot be read.
   // Thread safety: may be called concurrently.
   std::map<std::string, std::string> Of(const BlobDigest& scene) const;
 

@@ -24,18 +24,17 @@ class TileBuilder {
               PartRemovals* removals)
       : tables_(*tables), store_(*store), resumed_(*resumed), removals_(*removals) {}
 
-  // Parts that are damaged are given back for rendering; the tile is then marked as on disk, and is
-  // complete again when they are rendered. Errors: those of the store; those of
-  // ResumedFrames::Open.
+  // Returns damaged parts for rendering; the tile is then marked as on disk, and is complete once
+  // they are rendered. Errors: those of the store; those of ResumedFrames::Open.
   absl::Status Rebuild(OpenFrame* frame, const FrameId& id, uint32_t tile)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 
-  // Gives a part that is lost or damaged, or a guiding field, back to be made again.
+  // Returns a lost or damaged part, or a guiding field, to be made again.
   void RevokePart(const PartRow& row, const absl::Status& why);
 
  private:
-  // Inserts the parts of a tile that the resumed image stands for; none where the frame resumes
-  // none.
+  // Inserts the parts of a tile that the resumed image replaces; none if the frame does not resume
+  // one.
   absl::Status InsertResumed(OpenFrame* frame, uint32_t tile, CellTrees* trees) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(frame->mutex);
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ContentExchange: the chunks of stored blobs, the workers that hold blobs, and what has been
-// transferred from where.
+// ContentExchange: the chunks of stored blobs, the workers that hold blobs, and counts of
+// transfers.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@
 
 namespace sheaf::coordinator {
 
-// Where the blobs of a worker's scenes came from, since its start.
+// The sources of the blobs of a worker's scenes, since its start.
 struct ContentCounts {
   uint64_t cache_blobs = 0, cache_bytes = 0;
   uint64_t peer_blobs = 0, peer_bytes = 0;
@@ -57,8 +57,8 @@ class ContentExchange {
   PeerAnswer Locate(const std::string& blob, const std::string& worker_id, bool serves,
                     const std::set<std::string>& tried, SteadyTime now);
 
-  // Bytes of blobs that came from clients, that were found in stored blobs instead, and that went
-  // to workers and others.
+  // Count bytes of blobs that came from clients, that were found in stored blobs instead, and that
+  // were sent to workers and others.
   void NoteReceived(uint64_t size_bytes) { received_bytes_ += size_bytes; }
   void NoteReused(uint64_t size_bytes) { reused_bytes_ += size_bytes; }
   void NoteSent(uint64_t size_bytes) { sent_bytes_ += size_bytes; }
@@ -66,7 +66,7 @@ class ContentExchange {
   void AddMetrics(std::vector<MetricView>* metrics) const;
 
  private:
-  // Adds what a worker has transferred since its last report.
+  // Adds a worker's transfers since its last report.
   void AddCounts(const std::string& worker_id, const ContentCounts& counts, SteadyTime now)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

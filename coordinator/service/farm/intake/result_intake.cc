@@ -255,7 +255,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& rep
   const absl::StatusOr<std::optional<PartRow>> row =
       store_.FindPart({found.frame, report.tile, report.block, report.cells, report.kind});
   if (!row.ok()) return row.status();
-  // A worker that missed the answer sends its result again; nobody rendered it twice.
+  // A worker that missed the answer sends its result again; it was rendered once.
   const bool is_resent =
       row->has_value() && (*row)->worker_id == report.worker_id && (*row)->digest == report.digest;
   if (!is_resent) NoteRepeated(report, found);

@@ -39,9 +39,9 @@ struct ResultReport {
   uint64_t lease_id = 0;
   std::string token;  // LeaseGrant::token.
   std::string worker_id;
-  std::string identity;  // As WorkerReport has it.
+  std::string identity;  // As in WorkerReport.
   BlobDigest digest;     // The digest of the part's bytes, or of the guiding field's.
-  // The SHA-256 of the guiding field that the part was made with; empty where there is none.
+  // The SHA-256 of the guiding field that the part was made with; empty if there is none.
   std::string field;
   uint64_t ray_count = 0;
   absl::Duration cpu_duration;
@@ -80,24 +80,25 @@ class ResultIntake {
         signals_(parts.signals) {}
 
   // OK means: the outcome is durable.
-  // Errors: kPermissionDenied (the work was not leased to the sender, or that is in quarantine),
-  // kInvalidArgument (not a part of its key), kResourceExhausted (disk full), kUnavailable.
+  // Errors: kPermissionDenied (the work was not leased to the sender, or the sender is in
+  // quarantine), kInvalidArgument (not a part of its key), kResourceExhausted (disk full),
+  // kUnavailable.
   absl::StatusOr<ResultOutcome> Add(const ResultReport& report, const std::string& bytes);
 
-  // These are in transfer/stored_results.cc. The permission to store the result's bytes; none where
-  // it is not wanted, or only the coordinator can store it. Errors: kPermissionDenied, as Add.
+  // These are in transfer/stored_results.cc. The permission to store the result's bytes; none if it
+  // is not wanted, or if only the coordinator can store it. Errors: kPermissionDenied, as Add.
   absl::StatusOr<std::optional<PutTicket>> TicketFor(const ResultReport& report);
   // Add for a result that the sender has stored. Errors: also kFailedPrecondition (the bytes are
-  // not there, or others; the sender is to send them).
+  // missing or wrong; the sender must send them).
   absl::StatusOr<ResultOutcome> AddStored(const ResultReport& report);
 
-  // The verified bytes of a frame's guiding field, which is stored as the part of its training. One
-  // that is lost or damaged is trained again. Errors: kNotFound (the frame has no such field, or it
-  // is lost: the frame is leased again when it has one); others of the store.
+  // The verified bytes of a frame's guiding field, which is stored as the part of its training. A
+  // lost or damaged field is trained again. Errors: kNotFound (the frame has no such field, or it
+  // is lost; the frame is leased again once it has one); those of the store.
   absl::StatusOr<std::string> ReadField(const FrameId& id, const BlobDigest& digest);
 
-  // While it lives no result is taken: it waits for those under way, and others wait for its end.
-  // One at a time. Take no lock before it that taking a result needs.
+  // While it exists no result is taken: its constructor waits for calls in progress, and new calls
+  // wait for its end. One at a time. Do not hold a lock that taking a result needs.
   class Pause;
 
  private:
@@ -107,37 +108,37 @@ class ResultIntake {
 
   Scheduler::FoundTask FindTask(const ResultReport& report) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // The row of a result for a frame, without what is counted in it.
+  // The row of a result for a frame, without its counts.
   static PartRow RowOf(const ResultReport& report, const FrameId& frame);
-  // Whether the sender may deliver the result. Errors: kPermissionDenied.
+  // Checks that the sender may deliver the result. Errors: kPermissionDenied.
   absl::Status CheckSender(const ResultReport& report);
-  // The account of a result that makes no part.
+  // The account of a result that does not become a part.
   static Usage UsageOfResult(const ResultReport& report, uint64_t sample_count);
-  // Notes a result that came to nothing, of a job where that is known (not 0).
+  // Accounts for a lost result; job_id: 0 if unknown.
   void NoteLost(const ResultReport& report, uint64_t job_id);
-  // Notes a result of a task that was done already.
+  // Accounts for a result of a task that was already done.
   void NoteRepeated(const ResultReport& report, const Scheduler::FoundTask& found);
-  // Pixel samples or light paths of a task; 0 where its frame has ended.
+  // Pixel samples or light paths of a task; 0 if its frame has ended.
   uint64_t SamplesOf(const Scheduler::FoundTask& found) const ABSL_LOCKS_EXCLUDED(tables_.mutex);
   absl::StatusOr<ResultOutcome> JudgeCovered(const ResultReport& report,
                                              const Scheduler::FoundTask& found);
-  // counter: what the result counts as.
+  // counter: the counter to increment.
   absl::Status Reject(const ResultReport& report, const std::string& why,
                       uint64_t Counters::*counter = &Counters::results_invalid);
-  // Takes the bytes of a guiding field. Errors: kInvalidArgument; kUnavailable where parts are left
-  // that were made with another field.
+  // Takes the bytes of a guiding field. Errors: kInvalidArgument; kUnavailable while parts made
+  // with another field remain.
   absl::StatusOr<ResultOutcome> AddField(const ResultReport& report, const std::string& bytes,
                                          const Scheduler::FoundTask& found);
-  // part: none of a training.
+  // part: none for a training.
   absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
                                       const Scheduler::FoundTask& found,
                                       std::optional<FilmTile> part);
-  // Gives a field back to be trained again. Nothing happens where the frame has no such one by now.
+  // Returns a field to be trained again. A no-op if the frame no longer has it.
   void LoseField(const PartRow& field, const absl::Status& why);
   // Whether the frame is trained, with this field.
   bool HasField(const FrameId& id, const BlobDigest& digest) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // Acts on what a comparison showed.
+  // Acts on the verdict of a comparison.
   void Punish(const ResultReport& report, const PartRow& merged, const CheckVerdict& verdict)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   void Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part, bool tile_complete);

@@ -1,10 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobLifecycle that removes the results of those who made false ones. The frames that
-// hold such results are rendered again from the parts that are left, also where they are delivered
-// already. A frame that is rendered in rounds begins with its first round, for its decisions came
-// from false sums.
+// The part of JobLifecycle that removes the results of identities that made false ones. The frames
+// that hold such results are rendered again from the remaining parts, even if they are delivered. A
+// frame with rounds starts at its first round, because its decisions came from false sums.
 #include <algorithm>
 #include <map>
 #include <set>
@@ -118,7 +117,7 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,
     absl::Status warned =
         SetWarning(job_id, absl::StrCat(FramesText(delivered),
                                         goes_on ? " corrected: " : " may be false: ", why,
-                                        goes_on ? "" : ", and the job does not go on"));
+                                        goes_on ? "" : ", and the job does not continue"));
     if (!warned.ok()) return warned;
   }
   if (!goes_on) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobLifecycle that lets work go on that people held back: jobs that wait for others
-// are released, and frames are approved (docs/scheduling.md).
+// The part of JobLifecycle that continues held work: it releases jobs that wait for others, and
+// approves frames (docs/scheduling.md).
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -73,7 +73,7 @@ absl::Status JobLifecycle::Release(uint64_t job_id) {
     }
     if (absl::Status there = RequireNotGivenUp(**job); !there.ok()) return there;
   }
-  // Also where the job is as it shall be, as in SetPaused.
+  // Written even if nothing changes, as in SetPaused.
   absl::Status written = store_.ReleaseJob(job_id);
   disk_.Note(written);
   if (!written.ok()) return written;

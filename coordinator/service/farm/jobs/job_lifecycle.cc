@@ -105,8 +105,7 @@ absl::Status JobLifecycle::SetPaused(uint64_t job_id, bool paused) {
     absl::Status live = RequireUnfinished(**job, paused ? "be paused" : "be resumed");
     if (!live.ok()) return live;
   }
-  // Also where the job is as it shall be: a write before this one that failed may come back to life
-  // after a power cut.
+  // Written even if nothing changes: an earlier write that failed may reappear after a power cut.
   absl::Status written = store_.SetPaused(job_id, paused);
   disk_.Note(written);
   if (!written.ok()) return written;
@@ -271,7 +270,7 @@ void JobLifecycle::SaveNewQuarantines() {
 absl::Status JobLifecycle::LiftQuarantine(const std::string& identity) {
   const MutexLock settling(&settle_mutex_);
   {
-    // Without its row a start would not go on with the removal.
+    // Without its row a start would not resume the removal.
     const MutexLock lock(&tables_.mutex);
     if (std::find(tables_.liars.begin(), tables_.liars.end(), identity) != tables_.liars.end()) {
       return absl::FailedPreconditionError(

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // JobLifecycle: jobs from their creation to their durable end: create, pause, resume, prioritize,
-// cancel, refine, restore after a start; and what is kept of them afterwards. A change is durable
+// cancel, refine, restore after a start; and the removal of their stored data. A change is durable
 // before it is acknowledged.
 #pragma once
 
@@ -54,11 +54,11 @@ class JobLifecycle {
         disk_(parts.disk),
         signals_(parts.signals) {}
 
-  // Puts all stored jobs into the scheduler. Call once, first. Errors: those of the store;
+  // Restores all stored jobs into the scheduler. Call once, first. Errors: those of the store;
   // kDataLoss.
   absl::Status Load();
 
-  // As Farm has them.
+  // As in Farm.
   absl::StatusOr<uint64_t> Create(JobSpec spec, const std::string& request_id);
   absl::Status Cancel(uint64_t job_id);
   absl::Status SetPaused(uint64_t job_id, bool paused);
@@ -75,113 +75,111 @@ class JobLifecycle {
 
   // Removes the stored results of an identity that made false ones; the frames that hold them are
   // rendered again. Requires: no result is taken meanwhile. Errors: those of the store, and
-  // kUnavailable while the disk does not remove all of them. Then it can be called again, which
-  // corrects no frame twice.
+  // kUnavailable while the disk does not remove all of them. Call it again after an error; no frame
+  // is corrected twice.
   absl::Status RemoveResultsOf(const std::string& identity);
-  // Removes the parts of a frame whose guiding field was lost and came out otherwise; they are
-  // rendered again. Requires and errors: as RemoveResultsOf.
+  // Removes the parts of a frame whose guiding field was lost and trained to a different result;
+  // they are rendered again. Requires and errors: as RemoveResultsOf.
   absl::Status RemovePartsOfLostField(const FrameId& id);
-  // Replaces what the users of a job should know of its images.
+  // Replaces the job's warning about its images.
   absl::Status SetWarning(uint64_t job_id, const std::string& text);
 
-  // Renders delivered frames again, from what is kept of their parts. Does nothing for a job that
-  // has not succeeded, because it is refined meanwhile.
+  // Renders delivered frames again, from their kept parts. A no-op for a job that has not
+  // succeeded: it is being refined.
   absl::Status RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers);
 
   // upkeep/job_retention.cc
-  // A pinned job keeps all that is kept of it. Errors: kNotFound; kUnavailable (the disk).
+  // A pinned job keeps all its stored data. Errors: kNotFound; kUnavailable (the disk).
   absl::Status SetPinned(uint64_t job_id, bool pinned);
-  // Each removes what is kept of a job that has ended, which is durable, and is not pinned. Errors:
-  // kNotFound; kFailedPrecondition (it is not such a job); those of the store. After those of
-  // RemoveParts some are gone, and the rest at another call.
+  // Each removes stored data of an unpinned job whose end is durable. Errors: kNotFound;
+  // kFailedPrecondition (not such a job); those of the store. After an error RemoveParts may have
+  // removed some parts; call it again for the rest.
   absl::Status RemoveParts(uint64_t job_id, absl::Time now);
-  absl::Status RemovePreviews(uint64_t job_id);  // Also of a job that is not there any more.
+  absl::Status RemovePreviews(uint64_t job_id);  // Also for a removed job.
   absl::Status RemoveJob(uint64_t job_id);  // kFailedPrecondition also if it has only just ended.
-  // The same at a person's request, also if it has only just ended.
+  // The same at a user's request, even if it has only just ended.
   absl::Status DeleteJob(uint64_t job_id);
-  // How often jobs that had ended began again, in this life.
+  // How often ended jobs were reopened since the coordinator started.
   uint64_t ReopenCount() ABSL_LOCKS_EXCLUDED(settle_mutex_);
-  // Calls `act` while none can, if none has since ReopenCount was `seen`. Returns whether it did.
+  // Calls `act` while no job can be reopened, if none was since ReopenCount was `seen`. Returns
+  // whether it did.
   bool IfNoneReopened(uint64_t seen, const std::function<void()>& act)
       ABSL_LOCKS_EXCLUDED(settle_mutex_);
 
-  // Lets time pass: workers are lost, leases expire, and pilots that nobody has asked for are
-  // cancelled. Returns whether anything changed that a FarmView shows.
+  // Advances time: marks workers as lost, expires leases, and cancels unrequested pilots. Returns
+  // whether anything changed that a FarmView shows.
   bool Tick();
-  // Writes down the ends of jobs that have ended, and their failures, and removes their parts.
-  // Concurrent calls wait until that is durable. Writes that the disk refuses are tried again by
-  // the next call.
+  // Stores the ends of jobs and their failures, and removes their parts. Concurrent calls wait
+  // until that is durable. The next call retries writes that the disk refused.
   void SettleEnded();
-  // Writes down failures and quarantines that are new. Writes that the disk refuses are tried
-  // again.
+  // Stores new failures and quarantines. The next call retries writes that the disk refused.
   void SaveFailures() ABSL_LOCKS_EXCLUDED(settle_mutex_);
   // Removes parts of delivered frames, the oldest first, while there are more than the limit.
   void LimitKeptParts();
 
  private:
-  // By frame: its tiles of which parts are on disk.
+  // By frame: its tiles with parts on disk.
   using TilesOnDisk = std::map<FrameId, std::set<uint32_t>>;
 
-  // Requires: a job that the new one waits for is not removed meanwhile.
+  // Requires: no job that the new one waits for is removed meanwhile.
   absl::StatusOr<uint64_t> CreateNew(JobSpec spec, const std::string& request_id);
   void CancelForgottenPilots() ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   void SaveNewQuarantines() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void SaveNewFailures() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
-  // Errors: those of the store; then it is tried again by the next call.
+  // Errors: those of the store; the next call tries again.
   absl::Status SaveNewTroubles() ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void EraseOpenFrames(uint64_t job_id);
 
   // job_restore.cc
-  // Puts a job that the scheduler does not know into it, with what is durable of it: its delivered
-  // frames, rounds (with cells where it is live) and, where it is live, parts and the images that
-  // its frames resume. parts: null where a live job cannot continue. Requires: the job has an
-  // account.
+  // Restores a job into the scheduler from its durable state: its delivered frames, rounds (with
+  // cells if it is live) and, if it is live, parts and the images that its frames resume. parts:
+  // null if a live job cannot continue. Requires: the scheduler does not have the job; the job has
+  // an account.
   void RestoreJob(const StoredJob& job, std::vector<StoredRound> rounds,
                   const JobStore::LoadedParts* parts, const ResumedCounts& resumed)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   void RestoreLiveJob(const StoredJob& job, const JobStore::LoadedParts& parts, TilesOnDisk on_disk)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // By frame, the guiding field of its parts: the stored one, or that of which its parts say that
-  // they were made with it.
+  // By frame, the guiding field of its parts: the stored one, or the one named by its parts.
   static std::map<FrameId, BlobDigest> FieldsOf(const std::vector<PartRow>& rows);
-  // Removes a part that does not fit beside those before it: it was superseded while it was
-  // written, and the disk refused to remove it, or its frame was refined.
+  // Removes a part that conflicts with those before it: it was superseded while it was written and
+  // the disk refused to remove it, or its frame was refined.
   void RemoveUnusable(const PartRow& row, FrameTasks::Fit fit)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Requires: after AddJob, before the job's parts.
   void RestoreRounds(const StoredJob& job, std::vector<StoredRound> rounds)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // Gives the cells at least the samples that they have: after AddJob, before rounds.
+  // Raises the cells to the samples that the resumed images have: after AddJob, before rounds.
   void RestoreResumed(uint64_t job_id, const ResumedCounts& resumed)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // Puts those parts back that the resumed images stand for: before other parts.
+  // Restores the parts that the resumed images replace: before other parts.
   TilesOnDisk RestoreResumedParts(uint64_t job_id, const ResumedCounts& resumed)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
   // job_refinement.cc
   absl::Status CheckRefinement(const JobRecord& job, const Refinement& refinement) const;
-  // Has a frame whose parts were removed continue from its delivered image, where it can.
+  // Makes a frame whose parts were removed continue from its delivered image, if it can.
   void ContinueFromImage(const JobSpec& job, JobStore::ReopenedFrame* frame) const;
-  // The job with all its frames, to be put into the scheduler again.
+  // The job with all its frames, for RestoreJob.
   StoredJob StoredJobOf(const JobRecord& record) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // By frame.
   absl::StatusOr<std::map<int32_t, std::vector<RoundRecord>>> RoundsOf(uint64_t job_id) const;
-  // The parts of a job, without the given ones and those that nothing needs any more; lost ones are
-  // of the latter from now on. Errors: those of JobStore::LoadParts.
+  // The parts of a job, without the given ones and those no longer needed. Lost parts become parts
+  // no longer needed. Errors: those of JobStore::LoadParts.
   absl::StatusOr<JobStore::LoadedParts> LoadPartsOf(uint64_t job_id,
                                                     const std::vector<PartRow>& without = {});
   // Continues these frames of a job, without the false parts, which are removed. Requires: the job
-  // has ended, or no result is taken meanwhile. Errors: those of the store; then no part is removed
-  // and it can be called again.
+  // has ended, or no result is taken meanwhile. Errors: those of the store; no part is removed
+  // then, and the call can be repeated.
   absl::Status ReopenFrames(StoredJob job, const std::vector<JobStore::ReopenedFrame>& reopened,
                             const std::vector<PartRow>& false_parts = {},
                             bool may_have_failed = false)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
-  // Opens those of a job's frames again that have ended without image.
+  // Reopens the job's frames that ended without an image.
   absl::Status ReopenUndelivered(uint64_t job_id, std::optional<int32_t> frame,
                                  std::optional<uint32_t> task)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
-  // Takes a job out of the tables, as it is before RestoreJob.
+  // Removes a job from the tables, before RestoreJob.
   void TakeOut(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
   // upkeep/job_retention.cc
@@ -189,13 +187,13 @@ class JobLifecycle {
   absl::Status RemoveUnused(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
 
   // job_correction.cc
-  // why: what was found of the parts, for people.
+  // why: the finding about the parts, for users.
   absl::Status CorrectJob(uint64_t job_id, const std::string& why,
                           const std::vector<PartRow>& false_parts)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(settle_mutex_);
   void RemoveFalse(const std::vector<PartRow>& parts);
   // The false parts of an identity, with those that others made with its guiding fields. Fields
-  // come last: while one is there, a stop in between leaves the rest to be found again.
+  // come last: if a stop interrupts the removal, a remaining field leads to the rest.
   absl::StatusOr<std::vector<PartRow>> WithPartsOfFields(uint64_t job_id,
                                                          std::vector<PartRow> false_parts);
 
@@ -210,8 +208,8 @@ class JobLifecycle {
   DiskState& disk_;
   FarmSignals& signals_;
   uint64_t reopen_count_ ABSL_GUARDED_BY(settle_mutex_) = 0;
-  // Held by one call at a time that writes down the ends of jobs, reopens or pauses one, or removes
-  // what is kept of one. Taken before the tables' mutex.
+  // Held by one call at a time that stores the ends of jobs, reopens or pauses a job, or removes
+  // its stored data. Taken before the tables' mutex.
   Mutex settle_mutex_;
 };
 

@@ -312,7 +312,7 @@ absl::Status JobLifecycle::Retry(uint64_t job_id, std::optional<int32_t> frame,
     if (job.phase == JobPhase::kSucceeded || job.phase == JobPhase::kCancelled) {
       return absl::FailedPreconditionError(absl::StrCat(
           "jobs/", job_id, job.phase == JobPhase::kSucceeded ? " has succeeded" : " was cancelled",
-          "; only a job that goes on or has failed can be tried again"));
+          "; only a running or failed job can be retried"));
     }
     if (frame && !job.FindIndex(*frame)) {
       return absl::NotFoundError(absl::StrCat("jobs/", job_id, " has no frame ", *frame));

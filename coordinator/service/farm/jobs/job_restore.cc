@@ -45,7 +45,7 @@ absl::Status JobLifecycle::Load() {
   const MutexLock lock(&tables_.mutex);
   for (const QuarantineRecord& record : *quarantines) {
     tables_.scheduler.RestoreQuarantine(record);
-    // The last life may have ended before their parts were removed.
+    // The last run may have ended before their parts were removed.
     if (record.made_false_results) tables_.liars.push_back(record.identity);
   }
   for (const StoredJob& job : *jobs) {

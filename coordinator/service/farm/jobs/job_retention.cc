@@ -19,7 +19,7 @@ absl::Status JobLifecycle::SetPinned(uint64_t job_id, bool pinned) {
     const MutexLock lock(&tables_.mutex);
     if (absl::Status there = tables_.FindJob(job_id).status(); !there.ok()) return there;
   }
-  // Also where the job is as it shall be, as in SetPaused.
+  // Written even if nothing changes, as in SetPaused.
   absl::Status written = store_.SetPinned(job_id, pinned);
   disk_.Note(written);
   if (!written.ok()) return written;

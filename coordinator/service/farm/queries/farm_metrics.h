@@ -21,11 +21,11 @@
 
 namespace sheaf::coordinator {
 
-// How a job stands: sums and extremes over its frames and their rounds.
+// The state of a job: sums and extremes over its frames and their rounds.
 struct JobCurve {
   double samples = 0, cpu_seconds = 0, part_bytes = 0;
   double relative_mse = 0, predicted_relative_mse = 0;
-  double ratio_sum = 0;  // relMSE over what was foretold.
+  double ratio_sum = 0;  // relMSE over predicted relMSE.
   int prediction_count = 0;
 };
 
@@ -41,7 +41,7 @@ class FarmMetrics {
         images_(*images),
         disk_(*disk) {}
 
-  // As FarmView has them.
+  // As in FarmView.
   std::vector<MetricView> List() const;
 
  private:
@@ -51,11 +51,11 @@ class FarmMetrics {
     JobCurve more;                                    // Their sums, without errors.
     std::map<std::string, UserFigures> users;
   };
-  // How live jobs stand, count_max of them one by one.
+  // The state of live jobs, count_max of them individually.
   LiveFigures ListLive(size_t count_max) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // Sums over all live jobs that are not held.
   std::vector<LeasableWork> ListLeasable() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // The state directory's disk; without its size where the system does not tell it.
+  // The state directory's disk; without its size if the system does not report it.
   std::vector<MetricView> ListDisk() const;
 
   const std::string state_directory_;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FramePreviews: shows images of frames: as merged so far, as delivered, at the ends of rounds,
-// and small.
+// FramePreviews: images of frames: as merged so far, as delivered, at the ends of rounds, and as
+// thumbnails.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@ namespace sheaf::coordinator {
 
 // The version of a delivered frame's preview, which never changes again.
 inline constexpr uint64_t kDeliveredPreviewVersion = uint64_t{1} << 32;
-// The same of an image that waits for approval: the final one is another.
+// The same for an image that waits for approval, because the final one differs.
 inline constexpr uint64_t kUnapprovedPreviewVersion = kDeliveredPreviewVersion - 1;
 
 // Thread safety: all members may be called concurrently.
@@ -33,7 +33,7 @@ class FramePreviews {
                 const DeliveredImages* images)
       : tables_(*tables), store_(*store), rounds_(*rounds), images_(*images) {}
 
-  // As FarmView has them.
+  // As in FarmView.
   absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
                                       const std::vector<std::string>& channels) const;
   absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id, int32_t frame_number) const;
@@ -46,7 +46,7 @@ class FramePreviews {
                                       int32_t y_px) const;
 
  private:
-  // A frame whose image is asked for; open is null where it has no samples in memory.
+  // A frame whose image is requested; open is null if it has no samples in memory.
   struct ShownFrame {
     FrameId id;
     PixelRect window;

@@ -202,7 +202,7 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, FrameMarks* mar
     progress.relative_mse /= static_cast<double>(progress.sample_count_done);
   }
   progress.wall_seconds = Seconds(tables_.WallOfJob(job, now));
-  // Nobody knows how long a person takes.
+  // The time that a user takes is unknown.
   if (job.phase == JobPhase::kLive && !job.Paused() && WhyHeld(jobs, job).empty()) {
     EstimateRemaining(job, now, &progress);
     AddBand(job, now, &progress);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// JobViews: shows jobs and their frames: consistent copies of what the tables hold.
+// JobViews: consistent copies of jobs and their frames in the tables.
 #pragma once
 
 #include <cstdint>
@@ -27,14 +27,14 @@ class JobViews {
         previews_(*previews),
         disk_(*disk) {}
 
-  // As Farm has them.
+  // As in Farm.
   std::vector<JobView> List() const;
   std::vector<JobView> ListWithPilots() const;
   absl::StatusOr<JobView> Find(const std::string& job_id, bool with_frames) const;
-  // With those frames alone whose marks differ from these, which become the new ones. A frame's
-  // mark differs where people would see a change, but for the time that passes.
+  // Returns only the frames whose marks differ from these, and updates the marks. A frame's mark
+  // changes if users would see a change other than elapsed time.
   absl::StatusOr<JobView> FindChanges(const std::string& job_id, FrameMarks* marks) const;
-  // Whether it is there and has not ended. Cheap.
+  // Whether it exists and has not ended. Cheap.
   bool IsLive(const std::string& job_id) const;
 
  private:
@@ -43,13 +43,14 @@ class JobViews {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   FrameView ViewOf(const JobRecord& job, const FrameRecord& frame, bool with_spec,
                    SteadyTime now) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // Those with smaller ids, newest first.
+  // Jobs with smaller ids, newest first.
   std::vector<JobView> ListBelow(uint64_t job_id) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // For the samples that are left in progress, which is the job's or one of its frames'.
+  // Estimates the time for the samples left in *progress, which belongs to the job or to one of its
+  // frames.
   void EstimateRemaining(const JobRecord& job, SteadyTime now, ProgressView* progress) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
-  // Replaces that of a whole job by the forecast for all jobs of the farm, which has a band.
+  // Replaces a whole job's estimate by the forecast for all jobs of the farm, which has a band.
   void AddBand(const JobRecord& job, SteadyTime now, ProgressView* progress) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The figures in /metrics of the server that parts and files of scenes lie on.
+// The values in /metrics about the object store's server.
 #pragma once
 
 #include <vector>

@@ -28,7 +28,7 @@ absl::Status CheckTargets(const std::vector<double>& target_errors) {
   return absl::OkStatus();
 }
 
-// Its end as one cell, for frames of earlier versions, of which no more is known.
+// The end of a frame as one cell, for frames of earlier versions, which stored only that.
 RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
   // Mean square of a pixel's error over the square of the mean.
   constexpr double kSquareRatio = 4;

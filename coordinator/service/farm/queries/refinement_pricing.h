@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// RefinementPricing: says what it costs to refine a finished job.
+// RefinementPricing: the cost of refining a finished job.
 #pragma once
 
 #include <string>

@@ -13,7 +13,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// What a report is of, the most telling first.
+// The subject of a report, the most informative first.
 enum class Rank { kTaskSetAside, kFrameGivenUp, kScene, kTaskFailed, kLogged, kNone };
 
 CellGrid GridOf(const JobRecord& job, const FrameRecord& frame) {
@@ -52,7 +52,7 @@ void TakeTrouble(const TaskId& id, const TaskTrouble& trouble, TaskReport* repor
   for (const TaskFailure& failure : trouble.failures) report->failures.push_back(OwnWords(failure));
 }
 
-// The frame is given up: because nobody could load its scene, or by a person.
+// The frame is given up: no worker could load its scene, or a user killed it.
 void TakeFrameTrouble(const JobRecord& job, const FrameRecord& frame, const TaskTrouble& trouble,
                       TaskReport* report) {
   const CellGrid grid = GridOf(job, frame);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TaskReports: finds a task, with how it failed and what it is rendered from, so that people can
-// render it again elsewhere (docs/failures.md).
+// TaskReports: finds a task with its failures and inputs, so that users can render it elsewhere
+// (docs/failures.md).
 #pragma once
 
 #include <cstdint>
@@ -22,14 +22,14 @@ struct TaskReport {
   FrameSpec spec;
   std::string numeric_profile;
   uint32_t task = 0;         // The number of its tile in the frame.
-  bool whole_frame = false;  // What failed is the frame; the task is one of it.
+  bool whole_frame = false;  // The frame failed; the task is one of its tasks.
   TaskKind kind = TaskKind::kCamera;
   PixelRect tile;
   SampleBlock block;
   TileCells cells;
-  std::string set_aside;                 // As TaskTrouble has it.
-  std::vector<TaskFailure> failures;     // The words are the workers' own.
-  std::optional<PartRow> guiding_field;  // Where the task is rendered with one.
+  std::string set_aside;                 // As in TaskTrouble.
+  std::vector<TaskFailure> failures;     // With the workers' own messages.
+  std::optional<PartRow> guiding_field;  // If the task is rendered with one.
 };
 
 // Thread safety: all members may be called concurrently.
@@ -38,9 +38,9 @@ class TaskReports {
   // Both must outlive the object.
   TaskReports(FarmTables* tables, JobStore* store) : tables_(*tables), store_(*store) {}
 
-  // number: the frame, tile: the task's number. Without them, the first task that is set aside;
-  // otherwise the first frame that was given up, then an error in a scene, then any other failure.
-  // A task that is named need not have failed. Errors: kNotFound; kFailedPrecondition (its guiding
+  // number: the frame, tile: the task's number. Without them, finds the first task that is set
+  // aside, else the first frame that was given up, else an error in a scene, else any other
+  // failure. A named task need not have failed. Errors: kNotFound; kFailedPrecondition (its guiding
   // field is not kept); those of the store.
   absl::StatusOr<TaskReport> Find(uint64_t job_id, std::optional<int32_t> number,
                                   std::optional<uint32_t> tile) const;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The figures of users in /metrics: what their live jobs have taken.
+// The values of users in /metrics: the usage of their live jobs.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@
 
 namespace sheaf::coordinator {
 
-// Users that /metrics tells of one by one, those of most CPU time; the rest together is kOther.
+// Users that /metrics lists individually, by descending CPU time; the rest are summed as kOther.
 inline constexpr size_t kUserMetricsMax = 50;
 inline constexpr char kOther[] = "other";
 
@@ -21,7 +21,7 @@ struct UserFigures {
   double jobs = 0, samples = 0, cpu_seconds = 0;
 };
 
-// Adds the figures, at most kUserMetricsMax + 1 values of each name.
+// Adds the values, at most kUserMetricsMax + 1 of each name.
 void AddUserMetrics(const std::map<std::string, UserFigures>& users,
                     std::vector<MetricView>* metrics);
 

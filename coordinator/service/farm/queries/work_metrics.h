@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The figure of /metrics by which pools of workers may grow and shrink (docs/elastic.md): the CPU
-// time that the work which may be leased is expected to take.
+// The metric by which pools of workers may grow and shrink (docs/elastic.md): the expected CPU time
+// of the leasable work.
 #pragma once
 
 #include <string>
@@ -12,8 +12,8 @@
 
 namespace sheaf::coordinator {
 
-// A sample of a scene that nothing is known of, seconds of a thread: examples and public scenes
-// cost 1.3 to 185 microseconds (docs/scheduling.md).
+// The assumed thread-seconds of a sample of an unknown scene: examples and public scenes cost 1.3
+// to 185 microseconds (docs/scheduling.md).
 inline constexpr double kUnknownSampleSeconds = 20e-6;
 
 // The samples that a job has left.

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// WorkerViews: shows what workers do, and which leases failed.
+// WorkerViews: the state of workers, and failed leases.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ class WorkerViews {
   // Both arguments must outlive the object.
   WorkerViews(FarmTables* tables, const BlobStore* blobs) : tables_(*tables), names_(blobs) {}
 
-  // As FarmView has them.
+  // As in FarmView.
   std::vector<WorkerView> List() const;
   absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const;
 

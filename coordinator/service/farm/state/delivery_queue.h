@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// DeliveryQueue: frames whose last result is merged, for the background thread, which sleeps on
-// it.
+// DeliveryQueue: frames whose last result is merged, for the background thread, which waits on it.
 #pragma once
 
 #include <vector>
@@ -16,7 +15,7 @@ namespace sheaf::coordinator {
 // Thread safety: all members may be called concurrently, under any other lock.
 class DeliveryQueue {
  public:
-  // Adds a frame, which is delivered when the background thread next looks; Wake makes it look.
+  // Adds a frame, which is delivered at the background thread's next wake-up; Wake causes one.
   void Add(const FrameId& frame);
   void Wake();
   // Makes Wait return false from now on.

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// DiskState: whether the state directory, and the object store where parts lie in one, can be
-// written, as the last write found it.
+// DiskState: whether the state directory, and the object store of parts if there is one, can be
+// written, according to the last write.
 #pragma once
 
 #include <cstdint>
@@ -22,11 +22,11 @@ class DiskState {
   DiskState(FarmSignals* signals, const DiskReserve* reserve)
       : signals_(*signals), reserve_(*reserve) {}
 
-  // Whether this many bytes beside the database's may be written. Errors:
+  // Checks that this many bytes may be written in addition to the database's. Errors:
   // DiskReserve::CheckRoom's.
   absl::Status CheckRoom(uint64_t bytes) const { return reserve_.CheckRoom(bytes); }
 
-  // Notes the outcome of a write. Errors that are not the disk's are ignored.
+  // Records the outcome of a write. Ignores errors that are not the disk's.
   void Note(const absl::Status& written);
   // The outcome of the last write: OK, kResourceExhausted, kUnavailable, kPermissionDenied or
   // kDataLoss.

@@ -17,29 +17,29 @@ namespace sheaf::coordinator {
 
 struct FarmOptions {
   std::string state_directory;
-  // Where parts and files of scenes lie, which must outlive the farm; null: in the state directory.
+  // The store of parts and files of scenes, which must outlive the farm; null: the state directory.
   ObjectStore* parts = nullptr;
   ObjectStore* content = nullptr;
   Durability durability = Durability::kPowerLoss;  // For jobs and parts; images are durable.
   Limits limits;
   RetentionLimits retention;  // How much of ended jobs is kept.
-  // Parts of delivered frames, also of jobs that go on, are kept for RefineJob while all parts
-  // together are no more than this; then the oldest go.
+  // Parts of delivered frames, also of unfinished jobs, are kept for RefineJob up to this total;
+  // beyond it the oldest are removed.
   uint64_t kept_parts_bytes_max = uint64_t{20} << 30;
-  // Small images of the ends of rounds; the oldest go beyond it.
+  // Small images of the ends of rounds; beyond the limit the oldest are removed.
   uint64_t round_previews_bytes_max = uint64_t{2} << 30;
-  // At which what is stored is compared with its digests, again and again; 0: never.
+  // Rate at which stored data is repeatedly compared with its digests; 0: never.
   uint64_t scrub_bytes_per_second = 0;
   // Memory of unfinished tiles; beyond it tiles are merged when their last part has come.
   uint64_t merge_bytes_max = uint64_t{1} << 30;
   absl::Duration preview_interval_min =
       absl::Milliseconds(300);      // Between two previews of a frame.
   uint64_t disk_reserve_bytes = 0;  // DiskReserve's; 0: none.
-  // What people may do where an upload does not fit.
+  // Advice to users if an upload does not fit.
   std::string space_advice =
       "free space on it (sheaf gc, sheaf usage), or lower --disk-free-min, which is kept for jobs";
   uint64_t part_bytes_max = uint64_t{512} << 20;  // For one result.
-  // Whether failures of jobs are logged as warnings; otherwise whoever owns the farm says them.
+  // Whether failures of jobs are logged as warnings; otherwise the farm's owner reports them.
   bool warns_of_failed_jobs = true;
 };
 

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FarmTables: the tables of a farm that change together, under one mutex: the scheduler, and what
-// the scheduler need not know of jobs and of their open frames. The classes of this folder share
-// it. The mutex is never held while a disk or an image is worked on.
+// FarmTables: the tables of a farm that change together, under one mutex: the scheduler, and the
+// state of jobs and open frames that the scheduler does not need. The classes of farm/ share it.
+// The mutex is never held during work on a disk or an image.
 #pragma once
 
 #include <chrono>
@@ -31,7 +31,7 @@ namespace sheaf::coordinator {
 struct JobAccount {
   absl::Time create_time;
   absl::Time end_time = absl::InfiniteFuture();
-  SteadyTime ended = SteadyTime::InfiniteFuture();  // The same, where it was in this life.
+  SteadyTime ended = SteadyTime::InfiniteFuture();  // The same, if since the start.
   std::map<int32_t, DeliveredFrame> delivered;
   // By frame. Cells of the last round only, and only of frames that are not delivered.
   std::map<int32_t, std::vector<RoundRecord>> rounds;
@@ -42,13 +42,13 @@ struct JobAccount {
   bool pinned = false;
   absl::Time parts_removed_time = absl::InfiniteFuture();
 
-  // In this life.
+  // Only ends since the coordinator started.
   bool EndedWithin(absl::Duration duration, SteadyTime now) const {
     return ended != SteadyTime::InfiniteFuture() && now - ended < duration;
   }
 };
 
-// An open frame and how it stands, as of its last refresh.
+// An open frame and its state at its last refresh.
 struct OpenEntry {
   std::shared_ptr<OpenFrame> frame;
   double relative_mse = 0;
@@ -69,31 +69,31 @@ struct FarmTables {
   absl::StatusOr<const JobRecord*> FindJob(uint64_t job_id) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   // Dates jobs that the scheduler has just ended, failures and quarantines, and frees the memory of
-  // incomplete frames. Call it under the lock that ended them, so that nobody sees an ended job
+  // incomplete frames. Call it under the lock that ended them, so that no caller sees an ended job
   // without its time.
   void NoteEndedJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
 
-  // Opens the frame if it is not open. on_disk: as OpenFrame has it. Requires: it has tasks.
+  // Opens the frame if it is not open. on_disk: as in OpenFrame. Requires: it has tasks.
   std::shared_ptr<OpenFrame> Open(const FrameId& id, const std::set<uint32_t>& on_disk = {})
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   // Makes Open cheap: allocates the frame's memory before the lock is taken. Does nothing for a
   // frame that has no tasks.
   void PrepareOpen(const FrameId& id) ABSL_LOCKS_EXCLUDED(mutex);
 
-  // Null where the frame has no rounds.
+  // Null if the frame has no rounds.
   const RoundRecord* LastRoundOf(const FrameId& id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   // Returns the frame's rounds.
   const std::vector<RoundRecord>& AddRound(const FrameId& id, RoundRecord record)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
 
-  // Since the frame's or job's first lease, in this life and earlier ones. Pauses and the time
-  // after the job's end do not count.
+  // Wall time since the frame's or job's first lease, over all runs of the coordinator. Pauses and
+  // the time after the job's end do not count.
   absl::Duration WallOf(const FrameId& id, SteadyTime now) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   absl::Duration WallOfJob(const JobRecord& job, SteadyTime now) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
 
-  // A frame's samples; where a stop rule decides, as far as it is foreseen.
+  // A frame's samples; with a stop rule, the predicted number.
   uint64_t SamplesExpected(const FrameId& id, const FrameRecord& frame) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   // The work for the workers of a profile; some tenths of a second old.
@@ -107,17 +107,16 @@ struct FarmTables {
   Scheduler scheduler ABSL_GUARDED_BY(mutex);
   std::map<uint64_t, JobAccount> accounts ABSL_GUARDED_BY(mutex);
   std::map<FrameId, OpenEntry> open_frames ABSL_GUARDED_BY(mutex);
-  // Live pilots, and when somebody last asked for them.
+  // Live pilots, with the time of their last request.
   std::map<uint64_t, std::chrono::steady_clock::time_point> pilots_asked ABSL_GUARDED_BY(mutex);
-  std::vector<uint64_t> unsettled_jobs ABSL_GUARDED_BY(mutex);  // Ended, but not written down.
-  // Jobs with failures that are not yet written down.
+  std::vector<uint64_t> unsettled_jobs ABSL_GUARDED_BY(mutex);  // Ended, but not yet stored.
+  // Jobs with failures that are not yet stored.
   std::set<uint64_t> unsaved_failures ABSL_GUARDED_BY(mutex);
-  // Task failures that changed and are not yet written down.
+  // Task failures that changed and are not yet stored.
   std::map<TaskId, TaskTrouble> unsaved_troubles ABSL_GUARDED_BY(mutex);
   // Identities that made false results, whose parts are still to be removed.
   std::vector<std::string> liars ABSL_GUARDED_BY(mutex);
-  // Frames with parts that were made with another guiding field than a new one, still to be
-  // removed.
+  // Frames with parts made with a guiding field other than the new one, still to be removed.
   std::set<FrameId> stale_fields ABSL_GUARDED_BY(mutex);
   std::vector<QuarantineRecord> unsaved_quarantines ABSL_GUARDED_BY(mutex);  // Likewise.
   // By numeric profile, as they were at loads_time.
@@ -125,10 +124,11 @@ struct FarmTables {
   SteadyTime loads_time ABSL_GUARDED_BY(mutex);
 
  private:
-  // The frame where it can be opened and is not; null otherwise.
+  // The frame if it can be opened and is not open; null otherwise.
   const FrameRecord* ToOpen(const FrameId& id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   uint64_t FirstPointOf(const FrameId& id) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
-  // The wall time in this life, of a frame or a job that was first leased then.
+  // The wall time since the coordinator started, of a frame or a job first leased at
+  // first_lease_time.
   absl::Duration WallSince(uint64_t job_id, SteadyTime first_lease_time, SteadyTime now) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
 };

@@ -22,7 +22,7 @@ namespace sheaf::coordinator {
 
 // Shared: an upload may still merge into a frame whose job was just cancelled.
 struct OpenFrame {
-  // samples: of each cell's pixels. on_disk: tiles of which parts are on disk already.
+  // samples: of each cell's pixels. on_disk: tiles with parts already on disk.
   OpenFrame(FrameSpec frame_spec, CellGrid grid, std::vector<uint64_t> samples,
             uint64_t first_point_samples, MergeBudget* budget,
             const std::set<uint32_t>& on_disk = {})
@@ -39,7 +39,7 @@ struct OpenFrame {
   SteadyTime next_refresh_time ABSL_GUARDED_BY(mutex) = SteadyTime::InfinitePast();
   // The image that the frame resumes; read when a tile is first built from it.
   std::optional<ResumedImage> resumed ABSL_GUARDED_BY(mutex);
-  // When the cell with the fewest samples has this many, a frame without rounds gets a point.
+  // A frame without rounds gets its next point when every cell has this many samples.
   uint64_t next_point_samples ABSL_GUARDED_BY(mutex);
   RunningError error ABSL_GUARDED_BY(mutex);
 };

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PartRemovals: parts that nothing needs any more, until the disk has removed them. A part that the
-// disk refuses to remove keeps its row and its bytes, but it is no part of its frame any more: who
-// reads rows leaves it out. It is removed by a later try, or before its key is written again. A
-// start knows none of them: it restores those that fit, which are whole or found damaged.
+// PartRemovals: parts that are no longer needed, until the disk has removed them. A part that the
+// disk refuses to remove keeps its row and its bytes, but no longer belongs to its frame: readers
+// of rows skip it. It is removed by a later try, or before its key is written again. The list is
+// not durable: a start restores such parts if they fit, and they are whole or detected as damaged.
 #pragma once
 
 #include <cstdint>
@@ -29,23 +29,23 @@ struct PartKeyOrder {
 };
 using PartKeys = std::set<PartKey, PartKeyOrder>;
 
-// It holds no more rows than the store. Thread safety: all members may be called concurrently,
+// It holds at most the rows of the store. Thread safety: all members may be called concurrently,
 // under the locks of FarmTables.
 class PartRemovals {
  public:
   // All arguments must outlive the object.
   PartRemovals(JobStore* store, DiskState* disk) : store_(*store), disk_(*disk) {}
 
-  // From now on these are no parts of their frames. Where the disk refuses one of them, those that
-  // follow are left for a later try, too.
+  // From now on these parts do not belong to their frames. If the disk refuses one of them, it and
+  // the rest are left for a later try.
   void Remove(const std::vector<PartRow>& rows);
   // Makes the key free for another part. Errors: those of JobStore::RemovePart.
   absl::Status MakeRoom(const PartKey& key);
-  // Tries again what the disk refused.
+  // Retries removals that the disk refused.
   void Retry();
 
-  // The parts that are none any more, but have rows still. Ask before reading the rows: one of them
-  // may go at any time.
+  // The parts still to be removed, which have rows. Call this before reading the rows: any of them
+  // may be removed at any time.
   PartKeys Left() const;
 
  private:

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ResumedFrames: the images that frames resume (resumed_image.h). An image's samples count as
-// done from the start; tiles are built from it whenever they are built from disk.
+// done from the start; a tile built from disk is also built from it.
 #pragma once
 
 #include <cstdint>
@@ -34,8 +34,8 @@ class ResumedFrames {
   absl::StatusOr<ResumedCounts> Count(const std::vector<FrameSpec>& frames,
                                       const Partition& partition) const;
 
-  // Stores the delivered image at `path` as a blob and has the frame continue from it. Errors:
-  // those of Open and of the disk; then the frame is as it was.
+  // Stores the delivered image at `path` as a blob and makes the frame continue from it. Errors:
+  // those of Open and of the disk; the frame is then unchanged.
   absl::Status ContinueFrom(const std::string& path, const Partition& partition,
                             FrameSpec* spec) const;
 

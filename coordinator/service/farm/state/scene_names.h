@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SceneNames: file names of scenes by the digests of their manifests. Names that were read are
-// kept.
+// SceneNames: file names of scenes by the digests of their manifests. Caches names.
 #pragma once
 
 #include <map>
@@ -13,7 +12,7 @@
 
 namespace sheaf::coordinator {
 
-// Names kept; beyond it all are forgotten and read again when asked for.
+// Cached names; beyond the limit the cache is cleared.
 inline constexpr size_t kSceneNamesMax = 10'000;
 
 class SceneNames {
@@ -21,7 +20,7 @@ class SceneNames {
   // `blobs` must outlive the object.
   explicit SceneNames(const BlobStore* blobs) : blobs_(blobs) {}
 
-  // "room.pbrt"; a few digits of the digest where the manifest cannot be read.
+  // "room.pbrt"; a few digits of the digest if the manifest cannot be read.
   // Thread safety: may be called concurrently.
   std::string Find(const std::string& scene_digest);
 

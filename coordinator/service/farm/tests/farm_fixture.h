@@ -146,7 +146,7 @@ class FarmTest : public ::testing::Test {
     for (const LeaseGrant& grant : grants) EXPECT_EQ(Deliver(grant).code(), outcome);
   }
 
-  // Measures worker w's speed by another job, which has no more work then.
+  // Measures worker w's speed by another job, which is then finished.
   void LearnSpeed() {
     const uint64_t other = MakeJob({}, 16);
     SHEAF_CHECK(farm_->SetJobPriority(other, 1).ok());
@@ -181,7 +181,7 @@ class FarmTest : public ::testing::Test {
     std::filesystem::remove_all(directory_ + "/parts");
     std::filesystem::create_directory(directory_ + "/parts");
   }
-  // Notes that somebody made false results.
+  // Records that an identity made false results.
   void Distrust(const std::string& identity) {
     const MutexLock lock(&farm_->tables().mutex);
     farm_->tables().scheduler.Quarantine(identity, "it lied", /*made_false_results=*/true);

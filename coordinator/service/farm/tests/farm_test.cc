@@ -48,7 +48,7 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
 }
 
 // An end that the disk refuses is written later. A job that is refined meanwhile has none: it keeps
-// its parts and goes on.
+// its parts and continues.
 TEST_F(FarmTest, AJobCanBeRefinedBeforeItsEndIsWritten) {
   store_->Open();
   const uint64_t id = MakeJob({});
@@ -69,7 +69,7 @@ TEST_F(FarmTest, AJobCanBeRefinedBeforeItsEndIsWritten) {
 }
 
 // A write that failed may be on disk all the same, and come back with the next start. The opposite
-// is therefore written, although the job is as it shall be.
+// is therefore written, although nothing changes.
 TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {
   store_->Open();
   const uint64_t job = MakeJob({});
@@ -148,7 +148,7 @@ TEST_F(FarmTest, JobsAreReadableDuringRoundDecisions) {
   EXPECT_GT(after->progress.sample_count_total, 16u * 256u);
 }
 
-// A rate is all samples over the time that they took, also in the life after.
+// A rate is all samples over the time that they took, also after a restart.
 TEST_F(FarmTest, RefinedJobTimeCoversAllSamples) {
   store_->Open();
   const uint64_t id = MakeJob({});

@@ -181,7 +181,7 @@ class GatedJobStore : public JobStore {
   std::atomic<bool> full_ = false;  // Whether the disk takes no parts, pauses and priorities.
   std::atomic<bool> holds_parts_ = false;
   std::atomic<bool> keeps_parts_ = false;              // Whether the disk removes no parts.
-  std::atomic<int64_t> removals_allowed_ = INT64_MAX;  // As many parts are removed, and no more.
+  std::atomic<int64_t> removals_allowed_ = INT64_MAX;  // Maximum number of parts to remove.
   std::atomic<int> removals_refused_ = 0;
   std::atomic<bool> refuses_rounds_ = false;  // Whether the disk reads no rounds.
   std::atomic<bool> refuses_ends_ = false;    // Whether the disk takes no ends of jobs.

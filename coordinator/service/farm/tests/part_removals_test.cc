@@ -68,8 +68,8 @@ TEST_F(FarmTest, LostPartsWhoseRowsCannotBeRemovedAreRenderedAgain) {
   EXPECT_EQ(PartsRevoked(), 2u);
 }
 
-// The disk may refuse to remove a part that was superseded while it was written. The next life
-// meets it beside those that cover its samples.
+// The disk may refuse to remove a part that was superseded while it was written. The next start
+// finds it beside those that cover its samples.
 TEST_F(FarmTest, StartsWithPartsThatOverlap) {
   store_->Open();
   const std::string job = absl::StrCat(MakeJob({}));
@@ -94,11 +94,12 @@ TEST_F(FarmTest, StartsWithPartsThatOverlap) {
   EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
 }
 
-// A late result of the last life is superseded while it is written, and the disk refuses to remove
-// it: it is no part of its frame, neither when a tile is built from disk nor in a refined job.
+// A late result from before a restart is superseded while it is written, and the disk refuses to
+// remove it: it does not belong to its frame, neither when a tile is built from disk nor in a
+// refined job.
 TEST_F(FarmTest, ASupersededPartThatCannotBeRemovedIsNotMerged) {
   options_.merge_bytes_max = 0;     // Each tile is built from disk.
-  partition_.lease_pass_count = 0;  // Who is fast gets large blocks.
+  partition_.lease_pass_count = 0;  // Fast workers get large blocks.
   StartWithoutThread();
   const uint64_t id = MakeJob({});
   const std::vector<LeaseGrant> late = Lease("late");

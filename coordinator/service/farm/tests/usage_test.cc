@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the farm accounts for, and how much of it a user may keep.
+// The farm's accounts, and the limit of a user's stored bytes.
 #include <gmock/gmock.h>
 
 #include <map>

@@ -223,8 +223,8 @@ std::vector<Removal> DiskKeeper::RemoveAll(const std::vector<Removal>& removals,
                          " bytes, because ", RemovalReasonText(removal.reason)));
     removed.push_back(removal);
   }
-  // A job that began again since they were listed may need some; a client that asked for them keeps
-  // them itself.
+  // A job that was reopened since they were listed may need some. Clients that asked for blobs keep
+  // them alive.
   size_t count = 0;
   const bool done = of_blobs.empty() || lifecycle_.IfNoneReopened(reopen_count, [&] {
     for (const Removal& removal : of_blobs) {
@@ -236,7 +236,7 @@ std::vector<Removal> DiskKeeper::RemoveAll(const std::vector<Removal>& removals,
       removed.push_back(removal);
     }
   });
-  if (!done) LogInfo("a job began again: blobs are looked at later");
+  if (!done) LogInfo("a job was reopened: blobs are checked later");
   if (count > 0) LogInfo(absl::StrCat("removed: ", count, " blobs and uploads"));
   if (!removed.empty()) next_walk_ = SteadyTime::InfinitePast();
   const MutexLock counting(&counts_mutex_);

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// DiskKeeper: keeps the state directory within its limits. It lists what is stored, has
-// DecideRemovals (coordinator/core/policy/retention.h) say what goes, and removes that. Whatever
-// it removes is checked again under the locks of its owner, so nothing goes that a job has come to
-// need since it was listed.
+// DiskKeeper: keeps the state directory within its limits. It lists the stored items, lets
+// DecideRemovals (coordinator/core/policy/retention.h) choose, and removes the chosen ones. Each
+// removal is checked again under the locks of its owner, so an item that a job has come to need
+// since it was listed stays.
 #pragma once
 
 #include <array>
@@ -33,10 +33,10 @@
 
 namespace sheaf::coordinator {
 
-// What users keep is listed at most so often; uploads since count at once.
+// Minimum interval of listing users' stored bytes; uploads since then count at once.
 inline constexpr absl::Duration kOwnerBytesInterval = absl::Seconds(10);
-// Files whose uploader is known. At one more all are forgotten: those that no job needs are then
-// nobody's until they go, a day later.
+// Files whose uploader is remembered. Beyond the limit all are forgotten: files that no job needs
+// then have no owner until they are removed, a day later.
 inline constexpr size_t kUploadersRememberedMax = 100'000;
 
 // Thread safety: all members may be called concurrently, except Update: one thread at a time.
@@ -53,11 +53,11 @@ class DiskKeeper {
   };
   DiskKeeper(const FarmOptions& options, const Parts& parts);
 
-  // Removes what the limits say. Cheap where nothing is due.
+  // Removes the items that the limits select. Cheap if nothing is due.
   void Update();
-  // The time by which things age, for Collect. Warns when the wall clock has been set ahead.
+  // The time by which items age, for Collect. Warns when the wall clock has been set ahead.
   absl::Time AgingNow();
-  // Returns the things that the limits remove now; removes them unless dry_run. Errors: those
+  // Returns the items that the limits remove now; removes them unless dry_run. Errors: those
   // of the store.
   absl::StatusOr<std::vector<Removal>> Collect(bool dry_run, absl::Time now);
 
@@ -66,18 +66,18 @@ class DiskKeeper {
 
   void AddMetrics(std::vector<MetricView>* metrics) const;
 
-  // Of whom an uploaded file is, while no job names it. These are in owner_storage.cc.
+  // Records the uploader of a blob that no job references yet. These are in owner_storage.cc.
   void NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes);
-  // What each user keeps, up to kOwnerBytesInterval old. Errors: those of the store.
+  // The stored bytes of each user, up to kOwnerBytesInterval old. Errors: those of the store.
   absl::StatusOr<std::map<std::string, OwnerBytes>> BytesByOwner();
-  // Whether the owner may add more bytes (CheckOwnerBytes). Concurrent calls of one owner may
-  // together exceed the limit by what they add. Errors: kResourceExhausted; those of the store.
+  // Checks that the owner may add more bytes (CheckOwnerBytes). Concurrent calls of one owner may
+  // exceed the limit by the bytes that they add. Errors: kResourceExhausted; those of the store.
   absl::Status CheckOwner(const std::string& owner, uint64_t more);
-  // Whether the file system has its minimum of free space. Errors: kResourceExhausted.
+  // Checks that the file system has its minimum of free space. Errors: kResourceExhausted.
   absl::Status CheckFreeSpace() const;
-  // Claims disk space for the bytes of an upload, beyond the minimum of free space, the database's
-  // reserve and what other uploads have claimed. Makes room where that suffices. blob: its SHA-256,
-  // or empty for several. Errors: kResourceExhausted.
+  // Claims disk space for the bytes of an upload, in addition to the minimum of free space, the
+  // database's reserve and other claims. Makes room if that suffices. blob: its SHA-256, or empty
+  // for several. Errors: kResourceExhausted.
   absl::StatusOr<UploadClaim> ClaimUpload(const std::string& blob, uint64_t bytes, absl::Time now);
 
  private:
@@ -92,7 +92,7 @@ class DiskKeeper {
     bool is_recent = false;  // It ended less than RetentionLimits::job_age_min ago.
     absl::Time end_time;
     std::vector<BlobDigest> scenes;  // Manifests.
-    std::vector<BlobDigest> images;  // That frames resume.
+    std::vector<BlobDigest> images;  // Images that frames resume.
     std::string owner;
   };
   struct BlobUse {
@@ -111,13 +111,13 @@ class DiskKeeper {
       const std::map<std::string, std::string>& uploaders) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   uint64_t OutputBytes(uint64_t job_id) const;
   DiskUse Measure() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // What uploads may take of the file system.
+  // The bytes of the file system available to uploads.
   uint64_t UploadRoom() const;
-  // Removes what the limits let go where that makes room for this many more bytes.
+  // Removes removable items if that makes room for this many more bytes.
   void MakeUploadRoom(uint64_t bytes, absl::Time now);
-  // Whether it is gone.
+  // Returns whether it is removed.
   bool Remove(const KeptItem& item, absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  // Those of `removals` that are blobs or uploads; removes others from the list.
+  // Removes the items. Returns those that are removed.
   std::vector<Removal> RemoveAll(const std::vector<Removal>& removals, uint64_t reopen_count,
                                  absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Duration AgeInterval() const;
@@ -136,20 +136,20 @@ class DiskKeeper {
   UploadClaims claims_;
 
   const AgingClock aging_;
-  std::atomic<bool> is_ahead_ = false;  // Whether the wall clock was, at the last look.
+  std::atomic<bool> is_ahead_ = false;  // Whether the wall clock was, at the last check.
 
   mutable Mutex mutex_;  // Held by one pass at a time. Taken before those of JobLifecycle.
   // Files by scene, as read from manifests, of the scenes that jobs name.
   std::map<std::string, std::vector<std::string>> files_ ABSL_GUARDED_BY(mutex_);
   uint64_t other_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // Without parts, as last walked.
   SteadyTime next_walk_ ABSL_GUARDED_BY(mutex_) = SteadyTime::InfinitePast();
-  bool is_over_ ABSL_GUARDED_BY(mutex_) = false;  // And nothing is left to remove.
+  bool is_over_ ABSL_GUARDED_BY(mutex_) = false;  // With nothing left to remove.
   std::map<std::string, OwnerBytes> owner_bytes_ ABSL_GUARDED_BY(mutex_);
   SteadyTime next_owner_bytes_ ABSL_GUARDED_BY(mutex_) = SteadyTime::InfinitePast();
   Mutex uploads_mutex_ ABSL_ACQUIRED_AFTER(mutex_);
   std::map<std::string, std::string> uploaders_ ABSL_GUARDED_BY(uploads_mutex_);    // By blob.
   std::map<std::string, uint64_t> uploaded_since_ ABSL_GUARDED_BY(uploads_mutex_);  // By owner.
-  // Update's alone.
+  // Only used by Update.
   SteadyTime next_look_ = SteadyTime::InfinitePast(), next_age_pass_;
 
   mutable Mutex counts_mutex_;

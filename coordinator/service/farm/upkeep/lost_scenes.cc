@@ -44,7 +44,7 @@ void LostScenes::Update() {
   for (const auto& [hex, scene] : scenes) {
     if (std::string file = LostFileOf(scene); !file.empty()) lost[hex] = std::move(file);
   }
-  if (lost.empty()) lost_.clear();  // Nobody needs them.
+  if (lost.empty()) lost_.clear();  // No job needs them.
   {
     const MutexLock lock(&tables_.mutex);
     for (const auto& [hex, why] : lost) {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // LostScenes: holds the frames whose scenes have files that were damaged or lost in the content
-// store, naming the file, until somebody submits the scene again.
+// store, naming the file, until a user submits the scene again.
 #pragma once
 
 #include <map>
@@ -22,18 +22,18 @@ class LostScenes {
   LostScenes(FarmTables* tables, const BlobStore* blobs, FarmSignals* signals)
       : tables_(*tables), blobs_(*blobs), signals_(*signals) {}
 
-  // Holds the frames whose blobs are lost, and releases those whose blobs are there again. Cheap
-  // when it is called too soon after the last call.
+  // Holds the frames whose blobs are lost, and releases those whose blobs are back. Cheap when
+  // called too soon after the last call.
   void Update();
 
  private:
-  // The file of a scene that is among the lost blobs, and what to do; empty: none.
+  // Names the lost file of a scene, and what to do; empty if no file is lost.
   std::string LostFileOf(const BlobDigest& scene) const;
 
   FarmTables& tables_;
   const BlobStore& blobs_;
   FarmSignals& signals_;
-  std::map<std::string, BlobDigest> lost_;  // That live jobs need, by digest.
+  std::map<std::string, BlobDigest> lost_;  // Needed by live jobs, by digest.
   SteadyTime next_update_time_ = SteadyTime::InfinitePast();
 };
 

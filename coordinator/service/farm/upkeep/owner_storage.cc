@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of DiskKeeper that says who keeps how much. A file of a scene counts for a user if
-// nobody else's jobs need it; one that no job needs, for the user who uploaded it in this life of
-// the coordinator.
+// The part of DiskKeeper that computes users' stored bytes. A file of a scene counts for a user if
+// no other user's jobs need it; a file that no job needs counts for the user who uploaded it since
+// the coordinator started.
 #include <map>
 #include <set>
 #include <string>
@@ -62,7 +62,7 @@ absl::StatusOr<std::map<std::string, OwnerBytes>> DiskKeeper::ListBytesByOwner(
     for (const BlobDigest& scene : job.scenes) {
       users[scene.sha256_hex].insert(job.owner);
       const absl::StatusOr<std::vector<std::string>> files = FilesOf(scene);
-      if (!files.ok()) continue;  // Its list of files is lost: they count as nobody's.
+      if (!files.ok()) continue;  // Its list of files is lost: they have no owner.
       for (const std::string& hex : *files) users[hex].insert(job.owner);
     }
   }

@@ -1,12 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Scrubber: reads what is stored, again and again at a low rate, and compares it with its digests,
-// so that a disk's errors are found while they can be made good: files of scenes, parts of
-// delivered frames, and delivered images. (Parts of other frames are compared when their tiles are
-// built from them.) What is damaged is made good as where it is found on use
-// ([ADR 47](docs/adr/0047-files-are-looked-at-again.md)): blobs are asked of the next client that
-// submits them, parts are rendered again, images are made again.
+// Scrubber: repeatedly reads stored data at a low rate and compares it with its digests, so that
+// disk errors are found while they can be repaired: files of scenes, parts of delivered frames, and
+// delivered images. (Parts of other frames are compared when their tiles are built from them.)
+// Damage is repaired as if it were found on use ([ADR
+// 47](docs/adr/0047-files-are-looked-at-again.md)): the next client that submits a blob sends it
+// again, parts are rendered again, images are made again.
 #pragma once
 
 #include <array>
@@ -44,15 +44,15 @@ class Scrubber {
     JobLifecycle& lifecycle;
     PartRemovals& removals;
   };
-  // bytes_per_second: on average; each file is read at once. Requires: it is not 0.
+  // bytes_per_second: on average; each file is read in one go. Requires: it is not 0.
   Scrubber(uint64_t bytes_per_second, const Parts& parts)
       : bytes_per_second_(bytes_per_second), parts_(parts) {}
 
   // One pass after the other, until the stop.
   void Run(const std::stop_token& stop);
-  // Compares all once, as fast as the rate allows. Returns false where it was stopped.
+  // Compares everything once, as fast as the rate allows. Returns false if it was stopped.
   bool Pass(const std::stop_token& stop);
-  // Looks which of the damaged things are whole again.
+  // Checks which of the damaged items are whole again.
   void LookAgain();
 
   void AddMetrics(std::vector<MetricView>* metrics) const;
@@ -61,22 +61,22 @@ class Scrubber {
   enum class Kind { kBlob, kPart, kImage };
   static constexpr size_t kKindCount = 3;
   static const char* KindName(Kind kind);
-  // How something that was damaged is now.
+  // The present state of an item that was damaged.
   enum class State { kDamaged, kWhole, kGone };
 
-  // A delivered frame, or one of whose job that is known.
+  // Delivered frames, by job.
   struct Frames {
     std::set<int32_t> delivered;
     bool is_remade = false;  // Its job has succeeded and is no pilot: frames are made again.
   };
   Frames FramesOf(uint64_t job_id) const;
   bool PassJob(uint64_t job_id, const std::stop_token& stop);
-  // The object of a blob whose file is whole.
+  // Compares the object of a blob whose file is whole.
   void ScrubObject(const BlobDigest& digest);
   void ScrubPart(const PartRow& row, bool is_remade);
-  // Counts the bytes and waits as long as they may take. Returns false where it was stopped.
+  // Counts the bytes and waits as long as the rate requires. Returns false if it was stopped.
   bool Pace(uint64_t bytes, const std::stop_token& stop);
-  // now: how it is, asked again now and then until it is not damaged any more.
+  // now: returns its present state; polled until it is no longer damaged.
   void NoteDamage(Kind kind, const std::string& name, std::function<State()> now);
   State StateOfPart(const PartRow& row) const;
   State StateOfImage(const FrameId& id) const;
@@ -90,7 +90,7 @@ class Scrubber {
   uint64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   std::array<uint64_t, kKindCount> damaged_count_ ABSL_GUARDED_BY(mutex_){};
   std::array<uint64_t, kKindCount> repaired_count_ ABSL_GUARDED_BY(mutex_){};
-  absl::Time last_pass_ ABSL_GUARDED_BY(mutex_) = absl::UnixEpoch();  // That came to its end.
+  absl::Time last_pass_ ABSL_GUARDED_BY(mutex_) = absl::UnixEpoch();  // Of the last complete pass.
 };
 
 }  // namespace sheaf::coordinator

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ShareControl: what operators set for users, shows and pools, durably, and how it stands.
+// ShareControl: the durable settings of operators for users, shows and pools, and their state.
 #pragma once
 
 #include <functional>
@@ -37,18 +37,18 @@ class ShareControl {
         disk_(parts.disk),
         signals_(parts.signals) {}
 
-  // Puts what is stored into the scheduler. Call once, first. Errors: those of the store.
+  // Restores the stored settings into the scheduler. Call once, first. Errors: those of the store.
   absl::Status Load();
 
-  // Changes the setting of a subject, which is the default one where nothing was set. OK means: it
-  // is durable. Errors: kInvalidArgument; kResourceExhausted (too many settings, or the disk);
+  // Changes the setting of a subject, starting from the default if none was set. OK means: it is
+  // durable. Errors: kInvalidArgument; kResourceExhausted (too many settings, or the disk);
   // kUnavailable (the disk).
   absl::StatusOr<ShareView> Set(const ShareSubject& subject,
                                 const std::function<void(ShareSetting*)>& change)
       ABSL_LOCKS_EXCLUDED(set_mutex_);
-  // Nothing is set for the subject any more. Errors: kUnavailable, kResourceExhausted (the disk).
+  // Removes the setting of the subject. Errors: kUnavailable, kResourceExhausted (the disk).
   absl::Status Reset(const ShareSubject& subject) ABSL_LOCKS_EXCLUDED(set_mutex_);
-  // Those for which something is set or which have unfinished jobs; ascending by kind and name.
+  // Subjects with a setting or with unfinished jobs; ascending by kind and name.
   std::vector<ShareView> List() const;
 
  private:

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// UploadClaims: the disk space that uploads have been promised and have not written yet.
+// UploadClaims: disk space promised to uploads and not yet written.
 #pragma once
 
 #include <cstdint>
@@ -18,14 +18,15 @@ namespace sheaf::coordinator {
 
 class UploadClaims;
 
-// Of one upload. Gives up at its end what was not written. Thread safety: one thread at a time.
+// The claim of one upload. Its end releases the bytes that were not written. Thread safety: one
+// thread at a time.
 class UploadClaim {
  public:
   ~UploadClaim();
   UploadClaim(UploadClaim&& other) noexcept
       : claims_(std::exchange(other.claims_, nullptr)), number_(other.number_) {}
   UploadClaim& operator=(UploadClaim&&) = delete;
-  // So many of its bytes are written, so that the file system counts them.
+  // This many of its bytes are written, so that the file system counts them.
   void NoteWritten(uint64_t bytes);
 
  private:
@@ -38,8 +39,8 @@ class UploadClaim {
 // Thread safety: all members may be called concurrently. Outlives its claims.
 class UploadClaims {
  public:
-  // Claims the bytes where what all claim is no more than room() says. blob: its SHA-256, or empty
-  // for several blobs.
+  // Claims the bytes if the sum of all claims is at most room(). blob: its SHA-256, or empty for
+  // several blobs.
   std::optional<UploadClaim> Claim(const std::string& blob, uint64_t bytes,
                                    const std::function<uint64_t()>& room);
   uint64_t Bytes() const;

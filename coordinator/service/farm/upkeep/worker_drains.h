@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// WorkerDrains: workers that people take out (docs/scheduling.md). A worker that is drained
-// finishes what it holds and gets nothing more, until it is undrained or has ended. A drain names
-// one run of a worker program: it is durable, as workers outlive the coordinator, and it is
-// forgotten when the worker has ended or does not come any more.
+// WorkerDrains: workers drained by operators (docs/scheduling.md). A drained worker finishes its
+// leases and gets no more, until it is undrained or has ended. A drain names one run of a worker
+// program: it is durable, because workers outlive the coordinator, and it is removed when the
+// worker has ended or does not return.
 #pragma once
 
 #include <map>
@@ -22,7 +22,7 @@
 
 namespace sheaf::coordinator {
 
-// Workers by name, and all that are connected of a host; empty: of none.
+// Workers by name, and all connected workers of a host; host empty: none.
 struct ChosenWorkers {
   std::vector<std::string> worker_ids;
   std::string host;
@@ -45,7 +45,7 @@ class WorkerDrains {
         disk_(parts.disk),
         signals_(parts.signals) {}
 
-  // Puts the stored ones back. Call once, first. Errors: those of the store.
+  // Restores the stored drains. Call once, first. Errors: those of the store.
   absl::Status Load() ABSL_LOCKS_EXCLUDED(mutex_);
 
   // Both return the workers, ascending. OK means: it is durable. Errors: kInvalidArgument (none is
@@ -56,8 +56,8 @@ class WorkerDrains {
   absl::StatusOr<std::vector<std::string>> Undrain(const ChosenWorkers& chosen)
       ABSL_LOCKS_EXCLUDED(mutex_);
 
-  // Forgets those of workers that have ended, and of those that nobody has heard of for
-  // Limits::lost_worker_kept. Looks at most once a minute.
+  // Removes the drains of workers that have ended, and of workers silent for
+  // Limits::lost_worker_kept. Runs at most once a minute.
   void ForgetOld() ABSL_LOCKS_EXCLUDED(mutex_);
 
  private:

@@ -17,16 +17,16 @@
 //        {"name": "jobs/7"}
 //   POST /api/v1/jobs/ID:cancel                     cancels the job; idempotent
 //   POST /api/v1/jobs/ID:pause, ID:resume           stops or resumes granting leases; idempotent
-//   POST /api/v1/jobs/ID:pin, ID:unpin              whether all of it stays; idempotent
-//   POST /api/v1/gc?dry_run=1                       removes what is not kept any longer, and lists
-//        it; with dry_run=1 only lists it
+//   POST /api/v1/jobs/ID:pin, ID:unpin              keeps all its data, or not; idempotent
+//   POST /api/v1/gc?dry_run=1                       removes items that are no longer kept, and
+//        lists them; with dry_run=1 only lists them
 //   POST /api/v1/jobs/ID:priority?value=N           sets the priority, from -1000 to 1000; jobs of
 //        higher priority go first; idempotent
 //   POST /api/v1/jobs/ID:retry?frame=N&task=T       tries failed work again: of the job, or of one
 //        frame or task (the number of a tile)
 //   POST /api/v1/jobs/ID:kill?frame=N&task=T        gives up a frame, or one task of it
 //   POST /api/v1/jobs/ID:release                    starts a job that waits for others; idempotent
-//   POST /api/v1/jobs/ID:approve?frames=N,N,...     has frames rendered to the end that wait for
+//   POST /api/v1/jobs/ID:approve?frames=N,N,...     renders frames to the end that wait for
 //        approval: these, or all that wait now; idempotent
 //   POST /api/v1/jobs/ID:refine?target_error=E&samples=N
 //        refines a job that succeeded until its frames' relMSE is at most E, with at most N
@@ -53,8 +53,8 @@
 //   GET  /api/v1/jobs/ID/frames/N/layers            the layers beside the color: {"layers":
 //        [{"name": "albedo", "kind": "color", "channels": ["albedo.R", ...]}, ...]}
 //   GET  /api/v1/jobs/ID/frames/N/pixel?x=X&y=Y     all channels of a pixel, linear: {"version": 3,
-//        "x": 10, "y": 20, "channels": [{"name": "R", "value": 0.18}, ...]}; values that are no
-//        number are "nan", "inf" and "-inf"
+//        "x": 10, "y": 20, "channels": [{"name": "R", "value": 0.18}, ...]}; other values are
+//        "nan", "inf" and "-inf"
 //   GET  /api/v1/false-color.png                    the false colors from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered image
 //   GET  /api/v1/workers?page_size&page_token       workers; all of them without page_size
@@ -65,8 +65,8 @@
 //   GET  /api/v1/counters                           the numbers of /metrics as JSON, without
 //        histograms
 //   GET  /api/v1/usage?by=user&since=2026-05-01&until=2026-05-31&daily=1&format=csv
-//        what jobs have taken, by user, show or job, and what users keep; of all with the role
-//        operate, else of the caller. All parameters are optional; the CSV has the sums alone
+//        the usage of jobs, by user, show or job, and users' stored bytes; for all users with the
+//        role operate, else for the caller. All parameters are optional; the CSV has only the sums
 //   GET  /api/v1/events                             changes, as server-sent events. Events of type
 //        job, frame and worker carry the objects of the calls above; reset says that events were
 //        dropped and everything must be fetched again. Last-Event-ID is ignored: events carry the
@@ -98,7 +98,7 @@ inline constexpr int kPageSizeMax = 1000;
 // How workers and clients other than browsers reach the coordinator.
 struct FarmAddress {
   int grpc_port = 0;  // 0: it listens on none.
-  bool tls = false;   // Whether everybody needs a certificate.
+  bool tls = false;   // Whether every client needs a certificate.
 };
 
 // An image that is encoded for one request. version: for its ETag.
@@ -150,8 +150,8 @@ class HttpApi {
  public:
   // `farm` must outlive this object. `instance` identifies this run of the coordinator, so that
   // browsers do not use cached images of an earlier run.
-  // access: who may change which job; null: everybody may. server: null: none. Both must outlive
-  // this object.
+  // access: decides who may change which job; null: every caller may. server: null: none. Both must
+  // outlive this object.
   HttpApi(const FarmView& farm, FarmActions actions, std::string instance,
           const HttpAccess* access = nullptr, const ServerMetrics* server = nullptr);
 
@@ -182,7 +182,7 @@ class HttpApi {
   HttpResponse GetPixel(const HttpRequest& request) const;
   HttpResponse DeleteJob(const HttpRequest& request) const;
   HttpResponse GetFarm() const;
-  // Whether the request is for an image that View makes, and not the cache of previews.
+  // Whether the request is for an image that View makes, not for a cached preview.
   static bool IsView(const HttpRequest& request);
   absl::StatusOr<ViewedImage> View(const HttpRequest& request, const FrameView& frame) const;
   HttpResponse CollectGarbage(const HttpRequest& request) const;
@@ -192,7 +192,7 @@ class HttpApi {
   HttpResponse GetOutput(const HttpRequest& request) const;
   HttpResponse ListWorkers(const HttpRequest& request) const;
   HttpResponse ListCounters() const;
-  // The farm's, the server's, the conditions of readiness, and what was refused.
+  // Metrics of the farm and the server, the conditions of readiness, and refusals.
   std::vector<MetricView> Metrics() const;
   // Finds the job and frame in the path. Errors: kNotFound, kInvalidArgument.
   absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;

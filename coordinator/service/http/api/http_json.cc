@@ -127,7 +127,7 @@ Json EffectsJson(const std::vector<EffectCost>& effects) {
   return json;
 }
 
-// Null where it is not known, or nothing is required.
+// Null if it is not known, or if nothing is required.
 Json MemoryJson(uint64_t bytes) { return bytes > 0 ? Json(bytes) : Json(); }
 
 Json PreviewFrameJson(const JobView& job) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// HttpSubmissions: scenes that people drop on the page.
+// HttpSubmissions: scenes that users drop on the page.
 //
 //   GET  /api/v1/submissions              what is taken: {"why_not": "", "bytes_max": 4294967296,
 //        "files_max": 20000, "piece_bytes_max": 2097152}; with why_not, nothing
@@ -11,7 +11,7 @@
 //   POST /api/v1/submissions/ID/files?name=NAME&offset=N
 //        adds the body to a file: {"size_bytes": 2097152}
 //   POST /api/v1/submissions/ID:read?scene=NAME&title=TEXT&samples=N&target_error=E
-//        has the scene read and submitted; all parameters are optional
+//        reads and submits the scene; all parameters are optional
 //   GET  /api/v1/submissions/ID           its state
 //   POST /api/v1/submissions/ID:discard   forgets it and its files: {}
 #pragma once

@@ -36,7 +36,7 @@ class FarmDifference {
   // Keys of objects and, as text, the properties whose changes are published.
   using Marks = std::map<std::string, std::string>;
   void PublishFrames(const FarmView& farm, const std::string& job_id);
-  // Of what is gone: jobs were deleted or went by the limits, workers have been away for long.
+  // Publishes removals: of jobs that were removed, and of workers that are no longer listed.
   template <typename View>
   void PublishRemoved(const std::string& kind, const std::vector<View>& present,
                       std::string View::*id, Marks* marks);

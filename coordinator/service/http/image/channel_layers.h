@@ -37,12 +37,12 @@ struct ChannelLayer {
 // errors and sample counts, which are ImageLayers.
 std::vector<ChannelLayer> ChannelLayersOf(const FilmOutputs& outputs);
 
-// The channels that MakeChannelDisplay reads: those of the layer and, of errors, the color that
+// The channels that MakeChannelDisplay reads: those of the layer and, for errors, the color that
 // they are relative to and the numbers of samples.
 std::vector<std::string> SourceChannels(const ChannelLayer& layer);
 
 // The display of a layer, shrunk as MakeDisplayImage does. as: kImage or kLight, for colors only.
-// The range of scalars leaves the outermost hundredths out. Errors: kInternal if the image lacks a
+// The range of scalars excludes the outermost hundredths. Errors: kInternal if the image lacks a
 // channel; those of MakeDisplayImage.
 absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const ChannelLayer& layer,
                                                 ImageLayer as);

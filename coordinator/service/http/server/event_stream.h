@@ -23,8 +23,8 @@ namespace sheaf::coordinator {
 
 // Maximum number of unsent events of a reader; beyond it they are replaced by one "reset" event.
 inline constexpr size_t kEventQueueCountMax = 1024;
-// Maximum number of simultaneous readers, and of those of one identity, or of one address where
-// there are no identities; more are refused.
+// Maximum number of simultaneous readers, in total, and per identity or, without identities, per
+// address; more are refused.
 inline constexpr size_t kEventReaderCountMax = 256;
 inline constexpr size_t kEventReadersOfOneMax = 32;
 // Maximum number of bytes passed to a socket at once; the rest waits in the queue.

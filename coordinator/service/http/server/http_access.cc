@@ -74,7 +74,7 @@ int RefusalCode(const absl::Status& why) {
   return absl::IsResourceExhausted(why) ? 429 : 401;
 }
 
-// Whether a person waits for the answer at a browser, and not a script.
+// Whether the request comes from a user at a browser, not from a script.
 bool IsPage(const std::string& operation) {
   return operation == "GET /" || operation == "GET /index.html";
 }
@@ -109,7 +109,7 @@ absl::Status HttpAccess::CheckCertificates(absl::Time now) const {
     return absl::UnavailableError(
         absl::StrCat("the certificate of the ", name, " ended at ",
                      absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", expiry, absl::UTCTimeZone()),
-                     ": nobody can connect; the coordinator's log says why it is not renewed"));
+                     ": clients cannot connect; the coordinator's log says why it is not renewed"));
   }
   return absl::OkStatus();
 }

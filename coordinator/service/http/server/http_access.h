@@ -1,15 +1,15 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// HttpAccess: who sends a request to a coordinator with certificates. A browser signs in with a
-// token of `sheaf page` and shows a session cookie from then on:
+// HttpAccess: identifies the sender of a request to a coordinator with certificates. A browser
+// signs in with a token of `sheaf page` and then sends a session cookie:
 //
 //   GET  /login     the form
-//   POST /login     token=TOKEN, sent by the form: sets the cookie, and goes to the page
+//   POST /login     token=TOKEN, sent by the form: sets the cookie, and redirects to the page
 //   POST /logout    ends the session
 //
-// Prometheus shows a scrape token instead, as Authorization: Bearer TOKEN.
-// The requirements of each route stand in the role table (role_table.h), beside the gRPC methods.
+// Prometheus sends a scrape token instead, as Authorization: Bearer TOKEN. The role table
+// (role_table.h) has the requirements of each route, beside the gRPC methods.
 #pragma once
 
 #include <string>
@@ -32,20 +32,20 @@ class HttpAccess {
   // `access` must outlive the object.
   explicit HttpAccess(AccessControl* access) : access_(access) {}
 
-  // Notes the caller in the request, if its session may do the operation ("GET /api/v1/jobs").
+  // Sets the caller in the request, if its session may do the operation ("GET /api/v1/jobs").
   // Otherwise returns false, and *refusal is the response.
   bool Admits(const std::string& operation, HttpRequest* request, HttpResponse* refusal) const;
   // Records in the audit log that the request changed a job, or why it did not.
   void NoteInAudit(const HttpRequest& request, const std::string& job_id,
                    const absl::Status& outcome) const;
-  // The same of another act. what: what it concerned, for people.
+  // The same for another act. what: its subject, for administrators.
   void NoteActInAudit(const HttpRequest& request, const std::string& what,
                       const absl::Status& outcome) const;
-  // Whether the certificates of the server and its authority have not ended. Errors:
-  // kUnavailable, naming the one and what to do.
+  // Checks that the certificates of the server and its authority have not expired. Errors:
+  // kUnavailable, naming the certificate and what to do.
   absl::Status CheckCertificates(absl::Time now) const;
-  // Counts of refusals by limit and by reason, and the ends of certificates, as FarmView has
-  // metrics.
+  // Counts of refusals by limit and by reason, and the expiry of certificates, in the form of
+  // FarmView's metrics.
   std::vector<MetricView> Metrics() const;
   // The routes above. They refer to this object.
   std::vector<HttpRoute> Routes() const;

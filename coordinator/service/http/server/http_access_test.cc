@@ -136,7 +136,7 @@ class HttpAccessTest : public ::testing::Test {
   const std::string directory_;
   FakeFarm farm_;
   int actions_ = 0;
-  std::string usage_owner_ = "nobody asked";  // Of the last query.
+  std::string usage_owner_ = "no query";  // Owner of the last query.
   std::unique_ptr<AccessControl> access_;
   std::unique_ptr<HttpService> service_;
 };

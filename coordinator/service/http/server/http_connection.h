@@ -27,13 +27,13 @@ struct Connection;
 // Connections in the same state, those that have been in it longest first.
 using ConnectionList = std::list<Connection*>;
 
-// How many connections there are, in all and of each address (PeerNetwork).
+// The number of connections, in total and by address (PeerNetwork).
 struct ConnectionCounts {
   size_t all = 0;
   std::map<std::string, size_t> of_peer;
 };
 
-// A client's socket while its coroutine lives, and its place in a list. Socket thread only.
+// A client's socket during its coroutine, and its place in a list. Socket thread only.
 struct Connection {
   // tls: null for a plain connection.
   Connection(tcp::socket socket, asio::ssl::context* tls, ConnectionCounts* all)
@@ -62,7 +62,7 @@ struct Connection {
 
   HttpStream stream;
   std::string address;
-  std::string peer;  // What counts as the same address.
+  std::string peer;  // Its address or network (PeerNetwork).
   ConnectionCounts* const counts;
   ConnectionList* list = nullptr;
   ConnectionList::iterator place;

@@ -191,7 +191,7 @@ HttpResponse HttpRouter::Route(HttpRequest request) const {
   const SteadyTime begin = SteadyTime::Now();
   const HttpRoute* route = nullptr;
   HttpResponse response = FindAndAnswer(std::move(request), &route);
-  // What a stranger asks for is no label.
+  // Unknown paths must not become metric labels.
   const std::string name =
       route == nullptr ? "other" : absl::StrCat(route->method, " ", route->pattern);
   times_->Note(name, absl::StrCat(response.status), SteadyTime::Now() - begin);

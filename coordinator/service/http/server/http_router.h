@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// HttpRouter: finds the function that answers a request, after checks against other web sites. A
-// page of another site can make a browser send requests to a loopback port, directly or by DNS
-// rebinding. So the Host header must be one of ours, and requests that change something need a
-// header that a page of another site cannot set without a preflight request.
+// HttpRouter: finds the function that answers a request, after checks against requests forged by
+// other web sites. A page of another site can make a browser send requests to a loopback port,
+// directly or by DNS rebinding. So the Host header must be one of ours, and requests that change
+// something need a header that a page of another site cannot set without a preflight request.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@
 
 namespace sheaf::coordinator {
 
-// Bytes of a body at most, on routes that take more than others, from callers that are let in.
+// Maximum bytes of a body on routes with large bodies, from admitted callers.
 inline constexpr uint64_t kHttpLargeBodyBytesMax = 2 * 1024 * 1024;
 
 // Answers one request. Runs on the server's handler thread, so it must not block; those of
@@ -34,16 +34,16 @@ struct HttpRoute {
   HttpFunction answer;
   // Whether a plain form sends it, which cannot set kRequestHeader.
   bool from_form = false;
-  // Bytes of a body at most, from callers that are let in; 0: kHttpBodyBytesMax, from all.
+  // Maximum bytes of a body from admitted callers; 0: kHttpBodyBytesMax from every caller.
   uint64_t body_bytes_max = 0;
 };
 
 class HttpRouter {
  public:
   // allowed_hosts: names under which clients may reach the server, in addition to "localhost" and
-  // numeric addresses (which no DNS answer can forge). access: who may use which route; null:
-  // everybody may use all. times: gets the time of each request; may be null. Both must outlive the
-  // router.
+  // numeric addresses (which no DNS answer can forge). access: decides who may use which route;
+  // null: every client may use all. times: receives the time of each request; may be null. Both
+  // must outlive the router.
   HttpRouter(std::vector<HttpRoute> routes, std::vector<std::string> allowed_hosts,
              const HttpAccess* access = nullptr, CallTimes* times = nullptr);
 
@@ -54,8 +54,8 @@ class HttpRouter {
   // The checks of Route for a GET request that is answered elsewhere. If they fail, *refusal is the
   // response; otherwise it is not changed. path: the request's, without its query.
   bool AdmitsGet(const std::string& path, HttpRequest* request, HttpResponse* refusal) const;
-  // Whether a request may have a body of so many bytes, more than kHttpBodyBytesMax: the checks of
-  // Route, for the head alone. If not, *refusal is the response.
+  // Whether a request may have a body of body_bytes bytes, more than kHttpBodyBytesMax: the checks
+  // of Route, for the head alone. If not, *refusal is the response.
   bool AdmitsLargeBody(HttpRequest head, uint64_t body_bytes, HttpResponse* refusal) const;
   const std::vector<HttpRoute>& routes() const { return routes_; }
 
@@ -67,7 +67,7 @@ class HttpRouter {
   bool CallerIsAllowed(const std::string& operation, HttpRequest* request,
                        HttpResponse* refusal) const;
   HttpResponse Answer(const HttpRoute& route, HttpRequest request) const;
-  // *route: the one that answers; not changed where there is none.
+  // *route: the one that answers; unchanged if there is none.
   HttpResponse FindAndAnswer(HttpRequest request, const HttpRoute** route) const;
 
   std::vector<HttpRoute> routes_;

@@ -74,7 +74,7 @@ class HttpServer::Impl {
  private:
   asio::awaitable<void> Accept();
   asio::awaitable<void> Serve(tcp::socket socket);
-  // Does the TLS handshake, if there is one. Returns whether the connection can go on.
+  // Does the TLS handshake, if there is one. Returns whether the connection can continue.
   asio::awaitable<bool> ShakeHands(Connection* connection);
   // Says goodbye, so that a client knows that nothing was cut off.
   asio::awaitable<void> End(HttpStream* stream);

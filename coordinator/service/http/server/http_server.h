@@ -31,8 +31,8 @@ inline constexpr size_t kHttpConnectionCountMax = 512;
 // them, or else the connection that has been idle between requests for longest. A connection with a
 // request in progress is never closed for this reason.
 inline constexpr size_t kHttpHalfOpenCountMax = 64;
-// Connections of one address. For one more the address's connection that has been idle for longest
-// is closed, or else its first request is answered by 429 and it ends.
+// Connections of one address. One more closes the address's connection that has been idle for
+// longest; if there is none, its first request is answered with 429 and it ends.
 inline constexpr size_t kHttpConnectionsOfAddressMax = 128;
 inline constexpr uint32_t kHttpHeaderBytesMax = 16 * 1024;
 inline constexpr uint64_t kHttpBodyBytesMax = 64 * 1024;
@@ -51,7 +51,7 @@ inline constexpr std::chrono::seconds kHttpLargeBodyTimeout{120};
 inline constexpr std::chrono::seconds kHttpHandshakeTimeout{5};
 // How long the end of a TLS connection may take.
 inline constexpr std::chrono::seconds kHttpGoodbyeTimeout{1};
-// How often the certificate's file is looked at.
+// How often the certificate's file is checked.
 inline constexpr std::chrono::seconds kHttpCertificateInterval{10};
 // Maximum time in which a client must accept some of the bytes sent to it.
 inline constexpr std::chrono::seconds kHttpWriteTimeout{30};

@@ -33,11 +33,11 @@ class HttpStream {
   Tls* tls() { return tls_.get(); }
   // The time within which all operations that begin from now on must end.
   void expires_after(std::chrono::nanoseconds duration) { tcp_.expires_after(duration); }
-  // The read that begins next takes any time.
+  // The next read has no time limit.
   void expires_never() { tcp_.expires_never(); }
-  // Operations under way end with an error.
+  // Operations in progress end with an error.
   void cancel() { tcp_.cancel(); }
-  // The same, and the connection ends.
+  // The same, and closes the connection.
   void close() { tcp_.close(); }
 
   template <typename Buffers, typename Token>

@@ -25,7 +25,7 @@ class HttpTls {
  public:
   explicit HttpTls(CredentialFiles files) : files_(std::move(files)) {}
 
-  // Reads key and certificate. Errors: kUnavailable; then a context that was there before stays.
+  // Reads key and certificate. Errors: kUnavailable; an earlier context stays.
   absl::Status Load() {
     namespace ssl = boost::asio::ssl;
     auto context = std::make_unique<ssl::context>(ssl::context::tls_server);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PeerWatch: notices that the client of an event stream closes its connection. A pending read says
-// so at once, where the next write would say it only when there is something to send. Internal to
+// PeerWatch: notices that the client of an event stream closes its connection. A pending read
+// detects this at once; a write would detect it only when there is something to send. Internal to
 // http_server.cc.
 #pragma once
 
