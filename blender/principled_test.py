@@ -81,7 +81,7 @@ class PrincipledTest(unittest.TestCase):
         self.assertEqual(floats["coat"], 0.25)
         sheen = dict(material.colors)["sheen_color"][0]
         mean = principled.fresnel_mean(1.5)
-        self.assertAlmostEqual(mean, 0.0918, 3)  # Of glass: Judd 1942.
+        self.assertAlmostEqual(mean, 0.0918, 3)  # Glass: Judd 1942.
         left = (1 - mean) * (1 - 0.25 * mean) * (1 - 0.5 * principled.ADDED_SHEEN_ALBEDO)
         numpy.testing.assert_allclose(
             left * numpy.array(dict(material.colors)["base_color"]),
@@ -133,7 +133,7 @@ class PrincipledTest(unittest.TestCase):
         numpy.testing.assert_allclose(dict(tinted.colors)["base_color"], (0.8, 0.3, 0.05))
         self.assertIn("Coat Tint", self.says())
         cloth = dict(self.made(sheen=1.0, sheen_tint=(0.5, 1.0, 0.5)).colors)["sheen_color"]
-        numpy.testing.assert_allclose(cloth, (0.415, 0.83, 0.415))  # Of the usual roughness, 0.5.
+        numpy.testing.assert_allclose(cloth, (0.415, 0.83, 0.415))  # The default roughness, 0.5.
         self.assertNotIn("Sheen", self.says())
         self.made(sheen=1.0, sheen_roughness=0.9)
         self.assertIn("less sheen than in Cycles", self.says())

@@ -62,7 +62,7 @@ class BuildWithMessages(build_py):
 
     def run(self):
         super().run()
-        # An editable installation uses the sources where they are.
+        # An editable installation uses the sources in place.
         self.generated = generate(FOLDER if self.editable_mode else self.build_lib)
 
     def get_outputs(self, include_bytecode=1):

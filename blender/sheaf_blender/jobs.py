@@ -15,7 +15,7 @@ from .farm.program import Process, SheafError
 POLL_SECONDS = 0.1
 PREVIEW_SECONDS_MIN = 0.5  # Between two previews.
 CANCEL_ATTEMPTS_MAX = 5
-# Of file formats in Blender.
+# Endings of Blender's file formats.
 IMAGE_ENDINGS = (".bmp", ".cin", ".dpx", ".exr", ".hdr", ".jp2", ".j2c", ".jpeg", ".jpg", ".png",
                  ".psd", ".rgb", ".rgba", ".sgi", ".tga", ".tif", ".tiff", ".tx", ".webp")
 CANCEL_RETRY_SECONDS = 1.0
@@ -39,7 +39,7 @@ class RenderJob:
 
     @property
     def notes(self):
-        """What `sheaf` said of the scene."""
+        """The messages of `sheaf` about the scene."""
         messages = self._process.messages if self._process else []
         return [m.text for m in messages if m.severity in ("note", "warning")]
 
@@ -117,7 +117,7 @@ class FarmRender(RenderJob):
         self.title += f" [{secrets.token_hex(4)}]"
         self._address, self._insecure, self._http_port = address, insecure, http_port
         self._farm = program.address_arguments(address, insecure)
-        self.name = None       # Of the job, once it is known.
+        self.name = None       # The job's, once known.
         self._created = ""     # When it was created.
         self._is_submitted = False
         self._submit_messages = []
@@ -161,7 +161,8 @@ class FarmRender(RenderJob):
             self._page_problem = f"tiles are not shown: {error}"
 
     def cancel(self):
-        """Leaves no job of this render on the farm. Raises SheafError if nobody answers."""
+        """Leaves no job of this render on the farm. Raises SheafError if the coordinator does not
+        answer."""
         self._process.end()
         self._read_name()
         for attempt in range(CANCEL_ATTEMPTS_MAX):

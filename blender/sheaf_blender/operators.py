@@ -39,7 +39,7 @@ class _SheafOperator(bpy.types.Operator):
         try:
             self.run(context)
         except (SheafError, OSError, RuntimeError) as error:
-            words = str(error).replace("Error: Sheaf: ", "").strip()  # Of the engine's own report.
+            words = str(error).replace("Error: Sheaf: ", "").strip()  # The engine's own prefix.
             self.report({"ERROR"}, f"Sheaf: {words}")
             return {"CANCELLED"}
         return {"FINISHED"}

@@ -7,7 +7,7 @@ import numpy
 
 DEPTH_OF_NOTHING = 1e10  # As Cycles.
 CRYPTOMATTE_LEVELS = 3
-CRYPTOMATTE_KEY_LENGTH = 7  # Of the format.
+CRYPTOMATTE_KEY_LENGTH = 7  # Set by the format.
 CRYPTOMATTE_KINDS = (("object", "CryptoObject"), ("material", "CryptoMaterial"),
                      ("asset", "CryptoAsset"))
 ERROR, SAMPLES = "Sheaf Error", "Sheaf Samples"
@@ -111,8 +111,9 @@ def vector(motion, shutter_frames):
 
 
 def depth_cosines(view_window, size, crop):
-    """Of the rays of the pixels to the camera's axis: Blender's depth is along the axis, Sheaf's
-    along the ray. view_window: see Exported; size: of the whole film; crop: x0, x1, y0, y1 or ().
+    """Cosines between the pixels' rays and the camera's axis: Blender's depth is along the axis,
+    Sheaf's along the ray. view_window: see Exported; size: of the whole film; crop: x0, x1, y0, y1
+    or ().
     """
     x0, x1, y0, y1 = crop or (0, size[0], 0, size[1])
     left, right, bottom, top = view_window

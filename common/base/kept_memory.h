@@ -10,7 +10,7 @@
 
 namespace sheaf {
 
-// Smaller blocks, and so many freed bytes at the end of each arena, stay with the process.
+// Smaller blocks, and this many freed bytes at the end of each arena, stay with the process.
 inline constexpr int kKeptFreeBytesMax = 32 << 20;
 
 // Affects the whole process. Call it before the first thread starts. Without effect where the C

@@ -11,8 +11,8 @@ namespace sheaf {
 
 inline constexpr size_t kLabelBytesMax = 64;
 
-// Why the text is no label: those have 1 to kLabelBytesMax letters, digits, ".", "-", "_" or "@".
-// Empty where it is one.
+// Returns why the text is not a label (1 to kLabelBytesMax letters, digits, ".", "-", "_" or "@");
+// empty if it is one.
 std::string WhyNoLabel(const std::string& text);
 
 }  // namespace sheaf

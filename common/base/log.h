@@ -15,8 +15,8 @@ bool LogLevelFromName(std::string_view name, LogLevel* level);
 void SetLogLevel(LogLevel level);
 // Adds the program's name to every line ("sheaf-worker"). Call once at start.
 void SetLogName(const std::string& name);
-// Writes "LEVEL TEXT" and no more, for a parent process that reads the lines and passes them to
-// RelayLog. Call once at start.
+// Writes only "LEVEL TEXT", for a parent process that reads the lines and passes them to RelayLog.
+// Call once at start.
 void SetLogForRelay();
 
 // Logs a line that a child process wrote. Lines of another form are errors.

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Refusals that pass by themselves. Others of the same code stay until somebody ends a job or frees
-// a disk, and waiting for them only delays what the caller should read. The mark is in the words,
-// because gRPC passes nothing else on where a call is refused before its handler.
+// Refusals that pass by themselves. Others of the same code stay until a user ends a job or frees
+// disk space; waiting for them only delays a message that the caller should read. The mark is in
+// the message, because gRPC transports nothing else if a call is refused before its handler.
 #pragma once
 
 #include <optional>

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SteadyTime: an instant on a clock that nobody sets, for decisions: leases, waits, rates,
+// SteadyTime: an instant on a clock that cannot be set, for decisions: leases, waits, rates,
 // durations. The wall clock (absl::Time) may jump by hours in either direction; it is for
-// timestamps that people see and for stored times. They are separate types, so that they cannot be
+// timestamps that users see and for stored times. They are separate types, so that they cannot be
 // confused.
 #pragma once
 

@@ -49,8 +49,8 @@ std::string Remarks(const CLI::Option& option) {
   return remarks.empty() ? "" : absl::StrCat(" (", absl::StrJoin(remarks, "; "), ")");
 }
 
-// The name, whose choices go on in further lines where one does not hold them. *column: the length
-// of the last line.
+// The name; choices that do not fit continue in further lines. *column: the length of the last
+// line.
 std::string HelpName(const std::string& name, size_t* column) {
   constexpr char kIndent[] = "      ";
   std::string lines, line = "  " + name;

@@ -31,8 +31,8 @@ std::vector<std::string> ChoicesOf(const CLI::Option& option);
 // The words of an option made by AddList; empty for others.
 std::vector<std::string> ListedWordsOf(const CLI::Option& option);
 
-// Of a text that goes to the coordinator: it is refused unless it is printable UTF-8, and of at
-// most this many bytes.
+// Limit of a text that goes to the coordinator: it is refused unless it is printable UTF-8 and has
+// at most this many bytes.
 inline constexpr size_t kNameBytesMax = 300;
 CLI::Validator IsText(size_t bytes_max = kNameBytesMax);
 

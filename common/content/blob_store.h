@@ -150,9 +150,9 @@ class BlobStore {
   // Errors: kNotFound; kDataLoss (it was damaged, and is missing now).
   absl::Status Verify(const BlobDigest& digest) const;
 
-  // Compares the blob's object with its name, and writes it again where it is damaged or lost.
-  // Returns whether that was necessary; nothing happens without an ObjectStore. Requires: Verify
-  // has returned OK. Errors: those of files and of the ObjectStore.
+  // Compares the blob's object with its name, and writes it again if it is damaged or lost. Returns
+  // whether that was necessary; a no-op without an ObjectStore. Requires: Verify has returned OK.
+  // Errors: those of files and of the ObjectStore.
   absl::StatusOr<bool> RepairObject(const BlobDigest& digest) const;
 
   // All blobs, and all uploads that are not complete, in no order. Does not verify them.
@@ -160,7 +160,7 @@ class BlobStore {
   std::vector<StoredBlob> ListUploads() const;
   // Removes a blob; false where it was asked for within kAskedKept, or is not there.
   bool Remove(const BlobDigest& digest) const;
-  // Removes an upload; false where it is being written, or is not there.
+  // Removes an upload; false if it is being written, or does not exist.
   bool RemoveUpload(const BlobDigest& digest) const;
 
   // The number of files digested for verification, for tests and metrics.
@@ -209,7 +209,7 @@ class BlobStore {
   // Whether it is there for a client that asks; then it counts as asked for.
   bool HasFor(const BlobDigest& digest) const;
   void NoteAsked(const BlobDigest& digest) const;
-  // Forgets those that nobody asked for within kAskedKept.
+  // Forgets blobs that were not requested within kAskedKept.
   void ForgetAsked(Clock::time_point now) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(asked_mutex_);
   Mutex* LockOf(const BlobDigest& digest) const;
 

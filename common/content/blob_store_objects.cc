@@ -185,7 +185,7 @@ void BlobStore::AddObjects(std::vector<StoredBlob>* blobs) const {
 bool BlobStore::RemoveObject(const BlobDigest& digest) const {
   if (objects_ == nullptr) return false;
   const MutexLock lock(ObjectLockOf(digest));
-  // Somebody may have brought it again.
+  // Another caller may have brought it again.
   if (StateOfFile(FinalPath(digest))) return false;
   {
     const MutexLock known_lock(&known_mutex_);

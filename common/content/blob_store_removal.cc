@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Beyond so many, those that nobody asked for lately are forgotten.
+// Beyond this many, blobs without recent requests are forgotten.
 constexpr size_t kAskedNotedMax = 100'000;
 
 // Files of a folder with their sizes and ages. Unreadable ones are left out.

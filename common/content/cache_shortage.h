@@ -13,8 +13,8 @@
 namespace sheaf {
 
 struct CacheShortage {
-  uint64_t needed_bytes = 0;  // Of the scene's files, all together; 0: there is no shortage.
-  uint64_t room_bytes = 0;    // That the cache could give to them.
+  uint64_t needed_bytes = 0;  // All files of the scene; 0: there is no shortage.
+  uint64_t room_bytes = 0;    // Available to them in the cache.
   friend bool operator==(const CacheShortage&, const CacheShortage&) = default;
 };
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Chunks keep their limits and give the file back, and their ends stay where they are when bytes
-// are inserted, removed or changed elsewhere.
+// Chunks keep their limits and give the file back, and their ends stay in place when bytes are
+// inserted, removed or changed elsewhere.
 #include "common/content/chunk_cutter.h"
 
 #include <gtest/gtest.h>

@@ -115,7 +115,7 @@ absl::StatusOr<std::string> ChunkIndex::Read(const BlobDigest& chunk) {
   const MutexLock lock(&mutex_);
   places_.erase(chunk.sha256_hex);
   return absl::NotFoundError(
-      absl::StrCat("chunk ", chunk.sha256_hex, " is no more in blob ", place->first.sha256_hex));
+      absl::StrCat("chunk ", chunk.sha256_hex, " is no longer in blob ", place->first.sha256_hex));
 }
 
 }  // namespace sheaf

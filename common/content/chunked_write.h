@@ -19,7 +19,7 @@
 
 namespace sheaf {
 
-// What is to be sent of a blob.
+// The chunks of a blob to send.
 struct ChunkPlan {
   bool complete = false;        // The blob is there; nothing is to be sent.
   uint64_t offset_bytes = 0;    // An earlier write has brought the chunks before.

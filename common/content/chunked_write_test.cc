@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Blobs by chunks: a changed file takes what a stored one has, an interrupted write goes on at a
-// chunk, and stores of before are used too.
+// Blobs by chunks: a changed file reuses the chunks of a stored one, an interrupted write continues
+// at a chunk, and stores of earlier versions are used too.
 #include "common/content/chunked_write.h"
 
 #include <gtest/gtest.h>

@@ -110,7 +110,7 @@ class ContentCache {
   void FreeDeadLeases() const;
   // For the missing ones of the scene's bytes.
   absl::Status MakeRoom(uint64_t missing_bytes, uint64_t scene_bytes) const;
-  // What the file system has left beyond its minimum.
+  // The free bytes of the file system beyond its minimum.
   uint64_t FreeBytes() const;
   // Where the blob lies; null where it has to be fetched.
   const BlobStore* StoreOf(const BlobDigest& digest) const;

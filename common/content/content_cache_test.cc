@@ -125,7 +125,7 @@ TEST_F(ContentCacheTest, SaysByHowMuchASceneDoesNotFit) {
 
 TEST_F(ContentCacheTest, ComparesASceneWithTheFreeSpace) {
   const std::unique_ptr<ContentCache> cache = Open(UINT64_MAX);
-  // No file system has so much; it is compared before the first byte.
+  // No file system has this much space; it is compared before the first byte.
   const std::vector<ManifestFile> files = {{"huge", {std::string(64, 'e'), uint64_t{1} << 60}}};
   const absl::Status status = cache->Acquire(files, FromOrigin(), {}).status();
   const std::optional<CacheShortage> shortage = ShortageOf(status);

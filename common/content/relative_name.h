@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Names of files within a folder that somebody else gives: those of an upload, or in an archive.
+// Untrusted names of files within a folder: those of an upload, or in an archive.
 #pragma once
 
 #include <cstddef>

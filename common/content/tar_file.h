@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TarWriter and TarReader: files in one file, in the plainest form of tar (POSIX.1-1988 ustar):
-// regular files with short names, readable by everybody, of nobody, without times. Equal files give
+// regular files with short names, readable by all users, without owner or times. Equal files give
 // equal bytes, and every byte that is not content is known: the reader refuses any other.
 #pragma once
 
@@ -46,13 +46,13 @@ class TarWriter {
 
   const std::string path_;
   std::ofstream file_;
-  uint64_t size_bytes_ = 0, bytes_left_ = 0;  // Of the present file.
+  uint64_t size_bytes_ = 0, bytes_left_ = 0;  // Present file.
 };
 
 // A file in a tar file.
 struct TarEntry {
   std::string name;
-  uint64_t offset_bytes = 0;  // Of its first byte in the tar file.
+  uint64_t offset_bytes = 0;  // Its first byte in the tar file.
   uint64_t size_bytes = 0;
 };
 

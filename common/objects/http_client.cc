@@ -25,7 +25,7 @@ struct FreeList {
 };
 using HeaderList = std::unique_ptr<curl_slist, FreeList>;
 
-// What a request sends and receives while libcurl works on it.
+// The data that a request sends and receives while libcurl works on it.
 struct Transfer {
   std::string_view body;
   size_t sent = 0;

@@ -27,7 +27,7 @@ inline constexpr absl::Duration kHttpStallTimeMax = absl::Seconds(15);
 inline constexpr absl::Duration kHttpRequestTimeMax = absl::Minutes(10);
 // Connections that wait for the next request.
 inline constexpr size_t kIdleConnectionsMax = 64;
-// Of headers, and of the bodies of errors.
+// Limit of headers, and of the bodies of errors.
 inline constexpr uint64_t kHttpErrorBytesMax = uint64_t{64} << 10;
 
 struct HttpRequest {
@@ -36,7 +36,7 @@ struct HttpRequest {
   // is told to leave as it is.
   std::string url;
   std::vector<std::pair<std::string, std::string>> headers;
-  std::string_view body;            // Of PUT and POST.
+  std::string_view body;            // For PUT and POST.
   uint64_t response_bytes_max = 0;  // A longer body is an error.
   // Once it is true, the request ends within a second, as a broken one.
   const std::atomic<bool>* is_cancelled = nullptr;

@@ -33,15 +33,15 @@ struct StoredObject {
   absl::Time written;
 };
 
-// The permission to store one object with certain bytes, for somebody who has no key of the store:
-// a PUT of the bytes to this URL, with these headers and Content-Length. Whoever has it can use it,
-// so it is not logged.
+// The permission to store one object with certain bytes, for a process without a key of the store:
+// a PUT of the bytes to this URL, with these headers and Content-Length. Any holder can use it, so
+// it is not logged.
 struct PutTicket {
   std::string url;
   std::vector<std::pair<std::string, std::string>> headers;
 };
 
-// What a store has asked of its server since the start.
+// A store's requests to its server since the start.
 struct ObjectCounts {
   uint64_t requests = 0;  // With repeated ones.
   uint64_t retries = 0;

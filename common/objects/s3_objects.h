@@ -5,9 +5,9 @@
 //
 // A request that fails in a way that passes (no connection, a broken one, 429, 500, 502, 503, 504,
 // "SlowDown") is repeated, at most kS3AttemptsMax times; a body that is shorter than announced, or
-// has another digest, likewise. What is sent carries its SHA-256 in the signature, so that the
+// has another digest, likewise. Each upload carries its SHA-256 in the signature, so that the
 // server refuses bytes that changed on the way.
-// Source: Amazon S3 API Reference, and what other servers make of it (docs/object-storage.md).
+// Source: Amazon S3 API Reference, and its variants in other servers (docs/object-storage.md).
 #pragma once
 
 #include <atomic>
@@ -31,11 +31,11 @@ inline constexpr absl::Duration kS3BackoffMax = absl::Seconds(2);
 inline constexpr uint64_t kS3SinglePutBytesMax = uint64_t{64} << 20;
 inline constexpr uint64_t kS3PieceBytes = uint64_t{16} << 20;
 inline constexpr uint64_t kS3PiecesMax = 10'000;
-// Of an object in memory.
+// Limit of an object in memory.
 inline constexpr uint64_t kS3ObjectBytesMax = uint64_t{1} << 34;
-inline constexpr int kS3PageObjectsMax = 1000;  // Of S3, also for one removal of many.
+inline constexpr int kS3PageObjectsMax = 1000;  // S3's limit, also for one removal of many.
 inline constexpr uint64_t kS3PageBytesMax = uint64_t{8} << 20;
-// How long somebody else may take to begin a PUT. A worker asks for its tickets right before.
+// How long the holder may take to begin a PUT. A worker requests its tickets right before.
 inline constexpr absl::Duration kS3TicketLifetime = absl::Minutes(15);
 
 // One server and bucket, for several stores. Thread safety: Send may be called concurrently.
@@ -87,7 +87,7 @@ class S3Objects : public ObjectStore {
   std::string Name() const override;
   absl::Status Put(const std::string& key, std::string_view bytes, PutMode mode) override;
   absl::Status PutFile(const std::string& key, const std::string& path) override;
-  // What was stored is durable already.
+  // Stored objects are already durable.
   absl::Status Sync() override { return absl::OkStatus(); }
   absl::StatusOr<std::string> Get(const std::string& key, const FileDigest& digest) override;
   absl::StatusOr<std::string> GetRange(const std::string& key, uint64_t offset_bytes,

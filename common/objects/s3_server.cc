@@ -54,7 +54,7 @@ bool IsOneOf(int status, const std::vector<int>& statuses) {
   return std::find(statuses.begin(), statuses.end(), status) != statuses.end();
 }
 
-// What a person does about a refusal.
+// Advice to users about a refusal.
 std::string Remedy(const std::string& code, const S3Options& options) {
   const std::string key = Printable(options.credentials.access_key_id);
   if (code == "SignatureDoesNotMatch") {

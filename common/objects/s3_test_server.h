@@ -23,7 +23,7 @@ namespace sheaf {
 class S3TestServer {
  public:
   enum class FaultKind { kStatus, kReset, kTruncate, kOtherBytes, kResetAfterwards };
-  // What happens to the next request of a method, instead of or in its answer.
+  // A fault of the next request of a method, instead of or in its answer.
   struct Fault {
     std::string method;  // "GET"; empty: any.
     FaultKind kind = FaultKind::kStatus;
@@ -35,7 +35,7 @@ class S3TestServer {
   S3TestServer();
   ~S3TestServer();
 
-  // Of the bucket "farm" on this server, with its key.
+  // Options of the bucket "farm" on this server, with its key.
   S3Options Options(const std::string& prefix = "p") const;
   std::string Endpoint() const;
 

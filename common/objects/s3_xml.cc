@@ -77,7 +77,7 @@ absl::StatusOr<S3Page> ParseS3Page(const std::string& xml) {
   if (TextOf(*root, "IsTruncated") == "true") {
     page.next_token = TextOf(*root, "NextContinuationToken");
     if (page.next_token.empty()) {
-      return absl::UnavailableError("the server's list breaks off without saying where it goes on");
+      return absl::UnavailableError("the server's list is truncated without a continuation token");
     }
   }
   return page;

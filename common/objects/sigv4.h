@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Signature Version 4 of requests to S3: the key's owner proves that a request is his, without
-// sending the key. libcurl signs the requests of this process; here are the signatures that travel
-// in a URL, so that somebody else may send the request.
+// Signature Version 4 of requests to S3: the owner of the key proves that a request is their own,
+// without sending the key. libcurl signs the requests of this process; this file makes signatures
+// that travel in a URL, so that another process may send the request.
 // Source: "Authenticating Requests (AWS Signature Version 4)", Amazon S3 API Reference.
 #pragma once
 
@@ -18,7 +18,7 @@ namespace sheaf {
 struct S3Credentials {
   std::string access_key_id;
   std::string secret_access_key;
-  std::string session_token;  // Of temporary keys; empty where there is none.
+  std::string session_token;  // For temporary keys; otherwise empty.
 };
 
 // The parts of a request that its signature covers.

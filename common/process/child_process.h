@@ -41,12 +41,11 @@ inline constexpr absl::Duration kKillPatience = absl::Seconds(3);
 class ChildProcess {
  public:
   // Starts the program, whose descriptor kChildSocket is the other end of socket(), and which
-  // writes its standard output and error into output(). Of the environment it gets only what
-  // libraries need to load: the rest may hold secrets. input: its standard input, an open file;
-  // -1: empty.
-  // The process should die with the thread that calls this (see EndWithParent), so that thread
-  // must live as long.
-  // kill_signal: what Kill sends. Errors: kUnavailable and similar.
+  // writes its standard output and error into output(). It gets only the environment variables that
+  // libraries need to load: others may hold secrets. input: its standard input, an open file; -1:
+  // empty.
+  // The process should die with the calling thread (see EndWithParent), so that thread must outlive
+  // it. kill_signal: the signal that Kill sends. Errors: kUnavailable and similar.
   static absl::StatusOr<std::unique_ptr<ChildProcess>> Start(
       const std::string& program, const std::vector<std::string>& arguments, int kill_signal,
       int input = -1);

@@ -12,8 +12,8 @@
 
 namespace sheaf {
 
-// A certificate is renewed when this fraction of its life is over. The rest is for coordinators
-// that are away.
+// A certificate is renewed when this fraction of its lifetime is over. The rest is a margin for
+// coordinators that are down.
 inline constexpr double kRenewalFraction = 2.0 / 3.0;
 
 class CertificateRenewal {

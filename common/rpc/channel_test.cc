@@ -23,8 +23,8 @@ namespace {
 constexpr absl::Duration kLookInterval = absl::Milliseconds(10);
 constexpr int kLooksMax = 400;
 
-// A peer that begins HTTP/2 and says no more. It is no server of gRPC, whose threads would read the
-// sockets of this process's channels as well.
+// A peer that begins HTTP/2 and then is silent. It is not a gRPC server, whose threads would read
+// the sockets of this process's channels as well.
 class Peer {
  public:
   Peer() : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {

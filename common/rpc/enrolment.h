@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The client's side of AccessService: enrolling a machine or a person with a one-time token, and
+// The client's side of AccessService: enrolling a machine or a user with a one-time token, and
 // renewing certificates.
 #pragma once
 
@@ -27,9 +27,9 @@ struct Enrolment {
 absl::StatusOr<Enrolment> Enroll(const std::string& address, const EnrolmentToken& token,
                                  const CredentialStore& store);
 
-// Renews the certificate at the coordinator at "host:port", with the same key, if more than the
-// fraction of its life is over. Returns whether it did. Errors: kUnauthenticated, saying what to do
-// (the certificate has ended, or its holder is revoked); kUnavailable; those of files.
+// Renews the certificate at the coordinator at "host:port", with the same key, if more than this
+// fraction of its lifetime is over. Returns whether it did. Errors: kUnauthenticated, saying what
+// to do (the certificate has ended, or its holder is revoked); kUnavailable; those of files.
 absl::StatusOr<bool> RenewCertificate(const std::string& address, const CredentialFiles& files,
                                       double life_fraction);
 

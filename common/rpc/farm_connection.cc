@@ -16,7 +16,7 @@
 namespace sheaf {
 namespace {
 
-// Makes a connection and no call, so nothing is told to a server that nobody has verified.
+// Makes a connection without a call, so an unverified server learns nothing.
 bool SpeaksTls(const std::string& address) {
   const auto channel = MakeChannel(address, UnverifiedTlsCredentials());
   const auto deadline =

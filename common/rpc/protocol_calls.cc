@@ -55,7 +55,7 @@ class ClientProtocol final : public experimental::Interceptor {
     if (!said) return;
     has_answer_ = true;
     agreed_ = Agree(*said);
-    // A stream would go on otherwise.
+    // A stream would continue otherwise.
     if (!agreed_.ok()) info_->client_context()->TryCancel();
   }
 

@@ -37,8 +37,8 @@ std::string FormatProtocol(const ProtocolRange& range);
 absl::StatusOr<ProtocolRange> ParseProtocol(std::string_view text);
 
 // The version that a client and a coordinator speak with each other. Errors: kFailedPrecondition,
-// in words for the person who runs the client: what each side speaks, which program is older, and
-// what to do.
+// with a message for the client's user: the versions of each side, the older program, and what to
+// do.
 absl::StatusOr<int> AgreeOnProtocol(const ProtocolRange& client, const ProtocolRange& coordinator);
 
 // Returns "protocol 1, understands 0 to 1", for --version.

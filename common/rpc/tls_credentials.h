@@ -27,8 +27,8 @@ std::shared_ptr<grpc::ChannelCredentials> MutualTlsCredentials(
 // For a client that has no certificate yet: it verifies the server alone.
 std::shared_ptr<grpc::ChannelCredentials> EnrolmentCredentials(const std::string& authority_pem);
 
-// Verifies nobody and proves nothing, to learn whether a server speaks TLS. No call may be made
-// with it.
+// Verifies no server and proves no identity; only tests whether a server speaks TLS. Must not be
+// used for calls.
 std::shared_ptr<grpc::ChannelCredentials> UnverifiedTlsCredentials();
 
 // The server side. TLS makes a client that shows a certificate prove that it has the key; whether

@@ -26,7 +26,7 @@ class ServiceManager {
 
   // Whether a service manager listens.
   bool listens() const { return socket_ >= 0; }
-  // The program is restarted if it does not say for so long that it lives; zero: no watchdog.
+  // The program is restarted if it does not call KeepAlive for this long; zero: no watchdog.
   absl::Duration watchdog_timeout() const { return watchdog_timeout_; }
 
   // The program has started. status: one line for people, shown by "systemctl status".
@@ -34,7 +34,7 @@ class ServiceManager {
   void Status(const std::string& status) const;
   // It ends, as it was told.
   void Stopping() const;
-  // It lives.
+  // Reports that the program is healthy.
   void KeepAlive() const;
 
  private:

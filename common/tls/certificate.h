@@ -33,8 +33,8 @@ absl::StatusOr<std::string> CheckCertificateRequest(const std::string& request_p
 enum class CertificateUse { kAuthority, kServer, kClient };
 
 // The statements of a certificate.
-// Clocks of machines differ by up to so much: a certificate that others check begins so much before
-// it is made.
+// Clocks of machines differ by up to this much: a certificate that others check begins this much
+// before it is made.
 inline constexpr absl::Duration kClockSkewMax = absl::Hours(1);
 
 struct CertificateTerms {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CredentialStore: the directory in which a machine or a person keeps the keys and certificates of
+// CredentialStore: the directory in which a machine or a user keeps the keys and certificates of
 // the coordinators that have enrolled it. Each coordinator has a folder, named by the digest of its
 // authority's certificate:
 //
@@ -36,7 +36,8 @@ struct Credentials {
   std::string key_pem, certificate_pem, authority_pem;
 };
 
-// How much of a certificate's life is over: 0 at its beginning, 1 at its end. Negative before.
+// The elapsed fraction of a certificate's lifetime: 0 at its beginning, 1 at its end. Negative
+// before.
 double LifeFraction(const CertificateTerms& certificate, absl::Time now);
 // Says so, and what to do, if the clock is so far behind that by it the certificate has yet to
 // begin; otherwise empty. Programs with such a clock find no coordinator.
@@ -48,14 +49,14 @@ class CredentialStore {
   // An empty directory holds no credentials and takes none.
   explicit CredentialStore(std::string directory) : directory_(std::move(directory)) {}
 
-  // "$XDG_CONFIG_HOME/sheaf/coordinators" or "~/.config/sheaf/coordinators": a person's. Empty
+  // "$XDG_CONFIG_HOME/sheaf/coordinators" or "~/.config/sheaf/coordinators": a user's. Empty
   // without a home directory.
   static std::string PersonalDirectory();
   // "$XDG_STATE_HOME/sheaf/worker" or "~/.local/state/sheaf/worker": a machine's. Empty
   // likewise.
   static std::string WorkerDirectory();
 
-  // The files for the coordinator at "host:port"; none where nobody has enrolled there.
+  // The files for the coordinator at "host:port"; none without an enrolment there.
   std::optional<CredentialFiles> Find(const std::string& address) const;
   // Stores credentials, and that the coordinator is at these addresses. Another coordinator that
   // was there before loses the addresses.

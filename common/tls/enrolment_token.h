@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Enrolment tokens: one line of text that a person carries from the coordinator to a new machine.
-// It holds a secret that is good for one enrolment, and the coordinator's authority certificate, so
-// that the machine verifies the coordinator before it tells the secret.
+// Enrolment tokens: one line of text that a user carries from the coordinator to a new machine. It
+// holds a secret for one enrolment, and the certificate of the coordinator's authority, so that the
+// machine verifies the coordinator before it sends the secret.
 #pragma once
 
 #include <cstddef>

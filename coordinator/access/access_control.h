@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// AccessControl: decides at each call whether the caller may make it, and gives certificates to
-// those who may have one. It joins the authority, the identities, the role table and the audit log.
-// A coordinator whose state directory has no authority has none, and lets everybody do everything.
+// AccessControl: decides whether a caller may make a call, and issues certificates. It joins the
+// authority, the identities, the role table and the audit log. A coordinator whose state directory
+// has no authority has no AccessControl, and permits every call.
 #pragma once
 
 #include <array>
@@ -27,8 +27,8 @@
 
 namespace sheaf::coordinator {
 
-// How long certificates are valid. They are renewed long before; what they limit is the use of a
-// stolen key whose theft nobody has noticed. A person's survives a week without a call.
+// How long certificates are valid. They are renewed long before their end; the lifetime limits the
+// use of a stolen key whose theft is not noticed. A user's survives a week without a call.
 struct CertificateLifetimes {
   absl::Duration worker = absl::Hours(24);
   absl::Duration user = absl::Hours(24 * 7);
@@ -68,23 +68,23 @@ class AccessControl {
   // How many were recorded since the start, by RefusalReason.
   std::array<uint64_t, kRefusalReasonCount> RefusedByReason() const;
 
-  // The owner of this certificate; no certificate is a caller without an identity. Errors:
+  // The owner of this certificate. Without a certificate: a caller without an identity. Errors:
   // kUnauthenticated: of another authority, expired, revoked, or of an earlier enrolment.
   absl::StatusOr<Caller> Authenticate(const std::string& certificate_pem, absl::Time now);
   // Errors: kUnauthenticated (no certificate), kPermissionDenied (another role is needed); an
   // unknown operation is refused.
   static absl::Status Authorize(const Caller& caller, std::string_view operation);
-  // Both, within the limits of the identity, or of the address `peer` where a session is none's,
-  // and records refusals. `peer` is where the call comes from. Errors: also kResourceExhausted.
+  // Authenticate and Authorize, within the limits of the identity or, without one, of the address
+  // `peer`. Records refusals. `peer` is the source of the call. Errors: also kResourceExhausted.
   absl::Status Admit(const std::string& certificate_pem, std::string_view operation,
                      const std::string& peer, absl::Time now);
   // The same for a browser's session instead of a certificate; returns the caller.
   absl::StatusOr<Caller> AdmitSession(const std::string& session, std::string_view operation,
                                       const std::string& peer, absl::Time now);
-  // The same for a scrape token, which is good for operations that require kScrape and no others.
+  // The same for a scrape token, which permits only operations that require kScrape.
   absl::StatusOr<Caller> AdmitScraper(const std::string& token, std::string_view operation,
                                       const std::string& peer, absl::Time now);
-  // Whose accounts the caller may see: "" means everybody's, as with the role operate or without
+  // The user whose accounts the caller may see; "": all users', as with the role operate or without
   // certificates.
   static std::string UsageOwnerOf(const Caller& caller);
   // Whether the caller may change a job of the owner. Errors: kPermissionDenied.
@@ -122,16 +122,16 @@ class AccessControl {
         audit_(std::move(audit_path)),
         use_(limits),
         lifetimes_(lifetimes) {}
-  // The terms of a certificate of this authority, whether it is still valid or not.
+  // The terms of a certificate of this authority, even if it is no longer valid.
   absl::StatusOr<CertificateTerms> Verify(const std::string& certificate_pem, absl::Time now);
   // The identity, if it is not revoked and still in this generation. Errors: kUnauthenticated.
   absl::StatusOr<Caller> Current(const IdentityId& id, uint64_t generation);
   // The owner of a scrape token. Errors: kUnauthenticated, kPermissionDenied.
   absl::StatusOr<Caller> AuthenticateScraper(const std::string& token, std::string_view operation,
                                              absl::Time now);
-  // The owner of a session; a secret of no session is a caller without an identity.
+  // The owner of a session. An unknown secret: a caller without an identity.
   absl::StatusOr<Caller> AuthenticateSession(const std::string& session, absl::Time now);
-  // Decides on an authenticated caller, or on why it is none, and records refusals.
+  // Decides on an authenticated caller, or on the error of authentication, and records refusals.
   absl::StatusOr<Caller> Decide(absl::StatusOr<Caller> caller, std::string_view operation,
                                 const std::string& peer, absl::Time now);
   absl::StatusOr<IssuedCertificate> Issue(const Identity& identity, const std::string& request_pem,

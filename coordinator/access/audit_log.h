@@ -1,14 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// AuditLog: who did what, and what was refused, as lines of JSON in STATE_DIR/audit.log:
+// AuditLog: actions of callers and refused calls, as lines of JSON in STATE_DIR/audit.log:
 //
 //     {"time":"2026-01-31T12:00:00.000Z","who":"user:anna","what":"CancelJob","target":"jobs/7",
 //      "outcome":"ok"}
 //
-// Calls that change something are recorded, and all calls that are refused; reads and the calls of
-// workers at work are not. Files are limited in size, and refused calls in number: somebody who
-// knocks a million times cannot wash other lines away.
+// Records calls that change something, and all refused calls, but not reads and the regular calls
+// of workers. Files are limited in size and refused calls in number, so that a million refused
+// calls cannot displace other lines.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +21,9 @@
 namespace sheaf::coordinator {
 
 inline constexpr uint64_t kAuditFileBytesMax = 16 << 20;  // Then it becomes audit.log.1.
-inline constexpr int kAuditFilesKept = 8;                 // audit.log.1 to .8; older ones go.
+inline constexpr int kAuditFilesKept = 8;  // audit.log.1 to .8; older ones are removed.
 inline constexpr int kAuditRefusalsPerMinuteMax = 600;
-inline constexpr size_t kAuditTextBytesMax = 500;  // Of each value in a line.
+inline constexpr size_t kAuditTextBytesMax = 500;  // Per value in a line.
 
 // Thread safety: all members may be called concurrently, also by several processes.
 class AuditLog {
@@ -33,8 +33,8 @@ class AuditLog {
   // A line whose outcome is "ok", or the code and message of the error.
   void Note(const std::string& who, const std::string& what, const std::string& target,
             const absl::Status& outcome);
-  // The same for a call that was not let in. Beyond kAuditRefusalsPerMinuteMax they are counted,
-  // and the next minute's first line says how many there were.
+  // The same for a refused call. Beyond kAuditRefusalsPerMinuteMax they are only counted, and the
+  // next minute's first line has their number.
   void NoteRefused(const std::string& who, const std::string& what, const absl::Status& why,
                    absl::Time now);
 

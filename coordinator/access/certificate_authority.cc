@@ -23,7 +23,7 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr uint64_t kHostsBytesMax = 64 << 10;
-constexpr size_t kHostBytesMax = 253;  // Of a name in DNS.
+constexpr size_t kHostBytesMax = 253;  // Limit of a DNS name.
 // Other machines' clocks may be behind the coordinator's.
 
 std::string AuthorityKeyPath(const std::string& directory) { return directory + "/authority.key"; }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // CertificateAuthority: issues all certificates of one farm. It is the only root that the farm's
-// machines trust, and it lives in a directory of the coordinator's state:
+// machines trust. It is stored in a directory of the coordinator's state:
 //
 //     DIRECTORY/authority.key   DIRECTORY/authority.pem
 //     DIRECTORY/server.key      DIRECTORY/server.pem      the coordinator's own certificate
@@ -36,7 +36,7 @@ class CertificateAuthority {
   // Errors: kInvalidArgument (a host); kResourceExhausted (too many hosts); those of files.
   static absl::Status Create(const std::string& directory, const std::vector<std::string>& hosts,
                              absl::Time now);
-  // Errors: kNotFound; kFailedPrecondition, naming what is damaged.
+  // Errors: kNotFound; kFailedPrecondition, naming the damaged file.
   static absl::StatusOr<std::unique_ptr<CertificateAuthority>> Open(const std::string& directory);
 
   const std::string& certificate_pem() const { return issuer_.certificate_pem; }
@@ -49,7 +49,7 @@ class CertificateAuthority {
   // When the server certificate on disk ends; UnixEpoch if it cannot be read.
   absl::Time ServerExpiry() const;
 
-  // Issues the server certificate again if half of its life is over, or if hosts were added.
+  // Issues the server certificate again if half of its lifetime is over, or if hosts were added.
   // Returns whether it did. Errors: those of files.
   absl::StatusOr<bool> RenewServerCertificate(absl::Time now) const;
 

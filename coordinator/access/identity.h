@@ -13,11 +13,11 @@
 
 namespace sheaf::coordinator {
 
-// Both are stored as numbers: new ones go to the end.
+// Both are stored as numbers: append new ones.
 enum class IdentityKind { kUser, kWorker };
 
-// The rights of an identity. A worker works and does nothing else. The roles of users are ordered:
-// each includes those before it.
+// The rights of an identity. A worker may only work. The roles of users are ordered: each includes
+// those before it.
 //   view        see jobs, images and workers
 //   submit      submit jobs, and control one's own
 //   operate     control all jobs

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// IdentityUse: what each identity takes of a coordinator with certificates, and the limits beyond
-// which it is refused, so that no user and no worker keeps the others from working, by mistake or
-// on purpose (ADR 62). Limits of unfinished jobs stand in coordinator/core/job/owner_work.h. What
-// is counted is kept in memory: a restart of the coordinator begins anew.
+// IdentityUse: each identity's use of a coordinator with certificates, and the limits beyond which
+// it is refused, so that no user or worker starves the others, by mistake or on purpose (ADR 62).
+// coordinator/core/job/owner_work.h has the limits of unfinished jobs. Counts are in memory only: a
+// restart of the coordinator resets them.
 #pragma once
 
 #include <array>
@@ -21,7 +21,7 @@
 
 namespace sheaf::coordinator {
 
-// Each far above what people and machines do.
+// Each is far above normal use.
 struct IdentityLimits {
   // Calls of an identity, over gRPC and HTTP together: a burst, and then a rate.
   double calls_per_second_max = 1000;
@@ -29,15 +29,15 @@ struct IdentityLimits {
   // Calls of one address (peer_network.h) by callers that show no identity: enrolments and HTTP.
   double stranger_calls_per_second_max = 20;
   double stranger_calls_burst_max = 200;
-  // Calls that stream, open at once: uploads, downloads, watches. Each takes a thread. All workers
-  // of a machine share its identity.
+  // Streaming calls open at once: uploads, downloads, watches. Each takes a thread. All workers of
+  // a machine share its identity.
   int64_t user_streams_max = 200;
   int64_t worker_streams_max = 1000;
   // Bytes of scenes that an identity uploads within a day.
   uint64_t upload_bytes_per_day_max = uint64_t{1} << 40;
 };
-// Addresses of strangers that are told apart. At one more all are forgotten, which gives each a new
-// burst: no address can make this costly.
+// Addresses of strangers that are counted separately. Beyond the limit all are forgotten, which
+// gives each a new burst; this bounds the cost.
 inline constexpr size_t kStrangerAddressesMax = 10'000;
 
 // The limits for which calls are refused; each has a counter.
@@ -66,7 +66,7 @@ class IdentityUse {
   // The same for a caller without an identity. address: without its port.
   absl::Status NoteStrangerCall(const std::string& address, absl::Time now);
 
-  // A stream that is open while this lives. Movable.
+  // Counts an open stream until it is destroyed. Movable.
   class Stream {
    public:
     Stream() = default;
@@ -87,10 +87,9 @@ class IdentityUse {
   // Errors: kResourceExhausted. The object must outlive the stream.
   absl::StatusOr<Stream> OpenStream(const IdentityId& id);
 
-  // Counts an upload that begins, as if all its bytes came. Errors: kResourceExhausted; then it is
-  // not counted.
+  // Counts all bytes of an upload that begins. Errors: kResourceExhausted; then it is not counted.
   absl::Status BeginUpload(const IdentityId& id, uint64_t size_bytes, absl::Time now);
-  // Takes back what did not come of an upload that began.
+  // Returns the bytes that an upload did not send.
   void ReturnUpload(const IdentityId& id, uint64_t missing_bytes);
 
   // Counts a refusal that is decided elsewhere.
@@ -118,7 +117,7 @@ class IdentityUse {
 
   const IdentityLimits limits_;
   mutable Mutex mutex_;
-  std::map<IdentityId, Use> uses_ ABSL_GUARDED_BY(mutex_);  // As many as identities, at most.
+  std::map<IdentityId, Use> uses_ ABSL_GUARDED_BY(mutex_);           // At most one per identity.
   std::map<std::string, Bucket> strangers_ ABSL_GUARDED_BY(mutex_);  // By PeerNetwork.
   std::array<uint64_t, kIdentityLimitCount> refused_ ABSL_GUARDED_BY(mutex_){};
 };

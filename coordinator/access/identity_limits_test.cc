@@ -90,7 +90,7 @@ TEST(IdentityUseTest, LimitsOpenStreams) {
   const IdentityUse::Stream second = *use.OpenStream(kLimitedUser);
   const absl::Status refused = use.OpenStream(kLimitedUser).status();
   EXPECT_TRUE(absl::IsResourceExhausted(refused));
-  EXPECT_FALSE(RetryAfterOf(refused)) << "nobody knows when one of them ends";
+  EXPECT_FALSE(RetryAfterOf(refused)) << "their ends are unknown";
   EXPECT_TRUE(use.OpenStream(kBen).ok());
   first.reset();
   EXPECT_TRUE(use.OpenStream(kLimitedUser).ok());

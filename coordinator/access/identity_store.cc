@@ -27,7 +27,7 @@ CREATE TABLE IF NOT EXISTS scrape_tokens(
   secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
   expire_ns INTEGER NOT NULL) WITHOUT ROWID;
 )sql";
-constexpr char kUnused[] = "";  // key_sha256 of a token that nobody has used.
+constexpr char kUnused[] = "";  // key_sha256 of an unused token.
 
 // Tokens of earlier versions have no role: they give that of their identity.
 absl::Status AddRolesOfTokens(SqliteDatabase* database) {

@@ -3,7 +3,7 @@
 //
 // IdentityStore: the identities of a farm and their enrolment tokens, in an SQLite database that
 // several processes may have open. Commands change it while the coordinator runs, and the
-// coordinator sees a change at its next call. Of the secrets of tokens only the SHA-256 is stored.
+// coordinator sees a change at its next call. Only the SHA-256 of a token's secret is stored.
 #pragma once
 
 #include <map>
@@ -33,20 +33,20 @@ class IdentityStore {
   // Opens or makes the database. Errors: those of SqliteDatabase::Open.
   static absl::StatusOr<std::unique_ptr<IdentityStore>> Open(const std::string& path);
 
-  // Makes an identity, or gives an existing one this role; a revoked one begins anew. Errors:
-  // kInvalidArgument (the name); kResourceExhausted (kIdentitiesMax).
+  // Makes an identity, or gives an existing one this role; a revoked one starts a new generation.
+  // Errors: kInvalidArgument (the name); kResourceExhausted (kIdentitiesMax).
   absl::Status PutIdentity(const IdentityId& id, Role role);
-  // Makes a token that enrols one machine as an identity with this role, and the identity where it
-  // is new or revoked. A higher role than it has is granted when the token is used, and not before;
-  // a lower one at once, also to its tokens that are not used yet. Returns the token's secret.
+  // Makes a token that enrols one machine as an identity with this role, and the identity if it is
+  // new or revoked. A higher role is granted when the token is used; a lower one at once, also to
+  // its unused tokens. Returns the token's secret.
   // Errors: those of PutIdentity; kResourceExhausted (kOpenTokensMax).
   absl::StatusOr<std::string> MakeToken(const IdentityId& id, Role role, absl::Time now,
                                         absl::Duration lifetime);
   // From the next call on, its certificates and all its tokens are refused. Errors: kNotFound.
   absl::Status Revoke(const IdentityId& id, absl::Time now);
 
-  // Uses a token up for a key, grants its role, and returns whose it is. A token that the same key
-  // has used is accepted again until it expires, since the first answer may be lost. Errors:
+  // Consumes a token for a key, grants its role, and returns its identity. A token that the same
+  // key has used is accepted again until it expires, because the first answer may be lost. Errors:
   // kUnauthenticated.
   absl::StatusOr<Identity> UseToken(const std::string& secret, const std::string& key_sha256_hex,
                                     absl::Time now);
@@ -58,7 +58,7 @@ class IdentityStore {
   // Its owner. Errors: kUnauthenticated: it is unknown, expired or revoked.
   absl::StatusOr<Identity> FindScrapeToken(const std::string& token, absl::Time now);
 
-  // None where there is no such identity. Fast: asks the database only after it has changed.
+  // None if there is no such identity. Fast: queries the database only after it has changed.
   absl::StatusOr<std::optional<Identity>> Find(const IdentityId& id);
   // Ascending by kind and name.
   absl::StatusOr<std::vector<Identity>> List();
@@ -68,7 +68,7 @@ class IdentityStore {
       : database_(std::move(database)), version_(database_->Prepare("PRAGMA data_version")) {}
   // Makes or lowers the identity for a token of this role.
   absl::Status PrepareForToken(const IdentityId& id, Role role);
-  // UseToken within a transaction, without the look at revocations.
+  // UseToken within a transaction, without the check of revocations.
   absl::StatusOr<IdentityId> TakeToken(const std::string& secret, const std::string& key_sha256_hex,
                                        absl::Time now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status Refresh() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -135,7 +135,7 @@ TEST_F(IdentityStoreTest, RevocationTakesTokensToo) {
 TEST_F(IdentityStoreTest, AnIdentityThatIsEnrolledAgainBeginsANewGeneration) {
   Token();
   Token();
-  EXPECT_EQ((*store_->Find(kStoredUser))->generation, 1u) << "a second machine of the same person";
+  EXPECT_EQ((*store_->Find(kStoredUser))->generation, 1u) << "a second machine of the same user";
   ASSERT_TRUE(store_->Revoke(kStoredUser, kStoreTime).ok());
   Token(kStoredUser, Role::kView);
   EXPECT_EQ((*store_->Find(kStoredUser))->generation, 2u);

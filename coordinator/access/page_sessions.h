@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// PageSessions: browsers that are signed in to the page. A command of an enrolled person gets a
-// token for it, a browser exchanges the token for a session once, and shows the session's secret as
-// a cookie from then on. Only digests of secrets are kept, in memory: a restart of the coordinator
-// ends all sessions.
+// PageSessions: browsers that are signed in to the page. An enrolled user gets a token by a
+// command. A browser exchanges the token once for a session, and then sends the session's secret as
+// a cookie. Only digests of secrets are kept, in memory: a restart of the coordinator ends all
+// sessions.
 #pragma once
 
 #include <cstddef>

@@ -14,7 +14,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int kMappedOffset = 12;  // Of an IPv4 address in the form of IPv6.
+constexpr int kMappedOffset = 12;  // Offset of the IPv4 bytes in a mapped IPv6 address.
 constexpr int kNetworkBytes = 8;
 
 // Without gRPC's scheme and brackets, which it writes as %5B and %5D, and without a zone (%eth0).

@@ -10,8 +10,8 @@
 namespace sheaf::coordinator {
 
 // "192.0.2.7" for this address, also in the form of IPv6 (::ffff:192.0.2.7); "2001:db8:1:2::/64"
-// for all of its addresses. address: as sockets or gRPC name it ("ipv6:[2001:db8::1]"), without a
-// port. What is no address stays as it is.
+// for all of its addresses. address: in the form of sockets or gRPC ("ipv6:[2001:db8::1]"), without
+// a port. Other texts are returned unchanged.
 std::string PeerNetwork(std::string_view address);
 
 }  // namespace sheaf::coordinator

@@ -175,7 +175,7 @@ bool Permits(Requirement requirement, std::optional<Role> role) {
 }
 
 std::string Describe(Requirement requirement) {
-  if (requirement == Requirement::kNothing) return "nobody in particular";
+  if (requirement == Requirement::kNothing) return "no role required";
   if (requirement == Requirement::kIdentity) return "a user or a worker";
   if (requirement == Requirement::kWork) return "a worker";
   const std::string user = absl::StrCat("the role ", RoleName(*LeastRole(requirement)));

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The requirements of the coordinator's operations on their callers, in one table: every gRPC
-// method and every HTTP route. An operation that is not in it is refused to everybody; tests
-// compare the table with the services and routes that exist.
+// method and every HTTP route. An operation that is not in it is always refused; tests compare the
+// table with the existing services and routes.
 #pragma once
 
 #include <optional>
@@ -15,9 +15,9 @@
 
 namespace sheaf::coordinator {
 
-// Whom an operation is open to.
+// The callers that an operation admits.
 enum class Requirement {
-  kNothing,   // Everybody, without a certificate too.
+  kNothing,   // Every caller, even without a certificate.
   kIdentity,  // Every user and worker.
   kWork,      // Workers.
   kWorkOrOperate,
@@ -39,7 +39,7 @@ const std::vector<OperationRule>& RoleTable();
 std::optional<Requirement> RequirementOf(std::string_view operation);
 // role: none for a caller without an identity.
 bool Permits(Requirement requirement, std::optional<Role> role);
-// "the role submit", "a worker": whom it takes, for messages.
+// "the role submit", "a worker": the permitted callers, for messages.
 std::string Describe(Requirement requirement);
 
 }  // namespace sheaf::coordinator

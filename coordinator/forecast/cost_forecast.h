@@ -34,9 +34,9 @@ struct ForecastCell {
 
 // The light passes of a frame.
 struct LightModel {
-  uint64_t passes = 0;              // Those that `errors` is measured at; 0: the frame has none.
-  std::vector<ErrorSums> errors;    // By cell: those that light passes add to those of the camera.
-  double log_error_deviation = 0;   // As that of ErrorModel.
+  uint64_t passes = 0;              // Passes behind `errors`; 0: the frame has none.
+  std::vector<ErrorSums> errors;    // By cell: the errors that light passes add to the camera's.
+  double log_error_deviation = 0;   // As in ErrorModel.
   double cpu_seconds_per_pass = 0;  // For the whole frame.
   uint64_t passes_kept = 0;         // They exist and cost nothing.
 };
@@ -74,7 +74,7 @@ struct Estimate {
 // value is 0.
 Estimate WithBand(double value, double low, double high, double log_deviation);
 
-// The errors of pixels with two independent kinds of noise, of which these are the errors.
+// Returns the errors of pixels with two independent kinds of noise, given the errors of each.
 ErrorSums AddIndependent(const ErrorSums& a, const ErrorSums& b);
 
 // Forecasts a frame that starts with its first round. In that round each cell gets

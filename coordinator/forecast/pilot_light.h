@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Fits the LightModel of a frame with light paths to a pilot (pilot_model.h). A light pass is of
+// Fits the LightModel of a frame with light paths to a pilot (pilot_model.h). A light pass covers
 // the whole frame, and a single one costs more than a whole pilot may. But a pass has one light
 // path for each pixel of any frame, so a pixel meets as many splats in a frame made smaller: their
 // noise, relative to the pixel's value, and the cost of a path are nearly the same. The pilot's

@@ -101,7 +101,7 @@ TEST(PilotModelTest, FurtherPilotsUseNewBlocks) {
     }
     before.insert(before.end(), more.begin(), more.end());
   }
-  FAIL() << "there are no more blocks than the image has";
+  FAIL() << "there are at most as many blocks as in the image";
 }
 
 TEST(PilotModelTest, LightImagesStayWithinTheirBudget) {

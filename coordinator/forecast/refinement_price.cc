@@ -145,7 +145,7 @@ std::optional<ForecastStart> StartOf(const FinishedFrame& frame, const StopRule&
   return std::nullopt;
 }
 
-// The forecast for a frame that needs no more samples.
+// The forecast for a frame that needs no further samples.
 Forecast AsItIs(const FinishedFrame& frame, double target_error) {
   const std::vector<CellRound>& last = frame.rounds.back().cells;
   const ErrorSums sum = SumOf(last);

@@ -30,7 +30,7 @@ struct FinishedFrame {
   // Whether a stop rule decided `rounds`. Otherwise they are the points of the frame's error curve,
   // and the frame continues from the last of them.
   bool had_rule = false;
-  uint64_t first_round_samples = kReplicateCount;  // That of its stop rule.
+  uint64_t first_round_samples = kReplicateCount;  // From its stop rule.
   std::vector<RoundRecord> rounds;                 // With cells; at least one.
   // CPU time of all samples of each cell. Empty if the frame's parts are deleted, so that all
   // samples must be rendered again.

@@ -81,7 +81,7 @@ class Fluid {
     }
     const double variance = VarianceSpent();
     for (const auto& [i, seconds] : ending) ended(active_[i], now_ + seconds, variance);
-    // What ended jobs leave of the step goes to the others, so the same work takes less time.
+    // The rest of the step of ended jobs goes to the others, so the same work takes less time.
     double idle = 0;
     for (const auto& [i, seconds] : ending) idle += shares[i] * (step - seconds);
     now_ += step - idle;
@@ -118,7 +118,7 @@ class Fluid {
   std::vector<size_t> active_;   // Indices of those that have work.
   std::vector<SharedJob> left_;  // Those, with what they have left.
   double now_ = 0, total_seconds_ = 0;
-  double ended_variance_ = 0;  // Of the CPU time of jobs that have ended.
+  double ended_variance_ = 0;  // Variance of the CPU time of ended jobs.
 };
 
 }  // namespace

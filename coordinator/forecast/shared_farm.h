@@ -1,16 +1,16 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SharedFarm: when the jobs that share a farm will end. The farm's policy of sharing is played
-// forward over the work that each job has left, as a fluid: at any time each job gets a fraction of
-// the threads, and when a job ends the others get more. So a forecast already counts with the ends
-// of the other jobs:
+// SharedFarm: forecasts the ends of the jobs that share a farm. It simulates the farm's sharing
+// policy over the work that each job has left, as a fluid: at any time each job gets a fraction of
+// the threads, and when a job ends the others get more. So a forecast takes the ends of the other
+// jobs into account:
 //
 //     WorkLeft of live jobs + SharePolicy > SharedFarm > time left of each job, with a band
 //
 // Fluid models of fair sharing: Parekh and Gallager 1993, "A Generalized Processor Sharing Approach
 // to Flow Control in Integrated Services Networks", IEEE/ACM Transactions on Networking 1(3).
-// WorkAhead has the closed form for one policy and serves work that is not submitted yet.
+// WorkAhead has the closed form for one policy, for work that is not yet submitted.
 //
 // Thread safety: none needed, as a SharedFarm does not change.
 #pragma once
@@ -27,12 +27,12 @@
 
 namespace sheaf::coordinator {
 
-// A job as the forecast sees it.
+// A job in the forecast.
 struct SharedJob {
   uint64_t job_id = 0;
   WorkLeft left;
-  double done_fraction = 0;  // Of its samples: the more is done, the better its cost is known.
-  // For ShareByTime: whose it is, and their weights.
+  double done_fraction = 0;  // Fraction of its samples; its cost becomes more certain with it.
+  // For ShareByTime: its show and user, and their weights.
   std::string show = {}, user = {};
   double show_weight = 1, user_weight = 1;
 };
@@ -48,13 +48,14 @@ std::vector<double> ShareBySamples(std::span<const SharedJob> jobs);
 // jobs of a user, each in proportion to its weight.
 std::vector<double> ShareByTime(std::span<const SharedJob> jobs);
 
-// The standard deviation of the logarithm of what the rest of a job costs over its forecast.
+// The standard deviation of the logarithm of the actual cost of the rest of a job over its
+// forecast.
 double CostDeviation(double done_fraction);
 
 class SharedFarm {
  public:
-  // Beyond so many jobs the forecasts count the last ones, of least priority and with most work, as
-  // they would be without sharing: one after the other.
+  // Beyond this many jobs the last ones (least priority, most work) are forecast one after the
+  // other, without sharing.
   static constexpr size_t kJobsMax = 1000;
 
   struct End {
@@ -63,13 +64,13 @@ class SharedFarm {
   };
 
   SharedFarm() = default;
-  // jobs: the live ones that do not wait for a person. A job of unknown cost is assumed to cost per
-  // sample what the others do on average; if none is known nothing is forecast. threads_used: as in
-  // FarmLoad. Cost: O(jobs x steps) of at most kJobsMax jobs, with a bounded number of steps.
+  // jobs: the live ones that do not wait for a user. A job of unknown cost is assumed to have the
+  // average cost per sample of the others; if no cost is known, nothing is forecast. threads_used:
+  // as in FarmLoad. Cost: O(jobs x steps) of at most kJobsMax jobs, with a bounded number of steps.
   SharedFarm(std::vector<SharedJob> jobs, double threads_used,
              const SharePolicy& policy = ShareBySamples);
 
-  // nullptr for a job that is not among them, or where nothing is forecast.
+  // nullptr for a job that is not among them, or if nothing is forecast.
   const End* Find(uint64_t job_id) const;
 
  private:

@@ -27,7 +27,7 @@ TEST(SharedFarmTest, SingleJobTakesItsOwnTime) {
   EXPECT_EQ(farm.Find(2), nullptr);
 }
 
-// Another job takes half of the farm, and then ends: what is left does not go on at half the speed.
+// Another job takes half of the farm, and then ends: the rest does not continue at half the speed.
 TEST(SharedFarmTest, ForecastsCountWithTheEndsOfOthers) {
   const SharedFarm farm({Job(1, 0, 1000, 1), Job(2, 0, 100, 1)}, 1);
   EXPECT_DOUBLE_EQ(SecondsOf(farm, 2), 200);

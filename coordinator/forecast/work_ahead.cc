@@ -42,7 +42,7 @@ double WorkAhead::CpuSeconds(const WorkLeft& own) const {
   WorkLeft last_equal = own;
   last_equal.sample_count = std::numeric_limits<double>::infinity();
   const Sums& end = before_[index_of(last_equal)];
-  const double samples = own.sample_count / own.weight;  // Of a job of weight 1.
+  const double samples = own.sample_count / own.weight;  // For a job of weight 1.
   const double uncosted =
       done.uncosted_samples + samples * (end.uncosted_weight - done.uncosted_weight);
   return done.cpu_seconds + samples * (end.cpu_seconds_per_sample - done.cpu_seconds_per_sample) +

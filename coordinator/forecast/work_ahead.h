@@ -37,7 +37,7 @@ class WorkAhead {
     double cpu_seconds = 0;             // For all their samples.
     double cpu_seconds_per_sample = 0;  // For one sample of each of weight 1.
     double uncosted_samples = 0;        // Samples of jobs whose cost is not known.
-    double uncosted_weight = 0;         // Of those.
+    double uncosted_weight = 0;         // Their weights.
   };
 
   std::vector<WorkLeft> jobs_;  // By descending priority, then by ascending samples by weight.
@@ -48,7 +48,7 @@ class WorkAhead {
 struct FarmLoad {
   double threads_used = 0;  // Sum over threads of the fraction of time spent on samples.
   WorkAhead ahead;
-  SharedFarm shared = {};  // Of the live jobs; empty where only `ahead` is needed.
+  SharedFarm shared = {};  // Over the live jobs; empty if only `ahead` is needed.
 };
 
 // Returns the wall time of work that has not been submitted to the farm; 0 if there are no threads

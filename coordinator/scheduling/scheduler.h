@@ -218,7 +218,7 @@ class Scheduler {
   void NoteRemoved(uint64_t job_id);
   // Whether a live job waits for this one.
   bool IsAwaited(uint64_t job_id) const;
-  // The worker, known or not, finishes its leases and gets no more until Undrain. then_exit: it is
+  // The worker, known or not, finishes its leases and gets none until Undrain. then_exit: it is
   // then told to exit. The owner removes drains of workers that do not return.
   void Drain(const std::string& worker_id, bool then_exit);
   void Undrain(const std::string& worker_id);

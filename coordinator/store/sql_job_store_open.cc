@@ -170,7 +170,7 @@ absl::Status SqlJobStore::BeginLife() {
   Statement lives = database_->Prepare("SELECT value FROM meta WHERE key = 'lives'");
   const absl::StatusOr<bool> row = lives.Step();
   if (!row.ok()) return row.status();
-  if (!*row) return absl::DataLossError("the table of lives is empty");
+  if (!*row) return absl::DataLossError("the count of runs is missing");
   first_lease_id_ = static_cast<uint64_t>(lives.Int64(0)) << kLeaseIdBitsPerLife;
   Statement bytes =
       database_->Prepare("SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) FROM parts");

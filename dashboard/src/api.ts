@@ -37,7 +37,7 @@ export interface Job {
   priority: number;
   failure: string;
   waiting_reason: string;
-  // What its users should know of its images; mostly empty.
+  // A warning about its images; mostly empty.
   warning?: string;
   // Number of failed leases.
   failure_count: number;
@@ -66,11 +66,11 @@ export interface TaskFailure {
   message: string;
 }
 
-// A task that nobody renders any more.
+// A task that is set aside.
 export interface SetAsideTask {
   task: number;
   why: string;
-  // None where a person set it aside.
+  // None if a user set it aside.
   failures: TaskFailure[];
 }
 
@@ -99,7 +99,7 @@ export interface Frame {
   complete: boolean;
   // Why it has ended without an image; missing from coordinators without failure classes.
   incomplete?: string;
-  // At most some of the tasks that nobody renders, and how many there are.
+  // Some of the tasks that are set aside, and their number.
   set_aside_tasks?: SetAsideTask[];
   set_aside_task_count?: number;
   // Whether its guiding field is being trained; missing from coordinators without guiding.
@@ -263,7 +263,7 @@ export interface ChannelLayer {
   channels: string[];
 }
 
-// "nan", "inf" or "-inf" where it is no number.
+// "nan", "inf" or "-inf" if it is not finite.
 export type PixelValue = number|string;
 
 export interface Pixel {
@@ -284,7 +284,7 @@ export interface Preview {
   range: LayerRange|null;
 }
 
-// The person who is signed in; both are empty where the coordinator has no certificates.
+// The signed-in user; both are empty if the coordinator has no certificates.
 export interface Session {
   user: string;
   role: string;

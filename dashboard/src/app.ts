@@ -32,7 +32,7 @@ import {WorkersView} from './workers';
 
 const store = new Store();
 let live: Live|null = null;
-// Whether a person chose the job; until then the page follows the newest running job.
+// Whether the user chose the job; until then the page follows the newest running job.
 let chosen = false;
 
 function selectJob(name: string) {

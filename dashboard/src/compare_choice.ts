@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Chooses the job and frame to show beside the current one. The list of jobs is fetched when a
-// person opens it, since it changes all the time.
+// Chooses the job and frame to show beside the current one. The list of jobs is fetched when the
+// user opens it, because it changes all the time.
 
 import * as api from './api';
 import type {Frame} from './api';

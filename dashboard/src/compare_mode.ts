@@ -13,7 +13,7 @@ export class CompareModeChoice {
   private readonly select = byId<HTMLSelectElement>('compare-mode');
   private readonly slider = byId<HTMLInputElement>('split-at');
 
-  // `onChange` is called when a person chooses another mode.
+  // `onChange` is called when the user chooses another mode.
   constructor(private readonly store: Store, onChange: () => void) {
     this.select.addEventListener('change', () => {
       this.draw();

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The files that a person drops on the page or chooses, with names as in their folder.
+// The files that the user drops on the page or chooses, with names as in their folder.
 
 export interface DroppedFile {
   // With "/" between its parts, as in "shot/textures/wood.png".

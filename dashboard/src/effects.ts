@@ -9,7 +9,7 @@ import {byId, child, el, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
 
-// A share that is further below 0 than so many standard errors is no chance.
+// A share below 0 by more than this many standard errors is not due to chance.
 const ERRORS_OF_CHANCE = 2;
 
 export class EffectsView {

@@ -80,7 +80,7 @@ export class ImageView {
     this.drawNames();
   };
 
-  // A comparison that was chosen for another job remains where it is one of this job too.
+  // A comparison that was chosen for another job stays if this job has it, too.
   private dropComparison() {
     const {beside, frame, jobName} = this.store;
     if (!beside || !frame || jobName === this.comparedJob) return;

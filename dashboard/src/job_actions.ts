@@ -165,7 +165,7 @@ const titleOf = (job: Job) => job.title || job.name;
 
 const mayKill = (frame: Frame) => !frame.complete && !frame.incomplete;
 
-// Whether something of the job has failed for good.
+// Whether the job, or a frame of it, has failed permanently.
 function mayRetry(job: Job, frames: readonly Frame[]): boolean {
   if (job.state === 'succeeded' || job.state === 'cancelled') return false;
   return job.state === 'failed' || (job.incomplete_frame_count ?? 0) > 0 ||

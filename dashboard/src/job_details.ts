@@ -62,7 +62,7 @@ function emptyWordsOf(store: Store): string {
   return 'There is no job ' + store.jobName + '. Select another one.';
 }
 
-// The selected frame's own, while its job goes on.
+// The selected frame's own text, while its job continues.
 function incompleteWordsOf(frame: Frame|undefined): string {
   return frame?.incomplete ? 'Frame ' + frame.frame_number + ' is incomplete: ' + frame.incomplete :
                              '';

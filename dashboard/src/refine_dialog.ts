@@ -27,7 +27,7 @@ export class RefineDialog {
     this.slider.addEventListener('input', () => this.draw());
   }
 
-  // Returns the chosen relMSE; null if the person declined.
+  // Returns the chosen relMSE; null if the user declined.
   async ask(job: Job): Promise<number|null> {
     if (this.dialog.open || !job.progress.relative_mse) return null;
     this.job = job;

@@ -15,7 +15,7 @@ export class RoundSlider {
   private kept: number[] = [];
   private chosen: number|null = null;
 
-  // `onChange` is called when a person chooses another round.
+  // `onChange` is called when the user chooses another round.
   constructor(onChange: () => void) {
     this.slider.addEventListener('input', () => {
       this.chosen = this.kept[this.slider.valueAsNumber] ?? null;

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The session of a coordinator with certificates: shows a button that ends it. Without certificates
-// nobody is signed in, and there is no button.
+// there is no session and no button.
 
 import {getSession, signOut} from './api';
 import {byId} from './dom';

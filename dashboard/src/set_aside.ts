@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The work of the selected job that nobody renders any more: for each frame its tasks, who failed
-// them and how, the command that reproduces a failure, and buttons that try again or give up.
+// The tasks of the selected job that are set aside: for each frame its tasks, the workers that
+// failed them and how, the command that reproduces a failure, and buttons that try again or give
+// up.
 
 import type {Frame, SetAsideTask, TaskFailure} from './api';
 import {commandField, copyCommand} from './command_field';
@@ -17,7 +18,7 @@ const FAILURES_MAX = 8;
 
 export class SetAsideView {
   private readonly list = byId('aside');
-  // What is shown.
+  // The text on display.
   private shown = '';
 
   constructor(private readonly store: Store, private readonly actions: JobActions) {
@@ -80,7 +81,7 @@ function makeFrame(job: string, frame: Frame, ended: boolean): HTMLElement {
   const count = frame.set_aside_task_count ?? 0;
   const tasks = tasksOf(frame);
   const without = count === 0 ? '' : count === 1 ? ': 1 task' : ': ' + count + ' tasks';
-  const state = frame.incomplete ? 'incomplete' : 'goes on';
+  const state = frame.incomplete ? 'incomplete' : 'continues';
   const more = count > tasks.length ? [el('p', {class: 'job-small'}, 'and others')] : [];
   const own = count > 0 ? [] : [
     el('p', {class: 'failure-message'}, frame.incomplete ?? ''),

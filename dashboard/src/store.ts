@@ -90,7 +90,7 @@ export class Store {
     if (!this.scheduled) delete document.documentElement.dataset.drawing;
   }
 
-  // Records the result of an attempt: the failure, or null for success. Attempts that a person
+  // Records the result of an attempt: the failure, or null for success. Attempts that the user
   // starts also record null before they begin, so that a repeated failure is shown again.
   note(attempt: string, failure: unknown) {
     const words = failure instanceof Error ? failure.message : failure === null ? '' : `${failure}`;

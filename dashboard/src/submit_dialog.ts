@@ -30,7 +30,7 @@ export class SubmitDialog {
   private files: DroppedFile[] = [];
   private submission: Submission|null = null;
   private offer: Offer|null = null;
-  // Why this person cannot submit; empty: they can.
+  // Why this user cannot submit; empty: they can.
   private whyNot = '';
 
   constructor(private readonly store: Store, private readonly select: (job: string) => void) {

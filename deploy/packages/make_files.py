@@ -22,7 +22,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 PACKAGES = ("sheaf", "sheaf-coordinator", "sheaf-worker", "sheaf-common", "python3-sheaf")
 # The help must not name this user: options have defaults in the home directory.
-HOME = "/home/somebody"
+HOME = "/home/user"
 
 
 def read(*names):
@@ -114,7 +114,7 @@ class Maker:
                            "usr/share/lintian/overrides", package)
 
     def make_documents(self):
-        """What people read, and scenes to begin with."""
+        """Documents and example scenes."""
         listed = subprocess.run(
             ["git", "-c", "safe.directory=*", "ls-files", "README.md", "docs/*.md", "docs/*.png",
              "docs/techniques/*", "scenes"], cwd=ROOT,

@@ -68,8 +68,8 @@ class Addresses:
         return all(address.is_loopback for address in self.each)
 
     def target(self) -> str:
-        """What a gRPC channel connects to. It takes lists of numeric addresses alone, so names of
-        several are resolved now; those that cannot be are left out.
+        """The target of a gRPC channel. A list may only have numeric addresses, so several names
+        are resolved now; unknown ones are left out.
         """
         if len(self.each) == 1:
             return str(self.each[0])

@@ -125,7 +125,7 @@ class Client:
         return jobs
 
     def get_job(self, job: JobLike) -> Job:
-        """The job as it is now. Of this and all other calls: a Job as argument is that very job;
+        """The job as it is now. In this and all other calls, a Job as argument means that very job;
         raises NotFoundError if its number is another's, because the coordinator's state was
         replaced.
         """
@@ -166,8 +166,8 @@ class Client:
              images: str | os.PathLike[str] | None = None) -> Job:
         """Waits for the job's end and returns it.
 
-        images: where each image is written as soon as it is complete, whatever becomes of the
-        others; of a job of several frames with #### where the number goes, as shot.####.exr.
+        images: the path to which each image is written as soon as it is complete, even if others
+        fail; for a job of several frames with #### for the number, as shot.####.exr.
 
         Raises JobFailedError, JobCancelledError, and WaitExpiredError after the timeout; FileError
         at the end if an image cannot be written.
@@ -230,7 +230,7 @@ class Client:
         return job_from(self._unary("UnpinJob", job_pb2.UnpinJobRequest(name=self._name(job))))
 
     def release(self, job: JobLike) -> Job:
-        """Starts a job that waits for other jobs, whatever became of them."""
+        """Releases a job from its dependencies, whatever their state."""
         return job_from(self._unary("ReleaseJob", job_pb2.ReleaseJobRequest(name=self._name(job))))
 
     def approve(self, job: JobLike, frames: Sequence[int] = ()) -> Job:
@@ -248,7 +248,7 @@ class Client:
         return job_from(self._unary("RetryTasks", request))
 
     def kill(self, job: JobLike, frame: int, *, task: int | None = None) -> Job:
-        """Gives up a frame or a task of it; the rest of the job goes on."""
+        """Gives up a frame or a task of it; the rest of the job continues."""
         request = job_pb2.KillTasksRequest(name=self._name(job), frame_number=frame)
         if task is not None:
             request.task = task
@@ -286,7 +286,7 @@ class Client:
 
     def price_refinement(self, job: JobLike,
                          target_errors: Sequence[float]) -> list[RefinementPrice]:
-        """What it would cost to refine the job to each of the errors, at most 32."""
+        """The cost of refining the job to each of the errors, at most 32."""
         request = job_pb2.PriceRefinementRequest(name=self._name(job), target_errors=target_errors)
         return list(map(price_from, self._unary("PriceRefinement", request).prices))
 
@@ -368,7 +368,7 @@ class Client:
     @staticmethod
     def _check_end(name: str, end: float | None) -> None:
         if end is not None and time.monotonic() >= end:
-            raise errors.WaitExpiredError(f"{name}: has not ended in time, and goes on; wait "
+            raise errors.WaitExpiredError(f"{name}: has not ended in time and continues; wait "
                                           "again, or cancel it")
 
     def _next(self, messages: Any) -> job_pb2.Job | None:
@@ -392,8 +392,8 @@ def _check_identity(job: JobLike, found: Job) -> None:
 
 
 def frame_paths(pattern: str, numbers: Sequence[int]) -> list[str]:
-    """The path of each frame's image. Of several frames, the last run of # in the file's name is
-    the number; of one, # is a letter unless there are several in a row.
+    """The path of each frame's image. For several frames, the last run of # in the file's name is
+    the number; for one, # is a letter unless there are several in a row.
     """
     folder, name = os.path.split(pattern)
     runs = [match for match in re.finditer("#+", name)

@@ -38,12 +38,12 @@ _CHANNEL_OPTIONS = [
     ("grpc.use_local_subchannel_pool", 1),
 ]
 RECONNECT_BACKOFF_MS_MAX = 2_000
-FOLLOW_BACKOFF_MS_MAX = 500  # Of several addresses: a takeover lasts some seconds.
+FOLLOW_BACKOFF_MS_MAX = 500  # With several addresses: a takeover lasts some seconds.
 
 
 @dataclasses.dataclass(frozen=True)
 class Credentials:
-    """A person's key and certificate, and the only authority that may have issued the farm's."""
+    """A user's key and certificate, and the only authority that may have issued the farm's."""
     certificate_path: pathlib.Path
     key: bytes = dataclasses.field(repr=False)
     certificate: bytes = dataclasses.field(repr=False)
@@ -106,7 +106,8 @@ def renew_if_old(addresses: Addresses, credentials: Credentials,
 
 
 def _speaks_tls(address: Address) -> bool:
-    """Verifies nobody and tells the server nothing. False also if nobody answers in time."""
+    """Verifies no certificate and sends no data. False also if the server does not answer in
+    time."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE

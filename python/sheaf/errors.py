@@ -48,7 +48,7 @@ class CoordinatorError(SheafError):
 
 
 class WaitExpiredError(SheafError):
-    """The job has not ended within the time to wait. It goes on."""
+    """The job has not ended within the time to wait. It continues."""
 
 
 class SceneError(SheafError):

@@ -94,7 +94,7 @@ class Farm:
         return self._page
 
     def log(self, name: str) -> str:
-        """What "coordinator", "worker1", "worker2" and so on have logged."""
+        """The log of "coordinator", "worker1", "worker2" and so on."""
         if self._folder is None or not (self._folder / f"{name}.log").exists():
             raise InvalidRequestError(f'there is no log of "{name}"; names are "coordinator", '
                                       '"worker1" and so on, while the farm runs')

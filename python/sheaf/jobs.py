@@ -58,7 +58,7 @@ class Progress:
     cpu_seconds: float
     wall_seconds: float
     remaining_seconds: float | None
-    remaining_band: tuple[float, float] | None  # Of a job's: holds in 8 of 10 cases.
+    remaining_band: tuple[float, float] | None  # Only for jobs: holds in 8 of 10 cases.
     remaining_alone_seconds: float | None  # If no other job shared the farm.
 
     @property
@@ -151,7 +151,7 @@ class RefinementPrice:
 
 
 def job_from(message: job_pb2.Job, frames: tuple[Frame, ...] | None = None) -> Job:
-    """frames: those of the message, where they are known."""
+    """frames: those of the message, if they are known."""
     return Job(
         name=message.name, title=message.title, state=_enum(JobState, message.state, 0),
         priority=message.priority, progress=_progress(message.progress),

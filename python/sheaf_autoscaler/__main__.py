@@ -20,7 +20,7 @@ from .output import run_program
 from .slurm import SlurmEngine, SlurmOptions
 
 LOG = logging.getLogger("sheaf-autoscaler")
-# Without a controller, the workers of a pool that may be empty end after so many cool-downs.
+# Without a controller, the workers of a pool that may be empty end after this many cool-downs.
 ORPHAN_COOL_DOWNS = 4
 WORKERS_LIMIT = 10_000
 SECONDS_MIN = 0.1

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controller: compares the pool with what is wanted, and asks the engine for the difference.
 
-What it remembers between steps only spares the engine work: after a restart the pool shrinks later,
-by one cool-down at most.
+Its state between steps only saves work for the engine: after a restart the pool shrinks later, by
+at most one cool-down.
 """
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ GROW_WAIT_SECONDS_MIN, GROW_WAIT_SECONDS_MAX = 5.0, 300.0
 # CPU seconds that a thread gives a second: as the coordinator assumes before it is measured
 # (kUsualThreadUse), its least value, and the weight of a new measurement.
 USUAL_THREAD_USE, THREAD_USE_MIN, THREAD_USE_WEIGHT = 0.95, 0.1, 0.2
-# A measurement needs so many thread-seconds of workers with leases.
+# A measurement needs this many thread-seconds of workers with leases.
 MEASURED_THREAD_SECONDS_MIN = 30.0
 
 
@@ -36,8 +36,8 @@ MEASURED_THREAD_SECONDS_MIN = 30.0
 class Bounds:
     workers_min: int = 0
     workers_max: int = 8
-    threads: int = 1  # Of each worker.
-    cool_down_seconds: float = 300.0  # A worker goes when it was not needed for so long.
+    threads: int = 1  # Per worker.
+    cool_down_seconds: float = 300.0  # A worker ends when it was not needed for this long.
     queue_seconds: float = 600.0  # Work without a deadline should take so long.
     start_seconds: float = 30.0  # From the wish for a worker to its first lease.
 
@@ -60,7 +60,7 @@ class FarmError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """What a step saw and did."""
+    """The observations and actions of a step."""
     wanted: Wanted
     count: int  # Instances before, without those that leave.
     target: int  # Instances that are wanted.
@@ -96,8 +96,8 @@ class ThreadUse:
 
 
 class Controller:
-    """Call step() every few seconds, from one thread. prefix: of the names of the instances,
-    so that workers of other engines count as those that somebody else started.
+    """Call step() every few seconds, from one thread. prefix: starts the names of the instances, so
+    that workers of other engines count as workers of others.
     """
 
     def __init__(self, farm: Farm, engine: Engine, bounds: Bounds,

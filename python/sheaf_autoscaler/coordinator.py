@@ -23,7 +23,7 @@ NEW_JOBS_MAX = 200  # Between two looks; more are seen at the next full read.
 # scenes cost 1.3 to 185 microseconds of a thread by the sample (docs/scheduling.md).
 UNKNOWN_SAMPLE_SECONDS = 20e-6
 UNKNOWN_DEVIATION = 1.0
-DEFAULT_TILE_PX, DEFAULT_PASS_SAMPLES = 32, 16  # Of Partition, proto/sheaf/v1/frame.proto.
+DEFAULT_TILE_PX, DEFAULT_PASS_SAMPLES = 32, 16  # Defaults of Partition, proto/sheaf/v1/frame.proto.
 
 _WORKING = (sheaf.WorkerState.IDLE, sheaf.WorkerState.BUSY, sheaf.WorkerState.DRAINING)
 _LIVE = (sheaf.JobState.QUEUED, sheaf.JobState.RUNNING)
@@ -45,7 +45,7 @@ class CoordinatorReader:
         self._tags, self._memory_bytes = set(tags), memory_bytes
         self._read_all = -math.inf
         self._read_next = JOBS_READ_MAX
-        self._cpu_seconds: dict[str, float] = {}  # Of each job, at the last look.
+        self._cpu_seconds: dict[str, float] = {}  # By job, at the last look.
         self._cpu_seconds_done = 0.0
 
     def look(self) -> Look:

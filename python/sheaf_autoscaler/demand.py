@@ -16,9 +16,9 @@ from .look import JobWork
 
 # The upper end of an 80 % band: the standard normal distribution is below it in 9 of 10 cases.
 BAND_DEVIATIONS = 1.2816
-# Leases are cut to end together; the last ones end about so much later (docs/scheduling.md).
+# Leases are cut to end together; the last ones end about this much later (docs/scheduling.md).
 TAIL_SECONDS = 10.0
-# Jobs beyond so many are counted as one of least priority.
+# Jobs beyond this many count as one of least priority.
 PLAYED_JOBS_MAX = 200
 
 
@@ -38,7 +38,7 @@ def upper_cpu_seconds(job: JobWork) -> float:
 
 def ends_of(jobs: Sequence[JobWork], threads: float,
             cost: Callable[[JobWork], float] = upper_cpu_seconds) -> dict[str, float]:
-    """Seconds from now to the end of each job on so many threads, all of whose time is used."""
+    """Seconds from now to the end of each job on this many threads, all fully used."""
     ends: dict[str, float] = {}
     now = 0.0
     for priority in sorted({job.priority for job in jobs}, reverse=True):
@@ -101,7 +101,7 @@ def _for_deadlines(jobs: Sequence[JobWork], due: dict[str, float], threads_max: 
 
 
 def _has_deadline(job: JobWork, now: float) -> bool:
-    """A deadline that has passed hurries nobody: the job is queued like those without one."""
+    """A deadline that has passed has no effect: the job is queued like those without one."""
     return job.deadline is not None and job.deadline > now
 
 

@@ -39,7 +39,7 @@ class Engine(Protocol):
         """Instances that run or wait to run."""
 
     def grow(self, count: int) -> None:
-        """Asks for so many more. Those that wait for a machine count at once."""
+        """Requests `count` more workers. Those that wait for a machine count at once."""
 
     def shrink(self, names: Sequence[str]) -> None:
         """Ends these. A worker gets SIGTERM and returns its work; unknown names are ignored."""

@@ -16,7 +16,7 @@ from typing import Iterator, Sequence
 from .engine import INSTANCE_PREFIX, EngineError, Instance, InstanceState
 
 LOG = logging.getLogger("sheaf-autoscaler")
-LOG_BYTES_MAX = 16 << 20  # Of the workers' log; a longer one is begun anew.
+LOG_BYTES_MAX = 16 << 20  # Limit of the workers' log; a longer one is restarted.
 ARGUMENTS_SECONDS_MAX = 10  # Until /proc shows the arguments of a process that was started.
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
 

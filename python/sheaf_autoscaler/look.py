@@ -16,7 +16,7 @@ class JobWork:
     show: str = ""
     user: str = ""
     deadline: float | None = None  # Seconds since 1970.
-    task_count: float = 1.0  # Passes of tiles that are left: no more threads can be of use.
+    task_count: float = 1.0  # Passes of tiles that are left: further threads are useless.
 
 
 @dataclasses.dataclass(frozen=True)

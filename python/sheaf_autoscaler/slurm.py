@@ -41,8 +41,8 @@ class SlurmOptions:
     constraint: str = ""
     exclusive: bool = False  # One worker a node; otherwise one for each set of `cpus` processors.
     cpus: int = 1
-    memory: str = ""  # Of the task, as sbatch --mem.
-    output: str = "/dev/null"  # Of the workers, as sbatch --output.
+    memory: str = ""  # For the task, as sbatch --mem.
+    output: str = "/dev/null"  # For the workers, as sbatch --output.
     # Seconds from Slurm's signal to the end: preemption, the time limit.
     notice_seconds: int = 60
     more: tuple[str, ...] = ()  # Further options of sbatch.
@@ -50,7 +50,7 @@ class SlurmOptions:
 
 @dataclasses.dataclass
 class Array:
-    """What sbatch has started."""
+    """A job array started by sbatch."""
     cluster: str
     asked: float  # When it was started, or slurmctld was last asked for it.
     unseen: set[int]  # Its tasks that squeue has not shown yet: they count until it does.
@@ -70,7 +70,7 @@ class SlurmEngine:
         self._arrays: dict[str, Array] = {}
         self._nameless = 0  # Tasks of which sbatch told no number, and squeue showed none.
         self._known: set[tuple[str, int]] = set()  # Tasks of this pool at the last look.
-        self._told: set[str] = set()  # What is said once.
+        self._told: set[str] = set()  # Messages logged once.
 
     def count(self) -> int:
         return len(self.describe())

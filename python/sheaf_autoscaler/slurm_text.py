@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What Slurm's programs are given and what they answer: options, variables, lines. Pure."""
+"""Inputs and outputs of Slurm's programs: options, variables, lines. Pure."""
 from __future__ import annotations
 
 import dataclasses
@@ -9,14 +9,14 @@ from typing import Mapping, Sequence
 
 from .engine import INSTANCE_PREFIX, EngineError, Instance, InstanceState
 
-# States of squeue(1) that hold a machine no more, or only until the node is cleaned; those of tasks
-# that are queued again are others.
+# States of squeue(1) that no longer hold a machine, or only until the node is cleaned; tasks that
+# are queued again have other states.
 GONE_STATES = frozenset(("COMPLETING", "COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "BOOT_FAIL",
                          "DEADLINE", "OUT_OF_MEMORY", "STAGE_OUT", "NODE_FAIL", "PREEMPTED",
                          "REVOKED", "LAUNCH_FAILED", "RECONFIG_FAIL"))
 HELD_STATES = frozenset(("REQUEUE_HOLD", "SPECIAL_EXIT", "RESV_DEL_HOLD"))
 RUNNING_STATES = frozenset(("RUNNING", "SUSPENDED", "STOPPED", "RESIZING", "SIGNALING"))
-# Of squeue --format: the reason is last, because it may hold any character.
+# For squeue --format: the reason is last, because it may hold any character.
 FORMAT = "%i|%T|%M|%N|%j|%r"
 # Options of sbatch that the autoscaler gives itself, or with which nothing is started.
 OWN_OPTIONS = {"--array": "-a", "--job-name": "-J", "--wait": "-W", "--test-only": "",
@@ -54,7 +54,7 @@ def line_of(text: str) -> QueueLine | None:
 
 
 def tasks_of(text: str) -> tuple[int, ...] | None:
-    """Of "3" or of the short form "[1,3-5,8-12:2%4]"; None if it is neither."""
+    """Parses "3" or the short form "[1,3-5,8-12:2%4]"; None if it is neither."""
     if re.fullmatch(r"\d{1,9}", text, re.ASCII):
         return (int(text),)
     match = re.fullmatch(r"\[([\d,:-]+)(?:%\d+)?\]", text, re.ASCII)
@@ -76,7 +76,7 @@ def instances_of(line: QueueLine) -> list[Instance]:
         return []
     where, running = line.reason, 0.0
     if line.state == "PENDING" or line.state in HELD_STATES:
-        # Held: by a person, or by Slurm after failed launches. Others wait for a machine.
+        # Held: by a user, or by Slurm after failed launches. Others wait for a machine.
         held = line.state in HELD_STATES or "held" in line.reason.lower()
         state = InstanceState.STUCK if held else InstanceState.WAITING
     elif line.state in RUNNING_STATES:
@@ -91,7 +91,7 @@ def name_of(job: str, task: int) -> str:
 
 
 def seconds_of(text: str) -> float:
-    """Of squeue's times: "1-02:03:04", "02:03:04", "03:04"; 0 for others, as "INVALID"."""
+    """Parses squeue's times: "1-02:03:04", "02:03:04", "03:04"; 0 for others, as "INVALID"."""
     match = re.fullmatch(r"(?:(\d{1,6})-)?(?:(\d{1,6}):)?(\d{1,6}):(\d{1,6})", text.strip())
     if match is None:
         return 0.0
@@ -100,8 +100,9 @@ def seconds_of(text: str) -> float:
 
 
 def job_of(answer: str) -> tuple[str, str] | None:
-    """The job and its cluster, which is empty if sbatch names none. Of `sbatch --parsable`, or of a
-    site's wrapper that prints sbatch's usual words; other lines are a site's words to its users.
+    """The job and its cluster, which is empty if sbatch names none. Parses `sbatch --parsable`, or
+    a site's wrapper that prints sbatch's usual words; other lines are a site's messages to its
+    users.
     """
     for line in reversed(answer.splitlines()):
         match = (re.fullmatch(r"\s*(\d{1,20})(?:;(\S+))?\s*", line, re.ASCII)

@@ -52,7 +52,7 @@ NOT_RUN = {
     "python/README.md": "they are Python, whose examples python_package_test.py runs",
     "scenes/README.md": "they take minutes",
 }
-REQUIREMENTS = {"kNothing": "nobody in particular", "kScrape": "a scrape token, or view",
+REQUIREMENTS = {"kNothing": "no role required", "kScrape": "a scrape token, or view",
                 "kView": "view", "kSubmit": "submit", "kOperate": "operate"}
 # Conditions of /readyz: no fields of answers.
 SENT_ELSEWHERE = {"certificate"}

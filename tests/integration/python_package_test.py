@@ -308,7 +308,7 @@ class FarmTest(unittest.TestCase):
         self.assertTrue(self.client.pin(job).message.pinned)
         self.assertFalse(self.client.unpin(job).message.pinned)
         self.assertIs(self.client.pause(job.name).state, sheaf.JobState.PAUSED)
-        with self.assertRaisesRegex(sheaf.WaitExpiredError, "goes on"):
+        with self.assertRaisesRegex(sheaf.WaitExpiredError, "continues"):
             self.client.wait(job, timeout_seconds=0.3)
         self.assertIsNot(self.client.resume(int(job.name[5:])).state, sheaf.JobState.PAUSED)
         self.assertIn(job.name, [j.name for j in self.client.list_jobs(1000)])

@@ -27,7 +27,7 @@ class Part:
 class Geometry:
     name: str
     parts: list
-    radius: float                                  # Of a sphere around its origin.
+    radius: float                                  # Radius of a sphere around its origin.
     strands: list = dataclasses.field(default_factory=list)  # [(Shading, file)]
     medium_grid: object = None                     # A VolumeObject.
     matrices: list = dataclasses.field(default_factory=list)

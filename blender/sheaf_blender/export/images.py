@@ -1,7 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Images of Blender as files of the content folder: copied where they are files, baked where nodes
-change them.
+"""Images of Blender as files of the content folder: copied if they are files, baked if nodes change
+them.
 """
 import os
 import pathlib

@@ -12,7 +12,7 @@ from .images import write_pixels
 from .node_values import NodeValues
 
 SIZE_MIN_M = 1e-5           # A light of less is a point.
-SUN_DISTANCE_SCENES = 1000  # Of the disk of a sun, in radii of the scene.
+SUN_DISTANCE_SCENES = 1000  # Distance of a sun's disk, in radii of the scene.
 
 
 def color_of(light, report, images):

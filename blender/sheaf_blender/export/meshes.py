@@ -61,8 +61,8 @@ def _uvs(mesh):
 
 
 def _normals_source(mesh):
-    """What Blender computes the normals from, beside the shape: arrays. None if they are given by
-    the mesh, or are the same to the bit each time.
+    """The arrays from which Blender computes the normals, beside the shape. None if the mesh stores
+    them, or if they are always bit-identical.
 
     Before 4.1 threads add up the normals of faces in any order: last bits differ from one
     evaluation to the next.
@@ -76,7 +76,7 @@ def _normals_source(mesh):
 
 
 def _normals(mesh):
-    """Of corners; None if all faces are flat, which needs no normals."""
+    """Normals of corners; None if all faces are flat, which needs no normals."""
     if hasattr(mesh, "corner_normals"):  # Blender 4.1 and later.
         if mesh.normals_domain == "FACE":
             return None

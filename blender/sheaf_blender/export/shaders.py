@@ -23,7 +23,7 @@ class Medium:
 
 @dataclasses.dataclass(frozen=True)
 class Shading:
-    """What a Blender material becomes."""
+    """A Blender material after conversion."""
     name: str
     closure: Closure
     medium: Medium | None = None
@@ -84,7 +84,7 @@ class ShaderReader:
         return self.values.number(node_links.input_of(place, *names), usual)
 
     def note_used(self, place, name, usual, text):
-        """Reports an input that has no counterpart, where it is not at its neutral value."""
+        """Reports an input without counterpart, unless it has its neutral value."""
         wanted = node_links.input_of(place, name)
         if wanted is None:
             return

@@ -110,7 +110,7 @@ class Process:
             self._process.wait()
 
     def failure(self):
-        """What the program said of its failure."""
+        """The program's message about its failure."""
         errors = [m.text for m in self.messages if m.severity == "error"]
         errors = errors or [m.text for m in self.messages[-3:]]
         return "; ".join(errors) or f"sheaf ended with code {self._process.returncode}"

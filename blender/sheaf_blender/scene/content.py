@@ -9,7 +9,7 @@ import pathlib
 import secrets
 import shutil
 
-CONTENT_BYTES_MAX = 20 << 30  # What prune() leaves; the files used last stay.
+CONTENT_BYTES_MAX = 20 << 30  # Limit of prune(); the files used last stay.
 REMEMBERED_FILES_MAX = 20000
 DIGEST_BYTES = 16
 _CHUNK_BYTES = 1 << 20

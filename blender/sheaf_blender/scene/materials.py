@@ -13,7 +13,7 @@ class Material:
     colors: tuple = ()
     floats: tuple = ()
     others: tuple = ()       # (("bool remaproughness", False), ...)
-    parts: tuple = ()        # Of a mix: the two materials.
+    parts: tuple = ()        # The two materials of a mix.
     normal_map: object = None  # An ImageValue of tangent space normals.
     bump: object = None        # A float value, in units of the scene.
 

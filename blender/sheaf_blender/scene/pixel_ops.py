@@ -136,7 +136,7 @@ def _hue(p, amount):
 
 
 def _normal_strength(p, strength):
-    """Of a tangent space normal map: towards (0, 0, 1) by 1 - strength, or beyond."""
+    """Moves a tangent space normal map towards (0, 0, 1) by 1 - strength, or beyond."""
     n = 2 * p - 1
     n = numpy.array([0.0, 0.0, 1.0]) + (n - numpy.array([0.0, 0.0, 1.0])) * strength
     n[:, 2] = numpy.maximum(n[:, 2], 1e-3)

@@ -23,8 +23,8 @@ from . import materials, values
 WHITE = (1.0, 1.0, 1.0)
 KIND = "principled"
 SPECULAR_SCALE = 0.08      # Reflection of a Specular of 1, before Blender 4.0.
-IOR_MAX = 10.0             # Of Sheaf.
-COAT_SCALE = 0.25          # Of Clearcoat, before Blender 4.0.
+IOR_MAX = 10.0             # Sheaf's limit.
+COAT_SCALE = 0.25          # Clearcoat before Blender 4.0.
 # Sheen before Blender 4.0 is (1 - cos(h, l))^5 cos(l). This roughness and factor of Sheaf's sheen
 # have its albedo, within 0.001 on average over the directions.
 ADDED_SHEEN_ROUGHNESS, ADDED_SHEEN_SCALE, ADDED_SHEEN_ALBEDO = 0.35, 0.101, 0.0116

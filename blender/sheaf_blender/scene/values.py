@@ -17,8 +17,8 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 @dataclasses.dataclass(frozen=True)
 class ImageValue:
-    source: str                    # What the writer of images knows the image by.
-    encoding: str = "sRGB"         # Of its file: "sRGB" or "linear".
+    source: str                    # The image's key in the writer of images.
+    encoding: str = "sRGB"         # Its file's: "sRGB" or "linear".
     wrap: str = "repeat"           # "repeat", "clamp" or "black".
     mapping: tuple = (1.0, 1.0, 0.0, 0.0)  # Scale and offset of u and v.
     operations: tuple = ()         # ((name, arguments), ...) of pixel_ops.

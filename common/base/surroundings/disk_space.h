@@ -15,7 +15,7 @@ struct DiskSpace {
   uint64_t capacity_bytes = 0;
 };
 
-// Of the file system of a path. Absent where it does not say.
+// The space of a path's file system. Absent if it is not known.
 std::optional<DiskSpace> DiskSpaceOf(const std::string& path);
 
 // bytes, but no more than 1 / fraction of the file system: small ones are not kept empty.

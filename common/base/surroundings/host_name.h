@@ -9,8 +9,8 @@
 
 namespace sheaf {
 
-// Of gethostname(2), made fit for messages by UsableHostName. The first call warns if that changed
-// it.
+// The name from gethostname(2), made fit for messages by UsableHostName. The first call warns if
+// that changed it.
 std::string HostName();
 
 // Bytes that are not printable UTF-8 become "_", and an empty name becomes "unnamed-host".

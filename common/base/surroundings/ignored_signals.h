@@ -11,8 +11,8 @@
 
 namespace sheaf {
 
-// The given signals but those that are ignored, to be blocked and waited for. Linux keeps a blocked
-// signal pending even where it is ignored, so that sigwait(3) would return it.
+// The given signals except ignored ones, to be blocked and waited for. Linux keeps a blocked signal
+// pending even if it is ignored, so that sigwait(3) would return it.
 inline sigset_t WithoutIgnored(std::initializer_list<int> numbers) {
   sigset_t signals;
   sigemptyset(&signals);

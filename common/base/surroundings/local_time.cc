@@ -19,7 +19,7 @@ namespace {
 
 // The name with which absl reads localtime_r(3) and mktime(3).
 constexpr char kLibraryZone[] = "libc:localtime";
-constexpr char kZoneFolder[] = "/usr/share/zoneinfo";  // Of the C library, unless TZDIR is set.
+constexpr char kZoneFolder[] = "/usr/share/zoneinfo";  // The C library's, unless TZDIR is set.
 constexpr int kHoursMax = 167;                         // A week, as extended rules allow.
 
 // Reads the rules of POSIX.1-2017, 8.3, TZ: each function takes what it reads off the front.

@@ -16,9 +16,10 @@ namespace sheaf {
 // Requires: what people write is read with FromLocal.
 absl::TimeZone LocalZone();
 
-// The time of a clock in the zone. Where the clock shows it twice, the first one; where it is set
-// past it, as late after the change. absl::FromCivil and absl::ParseTime are up to an hour off in
-// the C library's zone, whose rules absl cannot see: this asks the zone only for offsets.
+// The time of a clock in the zone. If the clock shows it twice, returns the first one; if the clock
+// skips it, a time as much later after the change. absl::FromCivil and absl::ParseTime are up to an
+// hour off in the C library's zone, whose rules absl cannot see: this asks the zone only for
+// offsets.
 absl::Time FromLocal(absl::CivilSecond clock, absl::TimeZone zone);
 
 // Why the value of TZ names no zone, and what to write. Empty where it names one.

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kEntriesMax = 10'000;  // Of a folder that are looked at.
+constexpr int kEntriesMax = 10'000;  // Examined entries of a folder.
 
 // The letters without their marks, from U+00C0 and from U+1E00 on; "." where there is none.
 constexpr std::string_view kLatin =

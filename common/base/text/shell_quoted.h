@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Text for a command that a person may copy into a shell.
+// Text for a command that users may copy into a shell.
 #pragma once
 
 #include <string>

@@ -75,7 +75,7 @@ TEST_F(FairShareTest, WeightsAndPrioritiesDecide) {
 // Cheap and expensive samples get equal time.
 TEST_F(FairShareTest, TimeIsSharedNotSamples) {
   Add(1, "s", "cheap");
-  Add(2, "s", "dear");
+  Add(2, "s", "expensive");
   double seconds[3] = {};
   for (int i = 0; i < 1100; ++i) {
     const uint64_t job = Offer(1)[0];

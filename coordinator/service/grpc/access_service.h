@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// AccessService over gRPC: certificates for machines and people.
+// AccessService over gRPC: certificates for machines and users.
 #pragma once
 
 #include "coordinator/access/access_control.h"

@@ -1,10 +1,10 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CallGate: the one place that lets gRPC calls in or refuses them. gRPC asks it before every call
-// of every service that comes over TLS, streams, health and reflection included, so no handler can
-// forget to. Callers whose versions of the protocol do not fit are refused here too
-// (protocol_calls.h); without TLS PlainServerCredentials does that alone.
+// CallGate: the one place that admits or refuses gRPC calls. gRPC asks it before every TLS call of
+// every service, including streams, health and reflection, so no handler can forget to. Callers
+// whose versions of the protocol do not fit are refused here too (protocol_calls.h); without TLS
+// PlainServerCredentials does that alone.
 #pragma once
 
 #include <grpcpp/security/auth_metadata_processor.h>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CallTimer: has gRPC tell how long each call took, from the moment that its handler may begin to
-// the sending of its status. Calls that CallGate refuses never come to it.
+// CallTimer: measures each gRPC call, from the moment that its handler may begin to the sending of
+// its status. It does not see calls that CallGate refuses.
 #pragma once
 
 #include <grpcpp/server_builder.h>
@@ -11,9 +11,9 @@
 
 namespace sheaf::coordinator {
 
-// Notes calls of all services of the server as "WorkerService/Synchronize" with a code as
-// "NOT_FOUND"; streams too, with their whole length. Has answers say the version of the protocol
-// (protocol_calls.h). times must outlive the server.
+// Records calls of all services of the server under names such as "WorkerService/Synchronize" with
+// codes such as "NOT_FOUND"; streams with their whole duration. Adds the version of the protocol to
+// answers (protocol_calls.h). times must outlive the server.
 void TimeCalls(CallTimes* times, grpc::ServerBuilder* builder);
 
 }  // namespace sheaf::coordinator

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The caller of a gRPC call. CallGate has let the call in; handlers ask here whose it is.
+// The caller of a gRPC call. CallGate has admitted the call; handlers get its identity here.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -28,7 +28,7 @@ absl::StatusOr<Caller> CallerOf(const grpc::ServerContext& context, AccessContro
 // The owner of jobs that the caller submits: a user's name, or kLocalOwner without TLS.
 std::string OwnerOf(const grpc::ServerContext& context);
 
-// Whether the caller may control a job of the owner; without TLS everybody may. Errors:
+// Checks that the caller may control a job of the owner; without TLS every caller may. Errors:
 // kPermissionDenied, kUnauthenticated.
 absl::Status RequireJobControl(const grpc::ServerContext& context, AccessControl* access,
                                const std::string& owner);

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Ending a client's stream early. Over gRPC's in-process transport a client that is still writing
-// is not woken by the answer, so an answer before the stream's end comes only after the rest was
-// read.
+// Ending a client's stream early. gRPC's in-process transport does not wake a client that is still
+// writing when the answer arrives, so an early answer is sent only after the rest was read.
 #pragma once
 
 namespace sheaf::coordinator {
@@ -11,7 +10,7 @@ namespace sheaf::coordinator {
 // Messages read after the answer is known; a sender that continues beyond them is cut off.
 inline constexpr int kDrainMessagesMax = 4096;
 
-// Reads and drops what is left of a stream.
+// Reads and drops the rest of a stream.
 template <typename Message, typename Reader>
 void DrainStream(Message* message, Reader* reader) {
   for (int i = 0; i < kDrainMessagesMax && reader->Read(message); ++i) {

@@ -21,14 +21,15 @@ inline constexpr int kMissingNamesMax = 20;  // Listed in a message about missin
 
 class JobService final : public v1::JobService::Service {
  public:
-  // Both must outlive the service. access: null without certificates; everybody may do everything.
+  // Both must outlive the service. access: null without certificates; every caller may do
+  // everything.
   explicit JobService(Farm* farm, AccessControl* access = nullptr)
       : farm_(farm), access_(access), watches_(farm) {}
   // Ends watches, so that the server can stop.
   void Stop() { stopping_ = true; }
 
-  // CreateJob for the owner, who has been let in and whose limits of calls are kept. Errors: those
-  // of the call.
+  // CreateJob for the owner, who is admitted and within the limits of calls. Errors: those of the
+  // call.
   absl::StatusOr<JobView> CreateFor(const std::string& owner, const v1::CreateJobRequest& request);
 
   grpc::Status CreateJob(grpc::ServerContext* context, const v1::CreateJobRequest* request,
@@ -102,7 +103,7 @@ class JobService final : public v1::JobService::Service {
   absl::StatusOr<TaskReport> FindTask(const grpc::ServerContext& context,
                                       const v1::ReadTaskBundleRequest& request) const;
   absl::StatusOr<JobView> Find(const std::string& name) const;
-  // Changes a job, by its number, if the caller may, and answers with how it is then. what: the
+  // Changes a job, by its number, if the caller may, and answers with its new state. what: the
   // call's name for the audit log, where part follows the job's name.
   grpc::Status Change(const grpc::ServerContext& context, const char* what, const std::string& name,
                       const std::function<absl::Status(uint64_t)>& change, v1::Job* response,
@@ -113,11 +114,11 @@ class JobService final : public v1::JobService::Service {
   // Adds those of these ids. Requires: ids is sorted.
   void AddWorkers(const std::vector<std::string>& ids,
                   google::protobuf::RepeatedPtrField<v1::Worker>* workers) const;
-  // Errors: kFailedPrecondition naming what is missing.
+  // Errors: kFailedPrecondition, naming the missing blobs.
   absl::Status RequireBlobs(const JobSpec& spec) const;
   absl::Status RequireFilesOf(const BlobDigest& scene) const;
-  // Whether a job of the owner may begin, by what the owner keeps. Errors: kResourceExhausted,
-  // counted.
+  // Checks that a job of the owner may begin, given the owner's stored bytes. Errors:
+  // kResourceExhausted, counted.
   absl::Status RequireRoom(const std::string& owner) const;
 
   Farm* const farm_;

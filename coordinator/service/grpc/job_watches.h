@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// JobWatches: what the watchers of a job see, found once for all of them. A watcher gets what has
-// changed since its last message, so that it costs little even where a job has 100,000 frames.
+// JobWatches: the changes of watched jobs, computed once for all watchers. A watcher gets the
+// changes since its last message, so that it costs little even for a job of 100,000 frames.
 #pragma once
 
 #include <atomic>
@@ -24,8 +24,7 @@ namespace sheaf::coordinator {
 
 // Between two looks at a job.
 inline constexpr absl::Duration kWatchIntervalMin = absl::Milliseconds(200);
-// A look at a job with many frames takes time: no more than this fraction of a processor goes into
-// looking at it.
+// Computing the changes of a job with many frames takes time: at most this fraction of a processor.
 inline constexpr int kLookFraction = 20;  // 1 / 20.
 
 // One job, for all who watch it. Thread safety: all members may be called concurrently.
@@ -34,8 +33,8 @@ class JobWatch {
   // farm must outlive the object.
   JobWatch(Farm* farm, std::string job_id) : farm_(*farm), job_id_(std::move(job_id)) {}
 
-  // The job as it is after *version, which is 0 at first; none where nothing has changed since.
-  // changes_only: but for the first time, with the frames that have changed since. Sets *version.
+  // The job if it has changed since *version, which is 0 at first; none otherwise. changes_only:
+  // includes only the frames changed since, except the first time. Sets *version.
   // Errors: kNotFound.
   absl::StatusOr<std::optional<v1::Job>> Next(uint64_t* version, bool changes_only);
   // How often the job was looked at, for tests.

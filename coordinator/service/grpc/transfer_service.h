@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TransferService over gRPC: small blobs together, large ones by chunks, and what workers hold.
+// TransferService over gRPC: small blobs together, large ones by chunks, and the blobs that workers
+// hold.
 #pragma once
 
 #include "common/content/blob_store.h"
@@ -16,7 +17,7 @@ inline constexpr int kReportedBlobsMax = 10'000;
 inline constexpr int kReportedFetchesMax = 64;
 inline constexpr int kReportedTroublesMax = 1000;
 inline constexpr int kTriedPeersMax = 64;
-// How soon a worker asks again that waits for another one's fetch.
+// Retry interval of a worker that waits for another one's fetch.
 inline constexpr absl::Duration kLocateRetry = absl::Milliseconds(100);
 
 class TransferService final : public v1::TransferService::Service {

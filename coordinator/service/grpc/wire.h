@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The one place where wire messages and the coordinator's values are converted. Messages are
-// checked here; behind this file nothing is malformed.
+// checked here; code behind this file sees only valid values.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@
 
 namespace sheaf::coordinator {
 
-// Limits of what a request may hold.
+// Limits of requests.
 inline constexpr size_t kTitleBytesMax = 1000;
 inline constexpr size_t kRequestIdBytesMax = 100;
 inline constexpr size_t kWorkerTextBytesMax = 300;
@@ -22,7 +22,7 @@ inline constexpr size_t kFailureTextBytesMax = 10'000;
 inline constexpr int kLeaseReportsMax = 10'000;
 inline constexpr int kEffectCostsMax = 64;
 inline constexpr size_t kEffectTextBytesMax = 1000;
-// The most that one result may have cost, so that sums over a job's results stay in range.
+// The maximum cost of one result, so that sums over a job's results stay in range.
 inline constexpr uint64_t kResultRaysMax = uint64_t{1} << 48;
 inline constexpr absl::Duration kResultCpuMax = absl::Hours(24 * 36525);
 inline constexpr absl::Duration kStopDurationMax = absl::Hours(24 * 36525);
@@ -42,7 +42,7 @@ v1::EffectCost ToWire(const EffectCost& effect);
 v1::PriceRefinementResponse ToWire(const RefinementPrices& priced);
 // In wire_troubles.cc. Adds the frame's, if it has any.
 void AddTroubles(const FrameView& view, v1::Job* job);
-// In wire_holds.cc, these two. Takes what holds the new job back. Errors: kInvalidArgument.
+// In wire_holds.cc, these two. Reads the holds of the new job. Errors: kInvalidArgument.
 absl::Status TakeHolds(const v1::CreateJobRequest& request, JobSpec* spec);
 void AddHolds(const JobView& view, v1::Job* job);
 // In wire_deadline.cc, these two. Errors: kInvalidArgument.

@@ -15,7 +15,7 @@ namespace sheaf::coordinator {
 // Thread safety: may be called from any thread.
 class WorkerVersions {
  public:
-  // Workers that are remembered as told of. Where there are more, they are told of again.
+  // Workers remembered as logged. Beyond the limit they are logged again.
   static constexpr size_t kToldMax = 10'000;
 
   // The worker speaks this version with the coordinator. Logs it once, if it is not the

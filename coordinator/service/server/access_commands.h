@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The subcommands of sheaf-coordinator that manage who may reach a farm: init, enroll, scraper,
-// revoke and identities. They work on the state directory, also while the coordinator runs, and so
-// belong to whoever can read it.
+// The subcommands of sheaf-coordinator that manage access to a farm: init, enroll, scraper, revoke
+// and identities. They work on the state directory, also while the coordinator runs, so access to
+// that directory permits them.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@
 
 namespace sheaf::coordinator {
 
-// Why a program without --state-dir does not run where the user has no home directory.
+// The error of a program without --state-dir if the user has no home directory.
 absl::Status NoStateDirectory();
 
 class AccessCommands {
@@ -44,8 +44,7 @@ class AccessCommands {
   absl::Status Revoke() const;
   absl::Status ListIdentities() const;
   IdentityId id() const;
-  // " --state-dir DIR", for commands that others of this state directory follow; empty for the
-  // default one.
+  // " --state-dir DIR", for suggested commands on this state directory; empty for the default one.
   std::string StateDirectoryWords() const;
 
   std::string state_directory_;

@@ -75,7 +75,7 @@ TEST_F(CoordinatorAccessTest, EachCallIsLetInByTheTableAlone) {
       const bool enrolling = absl::StrContains(operation, "/Enroll");
       const bool refused = enrolling ? !absl::IsInvalidArgument(status) : WasRefused(status);
       EXPECT_EQ(refused, !Permits(*RequirementOf(operation), role))
-          << (role ? RoleName(*role) : "nobody") << " " << operation << ": " << status;
+          << (role ? RoleName(*role) : "no role") << " " << operation << ": " << status;
     }
   }
   EXPECT_TRUE(AuditHas("a gRPC client", "GetJob", "UNAUTHENTICATED"));

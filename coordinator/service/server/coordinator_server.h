@@ -32,60 +32,60 @@
 
 namespace sheaf::coordinator {
 
-// How often the server's own certificate is looked at.
+// How often the server's own certificate is checked.
 inline constexpr absl::Duration kServerCertificateInterval = absl::Hours(1);
-// A connection keeps the certificate with which it began, and ends after this time at the latest;
-// clients then connect again without losing a call. With short lifetimes, after an eighth of one.
+// A connection keeps its first certificate, and ends after at most this time; clients then
+// reconnect without losing a call. With short lifetimes, after an eighth of one.
 inline constexpr absl::Duration kConnectionAgeMax = absl::Hours(1);
 
 struct CoordinatorOptions {
   FarmOptions farm;
-  // "s3://BUCKET/PREFIX": where parts and files of scenes lie; empty: in the state directory.
+  // "s3://BUCKET/PREFIX": the store of parts and files of scenes; empty: the state directory.
   std::string objects_url;
-  Environment environment = ProcessEnvironment;  // That has the key to it.
+  Environment environment = ProcessEnvironment;  // Has the key of the store.
   // Lifetimes of issued certificates; unused if the state directory has no authority.
   CertificateLifetimes certificate_lifetimes;
-  // For each user and worker; without effect likewise.
+  // For each user and worker; unused likewise.
   IdentityLimits identity_limits;
-  // "host:port" of gRPC; port 0 lets the system choose, empty listens nowhere (InProcessChannel
-  // works in any case).
+  // "host:port" of gRPC; port 0 lets the system choose, empty does not listen (InProcessChannel
+  // always works).
   std::string listen_address = "127.0.0.1:0";
   // "host:port" of HTTP; empty serves none.
   std::string http_address;
   // Names, beside localhost and addresses, under which browsers may reach HTTP.
   std::vector<std::string> allowed_hosts;
-  // Listen without encryption where other machines can connect. gRPC and HTTP are encrypted in
-  // any case where the state directory has a certificate authority.
+  // Listen without encryption even if other machines can connect. gRPC and HTTP are always
+  // encrypted if the state directory has a certificate authority.
   bool insecure_remote_allowed = false;
-  // The program `sheaf`, which reads scenes that are dropped on the page; empty: none can be.
+  // The program `sheaf`, which reads scenes that are dropped on the page; empty: takes none.
   std::string scene_reader;
   uint64_t drop_bytes_max = uint64_t{4} << 30;  // Limit of one scene's files; 0: none taken.
 };
 
 class CoordinatorServer {
  public:
-  // Loads the state, then serves until destroyed or stopped. database: that of jobs, which other
-  // coordinators may share (shared_database.h); null: a file of the state directory.
+  // Loads the state, then serves until destroyed or stopped. database: the jobs database, which
+  // other coordinators may share (shared_database.h); null: a file of the state directory.
   // Errors: those of OpenFarmObjects, SqlJobStore::Open, Farm::Open, AccessControl::Open and
   // RequireSafeAddress; kUnavailable (a port is taken), with the address. One line each.
   static absl::StatusOr<std::unique_ptr<CoordinatorServer>> Start(
       const CoordinatorOptions& options, std::unique_ptr<Database> database = nullptr);
   ~CoordinatorServer();
 
-  // Lets calls under way finish for a moment and stops. Acknowledged results are durable in any
-  // case.
+  // Gives calls in progress a moment to finish, then stops. Acknowledged results are always
+  // durable.
   void Stop();
 
-  // gRPC's port; 0 where it does not listen.
+  // gRPC's port; 0 if it does not listen.
   int port() const { return port_; }
-  // HTTP's port; 0 where there is none.
+  // HTTP's port; 0 if there is none.
   int http_port() const { return http_ == nullptr ? 0 : http_->port(); }
-  // "http://127.0.0.1:7480" or "https://..."; empty where there is none.
+  // "http://127.0.0.1:7480" or "https://..."; empty if there is none.
   std::string http_url() const { return http_ == nullptr ? "" : http_->Url(); }
   // A channel that reaches this server without a socket.
   std::shared_ptr<grpc::Channel> InProcessChannel();
   Farm& farm() { return *farm_; }
-  // Null where the state directory has no certificate authority.
+  // Null if the state directory has no certificate authority.
   AccessControl* access() { return access_.get(); }
 
  private:

@@ -19,7 +19,8 @@
 
 namespace sheaf::coordinator {
 
-// How long a test waits for what must come: ends what hangs, for nothing takes a tenth of it.
+// How long a test waits for an event. Only ends tests that hang: every event takes less than a
+// tenth of it.
 inline constexpr absl::Duration kPatience = absl::Seconds(200);
 
 class CoordinatorServerTest : public ::testing::Test {

@@ -22,10 +22,10 @@ struct DroppedJobsTo {
   AccessControl* access = nullptr;  // Null without certificates.
 };
 
-// Stores the blobs of the reply, those that are files from the folder, and creates the job for the
-// caller. Returns its id. The reply and the files are untrusted. Errors: kPermissionDenied (the
-// caller may not submit any more); kInvalidArgument (bytes that their digest does not match, a file
-// outside the folder); kResourceExhausted (a limit of the caller); those of CreateJob.
+// Stores the blobs of the reply, reading files from the folder, and creates the job for the caller.
+// Returns its id. The reply and the files are untrusted. Errors: kPermissionDenied (the caller may
+// no longer submit); kInvalidArgument (bytes that their digest does not match, a file outside the
+// folder); kResourceExhausted (a limit of the caller); those of CreateJob.
 absl::StatusOr<std::string> MakeDroppedJob(const DroppedJobsTo& to, const SubmissionCaller& caller,
                                            const std::string& folder,
                                            const v1::PrepareReply& reply);

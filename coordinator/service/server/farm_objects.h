@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // FarmObjects: the stores of a coordinator's parts and scenes on a server that speaks S3. An object
-// says whose they are: two coordinators with the same stores would take each other's parts for
+// names their owner: two coordinators with the same stores would take each other's parts for
 // left-overs and remove them.
 #pragma once
 
@@ -19,12 +19,12 @@ struct FarmObjects {
   std::unique_ptr<S3Objects> parts, content;
 };
 
-// Notes in the store that it belongs to the farm of the state directory, which its secret
-// (farm_secret.h) identifies. Errors: kFailedPrecondition (it belongs to another one, with what to
-// do); those of the store and of LoadOrMakeSecret.
+// Records in the store that it belongs to the farm of the state directory, identified by its secret
+// (farm_secret.h). Errors: kFailedPrecondition (it belongs to another one, with what to do); those
+// of the store and of LoadOrMakeSecret.
 absl::Status ClaimObjects(const std::string& state_directory, ObjectStore* objects);
 
-// Finds key and server (s3_options.h), looks whether the store can be used, and claims it. url:
+// Finds key and server (s3_options.h), checks that the store can be used, and claims it. url:
 // "s3://BUCKET/PREFIX". Errors: those of ReadS3Options, ObjectStore and ClaimObjects, one line
 // each.
 absl::StatusOr<FarmObjects> OpenFarmObjects(const std::string& url,

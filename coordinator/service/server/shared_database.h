@@ -20,7 +20,7 @@ struct SharedDatabaseOptions {
   std::string url;             // postgresql://USER@HOST:PORT/DATABASE
   std::string listen_address;  // Names this coordinator, with its machine.
   absl::Duration silence_max = kOwnerSilenceMax;
-  // Called once where another one owns the farm, with words for people.
+  // Called once if another coordinator owns the farm, with a message for operators.
   std::function<void(const std::string& words)> standing_by = {};
 };
 
@@ -30,9 +30,9 @@ struct OwnedFarm {
 };
 
 // Stands by until this coordinator owns the farm. From then on, the process ends with a message and
-// exit code 1 if another coordinator takes the farm over: what it has in memory is out of date.
-// sleep: returns false if the caller wants to stop. Errors: kCancelled (it did); those of
-// FarmOwnership::Acquire and PostgresDatabase::Open.
+// exit code 1 if another coordinator takes the farm over: its state in memory is out of date.
+// sleep: returns false if the caller wants to stop. Errors: kCancelled (it returned false); those
+// of FarmOwnership::Acquire and PostgresDatabase::Open.
 absl::StatusOr<OwnedFarm> OwnFarm(const SharedDatabaseOptions& options,
                                   const std::function<bool(absl::Duration)>& sleep);
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The state directory is for the coordinator's account alone. All that a coordinator makes there is
-// private from the start; earlier versions left most of it readable for others.
+// Only the coordinator's account may read the state directory. A coordinator creates all files
+// there as private; earlier versions left most of them readable by others.
 #pragma once
 
 #include <cstddef>

@@ -31,8 +31,8 @@ FilmTile SyntheticLightPart(uint64_t seed, PixelRect window, SampleBlock block);
 // The image of such samples, added up without any farm.
 FrameImage SyntheticImage(const FrameSettings& settings);
 
-// Makes a part false in a way that no check of its values shows: all colors brighter, or those of
-// one pixel.
+// Makes a part false in a way that checks of its values do not detect: all colors brighter, or
+// those of one pixel.
 void ScaleColors(float factor, FilmTile* part);
 void ScalePixelColors(size_t pixel, float factor, FilmTile* part);
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// CallTimes: how long calls took, by what was called and how it ended: a histogram for each.
+// CallTimes: durations of calls, by callee and outcome: a histogram for each.
 #pragma once
 
 #include <cstddef>
@@ -24,11 +24,11 @@ inline constexpr size_t kCallSeriesMax = 250;
 // Thread safety: all members may be called concurrently.
 class CallTimes {
  public:
-  // name: of the metric; label: "method" or "route". Both outlive the object.
+  // name: the metric's; label: "method" or "route". Both outlive the object.
   CallTimes(const char* name, const char* help, const char* label)
       : name_(name), help_(help), label_(label) {}
 
-  // Makes the histogram of these calls, so that the first one is an increase, too.
+  // Makes the histogram of these calls, so that the first call already is an increase.
   void Expect(const std::string& what, const std::string& code);
   void Note(const std::string& what, const std::string& code, absl::Duration duration);
   void AddMetrics(std::vector<MetricView>* metrics) const;

@@ -93,11 +93,12 @@ struct FrameView {
   bool is_training = false;       // Whether its guiding field is still to be trained, though begun.
   bool complete = false;          // Whether the EXR is delivered.
   std::string incomplete;         // Why it ended without an image; empty otherwise.
-  std::string waiting_reason;     // That it waits for another job's, or for approval; or empty.
+  std::string
+      waiting_reason;  // Says that it waits for another job's frame or for approval; or empty.
   // At most kSetAsideShownMax of set_aside_count; empty in ListJobs.
   std::vector<SetAsideView> set_aside;
   int32_t set_aside_count = 0;
-  int32_t correction_count = 0;  // How often it was delivered with results found false later.
+  int32_t correction_count = 0;  // Deliveries with results later found false.
   std::string image_digest;      // Hex; empty until complete.
   std::string output_path;       // The delivered EXR; empty until complete.
   uint64_t preview_version = 0;  // Increases whenever Preview() changes.
@@ -121,7 +122,7 @@ bool HasEnded(JobState state);
 struct DependencyView {
   std::string job_id;
   bool by_frame = false;  // Frame n waits for its frame n.
-  std::string state;      // "done", "released", "waits", "has failed" and the like, for people.
+  std::string state;      // "done", "released", "waits", "has failed" and the like, for users.
 };
 
 struct JobView {
@@ -139,7 +140,7 @@ struct JobView {
   std::string waiting_reason;  // Why the job makes no progress; empty otherwise.
   std::string warning;         // About its images, for users; mostly empty.
   int64_t failure_count = 0;   // Number of failed leases.
-  bool pinned = false;         // Nothing that is kept of it is removed.
+  bool pinned = false;         // Its stored data is not removed.
   // When its parts were removed to keep the disk free; InfiniteFuture: they were not.
   absl::Time parts_removed_time = absl::InfiniteFuture();
   absl::Time create_time;
@@ -151,7 +152,7 @@ struct JobView {
   int32_t unapproved_frame_count = 0;  // Delivered after a first pass, and wait for approval.
   std::vector<DependencyView> dependencies;
   Deadline deadline;
-  bool held = false;  // Nothing of it may be leased now: paused, or it waits for jobs or people.
+  bool held = false;  // Nothing of it may be leased: it is paused, or waits for jobs or users.
   std::vector<EffectCost> effect_costs;  // Empty unless measured, and in ListJobs.
   ProgressView progress;                 // Sums over the frames.
   // The frame with most activity: the first one that is started but not complete, or else the last
@@ -227,7 +228,7 @@ struct FailureView {
   std::string command;  // The command that renders the tile again on one machine.
 };
 
-// Things of one kind, of one job, that go for one reason (coordinator/core/policy/retention.h).
+// Items of one kind and job that are removed for one reason (coordinator/core/policy/retention.h).
 struct RemovalView {
   std::string kind;    // "parts", "upload", "blob", "previews" or "job".
   std::string job_id;  // Empty: blobs and uploads.
@@ -253,7 +254,7 @@ struct MetricView {
 // A condition for accepting work.
 struct ReadyCondition {
   std::string name;     // "database", "disk" or "certificate".
-  absl::Status status;  // OK, or why it does not hold and what to do.
+  absl::Status status;  // OK, or why it fails and what to do.
 };
 
 // A user's stored bytes, and their limit.
@@ -291,8 +292,8 @@ class FarmView {
   virtual std::vector<JobView> ListJobs() const = 0;
   // With frames. Errors: kNotFound.
   virtual absl::StatusOr<JobView> FindJob(const std::string& job_id) const = 0;
-  // With those frames alone whose marks differ from these, which become the new ones. A frame's
-  // mark differs where people would see a change, but for the time that passes.
+  // Returns only the frames whose marks differ from these, and updates the marks. A frame's mark
+  // changes if users would see a change other than elapsed time.
   virtual absl::StatusOr<JobView> FindJobChanges(const std::string& job_id,
                                                  FrameMarks* marks) const = 0;
   // The last failures of a job, newest first. Errors: kNotFound.

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Histogram: how often durations fell between fixed bounds, for percentiles of latencies. Adding
-// one takes no lock.
+// Histogram: counts of durations between fixed bounds, for percentiles of latencies. Adding a
+// duration takes no lock.
 #pragma once
 
 #include <atomic>
@@ -29,11 +29,11 @@ class Histogram {
   void Add(absl::Duration duration);
 
   struct Counts {
-    // How many were no longer than each bound, as Prometheus has it; the last one is of all.
+    // Counts of durations up to each bound, as in Prometheus; the last one counts all.
     std::vector<uint64_t> up_to;
     double sum_seconds = 0;
   };
-  // Durations that are added meanwhile may be in one and not in the other.
+  // A duration added meanwhile may be in only one of the sums.
   Counts Read() const;
   std::span<const double> bounds() const { return bounds_; }
 

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Figures of this process, under the names that Prometheus gives them (Prometheus documentation,
-// "Writing client libraries", process metrics). Read from /proc; what the system does not tell is
-// left out.
+// Metrics of this process, under Prometheus' names (Prometheus documentation, "Writing client
+// libraries", process metrics). Read from /proc; omits values that the system does not report.
 #pragma once
 
 #include <vector>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ServerMetrics: the figures of the coordinator as a server: its build, its process, and how long
-// calls take.
+// ServerMetrics: the metrics of the coordinator as a server: its build, its process, and the
+// durations of calls.
 #pragma once
 
 #include <string>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SubmissionDesk: takes the files of a scene piece by piece from people who drop them on the page,
-// and makes a job of them. It hides where the files lie and who reads them.
+// SubmissionDesk: receives the files of a scene piece by piece from users who drop them on the
+// page, and makes a job of them. It hides where the files are stored and which process reads them.
 //
 //     Begin > Append ... > Read > (kChoosing > Read) > kSubmitted or kRefused
 #pragma once
@@ -18,7 +18,7 @@
 namespace sheaf::coordinator {
 
 enum class SubmissionState {
-  kReceiving,  // Files may come.
+  kReceiving,  // It accepts files.
   kReading,    // A process reads the scene, or will when others have been read.
   kChoosing,   // The user must choose one of the scenes.
   kSubmitted,  // The job is made.
@@ -33,7 +33,7 @@ struct SubmissionView {
   uint64_t file_count = 0;
   uint64_t received_bytes = 0;
   std::vector<std::string> scenes;  // To choose from, in kChoosing.
-  // Lines for people: errors with file, line and column, or the notes of a job.
+  // Lines for users: errors with file, line and column, or the notes of a job.
   std::string messages;
   std::string job_id;  // In kSubmitted.
 };
@@ -69,19 +69,19 @@ class SubmissionDesk {
   virtual SubmissionOffer Offer() const = 0;
   // Errors: kFailedPrecondition (it takes nothing); kResourceExhausted (a limit).
   virtual absl::StatusOr<SubmissionView> Begin(const SubmissionCaller& caller) = 0;
-  // Adds bytes to the end of a file, and returns its size then. Bytes that are there already are
-  // taken as a repetition. Errors: kInvalidArgument (the name); kOutOfRange (the offset is beyond
-  // the end); kFailedPrecondition (not in kReceiving); kResourceExhausted (a limit, or the disk).
+  // Adds bytes to the end of a file, and returns its size then. Bytes that are already there count
+  // as a repetition. Errors: kInvalidArgument (the name); kOutOfRange (the offset is beyond the
+  // end); kFailedPrecondition (not in kReceiving); kResourceExhausted (a limit, or the disk).
   virtual absl::StatusOr<uint64_t> Append(const SubmissionCaller& caller, const std::string& id,
                                           const std::string& name, uint64_t offset_bytes,
                                           std::string_view bytes) = 0;
-  // Has the scene read. Errors: kFailedPrecondition (it is being read, or has been);
+  // Starts to read the scene. Errors: kFailedPrecondition (it is being read, or was read);
   // kInvalidArgument (there is no file); kResourceExhausted (too many wait).
   virtual absl::StatusOr<SubmissionView> Read(const SubmissionCaller& caller, const std::string& id,
                                               const SubmissionWish& wish) = 0;
   virtual absl::StatusOr<SubmissionView> Find(const SubmissionCaller& caller,
                                               const std::string& id) const = 0;
-  // Forgets a submission and its files; a job that was made stays. Errors: kFailedPrecondition (it
+  // Removes a submission and its files; a job that was made stays. Errors: kFailedPrecondition (it
   // is being read).
   virtual absl::Status Discard(const SubmissionCaller& caller, const std::string& id) = 0;
 };

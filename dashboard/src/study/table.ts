@@ -5,7 +5,7 @@
 
 import {el} from '../dom';
 
-// Maximum number of rows; more would slow the page down, and nobody reads them.
+// Maximum number of rows; more would slow the page down and are not useful.
 const ROWS_MAX = 2000;
 
 // The first `textColumns` columns contain text, the others numbers. Null if there are no rows.

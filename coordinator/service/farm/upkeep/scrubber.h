@@ -90,7 +90,7 @@ class Scrubber {
   uint64_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   std::array<uint64_t, kKindCount> damaged_count_ ABSL_GUARDED_BY(mutex_){};
   std::array<uint64_t, kKindCount> repaired_count_ ABSL_GUARDED_BY(mutex_){};
-  absl::Time last_pass_ ABSL_GUARDED_BY(mutex_) = absl::UnixEpoch();  // Of the last complete pass.
+  absl::Time last_pass_ ABSL_GUARDED_BY(mutex_) = absl::UnixEpoch();  // Last complete one.
 };
 
 }  // namespace sheaf::coordinator

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // WorkerDrains: workers drained by operators (docs/scheduling.md). A drained worker finishes its
-// leases and gets no more, until it is undrained or has ended. A drain names one run of a worker
-// program: it is durable, because workers outlive the coordinator, and it is removed when the
-// worker has ended or does not return.
+// leases and gets no further ones until it is undrained. A drain names one run of a worker program:
+// it is durable, because workers outlive the coordinator, and it is removed when the worker has
+// ended or does not return.
 #pragma once
 
 #include <map>

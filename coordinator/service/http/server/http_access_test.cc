@@ -190,7 +190,7 @@ TEST_F(HttpAccessTest, EachRouteIsOpenByTheTableAlone) {
       const bool others = method == "POST" && role == Role::kSubmit && path != "/login" &&
                           !absl::StartsWith(path, "/api/v1/submissions");
       EXPECT_EQ(status == 401 || status == 403 || to_login, !permitted || others)
-          << (role ? RoleName(*role) : "nobody") << " " << route << ": " << status;
+          << (role ? RoleName(*role) : "no role") << " " << route << ": " << status;
     }
   }
   EXPECT_THAT(Audit(), HasSubstr("GET /api/v1/jobs needs a session"));
