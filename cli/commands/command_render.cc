@@ -19,6 +19,7 @@
 #include "common/base/digest.h"
 #include "common/base/log.h"
 #include "common/base/text/shell_quoted.h"
+#include "common/command_line/command_line.h"
 
 namespace sheaf::cli {
 namespace {
@@ -39,11 +40,11 @@ class RenderCommand : public Command {
     command
         ->add_option("--scene-memory-max", farm_.worker.scene_memory_bytes_max,
                      "Limit of memory for scenes, e.g. 4G (default 4G)")
-        ->transform(CLI::AsSizeValue(false));
+        ->transform(AsBytes());
     command
         ->add_option("--texture-memory-max", farm_.worker.texture_memory_bytes_max,
                      "Limit of memory for texture tiles, e.g. 512M (default 512M)")
-        ->transform(CLI::AsSizeValue(false));
+        ->transform(AsBytes());
     command->footer(
         "Examples:\n"
         "  sheaf render room.pbrt -o room.exr --png room.png\n"

@@ -26,6 +26,7 @@
 #include "common/base/log.h"
 #include "common/base/printable.h"
 #include "common/base/status.h"
+#include "common/command_line/command_line.h"
 #include "worker/sandbox/direct_scenes.h"
 #include "worker/sandbox/sandboxed_scenes.h"
 #include "worker/sandbox/scene_server.h"
@@ -90,16 +91,16 @@ class ReproCommand : public Command {
         ->add_option("--memory-limit", limits_.scene_memory_bytes_max,
                      "Limit of memory for the scene, as sheaf-worker --scene-memory-max\n"
                      "(default 4G)")
-        ->transform(CLI::AsSizeValue(false));
+        ->transform(AsBytes());
     command
         ->add_option("--texture-memory-max", limits_.texture_memory_bytes_max,
                      "Limit of memory for texture tiles (default 512M)")
-        ->transform(CLI::AsSizeValue(false));
+        ->transform(AsBytes());
     command
         ->add_option("--load-seconds-max", load_seconds_max_,
                      "Time to load the scene, after which its process is killed (default: 120,\n"
                      "and 1 for each megabyte of the scene's files)")
-          ->check(InRange(1.0, kSecondsMax));
+        ->check(InRange(1.0, kSecondsMax));
     command
         ->add_option("--task-seconds-max", task_seconds_max_,
                      "Time to render the task, after which its process is killed")

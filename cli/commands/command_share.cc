@@ -13,6 +13,7 @@
 #include "cli/job/job_json.h"
 #include "cli/message.h"
 #include "common/base/printable.h"
+#include "common/command_line/command_line.h"
 #include "coordinator/core/job/share_setting.h"
 
 namespace sheaf::cli {
@@ -25,7 +26,7 @@ class ShareCommand : public FarmCommand {
         AddCommon(app, "share", "Show or set how users, shows and pools share the farm");
     command->add_option("ACTION", action_, "list, set or reset")
         ->required()
-        ->check(CLI::IsMember({"list", "set", "reset"}));
+        ->check(IsOneOf({"list", "set", "reset"}));
     command->add_option("SUBJECT", subject_, "user:NAME, show:NAME or pool:NAME; not with list")
         ->check(CLI::Validator(
             [](const std::string& text) {

@@ -29,6 +29,7 @@
 #include "common/base/memory_room.h"
 #include "common/base/printable.h"
 #include "common/base/surroundings/local_time.h"
+#include "common/command_line/command_line.h"
 #include "common/film/denoised_output.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
@@ -264,12 +265,12 @@ class ShowCommand : public FarmCommand {
                    "Print the image even if standard output is not a terminal; --image=kitty, "
                    "iterm, blocks, blocks256 (without 24-bit colors) or none selects the method "
                    "(default: from TERM, TERM_PROGRAM, KITTY_WINDOW_ID and COLORTERM)")
-        ->check(CLI::IsMember({kAuto, "kitty", "iterm", "blocks", "blocks256", "none"}));
+        ->check(IsOneOf({kAuto, "kitty", "iterm", "blocks", "blocks256", "none"}));
     command
         ->add_option("--layer", layer_name_,
                      "The layer to print: image, denoised or denoised_external, or false colors: "
                      "the relative error (error, denoisedError) or the number of samples")
-        ->check(CLI::IsMember(
+        ->check(IsOneOf(
             {"image", "error", "samples", kDenoisedLayer, kDenoisedErrorLayer, kExternalLayer}))
         ->capture_default_str();
     command->add_option("--frame", frame_number_,

@@ -14,6 +14,7 @@
 #include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/printable.h"
+#include "common/command_line/command_line.h"
 #include "coordinator/core/policy/owner_bytes.h"
 #include "coordinator/core/policy/usage.h"
 
@@ -81,7 +82,7 @@ class UsageCommand : public FarmCommand {
     CLI::App* command =
         AddCommon(app, "usage", "Say what jobs have taken of the farm, and what users keep on it");
     command->add_option("--by", by_, "A row for each user, show or job")
-        ->check(CLI::IsMember({"user", "show", "job"}))
+        ->check(IsOneOf({"user", "show", "job"}))
         ->capture_default_str();
     command->add_option("--since", since_, "The first day in UTC, e.g. 2026-05-04")
         ->type_name("DATE");

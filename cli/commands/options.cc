@@ -63,13 +63,13 @@ double ParseSeconds(const std::string& text) {
 std::string CheckPositive(const std::string& text) {
   double value = 0;
   if (absl::SimpleAtod(text, &value) && value > 0 && value <= kStopNumberMax) return "";
-  return absl::StrCat(text, " is not a number above 0 and at most ", kStopNumberMax);
+  return absl::StrCat("\"", text, "\" is not a number above 0 and at most ", kStopNumberMax);
 }
 
 std::string CheckPowerOfTwo(const std::string& text) {
   uint64_t value = 0;
   if (absl::SimpleAtoi(text, &value) && value > 0 && (value & (value - 1)) == 0) return "";
-  return text + " is not a power of two";
+  return absl::StrCat("\"", text, "\" is not a power of two, as 16 and 64 are");
 }
 
 std::string CheckExposure(const std::string& text) {
@@ -112,7 +112,7 @@ void AddOutputOptions(CLI::App* command, RenderSettings* settings) {
 }
 
 std::string CheckOneLine(const std::string& text) {
-  return text.find('\n') == std::string::npos ? "" : "a name has one line";
+  return text.find('\n') == std::string::npos ? "" : "the name has several lines; write one";
 }
 
 // Parses "640x480".
@@ -153,7 +153,7 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
                    "Image of what surrounds the scene: equirectangular, .exr or .hdr; or none "
                    "(default: a dim white one if the file has no lights)")
       ->check([](const std::string& name) {
-        return name == GltfView::kNoEnvironment ? "" : CLI::ExistingFile(name);
+        return name == GltfView::kNoEnvironment ? "" : IsFile()(name);
       });
   command->add_option_function<std::string>(
       "--size", [gltf](const std::string& text) { ParseSize(text, gltf); },
@@ -347,7 +347,7 @@ void AddResumeOption(CLI::App* command, JobArguments* arguments) {
                    "Continue from this EXR, which Sheaf delivered for the same scene with the same "
                    "settings: only the missing samples are rendered (--samples and errors include "
                    "those of the EXR)")
-      ->check(CLI::ExistingFile);
+      ->check(IsFile());
 }
 
 void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
@@ -396,7 +396,7 @@ void AddPlacementOptions(CLI::App* command, JobArguments* arguments) {
       ->add_option("--memory-min", arguments->memory_min_bytes,
                    "Only workers that give scenes so much memory, e.g. 16G. Without it, those "
                    "that have less than the scene is expected to need come last")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(AsBytes());
 }
 
 void AddFramesOption(CLI::App* command, JobArguments* arguments) {

@@ -2,19 +2,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/command_line/command_line.h"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <memory>
 #include <system_error>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
 #include "common/base/nearest_name.h"
 #include "common/base/printable.h"
 
@@ -133,6 +138,50 @@ std::vector<std::string> OptionNames(const CLI::App& command) {
   return names;
 }
 
+template <typename Kind>
+bool IsAbout(const CLI::ParseError& error) {
+  return dynamic_cast<const Kind*>(&error) != nullptr;
+}
+
+// Says in words the library's errors on options that the command has.
+std::string ExplainValue(const CLI::App& command, const CLI::ParseError& error) {
+  const std::string text = error.what();
+  const auto found = [&command](const std::string& name) {
+    return command.get_option_no_throw(name);
+  };
+  if (IsAbout<CLI::RequiredError>(error)) {
+    const CLI::Option* option = found(text.substr(0, text.find(' ')));
+    if (option == nullptr) return text;
+    return absl::StrCat(option->get_name(), " is missing (", option->get_description(), ")");
+  }
+  if (IsAbout<CLI::RequiresError>(error)) return text + "; give both";
+  if (IsAbout<CLI::ArgumentMismatch>(error)) {
+    const CLI::Option* option = found(text.substr(0, text.find(':')));
+    if (option == nullptr) return text;
+    if (option->count() > 1) {
+      return absl::StrCat(option->get_name(), " is given ", option->count(),
+                          " times; give it once");
+    }
+    return absl::StrCat(option->get_name(), ": the value is missing; write ", option->get_name(),
+                        " ", ValueName(*option));
+  }
+  if (IsAbout<CLI::ConversionError>(error)) {
+    // "Could not convert: NAME = VALUE".
+    const size_t colon = text.find(": "), equals = text.find(" = ");
+    if (equals == std::string::npos) return text;
+    const std::string name = text.substr(colon + 2, equals - colon - 2);
+    const CLI::Option* option = found(name);
+    if (option != nullptr && option->get_items_expected_max() == 0) {
+      return absl::StrCat(name, " takes no value; write it alone");
+    }
+    const bool is_whole =
+        option != nullptr && option->get_type_name().find("INT") != std::string::npos;
+    return absl::StrCat(name, ": \"", text.substr(equals + 3), "\" is not a ",
+                        is_whole ? "whole " : "", "number, or too large");
+  }
+  return text;
+}
+
 std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
   const CLI::App& command = DeepestCommand(app);
   const std::vector<std::string> left = app.remaining(/*recurse=*/true);
@@ -146,7 +195,8 @@ std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
     }
     return absl::StrCat("unknown option ", name, NearestNameHint(name, OptionNames(command)));
   }
-  if (&command == &app && !app.get_subcommands({}).empty()) {
+  const bool lacks_command = &command == &app && !app.get_subcommands({}).empty();
+  if (lacks_command && (!left.empty() || IsAbout<CLI::RequiredError>(error))) {
     std::vector<std::string> names;
     for (const CLI::App* known : app.get_subcommands({})) names.push_back(known->get_name());
     if (left.empty())
@@ -155,7 +205,30 @@ std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
                         NearestNameHint(left.front(), names));
   }
   if (!left.empty()) return absl::StrCat("\"", left.front(), "\" is an unexpected argument");
-  return error.what();
+  return ExplainValue(command, error);
+}
+
+// The factor of "k", "MB" or "GiB"; empty where there is none.
+std::optional<uint64_t> BytesOf(std::string unit) {
+  absl::AsciiStrToLower(&unit);
+  if (unit.ends_with('b')) unit.pop_back();
+  if (unit.size() == 2 && unit[1] == 'i') unit.pop_back();
+  if (unit.empty()) return 1;
+  const size_t power = unit.size() == 1 ? absl::string_view("kmgtpe").find(unit[0]) : 6;
+  if (power >= 6) return std::nullopt;
+  return uint64_t{1} << (10 * (power + 1));
+}
+
+// The number of bytes in "512M"; empty where there is none that fits.
+std::optional<uint64_t> ParseBytes(absl::string_view text) {
+  text = absl::StripAsciiWhitespace(text);
+  const size_t unit_begin = std::min(text.find_first_not_of("0123456789"), text.size());
+  uint64_t count = 0;
+  const std::optional<uint64_t> factor =
+      BytesOf(std::string(absl::StripAsciiWhitespace(text.substr(unit_begin))));
+  if (!absl::SimpleAtoi(text.substr(0, unit_begin), &count) || !factor) return std::nullopt;
+  if (count > std::numeric_limits<uint64_t>::max() / *factor) return std::nullopt;
+  return count * *factor;
 }
 
 }  // namespace
@@ -214,6 +287,46 @@ CLI::Validator InRange(double min, double max) {
       is_open ? "" : absl::StrCat("N in [", min, " - ", max, "]"));
 }
 
+CLI::Validator IsOneOf(std::vector<std::string> words) {
+  const std::string notation = absl::StrCat("{", absl::StrJoin(words, ","), "}");
+  return CLI::Validator(
+      [words = std::move(words)](const std::string& text) -> std::string {
+        if (std::find(words.begin(), words.end(), text) != words.end()) return "";
+        return absl::StrCat("\"", Printable(text), "\" is not one of ", absl::StrJoin(words, ", "),
+                            NearestNameHint(text, words));
+      },
+      notation);
+}
+
+CLI::Validator IsFile() {
+  return CLI::Validator(
+      [](const std::string& name) -> std::string {
+        std::error_code error;
+        if (std::filesystem::is_directory(name, error)) {
+          return absl::StrCat("\"", Printable(name), "\" is a directory; name a file in it");
+        }
+        if (::access(name.c_str(), R_OK) == 0) return "";
+        return absl::StrCat("file \"", Printable(name),
+                            "\" cannot be read: ", std::generic_category().message(errno));
+      },
+      "FILE");
+}
+
+CLI::Validator AsBytes() {
+  return CLI::Validator(
+      [](std::string& text) -> std::string {
+        const std::optional<uint64_t> bytes = ParseBytes(text);
+        if (!bytes) {
+          return absl::StrCat("\"", Printable(text),
+                              "\" is not a size below 16E; write bytes, or "
+                              "a whole number with its unit, as in 512M or 20G");
+        }
+        text = absl::StrCat(*bytes);
+        return "";
+      },
+      "SIZE");
+}
+
 CLI::Option* AddChoiceOf(CLI::App* command, const std::string& names,
                          std::vector<std::string> words, std::function<void(size_t)> on_choice,
                          const std::string& help) {
@@ -254,7 +367,7 @@ std::vector<std::string> ChoicesOf(const CLI::Option& option) {
   std::string words = Notation(option);
   const size_t begin = words.find('{'), end = words.find('}');
   if (begin != std::string::npos && end != std::string::npos) {
-    words = words.substr(begin + 1, end - begin - 1);  // The format of CLI::IsMember's description.
+    words = words.substr(begin + 1, end - begin - 1);  // The format of IsOneOf's description.
     return absl::StrSplit(words, ',', absl::SkipEmpty());
   }
   if (words.find('|') == std::string::npos) return {};

@@ -41,6 +41,15 @@ CLI::Validator InRange(int64_t min, int64_t max = std::numeric_limits<int64_t>::
 CLI::Validator InRange(int min, int max);
 CLI::Validator InRange(double min, double max = std::numeric_limits<double>::infinity());
 
+// Refuses all but these words.
+CLI::Validator IsOneOf(std::vector<std::string> words);
+
+// Refuses all but names of files that can be read.
+CLI::Validator IsFile();
+
+// A transformation: makes "512M" or "20G" the number of bytes, by powers of 1024.
+CLI::Validator AsBytes();
+
 // Options added during its lifetime appear under that heading in help.
 class OptionGroup {
  public:

@@ -33,11 +33,13 @@ class CommandLineTest : public ::testing::Test {
     command_->add_option("--samples", size_, "How many")->check(InRange(int64_t{1}));
     command_->add_option("--tolerance", tolerance_, "How far")->check(InRange(0.0));
     command_->add_option("--error", tolerance_, "How wrong")->check(InRange(1e-9, 1e3));
-    command_->add_option("--memory", memory_, "Limit")
-        ->transform(CLI::AsSizeValue(false))
-        ->capture_default_str();
+    command_->add_option("--memory", memory_, "Limit")->transform(AsBytes())->capture_default_str();
     command_->add_option("--address", scene_, "Where")->envname("SHEAF_ADDRESS");
-    command_->add_option("--layer", scene_, "What")->check(CLI::IsMember({"error", "samples"}));
+    command_->add_option("--seed", memory_, "Seed");
+    command_->add_option("--exposure", tolerance_, "Stops");
+    command_->add_flag("--json", json_, "As JSON");
+    command_->add_option("--from", scene_, "Image")->check(IsFile());
+    command_->add_option("--layer", scene_, "What")->check(IsOneOf({"error", "samples"}));
   }
   // The error; empty if there is none.
   std::string Parse(std::vector<std::string> words) {
@@ -66,6 +68,7 @@ class CommandLineTest : public ::testing::Test {
   int color_ = -1, size_ = 0;
   uint64_t memory_ = 64;
   double tolerance_ = 0;
+  bool json_ = false;
 };
 
 TEST_F(CommandLineTest, ListsNameTheirWords) {
@@ -94,6 +97,58 @@ TEST_F(CommandLineTest, RefusedNumbersAreToldTheRangeInWords) {
   EXPECT_THAT(Parse({"render", "a.pbrt", "--error", "0"}),
               HasSubstr("\"0\" is not a number from 1e-09 to 1000"));
   EXPECT_EQ(Parse({"render", "a.pbrt", "--samples", "1", "--tolerance", "0.5"}), "");
+}
+
+TEST_F(CommandLineTest, RefusedWordsAreToldTheKnownOnes) {
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--layer", "eror"}),
+              HasSubstr("--layer: \"eror\" is not one of error, samples; did you mean \"error\"?"));
+}
+
+TEST_F(CommandLineTest, SizesHaveUnits) {
+  for (const auto& [text, bytes] : std::vector<std::pair<std::string, uint64_t>>{
+           {"0", 0}, {"7b", 7}, {"2k", 2048}, {"3 MB", 3 << 20}, {"1GiB", 1 << 30}}) {
+    EXPECT_EQ(Parse({"render", "a.pbrt", "--memory", text}), "") << text;
+    EXPECT_EQ(memory_, bytes) << text;
+  }
+  // Regression: -5 was taken as 2^64 - 5.
+  for (const char* text : {"-5", "5Q", "1.5G", "G", "", "16E", "99999999999999999999", "5 bb"}) {
+    EXPECT_THAT(Parse({"render", "a.pbrt", "--memory", text}),
+                HasSubstr(absl::StrCat("--memory: \"", text,
+                                       "\" is not a size below 16E; write "
+                                       "bytes, or a whole number with its unit")));
+  }
+}
+
+TEST_F(CommandLineTest, FilesThatCannotBeReadAreNamedWithTheReason) {
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--from", "no-such.exr"}),
+              HasSubstr("--from: file \"no-such.exr\" cannot be read: No such file"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--from", "/"}),
+              HasSubstr("--from: \"/\" is a directory; name a file in it"));
+}
+
+// The library says "1 required UINT:INT in [8 - 1024] missing".
+TEST_F(CommandLineTest, MistakesInUsageAreToldInWords) {
+  EXPECT_THAT(Parse({"render"}), HasSubstr("SCENE is missing (The scene)"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--tile-size"}),
+              HasSubstr("--tile-size: the value is missing; write --tile-size N"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--tile-size", "8", "--tile-size", "9"}),
+              HasSubstr("--tile-size is given 2 times; give it once"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--seed", "x"}),
+              HasSubstr("--seed: \"x\" is not a whole number, or too large"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--exposure", "x"}),
+              HasSubstr("--exposure: \"x\" is not a number"));
+  EXPECT_THAT(Parse({"render", "a.pbrt", "--json=x"}),
+              HasSubstr("--json takes no value; write it alone"));
+}
+
+// Regression: of a program whose commands are optional, each wrong option was a missing command.
+TEST_F(CommandLineTest, AProgramMayHaveOptionsAndCommands) {
+  app_.require_subcommand(0, 1);
+  app_.add_option("--lease-seconds", tolerance_, "Time")->check(InRange(0.5, 3600.0));
+  EXPECT_THAT(Parse({"--lease-seconds", "0"}),
+              HasSubstr("--lease-seconds: \"0\" is not a number from 0.5 to 3600"));
+  EXPECT_THAT(Parse({"--lease-seconds"}), HasSubstr("--lease-seconds: the value is missing"));
+  EXPECT_THAT(Parse({"rendr"}), HasSubstr("did you mean \"render\"?"));
 }
 
 TEST_F(CommandLineTest, SuggestsNearestNames) {

@@ -41,10 +41,10 @@ void AddOptions(CommandLine* line, CLI::App* app) {
                   "Events with faults, of each seed; then the farm must end")
       ->capture_default_str();
   app->add_option("--jobs", line->jobs, "Processes at a time")
-      ->check(CLI::Range(1, 64))
+      ->check(InRange(1, 64))
       ->capture_default_str();
   app->add_option("--failures", line->failed_max, "End when so many seeds have failed")
-      ->check(CLI::Range(size_t{1}, kFailedSeedsMax))
+      ->check(InRange(int64_t{1}, static_cast<int64_t>(kFailedSeedsMax)))
       ->capture_default_str();
   app->add_option("--without", line->without, "Kinds of faults to leave out, with commas")
       ->delimiter(',');

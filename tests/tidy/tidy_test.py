@@ -18,6 +18,11 @@ LINE_LENGTH_MAX = 100
 FILE_LINES_MAX = 450
 FUNCTION_LINES_MAX = 80
 
+# Those of CLI11; command_line.h has our own.
+LIBRARY_VALIDATORS = re.compile(
+    r"CLI::(Range|Bound|Is[A-Z]|As[A-Z]|Existing|Nonexistent|Positive|Non[A-Z]|Number|ValidIP|"
+    r"TypeValidator|Transformer|Checked)")
+
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
@@ -239,6 +244,13 @@ class TidyTest(unittest.TestCase):
                     if re.match(library, include) and not re.match(door, path):
                         problems.append(f"{path} includes {include}")
         self.expect_none(problems, "a third-party header outside its door")
+
+    def test_refused_options_are_told_in_our_words(self):
+        problems = [f"{p}:{n}: {line.strip()}" for p in cpp_files()
+                    for n, line in enumerate(read(p).split("\n"), 1)
+                    if LIBRARY_VALIDATORS.search(line)]
+        self.expect_none(problems, "a validator of the argument library, whose messages do not say "
+                                   "what to do; see common/command_line/command_line.h")
 
     def test_every_source_names_its_licence_and_purpose(self):
         problems = []

@@ -62,11 +62,11 @@ void AddPeerOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--peer-port", arguments->worker.peers.port,
                   "Port at which other workers of the farm fetch scene files from this one, over\n"
                   "mutual TLS; 0: the system chooses")
-      ->check(CLI::Range(0, 65535))
+      ->check(InRange(0, 65535))
       ->capture_default_str();
   app->add_option("--peer-bytes-per-second-max", arguments->worker.peers.bytes_per_second_max,
                   "Limit of what they fetch, e.g. 100M (default: none)")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(AsBytes());
 }
 
 // As the coordinator checks them.
@@ -78,15 +78,15 @@ void AddSandboxOptions(CLI::App* app, Arguments* arguments) {
                   "files but the scene's. required: with all protections, or not at all;\n"
                   "best: with those that this system permits, which the log names;\n"
                   "none: in the worker's process, only for scenes that you trust")
-      ->check(CLI::IsMember({"required", "best", "none"}))
+      ->check(IsOneOf({"required", "best", "none"}))
       ->capture_default_str();
   app->add_option("--load-seconds-max", arguments->load_seconds_max,
                   "Time to load a scene, after which its process is killed (default: 120, and\n"
                   "1 for each megabyte of the scene's files)")
-      ->check(CLI::Range(1.0, kSecondsMax));
+      ->check(InRange(1.0, kSecondsMax));
   app->add_option("--task-seconds-max", arguments->task_seconds_max,
                   "Time to render a task, after which its scene's process is killed")
-      ->check(CLI::Range(1.0, kSecondsMax))
+      ->check(InRange(1.0, kSecondsMax))
       ->capture_default_str();
 }
 
@@ -111,7 +111,7 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
       ->type_name("DIR")
       ->capture_default_str();
   app->add_option("--threads", worker.thread_count, "Threads that render; 0: all processors")
-      ->check(CLI::Range(0, 4096))
+      ->check(InRange(0, 4096))
       ->capture_default_str();
   app->add_option("--pool", worker.pool,
                   "Pool of this machine: it renders only jobs of this pool (default: default)")
@@ -128,28 +128,28 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
       ->default_str(DefaultCacheDirectory());
   app->add_option("--cache-bytes-max", worker.cache_bytes_max,
                   "Limit of that directory, e.g. 20G (default 20G)")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(AsBytes());
   app->add_option("--scene-memory-max", worker.scene_memory_bytes_max,
                   "Limit of memory for loaded scenes, e.g. 4G (default 4G, and never more than\n"
                   "the machine, its control group or ulimit -v leave)")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(AsBytes());
   app->add_option("--texture-memory-max", worker.texture_memory_bytes_max,
                   "Limit of memory for texture tiles, e.g. 512M (default 512M)")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(AsBytes());
   app->add_option("--queued-leases-max", worker.leases_ahead,
                   "Tasks to queue while all threads are busy")
-      ->check(CLI::Range(0, 1024))
+      ->check(InRange(0, 1024))
       ->capture_default_str();
   app->add_option("--grace-seconds", arguments->grace_seconds,
                   "Time to finish running tasks after a request to stop")
-      ->check(CLI::Range(0.0, kSecondsMax))
+      ->check(InRange(0.0, kSecondsMax))
       ->capture_default_str();
   app->add_option("--exit-when-idle-seconds", arguments->exit_when_idle_seconds,
                   "Exit after this time without work; 0: never")
-      ->check(CLI::Range(0.0, kSecondsMax))
+      ->check(InRange(0.0, kSecondsMax))
       ->capture_default_str();
   app->add_option("--log-level", arguments->log_level, "debug, info, warning, error or off")
-      ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
+      ->check(IsOneOf({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();
 }
 

@@ -29,12 +29,14 @@ void AddYieldOptions(CLI::App* app, YieldArguments* arguments) {
          absl::StrCat("Priority at which it renders: 0 (ordinary) to 19 (lowest) (default: "
                       "that of its parent; with --yield-load ",
                       kNiceWithYieldLoad, ")"))
-      ->check(CLI::Range(0, 19));
+      ->check(InRange(0, 19));
   app->add_option_function<std::string>(
          "--hours",
          [arguments](const std::string& text) {
            const absl::StatusOr<WorkingHours> hours = WorkingHours::Parse(text);
-           if (!hours.ok()) throw CLI::ValidationError(std::string(hours.status().message()));
+           if (!hours.ok()) {
+             throw CLI::ValidationError("--hours", std::string(hours.status().message()));
+           }
            arguments->limits.hours = *hours;
            arguments->by_hours = true;
          },
@@ -46,15 +48,15 @@ void AddYieldOptions(CLI::App* app, YieldArguments* arguments) {
                   "Take no work while other programs use more processors than this, as a mean over "
                   "ten seconds. Programs of a lower priority (nice) do not count, other workers so "
                   "neither")
-      ->check(CLI::Range(0.0, kProcessorsMax));
+      ->check(InRange(0.0, kProcessorsMax));
   app->add_option("--yield-memory", limits.memory_available_min,
                   "Take no work while less memory than this is available on this machine, e.g. 4G")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(AsBytes());
   app->add_option_function<double>(
          "--yield-seconds", [&limits](double seconds) { limits.calm = absl::Seconds(seconds); },
          "Time without too much load and with enough memory after which it takes work again "
          "(default 120)")
-      ->check(CLI::Range(0.0, kCalmSecondsMax));
+      ->check(InRange(0.0, kCalmSecondsMax));
 }
 
 absl::Status ApplyNice(const YieldArguments& arguments) {

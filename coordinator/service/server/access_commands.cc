@@ -14,6 +14,7 @@
 #include "absl/time/clock.h"
 #include "common/base/surroundings/local_time.h"
 #include "common/base/text/shell_quoted.h"
+#include "common/command_line/command_line.h"
 #include "common/rpc/address.h"
 #include "common/tls/credential_store.h"
 #include "common/tls/enrolment_token.h"
@@ -108,7 +109,7 @@ CLI::App* AccessCommands::Add(CLI::App* app, const std::string& name, const std:
 void AccessCommands::AddIdentity(CLI::App* command) {
   command->add_option("KIND", kind_, "worker or user")
       ->required()
-      ->check(CLI::IsMember({"worker", "user"}));
+      ->check(IsOneOf({"worker", "user"}));
   command->add_option("NAME", name_, "A name of your choice")->required();
 }
 
@@ -123,6 +124,7 @@ void AccessCommands::AddTo(CLI::App* app) {
       ->type_name("HOST")
       ->allow_extra_args(false);
   init->add_option("--port", port_, "gRPC's port, under which sheaf finds your certificate")
+      ->check(InRange(1, 65535))
       ->capture_default_str();
   init->footer("Example:\n  sheaf-coordinator init --name farm.example.org");
   CLI::App* enroll = Add(app, "enroll", "Print a token that enrols one machine or user",
@@ -132,7 +134,7 @@ void AccessCommands::AddTo(CLI::App* app) {
       ->add_option("--role", role_,
                    "Of a user: view, submit (default), operate or administer; each includes "
                    "those before it")
-      ->check(CLI::IsMember({"view", "submit", "operate", "administer"}));
+      ->check(IsOneOf({"view", "submit", "operate", "administer"}));
   enroll->add_option("--expires", expires_, "How long the token is good, e.g. 30m or 12h")
       ->type_name("DURATION")
       ->capture_default_str();

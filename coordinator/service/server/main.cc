@@ -79,29 +79,30 @@ void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
   const char* const group = "Limits of each user and worker, with certificates";
   app->add_option("--calls-per-second-max", identity.calls_per_second_max,
                   "Calls and requests of an identity, after a burst of five times as many")
-      ->check(CLI::Range(1.0, 1e6))
+      ->check(InRange(1.0, 1e6))
       ->capture_default_str()
       ->group(group);
   app->add_option("--upload-per-day-max", identity.upload_bytes_per_day_max,
                   "Bytes of scenes that an identity uploads in a day, e.g. 2T (default 1T)")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->group(group);
   app->add_option("--user-jobs-max", farm.owner_jobs_max, "Unfinished jobs of a user")
-      ->check(CLI::Range(int64_t{1}, int64_t{1'000'000}))
+      ->check(InRange(int64_t{1}, int64_t{1'000'000}))
       ->capture_default_str()
       ->group(group);
   app->add_option("--user-bytes-max", farm.owner_bytes_max,
                   "Bytes that a user keeps on the coordinator, e.g. 200G (default none): parts, "
                   "images, previews and files of scenes that no other user's jobs need. Beyond it "
                   "uploads and new jobs are refused")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->group(group);
   app->add_option("--user-frames-max", farm.owner_frames_max, "Frames of a user's unfinished jobs")
-      ->check(CLI::Range(int64_t{1}, int64_t{1'000'000'000}))
+      ->check(InRange(int64_t{1}, int64_t{1'000'000'000}))
       ->capture_default_str()
       ->group(group);
   app->add_option("--user-samples-max", farm.owner_samples_max,
                   "Pixels x samples of a user's unfinished jobs")
+      ->check(InRange(int64_t{1}))
       ->capture_default_str()
       ->group(group);
 }
@@ -125,9 +126,9 @@ void AddDurationOption(const char* name, absl::Duration* duration, const char* h
                        const char* group, CLI::App* app) {
   app->add_option_function<std::string>(
          name,
-         [duration](const std::string& text) {
+         [duration, name](const std::string& text) {
            const std::string problem = ParseKeptDuration(text, duration);
-           if (!problem.empty()) throw CLI::ValidationError(problem);
+           if (!problem.empty()) throw CLI::ValidationError(name, problem);
          },
          help)
       ->type_name("DURATION")
@@ -147,35 +148,35 @@ void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
   app->add_option("--disk-limit", limits.bytes_max,
                   "Size of the state directory, e.g. 500G (default none). Above it the oldest go: "
                   "parts first, then files of scenes, previews, and jobs with their images")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->group(group);
   app->add_option(
          "--disk-free-min", limits.free_bytes_min,
          "Free space of its file system, e.g. 10G (default 1G, at most 1/20 of it): uploads "
          "leave it to jobs. Below it the oldest go, but no jobs")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->group(group);
   app->add_option("--disk-reserve", farm->disk_reserve_bytes,
                   "Free space that is kept for the database alone, e.g. 256M (default 64M, at most "
                   "1/8 of the file system), so that a coordinator with a full disk works and "
                   "starts. 0: none")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->group(group);
   app->add_option("--kept-parts-max", farm->kept_parts_bytes_max,
                   "Disk space for parts, e.g. 20G: parts of delivered frames, also of jobs that go "
                   "on, are kept within it for sheaf refine; the oldest are deleted first")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->capture_default_str()
       ->group(group);
   app->add_option("--scrub-rate", farm->scrub_bytes_per_second,
                   "Bytes a second that are compared with their digests, e.g. 20M (default 4M); "
                   "repairs damage. 0 disables it")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->group(group);
   app->add_option("--round-previews-max", farm->round_previews_bytes_max,
                   "Disk space for small images of the ends of rounds, e.g. 2G; the oldest are "
                   "deleted first, 0 keeps none")
-      ->transform(CLI::AsSizeValue(false))
+      ->transform(AsBytes())
       ->capture_default_str()
       ->group(group);
 }
@@ -210,7 +211,7 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   app->add_option("--takeover-seconds", line->takeover_seconds,
                   "With --database: a coordinator that does not reach the database for longer "
                   "loses the farm to one that stands by")
-      ->check(CLI::Range(0.5, 3600.0))
+      ->check(InRange(0.5, 3600.0))
       ->capture_default_str();
   app->add_option("--objects", line->server.objects_url,
                   "Bucket of an S3 server in which parts and files of scenes lie, as "
@@ -220,32 +221,34 @@ void AddOptions(CommandLine* line, CLI::App* app) {
       ->type_name("URL");
   app->add_option("--lease-seconds", line->lease_seconds,
                   "A worker that is silent for longer counts as lost; its work goes to others")
-      ->check(CLI::Range(0.5, 86400.0))
+      ->check(InRange(0.5, 86400.0))
       ->capture_default_str();
   app->add_option("--check-fraction", farm.limits.check_fraction,
                   "Fraction of tasks that two workers render, to notice false results; of a "
                   "worker's first results more are. 0: none")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(InRange(0.0, 1.0))
       ->capture_default_str();
   app->add_option("--poison-workers", farm.limits.poison_workers_max,
                   "Set a task aside after this many workers failed it (by a crash, lack of memory "
                   "or an invalid result); each worker tries once. 1: for a farm of one worker")
-      ->check(CLI::Range(1, 1000))
+      ->check(InRange(1, 1000))
       ->capture_default_str();
   AddLimitOptions(&line->server, app);
-  app->add_option("--merge-memory-max", farm.merge_bytes_max, "Memory for unfinished tiles")
+  app->add_option("--merge-memory-max", farm.merge_bytes_max,
+                  "Memory for unfinished tiles, e.g. 4G")
+      ->transform(AsBytes())
       ->capture_default_str();
   AddRetentionOptions(&farm, app);
   app->add_option(
          "--drop-bytes-max", line->server.drop_bytes_max,
          "Size of the files of a scene that is dropped on the page, e.g. 16G (default 4G). "
          "0: none can be")
-      ->transform(CLI::AsSizeValue(false));
+      ->transform(AsBytes());
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
                 "For experiments: listen without encryption on addresses that other machines can "
                 "reach; everybody who reaches them controls the farm");
   app->add_option("--log-level", line->log_level, "debug, info, warning, error or off")
-      ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
+      ->check(IsOneOf({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();
   app->add_option("--port-file", line->port_file,
                   "Write the ports in use to this file, as lines grpc=PORT and http=PORT");
