@@ -188,6 +188,39 @@ TEST_F(SchedulerChecksTest, LongTasksOfProvenWorkersHaveTheirTime) {
   EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
 }
 
+// It has delivered results, says that it renders, and nobody else may do its checks: then it costs
+// what a slow machine may take, and not more.
+TEST_F(SchedulerChecksTest, AProvenHoarderCostsFourTimesACheck) {
+  ResultCost cost;
+  cost.cpu_duration = absl::Seconds(10);
+  Accept(Sync("b", 1).at(0), "x", kNotChosen, cost);
+  DeliverLongTasks(3);
+  ASSERT_EQ(Sync("b", 4).size(), 3u);
+  const SteadyTime begin = now_;
+  while (scheduler_.AwaitsChecks({1, 1}, now_)) {
+    now_ += absl::Seconds(1);
+    Sync("b", 4);
+    Sync("a", 0);
+  }
+  EXPECT_GE(now_ - begin, absl::Seconds(39));
+  EXPECT_LE(now_ - begin, absl::Seconds(41));
+}
+
+// The same beside a third worker: the checks are hedged at once.
+TEST_F(SchedulerChecksTest, AProvenHoarderBesideAnIdleWorkerCostsNothing) {
+  Accept(Sync("c", 1).at(0), "x", kNotChosen);
+  Accept(Sync("b", 1).at(0), "x", kNotChosen);
+  for (const Lease& lease : Sync("a", 2)) Accept(lease, "x", kChosen);
+  ASSERT_EQ(Sync("b", 2).size(), 2u);
+  EXPECT_TRUE(scheduler_.AwaitsChecks({1, 1}, now_));
+  for (int i = 0; i < 2; ++i) {
+    const std::vector<Lease> hedge = Sync("c", 1);
+    ASSERT_EQ(hedge.size(), 1u);
+    EXPECT_EQ(Compare(hedge[0], "x").kind, CheckVerdict::Kind::kConfirmed);
+  }
+  EXPECT_FALSE(scheduler_.AwaitsChecks({1, 1}, now_));
+}
+
 TEST_F(SchedulerChecksTest, EachCheckThatComesProlongsTheWait) {
   Sync("b", 0);
   const FrameId frame{1, 1};
