@@ -48,8 +48,8 @@ What it says:
 - The points of one decision are as even as Sobol's sequence itself: scrambling and shuffling lose
   nothing.
 - Across decisions each coordinate is even by itself, and pairs are better than independent ones.
-- Replicates cost a factor of 4, the root of 16: N samples are 16 independent sets of N / 16. It is
-  the price of error bars that hold for one image.
+- Replicates cost up to a factor of 4, the root of 16: N samples are 16 independent sets of N / 16.
+  It is the price of error bars that hold for one image.
 - Light paths of one pass are as even as independent numbers, since every path has the sequence of
   its own pixel. Sharing one sequence among them was tried: errors of whole images fell by 3 % or
   less.
