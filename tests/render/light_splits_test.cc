@@ -194,7 +194,7 @@ class WeightsOf {
               ? lights.PdfEnvironment<kTraits>(p, n, light->wi, query)
               : lights.PdfEmitter<kTraits>(light->light, p, n, light->wi, light->p_light, query);
       const float sampled = at.LightSampleWeight(c, *light, value.pdf, path);
-      const float hit = MisWeight<C>(Technique::kScattering, value.pdf, met);
+      const float hit = MisWeight<C>(FindsBy::kHit, value.pdf, met);
       EXPECT_NEAR(met, light->pdf, 2e-3f * met);
       EXPECT_NEAR(sampled + hit, 1, 2e-3f);
       ++samples_;

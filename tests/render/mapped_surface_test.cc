@@ -19,8 +19,8 @@
 #include "tests/support/temporary_path.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/bsdf/bsdf_sampling.h"
+#include "worker/render/densities/weights.h"
 #include "worker/render/geometry/surface_point.h"
-#include "worker/render/sampling/mis.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
@@ -251,15 +251,15 @@ Irradiance Measure(const CompiledScene& scene) {
         point.emitter, point.EmitterNormal(), -ray.d, point.uv, {});
     double weight = 1;
     if (weighed) {
-      weight = PowerHeuristic(cosine_pdf(ray.d), scene.lights->PdfEmitter<kAllTraits>(
-                                                     point.emitter, p, n, ray.d, point.p));
+      weight = WeightOf(cosine_pdf(ray.d),
+                        scene.lights->PdfEmitter<kAllTraits>(point.emitter, p, n, ray.d, point.p));
     }
     return std::numbers::pi * static_cast<double>(radiance.r) * weight;
   };
   const auto light = [&](const std::array<float, 4>& u, bool weighed) -> double {
     const auto sample = scene.lights->Sample<kAllTraits>(p, n, u[0], {u[1], u[2]});
     if (!sample || Dot(sample->wi, n) <= 0) return 0;
-    const float weight = weighed ? PowerHeuristic(sample->pdf, cosine_pdf(sample->wi)) : 1.0f;
+    const float weight = weighed ? WeightOf(sample->pdf, cosine_pdf(sample->wi)) : 1.0f;
     return static_cast<double>(sample->radiance.r) * static_cast<double>(Dot(sample->wi, n)) *
            static_cast<double>(weight) / static_cast<double>(sample->pdf);
   };

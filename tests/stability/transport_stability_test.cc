@@ -16,8 +16,8 @@
 #include "tests/support/naive_materials.h"
 #include "tests/support/naive_sampling.h"
 #include "tests/support/test_scene.h"
+#include "worker/render/densities/weights.h"
 #include "worker/render/sampling/filter.h"
-#include "worker/render/sampling/mis.h"
 
 namespace sheaf::render {
 namespace {
@@ -275,7 +275,7 @@ TEST(TransportStability, R7WeightsSumToOneAtAllMagnitudes) {
   };
   for (const float f : values) {
     for (const float g : values) {
-      const float a = PowerHeuristic(f, g), b = PowerHeuristic(g, f);
+      const float a = WeightOf(f, g), b = WeightOf(g, f);
       EXPECT_FALSE(is_wrong(a, b)) << f << " " << g;
       wrong += is_wrong(a, b);
       naive_wrong += is_wrong(naive::PowerHeuristic(f, g), naive::PowerHeuristic(g, f));

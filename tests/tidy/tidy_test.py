@@ -35,7 +35,7 @@ ROOMS = {
     "coordinator/service/farm": "state < jobs < delivery < intake | upkeep | queries < .",
     "coordinator/service/http": "image < server < api < .",
     "coordinator/store": "database < .",
-    "worker/render": "traits < color < sampling < geometry "
+    "worker/render": "traits < color < sampling < densities < geometry "
                      "< accel | camera | bsdf | light < guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
 }

@@ -111,7 +111,7 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
         const double emitted = c.scene.emission->InfiniteDensityAt(path->from, -path->ray.d);
         return HitWeight(c, static_cast<double>(value.pdf), emitted, *path);
       }
-      return MisWeight<C>(Technique::kScattering, path->pdf, value.pdf);
+      return MisWeight<C>(FindsBy::kHit, path->pdf, value.pdf);
     }();
     AddInfiniteLight(c, path->from, path->ray.d, path->throughput * weight,
                      path->history.KindAtHit(), path->throughput * value.radiance * weight, path);
@@ -144,7 +144,7 @@ void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* 
           const LineOf<C>& line = path->media.line;
           if (line.has_scattered) return HitWeightOnLine(c, line, point.emitter, light_pdf, *path);
         }
-        return MisWeight<C>(Technique::kScattering, path->pdf, light_pdf);
+        return MisWeight<C>(FindsBy::kHit, path->pdf, light_pdf);
       }();
     }
     AddLight(c, point.emitter, path->history.KindAtHit(), path->throughput * radiance * weight,

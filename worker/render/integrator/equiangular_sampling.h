@@ -127,7 +127,7 @@ PhaseMixture<typename C::Color> PhaseOnLine(const Context<C>& c, const LineOf<C>
                                                 path.media.subsurface_texture.OrNull());
 }
 
-// The density of Technique::kLine for p, at t, and a point of the light that light sampling from p
+// The density of FindsBy::kLine for p, at t, and a point of the light that light sampling from p
 // finds with light_pdf. known: what is known of the lights at p.
 template <typename C>
 double LineTechniquePdf(const Context<C>& c, const LineOf<C>& line, uint32_t light, Vec3f p,
@@ -160,8 +160,9 @@ float LightSampleWeightOnLine(const Context<C>& c, const LineOf<C>& line,
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return 1;
   if constexpr (C::kDirectLight == DirectLight::kByHitting) return light.is_delta ? 1 : 0;
   const double scattering_pdf = light.is_delta ? 0 : static_cast<double>(pdf);
-  return static_cast<float>(MisWeight<C>(
-      Technique::kLight, PdfsOnLine(c, line, light.light, p, known, light.pdf, scattering_pdf)));
+  return static_cast<float>(
+      MisWeight<C>(FindsBy::kLightSample,
+                   PdfsOnLine(c, line, light.light, p, known, light.pdf, scattering_pdf)));
 }
 // The weight of an emitter that the path's ray hits, where light sampling has density light_pdf.
 template <typename C>
@@ -169,9 +170,9 @@ float HitWeightOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t emitt
                       const PathState<C>& path) {
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return 0;
   if constexpr (C::kDirectLight == DirectLight::kByHitting) return 1;
-  return static_cast<float>(MisWeight<C>(
-      Technique::kScattering, PdfsOnLine(c, line, emitter, path.from, LightsFromLast<C>(path),
-                                         light_pdf, static_cast<double>(path.pdf))));
+  return static_cast<float>(
+      MisWeight<C>(FindsBy::kHit, PdfsOnLine(c, line, emitter, path.from, LightsFromLast<C>(path),
+                                             light_pdf, static_cast<double>(path.pdf))));
 }
 
 // The light that is scattered at t towards the line's start, per incident radiance, times *weight.
@@ -188,7 +189,7 @@ typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line,
   const auto weight_of = [&](double distance_density, float phase_pdf) -> double {
     const double scattering_pdf =
         light.is_delta ? 0 : static_cast<double>(guided.Pdf(phase_pdf, light.wi));
-    return MisWeight<C>(Technique::kLine,
+    return MisWeight<C>(FindsBy::kLine,
                         TechniquePdfs{static_cast<double>(light.pdf) * distance_density,
                                       scattering_pdf * distance_density, line_pdf});
   };

@@ -69,7 +69,7 @@ struct MediumVertex {
     if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
       return LightSampleWeightBesideLight(c, *this, light, pdf, path);
     }
-    return light.is_delta ? 1.0f : MisWeight<C>(Technique::kLight, light.pdf, pdf);
+    return light.is_delta ? 1.0f : MisWeight<C>(FindsBy::kLightSample, light.pdf, pdf);
   }
   LightPathKind LightKind(const PathState<C>& path) const { return path.history.KindFromMedium(); }
   template <typename History>
@@ -88,6 +88,7 @@ struct MediumVertex {
   bool IsReversible(const Context<C>&, Vec3f, uint8_t) const { return true; }
   // Media scatter flux as they scatter radiance.
   float FluxFactor(Vec3f, const PathState<C>&) const { return 1; }
+  float ShadingCosines(Vec3f) const { return 1; }
 
  private:
   void Record(const Context<C>& c, const PathState<C>& path, FilmSample* film) const;
@@ -208,7 +209,7 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->throughput *= sample.weight;
   if (path->throughput.IsBlack()) return false;
   const uint8_t flags = path->media.properties.is_hidden ? uint8_t{kBsdfSpecular} : uint8_t{0};
-  NoteScattering(c, *this, sample.w, sample.pdf, flags, path);
+  NoteScattering(c, *this, sample.w, sample.pdf, flags, 1, path);
   path->specular = path->media.properties.is_hidden;
   path->history.AddMedium(path->media.properties.is_subsurface);
   path->pdf = sample.pdf;
@@ -232,14 +233,12 @@ bool MediumVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path) 
   const bool is_hidden = path->media.properties.is_hidden;
   const Vec3f arrived_along = d;
   const bool continues = Scatter(c, path);
-  LightEnd& end = path->other_end;
-  if (is_hidden) {
-    end.camera_paths = CameraPathsAfterSpecular(end);
-  } else {
-    const auto forward = static_cast<double>(SeenFrom(c, path->ray.d).Eval(-arrived_along).pdf);
-    end.camera_paths = CameraPathsAfter(end, forward) / static_cast<double>(path->pdf);
+  StepDensities step;
+  if (!is_hidden) {
+    step = {static_cast<double>(SeenFrom(c, path->ray.d).Eval(-arrived_along).pdf),
+            static_cast<double>(path->pdf)};
   }
-  end.is_first = false;
+  NoteScatteringFromLight(step, is_hidden, &path->other_end);
   return continues;
 }
 

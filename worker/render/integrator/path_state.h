@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "common/math/vec.h"
+#include "worker/render/densities/running_density.h"
 #include "worker/render/geometry/crossing.h"
 #include "worker/render/geometry/ray_origin.h"
 #include "worker/render/integrator/integrator_config.h"
@@ -67,12 +68,12 @@ struct SubsurfaceState {
   Vec3f arrives_along;
 };
 
-// Densities with which techniques find the path so far, each over that of scattering, by which the
-// path itself goes on: two_ends.h. Vertices that do not belong to the path yet have no part in
+// Densities with which the other end finds the path so far, each over that of scattering, by which
+// the path itself goes on: two_ends.h. Vertices that do not belong to the path yet have no part in
 // them.
 struct CameraEnd {
-  double light_paths = 0;  // Light paths; 0 where they cannot find the path.
-  bool is_first = true;    // No vertex has scattered the path yet.
+  RunningDensity<PathEnd::kCamera> light_paths;
+  bool is_first = true;  // No vertex has scattered the path yet.
 };
 struct LightEnd {
   uint32_t light = 0;
@@ -83,7 +84,7 @@ struct LightEnd {
   double scale = 0;          // Flux is throughput * scale.
   // With which the light emits the path, and with which the first vertex samples the light.
   double emitted = 0, sampled = 0;
-  double camera_paths = 1;  // Those of the camera's techniques, over `emitted` and light paths.
+  RunningDensity<PathEnd::kLight> camera_paths;  // Of the camera's techniques together.
   bool is_first = true, is_specular_first = false;
 };
 

@@ -93,7 +93,7 @@ struct SurfaceVertex {
     if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
       return LightSampleWeightBesideLight(c, *this, light, pdf, path);
     }
-    return light.is_delta ? 1.0f : MisWeight<C>(Technique::kLight, light.pdf, pdf);
+    return light.is_delta ? 1.0f : MisWeight<C>(FindsBy::kLightSample, light.pdf, pdf);
   }
   LightPathKind LightKind(const PathState<C>& path) const { return path.history.KindFromSurface(); }
   // Records that it scatters light from a rough lobe.
@@ -109,6 +109,10 @@ struct SurfaceVertex {
   // w: it carries flux through the true surface. Source: Veach 1997, sec. 5.3.
   float FluxFactor(Vec3f w, const PathState<C>& path) const {
     return std::fabs(Dot(w, point.ng) / Dot(path.ray.d, point.ng));
+  }
+  // The same ratio for the shading normal.
+  float ShadingCosines(Vec3f w) const {
+    return IsHair<C::kTraits>(bsdf) ? 1 : std::fabs(point.shading.ToLocal(w).z / wo_local.z);
   }
 
  private:
@@ -333,7 +337,7 @@ bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   if constexpr (C::kGuided) NoteGuiding(guided, density_scale, path);
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
-  NoteScattering(c, *this, wi, sample->pdf, sample->flags, path);
+  NoteScattering(c, *this, wi, sample->pdf, sample->flags, sample->eta_scale, path);
   path->roulette_scale = roulette_scale;
   return Continue(c, wi, *sample, u[3], path);
 }
@@ -347,22 +351,25 @@ bool SurfaceVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path)
   if (!AgreesOnSide(sample->wi.z, Dot(w, point.ng))) return false;
   LightEnd& end = path->other_end;
   const bool is_specular = (sample->flags & kBsdfSpecular) != 0;
+  const float flux = FluxFactor(w, *path);
+  const double cosines = 1 / static_cast<double>(flux);
+  StepDensities step;
   if (is_specular) {
     if (!IsReversible(c, w, sample->flags)) return false;
     // Radiance changes by 1 / eta^2 where it is refracted, flux does not.
-    const float cosines = IsHair<C::kTraits>(bsdf) ? 1 : std::fabs(wo_local.z / sample->wi.z);
-    path->throughput *= sample->weight * (sample->eta_scale * cosines * FluxFactor(w, *path));
-    end.camera_paths = CameraPathsAfterSpecular(end) * static_cast<double>(ScatteringShare());
+    const float shading = IsHair<C::kTraits>(bsdf) ? 1 : std::fabs(wo_local.z / sample->wi.z);
+    path->throughput *= sample->weight * (sample->eta_scale * shading * flux);
+    step = SpecularStep(static_cast<double>(ScatteringShare()),
+                        1 / static_cast<double>(sample->eta_scale), static_cast<double>(shading),
+                        cosines);
   } else {
     const BsdfValueOf<Color> value = SeenFrom(c, w).Eval(-path->ray.d);
-    const float flux = FluxFactor(w, *path);
     path->throughput *= value.f_cos * (flux / sample->pdf);
-    end.camera_paths = CameraPathsAfter(end, static_cast<double>(value.pdf)) *
-                       static_cast<double>(flux) / static_cast<double>(sample->pdf);
+    step = {static_cast<double>(value.pdf), static_cast<double>(sample->pdf), cosines};
   }
   if (path->throughput.IsBlack()) return false;
   if (end.is_first) end.is_specular_first = is_specular;
-  end.is_first = false;
+  NoteScatteringFromLight(step, is_specular, &end);
   return Continue(c, w, *sample, u[3], path);
 }
 

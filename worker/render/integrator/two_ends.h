@@ -3,20 +3,17 @@
 //
 // Weights of the techniques by which paths from the camera and from lights find the same light.
 // A path is x0 (lens), x1 ... xk (light). It is found by scattering that hits xk, by a sample of
-// the light at x(k-1), or by a light path that is connected from x1 to the lens. With the densities
-// of scattering at xi, per solid angle, forward(i) towards x(i+1) and backward(i) towards x(i-1),
-// all distances cancel, and the densities per area of the whole path have the ratio
+// the light at x(k-1), or by a light path that is connected from x1 to the lens. With the steps of
+// RunningDensity, the densities per area of the whole path have the ratio
 //
-//   light path / scattering = n / PdfWe(x1) * E * product i=2..k-1 of backward(i)
-//                                               / product i=1..k-1 of forward(i)
-//                             * product i=1..k-1 of |cos(xi, x(i+1))| / |cos(xi, x(i-1))|
+//   light path / scattering = n / PdfWe(x1) * E * product i=1..k-1 of the steps,
+//
+// where x1 has no backward density.
 //
 // n: light paths while each pixel sends one camera ray; E: LightEmission::DensityAt, and for the
 // emission of media, of which x(k-1) sees all along one line, MediaDensityAt. Both E and PdfWe are
-// per area that faces the ray. Cosines are those with geometric normals, and 1 in media. For a
-// sampled light, its pdf takes the place of forward(k-1). Vertices that scatter specularly count as
-// 1, cosines included.
-// Weights are those of the power heuristic. Sources: Veach 1997, ch. 9 and 10; docs/adr/0063.
+// per area that faces the ray. For a sampled light, its pdf takes the place of forward(k-1).
+// Sources: Veach 1997, ch. 9 and 10; docs/adr/0063, 0127.
 //
 // A vertex is a SurfaceVertex or a MediumVertex.
 #pragma once
@@ -24,12 +21,10 @@
 #include <cmath>
 
 #include "common/math/elementary.h"
+#include "worker/render/densities/weights.h"
 #include "worker/render/integrator/context.h"
 
 namespace sheaf::render {
-
-// The weight of a technique whose path others find with a and b times its density.
-inline float WeightAmong(double a, double b) { return static_cast<float>(1 / (1 + a * a + b * b)); }
 
 // --- Emission of media ---------------------------------------------------------------------------
 
@@ -61,29 +56,31 @@ void StartOtherEnd(const Context<C>& c, Vec3f p, PathState<C>* path) {
     Ray camera_ray = path->ray;
     camera_ray.o = path->camera_o;
     const double seen = c.scene.camera.PdfWe(camera_ray, p);
-    path->other_end.light_paths = seen > 0 ? c.scene.light_paths_per_pass / seen : 0;
+    path->other_end.light_paths.Start(seen > 0 ? c.scene.light_paths_per_pass / seen : 0);
   }
 }
 
-// The vertex scatters the path towards wi with the pdf.
+// The vertex scatters the path towards wi with the pdf. eta_scale: BsdfSample::eta_scale.
 template <typename C, typename Vertex>
 void NoteScattering(const Context<C>& c, const Vertex& vertex, Vec3f wi, float pdf, uint8_t flags,
-                    PathState<C>* path) {
+                    float eta_scale, PathState<C>* path) {
   if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
     CameraEnd& end = path->other_end;
-    if (end.light_paths == 0) return;
+    if (!end.light_paths.IsFound()) return;
+    const auto cosines = static_cast<double>(vertex.FluxFactor(wi, *path));
     if ((flags & kBsdfSpecular) != 0) {
       // A light path cannot be connected to the lens here, or leaves otherwise.
-      if (end.is_first || !vertex.IsReversible(c, wi, flags)) end.light_paths = 0;
-      end.light_paths /= static_cast<double>(vertex.ScatteringShare());
+      if (end.is_first || !vertex.IsReversible(c, wi, flags)) end.light_paths.Stop();
+      end.light_paths.Add(SpecularStep(static_cast<double>(vertex.ScatteringShare()),
+                                       static_cast<double>(eta_scale),
+                                       static_cast<double>(vertex.ShadingCosines(wi)), cosines));
     } else {
-      const double backward =
-          end.is_first
-              ? 1
-              : static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path->ray.d).pdf);
-      const auto cosines = static_cast<double>(vertex.FluxFactor(wi, *path));
-      end.light_paths *= backward * cosines / static_cast<double>(pdf);
-      if (!std::isfinite(end.light_paths)) end.light_paths = 0;  // The path arrived at grazing.
+      StepDensities step{.forward = static_cast<double>(pdf), .cosines = cosines};
+      if (!end.is_first) {
+        step.backward =
+            static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path->ray.d).pdf);
+      }
+      end.light_paths.Add(step);
     }
     end.is_first = false;
   }
@@ -98,7 +95,7 @@ bool EnterTexturedSubsurface(PathState<C>* path) {
     return true;
   }
   if constexpr (C::kFromLight) return false;
-  if constexpr (!C::kFromLight) path->other_end.light_paths = 0;
+  if constexpr (!C::kFromLight) path->other_end.light_paths.Stop();
   return true;
 }
 
@@ -106,7 +103,7 @@ bool EnterTexturedSubsurface(PathState<C>* path) {
 template <typename C>
 float WeightBesideLight(const Context<C>& c, double other, double light_paths) {
   if (c.scene.light_paths_alone && light_paths > 0) return 0;
-  return WeightAmong(other, light_paths);
+  return static_cast<float>(WeightOf(1.0, other, light_paths));
 }
 
 // The weight of light that the path's ray hits. sampled: the pdf with which the last vertex samples
@@ -114,19 +111,19 @@ float WeightBesideLight(const Context<C>& c, double other, double light_paths) {
 template <typename C>
 float HitWeight(const Context<C>& c, double sampled, double emitted, const PathState<C>& path) {
   const double other = path.specular ? 0 : sampled / static_cast<double>(path.pdf);
-  return WeightBesideLight(c, other, path.other_end.light_paths * emitted);
+  return WeightBesideLight(c, other, path.other_end.light_paths.ratio() * emitted);
 }
 
 // The density of light paths over that with which the vertex samples their light, in direction wi.
 template <typename C, typename Vertex>
 double LightPathsOverSample(const Context<C>& c, const Vertex& vertex, Vec3f wi, double emitted,
                             double sampled, const PathState<C>& path) {
-  double light_paths = path.other_end.light_paths * emitted *
-                       static_cast<double>(vertex.FluxFactor(wi, path));
+  StepDensities step{.forward = sampled,
+                     .cosines = static_cast<double>(vertex.FluxFactor(wi, path))};
   if (!path.other_end.is_first) {
-    light_paths *= static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path.ray.d).pdf);
+    step.backward = static_cast<double>(vertex.SeenFrom(c, wi).EvalScattering(-path.ray.d).pdf);
   }
-  return light_paths / sampled;
+  return path.other_end.light_paths.ratio() * emitted * step.LightOverCamera();
 }
 
 // The weight of a light sample at the vertex, towards which it scatters with the pdf.
@@ -136,7 +133,7 @@ float LightSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex,
                                    const PathState<C>& path) {
   const double sampled = static_cast<double>(light.pdf);
   const double other = light.is_delta ? 0 : static_cast<double>(pdf) / sampled;
-  if (!(path.other_end.light_paths > 0)) return WeightBesideLight(c, other, 0);
+  if (!path.other_end.light_paths.IsFound()) return WeightBesideLight(c, other, 0);
   const LightEmission& emission = *c.scene.emission;
   const double emitted = light.is_infinite && !light.is_delta
                              ? emission.InfiniteDensityAt(vertex.point.p, -light.wi)
@@ -152,7 +149,7 @@ template <typename C, typename Vertex>
 float MediaSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex, Vec3f w,
                                    double sampled, float pdf, const PathState<C>& path) {
   const double other = static_cast<double>(pdf) / sampled;
-  if (!(path.other_end.light_paths > 0)) return WeightBesideLight(c, other, 0);
+  if (!path.other_end.light_paths.IsFound()) return WeightBesideLight(c, other, 0);
   const double emitted = MediaDensityAt(c, vertex.point.p, w);
   return WeightBesideLight(c, other, LightPathsOverSample(c, vertex, w, emitted, sampled, path));
 }
@@ -177,6 +174,7 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
     end.emitted = emission.DensityAt(end.light, p, end.p, end.n, w);
   }
   if (!(end.emitted > 0)) return false;
+  end.camera_paths.Start(1 / end.emitted);
   if (!samples_lights) return true;
   if (end.is_medium) {
     end.sampled = MediaPdf(c, p, -w);
@@ -193,30 +191,36 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
   return true;
 }
 
-// The densities of the camera's techniques over that of light paths, after a vertex that scatters a
-// camera path with pdf `forward`; to be divided by `backward` and multiplied by the vertex's
-// FluxFactor. n / PdfWe is not included.
-inline double CameraPathsAfter(const LightEnd& end, double forward) {
-  if (!end.is_first) return end.camera_paths * forward;
-  return std::hypot(end.can_be_hit ? forward : 0, end.sampled) / end.emitted;
+// The density with which the camera's techniques together pass a vertex that scatters their paths
+// with pdf `forward`.
+inline double CameraPathsForward(const LightEnd& end, double forward, bool is_specular) {
+  if (!end.is_first) return forward;
+  const double hit = end.can_be_hit ? forward : 0;
+  return is_specular ? hit : std::hypot(hit, end.sampled);
 }
-inline double CameraPathsAfterSpecular(const LightEnd& end) {
-  if (!end.is_first) return end.camera_paths;
-  return end.can_be_hit ? 1 / end.emitted : 0;
+
+// A vertex scatters a path from a light, and a path from the camera as the step says.
+inline void NoteScatteringFromLight(StepDensities step, bool is_specular, LightEnd* end) {
+  step.forward = CameraPathsForward(*end, step.forward, is_specular);
+  end->camera_paths.Add(step);
+  end->is_first = false;
 }
 
 // The density of the camera's techniques over that of light paths at a connection to the lens.
-// flux: of the vertex, towards the lens. seen: as CameraConnection::ray_density.
+// forward: that of scattering; flux: of the vertex, towards the lens. seen: as
+// CameraConnection::ray_density.
 template <typename C>
 double CameraPathsAtLens(const Context<C>& c, double forward, double flux, double seen,
                          const PathState<C>& path) {
-  return CameraPathsAfter(path.other_end, forward) * flux * seen / c.scene.light_paths_per_pass;
+  const LightEnd& end = path.other_end;
+  return end.camera_paths.ratio() * CameraPathsForward(end, forward, false) * flux * seen /
+         c.scene.light_paths_per_pass;
 }
 
 // The weight of that connection.
 template <typename C>
 float ConnectionWeight(const Context<C>& c, double camera_paths) {
-  return c.scene.light_paths_alone ? 1 : WeightAmong(camera_paths, 0);
+  return c.scene.light_paths_alone ? 1 : static_cast<float>(WeightOf(1.0, camera_paths));
 }
 
 // The kind of light that the vertex, the last one, scatters to the camera.

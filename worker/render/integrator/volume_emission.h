@@ -24,14 +24,14 @@ float EmissionHitWeight(const Context<C>& c, const PathState<C>& path) {
   if constexpr (C::kBothEnds) {
     const double sampled = path.specular ? 0 : MediaPdf(c, path.from, path.ray.d);
     const bool is_reached =
-        path.other_end.light_paths > 0 && c.scene.media->BeginsLightPaths(path.media.set);
+        path.other_end.light_paths.IsFound() && c.scene.media->BeginsLightPaths(path.media.set);
     const double emitted = is_reached ? MediaDensityAt(c, path.from, path.ray.d) : 0;
     return HitWeight(c, sampled, emitted, path);
   } else {
     const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
     if (path.specular || lights.empty()) return 1;
     const float pdf = lights.Pdf(path.from, path.ray.d);
-    return pdf > 0 ? MisWeight<C>(Technique::kScattering, path.pdf, pdf) : 1;
+    return pdf > 0 ? MisWeight<C>(FindsBy::kHit, path.pdf, pdf) : 1;
   }
 }
 
@@ -90,7 +90,7 @@ void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C
     sum += arriving;
   };
   TraceTransmittance(c, ray, nullptr, {u[3], u[2]}, *path, media, add);
-  const float weight = MisWeight<C>(Technique::kLight, sample.pdf, value.pdf);
+  const float weight = MisWeight<C>(FindsBy::kLightSample, sample.pdf, value.pdf);
   if constexpr (C::kBothEnds) {
     const float shared = MediaSampleWeightBesideLight(
         c, vertex, sample.w, static_cast<double>(sample.pdf), value.pdf, *path);
