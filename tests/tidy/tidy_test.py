@@ -36,7 +36,7 @@ ROOMS = {
     "coordinator/service/http": "image < server < api < .",
     "coordinator/store": "database < .",
     "worker/render": "traits < color < sampling < densities < geometry "
-                     "< accel | camera | bsdf | light < guiding "
+                     "< accel | camera | bsdf | light < gather | guiding "
                      "< medium < material < plan < scene < integrator < . < ablation",
 }
 
