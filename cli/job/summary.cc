@@ -3,11 +3,13 @@
 #include "cli/job/summary.h"
 
 #include <algorithm>
+#include <optional>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/duration.h"
 #include "cli/progress_line.h"
+#include "common/scene/settings/techniques.h"
 #include "coordinator/core/frame/sample_rounds.h"
 
 namespace sheaf::cli {
@@ -112,6 +114,10 @@ std::string FormatBias(const v1::FrameSettings& settings) {
   if (settings.similarity_after_count() != 0) {
     bias = absl::StrCat(", biased: similarity after ", settings.similarity_after_count(),
                         " scatterings");
+  }
+  const std::optional<TechniqueSet> techniques = TechniqueSet::FromNumber(settings.techniques());
+  if (techniques && MergesLightPaths(*techniques)) {
+    absl::StrAppend(&bias, ", biased: light paths merged; errors include the bias");
   }
   if (settings.max_component_value() != 0) {
     absl::StrAppend(&bias, ", biased: samples clamped to ", settings.max_component_value());

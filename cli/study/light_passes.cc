@@ -18,7 +18,8 @@ constexpr uint64_t kMemoryDivisor = 2;
 
 int ThreadsInMemory(const render::CompiledScene& scene, int threads) {
   const FrameSettings& settings = SettingsOf(scene);
-  const uint64_t bytes = render::LightPassMemoryBytes(settings.window, {0, 1}, settings.outputs);
+  const uint64_t bytes =
+      render::LightPassMemoryBytes(settings.window, {0, 1}, LightOutputsOf(settings));
   const uint64_t passes = FindMemoryRoom().bytes / kMemoryDivisor / std::max<uint64_t>(bytes, 1);
   return static_cast<int>(std::clamp<uint64_t>(passes, 1, static_cast<uint64_t>(threads)));
 }
@@ -83,8 +84,8 @@ double LightPasses::CpuSeconds(int64_t frame_pixels) const {
 const FrameImage& LightPasses::Image() {
   if (!image_) {
     const FrameSettings& settings = SettingsOf(scene_);
-    image_ =
-        MakeFrameImage(settings.window, settings.width_px, settings.height_px, settings.outputs);
+    image_ = MakeFrameImage(settings.window, settings.width_px, settings.height_px,
+                            LightOutputsOf(settings));
     DevelopTile(tree_.Root(), &*image_);
   }
   return *image_;

@@ -13,6 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "common/film/denoised_output.h"
 #include "common/film/light_path_kind.h"
+#include "common/film/task_kind.h"
 
 namespace sheaf {
 namespace {
@@ -36,6 +37,7 @@ constexpr char kCameraSpace[] = "space:camera";
 constexpr char kLightPrefix[] = "light:";
 constexpr char kLightPaths[] = "light-paths";
 constexpr char kDenoisedWord[] = "denoised";
+constexpr char kMergeBiasWord[] = "merge-bias";
 constexpr char kCryptomatteWord[] = "cryptomatte:";
 // Layers of every image and part, in lower case.
 constexpr const char* kReservedLayers[] = {
@@ -124,6 +126,13 @@ std::vector<MeanChannel> MeanChannelsOf(const FilmOutputs& outputs) {
       channels.push_back({group + component, false, false, component[1] == 'R'});
     }
   }
+  if (HasMergeBias(outputs)) {
+    for (const auto& channel_of : {MergeBiasChannel, EvenMergeBiasChannel}) {
+      for (const char* component : {"R", "G", "B"}) {
+        channels.push_back({channel_of(component), false, false, component[0] == 'R'});
+      }
+    }
+  }
   return channels;
 }
 
@@ -133,12 +142,15 @@ size_t MeanChannelCount(const FilmOutputs& outputs) {
     if (outputs.Has(static_cast<Aov>(i))) count += ChannelCountOf(kAovs[i]);
   }
   if (HasDenoised(outputs)) count += kGuideCount;
+  if (HasMergeBias(outputs)) count += kMergeBiasMeanCount;
   return count;
 }
 
 size_t FirstGuideMean(const FilmOutputs& outputs) {
   if (!HasDenoised(outputs)) return SIZE_MAX;
-  return MeanChannelCount(outputs) - 3 * outputs.light_groups.size() - kGuideCount;
+  const size_t behind =
+      3 * outputs.light_groups.size() + (HasMergeBias(outputs) ? kMergeBiasMeanCount : 0);
+  return MeanChannelCount(outputs) - behind - kGuideCount;
 }
 
 const char* AovName(Aov aov) { return kAovs[static_cast<size_t>(aov)].name; }
@@ -190,6 +202,7 @@ std::string FormatOutputs(const FilmOutputs& outputs) {
   }
   if (outputs.camera_space) words.emplace_back(kCameraSpace);
   if (HasDenoised(outputs)) words.emplace_back(kDenoisedWord);
+  if (HasMergeBias(outputs)) words.emplace_back(kMergeBiasWord);
   if (outputs.light_paths) {
     words.emplace_back(kLightPaths);
   } else {
@@ -207,6 +220,8 @@ absl::StatusOr<FilmOutputs> ParseOutputs(std::string_view text) {
       outputs.camera_space = true;
     } else if (word == kDenoisedWord) {
       AddDenoised(&outputs);
+    } else if (word == kMergeBiasWord) {
+      AddMergeBias(&outputs);
     } else if (word == kLightPaths) {
       outputs.AddLightPaths();
     } else if (word.starts_with(kLightPrefix)) {

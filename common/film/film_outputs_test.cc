@@ -13,6 +13,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/film/film.h"
 #include "common/film/film_test_samples.h"
+#include "common/film/task_kind.h"
 
 namespace sheaf {
 namespace {
@@ -193,6 +194,10 @@ TEST(FilmOutputsTest, TextRoundTrips) {
       FormatOutputs(outputs),
       "position,normal-geometric,normal-shading,uv,motion,space:camera,light:default,light:key_1");
   EXPECT_EQ(*ParseOutputs(FormatOutputs(outputs)), outputs);
+  FilmOutputs of_light = outputs;
+  AddMergeBias(&of_light);
+  EXPECT_NE(of_light, outputs);
+  EXPECT_EQ(*ParseOutputs(FormatOutputs(of_light)), of_light);
   EXPECT_TRUE(ParseOutputs("")->empty());
   for (const char* text : {"uv,position", "uv,uv", "p", ",", "uv,", "UV", "light:",
                            "light:b,light:a", "light:a,light:a", "light:r07", "light:Albedo"}) {

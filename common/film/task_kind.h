@@ -12,6 +12,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
+
+#include "common/film/film_outputs.h"
 
 namespace sheaf {
 
@@ -25,6 +28,24 @@ inline constexpr size_t kGuidingFieldBytesMax = size_t{32} << 20;
 constexpr const char* TaskKindName(TaskKind kind) {
   if (kind == TaskKind::kTraining) return "training";
   return kind == TaskKind::kLight ? "light" : "camera";
+}
+
+// --- The bias of merging. Light passes whose paths are merged with camera paths blur the light,
+// and estimate by how much. The estimate is an output of the light tile alone, at the end of its
+// means: of all passes, and of those of even replicates, so that the two halves are independent.
+
+// The bit of FilmOutputs::aovs, beside those of Aov and kDenoisedBit.
+inline constexpr uint32_t kMergeBiasBit = 1U << 30;
+static_assert(kAovCount <= 30);
+inline bool HasMergeBias(const FilmOutputs& outputs) { return (outputs.aovs & kMergeBiasBit) != 0; }
+inline void AddMergeBias(FilmOutputs* outputs) { outputs->aovs |= kMergeBiasBit; }
+inline constexpr size_t kMergeBiasMeanCount = 6;
+// component: "R", "G" or "B".
+inline std::string MergeBiasChannel(const std::string& component) {
+  return "merge.bias." + component;
+}
+inline std::string EvenMergeBiasChannel(const std::string& component) {
+  return "merge.bias.even." + component;
 }
 
 }  // namespace sheaf

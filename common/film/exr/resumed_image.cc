@@ -150,6 +150,12 @@ absl::StatusOr<ResumedImage> ResumedImage::Make(FrameImage image, const FilmOutp
         "its depth was converted when it was written: continue from a copy written with "
         "--exr-depth ray");
   }
+  if (image.Find(MergeBiasChannel("R")) != nullptr) {
+    return Refuse(
+        "its light paths were merged with camera paths: the image has the bias of all passes, not "
+        "that of each half; continue the job itself with sheaf refine, or render without the "
+        "image");
+  }
   if (absl::Status status = CheckOutputs(outputs); !status.ok()) return status;
   const auto weight = image.metadata.find(kSampleWeightKey);
   if (weight != image.metadata.end() && weight->second == "signed") {

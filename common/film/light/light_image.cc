@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/film/task_kind.h"
 
 namespace sheaf {
 namespace {
@@ -45,6 +46,67 @@ bool StartsWith(const FrameImage& image, const FrameImage& first) {
          std::equal(first.channel_names.begin(), first.channel_names.end(), names.begin());
 }
 
+// The squared bias of merging, estimated about a pixel. Single pixels are too noisy: the mean over
+// the pixels next to it of the product of two independent estimates has the mean of their squared
+// biases as its expectation, where the square of one would include its noise.
+class SquaredBias {
+ public:
+  // component: "R", "G" or "B". The image must outlive it.
+  SquaredBias(const FrameImage& light, const std::string& component)
+      : window_(light.window),
+        passes_(light.Find("samples")),
+        all_(light.Find(MergeBiasChannel(component))),
+        even_(light.Find(EvenMergeBiasChannel(component))) {}
+
+  // Whether the image has an estimate.
+  bool present() const { return all_ != nullptr && even_ != nullptr; }
+  double At(int32_t x, int32_t y) const {
+    constexpr int32_t kReach = 3;
+    double sum = 0;
+    int count = 0;
+    for (int32_t v = std::max(y - kReach, window_.y0); v <= std::min(y + kReach, window_.y1 - 1);
+         ++v) {
+      const int32_t first = std::max(x - kReach, window_.x0);
+      size_t p = window_.IndexOf(first, v);
+      for (int32_t u = first; u <= std::min(x + kReach, window_.x1 - 1); ++u, ++p) {
+        sum += ProductAt(p);
+        ++count;
+      }
+    }
+    return std::max(0.0, sum / count);
+  }
+
+ private:
+  // Of the estimates by the passes of even replicates and by the others.
+  double ProductAt(size_t p) const {
+    const double passes = std::floor(double{(*passes_)[p]} + 0.5);
+    const double odd_passes = std::floor(passes / 2), even_passes = passes - odd_passes;
+    if (odd_passes == 0) return 0;
+    const double even = double{(*even_)[p]}, odd = double{(*all_)[p]} - even;
+    return even * odd * (passes / even_passes) * (passes / odd_passes);
+  }
+
+  const PixelRect window_;
+  const std::vector<float>* passes_;
+  const std::vector<float>* all_;
+  const std::vector<float>* even_;
+};
+
+void AddBias(const FrameImage& light, const PixelRect& rect, FrameImage* image) {
+  for (const char* component : kColors) {
+    const SquaredBias bias(light, component);
+    if (!bias.present()) return;
+    std::vector<float>& error = *image->Find(std::string("stderr.") + component);
+    for (int32_t y = rect.y0; y < rect.y1; ++y) {
+      size_t p = image->window.IndexOf(rect.x0, y);
+      for (int32_t x = rect.x0; x < rect.x1; ++x, ++p) {
+        error[p] =
+            static_cast<float>(std::sqrt(double{error[p]} * double{error[p]} + bias.At(x, y)));
+      }
+    }
+  }
+}
+
 float Quadrature(float a, float b) {
   return static_cast<float>(std::sqrt(double{a} * double{a} + double{b} * double{b}));
 }
@@ -55,14 +117,16 @@ void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect
               FrameImage* image) {
   SHEAF_CHECK(camera.window == image->window && light.window == image->window &&
               image->window.Contains(rect));
-  SHEAF_CHECK(camera.channel_names == light.channel_names && StartsWith(*image, camera));
+  SHEAF_CHECK(StartsWith(*image, camera));
   const std::vector<Sum> sums = SumsOf(camera);
   const auto width = static_cast<size_t>(rect.Width());
   for (size_t channel = 0; channel < sums.size(); ++channel) {
+    const std::vector<float>* const light_plane = light.Find(camera.channel_names[channel]);
+    SHEAF_CHECK(light_plane != nullptr);
     for (int32_t y = rect.y0; y < rect.y1; ++y) {
       const size_t row = image->window.IndexOf(rect.x0, y);
       const float* a = camera.planes[channel].data() + row;
-      const float* b = light.planes[channel].data() + row;
+      const float* b = light_plane->data() + row;
       float* out = image->planes[channel].data() + row;
       switch (sums[channel]) {
         case Sum::kNone:
@@ -77,6 +141,7 @@ void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect
       }
     }
   }
+  AddBias(light, rect, image);
 }
 
 std::string LightMeanChannel(const std::string& component) {
@@ -104,12 +169,18 @@ std::vector<LightLayerChannel> LightLayerChannels(const FilmOutputs& outputs) {
       channels.push_back({name, absl::StrCat(kLightLayerPrefix, "group.", name)});
     }
   }
+  if (HasMergeBias(outputs)) {
+    for (const char* component : kColors) {
+      const std::string name = MergeBiasChannel(component);
+      channels.push_back({name, name});
+    }
+  }
   return channels;
 }
 
 void SetLightLayer(const FrameImage& light, FrameImage* image) {
-  SHEAF_CHECK(light.window == image->window && StartsWith(*image, light));
-  for (const auto& [of_image, of_layer] : LightLayerChannels(image->outputs)) {
+  SHEAF_CHECK(light.window == image->window);
+  for (const auto& [of_image, of_layer] : LightLayerChannels(light.outputs)) {
     std::vector<float>* plane = image->Find(of_layer);
     if (plane == nullptr) {
       image->channel_names.push_back(of_layer);

@@ -18,8 +18,11 @@ namespace sheaf {
 // means of light (R, G, B, light groups or layers) are sums, standard errors add in quadrature, as
 // the two are independent, and counts of what is not finite add. All else is the camera's. Pixels
 // without light passes are the camera's.
-// Requires: three images from MakeFrameImage with the same arguments, developed by DevelopTile;
-// rect lies in their window. *image may have the light layer.
+// Where the light has an estimate of the bias of merging, its size is added to standard errors in
+// quadrature too: so intervals, stop rules and error estimates are those of noise and bias
+// together. Requires: three images from MakeFrameImage with the same arguments, but for the outputs
+// of the light, LightOutputsOf; developed by DevelopTile; rect lies in their window. *image may
+// have the light layer.
 void AddLight(const FrameImage& camera, const FrameImage& light, const PixelRect& rect,
               FrameImage* image);
 
@@ -33,7 +36,8 @@ struct LightLayerChannel {
 };
 // R, G, B > light.mean.{R,G,B}; stderr.{R,G,B} > light.stderr.{R,G,B}; samples > light.samples, the
 // number of light passes; nonfinite > light.nonfinite; then of each light group
-// NAME.{R,G,B} > light.group.NAME.{R,G,B}, in the order of the groups.
+// NAME.{R,G,B} > light.group.NAME.{R,G,B}, in the order of the groups; at last merge.bias.{R,G,B},
+// under the same names. outputs: of the light.
 std::vector<LightLayerChannel> LightLayerChannels(const FilmOutputs& outputs);
 // The name in the light layer of R, G or B, and of their standard errors.
 std::string LightMeanChannel(const std::string& component);

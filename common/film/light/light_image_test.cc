@@ -9,6 +9,7 @@
 #include "common/film/film.h"
 #include "common/film/film_test_samples.h"
 #include "common/film/light/light_pass_accumulator.h"
+#include "common/film/task_kind.h"
 
 namespace sheaf {
 namespace {
@@ -100,6 +101,57 @@ TEST(LightImageTest, LightGroupsAddAndWhatIsNotFiniteIsCounted) {
   EXPECT_EQ(At(image, "key.B", 1, 1), 0.5f + At(light, "key.B", 1, 1));
   EXPECT_EQ(At(image, "rim.B", 1, 1), 0);
   EXPECT_EQ(At(image, "nonfinite", 1, 1), 3);
+}
+
+// A light image whose passes have this bias in the whole window, with independent noise.
+FrameImage BiasedLight(const PixelRect& window, float bias, float noise) {
+  FilmOutputs outputs;
+  AddMergeBias(&outputs);
+  FilmTile tile(window, {0, 16}, outputs);
+  LightPassAccumulator film(&tile);
+  for (uint64_t pass = 0; pass < 16; ++pass) {
+    for (int32_t y = window.y0; y < window.y1; ++y) {
+      for (int32_t x = window.x0; x < window.x1; ++x) {
+        const float u = HashToUnit((pass * 4096 + static_cast<uint64_t>(y * 64 + x)));
+        film.AddBias(x, y, Rgb::Gray(bias + noise * (u - 0.5f)));
+      }
+    }
+    film.EndPass();
+  }
+  film.Finish();
+  FrameImage light = MakeFrameImage(window, window.x1, window.y1, outputs);
+  DevelopTile(tile, &light);
+  return light;
+}
+
+TEST(LightImageTest, ErrorsIncludeTheBiasOfMerging) {
+  constexpr PixelRect kWide{0, 0, 24, 24};
+  FrameImage camera = MakeFrameImage(kWide, 24, 24), image = camera;
+  camera.Find("stderr.G")->assign(24 * 24, 0.3f);
+  AddLight(camera, BiasedLight(kWide, -0.4f, 0), kWide, &image);
+  for (const int32_t x : {0, 12, 23}) {
+    EXPECT_FLOAT_EQ(At(image, "stderr.G", x, 5), 0.5f);
+    EXPECT_FLOAT_EQ(At(image, "stderr.R", x, 5), 0.4f);
+  }
+  // The noise of the estimate is no bias: without the product of halves it would be 0.1 here.
+  AddLight(camera, BiasedLight(kWide, 0, 1.4f), kWide, &image);
+  double square = 0;
+  for (const float error : *image.Find("stderr.R")) square += double{error} * double{error};
+  EXPECT_LT(std::sqrt(square / (24 * 24)), 0.05);
+  AddLight(camera, BiasedLight(kWide, 0.4f, 1.4f), {3, 4, 5, 6}, &image);
+  EXPECT_NEAR(At(image, "stderr.R", 4, 5), 0.4f, 0.08f);
+}
+
+TEST(LightImageTest, TheBiasOfMergingIsALayer) {
+  constexpr PixelRect kWide{0, 0, 8, 8};
+  FrameImage camera = MakeFrameImage(kWide, 8, 8), image = camera;
+  const FrameImage light = BiasedLight(kWide, 0.25f, 0);
+  AddLight(camera, light, kWide, &image);
+  EXPECT_EQ(image.Find("merge.bias.R"), nullptr);
+  SetLightLayer(light, &image);
+  EXPECT_FLOAT_EQ(At(image, "merge.bias.R", 3, 3), 0.25f);
+  EXPECT_EQ(image.Find("merge.bias.even.R"), nullptr);
+  EXPECT_EQ(At(image, "light.samples", 3, 3), 16);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/film/film_test_samples.h"
 #include "common/film/light/light_pass_accumulator.h"
+#include "common/film/task_kind.h"
 
 namespace sheaf {
 namespace {
@@ -17,6 +18,7 @@ constexpr PixelRect kPartWindow{0, 0, 64, 48};
 TEST(LightPartSizeTest, PartsAreNoLargerThanForeseen) {
   FilmOutputs outputs;
   outputs.light_groups = {"key", "rim"};
+  AddMergeBias(&outputs);
   constexpr uint64_t kHeaderBytes = 1 << 14;
   for (const uint64_t passes : {1, 4, 16}) {
     FilmTile tile(kPartWindow, {0, passes}, outputs);
@@ -28,6 +30,7 @@ TEST(LightPartSizeTest, PartsAreNoLargerThanForeseen) {
         };
         film.Add(i % 64, i / 64 % 48, {at(0), at(1), at(2)}, at(3),
                  at(4) < 0.5F ? size_t{0} : size_t{1});
+        film.AddBias(i % 64, i / 64 % 48, {at(5) - 0.5F, at(6), at(7)});
       }
       film.EndPass();
     }

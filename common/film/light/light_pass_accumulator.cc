@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/film/task_kind.h"
 #include "common/math/double_float.h"
 #include "common/math/wide_product.h"
 
@@ -38,7 +39,9 @@ void MergeInto(const std::vector<double>& left, std::vector<double>* right) {
 }  // namespace
 
 LightPassAccumulator::LightPassAccumulator(FilmTile* tile)
-    : tile_(tile), stride_(3 + 3 * tile->outputs().light_groups.size()) {
+    : tile_(tile),
+      bias_at_(3 + 3 * tile->outputs().light_groups.size()),
+      stride_(bias_at_ + (HasMergeBias(tile->outputs()) ? kMergeBiasMeanCount : 0)) {
   SHEAF_CHECK(tile->block().count <= kPassesMax);
   pass_.assign(stride_ * tile->plane_size(), 0);
 }
@@ -58,6 +61,16 @@ void LightPassAccumulator::Add(int32_t x, int32_t y, const Rgb& value, float wei
   }
   std::ranges::copy(*with, sums);
   if (group) std::ranges::copy(*with_group, of_group);
+}
+
+void LightPassAccumulator::AddBias(int32_t x, int32_t y, const Rgb& bias) {
+  const PixelRect& rect = tile_->rect();
+  if (x < rect.x0 || x >= rect.x1 || y < rect.y0 || y >= rect.y1 || bias_at_ == stride_) return;
+  double* const sums = pass_.data() + rect.IndexOf(x, y) * stride_ + bias_at_;
+  const auto with = SumWith(sums, bias, 1);
+  if (!with) return;
+  std::ranges::copy(*with, sums);
+  if (ReplicateOf(tile_->block().first + pass_count_) % 2 == 0) std::ranges::copy(*with, sums + 3);
 }
 
 void LightPassAccumulator::EndPass() {
@@ -89,8 +102,7 @@ void LightPassAccumulator::EndPass() {
 void LightPassAccumulator::Finish() {
   SHEAF_CHECK(pass_count_ == tile_->block().count && stack_.size() == 1);
   const Sums& root = stack_.front();
-  const size_t group_count = tile_->outputs().light_groups.size();
-  const size_t first_mean = tile_->mean_count() - 3 * group_count;
+  const size_t first_mean = tile_->mean_count() - (stride_ - 3);
   for (size_t i = 0; i < stride_; ++i) {
     float* const hi = i < 3 ? tile_->channel(kHeads[i]) : tile_->mean(first_mean + i - 3, 0);
     float* const lo = i < 3 ? tile_->channel(kTails[i]) : tile_->mean(first_mean + i - 3, 1);

@@ -8,7 +8,8 @@
 // were divided into tasks.
 //
 // Memory: besides the tile, 24 bytes a pixel for each of the sums that are under way, at most
-// 2 + log2 of the number of passes, and as much again for each light group.
+// 2 + log2 of the number of passes, as much again for each light group, and twice as much for the
+// bias.
 #pragma once
 
 #include <cstddef>
@@ -38,6 +39,9 @@ class LightPassAccumulator {
   // kSampleMagnitudeMax, is in no sum, but counted in the pixel's kNonFiniteCount.
   // Requires: group is below the number of light groups.
   void Add(int32_t x, int32_t y, const Rgb& value, float weight, std::optional<size_t> group);
+  // Adds to the estimate of the bias of a pixel's value in the pass. Nothing happens outside of the
+  // tile, for values that are not finite, and in tiles without HasMergeBias.
+  void AddBias(int32_t x, int32_t y, const Rgb& bias);
   // Counts a splat that is not finite and of which no pixel is known, in the tile's first pixel.
   void CountLost() { ++tile_->channel(FilmChannel::kNonFiniteCount)[0]; }
   void EndPass();
@@ -45,10 +49,12 @@ class LightPassAccumulator {
   void Finish();
 
  private:
-  // Sums of one node of the tree, values of DoubleFloats: [pixel][R, G, B, those of each group].
+  // Sums of one node of the tree, values of DoubleFloats: [pixel][R, G, B, those of each group, of
+  // the bias, and of the bias in passes of even replicates].
   using Sums = std::vector<double>;
 
   FilmTile* const tile_;
+  const size_t bias_at_;      // The first sum of a pixel's bias.
   const size_t stride_;       // Sums of a pixel.
   Sums pass_;                 // Of the pass under way.
   std::vector<Sums> stack_;   // Of complete nodes, as NodeStack in film_tile.cc has them.

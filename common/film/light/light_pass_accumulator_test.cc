@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "common/film/film_test_samples.h"
+#include "common/film/task_kind.h"
 #include "common/film/tile_tree.h"
 #include "common/math/double_float.h"
 
@@ -34,7 +35,10 @@ std::vector<Splat> SplatsOf(uint64_t pass) {
   for (int i = 0; i < 60; ++i) {
     const auto x = static_cast<int32_t>(next() * 9), y = static_cast<int32_t>(next() * 7);
     const float scale = next() < 0.1f ? 1e6f : 1.0f;
-    splats.push_back({x, y, {next() * scale, next(), next() * 0.01f}, next() - 0.3f,
+    splats.push_back({x,
+                      y,
+                      {next() * scale, next(), next() * 0.01f},
+                      next() - 0.3f,
                       next() < 0.5f ? size_t{0} : size_t{1}});
   }
   return splats;
@@ -134,7 +138,7 @@ TEST(LightPassAccumulatorTest, WhatIsNotFiniteIsCountedAndDropped) {
   film.Add(3, 2, {1, kInfinity, 3}, 1, std::nullopt);
   film.Add(3, 2, {std::nanf(""), 0, 0}, 0.5f, std::nullopt);
   film.Add(4, 2, {0, 0, 1e30f}, 1, std::nullopt);
-  film.Add(4, 2, {0, 0, 1e30f}, 1, std::nullopt);  // The sum would be too large.
+  film.Add(4, 2, {0, 0, 1e30f}, 1, std::nullopt);      // The sum would be too large.
   film.Add(0, 0, {kInfinity, 0, 0}, 1, std::nullopt);  // Outside.
   film.CountLost();
   film.EndPass();
@@ -148,6 +152,30 @@ TEST(LightPassAccumulatorTest, WhatIsNotFiniteIsCountedAndDropped) {
   EXPECT_EQ(tile.channel(FilmChannel::kBlueHi)[p], 3);
   EXPECT_EQ(tile.channel(FilmChannel::kBlueHi)[q], 1e30f);
   EXPECT_EQ(tile.channel(FilmChannel::kSampleCount)[p], 1);
+}
+
+TEST(LightPassAccumulatorTest, SumsTheBiasOfAllPassesAndOfEvenOnes) {
+  FilmOutputs outputs = TwoGroups();
+  AddMergeBias(&outputs);
+  FilmTile tile(kRect, {4, 4}, outputs);
+  LightPassAccumulator film(&tile);
+  for (uint64_t pass = 4; pass < 8; ++pass) {
+    film.Add(3, 2, {1, 1, 1}, 1, size_t{1});
+    film.AddBias(3, 2, {static_cast<float>(pass), 0, 1});
+    film.AddBias(3, 2, {1, 0, 0});
+    film.AddBias(99, 2, {1, 1, 1});
+    film.AddBias(3, 3, {kInfinity, 0, 0});
+    film.EndPass();
+  }
+  film.Finish();
+  const size_t p = kRect.IndexOf(3, 2), first = tile.mean_count() - kMergeBiasMeanCount;
+  EXPECT_EQ(tile.mean(first, 0)[p], 4 + 5 + 6 + 7 + 4);
+  EXPECT_EQ(tile.mean(first + 2, 0)[p], 4);
+  EXPECT_EQ(tile.mean(first + 3, 0)[p], 4 + 6 + 2);
+  EXPECT_EQ(tile.mean(first + 5, 0)[p], 2);
+  EXPECT_EQ(tile.mean(first, 0)[kRect.IndexOf(3, 3)], 0);
+  EXPECT_EQ(tile.mean(first - 1, 0)[p], 4) << "the light groups come before";
+  EXPECT_EQ(tile.channel(FilmChannel::kRedHi)[p], 4);
 }
 
 }  // namespace

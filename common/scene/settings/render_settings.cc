@@ -242,6 +242,16 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   return resolved;
 }
 
+FilmOutputs LightOutputsOf(const FrameSettings& settings) {
+  FilmOutputs outputs = settings.outputs;
+  if (MergesLightPaths(settings.techniques)) AddMergeBias(&outputs);
+  return outputs;
+}
+
+FilmOutputs OutputsOf(TaskKind kind, const FrameSettings& settings) {
+  return kind == TaskKind::kLight ? LightOutputsOf(settings) : settings.outputs;
+}
+
 std::string ComparisonNote(const SceneDescription& scene, const FrameSettings& settings) {
   if (settings.single_scattering ||
       std::none_of(scene.materials.begin(), scene.materials.end(), ScattersLostLight)) {

@@ -14,6 +14,7 @@
 #include "common/film/film_outputs.h"
 #include "common/film/image_color.h"
 #include "common/film/pixel_lattice.h"
+#include "common/film/task_kind.h"
 #include "common/film/tile_geometry.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/settings/techniques.h"
@@ -93,6 +94,12 @@ struct FrameSettings {
 constexpr bool IsLightSamples(int32_t count) {
   return count == 0 || (count >= 2 && count <= kLightSamplesMax);
 }
+
+// The outputs of the frame's light passes: settings.outputs, and the estimate of bias where light
+// paths are merged (common/film/task_kind.h).
+FilmOutputs LightOutputsOf(const FrameSettings& settings);
+// The outputs of the parts of a kind of task.
+FilmOutputs OutputsOf(TaskKind kind, const FrameSettings& settings);
 
 // Errors: kInvalidArgument for an empty crop, 0 samples, a depth, similarity_after or
 // light_samples out of range, a frame beyond limits, outputs that the scene's camera does not have,

@@ -29,6 +29,7 @@ constexpr TechniqueRow kTechniques[] = {
     {Technique::kLightPathsAlone, "", {Technique::kLightPaths}},
     {Technique::kGuiding, "guiding", {}, true},
     {Technique::kSplitting, "splitting", {Technique::kGuiding}, true},
+    {Technique::kMerging, "merging", {Technique::kLightPaths}},
 };
 
 // The first thing that a technique of the set needs and lacks; both are words of names.

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TechniqueSet: the ways in which the integrator finds paths between lights and the camera. All
-// have the same mean; they differ in noise and cost (docs/adr/0063-light-paths.md, 0126).
-// Thread-safe.
+// but merging have the same mean; they differ in noise and cost (docs/adr/0063-light-paths.md,
+// 0126, 0130). Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -33,6 +33,9 @@ enum class Technique : uint8_t {
   // Camera paths are split: several go on from a vertex, where the field knows that what they find
   // matters to the pixel and is uncertain.
   kSplitting = 3,
+  // Light paths are merged with camera paths at the first rough vertex behind specular ones, within
+  // a radius that shrinks with the samples. This blurs the light: it alone changes the mean.
+  kMerging = 4,
 };
 
 // The techniques of a frame: paths from the camera and what is added to them.
@@ -124,6 +127,11 @@ constexpr bool IsGuided(TechniqueSet techniques) { return techniques.Has(Techniq
 // Whether camera paths are split.
 constexpr bool SplitsPaths(TechniqueSet techniques) {
   return techniques.Has(Technique::kSplitting);
+}
+
+// Whether light paths are merged with camera paths.
+constexpr bool MergesLightPaths(TechniqueSet techniques) {
+  return techniques.Has(Technique::kMerging);
 }
 
 // The names of all sets, in the order of their numbers.

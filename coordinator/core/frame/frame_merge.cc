@@ -40,7 +40,9 @@ FrameMerge::FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_
   SHEAF_CHECK(samples_.size() == grid_.cells().size());
   if (has_light_) {
     samples_.push_back(std::ranges::max(samples_));
-    camera_.image = light_.image = image_;
+    camera_.image = image_;
+    light_.image = MakeFrameImage(image_.window, image_.frame_width_px, image_.frame_height_px,
+                                  LightOutputsOf(spec.settings), image_.color);
   }
   if (!spec.settings.one_sequence && spec.settings.lattice.All()) {
     camera_.error_sample.emplace(spec.settings.window);

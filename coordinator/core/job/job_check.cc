@@ -106,7 +106,7 @@ int64_t TaskCountMin(const FrameSpec& frame, const Partition& partition, const L
 
 uint64_t LightPassesMax(const FrameSettings& settings, const Limits& limits) {
   const auto fits = [&](uint64_t passes) {
-    return LightPartBytes(settings.window.PixelCount(), settings.outputs, passes) <=
+    return LightPartBytes(settings.window.PixelCount(), LightOutputsOf(settings), passes) <=
            limits.light_part_bytes_max;
   };
   uint64_t passes = limits.light_pass_count_max;

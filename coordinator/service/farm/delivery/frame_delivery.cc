@@ -55,6 +55,10 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
     metadata["similarityAfter"] = absl::StrCat(s.similarity_after);
     metadata["bias"] = "similarity";
   }
+  if (MergesLightPaths(s.techniques)) {
+    std::string& bias = metadata["bias"];
+    absl::StrAppend(&bias, bias.empty() ? "" : ", ", "merging");
+  }
   if (s.max_component_value != 0) {
     metadata["maxComponentValue"] = absl::StrCat(s.max_component_value);
     std::string& bias = metadata["bias"];

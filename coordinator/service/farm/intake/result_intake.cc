@@ -41,7 +41,7 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
   if (!(part.tile.rect() == report.tile)) return "the part belongs to another tile";
   if (!(part.tile.block() == report.block)) return "the part has other samples than its task";
   if (part.header.cells != report.cells) return "the part has other cells than its task";
-  if (!(part.tile.outputs() == settings.outputs)) {
+  if (!(part.tile.outputs() == OutputsOf(report.kind, settings))) {
     return "the part has other outputs than the job";
   }
   if (part.header.kind != report.kind) return "the part has another kind of paths than its task";
