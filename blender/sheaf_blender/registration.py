@@ -48,7 +48,8 @@ class SheafSettings(bpy.types.PropertyGroup):
     max_depth: bpy.props.IntProperty(name="Bounces", min=0, max=100, default=12)
     seed: bpy.props.IntProperty(name="Seed", min=0, default=0)
     techniques: bpy.props.EnumProperty(name="Techniques", items=[
-        (name, name, "") for name in ("camera", "auto", "camera+light", "camera+guiding",
+        (name, name, "") for name in ("camera", "auto", "camera+light", "camera+light+merging",
+                                      "camera+guiding",
                                       "camera+light+guiding", "camera+guiding+splitting",
                                       "camera+light+guiding+splitting")], default="camera")
     filter_type: bpy.props.EnumProperty(name="Pixel Filter", items=(

@@ -43,6 +43,8 @@ BOTH = ("--techniques", "camera+light")
 SMALL = ("--tile-size", 16, "--pass-samples", 4, "--lease-passes", 1)
 SAMPLES = 42  # Not a multiple of 16: the last light passes are those of few replicates.
 JOB = ("--samples", SAMPLES, *BOTH)
+# Light paths that are merged with camera paths behind the ball.
+MERGED = ("--samples", SAMPLES, "--techniques", "camera+light+merging")
 KILLS = 3
 
 
@@ -57,6 +59,7 @@ class LightPathsTest(unittest.TestCase):
         with open(cls.scene, "w", encoding="utf-8") as f:
             f.write(SCENE)
         cls.expected = cls.rendered("expected", *JOB)
+        cls.merged = cls.rendered("merged", *MERGED)
 
     @classmethod
     def tearDownClass(cls):
@@ -83,14 +86,15 @@ class LightPathsTest(unittest.TestCase):
 
     def test_techniques_give_different_images(self):
         digests = {self.rendered("t", "--samples", SAMPLES, "--techniques", t)
-                   for t in ("camera", "camera+light", "light")}
-        self.assertEqual(len(digests), 3)
+                   for t in ("camera", "camera+light", "light", "camera+light+merging")}
+        self.assertEqual(len(digests), 4)
 
     def test_in_one_process(self):
         for arguments in (SMALL, ("--tile-size", 64, "--pass-samples", 64), ("--threads", 3),
                           ("--generic",)):
             with self.subTest(arguments=arguments):
                 self.assertEqual(self.rendered("p", *JOB, *arguments), self.expected)
+                self.assertEqual(self.rendered("p", *MERGED, *arguments), self.merged)
 
     def test_one_worker(self):
         with farm.Farm() as f:
@@ -98,16 +102,19 @@ class LightPathsTest(unittest.TestCase):
             job = f.sheaf("submit", self.scene, *JOB, *SMALL).stdout.strip()
             self.assertEqual(self.finished(f, job), self.expected)
             self.check_nothing_was_done_twice(f)
+            job = f.sheaf("submit", self.scene, *MERGED, *SMALL).stdout.strip()
+            self.assertEqual(self.finished(f, job), self.merged)
 
     def test_four_workers_of_which_one_is_killed(self):
         with farm.Farm(["--lease-seconds", "2"]) as f:
             for _ in range(4):
                 f.start_worker()
             job = f.sheaf("submit", self.scene, *JOB, *SMALL).stdout.strip()
+            merged = f.sheaf("submit", self.scene, *MERGED, *SMALL).stdout.strip()
             farm.wait_until(f.acknowledged, 60, "the first result")
             f.kill(self.random.choice(f.workers))
             self.assertEqual(self.finished(f, job), self.expected)
-            self.check_nothing_was_done_twice(f)
+            self.assertEqual(self.finished(f, merged), self.merged)
 
     def test_killed_coordinators(self):
         samples = ("--samples", 8 * SAMPLES, *BOTH)
@@ -129,6 +136,9 @@ class LightPathsTest(unittest.TestCase):
         rule = ("--target-error", "3e-3", "--samples", 512, *BOTH)
         expected = self.rendered("rounds", *rule)
         self.assertEqual(self.rendered("rounds", *rule, "--threads", 2), expected)
+        merged = ("--target-error", "3e-3", "--samples", 512, *MERGED[2:])
+        self.assertEqual(self.rendered("rounds", *merged, "--threads", 2),
+                         self.rendered("rounds", *merged))
         with farm.Farm() as f:
             for _ in range(2):
                 f.start_worker()

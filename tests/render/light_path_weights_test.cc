@@ -5,6 +5,7 @@
 // followed again from the camera, vertex by vertex, and all weights computed for the same path. For
 // a path that begins in emissive media, they are those of all light along its line.
 // With guiding, the camera's densities are those of a field that a training has learned.
+// Where light paths are merged, the camera sees the paths in a mirror.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -37,6 +38,7 @@ struct Path {
   Vec3f p_lens;
   std::vector<Vec3f> points;
   LightEnd light;
+  Vec3f arrives_along{};  // The light path, at points[0].
 };
 
 template <uint32_t kTraits>
@@ -49,10 +51,11 @@ class WeightsTest : public ::testing::Test {
   static constexpr bool kGuided = Has(kTraits, Trait::kGuiding);
   static constexpr bool kEmission = Has(kTraits, Trait::kEmissiveMedia);
 
-  void Load(const TestScene& test_scene) {
+  void Load(const TestScene& test_scene, bool merges = false) {
     FrameSettings settings = SquareSettings(16, 1, 8);
     settings.techniques =
         kGuided ? TechniqueSet::kCameraAndLightGuided : TechniqueSet::kCameraAndLight;
+    if (merges) settings.techniques = settings.techniques.With(Technique::kMerging);
     compiled_ = Compile(test_scene.scene, settings, kSmallTraining);
     ASSERT_TRUE(EnsureGuiding(*compiled_, {}).ok());
   }
@@ -65,8 +68,16 @@ class WeightsTest : public ::testing::Test {
   // The weights of all random paths of the scenes, of so many light paths each.
   void ExpectSumsOfOne(const std::vector<TestScene>& scenes, uint64_t light_paths = 2'000);
 
+  // The same, seen in a mirror.
+  void ExpectSumsOfOneInMirror(const std::vector<TestScene>& scenes);
+
   // The camera's weights for the path; none where rounding or a cut-off leads elsewhere.
   std::optional<Weights> FromTheCamera(const Path& path);
+  // All weights for the path, which the camera sees in the mirror; none where it does not.
+  std::optional<Weights> InTheMirror(const Path& path);
+  // Follows the path from its first point on, at which it has arrived.
+  std::optional<Weights> FollowFrom(const Context<FromCamera>& c, const Path& followed,
+                                    SurfaceVertex<FromCamera>* at, PathState<FromCamera>* path);
   // Those at the last vertex, towards its light.
   Weights WeightsAt(const Context<FromCamera>& c, const SurfaceVertex<FromCamera>& at, Vec3f wi,
                     const LightEnd& end, PathState<FromCamera>* path);
@@ -113,10 +124,11 @@ void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, 
       const Rgb transmittance = TransmittanceToLens(c, *at, *seen, {}, path);
       if (!value.f_cos.IsBlack() && !transmittance.IsBlack()) {
         const double camera_paths = CameraPathsAtLens(
-            c, static_cast<double>(value.pdf),
-            static_cast<double>(at->FluxFactor(seen->wi, path)), seen->ray_density, path);
+            c, static_cast<double>(value.pdf), static_cast<double>(at->FluxFactor(seen->wi, path)),
+            seen->ray_density, path);
         const float weight = ConnectionWeight(c, camera_paths);
-        paths->push_back({{seen->p_lens, points, path.other_end}, static_cast<double>(weight)});
+        paths->push_back({{seen->p_lens, points, path.other_end, Normalize(path.ray.d)},
+                          static_cast<double>(weight)});
       }
     }
     if (!at->ScatterFromLight(c, &path) || path.specular) return;
@@ -129,7 +141,7 @@ Weights WeightsTest<kTraits>::WeightsAt(const Context<FromCamera>& c,
                                         const LightEnd& end, PathState<FromCamera>* path) {
   const float pdf = at.Eval(wi).pdf;
   const auto scatter = [&] {
-    NoteScattering(c, at, wi, pdf, 0, path);
+    NoteScattering(c, at, wi, pdf, 0, 1, path);
     path->specular = false;
     path->pdf = pdf;
     path->from = at.point.p;
@@ -177,23 +189,101 @@ std::optional<Weights> WeightsTest<kTraits>::FromTheCamera(const Path& followed)
   path.ray.o = path.camera_o = followed.p_lens;
   path.ray.d = Normalize(followed.points[0] - followed.p_lens);
   if constexpr (FromCamera::kMedia) StartInMedia(c, &path);
+  Vertex<FromCamera> vertex;
+  return FollowFrom(c, followed, NextSurface(c, &path, &vertex), &path);
+}
+
+template <uint32_t kTraits>
+std::optional<Weights> WeightsTest<kTraits>::FollowFrom(const Context<FromCamera>& c,
+                                                        const Path& followed,
+                                                        SurfaceVertex<FromCamera>* at,
+                                                        PathState<FromCamera>* path) {
   FilmSample unused;
   Vertex<FromCamera> vertex;
   for (size_t i = 0; i < followed.points.size(); ++i) {
-    auto* at = NextSurface(c, &path, &vertex);
+    if (i > 0) at = NextSurface(c, path, &vertex);
     const float near = 1e-4f * Length(followed.points[i]);
     if (at == nullptr || Length(at->point.p - followed.points[i]) > near) return std::nullopt;
-    if (!at->Arrive(c, &path, &unused)) return std::nullopt;
+    if (!at->Arrive(c, path, &unused)) return std::nullopt;
     const bool is_last = i + 1 == followed.points.size();
     const Vec3f target = is_last ? followed.light.p : followed.points[i + 1];
     const Vec3f wi = Normalize(target - at->point.p);
-    if (is_last) return WeightsAt(c, *at, wi, followed.light, &path);
-    NoteScattering(c, *at, wi, at->Eval(wi).pdf, 0, &path);
-    path.specular = false;
-    Leave(at->point, wi, &path.ray);
-    path.ray.d = wi;
+    if (is_last) return WeightsAt(c, *at, wi, followed.light, path);
+    NoteScattering(c, *at, wi, at->Eval(wi).pdf, 0, 1, path);
+    path->specular = false;
+    Leave(at->point, wi, &path->ray);
+    path->ray.d = wi;
   }
   return std::nullopt;
+}
+
+// The mirror of AddMirror.
+constexpr double kMirrorX = 1.8;
+
+template <uint32_t kTraits>
+std::optional<Weights> WeightsTest<kTraits>::InTheMirror(const Path& followed) {
+  const Sampler sampler(9, 0, 0, 0);
+  LightGroups<Rgb> groups;
+  const Context<FromCamera> c = ContextOf<FromCamera>(sampler, groups);
+  PathState<FromCamera> path;
+  path.ray.o = path.camera_o = followed.p_lens;
+  const auto x = static_cast<float>(kMirrorX - compiled_->geometry.render_origin_world.x);
+  Vec3f image = followed.points[0];
+  image.x = 2 * x - image.x;
+  path.ray.d = Normalize(image - followed.p_lens);
+  if constexpr (FromCamera::kMedia) StartInMedia(c, &path);
+  FilmSample unused;
+  Vertex<FromCamera> vertex;
+  SurfaceVertex<FromCamera>* at = NextSurface(c, &path, &vertex);
+  if (at == nullptr || !at->bsdf.specular || !at->Arrive(c, &path, &unused)) return std::nullopt;
+  EXPECT_EQ(path.other_end.merge_radius, 0);
+  if (!at->Scatter(c, &path)) return std::nullopt;
+  at = NextSurface(c, &path, &vertex);
+  if (at == nullptr) return std::nullopt;
+  SurfaceVertex<FromCamera> first = *at;
+  std::optional<Weights> weights = FollowFrom(c, followed, &first, &path);
+  if (!weights) return std::nullopt;
+  EXPECT_GT(path.other_end.merge_radius, 0);
+  // What a light path that is merged there weighs.
+  const Context<FromLight> of_light = ContextOf<FromLight>(sampler, groups);
+  PathState<FromLight> arrived;
+  arrived.other_end = followed.light;
+  GatherPointOf<Rgb> stored;
+  first.Store(&stored);
+  const SurfaceVertex<FromLight> seen(of_light, first.point.p, stored);
+  const Vec3f d = followed.arrives_along;
+  const double cosine = std::fabs(static_cast<double>(Dot(d, stored.ng)));
+  weights->light_path = static_cast<double>(ConnectionWeight(
+      of_light, CameraPathsAtMerge(of_light, static_cast<double>(seen.Eval(-d).pdf),
+                                   path.other_end.merge_radius, cosine, arrived)));
+  return weights;
+}
+
+template <uint32_t kTraits>
+void WeightsTest<kTraits>::ExpectSumsOfOneInMirror(const std::vector<TestScene>& scenes) {
+  int compared = 0, longest = 0, merged = 0, off = 0;
+  for (const TestScene& scene : scenes) {
+    Load(scene, /*merges=*/true);
+    std::vector<std::pair<Path, double>> paths;
+    for (uint64_t i = 0; i < 4'000; ++i) AddPaths(i, &paths);
+    for (const auto& path : paths) {
+      const std::optional<Weights> weights = InTheMirror(path.first);
+      if (!weights) continue;
+      ++compared;
+      longest = std::max(longest, static_cast<int>(path.first.points.size()));
+      merged += weights->light_path > 0.1;
+      if (std::fabs(weights->Sum() - 1) <= 2e-4) continue;
+      ++off;
+      EXPECT_TRUE(kGuided) << path.first.points.size() << " vertices: " << weights->light_path
+                           << " + " << weights->sampled << " + " << weights->hit;
+    }
+  }
+  std::printf("%d paths in the mirror, %d by merging, up to %d vertices, %d off\n", compared,
+              merged, longest, off);
+  EXPECT_LE(off, kGuided ? compared / 100 : 0);
+  EXPECT_GT(compared, 1'000);
+  EXPECT_GT(merged, compared / 20);
+  EXPECT_GE(longest, 3);
 }
 
 template <uint32_t kTraits>
@@ -241,6 +331,21 @@ std::vector<TestScene> RoughScenes() {
   return {lamp, Glossy({1}), LitRoom(1)};
 }
 
+// The same beside a mirror that the camera sees.
+std::vector<TestScene> MirroredScenes() {
+  std::vector<TestScene> scenes{Diffuse({1}), Glossy({1})};
+  ConductorMaterial mirror;
+  mirror.has_reflectance = true;
+  mirror.reflectance.value.rgb = Rgb::Gray(1);
+  constexpr auto kX = static_cast<float>(kMirrorX);
+  for (TestScene& t : scenes) {
+    t.AddShape(
+        MeshShape{t.Quad({kX, 0.02f, -3}, {kX, 0.02f, 1.9f}, {kX, 2.9f, 1.9f}, {kX, 2.9f, -3})},
+        t.AddMaterial(mirror));
+  }
+  return scenes;
+}
+
 constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
 using LightPathWeightsTest = WeightsTest<kPlainTraits>;
 using GuidedPathWeightsTest = WeightsTest<Guided(kPlainTraits)>;
@@ -249,6 +354,12 @@ using FlameWeightsTest = WeightsTest<kCloudTraits>;
 
 TEST_F(LightPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
 TEST_F(GuidedPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
+TEST_F(LightPathWeightsTest, SumToOneWhereLightPathsAreMerged) {
+  ExpectSumsOfOneInMirror(MirroredScenes());
+}
+TEST_F(GuidedPathWeightsTest, SumToOneWhereLightPathsAreMerged) {
+  ExpectSumsOfOneInMirror(MirroredScenes());
+}
 TEST_F(GasWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne({SmokelessRoom()}, 5'000); }
 TEST_F(FlameWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne({RoomWithFlame()}, 5'000); }
 

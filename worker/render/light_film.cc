@@ -37,10 +37,7 @@ class FilteredSplats : public SplatSink {
   }
 
   void Add(Vec2d raster, const Rgb& radiance, LightPathKind kind, uint32_t group) override {
-    std::optional<size_t> layer;
-    if (!film_.outputs.light_groups.empty()) {
-      layer = film_.outputs.light_paths ? static_cast<size_t>(kind) : size_t{group};
-    }
+    const std::optional<size_t> layer = LayerOf(kind, group);
     const bool is_placed = std::isfinite(raster.x) && std::isfinite(raster.y);
     if (!is_placed || !IsFinite(radiance)) Report(raster);
     if (!is_placed) return sums_.CountLost();
@@ -50,7 +47,19 @@ class FilteredSplats : public SplatSink {
     for (const Vec2d& image : ImagesOf(film_, raster, radius_)) AddAt(image, radiance, layer);
   }
 
+  void AddMerged(int32_t x, int32_t y, const Rgb& radiance, const Rgb& bias, LightPathKind kind,
+                 uint32_t group) override {
+    if (!IsFinite(radiance)) Report({x + 0.5, y + 0.5});
+    sums_.Add(x, y, radiance, 1, LayerOf(kind, group));
+    sums_.AddBias(x, y, bias);
+  }
+
  private:
+  // The layer beside the image; none if the film has no such.
+  std::optional<size_t> LayerOf(LightPathKind kind, uint32_t group) const {
+    if (film_.outputs.light_groups.empty()) return std::nullopt;
+    return film_.outputs.light_paths ? static_cast<size_t>(kind) : size_t{group};
+  }
   // The filter lies within the frame, so that the point has no other image.
   bool IsInside(Vec2d raster) const {
     return raster.x >= radius_.x && raster.x < film_.width_px - radius_.x &&

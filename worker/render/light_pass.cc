@@ -10,9 +10,11 @@
 
 #include "common/base/cpu_clock.h"
 #include "common/film/light/light_pass_accumulator.h"
+#include "common/film/task_kind.h"
+#include "worker/render/gather/gather_map.h"
 #include "worker/render/guiding_training.h"
-#include "worker/render/integrator/variants.h"
 #include "worker/render/light_film.h"
+#include "worker/render/light_tracer.h"
 #include "worker/render/majorant_retries.h"
 #include "worker/render/scene/compiled_scene.h"
 
@@ -41,11 +43,14 @@ absl::StatusOr<FilmTile> RenderLightPass(const CompiledScene& scene, PixelRect w
   if (absl::Status status = EnsureGuiding(scene, stop); !status.ok()) return status;
   const double start_seconds = ThreadCpuSeconds();
   const FrameSettings& settings = scene.settings;
-  const LightRowFunction trace_row =
-      LightRowFunctionOf(ChooseLightPathVariant(scene.plan.traits, settings.force_generic_variant));
-  const LightFilm film{
-      window,        settings.width_px, settings.height_px, FilmEdgesOf(scene.description.camera),
-      &scene.filter, settings.outputs};
+  LightTracer tracer(scene, window);
+  const auto goes_on = [&stop] { return !stop.stop_requested(); };
+  const LightFilm film{window,
+                       settings.width_px,
+                       settings.height_px,
+                       FilmEdgesOf(scene.description.camera),
+                       &scene.filter,
+                       LightOutputsOf(settings)};
   RayCounts counts;
   std::vector<LostSplat> lost;
   absl::StatusOr<FilmTile> tile;
@@ -54,11 +59,9 @@ absl::StatusOr<FilmTile> RenderLightPass(const CompiledScene& scene, PixelRect w
     tile = SumLightPasses(
         film, block,
         [&](uint64_t pass, SplatSink* splats) {
-          for (int32_t y = 0; y < settings.height_px; ++y) {
-            if (stop.stop_requested()) return absl::CancelledError("the light pass was stopped");
-            trace_row(scene, 0, settings.width_px, y, pass, splats, &counts);
-          }
-          return absl::OkStatus();
+          return tracer.TracePass(pass, goes_on, splats, &counts)
+                     ? absl::OkStatus()
+                     : absl::CancelledError("the light pass was stopped");
         },
         &lost);
     return tile.ok();
@@ -80,9 +83,12 @@ uint64_t LightPassMemoryBytes(PixelRect window, SampleBlock block, const FilmOut
   const uint64_t planes =
       kFilmChannelCount + passes * kReplicateChannelCount + 2 * MeanChannelCount(outputs);
   const uint64_t sums = static_cast<uint64_t>(std::bit_width(passes)) + 1;
-  const uint64_t of_pixel =
-      planes * sizeof(float) + sums * 3 * (1 + outputs.light_groups.size()) * sizeof(double);
-  return of_pixel * static_cast<uint64_t>(window.PixelCount());
+  const bool merges = HasMergeBias(outputs);
+  const uint64_t values =
+      3 * (1 + outputs.light_groups.size()) + (merges ? kMergeBiasMeanCount : 0);
+  const uint64_t of_pixel = planes * sizeof(float) + sums * values * sizeof(double);
+  const uint64_t gathered = merges ? GatherPointsMax(window, GatherStep(window.PixelCount())) : 0;
+  return of_pixel * static_cast<uint64_t>(window.PixelCount()) + GatherMap::BytesMax(gathered);
 }
 
 }  // namespace sheaf::render

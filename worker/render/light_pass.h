@@ -19,13 +19,15 @@ namespace sheaf::render {
 // Sums what they splat onto the window. A pure function of (scene, window, block), as
 // RenderTilePass is; densities above their bounds have the block rendered again. Single-threaded;
 // may be called from any number of threads. Memory: about 140 bytes a pixel of the window for one
-// pass, 450 for 16, and more with light groups (LightPassAccumulator).
+// pass, 450 for 16, and more with light groups (LightPassAccumulator), and some 400 bytes for each
+// pixel with a camera path that light paths are merged with, at most kGatherPointsMax.
 // Errors: kCancelled when stop was requested (checked once a row); kInvalidArgument.
 absl::StatusOr<FilmTile> RenderLightPass(const CompiledScene& scene, PixelRect window,
                                          SampleBlock block, std::stop_token stop,
                                          RenderStats* stats);
 
-// The memory that RenderLightPass takes at most, for its own sums.
+// The memory that RenderLightPass takes at most, for its own sums and the camera paths that it
+// stores. outputs: LightOutputsOf the frame's settings.
 uint64_t LightPassMemoryBytes(PixelRect window, SampleBlock block, const FilmOutputs& outputs);
 
 }  // namespace sheaf::render

@@ -59,6 +59,7 @@ void RenderStats::TakeCounts(const CompiledScene& scene, const RayCounts& counts
   broken_majorants = counts.broken_majorants;
   long_walks = counts.long_walks;
   long_segments = counts.long_segments;
+  grazing_merges = counts.grazing_merges;
 }
 
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,

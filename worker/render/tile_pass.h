@@ -25,6 +25,7 @@ struct RenderStats {
   std::string broken_at;          // Location of such a shape in the scene file; empty: unknown.
   uint64_t long_walks = 0;        // Paths that ended at the limit: RayCounts.
   uint64_t long_segments = 0;     // Likewise.
+  uint64_t grazing_merges = 0;    // Merges that were dropped: RayCounts.
   uint64_t broken_majorants = 0;  // Remaining biased lookups: RayCounts.
   uint32_t raised_majorants = 0;  // Times the block was rendered again because of them.
   double cpu_seconds = 0;

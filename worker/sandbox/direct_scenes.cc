@@ -50,6 +50,7 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   if (stats->broken_at.empty()) stats->broken_at = more.broken_at;
   stats->long_walks += more.long_walks;
   stats->long_segments += more.long_segments;
+  stats->grazing_merges += more.grazing_merges;
   stats->broken_majorants += more.broken_majorants;
   stats->raised_majorants += more.raised_majorants;
   stats->cpu_seconds += more.cpu_seconds;
@@ -92,6 +93,10 @@ void LogStats(const std::string& frame_name, TaskKind kind, const render::Render
   if (stats.broken_majorants > 0) {
     LogError(absl::StrCat(frame_name, ": ", stats.broken_majorants,
                           " densities of a medium exceed their bounds: the image is biased"));
+  }
+  if (stats.grazing_merges > 0) {
+    LogWarning(absl::StrCat(frame_name, ": ", stats.grazing_merges,
+                            " merges of light paths that graze a surface were dropped"));
   }
   if (stats.long_walks > 0) {
     LogWarning(absl::StrCat(frame_name, ": ", stats.long_walks,
@@ -149,7 +154,8 @@ class DirectScene : public OpenScene {
                                        render::RenderStats* stats) const {
     if (lease.kind == TaskKind::kLight) {
       const absl::StatusOr<LightPassGate::Pass> pass = light_passes_.Enter(
-          render::LightPassMemoryBytes(lease.tile, lease.block, lease.settings.outputs), stop);
+          render::LightPassMemoryBytes(lease.tile, lease.block, LightOutputsOf(lease.settings)),
+          stop);
       if (!pass.ok()) return pass.status();
       return render::RenderLightPass(*scene_, lease.tile, lease.block, stop, stats);
     }

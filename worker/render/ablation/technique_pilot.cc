@@ -8,7 +8,7 @@
 
 #include "worker/render/guiding/training_size.h"
 #include "worker/render/guiding_training.h"
-#include "worker/render/integrator/variants.h"
+#include "worker/render/light_tracer.h"
 #include "worker/render/scene/compiled_scene.h"
 #include "worker/render/tile_pass.h"
 
@@ -38,6 +38,10 @@ class PilotSplats : public SplatSink {
     if (!Covers(raster) || !IsFinite(radiance)) return;
     sums_[PixelOf(raster)][replicate_] += static_cast<double>(Luminance(radiance));
   }
+  void AddMerged(int32_t x, int32_t y, const Rgb& radiance, const Rgb& /*bias*/, LightPathKind kind,
+                 uint32_t group) override {
+    Add({x + 0.5, y + 0.5}, radiance, kind, group);
+  }
   void AddMoment(Vec2d raster, const Rgb& unweighted, double weight,
                  double camera_density) override {
     if (!Covers(raster) || !IsFinite(unweighted)) return;
@@ -50,13 +54,11 @@ class PilotSplats : public SplatSink {
   }
 
   void Trace(const CompiledScene& scene, uint64_t passes, RayCounts* counts) {
-    const LightRowFunction trace_row = LightRowFunctionOf(
-        ChooseLightPathVariant(scene.plan.traits, scene.settings.force_generic_variant));
+    LightTracer tracer(scene, {0, 0, width_px_, height_px_});
     for (uint64_t pass = 0; pass < passes; ++pass) {
       replicate_ = ReplicateOf(pass);
-      for (int32_t y = 0; y < height_px_; ++y) {
-        trace_row(scene, 0, width_px_, y, pass, this, counts);
-      }
+      tracer.TracePass(
+          pass, [] { return true; }, this, counts);
     }
   }
 

@@ -13,11 +13,13 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <variant>
 
 #include "common/film/film_tile.h"
 #include "worker/render/integrator/light_start.h"
+#include "worker/render/integrator/merge.h"
 #include "worker/render/integrator/next_vertex.h"
 #include "worker/render/integrator/splat_sink.h"
 #include "worker/render/integrator/two_ends.h"
@@ -82,47 +84,42 @@ void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<
   Rgb radiance = unweighted * weight;
   c.scene.film.Clamp(&radiance, &weight);
   radiance *= per_pass;
-  uint32_t group = 0;
-  LightPathKind kind{};
-  if constexpr (C::kOutputs) {
-    const FilmOutputs& outputs = c.scene.settings.outputs;
-    if (outputs.light_paths) {
-      kind = KindFromLight(vertex, path);
-    } else if (!outputs.light_groups.empty()) {
-      group = path.other_end.is_medium ? c.scene.media_group
-                                       : c.scene.lights->GroupOf(path.other_end.light);
-    }
-  }
-  splats->Add(seen->film, radiance, kind, group);
+  const SplatLayers layers = LayersOf(c, vertex, path);
+  splats->Add(seen->film, radiance, layers.kind, layers.group);
 }
 
 // --- The path ------------------------------------------------------------------------------------
 
 // One vertex, the same for surfaces and media. False where the path ends.
+// map: what the path is merged with; may be null.
 template <typename C, typename Vertex>
-bool ScatterLightAt(const Context<C>& c, Vertex& vertex, PathState<C>* path, SplatSink* splats) {
+bool ScatterLightAt(const Context<C>& c, Vertex& vertex, PathState<C>* path, const GatherMap* map,
+                    SplatSink* splats) {
   FilmSample unused;
   if (!vertex.Arrive(c, path, &unused)) return false;
   const bool is_rough = vertex.SamplesLights(*path);
   if (path->other_end.is_first && !ArriveFirst(c, vertex, is_rough, path)) return false;
   if (is_rough) ConnectToCamera(c, vertex, *path, splats);
+  if constexpr (std::is_same_v<Vertex, SurfaceVertex<C>>) {
+    if (map != nullptr && is_rough) Merge(c, vertex, *path, *map, splats);
+  }
   return vertex.ScatterFromLight(c, path);
 }
 
 // Follows the path to its end.
 template <typename C>
-void TraceLight(const Context<C>& c, PathState<C>* path, SplatSink* splats) {
+void TraceLight(const Context<C>& c, PathState<C>* path, const GatherMap* map, SplatSink* splats) {
   Vertex<C> vertex;
   for (;;) {
     NextVertex(c, path, &vertex);
     bool continues = false;
     if (auto* surface = std::get_if<SurfaceVertex<C>>(&vertex)) {
-      continues = ScatterLightAt(c, *surface, path, splats);
+      continues = ScatterLightAt(c, *surface, path, map, splats);
     } else if (auto* null_interface = std::get_if<NullInterface>(&vertex)) {
       continues = CrossNullInterface(c, null_interface->point, path);
     } else if constexpr (C::kMedia) {
       if (auto* medium = std::get_if<MediumVertex<C>>(&vertex)) {
-        continues = ScatterLightAt(c, *medium, path, splats);
+        continues = ScatterLightAt(c, *medium, path, map, splats);
       }
     }
     if (!continues) return;
@@ -143,19 +140,21 @@ class LightPathIntegrator {
   }
 
   // Traces the light path of the pixel and pass: a pure function of both and the scene. The pixel
-  // only names the path, which may bring light to any.
-  void TracePath(int32_t x, int32_t y, uint64_t pass, SplatSink* splats) {
+  // only names the path, which may bring light to any. map: as for TraceLight, of the pass.
+  void TracePath(int32_t x, int32_t y, uint64_t pass, const GatherMap* map, SplatSink* splats) {
     const Sampler sampler(scene_.settings.seed ^ kLightPathSeed, x, y, pass,
                           scene_.settings.one_sequence);
     const Context<C> context{scene_, tracer_, sampler, counts_, nullptr, groups_, guiding_};
     PathState<C> path;
     if constexpr (C::Has(Trait::kMotion)) {
-      path.ray.time = scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)));
+      path.ray.time = scene_.camera.ShutterFraction(
+          map != nullptr ? map->sample.time : sampler.Get1(Slot(CameraSlot::kTime)));
     }
     if constexpr (C::kSpectral) {
-      path.wavelengths = scene_.wavelengths.Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
+      path.wavelengths = scene_.wavelengths.Sample(
+          map != nullptr ? map->sample.wavelengths : sampler.Get1(Slot(CameraSlot::kWavelength)));
     }
-    if (StartAtLight(context, &path)) TraceLight(context, &path, splats);
+    if (StartAtLight(context, &path)) TraceLight(context, &path, map, splats);
   }
 
  private:

@@ -12,11 +12,11 @@ namespace sheaf::render {
 
 template <uint32_t kTraits>
 void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
-                   SplatSink* splats, RayCounts* counts) {
+                   const GatherMap* map, SplatSink* splats, RayCounts* counts) {
   RayCounts local;
   local.majorant_factor = counts->majorant_factor;
   LightPathIntegrator<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
-  for (int32_t x = x0; x < x1; ++x) tracer.TracePath(x, y, pass, splats);
+  for (int32_t x = x0; x < x1; ++x) tracer.TracePath(x, y, pass, map, splats);
   counts->Add(local);
 }
 

@@ -157,6 +157,7 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
     Record(c, *path, film);
     StartOtherEnd(c, point.p, path);
   }
+  LeavePrefix(path);
   if (!CountVertex(c, path->media.properties.is_subsurface, path)) return false;
   if constexpr (C::kSubsurface) {
     if (path->media.properties.is_subsurface) {

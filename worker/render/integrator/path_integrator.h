@@ -26,6 +26,8 @@
 
 namespace sheaf::render {
 
+struct GatherMap;
+
 // Follows the path to its end, adds the radiance that it finds to path->radiance, and records its
 // first vertex in *film.
 template <typename C>
@@ -106,6 +108,9 @@ class PathIntegrator {
   // number. Gives what it found to the sink. Requires: C::kGuided.
   void TraceForTraining(const TrainingPass& pass, uint64_t number, const LearnedFields& fields,
                         GuidingSink* sink);
+  // Traces the camera path of the pixel and pass through specular vertices, and stores its first
+  // rough one: gather_row.h. Requires: kPathKind is kCameraBesideLight.
+  void Gather(int32_t x, int32_t y, uint64_t pass, GatherMap* map);
   // Where TraceSample writes the other outputs that the settings request; the caller clears it.
   // Variants without kOutputs write nothing.
   void set_outputs(OutputSample* outputs) {
@@ -122,7 +127,7 @@ class PathIntegrator {
   // *path: new.
   FilmSample Trace(const Sampler& sampler, int32_t x, int32_t y, PathState<C>* path);
   // *weight: as for Camera::MakeRay.
-  Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, FilmSample* film,
+  Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, float time, FilmSample* film,
                 float* weight) const;
 
   const CompiledScene& scene_;
@@ -157,7 +162,10 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const
   const Context<C> context{scene_, tracer_, sampler, counts_, outputs_, groups_, guiding_};
   FilmSample film;
   float weight = 1;
-  path->ray = CameraRay(sampler, x, y, &film, &weight);
+  const float time = C::Has(Trait::kMotion)
+                         ? scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)))
+                         : 0;
+  path->ray = CameraRay(sampler, x, y, time, &film, &weight);
   path->camera_o = scene_.camera.EyeOf(path->ray);
   if constexpr (C::kGuided) {
     if (guiding_.splits != nullptr) {
@@ -186,6 +194,7 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
 Ray PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::CameraRay(const Sampler& sampler,
                                                                         int32_t x, int32_t y,
+                                                                        float time,
                                                                         FilmSample* film,
                                                                         float* weight) const {
   Vec2f filter_u, lens_u;
@@ -196,9 +205,6 @@ Ray PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::CameraRay(const Sa
   } else {
     filter_u = sampler.Get2(Slot(CameraSlot::kFilterAndLens));
   }
-  const float time = C::Has(Trait::kMotion)
-                         ? scene_.camera.ShutterFraction(sampler.Get1(Slot(CameraSlot::kTime)))
-                         : 0;
   const FilterSample filtered = scene_.filter.Sample(filter_u);
   film->filter_weight = filtered.weight;
   const Vec2d raster{x + 0.5 + static_cast<double>(filtered.offset.x),

@@ -73,7 +73,13 @@ struct SubsurfaceState {
 // them.
 struct CameraEnd {
   RunningDensity<PathEnd::kCamera> light_paths;
-  bool is_first = true;  // No vertex has scattered the path yet.
+  bool is_first = true;  // No vertex has scattered the path yet that light paths may meet.
+  // In frames that merge: all vertices so far are specular. Then the length of the path, and the
+  // direction of the camera ray.
+  bool is_in_prefix = false;
+  double length = 0;
+  Vec3f camera_d{};
+  float merge_radius = 0;  // MergeRadius at the vertex where light paths meet it by merging.
 };
 struct LightEnd {
   uint32_t light = 0;

@@ -26,8 +26,9 @@ struct RayCounts {
   uint64_t broken_majorants = 0;
   // Factor of density bounds: not 1 where a block is rendered again because of broken_majorants.
   float majorant_factor = 1;
-  uint64_t long_walks = 0;     // Paths that ended at kSubsurfaceStepsMax.
-  uint64_t long_segments = 0;  // Paths and shadow rays that ended at kNullCrossingsMax.
+  uint64_t long_walks = 0;      // Paths that ended at kSubsurfaceStepsMax.
+  uint64_t long_segments = 0;   // Paths and shadow rays that ended at kNullCrossingsMax.
+  uint64_t grazing_merges = 0;  // Merges that were dropped: kGrazingCosineMin.
 
   // Adds the counts of further rays, traced with the same settings.
   void Add(const RayCounts& others) {
@@ -38,6 +39,7 @@ struct RayCounts {
     broken_majorants += others.broken_majorants;
     long_walks += others.long_walks;
     long_segments += others.long_segments;
+    grazing_merges += others.grazing_merges;
   }
 };
 

@@ -24,6 +24,11 @@ class SplatSink {
   // which layer of a kind of path and which light group it belongs to; they are ignored unless the
   // frame's outputs have these.
   virtual void Add(Vec2d raster, const Rgb& radiance, LightPathKind kind, uint32_t group) = 0;
+  // The light path is merged with a camera path of the pixel (x, y), and adds the radiance to its
+  // value in the pass. bias: what it adds to the estimate of the bias of that. kind, group: as of
+  // Add.
+  virtual void AddMerged(int32_t x, int32_t y, const Rgb& radiance, const Rgb& bias,
+                         LightPathKind kind, uint32_t group) = 0;
   // The same splat's radiance before the weight, and the density with which the camera's paths find
   // it while each pixel sends one, over that of a pass of light paths.
   virtual void AddMoment(Vec2d /*raster*/, const Rgb& /*unweighted*/, double /*weight*/,

@@ -11,6 +11,7 @@
 
 #include "common/film/film_tile.h"
 #include "worker/render/bsdf/perturbed_normal.h"
+#include "worker/render/gather/gather_point.h"
 #include "worker/render/geometry/surface_point.h"
 #include "worker/render/integrator/first_hit.h"
 #include "worker/render/integrator/guided_directions.h"
@@ -38,6 +39,29 @@ struct SurfaceVertex {
         point(MakeSurfacePoint<C::kTraits>(c.scene.geometry, path.ray, hit, &plane)) {
     if constexpr (C::kPerturbedNormals) index = NextVertexIndex(path);
     if constexpr (C::kBothEnds) interpolated_shading = point.shading;
+  }
+
+  // The vertex at p of a camera path that was stored, for Eval and the normals. Requires:
+  // kBothEnds.
+  SurfaceVertex(const Context<C>& c, Vec3f p, const GatherPointOf<Color>& stored)
+      : bsdf(stored.bsdf), wo_local(stored.wo_local) {
+    point.p = p;
+    point.ng = stored.ng;
+    point.shading = {stored.t, Cross(stored.n, stored.t), stored.n};
+    if constexpr (C::kPerturbedNormals) perturbed_normal = stored.perturbed_normal;
+    light_hint = stored.ng * static_cast<float>(stored.light_side);
+    if constexpr (C::kGuided) guided = GuidedDirectionsAt(c, {p, light_hint}, /*may_guide=*/true);
+  }
+  // What that keeps of the vertex.
+  void Store(GatherPointOf<Color>* stored) const {
+    stored->bsdf = bsdf;
+    stored->ng = point.ng;
+    stored->n = point.shading.n;
+    stored->t = point.shading.t;
+    stored->wo_local = wo_local;
+    if constexpr (C::kPerturbedNormals) stored->perturbed_normal = perturbed_normal;
+    const float side = Dot(light_hint, point.ng);
+    stored->light_side = static_cast<int8_t>(side > 0 ? 1 : side < 0 ? -1 : 0);
   }
 
   LightDraw draw;
@@ -261,6 +285,7 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
     guided = GuidedDirectionsAt(c, {point.p, light_hint}, /*may_guide=*/!bsdf.specular);
   }
   if constexpr (C::kSplitsLights) splits = LightSplitsAt(c, *path);
+  FollowPrefix(c, *this, path);
   return true;
 }
 

@@ -8,7 +8,13 @@
 //
 //   light path / scattering = n / PdfWe(x1) * E * product i=1..k-1 of the steps,
 //
-// where x1 has no backward density.
+// where x1 has no backward density. Where light paths are merged (merge.h), a path whose x1 ...
+// x(m-1) are specular, m >= 2, is found by a light path that arrives within the radius r of xm, the
+// first rough vertex:
+//
+//   light path / scattering = n pi r^2 |cos(xm, x(m-1))| * E * product i=m..k-1 of the steps,
+//
+// where xm has no backward density. So light paths find each path in at most one way.
 //
 // n: light paths while each pixel sends one camera ray; E: LightEmission::DensityAt, and for the
 // emission of media, of which x(k-1) sees all along one line, MediaDensityAt. Both E and PdfWe are
@@ -22,6 +28,8 @@
 
 #include "common/math/elementary.h"
 #include "worker/render/densities/weights.h"
+#include "worker/render/gather/may_merge.h"
+#include "worker/render/gather/merging.h"
 #include "worker/render/integrator/context.h"
 
 namespace sheaf::render {
@@ -56,8 +64,60 @@ void StartOtherEnd(const Context<C>& c, Vec3f p, PathState<C>* path) {
     Ray camera_ray = path->ray;
     camera_ray.o = path->camera_o;
     const double seen = c.scene.camera.PdfWe(camera_ray, p);
-    path->other_end.light_paths.Start(seen > 0 ? c.scene.light_paths_per_pass / seen : 0);
+    CameraEnd& end = path->other_end;
+    end.light_paths.Start(seen > 0 ? c.scene.light_paths_per_pass / seen : 0);
+    end.is_in_prefix = c.scene.gather_step > 0;
+    end.camera_d = path->ray.d;
   }
+}
+
+// The light paths of a pass that are merged at a vertex where a unit of area receives one.
+template <typename C>
+double MergedLightPaths(const Context<C>& c, float radius) {
+  const auto r = static_cast<double>(radius);
+  return c.scene.light_paths_per_pass * kPi * r * r / c.scene.gather_step;
+}
+
+// The radius of weights at the vertex, at the end of a camera path of specular vertices; 0 where
+// light paths are not merged. Surfaces whose BSDF is chosen at random are left to camera paths:
+// both ends would choose.
+template <typename C, typename Vertex>
+float MergeRadiusAt(const Context<C>& c, const Vertex& vertex, const PathState<C>& path) {
+  const Surface& surface = *vertex.point.surface;
+  if (surface.may_pass || surface.has_alpha || vertex.in_subsurface) return 0;
+  if (!MayMerge<C::kTraits>(vertex.bsdf)) return 0;
+  // The footprint at the same distance along the camera ray: mirrors and flat glass keep it.
+  Ray camera_ray = path.ray;
+  camera_ray.o = path.camera_o;
+  camera_ray.d = path.other_end.camera_d;
+  const Vec3d at =
+      ToDouble(camera_ray.o) + Normalize(ToDouble(camera_ray.d)) * path.other_end.length;
+  return MergeRadius(c.scene.camera.PdfWe(camera_ray, ToFloat(at)));
+}
+
+// The path arrives at the surface. Where it is the first rough one behind specular ones, light
+// paths are merged there.
+template <typename C, typename Vertex>
+void FollowPrefix(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
+  if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
+    CameraEnd& end = path->other_end;
+    if (!end.is_in_prefix) return;
+    const bool is_first = end.length == 0;
+    const Vec3f from = is_first ? path->camera_o : path->from;
+    end.length += Length(ToDouble(vertex.point.p) - ToDouble(from));
+    if (!vertex.SamplesLights(*path)) return;
+    end.is_in_prefix = false;
+    if (is_first) return;
+    end.merge_radius = MergeRadiusAt(c, vertex, *path);
+    const float cosine = std::fabs(Dot(Normalize(path->ray.d), vertex.point.ng));
+    end.light_paths.Start(MergedLightPaths(c, end.merge_radius) * static_cast<double>(cosine));
+    end.is_first = true;
+  }
+}
+// The same at a vertex in a medium, where light paths are not merged.
+template <typename C>
+void LeavePrefix(PathState<C>* path) {
+  if constexpr (C::kPathKind == PathKind::kCameraBesideLight) path->other_end.is_in_prefix = false;
 }
 
 // The vertex scatters the path towards wi with the pdf. eta_scale: BsdfSample::eta_scale.
@@ -217,7 +277,16 @@ double CameraPathsAtLens(const Context<C>& c, double forward, double flux, doubl
          c.scene.light_paths_per_pass;
 }
 
-// The weight of that connection.
+// The same where it is merged with a camera path, at a radius of weights and with this cosine.
+template <typename C>
+double CameraPathsAtMerge(const Context<C>& c, double forward, float radius, double cosine,
+                          const PathState<C>& path) {
+  const LightEnd& end = path.other_end;
+  return end.camera_paths.ratio() * CameraPathsForward(end, forward, false) /
+         (MergedLightPaths(c, radius) * cosine);
+}
+
+// The weight of that connection, or of the merge.
 template <typename C>
 float ConnectionWeight(const Context<C>& c, double camera_paths) {
   return c.scene.light_paths_alone ? 1 : static_cast<float>(WeightOf(1.0, camera_paths));

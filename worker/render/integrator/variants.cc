@@ -19,6 +19,9 @@ constexpr RenderRowFunction kRows[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY
 #define SHEAF_VARIANT_ENTRY(name, traits) &RenderRow<(traits), PathKind::kCameraBesideLight>,
 constexpr RenderRowFunction kRowsBesideLight[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
+#define SHEAF_VARIANT_ENTRY(name, traits) &GatherRow<(traits)>,
+constexpr GatherRowFunction kGatherRows[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
 #define SHEAF_VARIANT_ENTRY(name, traits) &TraceLightRow<(traits)>,
 constexpr LightRowFunction kLightRows[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
@@ -40,6 +43,11 @@ RenderRowFunction RowFunctionOf(size_t variant) {
 RenderRowFunction RowBesideLightOf(size_t variant) {
   SHEAF_CHECK(variant < std::size(kRowsBesideLight));
   return kRowsBesideLight[variant];
+}
+
+GatherRowFunction GatherRowFunctionOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kGatherRows));
+  return kGatherRows[variant];
 }
 
 LightRowFunction LightRowFunctionOf(size_t variant) {

@@ -15,6 +15,8 @@
 
 namespace sheaf::render {
 
+struct GatherMap;
+
 // Renders the block of samples of pixels [x0, x1) of row y.
 using RenderRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y,
                                    SampleBlock block, PixelAccumulator* accumulator,
@@ -26,9 +28,16 @@ RenderRowFunction RowFunctionOf(size_t variant);
 
 // As RowFunctionOf, for the camera's paths.
 RenderRowFunction RowBesideLightOf(size_t variant);
-// Traces the light paths of the pass that are named after the pixels [x0, x1) of row y.
+// Adds to the map's arena the camera paths of pixels [x0, x1) of row y with which light paths of
+// the pass are merged. Requires: scene.gather_step > 0; the map's sample and scale are of the pass.
+using GatherRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y,
+                                   uint64_t pass, GatherMap* map, RayCounts* counts);
+GatherRowFunction GatherRowFunctionOf(size_t variant);
+// Traces the light paths of the pass that are named after the pixels [x0, x1) of row y. map: what
+// they are merged with; null where the scene does not merge.
 using LightRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y,
-                                  uint64_t pass, SplatSink* splats, RayCounts* counts);
+                                  uint64_t pass, const GatherMap* map, SplatSink* splats,
+                                  RayCounts* counts);
 LightRowFunction LightRowFunctionOf(size_t variant);
 
 // --- Training of guided frames.
@@ -47,8 +56,11 @@ template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
 void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
                PixelAccumulator* accumulator, RayCounts* counts);
 template <uint32_t kTraits>
+void GatherRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
+               GatherMap* map, RayCounts* counts);
+template <uint32_t kTraits>
 void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
-                   SplatSink* splats, RayCounts* counts);
+                   const GatherMap* map, SplatSink* splats, RayCounts* counts);
 template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
 void TrainPaths(const CompiledScene& scene, const TrainingPass& pass, const LearnedFields& fields,
                 uint64_t first, uint64_t end, GuidingSink* sink, RayCounts* counts);

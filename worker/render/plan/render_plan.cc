@@ -19,6 +19,7 @@
 #include "worker/render/light/light_choice.h"
 #include "worker/render/medium/similarity.h"
 #include "worker/render/plan/material_traits.h"
+#include "worker/render/plan/specular_surfaces.h"
 #include "worker/render/plan/trait_names.h"
 #include "worker/render/plan/vertex_normals.h"
 #include "worker/render/traits/variant_choice.h"
@@ -326,6 +327,14 @@ class PlanMaker {
             : absl::StrCat(FormatLocation(scene_, sampling.integrator_location), ": Integrator \"",
                            sampling.integrator, "\"");
     plan->notes.push_back(absl::StrCat("techniques: ", techniques.Name(), ", ", cause));
+    if (MergesLightPaths(techniques)) {
+      plan->notes.emplace_back(
+          MayHaveSpecularSurfaces(scene_)
+              ? "biased: light paths are merged with camera paths behind specular surfaces, within "
+                "a "
+                "radius that shrinks; merge.bias estimates the bias, and errors include it"
+              : "merging: no surface of the scene is specular, so that no light path is merged");
+    }
     if (!IsGuided(techniques)) return;
     plan->notes.emplace_back(
         "guiding: camera paths also sample directions from the light that a training finds before "

@@ -11,6 +11,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "worker/render/gather/merging.h"
+#include "worker/render/plan/specular_surfaces.h"
 #include "worker/render/scene/scene_baker.h"
 
 namespace sheaf::render {
@@ -79,6 +81,9 @@ absl::Status BuildTechniques(CompiledScene* scene) {
   }
   scene->emission = std::make_unique<LightEmission>(*scene->lights, 0.5 * (lower + upper),
                                                     0.5 * Length(upper - lower), media_power);
+  if (MergesLightPaths(settings.techniques) && MayHaveSpecularSurfaces(scene->description)) {
+    scene->gather_step = GatherStep(int64_t{settings.width_px} * settings.height_px);
+  }
   scene->light_paths_per_pass =
       static_cast<double>(settings.width_px) * static_cast<double>(settings.height_px);
   scene->light_paths_alone = settings.techniques.Has(Technique::kLightPathsAlone);

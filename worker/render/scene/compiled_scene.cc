@@ -95,6 +95,7 @@ absl::Status SetTechniques(TechniqueSet techniques, CompiledScenePtr* scene) {
   changed.emission_points.reset();
   changed.light_paths_per_pass = 0;
   changed.light_paths_alone = false;
+  changed.gather_step = 0;
   return BuildTechniques(&changed);
 }
 
