@@ -114,7 +114,7 @@ TEST(MergingTest, MirrorShowsWhatIsSeenDirectly) {
     // The plane is at x > 0 where it is seen directly, and at x < 0 in front of the mirror.
     const float side = in_mirror ? -1 : 1;
     TestScene t(eye, at, 14);
-    t.AddShape(MeshShape{t.Box({side * 1 - 1, -0.1f, -3}, {side * 1 + 1, 0, 3})},
+    t.AddShape(MeshShape{t.Box({side * 1.5f - 1.5f, -0.1f, -3}, {side * 1.5f + 1.5f, 0, 3})},
                t.Diffuse({0.7f, 0.6f, 0.5f}));
     const float x = side * 1.1f, w = 0.3f;
     t.AddShape(MeshShape{t.Quad({x - w, 0.8f, 0.3f}, {x + w, 0.8f, 0.3f}, {x + w, 0.8f, 0.9f},
@@ -135,12 +135,12 @@ TEST(MergingTest, MirrorShowsWhatIsSeenDirectly) {
     // The mirror is one event more, and shows light that it reflects only with two more.
     const BothFilms direct = Render(make(false), {.techniques = TechniqueSet::kLight,
                                                   .seed = 1,
-                                                  .samples = Samples(128),
+                                                  .samples = Samples(192),
                                                   .depth = 1,
                                                   .color = color});
     const BothFilms mirrored = Render(
         make(true),
-        {.techniques = kAlone, .seed = 2, .samples = Samples(128), .depth = 2, .color = color});
+        {.techniques = kAlone, .seed = 2, .samples = Samples(192), .depth = 2, .color = color});
     EXPECT_EQ(MeanOf(mirrored.camera).mean.g, 0);
     AddPairs(EstimatesOf(direct), EstimatesOf(mirrored), &tiles);
   }
