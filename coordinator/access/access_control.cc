@@ -10,7 +10,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The last part of an operation's name, as people know it: "GetJob".
+// The last part of an operation's name, for users: "GetJob".
 std::string ShortName(std::string_view operation) {
   return std::string(operation.front() == '/' ? operation.substr(operation.rfind('/') + 1)
                                               : operation);
@@ -71,7 +71,7 @@ absl::StatusOr<CertificateTerms> AccessControl::Verify(const std::string& certif
                                                   authority_->certificate_pem(), now);
   if (!verified.ok()) return verified;
   const MutexLock lock(&mutex_);
-  // Rare, and each costs one verification: no order of age is kept.
+  // Rare, and each costs one verification, so ages are not tracked.
   if (verified_.size() >= kVerifiedCertificatesMax) verified_.clear();
   verified_.emplace(certificate_pem, *terms);
   return terms;
@@ -157,7 +157,8 @@ absl::StatusOr<Caller> AccessControl::AdmitScraper(const std::string& token,
 absl::StatusOr<Caller> AccessControl::Decide(absl::StatusOr<Caller> caller,
                                              std::string_view operation, const std::string& peer,
                                              absl::Time now) {
-  // Without a valid certificate one may still do what needs none: an expired worker enrols again.
+  // Without a valid certificate, operations that need none are still permitted: an expired worker
+  // enrols again.
   const bool needs_none = RequirementOf(operation) == Requirement::kNothing;
   if (!caller.ok() && needs_none) caller = Caller{};
   absl::Status admitted = caller.ok() ? Authorize(*caller, operation) : caller.status();
@@ -219,7 +220,7 @@ absl::StatusOr<AccessControl::IssuedCertificate> AccessControl::Enroll(
     const std::string& token_secret, const std::string& request_pem, const std::string& address,
     absl::Time now) {
   if (absl::Status status = use_.NoteStrangerCall(address, now); !status.ok()) return status;
-  // First, so that a malformed request does not use the token up.
+  // First, so that a malformed request does not consume the token.
   const absl::StatusOr<std::string> key = CheckCertificateRequest(request_pem);
   if (!key.ok()) return key.status();
   const absl::StatusOr<Identity> identity = identities_->UseToken(token_secret, *key, now);

@@ -89,7 +89,7 @@ void AuditLog::Append(const std::string& line) {
 void AuditLog::Rotate() {
   const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
   struct stat info {};
-  // Another process may have rotated meanwhile; it holds the lock as long as it does.
+  // Another process may have rotated meanwhile; it holds the lock while it rotates.
   const bool mine = fd >= 0 && ::flock(fd, LOCK_EX | LOCK_NB) == 0 &&
                     ::stat(path_.c_str(), &info) == 0 &&
                     static_cast<uint64_t>(info.st_size) > kAuditFileBytesMax;

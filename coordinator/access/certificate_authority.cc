@@ -43,12 +43,12 @@ absl::Status CheckHost(const std::string& host) {
       "\"", host, "\" is neither a host's name nor an address; write it without a port"));
 }
 
-// Writes a new authority, its certificate last: a directory is one only when it is complete.
+// Writes a new authority, its certificate last, which marks the directory as complete.
 absl::Status MakeAuthority(const std::string& directory, absl::Time now) {
   const std::string key = GenerateKey();
   CertificateTerms terms;
   terms.use = CertificateUse::kAuthority;
-  // No two authorities have one name, so that errors about one do not look like another's.
+  // Each authority has its own name, so that errors about one do not look like another's.
   terms.common_name =
       absl::StrCat("Sheaf farm ", absl::FormatTime("%Y%m%d%H%M%S", now, absl::UTCTimeZone()));
   terms.not_before = now - kClockSkewMax;
@@ -60,7 +60,7 @@ absl::Status MakeAuthority(const std::string& directory, absl::Time now) {
   return WriteSecret(AuthorityPath(directory), *certificate);
 }
 
-// UnixEpoch if it is no certificate.
+// UnixEpoch if it is not a certificate.
 absl::Time ExpiryOf(const std::string& certificate_pem) {
   const absl::StatusOr<CertificateTerms> terms = ReadCertificate(certificate_pem);
   return terms.ok() ? terms->not_after : absl::UnixEpoch();
@@ -161,7 +161,7 @@ absl::StatusOr<bool> CertificateAuthority::RenewServerCertificate(absl::Time now
   if (present.ok()) {
     const absl::StatusOr<CertificateTerms> terms = ReadCertificate(*present);
     const double life = terms.ok() ? LifeFraction(*terms, now) : 1;
-    // One that has yet to begin was made while the clock was ahead: no client takes it.
+    // A certificate that is not yet valid was made while the clock was ahead: clients reject it.
     if (life >= 0 && life < 0.5) {
       const bool all_there = std::all_of(hosts->begin(), hosts->end(), [&](const std::string& h) {
         return h.find(':') != std::string::npos ||  // An IPv6 address has several spellings.
@@ -199,7 +199,7 @@ absl::StatusOr<std::string> CertificateAuthority::IssueClientCertificate(
   terms.use = CertificateUse::kClient;
   terms.common_name = FormatIdentity(identity.id);
   terms.generation = identity.generation;
-  terms.not_before = now;  // Only the coordinator looks at it, by the same clock.
+  terms.not_before = now;  // Only the coordinator checks it, by the same clock.
   terms.not_after = now + lifetime;
   return IssueCertificate(terms, request_pem, issuer_);
 }

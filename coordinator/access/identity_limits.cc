@@ -13,7 +13,7 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr absl::Duration kUploadPeriod = absl::Hours(24);
-// After a call too many, a caller waits for as many calls as a second gives.
+// After a refused call, a caller waits until the calls of one second are available.
 constexpr absl::Duration kRateWait = absl::Seconds(1);
 
 }  // namespace
@@ -127,7 +127,7 @@ absl::Status IdentityUse::BeginUpload(const IdentityId& id, uint64_t size_bytes,
 void IdentityUse::ReturnUpload(const IdentityId& id, uint64_t missing_bytes) {
   const MutexLock lock(&mutex_);
   Use& use = uses_[id];
-  // Less than it took, where a new day has begun since.
+  // Fewer than it reserved, if a new day has begun since.
   use.upload_bytes -= std::min(use.upload_bytes, missing_bytes);
 }
 

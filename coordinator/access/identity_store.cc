@@ -29,7 +29,7 @@ CREATE TABLE IF NOT EXISTS scrape_tokens(
 )sql";
 constexpr char kUnused[] = "";  // key_sha256 of an unused token.
 
-// Tokens of earlier versions have no role: they give that of their identity.
+// Tokens of earlier versions have no role: they grant their identity's.
 absl::Status AddRolesOfTokens(SqliteDatabase* database) {
   return database->InTransaction([database] {
     Statement find =
@@ -180,7 +180,7 @@ absl::StatusOr<IdentityId> IdentityStore::TakeToken(const std::string& secret,
   }
   const IdentityId id{static_cast<IdentityKind>(find.Int64(0)), find.Text(1)};
   const bool is_first = find.Text(2) == kUnused;
-  const int64_t role = find.Int64(3);  // 0 where there is none.
+  const int64_t role = find.Int64(3);  // 0 if there is none.
   if (absl::Status status = find.Run(); !status.ok()) return status;
   if (!is_first) return id;
   absl::Status used =
@@ -191,7 +191,7 @@ absl::StatusOr<IdentityId> IdentityStore::TakeToken(const std::string& secret,
           .Run();
   if (!used.ok()) return used;
   cached_version_ = -1;
-  // No token lowers a role: it was made before or after one that gave a higher role was used.
+  // A token never lowers a role: a token with a higher role may have been used since.
   used = database_->Prepare("UPDATE identities SET role = MAX(role, ?) WHERE kind = ? AND name = ?")
              .Bind(role)
              .Bind(Stored(id.kind))

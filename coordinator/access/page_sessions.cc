@@ -54,7 +54,7 @@ std::optional<PageUser> PageSecrets::Take(const std::string& secret, absl::Time 
   const std::optional<PageUser> user = Find(secret, now);
   if (!user) return std::nullopt;
   const MutexLock lock(&mutex_);
-  // Only one of several concurrent calls erases it, and so uses it.
+  // Only one of several concurrent calls erases it, and thus consumes it.
   return entries_.erase(Sha256Hex(secret)) == 1 ? user : std::nullopt;
 }
 

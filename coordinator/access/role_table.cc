@@ -10,7 +10,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The least role of a user that a requirement names; none where it names no user's role.
+// The lowest user role that a requirement names; none if it does not name one.
 std::optional<Role> LeastRole(Requirement requirement) {
   switch (requirement) {
     case Requirement::kScrape:
@@ -44,9 +44,9 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/PriceRefinement", kView},
     {"/sheaf.v1.JobService/LiftQuarantine", kOperate},
     {"/sheaf.v1.JobService/ListWorkers", kView},
-    // Below the role operate, only of oneself (AccessControl::UsageOwnerOf).
+    // Below the role operate, only the caller's own (AccessControl::UsageOwnerOf).
     {"/sheaf.v1.JobService/ListUsage", kView},
-    // With the role submit, only one's own jobs (AccessControl::AuthorizeJob).
+    // With the role submit, only the caller's own jobs (AccessControl::AuthorizeJob).
     {"/sheaf.v1.JobService/CreateJob", kSubmit},
     {"/sheaf.v1.JobService/CancelJob", kSubmit},
     {"/sheaf.v1.JobService/PauseJob", kSubmit},
@@ -119,7 +119,7 @@ constexpr OperationRule kRules[] = {
     {"GET /api/v1/workers", kView},
     {"GET /api/v1/counters", kView},
     {"GET /api/v1/usage", kView},
-    // As for gRPC, with the role submit only one's own jobs.
+    // As for gRPC, with the role submit only the caller's own jobs.
     {"POST /api/v1/jobs/{}:cancel", kSubmit},
     {"POST /api/v1/jobs/{}:delete", kSubmit},
     {"POST /api/v1/jobs/{}:pause", kSubmit},
@@ -133,7 +133,7 @@ constexpr OperationRule kRules[] = {
     {"POST /api/v1/jobs/{}:release", kSubmit},
     {"POST /api/v1/jobs/{}:approve", kSubmit},
     {"POST /api/v1/gc", kOperate},
-    // Only one's own submissions; their jobs are one's own, too.
+    // Only the caller's own submissions, whose jobs are also the caller's.
     {"GET /api/v1/submissions", kView},
     {"GET /api/v1/submissions/{}", kSubmit},
     {"POST /api/v1/submissions", kSubmit},

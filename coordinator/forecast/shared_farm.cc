@@ -12,12 +12,12 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Steps are at least this fraction of the time that all of the work takes, so that there are few.
+// Steps are at least this fraction of the time of all work, which bounds their number.
 constexpr double kStepMin = 1e-3;
 // Workers come and go, and the load changes: the log-normal deviation of the farm's speed.
 constexpr double kFarmDeviation = 0.1;
 
-// Gives jobs of unknown cost the mean of the others. Returns false where no cost is known.
+// Gives jobs of unknown cost the mean of the others. Returns false if no cost is known.
 bool AssumeCosts(std::vector<SharedJob>* jobs) {
   double sum = 0;
   int known = 0;
@@ -42,7 +42,7 @@ int32_t HighestPriority(std::span<const SharedJob> jobs) {
   return highest;
 }
 
-// The jobs that share the farm, while they are played forward.
+// Simulates the jobs that share the farm.
 class Fluid {
  public:
   Fluid(std::span<const SharedJob> jobs, double threads) : jobs_(jobs), threads_(threads) {
@@ -55,8 +55,8 @@ class Fluid {
 
   bool Done() const { return active_.empty(); }
 
-  // Plays to the next end of a job, or a little further. Calls ended with each job that ends, the
-  // time, and the variance of the CPU time that was spent until then.
+  // Advances to the next end of a job, or a little further. Calls ended with each job that ends,
+  // the time, and the variance of the CPU time that was spent until then.
   template <typename Ended>
   void Step(const SharePolicy& policy, const Ended& ended) {
     const std::vector<double> shares = policy(left_);
@@ -69,7 +69,7 @@ class Fluid {
       return;
     }
     const double step = std::max(next, kStepMin * total_seconds_);
-    std::vector<std::pair<size_t, double>> ending;  // And after what time.
+    std::vector<std::pair<size_t, double>> ending;  // Job and time to its end.
     for (size_t i = 0; i < active_.size(); ++i) {
       const double seconds = SecondsOf(i, shares);
       if (seconds <= step) {
@@ -115,8 +115,8 @@ class Fluid {
 
   const std::span<const SharedJob> jobs_;
   const double threads_;
-  std::vector<size_t> active_;   // Indices of those that have work.
-  std::vector<SharedJob> left_;  // Those, with what they have left.
+  std::vector<size_t> active_;   // Indices of jobs with work.
+  std::vector<SharedJob> left_;  // Those jobs, with their work left.
   double now_ = 0, total_seconds_ = 0;
   double ended_variance_ = 0;  // Variance of the CPU time of ended jobs.
 };

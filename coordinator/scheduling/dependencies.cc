@@ -13,7 +13,7 @@ namespace {
 
 std::string NameOf(uint64_t job_id) { return absl::StrCat("jobs/", job_id); }
 
-// How a job ended without being delivered, or what keeps it from that.
+// Why a job ended without delivery, or why it is not delivered.
 std::string WhyBroken(const JobRecords& jobs, uint64_t job_id) {
   const auto job = jobs.find(job_id);
   if (job == jobs.end()) return "is not there any more";
@@ -40,8 +40,8 @@ bool IsUndone(const FrameRecord& frame) {
   return frame.phase == FrameRecord::Phase::kPending || frame.phase == FrameRecord::Phase::kOpen;
 }
 
-// Frames of a job that wait for those of another one, and one of them: the first that waits in
-// vain, or the first of all.
+// The frames of a job that wait for frames of another one, and an example: the first that waits in
+// vain, or else the first.
 struct WaitingFrames {
   int count = 0;
   const FrameRecord* frame = nullptr;

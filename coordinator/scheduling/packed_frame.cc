@@ -13,7 +13,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Does not compile where settings get another field, lest it is forgotten here.
+// Does not compile if settings get another field, so that it is not forgotten here.
 auto FieldsOf(const FrameSettings& settings) {
   const auto& [width_px, height_px, window, samples, max_depth, seed, color, single_scattering,
                one_sequence, similarity_after, light_samples, techniques, force_generic_variant,
@@ -48,7 +48,7 @@ uint64_t PackedDigest::Hash() const {
   return hash;
 }
 
-// Frames of one shape come one after the other.
+// Frames of one shape are adjacent.
 PackedFrame::PackedFrame(const FrameSpec& spec, FrameShapes* shapes)
     : scene_(spec.scene.sha256_hex),
       frame_digest_(spec.frame_digest),

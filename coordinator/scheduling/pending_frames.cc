@@ -14,7 +14,7 @@ constexpr uint32_t kBits = 64;
 
 uint64_t BitOf(uint32_t number) { return uint64_t{1} << (number % kBits); }
 
-// The first bit that is set from this one on; the number of all bits where none is.
+// The first set bit from this one on; the number of bits if there is none.
 uint32_t NextBit(const std::vector<uint64_t>& words, uint32_t from) {
   for (uint32_t i = from / kBits; i < words.size(); ++i) {
     const uint64_t mask = i == from / kBits ? ~uint64_t{0} << (from % kBits) : ~uint64_t{0};

@@ -103,7 +103,7 @@ void Scheduler::AddJob(const JobSpec& spec) {
   owner_work_[spec.owner] += job.work;
   dependents_.Add(spec);
   JudgeDependencies(&job);
-  JudgeDependents(spec.job_id);  // It may have been there before, as a job that had ended.
+  JudgeDependents(spec.job_id);  // It may have existed before, as an ended job.
 }
 
 void Scheduler::RemoveJob(uint64_t job_id) {
@@ -241,7 +241,7 @@ Scheduler::FoundTask Scheduler::FindTask(const std::string& frame_digest, const 
                                          const std::string& field) {
   const PackedDigest digest(frame_digest);
   std::vector<FrameId> candidates = live_frames_.Find(digest);
-  // That which was leased comes first.
+  // Leased tasks come first.
   if (const Lease* lease = leases_.Find(lease_id)) {
     candidates.insert(candidates.begin(), lease->frame);
   }
@@ -338,7 +338,7 @@ void Scheduler::NoteDelivery(const std::string& worker_id, uint64_t samples, con
   workers_.NoteResult(worker->identity);
   ++worker->result_count;
   worker->sample_count += samples;
-  // A training has no samples: it says nothing of how fast the worker renders them.
+  // A training has no samples, so it does not measure the worker's speed.
   if (samples > 0) worker->cpu_duration += cost.cpu_duration;
   if (grant_time <= worker->last_result_time) {
     worker->busy_duration += now - worker->last_result_time;
@@ -401,7 +401,7 @@ void Scheduler::EndJob(uint64_t job_id, JobPhase phase, const std::string& failu
     const bool has_ended = frame.phase == FrameRecord::Phase::kDelivered ||
                            frame.phase == FrameRecord::Phase::kIncomplete;
     if (!has_ended) Close(&job, i, FrameRecord::Phase::kClosed);
-    // Only a job that failed can be tried again.
+    // Only a failed job can be retried.
     if (phase != JobPhase::kFailed) frame.failures.clear();
   }
   job.phase = phase;

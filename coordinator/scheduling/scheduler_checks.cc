@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that has results rendered again by others, to notice false ones.
+// The part of Scheduler that has results rendered again by other identities, to detect false ones.
 #include <algorithm>
 #include <set>
 #include <string>
@@ -46,12 +46,12 @@ bool Scheduler::MayCheck(const TaskId& task, const WorkerRecord& worker, bool ur
   const ResultCheck* check = checks_.Find(task);
   if (check == nullptr || !check->MayBeDoneBy(worker.identity)) return false;
   if (!MayOpenFor(frame, worker) || AwaitsField(frame, task.tile)) return false;
-  // All that is rendered meanwhile depends on a field.
+  // All results rendered meanwhile depend on a field.
   const bool is_training = frame.tasks->grid().KindOf(task.tile) == TaskKind::kTraining;
   const bool is_urgent = is_training || frame.phase == FrameRecord::Phase::kRendered ||
                          worker.warm_scenes.contains(frame.packed.scene().Hex());
   if (urgent_only && !is_urgent) return false;
-  // A stranger may hoard checks, and its word counts for little.
+  // A stranger may hoard checks, and its results prove little.
   return workers_.ResultCount(worker.identity) > 0 || !AnyMayCheck(task, /*proven_only=*/true);
 }
 

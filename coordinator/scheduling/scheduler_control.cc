@@ -27,7 +27,7 @@ void Scheduler::Resume(uint64_t job_id, SteadyTime now) {
 }
 
 absl::Status Scheduler::CheckPriority(int32_t priority) const {
-  // Not by its magnitude: the least number has none.
+  // Does not use the magnitude: the smallest integer has none.
   if (priority >= -limits_.priority_magnitude_max && priority <= limits_.priority_magnitude_max) {
     return absl::OkStatus();
   }

@@ -20,7 +20,7 @@ bool Scheduler::Tick(SteadyTime now) {
     LoseLeases(worker_id, now);
     NoteWarm(*workers_.Find(worker_id));
   }
-  workers_.ForgetOld(now);  // Not before: a worker that holds leases is known.
+  workers_.ForgetOld(now);  // Last: a worker that holds leases must stay known.
   if (!lost.empty()) JudgeDoubtfulScenes();
   JudgeDoubtfulTasks();
   const bool some_are_stuck = !stuck_frames_.empty();
@@ -28,7 +28,7 @@ bool Scheduler::Tick(SteadyTime now) {
   return !lost.empty() || some_are_stuck;
 }
 
-// With fewer workers left, one report of a broken scene may be all there ever will be.
+// With fewer workers left, there may never be a second report of a broken scene.
 void Scheduler::JudgeDoubtfulScenes() {
   const std::set<FrameId> doubtful = doubtful_frames_;
   for (const FrameId& id : doubtful) JudgeScene(id);
@@ -39,9 +39,9 @@ void Scheduler::LoseLeases(const std::string& worker_id, SteadyTime now) {
   std::set<FrameId> loading;  // Threads that wait for one scene lose one load.
   for (const uint64_t lease_id : held) {
     const Lease* lease = leases_.Find(lease_id);
-    if (lease == nullptr) continue;  // Its job ended by the loss of a lease before it.
+    if (lease == nullptr) continue;  // The loss of an earlier lease ended its job.
     ++counters_.leases_expired;
-    // Only what was being rendered or loaded can have killed the worker.
+    // Only a task being rendered or loaded can have killed the worker.
     FailureKind kind = FailureKind::kReleased;
     if (lease->phase == LeasePhase::kRendering) kind = FailureKind::kLost;
     if (lease->phase == LeasePhase::kLoading && loading.insert(lease->frame).second) {
@@ -75,7 +75,7 @@ void Scheduler::ApplyReport(WorkerRecord* worker, const WorkerReport& report, St
     const Lease* lease = leases_.Find(lease_id);
     if (lease == nullptr) continue;
     if (report.draining && !listed.contains(lease_id)) {
-      // Its grant never reached the worker, or the worker let go of it.
+      // Its grant never reached the worker, or the worker dropped it.
       Fail({lease_id, FailureKind::kReleased, ""}, report.worker_id, now);
     } else if (lease->grant_time + limits_.lease_age_max < now) {
       ++counters_.leases_expired;
@@ -137,7 +137,7 @@ void Scheduler::Fail(const LeaseFailure& failure, const std::string& worker_id, 
 }
 
 // Neither the worker nor the task is at fault: the job waits until a worker has room, and the
-// worker renders others. Returns whether it is news: leases of one load fail together.
+// worker renders other jobs. Returns whether the refusal is new: leases of one load fail together.
 bool Scheduler::RefuseForCache(const Lease& lease, const LeaseFailure& failure, SteadyTime now) {
   JobRecord& job = jobs_.at(lease.frame.job_id);
   std::erase_if(job.cache_refusals, [&](const auto& refusal) {
@@ -253,7 +253,7 @@ void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure
   }
   if (!record.IsPoison(limits_) || !record.trouble.set_aside.empty()) return;
   const std::string& profile = jobs_.at(lease.frame.job_id).spec.numeric_profile;
-  // A loss is what the coordinator saw itself.
+  // The coordinator itself observed a loss.
   if (failure.kind != FailureKind::kLost && !AreBelieved(profile, record.Identities())) {
     doubtful_tasks_.insert(id);
     return;
@@ -263,7 +263,7 @@ void Scheduler::CountTaskFailure(const Lease& lease, const LeaseFailure& failure
 }
 
 // Doubt ends when the last worker with results leaves, or when one that failed the task has some.
-// All workers may have failed the task by then, so that no further failure comes.
+// All workers may have failed the task by then, so no further failure would trigger the check.
 void Scheduler::JudgeDoubtfulTasks() {
   for (const TaskId& id : std::exchange(doubtful_tasks_, {})) {
     const auto job = jobs_.find(id.frame.job_id);

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that gives work out.
+// The part of Scheduler that grants leases.
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
@@ -100,7 +100,7 @@ bool Scheduler::GrantFromFrames(JobRecord* job, const JobRecord::FrameSet& frame
   int scanned = 0;
   for (auto it = frames.begin(); it != frames.end() && scanned < limits_.avoid_scan_max;
        ++scanned) {
-    // A grant may take the frame out of the set, and with its last frame the set away.
+    // A grant may remove the frame from the set, and the set with its last frame.
     const uint32_t index = *it++;
     if (GrantFromFrame(job, index, worker, now)) return true;
   }

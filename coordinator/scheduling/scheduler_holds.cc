@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that holds back jobs that wait for others, and workers that people take
-// out.
+// The part of Scheduler that holds back jobs with dependencies, and drained workers.
 #include <algorithm>
 #include <set>
 

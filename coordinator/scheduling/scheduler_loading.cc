@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that deals with scenes that end the workers that load them.
+// The part of Scheduler that handles scenes whose loading kills workers.
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "coordinator/scheduling/scheduler.h"
@@ -20,7 +20,7 @@ void Scheduler::NoteLoaded(const FrameId& id) {
 void Scheduler::CountLoadingLoss(const Lease& lease) {
   if (Frame(lease.frame).loaded) return;
   JobRecord& job = jobs_.at(lease.frame.job_id);
-  // A live worker reports at least that often.
+  // A live worker reports at least this often.
   const WorkerRecord* worker = workers_.Find(lease.worker_id);
   const SteadyTime gone_time =
       (worker != nullptr ? worker->last_seen_time : lease.grant_time) + BusyInterval();
@@ -59,8 +59,8 @@ void Scheduler::RestoreLoadingLosses(JobRecord* job) {
     if (failure.kind != FailureKind::kLoading) continue;
     if (!job->FindIndex(failure.frame_number).has_value()) continue;
     LoadingLosses& frame_losses = job->frame_loading_losses[failure.frame_number];
-    // When its lease was granted is forgotten; that it came later than the loss before it must do.
-    // The loss that ends a job is one that is seen.
+    // The time of its lease's grant is not stored; being later than the previous loss must suffice.
+    // A restored loss does not end a job.
     const SteadyTime lost_time = SteadyTime() + (failure.time - absl::UnixEpoch());
     const SteadyTime gone_time = lost_time + BusyInterval();
     if (frame_losses.count() + 1 < limits_.loading_losses_max) {

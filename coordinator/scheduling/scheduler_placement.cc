@@ -145,7 +145,7 @@ bool Scheduler::GrantWarm(JobRecord* job, WorkerRecord* worker, SteadyTime now) 
 }
 
 bool Scheduler::GrantCold(JobRecord* job, WorkerRecord* worker, SteadyTime now) {
-  // A cold worker reads a scene in any case; on a frame of its own it stays warm for longest.
+  // A cold worker must load a scene anyway; on a frame of its own it stays warm for longest.
   if (!job->pending.empty() && GrantByOpening(job, job->pending.First(), worker, now)) return true;
   if (job->ready_by_scene.size() > 1) {
     std::vector<ColdWork> choices;

@@ -61,7 +61,7 @@ bool Scheduler::GrantFirstRender(WorkerRecord* worker, SteadyTime now) {
   if (GrantWarm(&jobs_.at(first[0]), worker, now)) return true;
   const std::vector<uint64_t> front = offer(static_cast<size_t>(limits_.job_scan_max));
   if (GrantPlaced(front, worker, now)) return true;
-  // Jobs that cannot open a frame yet may fill the front.
+  // Jobs that cannot yet open a frame may fill the front.
   const bool is_full = front.size() >= static_cast<size_t>(limits_.job_scan_max);
   return is_full && GrantPlaced(OpenedJobs(*worker), worker, now);
 }

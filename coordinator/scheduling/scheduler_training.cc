@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that knows the guiding fields of frames.
+// The part of Scheduler that tracks the guiding fields of frames.
 #include "coordinator/scheduling/scheduler.h"
 
 namespace sheaf::coordinator {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of Scheduler that sets tasks aside, ends frames without them, and tries them again; and
-// that says why a job waits.
+// The part of Scheduler that sets tasks aside, ends frames without them, and retries them; and that
+// explains why a job waits.
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -347,7 +347,7 @@ std::string Scheduler::WhyOthersAreNeeded(const JobRecord& job) const {
   return "";
 }
 
-// Also while one of the workers tries again.
+// Even while one of the workers retries.
 std::string Scheduler::WhyNoCacheHolds(const JobRecord& job) const {
   std::set<std::string> refused;
   uint64_t needed_bytes = 0, room_bytes = 0;

@@ -15,7 +15,7 @@ double WorkerRecord::SamplesPerThreadSecond() const {
 }
 
 double WorkerRecord::ThreadsUsed() const {
-  // So much of its time as if it had been seen at the usual share.
+  // Prior: this much of its time at the usual share.
   constexpr absl::Duration kPrior = absl::Seconds(2);
   const double fraction =
       absl::FDivDuration(kPrior * kUsualThreadUse * thread_count + busy_cpu_duration,
@@ -24,7 +24,7 @@ double WorkerRecord::ThreadsUsed() const {
 }
 
 double WorkerRecord::RelativeSpeed() const {
-  // So much CPU time as if it had been as fast as others.
+  // Prior: this much CPU time at the speed of others.
   constexpr double kPriorSeconds = 10;
   const double speed =
       (kPriorSeconds + recent_usual_seconds) / (kPriorSeconds + recent_cpu_seconds);

@@ -34,7 +34,7 @@ bool LacksSpace(const std::string& directory) {
   return space && space->available_bytes < kDatabaseBytesMin;
 }
 
-// Gives up half of the file. Returns the bytes that it had more.
+// Releases half of the file. Returns the bytes released.
 uint64_t GiveHalf(const std::string& path) {
   const uint64_t size = SizeOf(path);
   if (size == 0) return 0;
@@ -48,7 +48,7 @@ uint64_t GiveHalf(const std::string& path) {
   return error ? 0 : size - left;
 }
 
-// The uploads, of which no client has been told.
+// Removes uploads, which no client was told about.
 uint64_t RemoveUploads(const std::string& directory) {
   uint64_t bytes = 0;
   std::error_code error;
@@ -106,10 +106,10 @@ void DiskReserve::Update() {
     return;
   }
   const uint64_t wanted = WantedBytes(), owed = OwedBytes();
-  // Twice what makes it be given up, so that it does not come and go.
+  // Twice the threshold of release, as hysteresis.
   if (owed == 0 || space->available_bytes < owed + 2 * kDatabaseBytesMin) return;
   const int file = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
-  if (file < 0) return;  // The next look tries again.
+  if (file < 0) return;  // The next update retries.
   const int error = ::posix_fallocate(file, 0, static_cast<off_t>(wanted));
   ::close(file);
   if (error == 0) return;
@@ -120,7 +120,7 @@ void DiskReserve::Update() {
 }
 
 absl::Status DiskReserve::CheckRoom(uint64_t bytes) const {
-  if (bytes_max_ == 0) return absl::OkStatus();  // A write tells.
+  if (bytes_max_ == 0) return absl::OkStatus();  // A write will tell.
   const std::optional<DiskSpace> space = DiskSpaceOf(directory_);
   const uint64_t owed = OwedBytes();
   if (!space || owed == 0 || space->available_bytes >= owed + bytes) return absl::OkStatus();

@@ -162,7 +162,7 @@ absl::StatusOr<std::set<std::string>> ColumnsOfNewDatabase() {
 }  // namespace
 
 absl::Status CheckSchema(Database* database) {
-  // Made once in a process.
+  // Made once per process.
   static const absl::StatusOr<std::set<std::string>> wanted = ColumnsOfNewDatabase();
   if (!wanted.ok()) return wanted.status();
   const absl::StatusOr<std::set<std::string>> found = database->TableColumns();

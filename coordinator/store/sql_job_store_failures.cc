@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that stores failed leases, for display, and who failed which task.
+// The part of SqlJobStore that stores failed leases, for display, and the workers that failed each
+// task.
 #include <utility>
 #include <vector>
 

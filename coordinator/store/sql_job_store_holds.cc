@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that keeps what people hold work back by (job_holds.h).
+// The part of SqlJobStore that stores held work (job_holds.h).
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -62,7 +62,7 @@ absl::Status SqlJobStore::NoteApproval(const FrameId& frame, uint64_t samples) {
 }
 
 absl::Status SqlJobStore::RemoveHolds(uint64_t job_id) {
-  // Only a delivered job goes while others wait for it.
+  // Only a delivered job may be removed while others wait for it.
   absl::Status status =
       database_->Prepare("UPDATE dependencies SET removed = 1 WHERE on_job_id = ?")
           .Bind(job_id)

@@ -29,14 +29,14 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Lease ids of one run are below those of the next; no run grants more leases than this many bits
-// count.
+// Lease ids of one run are below those of the next; a run grants at most as many leases as this
+// many bits count.
 constexpr int kLeaseIdBitsPerLife = 40;
 // Time limit for checking the database at a start; it suffices for hundreds of megabytes.
 constexpr absl::Duration kCheckTimeMax = absl::Seconds(2);
 
-// Takes the lock that excludes a second coordinator; shared: one that has its database here. The
-// system releases it when the process ends.
+// Takes the lock that excludes a second coordinator; shared: excludes only one that has its
+// database here. The system releases it when the process ends.
 absl::StatusOr<int> LockDirectory(const std::string& directory, bool shared) {
   const std::string path = directory + "/lock";
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
@@ -58,7 +58,7 @@ absl::Status MakeFolders(const std::string& directory) {
   return absl::OkStatus();
 }
 
-// Says of a damaged database what to do.
+// Adds advice to the error of a damaged database.
 absl::Status DamageError(const std::string& name, absl::string_view what,
                          const std::string& remedy) {
   absl::ConsumePrefix(&what, name + ": ");

@@ -19,11 +19,11 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The most parts of a group: their rows keep the database for some milliseconds.
+// The maximum parts of a group: their rows occupy the database for some milliseconds.
 constexpr size_t kGroupPartsMax = 1024;
-// How many rows one statement inserts: the first that are not more than are left. The text of each
-// is prepared once for a connection, so they are few; with the columns of a row they stay far below
-// the 32,766 parameters that SQLite takes.
+// Numbers of rows that one statement may insert: the first that is at most the number left. Each
+// statement is prepared once per connection, so there are few; with the columns of a row they stay
+// far below SQLite's 32,766 parameters.
 constexpr std::array<size_t, 4> kStatementRows = {128, 32, 8, 2};
 
 absl::Status KeyHasPart() { return absl::AlreadyExistsError("the key has a part already"); }
@@ -34,7 +34,8 @@ size_t StatementRows(size_t left) {
 }
 
 // Inserts several rows by one statement, because PostgreSQL answers each statement after a round
-// trip (docs/adr/0081). Says of each row whether it is stored; one whose key has a part is not.
+// trip (docs/adr/0081). Reports for each row whether it is stored; a row whose key has a part is
+// not.
 // Requires: no two rows are equal.
 absl::StatusOr<std::vector<bool>> InsertTogether(std::span<const PartRow* const> rows,
                                                  Database* database) {
@@ -99,10 +100,10 @@ absl::Status SqlJobStore::WritePart(const PartRow& row, const std::string& bytes
 }
 
 void SqlJobStore::RemoveUnlessAcknowledged(const PartRow& row, const absl::Status& failed) {
-  // Where coordinators share the store, the object may be that of the one which took over.
-  // LoadParts removes it where no row names it.
+  // If coordinators share the store, the object may belong to the one that took over. LoadParts
+  // removes it if no row names it.
   if (shared_ && !absl::IsAlreadyExists(failed)) return;
-  // A store that cannot tell what is there has replaced the object of an equal part.
+  // A store without conditional writes has replaced the object of an equal part.
   const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
   if (!existing.ok()) return;
   if (existing->has_value() && (*existing)->digest == row.digest) return;
@@ -135,7 +136,7 @@ absl::Status SqlJobStore::WriteObject(const PartRow& row, const std::string& byt
     status = parts_->Put(name, bytes, PutMode::kReplace);
   }
   if (!absl::IsPermissionDenied(status) && !absl::IsFailedPrecondition(status)) return status;
-  // To a worker these codes say that its result is refused, or is to be sent otherwise.
+  // These codes would tell a worker that its result is refused, or must be sent in another way.
   return absl::UnavailableError(std::string(status.message()));
 }
 
@@ -280,7 +281,7 @@ absl::StatusOr<std::string> SqlJobStore::ReadPart(const PartRow& row) {
 }
 
 absl::Status SqlJobStore::RemovePart(const PartRow& row) {
-  uint64_t bytes = 0;  // None where the row is gone already.
+  uint64_t bytes = 0;  // 0 if the row is already gone.
   {
     const MutexLock lock(&database_mutex_);
     Statement removal = database_->Prepare(

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that keeps who is in quarantine, and finds what they made.
+// The part of SqlJobStore that stores quarantines, and finds the parts of an identity.
 #include <utility>
 
 #include "absl/strings/str_cat.h"

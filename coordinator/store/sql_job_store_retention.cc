@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that removes what is not kept any longer. The database says first that
-// something is gone, and its files go afterwards: a stop in between leaves files that nothing
-// names, which the next start removes.
+// The part of SqlJobStore that removes data that is no longer kept. It removes rows first and files
+// afterwards: a stop in between leaves files without rows, which the next start removes.
 #include <algorithm>
 #include <filesystem>
 #include <set>
@@ -103,7 +102,7 @@ absl::Status SqlJobStore::RemoveFilesOf(uint64_t job_id) {
 }
 
 absl::Status SqlJobStore::NoteFilesRemoved(uint64_t job_id) {
-  // The last id of its kind stays, so that a start does not give it again.
+  // The last id of its kind stays, so that it is not reused after a start.
   return database_
       ->Prepare(
           "DELETE FROM removed_jobs WHERE job_id = ? AND job_id < (SELECT MAX(job_id) FROM "

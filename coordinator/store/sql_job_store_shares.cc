@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that keeps what operators have set for users, shows and pools.
+// The part of SqlJobStore that stores operators' settings for users, shows and pools.
 #include "absl/strings/str_cat.h"
 #include "coordinator/store/row_columns.h"
 #include "coordinator/store/sql_job_store.h"

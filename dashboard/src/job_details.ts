@@ -85,7 +85,7 @@ function timeLeftOf(progress: Progress): string {
 function alternativeOf(progress: Progress): string {
   const alone = progress.remaining_duration_alone_seconds;
   const without = alone === null ? '' : '; without them ' + format.duration(alone);
-  return 'Counts with the farm\'s other jobs and their ends' + without;
+  return 'Takes the farm\'s other jobs into account' + without;
 }
 
 // [label, value, explanation] of each figure.

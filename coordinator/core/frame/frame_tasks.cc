@@ -61,7 +61,7 @@ FrameTasks::FrameTasks(CellGrid grid, uint64_t samples, const PixelLattice& latt
       cells_(grid_.first_cell(grid_.all_tile_count())),
       cpu_of_tiles_(grid_.all_tile_count(), absl::ZeroDuration()) {
   SHEAF_CHECK(samples > 0);
-  // Under the farm's lock, so without a search for each of many tiles.
+  // Runs under the farm's lock, so avoids a search per tile.
   for (uint32_t index = 0; index < cells_.size(); ++index) {
     Cell& cell = cells_[index];
     cell.samples = samples;
@@ -169,7 +169,7 @@ std::optional<Task> FrameTasks::TakeReturned(const std::function<bool(const Task
 
 std::optional<Task> FrameTasks::TakeFresh(
     const std::function<uint64_t(const FreshBlock& block)>& block_samples_max) {
-  // An untouched tile comes before all others but those that have its first sample fresh, too.
+  // An untouched tile precedes all others except those whose first sample is also fresh.
   const bool has_first = !fresh_queue_.empty() && fresh_queue_.begin()->first == 0;
   if (Trained() && !has_first) Touch(untouched_);
   const auto next =
@@ -299,7 +299,7 @@ std::vector<Task> FrameTasks::Accept(const Task& task, absl::Duration cpu_durati
   SHEAF_CHECK(FitOf(task) == Fit::kWanted);
   const std::vector<Task> covered = Overlapping(leased_, task);
   for (const Task& leased : covered) leased_.erase(leased);
-  // A returned block that is larger than the result is cut anew from what is left of it.
+  // A returned block that is larger than the result is cut again from its remaining samples.
   for (const Task& returned : Overlapping(returned_, task)) {
     returned_.erase(returned);
     ready_count_ -= PixelSamples(returned);

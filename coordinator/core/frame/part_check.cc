@@ -16,8 +16,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Sums of float32 in a tree are off by some 1e-6 of what they add up; spectral samples cancel each
-// other, so that what remains of a sum may be some hundred times less.
+// Sums of float32 in a tree are off by some 1e-6 of their addends. Spectral samples cancel each
+// other, so a sum may be some hundred times smaller than its addends.
 constexpr double kReplicateTolerance = 1e-2;
 constexpr double kRounding = 1 + 1e-4;
 
@@ -60,7 +60,7 @@ std::string WhyNoReplicates(const FilmTile& part) {
 }  // namespace
 
 std::string WhyNotOfSettings(const FilmTile& part, const FrameSettings& settings, TaskKind kind) {
-  // A splat is no response of a sensor: a pixel has many in a pass.
+  // A splat is not a sensor response: a pixel has many per pass.
   if (kind == TaskKind::kLight) return WhyNoReplicates(part);
   const float* samples = part.channel(FilmChannel::kSampleCount);
   const float* alpha = part.channel(FilmChannel::kAlpha);

@@ -146,7 +146,7 @@ Scales FindScales(double high, const Fits& fits) {
 }
 
 // Gives more samples to cells that have fewer than `samples`, within the limits of a round. The
-// frame is done if there are none, or no time for them.
+// frame is done if there are no such cells, or if no time is left.
 void LookFurther(double samples, uint64_t samples_max, std::span<const CellRound> cells,
                  const RoundAllowance& allowance, RoundDecision* decision) {
   const auto step = double{kReplicateCount};

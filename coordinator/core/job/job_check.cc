@@ -42,7 +42,7 @@ int64_t SquaresOf(const PixelRect& window, int64_t edge_px) {
   return DivideUp(window.Width(), edge_px) * DivideUp(window.Height(), edge_px);
 }
 
-// The mistake in a frame; empty where there is none.
+// The error in a frame; empty if there is none.
 std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Limits& limits) {
   const FrameSettings& s = frame.settings;
   if (s.width_px < 1 || s.height_px < 1 || s.width_px > limits.frame_edge_px_max ||

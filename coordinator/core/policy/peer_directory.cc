@@ -60,7 +60,7 @@ PeerAnswer PeerDirectory::Locate(const std::string& name, const std::string& wor
                                  const std::set<std::string>& tried, SteadyTime now) {
   if (blobs_.size() >= kDirectoryBlobsMax && !blobs_.contains(name)) blobs_.clear();
   Blob& blob = blobs_[name];
-  // Those that are gone are forgotten.
+  // Drops peers that are gone.
   std::erase_if(blob.holders, [&](const std::string& holder) {
     const auto worker = workers_.find(holder);
     return worker == workers_.end() || now - worker->second.last_seen > kPeerSilenceMax;

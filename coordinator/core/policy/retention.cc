@@ -28,7 +28,7 @@ absl::Duration AgeMax(const KeptItem& item, const RetentionLimits& limits) {
   return limits.jobs_age_max;
 }
 
-// Whether it may go for lack of space.
+// Whether it may be removed for lack of space.
 bool MayMakeRoom(const KeptItem& item, const RetentionLimits& limits, absl::Time now) {
   if (item.in_use || item.size_bytes == 0) return false;
   return item.kind != KeptKind::kBlob || now - item.unused_since >= limits.blob_age_min;

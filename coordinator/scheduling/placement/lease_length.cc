@@ -13,7 +13,7 @@ uint64_t LeaseSamples(const LeaseLength& length, const Limits& limits) {
   if (length.samples_per_second <= 0) return length.pass_samples;
   const auto pixels = static_cast<double>(length.pixel_count);
   const auto pass = static_cast<double>(length.pass_samples);
-  // To the nearest power of two, so that the mean length is the target's.
+  // Rounds to the nearest power of two, so that the mean length is the target's.
   double passes =
       std::numbers::sqrt2 * length.samples_per_second * length.target_seconds / (pixels * pass);
   const double slots = std::max(1, length.slots);

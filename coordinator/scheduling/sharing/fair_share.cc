@@ -11,10 +11,10 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Thread-seconds of a pixel sample where nothing was measured yet.
+// Thread-seconds of a pixel sample before any measurement.
 constexpr double kUnknownSecondsPerSample = 1e-5;
 
-// How many of a user's jobs are tried before those of others.
+// Number of a user's jobs that are tried before those of other users.
 constexpr size_t kJobsTriedFirst = 8;
 
 }  // namespace
@@ -57,7 +57,7 @@ struct FairShare::Walk {
   const MayTake& may_take;
   const size_t count_max;
   const size_t nodes_max;
-  size_t user_first = 0, user_end = 0;  // Which of a user's jobs.
+  size_t user_first = 0, user_end = 0;  // Range of a user's jobs.
   size_t node_count = 0;
   std::vector<uint64_t> jobs = {};
 
@@ -132,8 +132,8 @@ void FairShare::Detach(Node* job) {
   classes_.erase(key);
 }
 
-// Forgets the children without jobs that have nothing to wait for: they would come back with the
-// share that a newcomer gets.
+// Removes children without jobs that are not ahead of others: they would return with a newcomer's
+// share.
 void FairShare::Forget(Node* parent) {
   while (!parent->idle.empty()) {
     const Key first = *parent->idle.begin();
@@ -268,7 +268,7 @@ void FairShare::Count(Node* job, double seconds, bool is_grant) {
 }
 
 double FairShare::ExpectedSeconds(uint64_t job_id, uint64_t sample_count) const {
-  // Jobs of one user are alike more often than those of all.
+  // Jobs of one user are more similar than those of all users.
   double rate = sample_count_ > 0 ? cpu_seconds_ / sample_count_ : kUnknownSecondsPerSample;
   const Node& job = *jobs_.at(job_id);
   for (const Node* node : {&std::as_const(*job.parent), &job}) {

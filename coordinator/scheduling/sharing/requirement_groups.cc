@@ -20,7 +20,7 @@ bool HasTags(const WorkerTraits& worker, const std::vector<std::string>& tags) {
   return std::ranges::includes(worker.tags, tags);
 }
 
-// The tags that no worker of these has or, where each has some worker, all of them.
+// The tags that none of these workers has or, if each tag has a worker, all of them.
 std::string MissingTags(const Requirements& requirements,
                         const std::vector<const WorkerTraits*>& workers) {
   std::vector<std::string> missing;

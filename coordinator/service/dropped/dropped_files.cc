@@ -29,7 +29,7 @@ constexpr char kFilesFolder[] = "/files";
 constexpr char kScratchFolder[] = "/scratch";
 constexpr int kFolderFlags = O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC;
 
-// Opens the folder of a name, and makes it if need be. *leaf: the last part of the name.
+// Opens the folder of a name; creates it if necessary. *leaf: the last part of the name.
 absl::StatusOr<FileDescriptor> FolderOfName(int files, const std::string& name, std::string* leaf) {
   std::vector<std::string> parts = absl::StrSplit(name, '/');
   *leaf = parts.back();

@@ -32,7 +32,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// As the program has it (kDroppedSceneFlag of cli/dropped).
+// As in the program (kDroppedSceneFlag of cli/dropped).
 constexpr char kReaderFlag[] = "--dropped-scene";
 constexpr const char* kReaderVariables[] = {"LD_LIBRARY_PATH", "LD_PRELOAD",   "ASAN_OPTIONS",
                                             "LSAN_OPTIONS",    "TSAN_OPTIONS", "UBSAN_OPTIONS"};
@@ -52,7 +52,7 @@ absl::StatusOr<ReaderPipe> MakeReaderPipe() {
   return ReaderPipe{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
 }
 
-// How the process begins: its descriptors, and a group and signals of its own.
+// Sets up the process: its descriptors, and its own group and signals.
 class SpawnSettings {
  public:
   SpawnSettings(int input, int output) {
@@ -118,7 +118,7 @@ class ReaderProcess {
   pid_t pid() const { return pid_; }
   int output() const { return output_.get(); }
 
-  // Requires: less than a pipe holds, so that it does not wait.
+  // Requires: less than a pipe's capacity, so that it does not block.
   absl::Status Give(std::string_view request) {
     const ssize_t written = ::write(input_.get(), request.data(), request.size());
     input_.Close();
@@ -126,8 +126,8 @@ class ReaderProcess {
     return absl::UnavailableError("the process that reads scenes took no request");
   }
 
-  // Waits for the end at most so long, kills what still runs, and returns how it ended, as waitpid
-  // has it.
+  // Waits for the end for at most this long, kills remaining processes, and returns waitpid's
+  // status.
   int End(absl::Duration patience = absl::ZeroDuration()) {
     if (ended_) return status_;
     for (const SteadyTime end = SteadyTime::Now() + patience; SteadyTime::Now() < end;) {
@@ -138,7 +138,7 @@ class ReaderProcess {
       }
       absl::SleepFor(kEndInterval);
     }
-    // The group exists as long as its leader is not waited for.
+    // The group exists until its leader is waited for.
     ::kill(-pid_, SIGKILL);
     while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
     }
@@ -166,8 +166,8 @@ absl::Status LimitCpu(pid_t pid, absl::Duration cpu_max) {
   return absl::OkStatus();
 }
 
-// Whether what was written is within the limits. A folder that is being changed may be counted in
-// part.
+// Whether the written files are within the limits. A folder that is being changed may be counted
+// partly.
 absl::Status CheckWritten(const std::string& folder, const ReaderProcessLimits& limits) {
   uint64_t bytes = 0, files = 0;
   std::error_code error;
@@ -180,7 +180,7 @@ absl::Status CheckWritten(const std::string& folder, const ReaderProcessLimits& 
       if (!gone) bytes += size;
     }
   }
-  // Folders count, too: a folder for each file is the most that is needed.
+  // Folders count, too: at most one per file is needed.
   if (files <= uint64_t{2} * limits.written_files_max && bytes <= limits.written_bytes_max) {
     return absl::OkStatus();
   }
@@ -189,7 +189,7 @@ absl::Status CheckWritten(const std::string& folder, const ReaderProcessLimits& 
       " or more than ", limits.written_files_max, "; use sheaf submit"));
 }
 
-// Adds what has come to *reply. Returns whether more may come.
+// Appends received data to *reply. Returns whether more may come.
 absl::StatusOr<bool> ReadSome(int output, size_t bytes_max, std::string* reply) {
   char piece[64 << 10];
   const ssize_t size = ::read(output, piece, sizeof piece);

@@ -22,7 +22,7 @@ constexpr uint32_t kNamespacesBit = 1, kFileAccessBit = 2, kSystemCallsBit = 4;
 constexpr uint32_t kAllProtectionBits = kNamespacesBit | kFileAccessBit | kSystemCallsBit;
 
 // A scene that names the coordinator's own files must not be able to read them, and a scene that
-// takes the process over must not be able to speak with anybody.
+// takes over the process must not be able to communicate.
 bool Suffice(uint32_t protections) {
   return (protections & kSystemCallsBit) != 0 &&
          (protections & (kNamespacesBit | kFileAccessBit)) != 0;
@@ -32,8 +32,8 @@ bool HasEnded(SubmissionState state) {
   return state == SubmissionState::kSubmitted || state == SubmissionState::kRefused;
 }
 
-// Whether fewer than count_max of the submissions that count are left; the oldest of them that has
-// ended makes room for one more.
+// Whether fewer than count_max of the counted submissions are left; removes the oldest ended one to
+// make room.
 template <typename Counts, typename Entries>
 bool MakeRoomAmong(size_t count_max, const Counts& counts, Entries* entries) {
   size_t count = 0;
@@ -90,7 +90,7 @@ absl::StatusOr<std::unique_ptr<Submissions>> Submissions::Start(SubmissionOption
   std::filesystem::remove_all(options.folder, error);
   if (error) return StatusFromErrno(error.value(), absl::StrCat("emptying ", options.folder));
   if (absl::Status status = MakePrivateDirectory(options.folder); !status.ok()) return status;
-  // The process has the folder under this path, too, where it cannot follow links.
+  // The process sees the folder under this path, too, in which it cannot follow links.
   options.folder = std::filesystem::canonical(options.folder, error).string();
   if (error) return StatusFromErrno(error.value(), "finding the folder of submissions");
   std::unique_ptr<Submissions> desk(new Submissions(std::move(options), std::move(make_job)));
@@ -180,7 +180,7 @@ absl::StatusOr<uint64_t> Submissions::Append(const SubmissionCaller& caller, con
     return absl::InvalidArgumentError(
         absl::StrCat("a piece has at most ", kPieceBytesMax, " bytes; send the rest after it"));
   }
-  // Writing goes to the page cache; requests come one after the other in any case.
+  // Writes go to the page cache; requests are sequential anyway.
   const MutexLock lock(&mutex_);
   absl::StatusOr<std::shared_ptr<Submission>> found = FindOf(caller, id);
   if (!found.ok()) return found.status();
@@ -329,7 +329,7 @@ void Submissions::Finish(Submission* submission, const absl::Status& status) {
     const MutexLock lock(&mutex_);
     files = std::move(submission->files);
   }
-  files.reset();  // Without the lock, and before anybody hears of the end.
+  files.reset();  // Without the lock, and before the end is visible.
   const MutexLock lock(&mutex_);
   submission->heard = SteadyTime::Now();
   submission->view.state = status.ok() ? SubmissionState::kSubmitted : SubmissionState::kRefused;

@@ -30,7 +30,7 @@ std::string NameOf(const char* method) {
   return std::string(dot == std::string_view::npos ? text.substr(1) : text.substr(dot + 1));
 }
 
-// Lives as long as a call.
+// Exists as long as a call.
 class CallTimer final : public experimental::Interceptor {
  public:
   CallTimer(CallTimes* times, std::string name) : times_(times), name_(std::move(name)) {}

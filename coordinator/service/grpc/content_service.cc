@@ -46,7 +46,7 @@ absl::Status WriteAll(v1::WriteBlobRequest* message,
                    digest.size_bytes, " bytes were received; resume there"));
 }
 
-// Answers an upload after reading what its sender still writes.
+// Answers an upload after reading the rest of its sender's stream.
 grpc::Status Finish(const absl::Status& status, v1::WriteBlobRequest* message,
                     grpc::ServerReader<v1::WriteBlobRequest>* reader) {
   DrainStream(message, reader);
@@ -75,7 +75,7 @@ grpc::Status ContentService::FindMissing(grpc::ServerContext* /*context*/,
     *response->add_missing() = ToWire(digest);
     bytes += std::min(digest.size_bytes, UINT64_MAX - bytes);
   }
-  // Before the first byte of the first one: a part of a scene is of no use.
+  // Before the first byte of the first one: a part of a scene is useless.
   return ToGrpcStatus(bytes == 0 ? absl::OkStatus() : farm_->ClaimUpload("", bytes).status());
 }
 
@@ -133,7 +133,7 @@ grpc::Status ContentService::ReadBlob(grpc::ServerContext* context,
   if (!digest.ok()) return ToGrpcStatus(digest.status());
   uint64_t offset_bytes = request->offset_bytes();
   const bool whole = offset_bytes == 0;
-  Sha256 hash;  // Hashes the bytes that are read now: a disk that loses bits changes no time.
+  Sha256 hash;  // Hashes the bytes read now: bit rot does not change time stamps.
   while (!context->IsCancelled()) {
     const absl::StatusOr<std::string> chunk =
         blobs_->ReadChunk(*digest, offset_bytes, kBlobChunkBytesMax);

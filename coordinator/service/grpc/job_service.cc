@@ -268,7 +268,7 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
     if (!farm_->IsLive(*id)) {
       const absl::StatusOr<JobView> view = Find(request->name());
       if (!view.ok()) return ToGrpcStatus(view.status());
-      if (HasEnded(view->state)) {  // Else it has just been tried again.
+      if (HasEnded(view->state)) {  // Otherwise it was just retried.
         writer->Write(ToWire(*view));
         return grpc::Status::OK;
       }

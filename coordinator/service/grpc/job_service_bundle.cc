@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobService that gives tasks to people who render them again.
+// The part of JobService that sends tasks to users who render them again.
 #include <optional>
 #include <set>
 #include <string>
@@ -59,8 +59,8 @@ void SendBytes(const BlobDigest& digest, const std::string& bytes, BundleWriter*
   }
 }
 
-// The receiver compares the bytes with the digest. Errors: kFailedPrecondition where the blob is
-// not kept; those of reading it.
+// The receiver compares the bytes with the digest. Errors: kFailedPrecondition if the blob is not
+// kept; those of reading it.
 absl::Status SendBlob(const BlobStore& blobs, const BlobDigest& digest, const std::string& name,
                       const grpc::ServerContext& context, BundleWriter* writer) {
   v1::ReadTaskBundleResponse response;
@@ -121,7 +121,7 @@ grpc::Status JobService::ReadTaskBundle(grpc::ServerContext* context,
       OpenStream(*context, access_, "ReadTaskBundle");
   if (!stream.ok()) return ToGrpcStatus(stream.status());
   const absl::StatusOr<TaskReport> report = FindTask(*context, *request);
-  // The files of a scene leave the farm: that is worth a line.
+  // The files of a scene leave the farm, so record it.
   NoteInAudit(*context, access_, "ReadTaskBundle", request->name(), report.status());
   if (!report.ok()) return ToGrpcStatus(report.status());
   const absl::StatusOr<std::string> manifest_bytes =

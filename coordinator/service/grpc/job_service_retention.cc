@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobService that decides what is kept: pins, and what is removed at once.
+// The part of JobService for retention: pins, and immediate removals.
 #include "absl/strings/str_cat.h"
 #include "common/rpc/grpc_status.h"
 #include "coordinator/service/grpc/caller.h"

@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// "user:anna weight 2 threads_max 64": what was asked for, for the audit log.
+// "user:anna weight 2 threads_max 64": the request, for the audit log.
 std::string AskedText(const v1::SetShareRequest& request) {
   std::string text = Printable(request.subject());
   if (request.has_weight()) absl::StrAppend(&text, " weight ", request.weight());

@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobService that tells of accounts, and refuses jobs of users that keep too much.
+// The part of JobService that reports accounts, and refuses jobs of users with too many stored
+// bytes.
 #include "common/rpc/grpc_status.h"
 #include "coordinator/service/grpc/caller.h"
 #include "coordinator/service/grpc/job_service.h"

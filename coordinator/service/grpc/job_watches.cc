@@ -33,7 +33,8 @@ absl::StatusOr<std::optional<v1::Job>> JobWatch::Next(uint64_t* version, bool ch
 absl::Status JobWatch::Look() {
   ++look_count_;
   const double start_seconds = ThreadCpuSeconds();
-  changes_seen_ = farm_.ChangeCount();  // First: a change during the look leads to another one.
+  changes_seen_ =
+      farm_.ChangeCount();  // First, so that a change during the update causes another one.
   const absl::StatusOr<JobView> view = farm_.FindJobChanges(job_id_, &marks_);
   if (!view.ok()) return view.status();
   v1::Job job = ToWire(*view);

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Later times are no deadlines, but mistakes; earlier ones, too.
+// Times beyond this range are mistakes, not deadlines.
 constexpr int64_t kDeadlineSecondsMax = 253'402'300'799;  // The end of 9999.
 
 }  // namespace

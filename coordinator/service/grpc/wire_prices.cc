@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of the wire that says what refinements and effects cost.
+// The part of the wire for the costs of refinements and effects.
 #include <cmath>
 
 #include "absl/strings/str_cat.h"

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of wire.h that converts shares, and what jobs require of workers.
+// The part of wire.h that converts shares, and jobs' requirements.
 #include "common/base/label.h"
 #include "coordinator/service/grpc/wire.h"
 

@@ -47,7 +47,7 @@ absl::StatusOr<ResultReport> ReportOf(const v1::ResultHeader& header, const Farm
   return report;
 }
 
-// Puts the messages of an upload stream together into results, one at a time.
+// Assembles the messages of an upload stream into results, one at a time.
 class ResultAssembly {
  public:
   ResultAssembly(Farm* farm, std::string identity, v1::UploadResultsResponse* response)
@@ -72,7 +72,7 @@ class ResultAssembly {
     return absl::OkStatus();
   }
 
-  // Gives the result under way, if any, to the farm.
+  // Gives the current result, if any, to the farm.
   absl::Status Finish() {
     if (!report_) return absl::OkStatus();
     const absl::StatusOr<ResultOutcome> outcome =
@@ -121,7 +121,7 @@ grpc::Status WorkerService::UploadResults(grpc::ServerContext* context,
       return ToGrpcStatus(status);
     }
   }
-  // A stream that broke off may have broken off inside its last result.
+  // A broken stream may have ended inside its last result.
   if (context->IsCancelled())
     return ToGrpcStatus(absl::CancelledError("the upload was interrupted"));
   return ToGrpcStatus(assembly.Finish());

@@ -48,7 +48,7 @@ std::string PersonName() {
   return CheckIdentityName(name).ok() ? name : "admin";
 }
 
-// How long a token is good, as --expires says.
+// The lifetime of a token, from --expires.
 absl::StatusOr<absl::Duration> ParseLifetime(const std::string& text, absl::Duration longest) {
   absl::Duration lifetime;
   if (absl::ParseDuration(text, &lifetime) && lifetime > absl::ZeroDuration() &&
@@ -64,7 +64,7 @@ std::string LocalTime(absl::Time time) {
   return absl::FormatTime("%Y-%m-%d %H:%M", time, LocalZone());
 }
 
-// Enrols whoever runs the command as an administrator, under all addresses of the coordinator.
+// Enrols the user who runs the command as an administrator, for all addresses of the coordinator.
 absl::StatusOr<Identity> EnrolAdministrator(AccessControl* access,
                                             const std::vector<std::string>& hosts, uint16_t port) {
   const absl::Time now = absl::Now();

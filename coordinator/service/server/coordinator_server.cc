@@ -27,7 +27,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// How long calls under way may take when the server stops.
+// How long calls in progress may take when the server stops.
 constexpr absl::Duration kStopGrace = absl::Seconds(2);
 
 absl::Status PortInUseError(const std::string& address) {

@@ -22,7 +22,7 @@ namespace {
 
 constexpr char kCreateJob[] = "/sheaf.v1.JobService/CreateJob";
 
-// Whether the user, who was let in before the scene was read, may still submit.
+// Checks that the user, who was admitted before the scene was read, may still submit.
 absl::Status CheckStillAllowed(AccessControl* access, const std::string& owner) {
   if (access == nullptr) return absl::OkStatus();
   const IdentityId id{IdentityKind::kUser, owner};

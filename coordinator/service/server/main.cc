@@ -51,7 +51,7 @@ struct CommandLine {
   double takeover_seconds = absl::ToDoubleSeconds(kOwnerSilenceMax);
 };
 
-// A hard disk reads fifty times as much; a terabyte takes three days.
+// A hard disk reads fifty times as fast; a terabyte takes three days.
 constexpr uint64_t kScrubBytesPerSecondDefault = uint64_t{4} << 20;
 
 // How long a coordinator that takes a farm over may load it, with a watchdog; as TimeoutStartSec of
@@ -72,7 +72,7 @@ std::string DefaultStateDirectory() {
   return home.empty() ? "" : absl::StrCat(home, "/.local/state/sheaf/coordinator");
 }
 
-// The options of limits for each identity, so that none keeps the others from working.
+// The options of limits for each identity.
 void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
   IdentityLimits& identity = server->identity_limits;
   Limits& farm = server->farm.limits;
@@ -107,7 +107,7 @@ void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
       ->group(group);
 }
 
-// "7d", "12h", "90 min" or "forever". Errors: a message for people.
+// "7d", "12h", "90 min" or "forever". Errors: a message for users.
 std::string ParseKeptDuration(const std::string& text, absl::Duration* duration) {
   if (text == "forever") {
     *duration = absl::InfiniteDuration();
@@ -135,7 +135,7 @@ void AddDurationOption(const char* name, absl::Duration* duration, const char* h
       ->group(group);
 }
 
-// The options of what is kept of jobs that have ended.
+// The options of retention.
 void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
   RetentionLimits& limits = farm->retention;
   farm->scrub_bytes_per_second = kScrubBytesPerSecondDefault;

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr mode_t kOthers = 077;
-// A coordinator keeps it locked. It is closed last, so that it tells whether all the others are.
+// A coordinator keeps it locked. It is closed last, so that it tells whether all others are closed.
 constexpr char kLockFile[] = "/lock";
 // Files of the state directory, also with a suffix, as farm.db-wal.
 constexpr std::string_view kNames[] = {"access",    "audit.log", "content", "dropped", "farm.db",
@@ -41,7 +41,7 @@ bool Close(const std::string& path) {
   return ::chmod(path.c_str(), info.st_mode & 07777 & ~kOthers) == 0;
 }
 
-// Closes what is named and what lies in it. False: some of it stays open.
+// Closes the named file or folder and its contents. False: some of it stays open.
 bool CloseTree(const std::string& path, size_t* left) {
   bool closed = Close(path);
   std::error_code error;

@@ -210,7 +210,7 @@ absl::StatusOr<v1::UploadResultsResponse::Outcome> SyntheticWorker::Send(
   SetDeadline(&context, kUnaryDeadline);
   v1::UploadResultsResponse response;
   const auto writer = stub_->UploadResults(&context, &response);
-  // In two messages at least, so that results are put together from several.
+  // In at least two messages, to test assembly.
   const size_t half = upload.bytes.size() / 2;
   v1::UploadResultsRequest message;
   *message.mutable_header() = upload.header;

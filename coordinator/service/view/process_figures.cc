@@ -30,7 +30,7 @@ std::vector<std::string> StatFields() {
   std::string text;
   std::ifstream file("/proc/self/stat");
   std::getline(file, text);
-  const size_t name_end = text.rfind(')');  // The name may hold anything.
+  const size_t name_end = text.rfind(')');  // The name may contain any character.
   if (name_end == std::string::npos) return {};
   return absl::StrSplit(text.substr(name_end + 1), ' ', absl::SkipEmpty());
 }

@@ -9,7 +9,7 @@
 namespace sheaf::coordinator {
 
 ServerMetrics::ServerMetrics(BuildInfo build_info) : build(std::move(build_info)) {
-  // Those that alerts and the dashboard ask for.
+  // The series that alerts and the dashboard use.
   grpc_calls.Expect("WorkerService/Synchronize", "OK");
   http_requests.Expect("GET /metrics", "200");
 }

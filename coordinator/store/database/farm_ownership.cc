@@ -13,7 +13,7 @@ namespace sheaf::coordinator {
 namespace {
 
 constexpr int kRenewalsPerLease = 4;
-// How long to wait for a server that starts again; a renewal that fails is tried again anyway.
+// How long to wait for a server that restarts; a failed renewal is retried anyway.
 constexpr absl::Duration kReconnectWait = absl::ZeroDuration();
 constexpr int64_t kTablesLock = 0x53484f574e;
 
@@ -33,7 +33,7 @@ INSERT INTO sheaf_owner.lease SELECT 0, '', '-infinity'
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<FarmOwnership>> FarmOwnership::Acquire(const Options& options) {
-  // A lease that a crash of the server forgets lapses, which is safe.
+  // A lease lost in a crash of the server lapses, which is safe.
   absl::StatusOr<std::unique_ptr<PostgresConnection>> connection =
       PostgresConnection::Open(options.url, "SET synchronous_commit TO off");
   if (!connection.ok()) return connection.status();
@@ -107,7 +107,8 @@ absl::StatusOr<bool> FarmOwnership::TryToTake(const std::string& name, std::stri
 absl::Status FarmOwnership::Take(const std::string& name, bool* taken) {
   absl::Status status = connection_->Run("BEGIN;SET LOCAL synchronous_commit TO on").status();
   if (!status.ok()) return status;
-  // Several that wait change the row one after the other, and only the first finds it lapsed.
+  // Several waiting coordinators change the row one after the other, and only the first finds it
+  // lapsed.
   const absl::StatusOr<PostgresResult> lease = connection_->Run(
       absl::StrCat("UPDATE sheaf_owner.lease SET epoch = epoch + 1, name = $1, expire_time = ",
                    Lease(), " WHERE expire_time <= clock_timestamp() RETURNING epoch"),
@@ -115,8 +116,7 @@ absl::Status FarmOwnership::Take(const std::string& name, bool* taken) {
   if (!lease.ok()) return lease.status();
   if (lease->RowCount() == 0) return connection_->Run("ROLLBACK").status();
   const int64_t epoch = lease->Int64(0, 0);
-  // Waits for a transaction of the owner of before. That may take a while, so the lease begins
-  // anew.
+  // Waits for a transaction of the previous owner. That may take a while, so the lease is renewed.
   status = connection_
                ->Run(absl::StrCat("UPDATE sheaf_owner.owner SET epoch = ", epoch,
                                   ", transaction_number = 0;"

@@ -19,10 +19,10 @@ constexpr size_t kHeaderBytes = 32, kHeaderSummedBytes = 24, kPageSizeAt = 8, kS
 constexpr size_t kFrameHeaderBytes = 24, kFrameSummedBytes = 8, kCommitAt = 4, kFrameSaltsAt = 8;
 constexpr size_t kFrameSumsAt = 16;
 constexpr size_t kSaltsBytes = 8;
-// The lowest bit tells the order of bytes of the words that are summed; all else is big-endian.
+// The lowest bit tells the byte order of the summed words; all else is big-endian.
 constexpr uint32_t kMagic = 0x377f0682;
 constexpr uint32_t kPageBytesMin = 512, kPageBytesMax = 65536;
-// SQLite begins its log anew after some megabytes.
+// SQLite restarts its log after some megabytes.
 constexpr uint64_t kLogBytesMax = uint64_t{1} << 30;
 constexpr uint32_t kPageBytesUsual = 4096;  // SQLite's default, which all databases of Sheaf have.
 
@@ -78,7 +78,7 @@ int64_t CountLostCommits(const std::string& log_path) {
   std::string_view salts = whole ? header.substr(kSaltsAt, kSaltsBytes) : "";
   const size_t frame_bytes = kFrameHeaderBytes + page_bytes;
   int64_t commits = 0;
-  bool is_acknowledged = false;  // One of the commits, for a frame was written after it.
+  bool is_acknowledged = false;  // One of the commits: a frame was written after it.
   size_t wrong_frames = 0;       // From the first wrong one on.
   std::string_view previous;     // The last of them.
   for (size_t at = kHeaderBytes; at + frame_bytes <= log->size(); at += frame_bytes) {
@@ -93,11 +93,11 @@ int64_t CountLostCommits(const std::string& log_path) {
     } else if (is_of_log && IsCommit(previous)) {
       const LogChecksum stored{sum.big_endian, WordAt(previous, kFrameSumsAt),
                                WordAt(previous, kFrameSumsAt + 4)};
-      // The first wrong frame may be wrong by its sum alone.
+      // Only the sum of the first wrong frame may be wrong.
       is_acknowledged |=
           stored.IsFollowedBy(frame) || (wrong_frames == 1 && sum.IsFollowedBy(frame));
     }
-    // The salts of the first wrong frame may be what changed.
+    // The changed bits may be in the salts of the first wrong frame.
     if (IsCommit(frame) && (is_of_log || wrong_frames == 0)) ++commits;
     previous = frame;
     ++wrong_frames;

@@ -26,7 +26,7 @@ namespace {
 constexpr Oid kBool = 16, kBytea = 17, kInt8 = 20, kInt2 = 21, kInt4 = 23, kText = 25;
 constexpr Oid kFloat8 = 701;
 constexpr int kBinary = 1;
-// The oldest that its makers maintain; Debian 12 has 15.
+// The oldest maintained version; Debian 12 has 15.
 constexpr int kServerVersionMin = 130000;
 // Limit of one attempt to connect, in seconds, and of unacknowledged data, in milliseconds.
 constexpr char kConnectTimeout[] = "5";
@@ -55,7 +55,7 @@ std::string OneLine(const char* message) {
 // By the classes of SQLSTATE.
 absl::Status StatusFromState(const std::string& state, const std::string& message) {
   if (state == "23505") return absl::AlreadyExistsError(message);
-  if (state == "53100") {  // In the words of the system, as for files.
+  if (state == "53100") {  // With the system's message, as for files.
     return absl::ResourceExhaustedError(absl::StrCat(message, ": ", std::strerror(ENOSPC)));
   }
   if (absl::StartsWith(state, "28") || state == "42501") {
@@ -125,7 +125,7 @@ std::string PostgresResult::Text(int row, int column) const {
 
 absl::StatusOr<std::unique_ptr<PostgresConnection>> PostgresConnection::Open(
     const std::string& url, const std::string& settings) {
-  // The part before "dbname" holds where the URL says nothing else.
+  // The part before "dbname" applies unless the URL overrides it.
   const std::array<const char*, 5> names = {"connect_timeout", "tcp_user_timeout",
                                             "fallback_application_name", "dbname", nullptr};
   const std::array<const char*, 5> values = {kConnectTimeout, kTcpUserTimeout, "sheaf-coordinator",
@@ -234,7 +234,7 @@ absl::StatusOr<PostgresResult> PostgresConnection::Run(const std::string& sql,
   std::vector<const char*> pointers;
   std::vector<int> lengths;
   for (const PostgresValue& value : values) {
-    pointers.push_back(value.bytes.data());  // Not null, even where there are no bytes.
+    pointers.push_back(value.bytes.data());  // Not null, even without bytes.
     lengths.push_back(static_cast<int>(value.bytes.size()));
   }
   const std::vector<int> formats(values.size(), kBinary);

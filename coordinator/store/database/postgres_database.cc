@@ -13,13 +13,13 @@
 namespace sheaf::coordinator {
 namespace {
 
-// How long a call waits for a server that starts again.
+// How long a call waits for a server that restarts.
 constexpr absl::Duration kReconnectWaitMax = absl::Seconds(2);
 // How long to look for the outcome of an interrupted commit: a server that crashed recovers first.
 constexpr absl::Duration kOutcomeWaitMax = absl::Seconds(60);
-// A coordinator that stands still within a transaction may not keep others from taking over.
+// A coordinator that hangs within a transaction must not keep others from taking over.
 constexpr char kIdleTransactionMax[] = "2s";
-// Two that make a schema at the same time wait for each other by this number.
+// Processes that make a schema at the same time wait for each other by this lock.
 constexpr int64_t kSchemaLock = 0x5348454146;
 
 class PostgresStatement : public PreparedStatement {

@@ -22,8 +22,8 @@ constexpr std::string_view kWithoutRowid = "WITHOUT ROWID";
 
 bool IsWordCharacter(char c) { return absl::ascii_isalnum(c) || c == '_'; }
 
-// The length of the quoted text with which `sql` begins; 0 where it begins with none. A doubled
-// quote within it ends one and begins another, to the same effect.
+// The length of the quoted text at the start of `sql`; 0 if there is none. A doubled quote within
+// it ends one text and begins another, with the same effect.
 size_t QuotedLength(std::string_view sql) {
   if (sql.empty() || (sql[0] != '\'' && sql[0] != '"')) return 0;
   const size_t end = sql.find(sql[0], 1);

@@ -30,7 +30,7 @@ absl::Status StatusFromSqlite(int result, sqlite3* database) {
   const std::string message =
       absl::StrCat(path == nullptr ? "database" : path, ": ", sqlite3_errmsg(database));
   switch (result & 0xff) {
-    case SQLITE_FULL:  // In the words of the system, as for files.
+    case SQLITE_FULL:  // With the system's message, as for files.
       return absl::ResourceExhaustedError(absl::StrCat(message, ": ", std::strerror(ENOSPC)));
     case SQLITE_CONSTRAINT: {
       const bool of_key = result == SQLITE_CONSTRAINT_PRIMARYKEY ||

@@ -105,7 +105,7 @@ absl::Status DeliveredImages::Check(const FrameId& id, const std::string& path) 
   }
   {
     const MutexLock tables_lock(&tables_.mutex);
-    // False once it is being recreated, as it may be since the file was read.
+    // False if it is being recreated, possibly since the file was read.
     const auto account = tables_.accounts.find(id.job_id);
     if (account == tables_.accounts.end()) return Removed(id);
     const bool is_delivered = account->second.delivered.contains(id.frame_number);
@@ -156,7 +156,7 @@ void DeliveredImages::Heal(JobLifecycle* lifecycle) {
       LogError(absl::StrCat("recreating images of jobs/", job_id, ": ", status.message()));
     }
   }
-  // Only now: until its frame is open again, each look at the image would find the damage anew.
+  // Only now: until its frame is open again, each check of the image would find the damage again.
   const MutexLock lock(&mutex_);
   for (const FrameId& id : settled) damaged_.erase(id);
 }

@@ -25,7 +25,7 @@ int ThreadCount() {
   return std::clamp(processors / 2, 1, kDenoiseThreadsMax);
 }
 
-// The sums of a tile from its parts on disk; none where parts were lost.
+// The sums of a tile from its parts on disk; none if parts were lost.
 absl::StatusOr<std::optional<FilmTile>> ReadTile(const FrameId& id, uint32_t tile,
                                                  const FrameMerge& merge, JobStore* store,
                                                  TileBuilder* tiles) {

@@ -42,7 +42,7 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
       {"seed", absl::StrCat(s.seed)},
       {"size", absl::StrCat(s.width_px, "x", s.height_px)},
       {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
-  // Samples went to cells of tiles; equal counts do not tell how large those were.
+  // Cells of tiles got their own samples; equal counts do not tell the cells' size.
   if (spec.stop.IsActive()) {
     metadata["tileSizePx"] = absl::StrCat(partition.tile_size_px);
     metadata["cellSizePx"] = absl::StrCat(CellSizeOf(spec, partition));
@@ -70,7 +70,7 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
   return metadata;
 }
 
-// Adds the values that are found on delivery. Estimates that do not exist are left out.
+// Adds the values computed at delivery. Omits estimates that do not exist.
 void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FrameImage* image) {
   image->metadata[kImageDigestKey] = delivered.image_digest;
   if (merge.signed_weights()) image->metadata[kSampleWeightKey] = "signed";
@@ -139,7 +139,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
                        tables_.stale_fields.contains(id) ||
                        tables_.scheduler.AwaitsChecks(id, SteadyTime::Now());
     if (waits) {
-      queue_.Add(id);  // Looked at again after the next result of a check, or soon.
+      queue_.Add(id);  // Retried after the next result of a check, or soon.
       return absl::OkStatus();
     }
     is_disputed = tables_.scheduler.checks().HasDispute(id);
@@ -192,7 +192,7 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   FrameImage* image = frame->merge.mutable_image();
   image->metadata = MetadataOf(id, frame->spec);
   frame->merge.AddLightLayer();
-  // A job that asks for few pixels is a pilot, and asks for their price.
+  // A job with few pixels is a pilot, and needs their cost.
   const bool is_sparse = !frame->spec.settings.lattice.All();
   if (!is_sparse) rounds_.AddMetadata(id, image);
   if (is_sparse || IsPilot(id.job_id)) AddPilotFindings(id, frame);
@@ -204,7 +204,7 @@ absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
   image->attributes.merge(attributes_.Of(frame->spec.scene));
   *delivered = Account(id, *frame);
   AddFindings(*delivered, frame->merge, image);
-  // Its size is not known before. The database has its space first.
+  // Its size was unknown until now. The database has priority for space.
   if (absl::Status s = disk_.CheckRoom(0); !s.ok()) return s;
   if (absl::Status s = images_.Write(id, *image); !s.ok()) return s;
   return true;

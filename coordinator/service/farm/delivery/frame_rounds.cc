@@ -17,7 +17,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// How many samples a limit allows where `spent` of it went into sample_count.
+// The samples that a limit allows if sample_count samples spent `spent` of it.
 double Allowed(uint64_t sample_count, absl::Duration spent, absl::Duration limit) {
   if (limit == absl::InfiniteDuration() || spent <= absl::ZeroDuration()) {
     return std::numeric_limits<double>::infinity();
@@ -95,15 +95,15 @@ void FrameRounds::KeepPreview(const OpenFrame& frame, const FrameId& id, int32_t
 void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   const uint64_t fewest = frame->merge.FewestSamples();
   if (!ended && fewest < frame->next_point_samples) return;
-  // The last point is of the image as a whole, on its delivery.
+  // The last point describes the whole image, at its delivery.
   if (!ended && fewest >= frame->spec.settings.samples) return;
   {
     const MutexLock lock(&tables_.mutex);
     const FrameRecord* record = tables_.scheduler.FindFrame(id);
     if (record->phase == FrameRecord::Phase::kDelivered) return;  // With a point at its end.
   }
-  // A frame at work has errors of tiles already: a large image is not examined as a whole.
-  // Without a rule each tile is a cell, except where the frame resumes an image.
+  // A frame in progress has errors of tiles: a large image is not examined as a whole. Without a
+  // rule each tile is a cell, except where the frame resumes an image.
   const bool is_known = !ended && frame->merge.grid().cells() == frame->merge.grid().tiles();
   RoundRecord record =
       RecordOf(*frame, id, is_known ? frame->error.OfTiles() : ErrorsOf(frame->merge));
@@ -114,7 +114,7 @@ void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   frame->next_point_samples = NextPoint(record);
   {
     const MutexLock lock(&tables_.mutex);
-    // The last parts came meanwhile: the record counts them, but its image is without them.
+    // The last parts arrived meanwhile: the record counts them, but its image lacks them.
     const bool all_came = tables_.scheduler.FindFrame(id)->phase == FrameRecord::Phase::kRendered;
     if (!ended && all_came) return;
     if (const RoundRecord* last = tables_.LastRoundOf(id)) {
@@ -147,7 +147,7 @@ void FrameRounds::AddMetadata(const FrameId& id, FrameImage* image) const {
   if (spec.stop.target_error > 0) {
     image->metadata["targetError"] = absl::StrFormat("%.6g", spec.stop.target_error);
   }
-  if (!(rounds.back().relative_mse > 0)) return;  // It cannot be told.
+  if (!(rounds.back().relative_mse > 0)) return;  // It is unknown.
   image->metadata[kErrorCurveKey] = FormatErrorCurve(rounds, spec.settings.window.PixelCount());
 }
 

@@ -18,7 +18,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// As exr_attributes.h describes the text of a matrix.
+// Matrix text as described in exr_attributes.h.
 std::string MatrixText(const std::vector<float>& rows) {
   return absl::StrJoin(
       rows, " ", [](std::string* out, float value) { absl::StrAppendFormat(out, "%.9g", value); });

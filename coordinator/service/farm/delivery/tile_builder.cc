@@ -19,7 +19,7 @@ absl::Status TileBuilder::Rebuild(OpenFrame* frame, const FrameId& id, uint32_t 
   const absl::StatusOr<std::vector<PartRow>> rows =
       store_.FindTileParts(id, grid.RectOf(tile), grid.KindOf(tile));
   if (!rows.ok()) return rows.status();
-  // Part by part: all of the light tile's are many times its size.
+  // Part by part: together, the light tile's parts are many times its size.
   std::unique_ptr<CellTrees> trees = frame->merge.MakeTrees(tile);
   if (absl::Status s = InsertResumed(frame, tile, trees.get()); !s.ok()) return s;
   absl::Status merged;

@@ -12,7 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Counts of a worker that has not reported for so long are forgotten; it has ended.
+// Counts of a worker that has not reported for this long are dropped; it has ended.
 constexpr absl::Duration kCountsKept = absl::Hours(24);
 
 struct CountField {

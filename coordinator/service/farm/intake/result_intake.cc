@@ -29,7 +29,7 @@ uint64_t NonfiniteCount(const FilmTile& part) {
   return static_cast<uint64_t>(sum);
 }
 
-// Decodes a part and compares what it says of itself with its key. Empty text: it fits.
+// Decodes a part and compares its header with its key. Empty text: they match.
 std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_profile,
                          const FrameSettings& settings, const DecodedPart& part) {
   if (part.header.frame_digest != report.frame_digest) return "the part belongs to another frame";
@@ -103,7 +103,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
   }
   const TileReservation reservation(
       this, {report.frame_digest, report.kind, report.tile.y0, report.tile.x0});
-  // Again: the sender's results may have been removed while this one waited for its tile.
+  // Checked again: the sender's results may have been removed while this one waited for its tile.
   if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
   Scheduler::FoundTask found;
   std::string numeric_profile;
@@ -170,7 +170,7 @@ void ResultIntake::LoseField(const PartRow& field, const absl::Status& why) {
     if (!HasField(key.frame, field.digest)) return;
     frame_digest = tables_.scheduler.FindFrame(key.frame)->packed.frame_digest().Hex();
   }
-  // Neither another field is taken meanwhile, nor is the frame corrected.
+  // No other field is taken meanwhile, and the frame is not corrected.
   const TileReservation reservation(this, {frame_digest, key.kind, key.tile.y0, key.tile.x0});
   {
     const MutexLock lock(&tables_.mutex);
@@ -248,8 +248,8 @@ absl::Status ResultIntake::Reject(const ResultReport& report, const std::string&
   return absl::InvalidArgumentError(text);
 }
 
-// A task that is done already: the same bits again confirm it, other bits mean that one of the two
-// is false.
+// The task is already done: equal bits confirm it, different bits mean that one of the two is
+// false.
 absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& report,
                                                          const Scheduler::FoundTask& found) {
   const absl::StatusOr<std::optional<PartRow>> row =
@@ -290,7 +290,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& rep
         .SetWarning(found.frame.job_id,
                     absl::StrCat("frame ", found.frame.frame_number,
                                  " is disputed: no two workers agree on a part of it"))
-        .IgnoreError();  // The disk's state is noted, and the text is in the log.
+        .IgnoreError();  // The disk's state is recorded, and the error is logged.
   }
   if (!verdict.liars.empty()) lifecycle_.SettleEnded();
   queue_.Wake();
@@ -350,7 +350,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
     }
   }
   if (open == nullptr) {
-    // While it was written its job ended, or a larger block that contains it was leased.
+    // While it was written, its job ended, or a larger block that contains it was leased.
     removals_.Remove({row});
     store_.NoteUsage({found.frame.job_id},
                      {.lost_count = 1, .lost_cpu_duration = report.cpu_duration});

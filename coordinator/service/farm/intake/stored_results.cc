@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The part of ResultIntake for results whose bytes their senders store themselves (docs/adr/0083).
-// The coordinator reads them back: it merges them in any case, and so compares their digest.
+// The coordinator reads them back to merge them, and so can compare their digest.
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "coordinator/service/farm/intake/result_intake.h"

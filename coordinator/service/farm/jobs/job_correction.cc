@@ -19,7 +19,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The frames that people are told of by number.
+// Lists frames by number for a message.
 constexpr size_t kFramesToldMax = 20;
 
 std::string FramesText(const std::set<int32_t>& numbers) {
@@ -39,7 +39,7 @@ absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
   if (!rows.ok()) return rows.status();
   std::map<uint64_t, std::vector<PartRow>> by_job;
   for (PartRow& row : *rows) {
-    if (left.contains(row.key)) continue;  // A call before this one corrected its frame.
+    if (left.contains(row.key)) continue;  // An earlier call corrected its frame.
     by_job[row.key.frame.job_id].push_back(std::move(row));
   }
   for (auto& [job_id, of_job] : by_job) {

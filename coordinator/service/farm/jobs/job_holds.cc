@@ -15,7 +15,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Errors: kFailedPrecondition, where the job has ended without having succeeded.
+// Errors: kFailedPrecondition if the job has ended without success.
 absl::Status RequireNotGivenUp(const JobRecord& job) {
   if (job.phase == JobPhase::kLive || job.phase == JobPhase::kSucceeded) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(
@@ -28,7 +28,7 @@ bool IsDelivered(const JobRecord& job, int32_t number) {
   return index && job.frames[*index].phase == FrameRecord::Phase::kDelivered;
 }
 
-// Those of the named frames, or of all, that wait for approval. Errors: kNotFound;
+// Those of the named frames, or of all frames, that wait for approval. Errors: kNotFound;
 // kFailedPrecondition (a named one does not wait, and is not approved).
 absl::StatusOr<std::set<int32_t>> ChooseWaiting(const JobRecord& job,
                                                 const std::vector<int32_t>& numbers) {

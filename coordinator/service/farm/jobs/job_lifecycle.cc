@@ -14,7 +14,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Errors: kFailedPrecondition, naming the job's state, where it has ended.
+// Errors: kFailedPrecondition, naming the job's state, if it has ended.
 absl::Status RequireUnfinished(const JobRecord& job, const char* action) {
   if (job.phase == JobPhase::kLive) return absl::OkStatus();
   const char* const state = job.phase == JobPhase::kSucceeded ? "has succeeded"
@@ -45,11 +45,11 @@ absl::StatusOr<uint64_t> JobLifecycle::CreateNew(JobSpec spec, const std::string
   {
     const MutexLock lock(&tables_.mutex);
     if (absl::Status status = tables_.scheduler.CheckJob(spec); !status.ok()) return status;
-    // Concurrent calls of one owner may together exceed a limit by what they submit.
+    // Concurrent calls of one owner may exceed a limit by the jobs that they submit.
     if (absl::Status status = tables_.scheduler.CheckOwner(spec); !status.ok()) return status;
   }
   if (spec.partition.cell_size_px == 0) {
-    // Also of frames that have no rule yet: they may be refined by one.
+    // Also for frames without a rule: a refinement may add one.
     for (const FrameSpec& frame : spec.frames) {
       const int32_t size = ChooseCellSize(frame.settings.window, spec.partition.tile_size_px);
       spec.partition.cell_size_px = std::max(spec.partition.cell_size_px, size);
@@ -133,7 +133,7 @@ absl::Status JobLifecycle::SetPriority(uint64_t job_id, int32_t priority) {
     absl::Status live = RequireUnfinished(**job, "change its priority");
     if (!live.ok()) return live;
   }
-  // Also where it has the priority, as in SetPaused.
+  // Written even if it has the priority, as in SetPaused.
   absl::Status written = store_.SetPriority(job_id, priority);
   disk_.Note(written);
   if (!written.ok()) return written;
@@ -248,7 +248,7 @@ absl::Status JobLifecycle::SaveNewTroubles() {
   disk_.Note(status);
   if (status.ok()) return status;
   const MutexLock lock(&tables_.mutex);
-  tables_.unsaved_troubles.merge(changed);  // Not over newer ones.
+  tables_.unsaved_troubles.merge(changed);  // Keeps newer ones.
   return status;
 }
 
@@ -278,7 +278,7 @@ absl::Status JobLifecycle::LiftQuarantine(const std::string& identity) {
                        " are still being removed; trust it again when that is done"));
     }
   }
-  SaveNewQuarantines();  // Lest one that is still to be written comes back.
+  SaveNewQuarantines();  // So that a pending one does not return.
   absl::Status removed = store_.RemoveQuarantine(identity);
   disk_.Note(removed);
   if (!removed.ok()) return removed;
@@ -317,7 +317,7 @@ void JobLifecycle::EraseOpenFrames(uint64_t job_id) {
 }
 
 void JobLifecycle::LimitKeptParts() {
-  // No frame is reopened meanwhile: its parts would be removed under it.
+  // No frame may be reopened meanwhile: its parts would be removed.
   const MutexLock settling(&settle_mutex_);
   while (store_.PartsBytes() > options_.kept_parts_bytes_max) {
     const absl::StatusOr<std::optional<FrameId>> oldest = store_.OldestDeliveredWithParts();

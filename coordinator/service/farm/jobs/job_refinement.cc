@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobLifecycle that continues jobs that have ended: refined, with images to be made
-// again, or with failed work that is tried again; and that gives work up.
+// The part of JobLifecycle that continues ended jobs, to refine them, to remake images or to retry
+// failed work; and that gives up work.
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -19,7 +19,7 @@ bool DependsOnTime(const StopRule& rule) {
   return rule.time_max != absl::InfiniteDuration() || rule.cpu_max != absl::InfiniteDuration();
 }
 
-// The frame under a new rule. None where nothing is left to render.
+// The frame under a new rule. None if nothing is left to render.
 std::optional<JobStore::ReopenedFrame> Refined(const FrameSpec& old, const Refinement& refinement,
                                                std::vector<RoundRecord> rounds) {
   JobStore::ReopenedFrame frame{old, std::move(rounds)};
@@ -41,7 +41,7 @@ std::optional<JobStore::ReopenedFrame> Refined(const FrameSpec& old, const Refin
   return frame;
 }
 
-// Whether a call before this one has begun it already.
+// Whether an earlier call has begun it.
 bool IsBeingRefined(const JobRecord& job, const Refinement& refinement) {
   if (job.phase != JobPhase::kLive) return false;
   return std::any_of(job.frames.begin(), job.frames.end(), [&](const FrameRecord& frame) {
@@ -149,7 +149,7 @@ void JobLifecycle::ContinueFromImage(const JobSpec& job, JobStore::ReopenedFrame
   absl::Status continued = path.status();
   if (path.ok()) continued = resumed_.ContinueFrom(*path, job.partition, &frame->spec);
   if (continued.ok()) {
-    frame->rounds.clear();  // The first one is what the image has.
+    frame->rounds.clear();  // The image's samples become the first round.
     return;
   }
   LogInfo(absl::StrCat(
@@ -210,13 +210,13 @@ absl::StatusOr<JobStore::LoadedParts> JobLifecycle::LoadPartsOf(
 
 void JobLifecycle::TakeOut(uint64_t job_id) {
   if (tables_.scheduler.jobs().at(job_id).phase == JobPhase::kLive) {
-    // It ends for the scheduler alone, and begins again at once.
+    // It ends only for the scheduler, and restarts at once.
     tables_.scheduler.RestoreEnded(job_id, JobPhase::kCancelled, "");
     tables_.open_frames.erase(tables_.open_frames.lower_bound({job_id, INT32_MIN}),
                               tables_.open_frames.upper_bound({job_id, INT32_MAX}));
   }
   tables_.scheduler.RemoveJob(job_id);
-  // An end that is not written yet will not be: the job would lose its parts by it.
+  // Cancels a pending write of its end, which would remove its parts.
   std::erase(tables_.unsettled_jobs, job_id);
 }
 
@@ -253,8 +253,8 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   if (!parts.ok()) return parts.status();
   absl::StatusOr<std::vector<StoredRound>> rounds = store_.LoadRounds(job_id, /*with_cells=*/true);
   if (!rounds.ok()) return rounds.status();
-  // After the frames are no longer delivered: a stop in between leaves them to be found again. And
-  // after all that may fail, so that another try finds them, too.
+  // Only after the frames are no longer delivered: after a stop in between they are found again.
+  // And after all steps that may fail, so that a retry finds them, too.
   RemoveFalse(false_parts);
   for (const JobStore::ReopenedFrame& frame : reopened) {
     const auto kept = static_cast<int32_t>(frame.rounds.size());
@@ -262,7 +262,7 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   }
   const MutexLock lock(&tables_.mutex);
   const JobRecord& record = tables_.scheduler.jobs().at(job_id);
-  // It was ended meanwhile, and that is written down soon.
+  // It ended meanwhile; its end will be stored soon.
   const bool has_failed = record.phase == JobPhase::kFailed && !may_have_failed;
   if (has_failed || record.phase == JobPhase::kCancelled) return absl::OkStatus();
   JobAccount& account = tables_.accounts.at(job_id);
@@ -365,7 +365,7 @@ absl::Status JobLifecycle::ReopenUndelivered(uint64_t job_id, std::optional<int3
   absl::Status done = ReopenFrames(std::move(job), reopened, /*false_parts=*/{},
                                    /*may_have_failed=*/true);
   if (!done.ok()) return done;
-  // Losses while loading are put back from the list of failures, which stays.
+  // Losses while loading are restored from the list of failures, which stays.
   const MutexLock lock(&tables_.mutex);
   tables_.scheduler.Retry(job_id, frame, task);
   tables_.NoteEndedJobs();

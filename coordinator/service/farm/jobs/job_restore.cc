@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobLifecycle that puts stored jobs into the scheduler: after a start, when they are
-// created, and when they are refined.
+// The part of JobLifecycle that restores stored jobs into the scheduler: after a start, when they
+// are created, and when they are refined.
 #include <algorithm>
 #include <chrono>
 #include <optional>
@@ -159,7 +159,7 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
     LogInfo(absl::StrCat("job ", job.spec.job_id, ": resumed with ", parts.rows.size(),
                          " results on disk"));
   }
-  // All frames were delivered, but the coordinator was stopped before it noted the job's end.
+  // All frames were delivered, but the coordinator was stopped before it stored the job's end.
   const JobRecord& record = tables_.scheduler.jobs().at(job.spec.job_id);
   const bool is_done =
       job.delivered.size() == job.spec.frames.size() && record.unapproved_count == 0;
@@ -181,7 +181,8 @@ std::map<FrameId, BlobDigest> JobLifecycle::FieldsOf(const std::vector<PartRow>&
 }
 
 void JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fit) {
-  // A part outside of its frame is of a later round than that from which a refined job continues.
+  // A part outside its frame belongs to a later round than the one from which a refined job
+  // continues.
   if (fit != FrameTasks::Fit::kOutside) {
     ++tables_.scheduler.counters().parts_revoked;
     LogWarning(absl::StrCat("job ", row.key.frame.job_id, ": a part of frame ",

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobLifecycle that pins jobs, and removes what is kept of jobs that have ended. That
-// something is gone is durable before its files go.
+// The part of JobLifecycle that pins jobs, and removes stored data of ended jobs. A removal is
+// durable before its files are removed.
 #include <algorithm>
 #include <utility>
 #include <vector>

@@ -80,7 +80,7 @@ MetricView Gauge(const std::string& name, const std::string& help, double value)
   return {"sheaf_" + name, help, MetricView::Kind::kGauge, "", "", value};
 }
 
-// Live jobs that /metrics tells of one by one, the oldest first; the rest together is kOther.
+// Live jobs that /metrics lists individually, the oldest first; the rest are summed as kOther.
 constexpr size_t kJobMetricsMax = 200;
 
 struct JobMetric {
@@ -107,7 +107,7 @@ constexpr JobMetric kJobMetrics[] = {
      }},
 };
 
-// Adds how the errors of a job's frames came out against what was foretold.
+// Adds the ratios of the errors of a job's frames to their predictions.
 void AddErrors(const std::map<int32_t, std::vector<RoundRecord>>& rounds_by_frame,
                JobCurve* curve) {
   for (const auto& [number, rounds] : rounds_by_frame) {

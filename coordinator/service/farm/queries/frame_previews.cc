@@ -25,7 +25,7 @@ absl::Status NoSamplesYet(const FrameId& id) {
   return absl::UnavailableError(absl::StrCat(Name(id), ": has no samples yet"));
 }
 
-// The wanted channels of a developed image. Full planes of the others are most of it.
+// The wanted channels of a developed image. The planes of the others are most of its bytes.
 absl::StatusOr<FrameImage> CopyChannels(const FrameImage& image,
                                         const std::vector<std::string>& channels) {
   FrameImage copy;
@@ -113,7 +113,7 @@ absl::StatusOr<PreviewView> FramePreviews::Preview(const std::string& job_id, in
   } else if (shown->open != nullptr) {
     const MutexLock lock(&shown->open->mutex);
     const FrameImage& image = shown->open->merge.image();
-    // Means over squares are all that is shown of light, and far less to copy.
+    // For light, only means over squares are shown, which are far less to copy.
     const bool is_light = channels == std::vector<std::string>{"R", "G", "B"};
     copy = is_light ? ShrinkImage(image, channels, kPreviewPixelCountMax)
                     : CopyChannels(image, channels);

@@ -69,7 +69,7 @@ std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundReco
   return views;
 }
 
-// Never 0, which stands for a frame that has not been seen. view: without its spec.
+// Never 0, which means a frame not yet seen. view: without its spec.
 size_t MarkOf(const FrameRecord& frame, const FrameView& view, size_t round_count) {
   const ProgressView& progress = view.progress;
   const size_t mark = absl::HashOf(
@@ -287,7 +287,7 @@ void JobViews::EstimateRemaining(const JobRecord& job, SteadyTime now,
   if (left.cpu_seconds_per_sample <= 0) return;
   const FarmLoad& load = tables_.LoadOf(job.spec.numeric_profile, now);
   if (load.threads_used <= 0) return;
-  // A job that has just come is not in the load yet.
+  // A new job is not yet in the load.
   const double alone = left.sample_count * left.cpu_seconds_per_sample;
   progress->remaining_seconds = std::max(alone, load.ahead.CpuSeconds(left)) / load.threads_used;
 }

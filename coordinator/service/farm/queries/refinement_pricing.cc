@@ -40,8 +40,8 @@ RoundRecord WholeFrame(const FrameSpec& spec, const DeliveredFrame& delivered) {
   return record;
 }
 
-// The time of light passes belongs to no tile, and more camera samples bring more of them. So each
-// tile's time is scaled for all tiles to have that of the frame.
+// The time of light passes does not belong to a tile, and more camera samples cause more passes. So
+// each tile's time is scaled such that the tiles sum to the frame's time.
 void AddLightPasses(double frame_seconds, std::vector<double>* seconds_of_tiles) {
   const double sum = std::accumulate(seconds_of_tiles->begin(), seconds_of_tiles->end(), 0.0);
   if (!(sum > 0)) return;
@@ -85,7 +85,7 @@ absl::Status RefinementPricing::Look(const std::string& job_id,
   const absl::StatusOr<const JobRecord*> found = tables_.FindJob(is_number ? priced->job_id : 0);
   if (!found.ok()) return found.status();
   const JobRecord& job = **found;
-  // First: clients ask for shares of the job's error, and one that has just begun has none.
+  // First: clients request fractions of the job's error, which a new job does not have.
   if (absl::Status s = RequireSucceeded(job); !s.ok()) return s;
   if (absl::Status s = CheckTargets(target_errors); !s.ok()) return s;
   priced->frame_count = job.frames.size();

@@ -20,7 +20,7 @@ CellGrid GridOf(const JobRecord& job, const FrameRecord& frame) {
   return frame.tasks != nullptr ? frame.tasks->grid() : CellGrid(frame.Spec(), job.spec.partition);
 }
 
-// The failure with the worker's own words, without who says them.
+// The failure with the worker's own message, without the worker's name.
 TaskFailure OwnWords(TaskFailure failure) {
   const std::string words = failure.words;
   const std::string speaker = absl::StrCat("worker ", failure.worker_id, " says: ");
@@ -28,10 +28,10 @@ TaskFailure OwnWords(TaskFailure failure) {
   return failure;
 }
 
-// The task of a frame that is rendered first.
+// The first task of a frame.
 uint32_t FirstTileOf(const CellGrid& grid) { return grid.training_tile().value_or(0); }
 
-// Makes it a report of the first block of the tile.
+// Makes the report describe the first block of the tile.
 void TakeFirstBlock(const JobRecord& job, const CellGrid& grid, uint32_t tile, TaskReport* report) {
   report->task = tile;
   report->kind = grid.KindOf(tile);

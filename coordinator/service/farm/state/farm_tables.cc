@@ -14,7 +14,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The fewest samples of a cell; 0 where cells are not known.
+// The fewest samples of a cell; 0 if cells are not known.
 uint64_t FewestSamples(const RoundRecord& record) {
   uint64_t fewest = std::numeric_limits<uint64_t>::max();
   for (const CellRound& cell : record.cells) fewest = std::min(fewest, cell.samples);
@@ -87,7 +87,7 @@ void FarmTables::PrepareOpen(const FrameId& id) {
     samples = record->tasks->SamplesOfCells();
     first_point_samples = FirstPointOf(id);
   }
-  CellGrid grid(spec, partition);  // As the frame's tasks have it.
+  CellGrid grid(spec, partition);  // As in the frame's tasks.
   auto open = std::make_shared<OpenFrame>(std::move(spec), std::move(grid), std::move(samples),
                                           first_point_samples, &merge_budget);
   const MutexLock lock(&mutex);
@@ -107,7 +107,7 @@ const RoundRecord* FarmTables::LastRoundOf(const FrameId& id) const {
 
 const std::vector<RoundRecord>& FarmTables::AddRound(const FrameId& id, RoundRecord record) {
   std::vector<RoundRecord>& rounds = accounts[id.job_id].rounds[id.frame_number];
-  if (!rounds.empty()) rounds.back().cells.clear();  // Only the last round's are asked for again.
+  if (!rounds.empty()) rounds.back().cells.clear();  // Only the last round's are needed later.
   rounds.push_back(std::move(record));
   return rounds;
 }

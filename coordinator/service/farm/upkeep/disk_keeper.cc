@@ -21,21 +21,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// DiskReserve's file, which holds nothing.
+// DiskReserve's file, which has no data.
 constexpr char kReserveName[] = "reserve";
-// How often space and ages are looked at.
+// How often space and ages are checked.
 constexpr absl::Duration kLookInterval = absl::Seconds(1);
 constexpr absl::Duration kFirstAgePass = absl::Seconds(10);
 constexpr absl::Duration kAgeIntervalMax = absl::Minutes(10);
 constexpr int kAgeIntervalsPerAge = 10;
 constexpr absl::Duration kClockStepTold = absl::Hours(1);
-// While nothing is left to remove, listing it again costs more than it brings.
+// While nothing is left to remove, another listing is not worth its cost.
 constexpr absl::Duration kOverInterval = absl::Seconds(10);
-// Walking through the directory takes no more than this fraction of the time.
+// Walking through the directory takes at most this fraction of the time.
 constexpr int kWalkFraction = 20;  // 1 / 20.
 
 // Bytes of the files below a folder, without those of some of its files and folders. Files that
-// vanish meanwhile count as none.
+// vanish meanwhile count as empty.
 uint64_t BytesBelow(const std::string& folder, const std::set<std::string>& left_out = {}) {
   uint64_t bytes = 0;
   std::error_code error;
@@ -148,7 +148,7 @@ uint64_t DiskKeeper::OutputBytes(uint64_t job_id) const {
 absl::Status DiskKeeper::CheckFreeSpace() const {
   std::error_code error;
   const fs::space_info space = fs::space(state_directory_, error);
-  if (error) return absl::OkStatus();  // Unknown; a write tells.
+  if (error) return absl::OkStatus();  // Unknown; a write will tell.
   DiskUse use;
   use.free_bytes = space.available;
   use.capacity_bytes = space.capacity;
@@ -313,7 +313,7 @@ absl::StatusOr<DiskKeeper::Stored> DiskKeeper::List(absl::Time now) {
     if (jobs.contains(id)) add(KeptKind::kParts, id, size_bytes);
   }
   for (const auto& [id, size_bytes] : previews_.BytesByJob()) {
-    // A job that was created since is not known here.
+    // A job created since is not known here.
     const bool is_new = !jobs.empty() && id > jobs.rbegin()->first;
     if (!is_new) add(KeptKind::kPreviews, id, size_bytes);
   }
@@ -357,7 +357,7 @@ void DiskKeeper::ListBlobs(const std::map<uint64_t, JobUse>& jobs, absl::Time no
     const auto use = uses.find(blob.digest.sha256_hex);
     item.is_named = use != uses.end();
     if (item.is_named) item.unused_since = std::max(item.unused_since, use->second.end_time);
-    // Where a job's list of files is lost, any blob may be among them.
+    // If a job's list of files is lost, any blob may be among them.
     item.in_use = !all_known || (item.is_named && use->second.in_use);
     items->push_back(std::move(item));
   }

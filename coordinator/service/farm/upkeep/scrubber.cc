@@ -14,12 +14,12 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The pause between two passes: a small store is not read without end.
+// The pause between two passes, so that a small store is not read continuously.
 constexpr absl::Duration kPassPause = absl::Hours(1);
-// At a start other things come first.
+// At a start other work comes first.
 constexpr absl::Duration kFirstPause = absl::Seconds(2);
 constexpr absl::Duration kLookAgainInterval = absl::Seconds(1);
-// Damaged things that are remembered until they are whole again; others are counted all the same.
+// Damaged items that are remembered until they are whole again; others are only counted.
 constexpr size_t kDamagedMax = 10'000;
 
 std::string NameOf(const PartKey& key) {
@@ -131,7 +131,7 @@ void Scrubber::ScrubPart(const PartRow& row, bool is_remade) {
   const absl::StatusOr<std::string> bytes = parts_.store.ReadPart(row);
   const bool is_damaged = absl::IsDataLoss(bytes.status()) || absl::IsNotFound(bytes.status());
   if (!is_damaged) return;
-  // It may have been removed, or its frame begun again, since it was listed.
+  // It may have been removed, or its frame restarted, since it was listed.
   const absl::StatusOr<std::optional<PartRow>> row_now = parts_.store.FindPart(row.key);
   const bool is_there = row_now.ok() && row_now->has_value() && (*row_now)->digest == row.digest;
   const FrameId& id = row.key.frame;
@@ -156,7 +156,7 @@ Scrubber::State Scrubber::StateOfPart(const PartRow& row) const {
   }
   const absl::StatusOr<std::optional<PartRow>> found = parts_.store.FindPart(row.key);
   if (!found.ok() || !found->has_value()) {
-    // Another division of the same samples makes it good as well.
+    // A different division of the same samples also repairs it.
     return FramesOf(row.key.frame.job_id).delivered.contains(row.key.frame.frame_number)
                ? State::kWhole
                : State::kDamaged;

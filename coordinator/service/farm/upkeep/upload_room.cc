@@ -16,7 +16,7 @@ namespace sheaf::coordinator {
 
 uint64_t DiskKeeper::UploadRoom() const {
   const std::optional<DiskSpace> space = DiskSpaceOf(state_directory_);
-  if (!space) return UINT64_MAX;  // Unknown; a write tells.
+  if (!space) return UINT64_MAX;  // Unknown; a write will tell.
   const uint64_t kept =
       AtMostFractionOf(*space, kFreeFractionMax, limits_.free_bytes_min) + reserve_.OwedBytes();
   return space->available_bytes - std::min(space->available_bytes, kept);

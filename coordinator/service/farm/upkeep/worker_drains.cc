@@ -125,7 +125,7 @@ void WorkerDrains::ForgetOld() {
   if (old.empty()) return;
   const absl::Status removed = store_.RemoveDrains(old);
   disk_.Note(removed);
-  if (!removed.ok()) return;  // At the next look.
+  if (!removed.ok()) return;  // Retried at the next call.
   const MutexLock of_tables(&tables_.mutex);
   for (const std::string& id : old) {
     drains_.erase(id);

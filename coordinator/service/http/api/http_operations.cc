@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of HttpApi for those who run a farm.
+// The part of HttpApi for operators of a farm.
 #include <algorithm>
 #include <utility>
 

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of HttpApi that tries failed work again, gives it up, or approves what waits for that.
+// The part of HttpApi that retries failed work, gives it up, or approves frames.
 #include <optional>
 #include <string>
 #include <utility>

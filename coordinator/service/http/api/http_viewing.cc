@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of HttpApi for those who look closely at images: layers, differences, pixels, and images
-// in full size.
+// The part of HttpApi for close inspection of images: layers, differences, pixels, and images in
+// full size.
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -33,7 +33,7 @@ absl::StatusOr<ChannelLayer> FindChannelLayer(const FrameView& frame, const std:
                                           "\"; .../layers lists them"));
 }
 
-// JSON has no other numbers than finite ones.
+// JSON has only finite numbers.
 Json PixelValueJson(float value) {
   if (std::isfinite(value)) return value;
   if (std::isnan(value)) return "nan";

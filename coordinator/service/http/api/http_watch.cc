@@ -70,7 +70,7 @@ void FarmDifference::Publish(const FarmView& farm) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
     hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
-    // A failed job may be tried again, and its frames then lose what viewers have seen of them.
+    // A failed job may be retried; its frames then lose state that viewers have seen.
     if (HasEnded(job.state) && job.state != JobState::kFailed) {
       frames_.erase(job.job_id);
       seen_.erase(job.job_id);
@@ -110,7 +110,7 @@ void FarmDifference::PublishFrames(const FarmView& farm, const std::string& job_
   for (const FrameView& frame : job->frames) {
     const std::string key = absl::StrCat("jobs/", job_id, "/frames/", frame.frame_number);
     std::string mark = Mark(frame);
-    // Frames that nothing happened to have no mark: there may be many.
+    // Untouched frames have no mark, because there may be many.
     const bool changed =
         mark == untouched ? marks.erase(key) > 0 : Differs(&marks, key, std::move(mark));
     if (!changed) continue;

@@ -28,7 +28,7 @@ std::string LayerOfChannel(const std::string& channel) {
   return channel.substr(0, channel.rfind('.'));
 }
 
-// Those that are shown as ImageLayers.
+// Layers that are shown as ImageLayers.
 bool IsOfImage(const std::string& channel) {
   return channel == "R" || channel == "G" || channel == "B" || channel == "samples" ||
          absl::StartsWith(channel, "stderr.");
@@ -54,7 +54,7 @@ bool IsIdNumber(const std::string& channel) {
 }
 
 // The pixel of the image at the first corner of the square of a displayed pixel, for values whose
-// mean means nothing, and the number of pixels displayed.
+// mean is meaningless, and the number of pixels displayed.
 struct ChannelGrid {
   int32_t factor = 1, width_px = 0, height_px = 0;
   size_t image_width_px = 0;

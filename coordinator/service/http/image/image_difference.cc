@@ -41,7 +41,7 @@ double MeanOfColor(const ColorPlanes& planes) {
 }
 
 // Root of the mean square over the square of a displayed pixel: differences of either sign do not
-// cancel. NaN if a value is no number.
+// cancel. NaN if a value is not finite.
 struct SquareShrinking {
   int32_t factor = 1;
   size_t width_px = 0;

@@ -20,7 +20,7 @@ namespace {
 constexpr char kLoginPage[] = "/login";
 constexpr char kTokenField[] = "token=";
 constexpr char kBearer[] = "Bearer ";
-// The login page shows its message where the address names it.
+// The login page shows the message that the address names.
 constexpr char kRefusedPage[] = "/login#refused";
 
 std::string CookieOf(const HttpRequest& request) {
@@ -53,7 +53,7 @@ std::string SetCookie(const std::string& session, absl::Duration age) {
                       "; Secure; HttpOnly; SameSite=Strict");
 }
 
-// The form may be sent here, and by browsers that then say from which page it comes.
+// The login form. Browsers may send it only to this origin, and name the page that it comes from.
 HttpResponse LoginPage() {
   HttpResponse response;
   for (const PageFile& file : PageFiles()) {

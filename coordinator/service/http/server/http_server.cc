@@ -6,7 +6,7 @@
 // stream is a coroutine that sleeps on a timer, which the hub cancels to wake it.
 #include "coordinator/service/http/server/http_server.h"
 
-#include <utility>  // Before asio/awaitable.hpp of Boost 1.74, which uses std::exchange unasked.
+#include <utility>  // Before asio/awaitable.hpp of Boost 1.74, which lacks this include.
 
 #include <algorithm>
 #include <atomic>
@@ -76,15 +76,14 @@ class HttpServer::Impl {
   asio::awaitable<void> Serve(tcp::socket socket);
   // Does the TLS handshake, if there is one. Returns whether the connection can continue.
   asio::awaitable<bool> ShakeHands(Connection* connection);
-  // Says goodbye, so that a client knows that nothing was cut off.
+  // Ends TLS properly, so that the client knows that the response is complete.
   asio::awaitable<void> End(HttpStream* stream);
   // Counts the connection as half open, and closes the oldest one if its address has too many.
   void AwaitRequest(Connection* connection);
-  // Whether a new connection is within the limit of its address, if need be by closing an idle one.
+  // Whether a new connection is within the limit of its address; closes an idle one if necessary.
   bool MakeRoomFor(const Connection& connection);
-  // Reads the first request of a connection, or a later one, within its deadlines. Returns how the
-  // reading failed, if it did; *refusal is then the response, if there is one. *large: as
-  // LimitBody.
+  // Reads the first request of a connection, or a later one, within its deadlines. Returns the read
+  // error, if any; *refusal is then the response, if there is one. *large: as LimitBody.
   asio::awaitable<error_code> ReadRequest(Connection* connection, beast::flat_buffer* buffer,
                                           http::request_parser<http::string_body>* parser,
                                           bool first, std::optional<HttpResponse>* refusal,
@@ -96,7 +95,7 @@ class HttpServer::Impl {
                              bool head_only);
   asio::awaitable<bool> SendFile(HttpStream* stream, HttpResponse response, bool keep_alive);
   asio::awaitable<void> StreamEvents(HttpStream* stream, HttpRequest request);
-  // The events for whoever sends the request. Errors: as EventHub::Subscribe.
+  // The events for the sender of the request. Errors: as EventHub::Subscribe.
   absl::StatusOr<std::shared_ptr<EventQueue>> Subscribe(const HttpRequest& request);
   // Waits until the queue has events, the heartbeat is due, or the peer is gone.
   asio::awaitable<std::string> NextEvents(EventQueue* queue, PeerWatch* watch);
@@ -107,7 +106,7 @@ class HttpServer::Impl {
   const HttpRouter& router_;
   EventHub* const hub_;
   uint16_t port_ = 0;
-  std::optional<HttpTls> tls_;  // Socket thread only, once it serves; as all that follows.
+  std::optional<HttpTls> tls_;  // Socket thread only, once it serves; as are the next.
   ConnectionCounts counts_;
   int large_bodies_ = 0;
   ConnectionList half_open_;  // Without a complete request so far.
