@@ -11,14 +11,14 @@ namespace sheaf::cli {
 enum class ExitCode : int {
   kOk = 0,
   // The job failed, compared images differ by more than the tolerance, a task failed as its bundle
-  // records, or the coordinator refused the call: there is no such job, say.
+  // records, or the coordinator refused the call, for example for an unknown job.
   kFailed = 1,
   kUsage = 2,
   kUnreachable = 3,  // The coordinator does not answer.
   kBadScene = 4,
   kCancelled = 5,  // The job was cancelled.
   kFile = 6,       // A file on this machine cannot be read or written.
-  kOtherwise = 7,  // A task failed otherwise than its bundle records.
+  kOtherwise = 7,  // A task failed in another way than its bundle records.
   kInterrupted = 130,
 };
 

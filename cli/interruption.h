@@ -14,8 +14,8 @@
 
 namespace sheaf::cli {
 
-// How long a command may take to end after a signal, to keep what is done. Scenes that are being
-// compiled cannot stop.
+// How long a command may take to end after a signal, to keep finished work. The compilation of a
+// scene cannot be stopped.
 inline constexpr std::chrono::seconds kInterruptionGrace{10};
 
 class Interruption {
@@ -26,8 +26,8 @@ class Interruption {
   Interruption(const Interruption&) = delete;
   Interruption& operator=(const Interruption&) = delete;
 
-  // Whoever takes the token ends soon after a signal. Until it is taken, while scenes are read and
-  // nothing is there to keep, a signal ends the program at once.
+  // A caller that takes the token must end soon after a signal. Until it is taken, while scenes are
+  // read and there is no work to keep, a signal ends the program at once.
   std::stop_token token() const;
 
  private:

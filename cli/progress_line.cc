@@ -23,7 +23,7 @@ namespace {
 constexpr int kBarColumnsMax = 30;
 constexpr int kNarrowColumns = 60;  // Narrower terminals get no bar.
 
-// 0 for pipes, and for terminals that take no escape sequences: an editor's shell, a build server.
+// 0 for pipes, and for terminals without escape sequences: an editor's shell, a build server.
 int TerminalColumns() {
   const char* const term = std::getenv("TERM");
   const std::string_view name = term == nullptr ? "" : term;
@@ -80,7 +80,7 @@ std::string FormatTimeLeft(const v1::Progress& progress) {
   if (!progress.has_remaining_duration_low()) return text;
   absl::StrAppend(&text, " (", FormatDuration(Seconds(progress.remaining_duration_low())), " to ",
                   FormatDuration(Seconds(progress.remaining_duration_high())));
-  // Where other jobs make most of the difference people may want to know.
+  // Users may want to know if other jobs make most of the difference.
   constexpr double kMuchLess = 0.7;
   const double alone = Seconds(progress.remaining_duration_alone());
   if (alone < kMuchLess * left) {
@@ -98,7 +98,7 @@ std::string FormatProgress(const v1::Job& job) {
     absl::StrAppend(&text, absl::StrFormat(", error (relMSE) %.1e", progress.relative_mse()));
   }
   const double wall_seconds = Seconds(progress.wall_duration());
-  // Samples that came with an image were rendered in other time.
+  // Samples from a resumed image were rendered earlier.
   const bool is_rendered = std::ranges::none_of(
       job.frames(), [](const v1::Frame& frame) { return frame.spec().has_resumed_image(); });
   if (is_rendered && wall_seconds > 0 && progress.sample_count_done() > 0) {

@@ -58,7 +58,7 @@ BundleWriter::BundleWriter(std::string path, std::string version)
       version_(std::move(version)) {}
 
 BundleWriter::~BundleWriter() {
-  std::error_code ignored;  // It is not there where Finish has returned OK.
+  std::error_code ignored;  // It does not exist if Finish has returned OK.
   if (tar_ != nullptr) std::filesystem::remove(partial_path_, ignored);
 }
 

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// BundleWriter and Bundle: a task with all that rendering it again needs, in one file (README.md).
-// The file is untrusted: all of it is checked before any of it is used.
+// BundleWriter and Bundle: a task with all inputs for rendering it again, in one file (README.md).
+// The file is untrusted: all of it is checked before use.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,8 @@ inline constexpr uint64_t kTaskJsonBytesMax = uint64_t{4} << 20;
 // The files of a scene, its manifest, a guiding field, task.json and SHA256SUMS.
 inline constexpr size_t kBundleFilesMax = kManifestFilesMax + 4;
 
-// Writes what ReadTaskBundle sends. The file has its name once Finish has returned OK; without that
-// nothing stays. Thread safety: one thread at a time.
+// Writes what ReadTaskBundle sends. The file gets its name when Finish returns OK; otherwise it is
+// removed. Thread safety: one thread at a time.
 class BundleWriter {
  public:
   // version: Sheaf's, for readers of the bundle.
@@ -37,12 +37,12 @@ class BundleWriter {
   BundleWriter(const BundleWriter&) = delete;
   BundleWriter& operator=(const BundleWriter&) = delete;
 
-  // A message with a task begins the file anew. Errors: those of the disk; kDataLoss where bytes do
-  // not match their digest, or messages come in no order; kInvalidArgument (a file is too large).
+  // A message with a task restarts the file. Errors: those of the disk; kDataLoss if bytes do not
+  // match their digest, or messages are out of order; kInvalidArgument (a file is too large).
   absl::Status Take(const v1::ReadTaskBundleResponse& message);
   // Errors: those of Take.
   absl::Status Finish();
-  // The task of the last beginning.
+  // The task of the last start.
   const v1::TaskBundle& task() const { return task_; }
   uint64_t size_bytes() const { return size_bytes_; }
 
@@ -54,7 +54,7 @@ class BundleWriter {
   v1::TaskBundle task_;
   std::unique_ptr<TarWriter> tar_;
   std::string sums_;
-  BlobDigest file_;  // The one that is being written; empty where none is.
+  BlobDigest file_;  // The file being written; empty if none.
   std::unique_ptr<Sha256> hash_;
   uint64_t size_bytes_ = 0;
 };
@@ -62,19 +62,18 @@ class BundleWriter {
 // A bundle whose digests match. Thread safety: one thread at a time.
 class Bundle {
  public:
-  // Reads all of it once. read: at offsets of the file, as OpenForReading has it.
-  // Errors: kDataLoss (cut short, altered, or no bundle), kInvalidArgument (a task that no worker
-  // would be given), kUnimplemented (another format), kResourceExhausted (too large); those of
-  // read.
+  // Reads all of it once. read: reads at offsets of the file, as in OpenForReading.
+  // Errors: kDataLoss (truncated, altered, or not a bundle), kInvalidArgument (not a valid task of
+  // a worker), kUnimplemented (another format), kResourceExhausted (too large); those of read.
   static absl::StatusOr<Bundle> Open(ReadBytesAt read, uint64_t size_bytes);
 
   const v1::TaskBundle& task() const { return task_; }
-  // The task as a worker gets it.
+  // The task in the form that a worker gets.
   const worker::Lease& lease() const { return lease_; }
   const Manifest& manifest() const { return manifest_; }
   // For ContentCache::Acquire of the manifest's files; must not outlive the bundle.
   ContentCache::Fetch Fetcher() const;
-  // The guiding field; empty where the task needs none.
+  // The guiding field; empty if the task needs none.
   absl::StatusOr<std::string> ReadField() const;
 
  private:
@@ -83,7 +82,7 @@ class Bundle {
   absl::Status Verify(const std::vector<TarEntry>& entries);
   absl::Status ReadTask(const TarEntry& entry);
   absl::Status ReadManifest();
-  // Errors: kDataLoss where there is no such file.
+  // Errors: kDataLoss if there is no such file.
   absl::StatusOr<TarEntry> Find(const BlobDigest& digest, const std::string& what) const;
 
   ReadBytesAt read_;

@@ -23,7 +23,7 @@ class BundleFileTest : public ::testing::Test {
     EXPECT_TRUE(written.ok()) << written;
     return written.ok() ? *ReadWholeFile(path_) : "";
   }
-  // What opening says to it.
+  // The error of opening it.
   std::string Why(const MadeUpBundle& made) {
     return std::string(OpenBytes(BytesOf(made)).status().message());
   }

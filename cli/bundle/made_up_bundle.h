@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// For tests: what a coordinator sends of a task of a tiny scene, and the bundle that it becomes.
+// For tests: a coordinator's messages for a task of a tiny scene, and their bundle.
 #pragma once
 
 #include <string>

@@ -52,7 +52,7 @@ Reproduction Failed(const Bundle& bundle, FailureKind kind, const absl::Status& 
   return result;
 }
 
-// Why the coordinator would refuse the result; empty where it would not.
+// Why the coordinator would refuse the result; empty if it would not.
 std::string WhyRefused(const worker::Lease& lease, const std::string& bytes) {
   if (lease.kind == TaskKind::kTraining) {
     if (!bytes.empty() && bytes.size() <= kGuidingFieldBytesMax) return "";

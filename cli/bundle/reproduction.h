@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Reproduce: renders the task of a bundle as a worker would, and compares how that ends with what
-// is recorded.
+// Reproduce: renders the task of a bundle as a worker would, and compares the outcome with the
+// recorded one.
 #pragma once
 
 #include <stop_token>
@@ -26,9 +26,9 @@ const char* EndingName(Ending ending);
 
 struct Reproduction {
   Ending ending = Ending::kRendered;
-  worker::RenderedPart part;  // Of a rendered task, with its digest.
+  worker::RenderedPart part;  // For a rendered task, with its digest.
   std::string part_sha256;
-  // Of a failed one, as the coordinator would class and record it.
+  // For a failed task: the class and message that the coordinator would record.
   coordinator::FailureKind kind = coordinator::FailureKind::kInternal;
   std::string message;
   // Whether a recorded failure has this class and message, numbers aside.
@@ -36,13 +36,14 @@ struct Reproduction {
 };
 
 // Fetches the files of the scene into the cache, opens the scene, gives it its guiding field,
-// renders the task, and checks the part as the coordinator does. A failure of that, whatever its
-// class, is a result. Errors: kCancelled.
+// renders the task, and checks the part as the coordinator does. A failure of any class is a
+// result. Errors: kCancelled.
 absl::StatusOr<Reproduction> Reproduce(const Bundle& bundle, ContentCache* cache,
                                        worker::SceneOpener* scenes,
                                        const worker::SceneLimits& limits, std::stop_token stop);
 
-// Whether two messages are the same but for their numbers; one that ends with "..." was cut.
+// Whether two messages are the same except for their numbers; a message that ends with "..." was
+// cut.
 bool IsSameMessage(const std::string& recorded, const std::string& message);
 
 }  // namespace sheaf::cli

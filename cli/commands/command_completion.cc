@@ -20,10 +20,10 @@
 namespace sheaf::cli {
 namespace {
 
-// Short, since a person waits for the completion.
+// Short, because the user waits for the completion.
 constexpr std::chrono::milliseconds kJobNamesWait{1500};
 constexpr size_t kJobNamesMax = 100;
-// Prints the names of jobs; nothing where no coordinator answers.
+// Prints the names of jobs; nothing if no coordinator answers.
 constexpr char kJobNamesCommand[] = "sheaf completion jobs 2>/dev/null";
 
 class CompletionCommandLine : public Command {

@@ -124,7 +124,7 @@ class KillCommand : public ControlCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command =
-        AddCommon(app, "kill", "Give up a frame or a task of a job; the rest goes on");
+        AddCommon(app, "kill", "Give up a frame or a task of a job; the rest continues");
     AddJob(command);
     command->add_option("--frame", frame_, "The frame")->required();
     command->add_option("--task", task_,

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf gc: has the coordinator remove what it does not keep any longer, or say what that would be.
+// sheaf gc: makes the coordinator remove items that it no longer keeps, or list them.
 #include <cstdint>
 #include <cstdio>
 #include <nlohmann/json.hpp>

@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf release, approve, drain and undrain: commands that let held work go on, and take workers
-// out.
+// sheaf release, approve, drain and undrain: commands that continue held work, and drain workers.
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -24,7 +23,7 @@ class ReleaseCommand : public ControlCommand {
     command->footer(
         "Example:\n"
         "  sheaf release jobs/7\n"
-        "The job waits for no other one any more (sheaf submit --after), whatever became of them.");
+        "Removes the job's dependencies (sheaf submit --after), whatever their state.");
     return command;
   }
 
@@ -81,7 +80,7 @@ class ApproveCommand : public ControlCommand {
   std::vector<int32_t> numbers_;
 };
 
-// Names workers, and prints how they are afterwards.
+// Names workers, and prints their state afterwards.
 class WorkerCommand : public FarmCommand {
  protected:
   void AddWorkers(CLI::App* command) {
@@ -90,7 +89,7 @@ class WorkerCommand : public FarmCommand {
     command->add_option("--all-of-host", host_, "All workers of this host that are connected now")
         ->check(IsText());
   }
-  // Names without the collection, as people copy them from the list.
+  // Names without the collection, as users copy them from the list.
   template <typename Request>
   Request MakeRequest() const {
     Request request;

@@ -131,7 +131,7 @@ class ListCommand : public FarmCommand {
   std::string state_, user_;
 };
 
-// "tags gpu-free, ssd; 60 GiB for scenes": empty where the worker has no tags.
+// "tags gpu-free, ssd; 60 GiB for scenes": empty if the worker has no tags.
 std::string TraitsText(const v1::Worker& worker) {
   if (worker.tags().empty()) return "";
   std::string text = absl::StrCat("tags ", Printable(absl::StrJoin(worker.tags(), ", ")));

@@ -92,7 +92,7 @@ class PlanCommand : public Command {
                                  FileSource& files) {
     absl::Status checked = InputChecks().Check(*scene, files);
     if (checked.ok()) checked = render::CheckScene(std::move(*scene), settings, files);
-    // Without its library no image can be read; this is no error of the scene.
+    // Without its library no image can be read; this is not an error of the scene.
     return absl::IsFailedPrecondition(checked) ? absl::OkStatus() : checked;
   }
 
@@ -120,7 +120,7 @@ class PlanCommand : public Command {
     return json;
   }
 
-  // Gains are null where camera paths miss light, so that they are infinite.
+  // Gains are null if camera paths miss light, because they are infinite then.
   static nlohmann::ordered_json TechniquesJson(const render::TechniqueMeasurement& measured) {
     const auto cost = [](const render::TechniqueCost& c) {
       return nlohmann::ordered_json{{"relative_mse", c.relative_mse},

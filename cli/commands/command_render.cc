@@ -109,8 +109,8 @@ class RenderCommand : public Command {
     return ReportEnd(*ended, /*images_written=*/true, RemedyText(farm, *ended));
   }
 
-  // What renders the missing images of a job that has failed or was cancelled. Finished work on
-  // them is kept.
+  // The command that renders the missing images of a failed or cancelled job. Finished work on them
+  // is kept.
   std::string RemedyText(LocalFarm* farm, const v1::Job& job) const {
     const std::string missing = MissingImages(job);
     if (missing.empty()) return "";
@@ -142,7 +142,7 @@ class RenderCommand : public Command {
                                            keeps ? KeepState(farm) : "nothing was rendered yet")));
   }
 
-  // The same command continues the job of its last run: with failed work tried again, or with a new
+  // The same command continues the job of its last run: it retries failed work, or creates a new
   // job if that one was cancelled.
   static absl::StatusOr<v1::Job> CreateOrContinue(FarmClient* client,
                                                   v1::CreateJobRequest request) {

@@ -38,7 +38,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kSecondsMax = 1e6;
-// What the cache needs beside the files of a scene.
+// The room that the cache needs in addition to the files of a scene.
 constexpr uint64_t kCacheSpareBytes = uint64_t{1} << 20;
 
 // A folder for the scene's files, which is removed at the end.
@@ -55,7 +55,7 @@ class ReproFolder {
     return std::unique_ptr<ReproFolder>(new ReproFolder(path));
   }
   ~ReproFolder() {
-    std::error_code ignored;  // Files left in a temporary folder are no error.
+    std::error_code ignored;  // Files left in a temporary folder are harmless.
     std::filesystem::remove_all(path_, ignored);
   }
   ReproFolder(const ReproFolder&) = delete;

@@ -63,7 +63,7 @@ void PrintFrame(const v1::Frame& frame) {
       frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
 }
 
-// The tasks of a frame that nobody renders, why, and the command that gets a failed one.
+// Prints the tasks of a frame that are set aside, why, and the command that gets a failed one.
 void PrintTrouble(const std::string& job, const v1::FrameTrouble& trouble) {
   const int number = trouble.frame_number(), count = trouble.set_aside_task_count();
   const std::string command = absl::StrCat("sheaf bundle ", job, " --frame ", number);
@@ -73,7 +73,7 @@ void PrintTrouble(const std::string& job, const v1::FrameTrouble& trouble) {
     return;
   }
   std::printf("frame %d %s: %d %s set aside\n", number,
-              trouble.incomplete().empty() ? "goes on" : "is incomplete", count,
+              trouble.incomplete().empty() ? "continues" : "is incomplete", count,
               count == 1 ? "task is" : "tasks are");
   for (const v1::SetAsideTask& task : trouble.set_aside_tasks()) {
     std::printf("  task %u: %s\n", task.task(), PrintableLines(task.why()).c_str());
@@ -82,7 +82,7 @@ void PrintTrouble(const std::string& job, const v1::FrameTrouble& trouble) {
   }
 }
 
-// The frames that wait for other jobs' or for approval, at most some of them.
+// Prints some of the frames that wait for other jobs' frames or for approval.
 void PrintWaiting(const v1::Job& job) {
   int count = 0;
   for (const v1::Frame& frame : job.frames()) {
@@ -92,7 +92,7 @@ void PrintWaiting(const v1::Job& job) {
   if (count > kWaitingShownMax) std::printf("and %d more frames wait\n", count - kWaitingShownMax);
 }
 
-// Says how much of the job is kept.
+// Prints which data of the job is kept.
 std::string KeptText(const v1::Job& job) {
   if (job.has_parts_removed_time()) {
     const absl::Time time = absl::FromUnixSeconds(job.parts_removed_time().seconds());
@@ -102,7 +102,7 @@ std::string KeptText(const v1::Job& job) {
   return job.pinned() ? "pinned: all, until sheaf unpin" : "as the coordinator's limits say";
 }
 
-// Says until when the job should be done, and whether it will be, by the band of its time left.
+// Prints the job's deadline, and whether it will be met, by the band of its time left.
 std::string DeadlineText(const v1::Job& job) {
   const absl::Time deadline = absl::FromUnixSeconds(job.deadline().time().seconds());
   std::string text = absl::FormatTime("%Y-%m-%d %H:%M", deadline, LocalZone());
@@ -116,7 +116,7 @@ std::string DeadlineText(const v1::Job& job) {
                       " by the forecast");
 }
 
-// Says which workers the job may use.
+// Prints which workers the job may use.
 std::string RequirementsText(const v1::WorkerRequirements& required) {
   std::string text = absl::StrCat("of the pool ", Printable(required.pool()));
   if (!required.tags().empty()) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf study: measures what accuracy costs for a scene and for which settings, as a page and as
+// sheaf study: measures the cost of accuracy for a scene and for which settings, as a page and as
 // JSON.
 #include <algorithm>
 #include <cstdio>

@@ -66,7 +66,7 @@ class SubmitCommand : public Command {
                      "job's frame of its number is. May be given several times")
         ->check(IsText());
     command->add_option("--approve-after", approve_after_,
-                        "Render so many samples per pixel, a power of two; the rest after sheaf "
+                        "Render this many samples per pixel, a power of two; the rest after sheaf "
                         "approve");
     command->add_option("--deadline", deadline_,
                         "Until when it should be done: 18:00 or \"2026-05-04 18:00\". The quote "
@@ -169,7 +169,7 @@ class SubmitCommand : public Command {
   }
 
  private:
-  // Whether the jobs of --after are there, and are those that they were before the upload.
+  // Checks that the jobs of --after exist, and are the same as before the upload.
   absl::Status CheckDependencies(FarmClient* client) const {
     for (size_t i = 0; i < after_.size(); ++i) {
       const absl::Status found = client->GetJob(dependencies_[i].job_name()).status();
@@ -205,7 +205,7 @@ class SubmitCommand : public Command {
     return time.status();
   }
 
-  // Prints the quote, unless it is not wanted, and judges the deadline by it. Errors: kCancelled;
+  // Prints the quote, if wanted, and judges the deadline by it. Errors: kCancelled;
   // kInvalidArgument if its pilot finds that the scene cannot be rendered.
   absl::Status QuoteAndJudge(FarmClient* client, const PreparedJob& job,
                              v1::CreateJobRequest* request) {
@@ -220,8 +220,7 @@ class SubmitCommand : public Command {
         quote.ok() ? RowOfJob(*quote, arguments_.stop.target_error) : nullptr;
     if (row == nullptr) {
       PrintNote(
-          "without a quote nobody knows yet whether the farm makes the deadline; sheaf show "
-          "tells the time left");
+          "without a quote the deadline cannot be checked yet; sheaf show tells the time left");
       return absl::OkStatus();
     }
     PrintInfo(JudgeDeadline(deadline_time_, absl::Now(), LocalZone(), *row, quote->thread_count));
@@ -257,7 +256,7 @@ class SubmitCommand : public Command {
   std::string deadline_;
   absl::Time deadline_time_ = absl::InfiniteFuture();
   std::vector<std::string> after_;
-  std::vector<v1::JobDependency> dependencies_;  // Of after_.
+  std::vector<v1::JobDependency> dependencies_;  // Parsed from after_.
   uint64_t approve_after_ = 0;
 };
 

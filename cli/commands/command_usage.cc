@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf usage: what jobs have taken of a farm, by user, show or job, and what users keep on it.
+// sheaf usage: the usage of a farm by user, show or job, and users' stored bytes.
 #include <cstdint>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -25,7 +25,7 @@ using Json = nlohmann::ordered_json;
 
 std::string Count(uint64_t value) { return FormatCount(static_cast<double>(value)); }
 
-// The row as the coordinator's functions have it.
+// The row in the form of the coordinator's functions.
 coordinator::UsageSum SumOf(const v1::UsageRow& row) {
   coordinator::UsageSum sum;
   const absl::StatusOr<int64_t> day = coordinator::ParseUsageDay(row.day());

@@ -43,11 +43,11 @@ void AwaitWorker(const coordinator::FarmView& farm) {
 }  // namespace
 
 constexpr char kPrefix[] = "sheaf-render-";
-// In each temporary folder, locked by its process. Its name says that no user has been told to keep
-// the folder.
+// A file in each temporary folder, locked by its process. Its name says that no user was told to
+// keep the folder.
 constexpr char kOwnerFile[] = "/temporary";
 
-// The file with its lock held; invalid where another process holds it, or there is none.
+// The file with its lock held; invalid if another process holds the lock, or if there is no file.
 FileDescriptor OpenLocked(const std::string& path, int flags) {
   FileDescriptor file(::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC | flags, 0600));
   if (file.ok() && ::flock(file.get(), LOCK_EX | LOCK_NB) != 0) file.Close();
@@ -62,7 +62,7 @@ absl::StatusOr<FileDescriptor> MakeOwnerFile(const std::string& folder) {
   return StatusFromErrno(errno, absl::StrCat("making ", path));
 }
 
-// Removes what killed processes have left. Folders of other users fail, and stay.
+// Removes folders left by killed processes. Folders of other users fail, and stay.
 void RemoveLeftovers(const std::string& parent) {
   std::error_code error;
   for (fs::directory_iterator it(parent, error), end; !error && it != end; it.increment(error)) {

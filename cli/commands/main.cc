@@ -71,7 +71,7 @@ bool RequestsJson(int argc, char** argv) {
 }
 
 ExitCode Main(int argc, char** argv) {
-  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  // Our own errors are one line each; gRPC's internal messages would only add noise.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   SetLogName("sheaf");
   ::signal(SIGXFSZ, SIG_IGN);  // Writing beyond ulimit -f fails instead.

@@ -71,7 +71,7 @@ const char* WhyNoWords(int code) {
   }
 }
 
-// Input from nowhere, output to the log, and a group and signals of its own.
+// No input, output to the log, and its own group and signals.
 class CommandSpawn {
  public:
   explicit CommandSpawn(const std::string& log) {
@@ -129,7 +129,7 @@ bool HasEnded(pid_t pid) {
   return (failed != 0 && errno != EINTR) || info.si_pid == pid;
 }
 
-// Why the command failed by how it ended, as waitpid has it; empty if it did not.
+// Explains a failure from waitpid's status; empty if the command succeeded.
 std::string WhyFailed(int status) {
   if (WIFSIGNALED(status)) {
     const char* const name = ::sigdescr_np(WTERMSIG(status));
@@ -185,7 +185,7 @@ absl::Status RunCommand(const std::vector<std::string>& words, const std::string
     absl::SleepFor(kLookInterval);
     ended = HasEnded(pid);
   }
-  // The group exists as long as its leader is not waited for.
+  // The group exists until its leader is waited for.
   ::kill(-pid, SIGKILL);
   int status = 0;
   while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Runs a command that the user gave on this machine's command line, with the user's rights. No text
-// that comes from a job or from another machine may become such a command.
+// Runs a command that the user gave on this machine's command line, with the user's rights. Text
+// from a job or from another machine must never become such a command.
 #pragma once
 
 #include <stop_token>
@@ -20,10 +20,10 @@ namespace sheaf::cli {
 // kInvalidArgument, also if there is no such program.
 absl::StatusOr<std::vector<std::string>> ParseCommand(const std::string& command);
 
-// Runs the program until it ends, and ends its group of processes then. It reads nothing, and its
-// output goes to the file `log`. Errors: kFailedPrecondition if it cannot be started, ends with
-// another status than 0 or by a signal, or is killed after time_max; the text begins with a verb
-// and has the last line of the log. kCancelled if stop is requested; it is killed then.
+// Runs the program until it ends, then ends its group of processes. Its input is empty, and its
+// output goes to the file `log`. Errors: kFailedPrecondition if it cannot be started, ends with a
+// status other than 0 or by a signal, or is killed after time_max; the text begins with a verb and
+// has the last line of the log. kCancelled if stop is requested, which kills it.
 absl::Status RunCommand(const std::vector<std::string>& words, const std::string& log,
                         absl::Duration time_max, const std::stop_token& stop);
 

@@ -81,9 +81,9 @@ absl::Status ConfineTo(const v1::PrepareRequest& request, worker::Protections* m
   confinement.writable_folder = absl::StrCat(request.folder(), "/", kScratch);
   confinement.file_bytes_max = request.written_bytes_max();
   if (absl::Status status = worker::Confine(confinement, missing); !status.ok()) return status;
-  // Paths are relative from here on, so that messages show what people have dropped.
+  // Paths are relative from here on, so that messages show the dropped names.
   if (::chdir(request.folder().c_str()) != 0) return StatusFromErrno(errno, "entering the folder");
-  ::setenv("TMPDIR", kScratch, 1);  // Of DerivedFiles.
+  ::setenv("TMPDIR", kScratch, 1);  // For DerivedFiles.
   // Looking up the user's home may take a socket, which ends the process.
   ::setenv("HOME", confinement.writable_folder.c_str(), 1);
   return absl::OkStatus();
@@ -102,7 +102,7 @@ std::string ZipAlone() {
                                                                                             : "";
 }
 
-// The folder with the files, unpacked if need be.
+// The folder with the files, unpacked if necessary.
 absl::StatusOr<std::string> FolderOf(const v1::PrepareRequest& request) {
   const std::string zip = ZipAlone();
   if (zip.empty()) return std::string(kFiles);
@@ -182,7 +182,7 @@ int RunDroppedScene() {
   reply.set_code(static_cast<int>(status.code()));
   reply.set_message(std::string(status.message()));
   const bool sent = WriteAllTo(STDOUT_FILENO, reply.SerializeAsString());
-  ::_exit(sent ? 0 : 1);  // The files of the job stay for the coordinator, who removes them.
+  ::_exit(sent ? 0 : 1);  // The files of the job stay for the coordinator, which removes them.
 }
 
 }  // namespace sheaf::cli

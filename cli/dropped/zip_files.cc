@@ -39,7 +39,7 @@ absl::Status DamagedError(archive* zip) {
       absl::StrCat("the zip file cannot be unpacked: ", Printable(why == nullptr ? "" : why)));
 }
 
-// The name as the zip file has it; empty if it has none that can be read.
+// The name in the zip file; empty if it has no readable name.
 std::string NameOf(archive_entry* entry) {
   const char* name = archive_entry_pathname_utf8(entry);
   if (name == nullptr) name = archive_entry_pathname(entry);
@@ -50,7 +50,7 @@ bool IsNoteOfMacOs(std::string_view name) {
   return name.starts_with("__MACOSX/") || name == ".DS_Store" || name.ends_with("/.DS_Store");
 }
 
-// Counts what comes out.
+// Counts the unpacked bytes and files.
 class Budget {
  public:
   Budget(const ZipLimits& limits, uint64_t zip_bytes)

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// UnpackZip: the files of a zip file that nobody trusts. The door to libarchive.
+// UnpackZip: unpacks an untrusted zip file. The door to libarchive.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 namespace sheaf::cli {
 
 struct ZipLimits {
-  uint64_t bytes_max = 0;  // Of all files together.
+  uint64_t bytes_max = 0;  // All files together.
   uint32_t files_max = 0;
 };
 // Bytes of the files for each byte of the zip file, beyond the first kZipFreeBytes. Scenes as text

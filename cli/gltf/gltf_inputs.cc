@@ -41,7 +41,7 @@ Rgb LookUp(const FloatImage& image, Vec3d d) {
          (TexelOf(image, x0, y0 + 1) * (1 - fx) + TexelOf(image, x0 + 1, y0 + 1) * fx) * fy;
 }
 
-// By the primaries that the file gives.
+// Converts by the primaries that the file gives.
 void MoveToSrgb(const std::string& path, FloatImage* image) {
   const std::optional<Matrix4> srgb_from_file =
       render::SrgbFromFile(image->chromaticities, ColorRole::kIlluminant, path);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// GltfInputs: what a glTF scene needs beside its file before it is read here or submitted: the view
-// (GltfView) that flags describe, and the environment as an equal-area map.
+// GltfInputs: the inputs of a glTF scene in addition to its file: the view (GltfView) that flags
+// describe, and the environment as an equal-area map.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@
 
 namespace sheaf::cli {
 
-// The flags for glTF scenes; those of pbrt-v4 say all of this themselves.
+// The flags for glTF scenes; pbrt-v4 scenes contain all of this.
 struct GltfArguments {
   std::string camera, animation;  // Names; empty: the file's first.
   // Path of an equirectangular image, or GltfView::kNoEnvironment. Empty: a white one if the file
@@ -36,9 +36,8 @@ struct GltfArguments {
 GltfView ViewOf(const GltfArguments& arguments, int32_t frame_number);
 
 // The bytes of a PFM image that is the equal-area map (common of pbrt-v4) of an equirectangular one
-// whose center is the direction +x, its right +z and its top +y, as three.js and Blender's glTF
-// exporter have it. Errors: those of ReadImage; kInvalidArgument if it is not twice as wide as
-// high.
+// whose center is the direction +x, its right +z and its top +y, as in three.js and Blender's glTF
+// exporter. Errors: those of ReadImage; kInvalidArgument if it is not twice as wide as high.
 absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path);
 
 // Thread safety: members may be called concurrently.
@@ -47,9 +46,9 @@ class GltfInputs {
   explicit GltfInputs(GltfArguments arguments)
       : arguments_(std::move(arguments)), derived_(std::make_shared<DerivedFiles>()) {}
 
-  // Where the files lie; they end with the last owner.
+  // The folder of the files; removed with the last owner.
   const std::shared_ptr<DerivedFiles>& derived() const { return derived_; }
-  // Adds view and environment to the files of a glTF scene, or does nothing for another one.
+  // Adds view and environment to the files of a glTF scene; a no-op for other scenes.
   // Errors: kInvalidArgument for flags that another scene cannot have; EqualAreaEnvironment's.
   absl::Status Add(const std::string& main_file, int32_t frame_number, FileSource* files);
 

@@ -13,7 +13,7 @@ namespace sheaf::cli {
 
 inline constexpr double kStopsMax = 64;
 
-// How an image is exposed: by a number of stops, or by what it shows.
+// How an image is exposed: by a number of stops, or automatically.
 struct Exposure {
   bool is_automatic = false;
   double stops = 0;  // Values are multiplied by 2^stops.
@@ -27,9 +27,9 @@ absl::StatusOr<Exposure> ParseExposure(const std::string& text);
 inline constexpr double kMiddleGray = 0.18;
 // At most this fraction of the pixels gets brighter than 1.
 inline constexpr double kSaturatedFraction = 0.05;
-// The stops that bring the logarithmic average of luminance to kMiddleGray, or fewer where more
-// than kSaturatedFraction of the pixels would be brighter than 1. Rounded to hundredths of a stop,
-// as they are printed; 0 for a black image. Pixels that are black or not finite do not count.
+// The stops that bring the logarithmic average of luminance to kMiddleGray, or fewer if more than
+// kSaturatedFraction of the pixels would be brighter than 1. Rounded to hundredths of a stop, as
+// they are printed; 0 for a black image. Pixels that are black or not finite do not count.
 // Source: Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images", sec. 3.1.
 // Requires: R, G and B exist.
 double AutomaticStops(const FrameImage& image);

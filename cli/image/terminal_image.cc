@@ -173,7 +173,7 @@ TerminalGraphics DetectGraphics(const std::function<std::string(const char*)>& v
       return TerminalGraphics::kKitty;
     }
   }
-  // Cells of colors are nothing without their colors; an image is no color of text.
+  // NO_COLOR disables blocks, which are colored text, but not images.
   if (!variable("NO_COLOR").empty()) return TerminalGraphics::kNone;
   const std::string colors = variable("COLORTERM");
   const bool has_all = colors == "truecolor" || colors == "24bit";

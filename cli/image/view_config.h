@@ -10,7 +10,7 @@
 namespace sheaf::cli {
 
 // "sRGB" shows the colors that an sRGB screen can show and clips the others. "ACES 1.0 SDR" is the
-// Academy's rendering for video of 100 nits. "Raw" shows the numbers as they are in the file.
+// Academy's rendering for video of 100 nits. "Raw" shows the numbers in the file.
 inline constexpr std::string_view kOwnViewConfig = R"(ocio_profile_version: 2
 search_path: ""
 roles:

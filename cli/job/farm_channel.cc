@@ -20,7 +20,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenFarmChannel(const FarmAddress
   if (connection->files) {
     const absl::Status renewed =
         RenewCertificate(coordinator.address, *connection->files, kRenewAtLifeFraction).status();
-    // Other errors come again, with better words, at the command's own call.
+    // Other errors recur, with a better message, at the command's own call.
     if (absl::IsUnauthenticated(renewed)) return renewed;
   }
   return connection->Open();

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The channel of a command to its coordinator: with the credentials of the person who runs it, if
+// The channel of a command to its coordinator: with the credentials of the user who runs it, if
 // sheaf login has stored any for the address.
 #pragma once
 
@@ -21,7 +21,7 @@ struct FarmAddress {
   bool insecure = false;  // May be reached in plain text on another machine.
 };
 
-// Renews the certificate on the way when half of its life is over. Errors: those of ConnectionTo;
+// Also renews the certificate when half of its lifetime is over. Errors: those of ConnectionTo;
 // kUnauthenticated: the certificate has ended; the message says how to log in again.
 absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenFarmChannel(const FarmAddress& coordinator);
 

@@ -85,7 +85,7 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
         return result;
       });
   if (stop_.stop_requested() && !status.ok()) return absl::CancelledError("interrupted");
-  // The command has not run out of anything: the farm has.
+  // The farm has run out of a resource, not the command.
   if (absl::IsResourceExhausted(status)) return absl::FailedPreconditionError(status.message());
   return NoCoordinatorAnswers(address_, status);
 }
@@ -313,7 +313,7 @@ absl::StatusOr<v1::Job> FarmClient::WatchJob(const std::string& name,
   v1::Job job;
   bool ended = false;
   while (!ended) {
-    // A watch that breaks off after it has begun counts as a success here, so that the next call
+    // A watch that is interrupted after its start counts as a success here, so that the next call
     // waits as long as a new one.
     const absl::Status status = Call(
         [&](grpc::ClientContext* context) -> absl::Status {

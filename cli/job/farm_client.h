@@ -61,10 +61,10 @@ class FarmClient {
   const std::string& address() const { return address_; }
   const std::stop_token& stop() const { return stop_; }
 
-  // Errors of all calls below: those of the call; kUnavailable, naming the address, if nobody
-  // answered for long enough; kCancelled if stop was requested.
-  // Those of CreateJob, GetJob, CancelJob and WatchJob: also kNotFound if the name is now that of
-  // another job than the one which this client has seen.
+  // Errors of all calls below: those of the call; kUnavailable, naming the address, if the
+  // coordinator did not answer for long enough; kCancelled if stop was requested. CreateJob,
+  // GetJob, CancelJob and WatchJob: also kNotFound if the name now belongs to a job other than the
+  // one that this client has seen.
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
   absl::StatusOr<v1::Job> CancelJob(const std::string& name);
@@ -82,7 +82,7 @@ class FarmClient {
   absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
   absl::StatusOr<v1::Job> RetryTasks(const v1::RetryTasksRequest& request);
   absl::StatusOr<v1::Job> KillTasks(const v1::KillTasksRequest& request);
-  // Calls take with each message; after an interruption they begin anew. Errors: also those of
+  // Calls take with each message; after an interruption the messages restart. Errors: also those of
   // take.
   absl::Status ReadTaskBundle(
       const v1::ReadTaskBundleRequest& request,
@@ -94,7 +94,7 @@ class FarmClient {
   absl::StatusOr<v1::Share> SetShare(const v1::SetShareRequest& request);
   absl::Status ResetShare(const std::string& subject);
   absl::StatusOr<std::vector<v1::Share>> ListShares();
-  // Gives an identity in quarantine (Worker.identity) work again.
+  // Ends the quarantine of an identity (Worker.identity).
   absl::Status LiftQuarantine(const std::string& identity);
   absl::StatusOr<std::vector<BlobDigest>> FindMissing(const std::vector<BlobDigest>& digests);
   // The delivered EXR. Reads at most size_bytes_max bytes.
@@ -108,10 +108,10 @@ class FarmClient {
   // Uploads the rest after an earlier attempt. on_progress gets the number of bytes sent since its
   // last call. Errors: also kFailedPrecondition if the file no longer has its digest.
   absl::Status Upload(const BlobSource& blob, const std::function<void(uint64_t)>& on_progress);
-  // The same for several blobs in one call. Requires: they keep the limits of blob_batch.h.
+  // The same for several blobs in one call. Requires: they are within the limits of blob_batch.h.
   absl::Status UploadSmall(const std::vector<const BlobSource*>& blobs,
                            const std::function<void(uint64_t)>& on_progress);
-  // The same for a large blob, of which only the chunks are sent that the coordinator lacks.
+  // The same for a large blob; sends only the chunks that the coordinator lacks.
   absl::Status UploadByChunks(const BlobSource& blob,
                               const std::function<void(uint64_t)>& on_progress);
 
@@ -135,7 +135,7 @@ class FarmClient {
   std::shared_ptr<KnownJobs> known_ = std::make_shared<KnownJobs>();
   std::atomic<bool> answered_{false};
   std::atomic<bool> silent_{false};   // Whether a lasting outage has been reported.
-  std::atomic<bool> limited_{false};  // Whether a limit of the rate of calls has been.
+  std::atomic<bool> limited_{false};  // Whether a rate limit has been reported.
 };
 
 // "jobs/7" from "7" or "jobs/7".

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The calls of FarmClient that let held work go on, and take workers out.
+// The calls of FarmClient that continue held work, and drain workers.
 #include <grpcpp/client_context.h>
 
 #include "cli/job/farm_client.h"

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The calls of FarmClient that decide what the coordinator keeps, and tell of it.
+// The calls of FarmClient for retention on the coordinator.
 #include <grpcpp/client_context.h>
 
 #include "cli/job/farm_client.h"

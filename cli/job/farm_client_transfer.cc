@@ -116,7 +116,7 @@ absl::Status FarmClient::UploadSmall(const std::vector<const BlobSource*>& blobs
       kUnaryDeadline);
   if (status.ok()) on_progress(bytes.size());
   if (!absl::IsUnimplemented(status)) return status;
-  for (const BlobSource* blob : blobs) {  // A coordinator of before.
+  for (const BlobSource* blob : blobs) {  // An earlier coordinator.
     if (absl::Status one = Upload(*blob, on_progress); !one.ok()) return one;
   }
   return absl::OkStatus();

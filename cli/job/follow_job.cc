@@ -45,8 +45,8 @@ bool IsBlack(const FrameImage& image) {
   return true;
 }
 
-// Writes the image anew with the denoiser's layer. delivered: its bytes as the farm has them. The
-// file at path stays as it is after an error.
+// Rewrites the image with the denoiser's layer. delivered: its bytes from the farm. After an error
+// the file at path is unchanged.
 absl::Status AddDenoiserLayer(const std::string& path, const std::string& delivered,
                               const Delivery& delivery, const std::stop_token& stop,
                               FrameImage* image) {
@@ -176,7 +176,7 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
     outputs.insert(outputs.end(), {paths.exr, paths.png});
   }
   if (absl::Status status = CheckOutputs(outputs, InputPaths(job)); !status.ok()) return status;
-  // Of one frame the names themselves: whether it was asked for by its number is not known later.
+  // For one frame, the names themselves: whether the user gave its number is not known later.
   const ImagePaths names = delivery.paths.size() == 1
                                ? delivery.paths.front()
                                : ImagePaths{patterns->exr.path, patterns->png.path};
@@ -286,7 +286,7 @@ void ImageSaver::SaveFrame(const v1::Job& job, size_t i) {
   absl::StatusOr<Delivered> delivered = Fetch(client_, frame);
   if (!delivered.ok()) {
     stopped_ = absl::IsCancelled(delivered.status()) || absl::IsUnavailable(delivered.status());
-    // While the job runs, the frame may have begun anew: to be refined, or to be corrected.
+    // While the job runs, the frame may have restarted, for a refinement or a correction.
     taken_[i].missed = frame.image_digest();
     if (stopped_ || HasEnded(job)) NoteFailure(delivered.status(), &call_);
     return;
@@ -347,7 +347,7 @@ ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& r
     return ReportError(ExitCode::kFailed, absl::FailedPreconditionError(absl::StrCat(
                                               job.name(), " failed: ", job.failure(), rest)));
   }
-  // With a single image, the line printed when it was written has said the same.
+  // For a single image, the line printed when it was written says the same.
   const bool is_reported = images_written && job.frames_size() == 1;
   if (!is_reported) PrintInfo(FormatJobSummary(job));
   if (!job.warning().empty()) {

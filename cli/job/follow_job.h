@@ -23,7 +23,7 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
 struct Delivery {
   std::vector<ImagePaths> paths;  // One per frame, by ascending frame number; empty: no images.
   ViewTransform view;             // For PNGs.
-  ImageFormat format;             // Of EXRs.
+  ImageFormat format;             // For EXRs.
   std::string options;            // The same as options of `sheaf watch`, "-o room.exr".
   std::string denoise_with = {};  // The denoiser's command; empty: none.
   std::string png_layer = {};     // As for ImageOfLayer.
@@ -44,9 +44,8 @@ absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job
 std::string FetchCommand(const FarmClient& client, const std::string& name,
                          const Delivery& delivery);
 
-// Writes the images of a job as they become complete, each one that the farm has, whatever becomes
-// of the others. An image is written again where the farm has delivered a better one: after an
-// approval, a refinement or a correction.
+// Writes the images of a job as they become complete, even if others fail. An image is written
+// again if the farm has delivered a better one: after an approval, a refinement or a correction.
 class ImageSaver {
  public:
   // client and delivery must outlive the object.
@@ -59,7 +58,7 @@ class ImageSaver {
   // The first failure; the others are reported on standard error. Errors: those of the calls, of
   // WriteOrKeep and AddExternalLayer.
   absl::Status status() const { return call_.ok() ? file_ : call_; }
-  // Whether that is an image which the coordinator has not given.
+  // Whether the failure is an image that the coordinator did not send.
   bool has_call_failed() const { return !call_.ok(); }
 
  private:
@@ -80,18 +79,18 @@ class ImageSaver {
   bool stopped_ = false;  // The coordinator does not answer, or the user has interrupted it.
 };
 
-// Shows the job until it ends, and has its images written meanwhile. With json, prints it on
-// standard output after each change. Errors: those of FarmClient::WatchJob.
+// Shows the job until it ends, and writes its images meanwhile. With json, prints it on standard
+// output after each change. Errors: those of FarmClient::WatchJob.
 absl::StatusOr<v1::Job> FollowJob(FarmClient* client, const std::string& name, bool json,
                                   ImageSaver* images);
 
 // The frames that have no image, "3,5,10-12"; empty if all have one.
 std::string MissingImages(const v1::Job& job);
 
-// Reports on standard error how the job ended: its costs, or why it failed and which images are
+// Reports the end of the job on standard error: its costs, or why it failed and which images are
 // missing. images_written: each image has been reported, so a job of one image gets no further
-// line. remedy: what renders missing images; empty: they are not mentioned. Returns the matching
-// exit code.
+// line. remedy: the command that renders missing images; empty: they are not mentioned. Returns the
+// matching exit code.
 ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& remedy);
 
 // Runs FollowJob and ReportEnd. If interrupted, it says how to resume.

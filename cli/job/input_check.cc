@@ -24,7 +24,7 @@ struct NamedFile {
   std::string use;   // "texture "wood"".
   std::string file;  // Canonical name; empty: no file.
   enum class Kind { kTextureFile, kLightFile, kVolumeFile } kind = Kind::kTextureFile;
-  std::string grid = {};  // Of a volume file.
+  std::string grid = {};  // The grid of a volume file.
 };
 
 std::string FileOf(const LightDescription& light) {

@@ -40,7 +40,7 @@ std::string NameOfValue(absl::string_view name, absl::string_view prefix, int va
   return absl::StrReplaceAll(absl::AsciiStrToLower(name), {{"_", "-"}});
 }
 
-// Null where it is not known, or nothing is required.
+// Null if it is not known, or if nothing is required.
 Json MemoryJson(uint64_t bytes) { return bytes > 0 ? Json(bytes) : Json(); }
 
 template <typename Repeated>
@@ -116,7 +116,7 @@ Json LayersJson(const v1::Frame& frame) {
   return json;
 }
 
-// Adds the tasks that nobody renders to the JSON of their frame.
+// Adds the tasks that are set aside to the JSON of their frame.
 void AddTrouble(const v1::FrameTrouble& trouble, Json* frame) {
   Json tasks = Json::array();
   for (const v1::SetAsideTask& task : trouble.set_aside_tasks()) {
@@ -163,7 +163,7 @@ Json SettingJson(const v1::FrameSettings& settings, const char* name) {
   }
 }
 
-// Adds the settings that JSON shows there.
+// Adds the settings that are shown in this JSON object.
 void AddSettings(const v1::FrameSettings& settings, SettingField::Shown shown, Json* json) {
   const FrameSettings names_only;
   VisitFrameSettings(names_only, [&](const SettingField& field, const auto& member) {

@@ -34,8 +34,8 @@ struct OpenedScene {
 // resolves its settings. Returns the code of a failure, which is also printed, or kOk.
 ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened);
 
-// Where `asked` has --techniques auto, sets those of *resolved to the best ones that a small image
-// measures. Returns a line that says so, empty where nothing was asked. Errors: as
+// If `asked` has --techniques auto, sets those of *resolved to the best ones measured on a small
+// image. Returns a line that says so; empty without --techniques auto. Errors: as
 // MeasureTechniques.
 absl::StatusOr<std::string> MeasureAskedTechniques(const RenderSettings& asked,
                                                    const SceneDescription& scene, FileSource& files,

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Checks of the files that a command writes, made before any work begins: their names are right,
+// Checks of the files that a command writes, made before any work begins: their names are valid,
 // they are writable, and none is an input. Also fallback places for a finished file that cannot be
 // written to its path.
 #pragma once

@@ -54,8 +54,8 @@ struct ReadFrameResult {
   std::vector<std::string> diagnostics;
 };
 
-// Whether a glTF file has lights of its own. Their units are candela and lux, those of surroundings
-// are free.
+// Whether a glTF file has lights of its own. Their units are candela and lux; those of environments
+// are arbitrary.
 bool IsPhotometric(const std::string& path, const SceneDescription& scene) {
   return IsGltfName(path) && std::ranges::any_of(scene.lights, [](const LightDescription& light) {
            return !std::holds_alternative<InfiniteLight>(light.light);
@@ -97,7 +97,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
     files.push_back({name, *digest});
     result.blobs.push_back({*digest, local_path, ""});
   }
-  // What was read is what was hashed.
+  // The hashed bytes are those that were read.
   result.inputs = file->files->States();
   result.outside = file->files->Outside();
   result.is_photometric = IsPhotometric(path, read.scene);
@@ -118,21 +118,22 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
                   VisibleEmitters(read.scene, resolved->width_px, resolved->height_px)};
   result.frame.memory_bytes = render::EstimateMemory(read.scene, *file->files).TotalBytes();
   absl::Status checked = render::CheckScene(std::move(read.scene), *resolved, *file->files);
-  // Without its library (kFailedPrecondition) no image can be read; this is no error of the scene.
+  // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
+  // scene.
   if (!checked.ok() && !absl::IsFailedPrecondition(checked)) {
     return ChangeOr(checked, *file->files);
   }
   return result;
 }
 
-// path: of images to write. frame_number: of the first.
+// path: the images to write. frame_number: the first one's.
 absl::StatusOr<FramePath> PathOf(const std::string& path, Numbering numbering,
                                  int32_t frame_number) {
   if (numbering == Numbering::kUnasked) return FramePath{path};
   return FindFrameNumber(path, frame_number, numbering == Numbering::kAsked ? 1 : 2);
 }
 
-// Of images that the user has given no name: by the scene.
+// The name of images without a name from the user: from the scene.
 absl::StatusOr<FramePath> DefaultName(const JobArguments& arguments, Numbering numbering,
                                       const PreparedJob& job) {
   // The scene's own name for the image, if there is a single image. Its folder is ignored, since

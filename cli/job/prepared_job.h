@@ -38,15 +38,15 @@ using coordinator::kStoppedSamplesMax;
 
 // The arguments that submit and render share.
 struct JobArguments {
-  // A path, or a pattern with #### if frames is given (frame_range.h); of a glTF file a path in any
-  // case.
+  // A path, or a pattern with #### if frames is given (frame_range.h); for a glTF file always a
+  // path.
   std::string scene;
   std::string frames;        // As for ParseFrameRange; empty for a single image.
   std::string output;        // A path or pattern; empty: taken from the scene.
   std::string png;           // The same for a PNG; empty: no PNG.
   std::string png_layer;     // As for ImageOfLayer.
   ViewArguments view;        // The view that PNGs show.
-  ImageFormat format;        // Of EXRs.
+  ImageFormat format;        // For EXRs.
   std::string denoise_with;  // A command, as for AddExternalLayer; empty: none.
   std::string title;         // Empty: the scene's file name.
   int32_t priority = 0;
@@ -72,14 +72,14 @@ struct PreparedFrame {
   FilterDescription filter = {};         // The scene's.
   std::vector<PixelRect> emitters = {};  // As returned by VisibleEmitters.
   BlobDigest resumed = {};               // The EXR to continue from; empty: none.
-  uint64_t memory_bytes = 0;             // That loading the scene is expected to need.
+  uint64_t memory_bytes = 0;             // Expected need of loading the scene.
 };
 
 struct PreparedJob {
   std::vector<PreparedFrame> frames;
   std::map<std::string, BlobSource> blobs;  // By digest.
-  std::map<std::string, FileState> inputs;  // As they were when they were read; by path.
-  std::set<std::string> outside;            // Of the scene's folder: names, for OutsideNote.
+  std::map<std::string, FileState> inputs;  // State when read; by path.
+  std::set<std::string> outside;            // Files outside the scene's folder, for OutsideNote.
   bool is_photometric = false;              // A glTF file with lights in candela and lux.
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
   std::shared_ptr<DerivedFiles> derived;    // Keeps files among the blobs until they are uploaded.
@@ -101,16 +101,16 @@ struct ImagePaths {
   std::string exr;
   std::string png;  // Empty: no PNG.
 };
-// Where the names of images have the number of their frame.
+// Which runs of '#' in the names of images are the frame's number.
 enum class Numbering {
-  kAsked,    // Frames were asked for: in any run of '#'.
-  kUnasked,  // A single image was asked for: nowhere.
-  kUnknown,  // Of a job with one frame, by whomever it was submitted: in runs of several '#'.
+  kAsked,    // Frames were requested: any run of '#'.
+  kUnasked,  // A single image was requested: none.
+  kUnknown,  // A job with one frame, submitted elsewhere: runs of several '#'.
 };
 Numbering NumberingOf(const JobArguments& arguments);
-// Of the frames that are asked for; {1} if none are. Errors: those of ParseFrameRange.
+// The requested frames; {1} if none are. Errors: those of ParseFrameRange.
 absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments);
-// Checks the names that the arguments give. numbers: of the frames. Errors: kInvalidArgument if
+// Checks the names that the arguments give. numbers: the frames'. Errors: kInvalidArgument if
 // several frames would get one name, or "####" stands for no number; those of FindFrameNumber.
 absl::Status CheckNumbers(const JobArguments& arguments, Numbering numbering,
                           const std::vector<int32_t>& numbers);

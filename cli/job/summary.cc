@@ -47,7 +47,7 @@ std::string FormatSamples(const v1::Frame& frame) {
   const v1::PixelRect& window = settings.window();
   const double pixel_count =
       1.0 * (window.x1_px() - window.x0_px()) * (window.y1_px() - window.y0_px());
-  // The last round's are those of the camera; the progress counts light paths, too.
+  // The last round counts camera samples; the progress counts light paths, too.
   const uint64_t sample_count = frame.rounds().empty() ? frame.progress().sample_count_done()
                                                        : frame.rounds().rbegin()->sample_count();
   return absl::StrFormat("%.1f samples on average",
@@ -60,7 +60,7 @@ std::string FormatStop(const v1::Frame& frame) {
   if (target <= 0 || frame.rounds().empty()) return "";
   const double upper = frame.rounds().rbegin()->relative_mse_upper();
   std::string bound = absl::StrFormat("at most %.2g with 95 %% confidence", upper);
-  // No error bar contains what no sample has met.
+  // Error bars do not include features that no sample has hit.
   constexpr double kHardlyAnyNoise = 0.01;
   if (upper <= kHardlyAnyNoise * target) {
     bound += absl::StrFormat(" (but things that cover less than 1/%.0f of a pixel may be missing)",

@@ -50,7 +50,7 @@ class UploadProgress {
   uint64_t sent_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
-// Blobs that one call brings: several small ones, or one.
+// Blobs of one call: several small ones, or one.
 using UploadGroup = std::vector<const BlobSource*>;
 
 std::vector<UploadGroup> GroupBlobs(const PreparedJob& job,
@@ -112,7 +112,7 @@ absl::Status UploadMissing(FarmClient* client, const PreparedJob& job) {
     }
   }
   absl::Status status = first_error.Get();
-  // A file has not the bytes that its remembered digest says: all are hashed again next time.
+  // A file does not match its remembered digest: all are hashed again next time.
   if (absl::IsFailedPrecondition(status)) ::unlink(DigestMemory::DefaultPath().c_str());
   return status;
 }

@@ -17,12 +17,12 @@ namespace sheaf::cli {
 absl::StatusOr<absl::Time> ParseDeadline(const std::string& text, absl::Time now,
                                          absl::TimeZone zone);
 
-// The row of a quote that is about the job as it is submitted: that of its error, or else that of
-// its number of samples; nullptr if there is none.
+// The row of a quote for the job as submitted: the row of its error, or else of its number of
+// samples; nullptr if there is none.
 const QuoteRow* RowOfJob(const Quote& quote, double target_error);
 
-// Whether the farm as it is makes the deadline, by the band of the row, and how many threads the
-// job needs by itself until then. One line, without its end.
+// Says whether the farm in its present state meets the deadline, by the band of the row, and how
+// many threads the job alone needs until then. One line, without its end.
 std::string JudgeDeadline(absl::Time deadline, absl::Time now, absl::TimeZone zone,
                           const QuoteRow& row, int thread_count);
 

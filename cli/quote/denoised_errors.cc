@@ -38,7 +38,7 @@ std::vector<double> LineMeans(const std::vector<double>& values, size_t lines, s
   return means;
 }
 
-// The squares of a layer's errors, each the mean of the pixels around, as those of denoisedError.
+// The squares of a layer's errors, each averaged over the surrounding pixels, as in denoisedError.
 std::vector<double> AveragedSquares(const std::vector<float>& errors, const PixelRect& window) {
   std::vector<double> squares(errors.size());
   for (size_t p = 0; p < errors.size(); ++p) squares[p] = double{errors[p]} * double{errors[p]};

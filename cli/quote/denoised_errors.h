@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The errors of a frame's denoised layer (docs/denoise.md) before it is rendered. A pilot renders
-// small crops of the frame as they are, with kDenoisedPilotSamples, because the filter looks at the
-// pixels around each one. It tells the error of their image, and the expected error of their
+// small crops of the frame at full size, with kDenoisedPilotSamples, because the filter uses the
+// pixels around each one. It measures the error of their image, and the expected error of their
 // denoised layer.
 //
-// The more samples an image has, the less is left to denoise. So the error of the layer falls as
-// 1 / n^kDenoisedRate, more slowly than the image's, from the pilot's on. It is bounded on both
+// The more samples an image has, the less noise is left to remove. So the error of the layer falls
+// as 1 / n^kDenoisedRate, more slowly than the image's, from the pilot's on. It is bounded on both
 // sides: the layer is at best as many times better as in the pilot, and at worst as bad as the
 // image. In eight scenes, from 16 to 64 samples, the rate is 0.12 to 0.93, and the median is the
 // constant. In ten scenes at 16 samples, this gain is 0.5 to 1.8 times the true one of relMSE.
@@ -38,14 +38,14 @@ std::vector<PixelRect> DenoisedCrops(const PixelRect& window);
 // Values of relMSE at kDenoisedPilotSamples.
 struct DenoisedPilot {
   double image = 0, denoised = 0;
-  // How many times less than the image's the error of the denoised layer is.
+  // The image's error over the denoised layer's.
   double Gain() const { return denoised > 0 && image > denoised ? image / denoised : 1; }
 };
 // From the images of the crops, which have the denoised layers. Both are 0 if no crop has light.
 DenoisedPilot DenoisedErrors(std::span<const FrameImage> crops);
 
-// The error (relMSE) that the image may have where that of its denoised layer shall be `target`.
-// low: without any gain; high: with the pilot's gain.
+// The image error (relMSE) at which the denoised layer reaches `target`. low: without any gain;
+// high: with the pilot's gain.
 coordinator::Estimate ImageErrorFor(double target, const DenoisedPilot& pilot);
 
 }  // namespace sheaf::cli

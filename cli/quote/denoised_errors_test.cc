@@ -71,7 +71,7 @@ TEST(DenoisedErrorsTest, ErrorsAreMeansOverCrops) {
   // denoised layer's error is spread.
   FrameImage spot = CropOf(2, 0, 0.1f);
   for (const char* channel : {"stderr.R", "stderr.G", "stderr.B"}) (*spot.Find(channel))[119] = 3;
-  double shares = 0;  // Of the spot in the means of a line.
+  double shares = 0;  // The spot's shares in the means of a line.
   for (int x = 0; x < 16; ++x) shares += 1.0 / (std::min(16, x + 9) - std::max(0, x - 8));
   EXPECT_NEAR(DenoisedErrors({&spot, 1}).Gain(), shares * shares * 9 / (256 * 0.01), 1e-4);
 }

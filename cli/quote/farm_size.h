@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// FarmSize: what a farm has to render with.
+// FarmSize: the workers and threads of a farm.
 #pragma once
 
 #include <vector>

@@ -197,8 +197,8 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     frame.resumed = {};
     frame.settings.samples = level.samples;
     frame.settings.lattice = level.lattice;
-    // A training of its own would cost more than the small image. That of a light image is as
-    // small as the image, and light passes know how camera paths are guided.
+    // A separate training would cost more than the small image. A light image's training is as
+    // small as the image, and light passes depend on the guiding of camera paths.
     if (level.lattice.All() && !level.is_light_image) {
       frame.settings.techniques = frame.settings.techniques.Without(Technique::kGuiding);
       frame.settings.outputs = {};

@@ -31,8 +31,8 @@ struct PilotFrame {
 
 // Renders ever larger pilots of at most three frames, evenly spaced over the job's, while the price
 // of `target`, the loosest target quoted, allows them. Returns the frames in ascending order.
-// start: of a frame that continues from an image, or none; the image tells more about errors than a
-// pilot could, so a single pilot measures the costs. Errors: as MakeQuote.
+// start: for a frame that continues from an image, or none; the image tells more about errors than
+// a pilot could, so a single pilot measures only the costs. Errors: as MakeQuote.
 absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
     const std::optional<coordinator::ImageStart>& start, double target, SteadyTime deadline);

@@ -197,7 +197,7 @@ std::optional<double> LeastErrorIn(double seconds, const std::vector<ErrorTime>&
   return std::max(error, kMinutesErrorMin);
 }
 
-// A forecast of an error as low as ten minutes often give would cost more than the whole quote.
+// A forecast for an error as low as ten minutes often reach would cost more than the whole quote.
 QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets,
                       double training_cpu_seconds) {
   const double seconds = 60 * minutes;

@@ -8,10 +8,10 @@
 //
 // For a range of frames, pilots of a few frames are rendered and the others are interpolated. For a
 // frame that continues from an image (--resume-from), errors are taken from the image, and the
-// price covers the remaining work. For a frame with --denoise, further rows say what the errors
-// cost in the denoised layer (denoised_errors.h).
+// price covers the remaining work. For a frame with --denoise, further rows have the cost of the
+// errors in the denoised layer (denoised_errors.h).
 //
-// The price of a frame with light paths has that of its light passes, that of a guided frame its
+// The price of a frame with light paths includes its light passes, and that of a guided frame its
 // training (cost_forecast.h).
 #pragma once
 
@@ -37,7 +37,7 @@ struct QuoteRow {
   double target_error = 0;                     // 0: samples or minutes are given instead.
   std::optional<uint64_t> samples_given = {};  // Per pixel.
   double minutes_given = 0;                    // Wall time.
-  // The denoised layer's; target_error is then that of the image which it takes. 0: not denoised.
+  // The denoised layer's; target_error is then the image error that it requires. 0: not denoised.
   double denoised_error = 0;
   // Within the limit of samples per pixel; or, if minutes are given, with any error quoted.
   bool reached = true;
@@ -88,7 +88,7 @@ struct QuoteArguments {
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked);
 
-// How long an image of an error takes.
+// An error and the time that an image takes to reach it.
 struct ErrorTime {
   double error = 0, seconds = 0;  // relMSE.
 };
@@ -102,7 +102,7 @@ std::optional<double> LeastErrorIn(double seconds, const std::vector<ErrorTime>&
 QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets,
                       double training_cpu_seconds);
 
-// A table for people, what each price buys, with a line that states the basis of the forecast.
+// A table for users of prices and results, with a line that states the basis of the forecast.
 std::string FormatQuote(const Quote& quote);
 std::string QuoteJson(const Quote& quote);
 

@@ -59,7 +59,7 @@ LightPasses::LightPasses(const render::CompiledScene& scene, int threads)
 
 absl::Status LightPasses::RenderUntil(uint64_t count) {
   if (count <= count_) return absl::OkStatus();
-  Mutex mutex;  // Of the tree and the time.
+  Mutex mutex;  // For the tree and the time.
   absl::Status status = ForEachTile(threads_, count - count_, [&](size_t i) -> absl::Status {
     render::RenderStats stats;
     absl::StatusOr<FilmTile> pass =

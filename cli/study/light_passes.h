@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightPasses: the light passes of one setting of a study. A pass reaches every pixel, so it is of
-// the whole frame, or of the frame made smaller (cli/quote/shrunk_frame.h), however few tiles the
+// LightPasses: the light passes of one setting of a study. A pass reaches every pixel, so it covers
+// the whole frame, or the frame made smaller (cli/quote/shrunk_frame.h), however few tiles the
 // study renders.
 #pragma once
 
@@ -28,8 +28,8 @@ FrameImage LightOf(const FrameImage& light, const PixelRect& rect, int32_t frame
 // Not thread-safe.
 class LightPasses {
  public:
-  // The scene's frame has light paths and is of any size; the scene must outlive this. No more
-  // passes are rendered at the same time than fit in half of the free memory, but at least one.
+  // The scene's frame has light paths and is of any size; the scene must outlive this. Renders at
+  // most as many passes at once as fit in half of the free memory, but at least one.
   LightPasses(const render::CompiledScene& scene, int threads);
 
   // Renders passes until there are `count`, on all threads. Errors: as RenderLightPass.

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SettingRenderer: renders a study's tiles with one setting, with its light passes, and knows what
-// the whole image costs.
+// SettingRenderer: renders a study's tiles with one setting, with its light passes, and computes
+// the cost of the whole image.
 #pragma once
 
 #include <cstdint>

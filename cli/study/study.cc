@@ -26,7 +26,7 @@ namespace sheaf::cli {
 namespace {
 
 constexpr uint64_t kReferenceSeed = 0x5ea5eed;
-// The pixels of the frame on which kinds of light paths are told apart, at most; and the part of
+// The maximum pixels of the frame on which kinds of light paths are distinguished; and the part of
 // their time for its passes.
 constexpr double kPathPixelsMax = 1 << 14, kLightPathsPart = 0.5;
 
@@ -147,7 +147,7 @@ class Study {
     return absl::OkStatus();
   }
 
-  // Renders the reference's light passes, of the frame itself and of the smaller one, and keeps
+  // Renders the reference's light passes, for the frame itself and for the smaller one, and keeps
   // those that the crops show.
   absl::Status AddReferenceLight(const StudyScene& scene, const std::vector<TilePixels>& camera) {
     const auto of_tiles = [&](LightPasses* passes) {

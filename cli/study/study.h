@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Study: measures what accuracy costs for a scene and for which settings. Tiles spread over the
+// Study: measures the cost of accuracy for a scene and for which settings. Tiles spread over the
 // frame are rendered in turns with every setting of a ladder and compared with a reference of many
 // samples:
 //
@@ -9,12 +9,12 @@
 //     ChooseCrops > RenderCrops: the image at four prices
 //     MeasurePlan: each effect;  MeasurePathNoise: each kind of path
 //
-// A light pass is of the whole frame. So settings with light paths have a small image of the whole
+// A light pass covers the whole frame. So settings with light paths have a small image of the whole
 // frame beside their tiles, as the pilots of quotes have: its light, errors and cost are added to
 // those of the tiles at the same number of passes (docs/adr/0096). The reference and the crops have
 // light passes of the frame itself. Effects are those of paths from the camera alone.
 //
-// Everything runs on this machine; the cost is its CPU time. Times on a farm are those of as fast
+// Everything runs on this machine; the cost is its CPU time. Times on a farm assume equally fast
 // threads.
 #pragma once
 
@@ -45,8 +45,8 @@ struct StudyLight {
   // is; 1: light passes are those of the frame itself.
   int32_t shrink = 1, width_px = 0, height_px = 0;
   int32_t paths_shrink = 1;         // The same for kinds of paths.
-  uint64_t reference_passes = 0;    // Of the frame itself, which the reference and the crops show.
-  double cpu_seconds_per_pass = 0;  // Of the base and the whole frame.
+  uint64_t reference_passes = 0;    // For the frame itself, in the reference and the crops.
+  double cpu_seconds_per_pass = 0;  // For the base and the whole frame.
 };
 
 struct StudyResult {

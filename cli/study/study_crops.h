@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Crops of the image for the page of a study: two regions, rendered with the given settings at four
-// prices, so that people see what each price buys. The regions are that of the largest error, and
-// one whose error is nearest to that of the whole image.
+// prices, so that users see the result of each price. The regions are that of the largest error,
+// and one whose error is nearest to that of the whole image.
 #pragma once
 
 #include <cstdint>

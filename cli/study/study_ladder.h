@@ -32,7 +32,7 @@ struct StudySetting {
 
 // The first setting is the base. Settings that would change nothing in this scene are omitted.
 std::vector<StudySetting> MakeLadder(const FrameSettings& settings, const render::RenderPlan& plan);
-// What users may expect but a study of these settings lacks, with the reasons: one line each.
+// Settings that users may expect but that this study omits, with the reasons: one line each.
 std::vector<std::string> MissingLadders(const FrameSettings& settings,
                                         const render::RenderPlan& plan);
 

@@ -33,7 +33,7 @@ struct StudyPaths {
   std::vector<UnreliableTile> unreliable_tiles;
 };
 
-// The samples of a pixel, and the light passes, by which kinds of paths are told apart.
+// The samples of a pixel, and the light passes, for distinguishing kinds of paths.
 inline constexpr uint64_t kPathSamples = 64;
 
 // The scene's settings request the kinds of paths and no other output. mean: of the image. seconds:

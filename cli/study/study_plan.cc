@@ -12,7 +12,7 @@
 namespace sheaf::cli {
 namespace {
 
-// Guess of a setting's mean cost relative to the base; the clock ends the measurement in any case.
+// Guess of a setting's mean cost relative to the base; the clock ends the measurement anyway.
 constexpr double kSettingCost = 1.1;
 // The part of the reference's time for light passes of the frame itself.
 constexpr double kLightReferencePart = 0.5;
@@ -21,7 +21,7 @@ constexpr double kShrinkRounding = 0.75;
 
 constexpr double kPathsOfTile = kStudyBlockSamples * kStudyTilePx * kStudyTilePx;
 
-// Wall seconds of a block of light passes of a frame of so many pixels.
+// Wall seconds of a block of light passes of a frame of `pixels` pixels.
 double SecondsPerLightBlock(const StudyCosts& costs, double pixels) {
   return costs.seconds_per_light_path * static_cast<double>(kStudyBlockSamples) * pixels;
 }

@@ -26,11 +26,11 @@ inline constexpr int64_t kLightPixelsMin = 1 << 8;
 
 // Seconds are wall time on all threads of the study.
 struct StudyCosts {
-  double minutes = 0;           // Of the study.
-  double seconds_per_tile = 0;  // Of a block of a tile, without light paths.
+  double minutes = 0;           // Duration of the study.
+  double seconds_per_tile = 0;  // For a block of a tile, without light paths.
   double seconds_per_light_path = 0;
-  int64_t frame_pixels = 0;        // Of the whole frame: the light paths of one of its passes.
-  size_t tile_count = 0;           // Of the window.
+  int64_t frame_pixels = 0;        // The whole frame's: the light paths of one of its passes.
+  size_t tile_count = 0;           // In the window.
   size_t setting_count = 0;        // Settings that are rendered,
   size_t light_setting_count = 0;  // and those of them that have light paths.
 };

@@ -29,7 +29,7 @@ struct StudyPrice {
 // The error for this many samples: on the line between the two measured points, and beyond the
 // first and last one along the curve's rate (1 if unknown). nullopt without points.
 std::optional<Estimate> ErrorAt(const StudyCurve& curve, double samples);
-// Wall time of this CPU time on so many threads. Requires: threads > 0.
+// Wall time of this CPU time on `threads` threads. Requires: threads > 0.
 double WallSecondsOn(int threads, double cpu_seconds);
 // The samples per pixel that these threads render in a time, after work of training_cpu_seconds; 0
 // if the time is too short for that. Requires: seconds, threads and cpu_seconds_per_sample are

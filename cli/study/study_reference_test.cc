@@ -23,8 +23,8 @@ TEST(StudyReferenceTest, ErrorsAreRelativeAndWithoutTheReferencesOwn) {
   EXPECT_NEAR(reference.VarianceOf(0, Gray(0, 0, 0.2f)), 0.04 / first + 0.04 / second, 1e-6);
 }
 
-// The smaller frame shows the light of both pixels in each. What is compared with it has the same
-// light, so the blur is no error; relative to what it is stays the frame's.
+// The smaller frame shows the light of both pixels in each. The compared image has the same light,
+// so the blur is not an error; errors stay relative to the frame's light.
 TEST(StudyReferenceTest, LightOfTheSmallerFrameIsComparedWithItself) {
   const StudyReference reference({Gray(1, 1)}, {Gray(2, 0)}, {Gray(1, 1)});
   EXPECT_EQ(reference.mean(), 2);

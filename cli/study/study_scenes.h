@@ -22,8 +22,8 @@ namespace sheaf::cli {
 
 struct StudyScene {
   render::CompiledScenePtr frame;
-  render::CompiledScenePtr small;  // Null: light passes are of the frame itself, or there are none.
-  double training_cpu_seconds = 0;  // Of the field that guides it; 0 if none does.
+  render::CompiledScenePtr small;   // Null: light passes use the frame itself, or there are none.
+  double training_cpu_seconds = 0;  // Cost of the guiding field; 0 if there is none.
 
   // The scene whose frame light passes are of; null if the setting has no light paths.
   const render::CompiledScene* light() const {
@@ -43,7 +43,7 @@ class StudyScenes {
   // Errors: as CompileScene and TrainGuiding.
   absl::StatusOr<StudyScene> Compile(const FrameSettings& settings, int32_t shrink,
                                      const render::CompileTechniques& techniques = {});
-  // Makes the smaller frame of a compiled setting anew; nothing without light paths.
+  // Remakes the smaller frame of a compiled setting; a no-op without light paths.
   absl::Status CompileSmall(int32_t shrink, const render::CompileTechniques& techniques,
                             StudyScene* scene);
 
@@ -56,7 +56,7 @@ class StudyScenes {
   const SceneDescription& scene_;
   FileSource& files_;
   const int threads_;
-  std::string field_;  // Of settings with light paths, once one is guided.
+  std::string field_;  // For settings with light paths, once one is guided.
   double field_cpu_seconds_ = 0;
 };
 

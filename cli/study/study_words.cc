@@ -21,7 +21,7 @@ constexpr double kClaimDeviations = 2;
 constexpr double kGainMin = 1.03;
 constexpr double kEffectTimeMin = 0.05;
 constexpr double kNoiseFractionMin = 0.25;
-// The time for which the second sentence says what it buys.
+// The time whose result the second sentence states.
 constexpr double kAskedMinutes = 10;
 
 const LightPathName& PathNameOf(LightPathKind kind) {
@@ -53,7 +53,7 @@ std::string OfBase(const StudyResult& result) {
   return text + ".";
 }
 
-// The error that ten minutes give, here and on the farm.
+// The error after ten minutes, here and on the farm.
 void AddAskedTime(const StudyResult& result, std::vector<std::string>* lines) {
   if (!(result.cpu_seconds_per_sample > 0)) return;
   const auto buys = [&](int threads) -> std::string {
@@ -100,7 +100,7 @@ bool IsSlower(const StudyCurve& curve) {
   return curve.gain && curve.gain->value + kClaimDeviations * curve.gain->error < 1;
 }
 
-// Whether light paths pay, where the measured errors overlap; or what the errors are.
+// Whether light paths pay if the measured errors overlap; otherwise the errors.
 std::string LightVerdict(const StudyCurve& base, const StudyCurve& without) {
   const std::string flag = FlagText(without.setting);
   if (IsSlower(without)) {

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// ImageFormat: what the user asks of the EXRs that a command writes. Without wishes they are the
-// coordinator's bytes; with some, this machine writes the image anew. The farm's copy stays as it
-// is, so that it can be verified and continued.
+// ImageFormat: the user's options for the EXRs that a command writes. Without options they are the
+// coordinator's bytes; with options, this machine rewrites the image. The farm's copy is unchanged,
+// so that it can be verified and continued.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@
 
 namespace sheaf::cli {
 
-// The meaning of depth.Z: as the farm delivers it, or by plane_depth.h.
+// The meaning of depth.Z: as delivered by the farm, or as in plane_depth.h.
 enum class ExrDepth : uint8_t { kRay, kPlane };
 
 struct ImageFormat {
@@ -38,7 +38,7 @@ struct ImageFormat {
 // Errors: kInvalidArgument; those of CheckExrFormat.
 absl::Status CheckImageFormat(const ImageFormat& format);
 
-// Adds the attributes. frame: that of the image. Requires: CheckImageFormat is OK.
+// Adds the attributes. frame: the image's. Requires: CheckImageFormat is OK.
 void AddAttributes(const ImageFormat& format, const v1::Frame& frame, absl::Time now,
                    FrameImage* image);
 

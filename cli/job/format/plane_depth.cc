@@ -41,7 +41,7 @@ class Projection {
       return std::nullopt;
     }
     Projection projection;
-    // Directions suffice, and lose no digits where the camera is far from the origin.
+    // Directions suffice, and keep all digits if the camera is far from the origin.
     Matrix4 axes = *camera, frame = *ndc;
     for (size_t i = 0; i < 3; ++i) axes.m[i][3] = frame.m[i][3] = 0;
     if (!Invert(axes, &projection.world_from_camera_)) return std::nullopt;
@@ -69,7 +69,7 @@ class Projection {
   }
 
  private:
-  Matrix4 world_from_camera_, frame_from_camera_;  // Of directions.
+  Matrix4 world_from_camera_, frame_from_camera_;  // For directions.
   bool is_perspective_ = false;
   double ahead_length_ = 1;  // A world unit straight ahead, in the camera's space.
   double width_px_ = 1, height_px_ = 1;

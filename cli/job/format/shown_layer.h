@@ -11,8 +11,8 @@
 
 namespace sheaf::cli {
 
-// The layers with less noise than the image, the one to show first: those of --denoise-with and of
-// --denoise. Of an image without either it is "image".
+// Prefers the layers with less noise than the image: those of --denoise-with, then of --denoise.
+// "image" if it has neither.
 std::string LeastNoisyLayer(const FrameImage& image);
 
 // The image with the layer's R, G and B as its own; name: "image", "denoised",

@@ -14,7 +14,7 @@ namespace {
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
-// The text with "#" for numbers that are the frame's.
+// The text with "#" in place of the frame's number.
 std::string WithoutNumber(const std::string& text, int32_t frame_number) {
   std::string result;
   for (size_t i = 0; i < text.size();) {

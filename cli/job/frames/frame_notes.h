@@ -15,10 +15,10 @@ namespace sheaf::cli {
 
 class FrameNotes {
  public:
-  // path: of the frame's scene. Notes are equal where they differ by that path, or by the frame's
-  // number in the name of the file with which they begin.
+  // path: the frame's scene. Notes count as equal if they differ only by that path, or by the
+  // frame's number in the file name at their start.
   void Add(int32_t frame_number, const std::string& path, const std::string& note);
-  // In the order of the first ones; those of several frames say how many there are.
+  // In the order of first occurrence; a note of several frames includes their number.
   std::vector<std::string> List() const;
 
  private:
@@ -28,7 +28,7 @@ class FrameNotes {
     int32_t last_frame = 0;
   };
   std::vector<Note> notes_;
-  std::map<std::string, size_t> indices_;  // By the text without what is the frame's own.
+  std::map<std::string, size_t> indices_;  // By the text without the frame's own parts.
 };
 
 }  // namespace sheaf::cli

@@ -61,7 +61,7 @@ absl::Status AddItem(const std::string& item, std::set<int32_t>* numbers) {
 }
 
 bool Exists(const std::string& path) {
-  std::error_code ignored;  // What cannot be looked at is not there for us either.
+  std::error_code ignored;  // A path that cannot be checked counts as absent.
   return std::filesystem::exists(path, ignored);
 }
 

@@ -22,11 +22,11 @@ absl::StatusOr<std::vector<int32_t>> ParseFrameRange(const std::string& text);
 // The same as text: "1-3,7". Requires: ascending numbers.
 std::string FormatFrameRange(const std::vector<int32_t>& numbers);
 
-// A path, and where it has the number of its frame.
+// A path, and the position of the frame number in it.
 struct FramePath {
   std::string path;
-  size_t first = 0;  // Of the run of '#' that stands for the number.
-  size_t width = 0;  // Of the run; 0: the path is the same for every frame.
+  size_t first = 0;  // Start of the run of '#' for the number.
+  size_t width = 0;  // Its length; 0: the path is the same for every frame.
 
   bool HasNumber() const { return width > 0; }
   // With the number in place of the run, padded with zeros to its length: "shot.####.exr" and 7
@@ -35,12 +35,12 @@ struct FramePath {
 };
 
 // Finds the number in a path of an image to write: the last run of at least run_min '#' in the
-// file's name. Without one, the run in the one folder that does not exist as it is written
-// ("f/####/s.exr"); '#' in folders that do exist are letters. frame_number: of a frame, for folders
+// file's name. Without one, the run in the one folder that does not exist literally
+// ("f/####/s.exr"); '#' in folders that do exist are letters. frame_number: a frame's, for folders
 // below that one. Errors: kInvalidArgument if it could be in several folders.
 absl::StatusOr<FramePath> FindFrameNumber(const std::string& path, int32_t frame_number,
                                           size_t run_min = 1);
-// The same for a file to read. Of several runs in its name it is the one that makes the name of a
+// The same for a file to read. If its name has several runs, chooses the one that gives an existing
 // file. Errors: also kInvalidArgument if several do.
 absl::StatusOr<FramePath> FindInputFrameNumber(const std::string& path, int32_t frame_number);
 

@@ -69,7 +69,7 @@ void DigestMemory::Remember(const std::string& path, const FileState& state,
                     path.find('\n') == std::string::npos;
   if (file_.empty() || !settled || !fits) return;
   const MutexLock lock(&mutex_);
-  // A full memory begins anew: which of its files are gone, only they could say.
+  // A full memory is cleared: checking which of its files still exist would be slow.
   if (entries_.size() >= kRememberedFilesMax && !entries_.contains(path)) entries_.clear();
   entries_[path] = {state, digest.sha256_hex};
   changed_ = true;

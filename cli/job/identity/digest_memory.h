@@ -3,8 +3,8 @@
 //
 // DigestMemory: the digests of large files from one command to the next, so that a scene that has
 // not changed is not read again. A file counts as the same while its state (file_state.h) is. The
-// memory is a cache: it may be removed at any time, and what is wrong in it is noticed when the
-// file is uploaded.
+// memory is a cache: it may be removed at any time, and a wrong entry is detected when the file is
+// uploaded.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +22,8 @@ namespace sheaf::cli {
 // Smaller files are hashed each time.
 inline constexpr uint64_t kRememberedBytesMin = uint64_t{64} << 10;
 inline constexpr size_t kRememberedFilesMax = 100'000;
-// A file that was changed less than this before it was hashed may change again without another
-// time stamp.
+// A file that was changed less than this before it was hashed may change again with the same time
+// stamp.
 inline constexpr int64_t kSettledNanoseconds = 2'000'000'000;
 
 // Thread safety: all members may be called concurrently.
@@ -35,12 +35,12 @@ class DigestMemory {
   // "$XDG_CACHE_HOME/sheaf-digests" or "~/.cache/sheaf-digests"; empty without a home.
   static std::string DefaultPath();
 
-  // path: of a file, absolute.
+  // path: a file's, absolute.
   std::optional<BlobDigest> Find(const std::string& path, const FileState& state) const;
   // now_ns: the time, since the epoch, at which the file began to be hashed.
   void Remember(const std::string& path, const FileState& state, const BlobDigest& digest,
                 int64_t now_ns);
-  // Writes what is new. What cannot be written is hashed again next time.
+  // Writes new entries. Files whose entries cannot be written are hashed again next time.
   void Save() const;
 
  private:

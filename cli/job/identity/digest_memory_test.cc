@@ -67,7 +67,7 @@ TEST_F(DigestMemoryTest, AFileOfADayAgoIsHashedOnce) {
   }
   // It is too new to be remembered.
   EXPECT_EQ(memory.Find(path, *StateOfFile(path)), std::nullopt);
-  // What is remembered is believed, without reading.
+  // A remembered digest is used without reading the file.
   const FileState state = *StateOfFile(path);
   memory.Remember(path, state, digest_, state.changed_ns + kSettledNanoseconds);
   EXPECT_EQ(*FileDigests(&memory).Of(path), digest_);

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// KnownJobs: which jobs a client has seen under their names. A coordinator whose state was replaced
-// gives the same numbers again; a job is the same one only if it was created at the same time.
+// KnownJobs: the jobs that a client has seen, by name. A coordinator whose state was replaced
+// reuses numbers; a job is the same only if it was created at the same time.
 #pragma once
 
 #include <map>
@@ -18,9 +18,9 @@ namespace sheaf::cli {
 // Thread safety: all members may be called concurrently.
 class KnownJobs {
  public:
-  // Notes a job that was created for this client.
+  // Records a job that was created for this client.
   void Note(const v1::Job& job);
-  // Notes a job that is seen for the first time. Errors: kNotFound if its name was another job's.
+  // Records a job that is seen for the first time. Errors: kNotFound if its name was another job's.
   absl::Status Check(const v1::Job& job);
   bool Has(const std::string& name) const;
 

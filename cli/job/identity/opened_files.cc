@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kShownBytesMax = 200;  // Of a name.
+constexpr size_t kShownBytesMax = 200;  // Limit of a name.
 
 // Without symbolic links; empty if there is no such file.
 std::string RealPath(const std::string& path) {
@@ -57,7 +57,7 @@ absl::StatusOr<std::string> OpenedFiles::LocalPath(const std::string& canonical_
           "itself into the folder"));
     }
   }
-  // Before the reader opens it, so that what it reads is at least as new.
+  // Before the reader opens it, so that the contents are at least as new.
   if (const std::optional<FileState> state = StateOfFile(*path)) states_.emplace(*path, *state);
   return path;
 }

@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// OpenedFiles: the files of a scene on this machine, as they were when a reader first asked for
-// them. A scene that is saved meanwhile would otherwise be a mixture: its settings of one version,
-// its contents of another.
+// OpenedFiles: the files of a scene on this machine, in the state of a reader's first access.
+// Otherwise a scene that is saved meanwhile would be a mixture of two versions.
 #pragma once
 
 #include <map>
@@ -21,8 +20,8 @@ namespace sheaf::cli {
 
 class OpenedFiles final : public DirectoryFileSource {
  public:
-  // main_file: its name in the directory. The user has chosen it, so it may be a symbolic link to
-  // anywhere; what a glTF file names may not leave the directory.
+  // main_file: its name in the directory. The user has chosen it, so it may be any symbolic link;
+  // files that a glTF file names must be inside the directory.
   explicit OpenedFiles(const std::string& directory,
                        std::shared_ptr<DerivedFiles> derived = nullptr, std::string main_file = "");
   // Errors: also kInvalidArgument for a file outside of a glTF file's directory.
@@ -51,10 +50,10 @@ class OpenedFiles final : public DirectoryFileSource {
 inline constexpr size_t kOutsideNamesMax = 5;
 std::string OutsideNote(const std::set<std::string>& names);
 
-// Errors: kFailedPrecondition if a file is not as it was, naming it.
+// Errors: kFailedPrecondition if a file has changed, naming it.
 absl::Status CheckUnchanged(const std::map<std::string, FileState>& states);
-// Why a scene could not be read: that a file has changed, where one has, for what was read is then
-// a mixture. failed: what the reader says.
+// Why a scene could not be read: a changed file, if there is one, because the contents are then a
+// mixture. failed: the reader's error.
 absl::Status ChangeOr(const absl::Status& failed, const OpenedFiles& files);
 
 }  // namespace sheaf::cli
