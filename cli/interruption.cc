@@ -20,7 +20,7 @@ namespace {
 
 void EndAfter(std::chrono::milliseconds grace, const std::stop_token& ended) {
   if (SleepUnlessStopped(absl::FromChrono(grace), ended)) {
-    EndNow("interrupted; what was under way did not end in time");
+    EndNow("interrupted; work in progress did not end in time");
   }
 }
 

@@ -33,7 +33,7 @@ std::string SumLine(const std::string& sha256_hex, const std::string& name) {
 }
 
 absl::Status OutOfOrder() {
-  return absl::DataLossError("the coordinator's messages come in no order; is it another version?");
+  return absl::DataLossError("the coordinator's messages are out of order; is it another version?");
 }
 
 // The task as the coordinator would lease it. Errors: kInvalidArgument.
@@ -72,7 +72,7 @@ absl::Status BundleWriter::Begin(const v1::TaskBundle& task) {
   options.preserve_proto_field_names = true;
   std::string json;
   const auto printed = google::protobuf::util::MessageToJsonString(task_, &json, options);
-  if (!printed.ok()) return absl::DataLossError("the coordinator sent a task that is no text");
+  if (!printed.ok()) return absl::DataLossError("the coordinator sent a task that is not text");
   absl::StatusOr<std::unique_ptr<TarWriter>> tar = TarWriter::Create(partial_path_);
   if (!tar.ok()) return tar.status();
   tar_ = *std::move(tar);
@@ -140,7 +140,9 @@ absl::StatusOr<Bundle> Bundle::Open(ReadBytesAt read, uint64_t size_bytes) {
 
 absl::Status Bundle::Verify(const std::vector<TarEntry>& entries) {
   if (entries.size() < 3 || entries.front().name != kTaskName || entries.back().name != kSumsName) {
-    return absl::DataLossError("it is no file of sheaf bundle: task.json or SHA256SUMS is missing");
+    return absl::DataLossError(
+        "it is not a file of sheaf bundle: task.json or SHA256SUMS is "
+        "missing");
   }
   std::string sums;
   for (size_t i = 0; i + 1 < entries.size(); ++i) {

@@ -91,7 +91,7 @@ TEST_F(BundleFileTest, EveryChangedBitIsRefused) {
     EXPECT_TRUE(absl::IsDataLoss(OpenBytes(bytes.substr(0, size)).status())) << size;
   }
   EXPECT_THAT(std::string(OpenBytes(std::string(1'024, '\0')).status().message()),
-              HasSubstr("no file of sheaf bundle"));
+              HasSubstr("not a file of sheaf bundle"));
 }
 
 TEST_F(BundleFileTest, TasksThatNoWorkerWouldGetAreRefusedInWords) {

@@ -92,7 +92,7 @@ class RetryCommand : public ControlCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command =
-        AddCommon(app, "retry", "Try the failed work of a job again, also of one that has failed");
+        AddCommon(app, "retry", "Retry the failed work of a job, even if the job has failed");
     AddJob(command);
     CLI::Option* frame = command->add_option("--frame", frame_, "Only this frame");
     command->add_option("--task", task_, "Only this task of the frame, as sheaf show numbers them")
@@ -101,8 +101,8 @@ class RetryCommand : public ControlCommand {
         "Examples:\n"
         "  sheaf retry jobs/7\n"
         "  sheaf retry 7 --frame 12 --task 3\n"
-        "Failures are forgotten, so that workers get the tasks again that they failed. Results\n"
-        "that are kept are not rendered again.");
+        "This clears failures, so that workers get the tasks again that they failed. Kept\nresults "
+        "are not rendered again.");
     return command;
   }
 

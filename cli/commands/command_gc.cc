@@ -30,15 +30,14 @@ std::string NameOf(const v1::Removal& removal) {
 class GcCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command =
-        AddCommon(app, "gc", "Remove what the coordinator does not keep any longer");
-    command->add_flag("--dry-run", dry_run_, "Only say what would be removed, and why");
+    CLI::App* command = AddCommon(app, "gc", "Remove data that the coordinator no longer keeps");
+    command->add_flag("--dry-run", dry_run_, "Only print the removals, and why");
     command->footer(
         "Examples:\n"
         "  sheaf gc --dry-run\n"
         "  sheaf gc --json\n"
         "The coordinator does this by itself. Its options --keep-parts, --keep-jobs,\n"
-        "--disk-limit and --disk-free-min, and sheaf pin, set how much is kept. Needs the role\n"
+        "--disk-limit and --disk-free-min, and sheaf pin, set the limits. Needs the role\n"
         "operate.");
     return command;
   }

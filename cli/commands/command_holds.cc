@@ -112,7 +112,7 @@ class WorkerCommand : public FarmCommand {
       }
       std::printf("%s %s, %d leases%s\n", Printable(worker.name()).c_str(),
                   WorkerStateName(worker.state()).c_str(), worker.lease_count(),
-                  worker.then_exit() ? ", ends when it holds none" : "");
+                  worker.then_exit() ? ", exits when it holds none" : "");
     }
     return ExitCode::kOk;
   }
@@ -125,16 +125,16 @@ class WorkerCommand : public FarmCommand {
 class DrainCommand : public WorkerCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(
-        app, "drain", "Take workers out: they finish what they hold and get nothing more");
+    CLI::App* command =
+        AddCommon(app, "drain", "Drain workers: they finish their leases and get no further ones");
     AddWorkers(command);
-    command->add_flag("--then-exit", then_exit_, "They end when they hold nothing more");
+    command->add_flag("--then-exit", then_exit_, "They exit when they hold no leases");
     command->footer(
         "Examples:\n"
         "  sheaf drain render-07-4711-a3f2\n"
         "  sheaf drain --all-of-host render-07 --then-exit\n"
-        "It holds until sheaf undrain, also if the coordinator restarts. Workers that start later\n"
-        "are not drained.");
+        "This lasts until sheaf undrain, also if the coordinator restarts. Workers that start "
+        "later\nare not drained.");
     return command;
   }
 

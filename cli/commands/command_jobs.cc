@@ -182,7 +182,7 @@ class WorkersCommand : public FarmCommand {
       }
       if (worker.drained()) {
         std::printf("  drained%s; give it work again with sheaf undrain\n",
-                    worker.then_exit() ? ", and ends when it holds nothing more" : "");
+                    worker.then_exit() ? ", and exits when it holds no leases" : "");
       }
       if (!worker.reason().empty()) {
         std::printf("  %s; lift it with sheaf workers --trust %s\n",

@@ -111,7 +111,7 @@ class ReproCommand : public Command {
         "  sheaf repro bundle-7-12-3.tar\n"
         "  sheaf repro crash.tar --memory-limit 2G -o part.exr\n"
         "  gdb --args sheaf repro crash.tar --no-sandbox\n"
-        "Exit codes: 0 the task renders; 1 it fails by a recorded class; 7 it fails otherwise;\n"
+        "Exit codes: 0 the task renders; 1 it fails as recorded; 7 it fails in another way;\n"
         "6 the bundle cannot be read. Limits are those of a worker by default: give those of the\n"
         "worker that failed.");
     return command;

@@ -48,8 +48,8 @@ class ShareCommand : public FarmCommand {
         "  sheaf share set user:anna --weight 2 --threads-max 64\n"
         "  sheaf share set pool:licensed --threads-max 16\n"
         "  sheaf share reset show:comet\n"
-        "Settings hold from the next lease on and over restarts; what is leased beyond a limit is\n"
-        "finished. To set and reset needs the role operate. docs/scheduling.md explains shares.");
+        "Settings apply from the next lease on and survive restarts; open leases beyond a "
+        "limit\nfinish. set and reset need the role operate. docs/scheduling.md explains shares.");
     return command;
   }
 
@@ -67,7 +67,7 @@ class ShareCommand : public FarmCommand {
     if (absl::Status status = client->ResetShare(subject_); !status.ok()) {
       return ReportCallError(status);
     }
-    if (!json()) std::printf("%s has no settings any more\n", subject_.c_str());
+    if (!json()) std::printf("%s no longer has settings\n", subject_.c_str());
     return ExitCode::kOk;
   }
 

@@ -32,7 +32,7 @@ class StudyCommand : public Command {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command = app->add_subcommand(
-        "study", "Measure what accuracy costs: settings, effects and kinds of paths of a scene");
+        "study", "Measure the cost of accuracy: settings, effects and kinds of paths of a scene");
     AddSettingsOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
     command->add_option("-o,--output", page_path_, "The page to write, a single file (.html)");
@@ -56,11 +56,10 @@ class StudyCommand : public Command {
         "  sheaf study room.pbrt --minutes 60 --json-output room.json\n"
         "Tiles spread over the frame are rendered with each setting in turn and compared with one\n"
         "reference that the study renders. Crops show the image at four prices. Everything is\n"
-        "rendered on this machine; the times of a farm are those of as fast threads, and sheaf\n"
-        "quote measures its own. Nothing is denoised. Light paths (--techniques) reach every "
-        "pixel:\n"
-        "their errors and costs are measured on a small image of the whole frame, and compared\n"
-        "with those of paths from the camera alone.");
+        "rendered on this machine; the times of a farm assume equally fast threads, and "
+        "sheaf\nquote measures its own. Nothing is denoised. Light paths (--techniques) reach "
+        "every pixel:\ntheir errors and costs are measured on a small image of the whole frame, "
+        "and compared\nwith those of paths from the camera alone.");
     return command;
   }
 
@@ -69,8 +68,9 @@ class StudyCommand : public Command {
     if (HasDenoised(asked.outputs)) {
       return ReportError(ExitCode::kUsage,
                          absl::InvalidArgumentError(
-                             "a study measures what samples cost, and denoises nothing: remove "
-                             "--denoise; sheaf quote --denoise says what an error costs after it"));
+                             "a study measures the cost of samples, and denoises nothing: remove "
+                             "--denoise; sheaf quote --denoise gives the cost of an error after "
+                             "it"));
     }
     if (asked.samples || !asked.outputs.empty() || asked.light_groups || asked.light_paths) {
       return ReportError(

@@ -69,7 +69,7 @@ class SubmitCommand : public Command {
                         "Render this many samples per pixel, a power of two; the rest after sheaf "
                         "approve");
     command->add_option("--deadline", deadline_,
-                        "Until when it should be done: 18:00 or \"2026-05-04 18:00\". The quote "
+                        "Deadline: 18:00 or \"2026-05-04 18:00\". The quote "
                         "says whether the farm makes it; sheaf-autoscaler keeps workers for it");
     command
         ->add_option(

@@ -80,7 +80,7 @@ class UsageCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
     CLI::App* command =
-        AddCommon(app, "usage", "Say what jobs have taken of the farm, and what users keep on it");
+        AddCommon(app, "usage", "Print the usage of the farm, and users' stored bytes");
     command->add_option("--by", by_, "A row for each user, show or job")
         ->check(IsOneOf({"user", "show", "job"}))
         ->capture_default_str();
@@ -93,8 +93,8 @@ class UsageCommand : public FarmCommand {
         "Examples:\n"
         "  sheaf usage\n"
         "  sheaf usage --by show --since 2026-05-01 --until 2026-05-31 --csv\n"
-        "With the role operate it is of all users, otherwise of you. Repeated and lost work is a\n"
-        "part of the CPU time. The coordinator keeps 400 days.");
+        "With the role operate it covers all users, otherwise only you. Repeated and lost work is "
+        "a\npart of the CPU time. The coordinator keeps 400 days.");
     return command;
   }
 

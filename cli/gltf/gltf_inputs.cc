@@ -100,7 +100,7 @@ absl::Status GltfInputs::Add(const std::string& main_file, int32_t frame_number,
     return absl::InvalidArgumentError(
         absl::StrCat(main_file,
                      ": --camera, --animation, --environment, --fps, --shutter and "
-                     "--size are for glTF scenes; this one says all of it itself"));
+                     "--size are for glTF scenes; this one contains all of it"));
   }
   GltfView view = ViewOf(arguments_, frame_number);
   if (arguments_.environment == GltfView::kNoEnvironment) {

@@ -161,7 +161,7 @@ absl::Status FarmClient::UploadByChunks(const BlobSource& blob,
         // Planned again.
         if (absl::IsOutOfRange(sent)) return SharedUploadError();
         if (absl::IsFailedPrecondition(sent)) {
-          return RetryAfterError("a chunk is gone that was there", kSharedUploadWait);
+          return RetryAfterError("a chunk has disappeared", kSharedUploadWait);
         }
         return sent;
       },

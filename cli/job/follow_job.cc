@@ -89,7 +89,7 @@ absl::Status WriteExr(const std::string& path, const Delivered& delivered,
   const absl::StatusOr<std::string> written = ReadWholeFile(path);
   if (!written.ok()) return written.status();
   return *written == bytes ? absl::OkStatus()
-                           : absl::DataLossError("the disk has not kept what was written");
+                           : absl::DataLossError("the disk has lost written data");
 }
 
 // An automatic exposure is part of what the PNG shows.
@@ -168,7 +168,7 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
   Delivery delivery{{}, std::move(view), arguments.format, "", arguments.denoise_with};
   delivery.png_layer = arguments.png_layer;
   if (IsGltfName(arguments.scene)) {
-    delivery.black_advice = "; --environment names an image of what surrounds a glTF scene";
+    delivery.black_advice = "; --environment names an image of a glTF scene's surroundings";
   }
   std::vector<std::string> outputs;
   for (const PreparedFrame& frame : job.frames) {

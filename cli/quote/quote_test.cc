@@ -103,7 +103,7 @@ TEST(QuoteTest, ATooShortTimeSaysSo) {
   QuoteRow& row = quote.rows.emplace_back();
   row.minutes_given = 0.01;
   row.reached = false;
-  EXPECT_NE(FormatQuote(quote).find("too short for any useful error"), std::string::npos);
+  EXPECT_NE(FormatQuote(quote).find("too short for a useful error"), std::string::npos);
   EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["rows"][2]["minutes"], 0.01);
 }
 

@@ -49,7 +49,7 @@ std::string FormatRow(const QuoteRow& row) {
   std::string text = absl::StrFormat("%-*s %-*s %*s  ", kTimeColumns, wall, kTimeColumns,
                                      FormatBanded(row.cpu_seconds), kSamplesColumns, samples);
   if (row.reached) return absl::StrCat(text, ErrorOf(row), "\n");
-  if (row.minutes_given > 0) return text + "too short for any useful error\n";
+  if (row.minutes_given > 0) return text + "too short for a useful error\n";
   return absl::StrCat(text, ErrorOf(row),
                       "; not reached within the maximum of samples per pixel\n");
 }

@@ -17,8 +17,8 @@
 namespace sheaf {
 
 // Calls function(begin, end) for disjoint ranges of at most grain that cover [0, count), from up to
-// thread_count threads including the caller; returns when all are done. Uses fewer threads if no
-// more can be created. Rethrows exceptions of function (lack of memory).
+// thread_count threads including the caller; returns when all are done. Uses fewer threads if some
+// cannot be created. Rethrows exceptions of function (lack of memory).
 // Requires: grain >= 1, thread_count >= 1.
 template <typename Function>
 void ParallelRanges(uint64_t count, uint64_t grain, int thread_count, const Function& function) {

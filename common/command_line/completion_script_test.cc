@@ -22,7 +22,7 @@ CompletionProgram Sheaf() {
             "Render on a farm",
             {{"--samples", "Samples per pixel", true},
              {"--wait", "It's [fast]: wait", false},
-             {"--color", "What a path carries", true, {"auto", "rgb"}},
+             {"--color", "Colors of a path", true, {"auto", "rgb"}},
              {"--aov", "Quantities", true, {}, {"position", "motion", "uv"}}}},
            {"watch", "Watch a job", {{"--json", "JSON", false}}, {}, true},
            {"completion", "For a shell", {}, {"bash", "zsh"}}},

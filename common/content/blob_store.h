@@ -4,18 +4,18 @@
 // BlobStore: a directory of blobs named by their SHA-256. Once Commit returns OK, a blob survives
 // kill -9 and power loss. Several threads and several processes may use one directory.
 //
-// Disks and people alter files. So a blob counts as present only while its bytes are known to match
-// its name: they are digested when first requested, whenever the file's state has changed since,
-// and once in kVerifiedAgeMax. A damaged blob is moved aside: it is then missing, and must be
-// uploaded again by its next user.
+// Disks, programs and users alter files. So a blob counts as present only while its bytes are known
+// to match its name: they are digested when first requested, whenever the file's state has changed
+// since, and once in kVerifiedAgeMax. A damaged blob is moved aside: it is then missing, and must
+// be uploaded again by its next user.
 //
 //     DIR/ab/abcdef...        a complete, verified blob; never changes
 //     DIR/partial/HEX.part    an upload in progress, or an interrupted one that can be resumed
 //     DIR/damaged/HEX         a blob whose bytes no longer match its name, kept for diagnosis: the
 //                             last kDamagedKeptMax, of kDamagedBytesMax together
 //
-// With an ObjectStore, each blob lies there, too, as "ab/abcdef...", before Commit returns OK. What
-// the directory loses is fetched from there when it is asked for. Only one BlobStore may write to
+// With an ObjectStore, each blob is also stored there, as "ab/abcdef...", before Commit returns OK.
+// Blobs lost from the directory are fetched from there on request. Only one BlobStore may write to
 // the ObjectStore. This part is in blob_store_objects.cc.
 #pragma once
 

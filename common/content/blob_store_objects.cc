@@ -129,7 +129,7 @@ absl::Status BlobStore::Restore(const BlobDigest& digest) const {
     ::unlink(fetched.c_str());
     const bool is_gone = absl::IsDataLoss(status) || absl::IsNotFound(status);
     if (is_gone) {
-      LogError(absl::StrCat(status.message(), "; it is asked of the next client that submits it"));
+      LogError(absl::StrCat(status.message(), "; the next client that submits it sends it again"));
       const MutexLock lock(&known_mutex_);
       known_.erase(digest.sha256_hex);
     }

@@ -64,7 +64,7 @@ absl::StatusOr<TarEntry> ParseHeader(const std::string& header, uint64_t offset_
   }
   if (entry.name.empty() || header != HeaderOf(entry.name, entry.size_bytes)) {
     return absl::DataLossError(absl::StrCat("no header of a file at byte ", offset_bytes,
-                                            ": it was altered, or is no such file"));
+                                            ": it was altered, or is not a tar file"));
   }
   return entry;
 }

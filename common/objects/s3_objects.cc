@@ -83,7 +83,7 @@ absl::Status S3Objects::PutOnce(const std::string& key, std::string_view bytes, 
   }
   if (answer->status != 501) return absl::OkStatus();
   server_.NoteNoConditions();
-  LogInfo(absl::StrCat(Name(), ": the server knows no conditional PUT; it is not used any more"));
+  LogInfo(absl::StrCat(Name(), ": the server has no conditional PUT; it is no longer used"));
   return PutOnce(key, bytes, PutMode::kReplace);
 }
 

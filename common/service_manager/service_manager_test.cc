@@ -83,8 +83,8 @@ TEST_F(ServiceManagerTest, TellsAPathAndAnAbstractName) {
     Set("NOTIFY_SOCKET", name);
     const ServiceManager manager;
     ASSERT_TRUE(manager.listens()) << name;
-    manager.Ready("works for\nnobody");
-    EXPECT_EQ(listener.Next(), "READY=1\nSTATUS=works for nobody");
+    manager.Ready("works for\nno farm");
+    EXPECT_EQ(listener.Next(), "READY=1\nSTATUS=works for no farm");
     manager.Status("away");
     EXPECT_EQ(listener.Next(), "STATUS=away");
     manager.Stopping();

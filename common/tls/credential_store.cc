@@ -73,7 +73,7 @@ std::string WhyNotYetValid(const CertificateTerms& certificate, absl::Time now) 
   };
   return absl::StrCat("the certificate of ", certificate.common_name, " is not valid before ",
                       text(certificate.not_before), ", and the clock of this machine says ",
-                      text(now), ": set the clock, otherwise no coordinator is found");
+                      text(now), ": set the clock, otherwise calls are refused");
 }
 
 std::string CredentialStore::PersonalDirectory() {

@@ -102,7 +102,7 @@ TEST_F(CredentialStoreTest, ClocksThatAreFarBehindAreNamed) {
   }
   EXPECT_EQ(WhyNotYetValid(terms, terms.not_before - absl::Hours(24)),
             "the certificate of user:anna is not valid before 2026-05-04 00:00, and the clock of "
-            "this machine says 2026-05-03 00:00: set the clock, otherwise no coordinator is found");
+            "this machine says 2026-05-03 00:00: set the clock, otherwise calls are refused");
 }
 
 }  // namespace

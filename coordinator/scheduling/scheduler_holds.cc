@@ -16,7 +16,7 @@ absl::Status Scheduler::CheckDependencies(const JobSpec& spec) const {
   if (spec.dependencies.size() > limits_.job_dependencies_max) {
     return absl::InvalidArgumentError(
         absl::StrCat("dependencies: a job waits for ", limits_.job_dependencies_max,
-                     " others at most; have it wait for one that waits for the rest"));
+                     " others at most; let it wait for one that waits for the rest"));
   }
   std::set<uint64_t> named;
   for (const JobDependency& dependency : spec.dependencies) {
@@ -30,9 +30,8 @@ absl::Status Scheduler::CheckDependencies(const JobSpec& spec) const {
           absl::StrCat(name, ": there is no such job to wait for; sheaf list lists them"));
     }
     if (job->second.phase == JobPhase::kCancelled) {
-      return absl::FailedPreconditionError(
-          absl::StrCat(name, " was cancelled, so that nothing of it will be delivered; wait for ",
-                       "another job, or for none"));
+      return absl::FailedPreconditionError(absl::StrCat(
+          name, " was cancelled and will not be delivered; wait for ", "another job, or for none"));
     }
     if (!dependency.by_frame) continue;
     for (const FrameSpec& frame : spec.frames) {

@@ -301,7 +301,7 @@ bool Scheduler::IsHeld(const FrameRecord& frame) const {
 
 std::string Scheduler::WhatEndsTheWait(const JobRecord& job, const FrameRecord& frame) const {
   const int live = workers_.LiveCount(job.spec.numeric_profile);
-  return absl::StrCat("; what ends this: another worker, sheaf retry jobs/", job.spec.job_id,
+  return absl::StrCat("; to end the wait: another worker, sheaf retry jobs/", job.spec.job_id,
                       ", or sheaf kill jobs/", job.spec.job_id, " --frame ", frame.number(),
                       "; if no other worker will join the farm, sheaf-coordinator "
                       "--poison-workers ",

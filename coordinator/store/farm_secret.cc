@@ -30,14 +30,14 @@ absl::StatusOr<std::string> LoadOrMakeSecret(const std::string& directory) {
   if ((properties.st_mode & 077) != 0) {
     return absl::FailedPreconditionError(
         absl::StrCat(path, ": other users may read or write the secret that proves leases; run ",
-                     "chmod 600 on it, or remove it and leases of now are rendered again"));
+                     "chmod 600 on it, or remove it, and open leases are rendered again"));
   }
   absl::StatusOr<std::string> secret = ReadWholeFile(path, kSecretBytes + 1);
   if (secret.ok() && secret->size() == kSecretBytes) return secret;
   if (!secret.ok() && !absl::IsResourceExhausted(secret.status())) return secret;
   return absl::FailedPreconditionError(
       absl::StrCat(path, ": not a secret of ", kSecretBytes,
-                   " bytes; remove it, and leases of now are rendered again"));
+                   " bytes; remove it, and open leases are rendered again"));
 }
 
 }  // namespace sheaf::coordinator

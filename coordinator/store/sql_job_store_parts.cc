@@ -329,8 +329,8 @@ absl::Status SqlJobStore::RemoveFrameParts(const FrameId& frame) {
   parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
   const absl::Status gone = parts_->RemoveFolder(FolderOf(frame));
   if (!gone.ok()) {
-    LogWarning(absl::StrCat("removing parts, of which some are left until the next start: ",
-                            gone.message()));
+    LogWarning(
+        absl::StrCat("removing parts; some are left until the next start: ", gone.message()));
   }
   return absl::OkStatus();
 }

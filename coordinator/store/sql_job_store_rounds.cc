@@ -62,7 +62,7 @@ absl::StatusOr<StoredRound> Unpacked(Sealed<CellRoundRow> sealed) {
   if (!sealed.IsWhole()) {
     return absl::DataLossError(absl::StrCat("round ", row.round.record.round, " of frame ",
                                             row.round.frame_number, " of jobs/", row.job_id,
-                                            " is not as it was stored"));
+                                            " changed since it was stored"));
   }
   absl::Status status = UnpackCells(row.cells.bytes, &row.round.record);
   if (!status.ok()) return status;

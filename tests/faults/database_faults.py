@@ -55,7 +55,7 @@ def submit_again_if_job_is_gone(bench):
     Returns whether that was so."""
     shown = bench.farm.sheaf("show", bench.job, "--json", check=False)
     said = shown.stdout + shown.stderr
-    if shown.returncode == 0 and "is not as it was stored" not in said:
+    if shown.returncode == 0 and "changed since it was stored" not in said:
         return False
     bench.tell("submit the scene again" in said or shown.returncode != 0, "the job: " + said)
     bench.watch.kill()

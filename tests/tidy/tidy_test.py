@@ -127,6 +127,34 @@ DOORS = {
         r"coordinator/service/(dropped|grpc|server)/|cli/)",
 }
 
+# Where comments, messages and documents are plain English.
+PLAIN_FOLDERS = tuple(f + "/" for f in (
+    "coordinator", "proto", "dashboard/src", "python", "blender", "deploy", "docs", "cli",
+    "common/base", "common/content", "common/objects", "common/rpc", "common/tls", "common/process",
+    "common/service_manager", "common/command_line"))
+PLAIN_NOT_YET = ("docs/adr/", "docs/techniques", "docs/sampling.md", "cli/commands/options")
+# Phrases that read as translated, and what to write instead.
+PLAIN_ENGLISH = {
+    r"\b[Nn]obody\b|\b[Ss]omebody\b": "name who acts: no worker, another user",
+    r"\bshall\b": "must, or the present tense",
+    r"\b(go|goes|going|went|gone) on\b(?! (a|an|the) )": "continue",
+    r"\b(come|comes|came) to nothing\b": "gave no result",
+    r"\b(this|earlier|last|next|other|another) (life|lives)\b": "run, since the start",
+    r"\bso many\b": "this many, or the parameter's name",
+    r"\b[Nn]othing happens\b": "a no-op if",
+    r"\bwhatever (became|becomes)\b": "whatever their state",
+    r"\bno more\b(?! than )": "no longer, no further",
+    r"\bfor good\b": "permanently",
+    r"\bdear(er)?\b": "expensive",
+    r"\b(find|finds|found) out\b": "determine, detect",
+    r"\b[Aa] person\b|\bpersons?\b": "user, operator",
+    r"\bmade? good\b|\bmakes good\b": "repair",
+    r"\bbreaks? off\b": "is truncated, is interrupted",
+    r"\bThat of\b": "name the noun",
+    r"(?:^|[.:;] )(Of (?!course)|What (?!to |do |you )|Who |Whose |Whom |Whoever )":
+        "begin with the subject",
+}
+
 LEFT_OVERS = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b|not (yet )?implemented|for now\b", re.I)
 
 
@@ -170,6 +198,29 @@ def function_lengths(text):
         if open_at is not None and depth <= base:
             yield open_at, number - open_at + 1
             open_at = None
+
+
+def prose(path):
+    """Yields (offset, text) of the comments and strings of a source, and of the lines of others.
+
+    Adjacent comments, and the pieces of one string, are one text.
+    """
+    text = read(path)
+    if not path.endswith((".h", ".cc", ".proto", ".ts")):
+        for line in re.finditer(r"[^\n]+", text):
+            yield line.start(), line.group().strip(" #*-/\"'`|")
+        return
+    start, whole, end = 0, "", 0
+    for piece in re.finditer(r"//[^\n]*|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'", text):
+        words, is_comment = piece.group().strip("/\"'"), piece.group().startswith("//")
+        between = text[end:piece.start()]
+        if whole and between.isspace() and is_comment == text.startswith("//", start):
+            whole += words if words.strip() else ". "
+        else:
+            yield start, whole.strip()
+            start, whole = piece.start(), words
+        end = piece.end()
+    yield start, whole.strip()
 
 
 class TidyTest(unittest.TestCase):
@@ -290,6 +341,22 @@ class TidyTest(unittest.TestCase):
                     if p != own
                     for n, line in enumerate(read(p).split("\n"), 1) if LEFT_OVERS.search(line)]
         self.expect_none(problems, "left-over markers")
+
+    def test_english_is_plain(self):
+        any_phrase = re.compile("|".join(PLAIN_ENGLISH))
+        problems = []
+        for path in tracked(".h", ".cc", ".proto", ".ts", ".py", ".md", ".yml", ".yaml", ".json",
+                            ".conf", ".service", ".toml"):
+            if not path.startswith(PLAIN_FOLDERS) or path.startswith(PLAIN_NOT_YET):
+                continue
+            for offset, text in prose(path):
+                if not any_phrase.search(text):
+                    continue
+                line = read(path).count("\n", 0, offset) + 1
+                for phrase, instead in PLAIN_ENGLISH.items():
+                    for found in re.finditer(phrase, text):
+                        problems.append(f'{path}:{line}: "{found.group().strip()}": {instead}')
+        self.expect_none(problems, "phrases that read as translated")
 
     def test_tables_have_a_head_and_equal_rows(self):
         # A blank line within a table ends it: the rest is a block without a head.

@@ -57,7 +57,7 @@ const char* KeptKindName(KeptKind kind) {
 const char* RemovalReasonText(RemovalReason reason) {
   switch (reason) {
     case RemovalReason::kAge:
-      return "it is older than is kept";
+      return "it is older than the limit";
     case RemovalReason::kUnnamed:
       return "no job names it";
     case RemovalReason::kLimit:

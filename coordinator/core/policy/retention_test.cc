@@ -30,7 +30,7 @@ KeptItem Blob(char digit, absl::Duration age, bool is_named) {
   return item;
 }
 
-// "parts 7: it is older than is kept", one a line.
+// "parts 7: it is older than the limit", one a line.
 std::string Text(const std::vector<Removal>& removals) {
   std::string text;
   for (const Removal& removal : removals) {
@@ -110,10 +110,10 @@ TEST(RetentionTest, PartsGoByTheirAgeAndJobsByTheirs) {
     }
   }
   EXPECT_EQ(Text(DecideRemovals(items, {}, limits, kNow)),
-            "parts 1: it is older than is kept\n"
-            "parts 2: it is older than is kept\n"
-            "previews 1: it is older than is kept\n"
-            "job 1: it is older than is kept\n");
+            "parts 1: it is older than the limit\n"
+            "parts 2: it is older than the limit\n"
+            "previews 1: it is older than the limit\n"
+            "job 1: it is older than the limit\n");
 }
 
 TEST(RetentionTest, PartsAreKeptNoLongerThanTheirJob) {
@@ -122,7 +122,7 @@ TEST(RetentionTest, PartsAreKeptNoLongerThanTheirJob) {
   EXPECT_EQ(Text(DecideRemovals({Item(KeptKind::kJob, 1, absl::Hours(2)),
                                  Item(KeptKind::kParts, 1, absl::Hours(2))},
                                 {}, limits, kNow)),
-            "parts 1: it is older than is kept\njob 1: it is older than is kept\n");
+            "parts 1: it is older than the limit\njob 1: it is older than the limit\n");
 }
 
 TEST(RetentionTest, BlobsThatNoJobNamesGoAfterADay) {
@@ -172,7 +172,7 @@ TEST(RetentionTest, WhatGoesByItsAgeCountsAsRoom) {
   const std::vector<KeptItem> items = {Item(KeptKind::kParts, 1, absl::Hours(6), 50),
                                        Item(KeptKind::kParts, 2, absl::Hours(4), 50)};
   EXPECT_EQ(Text(DecideRemovals(items, {102 * kMebi, UINT64_MAX, 0}, limits, kNow)),
-            "parts 1: it is older than is kept\n");
+            "parts 1: it is older than the limit\n");
 }
 
 TEST(RetentionTest, FreshBlobsStayWhateverTheSpace) {

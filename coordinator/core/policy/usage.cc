@@ -90,7 +90,7 @@ absl::StatusOr<int64_t> ParseUsageDay(const std::string& text) {
   absl::CivilDay day;
   if (absl::ParseCivilTime(text, &day)) return day - kFirstDay;
   return absl::InvalidArgumentError(
-      absl::StrCat("\"", text, "\" is no day; write for example 2026-05-04"));
+      absl::StrCat("\"", text, "\" is not a day; write for example 2026-05-04"));
 }
 
 absl::StatusOr<UsageQuery> ParseUsageQuery(const std::string& by, const std::string& since,

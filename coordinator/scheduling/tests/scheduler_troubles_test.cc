@@ -220,7 +220,7 @@ TEST_F(TroublesTest, AloneAWorkerGoesOnWithOtherTasksUntilItIsClear) {
   EXPECT_TRUE(Sync("a", 1).empty());
   EXPECT_EQ(scheduler_.WaitingReason(Job(job)),
             absl::StrCat("waiting for another worker: a failed frame 1 by lack of memory; "
-                         "what ends this: another worker, sheaf retry jobs/",
+                         "to end the wait: another worker, sheaf retry jobs/",
                          job, ", or sheaf kill jobs/", job,
                          " --frame 1; if no other worker will join the farm, sheaf-coordinator "
                          "--poison-workers 1"));

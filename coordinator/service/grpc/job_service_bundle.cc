@@ -71,7 +71,7 @@ absl::Status SendBlob(const BlobStore& blobs, const BlobDigest& digest, const st
     if (absl::IsNotFound(chunk.status()) || absl::IsDataLoss(chunk.status())) {
       return absl::FailedPreconditionError(
           absl::StrCat("the scene's file ", Printable(name), " (", digest.sha256_hex,
-                       ") is not kept any more (docs/retention.md); submit the scene again"));
+                       ") is no longer kept (docs/retention.md); submit the scene again"));
     }
     if (!chunk.ok()) return chunk.status();
     if (chunk->empty() && at > 0) return absl::OkStatus();

@@ -55,7 +55,7 @@ absl::StatusOr<absl::Duration> ParseLifetime(const std::string& text, absl::Dura
       lifetime <= longest) {
     return lifetime;
   }
-  return absl::InvalidArgumentError(absl::StrCat("--expires ", text, ": is no time up to ",
+  return absl::InvalidArgumentError(absl::StrCat("--expires ", text, ": is not a time up to ",
                                                  absl::FormatDuration(longest),
                                                  "; write it as 30m or 12h"));
 }
@@ -132,7 +132,7 @@ void AccessCommands::AddTo(CLI::App* app) {
   AddIdentity(enroll);
   enroll
       ->add_option("--role", role_,
-                   "Of a user: view, submit (default), operate or administer; each includes "
+                   "A user's role: view, submit (default), operate or administer; each includes "
                    "those before it")
       ->check(IsOneOf({"view", "submit", "operate", "administer"}));
   enroll->add_option("--expires", expires_, "How long the token is good, e.g. 30m or 12h")
@@ -145,7 +145,10 @@ void AccessCommands::AddTo(CLI::App* app) {
       "sheaf-worker --token and sheaf login take the token, once.");
   CLI::App* scraper = Add(app, "scraper", "Print a token with which Prometheus reads /metrics",
                           [this] { return MakeScrapeToken(); });
-  scraper->add_option("NAME", name_, "A user of the role view, made for it if there is none")
+  scraper
+      ->add_option("NAME", name_,
+                   "A user with the role view; it is created if it does not "
+                   "exist")
       ->required();
   scraper
       ->add_option("--expires", scrape_token_expires_,
@@ -219,7 +222,7 @@ absl::Status AccessCommands::Enroll() const {
     const Role default_role = present->has_value() ? (*present)->role : Role::kSubmit;
     role = UserRoleFromName(role_).value_or(default_role);
   } else if (!role_.empty()) {
-    return absl::InvalidArgumentError("--role: workers work, and have no other role");
+    return absl::InvalidArgumentError("--role: workers have no role");
   }
   const absl::Time now = absl::Now();
   const absl::StatusOr<std::string> secret =

@@ -52,7 +52,7 @@ void KeepServerCertified(const std::stop_token& stop, const CertificateAuthority
 void WarnOfInsecureAddress(const std::string& address) {
   const absl::StatusOr<Address> parsed = ParseAddress(address);
   if (!parsed.ok() || IsLoopback(*parsed)) return;
-  LogWarning(absl::StrCat("INSECURE: everybody who reaches ", address,
+  LogWarning(absl::StrCat("INSECURE: everyone who reaches ", address,
                           " controls this farm and reads its scenes and images; run "
                           "sheaf-coordinator init to make certificates"));
 }

@@ -91,7 +91,7 @@ void AddLimitOptions(CoordinatorOptions* server, CLI::App* app) {
       ->capture_default_str()
       ->group(group);
   app->add_option("--user-bytes-max", farm.owner_bytes_max,
-                  "Bytes that a user keeps on the coordinator, e.g. 200G (default none): parts, "
+                  "Stored bytes of a user on the coordinator, e.g. 200G (default none): parts, "
                   "images, previews and files of scenes that no other user's jobs need. Beyond it "
                   "uploads and new jobs are refused")
       ->transform(AsBytes())
@@ -117,7 +117,8 @@ std::string ParseKeptDuration(const std::string& text, absl::Duration* duration)
   if (text.ends_with('d') && absl::SimpleAtoi(text.substr(0, text.size() - 1), &days)) {
     *duration = absl::Hours(24) * days;
   } else if (!absl::ParseDuration(text, duration)) {
-    return absl::StrCat("\"", text, "\" is no duration; give one as 7d, 12h, 30m or forever");
+    return absl::StrCat("\"", text,
+                        "\" is not a duration; use a form such as 7d, 12h, 30m or forever");
   }
   return *duration < absl::ZeroDuration() ? absl::StrCat(text, " is below 0") : "";
 }
@@ -140,31 +141,32 @@ void AddRetentionOptions(FarmOptions* farm, CLI::App* app) {
   RetentionLimits& limits = farm->retention;
   farm->scrub_bytes_per_second = kScrubBytesPerSecondDefault;
   farm->disk_reserve_bytes = kDiskReserveDefault;
-  const char* const group = "What is kept of jobs that have ended and are not pinned";
+  const char* const group = "Retention of jobs that have ended and are not pinned";
   AddDurationOption("--keep-parts", &limits.parts_age_max,
                     "Parts, with which sheaf refine continues, e.g. 12h (default 7d)", group, app);
   AddDurationOption("--keep-jobs", &limits.jobs_age_max,
                     "Jobs with their images, e.g. 90d (default forever)", group, app);
   app->add_option("--disk-limit", limits.bytes_max,
-                  "Size of the state directory, e.g. 500G (default none). Above it the oldest go: "
-                  "parts first, then files of scenes, previews, and jobs with their images")
+                  "Size of the state directory, e.g. 500G (default none). Above it the oldest are "
+                  "removed: parts first, then files of scenes, previews, and jobs with their "
+                  "images")
       ->transform(AsBytes())
       ->group(group);
   app->add_option(
          "--disk-free-min", limits.free_bytes_min,
-         "Free space of its file system, e.g. 10G (default 1G, at most 1/20 of it): uploads "
-         "leave it to jobs. Below it the oldest go, but no jobs")
+         "Free space of its file system, e.g. 10G (default 1G, at most 1/20 of it): uploads leave "
+         "it to jobs. Below it the oldest are removed, but not jobs")
       ->transform(AsBytes())
       ->group(group);
   app->add_option("--disk-reserve", farm->disk_reserve_bytes,
-                  "Free space that is kept for the database alone, e.g. 256M (default 64M, at most "
+                  "Free space reserved for the database, e.g. 256M (default 64M, at most "
                   "1/8 of the file system), so that a coordinator with a full disk works and "
                   "starts. 0: none")
       ->transform(AsBytes())
       ->group(group);
   app->add_option("--kept-parts-max", farm->kept_parts_bytes_max,
-                  "Disk space for parts, e.g. 20G: parts of delivered frames, also of jobs that go "
-                  "on, are kept within it for sheaf refine; the oldest are deleted first")
+                  "Disk space for parts, e.g. 20G: parts of delivered frames, also of unfinished "
+                  "jobs, are kept within it for sheaf refine; the oldest are deleted first")
       ->transform(AsBytes())
       ->capture_default_str()
       ->group(group);
@@ -224,8 +226,8 @@ void AddOptions(CommandLine* line, CLI::App* app) {
       ->check(InRange(0.5, 86400.0))
       ->capture_default_str();
   app->add_option("--check-fraction", farm.limits.check_fraction,
-                  "Fraction of tasks that two workers render, to notice false results; of a "
-                  "worker's first results more are. 0: none")
+                  "Fraction of tasks that two workers render, to detect false results; larger for "
+                  "a worker's first results. 0: none")
       ->check(InRange(0.0, 1.0))
       ->capture_default_str();
   app->add_option("--poison-workers", farm.limits.poison_workers_max,
@@ -241,12 +243,12 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   AddRetentionOptions(&farm, app);
   app->add_option(
          "--drop-bytes-max", line->server.drop_bytes_max,
-         "Size of the files of a scene that is dropped on the page, e.g. 16G (default 4G). "
-         "0: none can be")
+         "Size of the files of a scene that is dropped on the page, e.g. 16G (default 4G). 0: "
+         "dropping is off")
       ->transform(AsBytes());
   app->add_flag("--insecure-allow-remote", line->server.insecure_remote_allowed,
                 "For experiments: listen without encryption on addresses that other machines can "
-                "reach; everybody who reaches them controls the farm");
+                "reach; everyone who reaches them controls the farm");
   app->add_option("--log-level", line->log_level, "debug, info, warning, error or off")
       ->check(IsOneOf({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();

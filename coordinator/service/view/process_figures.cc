@@ -96,8 +96,8 @@ void AddProcessFigures(std::vector<MetricView>* metrics) {
   add("process_cpu_seconds_total", "CPU time of the coordinator.", Kind::kCounter, CpuSeconds());
   add("process_resident_memory_bytes", "Memory of the coordinator.", Kind::kGauge, resident);
   add("process_open_fds", "Open files and connections.", Kind::kGauge, OpenFiles());
-  add("process_max_fds", "How many it may open.", Kind::kGauge, OpenFilesMax());
-  add("process_start_time_seconds", "When it started, in Unix time.", Kind::kGauge, start);
+  add("process_max_fds", "Limit of open files.", Kind::kGauge, OpenFilesMax());
+  add("process_start_time_seconds", "Start of the coordinator, in Unix time.", Kind::kGauge, start);
 }
 
 }  // namespace sheaf::coordinator

@@ -27,9 +27,7 @@ struct ServerMetrics {
 
   const BuildInfo build;
   CallTimes grpc_calls{"sheaf_grpc_call_seconds",
-                       "Time of gRPC calls by method and code; calls that were refused at the door "
-                       "are not among them.",
-                       "method"};
+                       "Time of gRPC calls by method and code, without refused calls.", "method"};
   CallTimes http_requests{"sheaf_http_request_seconds",
                           "Time until an HTTP request is answered, by route and code, without its "
                           "transfer.",

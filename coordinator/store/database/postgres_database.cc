@@ -176,8 +176,8 @@ void PostgresDatabase::Rollback() {
 
 absl::Status PostgresDatabase::FindOutcome() {
   LogWarning(absl::StrCat(Name(),
-                          ": the connection was lost during a commit; asking whether it was "
-                          "done"));
+                          ": the connection was lost during a commit; asking whether it "
+                          "succeeded"));
   if (absl::Status status = connection_->Reconnect(kOutcomeWaitMax); !status.ok()) {
     return Lost(absl::UnavailableError(
         absl::StrCat("it is not known whether a change was stored: ", status.message())));

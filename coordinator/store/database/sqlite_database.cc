@@ -198,7 +198,7 @@ std::string SqliteDatabase::RemedyFor(const std::string& path, const std::string
       " from a backup (without its -wal and -shm files), or move ", state_directory,
       " away, start anew and submit the unfinished scenes again; finished images are in ",
       state_directory,
-      "/outputs in any case. Where SQLite's shell has .recover (Debian 12's has not), \"sqlite3 ",
+      "/outputs in any case. If SQLite's shell has .recover (Debian 12's does not), \"sqlite3 ",
       path, " .recover | sqlite3 recovered.db\" may save more");
 }
 

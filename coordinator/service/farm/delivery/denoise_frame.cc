@@ -55,7 +55,7 @@ absl::StatusOr<std::optional<FilmTile>> ReadTile(const FrameId& id, uint32_t til
       if (trees->SampleCount(i) == samples[grid.first_cell(tile) + i]) continue;
       return absl::FailedPreconditionError(
           absl::StrCat("denoising: the parts of tile ", tile,
-                       " on disk do not have the samples of the image; it is tried again"));
+                       " on disk do not have the samples of the image; trying again"));
     }
   }
   return trees->Root();

@@ -72,7 +72,7 @@ void ContentExchange::Report(const ContentReport& report, SteadyTime now) {
     LogWarning(absl::StrCat("worker ", Printable(report.worker.worker_id), " says that worker ",
                             Printable(trouble.peer_id), " sent wrong bytes as blob ",
                             Printable(trouble.blob),
-                            "; it has the blob from elsewhere. If others say so too, look at that "
+                            "; it got the blob elsewhere. If others report this too, check that "
                             "machine's disk and memory"));
   }
 }

@@ -44,7 +44,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::AddStored(const ResultReport& report
   }
   using Kind = Scheduler::FoundTask::Kind;
   if (found.kind != Kind::kWanted && found.kind != Kind::kCovered) {
-    return absl::FailedPreconditionError("the result is not wanted where it was stored");
+    return absl::FailedPreconditionError("the result is no longer wanted");
   }
   const absl::StatusOr<std::string> bytes = store_.ReadPart(RowOf(report, found.frame));
   if (bytes.ok()) return Add(report, *bytes);

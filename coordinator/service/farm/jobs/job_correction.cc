@@ -49,14 +49,14 @@ absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
         job_id, absl::StrCat("results of ", identity, " were found false after delivery"), *parts);
     if (!corrected.ok()) return corrected;
     LogWarning(absl::StrCat("job ", job_id, ": ", parts->size(), " results of ", identity,
-                            ", or made with its guiding fields, are not believed any more and are "
+                            ", or made with its guiding fields, are no longer trusted and are "
                             "rendered again"));
   }
   rows = store_.FindPartsOf(identity);
   if (!rows.ok()) return rows.status();
   if (rows->empty()) return absl::OkStatus();
   return absl::UnavailableError(
-      absl::StrCat("the disk does not remove ", rows->size(), " of them yet; it is asked again"));
+      absl::StrCat("the disk does not remove ", rows->size(), " of them yet; trying again"));
 }
 
 absl::StatusOr<std::vector<PartRow>> JobLifecycle::WithPartsOfFields(
@@ -90,7 +90,10 @@ absl::Status JobLifecycle::RemovePartsOfLostField(const FrameId& id) {
   absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(id.job_id);
   if (!parts.ok()) return parts.status();
   std::erase_if(parts->rows, [&id](const PartRow& row) { return !(row.key.frame == id); });
-  return CorrectJob(id.job_id, "its guiding field was lost and came out otherwise", parts->rows);
+  return CorrectJob(id.job_id,
+                    "its guiding field was lost and trained to a different "
+                    "result",
+                    parts->rows);
 }
 
 absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,

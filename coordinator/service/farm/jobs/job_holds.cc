@@ -20,7 +20,7 @@ absl::Status RequireNotGivenUp(const JobRecord& job) {
   if (job.phase == JobPhase::kLive || job.phase == JobPhase::kSucceeded) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(
       "jobs/", job.spec.job_id, job.phase == JobPhase::kFailed ? " has failed" : " was cancelled",
-      job.phase == JobPhase::kFailed ? "; try it again first, by sheaf retry" : ""));
+      job.phase == JobPhase::kFailed ? "; retry it first, by sheaf retry" : ""));
 }
 
 bool IsDelivered(const JobRecord& job, int32_t number) {
@@ -50,7 +50,9 @@ absl::StatusOr<std::set<int32_t>> ChooseWaiting(const JobRecord& job,
     if (!IsUnapproved(job.spec, number)) continue;
     if (!waiting.contains(number)) {
       return absl::FailedPreconditionError(
-          absl::StrCat(name, ": frame ", number, " has not got its first samples yet; approve it ",
+          absl::StrCat(name, ": frame ", number,
+                       " does not have its first samples yet; approve "
+                       "it ",
                        "when there is an image to look at"));
     }
     chosen.insert(number);

@@ -31,7 +31,7 @@ absl::Status CheckUndamaged(const StoredJob& job, const std::string& state_direc
   if (job.damage.empty()) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(
       state_directory, "/farm.db: ", job.damage, " of jobs/", job.spec.job_id,
-      " is not as it was stored, so bits changed on disk and the image would be another one; ",
+      " changed since it was stored, so bits changed on disk and the image would differ; ",
       "submit the scene again, and check the disk"));
 }
 
@@ -124,7 +124,7 @@ void JobLifecycle::RestoreLiveJob(const StoredJob& job, const JobStore::LoadedPa
   tables_.scheduler.counters().parts_unrecorded += static_cast<uint64_t>(parts.files_without_row);
   if (parts.files_without_row > 0) {
     LogInfo(absl::StrCat("job ", job.spec.job_id, ": ", parts.files_without_row,
-                         " files of parts have no row; what they held is rendered again"));
+                         " files of parts have no row; their samples are rendered again"));
   }
   const std::map<FrameId, BlobDigest> fields = FieldsOf(parts.rows);
   for (const PartRow& row : parts.rows) {
@@ -188,7 +188,7 @@ void JobLifecycle::RemoveUnusable(const PartRow& row, FrameTasks::Fit fit) {
     LogWarning(absl::StrCat("job ", row.key.frame.job_id, ": a part of frame ",
                             row.key.frame.frame_number,
                             " overlaps another, or was made with another guiding field, and is "
-                            "removed; the samples that nothing else has are rendered again"));
+                            "removed; samples that are lost with it are rendered again"));
   }
   removals_.Remove({row});
 }

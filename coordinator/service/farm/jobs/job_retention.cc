@@ -27,7 +27,7 @@ absl::Status JobLifecycle::SetPinned(uint64_t job_id, bool pinned) {
     const MutexLock lock(&tables_.mutex);
     tables_.accounts.at(job_id).pinned = pinned;
   }
-  LogInfo(absl::StrCat("job ", job_id, pinned ? " is pinned" : " is not pinned any more"));
+  LogInfo(absl::StrCat("job ", job_id, pinned ? " is pinned" : " is no longer pinned"));
   signals_.Changed();
   return absl::OkStatus();
 }

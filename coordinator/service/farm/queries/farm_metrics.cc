@@ -43,13 +43,15 @@ constexpr CounterName kCounterNames[] = {
      &Counters::results_refused},
     {"failures_refused", "Failures reported of leases that the sender does not hold.",
      &Counters::failures_refused},
-    {"checks_begun", "Results that are rendered again by another worker.", &Counters::checks_begun},
+    {"checks_begun", "Results rendered again by another worker.", &Counters::checks_begun},
     {"checks_dropped", "Checks that no other worker did in time.", &Counters::checks_dropped},
     {"samples_checked", "Pixel samples and light paths rendered for checks.",
      &Counters::samples_checked},
     {"parts_revoked", "Parts that were lost or found false and are rendered again.",
      &Counters::parts_revoked},
-    {"parts_unrecorded", "Files of parts whose rows a crash or damage took: rendered again.",
+    {"parts_unrecorded",
+     "Files of parts whose rows were lost in a crash or by damage: rendered "
+     "again.",
      &Counters::parts_unrecorded},
     {"commits_lost", "Changes that the database lost by damage to its log; 0 on good disks.",
      &Counters::commits_lost},
@@ -60,8 +62,8 @@ constexpr CounterName kCounterNames[] = {
      &Counters::workers_sick},
     {"tasks_poisoned", "Tasks set aside because too many workers failed them.",
      &Counters::tasks_poisoned},
-    {"tasks_killed", "Tasks and frames set aside by people.", &Counters::tasks_killed},
-    {"tasks_retried", "Tasks and frames that were set aside and people brought back.",
+    {"tasks_killed", "Tasks and frames set aside by users.", &Counters::tasks_killed},
+    {"tasks_retried", "Tasks and frames that were set aside and then retried by users.",
      &Counters::tasks_retried},
     {"frames_incomplete", "Frames that ended with tasks set aside.", &Counters::frames_incomplete},
     {"samples_accepted", "Pixel samples and light paths of accepted results.",
@@ -72,7 +74,7 @@ constexpr CounterName kCounterNames[] = {
     {"jobs_refused", "Jobs and refinements beyond a user's limit of unfinished work.",
      &Counters::jobs_refused},
     {"frames_delivered", "Frames whose EXR is written.", &Counters::frames_delivered},
-    {"scenes_lost", "Scenes of live jobs of which a file was found damaged or lost.",
+    {"scenes_lost", "Scenes of live jobs with a file found damaged or lost.",
      &Counters::scenes_lost},
 };
 
@@ -92,7 +94,7 @@ struct JobMetric {
 constexpr JobMetric kJobMetrics[] = {
     {"job_samples", "Pixel samples of a live job so far.",
      [](const JobCurve& curve) { return curve.samples; }, /*is_sum=*/true},
-    {"job_cpu_seconds", "CPU time that a live job has taken.",
+    {"job_cpu_seconds", "CPU time of a live job.",
      [](const JobCurve& curve) { return curve.cpu_seconds; }, /*is_sum=*/true},
     {"job_part_bytes", "Bytes of parts that a live job has received.",
      [](const JobCurve& curve) { return curve.part_bytes; }, /*is_sum=*/true},
@@ -215,7 +217,7 @@ std::vector<MetricView> FarmMetrics::List() const {
     paused_jobs += job.Paused() ? 1 : 0;
   }
   metrics.push_back(Gauge("jobs_live", "Jobs that have not ended.", live_jobs));
-  metrics.push_back(Gauge("jobs_paused", "Live jobs that people have paused.", paused_jobs));
+  metrics.push_back(Gauge("jobs_paused", "Live jobs that users have paused.", paused_jobs));
   const LiveFigures live = ListLive(kJobMetricsMax);
   for (const JobMetric& metric : kJobMetrics) {
     const std::string name = absl::StrCat("sheaf_", metric.name);

@@ -16,8 +16,7 @@ struct UserMetric {
 constexpr UserMetric kUserMetrics[] = {
     {"sheaf_user_jobs", "Live jobs of a user.", &UserFigures::jobs},
     {"sheaf_user_samples", "Pixel samples of a user's live jobs so far.", &UserFigures::samples},
-    {"sheaf_user_cpu_seconds", "CPU time that a user's live jobs have taken.",
-     &UserFigures::cpu_seconds},
+    {"sheaf_user_cpu_seconds", "CPU time of a user's live jobs.", &UserFigures::cpu_seconds},
 };
 
 }  // namespace

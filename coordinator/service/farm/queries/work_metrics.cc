@@ -23,7 +23,7 @@ void AddWorkMetrics(const std::vector<LeasableWork>& jobs, std::vector<MetricVie
   }
   for (const auto& [pool, value] : seconds) {
     metrics->push_back({"sheaf_work_left_cpu_seconds",
-                        "CPU time that the work which may be leased is expected to take, by pool.",
+                        "Expected CPU time of the leasable work, by pool.",
                         MetricView::Kind::kGauge, "pool", pool, value});
   }
 }

@@ -120,8 +120,8 @@ absl::Time DiskKeeper::AgingNow() {
     LogWarning(
         absl::StrCat("the clock of this machine has been set ahead by ",
                      absl::FormatDuration(absl::Trunc(ahead + absl::Seconds(30), absl::Minutes(1))),
-                     "; what is stored ages as if it had not been. If the clock is right "
-                     "now, restart the coordinator"));
+                     "; stored data ages as if it had not been. If the clock is right now, restart "
+                     "the coordinator"));
   }
   return aging_.At(wall, since_boot);
 }
@@ -138,7 +138,7 @@ void DiskKeeper::NoteOver(const DiskUse& use) {
   LogWarning(absl::StrCat(
       state_directory_, ": ", use.bytes, " bytes, with ", use.free_bytes,
       " bytes free on its file system, are beyond the limits (--disk-limit, --disk-free-min), and "
-      "nothing is left that may go: the rest is of jobs that have not ended or are pinned"));
+      "nothing is left to remove: the rest belongs to jobs that are unfinished or pinned"));
 }
 
 uint64_t DiskKeeper::OutputBytes(uint64_t job_id) const {
@@ -388,7 +388,7 @@ void DiskKeeper::AddMetrics(std::vector<MetricView>* metrics) const {
   using Kind = MetricView::Kind;
   const MutexLock lock(&counts_mutex_);
   for (size_t kind = 0; kind < counts_.size(); ++kind) {
-    metrics->push_back({"sheaf_retention_removed_total", "What was removed to keep the disk free.",
+    metrics->push_back({"sheaf_retention_removed_total", "Items removed to keep the disk free.",
                         Kind::kCounter, "kind", KeptKindName(static_cast<KeptKind>(kind)),
                         static_cast<double>(counts_[kind].removed)});
   }

@@ -221,19 +221,18 @@ void Scrubber::AddMetrics(std::vector<MetricView>* metrics) const {
   metrics->push_back({"sheaf_scrub_bytes_total", "Stored bytes compared with their digests.",
                       MetricKind::kCounter, "", "", static_cast<double>(bytes_)});
   for (size_t kind = 0; kind < kKindCount; ++kind) {
-    metrics->push_back({"sheaf_scrub_damaged_total", "What scrubbing found damaged on disk.",
+    metrics->push_back({"sheaf_scrub_damaged_total", "Damaged items found by scrubbing.",
                         MetricKind::kCounter, "kind", KindName(static_cast<Kind>(kind)),
                         static_cast<double>(damaged_count_[kind])});
   }
   for (size_t kind = 0; kind < kKindCount; ++kind) {
-    metrics->push_back({"sheaf_scrub_repaired_total", "What of it is whole again.",
+    metrics->push_back({"sheaf_scrub_repaired_total", "Damaged items that are whole again.",
                         MetricKind::kCounter, "kind", KindName(static_cast<Kind>(kind)),
                         static_cast<double>(repaired_count_[kind])});
   }
-  metrics->push_back({"sheaf_scrub_last_pass_seconds",
-                      "When scrubbing last came through all (Unix time); 0: not yet.",
-                      MetricKind::kGauge, "", "",
-                      absl::ToDoubleSeconds(last_pass_ - absl::UnixEpoch())});
+  metrics->push_back(
+      {"sheaf_scrub_last_pass_seconds", "Time of the last complete scrub (Unix time); 0: not yet.",
+       MetricKind::kGauge, "", "", absl::ToDoubleSeconds(last_pass_ - absl::UnixEpoch())});
 }
 
 }  // namespace sheaf::coordinator

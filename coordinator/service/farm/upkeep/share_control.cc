@@ -50,7 +50,7 @@ absl::Status ShareControl::Reset(const ShareSubject& subject) {
   absl::Status removed = store_.RemoveShare(subject);
   disk_.Note(removed);
   if (!removed.ok()) return removed;
-  LogInfo(absl::StrCat(FormatShareSubject(subject), ": nothing is set any more"));
+  LogInfo(absl::StrCat(FormatShareSubject(subject), ": its setting is removed"));
   signals_.Changed();
   const MutexLock lock(&tables_.mutex);
   tables_.scheduler.ResetShare(subject);

@@ -47,7 +47,7 @@ absl::StatusOr<UploadClaim> DiskKeeper::ClaimUpload(const std::string& blob, uin
   const uint64_t left = UploadRoom(), claimed = claims_.Bytes();
   return absl::ResourceExhaustedError(absl::StrCat(
       "the file system of ", state_directory_, " has ", FormatBytes(left - std::min(left, claimed)),
-      " free for uploads, and ", FormatBytes(bytes), " are to come; ", space_advice_));
+      " free for uploads, and ", FormatBytes(bytes), " are needed; ", space_advice_));
 }
 
 }  // namespace sheaf::coordinator

@@ -81,7 +81,7 @@ absl::StatusOr<std::vector<std::string>> WorkerDrains::Drain(const ChosenWorkers
     }
   }
   for (const std::string& id : *ids) {
-    LogInfo(absl::StrCat("worker ", id, " is drained", then_exit ? " and will end then" : ""));
+    LogInfo(absl::StrCat("worker ", id, " is drained", then_exit ? " and will then exit" : ""));
   }
   signals_.Changed();
   return ids;

@@ -27,7 +27,7 @@ class HttpRetentionTest : public ::testing::Test {
     actions.unpin_job = [this](const std::string& id) { return SetPinned(id, false); };
     actions.collect_garbage = [this](bool dry_run) -> absl::StatusOr<std::vector<RemovalView>> {
       if (!dry_run) ++collections_;
-      return std::vector<RemovalView>{{"parts", "2", "it is older than is kept", 1, 300},
+      return std::vector<RemovalView>{{"parts", "2", "it is older than the limit", 1, 300},
                                       {"blob", "", "no job names it", 3, 50}};
     };
     return actions;

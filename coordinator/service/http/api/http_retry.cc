@@ -39,7 +39,7 @@ absl::StatusOr<ChosenTasks> ChosenBy(const HttpRequest& request) {
     chosen.task = number;
   }
   if (chosen.task && !chosen.frame) {
-    return absl::InvalidArgumentError("task=N needs the frame that it is of: frame=N");
+    return absl::InvalidArgumentError("task=N needs its frame: frame=N");
   }
   return chosen;
 }
@@ -59,7 +59,7 @@ HttpResponse HttpApi::KillTasks(const HttpRequest& request) const {
   if (!chosen.ok()) return HttpErrorFromStatus(chosen.status());
   if (!chosen->frame) {
     return HttpErrorFromStatus(
-        absl::InvalidArgumentError("frame=N is missing; a job as a whole is ended by :cancel"));
+        absl::InvalidArgumentError("frame=N is missing; :cancel ends a whole job"));
   }
   const std::optional<Identity>& identity = request.caller.identity;
   const std::string why = absl::StrCat("killed by ", identity ? identity->id.name : kLocalOwner);

@@ -164,7 +164,7 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
   if (!frame.complete) {
     return absl::FailedPreconditionError(
         absl::StrCat("frame ", frame.frame_number,
-                     " is not complete yet, and has no image in full size; leave out size=full"));
+                     " is not complete yet, and has no full-size image; omit size=full"));
   }
   const absl::StatusOr<PreviewView> view =
       farm_.Preview(job_id, frame.frame_number, {"R", "G", "B"});

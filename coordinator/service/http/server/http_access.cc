@@ -133,7 +133,7 @@ std::vector<MetricView> HttpAccess::Metrics() const {
   for (const auto& [name, expiry] : {std::pair("authority", access_->authority().Expiry()),
                                      std::pair("server", access_->authority().ServerExpiry())}) {
     metrics.push_back({"sheaf_certificate_expiry_time_seconds",
-                       "When a certificate of the coordinator ends, in Unix time.",
+                       "Expiry of a certificate of the coordinator, in Unix time.",
                        MetricView::Kind::kGauge, "certificate", name,
                        absl::ToDoubleSeconds(expiry - absl::UnixEpoch())});
   }
