@@ -95,7 +95,7 @@ class LocalFarm::StateDirectory {
     return std::unique_ptr<StateDirectory>(new StateDirectory(path, *std::move(owner)));
   }
   ~StateDirectory() {
-    std::error_code ignored;  // Files left in a temporary folder are no error.
+    std::error_code ignored;  // Files left in a temporary folder are harmless.
     if (owner_.ok()) fs::remove_all(path_, ignored);
   }
   StateDirectory(const StateDirectory&) = delete;

@@ -43,7 +43,7 @@ class ExchangeFolder {
     return std::unique_ptr<ExchangeFolder>(new ExchangeFolder(std::move(path)));
   }
   ~ExchangeFolder() {
-    std::error_code ignored;  // Files left in a temporary folder are no error.
+    std::error_code ignored;  // Files left in a temporary folder are harmless.
     fs::remove_all(path_, ignored);
   }
   ExchangeFolder(const ExchangeFolder&) = delete;

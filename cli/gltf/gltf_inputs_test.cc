@@ -19,7 +19,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// An equirectangular image of 8 x 4 pixels, all of them 2 but for the upper half, which is 6.
+// An equirectangular image of 8 x 4 pixels, all of them 2 except the upper half, which is 6.
 std::string Panorama() {
   std::string bytes = "PF\n8 4\n-1.0\n";
   for (int row = 0; row < 4; ++row) {  // From the bottom.

@@ -85,7 +85,7 @@ TEST(ExposureTest, ViewsShowTheExposedValues) {
   arguments.view = "Raw";
   EXPECT_EQ(*ViewTransform::Open(arguments)->Show(image),
             (std::vector<Rgb8>{{46, 46, 46}, {255, 255, 255}, {0, 0, 0}}));
-  // Numbers that are no light have no automatic exposure.
+  // Numbers other than light have no automatic exposure.
   arguments.exposure = "auto";
   EXPECT_EQ(ViewTransform::Open(arguments)->StopsFor(image), 0);
   arguments.view = "ACES 1.0 SDR";

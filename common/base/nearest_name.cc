@@ -13,7 +13,7 @@ namespace {
 
 constexpr size_t kNameBytesMax = 64;  // Longer names are not worth the quadratic comparison.
 
-// Levenshtein distance, the number of single-byte edits from a to b; `limit` if it is no less.
+// Levenshtein distance, the number of single-byte edits from a to b; at most `limit`.
 // Requires: neither is longer than kNameBytesMax.
 size_t EditDistance(std::string_view a, std::string_view b, size_t limit) {
   const size_t difference = std::max(a.size(), b.size()) - std::min(a.size(), b.size());

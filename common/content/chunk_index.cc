@@ -35,7 +35,7 @@ void ChunkIndex::LoadOnce() {
     const absl::StatusOr<std::string> text = ReadWholeFile(path, kListBytesMax);
     const absl::StatusOr<ChunkList> list =
         text.ok() ? DecodeChunkList(*text) : absl::StatusOr<ChunkList>(text.status());
-    // A list goes with its blob. One that cannot be read is made anew when it is needed.
+    // A list is removed with its blob. An unreadable one is rebuilt when it is needed.
     const bool kept = list.ok() && list->blob.sha256_hex == it->path().filename().string() &&
                       ::access(store_.FinalPath(list->blob).c_str(), F_OK) == 0;
     if (kept) {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ChunkIndex: finds chunks in the blobs of a store. Blobs are stored whole; beside them lie their
-// lists, from which the index is made anew:
+// lists, from which the index is rebuilt:
 //
 //     STORE/chunks/HEX      the list of the blob HEX (EncodeChunkList)
 //
@@ -38,7 +38,8 @@ class ChunkIndex {
   absl::StatusOr<ChunkList> ListOf(const BlobDigest& blob);
   // Whether a stored blob has the chunk; the blob then counts as asked for (kAskedKept).
   bool Has(const BlobDigest& chunk);
-  // The verified bytes of a chunk. Errors: kNotFound: no blob has it any more, or with other bytes.
+  // The verified bytes of a chunk. Errors: kNotFound: no blob has it any longer, or only with other
+  // bytes.
   absl::StatusOr<std::string> Read(const BlobDigest& chunk);
 
  private:

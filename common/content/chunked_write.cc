@@ -106,7 +106,7 @@ absl::Status ChunkedWrite::Finish() {
   if (absl::Status status = FillTo(list_.chunks.size()); !status.ok()) return status;
   if (absl::Status status = writer_.Commit(); !status.ok()) return status;
   if (first_ == 0) return index_->Add(list_);
-  // The chunks of an earlier attempt were not compared with this list: it is made anew.
+  // The chunks of an earlier attempt were not compared with this list: start over.
   return index_->ListOf(list_.blob).status();
 }
 

@@ -93,7 +93,7 @@ class ContentCache {
 
   // Whether the files of a lease are unchanged since it was acquired. Cheap if they are.
   // Errors: kDataLoss, naming a file: data read from it since cannot be trusted, and all files must
-  // be acquired anew.
+  // be acquired again.
   absl::Status CheckUnchanged(const ContentLease& lease) const;
 
   const BlobStore& blobs() const { return *blobs_; }

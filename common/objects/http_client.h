@@ -22,7 +22,7 @@
 namespace sheaf {
 
 inline constexpr absl::Duration kHttpConnectTimeMax = absl::Seconds(5);
-// A request whose bytes stand still for so long has failed.
+// A request without progress for this long has failed.
 inline constexpr absl::Duration kHttpStallTimeMax = absl::Seconds(15);
 inline constexpr absl::Duration kHttpRequestTimeMax = absl::Minutes(10);
 // Connections that wait for the next request.

@@ -93,7 +93,7 @@ class ObjectStore {
   virtual std::optional<PutTicket> TicketToPut(const std::string& key,
                                                const FileDigest& digest) = 0;
 
-  // None where there is no server. Stores of one server have the same.
+  // None if there is no server. Stores of one server share it.
   virtual std::optional<ObjectCounts> Counts() const = 0;
 };
 

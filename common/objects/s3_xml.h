@@ -14,7 +14,7 @@
 namespace sheaf {
 
 struct S3Error {
-  std::string code;     // "NoSuchBucket"; empty where the text is no error of S3.
+  std::string code;     // "NoSuchBucket"; empty if the text is not an error of S3.
   std::string message;  // In the server's words.
 };
 

@@ -24,7 +24,7 @@
 namespace sheaf {
 namespace {
 
-// A process that accepts no bytes for so long hangs.
+// A process that accepts no bytes for this long hangs.
 constexpr timeval kSendTimeout{60, 0};
 
 constexpr const char* kKeptVariables[] = {"LD_LIBRARY_PATH", "LD_PRELOAD",   "ASAN_OPTIONS",

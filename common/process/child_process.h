@@ -59,11 +59,11 @@ class ChildProcess {
   FileDescriptor TakeSocket() { return std::move(socket_); }
 
   void Kill();
-  // Becomes readable kKillPatience after a Kill by another signal than SIGKILL; then whoever waits
-  // calls KillForCertain.
+  // Becomes readable kKillPatience after a Kill by a signal other than SIGKILL; then the caller
+  // that waits calls KillForCertain.
   const FileDescriptor& overdue() const { return overdue_; }
   void KillForCertain();
-  // Waits for the end at most so long, then kills the process with SIGKILL. Call once.
+  // Waits for the end for at most this long, then kills the process with SIGKILL. Call once.
   ProcessEnd Wait(absl::Duration patience);
 
  private:

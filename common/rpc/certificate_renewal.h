@@ -22,7 +22,7 @@ class CertificateRenewal {
   // failures once.
   CertificateRenewal(std::string address, CredentialFiles files,
                      absl::Duration interval = absl::Minutes(1));
-  // Stops at once, but for a call under way.
+  // Stops at once, except for a call in progress.
   ~CertificateRenewal() = default;
 
  private:

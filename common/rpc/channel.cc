@@ -20,7 +20,7 @@ constexpr int kReconnectBackoffInitialMs = 100;
 constexpr int kReconnectBackoffMaxMs = 2000;
 
 // Sockets that no call waits for are read by a timer of gRPC alone, every 5 s unless this says
-// otherwise when gRPC starts. For so long the end of an attempt to connect would go unnoticed.
+// otherwise when gRPC starts. The end of an attempt to connect would not be noticed before.
 [[maybe_unused]] const int kPollIntervalSet =
     ::setenv("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", "100", /*overwrite=*/0);
 

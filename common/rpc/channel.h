@@ -28,8 +28,8 @@ inline constexpr absl::Duration kConnectTimeout = absl::Seconds(20);
 inline constexpr absl::Duration kKeepaliveInterval = absl::Seconds(20);
 // A ping waits behind the data that fills a slow link, up to a chunk in each direction.
 inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(20);
-// A server gives a connection so long for TLS, as a client does, and closes it when it has had no
-// call for so long. Calls of a connection beyond the maximum wait in the client.
+// A server gives a connection this long for TLS, as a client does, and closes it when it has had no
+// call for this long. Calls of a connection beyond the maximum wait in the client.
 inline constexpr absl::Duration kHandshakeTimeout = kConnectTimeout;
 inline constexpr absl::Duration kIdleConnectionMax = absl::Minutes(10);
 inline constexpr int kCallsPerConnectionMax = 1000;

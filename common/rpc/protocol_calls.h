@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The versions of the protocol in calls of gRPC. A client sends its own with every call
-// (MakeChannel has it done), a server answers with its own, and each side compares in one place: a
+// (MakeChannel sets this up), a server answers with its own, and each side compares in one place: a
 // server before the handler (CheckCaller, called by CallGate and PlainServerCredentials), a client
 // when the answer arrives. So a program refuses another whichever of the two is older.
 #pragma once

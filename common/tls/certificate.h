@@ -56,7 +56,7 @@ struct Issuer {
 absl::StatusOr<std::string> MakeAuthorityCertificate(const CertificateTerms& terms,
                                                      const std::string& key_pem);
 // A certificate for the key of the request. Errors: those of CheckCertificateRequest;
-// kInvalidArgument (the issuer, or a host that is no name).
+// kInvalidArgument (the issuer, or a host that is not a name).
 absl::StatusOr<std::string> IssueCertificate(const CertificateTerms& terms,
                                              const std::string& request_pem, const Issuer& issuer);
 

@@ -91,7 +91,7 @@ TEST(CertificateTest, ARequestProvesPossessionOfItsKey) {
   EXPECT_EQ(*CheckCertificateRequest(request),
             *CheckCertificateRequest(*MakeCertificateRequest(key)));
   EXPECT_NE(*CheckCertificateRequest(request), *CheckCertificateRequest(RequestOfNewKey()));
-  // A changed signature, and texts that are no requests.
+  // A changed signature, and texts that are not requests.
   std::string changed = request;
   const size_t last = changed.rfind("\n-----END") - 8;
   changed[last] = changed[last] == 'A' ? 'B' : 'A';

@@ -40,7 +40,7 @@ struct Credentials {
 // before.
 double LifeFraction(const CertificateTerms& certificate, absl::Time now);
 // Says so, and what to do, if the clock is so far behind that by it the certificate has yet to
-// begin; otherwise empty. Programs with such a clock find no coordinator.
+// begin; otherwise empty. Calls of programs with such a clock fail.
 std::string WhyNotYetValid(const CertificateTerms& certificate, absl::Time now);
 
 // Thread safety: all members may be called concurrently, also by several processes.

@@ -64,9 +64,9 @@ absl::Status CheckIdentityName(const std::string& name) {
   if (!name.empty() && name.size() <= kNameBytesMax && allowed && name != "local") {
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError(
-      absl::StrCat("\"", name, "\" is no name of a user or worker: it needs 1 to ", kNameBytesMax,
-                   " letters, digits, '.', '-', '_' or '@', and \"local\" is reserved"));
+  return absl::InvalidArgumentError(absl::StrCat(
+      "\"", name, "\" is not a name of a user or worker: it needs 1 to ", kNameBytesMax,
+      " letters, digits, '.', '-', '_' or '@', and \"local\" is reserved"));
 }
 
 }  // namespace sheaf::coordinator

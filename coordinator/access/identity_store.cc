@@ -253,7 +253,8 @@ absl::StatusOr<std::string> IdentityStore::MakeScrapeToken(const IdentityId& id,
   if (*count >= kScrapeTokensOfIdentityMax) {
     return absl::ResourceExhaustedError(
         absl::StrCat(FormatIdentity(id), " has ", *count,
-                     " scrape tokens, the limit; revoke it and begin anew, or use another name"));
+                     " scrape tokens, the limit; revoke the user and enrol it again, or use "
+                     "another name"));
   }
   std::string token = absl::WebSafeBase64Escape(RandomBytes(kTokenSecretBytes));
   absl::Status added =

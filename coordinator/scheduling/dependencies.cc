@@ -16,7 +16,7 @@ std::string NameOf(uint64_t job_id) { return absl::StrCat("jobs/", job_id); }
 // Why a job ended without delivery, or why it is not delivered.
 std::string WhyBroken(const JobRecords& jobs, uint64_t job_id) {
   const auto job = jobs.find(job_id);
-  if (job == jobs.end()) return "is not there any more";
+  if (job == jobs.end()) return "no longer exists";
   if (job->second.phase == JobPhase::kFailed) return "has failed";
   if (job->second.phase == JobPhase::kCancelled) return "was cancelled";
   return "has incomplete frames";

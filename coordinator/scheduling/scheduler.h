@@ -13,13 +13,13 @@
 //
 //     Pause        a user pauses a job: no further task of it is leased
 //
-// Order of work: jobs by priority, then by shares (fair_share.h: shows, users, jobs), of those
-// whose requirements the worker meets, but for a bounded time jobs of that priority whose scenes
-// are warm in the worker (placement.h); within a job a scene that is warm in the worker, then a
-// frame that no worker works on yet, then the scene with most work for each worker that has it;
-// within a frame returned blocks, then the tile with the fewest samples. A guided frame leases only
-// its training until its field is made; other frames fill the gap. A worker that holds nothing and
-// finds nothing ready is leased a task that another one holds (a hedge), never its own.
+// Order of work: jobs by priority, then by shares (fair_share.h: shows, users, jobs), among jobs
+// whose requirements the worker meets; for a bounded time, jobs of that priority whose scenes are
+// warm in the worker come first (placement.h); within a job a scene that is warm in the worker,
+// then a frame that no worker works on yet, then the scene with most work for each worker that has
+// it; within a frame returned blocks, then the tile with the fewest samples. A guided frame leases
+// only its training until its field is made; other frames fill the gap. A worker that holds nothing
+// and finds nothing ready is leased a task that another one holds (a hedge), never its own.
 //
 // Failures (budgets in limits.h): a worker never gets a task again that it failed by a crash, lack
 // of memory or an invalid result. It gets one that it failed for trouble with its disk or network

@@ -88,7 +88,7 @@ export class ImageView {
   }
 
   private readonly drawBeside = () => {
-    // Newer images of the compared frame are no new choice.
+    // Newer images of the compared frame do not count as a new choice.
     const compared = this.store.beside?.name ?? '';
     if (compared !== this.comparedFrame) this.comparedJob = this.store.jobName;
     this.comparedFrame = compared;

@@ -205,7 +205,7 @@ class Client:
             try:
                 self._download(frame.name, path)
             except (errors.NotFoundError, errors.WrongStateError) as error:
-                # While the job runs, a frame may have begun anew: to be refined, or corrected.
+                # While the job runs, a frame may have restarted, for a refinement or a correction.
                 if job.state.has_ended:
                     failures.append(error)
                 continue
@@ -446,7 +446,7 @@ def _check_priority(priority: int) -> None:
 
 def _duration(seconds: float) -> duration_pb2.Duration:
     if not 0 < seconds < 1e9:
-        raise errors.InvalidRequestError(f"{seconds} seconds: are no time from 0 to 1e9; give a "
+        raise errors.InvalidRequestError(f"{seconds} seconds: is not a time from 0 to 1e9; give a "
                                          "positive one")
     whole = int(seconds)
     return duration_pb2.Duration(seconds=whole, nanos=int((seconds - whole) * 1e9))

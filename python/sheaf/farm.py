@@ -157,7 +157,7 @@ def _stop(owner: int, processes: list[subprocess.Popen[bytes]], folder: pathlib.
             if not temporary:
                 process.terminate()
             else:
-                process.kill()  # Nothing of it is needed any more.
+                process.kill()  # It is no longer needed.
         for process in group:
             try:
                 process.wait(max(0.0, end - time.monotonic()))

@@ -81,9 +81,9 @@ def parser() -> argparse.ArgumentParser:
     add("--scene-memory-max", type=whole(1, 1 << 20), metavar="GIB",
         help="of each worker, in GiB; jobs that require more are left to others")
     add("--cool-down", type=duration, default=300.0, metavar="TIME",
-        help="a worker that was not needed for so long goes (default: 5m)")
+        help="a worker that was not needed for this long ends (default: 5m)")
     add("--queue-time", type=some_time, default=600.0, metavar="TIME",
-        help="work without a deadline should take so long (default: 10m)")
+        help="target time of work without a deadline (default: 10m)")
     add("--start-time", type=duration, default=30.0, metavar="TIME",
         help="from the wish for a worker to its first lease (default: 30s)")
     add("--look-every", type=some_time, default=5.0, metavar="TIME", help="default: 5s")

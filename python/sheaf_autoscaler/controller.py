@@ -19,7 +19,7 @@ from .look import Look, WorkerState
 
 LOG = logging.getLogger("sheaf-autoscaler")
 
-# An instance that has run for so long without a connected worker is ended.
+# An instance that has run for this long without a connected worker is ended.
 UNCONNECTED_SECONDS_MAX = 300.0
 # How often instances are described to find those, and those that are stuck.
 INSPECT_SECONDS = 60.0
@@ -38,7 +38,7 @@ class Bounds:
     workers_max: int = 8
     threads: int = 1  # Per worker.
     cool_down_seconds: float = 300.0  # A worker ends when it was not needed for this long.
-    queue_seconds: float = 600.0  # Work without a deadline should take so long.
+    queue_seconds: float = 600.0  # Work without a deadline should take at most this long.
     start_seconds: float = 30.0  # From the wish for a worker to its first lease.
 
 

@@ -59,7 +59,7 @@ def ends_of(jobs: Sequence[JobWork], threads: float,
 def wanted(jobs: Sequence[JobWork], now: float, *, threads_max: float, thread_use: float,
            queue_seconds: float, start_seconds: float, threads_step: float) -> Wanted:
     """threads_max: those of the largest pool. thread_use: CPU seconds that a thread gives a second.
-    queue_seconds: work without a deadline should take so long. start_seconds: from the wish for a
+    queue_seconds: target time of work without a deadline. start_seconds: from the wish for a
     worker to its first lease. threads_step: those of one worker.
     """
     jobs = _played(jobs)

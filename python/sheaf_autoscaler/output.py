@@ -54,7 +54,7 @@ def open_standard_streams() -> None:
 
 def run_program(name: str, main: Callable[[], int]) -> int:
     """The exit code of main, or OUTPUT_EXIT_CODE in place of 0 if what it printed was not written.
-    A reader that has closed its pipe is no error.
+    A reader that has closed its pipe is not an error.
     """
     open_standard_streams()
     try:

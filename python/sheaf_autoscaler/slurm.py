@@ -27,7 +27,7 @@ COMMAND_SECONDS_MAX = 30
 ARRAY_TASKS_MAX = 500
 # Arrays that were started are known by their numbers, too: a plug-in may rename jobs.
 OWN_ARRAYS_MAX = 10_000
-# slurmctld is asked for tasks that squeue does not show after so long, one array a look.
+# slurmctld is asked for tasks that squeue does not show after this long, one array per look.
 UNSEEN_SECONDS = 60.0
 _NAME = re.compile(re.escape(INSTANCE_PREFIX) + r"slurm\.(\d+)\.(\d+)", re.ASCII)
 

@@ -41,7 +41,7 @@ class QueueLine:
 
 
 def line_of(text: str) -> QueueLine | None:
-    """None if it is no line of FORMAT."""
+    """None if it is not a line of FORMAT."""
     parts = text.strip().split("|", 5)
     if len(parts) < 6:
         return None

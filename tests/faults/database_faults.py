@@ -45,7 +45,7 @@ def refuses(bench):
         said = bench.farm.log("coordinator")[log_length:]
         assert bench.farm.coordinator.poll() is not None, "it neither starts nor ends"
         bench.tell(all(words in said for words in (
-            database(bench), "the database of jobs is damaged", "from a backup", "start anew")),
+            database(bench), "the database of jobs is damaged", "from a backup", "start again")),
             "the damage, and the coordinator did not start: " + said)
         return True
 

@@ -43,7 +43,7 @@ def read_inputs(reader, place):
 
 
 def _color(reader, place, name):
-    """White where there is no such socket."""
+    """White if there is no such socket."""
     wanted = node_links.input_of(place, name)
     return principled.WHITE if wanted is None else reader.values.read(wanted)
 

@@ -60,7 +60,7 @@ def is_boundary(material):
 
 
 class TextureTable:
-    """Writes a Texture for each value that is no constant, once.
+    """Writes a Texture for each value that is not constant, once.
 
     image_file: gives the path and the encoding of an ImageValue, or None if it cannot be written.
     """

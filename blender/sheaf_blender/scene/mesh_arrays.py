@@ -16,7 +16,7 @@ class MeshArrays:
     normals: numpy.ndarray | None      # (n, 3) float32
     uvs: numpy.ndarray | None          # (n, 2) float32
     corners: numpy.ndarray             # (n,) int32
-    # Arrays that determine the above but for the last bits of the normals; None: they do not.
+    # Arrays that determine the above except for the last bits of the normals; None: they do not.
     source: list | None = None
 
 

@@ -36,7 +36,7 @@ def parameters_text(parameters):
 
 
 def matrix_text(matrix):
-    """A matrix in rows, as Blender has it, in the columns that the format wants."""
+    """A matrix in Blender's rows, converted to the columns of the format."""
     return "[" + " ".join(number(matrix[row][column]) for column in range(4)
                           for row in range(4)) + "]"
 

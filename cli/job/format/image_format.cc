@@ -20,7 +20,7 @@ namespace {
 
 constexpr size_t kTextBytesMax = 4096;
 
-// "24" or "24000/1001"; nothing if the text is no positive ratio of 32-bit integers.
+// "24" or "24000/1001"; nothing if the text is not a positive ratio of 32-bit integers.
 std::optional<std::pair<int32_t, int32_t>> ParseRatio(const std::string& text) {
   const std::vector<std::string> items = absl::StrSplit(text, '/');
   std::pair<int32_t, int32_t> ratio{0, 1};

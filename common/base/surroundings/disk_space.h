@@ -18,7 +18,7 @@ struct DiskSpace {
 // The space of a path's file system. Absent if it is not known.
 std::optional<DiskSpace> DiskSpaceOf(const std::string& path);
 
-// bytes, but no more than 1 / fraction of the file system: small ones are not kept empty.
+// bytes, but at most 1 / fraction of the file system, so that small ones are not kept empty.
 uint64_t AtMostFractionOf(const DiskSpace& space, uint64_t fraction, uint64_t bytes);
 
 }  // namespace sheaf

@@ -70,7 +70,7 @@ class FrameMerge {
   void MarkOnDisk(uint32_t tile);
   // Whether the tile must be built from its parts on disk before it can be developed.
   bool OnDisk(uint32_t tile) const { return tiles_[tile].state == State::kOnDisk; }
-  // Empty trees for the parts of a tile that is built anew.
+  // Empty trees for the parts of a tile that is rebuilt.
   std::unique_ptr<CellTrees> MakeTrees(uint32_t tile) const;
   // Replaces a tile by these trees and develops it. Errors: kInvalidArgument if samples are
   // missing.

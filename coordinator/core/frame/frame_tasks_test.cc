@@ -175,7 +175,7 @@ TEST(FrameTasksTest, LateCellResultsAreAcceptedOnce) {
   EXPECT_TRUE(tasks.Accept({0, {0, 16}, 0b0011}).empty());
   EXPECT_EQ(tasks.FitOf({0, {0, 16}, 0b0001}), Fit::kCovered);
   EXPECT_EQ(tasks.FitOf(all), Fit::kPartial);
-  // Returned blocks are cut anew.
+  // Returned blocks are cut again.
   EXPECT_EQ(tasks.TakeReturned(Anything, 10), std::nullopt);
   const Task rest = *tasks.TakeFresh(AtMost(16));
   EXPECT_EQ(rest, (Task{0, {0, 16}, 0b1100}));

@@ -280,7 +280,7 @@ TEST_F(SchedulerTest, LastFailuresAreKept) {
   const Lease lease = Sync("a", 1)[0];
   Fail(lease, FailureKind::kInfrastructure, "disk");
   Sync("a", 0);
-  ASSERT_EQ(Job(job).failures.count, 1) << "what is handed back is no failure";
+  ASSERT_EQ(Job(job).failures.count, 1) << "a returned lease is not a failure";
   const FailureRecord& kept = Job(job).failures.last.back();
   EXPECT_EQ(kept.frame_number, 1);
   EXPECT_EQ(kept.tile, lease.tile_rect);

@@ -4,8 +4,8 @@
 // DroppedFiles: the files of one submission in a folder, as they come from a browser piece by
 // piece.
 //
-//     FOLDER/files/NAME   what was dropped; names are checked, and there are no links
-//     FOLDER/scratch      for the process that reads the scene
+//     FOLDER/files/NAME   the dropped files; names are checked, and there are no links
+//     FOLDER/scratch for the process that reads the scene
 #pragma once
 
 #include <cstdint>

@@ -26,7 +26,7 @@ struct ReaderProcessLimits {
   uint32_t written_files_max = 20'000;
   size_t reply_bytes_max = size_t{64} << 20;  // As for calls of gRPC.
 };
-// How often the limit of written files is looked at. A process may exceed it for so long.
+// How often the limit of written files is checked. A process may exceed it for this long.
 inline constexpr absl::Duration kWrittenInterval = absl::Milliseconds(200);
 
 // Starts `program --dropped-scene` with the request, to which the limits and the folder are added,

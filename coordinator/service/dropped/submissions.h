@@ -33,7 +33,7 @@ inline constexpr size_t kSubmissionsMax = 64;
 inline constexpr size_t kSubmissionsOfOwnerMax = 8;
 // Scenes that are read at once; others wait in their order.
 inline constexpr size_t kSceneReadersMax = 2;
-// A submission ends when nothing was heard of it for so long.
+// A submission without requests for this long ends.
 inline constexpr absl::Duration kSubmissionSilenceMax = absl::Minutes(15);
 // Limits a piece of a file.
 inline constexpr uint64_t kPieceBytesMax = uint64_t{2} << 20;

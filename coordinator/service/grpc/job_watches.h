@@ -65,7 +65,7 @@ class JobWatches {
  public:
   // farm must outlive the object and all watches.
   explicit JobWatches(Farm* farm) : farm_(farm) {}
-  // The job's watch, while anybody has it.
+  // The job's watch, shared by its watchers.
   std::shared_ptr<JobWatch> Of(const std::string& job_id);
 
  private:

@@ -102,7 +102,7 @@ TEST_F(CoordinatorChecksTest, DeliveredFramesAreCorrected) {
   EXPECT_EQ(Get(name).frames(0).image_digest(), ExpectedDigest(64));
 }
 
-// Rounds are decided anew: their decisions came from false sums.
+// Rounds are decided again: their decisions came from false sums.
 TEST_F(CoordinatorChecksTest, FramesInRoundsAreCorrected) {
   Start();
   v1::CreateJobRequest request = Request(256);

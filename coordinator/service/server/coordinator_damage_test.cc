@@ -144,7 +144,7 @@ TEST_F(DamageTest, MissingImagesAreRemadeEvenWithoutSomeParts) {
   RenderedJob();
   const double accepted = Counter("sheaf_results_accepted_total");
   const std::string path = *server_->farm().FindOutput(1, 1);
-  // Some later block would be cut anew, into two tasks.
+  // Some later block would be cut again, into two tasks.
   const auto is_first_block = [](const std::filesystem::path& part) {
     return part.string().find("-0-") != std::string::npos;
   };

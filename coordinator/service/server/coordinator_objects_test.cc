@@ -139,7 +139,7 @@ TEST_F(CoordinatorObjectsTest, ResultsThatTheirSenderStoresGiveTheSameImage) {
               Response::OUTCOME_ACCEPTED);
     EXPECT_EQ(worker.Send({upload.header, ""}).value_or(Response::OUTCOME_UNSPECIFIED),
               Response::OUTCOME_DUPLICATE_EQUAL);
-    EXPECT_TRUE(Plan(upload).url.empty()) << "it is not wanted any more";
+    EXPECT_TRUE(Plan(upload).url.empty()) << "it is no longer wanted";
     ++stored_count;
   }
   EXPECT_GT(stored_count, 1);

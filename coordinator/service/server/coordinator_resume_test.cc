@@ -57,7 +57,8 @@ class CoordinatorResumeTest : public CoordinatorServerTest {
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
     return status.error_message();
   }
-  // The image is that of one run, but for the last bits of floats; errors are estimated anew.
+  // The image equals that of one run, except for the last bits of floats; errors are estimated
+  // again.
   static void ExpectAsOneRun(const std::string& exr, uint64_t samples, bool with_light = false) {
     const absl::StatusOr<FrameImage> image = DecodeFrameImage(exr);
     ASSERT_TRUE(image.ok()) << image.status();

@@ -238,7 +238,7 @@ TEST_F(CoordinatorServerTest, EndedJobsHaveAnEndTime) {
   looking.join();
   ASSERT_EQ(first_ended.state, JobState::kSucceeded);
   EXPECT_LT(first_ended.end_time, absl::InfiniteFuture());
-  // It does not move any more.
+  // It no longer changes.
   EXPECT_EQ(server_->farm().FindJob(id)->end_time, first_ended.end_time);
 }
 

@@ -261,7 +261,7 @@ TEST_F(TrainingTest, FalseFieldsAreRemovedWithAllThatWasMadeWithThem) {
   EXPECT_EQ(b.Send(late).status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(Counter("sheaf_results_other_field_total"), 1);
   ExpectImage(name, DigestOf(request.frames(0).settings()), {&b, &c});
-  EXPECT_TRUE(b.Synchronize(0).ok()) << "what it made with the false field is no lie";
+  EXPECT_TRUE(b.Synchronize(0).ok()) << "its results with the false field are honest";
 }
 
 TEST_F(TrainingTest, RefinementsKeepTheFieldOrTrainItAgain) {

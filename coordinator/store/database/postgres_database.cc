@@ -228,7 +228,7 @@ std::string PostgresDatabase::Remedy(const std::string& state_directory) const {
       "Stop the coordinators and keep a copy of the database. Then restore it from a backup, or "
       "move ",
       state_directory,
-      " away, start anew in an empty database and submit the unfinished scenes "
+      " away, start again with an empty database and submit the unfinished scenes "
       "again; finished images are in ",
       state_directory, "/outputs in any case");
 }

@@ -196,7 +196,7 @@ std::string SqliteDatabase::RemedyFor(const std::string& path, const std::string
   return absl::StrCat(
       "Stop here and keep a copy of ", state_directory, ". Then restore ", path,
       " from a backup (without its -wal and -shm files), or move ", state_directory,
-      " away, start anew and submit the unfinished scenes again; finished images are in ",
+      " away, start again and submit the unfinished scenes again; finished images are in ",
       state_directory,
       "/outputs in any case. If SQLite's shell has .recover (Debian 12's does not), \"sqlite3 ",
       path, " .recover | sqlite3 recovered.db\" may save more");

@@ -143,7 +143,7 @@ TEST_F(DamageTest, EmptiedDatabasesAreNotRecreated) {
   std::filesystem::resize_file(database_, 0);
   EXPECT_EQ(Start().code(), absl::StatusCode::kDataLoss);
   EXPECT_EQ(std::filesystem::file_size(database_), 0u);
-  std::filesystem::remove(database_);  // Only a user may decide to start anew.
+  std::filesystem::remove(database_);  // Only an operator may decide to start over.
   EXPECT_TRUE(Start().ok());
 }
 

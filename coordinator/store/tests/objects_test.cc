@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The job store with parts in a store that is no folder: one that cannot tell what it has, and
+// The job store with parts in a store other than a folder: one without conditional writes, and
 // whose calls fail.
 #include <map>
 #include <string>

@@ -61,7 +61,7 @@ TEST_P(UsageStoreTest, PartsAreAccountedForWithTheirRows) {
     calls.emplace_back([&, i] { EXPECT_TRUE(WritePart(job, 16 * i).ok()); });
   }
   for (std::thread& call : calls) call.join();
-  EXPECT_TRUE(absl::IsAlreadyExists(WritePart(job, 0))) << "the same again is no work";
+  EXPECT_TRUE(absl::IsAlreadyExists(WritePart(job, 0))) << "a duplicate does not count as work";
   Reopen();
   const std::vector<UsageRow> rows = Rows();
   ASSERT_EQ(rows.size(), 1u);

@@ -105,7 +105,7 @@ TEST_F(FarmTest, SecondCancelWaitsForTheFirst) {
 }
 
 // Results of one tile are taken one at a time. The sender of one that waits may be found to make
-// false results meanwhile, and those are removed: then this one is not taken any more.
+// false results meanwhile, and those are removed: then this one is no longer taken.
 TEST_F(FarmTest, AResultThatWaitsIsRefusedWhereItsSenderIsQuarantined) {
   MakeJob({});
   const std::vector<LeaseGrant> honest = Lease("honest"), liar = Lease("liar");

@@ -67,7 +67,7 @@ class Scrubber {
   // Delivered frames, by job.
   struct Frames {
     std::set<int32_t> delivered;
-    bool is_remade = false;  // Its job has succeeded and is no pilot: frames are made again.
+    bool is_remade = false;  // Its job has succeeded and is not a pilot: frames are remade.
   };
   Frames FramesOf(uint64_t job_id) const;
   bool PassJob(uint64_t job_id, const std::stop_token& stop);

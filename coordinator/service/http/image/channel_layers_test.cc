@@ -95,8 +95,7 @@ TEST(ChannelLayersTest, ErrorsAreRelativeToTheirColor) {
   EXPECT_LT(display->range->low, 0.02);
   EXPECT_GT(display->range->high, 0.1);
   EXPECT_GT(display->pixels[0].r, display->pixels[150].r) << "dark pixels have larger errors";
-  EXPECT_NE(display->pixels[200], display->pixels[150])
-      << "nothing is known where there are no samples";
+  EXPECT_NE(display->pixels[200], display->pixels[150]) << "pixels without samples are unknown";
 }
 
 TEST(ChannelLayersTest, AMissingChannelIsNamed) {
