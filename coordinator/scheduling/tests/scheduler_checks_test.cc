@@ -188,8 +188,8 @@ TEST_F(SchedulerChecksTest, LongTasksOfProvenWorkersHaveTheirTime) {
   EXPECT_TRUE(scheduler_.AwaitsChecks(frame, now_));
 }
 
-// It has delivered results, says that it renders, and nobody else may do its checks: then it costs
-// what a slow machine may take, and not more.
+// It has delivered results, reports that it renders, and no other worker may do its checks: then it
+// costs at most what a slow machine may take.
 TEST_F(SchedulerChecksTest, AProvenHoarderCostsFourTimesACheck) {
   ResultCost cost;
   cost.cpu_duration = absl::Seconds(10);
