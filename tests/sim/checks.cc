@@ -61,6 +61,7 @@ void Checks::CheckLeases(const Scheduler& scheduler) {
         return;
       }
       const TaskId task = MakeTaskId(lease->frame, lease->task);
+      if (lease->is_check) CheckHolderOfCheck(scheduler, *lease);
       if (!lease->is_check) leased[lease->frame].insert(task);
       if (!of_worker.insert(task).second) {
         world_.Broken(absl::StrCat(worker_id, " holds two leases of one task: ", id));
@@ -83,6 +84,24 @@ void Checks::CheckLeases(const Scheduler& scheduler) {
       }
       CheckFrame(scheduler, id, frame, samples);
     }
+  }
+}
+
+// A worker that has delivered nothing gets checks only where no worker that has may do them.
+void Checks::CheckHolderOfCheck(const Scheduler& scheduler, const Lease& lease) {
+  if (!known_checks_.insert(lease.lease_id).second) return;
+  const coordinator::WorkerTable& workers = scheduler.workers();
+  if (workers.ResultCount(lease.identity) > 0) return;
+  const coordinator::ResultCheck* check =
+      scheduler.checks().Find(MakeTaskId(lease.frame, lease.task));
+  const JobRecord& job = scheduler.jobs().at(lease.frame.job_id);
+  if (check == nullptr || !job.cache_refusals.empty()) return;
+  for (const auto& [worker_id, worker] : workers.workers()) {
+    const bool may = worker.Live() && workers.ResultCount(worker.identity) > 0 &&
+                     check->MayBeDoneBy(worker.identity);
+    if (!may) continue;
+    world_.Broken(absl::StrCat(lease.worker_id, " has delivered nothing and gets check ",
+                               lease.lease_id, ", which ", worker_id, " may do"));
   }
 }
 

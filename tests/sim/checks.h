@@ -40,6 +40,7 @@ class Checks {
 
  private:
   void CheckLeases(const coordinator::Scheduler& scheduler);
+  void CheckHolderOfCheck(const coordinator::Scheduler& scheduler, const coordinator::Lease& lease);
   void CheckFrame(const coordinator::Scheduler& scheduler, const coordinator::FrameId& id,
                   const coordinator::FrameRecord& frame, uint64_t leased);
   void CheckJobs(coordinator::Farm& farm);
@@ -52,6 +53,7 @@ class Checks {
   const Promises& promises_;
   // Tasks that failed more often than a job survives, by those who had not delivered a result.
   std::set<coordinator::TaskId> of_strangers_;
+  std::set<uint64_t> known_checks_;  // Leases of checks, of this life of the coordinator or others.
   uint64_t false_image_count_ = 0;
 };
 

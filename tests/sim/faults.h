@@ -50,6 +50,8 @@ class Faults {
 
   // Whether the fault happens now. Counts those that do.
   bool Happens(Fault fault);
+  // Whether this seed has the fault at all.
+  bool Has(Fault fault) const { return chances_[static_cast<size_t>(fault)] > 0; }
   // The fault's own random numbers, for what it does.
   Random& random(Fault fault) { return streams_[static_cast<size_t>(fault)]; }
   // None happens from now on.

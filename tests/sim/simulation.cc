@@ -19,6 +19,8 @@ constexpr absl::Duration kEndMax = absl::Minutes(40);
 constexpr uint64_t kEndEventsMax = 400'000;
 constexpr uint64_t kEndCheckInterval = 20;  // Events.
 constexpr size_t kHonestWorkersAtEnd = 3;
+// Two take the same tasks, so that no hedge is left but the further ones.
+constexpr size_t kHoardersAtEnd = 2;
 constexpr int32_t kHoardedThreads = 64;
 // How many of the workers make false pixels at all, where there are any that do.
 constexpr double kBrokenWorkerFraction = 0.4;
@@ -61,6 +63,10 @@ void Simulation::AddWorker(bool may_lie) {
   if (may_lie && world_.random.Chance(0.2)) {
     habits.identity = absl::StrCat("owner ", world_.random.Below(2));
   }
+  StartWorker(habits);
+}
+
+void Simulation::StartWorker(const SimWorker::Habits& habits) {
   workers_.push_back(std::make_shared<SimWorker>(&world_, &network_, &promises_,
                                                  absl::StrCat("w", ++worker_count_), habits));
   world_.Trace(workers_.back()->id(), " starts");
@@ -122,6 +128,10 @@ void Simulation::StopFaults() {
   for (const auto& worker : workers_) {
     if (worker->habits().lies || worker->habits().slowness > 1) worker->Kill();
     worker->Freeze({});
+  }
+  const size_t hoarders = world_.faults.Has(Fault::kWorkerHoards) ? kHoardersAtEnd : 0;
+  for (size_t i = 0; i < hoarders; ++i) {
+    StartWorker({.thread_count = kHoardedThreads, .hoards = true});
   }
   for (size_t i = 0; i < kHonestWorkersAtEnd; ++i) AddWorker(/*may_lie=*/false);
   for (const auto& user : users_) user->LetItEnd();

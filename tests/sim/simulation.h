@@ -49,6 +49,7 @@ class Simulation {
 
  private:
   void AddWorker(bool may_lie);
+  void StartWorker(const SimWorker::Habits& habits);
   void MeetWorkerFaults();
   void InterleaveCall(coordinator::Farm& farm);
   void StopFaults();
