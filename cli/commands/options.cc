@@ -151,7 +151,7 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
   command
       ->add_option("--environment", gltf->environment,
                    "Image of what surrounds the scene: equirectangular, .exr or .hdr; or none "
-                   "(default: a dim white one if the file has no lights)")
+                   "(default: a gray one, bright above, if the file has no lights)")
       ->check([](const std::string& name) {
         return name == GltfView::kNoEnvironment ? "" : IsFile()(name);
       });

@@ -188,6 +188,11 @@ def _(file):
     file.node(mesh=square(file))
 
 
+@model("white.glb")
+def _(file):
+    file.node(mesh=sphere(file, {"pbrMetallicRoughness": {"metallicFactor": 0}}))
+
+
 @model("vertex-colors.glb", "COLOR_0")
 def _(file):
     mesh = square(file)

@@ -113,6 +113,22 @@ class ModelsTest(unittest.TestCase):
                            "-o", self.path("d.exr"))
         self.assertNotIn("exposed by", text)
 
+    def test_white_models_are_seen(self):
+        """Regression: the surrounding of files without lights was as white as the model."""
+        png = self.path("white.png")
+        code, text = sheaf("render", self.path("white.glb"), "--size", "64x48", "--samples", "16",
+                           "--png", png, "-o", self.path("white.exr"))
+        self.assertEqual(code, 0, text)
+        self.assertIn("a gray surrounding, bright above, lights it", text)
+        rows = list(png_rows(png))
+
+        def mean(y, x):
+            return sum(sum(row[3 * x:3 * x + 24]) for row in rows[y:y + 8]) / (8 * 24)
+
+        background, middle, top = mean(0, 0), mean(22, 28), mean(13, 28)
+        self.assertGreater(middle - background, 25)
+        self.assertGreater(top - middle, 15)
+
     def test_frames_are_times(self):
         code, text = sheaf("render", self.path("animation.glb"), *SMALL, "--fps", "4", "--frames",
                            "1,3", "-o", self.path("a.####.exr"))

@@ -29,8 +29,8 @@ ROOMS = {
     "cli": ". < image | denoiser | gltf < job/format | job/frames | job/identity < job | bundle "
            "< dropped | quote < study < commands",
     "common/film": ". < denoise | light < error < exr",
-    "common/scene": ". < spectrum < settings | formats | gltf/draco < pbrt/syntax "
-                    "< pbrt/statements < pbrt < gltf",
+    "common/scene": ". < spectrum < settings | formats | gltf/draco | gltf/surrounding "
+                    "< pbrt/syntax < pbrt/statements < pbrt < gltf",
     "coordinator/core": ". < job < frame | policy",
     "coordinator/service/farm": "state < jobs < delivery < intake | upkeep | queries < .",
     "coordinator/service/http": "image < server < api < .",

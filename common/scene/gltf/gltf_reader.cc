@@ -85,7 +85,6 @@ class Builder {
     if (scene_->shapes.empty() && !diagnostics_->HasErrors()) {
       diagnostics_->Warning(kFile, "shows no mesh");
     }
-    AddEnvironment(view_.environment, diagnostics_, scene_);
     SetCameraOf(model_, tree->shown(), view_, world_start_, world_end_, bounds_, diagnostics_,
                 scene_);
     scene_->sampling.samples_per_pixel = kDefaultSamples;
@@ -440,6 +439,7 @@ absl::StatusOr<ReadSceneResult> ReadGltf(const std::string& main_file, FileSourc
   if (!warning.empty()) diagnostics.Note(gltf::kFile, warning);
   const SceneReaderLimits fitting = gltf::LimitsFor(**model, main_file, files, limits);
   gltf::Builder(**model, main_file, &files, view, fitting, &diagnostics, &result.scene).Build();
+  gltf::AddEnvironment(view.environment, main_file, &files, &diagnostics, &result.scene);
   if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
   AddPrincipledMedia(&result.scene, &diagnostics);
   result.diagnostics = diagnostics.TakeAll();

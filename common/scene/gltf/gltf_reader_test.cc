@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
@@ -14,7 +15,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "common/base/file.h"
+#include "common/scene/derived_files.h"
 #include "common/scene/file_source.h"
+#include "common/scene/gltf/surrounding/surrounding.h"
 
 namespace sheaf {
 namespace {
@@ -221,7 +224,7 @@ TEST(GltfReaderTest, WhatEmitsDoesNotReplaceTheSurrounding) {
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->scene.area_lights.size(), 1u);
   EXPECT_EQ(read->scene.lights.size(), 1u);
-  EXPECT_THAT(Notes(*read), HasSubstr("a white surrounding of radiance 0.5 lights it"));
+  EXPECT_THAT(Notes(*read), HasSubstr("a white surrounding lights it"));
   GltfView none;
   none.environment = GltfView::kNoEnvironment;
   read = Read(File(shines), none);
@@ -234,6 +237,27 @@ TEST(GltfReaderTest, WhatEmitsDoesNotReplaceTheSurrounding) {
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->scene.lights.size(), 1u);
   EXPECT_TRUE(std::holds_alternative<PointLight>(read->scene.lights[0].light));
+}
+
+// Regression: a white model before a white surrounding is hardly seen.
+TEST(GltfReaderTest, ASurroundingThatIsBrighterAboveIsAmongTheFiles) {
+  const std::string folder = ::testing::TempDir();
+  EXPECT_TRUE(WriteFileOnce(folder + "/b.gltf", File(kOneNode)).ok());
+  DirectoryFileSource files(folder, std::make_shared<DerivedFiles>());
+  const auto read = ReadGltf("b.gltf", files, {}, {});
+  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_EQ(read->scene.lights.size(), 1u);
+  const LightDescription& light = read->scene.lights[0];
+  EXPECT_EQ(std::get<InfiniteLight>(light.light).file, "b.gltf.surrounding.pfm");
+  EXPECT_EQ(TransformVector(light.world_from_light, {0, 0, 1}), (Vec3d{0, 1, 0}));
+  EXPECT_THAT(Notes(*read), HasSubstr("a gray surrounding, bright above, lights it"));
+  EXPECT_EQ(*ReadWholeFile(files.FilesUsed().at("b.gltf.surrounding.pfm")), gltf::SurroundingMap());
+  // Workers have the file of that name.
+  TableFileSource table(files.FilesUsed());
+  const auto again = ReadGltf("b.gltf", table, {}, {});
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(std::get<InfiniteLight>(again->scene.lights.at(0).light).file,
+            "b.gltf.surrounding.pfm");
 }
 
 TEST(GltfReaderTest, WhatIsLeftOutIsNotedOnceWithItsCount) {

@@ -18,8 +18,8 @@ struct GltfView {
   std::string animation;  // Name of an animation; empty: the first, with those that go with it.
   double time_s = 0;      // Time of the animation at which the shutter opens.
   double shutter_s = 0;   // For how long it is open.
-  // Canonical name of an equal-area map of what surrounds the scene, or kNoEnvironment. Empty: a
-  // white surrounding if the file has no lights.
+  // Canonical name of an equal-area map of what surrounds the scene, or kNoEnvironment. Empty: that
+  // of surrounding.h if the file has no lights.
   std::string environment;
   int32_t width_px = 0, height_px = 0;  // 0: by the camera's aspect ratio.
 

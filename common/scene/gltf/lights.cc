@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/scene/gltf/gltf_view.h"
+#include "common/scene/gltf/surrounding/surrounding.h"
 #include "common/scene/gltf/values.h"
 
 namespace sheaf::gltf {
@@ -16,7 +17,9 @@ namespace {
 
 constexpr char kPunctual[] = "KHR_lights_punctual";
 constexpr double kIntensityMax = 1e12;
-constexpr float kDefaultRadiance = 0.5f;
+constexpr float kWhiteRadiance = 0.5f;
+// The map's name is that of the scene file and this.
+constexpr char kSurroundingEnding[] = ".surrounding.pfm";
 constexpr double kDegreesPerRadian = 57.29577951308232;
 
 // Points along -z of the node, the direction in which the file's lights shine.
@@ -80,19 +83,28 @@ void AddLightOf(const tinygltf::Model& model, int node, const TransformOverTime&
   scene->lights.push_back(std::move(description));
 }
 
-void AddEnvironment(const std::string& environment, Diagnostics* diagnostics,
-                    SceneDescription* scene) {
+void AddEnvironment(const std::string& environment, const std::string& main_file, FileSource* files,
+                    Diagnostics* diagnostics, SceneDescription* scene) {
+  if (environment == GltfView::kNoEnvironment || diagnostics->HasErrors()) return;
   LightDescription description;
   description.location = kFile;
   InfiniteLight light;
   light.file = environment;
-  light.radiance = Color(Rgb::Gray(kDefaultRadiance));
-  if (environment == GltfView::kNoEnvironment) return;
+  light.radiance = Color(Rgb::Gray(kWhiteRadiance));
   if (environment.empty()) {
     if (!scene->lights.empty()) return;
+    const std::string map = main_file + kSurroundingEnding;
+    const absl::Status status = files->DerivedPath(map, SurroundingMap()).status();
+    if (!status.ok() && !absl::IsNotFound(status)) {
+      return diagnostics->Error(kFile, std::string(status.message()));
+    }
+    if (status.ok()) {
+      light.file = map;
+      description.world_from_light = WorldFromSurrounding();
+    }
     diagnostics->Note(
-        kFile, absl::StrCat("has no lights (KHR_lights_punctual); a white surrounding of radiance ",
-                            kDefaultRadiance,
+        kFile, absl::StrCat("has no lights (KHR_lights_punctual); a ",
+                            status.ok() ? "gray surrounding, bright above," : "white surrounding",
                             " lights it; choose another by --environment, or --environment none"));
   }
   description.light = std::move(light);

@@ -8,7 +8,10 @@
 
 #include "common/scene/gltf/tinygltf_door.h"
 
+#include <string>
+
 #include "common/math/transform.h"
+#include "common/scene/file_source.h"
 #include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
@@ -19,9 +22,11 @@ namespace sheaf::gltf {
 void AddLightOf(const tinygltf::Model& model, int node, const TransformOverTime& place,
                 SkippedParts* skipped, Diagnostics* diagnostics, SceneDescription* scene);
 
-// Adds the view's environment, or where the file has no lights of its own, a white one, with a
-// note: what emits is seldom meant to light the scene alone. environment: as GltfView::environment.
-void AddEnvironment(const std::string& environment, Diagnostics* diagnostics,
-                    SceneDescription* scene);
+// Adds the view's environment, or where the file has no lights of its own, that of surrounding.h,
+// with a note: what emits is seldom meant to light the scene alone. environment: as
+// GltfView::environment. A uniform white one where the files have no map for it, as in jobs that
+// earlier versions submitted.
+void AddEnvironment(const std::string& environment, const std::string& main_file, FileSource* files,
+                    Diagnostics* diagnostics, SceneDescription* scene);
 
 }  // namespace sheaf::gltf
