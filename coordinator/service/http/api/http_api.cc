@@ -156,12 +156,17 @@ std::vector<HttpRoute> HttpApi::Routes() {
     response.body = PrometheusText(Metrics());
     return response;
   };
+  const auto probe = [](const char* path, HttpFunction answer) {
+    HttpRoute route{"GET", path, std::move(answer)};
+    route.is_probe = true;
+    return route;
+  };
   const std::string job = "/api/v1/jobs/{}";
   const std::string frame = job + "/frames/{}";
   return {
-      {"GET", "/healthz", [](const Request&) { return JsonResponse(HealthJson()); }},
-      {"GET", "/readyz", [this](const Request&) { return Ready(); }},
-      {"GET", "/metrics", metrics},
+      probe("/healthz", [](const Request&) { return JsonResponse(HealthJson()); }),
+      probe("/readyz", [this](const Request&) { return Ready(); }),
+      probe("/metrics", metrics),
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
       {"GET", job, [this](const Request& r) { return GetJob(r); }},
       {"GET", job + "/failures", [this](const Request& r) { return ListFailures(r); }},

@@ -4,11 +4,8 @@
 
 #include <map>
 #include <nlohmann/json.hpp>
-#include <regex>
-#include <set>
 
 #include "coordinator/service/http/api/http_fake_farm.h"
-#include "coordinator/service/http/server/http_page.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -72,6 +69,18 @@ std::string Header(const HttpResponse& response, const std::string& name) {
     if (key == name) return value;
   }
   return "";
+}
+
+TEST_F(HttpApiTest, ProbesAndMetricsAreProbes) {
+  const auto is_probe = [this](const std::string& target) {
+    HttpRequest request;
+    request.target = target;
+    return router_.IsProbe(request);
+  };
+  for (const char* path : {"/healthz", "/readyz", "/metrics", "/metrics?x=1"}) {
+    EXPECT_TRUE(is_probe(path)) << path;
+  }
+  EXPECT_FALSE(is_probe("/api/v1/jobs"));
 }
 
 TEST_F(HttpApiTest, ReadinessReportsTheReason) {
@@ -393,57 +402,6 @@ TEST_F(HttpApiTest, MetricsFollowTheTextFormat) {
           "sheaf_a_total 3\n# HELP sheaf_b B.\n# TYPE sheaf_b gauge\n"
           "sheaf_b{state=\"a\\\"b\\\\c\\nd\"} 0.5\nsheaf_b{state=\"x\"} 1\n"));
   EXPECT_EQ(Get("/api/v1/counters")["counters"][0]["value"], 3.0);
-}
-
-TEST_F(HttpApiTest, PageIsSelfContained) {
-  std::map<std::string, std::string> type_of;
-  for (const PageFile& file : PageFiles()) {
-    EXPECT_THAT(file.bytes, HasSubstr("SPDX-License-Identifier")) << file.name;
-    type_of["./" + std::string(file.name)] = std::string(file.content_type);
-  }
-  const HttpRouter page(PageRoutes(), {});
-  HttpRequest request;
-  request.method = "GET";
-  request.target = "/";
-  request.headers = {{"Host", "localhost"}};
-  const HttpResponse index = page.Route(request);
-  ASSERT_EQ(index.status, 200);
-  EXPECT_EQ(index.content_type, "text/html; charset=utf-8");
-  // Every file that the document refers to must exist, with the right type.
-  const std::regex reference("(?:src|href)=\"(\\./[^\"]+)\"");
-  std::set<std::string> types;
-  for (std::sregex_iterator at(index.body.begin(), index.body.end(), reference), end; at != end;
-       ++at) {
-    EXPECT_EQ(type_of.count((*at)[1]), 1u) << "the page names " << (*at)[1];
-    types.insert(type_of[(*at)[1]]);
-  }
-  // So must the files that the scripts load.
-  const std::regex script("\\./([a-z_]+\\.js)|\"([a-z_]+\\.js)\"");
-  int script_count = 0;
-  for (const PageFile& file : PageFiles()) {
-    const std::string text(file.bytes);
-    for (std::sregex_iterator at(text.begin(), text.end(), script), end; at != end; ++at) {
-      const std::string name = (*at)[1].str() + (*at)[2].str();
-      EXPECT_EQ(type_of.count("./" + name), 1u) << file.name << " loads " << name;
-      ++script_count;
-    }
-  }
-  EXPECT_GE(script_count, 3);  // The page itself, the chart, the worker.
-  EXPECT_THAT(types, ::testing::ElementsAre("image/svg+xml", "text/css; charset=utf-8",
-                                            "text/javascript; charset=utf-8"));
-}
-
-TEST_F(HttpApiTest, PageIsCached) {
-  const HttpRouter page(PageRoutes(), {});
-  HttpRequest request;
-  request.method = "GET";
-  request.target = "/app.js";
-  request.headers = {{"Host", "localhost"}};
-  const HttpResponse first = page.Route(request);
-  EXPECT_EQ(first.status, 200);
-  EXPECT_EQ(Header(first, "Cache-Control"), "no-cache");
-  request.headers.emplace_back("If-None-Match", Header(first, "ETag"));
-  EXPECT_EQ(page.Route(request).status, 304);
 }
 
 }  // namespace

@@ -175,6 +175,12 @@ bool HttpRouter::AdmitsLargeBody(HttpRequest head, uint64_t body_bytes,
   return false;
 }
 
+bool HttpRouter::IsProbe(const HttpRequest& request) const {
+  const std::string path = request.target.substr(0, request.target.find('?'));
+  return std::ranges::any_of(
+      routes_, [&](const HttpRoute& route) { return route.is_probe && route.pattern == path; });
+}
+
 HttpResponse HttpRouter::Answer(const HttpRoute& route, HttpRequest request) const {
   HttpResponse refusal;
   const bool allowed =

@@ -22,8 +22,8 @@ namespace sheaf::coordinator {
 // Maximum bytes of a body on routes with large bodies, from admitted callers.
 inline constexpr uint64_t kHttpLargeBodyBytesMax = 2 * 1024 * 1024;
 
-// Answers one request. Runs on the server's handler thread, so it must not block; those of
-// probes and metrics run on another one (http_server.h).
+// Answers one request. Runs on the server's handler thread, so it must not block; that of a probe
+// runs on another one (http_server.h).
 using HttpFunction = std::function<HttpResponse(const HttpRequest&)>;
 
 // One route. A segment of `pattern` is literal text, or "{}" followed by literal text:
@@ -36,6 +36,8 @@ struct HttpRoute {
   bool from_form = false;
   // Maximum bytes of a body from admitted callers; 0: kHttpBodyBytesMax from every caller.
   uint64_t body_bytes_max = 0;
+  // Answered on a thread of its own: it never waits behind an encoder. No parameters.
+  bool is_probe = false;
 };
 
 class HttpRouter {
@@ -57,6 +59,8 @@ class HttpRouter {
   // Whether a request may have a body of body_bytes bytes, more than kHttpBodyBytesMax: the checks
   // of Route, for the head alone. If not, *refusal is the response.
   bool AdmitsLargeBody(HttpRequest head, uint64_t body_bytes, HttpResponse* refusal) const;
+  // Whether a probe answers the request.
+  bool IsProbe(const HttpRequest& request) const;
   const std::vector<HttpRoute>& routes() const { return routes_; }
 
  private:

@@ -25,7 +25,6 @@
 #include <boost/beast/http.hpp>
 #include <optional>
 #include <set>
-#include <string_view>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -39,8 +38,6 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Answered on a thread of their own.
-constexpr std::string_view kProbePaths[] = {"/healthz", "/readyz", "/metrics"};
 // Pause after accept fails, for example for lack of file descriptors.
 constexpr std::chrono::milliseconds kAcceptRetryDelay{100};
 
@@ -115,7 +112,7 @@ class HttpServer::Impl {
   std::atomic<bool> wake_posted_ = false;
   // Destroyed in reverse order, as the coroutines that io_ owns use all members above it.
   asio::thread_pool answering_;
-  asio::thread_pool probing_;  // For kProbePaths, which never wait behind an encoder.
+  asio::thread_pool probing_;  // For probes.
   asio::io_context io_;
   tcp::acceptor acceptor_;
   std::thread thread_;
@@ -313,8 +310,7 @@ asio::awaitable<bool> HttpServer::Impl::Answer(Connection* connection,
     }
     co_return co_await Send(stream, std::move(refusal), keep_alive, false);
   }
-  const std::string path = request.target.substr(0, request.target.find('?'));
-  const bool is_probe = std::ranges::find(kProbePaths, path) != std::end(kProbePaths);
+  const bool is_probe = router_.IsProbe(request);
   HttpResponse response = co_await asio::co_spawn(
       is_probe ? probing_ : answering_, RouteElsewhere(std::move(request)), asio::use_awaitable);
   co_return co_await Send(stream, std::move(response), keep_alive, head_only);

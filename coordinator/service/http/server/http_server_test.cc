@@ -133,16 +133,14 @@ TEST_F(HttpServerTest, ProbesDoNotWaitBehindOtherRoutes) {
     response.body = "here";
     return response;
   };
-  const HttpRouter router({{"GET", "/slow", slow},
-                           {"GET", "/healthz", quick},
-                           {"GET", "/readyz", quick},
-                           {"GET", "/metrics", quick}},
-                          {});
+  HttpRoute probe_route{"GET", "/lives", quick};
+  probe_route.is_probe = true;
+  const HttpRouter router({{"GET", "/slow", slow}, probe_route}, {});
   auto server = HttpServer::Start({}, router, &hub_);
   ASSERT_TRUE(server.ok());
   Client waiting((*server)->port());
   ASSERT_TRUE(waiting.Send(Get("/slow")));
-  for (const char* path : {"/healthz", "/readyz", "/metrics?x=1"}) {
+  for (const char* path : {"/lives", "/lives?x=1"}) {
     Client probe((*server)->port());
     ASSERT_TRUE(probe.Send(Get(path)));
     EXPECT_THAT(probe.ReadUntil("here"), HasSubstr("200 OK")) << path;
