@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "cli/image/exposure.h"
+#include "common/film/display/exposure.h"
 #include "common/film/frame_image.h"
 #include "common/image/png_tags.h"
 

@@ -185,5 +185,32 @@ TEST(ViewTransformTest, PngTagsNameTheView) {
   EXPECT_THAT(bytes, HasSubstr("sRGB"));  // The chunk of that name.
 }
 
+FrameImage GrayImage(const std::vector<float>& values) {
+  FrameImage image;
+  image.window = {0, 0, static_cast<int32_t>(values.size()), 1};
+  image.channel_names = {"R", "G", "B"};
+  image.planes.assign(3, values);
+  return image;
+}
+
+TEST(ViewTransformTest, ViewsShowTheExposedValues) {
+  const FrameImage image = GrayImage({0.18f * 1024, 4096, 0});
+  ViewArguments arguments;
+  arguments.exposure = "-10";
+  EXPECT_EQ(*ViewTransform::Open(arguments)->Show(image),
+            (std::vector<Rgb8>{{118, 118, 118}, {255, 255, 255}, {0, 0, 0}}));
+  arguments.view = "Raw";
+  EXPECT_EQ(*ViewTransform::Open(arguments)->Show(image),
+            (std::vector<Rgb8>{{46, 46, 46}, {255, 255, 255}, {0, 0, 0}}));
+  // Numbers that are no light have no automatic exposure.
+  arguments.exposure = "auto";
+  EXPECT_EQ(ViewTransform::Open(arguments)->StopsFor(image), 0);
+  arguments.view = "ACES 1.0 SDR";
+  EXPECT_NE(ViewTransform::Open(arguments)->StopsFor(image), 0);
+  arguments.exposure = "light";
+  EXPECT_THAT(std::string(ViewTransform::Open(arguments).status().message()),
+              HasSubstr("--exposure: expected"));
+}
+
 }  // namespace
 }  // namespace sheaf::cli

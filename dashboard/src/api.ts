@@ -394,8 +394,9 @@ export function previewPath(frame: Frame, view: View, round: number|null): strin
 export const thumbnailPath = (frame: PreviewFrame) =>
     pathOf(frame.name) + '/preview.png?size=thumbnail&version=' + frame.preview_version;
 export const outputPath = (frame: Frame) => pathOf(frame.name) + '/output.exr';
-// The delivered image in full size, for programs that read no EXR.
-export const outputPngPath = (frame: Frame) => pathOf(frame.name) + '/preview.png?size=full';
+// The delivered image in full size, for programs that read no EXR. stops: its exposure.
+export const outputPngPath = (frame: Frame, stops: number) =>
+    pathOf(frame.name) + '/preview.png?size=full' + (stops ? '&exposure=' + stops : '');
 
 // The image so far; null if there is none yet. Its levels are as sent, independent of the screen.
 export async function getPreview(path: string): Promise<Preview|null> {

@@ -12,6 +12,8 @@ import type {Store} from './store';
 export class JobDetailsView {
   constructor(private readonly store: Store) {
     for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
+    // The exposure may have changed since the last drawing.
+    byId('output-png').addEventListener('click', this.draw);
   }
 
   private readonly draw = () => {
@@ -33,7 +35,7 @@ export class JobDetailsView {
     png.hidden = output.hidden;
     if (frame && frame.complete) {
       output.href = api.outputPath(frame);
-      png.href = api.outputPngPath(frame);
+      png.href = api.outputPngPath(frame, Number(byId<HTMLInputElement>('exposure').value));
       png.download = pngNameOf(job, frame);
     }
     setText(byId('error-words'), errorWordsOf(job));

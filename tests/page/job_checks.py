@@ -87,11 +87,23 @@ def check_failed_job(browser, failed_job, screenshot):
                            failed_job) == 404, CHANGE_SECONDS_MAX, "the end of the job")
 
 
+# Where the link leads once it is clicked, with the exposure.
+PNG_LINK_EXPOSED = """
+  const [stops] = arguments, link = document.getElementById("output-png");
+  document.getElementById("exposure").value = stops;
+  link.addEventListener("click", (event) => event.preventDefault(), {once: true});
+  link.click();
+  return link.href;
+"""
+
+
 def check_png_download(browser, width_px):
     """Requires: the shown job has succeeded."""
     wait_until(lambda: not browser.run(HIDDEN, "output-png"), CHANGE_SECONDS_MAX, "the link")
     magic, width, name = browser.run(PNG_BEHIND)
     assert magic == 0x89504E47 and width == width_px and name.endswith(".png"), (magic, width, name)
+    assert browser.run(PNG_LINK_EXPOSED, "1.5").endswith("preview.png?size=full&exposure=1.5")
+    assert browser.run(PNG_LINK_EXPOSED, "0").endswith("preview.png?size=full")
 
 
 def check_first_steps(browser, url, screenshot):

@@ -28,7 +28,7 @@ LIBRARY_VALIDATORS = re.compile(
 ROOMS = {
     "cli": ". < image | denoiser | gltf < job/format | job/frames | job/identity < job | bundle "
            "< dropped | quote < study < commands",
-    "common/film": ". < denoise | light < error < exr",
+    "common/film": ". < denoise | display | light < error < exr",
     "common/scene": ". < spectrum < settings | formats | gltf/draco | gltf/surrounding "
                     "< pbrt/syntax < pbrt/statements < pbrt < gltf",
     "coordinator/core": ". < job < frame | policy",

@@ -1,18 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/image/exposure.h"
+#include "common/film/display/exposure.h"
 
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
-#include "common/scene/spectrum/primaries.h"
+#include "common/film/display/select_channels.h"
 
-namespace sheaf::cli {
+namespace sheaf {
 namespace {
 
 constexpr double kStopsStep = 0.01;
@@ -64,20 +65,13 @@ double AutomaticStops(const FrameImage& image) {
 }
 
 FrameImage Exposed(const FrameImage& image, double stops) {
-  FrameImage exposed;
-  exposed.window = image.window;
-  exposed.frame_width_px = image.frame_width_px;
-  exposed.frame_height_px = image.frame_height_px;
-  exposed.color = image.color;
-  exposed.channel_names = {"R", "G", "B"};
+  absl::StatusOr<FrameImage> exposed = SelectChannels(image, kColorChannels, kColorChannels);
+  SHEAF_CHECK(exposed.ok());
   const auto factor = static_cast<float>(std::exp2(stops));
-  for (const std::string& name : exposed.channel_names) {
-    const std::vector<float>* plane = image.Find(name);
-    SHEAF_CHECK(plane != nullptr);
-    exposed.planes.push_back(*plane);
-    for (float& value : exposed.planes.back()) value *= factor;
+  for (std::vector<float>& plane : exposed->planes) {
+    for (float& value : plane) value *= factor;
   }
-  return exposed;
+  return *std::move(exposed);
 }
 
-}  // namespace sheaf::cli
+}  // namespace sheaf

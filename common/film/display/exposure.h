@@ -9,7 +9,7 @@
 #include "absl/status/statusor.h"
 #include "common/film/frame_image.h"
 
-namespace sheaf::cli {
+namespace sheaf {
 
 inline constexpr double kStopsMax = 64;
 
@@ -37,4 +37,4 @@ double AutomaticStops(const FrameImage& image);
 // The channels R, G and B alone, multiplied by 2^stops. Requires: they exist.
 FrameImage Exposed(const FrameImage& image, double stops);
 
-}  // namespace sheaf::cli
+}  // namespace sheaf

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/image/exposure.h"
+#include "common/film/display/exposure.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,10 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "cli/image/view_transform.h"
-#include "common/scene/spectrum/primaries.h"
+#include "common/film/image_color.h"
 
-namespace sheaf::cli {
+namespace sheaf {
 namespace {
 
 using ::testing::HasSubstr;
@@ -76,24 +75,5 @@ TEST(ExposureTest, LuminanceFollowsTheChromaticities) {
   EXPECT_NEAR(AutomaticStops(image), std::log2(0.18 / 0.6741), 0.005);
 }
 
-TEST(ExposureTest, ViewsShowTheExposedValues) {
-  const FrameImage image = GrayImage({0.18f * 1024, 4096, 0});
-  ViewArguments arguments;
-  arguments.exposure = "-10";
-  EXPECT_EQ(*ViewTransform::Open(arguments)->Show(image),
-            (std::vector<Rgb8>{{118, 118, 118}, {255, 255, 255}, {0, 0, 0}}));
-  arguments.view = "Raw";
-  EXPECT_EQ(*ViewTransform::Open(arguments)->Show(image),
-            (std::vector<Rgb8>{{46, 46, 46}, {255, 255, 255}, {0, 0, 0}}));
-  // Numbers that are no light have no automatic exposure.
-  arguments.exposure = "auto";
-  EXPECT_EQ(ViewTransform::Open(arguments)->StopsFor(image), 0);
-  arguments.view = "ACES 1.0 SDR";
-  EXPECT_NE(ViewTransform::Open(arguments)->StopsFor(image), 0);
-  arguments.exposure = "light";
-  EXPECT_THAT(std::string(ViewTransform::Open(arguments).status().message()),
-              HasSubstr("--exposure: expected"));
-}
-
 }  // namespace
-}  // namespace sheaf::cli
+}  // namespace sheaf

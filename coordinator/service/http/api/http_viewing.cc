@@ -15,6 +15,9 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "common/film/denoised_output.h"
+#include "common/film/display/exposure.h"
+#include "common/film/display/select_channels.h"
 #include "common/film/exr/exr_channels.h"
 #include "coordinator/service/http/api/http_api.h"
 #include "coordinator/service/http/image/channel_layers.h"
@@ -24,6 +27,9 @@ namespace sheaf::coordinator {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+// The name in of= of the image's own color, as --png-layer has it.
+constexpr char kColorLayer[] = "image";
 
 absl::StatusOr<ChannelLayer> FindChannelLayer(const FrameView& frame, const std::string& name) {
   for (ChannelLayer& layer : ChannelLayersOf(frame.settings.outputs)) {
@@ -74,6 +80,33 @@ absl::StatusOr<ViewedImage> EncodeView(const absl::StatusOr<DisplayImage>& displ
   return ViewedImage{version, *std::move(png), display->range};
 }
 
+// The layer that is meant: that of the name, and of an image in full size the least noisy one.
+// Empty: R, G and B.
+absl::StatusOr<std::optional<ChannelLayer>> ParseLayer(const std::string& of, bool full_size,
+                                                       const FrameView& frame) {
+  if (of == kColorLayer) return std::nullopt;
+  if (!of.empty()) {
+    absl::StatusOr<ChannelLayer> layer = FindChannelLayer(frame, of);
+    if (!layer.ok()) return layer.status();
+    return *std::move(layer);
+  }
+  if (!full_size) return std::nullopt;
+  absl::StatusOr<ChannelLayer> denoised = FindChannelLayer(frame, kDenoisedLayer);
+  return denoised.ok() ? std::optional(*std::move(denoised)) : std::nullopt;
+}
+
+// The display of three channels of color, exposed.
+absl::StatusOr<DisplayImage> MakeColorDisplay(const FrameImage& image,
+                                              const std::vector<std::string>& channels,
+                                              const Exposure& exposure, ImageLayer as,
+                                              bool full_size) {
+  absl::StatusOr<FrameImage> color = SelectChannels(image, channels, kColorChannels);
+  if (!color.ok()) return color.status();
+  const double stops = exposure.is_automatic ? AutomaticStops(*color) : exposure.stops;
+  if (stops != 0) *color = Exposed(*color, stops);
+  return MakeDisplayImage(*color, as, full_size);
+}
+
 absl::StatusOr<int32_t> ParseCoordinate(const HttpRequest& request, const std::string& name) {
   const std::string text = QueryValue(request, name);
   int32_t value = 0;
@@ -120,7 +153,7 @@ HttpResponse HttpApi::GetPixel(const HttpRequest& request) const {
 
 bool HttpApi::IsView(const HttpRequest& request) {
   return !QueryValue(request, "of").empty() || !QueryValue(request, "with").empty() ||
-         QueryValue(request, "size") == "full";
+         !QueryValue(request, "exposure").empty() || QueryValue(request, "size") == "full";
 }
 
 absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
@@ -150,26 +183,29 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
   const std::string name = QueryValue(request, "layer");
   const std::optional<ImageLayer> as = ImageLayerFromName(name);
   if (!as || (*as != ImageLayer::kImage && *as != ImageLayer::kLight)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("layer \"", name, "\" is neither image nor light, as of= and size=full need"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "layer \"", name, "\" is neither image nor light, as of=, exposure= and size=full need"));
   }
-  if (const std::string of = QueryValue(request, "of"); !of.empty()) {
-    const absl::StatusOr<ChannelLayer> layer = FindChannelLayer(frame, of);
-    if (!layer.ok()) return layer.status();
-    const absl::StatusOr<PreviewView> view =
-        farm_.Preview(job_id, frame.frame_number, SourceChannels(*layer));
-    if (!view.ok()) return view.status();
-    return EncodeView(MakeChannelDisplay(view->image, *layer, *as), version_of(view->version));
+  const absl::StatusOr<Exposure> exposure = ParseExposure(QueryValue(request, "exposure"));
+  if (!exposure.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat("exposure: ", exposure.status().message()));
   }
-  if (!frame.complete) {
+  const std::string of = QueryValue(request, "of");
+  const bool full_size = QueryValue(request, "size") == "full";
+  const absl::StatusOr<std::optional<ChannelLayer>> layer = ParseLayer(of, full_size, frame);
+  if (!layer.ok()) return layer.status();
+  if (full_size && !frame.complete) {
     return absl::FailedPreconditionError(
         absl::StrCat("frame ", frame.frame_number,
                      " is not complete yet, and has no full-size image; omit size=full"));
   }
-  const absl::StatusOr<PreviewView> view =
-      farm_.Preview(job_id, frame.frame_number, {"R", "G", "B"});
+  const std::vector<std::string> channels =
+      layer->has_value() ? SourceChannels(**layer) : kColorChannels;
+  const absl::StatusOr<PreviewView> view = farm_.Preview(job_id, frame.frame_number, channels);
   if (!view.ok()) return view.status();
-  return EncodeView(MakeDisplayImage(view->image, *as, /*full_size=*/true),
+  const bool is_color = !layer->has_value() || (*layer)->kind == ChannelKind::kColor;
+  return EncodeView(is_color ? MakeColorDisplay(view->image, channels, *exposure, *as, full_size)
+                             : MakeChannelDisplay(view->image, **layer, *as),
                     version_of(view->version));
 }
 

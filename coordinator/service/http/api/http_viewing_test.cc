@@ -8,6 +8,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "common/film/denoised_output.h"
 #include "coordinator/service/http/api/http_api.h"
 #include "coordinator/service/http/api/http_fake_farm.h"
 #include "gtest/gtest.h"
@@ -99,6 +100,33 @@ TEST_F(HttpViewingTest, FullSizeNeedsADeliveredImage) {
   farm_.jobs[0].frames[0].complete = true;
   EXPECT_EQ(Preview("size=full").status, 200);
   EXPECT_EQ(Preview("size=full&layer=error").status, 400);
+}
+
+// Regression: a PNG of the page showed the noise, and was white where lights are in candela, while
+// sheaf render --png showed the denoised layer, exposed.
+TEST_F(HttpViewingTest, ImagesInFullSizeAreThoseOfPngs) {
+  FrameView& frame = farm_.jobs[0].frames[0];
+  frame.complete = true;
+  AddDenoised(&frame.settings.outputs);
+  FrameImage& image = farm_.preview.image;
+  image = MakeFrameImage({0, 0, 2, 1}, 2, 1, frame.settings.outputs);
+  for (const char* channel : {"R", "G", "B"}) {
+    *image.Find(channel) = {0.25f, 1000};
+    *image.Find(absl::StrCat("denoised.", channel)) = {0.5f, 0.5f};
+  }
+  const auto png_of = [](float first, float second) {
+    FrameImage plain = MakeFrameImage({0, 0, 2, 1}, 2, 1);
+    for (const char* channel : {"R", "G", "B"}) *plain.Find(channel) = {first, second};
+    const DisplayImage display = *MakeDisplayImage(plain, ImageLayer::kImage, true);
+    return *EncodePng(display.width_px, display.height_px, display.pixels);
+  };
+  EXPECT_EQ(Preview("size=full").body, png_of(0.5f, 0.5f));
+  EXPECT_EQ(Preview("size=full&of=denoised").body, png_of(0.5f, 0.5f));
+  EXPECT_EQ(Preview("size=full&of=image").body, png_of(0.25f, 1000));
+  EXPECT_EQ(Preview("size=full&exposure=-1").body, png_of(0.25f, 0.25f));
+  EXPECT_EQ(Preview("size=full&exposure=auto").body, png_of(0.18f, 0.18f));
+  EXPECT_EQ(Preview("layer=image&exposure=1").body, png_of(0.5f, 2000));
+  EXPECT_EQ(Preview("size=full&exposure=bright").status, 400);
 }
 
 TEST_F(HttpViewingTest, PixelsHaveTheValuesOfAllChannels) {

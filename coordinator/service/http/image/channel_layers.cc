@@ -13,6 +13,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/film/denoised_output.h"
+#include "common/film/display/select_channels.h"
 #include "common/film/shrink_image.h"
 #include "coordinator/service/http/image/false_color.h"
 #include "coordinator/service/view/farm_view.h"
@@ -62,18 +63,6 @@ struct ChannelGrid {
     return static_cast<size_t>(y * factor) * image_width_px + static_cast<size_t>(x * factor);
   }
 };
-
-// The error layer of the colors and errors of the planes, as SourceChannels orders them.
-absl::StatusOr<DisplayImage> DisplayError(const FrameImage& image,
-                                          const std::vector<const std::vector<float>*>& planes) {
-  FrameImage errors;
-  errors.window = image.window;
-  errors.frame_width_px = image.frame_width_px;
-  errors.frame_height_px = image.frame_height_px;
-  errors.channel_names = ChannelsOf(ImageLayer::kError);
-  for (const std::vector<float>* plane : planes) errors.planes.push_back(*plane);
-  return MakeDisplayImage(errors, ImageLayer::kError);
-}
 
 ChannelGrid ChannelGridOf(const FrameImage& image) {
   ChannelGrid grid;
@@ -229,24 +218,21 @@ std::vector<std::string> SourceChannels(const ChannelLayer& layer) {
 
 absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const ChannelLayer& layer,
                                                 ImageLayer as) {
+  const bool is_error = layer.kind == ChannelKind::kError;
+  if (layer.kind == ChannelKind::kColor || is_error) {
+    const ImageLayer shown = is_error ? ImageLayer::kError : as;
+    const absl::StatusOr<FrameImage> sources =
+        SelectChannels(image, SourceChannels(layer), ChannelsOf(shown));
+    if (!sources.ok()) return sources.status();
+    return MakeDisplayImage(*sources, shown);
+  }
   std::vector<const std::vector<float>*> planes;
-  for (const std::string& channel : SourceChannels(layer)) {
+  for (const std::string& channel : layer.channels) {
     planes.push_back(image.Find(channel));
     if (planes.back() == nullptr) {
       return absl::InternalError(absl::StrCat("the image has no channel ", channel));
     }
   }
-  if (layer.kind == ChannelKind::kColor) {
-    FrameImage color;
-    color.window = image.window;
-    color.frame_width_px = image.frame_width_px;
-    color.frame_height_px = image.frame_height_px;
-    color.color = image.color;
-    color.channel_names = {"R", "G", "B"};
-    for (const std::vector<float>* plane : planes) color.planes.push_back(*plane);
-    return MakeDisplayImage(color, as);
-  }
-  if (layer.kind == ChannelKind::kError) return DisplayError(image, planes);
   const ChannelGrid grid = ChannelGridOf(image);
   switch (layer.kind) {
     case ChannelKind::kDirection:
