@@ -1,0 +1,108 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Scenes for tests of the densities of paths: every kind of vertex and of light end.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "tests/support/technique_scenes.h"
+
+namespace sheaf::render {
+
+struct DensityScene {
+  const char* name;
+  TestScene scene;
+  bool is_specular = false;  // Many paths have specular vertices.
+  bool has_media = false;    // Many paths have vertices in media.
+};
+
+inline void AddPointLight(TestScene* t, Vec3d from) {
+  PointLight point;
+  point.intensity.rgb = {2, 1, 1};
+  point.from = from;
+  t->scene.lights.push_back({point, {}, {}, {}});
+}
+
+// A ball of smooth glass and a mirror beside a lamp.
+inline TestScene GlassAndMirror() {
+  TestScene t = OpenBox({1});
+  AddPointEmitter(&t, {1}, 0.9f);
+  t.AddShape(kBall, t.AddMaterial(DielectricMaterial{}), TranslateMatrix({0.3, 0.8, 0}));
+  ConductorMaterial mirror;
+  mirror.has_reflectance = true;
+  mirror.reflectance.value.rgb = Rgb::Gray(0.9f);
+  t.AddShape(
+      MeshShape{t.Quad({-1.9f, 0.1f, 1}, {-1.2f, 0.1f, 1.6f}, {-1.2f, 2, 1.6f}, {-1.9f, 2, 1})},
+      t.AddMaterial(mirror));
+  return t;
+}
+
+// Normals that differ from the true ones at a floor, and at a pane with one face: light is on one
+// side of its glass, and the lens on the other.
+inline TestScene TiltedNormals() {
+  TestScene t = OpenBox({1});
+  AddPointEmitter(&t, {1}, 0.9f);
+  const auto tilted = [&t](int32_t mesh, Vec3f n) {
+    t.scene.meshes[static_cast<size_t>(mesh)].normals.assign(4, Normalize(n));
+    return MeshShape{mesh};
+  };
+  t.AddShape(tilted(t.Quad({-1.5f, 0.2f, -1.5f}, {-1.5f, 0.2f, 1.5f}, {1.5f, 0.2f, 1.5f},
+                           {1.5f, 0.2f, -1.5f}),
+                    {0.2f, 1, 0.1f}),
+             t.Diffuse({0.6f, 0.5f, 0.4f}));
+  t.AddShape(tilted(t.Quad({-1.5f, 1.4f, -1.5f}, {-1.5f, 1.4f, 1.5f}, {1.5f, 1.4f, 1.5f},
+                           {1.5f, 1.4f, -1.5f}),
+                    {-0.1f, 1, 0.15f}),
+             t.AddMaterial(DielectricMaterial{}));
+  return t;
+}
+
+// A lamp within a ball of smooth glass.
+inline TestScene LampInGlass() {
+  TestScene t = OpenBox({1});
+  t.AddShape(SphereShape{0.2f, -0.2f, 0.2f, 360}, t.Diffuse({}), TranslateMatrix({0, 1.2, 0}))
+      .area_light = t.AreaLight({6, 5, 4});
+  t.AddShape(kBall, t.AddMaterial(DielectricMaterial{}), TranslateMatrix({0, 1.2, 0}));
+  return t;
+}
+
+inline std::vector<DensityScene> SurfaceScenes() {
+  TestScene lamp = Diffuse({1});
+  AddPointLight(&lamp, {1, 1.4f, -0.5f});
+  TestScene lens = Glossy({1});
+  lens.scene.camera.lens_radius = 0.1f;
+  lens.scene.camera.focal_distance = 3;
+  return {{"lamps", std::move(lamp)},
+          {"glossy bodies before a lens", std::move(lens)},
+          {"room", LitRoom(1)},
+          {"glass and mirror", GlassAndMirror(), true},
+          {"tilted normals", TiltedNormals(), true},
+          {"lamp in glass", LampInGlass(), true}};
+}
+
+inline std::vector<DensityScene> SkyScenes() {
+  TestScene leaves = Outdoor({1});
+  leaves.scene.camera.shutter_close = 0;
+  for (ShapeDescription& shape : leaves.scene.shapes) {
+    shape.world_from_object.end = shape.world_from_object.start;
+  }
+  TestScene glass = GlassAndMirror();
+  glass.ConstantEnvironment({0.6f, 0.8f, 1});
+  return {{"sky over leaves", std::move(leaves)}, {"sky through glass", std::move(glass), true}};
+}
+
+inline std::vector<DensityScene> MediumScenes() { return {{"fog", Foggy({1}), false, true}}; }
+
+inline std::vector<DensityScene> GuidedScenes() {
+  return {{"guided, glossy bodies", Glossy({1})},
+          {"guided, glass and mirror", GlassAndMirror(), true}};
+}
+
+inline std::vector<DensityScene> SpectralScenes() {
+  return {{"spectral, glossy bodies", Glossy({1})},
+          {"spectral, glass and mirror", GlassAndMirror(), true}};
+}
+
+}  // namespace sheaf::render

@@ -1,0 +1,222 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// LogDensityOf: the density with which a technique finds a stored path, computed directly from its
+// positions, normals, BSDFs, light and camera, in double precision and without recurrences: what
+// the running densities of the integrator are held against. docs/adr/0127.
+//
+// Densities are per area of each vertex on a surface, per volume of each vertex in a medium, per
+// solid angle of light at infinity and of the emission of media, and logarithms. Left out are those
+// of distances in media and of the point on the lens, which all techniques share, and the
+// probabilities of specular lobes, which are the same in both directions.
+//
+// Specular vertices have infinite densities. Those of directions w are taken over the density of
+// the half vector, as the limit of ever smoother surfaces: n^2 |cos w|, with n the index of
+// refraction of the side of w, and the shading normal. Source: Walter et al. 2007, sec. 4.2.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <variant>
+#include <vector>
+
+#include "common/math/elementary.h"
+#include "worker/render/bsdf/bsdf_inl.h"
+#include "worker/render/densities/weights.h"
+#include "worker/render/integrator/light_path.h"
+
+namespace sheaf::render {
+
+// The path from the lens through places x1, x2 ... x(k-1) to the light xk.
+template <uint32_t kTraits>
+struct StoredPath {
+  using FromLens = IntegratorConfig<kTraits, const EmbreeScene, DirectLight::kByBoth,
+                                    PathKind::kCameraBesideLight>;
+  using FromLight =
+      IntegratorConfig<kTraits, const EmbreeScene, DirectLight::kByBoth, PathKind::kLight>;
+
+  struct Place {
+    Vertex<FromLens> from_lens;    // As a path from the lens meets it.
+    Vertex<FromLight> from_light;  // As a path from the light meets it.
+    bool is_specular = false;
+    // Where specular: (index on the light's side / index on the lens's side)^2.
+    double eta_scale = 1;
+  };
+
+  Ray camera_ray;
+  std::vector<Place> places;
+  LightEnd light;
+  Vec3f towards_light;  // For light at infinity and the emission of media.
+};
+
+// Calls f with the vertex, which is on a surface or in a medium.
+template <typename C, typename F>
+auto WithScatterer(const Vertex<C>& vertex, const F& f) {
+  if constexpr (C::kMedia) {
+    if (const auto* medium = std::get_if<MediumVertex<C>>(&vertex)) return f(*medium);
+  }
+  return f(std::get<SurfaceVertex<C>>(vertex));
+}
+
+template <uint32_t kTraits>
+class PathDensities {
+ public:
+  using FromLens = typename StoredPath<kTraits>::FromLens;
+  using FromLight = typename StoredPath<kTraits>::FromLight;
+
+  PathDensities(const StoredPath<kTraits>& path, const CompiledScene& scene)
+      : path_(path), scene_(scene), last_(path.places.size() - 1) {}
+
+  double LogHit() const {
+    if (!path_.light.can_be_hit) return -kInfinity;
+    return LogToLastFromLens() + LogForward(last_) + LogArrivalAtLight();
+  }
+  double LogLightSample() const {
+    if (path_.places[last_].is_specular || path_.light.is_medium) return -kInfinity;
+    return LogToLastFromLens() + std::log(LightPdf()) +
+           (path_.light.can_be_hit ? LogArrivalAtLight() : 0);
+  }
+  // Whether the path meets a surface at grazing, or has a short segment. Its points and normals are
+  // rounded differently from both ends, which decides its cosines and directions then.
+  bool IsGrazing() const {
+    for (size_t i = 0; i <= last_; ++i) {
+      const Vec3d before =
+          i > 0 ? Towards(i, i - 1) : Normalize(ToDouble(path_.camera_ray.o) - At(0));
+      const Vec3d after = i < last_ ? Towards(i, i + 1) : TowardsLight();
+      const double length = i < last_    ? Length(At(i + 1) - At(i))
+                            : HasPoint() ? Length(ToDouble(path_.light.p) - At(i))
+                                         : kInfinity;
+      if (length < kLengthMin) return true;
+      if (IsMedium(i)) continue;
+      for (const Vec3d& w : {before, after}) {
+        if (std::min(LogCosine(i, w), LogShadingCosine(i, w)) < std::log(kCosineMin)) return true;
+      }
+    }
+    return IsSurface() && LogOfDot(path_.light.n, TowardsLight()) < std::log(kCosineMin);
+  }
+  double LogLightPath() const {
+    double log = std::log(scene_.light_paths_per_pass) + LogStart();
+    for (size_t i = last_; i > 0; --i) log += LogBackward(i) + LogArrival(i - 1, i);
+    return log;
+  }
+
+ private:
+  static constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  static constexpr double kCosineMin = 0.1, kLengthMin = 0.1;
+
+  static double LogOfDot(Vec3f n, Vec3d w) { return std::log(std::fabs(Dot(ToDouble(n), w))); }
+  Vec3d At(size_t i) const {
+    return WithScatterer<FromLens>(path_.places[i].from_lens,
+                                   [](const auto& at) { return ToDouble(at.point.p); });
+  }
+  bool IsMedium(size_t i) const {
+    return !std::holds_alternative<SurfaceVertex<FromLens>>(path_.places[i].from_lens);
+  }
+  bool HasPoint() const { return !path_.light.is_infinite && !path_.light.is_medium; }
+  bool IsSurface() const { return HasPoint() && scene_.emission->IsSurface(path_.light.light); }
+  Vec3d Towards(size_t from, size_t to) const { return Normalize(At(to) - At(from)); }
+  Vec3d TowardsLight() const {
+    return HasPoint() ? Normalize(ToDouble(path_.light.p) - At(last_))
+                      : ToDouble(path_.towards_light);
+  }
+  // The cosine with the geometric normal.
+  double LogCosine(size_t i, Vec3d w) const {
+    if (IsMedium(i)) return 0;
+    return LogOfDot(std::get<SurfaceVertex<FromLens>>(path_.places[i].from_lens).point.ng, w);
+  }
+  double LogShadingCosine(size_t i, Vec3d w) const {
+    const auto& at = std::get<SurfaceVertex<FromLens>>(path_.places[i].from_lens);
+    return LogOfDot(at.point.shading.n, w);
+  }
+  // Takes densities of directions from `from` to those of points about `to`.
+  double LogArrival(size_t to, size_t from) const {
+    return LogCosine(to, Towards(from, to)) - std::log(LengthSquared(At(to) - At(from)));
+  }
+  double LogArrivalAtLight() const {
+    if (!IsSurface()) return 0;
+    const Vec3d way = ToDouble(path_.light.p) - At(last_);
+    return LogOfDot(path_.light.n, Normalize(way)) - std::log(LengthSquared(way));
+  }
+
+  // Of a path from the lens at place i, towards the next.
+  double LogForward(size_t i) const {
+    const Vec3d w = i < last_ ? Towards(i, i + 1) : TowardsLight();
+    return WithScatterer<FromLens>(path_.places[i].from_lens, [&](const auto& at) {
+      if (!path_.places[i].is_specular)
+        return std::log(static_cast<double>(at.Eval(ToFloat(w)).pdf));
+      return std::log(static_cast<double>(at.ScatteringShare()) * path_.places[i].eta_scale) +
+             LogShadingCosine(i, w);
+    });
+  }
+  // Of a path from the light at place i, towards the one before.
+  double LogBackward(size_t i) const {
+    const Vec3d w = Towards(i, i - 1);
+    if (path_.places[i].is_specular) return LogShadingCosine(i, w);
+    return WithScatterer<FromLight>(path_.places[i].from_light, [&](const auto& at) {
+      return std::log(static_cast<double>(at.EvalScattering(ToFloat(w)).pdf));
+    });
+  }
+  // A path from the lens reaches all places.
+  double LogToLastFromLens() const {
+    const Vec3d o = ToDouble(path_.camera_ray.o);
+    double log = std::log(scene_.camera.PdfWe(path_.camera_ray, ToFloat(At(0)))) +
+                 LogCosine(0, Normalize(At(0) - o));
+    for (size_t i = 0; i < last_; ++i) log += LogForward(i) + LogArrival(i + 1, i);
+    return log;
+  }
+  // A light path reaches the last place.
+  double LogStart() const {
+    const LightEmission& emission = *scene_.emission;
+    const LightEnd& light = path_.light;
+    const Vec3d w = TowardsLight();
+    const Vec3f p = ToFloat(At(last_)), leaving = -ToFloat(w);
+    double density = 0, log_square = 0;
+    if (light.is_infinite) {
+      for (uint32_t i = 0; i < scene_.lights->light_count(); ++i) {
+        if (emission.IsInfinite(i)) density += emission.PdfLe(i, p, {}, leaving);
+      }
+    } else if (light.is_medium) {
+      density = emission.media_probability() * scene_.emission_points->LineDensity(p, -leaving) /
+                (4 * kPi);
+    } else {
+      density = emission.PdfLe(light.light, p, light.n, leaving);
+      log_square = std::log(LengthSquared(ToDouble(light.p) - At(last_)));
+    }
+    return std::log(density) + LogCosine(last_, w) - log_square;
+  }
+  // The density with which the last place samples the light, per solid angle; a probability where
+  // the light has no size.
+  double LightPdf() const {
+    return WithScatterer<FromLens>(path_.places[last_].from_lens, [&](const auto& at) {
+      const auto& lights = *scene_.lights;
+      const LightEnd& light = path_.light;
+      const Vec3f p = at.point.p, w = ToFloat(TowardsLight());
+      if (light.is_infinite) {
+        return static_cast<double>(
+            lights.template PdfEnvironment<kTraits>(p, at.light_hint, w, at.guided.lights()));
+      }
+      if (light.can_be_hit) {
+        return static_cast<double>(lights.template PdfEmitter<kTraits>(
+            light.light, p, at.light_hint, w, light.p, at.guided.lights()));
+      }
+      return static_cast<double>(
+          lights.ChoiceProbability(light.light, p, at.light_hint, at.guided.lights()));
+    });
+  }
+
+  const StoredPath<kTraits>& path_;
+  const CompiledScene& scene_;
+  const size_t last_;
+};
+
+// -infinity where the technique does not find the path. Not for FindsBy::kLine.
+template <uint32_t kTraits>
+double LogDensityOf(const StoredPath<kTraits>& path, FindsBy technique,
+                    const CompiledScene& scene) {
+  const PathDensities<kTraits> densities(path, scene);
+  if (technique == FindsBy::kHit) return densities.LogHit();
+  return technique == FindsBy::kLightPath ? densities.LogLightPath() : densities.LogLightSample();
+}
+
+}  // namespace sheaf::render
