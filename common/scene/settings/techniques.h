@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // TechniqueSet: the ways in which the integrator finds paths between lights and the camera. All
-// but merging have the same mean; they differ in noise and cost (docs/adr/0063-light-paths.md,
-// 0126, 0130). Thread-safe.
+// but merging have the same mean; they differ in noise and cost (docs/adr/0063, 0126, 0130).
+// Thread-safe.
 #pragma once
 
 #include <cstdint>
