@@ -17,33 +17,42 @@ bool MayBeSpecular(Material material) {
   return MayHaveSpecularSurfaces(scene);
 }
 
-RoughnessInput Roughness(float u, float v, int32_t texture = kNone) {
-  return {{u, texture}, {v, texture}, true};
+template <typename Material>
+Material WithRoughness(float u, float v, int32_t texture = kNone) {
+  Material material;
+  material.roughness = {{u, texture}, {v, texture}, true};
+  return material;
+}
+
+PrincipledMaterial Principled(float metallic, float roughness) {
+  PrincipledMaterial material;
+  material.metallic.value = metallic;
+  material.roughness.value = roughness;
+  return material;
 }
 
 TEST(SpecularSurfacesTest, AreSmoothGlassAndMirrors) {
   EXPECT_FALSE(MayHaveSpecularSurfaces({}));
   EXPECT_FALSE(MayBeSpecular(DiffuseMaterial{}));
-  CoatedDiffuseMaterial varnish;
-  varnish.roughness = Roughness(0, 0);
-  EXPECT_FALSE(MayBeSpecular(varnish));
+  EXPECT_FALSE(MayBeSpecular(WithRoughness<CoatedDiffuseMaterial>(0, 0)));
   EXPECT_FALSE(MayBeSpecular(InterfaceMaterial{}));
-  EXPECT_TRUE(MayBeSpecular(DielectricMaterial{.roughness = Roughness(0, 0)}));
-  EXPECT_FALSE(MayBeSpecular(DielectricMaterial{.roughness = Roughness(0.2f, 0)}));
-  EXPECT_TRUE(MayBeSpecular(DielectricMaterial{.roughness = Roughness(0.2f, 0.2f, 3)}));
+  EXPECT_TRUE(MayBeSpecular(WithRoughness<DielectricMaterial>(0, 0)));
+  EXPECT_FALSE(MayBeSpecular(WithRoughness<DielectricMaterial>(0.2f, 0)));
+  EXPECT_TRUE(MayBeSpecular(WithRoughness<DielectricMaterial>(0.2f, 0.2f, 3)));
   EXPECT_TRUE(MayBeSpecular(ThinDielectricMaterial{}));
-  EXPECT_TRUE(MayBeSpecular(ConductorMaterial{.roughness = Roughness(0, 0)}));
-  EXPECT_FALSE(MayBeSpecular(ConductorMaterial{.roughness = Roughness(0.3f, 0.3f)}));
+  EXPECT_TRUE(MayBeSpecular(WithRoughness<ConductorMaterial>(0, 0)));
+  EXPECT_FALSE(MayBeSpecular(WithRoughness<ConductorMaterial>(0.3f, 0.3f)));
 }
 
 TEST(SpecularSurfacesTest, ArePrincipledOnesWithoutADiffusePart) {
-  EXPECT_FALSE(MayBeSpecular(PrincipledMaterial{.roughness = {.value = 0}}));
-  EXPECT_TRUE(
-      MayBeSpecular(PrincipledMaterial{.metallic = {.value = 1}, .roughness = {.value = 0}}));
-  EXPECT_TRUE(
-      MayBeSpecular(PrincipledMaterial{.metallic = {.texture = 2}, .roughness = {.texture = 1}}));
-  EXPECT_FALSE(
-      MayBeSpecular(PrincipledMaterial{.metallic = {.value = 1}, .roughness = {.value = 0.5f}}));
+  EXPECT_FALSE(MayBeSpecular(Principled(0, 0)));
+  EXPECT_TRUE(MayBeSpecular(Principled(1, 0)));
+  EXPECT_FALSE(MayBeSpecular(Principled(1, 0.5f)));
+  PrincipledMaterial textured = Principled(0, 0.5f);
+  textured.metallic.texture = 2;
+  EXPECT_FALSE(MayBeSpecular(textured));
+  textured.roughness.texture = 1;
+  EXPECT_TRUE(MayBeSpecular(textured));
 }
 
 }  // namespace
