@@ -17,6 +17,42 @@ RUN_AXE = """
       .map(({id, nodes}) => id + ": " + nodes.map((node) => node.target.join(" ") + " " +
           (node.any[0] || node.all[0] || {message: ""}).message).join("; ")));
 """
+# Controls whose edge is nearer to what surrounds them than EDGE_CONTRAST_MIN, and placeholders
+# nearer to their field than TEXT_CONTRAST_MIN: axe-core looks at neither.
+FAINT_CONTROLS = """
+  const [edgeMin, textMin] = arguments;
+  const numbers = (color) => color.match(/[\\d.]+/g).map(Number);
+  const luminance = (color) => {
+    const linear = numbers(color).slice(0, 3).map((level) => level / 255).map(
+        (v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2];
+  };
+  const contrast = (a, b) => {
+    const [low, high] = [luminance(a), luminance(b)].sort((x, y) => x - y);
+    return (high + 0.05) / (low + 0.05);
+  };
+  const ground = (element) => {
+    const color = element ? getComputedStyle(element).backgroundColor : "rgb(255, 255, 255)";
+    return element && numbers(color)[3] === 0 ? ground(element.parentElement) : color;
+  };
+  const found = [];
+  const note = (element, what, ratio, min) => {
+    if (ratio < min) found.push((element.id || element.className) + ": " + what + " " +
+                                ratio.toFixed(2));
+  };
+  for (const element of document.querySelectorAll(".button, .icon-button, select, .switch span, " +
+      "input:not([type=range]):not([type=radio]):not([type=file])")) {
+    if (element.disabled || element.getClientRects().length === 0) continue;
+    note(element, "edge", contrast(getComputedStyle(element).borderTopColor,
+                                   ground(element.parentElement)), edgeMin);
+    if (element.placeholder) {
+      note(element, "placeholder", contrast(getComputedStyle(element, "::placeholder").color,
+                                            ground(element)), textMin);
+    }
+  }
+  return found;
+"""
+EDGE_CONTRAST_MIN, TEXT_CONTRAST_MIN = 3, 4.5  # WCAG 2.1, 1.4.11 and 1.4.3.
 CHANGE_SECONDS_MAX = 10
 SETTLE_SECONDS = 1
 SIZES = ((400, 800), (1440, 900), (3840, 2160))
@@ -33,7 +69,8 @@ def check_accessible(browser):
             browser.set_dark(dark)
             time.sleep(SETTLE_SECONDS)
             found += [f"{width_px} px, {'dark' if dark else 'light'}: {one}"
-                      for one in browser.run(RUN_AXE)]
+                      for one in browser.run(RUN_AXE) +
+                      browser.run(FAINT_CONTROLS, EDGE_CONTRAST_MIN, TEXT_CONTRAST_MIN)]
     browser.set_dark(False)
     assert not found, "\n".join(found)
 
