@@ -10,6 +10,7 @@
 #include "common/math/frame.h"
 #include "worker/render/geometry/affine.h"
 #include "worker/render/light/area_light_sampling.h"
+#include "worker/render/light/emitter_shapes.h"
 #include "worker/render/light/light_radiance.h"
 
 namespace sheaf::render {
@@ -19,19 +20,6 @@ namespace {
 constexpr double kRadiusSlack = 0x1p-20;
 
 // --- Surfaces ----------------------------------------------------------------------------------
-
-double AreaOf(const TriangleEmitter& t) {
-  const Vec3d v0 = ToDouble(t.v0);
-  return 0.5 * Length(Cross(ToDouble(t.v1) - v0, ToDouble(t.v2) - v0));
-}
-double AreaOf(const SphereEmitter& s) { return 4 * kPi * s.radius * s.radius; }
-double AreaOf(const DiskEmitter& d) {
-  return kPi * (d.radius - d.inner_radius) * (d.radius + d.inner_radius);
-}
-
-bool IsInward(const TriangleEmitter&) { return false; }
-bool IsInward(const SphereEmitter& s) { return s.inward; }
-bool IsInward(const DiskEmitter&) { return false; }
 
 // Uniform by area. wi is unused.
 ShapePoint SampleArea(const TriangleEmitter& t, Vec2f u) {
@@ -72,14 +60,6 @@ Vec3f EmittedDirection(Vec3f n, bool inward, bool two_sided, Vec2f u) {
     v.x = below ? 2 * v.x - 1 : 2 * v.x;
   }
   return CosineDirection(below ? -n : n, v);
-}
-
-// Calls f with the emitter. Requires: emitter < impl.first_delta().
-template <typename F>
-auto WithEmitter(const LightTable::Impl& impl, uint32_t emitter, const F& f) {
-  if (emitter < impl.first_sphere()) return f(impl.triangles[emitter]);
-  if (emitter < impl.first_disk()) return f(impl.spheres[emitter - impl.first_sphere()]);
-  return f(impl.disks[emitter - impl.first_disk()]);
 }
 
 // --- Lights without a surface ------------------------------------------------------------------
@@ -302,8 +282,14 @@ void LightEmission::SampleInfinite(const InfiniteEmitter& light, double probabil
   ray->is_infinite = true;
 }
 
-std::optional<double> LightEmission::MediaChoice(const EmissionUniforms& u) const {
-  const double choice = ExtendBits(u.light, SaltOf(u.position));
+uint32_t LightEmission::light_count() const { return lights_->light_count(); }
+uint32_t LightEmission::first_infinite() const { return lights_->impl().first_infinite(); }
+
+uint32_t LightEmission::choice_count() const {
+  return lights_->light_count() + (media_probability_ > 0 ? 1 : 0);
+}
+
+std::optional<double> LightEmission::MediaChoice(double choice) const {
   const uint32_t media = lights_->light_count();
   if (choice_.Sample(choice) != media) return std::nullopt;
   constexpr double kBelowOne = 1 - 0x1p-53;
@@ -311,12 +297,11 @@ std::optional<double> LightEmission::MediaChoice(const EmissionUniforms& u) cons
 }
 
 template <typename Color>
-std::optional<EmittedRayOf<Color>> LightEmission::SampleLe(
-    const EmissionUniforms& u, const WavelengthsOf<Color>& wavelengths) const {
-  if (empty()) return std::nullopt;
+std::optional<EmittedRayOf<Color>> LightEmission::SampleLeOf(
+    double choice, const EmissionUniforms& u, const WavelengthsOf<Color>& wavelengths) const {
   const LightTable::Impl& impl = lights_->impl();
   EmittedRayOf<Color> ray;
-  ray.light = static_cast<uint32_t>(choice_.Sample(ExtendBits(u.light, SaltOf(u.position))));
+  ray.light = Choose(choice);
   if (ray.light == lights_->light_count()) return std::nullopt;
   if (ray.light < impl.first_delta()) {
     SampleSurface<Color>(ray.light, u, wavelengths, &ray);
@@ -329,10 +314,10 @@ std::optional<EmittedRayOf<Color>> LightEmission::SampleLe(
   const bool usable = IsUsable(ray.pdf) && IsFinite(ray.power) && !ray.power.IsBlack();
   return usable ? std::optional(ray) : std::nullopt;
 }
-template std::optional<EmittedRayOf<Rgb>> LightEmission::SampleLe<Rgb>(const EmissionUniforms&,
-                                                                       const NoWavelengths&) const;
-template std::optional<EmittedRayOf<Spectral>> LightEmission::SampleLe<Spectral>(
-    const EmissionUniforms&, const Wavelengths&) const;
+template std::optional<EmittedRayOf<Rgb>> LightEmission::SampleLeOf<Rgb>(
+    double, const EmissionUniforms&, const NoWavelengths&) const;
+template std::optional<EmittedRayOf<Spectral>> LightEmission::SampleLeOf<Spectral>(
+    double, const EmissionUniforms&, const Wavelengths&) const;
 
 double LightEmission::PdfLe(uint32_t light, Vec3f p, Vec3f n, Vec3f w) const {
   if (empty()) return 0;

@@ -23,6 +23,7 @@
 #include <variant>
 #include <vector>
 
+#include "worker/render/light/emission_place.h"
 #include "worker/render/light/intensity_sampling.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/sampling/discrete_distribution.h"
@@ -75,8 +76,12 @@ class LightEmission {
   // Where the sample chooses media, a number in [0, 1) for a choice among them, independent of the
   // other numbers of u.
   std::optional<double> ChooseMedia(const EmissionUniforms& u) const {
+    return ChooseMedia(ChoiceOf(u));
+  }
+  // The same by a choice in [0, 1).
+  std::optional<double> ChooseMedia(double choice) const {
     if (media_probability_ == 0) return std::nullopt;
-    return MediaChoice(u);
+    return MediaChoice(choice);
   }
 
   // Samples a ray of a light that is no medium. None where the sample carries no light. Never
@@ -84,7 +89,14 @@ class LightEmission {
   // only points that it meets beyond the portal: those at which PdfLe is positive.
   template <typename Color = Rgb>
   std::optional<EmittedRayOf<Color>> SampleLe(const EmissionUniforms& u,
-                                              const WavelengthsOf<Color>& wavelengths = {}) const;
+                                              const WavelengthsOf<Color>& wavelengths = {}) const {
+    if (empty()) return std::nullopt;
+    return SampleLeOf<Color>(ChoiceOf(u), u, wavelengths);
+  }
+  // The same of the light that the choice, in [0, 1), gives. Requires: !empty().
+  template <typename Color>
+  std::optional<EmittedRayOf<Color>> SampleLeOf(double choice, const EmissionUniforms& u,
+                                                const WavelengthsOf<Color>& wavelengths) const;
   // The pdf of SampleLe for the ray that leaves the light along w (unit). p: the point that it
   // reaches; used for lights at infinity only. n: as EmittedRay::n. The bits are those of
   // EmittedRay::pdf, but where rounding puts a direction into the next texel.
@@ -99,9 +111,45 @@ class LightEmission {
   bool IsInfinite(uint32_t light) const;
   // A light on a surface.
   bool IsSurface(uint32_t light) const;
+  // Of the table; those at infinity are the last ones.
+  uint32_t light_count() const;
+  uint32_t first_infinite() const;
+
+  // --- The choice of a light: lights have intervals of [0, 1), in the order of their numbers.
+
+  // Lights that can be chosen: those of the table, and the media as the last one if they have
+  // power.
+  uint32_t choice_count() const;
+  // The number in [0, 1) by which the sample chooses.
+  static double ChoiceOf(const EmissionUniforms& u) {
+    return ExtendBits(u.light, SaltOf(u.position));
+  }
+  // Begin of the interval of the light, or of the one after the last. Requires: !empty().
+  double ChoiceBegin(uint32_t light) const { return choice_.Begin(light); }
+  // Requires: !empty(), choice in [0, 1).
+  uint32_t Choose(double choice) const { return static_cast<uint32_t>(choice_.Sample(choice)); }
+
+  // --- Places: coordinates of the rays of a light, by which they are learned (emission_places.cc).
+
+  // Coordinates in which the rays of the light differ. Media have directions alone.
+  EmissionAxes AxesOf(uint32_t light) const;
+  // The ray of a light that is no medium at the place; its pdf is PlaceDensity, and so never 0.
+  // None where it carries no light.
+  template <typename Color = Rgb>
+  std::optional<EmittedRayOf<Color>> RayAt(uint32_t light, const EmissionPlace& place,
+                                           const WavelengthsOf<Color>& wavelengths = {}) const;
+  // The place of the ray that leaves the light along w. p: a point on the ray; used for lights at
+  // infinity only. p_light, n: as for DensityAt. Media: by w alone.
+  EmissionPlace PlaceOfRay(uint32_t light, Vec3f p, Vec3f p_light, Vec3f n, Vec3f w) const;
+  // The density of the light's rays if their places are uniform, without the probability of
+  // choosing the light: in the measure of PdfLe, but over the cosine for surfaces.
+  double PlaceDensity(uint32_t light) const;
+  // The density of SampleLe's rays of the light along w, over that of rays with uniform places. 1
+  // for media.
+  double OwnDensity(uint32_t light, Vec3f w) const;
 
  private:
-  std::optional<double> MediaChoice(const EmissionUniforms& u) const;
+  std::optional<double> MediaChoice(double choice) const;
   // PdfLe over the cosine.
   double SurfaceDensity(uint32_t light, double cosine) const;
   double PowerOf(uint32_t light) const;
@@ -109,6 +157,13 @@ class LightEmission {
   double PowerOf(const InfiniteEmitter& light) const;
   // Area perpendicular to the rays of lights at infinity.
   double CrossSection() const;
+  // The point and the direction of RayAt for a surface.
+  template <typename Color>
+  void PlaceOnSurface(uint32_t light, const EmissionPlace& place,
+                      const WavelengthsOf<Color>& wavelengths, EmittedRayOf<Color>* ray) const;
+  // The ray of a light at infinity through a point of the disk, along the ray's w.
+  template <typename Color>
+  void PlaceOnDisk(Vec2d position, EmittedRayOf<Color>* ray) const;
   SpotDirections SpotOf(const DeltaLight& light) const;
   // Unit, in the light's space.
   Vec3d DirectionFrom(const DeltaLight& light, Vec2f u) const;

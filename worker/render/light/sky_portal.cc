@@ -241,4 +241,11 @@ double SkyPortal::PdfRay(Vec3f p, Vec3f d) const {
   return static_cast<double>(PdfAt(WholeView(), PlaceOf(wide, cosine))) / (Area() * cosine);
 }
 
+double SkyPortal::PdfOfRays(Vec3f d) const {
+  const Vec3d wide = ToDouble(d);
+  const double cosine = Dot(wide, axis_z_);
+  if (!(cosine > 0)) return 0;
+  return static_cast<double>(PdfAt(WholeView(), PlaceOf(wide, cosine))) / cosine;
+}
+
 }  // namespace sheaf::render

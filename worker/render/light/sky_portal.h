@@ -57,7 +57,22 @@ class SkyPortal {
   // The pdf of SampleRay for the ray that arrives at p from direction d; positive exactly where
   // Pdf(p, d) is. d: unit.
   double PdfRay(Vec3f p, Vec3f d) const;
+  // The pdf of the directions of SampleRay, over their cosine with the axis; 0 behind the
+  // rectangle.
+  double PdfOfRays(Vec3f d) const;
   double Area() const { return width_ * height_; }
+  // The axis of the rectangle to which light comes from, and the point at (s, t) of [0, 1]^2.
+  Vec3d Axis() const { return axis_z_; }
+  Vec3d AxisX() const { return axis_x_; }
+  Vec3d PointAt(Vec2d st) const {
+    return corner_ + st.x * width_ * axis_x_ + st.y * height_ * axis_y_;
+  }
+  // (s, t) where the line through p along d meets the plane of the rectangle. Requires: d is not
+  // parallel to it.
+  Vec2d Meets(Vec3d p, Vec3d d) const {
+    const Vec3d q = p + (Dot(corner_ - p, axis_z_) / Dot(d, axis_z_)) * d - corner_;
+    return {Dot(q, axis_x_) / width_, Dot(q, axis_y_) / height_};
+  }
 
  private:
   // Angles as a position in the table, both in [0, cells].
