@@ -136,8 +136,12 @@ class PlanCommand : public Command {
           measured.Gain(TechniqueSet::kCameraAndLightGuided);
     }
     if (measured.split) {
-      const TechniqueSet split = measured.Best().With(Technique::kSplitting);
+      const TechniqueSet split = measured.BestOfPlain().With(Technique::kSplitting);
       gains[split.Name()] = measured.Gain(split);
+    }
+    if (measured.emission_guided) {
+      const TechniqueSet guided = measured.BestOfPlain().With(Technique::kEmissionGuiding);
+      gains[guided.Name()] = measured.Gain(guided);
     }
     nlohmann::ordered_json json = {{"best", measured.Best().Name()},
                                    {"gain", measured.Gain(measured.Best())},
@@ -151,6 +155,10 @@ class PlanCommand : public Command {
                                    {"camera+light", cost(measured.both)},
                                    {"camera+guiding", cost(measured.guided)}};
     if (measured.guided_both) json["camera+light+guiding"] = cost(*measured.guided_both);
+    if (measured.emission_guided) {
+      json["emission_guided"] = cost(*measured.emission_guided);
+      json["gain_of_emission_guiding"] = measured.GainOfGuidedEmission();
+    }
     return json;
   }
 

@@ -247,7 +247,9 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "small lights behind glass sooner; or at lights alone where possible. +guiding: paths "
           "from the camera also go where a training, before the first sample, found light, for "
           "rooms that are lit indirectly. +splitting: several paths go on from where that light "
-          "matters most. All have the same mean. auto: at lights too if that pays, which a small "
+          "matters most. +emission-guiding: paths from lights begin where, as the training found, "
+          "light reaches the picture, for pictures of a small part of the scene. All have the same "
+          "mean. auto: at lights too if that pays, which a small "
           "image measures first (default: those of the scene's integrator)")
       ->type_name(absl::StrJoin(TechniquesWords(), "|"));
   command->add_flag("--generic", settings->force_generic_variant,

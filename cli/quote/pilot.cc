@@ -87,7 +87,7 @@ absl::StatusOr<PilotImage> FetchPilot(FarmClient* client, const v1::Frame& frame
     if (!times.ok()) return times.status();
     pilot.cpu_seconds_of_tiles = *std::move(times);
   }
-  const bool is_trained = !level.lattice.All() && IsGuided(techniques);
+  const bool is_trained = !level.lattice.All() && NeedsTraining(techniques);
   for (const auto& [is_there, key, seconds] :
        {std::tuple{level.is_light_image, "lightCpuSeconds", &pilot.light_cpu_seconds},
         std::tuple{is_trained, "trainingCpuSeconds", &pilot.training_cpu_seconds}}) {
@@ -261,7 +261,7 @@ coordinator::PilotTechniques NeedsOf(const FrameSettings& settings) {
     needs.light_paths_per_pixel = static_cast<double>(coordinator::PathsPerLightPass(settings)) /
                                   static_cast<double>(settings.window.PixelCount());
   }
-  needs.is_guided = IsGuided(settings.techniques);
+  needs.is_guided = NeedsTraining(settings.techniques);
   return needs;
 }
 

@@ -16,7 +16,7 @@ absl::StatusOr<StudyScene> StudyScenes::Compile(const FrameSettings& settings, i
   if (!frame.ok()) return frame.status();
   made.frame = *std::move(frame);
   const bool shares_field = HasLightPaths(settings.techniques);
-  if (IsGuided(settings.techniques)) {
+  if (NeedsTraining(settings.techniques)) {
     if (shares_field && !field_.empty()) {
       if (absl::Status set = SetGuiding(*made.frame, field_); !set.ok()) return set;
       made.training_cpu_seconds = field_cpu_seconds_;
@@ -44,7 +44,7 @@ absl::Status StudyScenes::CompileSmall(int32_t shrink, const render::CompileTech
       CompileOne(ShrunkFrame(settings, shrink), techniques);
   if (!small.ok()) return small.status();
   scene->small = *std::move(small);
-  return IsGuided(settings.techniques) ? SetGuiding(*scene->small, field_) : absl::OkStatus();
+  return NeedsTraining(settings.techniques) ? SetGuiding(*scene->small, field_) : absl::OkStatus();
 }
 
 absl::StatusOr<render::CompiledScenePtr> StudyScenes::CompileOne(

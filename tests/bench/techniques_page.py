@@ -39,7 +39,8 @@ REFERENCE_TECHNIQUES = "camera+light+guiding"
 REFERENCE_FACTOR = 16
 PICTURES = ("caustic", "ajar", "frosted")
 TECHNIQUES = ("camera", "camera+light", "camera+guiding", "camera+light+guiding",
-              "camera+guiding+splitting", "camera+light+guiding+splitting")
+              "camera+guiding+splitting", "camera+light+guiding+splitting",
+              "camera+light+emission-guiding")
 
 
 def run(command):
@@ -104,7 +105,9 @@ def page(rows, samples, public):
         "Techniques are those of a whole frame. A choice by region gains a tenth at most in each "
         "scene where `tests/bench/technique_regions.py` measured it: "
         "[ADR 97](adr/0097-techniques-by-frame.md). What `auto` gains, with the price of its own "
-        "choice, is in [ADR 64](adr/0064-techniques-by-measured-efficiency.md).", "",
+        "choice, is in [ADR 64](adr/0064-techniques-by-measured-efficiency.md). Where the picture "
+        "shows a small part of the scene, `+emission-guiding` learns where light paths begin that "
+        "reach it: [ADR 128](adr/0128-emission-is-guided.md).", "",
         "| scene | techniques | relMSE | CPU s | efficiency | light that light paths find | auto |",
         "|---|---|---|---|---|---|---|"]
     for row in rows:

@@ -115,6 +115,15 @@ class LightPathsTest(unittest.TestCase):
             f.kill(self.random.choice(f.workers))
             self.assertEqual(self.finished(f, job), self.expected)
             self.assertEqual(self.finished(f, merged), self.merged)
+            # The workers that are left learn where light paths begin, once for all of them.
+            guided = ("--samples", SAMPLES, "--techniques", "camera+light+emission-guiding")
+            expected = self.rendered("guided", *guided)
+            self.assertNotEqual(expected, self.expected)
+            for passes in (SMALL, ("--tile-size", 16, "--pass-samples", 16)):
+                with self.subTest(passes=passes):
+                    job = f.sheaf("submit", self.scene, *guided, *passes).stdout.strip()
+                    self.assertEqual(self.finished(f, job, "guided farmed"), expected)
+            self.assertEqual(self.rendered("guided", *guided, *SMALL, "--threads", 3), expected)
 
     def test_killed_coordinators(self):
         samples = ("--samples", 8 * SAMPLES, *BOTH)

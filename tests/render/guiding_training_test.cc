@@ -78,6 +78,39 @@ TEST(GuidingTrainingTest, ThreadsChangeNoByte) {
   }
 }
 
+// Light paths alone are traced for a field of emission alone, and before all else where there is
+// more to learn.
+FrameSettings EmissionSettings() {
+  FrameSettings settings = GuidedSettings();
+  settings.techniques = {Technique::kLightPaths, Technique::kEmissionGuiding};
+  return settings;
+}
+TEST(GuidingTrainingTest, EmissionIsLearnedByLightPaths) {
+  uint32_t cells = 0;
+  for (const TestScene& t : Scenes()) {
+    const CompiledScenePtr scene = CompileTrained(t, EmissionSettings());
+    RenderStats stats;
+    const absl::StatusOr<std::string> field = TrainGuiding(*scene, 1, {}, &stats);
+    ASSERT_TRUE(field.ok()) << field.status();
+    EXPECT_TRUE(FieldOf(*scene, 4) == *field);
+    EXPECT_GE(stats.rays, kSmallTraining.training_paths_first * ((1u << kEmissionIterations) - 1));
+    EXPECT_GT(stats.cpu_seconds, 0);
+    ASSERT_TRUE(SetGuiding(*scene, *field).ok());
+    const LearnedFields& learned = *scene->guiding->fields();
+    EXPECT_FALSE(learned.emission.empty());
+    cells += learned.emission.cell_count();
+    EXPECT_EQ(learned.directions.region_count(), 1u);
+    FrameSettings both = EmissionSettings();
+    both.techniques = both.techniques.With(Technique::kGuiding);
+    const CompiledScenePtr guided = CompileTrained(t, both);
+    ASSERT_TRUE(SetGuiding(*guided, FieldOf(*guided)).ok());
+    EXPECT_TRUE(guided->guiding->fields()->emission.Encode() == learned.emission.Encode());
+    EXPECT_GT(guided->guiding->fields()->directions.region_count(), 1u);
+  }
+  // Where every path reaches the picture there is nothing to tell apart.
+  EXPECT_GT(cells, 16u);
+}
+
 // A crop, a refinement, another output and the generic variant have the field of the frame.
 TEST(GuidingTrainingTest, DependsOnTheFrameAlone) {
   const std::function<void(FrameSettings*)> changes[] = {
@@ -92,11 +125,13 @@ TEST(GuidingTrainingTest, DependsOnTheFrameAlone) {
       [](FrameSettings* s) { s->force_generic_variant = true; },
   };
   for (const TestScene& t : Scenes()) {
-    const std::string field = FieldFor(t, GuidedSettings());
-    for (const auto& change : changes) {
-      FrameSettings settings = GuidedSettings();
-      change(&settings);
-      EXPECT_TRUE(FieldFor(t, settings) == field);
+    for (const FrameSettings& frame : {GuidedSettings(), EmissionSettings()}) {
+      const std::string field = FieldFor(t, frame);
+      for (const auto& change : changes) {
+        FrameSettings settings = frame;
+        change(&settings);
+        EXPECT_TRUE(FieldFor(t, settings) == field);
+      }
     }
   }
 }
@@ -153,7 +188,7 @@ TEST(GuidingTrainingTest, FramesWithoutGuidingAreRefused) {
   const CompiledScenePtr scene = CompileTrained(Diffuse({1}), settings);
   const absl::Status trained = TrainGuiding(*scene, 1, {}, nullptr).status();
   EXPECT_EQ(trained.code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_THAT(trained.message(), HasSubstr("camera+guiding"));
+  EXPECT_THAT(trained.message(), HasSubstr("must have guiding or emission-guiding"));
   const std::string field = FieldFor(Diffuse({1}), GuidedSettings());
   EXPECT_EQ(SetGuiding(*scene, field).code(), absl::StatusCode::kInvalidArgument);
   EXPECT_TRUE(EnsureGuiding(*scene, {}).ok());
@@ -215,8 +250,9 @@ TEST(GuidingTrainingTest, SentFieldsAreUsedAndTheFirstOneStays) {
 
 TEST(GuidingTrainingTest, DamagedFieldsAreRefused) {
   const TestScene t = Diffuse({1});
-  const std::string field = FieldFor(t, GuidedSettings());
-  const CompiledScenePtr scene = CompileTrained(t, GuidedSettings());
+  const FrameSettings settings = EmissionSettings();
+  const std::string field = FieldFor(t, settings);
+  const CompiledScenePtr scene = CompileTrained(t, settings);
   std::string other_start = field;
   other_start[0] ^= 1;
   for (const std::string& damaged :
@@ -236,7 +272,7 @@ TEST(GuidingTrainingTest, DamagedFieldsAreRefused) {
 TEST(GuidedFrameTest, CropsAreThatPartOfTheWhole) {
   for (const TechniqueSet techniques :
        {TechniqueSet::kCameraGuided, TechniqueSet::kCameraAndLightGuided,
-        TechniqueSet::kCameraGuidedSplit}) {
+        TechniqueSet::kCameraGuidedSplit, EmissionSettings().techniques}) {
     FrameSettings settings = GuidedSettings();
     settings.techniques = techniques;
     for (const TestScene& t : {SlitRoom({1}, 0.3f), Cloudy({1})}) {

@@ -4,7 +4,8 @@
 // Tests that the weights of the three techniques that find a path sum to 1: random light paths are
 // followed again from the camera, vertex by vertex, and all weights computed for the same path. For
 // a path that begins in emissive media, they are those of all light along its line.
-// With guiding, the camera's densities are those of a field that a training has learned.
+// With guiding, the camera's densities are those of a field that a training has learned; with
+// guided emission, those of lights are.
 // Where light paths are merged, the camera sees the paths in a mirror.
 #include <gtest/gtest.h>
 
@@ -56,12 +57,22 @@ class WeightsTest : public ::testing::Test {
     settings.techniques =
         kGuided ? TechniqueSet::kCameraAndLightGuided : TechniqueSet::kCameraAndLight;
     if (merges) settings.techniques = settings.techniques.With(Technique::kMerging);
-    compiled_ = Compile(test_scene.scene, settings, kSmallTraining);
+    if (guides_emission_) {
+      settings.techniques = settings.techniques.With(sheaf::Technique::kEmissionGuiding);
+    }
+    compiled_ = Compile(
+        test_scene.scene, settings,
+        guides_emission_ ? CompileTechniques{.training_paths_first = 16384} : kSmallTraining);
     ASSERT_TRUE(EnsureGuiding(*compiled_, {}).ok());
+    if (guides_emission_) {
+      ASSERT_GT(compiled_->guiding->fields()->emission.cell_count(), 1u);
+    }
   }
   template <typename C>
   Context<C> ContextOf(const Sampler& sampler, LightGroups<Rgb>& groups) {
-    Context<C> context{*compiled_, *compiled_->tracer, sampler, counts_, nullptr, groups, {}};
+    Context<C> context{*compiled_, *compiled_->tracer, sampler, counts_, nullptr, groups, {}, {}};
+    const LearnedFields* fields = compiled_->guiding ? compiled_->guiding->fields() : nullptr;
+    context.emission = EmissionBy<C>(*compiled_, fields);
     if constexpr (kGuided) context.guiding.fields = compiled_->guiding->fields();
     return context;
   }
@@ -87,6 +98,7 @@ class WeightsTest : public ::testing::Test {
   // Every path of the light path that the sampler names that is rough at all vertices.
   void AddPaths(uint64_t index, std::vector<std::pair<Path, double>>* paths);
 
+  bool guides_emission_ = false;
   CompiledScenePtr compiled_;
   RayCounts counts_;
 };
@@ -174,7 +186,7 @@ Weights WeightsTest<kTraits>::WeightsAt(const Context<FromCamera>& c,
   weights.sampled = static_cast<double>(at.LightSampleWeight(c, light, pdf, *path));
   if (end.can_be_hit) {
     scatter();
-    const double emitted = compiled_->emission->DensityAt(end.light, at.point.p, end.p, end.n, -wi);
+    const double emitted = c.emission.DensityAt(end.light, at.point.p, end.p, end.n, -wi);
     weights.hit = static_cast<double>(HitWeight(c, static_cast<double>(light.pdf), emitted, *path));
   }
   return weights;
@@ -304,7 +316,7 @@ void WeightsTest<kTraits>::ExpectSumsOfOne(const std::vector<TestScene>& scenes,
       weights->light_path = light_path;
       if (std::fabs(weights->Sum() - 1) <= 2e-4) continue;
       ++off;
-      EXPECT_TRUE(kGuided || kEmission)
+      EXPECT_TRUE(kGuided || kEmission || guides_emission_)
           << path.points.size() << " vertices: " << weights->light_path << " + " << weights->sampled
           << " + " << weights->hit;
     }
@@ -314,7 +326,7 @@ void WeightsTest<kTraits>::ExpectSumsOfOne(const std::vector<TestScene>& scenes,
   // The two ends of a path round its points and directions differently, and at the border of two
   // regions, or of two quads, the field's density jumps; so does that of lines through the edges of
   // cells.
-  EXPECT_LE(off, kGuided ? compared / 100 : kEmission ? compared / 1000 : 0);
+  EXPECT_LE(off, kGuided || guides_emission_ ? compared / 100 : kEmission ? compared / 1000 : 0);
   EXPECT_GE(from_media, kEmission ? compared / 4 : 0);
   EXPECT_GT(compared, 5'000);
   EXPECT_GT(compared, followed * 0.95);
@@ -359,6 +371,18 @@ TEST_F(LightPathWeightsTest, SumToOneWhereLightPathsAreMerged) {
 }
 TEST_F(GuidedPathWeightsTest, SumToOneWhereLightPathsAreMerged) {
   ExpectSumsOfOneInMirror(MirroredScenes());
+}
+TEST_F(LightPathWeightsTest, SumToOneWhereEmissionIsGuided) {
+  guides_emission_ = true;
+  ExpectSumsOfOne(RoughScenes());
+}
+TEST_F(GuidedPathWeightsTest, SumToOneWhereEmissionIsGuidedToo) {
+  guides_emission_ = true;
+  ExpectSumsOfOne(RoughScenes());
+}
+TEST_F(FlameWeightsTest, SumToOneWhereEmissionIsGuided) {
+  guides_emission_ = true;
+  ExpectSumsOfOne({RoomWithFlame()}, 5'000);
 }
 TEST_F(GasWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne({SmokelessRoom()}, 5'000); }
 TEST_F(FlameWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne({RoomWithFlame()}, 5'000); }

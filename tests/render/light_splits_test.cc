@@ -149,7 +149,7 @@ class WeightsOf {
     const Sampler sampler(7, static_cast<int32_t>(index % kSizePx),
                           static_cast<int32_t>(index / kSizePx % kSizePx), index);
     LightGroups<Rgb> groups;
-    Context<C> c{*compiled_, *compiled_->tracer, sampler, counts_, nullptr, groups, {}};
+    Context<C> c{*compiled_, *compiled_->tracer, sampler, counts_, nullptr, groups, {}, {}};
     if constexpr (C::kGuided) c.guiding.fields = compiled_->guiding->fields();
     PathState<C> path;
     path.ray = compiled_->camera.template MakeRay<kTraits>(

@@ -66,7 +66,9 @@ class PathDensityTest : public ::testing::Test {
   }
   template <typename C>
   Context<C> ContextOf(const Sampler& sampler, LightGroups<Color>& groups) {
-    Context<C> context{*compiled_, *compiled_->tracer, sampler, counts_, nullptr, groups, {}};
+    Context<C> context{*compiled_, *compiled_->tracer, sampler, counts_, nullptr, groups, {}, {}};
+    context.emission =
+        EmissionBy<C>(*compiled_, compiled_->guiding ? compiled_->guiding->fields() : nullptr);
     if constexpr (kGuided) context.guiding.fields = compiled_->guiding->fields();
     return context;
   }
@@ -261,9 +263,8 @@ std::optional<typename PathDensityTest<kTraits>::Carried> PathDensityTest<kTrait
   const Vec3f p = at.point.p;
   const bool at_infinity = end.is_infinite || end.is_medium;
   const Vec3f wi = at_infinity ? found->path.towards_light : Normalize(end.p - p);
-  const double emitted = end.is_infinite
-                             ? compiled_->emission->InfiniteDensityAt(p, -wi)
-                             : compiled_->emission->DensityAt(end.light, p, end.p, end.n, -wi);
+  const double emitted = end.is_infinite ? c.emission.InfiniteDensityAt(p, -wi)
+                                         : c.emission.DensityAt(end.light, p, end.p, end.n, -wi);
   Carried carried;
   LightSampleOf<Color> light;
   light.wi = wi;

@@ -105,6 +105,28 @@ TEST(TechniqueMeasurementTest, SplittingMustPay) {
   EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLightGuided);
 }
 
+TEST(TechniqueMeasurementTest, GuidedEmissionMustPay) {
+  TechniqueMeasurement measured;
+  measured.camera = {100, 1};
+  measured.both = {10, 2};
+  measured.guided = {90, 2};
+  const TechniqueSet guided = TechniqueSet::kCameraAndLight.With(Technique::kEmissionGuiding);
+  const auto best_of = [&](TechniqueCost emission_guided) {
+    measured.emission_guided = emission_guided;
+    return measured.Best();
+  };
+  EXPECT_EQ(best_of({2, 4}), guided);
+  EXPECT_EQ(measured.Gain(guided), 100.0 / 8);
+  EXPECT_THAT(FormatTechniqueMeasurement(measured),
+              HasSubstr("guided emission is 2.5 times as efficient"));
+  EXPECT_EQ(best_of({9, 2}), TechniqueSet::kCameraAndLight);
+  EXPECT_EQ(best_of({0, 2}), TechniqueSet::kCameraAndLight);
+  // Light that only light paths find.
+  measured.only_light_share = 0.1;
+  EXPECT_EQ(best_of({2, 4}), guided);
+  EXPECT_TRUE(std::isinf(measured.Gain(guided)));
+}
+
 // A frame of plain light pays for the first look alone; another one for images that grow with it.
 TEST(TechniqueMeasurementTest, ImagesAreAFractionOfTheFrame) {
   TableFileSource files({});

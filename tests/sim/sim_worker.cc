@@ -152,7 +152,8 @@ void SimWorker::CheckGrant(const worker::Lease& lease) {
       id_, " ", lease.frame_digest, " ", lease.tile.x0, " ", lease.tile.y0, " ", lease.block.first,
       " ", lease.block.count, " ", lease.cells.mask, " ", TaskKindName(lease.kind));
   world_.tokens[lease.lease_id] = lease.token;
-  const bool needs_field = IsGuided(lease.settings.techniques) && lease.kind != TaskKind::kTraining;
+  const bool needs_field =
+      NeedsTraining(lease.settings.techniques) && lease.kind != TaskKind::kTraining;
   if (needs_field != !lease.field.sha256_hex.empty()) {
     world_.Broken(absl::StrCat("lease ", lease.lease_id, needs_field ? " lacks its" : " has a",
                                " guiding field"));

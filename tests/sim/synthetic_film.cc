@@ -45,7 +45,7 @@ uint64_t GuidedSeed(uint64_t seed, const std::string& field_sha256) {
 // The seed of a frame's true samples.
 uint64_t TrueSeedOf(const FrameSpec& frame) {
   const uint64_t seed = SeedOf(frame.frame_digest);
-  if (!IsGuided(frame.settings.techniques)) return seed;
+  if (!NeedsTraining(frame.settings.techniques)) return seed;
   return GuidedSeed(seed, Sha256Hex(FieldOf(seed)));
 }
 

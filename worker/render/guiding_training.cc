@@ -12,6 +12,7 @@
 #include "common/base/mutex.h"
 #include "common/base/parallel.h"
 #include "worker/render/guiding/contribution_statistics.h"
+#include "worker/render/guiding/emission_statistics.h"
 #include "worker/render/guiding/guiding_statistics.h"
 #include "worker/render/guiding/learned_fields.h"
 #include "worker/render/guiding/training_size.h"
@@ -103,14 +104,16 @@ class Training {
       : scene_(scene),
         threads_(static_cast<int>(std::max(1u, threads))),
         stop_(std::move(stop)),
-        train_(FunctionFor(scene)) {}
+        train_(IsGuided(scene.settings.techniques) ? FunctionFor(scene) : nullptr) {}
 
   absl::StatusOr<LearnedFields> Run() {
     const FrameSettings& settings = scene_.settings;
     const uint64_t paths = scene_.training_paths_first > 0
                                ? scene_.training_paths_first
                                : TrainingPathsFirst(settings.width_px, settings.height_px);
-    LearnedFields fields{GuidingField(BoxOf(scene_)), {}, {}};
+    LearnedFields fields{GuidingField(BoxOf(scene_)), {}, {}, {}};
+    if (GuidesEmission(settings.techniques) && !LearnEmission(paths, &fields)) return Cancelled();
+    if (!IsGuided(settings.techniques)) return fields;
     ScaleSink scale;
     if (!Trace(0, fields, std::min(kScalePaths, paths), &scale)) return Cancelled();
     const int unit_exponent = std::clamp(scale.Exponent() - kScaleBits, -kGuidingUnitExponentMax,
@@ -160,6 +163,27 @@ class Training {
   static absl::Status Cancelled() { return absl::CancelledError("the training was stopped"); }
 
   // False where a stop was requested.
+  bool LearnEmission(uint64_t paths, LearnedFields* fields) {
+    const FrameSettings& settings = scene_.settings;
+    const LightTrainingFunction train = LightTrainingFunctionOf(
+        ChooseLightPathVariant(scene_.plan.traits, settings.force_generic_variant));
+    EmissionStatistics statistics(*scene_.emission);
+    for (uint32_t i = 0; i < kEmissionIterations; ++i) {
+      const TrainingPass pass{settings.seed ^ kLightPathSeed, i, settings.width_px,
+                              settings.height_px};
+      statistics.Begin(fields->emission, paths << i);
+      const bool is_done = TraceRanges(paths << i, [&](uint64_t first, uint64_t end, RayCounts* c) {
+        train(scene_, pass, *fields, first, end, &statistics, c);
+      });
+      if (!is_done) return false;
+      const double start_seconds = ThreadCpuSeconds();
+      fields->emission = statistics.Fit();
+      cpu_seconds_ += ThreadCpuSeconds() - start_seconds;
+    }
+    return true;
+  }
+
+  // False where a stop was requested.
   bool LearnContributions(uint64_t paths, int unit_exponent, LearnedFields* fields) {
     const FrameSettings& settings = scene_.settings;
     const ContributionGrid grid = ContributionGridFor(settings.width_px, settings.height_px, paths);
@@ -177,12 +201,21 @@ class Training {
   bool Trace(uint32_t iteration, const LearnedFields& fields, uint64_t paths, GuidingSink* sink) {
     const FrameSettings& settings = scene_.settings;
     const TrainingPass pass{settings.seed, iteration, settings.width_px, settings.height_px};
+    return TraceRanges(paths, [&](uint64_t first, uint64_t end, RayCounts* counts) {
+      train_(scene_, pass, fields, first, end, sink, counts);
+    });
+  }
+
+  // Calls trace(first, end, &counts) for ranges of the paths, on all threads. False where a stop
+  // was requested.
+  template <typename Trace>
+  bool TraceRanges(uint64_t paths, const Trace& trace) {
     ParallelRanges(paths, kPathsAtOnce, threads_, [&](uint64_t first, uint64_t end) {
       if (stop_.stop_requested()) return;
       const double start_seconds = ThreadCpuSeconds();
       RayCounts counts;
       counts.majorant_factor = scene_.majorant_factor;
-      train_(scene_, pass, fields, first, end, sink, &counts);
+      trace(first, end, &counts);
       const MutexLock lock(&mutex_);
       counts_.Add(counts);
       cpu_seconds_ += ThreadCpuSeconds() - start_seconds;
@@ -199,6 +232,10 @@ class Training {
   double cpu_seconds_ = 0;
 };
 
+uint32_t EmittingCount(const CompiledScene& scene) {
+  return scene.emission == nullptr || scene.emission->empty() ? 0 : scene.emission->choice_count();
+}
+
 uint32_t ThreadsOfMachine() { return std::max(1u, std::thread::hardware_concurrency()); }
 
 }  // namespace
@@ -207,8 +244,8 @@ absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t th
                                          std::stop_token stop, RenderStats* stats) {
   if (scene.guiding == nullptr) {
     return absl::InvalidArgumentError(
-        "a training was requested of a frame without guiding; its techniques must be "
-        "camera+guiding or camera+light+guiding, with or without +splitting");
+        "a training was requested of a frame that needs none; its techniques must have guiding or "
+        "emission-guiding");
   }
   Training training(scene, threads, std::move(stop));
   const absl::StatusOr<LearnedFields> fields = training.Run();
@@ -219,10 +256,10 @@ absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t th
 
 absl::Status SetGuiding(const CompiledScene& scene, std::string_view fields) {
   if (scene.guiding == nullptr) {
-    return absl::InvalidArgumentError("a frame without guiding was given a guiding field");
+    return absl::InvalidArgumentError("a frame without guiding was given learned fields");
   }
   return scene.guiding->SetOnce(
-      [&] { return LearnedFields::Decode(fields, scene.lights->choice()); });
+      [&] { return LearnedFields::Decode(fields, scene.lights->choice(), EmittingCount(scene)); });
 }
 
 absl::Status EnsureGuiding(const CompiledScene& scene, std::stop_token stop) {

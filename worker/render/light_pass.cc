@@ -35,7 +35,7 @@ absl::StatusOr<FilmTile> RenderLightPass(const CompiledScene& scene, PixelRect w
   if (scene.emission == nullptr) {
     return absl::InvalidArgumentError(
         "a light pass was requested of a frame that has paths from the camera alone; its "
-        "techniques must be camera+light, light or camera+light+guiding, which may be split");
+        "techniques must be camera+light, light or others with light");
   }
   if (window.IsEmpty() || !IsAligned(block)) {
     return absl::InvalidArgumentError("a light pass needs a window with pixels and aligned passes");

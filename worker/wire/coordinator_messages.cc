@@ -57,11 +57,11 @@ absl::Status CheckLease(const Lease& lease) {
     if (!fits) return absl::InvalidArgumentError("its light passes are not those of its frame");
   }
   if (lease.kind == TaskKind::kTraining) {
-    const bool fits = IsGuided(settings.techniques) && lease.tile == settings.window &&
+    const bool fits = NeedsTraining(settings.techniques) && lease.tile == settings.window &&
                       lease.cells.All() && lease.block == SampleBlock{0, 1};
     if (!fits) return absl::InvalidArgumentError("its training is not that of its frame");
   }
-  const bool needs_field = IsGuided(settings.techniques) && lease.kind != TaskKind::kTraining;
+  const bool needs_field = NeedsTraining(settings.techniques) && lease.kind != TaskKind::kTraining;
   if (needs_field != !lease.field.sha256_hex.empty()) {
     return absl::InvalidArgumentError(needs_field ? "its guiding field is missing"
                                                   : "its task needs no guiding field");

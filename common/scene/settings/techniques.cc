@@ -30,6 +30,7 @@ constexpr TechniqueRow kTechniques[] = {
     {Technique::kGuiding, "guiding", {}, true},
     {Technique::kSplitting, "splitting", {Technique::kGuiding}, true},
     {Technique::kMerging, "merging", {Technique::kLightPaths}},
+    {Technique::kEmissionGuiding, "emission-guiding", {Technique::kLightPaths}},
 };
 
 // The first thing that a technique of the set needs and lacks; both are words of names.

@@ -36,6 +36,8 @@ enum class Technique : uint8_t {
   // Light paths are merged with camera paths at the first rough vertex behind specular ones, within
   // a radius that shrinks with the samples. This blurs the light: it alone changes the mean.
   kMerging = 4,
+  // Light paths begin where light reaches the picture, by a learned field of what they brought.
+  kEmissionGuiding = 5,
 };
 
 // The techniques of a frame: paths from the camera and what is added to them.
@@ -132,6 +134,14 @@ constexpr bool SplitsPaths(TechniqueSet techniques) {
 // Whether light paths are merged with camera paths.
 constexpr bool MergesLightPaths(TechniqueSet techniques) {
   return techniques.Has(Technique::kMerging);
+}
+// Whether the beginnings of light paths are guided by a learned field.
+constexpr bool GuidesEmission(TechniqueSet techniques) {
+  return techniques.Has(Technique::kEmissionGuiding);
+}
+// Whether fields are learned before the first sample.
+constexpr bool NeedsTraining(TechniqueSet techniques) {
+  return IsGuided(techniques) || GuidesEmission(techniques);
 }
 
 // The names of all sets, in the order of their numbers.

@@ -72,6 +72,9 @@ TEST(TechniqueSetTest, ErrorsSayWhatToGive) {
             "\"light+guiding\": guiding needs camera; give camera+light+guiding");
   EXPECT_EQ(ErrorOf("light+splitting"),
             "\"light+splitting\": splitting needs guiding; give camera+light+guiding+splitting");
+  EXPECT_EQ(ErrorOf("camera+emission-guiding"),
+            "\"camera+emission-guiding\": emission-guiding needs light; give "
+            "camera+light+emission-guiding");
   EXPECT_EQ(ErrorOf("guiding"), "\"guiding\": guiding needs camera; give camera+guiding");
   for (const char* name : {"lights", "unknown", "", "camera+", "camera light"}) {
     EXPECT_EQ(TechniqueSet::Parse(name).status().code(), absl::StatusCode::kNotFound) << name;
@@ -84,6 +87,8 @@ TEST(TechniqueSetTest, NamesTellWhatASetHas) {
     EXPECT_EQ(HasLightPaths(set), name.find("light") != std::string::npos) << name;
     EXPECT_EQ(IsGuided(set), name.find("+guiding") != std::string::npos) << name;
     EXPECT_EQ(SplitsPaths(set), name.find("splitting") != std::string::npos) << name;
+    EXPECT_EQ(GuidesEmission(set), name.find("+emission-guiding") != std::string::npos) << name;
+    EXPECT_EQ(NeedsTraining(set), name.find("guiding") != std::string::npos) << name;
     EXPECT_NE(set.Has(Technique::kLightPathsAlone), name.starts_with("camera")) << name;
   }
 }
@@ -94,9 +99,11 @@ TEST(TechniqueSetTest, SetsGrowWithWhatTechniquesNeedAndShrinkWithThoseThatNeedT
     EXPECT_FALSE(HasLightPaths(camera)) << set.Name();
     EXPECT_EQ(IsGuided(camera), IsGuided(set)) << set.Name();
     EXPECT_EQ(SplitsPaths(camera), SplitsPaths(set)) << set.Name();
+    EXPECT_FALSE(GuidesEmission(camera)) << set.Name();
     const TechniqueSet unguided = set.Without(Technique::kGuiding);
     EXPECT_FALSE(IsGuided(unguided) || SplitsPaths(unguided)) << set.Name();
     EXPECT_EQ(HasLightPaths(unguided), HasLightPaths(set)) << set.Name();
+    EXPECT_EQ(GuidesEmission(unguided), GuidesEmission(set)) << set.Name();
     const TechniqueSet split = set.With(Technique::kSplitting);
     EXPECT_TRUE(IsGuided(split) && SplitsPaths(split)) << set.Name();
     EXPECT_EQ(HasLightPaths(split), HasLightPaths(set)) << set.Name();

@@ -54,7 +54,7 @@ class CellGrid {
            bool has_light_tile = false, bool has_training_tile = false);
   CellGrid(const FrameSpec& frame, const Partition& partition)
       : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition),
-                 HasLightPasses(frame.settings), IsGuided(frame.settings.techniques)) {}
+                 HasLightPasses(frame.settings), NeedsTraining(frame.settings.techniques)) {}
 
   int32_t tile_size_px() const { return tile_size_px_; }
   int32_t cell_size_px() const { return cell_size_px_; }

@@ -79,7 +79,7 @@ FilmTile SyntheticLightPart(uint64_t seed, PixelRect window, SampleBlock block) 
 
 FrameImage SyntheticImage(const FrameSettings& settings) {
   FrameImage image = MakeFrameImage(settings.window, settings.width_px, settings.height_px);
-  const uint64_t seed = IsGuided(settings.techniques)
+  const uint64_t seed = NeedsTraining(settings.techniques)
                             ? GuidedSeed(settings.seed, SyntheticField(settings.seed))
                             : settings.seed;
   TileTree tree(settings.window);

@@ -147,17 +147,32 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(bool thorough, PilotRenderer*
   }
   const Judge judge(pilots, renderer->settings());
   TechniqueMeasurement result = judge.Measure();
-  if (const TechniqueSet best = result.Best(); thorough && IsGuided(best)) {
+  const TechniqueSet best = result.BestOfPlain();
+  if (thorough && IsGuided(best)) {
     const absl::StatusOr<Pilot> split = renderer->Render(best.With(Technique::kSplitting));
     if (!split.ok()) return split.status();
     result.split = HasLightPaths(best) ? judge.Cost(*split) : judge.CostOfGuided(*split);
+  }
+  if (thorough && HasLightPaths(best)) {
+    const absl::StatusOr<Pilot> guided = renderer->Render(best.With(Technique::kEmissionGuiding));
+    if (!guided.ok()) return guided.status();
+    result.emission_guided = judge.Cost(*guided);
   }
   return result;
 }
 
 }  // namespace
 
+double TechniqueMeasurement::GainOfGuidedEmission() const {
+  const TechniqueCost& without = IsGuided(BestOfPlain()) ? *guided_both : both;
+  const double with = emission_guided->ErrorTimesCost();
+  return with > 0 ? without.ErrorTimesCost() / with : 1;
+}
+
 double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
+  if (GuidesEmission(techniques)) {
+    return Gain(techniques.Without(Technique::kEmissionGuiding)) * GainOfGuidedEmission();
+  }
   const TechniqueCost& cost = SplitsPaths(techniques)                     ? *split
                               : techniques == TechniqueSet::kCamera       ? camera
                               : techniques == TechniqueSet::kCameraGuided ? guided
@@ -169,7 +184,7 @@ double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
   return cost.ErrorTimesCost() > 0 ? camera.ErrorTimesCost() / cost.ErrorTimesCost() : 1;
 }
 
-TechniqueSet TechniqueMeasurement::Best() const {
+TechniqueSet TechniqueMeasurement::BestOfPlain() const {
   TechniqueSet best = TechniqueSet::kCamera;
   if (Gain(TechniqueSet::kCameraAndLight) >= kTechniqueGainMin)
     best = TechniqueSet::kCameraAndLight;
@@ -183,12 +198,22 @@ TechniqueSet TechniqueMeasurement::Best() const {
   const double factor = best == TechniqueSet::kCamera ? kTechniqueGainMin : kCombinationGainMin;
   const bool combines = guided_both && guided_both->ErrorTimesCost() > 0 &&
                         simpler.ErrorTimesCost() >= factor * guided_both->ErrorTimesCost();
-  if (combines) best = TechniqueSet::kCameraAndLightGuided;
-  if (!split || !IsGuided(best)) return best;
-  const TechniqueCost& unsplit = HasLightPaths(best) ? *guided_both : guided;
-  const bool splits = split->ErrorTimesCost() > 0 &&
-                      unsplit.ErrorTimesCost() >= kCombinationGainMin * split->ErrorTimesCost();
-  return splits ? best.With(Technique::kSplitting) : best;
+  return combines ? TechniqueSet::kCameraAndLightGuided : best;
+}
+
+TechniqueSet TechniqueMeasurement::Best() const {
+  const TechniqueSet plain = BestOfPlain();
+  TechniqueSet best = plain;
+  if (split && IsGuided(plain)) {
+    const TechniqueCost& unsplit = HasLightPaths(plain) ? *guided_both : guided;
+    const bool splits = split->ErrorTimesCost() > 0 &&
+                        unsplit.ErrorTimesCost() >= kCombinationGainMin * split->ErrorTimesCost();
+    if (splits) best = best.With(Technique::kSplitting);
+  }
+  if (emission_guided && HasLightPaths(plain) && GainOfGuidedEmission() >= kCombinationGainMin) {
+    best = best.With(Technique::kEmissionGuiding);
+  }
+  return best;
 }
 
 absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& scene,
@@ -227,9 +252,13 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
       absl::StrAppendFormat(&text, "; both %.2g", m.Gain(TechniqueSet::kCameraAndLightGuided));
     }
     if (m.split) {
-      absl::StrAppendFormat(&text, "; %s %.2g", best.With(Technique::kSplitting).Name(),
-                            m.Gain(best.With(Technique::kSplitting)));
+      const TechniqueSet split = m.BestOfPlain().With(Technique::kSplitting);
+      absl::StrAppendFormat(&text, "; %s %.2g", split.Name(), m.Gain(split));
     }
+  }
+  if (m.emission_guided) {
+    absl::StrAppendFormat(&text, "; guided emission is %.2g times as efficient as unguided",
+                          m.GainOfGuidedEmission());
   }
   absl::StrAppendFormat(&text, " (%d x %d pixels, %d samples, which cost as much as %.1f, %.1f",
                         m.width_px, m.height_px, m.samples, m.camera.cost_rays, m.both.cost_rays);

@@ -3,10 +3,10 @@
 //
 // MeasureTechniques: whether light paths and guiding pay in a scene: renders a small image of the
 // frame by camera paths alone, with light paths, with guiding, and with both (and, where guiding
-// pays, with splitting), and compares error times cost. The cost is counted in rays, not in time,
-// so that the answer is the same on every machine; guiding also pays for its training. Source:
-// Grittmann et al. 2022, "Efficiency-aware Multiple Importance Sampling for Bidirectional Rendering
-// Algorithms".
+// pays, with splitting; where light paths pay, with guided emission), and compares error times
+// cost. The cost is counted in rays, not in time, so that the answer is the same on every machine;
+// guiding also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware Multiple
+// Importance Sampling for Bidirectional Rendering Algorithms".
 //
 // The smallest of these images come first. Where they promise no gain, nothing more is rendered, so
 // that a frame of plain light loses little by the question. Else images follow whose samples are a
@@ -37,7 +37,8 @@ inline constexpr uint64_t kLookSamplesMax = uint64_t{1} << 14,
 inline constexpr double kPromisingGainMin = 1.25;
 // Techniques must be so many times as efficient as camera paths alone to be chosen: the measurement
 // has noise, and frames with other techniques have fewer compiled variants. Light paths and guiding
-// together must be kCombinationGainMin times as efficient as either; so must splitting, as without.
+// together must be kCombinationGainMin times as efficient as either; so must splitting and guided
+// emission, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 
 struct TechniqueCost {
@@ -57,6 +58,8 @@ struct TechniqueMeasurement {
   std::optional<TechniqueCost> guided_both;
   // The chosen one of the last two, with splitting: measured where guiding pays.
   std::optional<TechniqueCost> split;
+  // The chosen one with guided emission: measured where light paths pay.
+  std::optional<TechniqueCost> emission_guided;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
   // camera paths cannot find it (a light without size, seen by specular reflection of its light).
   double light_share = 0, only_light_share = 0;
@@ -64,10 +67,15 @@ struct TechniqueMeasurement {
   // How many times as efficient the techniques are as the camera's paths: the ratio of error times
   // cost. Infinite where they find light that camera paths miss, 0 where they miss light that light
   // paths find; 1 where the image is black or has no error. Requires: techniques that were
-  // measured; not kLight.
+  // measured; not kLight. Splitting and guided emission together gain as much as each alone.
   double Gain(TechniqueSet techniques) const;
+  // How many times as efficient techniques with light paths are with guided emission as without.
+  // Requires: that was measured.
+  double GainOfGuidedEmission() const;
   // Never kLight.
   TechniqueSet Best() const;
+  // The best without splitting and without guided emission.
+  TechniqueSet BestOfPlain() const;
 };
 
 // A pure function of its arguments. The settings' own techniques do not count. Runs on the calling

@@ -177,7 +177,7 @@ absl::StatusOr<PilotRenderer> PilotRenderer::Make(SceneDescription scene,
 absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
   if (absl::Status set = SetTechniques(techniques, &scene_); !set.ok()) return set;
   Pilot pilot;
-  if (IsGuided(techniques)) {
+  if (NeedsTraining(techniques)) {
     if (absl::Status trained = Train(&pilot); !trained.ok()) return trained;
   }
   if (absl::Status rendered = RenderCameraPaths(*scene_, &pilot); !rendered.ok()) return rendered;

@@ -37,12 +37,16 @@ std::string LearnedFields::Encode() const {
   std::string bytes;
   AppendSized(directions.Encode(), &bytes);
   AppendSized(lights.Encode(), &bytes);
-  if (!contributions.empty()) AppendSized(contributions.Encode(), &bytes);
+  if (!contributions.empty() || !emission.empty()) {
+    AppendSized(contributions.empty() ? "" : contributions.Encode(), &bytes);
+  }
+  if (!emission.empty()) AppendSized(emission.Encode(), &bytes);
   return bytes;
 }
 
 absl::StatusOr<LearnedFields> LearnedFields::Decode(std::string_view bytes,
-                                                    const LightChoice& choice) {
+                                                    const LightChoice& choice,
+                                                    uint32_t emitting_count) {
   const absl::StatusOr<std::string_view> of_directions = TakeSized(&bytes);
   if (!of_directions.ok()) return of_directions.status();
   const absl::StatusOr<std::string_view> of_lights = TakeSized(&bytes);
@@ -51,9 +55,19 @@ absl::StatusOr<LearnedFields> LearnedFields::Decode(std::string_view bytes,
   if (!bytes.empty()) {
     const absl::StatusOr<std::string_view> of_contributions = TakeSized(&bytes);
     if (!of_contributions.ok()) return of_contributions.status();
-    absl::StatusOr<ContributionField> decoded = ContributionField::Decode(*of_contributions);
+    if (!of_contributions->empty()) {
+      absl::StatusOr<ContributionField> decoded = ContributionField::Decode(*of_contributions);
+      if (!decoded.ok()) return decoded.status();
+      contributions = *std::move(decoded);
+    }
+  }
+  EmissionField emission;
+  if (!bytes.empty()) {
+    const absl::StatusOr<std::string_view> of_emission = TakeSized(&bytes);
+    if (!of_emission.ok()) return of_emission.status();
+    absl::StatusOr<EmissionField> decoded = EmissionField::Decode(*of_emission, emitting_count);
     if (!decoded.ok()) return decoded.status();
-    contributions = *std::move(decoded);
+    emission = *std::move(decoded);
   }
   if (!bytes.empty()) return absl::DataLossError("learned fields are followed by other bytes");
   absl::StatusOr<GuidingField> directions = GuidingField::Decode(*of_directions);
@@ -63,7 +77,8 @@ absl::StatusOr<LearnedFields> LearnedFields::Decode(std::string_view bytes,
   if (std::max(lights->region_count(), contributions.region_count()) > directions->region_count()) {
     return absl::DataLossError("learned fields disagree about the number of regions");
   }
-  return LearnedFields{*std::move(directions), *std::move(lights), std::move(contributions)};
+  return LearnedFields{*std::move(directions), *std::move(lights), std::move(contributions),
+                       std::move(emission)};
 }
 
 }  // namespace sheaf::render

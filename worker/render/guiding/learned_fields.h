@@ -9,6 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "worker/render/guiding/contribution_field.h"
+#include "worker/render/guiding/emission_field.h"
 #include "worker/render/guiding/guiding_field.h"
 #include "worker/render/light/light_visibility.h"
 
@@ -19,16 +20,20 @@ struct LearnedFields {
   LightVisibility lights;  // By the regions of `directions`.
   // By the same regions; empty where the frame's paths are not split.
   ContributionField contributions = {};
+  // Empty where the frame's emission is not guided, and where no light path reached the picture.
+  EmissionField emission = {};
 
   // As GuidingField::Encode and Decode. At most kLearnedFieldsBytesMax.
   std::string Encode() const;
-  // choice: that of the scene's lights.
-  static absl::StatusOr<LearnedFields> Decode(std::string_view bytes, const LightChoice& choice);
+  // choice: that of the scene's lights. emitting_count: LightEmission::choice_count(); 0 where no
+  // paths begin at lights.
+  static absl::StatusOr<LearnedFields> Decode(std::string_view bytes, const LightChoice& choice,
+                                              uint32_t emitting_count);
 };
 
 inline constexpr size_t kLearnedFieldsBytesMax = kGuidingDirectionsBytesMax +
                                                  kLightVisibilityBytesMax + kContributionBytesMax +
-                                                 3 * sizeof(uint64_t);
+                                                 kEmissionBytesMax + 4 * sizeof(uint64_t);
 static_assert(kGuidingRegionsMax <= kLightVisibilityRegionsMax);
 
 }  // namespace sheaf::render

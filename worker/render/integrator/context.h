@@ -5,6 +5,7 @@
 #pragma once
 
 #include "common/film/film_tile.h"
+#include "worker/render/guiding/guided_emission.h"
 #include "worker/render/guiding/learned_fields.h"
 #include "worker/render/integrator/light_groups.h"
 #include "worker/render/integrator/path_state.h"
@@ -37,7 +38,21 @@ struct Context {
   OutputSample* outputs;  // Null if the settings request none.
   LightGroups<typename C::Color>& groups;
   [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding;
+  // How light paths begin, and the densities of that.
+  [[no_unique_address]] StateIf<C::kBothEnds, GuidedEmission> emission;
 };
+
+// The emission of the scene in frames with light paths, by what has been learned. fields: may be
+// null.
+template <typename C>
+auto EmissionBy([[maybe_unused]] const CompiledScene& scene,
+                [[maybe_unused]] const LearnedFields* fields) {
+  StateIf<C::kBothEnds, GuidedEmission> emission;
+  if constexpr (C::kBothEnds) {
+    emission = {scene.emission.get(), fields == nullptr ? nullptr : &fields->emission};
+  }
+  return emission;
+}
 
 // Adds radiance that arrived from one light to the path, and to the light's group.
 template <typename C>

@@ -108,7 +108,7 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
                                                              LightQueryAtLast<C>(*path));
     const float weight = [&] {
       if constexpr (C::kBothEnds) {
-        const double emitted = c.scene.emission->InfiniteDensityAt(path->from, -path->ray.d);
+        const double emitted = c.emission.InfiniteDensityAt(path->from, -path->ray.d);
         return HitWeight(c, static_cast<double>(value.pdf), emitted, *path);
       }
       return MisWeight<C>(FindsBy::kHit, path->pdf, value.pdf);
@@ -132,8 +132,8 @@ void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* 
                          : static_cast<double>(c.scene.lights->template PdfEmitter<C::kTraits>(
                                point.emitter, path->from, path->from_n, path->ray.d, point.p,
                                LightQueryAtLast<C>(*path)));
-      const double emitted = c.scene.emission->DensityAt(point.emitter, path->from, point.p,
-                                                         point.EmitterNormal(), -path->ray.d);
+      const double emitted = c.emission.DensityAt(point.emitter, path->from, point.p,
+                                                  point.EmitterNormal(), -path->ray.d);
       weight = HitWeight(c, sampled, emitted, *path);
     } else if (!path->specular) {
       const float light_pdf = c.scene.lights->template PdfEmitter<C::kTraits>(

@@ -42,7 +42,8 @@ void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Gather(int32_t x,
                                                                       GatherMap* map) {
   const Sampler sampler(scene_.settings.seed ^ kGatherSeed, x, y, pass,
                         scene_.settings.one_sequence);
-  const Context<C> context{scene_, tracer_, sampler, counts_, nullptr, groups_, guiding_};
+  const Context<C> context{scene_,  tracer_, sampler,  counts_,
+                           nullptr, groups_, guiding_, emission_};
   PathState<C> path;
   FilmSample film;
   float weight = 1;

@@ -18,16 +18,15 @@
 #include <variant>
 
 #include "common/film/film_tile.h"
+#include "worker/render/guiding/emission_statistics.h"
 #include "worker/render/integrator/light_start.h"
 #include "worker/render/integrator/merge.h"
 #include "worker/render/integrator/next_vertex.h"
 #include "worker/render/integrator/splat_sink.h"
+#include "worker/render/integrator/training_pass.h"
 #include "worker/render/integrator/two_ends.h"
 
 namespace sheaf::render {
-
-// Changes the seed of the sampler, so that light paths are independent of camera samples.
-inline constexpr uint64_t kLightPathSeed = 0x6c69676874706174u;
 
 // --- Connections to the camera -------------------------------------------------------------------
 
@@ -126,6 +125,37 @@ void TraceLight(const Context<C>& c, PathState<C>* path, const GatherMap* map, S
   }
 }
 
+// --- Training ------------------------------------------------------------------------------------
+
+// Where the path, which has just left its light, began.
+template <typename C>
+EmissionOrigin OriginOf(const Context<C>& c, const PathState<C>& path) {
+  const LightEnd& end = path.other_end;
+  const GuidedEmission& emission = c.emission;
+  if (end.is_medium) {
+    return emission.OriginOf(emission.lights().choice_count() - 1, {}, {}, {}, path.ray.d);
+  }
+  return emission.OriginOf(end.light, end.p, end.p, end.n, path.ray.d);
+}
+
+// Sums up the squares of what a path brings to the frame, as luminance.
+class FrameSplats : public SplatSink {
+ public:
+  FrameSplats(int32_t width_px, int32_t height_px) : width_px_(width_px), height_px_(height_px) {}
+  bool Covers(Vec2d raster) const override {
+    return raster.x >= 0 && raster.y >= 0 && raster.x < width_px_ && raster.y < height_px_;
+  }
+  void Add(Vec2d, const Rgb& radiance, LightPathKind, uint32_t) override {
+    const auto luminance = static_cast<double>(Luminance(radiance));
+    square_ += luminance * luminance;
+  }
+  double square() const { return square_; }
+
+ private:
+  const int32_t width_px_, height_px_;
+  double square_ = 0;
+};
+
 template <uint32_t kTraits, typename Tracer>
 class LightPathIntegrator {
  public:
@@ -134,9 +164,7 @@ class LightPathIntegrator {
   // All three must outlive *this. Not thread-safe: one for each thread.
   LightPathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
       : scene_(scene), tracer_(tracer), counts_(counts) {
-    if constexpr (C::kGuided) {
-      if (scene.guiding) guiding_.fields = scene.guiding->fields();
-    }
+    SetFields(scene.guiding ? scene.guiding->fields() : nullptr);
   }
 
   // Traces the light path of the pixel and pass: a pure function of both and the scene. The pixel
@@ -144,26 +172,54 @@ class LightPathIntegrator {
   void TracePath(int32_t x, int32_t y, uint64_t pass, const GatherMap* map, SplatSink* splats) {
     const Sampler sampler(scene_.settings.seed ^ kLightPathSeed, x, y, pass,
                           scene_.settings.one_sequence);
-    const Context<C> context{scene_, tracer_, sampler, counts_, nullptr, groups_, guiding_};
     PathState<C> path;
-    if constexpr (C::Has(Trait::kMotion)) {
-      path.ray.time = scene_.camera.ShutterFraction(
-          map != nullptr ? map->sample.time : sampler.Get1(Slot(CameraSlot::kTime)));
-    }
-    if constexpr (C::kSpectral) {
-      path.wavelengths = scene_.wavelengths.Sample(
-          map != nullptr ? map->sample.wavelengths : sampler.Get1(Slot(CameraSlot::kWavelength)));
-    }
-    if (StartAtLight(context, &path)) TraceLight(context, &path, map, splats);
+    Trace(sampler, map, &path, splats, [](const Context<C>&) {});
+  }
+  // Traces a path of a training: a pure function of the scene, the fields, the pass and the path's
+  // number. Gives what it brought to the whole frame to the statistics.
+  void TraceForTraining(const TrainingPass& pass, uint64_t number, const LearnedFields& fields,
+                        EmissionStatistics* statistics) {
+    SetFields(&fields);
+    FrameSplats splats(scene_.settings.width_px, scene_.settings.height_px);
+    EmissionOrigin origin;
+    PathState<C> path;
+    Trace(pass.SamplerOf(number), nullptr, &path, &splats,
+          [&](const Context<C>& context) { origin = OriginOf(context, path); });
+    if (splats.square() > 0) statistics->Add(number, {origin, splats.square()});
   }
 
  private:
+  // fields: null where nothing has been learned.
+  void SetFields(const LearnedFields* fields) {
+    emission_ = EmissionBy<C>(scene_, fields);
+    if constexpr (C::kGuided) guiding_.fields = fields;
+  }
+  // *path: new. Calls begun(context) where the path has left its light.
+  template <typename Begun>
+  void Trace(const Sampler& sampler, const GatherMap* map, PathState<C>* path, SplatSink* splats,
+             const Begun& begun) {
+    const Context<C> context{scene_,  tracer_, sampler,  counts_,
+                             nullptr, groups_, guiding_, emission_};
+    if constexpr (C::Has(Trait::kMotion)) {
+      path->ray.time = scene_.camera.ShutterFraction(
+          map != nullptr ? map->sample.time : sampler.Get1(Slot(CameraSlot::kTime)));
+    }
+    if constexpr (C::kSpectral) {
+      path->wavelengths = scene_.wavelengths.Sample(
+          map != nullptr ? map->sample.wavelengths : sampler.Get1(Slot(CameraSlot::kWavelength)));
+    }
+    if (!StartAtLight(context, path)) return;
+    begun(context);
+    TraceLight(context, path, map, splats);
+  }
+
   const CompiledScene& scene_;
   Tracer& tracer_;
   RayCounts& counts_;
   LightGroups<typename C::Color> groups_;
   // The camera's paths are guided by it, and weights depend on that.
   [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
+  GuidedEmission emission_;
 };
 
 }  // namespace sheaf::render

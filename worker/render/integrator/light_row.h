@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The loop over the light paths of one row, for the generated files that compile the variants.
+// The loops over the light paths of one row, and of a training, for the generated files that
+// compile the variants.
 #pragma once
 
 #include "worker/render/bsdf/bsdf_inl.h"
@@ -17,6 +18,19 @@ void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y
   local.majorant_factor = counts->majorant_factor;
   LightPathIntegrator<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
   for (int32_t x = x0; x < x1; ++x) tracer.TracePath(x, y, pass, map, splats);
+  counts->Add(local);
+}
+
+template <uint32_t kTraits>
+void TrainLightPaths(const CompiledScene& scene, const TrainingPass& pass,
+                     const LearnedFields& fields, uint64_t first, uint64_t end,
+                     EmissionStatistics* statistics, RayCounts* counts) {
+  RayCounts local;
+  local.majorant_factor = counts->majorant_factor;
+  LightPathIntegrator<kTraits, const EmbreeScene> tracer(scene, *scene.tracer, local);
+  for (uint64_t path = first; path < end; ++path) {
+    tracer.TraceForTraining(pass, path, fields, statistics);
+  }
   counts->Add(local);
 }
 

@@ -136,18 +136,19 @@ typename C::Color EmissionAt([[maybe_unused]] const Context<C>& c, [[maybe_unuse
   return sum;
 }
 
-// The start of a path in the emission of media. choice: which; u: the direction.
+// The start of a path in the emission of media.
 template <typename C>
-bool StartInEmission(const Context<C>& c, double choice, Vec2f u, PathState<C>* path) {
+bool StartInEmission(const Context<C>& c, const GuidedEmission::MediaStart& start,
+                     PathState<C>* path) {
   // The first of the slot's numbers has chosen media.
   const std::array<float, 4> position = c.sampler.Get4(Slot(CameraSlot::kEmitter));
   const EmissionPoints::Point point =
-      c.scene.emission_points->Sample(choice, {position[1], position[2], position[3]});
-  const double pdf = c.scene.emission->media_probability() * point.pdf / (4 * kPi);
+      c.scene.emission_points->Sample(start.choice, {position[1], position[2], position[3]});
+  const double pdf = start.probability * point.pdf / (4 * kPi);
   if (!(pdf > 0) || !std::isfinite(pdf)) return false;
   path->is_camera_path = false;
   path->ray.o = point.p;
-  path->ray.d = UniformDirection(u);
+  path->ray.d = start.w;
   if (!StartInMediaAtLight(c, nullptr, path) || !c.scene.media->BeginsLightPaths(path->media.set)) {
     return false;
   }
@@ -168,19 +169,19 @@ bool StartAtLight(const Context<C>& c, PathState<C>* path) {
   const EmissionUniforms uniforms{
       c.sampler.Get1(Slot(CameraSlot::kEmitter)), {u[0], u[1]}, {u[2], u[3]}};
   if constexpr (C::kMedia && C::Has(Trait::kEmissiveMedia)) {
-    if (const std::optional<double> choice = c.scene.emission->ChooseMedia(uniforms)) {
-      return StartInEmission(c, *choice, uniforms.direction, path);
+    if (const std::optional<GuidedEmission::MediaStart> media = c.emission.StartInMedia(uniforms)) {
+      return StartInEmission(c, *media, path);
     }
   }
   const std::optional<EmittedRayOf<Color>> emitted =
-      c.scene.emission->template SampleLe<Color>(uniforms, path->wavelengths);
+      c.emission.template SampleLe<Color>(uniforms, path->wavelengths);
   if (!emitted) return false;
   if (!SetFlux(emitted->power * CutOutOf(c, *emitted), emitted->pdf, path)) return false;
   LightEnd& end = path->other_end;
   end.light = emitted->light;
   end.p = emitted->p;
   end.n = emitted->n;
-  const LightEmission& emission = *c.scene.emission;
+  const LightEmission& emission = c.emission.lights();
   end.is_infinite = emission.IsInfinite(end.light);
   end.can_be_hit = end.is_infinite || (emission.IsSurface(end.light) && !emitted->is_unseen);
   path->is_camera_path = false;

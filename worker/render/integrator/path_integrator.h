@@ -93,9 +93,7 @@ class PathIntegrator {
   // All three must outlive *this. Not thread-safe: one for each thread.
   PathIntegrator(const CompiledScene& scene, Tracer& tracer, RayCounts& counts)
       : scene_(scene), tracer_(tracer), counts_(counts) {
-    if constexpr (C::kGuided) {
-      if (scene.guiding) SetFields(scene.guiding->fields());
-    }
+    SetFields(scene.guiding ? scene.guiding->fields() : nullptr);
   }
 
   // A pure function of (scene, pixel, sample_index).
@@ -119,10 +117,14 @@ class PathIntegrator {
   }
 
  private:
+  // fields: null where nothing has been learned.
   void SetFields(const LearnedFields* fields) {
-    guiding_.fields = fields;
-    const bool splits = fields != nullptr && !fields->contributions.empty();
-    guiding_.splits = splits ? &splits_ : nullptr;
+    emission_ = EmissionBy<C>(scene_, fields);
+    if constexpr (C::kGuided) {
+      guiding_.fields = fields;
+      const bool splits = fields != nullptr && !fields->contributions.empty();
+      guiding_.splits = splits ? &splits_ : nullptr;
+    }
   }
   // *path: new.
   FilmSample Trace(const Sampler& sampler, int32_t x, int32_t y, PathState<C>* path);
@@ -136,6 +138,7 @@ class PathIntegrator {
   OutputSample* outputs_ = nullptr;
   LightGroups<typename C::Color> groups_;
   [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
+  [[no_unique_address]] StateIf<C::kBothEnds, GuidedEmission> emission_;
   [[no_unique_address]] StateIf<C::kGuided, SplitPaths<C>> splits_;
 };
 
@@ -159,7 +162,8 @@ template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind 
 FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const Sampler& sampler,
                                                                            int32_t x, int32_t y,
                                                                            PathState<C>* path) {
-  const Context<C> context{scene_, tracer_, sampler, counts_, outputs_, groups_, guiding_};
+  const Context<C> context{scene_,   tracer_, sampler,  counts_,
+                           outputs_, groups_, guiding_, emission_};
   FilmSample film;
   float weight = 1;
   const float time = C::Has(Trait::kMotion)

@@ -77,7 +77,7 @@ class SplitPaths {
 // The context with other random numbers. The sampler outlives it.
 template <typename C>
 Context<C> WithSampler(const Context<C>& c, const Sampler& sampler) {
-  return {c.scene, c.tracer, sampler, c.counts, c.outputs, c.groups, c.guiding};
+  return {c.scene, c.tracer, sampler, c.counts, c.outputs, c.groups, c.guiding, c.emission};
 }
 
 // How many paths are to go on from the vertex, within the limits; 1 where the field does not know.

@@ -13,6 +13,8 @@ namespace sheaf::render {
 
 // Changes the seed of the sampler, so that training paths are independent of the image's samples.
 inline constexpr uint64_t kTrainingSeed = 0x677569646564u;
+// Changes the seed of the sampler, so that light paths are independent of camera samples.
+inline constexpr uint64_t kLightPathSeed = 0x6c69676874706174u;
 
 struct TrainingPass {
   uint64_t seed = 0;  // The frame's.

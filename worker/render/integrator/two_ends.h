@@ -16,7 +16,7 @@
 //
 // where xm has no backward density. So light paths find each path in at most one way.
 //
-// n: light paths while each pixel sends one camera ray; E: LightEmission::DensityAt, and for the
+// n: light paths while each pixel sends one camera ray; E: GuidedEmission::DensityAt, and for the
 // emission of media, of which x(k-1) sees all along one line, MediaDensityAt. Both E and PdfWe are
 // per area that faces the ray. For a sampled light, its pdf takes the place of forward(k-1).
 // Sources: Veach 1997, ch. 9 and 10; docs/adr/0063, 0127.
@@ -41,7 +41,7 @@ template <typename C>
 double MediaDensityAt(const Context<C>& c, Vec3f p, Vec3f w) {
   const EmissionPoints* points = c.scene.emission_points.get();
   if (points == nullptr || points->empty()) return 0;
-  return c.scene.emission->media_probability() * points->LineDensity(p, w) / (4 * kPi);
+  return c.emission.MediaProbability(-w) * points->LineDensity(p, w) / (4 * kPi);
 }
 
 // The pdf with which a vertex at p samples the direction w by the emission of media.
@@ -194,7 +194,7 @@ float LightSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex,
   const double sampled = static_cast<double>(light.pdf);
   const double other = light.is_delta ? 0 : static_cast<double>(pdf) / sampled;
   if (!path.other_end.light_paths.IsFound()) return WeightBesideLight(c, other, 0);
-  const LightEmission& emission = *c.scene.emission;
+  const GuidedEmission& emission = c.emission;
   const double emitted = light.is_infinite && !light.is_delta
                              ? emission.InfiniteDensityAt(vertex.point.p, -light.wi)
                              : emission.DensityAt(light.light, vertex.point.p, light.p_light,
@@ -222,13 +222,13 @@ template <typename C, typename Vertex>
 bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
                  PathState<C>* path) {
   LightEnd& end = path->other_end;
-  const LightEmission& emission = *c.scene.emission;
+  const GuidedEmission& emission = c.emission;
   const Vec3f p = vertex.point.p, w = Normalize(path->ray.d);
   const auto& lights = *c.scene.lights;
   if (end.is_medium) {
     end.emitted = MediaDensityAt(c, p, -w);
   } else if (end.is_infinite) {
-    if (!(emission.PdfLe(end.light, p, {}, w) > 0)) return false;
+    if (!(emission.PdfLe(end.light, p, {}, {}, w) > 0)) return false;
     end.emitted = emission.InfiniteDensityAt(p, w);
   } else {
     end.emitted = emission.DensityAt(end.light, p, end.p, end.n, w);
@@ -241,7 +241,7 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
   } else if (end.is_infinite) {
     end.sampled = static_cast<double>(lights.template PdfEnvironment<C::kTraits>(
         p, vertex.light_hint, -w, vertex.guided.lights()));
-  } else if (emission.IsSurface(end.light)) {
+  } else if (emission.lights().IsSurface(end.light)) {
     end.sampled = static_cast<double>(lights.template PdfEmitter<C::kTraits>(
         end.light, p, vertex.light_hint, -w, end.p, vertex.guided.lights()));
   } else {

@@ -32,6 +32,10 @@ constexpr TrainingFunction kTrainings[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_E
 constexpr TrainingFunction kTrainingsBesideLight[] = {
     SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
+#define SHEAF_VARIANT_ENTRY(name, traits) &TrainLightPaths<(traits)>,
+constexpr LightTrainingFunction kLightTrainings[] = {
+    SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
+#undef SHEAF_VARIANT_ENTRY
 
 }  // namespace
 
@@ -63,6 +67,11 @@ TrainingFunction TrainingFunctionOf(size_t variant) {
 TrainingFunction TrainingBesideLightOf(size_t variant) {
   SHEAF_CHECK(variant < std::size(kTrainingsBesideLight));
   return kTrainingsBesideLight[variant];
+}
+
+LightTrainingFunction LightTrainingFunctionOf(size_t variant) {
+  SHEAF_CHECK(variant < std::size(kLightTrainings));
+  return kLightTrainings[variant];
 }
 
 }  // namespace sheaf::render

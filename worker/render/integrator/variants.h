@@ -15,6 +15,7 @@
 
 namespace sheaf::render {
 
+class EmissionStatistics;
 struct GatherMap;
 
 // Renders the block of samples of pixels [x0, x1) of row y.
@@ -40,7 +41,7 @@ using LightRowFunction = void (*)(const CompiledScene& scene, int32_t x0, int32_
                                   RayCounts* counts);
 LightRowFunction LightRowFunctionOf(size_t variant);
 
-// --- Training of guided frames.
+// --- Training.
 
 // Traces the paths [first, end) of the pass, guided by `fields`, and gives what they find to
 // `sink`.
@@ -50,6 +51,14 @@ using TrainingFunction = void (*)(const CompiledScene& scene, const TrainingPass
 // Requires: the variant, as of RowFunctionOf and RowBesideLightOf, has Trait::kGuiding.
 TrainingFunction TrainingFunctionOf(size_t variant);
 TrainingFunction TrainingBesideLightOf(size_t variant);
+
+// Traces the light paths [first, end) of the pass, which begin by the emission of `fields`, and
+// gives what they bring to the picture to `statistics`.
+using LightTrainingFunction = void (*)(const CompiledScene& scene, const TrainingPass& pass,
+                                       const LearnedFields& fields, uint64_t first, uint64_t end,
+                                       EmissionStatistics* statistics, RayCounts* counts);
+// variant: as of LightRowFunctionOf.
+LightTrainingFunction LightTrainingFunctionOf(size_t variant);
 
 // Defined once for each variant, in generated files.
 template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
@@ -61,6 +70,10 @@ void GatherRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, ui
 template <uint32_t kTraits>
 void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
                    const GatherMap* map, SplatSink* splats, RayCounts* counts);
+template <uint32_t kTraits>
+void TrainLightPaths(const CompiledScene& scene, const TrainingPass& pass,
+                     const LearnedFields& fields, uint64_t first, uint64_t end,
+                     EmissionStatistics* statistics, RayCounts* counts);
 template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
 void TrainPaths(const CompiledScene& scene, const TrainingPass& pass, const LearnedFields& fields,
                 uint64_t first, uint64_t end, GuidingSink* sink, RayCounts* counts);

@@ -335,6 +335,11 @@ class PlanMaker {
                 "radius that shrinks; merge.bias estimates the bias, and errors include it"
               : "merging: no surface of the scene is specular, so that no light path is merged");
     }
+    if (GuidesEmission(techniques)) {
+      plan->notes.emplace_back(
+          "emission guiding: light paths begin where a training, before the first sample, found "
+          "that light reaches the picture");
+    }
     if (!IsGuided(techniques)) return;
     plan->notes.emplace_back(
         "guiding: camera paths also sample directions from the light that a training finds before "

@@ -64,7 +64,7 @@ absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
 
 absl::Status BuildTechniques(CompiledScene* scene) {
   const FrameSettings& settings = scene->settings;
-  if (IsGuided(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
+  if (NeedsTraining(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
   if (!HasLightPaths(settings.techniques)) return absl::OkStatus();
   if (settings.similarity_after > 0) {
     return absl::InvalidArgumentError(

@@ -44,7 +44,7 @@ class CompiledScene {
   std::unique_ptr<LightEmission> emission;
   double light_paths_per_pass = 0;           // One for each pixel of the whole frame.
   bool light_paths_alone = false;            // Technique::kLightPathsAlone.
-  std::unique_ptr<GuidingSlot> guiding;      // Null where the settings have no guiding.
+  std::unique_ptr<GuidingSlot> guiding;      // Null where the settings need no training.
   std::unique_ptr<MediumTable> media;        // Null where the plan has none.
   std::unique_ptr<InteriorTable> interiors;  // Null where the plan has no nested dielectrics.
   float majorant_factor = 1;                 // As in CompileTechniques.

@@ -148,7 +148,7 @@ absl::StatusOr<TaskReport> TaskReports::Find(uint64_t job_id, std::optional<int3
   absl::StatusOr<TaskReport> report = Choose(job_id, number, tile);
   if (!report.ok()) return report.status();
   const FrameSettings& settings = report->spec.settings;
-  if (!IsGuided(settings.techniques) || report->kind == TaskKind::kTraining) return report;
+  if (!NeedsTraining(settings.techniques) || report->kind == TaskKind::kTraining) return report;
   const absl::StatusOr<std::optional<PartRow>> field =
       store_.FindPart({report->frame, settings.window, {0, 1}, {}, TaskKind::kTraining});
   if (!field.ok()) return field.status();
