@@ -428,6 +428,9 @@ TEST_F(SurfaceDensityTest, RatiosAreThoseOfWholePaths) {
     ExpectDensities(SurfaceScenes(), techniques, 2'000, 0);
   }
 }
+TEST_F(SurfaceDensityTest, RatiosAreThoseOfWholePathsForAllCameras) {
+  ExpectDensities(CameraScenes(), TechniqueSet::kCameraAndLight, 2'000, 0);
+}
 TEST_F(SkyDensityTest, RatiosAreThoseOfWholePaths) {
   ExpectDensities(SkyScenes(), TechniqueSet::kCameraAndLight, 2'000, 0);
 }

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/lenses.h"
 #include "tests/support/technique_scenes.h"
 
 namespace sheaf::render {
@@ -66,6 +67,25 @@ inline TestScene LampInGlass() {
       .area_light = t.AreaLight({6, 5, 4});
   t.AddShape(kBall, t.AddMaterial(DielectricMaterial{}), TranslateMatrix({0, 1.2, 0}));
   return t;
+}
+
+// Cameras other than pinholes and thin lenses.
+inline std::vector<DensityScene> CameraScenes() {
+  TestScene realistic = Glossy({1});
+  CameraDescription& camera = realistic.scene.camera;
+  camera.kind = CameraDescription::Kind::kRealistic;
+  camera.lens = sheaf::testing::DoubleGauss();
+  camera.lens.aperture_diameter_mm = 25;
+  camera.lens.aperture = LensDescription::Aperture::kDisk;
+  camera.lens.film_diagonal_mm = 40;
+  camera.lens.focus_distance_m = 3;
+  TestScene sphere = GlassAndMirror();
+  sphere.scene.camera.kind = CameraDescription::Kind::kEqualArea;
+  TestScene parallel = GlassAndMirror();
+  parallel.scene.camera.kind = CameraDescription::Kind::kOrthographic;
+  return {{"realistic lens", std::move(realistic)},
+          {"spherical camera", std::move(sphere), true},
+          {"orthographic camera", std::move(parallel), true}};
 }
 
 inline std::vector<DensityScene> SurfaceScenes() {
