@@ -5,8 +5,8 @@
 // network: the time is an argument, decisions are return values, and equal calls give equal
 // decisions.
 //
-//     Synchronize a worker reports its leases; the answer is the leases that it must hold FindTask
-//     a result came: which task is it, and is it still wanted
+//     Synchronize  a worker reports its leases; the answer is the leases that it must hold
+//     FindTask     a result came: which task is it, and is it still wanted
 //     Accept       ... and it is durable now
 //     Compare      ... and it was there before: do they agree
 //     Tick         time passed: workers that fell silent lose their leases

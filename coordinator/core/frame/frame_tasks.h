@@ -4,10 +4,11 @@
 // FrameTasks: the state of each tile's samples. Five states always partition a cell's samples [0,
 // N); N may grow (sample_rounds.h):
 //
-//     fresh     never leased since the coordinator started; cut into blocks when leased leased one
-//     block of some cells of a tile, held by one lease or two (a hedge)
-//     returned  a block whose lease gave no result; leased again with the same shape aside a block
-//     that is not leased: it used up its failures, or a user set it aside done accepted and durable
+//     fresh     never leased since the coordinator started; cut into blocks when leased
+//     leased    one block of some cells of a tile, held by one lease or two (a hedge)
+//     returned  a block whose lease gave no result; leased again with the same shape
+//     aside     a block that is not leased: it used up its failures, or a user set it aside
+//     done      accepted and durable
 //
 // The light tile (CellGrid) has light passes, as many as the cell with most of them has samples. A
 // light path counts as a sample.

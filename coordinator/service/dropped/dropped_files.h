@@ -5,7 +5,7 @@
 // piece.
 //
 //     FOLDER/files/NAME   the dropped files; names are checked, and there are no links
-//     FOLDER/scratch for the process that reads the scene
+//     FOLDER/scratch      for the process that reads the scene
 #pragma once
 
 #include <cstdint>

@@ -13,8 +13,8 @@
 //     FrameDelivery    the background thread's work: previews, rounds' ends, delivery
 //     WorkerDrains     drains workers
 //     DiskKeeper       removes items that are no longer kept
-//     Scrubber compares stored data with its digests, in a thread of its own ShareControl weights
-//     and limits of users, shows and pools
+//     Scrubber         compares stored data with its digests, in a thread of its own
+//     ShareControl     weights and limits of users, shows and pools
 //     DeliveredImages, FramePreviews, JobViews, WorkerViews, TaskReports, RefinementPricing,
 //     FarmMetrics      answer queries
 //
