@@ -66,7 +66,7 @@ class SheafSettings(bpy.types.PropertyGroup):
         "indirect, caustic, of volumes and subsurface; together they are the image")
     pass_error: bpy.props.BoolProperty(name="Standard error")
     pass_samples: bpy.props.BoolProperty(name="Samples")
-    frames_created: bpy.props.StringProperty(description="When that job was created")
+    frames_created: bpy.props.StringProperty(description="Creation time of that job")
     frames_job: bpy.props.StringProperty(name="Job", description="Of the frames submitted last")
     frames_state: bpy.props.StringProperty(name="State")
 

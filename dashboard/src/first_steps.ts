@@ -97,7 +97,7 @@ function stepsOf(farm: FarmAddress): HTMLElement[] {
 }
 
 function noteOf(farm: FarmAddress): string {
-  if (farm.tls) return 'A token is good once, within an hour.';
+  if (farm.tls) return 'A token works once, within an hour.';
   const {hostname} = location;
   const isLocal = hostname === 'localhost' || hostname === '[::1]' || hostname.startsWith('127.');
   return isLocal ?

@@ -92,7 +92,7 @@ export class JobActions {
     if (!job) return;
     const sure = await confirm({
       title: 'Delete “' + titleOf(job) + '”?',
-      text: 'Its images and all that is kept of it are removed from the coordinator. This cannot ' +
+      text: 'Its images and all its data are removed from the coordinator. This cannot ' +
           'be undone.',
       no: 'Keep job',
       yes: 'Delete job',

@@ -163,7 +163,7 @@ function keptOf(job: Job): [string, string, string][] {
       'The coordinator made room on its disk. Refining continues from the image.'
     ]];
   }
-  if (job.pinned) return [['Kept', 'pinned', 'All of it stays until sheaf unpin.']];
+  if (job.pinned) return [['Kept', 'pinned', 'All its data stays until sheaf unpin.']];
   return [];
 }
 

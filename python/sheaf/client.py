@@ -197,7 +197,7 @@ class Client:
 
     def _write_images(self, job: Job, pattern: str, written: dict[int, str],
                       failures: list[errors.SheafError]) -> None:
-        """An image that cannot be fetched or written keeps none of the others back."""
+        """An image that cannot be fetched or written does not hold back the others."""
         paths = frame_paths(pattern, [frame.number for frame in job.frames])
         for frame, path in zip(job.frames, paths):
             if not frame.complete or written.get(frame.number) == frame.image_digest:
@@ -223,7 +223,7 @@ class Client:
         return job_from(self._unary("ResumeJob", job_pb2.ResumeJobRequest(name=self._name(job))))
 
     def pin(self, job: JobLike) -> Job:
-        """Keeps all of the job, however full the coordinator's disk is, until unpin()."""
+        """Keeps all data of the job, however full the coordinator's disk is, until unpin()."""
         return job_from(self._unary("PinJob", job_pb2.PinJobRequest(name=self._name(job))))
 
     def unpin(self, job: JobLike) -> Job:
@@ -234,12 +234,12 @@ class Client:
         return job_from(self._unary("ReleaseJob", job_pb2.ReleaseJobRequest(name=self._name(job))))
 
     def approve(self, job: JobLike, frames: Sequence[int] = ()) -> Job:
-        """Has frames rendered to the end that wait for approval; by default all that wait."""
+        """Renders frames to the end that wait for approval; by default all that wait."""
         request = job_pb2.ApproveFramesRequest(name=self._name(job), frame_numbers=list(frames))
         return job_from(self._unary("ApproveFrames", request))
 
     def retry(self, job: JobLike, *, frame: int | None = None, task: int | None = None) -> Job:
-        """Tries the failed work of the job again, of one frame, or of one task of a frame."""
+        """Retries the failed work of the job, of one frame, or of one task of a frame."""
         request = job_pb2.RetryTasksRequest(name=self._name(job))
         if frame is not None:
             request.frame_number = frame
@@ -302,12 +302,12 @@ class Client:
         return list(map(worker_from, self._unary("DrainWorkers", request).workers))
 
     def undrain(self, workers: Sequence[str]) -> list[Worker]:
-        """Gives workers work again."""
+        """Undoes drain()."""
         request = job_pb2.UndrainWorkersRequest(names=list(workers))
         return list(map(worker_from, self._unary("UndrainWorkers", request).workers))
 
     def lift_quarantine(self, identity: str) -> None:
-        """Gives an identity in quarantine (Worker.identity) work again."""
+        """Ends the quarantine of an identity (Worker.identity)."""
         self._unary("LiftQuarantine", job_pb2.LiftQuarantineRequest(identity=identity))
 
     def image(self, job: JobLike, frame: int | None = None) -> Image:
@@ -372,7 +372,7 @@ class Client:
                                           "again, or cancel it")
 
     def _next(self, messages: Any) -> job_pb2.Job | None:
-        """None at the end of the stream, also if it broke off and may be opened again."""
+        """None at the end of the stream, also if it was interrupted and may be reopened."""
         try:
             message: job_pb2.Job | None = next(messages, None)
             return message

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""A job as its watcher knows it, from messages that have what has changed."""
+"""Updates a watcher's copy of a job from messages with changes."""
 from __future__ import annotations
 
 from sheaf.jobs import Frame, Job, frame_from, job_from

@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
     add("--insecure", action="store_true", help="for experiments: without encryption")
     add("--pool", type=name, default="default", help="pool of the workers (default: %(default)s)")
     add("--tag", type=name, action="append", default=[],
-        help="what the workers have that jobs may require; may be given several times")
+        help="a property of the workers that jobs may require; may be given several times")
     add("--min", type=whole(0, WORKERS_LIMIT), default=0, help="workers at least (default: 0)")
     add("--max", type=whole(1, WORKERS_LIMIT), default=8, help="workers at most (default: 8)")
     add("--threads", type=whole(1, 4096), required=True, help="threads of each worker")
@@ -85,7 +85,7 @@ def parser() -> argparse.ArgumentParser:
     add("--queue-time", type=some_time, default=600.0, metavar="TIME",
         help="target time of work without a deadline (default: 10m)")
     add("--start-time", type=duration, default=30.0, metavar="TIME",
-        help="from the wish for a worker to its first lease (default: 30s)")
+        help="from the request for a worker to its first lease (default: 30s)")
     add("--look-every", type=some_time, default=5.0, metavar="TIME", help="default: 5s")
     add("--worker", default="sheaf-worker", metavar="PATH", help="the program of workers")
     add("--worker-option", action="append", default=[], metavar="OPTION",

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""CoordinatorReader: what a coordinator has to do and who does it, as a Look; drains workers."""
+"""CoordinatorReader: reads a coordinator's work and workers as a Look; drains workers."""
 from __future__ import annotations
 
 import math

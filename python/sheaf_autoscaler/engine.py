@@ -33,7 +33,7 @@ class Instance:
 
 
 class Engine(Protocol):
-    """All calls may raise EngineError, and change nothing then that describe() does not show."""
+    """All calls may raise EngineError; any change is then visible in describe()."""
 
     def count(self) -> int:
         """Instances that run or wait to run."""

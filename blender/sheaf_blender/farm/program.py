@@ -83,14 +83,14 @@ class Process:
                 continue
 
     def _note(self, line):
-        """Errors are kept, however much was said before."""
+        """Errors are kept, however many messages came before."""
         message = Message(line)
         if message.text and (len(self.messages) < NOTES_MAX or message.severity == "error"):
             self.messages.append(message)
 
     @property
     def exit_code(self):
-        """None while it runs or what it said is not all read."""
+        """None while it runs, or while its output is not fully read."""
         code = self._process.poll()
         if code is None or any(thread.is_alive() for thread in self._threads):
             return None
