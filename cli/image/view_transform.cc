@@ -51,7 +51,7 @@ std::string ConfigName(const ViewArguments& arguments) {
   return arguments.config.empty() ? "Sheaf's own config" : arguments.config;
 }
 
-// The config is not validated as a whole: only what the view needs is tried, and other parts may
+// The config is not validated as a whole: only the parts that the view needs are tried; others may
 // lack files.
 ocio::ConstConfigRcPtr ReadConfig(const ViewArguments& arguments) {
   if (!arguments.config.empty()) return ocio::Config::CreateFromFile(arguments.config.c_str());

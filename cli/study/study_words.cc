@@ -160,8 +160,8 @@ void AddLight(const StudyResult& result, std::vector<std::string>* lines) {
       "alone."));
 }
 
-// Settings that render the same image: advice among those that keep the error bars, then what is
-// undecided, what is slower, and last what gives up error bars.
+// Settings that render the same image: advice among those that keep the error bars, then the
+// undecided ones, the slower ones, and last those without error bars.
 void AddUnbiased(const StudyResult& result, std::vector<std::string>* lines) {
   const StudyCurve* best = nullptr;
   std::vector<std::string> slower, undecided, without_bars;

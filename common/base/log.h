@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Logging for people: one line per event, to standard error. The only file that uses spdlog.
+// Logging: one line of text per event, to standard error. The only file that uses spdlog.
 #pragma once
 
 #include <string>

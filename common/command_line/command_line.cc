@@ -208,7 +208,7 @@ std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
   return ExplainValue(command, error);
 }
 
-// The factor of "k", "MB" or "GiB"; empty where there is none.
+// The factor of "k", "MB" or "GiB"; empty if there is none.
 std::optional<uint64_t> BytesOf(std::string unit) {
   absl::AsciiStrToLower(&unit);
   if (unit.ends_with('b')) unit.pop_back();
@@ -219,7 +219,7 @@ std::optional<uint64_t> BytesOf(std::string unit) {
   return uint64_t{1} << (10 * (power + 1));
 }
 
-// The number of bytes in "512M"; empty where there is none that fits.
+// The number of bytes in "512M"; empty if there is none or it does not fit.
 std::optional<uint64_t> ParseBytes(absl::string_view text) {
   text = absl::StripAsciiWhitespace(text);
   const size_t unit_begin = std::min(text.find_first_not_of("0123456789"), text.size());

@@ -35,7 +35,7 @@ class ChunkedWrite {
  public:
   // Starts or resumes at the plan's offset. index must outlive the result. Errors: those of
   // CheckChunkList and BlobStore::BeginWrite; kOutOfRange: not the beginning of a chunk, or beyond
-  // what is there.
+  // the end of the partial file.
   static absl::StatusOr<ChunkedWrite> Begin(const BlobStore& store, ChunkIndex* index,
                                             const ChunkList& list, uint64_t offset_bytes);
 
@@ -48,7 +48,7 @@ class ChunkedWrite {
   absl::Status Finish();
   // Makes the chunks so far durable. For interrupted writes.
   absl::Status Flush() { return writer_.Flush(); }
-  // Removes what is there. No other call may follow.
+  // Removes the partial file. No other call may follow.
   void Discard() { writer_.Discard(); }
 
   // Number of bytes in the partial file.

@@ -60,7 +60,7 @@ class ContentLease {
     std::string name;  // Name of one of its files.
     BlobDigest digest;
     FileState state;
-    const BlobStore* store = nullptr;  // Where it lies.
+    const BlobStore* store = nullptr;  // The store that holds it.
   };
   class Folder;
   ContentLease(std::string directory, std::shared_ptr<Folder> folder)

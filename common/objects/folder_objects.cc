@@ -39,8 +39,8 @@ absl::Status CheckObjectKey(const std::string& key) {
                        ("/" + key + "/").find("/../") == std::string::npos &&
                        ("/" + key + "/").find("/./") == std::string::npos;
   if (is_path && std::all_of(key.begin(), key.end(), IsKeyCharacter)) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat("\"", key, "\" is no name of an object: relative, of letters, digits and ._-/"));
+  return absl::InvalidArgumentError(absl::StrCat(
+      "\"", key, "\" is not the name of an object: relative, of letters, digits and ._-/"));
 }
 
 absl::StatusOr<std::unique_ptr<FolderObjects>> FolderObjects::Open(const std::string& directory,
@@ -154,7 +154,7 @@ absl::Status FolderObjects::Remove(const std::string& key) {
 
 absl::Status FolderObjects::RemoveFolder(const std::string& folder) {
   if (folder.empty() || folder.back() != '/') {
-    return absl::InvalidArgumentError(absl::StrCat("\"", folder, "\" is no folder of objects"));
+    return absl::InvalidArgumentError(absl::StrCat("\"", folder, "\" is not the name of a folder"));
   }
   fs::path path = PathOf(folder.substr(0, folder.size() - 1));
   std::error_code error;

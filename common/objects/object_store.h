@@ -84,7 +84,7 @@ class ObjectStore {
   // The names of the folders directly in a folder, without "/".
   virtual absl::StatusOr<std::vector<std::string>> ListFolders(const std::string& folder) = 0;
 
-  // OK where there is none.
+  // OK if it does not exist.
   virtual absl::Status Remove(const std::string& key) = 0;
   // Removes what begins with the folder. Requires: it is not empty.
   virtual absl::Status RemoveFolder(const std::string& folder) = 0;

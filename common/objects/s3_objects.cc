@@ -281,7 +281,7 @@ absl::Status S3Objects::Remove(const std::string& key) {
 
 absl::Status S3Objects::RemoveFolder(const std::string& folder) {
   if (folder.empty() || folder.back() != '/') {
-    return absl::InvalidArgumentError(absl::StrCat("\"", folder, "\" is no folder of objects"));
+    return absl::InvalidArgumentError(absl::StrCat("\"", folder, "\" is not the name of a folder"));
   }
   // Listed first: a list that changes as it is read may leave some out.
   std::vector<std::string> keys;

@@ -105,7 +105,7 @@ class S3Objects : public ObjectStore {
   absl::Status Check();
 
  private:
-  // Reads a piece of what is stored. Errors: of the source.
+  // Reads a piece of the value to store. Errors: those of its source.
   using Reader =
       std::function<absl::StatusOr<std::string>(uint64_t offset_bytes, uint64_t size_bytes)>;
   absl::Status PutOnce(const std::string& key, std::string_view bytes, PutMode mode);
@@ -115,7 +115,7 @@ class S3Objects : public ObjectStore {
                                                      uint64_t size_bytes, const Reader& read);
   absl::Status CompleteUpload(const std::string& key, const std::string& upload_id,
                               const std::vector<std::string>& etags);
-  // Visits the pages of a list. delimited: folders instead of what is in them.
+  // Visits the pages of a list. delimited: folders instead of the keys in them.
   absl::Status ForEachPage(const std::string& folder, bool delimited,
                            const std::function<void(const std::vector<StoredObject>&,
                                                     const std::vector<std::string>&)>& visit);

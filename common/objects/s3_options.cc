@@ -25,7 +25,7 @@ constexpr char kDefaultRegion[] = "us-east-1";
 
 using Section = std::map<std::string, std::string>;
 
-// A section of a file "[NAME]", "key = value"; empty where there is none.
+// A section of a file "[NAME]", "key = value"; empty if there is none.
 Section ReadSection(const std::string& path, const std::vector<std::string>& names) {
   Section section;
   const absl::StatusOr<std::string> text = ReadWholeFile(path, kConfigBytesMax);

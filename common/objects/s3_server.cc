@@ -33,7 +33,7 @@ bool IsTransient(const HttpResponse& response) {
       return true;
     case 400:  // The body came too slowly.
       return ParseS3Error(response.body).code == "RequestTimeout";
-    case 409:  // Another request for the same key is under way.
+    case 409:  // Another request for the same key is in progress.
       return ParseS3Error(response.body).code == "ConditionalRequestConflict" ||
              ParseS3Error(response.body).code == "OperationAborted";
     default:

@@ -27,7 +27,7 @@ std::string TakeVariable(const char* name) {
 }
 
 // A socket that sends to the address: a path, or a name of the abstract namespace, written with a
-// leading '@'. -1 where there is none.
+// leading '@'. -1 if there is none.
 int ConnectTo(const std::string& name) {
   sockaddr_un address{};
   const bool known = name[0] == '/' || name[0] == '@';

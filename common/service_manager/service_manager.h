@@ -29,7 +29,7 @@ class ServiceManager {
   // The program is restarted if it does not call KeepAlive for this long; zero: no watchdog.
   absl::Duration watchdog_timeout() const { return watchdog_timeout_; }
 
-  // The program has started. status: one line for people, shown by "systemctl status".
+  // The program has started. status: one line of text, shown by "systemctl status".
   void Ready(const std::string& status) const;
   void Status(const std::string& status) const;
   // It ends, as it was told.

@@ -380,7 +380,8 @@ class Scheduler {
   // Counts the job against workers that failed a task which another identity rendered.
   void BlameSuspects(const std::map<std::string, std::string>& suspects, uint64_t job_id,
                      const std::string& rendered_by, SteadyTime now);
-  // Another identity rendered what the worker failed. After enough such jobs the worker is sick.
+  // Another identity rendered a task that the worker failed. After enough such jobs the worker is
+  // sick.
   void NoteFailedJob(WorkerRecord* worker, uint64_t job_id, const std::string& words,
                      SteadyTime now);
   void DropLeasesOf(const WorkerRecord& worker);

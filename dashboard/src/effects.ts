@@ -51,7 +51,7 @@ function makeRow(effect: EffectCost): HTMLElement {
 const percentOf = (share: number) => (100 * Math.max(0, Math.min(1, share))).toFixed(2) + '%';
 
 // "31 ± 2 % of the time; 12 ± 0.5 % of the light; variance × 1.3". Shares lie between 0 and 100 %:
-// what is measured below 0 by more than chance is a saving, and says so.
+// a value below 0 by more than chance is a saving, and the text says so.
 function wordsOf(effect: EffectCost): string {
   // 0 if unknown.
   const ratio = effect.variance_ratio;

@@ -82,7 +82,7 @@ export class Submission {
     return state;
   }
 
-  // Ends what is under way, and has the coordinator forget the files.
+  // Ends the transfers in progress and has the coordinator forget the files.
   async stop() {
     this.stopped.abort();
     if (!this.name) return;

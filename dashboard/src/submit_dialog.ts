@@ -114,7 +114,7 @@ export class SubmitDialog {
     byId(this.phase === 'pick' ? 'submit-files' : 'submit-yes').focus();
   }
 
-  // Ends what is under way, and forgets the files.
+  // Ends the transfers in progress and forgets the files.
   private forget() {
     void this.submission?.stop();
     this.submission = null;

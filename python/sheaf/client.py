@@ -295,8 +295,8 @@ class Client:
         return list(map(worker_from, response.workers))
 
     def drain(self, workers: Sequence[str], *, then_exit: bool = False) -> list[Worker]:
-        """They finish what they hold and get nothing more, until undrain(). then_exit: they end
-        then. workers: names as Worker.name has them.
+        """The workers finish their leases and get no new ones until undrain(). then_exit: they
+        end after that. workers: names as in Worker.name.
         """
         request = job_pb2.DrainWorkersRequest(names=list(workers), then_exit=then_exit)
         return list(map(worker_from, self._unary("DrainWorkers", request).workers))

@@ -48,7 +48,7 @@ class Farm(Protocol):
     def look(self) -> Look: ...
 
     def drain(self, workers: Sequence[str]) -> None:
-        """They finish what they hold and end."""
+        """They finish their leases and end."""
 
     def undrain(self, workers: Sequence[str]) -> None:
         """Those that have not ended yet get work again."""

@@ -30,7 +30,7 @@ def parameters(camera_object, scene, shutter, report):
         found.update(_window(camera, scene))
         found.update(_lens(camera_object, camera, item, report))
     if camera.clip_start > 0.11 and camera.type != "PANO":
-        report.left_out(item, "Clip Start: what is nearer is seen")
+        report.left_out(item, "Clip Start: nearer objects are visible")
     if shutter is not None:
         found["float shutteropen"], found["float shutterclose"] = shutter
     return kind, found

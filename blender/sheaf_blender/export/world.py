@@ -35,7 +35,7 @@ def write_world(text, world, images, content, report):
         report.left_out(item, f'"{shader.node.name}"; its second shader is used')
         shader = node_links.source(node_links.Input(shader.node.inputs[2], shader.groups))[0]
     if shader is None or shader.node.type not in ("BACKGROUND", "EMISSION"):
-        report.left_out(item, "its shader, which is no Background; the world is black")
+        report.left_out(item, "its shader, which is not a Background; the world is black")
         return
     reader = NodeValues(item, report, images)
     strength = reader.number(node_links.input_of(shader, "Strength"), 1.0)

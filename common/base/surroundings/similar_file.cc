@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 constexpr int kEntriesMax = 10'000;  // Examined entries of a folder.
 
-// The letters without their marks, from U+00C0 and from U+1E00 on; "." where there is none.
+// The letters without their marks, from U+00C0 and from U+1E00 on; "." if it has none.
 constexpr std::string_view kLatin =
     "aaaaaa.ceeeeiiii.nooooo..uuuuy..aaaaaa.ceeeeiiii.nooooo..uuuuy.y"
     "aaaaaaccccccccdd..eeeeeeeeeegggggggghh..iiiiiiiii...jjkk.llllll."

@@ -18,7 +18,7 @@ namespace sheaf {
 // "A file cannot be read or written", in the exit codes of sheaf --help.
 inline constexpr int kOutputExitCode = 6;
 
-// Flushes standard output at the end of a program. If what was printed was not written, passes the
+// Flushes standard output at the end of a program. If the output could not be written, passes the
 // reason to on_error and returns kOutputExitCode in place of 0; any other code remains. A reader
 // that has closed its pipe is not an error: it has read enough.
 int CodeAfterOutput(int code, const std::function<void(const std::string&)>& on_error);

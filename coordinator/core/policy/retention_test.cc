@@ -195,8 +195,7 @@ TEST(RetentionTest, JobsDoNotGoForTheFreeSpaceThatOthersMayTake) {
   EXPECT_TRUE(DecideRemovals(items, {0, 1 * kMebi, 20 * kMebi}, limits, kNow).empty());
 }
 
-// Random stores: what is in use never goes, and while something goes for space, all that may go
-// earlier goes, too.
+// Random stores: nothing in use is removed, and removals for space follow the order of the kinds.
 TEST(RetentionTest, NothingInUseEverGoes) {
   std::mt19937 random(68);
   for (int run = 0; run < 500; ++run) {

@@ -4,11 +4,11 @@
 // LeaseLength: how many samples a lease has if the job leaves it to the coordinator. Long frames
 // get leases of some seconds (Limits::lease_target_seconds). Towards the end of a frame leases
 // shrink, so that the last ones end together: a lease has at most 1 / (tail_divisor x slots) of
-// what is left, where slots is the number of leases of the job that are rendered at once.
+// the rest, where slots is the number of leases of the job that are rendered at once.
 //
 // A divisor of 1 gives guided self-scheduling (Polychronopoulos and Kuck 1987, IEEE Transactions on
 // Computers C-36), which is optimal if all samples cost the same. They do not, so each round of
-// leases takes half of what is left, as in factoring (Hummel, Schonberg and Flynn 1992,
+// leases takes half of the rest, as in factoring (Hummel, Schonberg and Flynn 1992,
 // Communications of the ACM 35), with a divisor of 2.
 //
 // Blocks of any size give the same bits: all of them are nodes of the canonical tree (ADR 1).

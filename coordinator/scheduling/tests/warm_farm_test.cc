@@ -110,7 +110,7 @@ TEST(WarmFarmTest, LeasesOfALongFrameAreLongAndEndTogether) {
   farm.RunUntil(SteadyTime() + absl::Hours(24));
   ASSERT_EQ(farm.live_jobs(), 0);
   std::vector<double> seconds = farm.lease_seconds();
-  // By the time that they take, for that is what the target is for.
+  // Weighted by duration, since the target is a duration.
   std::sort(seconds.begin(), seconds.end());
   double sum = 0, below = 0;
   for (const double s : seconds) sum += s;

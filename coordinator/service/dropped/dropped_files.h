@@ -46,7 +46,7 @@ class DroppedFiles {
   // As SubmissionDesk::Append.
   absl::StatusOr<uint64_t> Append(const std::string& name, uint64_t offset_bytes,
                                   std::string_view bytes);
-  // Removes what the process has written to its folder.
+  // Removes the files that the process has written to its folder.
   absl::Status ClearScratch();
 
   const std::string& folder() const { return folder_; }

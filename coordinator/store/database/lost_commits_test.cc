@@ -111,7 +111,7 @@ TEST_F(LostCommitsTest, TheLastCommitMayNotHaveBeenWritten) {
   EXPECT_EQ(Count(), 0);
 }
 
-// After a checkpoint the log is overwritten from its start; what is left behind its end is old.
+// After a checkpoint the log is overwritten from its start; the bytes behind its end are old.
 TEST_F(LostCommitsTest, OldFramesAreNotLost) {
   Run("PRAGMA wal_checkpoint(RESTART)");
   Run("INSERT INTO t VALUES(1)");

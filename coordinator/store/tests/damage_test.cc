@@ -204,7 +204,7 @@ TEST_F(DamageTest, StatesThatChangeAreFound) {
   for (const char* change : {"paused = 1", "phase = 2", "priority = 64", "pinned = 1"}) {
     SCOPED_TRACE(change);
     ASSERT_TRUE(Start().ok());
-    ASSERT_TRUE(store_->SetPaused(1, false).ok());  // Seals what is there.
+    ASSERT_TRUE(store_->SetPaused(1, false).ok());  // Seals the job as it is.
     EXPECT_EQ(DamageAfterStart(), "");
     Change(absl::StrCat("UPDATE jobs SET ", change));
     EXPECT_EQ(DamageAfterStart(), "the job's state");

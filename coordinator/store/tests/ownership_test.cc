@@ -165,7 +165,7 @@ TEST_P(OwnershipTest, AStoreGoesOnAfterACrashOfTheServer) {
   EXPECT_TRUE(lost_.empty());
 }
 
-// The connection ends while a commit is under way: the number in the owner's row tells whether it
+// The connection ends while a commit is in progress: the number in the owner's row tells whether it
 // was done.
 TEST_P(OwnershipTest, TheOutcomeOfAnInterruptedCommitIsFound) {
   const auto owner = Acquire("owner", 1);
