@@ -120,7 +120,6 @@ class PlanCommand : public Command {
     return json;
   }
 
-  // Gains are null if camera paths miss light, because they are infinite then.
   static nlohmann::ordered_json TechniquesJson(const render::TechniqueMeasurement& measured) {
     const auto cost = [](const render::TechniqueCost& c) {
       return nlohmann::ordered_json{{"relative_mse", c.relative_mse},
@@ -148,6 +147,7 @@ class PlanCommand : public Command {
                                    {"gains", gains},
                                    {"light_share", measured.light_share},
                                    {"only_light_share", measured.only_light_share},
+                                   {"missing_relative_mse", measured.missing_mse},
                                    {"width_px", measured.width_px},
                                    {"height_px", measured.height_px},
                                    {"samples", measured.samples},

@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
@@ -77,11 +76,30 @@ TEST(TechniqueMeasurementTest, CameraPathsSufficeForOpenLight) {
 
 TEST(TechniqueMeasurementTest, LightThatCameraPathsCannotFindIsTold) {
   const TechniqueMeasurement measured = Measure(Caustic(0));
-  EXPECT_TRUE(std::isinf(measured.Gain(TechniqueSet::kCameraAndLight)));
   EXPECT_GT(measured.only_light_share, 0.005);
-  EXPECT_EQ(measured.Gain(TechniqueSet::kCameraGuided), 0);
-  EXPECT_TRUE(HasLightPaths(measured.Best()));
+  EXPECT_GT(measured.missing_mse, 0);
+  EXPECT_LT(measured.Gain(TechniqueSet::kCameraGuided), 1.1);
+  EXPECT_TRUE(HasLightPaths(measured.Best())) << FormatTechniqueMeasurement(measured);
   EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("light paths alone find"));
+}
+
+// Light that camera paths miss is an error that samples do not reduce: it decides where the frame
+// has little noise, and not where it has much.
+TEST(TechniqueMeasurementTest, MissingLightWeighsByTheSamplesOfTheFrame) {
+  TechniqueMeasurement measured;
+  measured.camera = measured.guided = {2, 1};
+  measured.both = {2, 3};
+  measured.only_light_share = 0.03;
+  measured.missing_mse = 0.01;
+  const auto gain_at = [&](uint64_t samples) {
+    measured.frame_samples = samples;
+    return measured.Gain(TechniqueSet::kCameraAndLight);
+  };
+  EXPECT_NEAR(gain_at(1), 2.01 / 6, 1e-12);
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCamera);
+  EXPECT_NEAR(gain_at(10'000), 102.0 / 6, 1e-12);
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLight);
+  EXPECT_EQ(measured.Gain(TechniqueSet::kCameraGuided), 1);
 }
 
 // Only where it gains enough against the same techniques without.
@@ -123,8 +141,10 @@ TEST(TechniqueMeasurementTest, GuidedEmissionMustPay) {
   EXPECT_EQ(best_of({0, 2}), TechniqueSet::kCameraAndLight);
   // Light that only light paths find.
   measured.only_light_share = 0.1;
+  measured.missing_mse = 1;
+  measured.frame_samples = 1000;
   EXPECT_EQ(best_of({2, 4}), guided);
-  EXPECT_TRUE(std::isinf(measured.Gain(guided)));
+  EXPECT_EQ(measured.Gain(guided), 1100.0 / 8);
 }
 
 // A frame of plain light pays for the first look alone; another one for images that grow with it.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <utility>
 #include <vector>
 
@@ -70,9 +69,9 @@ double RelativeMse(const std::vector<double>& squares, const VarianceOf& varianc
 // both, in this order.
 class Judge {
  public:
-  // Both outlive the judge.
-  Judge(const std::vector<Pilot>& pilots, const FrameSettings& settings)
-      : pilots_(pilots), settings_(settings), squares_(CommonSquares(pilots)) {}
+  // All outlive the judge.
+  Judge(const std::vector<Pilot>& pilots, const FrameSettings& settings, const FrameSettings& frame)
+      : pilots_(pilots), settings_(settings), frame_(frame), squares_(CommonSquares(pilots)) {}
 
   TechniqueMeasurement Measure() const {
     TechniqueMeasurement result;
@@ -92,6 +91,9 @@ class Judge {
       result.light_share = both.light / light;
       result.only_light_share = both.only_light / light;
     }
+    result.frame_samples = std::max<uint64_t>(frame_.samples, 1);
+    result.missing_mse = std::max(
+        0.0, RelativeMse(squares_, [&](size_t pixel) { return both.missing_squares[pixel]; }));
     return result;
   }
   // The cost of an image that has the light of all techniques.
@@ -118,7 +120,8 @@ class Judge {
   }
 
   const std::vector<Pilot>& pilots_;
-  const FrameSettings& settings_;
+  const FrameSettings& settings_;  // Those of the images.
+  const FrameSettings& frame_;
   const std::vector<double> squares_;
 };
 
@@ -135,7 +138,8 @@ uint64_t SamplesFor(const FrameSettings& frame, uint64_t per_sample, uint64_t mi
 }
 
 // thorough: light paths and guiding together, too, and splitting where guiding pays.
-absl::StatusOr<TechniqueMeasurement> MeasurePilots(bool thorough, PilotRenderer* renderer) {
+absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, bool thorough,
+                                                   PilotRenderer* renderer) {
   std::vector<Pilot> pilots;
   for (const TechniqueSet techniques :
        {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided,
@@ -145,7 +149,7 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(bool thorough, PilotRenderer*
     if (!pilot.ok()) return pilot.status();
     pilots.push_back(*std::move(pilot));
   }
-  const Judge judge(pilots, renderer->settings());
+  const Judge judge(pilots, renderer->settings(), frame);
   TechniqueMeasurement result = judge.Measure();
   const TechniqueSet best = result.BestOfPlain();
   if (thorough && IsGuided(best)) {
@@ -178,10 +182,15 @@ double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
                               : techniques == TechniqueSet::kCameraGuided ? guided
                               : IsGuided(techniques)                      ? *guided_both
                                                                           : both;
-  if (only_light_share > 0) {
-    return HasLightPaths(techniques) ? std::numeric_limits<double>::infinity() : 0;
-  }
-  return cost.ErrorTimesCost() > 0 ? camera.ErrorTimesCost() / cost.ErrorTimesCost() : 1;
+  const double error = ErrorTimesCost(cost, techniques);
+  return error > 0 ? ErrorTimesCost(camera, TechniqueSet::kCamera) / error : 1;
+}
+
+double TechniqueMeasurement::ErrorTimesCost(const TechniqueCost& cost,
+                                            TechniqueSet techniques) const {
+  const double missing =
+      HasLightPaths(techniques) ? 0 : static_cast<double>(frame_samples) * missing_mse;
+  return (cost.relative_mse + missing) * cost.cost_rays;
 }
 
 TechniqueSet TechniqueMeasurement::BestOfPlain() const {
@@ -192,12 +201,9 @@ TechniqueSet TechniqueMeasurement::BestOfPlain() const {
       std::max(kTechniqueGainMin, Gain(TechniqueSet::kCameraAndLight))) {
     best = TechniqueSet::kCameraGuided;
   }
-  const TechniqueCost& simpler = best == TechniqueSet::kCameraGuided     ? guided
-                                 : best == TechniqueSet::kCameraAndLight ? both
-                                                                         : camera;
   const double factor = best == TechniqueSet::kCamera ? kTechniqueGainMin : kCombinationGainMin;
   const bool combines = guided_both && guided_both->ErrorTimesCost() > 0 &&
-                        simpler.ErrorTimesCost() >= factor * guided_both->ErrorTimesCost();
+                        Gain(TechniqueSet::kCameraAndLightGuided) >= factor * Gain(best);
   return combines ? TechniqueSet::kCameraAndLightGuided : best;
 }
 
@@ -224,7 +230,7 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
     absl::StatusOr<PilotRenderer> renderer = PilotRenderer::Make(
         scene, settings, PilotSizeOf(settings, samples, training_fraction), files);
     if (!renderer.ok()) return renderer.status();
-    return MeasurePilots(thorough, &*renderer);
+    return MeasurePilots(settings, thorough, &*renderer);
   };
   const uint64_t look_samples =
       SamplesFor(settings, kFrameSamplesPerLookSample, kPilotSamplesMin, kLookSamplesMax);
@@ -240,21 +246,20 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
   const TechniqueSet best = m.Best();
   std::string text = absl::StrCat("techniques: ", best.Name(), "; ");
   if (m.only_light_share > 0) {
-    absl::StrAppendFormat(&text, "light paths alone find %.2g %% of the light",
+    absl::StrAppendFormat(&text, "light paths alone find %.2g %% of the light; ",
                           100 * m.only_light_share);
-  } else {
-    absl::StrAppendFormat(&text,
-                          "times as efficient as camera paths: light paths %.2g, which find %.2g "
-                          "%% of the light; guiding %.2g",
-                          m.Gain(TechniqueSet::kCameraAndLight), 100 * m.light_share,
-                          m.Gain(TechniqueSet::kCameraGuided));
-    if (m.guided_both) {
-      absl::StrAppendFormat(&text, "; both %.2g", m.Gain(TechniqueSet::kCameraAndLightGuided));
-    }
-    if (m.split) {
-      const TechniqueSet split = m.BestOfPlain().With(Technique::kSplitting);
-      absl::StrAppendFormat(&text, "; %s %.2g", split.Name(), m.Gain(split));
-    }
+  }
+  absl::StrAppendFormat(&text,
+                        "times as efficient as camera paths: light paths %.2g, which find %.2g "
+                        "%% of the light; guiding %.2g",
+                        m.Gain(TechniqueSet::kCameraAndLight), 100 * m.light_share,
+                        m.Gain(TechniqueSet::kCameraGuided));
+  if (m.guided_both) {
+    absl::StrAppendFormat(&text, "; both %.2g", m.Gain(TechniqueSet::kCameraAndLightGuided));
+  }
+  if (m.split) {
+    const TechniqueSet split = m.BestOfPlain().With(Technique::kSplitting);
+    absl::StrAppendFormat(&text, "; %s %.2g", split.Name(), m.Gain(split));
   }
   if (m.emission_guided) {
     absl::StrAppendFormat(&text, "; guided emission is %.2g times as efficient as unguided",

@@ -63,11 +63,14 @@ struct TechniqueMeasurement {
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
   // camera paths cannot find it (a light without size, seen by specular reflection of its light).
   double light_share = 0, only_light_share = 0;
+  // The relMSE of an image without the light that camera paths cannot find, whatever its samples.
+  double missing_mse = 0;
+  uint64_t frame_samples = 1;  // A pixel of the frame.
 
   // How many times as efficient the techniques are as the camera's paths: the ratio of error times
-  // cost. Infinite where they find light that camera paths miss, 0 where they miss light that light
-  // paths find; 1 where the image is black or has no error. Requires: techniques that were
-  // measured; not kLight. Splitting and guided emission together gain as much as each alone.
+  // cost, where errors hold the missing light of a frame of frame_samples. 1 where the image is
+  // black or has no error. Requires: techniques that were measured; not kLight. Splitting and
+  // guided emission together gain as much as each alone.
   double Gain(TechniqueSet techniques) const;
   // How many times as efficient techniques with light paths are with guided emission as without.
   // Requires: that was measured.
@@ -76,6 +79,10 @@ struct TechniqueMeasurement {
   TechniqueSet Best() const;
   // The best without splitting and without guided emission.
   TechniqueSet BestOfPlain() const;
+
+ private:
+  // The missing light counts as noise that would leave the same error in the frame.
+  double ErrorTimesCost(const TechniqueCost& cost, TechniqueSet techniques) const;
 };
 
 // A pure function of its arguments. The settings' own techniques do not count. Runs on the calling

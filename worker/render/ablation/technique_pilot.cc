@@ -29,7 +29,8 @@ class PilotSplats : public SplatSink {
         width_px_(settings.width_px),
         height_px_(settings.height_px),
         sums_(PixelCount()),
-        moments_(PixelCount()) {}
+        moments_(PixelCount()),
+        only_(PixelCount()) {}
 
   bool Covers(Vec2d raster) const override {
     return raster.x >= 0 && raster.x < width_px_ && raster.y >= 0 && raster.y < height_px_;
@@ -49,7 +50,7 @@ class PilotSplats : public SplatSink {
     if (camera_density > 0) {
       moments_[PixelOf(raster)] += weight * value * value / camera_density;
     } else {
-      only_light_ += value;
+      only_[PixelOf(raster)][replicate_ % 2] += value;
     }
   }
 
@@ -66,7 +67,9 @@ class PilotSplats : public SplatSink {
   // The sum over all passes of the second moment that a camera sample has by the light that light
   // paths find, as far as their weight goes.
   double MomentAt(size_t pixel) const { return moments_[pixel]; }
-  double only_light() const { return only_light_; }
+  // The sums of the light that camera paths cannot find, over the passes of even and of odd
+  // replicates.
+  const std::array<double, 2>& OnlyAt(size_t pixel) const { return only_[pixel]; }
 
  private:
   size_t PixelCount() const { return static_cast<size_t>(width_px_) * height_px_; }
@@ -78,7 +81,7 @@ class PilotSplats : public SplatSink {
   uint32_t replicate_ = 0;
   std::vector<PilotReplicates> sums_;
   std::vector<double> moments_;
-  double only_light_ = 0;
+  std::vector<std::array<double, 2>> only_;
 };
 
 // A small image of the whole frame.
@@ -129,15 +132,18 @@ void TraceLightPaths(const CompiledScene& scene, Pilot* pilot) {
   pilot->cost_rays +=
       kLightRayCost * static_cast<double>(counts.rays) / (static_cast<double>(pixels) * passes);
   pilot->moments.resize(pixels);
+  pilot->missing_squares.resize(pixels);
   for (size_t pixel = 0; pixel < pixels; ++pixel) {
     pilot->moments[pixel] = splats.MomentAt(pixel) / passes;
+    const auto [even, odd] = splats.OnlyAt(pixel);
+    pilot->missing_squares[pixel] = even * odd / (passes * passes / 4);
+    pilot->only_light += (even + odd) * kReplicateCount / passes;
     for (uint32_t r = 0; r < kReplicateCount; ++r) {
       const double splatted = splats.SumsAt(pixel)[r] / passes_of_replicate;
       pilot->means[pixel][r] += splatted;
       pilot->light += splatted;
     }
   }
-  pilot->only_light = splats.only_light() * kReplicateCount / passes;
 }
 
 }  // namespace

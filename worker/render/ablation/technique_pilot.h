@@ -51,6 +51,9 @@ struct Pilot {
   // The second moment that a camera sample has by the light that light paths find, as far as their
   // weight goes; with light paths.
   std::vector<double> moments;
+  // The square of the light that camera paths cannot find, as the product of two independent
+  // estimates; with light paths.
+  std::vector<double> missing_squares;
   // Sums over the pixels, with light paths: of the light that they find, by their weights; and of
   // the light that camera paths cannot find.
   double light = 0, only_light = 0;
