@@ -145,13 +145,19 @@ class FrameSplats : public SplatSink {
   bool Covers(Vec2d raster) const override {
     return raster.x >= 0 && raster.y >= 0 && raster.x < width_px_ && raster.y < height_px_;
   }
-  void Add(Vec2d, const Rgb& radiance, LightPathKind, uint32_t) override {
-    const auto luminance = static_cast<double>(Luminance(radiance));
-    square_ += luminance * luminance;
+  void Add(Vec2d, const Rgb& radiance, LightPathKind, uint32_t) override { AddSquare(radiance); }
+  void AddMerged(int32_t, int32_t, const Rgb& radiance, const Rgb&, LightPathKind,
+                 uint32_t) override {
+    AddSquare(radiance);
   }
   double square() const { return square_; }
 
  private:
+  void AddSquare(const Rgb& radiance) {
+    const auto luminance = static_cast<double>(Luminance(radiance));
+    square_ += luminance * luminance;
+  }
+
   const int32_t width_px_, height_px_;
   double square_ = 0;
 };
