@@ -64,6 +64,15 @@ def files_below(folder):
 
 
 class DiskSpaceTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        with tempfile.TemporaryDirectory() as folder:
+            scene, image = os.path.join(folder, "scene.pbrt"), os.path.join(folder, "expected.exr")
+            with open(scene, "w", encoding="utf-8") as file:
+                file.write(client_case.SCENE)
+            farm.render(scene, image, *JOB)
+            cls.expected = farm.image_digest(image)
+
     def setUp(self):
         if os.environ.get(INSIDE) != "1":
             self.skipTest("no mount namespace may be made here: run as root")
@@ -71,9 +80,6 @@ class DiskSpaceTest(unittest.TestCase):
         self.addCleanup(self.stack.close)
         self.folder = self.stack.enter_context(tempfile.TemporaryDirectory())
         self.scene = self.write("scene.pbrt", client_case.SCENE)
-        image = os.path.join(self.folder, "expected.exr")
-        farm.render(self.scene, image, *JOB)
-        self.expected = farm.image_digest(image)
 
     def write(self, name, text):
         path = os.path.join(self.folder, name)
