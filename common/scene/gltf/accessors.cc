@@ -224,15 +224,18 @@ std::optional<std::vector<T>> Accessors::Read(int index, int components, const s
   if (accessor.count > std::numeric_limits<uint32_t>::max()) {
     return Fail(index, what, "has more than 2^32 elements");
   }
+  std::string problem;
+  std::optional<Elements> elements;
+  if (accessor.bufferView >= 0) {
+    elements = Locate(accessor.bufferView, accessor.byteOffset, accessor.count, shape.size(), true,
+                      &problem);
+    // Told before a lack of memory, which it would look like.
+    if (!elements) return Fail(index, what, problem);
+  }
   const uint64_t total = uint64_t{accessor.count} * shape.components;
   if (!Charge(total * sizeof(T))) return std::nullopt;
-  std::string problem;
-  std::vector<T> values;
-  if (accessor.bufferView >= 0) {
-    const std::optional<Elements> elements = Locate(accessor.bufferView, accessor.byteOffset,
-                                                    accessor.count, shape.size(), true, &problem);
-    if (!elements) return Fail(index, what, problem);
-    values.resize(total);
+  std::vector<T> values(total);  // Zeros without a view, which sparse changes may follow.
+  if (elements) {
     const size_t component_size = BytesOfComponent(shape.component_type);
     for (size_t i = 0; i < accessor.count; ++i) {
       const unsigned char* element = elements->first + i * elements->stride;
@@ -241,8 +244,6 @@ std::optional<std::vector<T>> Accessors::Read(int index, int components, const s
             element + c * component_size, shape.component_type, accessor.normalized);
       }
     }
-  } else {
-    values.resize(total);  // Zeros, which sparse changes may follow.
   }
   if (accessor.sparse.isSparse && !ReadSparse(accessor, shape, &values, &problem)) {
     return Fail(index, what, problem);
