@@ -135,12 +135,12 @@ TEST(MergingTest, MirrorShowsWhatIsSeenDirectly) {
     // The mirror is one event more, and shows light that it reflects only with two more.
     const BothFilms direct = Render(make(false), {.techniques = TechniqueSet::kLight,
                                                   .seed = 1,
-                                                  .samples = Samples(192),
+                                                  .samples = Samples(256),
                                                   .depth = 1,
                                                   .color = color});
     const BothFilms mirrored = Render(
         make(true),
-        {.techniques = kAlone, .seed = 2, .samples = Samples(192), .depth = 2, .color = color});
+        {.techniques = kAlone, .seed = 2, .samples = Samples(256), .depth = 2, .color = color});
     EXPECT_EQ(MeanOf(mirrored.camera).mean.g, 0);
     AddPairs(EstimatesOf(direct), EstimatesOf(mirrored), &tiles);
   }
