@@ -184,10 +184,10 @@ void AddDenoiserOption(CLI::App* command, JobArguments* arguments) {
 constexpr char kTechniquesOption[] = "--techniques";
 constexpr char kMeasuredTechniques[] = "auto";
 
-// What --techniques takes; words joined by + may stand in any order.
+// The usual values of --techniques. Further words may be joined, in any order.
 std::vector<std::string> TechniquesWords() {
-  std::vector<std::string> words = TechniquesNames();
-  words.insert(words.begin(), kMeasuredTechniques);
+  std::vector<std::string> words{kMeasuredTechniques};
+  for (const TechniqueSet techniques : kNumberedTechniques) words.push_back(techniques.Name());
   return words;
 }
 
@@ -204,6 +204,8 @@ void ParseTechniques(const std::string& text, RenderSettings* settings) {
   throw CLI::ValidationError(kTechniquesOption, absl::IsNotFound(techniques.status())
                                                     ? absl::StrCat("\"", text, "\" is not one of ",
                                                                    absl::StrJoin(words, ", "),
+                                                                   " or these with +merging or "
+                                                                   "+emission-guiding",
                                                                    NearestNameHint(text, words))
                                                     : std::string(techniques.status().message()));
 }
@@ -248,9 +250,12 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "from the camera also go where a training, before the first sample, found light, for "
           "rooms that are lit indirectly. +splitting: several paths go on from where that light "
           "matters most. +emission-guiding: paths from lights begin where, as the training found, "
-          "light reaches the picture, for pictures of a small part of the scene. All have the same "
-          "mean. auto: at lights too if that pays, which a small "
-          "image measures first (default: those of the scene's integrator)")
+          "light reaches the picture, for pictures of a small part of the scene. +merging: paths "
+          "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "
+          "by "
+          "a blur, which errors include. The others have the same mean. auto: at lights too if "
+          "that "
+          "pays, which a small image measures first (default: those of the scene's integrator)")
       ->type_name(absl::StrJoin(TechniquesWords(), "|"));
   command->add_flag("--generic", settings->force_generic_variant,
                     "Run the variant that supports every effect; changes no pixel");

@@ -9,6 +9,7 @@ import base64
 import json
 import re
 import subprocess
+import time
 import urllib.error
 import urllib.request
 
@@ -17,7 +18,7 @@ from farm import wait_until
 START_SECONDS_MAX = 60
 CALL_SECONDS_MAX = 60
 STILL_SECONDS_MAX = 10
-DRAWING_MS_MAX = 10000
+DRAWING_SECONDS_MAX = 10
 CHROMIUM_ARGUMENTS = [
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -28,25 +29,12 @@ IS_ON_TOP = """
   const [id, x, y] = arguments;
   return document.getElementById(id).contains(document.elementFromPoint(x, y));
 """
-# Runs the body of a function as soon as the page has drawn every view, or at the limit.
-AFTER_DRAWING = """
-  const done = arguments[arguments.length - 1];
-  const given = [...arguments].slice(0, -1);
-  const end = performance.now() + %d;
+# Returns [the result of a function's body], or nothing while the page has views to draw.
+IF_DRAWN = """
   const body = function() { %s
   };
-  const run = async () => {
-    if ("drawing" in document.documentElement.dataset && performance.now() < end) {
-      setTimeout(run);
-      return;
-    }
-    try {
-      done({result: await body(...given)});
-    } catch (error) {
-      done({error: String(error)});
-    }
-  };
-  run();
+  if (%s && "drawing" in document.documentElement.dataset) return [];
+  return Promise.resolve(body(...arguments)).then((result) => [result]);
 """
 
 
@@ -113,10 +101,14 @@ class Browser:
         Waits until every view shows what the page knows: views of one change are drawn in several
         animation frames.
         """
-        script = AFTER_DRAWING % (DRAWING_MS_MAX, script)
-        answer = self._do("POST", "/execute/async", {"script": script, "args": list(arguments)})
-        assert "error" not in answer, answer["error"]
-        return answer.get("result")
+        end = time.monotonic() + DRAWING_SECONDS_MAX
+        while True:
+            waits = "true" if time.monotonic() < end else "false"
+            answer = self._do("POST", "/execute/sync",
+                              {"script": IF_DRAWN % (script, waits), "args": list(arguments)})
+            if answer:
+                return answer[0]
+            time.sleep(0.01)
 
     def chrome(self, command, **parameters):
         """Sends a command of the DevTools protocol."""

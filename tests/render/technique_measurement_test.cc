@@ -95,9 +95,9 @@ TEST(TechniqueMeasurementTest, MissingLightWeighsByTheSamplesOfTheFrame) {
     measured.frame_samples = samples;
     return measured.Gain(TechniqueSet::kCameraAndLight);
   };
-  EXPECT_NEAR(gain_at(1), 2.01 / 6, 1e-12);
+  EXPECT_NEAR(gain_at(1), 2.04 / 6, 1e-12);
   EXPECT_EQ(measured.Best(), TechniqueSet::kCamera);
-  EXPECT_NEAR(gain_at(10'000), 102.0 / 6, 1e-12);
+  EXPECT_NEAR(gain_at(10'000), 402.0 / 6, 1e-12);
   EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLight);
   EXPECT_EQ(measured.Gain(TechniqueSet::kCameraGuided), 1);
 }
@@ -144,7 +144,7 @@ TEST(TechniqueMeasurementTest, GuidedEmissionMustPay) {
   measured.missing_mse = 1;
   measured.frame_samples = 1000;
   EXPECT_EQ(best_of({2, 4}), guided);
-  EXPECT_EQ(measured.Gain(guided), 1100.0 / 8);
+  EXPECT_EQ(measured.Gain(guided), 4100.0 / 8);
 }
 
 // A frame of plain light pays for the first look alone; another one for images that grow with it.

@@ -275,7 +275,7 @@ TEST_F(CoordinatorAccessTest, AnOwnerSurvivesARestart) {
 }
 
 TEST_F(CoordinatorAccessTest, AWorkerWorksThroughTheRotationOfItsCertificate) {
-  options_.certificate_lifetimes.worker = absl::Seconds(9);
+  options_.certificate_lifetimes.worker = absl::Seconds(20);
   Start();
   const CredentialFiles files = Enrol(kNode, Role::kWork);
   const std::string first = *ReadWholeFile(files.certificate_path);

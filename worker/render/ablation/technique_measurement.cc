@@ -189,7 +189,9 @@ double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
 double TechniqueMeasurement::ErrorTimesCost(const TechniqueCost& cost,
                                             TechniqueSet techniques) const {
   const double missing =
-      HasLightPaths(techniques) ? 0 : static_cast<double>(frame_samples) * missing_mse;
+      HasLightPaths(techniques)
+          ? 0
+          : kMissingLightFactor * static_cast<double>(frame_samples) * missing_mse;
   return (cost.relative_mse + missing) * cost.cost_rays;
 }
 

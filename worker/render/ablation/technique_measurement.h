@@ -41,6 +41,10 @@ inline constexpr double kPromisingGainMin = 1.25;
 // emission, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 
+// Light that camera paths miss counts as in a frame of so many times the samples: nothing that is
+// rendered later reduces it.
+inline constexpr double kMissingLightFactor = 4;
+
 struct TechniqueCost {
   double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
   // A pixel and sample, with its part of the training, in rays of unguided paths from the camera
