@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/rpc/channel.h"
 
+#include <grpc/grpc.h>
 #include <grpcpp/create_channel.h>
 #include <grpcpp/support/channel_arguments.h>
 
@@ -24,6 +25,11 @@ constexpr int kReconnectBackoffMaxMs = 2000;
 [[maybe_unused]] const int kPollIntervalSet =
     ::setenv("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", "100", /*overwrite=*/0);
 
+// Keeps gRPC from cleaning up after its last object: it does so in a thread that the end of the
+// process does not wait for, and which then uses what static destructors have freed. Source:
+// https://github.com/grpc/grpc/issues/23604.
+void HoldGrpc() { [[maybe_unused]] static const bool is_held = (grpc_init(), true); }
+
 int Milliseconds(absl::Duration duration) {
   return static_cast<int>(absl::ToInt64Milliseconds(duration));
 }
@@ -41,6 +47,7 @@ void NameFirstHost(const std::string& addresses, grpc::ChannelArguments* argumen
 
 std::shared_ptr<grpc::Channel> MakeChannel(
     const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
+  HoldGrpc();
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMessageBytesMax);
   arguments.SetMaxSendMessageSize(kMessageBytesMax);
@@ -68,6 +75,7 @@ void SetDeadline(grpc::ClientContext* context, absl::Duration duration) {
 }
 
 void ApplyServerLimits(grpc::ServerBuilder* builder) {
+  HoldGrpc();
   builder->SetMaxReceiveMessageSize(kMessageBytesMax);
   builder->SetMaxSendMessageSize(kMessageBytesMax);
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
