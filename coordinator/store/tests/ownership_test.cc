@@ -26,7 +26,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr absl::Duration kSilenceMax = absl::Milliseconds(100);
+constexpr absl::Duration kSilenceMax = absl::Milliseconds(300);
 
 // A database and a directory of its own for each case.
 class OwnershipTest : public ::testing::TestWithParam<DatabaseKind> {
@@ -141,7 +141,7 @@ TEST_P(OwnershipTest, ATakeoverWaitsForATransaction) {
   std::jthread second;
   const absl::Status status = (*database)->InTransaction([&] {
     second = std::jthread([&] { taken = Acquire("second", 20).ok(); });
-    absl::SleepFor(4 * kSilenceMax);
+    absl::SleepFor(2 * kSilenceMax);
     EXPECT_FALSE(taken);
     return (*database)->Execute("INSERT INTO t VALUES(1)");
   });
