@@ -76,7 +76,7 @@ class WeightsTest : public ::testing::Test {
     if constexpr (kGuided) context.guiding.fields = compiled_->guiding->fields();
     return context;
   }
-  // The weights of all random paths of the scenes, of so many light paths each.
+  // The weights of all random paths of the scenes, of `light_paths` light paths each.
   void ExpectSumsOfOne(const std::vector<TestScene>& scenes, uint64_t light_paths = 2'000);
 
   // The same, seen in a mirror.
@@ -256,7 +256,7 @@ std::optional<Weights> WeightsTest<kTraits>::InTheMirror(const Path& followed) {
   std::optional<Weights> weights = FollowFrom(c, followed, &first, &path);
   // Rough glass is left to camera paths.
   if (!weights || !(path.other_end.merge_radius > 0)) return std::nullopt;
-  // What a light path that is merged there weighs.
+  // The weight of a light path that is merged there.
   const Context<FromLight> of_light = ContextOf<FromLight>(sampler, groups);
   PathState<FromLight> arrived;
   arrived.other_end = followed.light;

@@ -51,7 +51,7 @@ class PathDensityTest : public ::testing::Test {
     double camera_over_light = 0;
     float weight = 0;
   };
-  // What a path from the lens carries to the last place.
+  // The throughput of a path from the lens to the last place.
   struct Carried {
     double light_over_hit = 0, sample_over_hit = 0, light_over_sample = 0;
     double hit_weight = 0, sample_weight = 0;

@@ -77,7 +77,7 @@ class SquaredBias {
   }
 
  private:
-  // Of the estimates by the passes of even replicates and by the others.
+  // One estimate by the passes of even replicates, one by the others.
   double ProductAt(size_t p) const {
     const double passes = std::floor(double{(*passes_)[p]} + 0.5);
     const double odd_passes = std::floor(passes / 2), even_passes = passes - odd_passes;

@@ -17,9 +17,9 @@
 
 namespace sheaf {
 
-// What is added to paths from the camera. The numbers are those of bits in messages and in stored
-// jobs (TechniqueSet::Number). A new technique needs a line here and one in the table kTechniques,
-// with its word in names and what it needs.
+// A technique that is added to paths from the camera. The numbers are those of bits in messages and
+// in stored jobs (TechniqueSet::Number). A new technique needs a line here and one in the table
+// kTechniques, with its word in names and what it needs.
 enum class Technique : uint8_t {
   // Light paths too: those that begin at lights and are connected to the camera. Both kinds are
   // combined by multiple importance sampling.

@@ -139,7 +139,7 @@ class PathDensities {
     return LogOfDot(path_.light.n, Normalize(way)) - std::log(LengthSquared(way));
   }
 
-  // Of a path from the lens at place i, towards the next.
+  // The density of a path from the lens at place i, towards the next.
   double LogForward(size_t i) const {
     const Vec3d w = i < last_ ? Towards(i, i + 1) : TowardsLight();
     return WithScatterer<FromLens>(path_.places[i].from_lens, [&](const auto& at) {
@@ -149,7 +149,7 @@ class PathDensities {
              LogShadingCosine(i, w);
     });
   }
-  // Of a path from the light at place i, towards the one before.
+  // The density of a path from the light at place i, towards the one before.
   double LogBackward(size_t i) const {
     const Vec3d w = Towards(i, i - 1);
     if (path_.places[i].is_specular) return LogShadingCosine(i, w);

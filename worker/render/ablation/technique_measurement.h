@@ -35,13 +35,13 @@ inline constexpr uint64_t kLookSamplesMax = uint64_t{1} << 14,
                           kThoroughSamplesMin = kLookSamplesMax;
 // More images follow the first look where it finds so great a gain by light paths or by guiding.
 inline constexpr double kPromisingGainMin = 1.25;
-// Techniques must be so many times as efficient as camera paths alone to be chosen: the measurement
-// has noise, and frames with other techniques have fewer compiled variants. Light paths and guiding
-// together must be kCombinationGainMin times as efficient as either; so must splitting and guided
-// emission, as without.
+// Techniques must be this many times as efficient as camera paths alone to be chosen: the
+// measurement has noise, and frames with other techniques have fewer compiled variants. Light paths
+// and guiding together must be kCombinationGainMin times as efficient as either; so must splitting
+// and guided emission, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 
-// Light that camera paths miss counts as in a frame of so many times the samples: nothing that is
+// Light that camera paths miss counts as in a frame of this many times the samples: nothing that is
 // rendered later reduces it.
 inline constexpr double kMissingLightFactor = 4;
 

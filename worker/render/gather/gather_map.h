@@ -16,7 +16,7 @@ struct GatherMap {
   PathArena arena;
   GatherGrid grid;
 
-  // The most bytes of a map of so many points.
+  // The most bytes of a map of `point_count` points.
   static uint64_t BytesMax(uint64_t point_count) {
     return point_count * (kGatherPointBytesMax + sizeof(GatherBall) + GatherGrid::kPointBytesMax);
   }

@@ -24,7 +24,7 @@ namespace sheaf::render {
 
 // The first radius, in footprints of a pixel at the vertex.
 inline constexpr double kMergeFootprints = 2;
-// Of n passes the last has n^((kMergeAlpha - 1) / 2) times the first radius.
+// The last of n passes has n^((kMergeAlpha - 1) / 2) times the first radius.
 inline constexpr double kMergeAlpha = 2.0 / 3;
 // Surfaces with a smaller GGX width are left to camera paths: their blur would be seen.
 inline constexpr float kMergeAlphaMin = 0.1f;
@@ -33,10 +33,10 @@ inline constexpr float kMergeNormalCosineMin = 0.4f;
 // Light paths that arrive at a smaller cosine are not merged, but counted: their weight is without
 // bound.
 inline constexpr float kGrazingCosineMin = 1e-4f;
-// Camera paths that one pass stores. In larger frames, a pass takes every so many pixels.
+// Camera paths that one pass stores. In larger frames, a pass takes one in GatherStep pixels.
 inline constexpr uint64_t kGatherPointsMax = 2'000'000;
 
-// In a frame of so many pixels, one of this number has its camera path stored in a pass.
+// A pass stores the camera path of one in this number of pixels.
 uint32_t GatherStep(int64_t pixel_count);
 // The most camera paths that a pass stores of a window.
 uint64_t GatherPointsMax(const PixelRect& window, uint32_t step);
@@ -49,7 +49,8 @@ float MergeRadius(double ray_density);
 // The radius of merging in the pass over that of weights.
 float MergeRadiusScale(uint64_t pass);
 
-// What all paths of a pass share, since only paths of one time and one set of wavelengths meet.
+// The sample that all paths of a pass share: only paths of one time and one set of wavelengths
+// meet.
 struct PassSample {
   float time = 0;         // Before Camera::ShutterFraction.
   float wavelengths = 0;  // For WavelengthSampler.

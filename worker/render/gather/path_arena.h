@@ -21,7 +21,7 @@ class PathArena {
     rgb_.clear();
     spectral_.clear();
   }
-  // Makes room for so many paths; memory that is not used is not touched.
+  // Makes room for `count` paths; memory that is not used is not touched.
   template <typename Color>
   void Reserve(size_t count) {
     balls_.reserve(count);
@@ -36,7 +36,11 @@ class PathArena {
   // Requires: a point of the color was added as number `index`.
   template <typename Color>
   const GatherPointOf<Color>& At(uint32_t index) const {
-    return const_cast<PathArena*>(this)->Points<Color>()[index];
+    if constexpr (std::is_same_v<Color, Rgb>) {
+      return rgb_[index];
+    } else {
+      return spectral_[index];
+    }
   }
 
  private:

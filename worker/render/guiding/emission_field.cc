@@ -23,7 +23,7 @@ constexpr uint32_t kEmissionVersion = 1;
 void AppendUint32(uint32_t word, std::string* bytes) {
   for (int i = 0; i < 4; ++i) bytes->push_back(static_cast<char>(word >> 8 * i & 0xff));
 }
-// Takes the first four bytes. Requires: there are so many.
+// Takes the first four bytes. Requires: at least four are left.
 uint32_t TakeUint32(std::string_view* bytes) {
   uint32_t word = 0;
   for (size_t i = 0; i < 4; ++i) {

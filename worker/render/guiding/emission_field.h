@@ -22,7 +22,7 @@ namespace sheaf::render {
 inline constexpr uint32_t kEmissionCellsMax = uint32_t{1} << 16;
 // Along one axis: cells are no finer than 2^-12 of it.
 inline constexpr uint32_t kEmissionHalvingsMax = 12;
-// Of an encoded field: a byte for a cell, nine for a node that is divided.
+// Sizes in an encoded field: a byte for a cell, nine for a node that is divided.
 inline constexpr size_t kEmissionHeaderBytes = 3 * sizeof(uint32_t);
 inline constexpr size_t kEmissionBytesMax = kEmissionHeaderBytes + 10 * size_t{kEmissionCellsMax};
 

@@ -29,9 +29,9 @@ inline constexpr double kEmissionPrice = 1;
 inline constexpr double kEmissionLeastGain = 0x1p-17;
 // A cell with fewer paths is not divided.
 inline constexpr size_t kEmissionPathsMin = 8;
-// Parts of a cell keep what it knows as if by so many of its paths.
+// Parts of a cell inherit its estimate with the weight of this many of its paths.
 inline constexpr double kEmissionPriorPaths = 1;
-// A path counts at most as so many mean ones: few paths must not decide.
+// A path counts at most as this many mean ones: few paths must not decide.
 inline constexpr double kEmissionOutlier = 256;
 
 // A path that brought light.
@@ -45,7 +45,7 @@ class EmissionStatistics {
   // emission: must outlive *this.
   explicit EmissionStatistics(const LightEmission& emission) : emission_(&emission) {}
 
-  // Begins an iteration of so many paths, which begin by the field.
+  // Begins an iteration of `paths` paths, which begin by the field.
   void Begin(const EmissionField& field, uint64_t paths);
   // The path of the iteration, by its number, brought light. May be called from many threads, once
   // for each path.

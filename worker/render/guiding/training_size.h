@@ -29,7 +29,7 @@ inline constexpr int kLightsShift = 1;
 // found: 25 times as many as in the first iteration in all.
 inline constexpr uint32_t kContributionPasses = 2;
 inline constexpr int kContributionsShift = 2;
-// Where emission is guided, so many iterations of light paths, the first of as many as the first
+// Where emission is guided, this many iterations of light paths, the first of as many as the first
 // one of camera paths, and each of twice as many as the last: 7 times as many in all.
 inline constexpr uint32_t kEmissionIterations = 3;
 

@@ -54,7 +54,7 @@ class CompiledScene {
   SceneIds ids;                       // Empty unless requested.
   // Where light paths begin in media; null where `emission` is, or no medium emits.
   std::unique_ptr<EmissionPoints> emission_points;
-  // Light paths are merged with camera paths, of one in so many pixels in each pass; 0: of none.
+  // A pass merges light paths with the camera paths of one in this many pixels; 0: of none.
   uint32_t gather_step = 0;
 };
 

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What surrounds a glTF scene that has no lights of its own: gray below the horizon, and brighter
-// towards the zenith, so that white things are seen before it, and polished ones have something to
-// reflect (docs/adr/0133-a-surrounding-that-shows-white-models.md).
+// The surrounding of a glTF scene that has no lights of its own: gray below the horizon, and
+// brighter towards the zenith, so that white things are seen before it, and polished ones have
+// something to reflect (docs/adr/0133-a-surrounding-that-shows-white-models.md).
 #pragma once
 
 #include <string>
