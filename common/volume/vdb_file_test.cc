@@ -99,6 +99,25 @@ TEST_F(VdbFileTest, ResamplesVdbFrustums) {
   EXPECT_EQ(width(30), 0);
 }
 
+// Two lumps far apart take a few leaves; their box, at their own fineness, some millions of cells.
+TEST_F(VdbFileTest, BoundsTheCellsOfResampledVdbFrustums) {
+  constexpr int32_t kWidth = 8, kFar = 496;
+  GridToWrite written{.hi = {kFar + kWidth - 1, kFar + kWidth - 1, 9}, .type = "mask"};
+  written.value = [](const Voxel& v) {
+    return (v[0] < kWidth && v[1] < kWidth) || (v[0] >= kFar && v[1] >= kFar) ? 1.0f : 0.0f;
+  };
+  written.voxel_size = 9;
+  const auto grid = Read(VdbFile({written}, {.frustum = true}));
+  ASSERT_TRUE(grid.ok()) << grid.status();
+  double cells = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    cells *= grid->info().index_max[axis] - grid->info().index_min[axis] + 1;
+  }
+  EXPECT_LE(cells, 1 << 20);
+  EXPECT_GT(cells, 1 << 17);  // As fine as the bound permits: sides are halved, cells by eights.
+  EXPECT_EQ(grid->info().values.max, 1.0f);
+}
+
 float Ones(const Voxel& v) { return (v[0] + v[1]) % 3 == 0 ? 1.0f : 0.0f; }
 float Wholes(const Voxel& v) { return std::round(Ramp(v)); }
 
