@@ -97,7 +97,9 @@ void Checks::CheckHolderOfCheck(const Scheduler& scheduler, const Lease& lease) 
   const JobRecord& job = scheduler.jobs().at(lease.frame.job_id);
   if (check == nullptr || !job.cache_refusals.empty()) return;
   for (const auto& [worker_id, worker] : workers.workers()) {
-    const bool may = worker.Live() && workers.ResultCount(worker.identity) > 0 &&
+    // A stranger may have reported another profile in its name.
+    const bool may = worker.Live() && worker.numeric_profile == job.spec.numeric_profile &&
+                     workers.ResultCount(worker.identity) > 0 &&
                      check->MayBeDoneBy(worker.identity);
     if (!may) continue;
     world_.Broken(absl::StrCat(lease.worker_id, " has delivered nothing and gets check ",

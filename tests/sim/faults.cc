@@ -26,6 +26,7 @@ constexpr FaultKind kKinds[kFaultCount] = {
     {"worker-slow", 0.3},       {"task-failed", 0.1},
     {"worker-lies", 0.5},       {"false-pixels", 0.8},
     {"stranger", 0.2},          {"worker-hoards", 0.5},
+    {"worker-away", 0.05},      {"version-refused", 0.05},
 };
 
 // How many of all seeds have a kind.

@@ -32,11 +32,13 @@ enum class Fault {
   kWorkerKilled,
   kWorkerFrozen,  // As by SIGSTOP, for up to two minutes.
   kWorkerSlow,
-  kTaskFailed,    // A worker reports that a lease came to nothing.
-  kWorkerLies,    // A part that is not what its description says.
-  kFalsePixels,   // A part of wrong values that looks right, by a worker that has the habit.
-  kStranger,      // Messages of a stranger, who is no worker of ours.
-  kWorkerHoards,  // A worker that takes many leases, heartbeats, and delivers nothing.
+  kTaskFailed,      // A worker reports that a lease came to nothing.
+  kWorkerLies,      // A part that is not what its description says.
+  kFalsePixels,     // A part of wrong values that looks right, by a worker that has the habit.
+  kStranger,        // Messages of a stranger, who is no worker of ours.
+  kWorkerHoards,    // A worker that takes many leases, heartbeats, and delivers nothing.
+  kWorkerAway,      // Its machine is its owner's, for up to two minutes.
+  kVersionRefused,  // A worker's call is refused, as of a program of another version.
   kCount
 };
 inline constexpr size_t kFaultCount = static_cast<size_t>(Fault::kCount);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/sim/network.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace sheaf::sim {
@@ -36,22 +37,23 @@ void Network::Call(const char* what, Serve serve, std::function<void()> failed) 
   for (int i = 0; i < copies; ++i) {
     const absl::Duration latency = Latency();
     if (latency > kDeadline) world_.After(kDeadline, fail_once);
-    world_.After(latency,
-                 [this, what, serve, ended, fail_once] { Arrive(what, serve, ended, fail_once); });
+    world_.After(latency, [this, what, serve, ended, fail_once, latency] {
+      Arrive(what, serve, ended, fail_once, std::max(kDeadline - latency, absl::ZeroDuration()));
+    });
   }
 }
 
 void Network::Arrive(const char* what, const Serve& serve, const std::shared_ptr<bool>& ended,
-                     const std::function<void()>& failed) {
+                     const std::function<void()>& failed, absl::Duration time_left) {
   Reply reply;
   const bool served = host_.Serve(what, [&](coordinator::Farm& farm) { reply = serve(farm); });
   if (!served) {
-    world_.After(Latency(), failed);  // Its connection is closed.
+    world_.After(std::min(Latency(), time_left), failed);  // Its connection is closed.
     return;
   }
   const absl::Duration latency = Latency();
   const bool lost = world_.faults.Happens(Fault::kReplyLost);
-  if (lost || latency > kDeadline) world_.After(kDeadline, failed);
+  if (lost || latency > time_left) world_.After(time_left, failed);
   if (lost) {
     world_.Trace("lost: reply to ", what);
     return;

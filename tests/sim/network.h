@@ -29,8 +29,9 @@ class Network {
 
  private:
   absl::Duration Latency();
+  // time_left: until the deadline.
   void Arrive(const char* what, const Serve& serve, const std::shared_ptr<bool>& ended,
-              const std::function<void()>& failed);
+              const std::function<void()>& failed, absl::Duration time_left);
 
   World& world_;
   CoordinatorHost& host_;

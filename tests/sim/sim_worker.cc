@@ -20,13 +20,23 @@ using worker::LeaseLedger;
 using worker::LeasePhase;
 
 constexpr uint64_t kUnsentBytesMax = uint64_t{1} << 17;  // A few parts: the limit is met.
-constexpr size_t kUploadPartsMax = 4;
-constexpr int32_t kLeasesAhead = 2;
-constexpr absl::Duration kBackoffMin = absl::Milliseconds(100), kBackoffMax = absl::Seconds(3);
-constexpr absl::Duration kSynchronizeSpacing = absl::Milliseconds(5);
+// Short enough that tasks outlast it.
+constexpr std::chrono::seconds kGrace{1};
+// A turn may wait for a call that is lost (Network), and a frozen worker for its thaw.
+constexpr absl::Duration kTurnMax = absl::Seconds(11);
 constexpr absl::Duration kLoadMin = absl::Milliseconds(10), kLoadMax = absl::Seconds(2);
 constexpr absl::Duration kRenderMin = absl::Milliseconds(20), kRenderMax = absl::Seconds(3);
 constexpr double kSampleCpuSeconds = 1e-4;
+
+worker::AgentOptions OptionsOf(const std::string& id, const SimWorker::Habits& habits) {
+  worker::AgentOptions options;
+  options.worker_id = options.host = id;
+  options.numeric_profile = NumericProfile();
+  options.thread_count = habits.thread_count;
+  options.unsent_bytes_max = kUnsentBytesMax;
+  options.grace = kGrace;
+  return options;
+}
 
 }  // namespace
 
@@ -37,10 +47,7 @@ SimWorker::SimWorker(World* world, Network* network, const Promises* promises, s
       promises_(*promises),
       id_(std::move(id)),
       habits_(habits),
-      outbox_(kUnsentBytesMax),
-      backoff_(kBackoffMin),
-      upload_backoff_(kBackoffMin),
-      upload_parts_max_(kUploadPartsMax) {}
+      state_(OptionsOf(id_, habits), Now()) {}
 
 void SimWorker::After(absl::Duration delay, std::function<void()> run) {
   world_.After(delay, [self = shared_from_this(), run = std::move(run)]() mutable {
@@ -58,93 +65,141 @@ void SimWorker::Wake(std::function<void()> run) {
   }
 }
 
-void SimWorker::Freeze(absl::Duration time) { frozen_until_ = world_.now() + time; }
+void SimWorker::Freeze(absl::Duration time) {
+  frozen_until_ = world_.now() + time;
+  awake_at_ = std::max(awake_at_, frozen_until_);
+}
+
+void SimWorker::GoAway(absl::Duration time) {
+  if (habits_.hoards || stop_requested_) return;
+  state_.SetAwayReason("its owner is there");
+  leaves_at_ = std::min(leaves_at_, world_.now());
+  After(time, [this, absence = ++absence_] {
+    if (absence == absence_) ComeBack();
+  });
+  Wake([this] { Continue(); });
+}
+
+void SimWorker::ComeBack() {
+  if (stop_requested_) return;
+  state_.SetAwayReason("");
+  leaves_at_ = absl::InfiniteDuration();
+  Wake([this] { Continue(); });
+}
 
 void SimWorker::Drain() {
   if (habits_.hoards) return Kill();
-  draining_ = true;
-  ledger_.ReleaseQueued();
-  NoteNews();
+  if (stop_requested_) return;
+  stop_requested_ = true;
+  leaves_at_ = std::min(leaves_at_, world_.now());
+  stopped_at_ = world_.now();
+  ExpectEnd();
+  Wake([this] { Continue(); });
 }
 
-void SimWorker::EndIfDone() {
-  if (!draining_ || !ledger_.Empty() || !outbox_.empty() || news_) return;
-  world_.Trace(id_, " has ended in order");
-  alive_ = false;
+void SimWorker::ExpectEnd() {
+  const worker::AgentOptions options = OptionsOf(id_, habits_);
+  const absl::Duration end = std::max(stopped_at_, awake_at_) + kTurnMax +
+                             absl::FromChrono(options.grace + 2 * options.farewell);
+  if (world_.now() > end) {
+    world_.Broken(absl::StrCat(id_, " has not ended, long after it was told to stop"));
+  } else {
+    After(end - world_.now() + absl::Milliseconds(1), [this] { ExpectEnd(); });
+  }
 }
 
-void SimWorker::ScheduleSynchronize(absl::Duration delay) {
+bool SimWorker::IsGraceOver() const {
+  return world_.now() > std::max(leaves_at_, awake_at_) + absl::FromChrono(kGrace) + kTurnMax;
+}
+
+worker::AgentState::Time SimWorker::Now() const {
+  return worker::AgentState::Time(absl::ToChronoNanoseconds(world_.now()));
+}
+
+void SimWorker::ScheduleTurn(absl::Duration delay) {
   After(delay, [this, timer = ++timer_] {
-    if (timer == timer_ && !synchronizing_) Synchronize();
+    if (timer == timer_) Turn();
   });
 }
 
-void SimWorker::NoteNews() {
-  news_ = true;
-  if (!synchronizing_) ScheduleSynchronize(kSynchronizeSpacing);
+void SimWorker::Turn() {
+  if (synchronizing_) return;
+  state_.Advance(Now(), stop_requested_);
+  if (state_.stage() == worker::AgentState::Stage::kDone) return CheckEnd();
+  if (state_.MustSynchronize(Now())) return Synchronize();
+  ScheduleTurn(std::max(absl::FromChrono(state_.NextTurn() - Now()), absl::ZeroDuration()));
 }
 
-coordinator::WorkerReport SimWorker::MakeReport(const LeaseLedger::Snapshot& snapshot) const {
+void SimWorker::Continue() {
+  Turn();
+  if (!alive_) return;
+  Upload();
+  TakeWork();
+}
+
+void SimWorker::CheckEnd() {
+  alive_ = false;
+  world_.Trace(id_, state_.IsComplete() ? " has ended in order" : " has ended with leases");
+  if (!state_.IsComplete() && world_.now() < stopped_at_ + absl::FromChrono(kGrace)) {
+    world_.Broken(absl::StrCat(id_, " ends with leases before its grace period is over"));
+  }
+}
+
+coordinator::WorkerReport SimWorker::MakeReport(const worker::WorkerState& state) const {
   coordinator::WorkerReport report;
-  report.worker_id = report.host = id_;
+  report.worker_id = state.worker_id;
+  report.host = state.host;
   report.identity = habits_.identity;
-  report.numeric_profile = NumericProfile();
-  report.thread_count = habits_.thread_count;
-  for (const worker::LeaseReport& lease : snapshot.leases) {
+  report.numeric_profile = state.numeric_profile;
+  report.thread_count = state.thread_count;
+  for (const worker::LeaseReport& lease : state.leases) {
     report.leases.push_back({lease.lease_id, static_cast<coordinator::LeasePhase>(lease.phase)});
   }
-  for (const worker::LeaseFailure& failure : snapshot.failures) {
+  for (const worker::LeaseFailure& failure : state.failures) {
     report.failures.push_back({failure.lease_id,
                                static_cast<coordinator::FailureKind>(failure.kind), failure.message,
                                failure.token});
   }
-  report.draining = draining_;
-  if (!draining_) {
-    report.requested_lease_count =
-        habits_.thread_count + kLeasesAhead + ledger_.CountHeld(LeasePhase::kUploading);
-  }
+  report.draining = state.draining;
+  report.requested_lease_count = state.requested_lease_count;
   report.warm_scenes = {warm_scenes_.begin(), warm_scenes_.end()};
   return report;
 }
 
 void SimWorker::Synchronize() {
   synchronizing_ = true;
-  news_ = false;
-  const LeaseLedger::Snapshot snapshot = ledger_.TakeSnapshot();
+  const worker::AgentState::Report report = state_.BeginSynchronize(Now());
   const auto self = shared_from_this();
-  const auto serve = [self, sequence = snapshot.sequence,
-                      report = MakeReport(snapshot)](coordinator::Farm& farm) -> Network::Reply {
+  const auto reply = [self, sequence = report.sequence](
+                         absl::StatusOr<worker::DesiredState> desired) -> Network::Reply {
+    return [self, sequence, desired] {
+      self->Wake([self, sequence, desired] { self->TakeAnswer(sequence, desired); });
+    };
+  };
+  const auto serve =
+      [self, reply, report = MakeReport(report.state)](coordinator::Farm& farm) -> Network::Reply {
+    if (self->world_.faults.Happens(Fault::kVersionRefused)) {
+      return reply(absl::FailedPreconditionError("another version"));
+    }
     const auto answer = farm.Synchronize(report);
     if (!answer.ok()) {
       self->world_.Trace(self->id_, " is refused: ", answer.status().message());
-      return [self] {
-        self->Wake([self] {
-          self->synchronizing_ = false;
-          self->ScheduleSynchronize(kBackoffMax);
-        });
-      };
+      return reply(answer.status());
     }
     self->world_.heard[self->id_] = self->world_.now();
-    std::vector<worker::Lease> leases;
+    worker::DesiredState desired;
+    desired.next_synchronize = absl::ToChronoMilliseconds(answer->next_synchronize);
+    desired.exit = answer->exits;
     std::string ids;
     for (const coordinator::LeaseGrant& grant : answer->leases) {
-      leases.push_back(ToWorkerLease(grant));
-      self->CheckGrant(leases.back());
+      desired.leases.push_back(ToWorkerLease(grant));
+      self->CheckGrant(desired.leases.back());
       absl::StrAppend(&ids, " ", grant.lease.lease_id & 0xffffff);
     }
     self->world_.Trace(self->id_, " synchronizes, shall hold leases", ids);
-    return [self, sequence, leases, next = answer->next_synchronize] {
-      self->Wake([=] { self->TakeAnswer(sequence, leases, next); });
-    };
+    return reply(desired);
   };
-  network_.Call("synchronize", serve, [self] {
-    self->Wake([self] {
-      self->synchronizing_ = false;
-      self->news_ = true;
-      self->ScheduleSynchronize(self->backoff_);
-      self->backoff_ = std::min(self->backoff_ * 2, kBackoffMax);
-    });
-  });
+  network_.Call("synchronize", serve, reply(absl::UnavailableError("no answer")));
 }
 
 void SimWorker::CheckGrant(const worker::Lease& lease) {
@@ -164,43 +219,52 @@ void SimWorker::CheckGrant(const worker::Lease& lease) {
   }
 }
 
-void SimWorker::TakeAnswer(uint64_t sequence, const std::vector<worker::Lease>& leases,
-                           absl::Duration next_synchronize) {
+void SimWorker::TakeAnswer(uint64_t sequence, const absl::StatusOr<worker::DesiredState>& desired) {
   synchronizing_ = false;
-  backoff_ = kBackoffMin;
-  ledger_.Apply(sequence, leases);
-  if (draining_ && ledger_.HasQueued()) {
-    ledger_.ReleaseQueued();
-    news_ = true;
+  if (desired.ok()) {
+    state_.TakeAnswer(sequence, *desired, Now());
+  } else {
+    state_.TakeNoAnswer(desired.status(), Now());
   }
-  ScheduleSynchronize(news_ ? kSynchronizeSpacing : next_synchronize);
-  TakeWork();
-  EndIfDone();
+  Continue();
 }
 
 void SimWorker::Hoard() {
-  while (const std::optional<LeaseLedger::Task> task = ledger_.TakeNext()) {
-    ledger_.BeginRendering(task->lease.lease_id);
-    NoteNews();
+  while (const std::optional<LeaseLedger::Task> task = state_.TakeTask()) {
+    state_.BeginRendering(task->lease.lease_id);
+    state_.ReportLoading();
   }
 }
 
 void SimWorker::TakeWork() {
   if (habits_.hoards) return Hoard();
-  while (busy_threads_ < habits_.thread_count && outbox_.HasRoom()) {
-    const std::optional<LeaseLedger::Task> task = ledger_.TakeNext();
+  while (busy_threads_ < habits_.thread_count) {
+    const std::optional<LeaseLedger::Task> task = state_.TakeTask();
     if (!task) return;
+    if (state_.stage() != worker::AgentState::Stage::kWorking) {
+      world_.Broken(absl::StrCat(id_, " begins a task, although it is away or stops"));
+    }
     ++busy_threads_;
     const bool is_warm = warm_scenes_.contains(task->lease.scene.sha256_hex);
-    if (!is_warm) NoteNews();  // It may be the last that is heard of this worker.
+    if (!is_warm) state_.ReportLoading();  // It may be the last that is heard of this worker.
     const absl::Duration load = world_.random.Between(kLoadMin, kLoadMax) * habits_.slowness;
     After(is_warm ? absl::ZeroDuration() : load, [this, task = *task] { Load(task); });
+    Turn();
   }
+}
+
+bool SimWorker::EndIfStopped(const LeaseLedger::Task& task) {
+  const bool stopped = task.stop.stop_requested();
+  if (!stopped && IsGraceOver()) {
+    world_.Broken(absl::StrCat(id_, " renders long after its grace period"));
+  }
+  if (stopped) FailTask(task.lease.lease_id, FailureKind::kReleased);
+  return stopped;
 }
 
 void SimWorker::Load(const LeaseLedger::Task& task) {
   const uint64_t id = task.lease.lease_id;
-  if (task.stop.stop_requested()) return FailTask(id, FailureKind::kReleased);
+  if (EndIfStopped(task)) return;
   if (world_.poisoned_scenes.contains(task.lease.scene.sha256_hex)) {
     return FailTask(id, FailureKind::kInternal);
   }
@@ -242,8 +306,8 @@ void SimWorker::FetchField(const LeaseLedger::Task& task) {
 
 void SimWorker::BeginRendering(const LeaseLedger::Task& task) {
   const uint64_t id = task.lease.lease_id;
-  if (task.stop.stop_requested()) return FailTask(id, FailureKind::kReleased);
-  ledger_.BeginRendering(id);
+  if (EndIfStopped(task)) return;
+  state_.BeginRendering(id);
   const absl::Duration time = world_.random.Between(kRenderMin, kRenderMax) * habits_.slowness;
   After(time, [this, task] { Render(task); });
 }
@@ -251,22 +315,19 @@ void SimWorker::BeginRendering(const LeaseLedger::Task& task) {
 void SimWorker::FailTask(uint64_t lease_id, FailureKind kind) {
   world_.Trace(id_, " fails lease ", lease_id & 0xffffff, ", kind ", static_cast<int>(kind));
   --busy_threads_;
-  ledger_.Fail(lease_id, kind, "simulated");
-  NoteNews();
-  TakeWork();
+  const bool is_returned = kind == FailureKind::kReleased;
+  state_.Fail(lease_id, kind,
+              is_returned ? absl::CancelledError("stopped") : absl::InternalError("simulated"));
+  Continue();
 }
 
 void SimWorker::Render(const LeaseLedger::Task& task) {
-  const uint64_t id = task.lease.lease_id;
-  if (task.stop.stop_requested()) return FailTask(id, FailureKind::kReleased);
+  if (EndIfStopped(task)) return;
   --busy_threads_;
   FinishedPart part = MakePart(task.lease);
   if (habits_.lies && world_.faults.Happens(Fault::kWorkerLies)) Lie(&part);
-  ledger_.Finish(id);
-  outbox_.Push(std::move(part));
-  NoteNews();
-  Upload();
-  TakeWork();
+  state_.Finish(std::move(part));
+  Continue();
 }
 
 FinishedPart SimWorker::MakePart(const worker::Lease& lease) {
@@ -347,18 +408,18 @@ void SimWorker::NoteFalse(const FinishedPart& part) {
 }
 
 void SimWorker::Upload() {
-  if (uploading_ || outbox_.empty()) return;
+  if (uploading_ || !state_.HasParts()) return;
   uploading_ = true;
   const auto parts = std::make_shared<std::vector<FinishedPart>>();
-  for (const FinishedPart* part : outbox_.Front(upload_parts_max_)) parts->push_back(*part);
+  for (const FinishedPart* part : state_.NextUpload()) parts->push_back(*part);
   const auto self = shared_from_this();
   const auto serve = [self, parts](coordinator::Farm& farm) -> Network::Reply {
     const auto outcomes = self->AddResults(farm, *parts);
-    return [self, outcomes, count = parts->size()] {
-      self->Wake([=] { self->TakeOutcomes(outcomes, count); });
-    };
+    return [self, outcomes] { self->Wake([self, outcomes] { self->TakeOutcomes(outcomes); }); };
   };
-  network_.Call("upload", serve, [self] { self->Wake([self] { self->RetryUpload(); }); });
+  const absl::Status lost = absl::UnavailableError("no answer");
+  network_.Call("upload", serve,
+                [self, lost] { self->Wake([self, lost] { self->TakeOutcomes(lost); }); });
 }
 
 absl::StatusOr<std::vector<ResultOutcome>> SimWorker::AddResults(
@@ -392,36 +453,21 @@ void SimWorker::CheckOutcome(const FinishedPart& part, bool was_liar, ResultOutc
   world_.Broken(absl::StrCat(name, " is accepted, but is not of its key"));
 }
 
-void SimWorker::TakeOutcomes(const absl::StatusOr<std::vector<ResultOutcome>>& outcomes,
-                             size_t part_count) {
-  const bool refused =
-      absl::IsInvalidArgument(outcomes.status()) || absl::IsPermissionDenied(outcomes.status());
-  if (!outcomes.ok() && !refused) return RetryUpload();
-  uploading_ = false;
-  upload_backoff_ = kBackoffMin;
+void SimWorker::TakeOutcomes(const absl::StatusOr<std::vector<ResultOutcome>>& outcomes) {
+  absl::Duration wait;
   if (outcomes.ok()) {
-    upload_parts_max_ = kUploadPartsMax;
-    for (size_t i = 0; i < part_count; ++i) {
-      ledger_.Acknowledge(outbox_.Front(1).front()->lease_id);
-      outbox_.Pop();
+    std::vector<worker::UploadOutcome> taken;
+    for (const ResultOutcome outcome : *outcomes) {
+      taken.push_back(static_cast<worker::UploadOutcome>(outcome));
     }
-  } else if (part_count > 1) {
-    upload_parts_max_ = 1;  // One of them is invalid; find it.
+    state_.TakeOutcomes(taken);
   } else {
-    ledger_.Fail(outbox_.Front(1).front()->lease_id, FailureKind::kInternal, "refused");
-    outbox_.Pop();
+    wait = absl::FromChrono(state_.TakeUploadFailure(outcomes.status()));
   }
-  NoteNews();
-  Upload();
-  TakeWork();
-}
-
-void SimWorker::RetryUpload() {
-  After(upload_backoff_, [this] {
+  After(wait, [this] {
     uploading_ = false;
-    Upload();
+    Continue();
   });
-  upload_backoff_ = std::min(upload_backoff_ * 2, kBackoffMax);
 }
 
 }  // namespace sheaf::sim

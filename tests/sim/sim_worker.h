@@ -1,9 +1,11 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SimWorker: a worker. Its leases and its results are kept by the real LeaseLedger and
-// ResultOutbox; it drives them as Agent does with its threads, by events. It may be slow, frozen or
-// killed, and may lie.
+// SimWorker: a worker. It drives the real AgentState by events, as Agent does with its threads, and
+// checks what the state must keep: no task begins on a worker that is away or stops, a task that
+// outlasts the grace period is told to stop, and a worker that is told to stop ends in time and
+// loses nothing before the grace period is over. It may be slow, frozen, away or killed, and may
+// lie.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +20,7 @@
 #include "tests/sim/network.h"
 #include "tests/sim/promises.h"
 #include "tests/sim/world.h"
-#include "worker/agent/lease_ledger.h"
-#include "worker/agent/result_outbox.h"
+#include "worker/agent/agent_state.h"
 
 namespace sheaf::sim {
 
@@ -36,7 +37,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   SimWorker(World* world, Network* network, const Promises* promises, std::string id,
             const Habits& habits);
 
-  void Start() { ScheduleSynchronize(absl::ZeroDuration()); }
+  void Start() { ScheduleTurn(absl::ZeroDuration()); }
   const std::string& id() const { return id_; }
   bool IsAlive() const { return alive_; }
   const Habits& habits() const { return habits_; }
@@ -46,6 +47,9 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void Kill() { alive_ = false; }
   // Nothing happens in it for so long; then it goes on as if no time had passed.
   void Freeze(absl::Duration time);
+  // Its machine's owner needs the machine for so long: it takes no work then.
+  void GoAway(absl::Duration time);
+  void ComeBack();
   // It finishes what it renders and gives the rest back; then it ends.
   void Drain();
 
@@ -55,15 +59,23 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   // The same at once: something has reached the worker.
   void Wake(std::function<void()> run);
 
-  void ScheduleSynchronize(absl::Duration delay);
+  worker::AgentState::Time Now() const;
+  // Has Turn called after that delay, and not when it was scheduled before.
+  void ScheduleTurn(absl::Duration delay);
+  // One turn of the control loop.
+  void Turn();
+  // After a change: does what the state has become ready for.
+  void Continue();
   void Synchronize();
-  coordinator::WorkerReport MakeReport(const worker::LeaseLedger::Snapshot& snapshot) const;
+  coordinator::WorkerReport MakeReport(const worker::WorkerState& state) const;
   // A lease means one task for ever.
   void CheckGrant(const worker::Lease& lease);
-  void TakeAnswer(uint64_t sequence, const std::vector<worker::Lease>& leases,
-                  absl::Duration next_synchronize);
-  void NoteNews();
-  void EndIfDone();
+  void TakeAnswer(uint64_t sequence, const absl::StatusOr<worker::DesiredState>& desired);
+  void CheckEnd();
+  // It ends within its grace and farewell.
+  void ExpectEnd();
+  // Whether the worker has long been told to stop or to take no work, so that no task may run.
+  bool IsGraceOver() const;
 
   void TakeWork();
   void Hoard();
@@ -73,6 +85,8 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void BeginRendering(const worker::LeaseLedger::Task& task);
   void Render(const worker::LeaseLedger::Task& task);
   void FailTask(uint64_t lease_id, worker::FailureKind kind);
+  // Ends a task that was told to stop. Returns whether it was.
+  bool EndIfStopped(const worker::LeaseLedger::Task& task);
   worker::FinishedPart MakePart(const worker::Lease& lease);
   void Lie(worker::FinishedPart* part);
   // The worker will deliver this part, which is not the true one of its task.
@@ -87,9 +101,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   // was_liar: before the call it was durable that the worker makes false results.
   void CheckOutcome(const worker::FinishedPart& part, bool was_liar,
                     coordinator::ResultOutcome outcome);
-  void TakeOutcomes(const absl::StatusOr<std::vector<coordinator::ResultOutcome>>& outcomes,
-                    size_t part_count);
-  void RetryUpload();
+  void TakeOutcomes(const absl::StatusOr<std::vector<coordinator::ResultOutcome>>& outcomes);
 
   World& world_;
   Network& network_;
@@ -97,20 +109,20 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   const std::string id_;
   const Habits habits_;
   bool alive_ = true;
-  bool draining_ = false;
   absl::Duration frozen_until_;
+  absl::Duration awake_at_;  // When the events that it froze happen, at the latest.
 
-  worker::LeaseLedger ledger_;
-  worker::ResultOutbox outbox_;
+  worker::AgentState state_;
+  bool stop_requested_ = false;
+  absl::Duration stopped_at_;                            // When it was told to stop.
+  absl::Duration leaves_at_ = absl::InfiniteDuration();  // When it was told to stop or went away.
+  uint64_t absence_ = 0;                                 // Of GoAway: later ones replace it.
   std::set<std::string> warm_scenes_;
   std::set<std::string> fields_;  // Digests of those that it has.
   int32_t busy_threads_ = 0;
-  uint64_t timer_ = 0;  // Of the next Synchronize: later ones replace it.
+  uint64_t timer_ = 0;  // Of the next turn: later ones replace it.
   bool synchronizing_ = false;
-  bool news_ = false;
-  absl::Duration backoff_, upload_backoff_;
   bool uploading_ = false;
-  size_t upload_parts_max_;
 };
 
 }  // namespace sheaf::sim

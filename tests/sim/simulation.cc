@@ -13,6 +13,7 @@ using coordinator::JobPhase;
 
 constexpr absl::Duration kWorkerFaultInterval = absl::Seconds(1);
 constexpr absl::Duration kFrozenMax = absl::Minutes(2);
+constexpr absl::Duration kAwayMax = absl::Minutes(2);
 constexpr absl::Duration kBackMax = absl::Seconds(30);
 // After the faults have stopped, all jobs end within this time and so many events.
 constexpr absl::Duration kEndMax = absl::Minutes(40);
@@ -84,6 +85,10 @@ void Simulation::MeetWorkerFaults() {
       world_.Trace(worker.id(), " freezes");
       worker.Freeze(world_.faults.random(Fault::kWorkerFrozen).Between({}, kFrozenMax));
     }
+    if (world_.faults.Happens(Fault::kWorkerAway)) {
+      world_.Trace(worker.id(), " is away");
+      worker.GoAway(world_.faults.random(Fault::kWorkerAway).Between({}, kAwayMax));
+    }
     if (!world_.faults.Happens(Fault::kWorkerKilled)) continue;
     Random& random = world_.faults.random(Fault::kWorkerKilled);
     if (random.Chance(0.3)) {
@@ -128,6 +133,7 @@ void Simulation::StopFaults() {
   for (const auto& worker : workers_) {
     if (worker->habits().lies || worker->habits().slowness > 1) worker->Kill();
     worker->Freeze({});
+    if (worker->IsAlive()) worker->ComeBack();
   }
   const size_t hoarders = world_.faults.Has(Fault::kWorkerHoards) ? kHoardersAtEnd : 0;
   for (size_t i = 0; i < hoarders; ++i) {
