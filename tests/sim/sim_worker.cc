@@ -255,8 +255,9 @@ void SimWorker::TakeWork() {
 
 bool SimWorker::EndIfStopped(const LeaseLedger::Task& task) {
   const bool stopped = task.stop.stop_requested();
-  if (!stopped && IsGraceOver()) {
-    world_.Broken(absl::StrCat(id_, " renders long after its grace period"));
+  const bool releases = state_.stage() == worker::AgentState::Stage::kReleasing;
+  if (!stopped && (releases || IsGraceOver())) {
+    world_.Broken(absl::StrCat(id_, " renders after its grace period"));
   }
   if (stopped) FailTask(task.lease.lease_id, FailureKind::kReleased);
   return stopped;
