@@ -22,8 +22,9 @@ using worker::LeasePhase;
 constexpr uint64_t kUnsentBytesMax = uint64_t{1} << 17;  // A few parts: the limit is met.
 // Short enough that tasks outlast it.
 constexpr std::chrono::seconds kGrace{1};
-// A turn may wait for a call that is lost (Network), and a frozen worker for its thaw.
-constexpr absl::Duration kTurnMax = absl::Seconds(11);
+// A call may be lost before the worker sees that it is to leave, and another at the end of its
+// grace period (Network has their deadline).
+constexpr absl::Duration kLostCallsMax = absl::Seconds(21);
 constexpr absl::Duration kLoadMin = absl::Milliseconds(10), kLoadMax = absl::Seconds(2);
 constexpr absl::Duration kRenderMin = absl::Milliseconds(20), kRenderMax = absl::Seconds(3);
 constexpr double kSampleCpuSeconds = 1e-4;
@@ -99,7 +100,7 @@ void SimWorker::Drain() {
 
 void SimWorker::ExpectEnd() {
   const worker::AgentOptions options = OptionsOf(id_, habits_);
-  const absl::Duration end = std::max(stopped_at_, awake_at_) + kTurnMax +
+  const absl::Duration end = std::max(stopped_at_, awake_at_) + kLostCallsMax +
                              absl::FromChrono(options.grace + 2 * options.farewell);
   if (world_.now() > end) {
     world_.Broken(absl::StrCat(id_, " has not ended, long after it was told to stop"));
@@ -109,7 +110,7 @@ void SimWorker::ExpectEnd() {
 }
 
 bool SimWorker::IsGraceOver() const {
-  return world_.now() > std::max(leaves_at_, awake_at_) + absl::FromChrono(kGrace) + kTurnMax;
+  return world_.now() > std::max(leaves_at_, awake_at_) + absl::FromChrono(kGrace) + kLostCallsMax;
 }
 
 worker::AgentState::Time SimWorker::Now() const {
