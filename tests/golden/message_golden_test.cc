@@ -101,19 +101,25 @@ TEST(MessageGoldenTest, MessagesOfViewsAreUnchanged) {
 
 // Objects of JSON have no order: the files have the fields by name.
 TEST(MessageGoldenTest, JsonOfCommandsIsUnchanged) {
-  v1::Job later = ToWire(UnknownJob());
+  // As a later version may send it.
+  JobView unknown = UnknownJob();
+  unknown.frames.resize(1);
+  v1::Job later = ToWire(unknown);
   later.set_state(static_cast<v1::Job::State>(77));
-  later.add_frames()->mutable_spec()->mutable_settings()->set_techniques(
-      static_cast<v1::Techniques>(999));
-  later.mutable_frames(0)->set_complete(true);
-  later.mutable_frames(0)->set_stop_reason(static_cast<v1::StopReason>(77));
+  v1::Frame& frame = *later.mutable_frames(0);
+  frame.mutable_spec()->mutable_settings()->set_techniques(static_cast<v1::Techniques>(999));
+  frame.set_complete(true);
+  frame.set_stop_reason(static_cast<v1::StopReason>(77));
+  v1::Worker later_worker = ToWire(WorkerView());
+  later_worker.set_state(static_cast<v1::Worker::State>(77));
   RefinementPrices without_workers = MadeUpPrices();
   without_workers.thread_count = 0;
   std::string text;
   for (const std::string& json :
        {cli::JobJson(ToWire(MadeUpJob())), cli::JobJson(ToWire(UnknownJob())), cli::JobJson(later),
         cli::WorkerJson(ToWire(MadeUpWorker())), cli::WorkerJson(ToWire(WorkerView())),
-        cli::ShareJson(ToWire(MadeUpShares()[0])), cli::ShareJson(ToWire(MadeUpShares()[1])),
+        cli::WorkerJson(later_worker), cli::ShareJson(ToWire(MadeUpShares()[0])),
+        cli::ShareJson(ToWire(MadeUpShares()[1])),
         cli::RefinementPricesJson(ToWire(MadeUpPrices())),
         cli::RefinementPricesJson(ToWire(without_workers))}) {
     EXPECT_EQ(json.find('\n'), std::string::npos);
