@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Jobs and workers as JSON: one object per line, fields named as in the protos and in the HTTP API,
-// times in ISO 8601, durations in seconds, null for values that are not known yet.
+// Messages of jobs and workers as JSON: that of their views (view_json.h), one object per line.
 #pragma once
 
 #include <string>

@@ -206,6 +206,13 @@ v1::FrameSettings ToWire(const FrameSettings& settings) {
   return wire;
 }
 
+FrameSettings ReadUnchecked(const v1::FrameSettings& wire) {
+  FrameSettings settings;
+  absl::Status ignored;
+  VisitFrameSettings(settings, FieldReader(wire, &ignored));
+  return settings;
+}
+
 absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   FrameSettings settings;
   absl::Status status;

@@ -20,5 +20,7 @@ v1::FrameSettings ToWire(const FrameSettings& settings);
 // Errors: kInvalidArgument for unknown outputs, primaries, sensors or techniques, and for values
 // out of range.
 absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire);
+// The same for showing settings: values that are unknown to this version become the defaults.
+FrameSettings ReadUnchecked(const v1::FrameSettings& wire);
 
 }  // namespace sheaf

@@ -199,7 +199,9 @@ RefinementPrice PriceOf(const std::vector<ModelledFrame>& frames, size_t frame_c
   price.samples_per_pixel = WithBand(samples[1] / count, samples[0] / count, samples[2] / count, 0);
   price.cpu_seconds = WithBand(scale * cpu_seconds[1], scale * cpu_seconds[0],
                                scale * cpu_seconds[2], kCpuLogDeviation);
-  price.wall_seconds = WallSeconds(price.cpu_seconds, scale * samples_more, priority, load);
+  if (load.threads_used > 0) {
+    price.wall_seconds = WallSeconds(price.cpu_seconds, scale * samples_more, priority, load);
+  }
   return price;
 }
 

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -44,7 +45,8 @@ struct RefinementPrice {
   Estimate relative_mse;       // Final; this and the next are means over frames.
   Estimate samples_per_pixel;  // Final, including existing samples.
   Estimate cpu_seconds;        // For all frames; excludes existing samples.
-  Estimate wall_seconds;       // Includes the farm's other jobs; 0 if there are no threads.
+  // Includes the farm's other jobs; none if there are no threads.
+  std::optional<Estimate> wall_seconds;
 };
 
 // Prices the refinement of a job for each target. frames: some of the job's frame_count frames,

@@ -168,6 +168,6 @@ const mayKill = (frame: Frame) => !frame.complete && !frame.incomplete;
 // Whether the job, or a frame of it, has failed permanently.
 function mayRetry(job: Job, frames: readonly Frame[]): boolean {
   if (job.state === 'succeeded' || job.state === 'cancelled') return false;
-  return job.state === 'failed' || (job.incomplete_frame_count ?? 0) > 0 ||
-      frames.some((frame) => (frame.set_aside_task_count ?? 0) > 0);
+  return job.state === 'failed' || job.incomplete_frame_count > 0 ||
+      frames.some((frame) => frame.set_aside_task_count > 0);
 }

@@ -132,7 +132,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
 }
 
 function targetOf(frame: Frame|undefined): [string, string, string][] {
-  const target = frame?.stop?.target_error;
+  const target = frame?.stop.target_error;
   if (!target) return [];
   return [['Target', format.typicalError(target), 'The error at which the shown frame stops']];
 }

@@ -12,8 +12,8 @@ import {VirtualList} from './virtual_list';
 
 // Prefixes of words in the filter that look at one field.
 const FIELDS: Record<string, (job: Job) => string> = {
-  'user:': (job) => job.owner ?? '',
-  'show:': (job) => job.show ?? '',
+  'user:': (job) => job.owner,
+  'show:': (job) => job.show,
   'state:': (job) => job.state,
 };
 
@@ -69,7 +69,7 @@ export class JobsView {
 
 function matches(job: Job, state: string, words: readonly string[]): boolean {
   if (state && job.state !== state) return false;
-  const all = [job.title, job.state, job.name, job.owner ?? '', job.show ?? ''];
+  const all = [job.title, job.state, job.name, job.owner, job.show];
   const text = all.join(' ').toLowerCase();
   return words.every((word) => {
     const field = Object.keys(FIELDS).find((prefix) => word.startsWith(prefix));

@@ -61,7 +61,7 @@ function keptOf(frame: Frame|undefined): number[] {
 
 // "Round 2 of 5: 48 samples per pixel, error ±2.1 %".
 function wordsOf(frame: Frame, chosen: number|null): string {
-  const rounds = frame.rounds ?? [];
+  const rounds = frame.rounds;
   const round = chosen === null ? undefined : rounds[chosen];
   const {window} = frame;
   const pixels = (window.x1_px - window.x0_px) * (window.y1_px - window.y0_px);

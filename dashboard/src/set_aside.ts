@@ -58,10 +58,10 @@ export class SetAsideView {
   }
 }
 
-const tasksOf = (frame: Frame): SetAsideTask[] => frame.set_aside_tasks ?? [];
+const tasksOf = (frame: Frame): SetAsideTask[] => frame.set_aside_tasks;
 
 const isTroubled = (frame: Frame) =>
-    Boolean(frame.incomplete) || (frame.set_aside_task_count ?? 0) > 0;
+    Boolean(frame.incomplete) || frame.set_aside_task_count > 0;
 
 function actionButton(words: string, act: string, frame: Frame, task?: SetAsideTask): HTMLElement {
   const danger = act === 'kill' ? ' danger' : '';
@@ -78,13 +78,13 @@ function actionButton(words: string, act: string, frame: Frame, task?: SetAsideT
 
 function makeFrame(job: string, frame: Frame, ended: boolean): HTMLElement {
   const number = frame.frame_number;
-  const count = frame.set_aside_task_count ?? 0;
+  const count = frame.set_aside_task_count;
   const tasks = tasksOf(frame);
   const without = count === 0 ? '' : count === 1 ? ': 1 task' : ': ' + count + ' tasks';
   const state = frame.incomplete ? 'incomplete' : 'continues';
   const more = count > tasks.length ? [el('p', {class: 'job-small'}, 'and others')] : [];
   const own = count > 0 ? [] : [
-    el('p', {class: 'failure-message'}, frame.incomplete ?? ''),
+    el('p', {class: 'failure-message'}, frame.incomplete),
     commandField(`sheaf bundle ${job} --frame ${number}`, 'Command that gets the frame')
   ];
   return el(

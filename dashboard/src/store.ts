@@ -201,7 +201,7 @@ export class Store {
     if (rounds.length < ROUNDS_MIN) return this.watchedCurve;
     const noted = curveOfRounds(rounds);
     // Without a target error there are few rounds, and the observed progress extends them.
-    if (this.frame?.stop?.target_error || this.job?.frame_count !== 1) return noted;
+    if (this.frame?.stop.target_error || this.job?.frame_count !== 1) return noted;
     const last = noted.points.at(-1)?.sampleCount ?? 0;
     const seen = this.watchedCurve.points.filter((point) => point.sampleCount > last);
     return {points: [...noted.points, ...seen]};
@@ -211,7 +211,7 @@ export class Store {
   get besideCurve(): CurveSource|null {
     const {beside} = this;
     if (!beside) return null;
-    const noted = curveOfRounds(beside.rounds ?? []);
+    const noted = curveOfRounds(beside.rounds);
     if (noted.points.length > 0) return noted;
     const only = new WatchedCurve();
     only.add(beside.progress);
@@ -229,7 +229,7 @@ export class Store {
 
   // The target error of a pixel for the shown frame, the root of its relMSE; 0 for none.
   get targetError(): number {
-    return Math.sqrt(this.frame?.stop?.target_error ?? 0);
+    return Math.sqrt(this.frame?.stop.target_error ?? 0);
   }
 
   get job(): Job|undefined {

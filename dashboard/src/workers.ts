@@ -83,7 +83,7 @@ function speedOf(worker: Worker): string {
 
 // "pool big, tags avx, ssd".
 function placeOf(worker: Worker): string {
-  const tags = worker.tags ?? [];
+  const tags = worker.tags;
   const tagged = tags.length > 0 ? ', tags ' + tags.join(', ') : '';
   return 'pool ' + (worker.pool ?? 'default') + tagged;
 }

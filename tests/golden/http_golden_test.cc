@@ -67,6 +67,7 @@ TEST_F(HttpGoldenTest, AnswersAreUnchanged) {
   }
   absl::StrAppend(&text, Answer("POST", "/api/v1/gc?dry_run=1"));
   farm_.prices.thread_count = 0;
+  farm_.prices.prices[0].wall_seconds.reset();
   farm_.ready = absl::ResourceExhaustedError("the disk is full");
   absl::StrAppend(&text, Answer("GET", "/api/v1/jobs/5/refine-price?target_error=0.01"));
   absl::StrAppend(&text, Answer("GET", "/readyz"));

@@ -42,11 +42,9 @@ FrameView MadeUpFrame() {
   frame.complete = true;
   frame.incomplete = "2 tasks are set aside";
   frame.waiting_reason = "waits for approval";
-  frame.set_aside = {{3, "killed by anna", {}},
-                     {4,
-                      "failed too often",
-                      {{"w-1", "identity-1", FailureKind::kMemory, 2, "lack of memory"},
-                       {"", "", FailureKind::kLost, 1, ""}}}};
+  frame.set_aside = {
+      {3, "killed by anna", {}},
+      {4, "failed too often", {{"memory", "w-1", 2, "lack of memory"}, {"lost", "", 1, ""}}}};
   frame.set_aside_count = 17;
   frame.correction_count = 2;
   frame.image_digest = std::string(64, 'd');
@@ -108,7 +106,8 @@ JobView MadeUpJob() {
   job.training_frame_count = 13;
   job.unapproved_frame_count = 14;
   job.dependencies = {{"2", true, "waits"}, {"3", false, "has failed"}};
-  job.deadline = {absl::FromUnixMillis(1'700'009'000'500), 3600.5, 3000.25, 4000.75};
+  job.deadline_time = absl::FromUnixMillis(1'700'009'000'500);
+  job.deadline_cpu_seconds = {3600.5, 3000.25, 4000.75};
   job.held = true;
   job.effect_costs = {{"lens", "", "a pinhole", 0.25, 0.01, -0.002, 0.003, 1e-4, 1.5},
                       {"indirect light", "the time limit was reached", "", 0, 0, 0, 0, 0, 0}};
@@ -174,15 +173,14 @@ FailureView MadeUpFailure() {
 
 RefinementPrices MadeUpPrices() {
   RefinementPrices priced;
-  priced.prices = {{0.5, true, {0.4, 0.3, 0.5}, {64, 60, 70}, {10, 8, 12}, {5, 4, 6}}};
+  priced.prices = {{0.5, true, {0.4, 0.3, 0.5}, {64, 60, 70}, {10, 8, 12}, Estimate{5, 4, 6}}};
   priced.thread_count = 8;
   priced.jobs_before_count = 2;
   return priced;
 }
 
 std::vector<ShareView> MadeUpShares() {
-  return {{{ShareKind::kUser, "anna"}, true, {2.5, 12}, 3, 40},
-          {{ShareKind::kPool, "gpu"}, false, {}, 0, 0}};
+  return {{"user:anna", true, {2.5, 12}, 3, 40}, {"pool:gpu", false, {}, 0, 0}};
 }
 
 std::vector<RemovalView> MadeUpRemovals() {

@@ -102,7 +102,9 @@ JobView MakeJob(int number, absl::Time create_time) {
   job.progress.sample_count_done = job.progress.sample_count_total;
   job.progress.relative_mse = 1.3e-3;
   job.progress.wall_seconds = 95;
-  if (job.state == JobState::kSucceeded) job.preview_frame = {1, 1, true};
+  if (job.state == JobState::kSucceeded) {
+    job.preview_frame = {FrameName(job.job_id, 1), 1, true};
+  }
   return job;
 }
 
@@ -114,7 +116,7 @@ JobView MakeRunningJob(int number, int frame_count) {
   job.preview_frame.reset();
   job.failure.clear();
   job.failure_count = 0;
-  job.end_time = absl::InfiniteFuture();
+  job.end_time.reset();
   job.frame_count = frame_count;
   FrameView frame = job.frames[0];
   frame.settings.samples = kSampleCount;
@@ -168,8 +170,9 @@ void Step(FakeFarm* farm, int step, std::mt19937* random) {
     job.frame_complete_count += frame.complete ? 1 : 0;
     NotePreviewFrame(frame, &job);
   }
-  sum.relative_mse = 0.4 / (1 + 255 * fraction);
-  EndRound(&job.frames[0], sum.relative_mse);
+  const double error = 0.4 / (1 + 255 * fraction);
+  sum.relative_mse = error;
+  EndRound(&job.frames[0], error);
   sum.wall_seconds = absl::ToDoubleSeconds(kStep) * step;
   sum.cpu_seconds = 2 * sum.wall_seconds;
   sum.remaining_seconds = absl::ToDoubleSeconds(kStep) * (kStepCount - step);

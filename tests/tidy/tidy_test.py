@@ -72,6 +72,11 @@ LAYERS = {
     "coordinator/store": ("common/base", "common/film", "common/scene", "common/content",
                           "common/objects", "coordinator/core"),
     "coordinator/access": ("common/base", "common/tls", "coordinator/store"),
+    "coordinator/service/view/json": ("common/base", "common/film", "common/scene",
+                                      "coordinator/core", "coordinator/service/view"),
+    "coordinator/service/view/messages": ("common/base", "common/content", "common/film",
+                                          "common/rpc", "common/scene", "coordinator/core",
+                                          "coordinator/service/view"),
     "coordinator/service/view": ("common/base", "common/film", "common/scene",
                                  "coordinator/core", "coordinator/forecast"),
     "coordinator/service/farm": ("common/", "coordinator/core", "coordinator/scheduling",
@@ -121,10 +126,10 @@ DOORS = {
     r"boost/(?!math/)": r"^coordinator/service/http/",
     r"CLI/": r"^(cli/|common/command_line/)",
     r"nlohmann/": r"^(cli/|common/scene/gltf/(tinygltf|parsable_json)\.cc$|"
-        r"coordinator/access/audit_log\.cc$|coordinator/service/http/)",
+        r"coordinator/access/audit_log\.cc$|coordinator/service/(http|view/json)/)",
     r"grpcpp/|google/protobuf|sheaf/v1/":
         r"^(common/rpc/|worker/(sandbox|service|wire)/|"
-        r"coordinator/service/(dropped|grpc|server)/|cli/)",
+        r"coordinator/service/(dropped|grpc|server|view/messages)/|cli/)",
 }
 
 # Where comments, messages and documents are plain English.

@@ -43,7 +43,9 @@ v1::TaskBundle BundleOf(const TaskReport& report) {
   *bundle.mutable_settings() = sheaf::ToWire(report.spec.settings);
   if (report.guiding_field) *bundle.mutable_guiding_field() = ToWire(report.guiding_field->digest);
   bundle.set_set_aside(report.set_aside);
-  for (const TaskFailure& failure : report.failures) *bundle.add_failures() = ToWire(failure);
+  for (const TaskFailure& failure : report.failures) {
+    *bundle.add_failures() = ToWire(MakeView(failure));
+  }
   bundle.set_numeric_profile(report.numeric_profile);
   return bundle;
 }
@@ -84,15 +86,6 @@ absl::Status SendBlob(const BlobStore& blobs, const BlobDigest& digest, const st
 }
 
 }  // namespace
-
-v1::RecordedFailure ToWire(const TaskFailure& failure) {
-  v1::RecordedFailure wire;
-  wire.set_kind(FailureKindName(failure.kind));
-  wire.set_worker(failure.worker_id);
-  wire.set_count(failure.count);
-  wire.set_message(failure.words);
-  return wire;
-}
 
 absl::StatusOr<TaskReport> JobService::FindTask(const grpc::ServerContext& context,
                                                 const v1::ReadTaskBundleRequest& request) const {

@@ -34,14 +34,7 @@ grpc::Status JobService::CollectGarbage(grpc::ServerContext* context,
     NoteInAudit(*context, access_, "CollectGarbage", what, removals.status());
   }
   if (!removals.ok()) return ToGrpcStatus(removals.status());
-  for (const RemovalView& view : *removals) {
-    v1::Removal& wire = *response->add_removals();
-    wire.set_kind(view.kind);
-    if (!view.job_id.empty()) wire.set_job_name(absl::StrCat("jobs/", view.job_id));
-    wire.set_reason(view.reason);
-    wire.set_item_count(view.item_count);
-    wire.set_size_bytes(view.size_bytes);
-  }
+  for (const RemovalView& view : *removals) *response->add_removals() = ToWire(view);
   return grpc::Status::OK;
 }
 

@@ -12,9 +12,7 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The wire has the numbers of stored frames.
-static_assert(static_cast<int>(StopReason::kCpu) == v1::STOP_REASON_CPU &&
-              v1::StopReason_ARRAYSIZE == kStopReasonCount);
+// The wire has the numbers of stored parts.
 static_assert(static_cast<int>(TaskKind::kTraining) == v1::TASK_KIND_TRAINING &&
               v1::TaskKind_ARRAYSIZE == 3);
 
@@ -70,121 +68,6 @@ absl::StatusOr<StopRule> FromWire(const v1::StopRule& wire) {
     rule.cpu_max = *cpu;
   }
   return rule;
-}
-
-void SetDuration(absl::Duration duration, google::protobuf::Duration* wire) {
-  const int64_t ns = absl::ToInt64Nanoseconds(duration);
-  wire->set_seconds(ns / 1'000'000'000);
-  wire->set_nanos(static_cast<int32_t>(ns % 1'000'000'000));
-}
-
-void SetTime(absl::Time time, google::protobuf::Timestamp* wire) {
-  const int64_t ns = absl::ToUnixNanos(time);
-  wire->set_seconds(ns / 1'000'000'000);
-  wire->set_nanos(static_cast<int32_t>(ns % 1'000'000'000));
-}
-
-v1::Progress ToWire(const ProgressView& progress) {
-  v1::Progress wire;
-  wire.set_sample_count_done(progress.sample_count_done);
-  wire.set_sample_count_total(progress.sample_count_total);
-  wire.set_relative_mse(progress.relative_mse);
-  wire.set_nonfinite_count(progress.nonfinite_count);
-  wire.set_ray_count(progress.ray_count);
-  SetDuration(absl::Seconds(progress.cpu_seconds), wire.mutable_cpu_duration());
-  SetDuration(absl::Seconds(progress.wall_seconds), wire.mutable_wall_duration());
-  if (progress.remaining_seconds >= 0) {
-    SetDuration(absl::Seconds(progress.remaining_seconds), wire.mutable_remaining_duration());
-  }
-  if (progress.remaining_low_seconds >= 0) {
-    SetDuration(absl::Seconds(progress.remaining_low_seconds),
-                wire.mutable_remaining_duration_low());
-    SetDuration(absl::Seconds(progress.remaining_high_seconds),
-                wire.mutable_remaining_duration_high());
-    SetDuration(absl::Seconds(progress.remaining_alone_seconds),
-                wire.mutable_remaining_duration_alone());
-  }
-  return wire;
-}
-
-v1::StopRule ToWire(const StopRule& rule) {
-  v1::StopRule wire;
-  wire.set_target_error(rule.target_error);
-  if (rule.time_max != absl::InfiniteDuration()) {
-    SetDuration(rule.time_max, wire.mutable_time_max());
-  }
-  if (rule.cpu_max != absl::InfiniteDuration()) SetDuration(rule.cpu_max, wire.mutable_cpu_max());
-  return wire;
-}
-
-v1::Round ToWire(const RoundView& view) {
-  v1::Round wire;
-  wire.set_relative_mse(view.relative_mse);
-  wire.set_relative_mse_upper(view.relative_mse_upper);
-  wire.set_predicted_relative_mse(view.predicted_relative_mse);
-  wire.set_prediction_ratio(view.prediction_ratio);
-  wire.set_sample_count(view.sample_count);
-  wire.set_ray_count(view.ray_count);
-  SetDuration(absl::Seconds(view.cpu_seconds), wire.mutable_cpu_duration());
-  SetDuration(absl::Seconds(view.wall_seconds), wire.mutable_wall_duration());
-  wire.set_part_bytes(view.part_bytes);
-  return wire;
-}
-
-v1::Frame ToWire(const std::string& job_name, const FrameView& view) {
-  v1::Frame wire;
-  wire.set_name(absl::StrCat(job_name, "/frames/", view.frame_number));
-  wire.mutable_spec()->set_frame_number(view.frame_number);
-  wire.mutable_spec()->mutable_scene()->set_sha256_hex(view.scene_digest);
-  wire.mutable_spec()->mutable_scene()->set_size_bytes(view.scene_size_bytes);
-  *wire.mutable_spec()->mutable_settings() = ToWire(view.settings);
-  if (view.stop.IsActive()) *wire.mutable_spec()->mutable_stop() = ToWire(view.stop);
-  if (!view.resumed.sha256_hex.empty()) {
-    *wire.mutable_spec()->mutable_resumed_image() = coordinator::ToWire(view.resumed);
-  }
-  for (const RoundView& round : view.rounds) *wire.add_rounds() = ToWire(round);
-  wire.set_stop_reason(static_cast<v1::StopReason>(view.stop_reason));
-  wire.set_tile_count(view.tile_count);
-  wire.set_unreliable_tile_count(view.unreliable_tile_count);
-  for (const LayerCount& count : view.unreliable_layers) {
-    v1::UnreliableLayer& layer = *wire.add_unreliable_layers();
-    layer.set_layer(count.layer);
-    layer.set_tile_count(count.tile_count);
-  }
-  wire.set_flip(view.flip);
-  wire.set_one_sequence_gain(view.one_sequence_gain);
-  wire.set_correction_count(view.correction_count);
-  wire.set_frame_digest(view.frame_digest);
-  wire.set_training(view.is_training);
-  wire.set_waiting_reason(view.waiting_reason);
-  wire.set_complete(view.complete);
-  *wire.mutable_progress() = ToWire(view.progress);
-  wire.set_image_digest(view.image_digest);
-  return wire;
-}
-
-v1::Job::State ToWire(JobState state) {
-  switch (state) {
-    case JobState::kQueued:
-      return v1::Job::STATE_QUEUED;
-    case JobState::kRunning:
-      return v1::Job::STATE_RUNNING;
-    case JobState::kPaused:
-      return v1::Job::STATE_PAUSED;
-    case JobState::kSucceeded:
-      return v1::Job::STATE_SUCCEEDED;
-    case JobState::kFailed:
-      return v1::Job::STATE_FAILED;
-    case JobState::kCancelled:
-      return v1::Job::STATE_CANCELLED;
-  }
-  return v1::Job::STATE_UNSPECIFIED;
-}
-
-// Both list the same states in the same order; the wire begins with one that is never sent.
-v1::Worker::State ToWire(WorkerState state) {
-  static_assert(v1::Worker::State_ARRAYSIZE == kWorkerStateCount + 1);
-  return static_cast<v1::Worker::State>(1 + static_cast<int>(state));
 }
 
 absl::StatusOr<LeasePhase> FromWire(v1::LeaseState::Phase phase) {
@@ -369,61 +252,6 @@ absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header) {
     return Invalid("ray_count", absl::StrCat("is larger than ", kResultRaysMax));
   }
   return report;
-}
-
-v1::Job ToWire(const JobView& view) {
-  v1::Job wire;
-  wire.set_name("jobs/" + view.job_id);
-  wire.set_pilot(view.pilot);
-  wire.set_title(view.title);
-  wire.set_state(ToWire(view.state));
-  for (const FrameView& frame : view.frames) *wire.add_frames() = ToWire(wire.name(), frame);
-  for (const FrameView& frame : view.frames) AddTroubles(frame, &wire);
-  SetTime(view.create_time, wire.mutable_create_time());
-  if (view.end_time != absl::InfiniteFuture()) SetTime(view.end_time, wire.mutable_end_time());
-  wire.set_failure(view.failure);
-  wire.set_owner(view.owner);
-  wire.set_show(view.show);
-  *wire.mutable_requirements() = ToWire(view.requirements);
-  wire.set_priority(view.priority);
-  wire.set_numeric_profile(view.numeric_profile);
-  wire.mutable_partition()->set_tile_size_px(view.partition.tile_size_px);
-  wire.mutable_partition()->set_pass_sample_count(view.partition.pass_sample_count);
-  wire.mutable_partition()->set_lease_pass_count(view.partition.lease_pass_count);
-  wire.mutable_partition()->set_cell_size_px(view.partition.cell_size_px);
-  *wire.mutable_progress() = ToWire(view.progress);
-  wire.set_waiting_reason(view.waiting_reason);
-  wire.set_warning(view.warning);
-  wire.set_incomplete_frame_count(view.frame_incomplete_count);
-  wire.set_training_frame_count(view.training_frame_count);
-  wire.set_pinned(view.pinned);
-  AddHolds(view, &wire);
-  AddDeadline(view, &wire);
-  const absl::Time removed = view.parts_removed_time;
-  if (removed != absl::InfiniteFuture()) SetTime(removed, wire.mutable_parts_removed_time());
-  for (const EffectCost& effect : view.effect_costs) *wire.add_effect_costs() = ToWire(effect);
-  return wire;
-}
-
-v1::Worker ToWire(const WorkerView& view) {
-  v1::Worker wire;
-  wire.set_name("workers/" + view.worker_id);
-  wire.set_identity(view.identity);
-  wire.set_host(view.host);
-  wire.set_state(ToWire(view.state));
-  wire.set_thread_count(view.thread_count);
-  WriteTraits(view.traits, &wire);
-  wire.set_numeric_profile(view.numeric_profile);
-  wire.set_lease_count(view.lease_count);
-  wire.set_result_count(view.result_count);
-  wire.set_samples_per_second(view.samples_per_second);
-  wire.set_lease_granted_count(view.lease_granted_count);
-  wire.set_lease_cold_count(view.lease_cold_count);
-  SetTime(view.last_seen_time, wire.mutable_last_seen_time());
-  wire.set_reason(view.reason);
-  wire.set_drained(view.drained);
-  wire.set_then_exit(view.exits);
-  return wire;
 }
 
 v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {

@@ -36,19 +36,4 @@ absl::Status ReadDeadline(const v1::CreateJobRequest& request, JobSpec* spec) {
   return absl::OkStatus();
 }
 
-void AddDeadline(const JobView& view, v1::Job* job) {
-  job->set_held(view.held);
-  const Deadline& deadline = view.deadline;
-  if (deadline.time == absl::InfiniteFuture()) return;
-  const absl::Duration since = deadline.time - absl::UnixEpoch();
-  v1::Deadline& wire = *job->mutable_deadline();
-  wire.mutable_time()->set_seconds(absl::ToInt64Seconds(since));
-  wire.mutable_time()->set_nanos(static_cast<int32_t>(
-      absl::ToInt64Nanoseconds(since - absl::Seconds(absl::ToInt64Seconds(since)))));
-  if (deadline.cpu_seconds <= 0) return;
-  wire.mutable_cpu_seconds()->set_value(deadline.cpu_seconds);
-  wire.mutable_cpu_seconds()->set_low(deadline.cpu_seconds_low);
-  wire.mutable_cpu_seconds()->set_high(deadline.cpu_seconds_high);
-}
-
 }  // namespace sheaf::coordinator

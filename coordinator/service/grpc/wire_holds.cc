@@ -24,14 +24,4 @@ absl::Status TakeHolds(const v1::CreateJobRequest& request, JobSpec* spec) {
   return HoldForApproval(request.approve_after_samples(), spec);
 }
 
-void AddHolds(const JobView& view, v1::Job* job) {
-  job->set_unapproved_frame_count(view.unapproved_frame_count);
-  for (const DependencyView& dependency : view.dependencies) {
-    v1::JobDependency& wire = *job->add_dependencies();
-    wire.set_job_name(absl::StrCat("jobs/", dependency.job_id));
-    wire.set_by_frame(dependency.by_frame);
-    wire.set_state(dependency.state);
-  }
-}
-
 }  // namespace sheaf::coordinator

@@ -2,7 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/view/farm_view.h"
 
+#include "absl/strings/str_cat.h"
+
 namespace sheaf::coordinator {
+
+std::string FrameName(const std::string& job_id, int32_t frame_number) {
+  return absl::StrCat("jobs/", job_id, "/frames/", frame_number);
+}
+
+TaskFailureView MakeView(const TaskFailure& failure) {
+  return {FailureKindName(failure.kind), failure.worker_id, failure.count, failure.words};
+}
 
 const char* JobStateName(JobState state) {
   switch (state) {
@@ -10,14 +20,14 @@ const char* JobStateName(JobState state) {
       return "queued";
     case JobState::kRunning:
       return "running";
-    case JobState::kPaused:
-      return "paused";
     case JobState::kSucceeded:
       return "succeeded";
     case JobState::kFailed:
       return "failed";
     case JobState::kCancelled:
       return "cancelled";
+    case JobState::kPaused:
+      return "paused";
   }
   return "unknown";
 }
@@ -30,7 +40,8 @@ bool HasEnded(JobState state) {
 void NotePreviewFrame(const FrameView& frame, JobView* job) {
   std::optional<PreviewFrame>& preview_frame = job->preview_frame;
   if (frame.preview_version == 0 || (preview_frame && !preview_frame->complete)) return;
-  preview_frame = {frame.frame_number, frame.preview_version, frame.complete};
+  preview_frame = {FrameName(job->job_id, frame.frame_number), frame.preview_version,
+                   frame.complete};
 }
 
 const char* LeasePhaseName(LeasePhase phase) {

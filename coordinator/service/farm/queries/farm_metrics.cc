@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <system_error>
 
@@ -200,14 +201,13 @@ std::vector<MetricView> FarmMetrics::List() const {
                        FailureKindName(static_cast<FailureKind>(kind)),
                        static_cast<double>(counters.failures[static_cast<size_t>(kind)])});
   }
-  std::array<int, kWorkerStateCount> by_state{};
+  std::map<WorkerState, int> by_state;
   for (const auto& [id, worker] : tables_.scheduler.workers().workers()) {
-    ++by_state[static_cast<size_t>(StateOf(worker))];
+    ++by_state[StateOf(worker)];
   }
-  for (size_t state = 0; state < by_state.size(); ++state) {
+  for (const WorkerState state : kWorkerStates) {
     metrics.push_back({"sheaf_workers", "Workers, by state.", MetricView::Kind::kGauge, "state",
-                       WorkerStateName(static_cast<WorkerState>(state)),
-                       static_cast<double>(by_state[state])});
+                       WorkerStateName(state), static_cast<double>(by_state[state])});
   }
   int live_jobs = 0;
   int paused_jobs = 0;

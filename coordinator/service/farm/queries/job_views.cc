@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "absl/hash/hash.h"
@@ -18,11 +19,22 @@ namespace {
 
 double Seconds(absl::Duration duration) { return absl::ToDoubleSeconds(duration); }
 
+// None for 0, which records have while a value is unknown.
+std::optional<double> AboveZero(double value) {
+  return value > 0 ? std::optional<double>(value) : std::nullopt;
+}
+
+// None for InfiniteFuture, which records have for what has not happened.
+std::optional<absl::Time> KnownTime(absl::Time time) {
+  return time == absl::InfiniteFuture() ? std::nullopt : std::optional<absl::Time>(time);
+}
+
 // Adds a frame's progress to its job's; relative_mse is weighted by samples and divided at the end.
 void AddProgress(const ProgressView& frame, ProgressView* sum) {
   sum->sample_count_done += frame.sample_count_done;
   sum->sample_count_total += frame.sample_count_total;
-  sum->relative_mse += frame.relative_mse * static_cast<double>(frame.sample_count_done);
+  sum->relative_mse = sum->relative_mse.value_or(0) +
+                      frame.relative_mse.value_or(0) * static_cast<double>(frame.sample_count_done);
   sum->nonfinite_count += frame.nonfinite_count;
   sum->ray_count += frame.ray_count;
   sum->cpu_seconds += frame.cpu_seconds;
@@ -48,7 +60,10 @@ void AddSetAside(const FrameRecord& frame, FrameView* view) {
     const TaskTrouble& trouble = failures.trouble;
     if (trouble.set_aside.empty() || trouble.OfFrame()) continue;
     if (view->set_aside.size() < kSetAsideShownMax) {
-      view->set_aside.push_back({id.tile, trouble.set_aside, trouble.failures});
+      SetAsideView& task =
+          view->set_aside.emplace_back(SetAsideView{id.tile, trouble.set_aside, {}});
+      for (const TaskFailure& failure : trouble.failures)
+        task.failures.push_back(MakeView(failure));
     }
     ++view->set_aside_count;
   }
@@ -72,11 +87,12 @@ std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundReco
 // Never 0, which means a frame not yet seen. view: without its spec.
 size_t MarkOf(const FrameRecord& frame, const FrameView& view, size_t round_count) {
   const ProgressView& progress = view.progress;
-  const size_t mark = absl::HashOf(
-      frame.phase, frame.failures.size(), frame.refused_by.size(), view.is_training,
-      view.waiting_reason, view.correction_count, view.preview_version, view.image_digest,
-      round_count, progress.sample_count_done, progress.sample_count_total,
-      progress.nonfinite_count, progress.ray_count, progress.cpu_seconds, progress.relative_mse);
+  const size_t mark =
+      absl::HashOf(frame.phase, frame.failures.size(), frame.refused_by.size(), view.is_training,
+                   view.waiting_reason, view.correction_count, view.preview_version,
+                   view.image_digest, round_count, progress.sample_count_done,
+                   progress.sample_count_total, progress.nonfinite_count, progress.ray_count,
+                   progress.cpu_seconds, progress.relative_mse.value_or(0));
   return mark == 0 ? 1 : mark;
 }
 
@@ -160,13 +176,18 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, FrameMarks* mar
   }
   view.warning = account.warning;
   view.pinned = account.pinned;
-  view.parts_removed_time = account.parts_removed_time;
+  view.parts_removed_time = KnownTime(account.parts_removed_time);
   view.create_time = account.create_time;
-  view.end_time = account.end_time;
+  view.end_time = KnownTime(account.end_time);
   view.failure_count = job.failures.count;
   view.frame_incomplete_count = job.incomplete_count;
   view.unapproved_frame_count = job.unapproved_count;
-  view.deadline = job.spec.deadline;
+  const Deadline& deadline = job.spec.deadline;
+  view.deadline_time = KnownTime(deadline.time);
+  if (view.deadline_time && deadline.cpu_seconds > 0) {
+    view.deadline_cpu_seconds = {deadline.cpu_seconds, deadline.cpu_seconds_low,
+                                 deadline.cpu_seconds_high};
+  }
   const JobRecords& jobs = tables_.scheduler.jobs();
   view.held = job.phase == JobPhase::kLive && (job.Paused() || !WhyHeld(jobs, job).empty());
   for (const JobDependency& dependency : job.spec.dependencies) {
@@ -198,9 +219,8 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, FrameMarks* mar
     view.frames.push_back(std::move(of_frame));
   }
   ProgressView& progress = view.progress;
-  if (progress.sample_count_done > 0) {
-    progress.relative_mse /= static_cast<double>(progress.sample_count_done);
-  }
+  const auto samples_done = static_cast<double>(std::max<uint64_t>(1, progress.sample_count_done));
+  progress.relative_mse = AboveZero(progress.relative_mse.value_or(0) / samples_done);
   progress.wall_seconds = Seconds(tables_.WallOfJob(job, now));
   // The time that a user takes is unknown.
   if (job.phase == JobPhase::kLive && !job.Paused() && WhyHeld(jobs, job).empty()) {
@@ -256,20 +276,20 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
         absl::StrCat(state_directory_, "/outputs/", id.job_id, "/", id.frame_number, ".exr");
     view.preview_version = IsUnapproved(job.spec, frame.number()) ? kUnapprovedPreviewVersion
                                                                   : kDeliveredPreviewVersion;
-    progress.relative_mse = delivered.relative_mse;
+    progress.relative_mse = AboveZero(delivered.relative_mse);
     view.stop_reason = delivered.stop_reason;
     view.tile_count = delivered.tile_count;
     view.unreliable_tile_count = delivered.unreliable_tile_count;
     view.unreliable_layers = delivered.unreliable_layers;
-    view.flip = delivered.flip;
-    view.one_sequence_gain = delivered.one_sequence_gain;
+    view.flip = AboveZero(delivered.flip);
+    view.one_sequence_gain = AboveZero(delivered.one_sequence_gain);
     progress.wall_seconds = Seconds(delivered.wall_duration);
     progress.remaining_seconds = 0;
     return view;
   }
   if (const auto open = tables_.open_frames.find(id); open != tables_.open_frames.end()) {
     view.preview_version = open->second.preview_version;
-    progress.relative_mse = open->second.relative_mse;
+    progress.relative_mse = AboveZero(open->second.relative_mse);
   }
   progress.wall_seconds = Seconds(tables_.WallOf(id, now));
   const bool begun = frame.first_lease_time != SteadyTime::InfiniteFuture();
@@ -293,7 +313,7 @@ void JobViews::EstimateRemaining(const JobRecord& job, SteadyTime now,
 }
 
 void JobViews::AddBand(const JobRecord& job, SteadyTime now, ProgressView* progress) const {
-  if (progress->remaining_seconds < 0) return;
+  if (!progress->remaining_seconds) return;
   const SharedFarm::End* end =
       tables_.LoadOf(job.spec.numeric_profile, now).shared.Find(job.spec.job_id);
   if (end == nullptr) return;

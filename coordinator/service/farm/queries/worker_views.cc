@@ -58,7 +58,7 @@ WorkerView WorkerViews::ViewOf(const WorkerRecord& worker) const {
     if (view.warm_scenes.size() >= kWorkerScenesShownMax) break;
     view.warm_scenes.push_back(scene);
   }
-  view.scene_memory_bytes = worker.scene_memory_bytes;
+  if (worker.scene_memory_bytes > 0) view.scene_memory_bytes = worker.scene_memory_bytes;
   return view;
 }
 

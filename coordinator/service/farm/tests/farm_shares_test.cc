@@ -27,7 +27,7 @@ TEST_F(FarmTest, SharesSurviveARestartUntilTheyAreReset) {
   shares = &farm_->share_control();
   const std::vector<ShareView> views = shares->List();
   ASSERT_EQ(views.size(), 2u);
-  EXPECT_EQ(views[0].subject, kAnna);
+  EXPECT_EQ(views[0].subject, FormatShareSubject(kAnna));
   EXPECT_EQ(views[0].setting, (ShareSetting{2, 64}));
   EXPECT_EQ(views[1].setting, (ShareSetting{1, 8}));
   ASSERT_TRUE(shares->Reset(kAnna).ok());
@@ -37,7 +37,7 @@ TEST_F(FarmTest, SharesSurviveARestartUntilTheyAreReset) {
   store_->Open();
   const std::vector<ShareView> left = farm_->share_control().List();
   ASSERT_EQ(left.size(), 1u);
-  EXPECT_EQ(left[0].subject, kComet);
+  EXPECT_EQ(left[0].subject, FormatShareSubject(kComet));
 }
 
 }  // namespace

@@ -196,8 +196,8 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
   const ProgressView alone = progress();
   const auto left = static_cast<double>(alone.sample_count_total - alone.sample_count_done);
   ASSERT_GT(left, 0);
-  EXPECT_NEAR(alone.remaining_seconds, expected(left), 0.01 * expected(left));
-  EXPECT_NEAR(farm_->FindJob(job)->frames[0].progress.remaining_seconds, alone.remaining_seconds,
+  EXPECT_NEAR(*alone.remaining_seconds, expected(left), 0.01 * expected(left));
+  EXPECT_NEAR(*farm_->FindJob(job)->frames[0].progress.remaining_seconds, *alone.remaining_seconds,
               1e-9);
   // Another job that is smaller gets all of its samples meanwhile.
   const uint64_t other = MakeJob({}, uint64_t{1} << 19);
@@ -205,12 +205,12 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
   while (progress().remaining_seconds < 0.99 * both && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(10));
   }
-  EXPECT_NEAR(progress().remaining_seconds, both, 0.01 * both);
+  EXPECT_NEAR(*progress().remaining_seconds, both, 0.01 * both);
   ASSERT_TRUE(farm_->SetJobPriority(other, -1).ok());
   while (progress().remaining_seconds > 0.99 * both && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(10));
   }
-  EXPECT_NEAR(progress().remaining_seconds, alone.remaining_seconds, 1e-9);
+  EXPECT_NEAR(*progress().remaining_seconds, *alone.remaining_seconds, 1e-9);
 }
 
 // A frame without a rule has a point at each doubling that is seen, and one at its end.
@@ -268,7 +268,7 @@ TEST_F(FarmTest, FramesWithoutAStopRuleHaveACurve) {
   ASSERT_GE(curve.size(), 2u);
   EXPECT_LE(curve.size(), 5u);  // 16, 32, 64, 128 and 256 samples.
   EXPECT_EQ(curve.back().sample_count, 256u * 256u);
-  const double delivered = farm_->FindJob(job)->frames[0].progress.relative_mse;
+  const double delivered = *farm_->FindJob(job)->frames[0].progress.relative_mse;
   EXPECT_NEAR(curve.back().relative_mse, delivered, 1e-6 * delivered);
   farm_->WaitForEnd(0, absl::Seconds(60));
   EXPECT_EQ(farm_->EndCount(), 1u);

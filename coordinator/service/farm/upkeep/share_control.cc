@@ -59,7 +59,7 @@ absl::Status ShareControl::Reset(const ShareSubject& subject) {
 
 ShareView ShareControl::ViewOf(const ShareSubject& subject) const {
   ShareView view;
-  view.subject = subject;
+  view.subject = FormatShareSubject(subject);
   const std::map<ShareSubject, ShareSetting>& all = tables_.scheduler.share_settings();
   const auto found = all.find(subject);
   view.is_set = found != all.end();

@@ -220,7 +220,7 @@ HttpResponse HttpApi::ListJobs(const HttpRequest& request) const {
   }
   std::vector<std::string> page;
   for (; job != jobs.end() && page.size() < static_cast<size_t>(*size); ++job) {
-    page.push_back(JobJson(*job));
+    page.push_back(JobJson(*job, JsonFields::kHttp));
   }
   return JsonResponse(ListJson("jobs", page, job == jobs.end() ? "" : std::prev(job)->job_id));
 }
@@ -240,11 +240,11 @@ HttpResponse HttpApi::GetJob(const HttpRequest& request) const {
   }
   std::vector<std::string> page;
   for (; frame != job->frames.end() && page.size() < static_cast<size_t>(*size); ++frame) {
-    page.push_back(FrameJson(job->job_id, *frame));
+    page.push_back(FrameJson(job->job_id, *frame, JsonFields::kHttp));
   }
   const bool ended = frame == job->frames.end();
-  return JsonResponse(
-      JobWithFramesJson(*job, page, ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
+  return JsonResponse(JobWithFramesJson(*job, page, JsonFields::kHttp,
+                                        ended ? "" : absl::StrCat(std::prev(frame)->frame_number)));
 }
 
 HttpResponse HttpApi::ListFailures(const HttpRequest& request) const {
@@ -264,7 +264,7 @@ HttpResponse HttpApi::ChangeJob(const HttpRequest& request,
   if (!done.ok()) return HttpErrorFromStatus(done);
   const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
   if (!job.ok()) return HttpErrorFromStatus(job.status());
-  return JsonResponse(JobJson(*job));
+  return JsonResponse(JobJson(*job, JsonFields::kHttp));
 }
 
 absl::Status HttpApi::ControlJob(const HttpRequest& request,
@@ -328,7 +328,7 @@ absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {
 HttpResponse HttpApi::GetFrame(const HttpRequest& request) const {
   const absl::StatusOr<FrameView> frame = FindFrame(request);
   if (!frame.ok()) return HttpErrorFromStatus(frame.status());
-  return JsonResponse(FrameJson(request.path_parameters[0], *frame));
+  return JsonResponse(FrameJson(request.path_parameters[0], *frame, JsonFields::kHttp));
 }
 
 HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
@@ -413,7 +413,7 @@ HttpResponse HttpApi::ListWorkers(const HttpRequest& request) const {
     if (page.size() == static_cast<size_t>(*size)) {
       return JsonResponse(ListJson("workers", page, last));
     }
-    page.push_back(WorkerJson(worker));
+    page.push_back(WorkerJson(worker, JsonFields::kHttp));
     last = worker.worker_id;
   }
   return JsonResponse(ListJson("workers", page, ""));

@@ -146,14 +146,14 @@ TEST_F(HttpApiTest, JobsNameTheMostActiveFrame) {
     frame.preview_version = version;
     frame.complete = complete;
     NotePreviewFrame(frame, &farm_.jobs[0]);
-    return farm_.jobs[0].preview_frame.value_or(PreviewFrame()).frame_number;
+    return farm_.jobs[0].preview_frame.value_or(PreviewFrame()).name;
   };
-  EXPECT_EQ(shown_after(1, 0, false), 0);
-  EXPECT_EQ(shown_after(2, 9, true), 2);
-  EXPECT_EQ(shown_after(3, 9, true), 3);
-  EXPECT_EQ(shown_after(4, 5, false), 4);
-  EXPECT_EQ(shown_after(5, 5, false), 4);
-  EXPECT_EQ(shown_after(6, 9, true), 4);
+  EXPECT_EQ(shown_after(1, 0, false), "");
+  EXPECT_EQ(shown_after(2, 9, true), "jobs/3/frames/2");
+  EXPECT_EQ(shown_after(3, 9, true), "jobs/3/frames/3");
+  EXPECT_EQ(shown_after(4, 5, false), "jobs/3/frames/4");
+  EXPECT_EQ(shown_after(5, 5, false), "jobs/3/frames/4");
+  EXPECT_EQ(shown_after(6, 9, true), "jobs/3/frames/4");
 }
 
 TEST_F(HttpApiTest, FramesArePaged) {
@@ -173,7 +173,6 @@ TEST_F(HttpApiTest, FramesArePaged) {
 
 TEST_F(HttpApiTest, UnknownFrameValuesAreNull) {
   FrameView& frame = farm_.jobs[2].frames[0];
-  frame.flip = 0;
   EXPECT_TRUE(Get("/api/v1/jobs/1/frames/1")["flip"].is_null());
   EXPECT_TRUE(Get("/api/v1/jobs/1/frames/1")["one_sequence_gain"].is_null());
   frame.flip = 0.25;

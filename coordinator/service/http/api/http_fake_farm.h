@@ -78,7 +78,8 @@ class FakeFarm : public FarmView {
       price.relative_mse = {target, 0.9 * target, target};
       price.samples_per_pixel = {16 * seconds, 12 * seconds, 24 * seconds};
       price.cpu_seconds = {seconds, 0.8 * seconds, 1.25 * seconds};
-      price.wall_seconds = {seconds / 2, 0.4 * seconds, 0.625 * seconds};
+      if (prices.thread_count > 0)
+        price.wall_seconds = {seconds / 2, 0.4 * seconds, 0.625 * seconds};
     }
     return priced;
   }

@@ -20,13 +20,12 @@ namespace {
 
 std::string Mark(const JobView& job) {
   const PreviewFrame preview_frame = job.preview_frame.value_or(PreviewFrame());
-  return absl::StrCat(static_cast<int>(job.state), " ", job.priority, " ",
-                      job.progress.sample_count_done, " ", job.frame_complete_count, " ",
-                      job.frame_incomplete_count, " ", job.training_frame_count, " ",
-                      preview_frame.frame_number, " ", preview_frame.preview_version, " ",
-                      job.progress.nonfinite_count, " ", job.waiting_reason, " ", job.warning, " ",
-                      job.failure, job.pinned ? " pinned" : "",
-                      job.parts_removed_time == absl::InfiniteFuture() ? "" : " without parts");
+  return absl::StrCat(
+      static_cast<int>(job.state), " ", job.priority, " ", job.progress.sample_count_done, " ",
+      job.frame_complete_count, " ", job.frame_incomplete_count, " ", job.training_frame_count, " ",
+      preview_frame.name, " ", preview_frame.preview_version, " ", job.progress.nonfinite_count,
+      " ", job.waiting_reason, " ", job.warning, " ", job.failure, job.pinned ? " pinned" : "",
+      job.parts_removed_time ? " without parts" : "");
 }
 
 std::string Mark(const FrameView& frame) {
@@ -44,8 +43,8 @@ std::string Mark(const WorkerView& worker) {
   }
   return absl::StrCat(static_cast<int>(worker.state), " ", worker.lease_count, " ",
                       worker.result_count, " ", absl::ToUnixSeconds(worker.last_seen_time), " ",
-                      worker.warm_scene_count, " ", worker.scene_memory_bytes, leases, " ",
-                      worker.reason);
+                      worker.warm_scene_count, " ", worker.scene_memory_bytes.value_or(0), leases,
+                      " ", worker.reason);
 }
 
 // Stores the mark; returns whether it differs from the stored one.
@@ -69,7 +68,7 @@ void FarmDifference::Publish(const FarmView& farm) {
   for (const JobView& job : jobs) {
     if (!Differs(&jobs_, job.job_id, Mark(job)) || !watched) continue;
     PublishFrames(farm, job.job_id);
-    hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job)});
+    hub_->Publish({"job", absl::StrCat("jobs/", job.job_id), JobJson(job, JsonFields::kHttp)});
     // A failed job may be retried; its frames then lose state that viewers have seen.
     if (HasEnded(job.state) && job.state != JobState::kFailed) {
       frames_.erase(job.job_id);
@@ -79,7 +78,8 @@ void FarmDifference::Publish(const FarmView& farm) {
   const std::vector<WorkerView> workers = farm.ListWorkers();
   for (const WorkerView& worker : workers) {
     if (!Differs(&workers_, worker.worker_id, Mark(worker)) || !watched) continue;
-    hub_->Publish({"worker", absl::StrCat("workers/", worker.worker_id), WorkerJson(worker)});
+    hub_->Publish({"worker", absl::StrCat("workers/", worker.worker_id),
+                   WorkerJson(worker, JsonFields::kHttp)});
   }
   if (jobs_.size() > jobs.size()) PublishRemoved("job", jobs, &JobView::job_id, &jobs_);
   if (workers_.size() > workers.size()) {
@@ -114,7 +114,7 @@ void FarmDifference::PublishFrames(const FarmView& farm, const std::string& job_
     const bool changed =
         mark == untouched ? marks.erase(key) > 0 : Differs(&marks, key, std::move(mark));
     if (!changed) continue;
-    hub_->Publish({"frame", key, FrameJson(job_id, frame)});
+    hub_->Publish({"frame", key, FrameJson(job_id, frame, JsonFields::kHttp)});
   }
 }
 
