@@ -18,17 +18,12 @@ from google.protobuf import descriptor_pb2
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PAGE = os.path.join(ROOT, "docs", "reference", "grpc.md")
-ROLES = os.path.join(ROOT, "coordinator", "access", "role_table.cc")
+ROLES = os.path.join(ROOT, "tests", "golden", "files", "roles.txt")
 # Numbers of the fields of descriptors, by which source locations name their subjects. Source:
 # google/protobuf/descriptor.proto.
 MESSAGES, ENUMS, SERVICES = 4, 5, 6
 FIELDS, NESTED_MESSAGES, NESTED_ENUMS = 2, 3, 4
 METHODS = VALUES = 2
-ROLE_WORDS = {
-    "kNothing": "anybody", "kIdentity": "a user or a worker", "kWork": "a worker",
-    "kView": "view", "kSubmit": "submit", "kOperate": "operate", "kAdminister": "administer",
-    "kWorkOrOperate": "a worker, or operate", "kScrape": "a scrape token, or view",
-}
 HEAD = """# gRPC reference
 
 Made by `tests/documents/grpc_reference.py` from the comments in proto/sheaf/v1: change those, not
@@ -41,10 +36,11 @@ fields exclude each other.
 
 
 def roles():
-    """The role of each operation, in words, from the coordinator's table."""
+    """The role of each operation, in words, from the golden file of the coordinator's table."""
     with open(ROLES, encoding="utf-8") as file:
-        rows = re.findall(r'\{"([^"]+)", (k\w+)\}', file.read())
-    return {operation: ROLE_WORDS[requirement] for operation, requirement in rows}
+        rows = re.findall(r"^(/.+): (.+)$", file.read(), re.M)
+    return {operation: role.replace("the role ", "").replace("no role required", "anybody")
+            for operation, role in rows}
 
 
 def descriptors():
