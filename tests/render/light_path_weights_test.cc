@@ -56,6 +56,7 @@ class WeightsTest : public ::testing::Test {
     FrameSettings settings = SquareSettings(16, 1, 8);
     settings.techniques =
         kGuided ? TechniqueSet::kCameraAndLightGuided : TechniqueSet::kCameraAndLight;
+    if (FromCamera::kSplitsLights) settings.light_samples = 8;
     if (merges) settings.techniques = settings.techniques.With(Technique::kMerging);
     if (guides_emission_) {
       settings.techniques = settings.techniques.With(sheaf::Technique::kEmissionGuiding);
@@ -133,7 +134,8 @@ void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, 
     const auto seen = compiled_->camera.SampleWi(at->point.p, {}, 0);
     if (seen) {
       const BsdfValue value = at->SeenFrom(c, seen->wi).Eval(-path.ray.d);
-      const Rgb transmittance = TransmittanceToLens(c, *at, *seen, {}, path);
+      double line = 0;
+      const Rgb transmittance = TransmittanceToLens(c, *at, *seen, {}, path, &line);
       if (!value.f_cos.IsBlack() && !transmittance.IsBlack()) {
         const double camera_paths = CameraPathsAtLens(
             c, static_cast<double>(value.pdf), static_cast<double>(at->FluxFactor(seen->wi, path)),
@@ -179,10 +181,10 @@ Weights WeightsTest<kTraits>::WeightsAt(const Context<FromCamera>& c,
   light.light = end.light;
   light.is_delta = !end.can_be_hit;
   light.pdf = light.is_delta
-                  ? compiled_->lights->ChoiceProbability(end.light, at.point.p, at.light_hint,
-                                                         at.guided.lights())
+                  ? compiled_->lights->choice().Probability(end.light, at.point.p, at.light_hint,
+                                                            QueryFor<kTraits>(at.Query()))
                   : compiled_->lights->PdfEmitter<kTraits>(end.light, at.point.p, at.light_hint, wi,
-                                                           end.p, at.guided.lights());
+                                                           end.p, at.Query());
   weights.sampled = static_cast<double>(at.LightSampleWeight(c, light, pdf, *path));
   if (end.can_be_hit) {
     scatter();
@@ -260,14 +262,16 @@ std::optional<Weights> WeightsTest<kTraits>::InTheMirror(const Path& followed) {
   const Context<FromLight> of_light = ContextOf<FromLight>(sampler, groups);
   PathState<FromLight> arrived;
   arrived.other_end = followed.light;
+  arrived.depth = static_cast<uint32_t>(followed.points.size());
   GatherPointOf<Rgb> stored;
   first.Store(&stored);
   const SurfaceVertex<FromLight> seen(of_light, first.point.p, stored);
   const Vec3f d = followed.arrives_along;
   const double cosine = std::fabs(static_cast<double>(Dot(d, stored.ng)));
   weights->light_path = static_cast<double>(ConnectionWeight(
-      of_light, CameraPathsAtMerge(of_light, static_cast<double>(seen.Eval(-d).pdf),
-                                   path.other_end.merge_radius, cosine, arrived)));
+      of_light,
+      CameraPathsAtMerge(of_light, static_cast<double>(seen.Eval(-d).pdf),
+                         path.other_end.merge_radius, cosine, /*camera_vertices=*/2, arrived)));
   return weights;
 }
 
@@ -361,12 +365,17 @@ std::vector<TestScene> MirroredScenes() {
 constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
 using LightPathWeightsTest = WeightsTest<kPlainTraits>;
 using GuidedPathWeightsTest = WeightsTest<Guided(kPlainTraits)>;
+using SplitWeightsTest = WeightsTest<LightSplit(kPlainTraits)>;
 using GasWeightsTest = WeightsTest<kColoredMediaTraits>;
 using FlameWeightsTest = WeightsTest<kCloudTraits>;
 
 TEST_F(LightPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
 TEST_F(GuidedPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
 TEST_F(LightPathWeightsTest, SumToOneWhereLightPathsAreMerged) {
+  ExpectSumsOfOneInMirror(MirroredScenes());
+}
+TEST_F(SplitWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
+TEST_F(SplitWeightsTest, SumToOneWhereLightPathsAreMerged) {
   ExpectSumsOfOneInMirror(MirroredScenes());
 }
 TEST_F(GuidedPathWeightsTest, SumToOneWhereLightPathsAreMerged) {

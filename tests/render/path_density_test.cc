@@ -53,14 +53,15 @@ class PathDensityTest : public ::testing::Test {
   };
   // The throughput of a path from the lens to the last place.
   struct Carried {
-    double light_over_hit = 0, sample_over_hit = 0, light_over_sample = 0;
-    double hit_weight = 0, sample_weight = 0;
+    double light_over_hit = 0, sample_over_hit = 0, light_over_sample = 0, line_over_sample = 0;
+    double hit_weight = 0, sample_weight = 0, line_weight = 0;
   };
 
   void Load(const TestScene& test_scene, TechniqueSet techniques) {
     FrameSettings settings = SquareSettings(16, 1, 8);
     settings.techniques = techniques;
     if (FromLens::kSpectral) settings.color = ColorTransport::kSpectral;
+    if (FromLens::kSplitsLights) settings.light_samples = 8;
     compiled_ = Compile(test_scene.scene, settings, kSmallTraining);
     ASSERT_TRUE(EnsureGuiding(*compiled_, {}).ok());
   }
@@ -81,14 +82,21 @@ class PathDensityTest : public ::testing::Test {
                const Found& so_far, std::vector<Found>* found);
   // Follows the path from the lens. None where rounding or a cut-off leads elsewhere.
   std::optional<Carried> Follow(Found* found);
-  bool MeetPlace(const Context<FromLens>& c, const Found& found, size_t i,
-                 PathState<FromLens>* path, Vertex<FromLens>* vertex);
+  bool MeetPlace(const Context<FromLens>& c, Found* found, size_t i, PathState<FromLens>* path);
   template <typename V>
   bool Pass(const Context<FromLens>& c, const V& at, Vec3f wi, typename Stored::Place* place,
             PathState<FromLens>* path);
   template <typename V>
-  std::optional<Carried> CarriedTo(const Context<FromLens>& c, const V& at, Found* found,
+  std::optional<Carried> CarriedTo(const Context<FromLens>& c, const V& at,
+                                   const PathState<FromLens>& before, Found* found,
                                    PathState<FromLens>* path);
+  // The same of the segment's line, which samples the light as well.
+  template <typename V>
+  void CarriedByLine(const Context<FromLens>& c, const V& at, const LightSampleOf<Color>& light,
+                     const PathState<FromLens>& before, const PathState<FromLens>& path,
+                     Carried* carried);
+  bool ReachInMedium(const Context<FromLens>& c, const MediumVertex<FromLight>& met, Vec3f p,
+                     typename Stored::Place* place, PathState<FromLens>* path);
   // Whether all ratios are those of the reference.
   bool Agrees(const Found& found, const Carried& carried);
   void ExpectDensities(const std::vector<DensityScene>& scenes, TechniqueSet techniques,
@@ -110,7 +118,8 @@ void PathDensityTest<kTraits>::Connect(const Context<FromLight>& c, const V& at,
   if (!seen) return;
   const auto value = at.SeenFrom(c, seen->wi).Eval(-path.ray.d);
   if (value.f_cos.IsBlack() || !(value.pdf > 0)) return;
-  if (TransmittanceToLens(c, at, *seen, {}, path).IsBlack()) return;
+  double line = 0;
+  if (TransmittanceToLens(c, at, *seen, {}, path, &line).IsBlack()) return;
   Found& added = found->emplace_back(so_far);
   added.path.camera_ray.o = seen->p_lens;
   added.path.camera_ray.d = -seen->wi;
@@ -118,7 +127,7 @@ void PathDensityTest<kTraits>::Connect(const Context<FromLight>& c, const V& at,
   added.wavelengths = path.wavelengths;
   const auto flux = static_cast<double>(at.FluxFactor(seen->wi, path));
   added.camera_over_light =
-      CameraPathsAtLens(c, static_cast<double>(value.pdf), flux, seen->ray_density, path);
+      CameraPathsAtLens(c, static_cast<double>(value.pdf), flux, seen->ray_density, path, line);
   added.weight = ConnectionWeight(c, added.camera_over_light);
 }
 
@@ -133,13 +142,14 @@ void PathDensityTest<kTraits>::AddPaths(uint64_t index, std::vector<Found>* foun
   Found so_far;
   so_far.index = index;
   so_far.path.towards_light = -Normalize(path.ray.d);
-  FilmSample unused;
   Vertex<FromLight> vertex;
   const auto pass = [&](auto& at) {
     so_far.media.insert(so_far.media.begin(), path.media);
-    if (!at.Arrive(c, &path, &unused)) return false;
-    const bool is_rough = at.SamplesLights(path);
-    if (path.other_end.is_first && !ArriveFirst(c, at, is_rough, &path)) return false;
+    if constexpr (FromLight::kMedia) {
+      if (so_far.media.size() == 1) so_far.path.last_media = path.media.properties;
+    }
+    bool is_rough = false;
+    if (!ArriveFromLight(c, at, &path, &is_rough)) return false;
     auto& places = so_far.path.places;
     places.insert(places.begin(), {{}, vertex});
     if (is_rough) Connect(c, at, path, so_far, found);
@@ -153,6 +163,7 @@ void PathDensityTest<kTraits>::AddPaths(uint64_t index, std::vector<Found>* foun
     if (auto* surface = std::get_if<SurfaceVertex<FromLight>>(&vertex)) {
       continues = pass(*surface);
     } else if (auto* passed = std::get_if<NullInterface>(&vertex)) {
+      MeetLine(c, passed->point.p, &path);
       continues = CrossNullInterface(c, passed->point, &path);
     } else if constexpr (FromLight::kMedia) {
       if (auto* medium = std::get_if<MediumVertex<FromLight>>(&vertex)) continues = pass(*medium);
@@ -163,19 +174,44 @@ void PathDensityTest<kTraits>::AddPaths(uint64_t index, std::vector<Found>* foun
 
 // --- From the lens -------------------------------------------------------------------------------
 
+// At p, where a medium scatters the path, behind null interfaces.
 template <uint32_t kTraits>
-bool PathDensityTest<kTraits>::MeetPlace(const Context<FromLens>& c, const Found& found, size_t i,
-                                         PathState<FromLens>* path, Vertex<FromLens>* vertex) {
-  const auto& stored = found.path.places[i].from_light;
+bool PathDensityTest<kTraits>::ReachInMedium(const Context<FromLens>& c,
+                                             const MediumVertex<FromLight>& met, Vec3f p,
+                                             typename Stored::Place* place,
+                                             PathState<FromLens>* path) {
+  double distance = 0;
+  for (;;) {
+    distance = Length(ToDouble(p) - ToDouble(path->ray.o));
+    RawHit hit;
+    if (!c.tracer.Intersect(path->ray, &hit) || static_cast<double>(hit.t) >= distance) break;
+    ResolveSurface(c, hit, path, &place->from_lens);
+    const auto* passed = std::get_if<NullInterface>(&place->from_lens);
+    if (passed == nullptr) return false;
+    const SurfacePoint point = passed->point;
+    Leave(point, path->ray.d, &path->ray);
+  }
+  place->segment_start = ToDouble(path->ray.o);
+  if constexpr (FromLens::kLines) {
+    RecordLineScattering(c, MakeLine(c, *path, distance), distance, met.scatterer, path);
+  }
+  place->from_lens.template emplace<MediumVertex<FromLens>>(p, distance, met.scatterer);
+  return true;
+}
+
+template <uint32_t kTraits>
+bool PathDensityTest<kTraits>::MeetPlace(const Context<FromLens>& c, Found* found, size_t i,
+                                         PathState<FromLens>* path) {
+  Vertex<FromLens>* vertex = &found->path.places[i].from_lens;
+  const auto& stored = found->path.places[i].from_light;
   const Vec3f p = WithScatterer<FromLight>(stored, [](const auto& at) { return at.point.p; });
   path->ray.d = Normalize(p - path->ray.o);
   if constexpr (FromLens::kMedia) {
-    path->media.set = found.media[i].set;
-    path->media.properties = found.media[i].properties;
+    path->media.set = found->media[i].set;
+    path->media.properties = found->media[i].properties;
+    path->media.line.has_scattered = false;
     if (const auto* medium = std::get_if<MediumVertex<FromLight>>(&stored)) {
-      const double distance = Length(ToDouble(p) - ToDouble(path->ray.o));
-      vertex->template emplace<MediumVertex<FromLens>>(p, distance, medium->scatterer);
-      return true;
+      return ReachInMedium(c, *medium, p, &found->path.places[i], path);
     }
   }
   for (;;) {
@@ -256,8 +292,30 @@ bool PathDensityTest<kTraits>::Pass(const Context<FromLens>& c, const V& at, Vec
 
 template <uint32_t kTraits>
 template <typename V>
+void PathDensityTest<kTraits>::CarriedByLine(const Context<FromLens>& c, const V& at,
+                                             const LightSampleOf<Color>& light,
+                                             const PathState<FromLens>& before,
+                                             const PathState<FromLens>& path, Carried* carried) {
+  if constexpr (!V::kIsSurface) {
+    const auto& line = path.media.line;
+    carried->line_over_sample =
+        light.is_infinite ? 0
+                          : LineOverSample(c, path, light.light, at.point.p, at.guided.lights());
+    if (!(carried->line_over_sample > 0)) return;
+    const double sampled = static_cast<double>(light.pdf) * line.density;
+    const double scattering =
+        light.is_delta ? 0 : static_cast<double>(at.Eval(light.wi).pdf) * line.density;
+    carried->line_weight =
+        LineSampleWeight(c, TechniquePdfs{sampled, scattering, sampled * carried->line_over_sample},
+                         light, at.point.p, at.EvalScattering(light.wi).pdf, before);
+  }
+}
+
+template <uint32_t kTraits>
+template <typename V>
 std::optional<typename PathDensityTest<kTraits>::Carried> PathDensityTest<kTraits>::CarriedTo(
-    const Context<FromLens>& c, const V& at, Found* found, PathState<FromLens>* path) {
+    const Context<FromLens>& c, const V& at, const PathState<FromLens>& before, Found* found,
+    PathState<FromLens>* path) {
   const LightEnd& end = found->path.light;
   typename Stored::Place& place = found->path.places.back();
   const Vec3f p = at.point.p;
@@ -275,23 +333,26 @@ std::optional<typename PathDensityTest<kTraits>::Carried> PathDensityTest<kTrait
   light.is_delta = !end.can_be_hit;
   if (!place.is_specular) {
     const auto& lights = *compiled_->lights;
-    const auto row = at.guided.lights();
+    const LightQuery query = at.Query();
     light.pdf =
-        light.is_delta ? lights.ChoiceProbability(end.light, p, at.light_hint, row)
+        light.is_delta
+            ? lights.choice().Probability(end.light, p, at.light_hint, QueryFor<kTraits>(query))
         : end.is_infinite
-            ? lights.template PdfEnvironment<kTraits>(p, at.light_hint, wi, row)
-            : lights.template PdfEmitter<kTraits>(end.light, p, at.light_hint, wi, end.p, row);
+            ? lights.template PdfEnvironment<kTraits>(p, at.light_hint, wi, query)
+            : lights.template PdfEmitter<kTraits>(end.light, p, at.light_hint, wi, end.p, query);
     carried.sample_weight =
         static_cast<double>(at.LightSampleWeight(c, light, at.Eval(wi).pdf, *path));
     carried.light_over_sample =
         LightPathsOverSample(c, at, wi, emitted, static_cast<double>(light.pdf), *path);
+    if constexpr (FromLens::kLines) CarriedByLine(c, at, light, before, *path, &carried);
   }
   if (end.can_be_hit) {
     if (!Pass(c, at, wi, &place, path)) return std::nullopt;
     const auto sampled = static_cast<double>(light.pdf);
     carried.light_over_hit = path->other_end.light_paths.ratio() * emitted;
     carried.sample_over_hit = place.is_specular ? 0 : sampled / static_cast<double>(path->pdf);
-    carried.hit_weight = static_cast<double>(HitWeight(c, sampled, emitted, *path));
+    carried.hit_weight =
+        static_cast<double>(HitWeight(c, sampled, emitted, *path, carried.line_over_sample));
   }
   return carried;
 }
@@ -309,7 +370,8 @@ std::optional<typename PathDensityTest<kTraits>::Carried> PathDensityTest<kTrait
   auto& places = found->path.places;
   for (size_t i = 0; i < places.size(); ++i) {
     Vertex<FromLens>& vertex = places[i].from_lens;
-    if (!MeetPlace(c, *found, i, &path, &vertex)) return std::nullopt;
+    if (!MeetPlace(c, found, i, &path)) return std::nullopt;
+    const PathState<FromLens> before = path;
     const auto arrive = [&](auto& at) { return at.Arrive(c, &path, &unused); };
     bool arrives = false;
     if (auto* surface = std::get_if<SurfaceVertex<FromLens>>(&vertex)) {
@@ -320,7 +382,7 @@ std::optional<typename PathDensityTest<kTraits>::Carried> PathDensityTest<kTrait
     if (!arrives) return std::nullopt;
     if (i + 1 == places.size()) {
       return WithScatterer<FromLens>(
-          vertex, [&](const auto& at) { return CarriedTo(c, at, found, &path); });
+          vertex, [&](const auto& at) { return CarriedTo(c, at, before, found, &path); });
     }
     const Vec3f next = WithScatterer<FromLight>(places[i + 1].from_light,
                                                 [](const auto& at) { return at.point.p; });
@@ -338,6 +400,7 @@ template <uint32_t kTraits>
 bool PathDensityTest<kTraits>::Agrees(const Found& found, const Carried& carried) {
   const double hit = LogDensityOf(found.path, FindsBy::kHit, *compiled_),
                sample = LogDensityOf(found.path, FindsBy::kLightSample, *compiled_),
+               line = LogDensityOf(found.path, FindsBy::kLine, *compiled_),
                light = LogDensityOf(found.path, FindsBy::kLightPath, *compiled_);
   bool agrees = true;
   const auto compare = [&](const char* pair, double ratio, double log_ratio) {
@@ -356,10 +419,12 @@ bool PathDensityTest<kTraits>::Agrees(const Found& found, const Carried& carried
     compare("sample over hit", carried.sample_over_hit, sample - hit);
   }
   if (sample > -kInfinity) compare("light over sample", carried.light_over_sample, light - sample);
-  const double most = std::max(hit, sample);
+  if (line > -kInfinity) compare("line over sample", carried.line_over_sample, line - sample);
+  const double most = std::max({hit, sample, line});
   if (most > -kInfinity) {
     const double camera =
-        most + 0.5 * std::log(std::exp(2 * (hit - most)) + std::exp(2 * (sample - most)));
+        most + 0.5 * std::log(std::exp(2 * (hit - most)) + std::exp(2 * (sample - most)) +
+                              std::exp(2 * (line - most)));
     compare("camera over light", found.camera_over_light, camera - light);
   }
   return agrees;
@@ -374,7 +439,8 @@ void PathDensityTest<kTraits>::ExpectDensities(const std::vector<DensityScene>& 
     Load(scene.scene, techniques);
     std::vector<Found> found;
     for (uint64_t i = 0; i < light_paths; ++i) AddPaths(i, &found);
-    size_t followed = 0, compared = 0, off = 0, longest = 0, specular = 0, media = 0, guided = 0;
+    size_t followed = 0, compared = 0, off = 0, longest = 0, specular = 0, media = 0, guided = 0,
+           lines = 0;
     for (Found& path : found) {
       const std::optional<Carried> carried = Follow(&path);
       if (!carried) continue;
@@ -393,8 +459,9 @@ void PathDensityTest<kTraits>::ExpectDensities(const std::vector<DensityScene>& 
       guided += is_guided;
       if (PathDensities<kTraits>(path.path, *compiled_).IsGrazing()) continue;
       ++compared;
-      const double sum =
-          static_cast<double>(path.weight) + carried->sample_weight + carried->hit_weight;
+      lines += carried->line_weight > 0.1;
+      const double sum = static_cast<double>(path.weight) + carried->sample_weight +
+                         carried->hit_weight + carried->line_weight;
       const bool sums = std::fabs(sum - 1) <= kTolerance;
       EXPECT_TRUE(sums || kGuided) << sum;
       if (!Agrees(path, *carried) || !sums) ++off;
@@ -402,15 +469,16 @@ void PathDensityTest<kTraits>::ExpectDensities(const std::vector<DensityScene>& 
     }
     std::printf(
         "%s, %s: %zu of %zu paths, %zu compared, up to %zu vertices, %zu specular, "
-        "%zu in media, %zu off\n",
+        "%zu in media, %zu by lines, %zu off\n",
         scene.name, techniques.Name().c_str(), followed, found.size(), compared, longest, specular,
-        media, off);
+        media, lines, off);
     EXPECT_LE(static_cast<double>(off), static_cast<double>(followed) * off_max);
     EXPECT_GT(compared, 200u);
     EXPECT_GT(compared, followed / 3);
     EXPECT_GT(static_cast<double>(followed), 0.9 * static_cast<double>(found.size()));
     EXPECT_GE(specular, scene.is_specular ? followed / 20 : 0);
     EXPECT_GE(media, scene.has_media ? followed / 20 : 0);
+    EXPECT_GE(lines, scene.has_media ? followed / 50 : 0);
     EXPECT_GE(guided, kGuided ? followed / 2 : 0);
   }
   std::printf("largest error of a ratio: %.2g\n", worst_);
@@ -419,7 +487,8 @@ void PathDensityTest<kTraits>::ExpectDensities(const std::vector<DensityScene>& 
 constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
 using SurfaceDensityTest = PathDensityTest<kPlainTraits>;
 using SkyDensityTest = PathDensityTest<CommonTraits(true, false, false, true)>;
-using MediumDensityTest = PathDensityTest<MediaTraits(false)>;
+using MediumDensityTest = PathDensityTest<kColoredMediaTraits>;
+using SplitDensityTest = PathDensityTest<LightSplit(kPlainTraits)>;
 using GuidedDensityTest = PathDensityTest<Guided(kPlainTraits)>;
 using SpectralDensityTest = PathDensityTest<Spectrally(kPlainTraits)>;
 
@@ -436,6 +505,9 @@ TEST_F(SkyDensityTest, RatiosAreThoseOfWholePaths) {
 }
 TEST_F(MediumDensityTest, RatiosAreThoseOfWholePaths) {
   ExpectDensities(MediumScenes(), TechniqueSet::kCameraAndLight, 1'000, 0);
+}
+TEST_F(SplitDensityTest, RatiosAreThoseOfWholePaths) {
+  ExpectDensities(SplitScenes(), TechniqueSet::kCameraAndLight, 2'000, 0);
 }
 TEST_F(SpectralDensityTest, RatiosAreThoseOfWholePaths) {
   ExpectDensities(SpectralScenes(), TechniqueSet::kCameraAndLight, 2'000, 0);

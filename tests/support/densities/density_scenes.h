@@ -113,7 +113,30 @@ inline std::vector<DensityScene> SkyScenes() {
   return {{"sky over leaves", std::move(leaves)}, {"sky through glass", std::move(glass), true}};
 }
 
-inline std::vector<DensityScene> MediumScenes() { return {{"fog", Foggy({1}), false, true}}; }
+// Fog with lamps of every kind that a line may find, and with many.
+inline std::vector<DensityScene> MediumScenes() {
+  TestScene many = Foggy({1});
+  for (int i = 0; i < 20; ++i) {
+    AddPointLight(&many, {0.35 * (i % 5) - 0.7, 1.2 + 0.1 * (i % 3), 0.4 * (i / 5) - 0.6});
+  }
+  return {{"fog", Foggy({1}), false, true}, {"fog and many lamps", std::move(many), false, true}};
+}
+
+// Many lamps, near and far, which vertices split.
+inline std::vector<DensityScene> SplitScenes() {
+  TestScene points = Diffuse({1}), glass = GlassAndMirror();
+  for (int i = 0; i < 20; ++i) {
+    const double x = 0.35 * (i % 5) - 0.7, z = 0.4 * (i / 5) - 0.6;
+    AddPointLight(&points, {x, 1.2 + 0.1 * (i % 3), z});
+  }
+  for (int i = 0; i < 6; ++i) {
+    glass
+        .AddShape(SphereShape{0.05f, -0.05f, 0.05f, 360}, glass.Diffuse({}),
+                  TranslateMatrix({0.5 * i - 1.4, 2.2, 0.2 * i - 0.4}))
+        .area_light = glass.AreaLight({6, 5, 4});
+  }
+  return {{"many lamps", std::move(points)}, {"lamps beside glass", std::move(glass), true}};
+}
 
 inline std::vector<DensityScene> GuidedScenes() {
   return {{"guided, glossy bodies", Glossy({1})},

@@ -17,6 +17,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <variant>
 #include <vector>
@@ -42,12 +44,16 @@ struct StoredPath {
     bool is_specular = false;
     // Where specular: (index on the light's side / index on the lens's side)^2.
     double eta_scale = 1;
+    // In a medium: where the part of the segment from the lens that leads here begins, behind the
+    // last surface.
+    Vec3d segment_start{};
   };
 
   Ray camera_ray;
   std::vector<Place> places;
   LightEnd light;
   Vec3f towards_light;  // For light at infinity and the emission of media.
+  MediumProperties<typename FromLens::Color> last_media;  // At the last place.
 };
 
 // Calls f with the vertex, which is on a surface or in a medium.
@@ -77,6 +83,16 @@ class PathDensities {
     return LogToLastFromLens() + std::log(LightPdf()) +
            (path_.light.can_be_hit ? LogArrivalAtLight() : 0);
   }
+  // By a line from the start of the segment to the last place, without end; of its distance, that
+  // of a path which scatters there is left out, as for the other techniques.
+  double LogLine() const {
+    const double sample = LogLightSample();
+    if constexpr (FromLens::kLines) {
+      if (sample == -kInfinity || !IsMedium(last_) || path_.light.is_infinite) return -kInfinity;
+      return sample + LogLineOverSample();
+    }
+    return -kInfinity;
+  }
   // Whether the path meets a surface at grazing, or has a short segment. Its points and normals are
   // rounded differently from both ends, which decides its cosines and directions then.
   bool IsGrazing() const {
@@ -93,6 +109,8 @@ class PathDensities {
         if (std::min(LogCosine(i, w), LogShadingCosine(i, w)) < std::log(kCosineMin)) return true;
       }
     }
+    const bool has_line = IsMedium(last_);
+    if (has_line && Length(At(last_) - path_.places[last_].segment_start) < kLengthMin) return true;
     return IsSurface() && LogOfDot(path_.light.n, TowardsLight()) < std::log(kCosineMin);
   }
   double LogLightPath() const {
@@ -185,6 +203,38 @@ class PathDensities {
     }
     return std::log(density) + LogCosine(last_, w) - log_square;
   }
+  double LogLineOverSample() const {
+    const auto& at = std::get<MediumVertex<FromLens>>(path_.places[last_].from_lens);
+    const Vec3d o = path_.places[last_].segment_start, way = At(last_) - o;
+    const double t = Length(way);
+    const Vec3d d = way / t;
+    const auto& properties = path_.last_media;
+    if (!properties.scatters || at.scatterer) return -kInfinity;
+    // Colors count alike.
+    double extinction = 0, distance_density = 0;
+    constexpr size_t kColors = kComponentCount<typename FromLens::Color>;
+    for (size_t i = 0; i < kColors; ++i) {
+      const auto sigma_t = static_cast<double>(properties.sigma_t[i]);
+      extinction += sigma_t / kColors;
+      distance_density += sigma_t * std::exp(-sigma_t * t) / kColors;
+    }
+    // The light is chosen at the middle of what the scene has of the line, or nearer.
+    double in_scene = kInfinity;
+    for (size_t a = 0; a < 3; ++a) {
+      for (const Vec3f& side : {scene_.geometry.bounds_lower, scene_.geometry.bounds_upper}) {
+        const double distance = (static_cast<double>(side[a]) - o[a]) / d[a];
+        if (distance > 0) in_scene = std::min(in_scene, distance);
+      }
+    }
+    const Vec3f middle = ToFloat(o + 0.5 * std::min(in_scene, 2 / extinction) * d);
+    const LightTable& lights = *scene_.lights;
+    const auto distances = DistancesTo(lights.BoundsOf(path_.light.light), o, d, 0, kInfinity);
+    if (!distances) return -kInfinity;
+    return std::log(lights.ChoiceProbability(path_.light.light, middle)) -
+           std::log(
+               lights.ChoiceProbability(path_.light.light, at.point.p, {}, at.guided.lights())) +
+           std::log(distances->Pdf(t)) - std::log(distance_density);
+  }
   // The density with which the last place samples the light, per solid angle; a probability where
   // the light has no size.
   double LightPdf() const {
@@ -192,17 +242,25 @@ class PathDensities {
       const auto& lights = *scene_.lights;
       const LightEnd& light = path_.light;
       const Vec3f p = at.point.p, w = ToFloat(TowardsLight());
+      const LightQuery query(at.guided.lights(), LightSamples());
       if (light.is_infinite) {
         return static_cast<double>(
-            lights.template PdfEnvironment<kTraits>(p, at.light_hint, w, at.guided.lights()));
+            lights.template PdfEnvironment<kTraits>(p, at.light_hint, w, query));
       }
       if (light.can_be_hit) {
-        return static_cast<double>(lights.template PdfEmitter<kTraits>(
-            light.light, p, at.light_hint, w, light.p, at.guided.lights()));
+        return static_cast<double>(
+            lights.template PdfEmitter<kTraits>(light.light, p, at.light_hint, w, light.p, query));
       }
       return static_cast<double>(
-          lights.ChoiceProbability(light.light, p, at.light_hint, at.guided.lights()));
+          lights.choice().Probability(light.light, p, at.light_hint, QueryFor<kTraits>(query)));
     });
+  }
+
+  // The most light samples at the last place: half as many at each vertex.
+  uint32_t LightSamples() const {
+    if (!Has(kTraits, Trait::kLightSplits) || IsMedium(last_)) return 1;
+    const double samples = scene_.settings.light_samples * std::pow(0.5, last_);
+    return static_cast<uint32_t>(std::max(1.0, std::floor(samples)));
   }
 
   const StoredPath<kTraits>& path_;
@@ -210,12 +268,13 @@ class PathDensities {
   const size_t last_;
 };
 
-// -infinity where the technique does not find the path. Not for FindsBy::kLine.
+// -infinity where the technique does not find the path.
 template <uint32_t kTraits>
 double LogDensityOf(const StoredPath<kTraits>& path, FindsBy technique,
                     const CompiledScene& scene) {
   const PathDensities<kTraits> densities(path, scene);
   if (technique == FindsBy::kHit) return densities.LogHit();
+  if (technique == FindsBy::kLine) return densities.LogLine();
   return technique == FindsBy::kLightPath ? densities.LogLightPath() : densities.LogLightSample();
 }
 

@@ -134,7 +134,9 @@ void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* 
                                LightQueryAtLast<C>(*path)));
       const double emitted = c.emission.DensityAt(point.emitter, path->from, point.p,
                                                   point.EmitterNormal(), -path->ray.d);
-      weight = HitWeight(c, sampled, emitted, *path);
+      const double line =
+          LineOverSample(c, *path, point.emitter, path->from, LightsFromLast<C>(*path));
+      weight = HitWeight(c, sampled, emitted, *path, line);
     } else if (!path->specular) {
       const float light_pdf = c.scene.lights->template PdfEmitter<C::kTraits>(
           point.emitter, path->from, path->from_n, path->ray.d, point.p,

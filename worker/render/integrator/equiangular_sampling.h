@@ -26,69 +26,12 @@
 #include <optional>
 
 #include "worker/render/integrator/guided_directions.h"
+#include "worker/render/integrator/medium_line.h"
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/point_in_medium.h"
 #include "worker/render/integrator/transmittance.h"
 
 namespace sheaf::render {
-
-template <typename C>
-using LineOf = EquiangularSegment<typename C::Color>;
-
-template <typename C>
-bool UsesLineSampling(const MediumProperties<typename C::Color>& properties) {
-  return (properties.scatters || (C::kHeterogeneousLines && properties.gathers)) &&
-         !properties.is_subsurface;
-}
-
-// The line of the path's ray, up to `length`.
-template <typename C>
-LineOf<C> MakeLine(const Context<C>& c, const PathState<C>& path, double length) {
-  using Color = typename C::Color;
-  LineOf<C> line;
-  line.o = ToDouble(path.ray.o);
-  line.d = Normalize(ToDouble(path.ray.d));
-  line.length = length;
-  line.carried = path.throughput;
-  const MediumProperties<Color>& properties = path.media.properties;
-  double sigma_t = 0;
-  for (size_t i = 0; i < kComponentCount<Color>; ++i) {
-    sigma_t += static_cast<double>(properties.sigma_t[i]) / kComponentCount<Color>;
-  }
-  if constexpr (C::kHeterogeneousLines) {
-    if (properties.gathers) {
-      const auto part = c.scene.media->EquiangularSpanOf(path.media.set, line.o, line.d, length);
-      sigma_t += part.extinction;
-      if (!properties.scatters) {
-        line.begin = part.begin;
-        line.length = part.end;
-        line.extinction = c.scene.media->gathers_always() ? 0 : part.extinction;
-      }
-      const double middle = line.begin + 0.5 * std::min(line.length - line.begin, 2 / sigma_t);
-      line.choice_point = ToFloat(line.o + middle * line.d);
-      return line;
-    }
-  }
-  line.choice_point = ToFloat(line.o + (0.5 * std::min(length, 2 / sigma_t)) * line.d);
-  return line;
-}
-
-// The density of distances on the line for the light; none where line sampling does not pay off.
-template <typename C>
-std::optional<EquiangularDistances> DistancesOn(const Context<C>& c, const LineOf<C>& line,
-                                                uint32_t light) {
-  const LightBounds bounds = c.scene.lights->BoundsOf(light);
-  if constexpr (C::kHeterogeneousLines) {
-    if (line.extinction > 0 && bounds.kind != LightBounds::Kind::kInfinite &&
-        !(DistanceSamplingSpread(bounds, line.o, line.d, line.begin, line.length,
-                                 line.extinction) >= kSpreadGathered)) {
-      return std::nullopt;
-    }
-    return DistancesTo(bounds, line.o, line.d, line.begin, line.length);
-  } else {
-    return DistancesTo(bounds, line.o, line.d, 0, line.length);
-  }
-}
 
 // Notes that the path was scattered at distance t of the line.
 template <typename C>
@@ -107,12 +50,12 @@ void RecordLineScattering(const Context<C>& c, const LineOf<C>& line, double t,
       const auto its = media.template CoefficientsAt<Color>(*scatterer, line.o + t * line.d,
                                                             TimeOfMedia<C::kTraits>(path->ray.time),
                                                             path->wavelengths, properties.form);
-      kept.density = MeanExtinction<C::kChromaticMedia>(its.sigma_t, line.carried);
+      kept.density = MeanExtinction<C::kChromaticMedia>(its.sigma_t, CarriedOf<C>(line));
       return;
     }
   }
   kept.has_scattered = !scatterer && UsesLineSampling<C>(properties);
-  kept.density = DistancePdf<C::kChromaticMedia>(properties, t, line.carried);
+  kept.density = DistancePdf<C::kChromaticMedia>(properties, t, CarriedOf<C>(line));
 }
 
 template <typename C>
@@ -120,25 +63,16 @@ PhaseMixture<typename C::Color> PhaseOnLine(const Context<C>& c, const LineOf<C>
                                             const PathState<C>& path) {
   using Color = typename C::Color;
   const MediumProperties<Color>& properties = path.media.properties;
+  if constexpr (C::kBothEnds) {
+    return c.scene.media->template PhaseOf<Color>(path.media.set, properties, Color::Gray(1),
+                                                  path.wavelengths,
+                                                  path.media.subsurface_texture.OrNull());
+  }
   const Color scattered =
       line.carried * TransmittanceOf<C::kChromaticMedia>(properties, t) * properties.sigma_s;
   return c.scene.media->template PhaseOf<Color>(path.media.set, properties, scattered,
                                                 path.wavelengths,
                                                 path.media.subsurface_texture.OrNull());
-}
-
-// The density of FindsBy::kLine for p, at t, and a point of the light that light sampling from p
-// finds with light_pdf. known: what is known of the lights at p.
-template <typename C>
-double LineTechniquePdf(const Context<C>& c, const LineOf<C>& line, uint32_t light, Vec3f p,
-                        LightVisibilityRow known, double t, float light_pdf) {
-  const auto distances = DistancesOn(c, line, light);
-  if (!distances) return 0;
-  const float chosen_there = c.scene.lights->ChoiceProbability(light, p, {}, known);
-  if (!(chosen_there > 0)) return 0;
-  const float chosen_for_line = c.scene.lights->ChoiceProbability(light, line.choice_point);
-  return static_cast<double>(light_pdf) / static_cast<double>(chosen_there) *
-         static_cast<double>(chosen_for_line) * distances->Pdf(t);
 }
 
 // The densities of all techniques for p, where the path was scattered on the line, and a point of
@@ -175,29 +109,45 @@ float HitWeightOnLine(const Context<C>& c, const LineOf<C>& line, uint32_t emitt
                                              light_pdf, static_cast<double>(path.pdf))));
 }
 
-// The light that is scattered at t towards the line's start, per incident radiance, times *weight.
-// guided: the directions known there. left: the path's throughput at t after the homogeneous media.
+// The weight of a line sample of the light at p. phase_pdf: of scattering towards the light.
+template <typename C>
+double LineSampleWeight(const Context<C>& c, const TechniquePdfs& pdfs,
+                        const LightSampleOf<typename C::Color>& light, [[maybe_unused]] Vec3f p,
+                        [[maybe_unused]] float phase_pdf, const PathState<C>& path) {
+  if constexpr (C::kBothEnds) {
+    const double light_paths =
+        pdfs.light * LightPathsOverSampleOnLine(c, p, light, phase_pdf, path);
+    return static_cast<double>(WeightBesideLight(
+        c, {pdfs.light / pdfs.line, pdfs.scattering / pdfs.line}, light_paths / pdfs.line));
+  }
+  return MisWeight<C>(FindsBy::kLine, pdfs);
+}
+
+// The light that is scattered at p, at t, towards the line's start, per incident radiance, times
+// *weight. guided: the directions known there. left: the path's throughput at t after the
+// homogeneous media. line_pdf: that of weights.
 template <typename C>
 typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line, double t,
-                                     const typename C::Color& left,
+                                     [[maybe_unused]] Vec3f p, const typename C::Color& left,
                                      const LightSampleOf<typename C::Color>& light, double line_pdf,
                                      const GuidedDirectionsOf<C>& guided, const PathState<C>& path,
                                      double* weight) {
   using Color = typename C::Color;
   const MediumProperties<Color>& properties = path.media.properties;
   const Vec3f d = ToFloat(line.d);
-  const auto weight_of = [&](double distance_density, float phase_pdf) -> double {
+  const auto weight_of = [&](double distance_density, float phase_pdf) {
     const double scattering_pdf =
         light.is_delta ? 0 : static_cast<double>(guided.Pdf(phase_pdf, light.wi));
-    return MisWeight<C>(FindsBy::kLine,
-                        TechniquePdfs{static_cast<double>(light.pdf) * distance_density,
-                                      scattering_pdf * distance_density, line_pdf});
+    const TechniquePdfs pdfs{static_cast<double>(light.pdf) * distance_density,
+                             scattering_pdf * distance_density, line_pdf};
+    return LineSampleWeight(c, pdfs, light, p, phase_pdf, path);
   };
   Color sum;
   if (!C::kHeterogeneousLines || properties.scatters) {
     const auto phase = PhaseOnLine(c, line, t, path).Eval(d, light.wi);
     sum = left * properties.sigma_s * phase.f;
-    *weight = weight_of(DistancePdf<C::kChromaticMedia>(properties, t, line.carried), phase.pdf);
+    *weight =
+        weight_of(DistancePdf<C::kChromaticMedia>(properties, t, CarriedOf<C>(line)), phase.pdf);
   }
   if constexpr (C::kHeterogeneousLines) {
     if (!properties.gathers) return sum;
@@ -213,17 +163,18 @@ typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line,
       const float phase =
           HenyeyGreenstein(media.PhaseAsymmetryOf(medium, properties.form), d, light.wi);
       const double its_weight =
-          weight_of(MeanExtinction<C::kChromaticMedia>(its.sigma_t, line.carried), phase);
+          weight_of(MeanExtinction<C::kChromaticMedia>(its.sigma_t, CarriedOf<C>(line)), phase);
       sum += left * its.sigma_s * phase * static_cast<float>(its_weight);
     }
   }
   return sum;
 }
 
-// Adds light from one light that is scattered once on the way to the line's start.
+// Adds light from one light that is scattered once on the way to the line's start. length: of the
+// path's segment.
 template <typename C>
-void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hit,
-                    PathState<C>* path) {
+void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, [[maybe_unused]] double length,
+                    const RawHit* hit, PathState<C>* path) {
   using Color = typename C::Color;
   if constexpr (C::kDirectLight == DirectLight::kBySampling) return;
   if constexpr (C::kDirectLight == DirectLight::kByHitting) return;
@@ -232,16 +183,24 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   if (scene.lights->empty() || path->depth >= static_cast<uint32_t>(scene.settings.max_depth)) {
     return;
   }
+  double end = line.length;
+  if constexpr (C::kBothEnds) end = std::min(end, length);
   if constexpr (C::kHeterogeneousLines) {
-    if (!(line.begin < line.length)) return;
+    if (!(line.begin < end)) return;
   }
   const std::array<float, 4> u =
       c.sampler.Get4(EquiangularSlot(NextVertexIndex(*path), path->null_crossings));
   const std::optional<ChosenLight> for_line =
       scene.lights->Choose(line.choice_point, u[2], {u[0], u[1]});
   if (!for_line) return;
-  const auto distances = DistancesOn(c, line, for_line->light);
-  if (!distances) return;
+  const auto known_distances = DistancesOn(c, line, for_line->light);
+  if (!known_distances) return;
+  auto distances = known_distances;
+  if constexpr (C::kBothEnds) {
+    distances =
+        DistancesTo(scene.lights->BoundsOf(for_line->light), line.o, line.d, line.begin, end);
+    if (!distances) return;
+  }
   const double t = distances->Sample(static_cast<double>(u[3]));
   const double distance_pdf = distances->Pdf(t);
   const Color left = line.carried * TransmittanceOf<C::kChromaticMedia>(properties, t);
@@ -252,7 +211,7 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   MediumState<C> media = path->media;
   SurfacePoint vertex;
   if (NeedsExactPlace<C>(media, path->ray)) {
-    vertex.p = ExactPointInMedium(c, path->ray, hit, t, line.length, &media.near);
+    vertex.p = ExactPointInMedium(c, path->ray, hit, t, end, &media.near);
   } else {
     vertex.p = PointInMedium(c, path->ray, hit, t / Length(ToDouble(path->ray.d)), &media.near);
     media.near.has_offset = false;
@@ -268,9 +227,14 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, const RawHit* hi
   const double line_pdf = static_cast<double>(light->pdf) /
                           static_cast<double>(chosen.probability) *
                           static_cast<double>(for_line->probability) * distance_pdf;
+  double known_pdf = line_pdf;
+  if constexpr (C::kBothEnds) {
+    known_pdf *= known_distances->Pdf(t) / distance_pdf;
+    if (!(known_pdf > 0)) return;
+  }
   double weight = 1;
   const Color scattered =
-      InScatteringOnLine(c, line, t, left, *light, line_pdf, guided, *path, &weight);
+      InScatteringOnLine(c, line, t, vertex.p, left, *light, known_pdf, guided, *path, &weight);
   if (scattered.IsBlack()) return;
   Color transmittance = Color::Gray(1);
   if constexpr (C::kHeterogeneous) {

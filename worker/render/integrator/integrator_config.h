@@ -37,8 +37,10 @@ struct IntegratorConfig {
   static constexpr bool kOutputs = Has(Trait::kOutputs);
   // Camera paths sample directions from a learned field too: guided_directions.h.
   static constexpr bool kGuided = Has(Trait::kGuiding);
-  // Vertices on surfaces may take several light samples: light_splits.h.
-  static constexpr bool kSplitsLights = !kBothEnds && Has(Trait::kLightSplits);
+  // Vertices of camera paths on surfaces may take several light samples: light_splits.h. Light
+  // paths count them in weights.
+  static constexpr bool kSplitsLights = !kFromLight && Has(Trait::kLightSplits);
+  static constexpr bool kCountsSplits = kFromLight && Has(Trait::kLightSplits);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
   // Shading normals may be tilted so far that light would be lost: perturbed_normal.h.
   static constexpr bool kPerturbedNormals = kNormalMaps || Has(Trait::kVertexNormals);
@@ -51,11 +53,13 @@ struct IntegratorConfig {
   static constexpr bool kTexturedSubsurface = kSubsurface && Has(Trait::kTextures);
   static constexpr bool kChromaticMedia = Has(Trait::kChromaticMedia);
   static constexpr bool kHeterogeneous = kMedia && Has(Trait::kHeterogeneousMedia);
-  // Segments in media sample lights along the segment: equiangular_sampling.h. Not beside light
-  // paths, which cannot know the segment of the camera's path.
-  static constexpr bool kLines =
-      !kBothEnds && Has(Trait::kMedia) && (Has(Trait::kAreaLights) || Has(Trait::kDeltaLights));
-  static constexpr bool kHeterogeneousLines = kLines && kHeterogeneous;
+  // Segments of camera paths in media sample lights along the segment: equiangular_sampling.h.
+  // Light paths count them in weights.
+  static constexpr bool kHasLines =
+      Has(Trait::kMedia) && (Has(Trait::kAreaLights) || Has(Trait::kDeltaLights));
+  static constexpr bool kLines = !kFromLight && kHasLines;
+  static constexpr bool kCountsLines = kFromLight && kHasLines;
+  static constexpr bool kHeterogeneousLines = kHasLines && kHeterogeneous;
   // Vertices sample directions by the emission of media: volume_emission.h.
   static constexpr bool kSamplesEmission =
       !kFromLight && kHeterogeneous && Has(Trait::kEmissiveMedia);

@@ -30,11 +30,12 @@ namespace sheaf::render {
 
 // --- Connections to the camera -------------------------------------------------------------------
 
-// The transmittance from the vertex to the lens; black where it is hidden.
+// The transmittance from the vertex to the lens; black where it is hidden. Where the vertex seeks a
+// line, *line becomes LineOverSample of the camera's segment.
 template <typename C, typename Vertex>
 typename C::Color TransmittanceToLens(const Context<C>& c, const Vertex& vertex,
                                       const CameraConnection& seen, std::array<float, 2> u,
-                                      const PathState<C>& path) {
+                                      const PathState<C>& path, double* line) {
   using Color = typename C::Color;
   const SurfacePoint& point = vertex.point;
   Ray ray;
@@ -46,6 +47,19 @@ typename C::Color TransmittanceToLens(const Context<C>& c, const Vertex& vertex,
   if constexpr (C::kMedia) {
     MediumState<C> media = path.media;
     if (!vertex.EnterSide(c, seen.wi, path, &media)) return {};
+    if constexpr (C::kCountsLines && !Vertex::kIsSurface) {
+      if (path.other_end.is_first && path.other_end.line.is_sought) {
+        double length = 0;  // Of the segment.
+        const Color transmittance = TraceTransmittance(
+            c, ray, &seen.p_lens, u, path, std::move(media),
+            [&](const Ray&, uint32_t crossing, double part, const Color&, const MediumState<C>&) {
+              if (crossing == 0) length = part;
+            });
+        const Vec3d start = ToDouble(point.p) + length * ToDouble(seen.wi);
+        if (!transmittance.IsBlack()) *line = LineOverSampleFrom(c, start, point.p, path);
+        return transmittance;
+      }
+    }
     return TraceTransmittance(c, ray, &seen.p_lens, u, path, std::move(media), nullptr);
   } else if constexpr (C::kNullInterfaces) {
     return Color::Gray(IsVisibleThroughNullInterfaces(c, ray, &seen.p_lens, u) ? 1 : 0);
@@ -67,11 +81,12 @@ void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<
   if (!seen || !(seen->importance > 0) || !splats->Covers(seen->film)) return;
   const BsdfValueOf<Color> value = vertex.SeenFrom(c, seen->wi).Eval(-path.ray.d);
   if (value.f_cos.IsBlack()) return;
-  const Color transmittance = TransmittanceToLens(c, vertex, *seen, {u[3], u[2]}, path);
+  double line = 0;
+  const Color transmittance = TransmittanceToLens(c, vertex, *seen, {u[3], u[2]}, path, &line);
   if (transmittance.IsBlack()) return;
   const auto flux = static_cast<double>(vertex.FluxFactor(seen->wi, path));
   const double camera_paths =
-      CameraPathsAtLens(c, static_cast<double>(value.pdf), flux, seen->ray_density, path);
+      CameraPathsAtLens(c, static_cast<double>(value.pdf), flux, seen->ray_density, path, line);
   float weight = ConnectionWeight(c, camera_paths);
   const auto factor = static_cast<float>(flux * seen->importance * path.other_end.scale);
   const Rgb unweighted =
@@ -89,15 +104,26 @@ void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<
 
 // --- The path ------------------------------------------------------------------------------------
 
+// The path arrives at the vertex. False where it ends. *is_rough: whether light is sampled there.
+template <typename C, typename Vertex>
+bool ArriveFromLight(const Context<C>& c, Vertex& vertex, PathState<C>* path, bool* is_rough) {
+  FilmSample unused;
+  MeetLine(c, vertex.point.p, path);
+  if (!vertex.Arrive(c, path, &unused)) return false;
+  *is_rough = vertex.SamplesLights(*path);
+  if (!path->other_end.is_first) return true;
+  if (!ArriveFirst(c, vertex, *is_rough, path)) return false;
+  SeekLine(c, vertex, path);
+  return true;
+}
+
 // One vertex, the same for surfaces and media. False where the path ends.
 // map: what the path is merged with; may be null.
 template <typename C, typename Vertex>
 bool ScatterLightAt(const Context<C>& c, Vertex& vertex, PathState<C>* path, const GatherMap* map,
                     SplatSink* splats) {
-  FilmSample unused;
-  if (!vertex.Arrive(c, path, &unused)) return false;
-  const bool is_rough = vertex.SamplesLights(*path);
-  if (path->other_end.is_first && !ArriveFirst(c, vertex, is_rough, path)) return false;
+  bool is_rough = false;
+  if (!ArriveFromLight(c, vertex, path, &is_rough)) return false;
   if (is_rough) ConnectToCamera(c, vertex, *path, splats);
   if constexpr (std::is_same_v<Vertex, SurfaceVertex<C>>) {
     if (map != nullptr && is_rough) Merge(c, vertex, *path, *map, splats);
@@ -115,6 +141,7 @@ void TraceLight(const Context<C>& c, PathState<C>* path, const GatherMap* map, S
     if (auto* surface = std::get_if<SurfaceVertex<C>>(&vertex)) {
       continues = ScatterLightAt(c, *surface, path, map, splats);
     } else if (auto* null_interface = std::get_if<NullInterface>(&vertex)) {
+      MeetLine(c, null_interface->point.p, path);
       continues = CrossNullInterface(c, null_interface->point, path);
     } else if constexpr (C::kMedia) {
       if (auto* medium = std::get_if<MediumVertex<C>>(&vertex)) {

@@ -13,8 +13,8 @@
 // in no part has p = 0, and scattering alone finds it.
 //
 // Only vertices on surfaces split the lights. In media, line sampling weighs itself against a
-// single sample. So do paths beside light paths, which do not know the depth of the camera's
-// vertices.
+// single sample. A light path learns the number of its first vertex, from the camera, where it is
+// connected to the camera: it carries the densities for each number (SampledByParts).
 #pragma once
 
 #include <algorithm>

@@ -36,6 +36,7 @@ struct MediumVertex {
   PhaseMixture<Color> phase;
   [[no_unique_address]] GuidedDirectionsOf<C> guided;  // What camera paths know here.
   static constexpr Vec3f light_hint{};
+  static constexpr bool kIsSurface = false;
 
   // Records the vertex and counts it. False where the path ends.
   bool Arrive(const Context<C>& c, PathState<C>* path, FilmSample* film);
@@ -60,14 +61,15 @@ struct MediumVertex {
   }
   float LightSampleWeight(const Context<C>& c, const LightSampleOf<Color>& light, float pdf,
                           const PathState<C>& path) const {
-    if constexpr (C::kLines) {
+    if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
+      const double line_over_sample =
+          light.is_infinite ? 0 : LineOverSample(c, path, light.light, point.p, guided.lights());
+      return LightSampleWeightBesideLight(c, *this, light, pdf, path, line_over_sample);
+    } else if constexpr (C::kLines) {
       const LineOf<C>& line = path.media.line;
       if (line.has_scattered) {
         return LightSampleWeightOnLine(c, line, light, point.p, guided.lights(), pdf);
       }
-    }
-    if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
-      return LightSampleWeightBesideLight(c, *this, light, pdf, path);
     }
     return light.is_delta ? 1.0f : MisWeight<C>(FindsBy::kLightSample, light.pdf, pdf);
   }
@@ -139,7 +141,7 @@ PhaseMixture<typename C::Color> MediumVertex<C>::MakePhase(const Context<C>& c,
       return its;
     }
   }
-  if constexpr (C::kLines) {
+  if constexpr (C::kLines && !C::kBothEnds) {
     const LineOf<C>& line = path.media.line;
     if (line.has_scattered) return PhaseOnLine(c, line, line.t, path);
   }

@@ -97,8 +97,8 @@ void MergeWith(const Context<C>& c, const SurfaceVertex<C>& vertex, const PathSt
       stored.throughput * path.throughput * value.f_cos * static_cast<float>(factor);
   const Rgb unweighted = c.scene.film.Of(found, path.wavelengths);
   const double stored_cosine = std::fabs(static_cast<double>(Dot(arrival.d, stored.ng)));
-  const double camera_paths = CameraPathsAtMerge(c, static_cast<double>(value.pdf),
-                                                 stored.weight_radius, stored_cosine, path);
+  const double camera_paths = CameraPathsAtMerge(
+      c, static_cast<double>(value.pdf), stored.weight_radius, stored_cosine, stored.depth, path);
   float weight = ConnectionWeight(c, camera_paths);
   if (splats->wants_moments()) {
     splats->AddMoment({stored.x + 0.5, stored.y + 0.5}, unweighted, static_cast<double>(weight),

@@ -67,7 +67,7 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   if constexpr (C::kLines) {
     if (UsesLineSampling<C>(media.properties)) {
       line = MakeLine(c, *path, length);
-      SampleLdOnLine(c, line, hit, path);
+      SampleLdOnLine(c, line, length, hit, path);
     }
   }
   MediumScatterer scatterer;

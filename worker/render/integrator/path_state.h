@@ -5,11 +5,14 @@
 // does not have take no memory.
 #pragma once
 
+#include <array>
+#include <bit>
 #include <cstdint>
 #include <limits>
 #include <type_traits>
 
 #include "common/math/vec.h"
+#include "common/scene/settings/render_settings.h"
 #include "worker/render/densities/running_density.h"
 #include "worker/render/geometry/crossing.h"
 #include "worker/render/geometry/ray_origin.h"
@@ -24,6 +27,9 @@
 #include "worker/render/sampling/dimensions.h"
 
 namespace sheaf::render {
+
+// Vertices from this number on take one light sample: the limit halves at each (light_splits.h).
+inline constexpr uint32_t kLightHalvingsMax = std::bit_width(uint32_t{kLightSamplesMax}) - 1;
 
 struct NoState {};
 template <bool kPresent, typename State>
@@ -81,6 +87,20 @@ struct CameraEnd {
   Vec3f camera_d{};
   float merge_radius = 0;  // MergeRadius at the vertex where light paths meet it by merging.
 };
+// Where the first vertex splits the lights, as vertex i of the camera's path: the densities with
+// which it samples the light; by i, up to the last that takes several samples.
+struct SampledByParts {
+  std::array<double, kLightHalvingsMax> density{};
+  uint32_t count = 0;
+};
+// The line of the camera's path that leads to the first vertex.
+struct KnownLine {
+  // The vertex scatters paths on it, and the path has not met its start yet.
+  bool is_sought = false;
+  double chosen = 0;       // The probability with which the vertex chooses the light.
+  double extinction = 0;   // Of the heterogeneous medium that scatters; 0: homogeneous ones do.
+  double over_sample = 0;  // The density of line samples over that of light samples.
+};
 struct LightEnd {
   uint32_t light = 0;
   Vec3f p, n;                // Of the ray that left the light: as EmittedRay.
@@ -92,6 +112,12 @@ struct LightEnd {
   double emitted = 0, sampled = 0;
   RunningDensity<PathEnd::kLight> camera_paths;  // Of the camera's techniques together.
   bool is_first = true, is_specular_first = false;
+  // The densities of the camera's techniques at the first vertex depend on the vertices after it,
+  // and are no part of camera_paths.
+  bool is_open = false;
+  double hit = 0;  // That of scattering there.
+  SampledByParts by_parts;
+  KnownLine line;
 };
 
 // The state of paths in guided frames.

@@ -77,6 +77,7 @@ struct SurfaceVertex {
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   Vec3f wo_local;
   Vec3f light_hint{};  // Lights behind this normal do not contribute; zero if all may.
+  static constexpr bool kIsSurface = true;
 
   // Sets the shading frame, for a path that arrives along -wo. Call once, after the BSDF is known.
   void Prepare(const Context<C>& c, Vec3f wo);
@@ -394,8 +395,13 @@ bool SurfaceVertex<C>::ScatterFromLight(const Context<C>& c, PathState<C>* path)
   }
   if (path->throughput.IsBlack()) return false;
   if (end.is_first) end.is_specular_first = is_specular;
+  const bool is_first = end.is_first;
   NoteScatteringFromLight(step, is_specular, &end);
-  return Continue(c, w, *sample, u[3], path);
+  const bool continues = Continue(c, w, *sample, u[3], path);
+  if constexpr (C::kCountsSplits && C::kSubsurface) {
+    if (is_first && path->media.properties.is_subsurface) LeaveBySubsurface(&end);
+  }
+  return continues;
 }
 
 template <typename C>

@@ -18,19 +18,28 @@
 //
 // n: light paths while each pixel sends one camera ray; E: GuidedEmission::DensityAt, and for the
 // emission of media, of which x(k-1) sees all along one line, MediaDensityAt. Both E and PdfWe are
-// per area that faces the ray. For a sampled light, its pdf takes the place of forward(k-1).
-// Sources: Veach 1997, ch. 9 and 10; docs/adr/0063, 0127.
+// per area that faces the ray. For a sampled light, its pdf takes the place of forward(k-1). A line
+// sample (equiangular_sampling.h) is a light sample whose density is LineOverSample times as large.
+//
+// The densities of light samples and line samples at x(k-1) depend on what a light path meets after
+// that vertex, its first: the number of light samples on the number of vertices, a line on the
+// place where the camera's segment begins. The light path carries the former for each number, and
+// finds the latter on its way; until then its first vertex is open (LightEnd::is_open). Sources:
+// Veach 1997, ch. 9 and 10; docs/adr/0063, 0127.
 //
 // A vertex is a SurfaceVertex or a MediumVertex.
 #pragma once
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 #include "common/math/elementary.h"
 #include "worker/render/densities/weights.h"
 #include "worker/render/gather/may_merge.h"
 #include "worker/render/gather/merging.h"
 #include "worker/render/integrator/context.h"
+#include "worker/render/integrator/light_splits.h"
 
 namespace sheaf::render {
 
@@ -57,18 +66,32 @@ double MediaPdf([[maybe_unused]] const Context<C>& c, [[maybe_unused]] Vec3f p,
 
 // --- Paths from the camera -----------------------------------------------------------------------
 
+// The light paths that meet the path's first vertex, p, while a camera path does.
+template <typename C>
+double LightPathsAtFirst(const Context<C>& c, Vec3f p, const PathState<C>& path) {
+  Ray camera_ray = path.ray;
+  camera_ray.o = path.camera_o;
+  const double seen = c.scene.camera.PdfWe(camera_ray, p);
+  return seen > 0 ? c.scene.light_paths_per_pass / seen : 0;
+}
+
 // At the path's first vertex, p.
 template <typename C>
 void StartOtherEnd(const Context<C>& c, Vec3f p, PathState<C>* path) {
   if constexpr (C::kPathKind == PathKind::kCameraBesideLight) {
-    Ray camera_ray = path->ray;
-    camera_ray.o = path->camera_o;
-    const double seen = c.scene.camera.PdfWe(camera_ray, p);
     CameraEnd& end = path->other_end;
-    end.light_paths.Start(seen > 0 ? c.scene.light_paths_per_pass / seen : 0);
+    end.light_paths.Start(LightPathsAtFirst(c, p, *path));
     end.is_in_prefix = c.scene.gather_step > 0;
     end.camera_d = path->ray.d;
   }
+}
+
+// The state of the path as if it had a vertex at p, in a medium.
+template <typename C>
+CameraEnd EndAt(const Context<C>& c, Vec3f p, const PathState<C>& path) {
+  CameraEnd end = path.other_end;
+  if (path.is_camera_path) end.light_paths.Start(LightPathsAtFirst(c, p, path));
+  return end;
 }
 
 // The light paths of a pass that are merged at a vertex where a unit of area receives one.
@@ -159,19 +182,22 @@ bool EnterTexturedSubsurface(PathState<C>* path) {
   return true;
 }
 
-// The weight of a camera path's technique. light_paths: their density over that of the technique.
+// The weight of a camera path's technique. others, light_paths: their densities over that of the
+// technique.
 template <typename C>
-float WeightBesideLight(const Context<C>& c, double other, double light_paths) {
+float WeightBesideLight(const Context<C>& c, std::array<double, 2> others, double light_paths) {
   if (c.scene.light_paths_alone && light_paths > 0) return 0;
-  return static_cast<float>(WeightOf(1.0, other, light_paths));
+  return static_cast<float>(WeightOf(1.0, others[0], light_paths, others[1]));
 }
 
 // The weight of light that the path's ray hits. sampled: the pdf with which the last vertex samples
-// it; emitted: its density E.
+// it; emitted: its density E. line: LineOverSample, here and below; 0 where no line leads there.
 template <typename C>
-float HitWeight(const Context<C>& c, double sampled, double emitted, const PathState<C>& path) {
+float HitWeight(const Context<C>& c, double sampled, double emitted, const PathState<C>& path,
+                double line = 0) {
   const double other = path.specular ? 0 : sampled / static_cast<double>(path.pdf);
-  return WeightBesideLight(c, other, path.other_end.light_paths.ratio() * emitted);
+  return WeightBesideLight(c, {other, line > 0 ? other * line : 0},
+                           path.other_end.light_paths.ratio() * emitted);
 }
 
 // The density of light paths over that with which the vertex samples their light, in direction wi.
@@ -190,16 +216,16 @@ double LightPathsOverSample(const Context<C>& c, const Vertex& vertex, Vec3f wi,
 template <typename C, typename Vertex>
 float LightSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex,
                                    const LightSampleOf<typename C::Color>& light, float pdf,
-                                   const PathState<C>& path) {
+                                   const PathState<C>& path, double line = 0) {
   const double sampled = static_cast<double>(light.pdf);
   const double other = light.is_delta ? 0 : static_cast<double>(pdf) / sampled;
-  if (!path.other_end.light_paths.IsFound()) return WeightBesideLight(c, other, 0);
+  if (!path.other_end.light_paths.IsFound()) return WeightBesideLight(c, {other, line}, 0);
   const GuidedEmission& emission = c.emission;
   const double emitted = light.is_infinite && !light.is_delta
                              ? emission.InfiniteDensityAt(vertex.point.p, -light.wi)
                              : emission.DensityAt(light.light, vertex.point.p, light.p_light,
                                                   light.n_light, -light.wi);
-  return WeightBesideLight(c, other,
+  return WeightBesideLight(c, {other, line},
                            LightPathsOverSample(c, vertex, light.wi, emitted, sampled, path));
 }
 
@@ -209,12 +235,50 @@ template <typename C, typename Vertex>
 float MediaSampleWeightBesideLight(const Context<C>& c, const Vertex& vertex, Vec3f w,
                                    double sampled, float pdf, const PathState<C>& path) {
   const double other = static_cast<double>(pdf) / sampled;
-  if (!path.other_end.light_paths.IsFound()) return WeightBesideLight(c, other, 0);
+  if (!path.other_end.light_paths.IsFound()) return WeightBesideLight(c, {other, 0}, 0);
   const double emitted = MediaDensityAt(c, vertex.point.p, w);
-  return WeightBesideLight(c, other, LightPathsOverSample(c, vertex, w, emitted, sampled, path));
+  return WeightBesideLight(c, {other, 0},
+                           LightPathsOverSample(c, vertex, w, emitted, sampled, path));
 }
 
 // --- Paths from a light --------------------------------------------------------------------------
+
+// The density with which the path's first vertex samples its light, in direction w. query: of one
+// sample, or of parts.
+template <typename C, typename Vertex>
+double SampledAtFirst(const Context<C>& c, const Vertex& vertex, Vec3f w, const LightEnd& end,
+                      const LightQuery& query) {
+  const auto& lights = *c.scene.lights;
+  const Vec3f p = vertex.point.p, n = vertex.light_hint;
+  if (end.is_infinite) {
+    return static_cast<double>(lights.template PdfEnvironment<C::kTraits>(p, n, w, query));
+  }
+  if (c.emission.lights().IsSurface(end.light)) {
+    return static_cast<double>(
+        lights.template PdfEmitter<C::kTraits>(end.light, p, n, w, end.p, query));
+  }
+  if constexpr (C::kCountsSplits) {
+    if (query.samples_max > 1) {
+      return static_cast<double>(
+          lights.choice().Probability(end.light, p, n, QueryFor<C::kTraits>(query)));
+    }
+  }
+  return static_cast<double>(lights.ChoiceProbability(end.light, p, n, query.row));
+}
+
+// The same for each number of samples that the vertex, of a surface, may take.
+template <typename C, typename Vertex>
+void FindParts(const Context<C>& c, const Vertex& vertex, Vec3f w, LightEnd* end) {
+  if (!c.scene.lights->choice().splits()) return;
+  SampledByParts& parts = end->by_parts;
+  for (; parts.count < kLightHalvingsMax; ++parts.count) {
+    const uint32_t samples = LightSamplesAt(c.scene.settings.light_samples, parts.count);
+    if (samples == 1) break;
+    parts.density[parts.count] =
+        SampledAtFirst(c, vertex, w, *end, {vertex.guided.lights(), samples});
+  }
+  end->is_open = parts.count > 0;
+}
 
 // At the path's first vertex: the densities that depend on it. False where the light does not reach
 // it.
@@ -224,7 +288,6 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
   LightEnd& end = path->other_end;
   const GuidedEmission& emission = c.emission;
   const Vec3f p = vertex.point.p, w = Normalize(path->ray.d);
-  const auto& lights = *c.scene.lights;
   if (end.is_medium) {
     end.emitted = MediaDensityAt(c, p, -w);
   } else if (end.is_infinite) {
@@ -238,32 +301,48 @@ bool ArriveFirst(const Context<C>& c, const Vertex& vertex, bool samples_lights,
   if (!samples_lights) return true;
   if (end.is_medium) {
     end.sampled = MediaPdf(c, p, -w);
-  } else if (end.is_infinite) {
-    end.sampled = static_cast<double>(lights.template PdfEnvironment<C::kTraits>(
-        p, vertex.light_hint, -w, vertex.guided.lights()));
-  } else if (emission.lights().IsSurface(end.light)) {
-    end.sampled = static_cast<double>(lights.template PdfEmitter<C::kTraits>(
-        end.light, p, vertex.light_hint, -w, end.p, vertex.guided.lights()));
-  } else {
-    end.sampled = static_cast<double>(
-        lights.ChoiceProbability(end.light, p, vertex.light_hint, vertex.guided.lights()));
+    return true;
   }
+  end.sampled = SampledAtFirst(c, vertex, -w, end, vertex.guided.lights());
+  if constexpr (C::kCountsSplits && Vertex::kIsSurface) FindParts(c, vertex, -w, &end);
   return true;
 }
 
-// The density with which the camera's techniques together pass a vertex that scatters their paths
-// with pdf `forward`.
-inline double CameraPathsForward(const LightEnd& end, double forward, bool is_specular) {
-  if (!end.is_first) return forward;
-  const double hit = end.can_be_hit ? forward : 0;
-  return is_specular ? hit : std::hypot(hit, end.sampled);
+// The density with which the camera's techniques together pass the path's first vertex, where
+// scattering has density `hit`. line: LineOverSample. vertices: of the whole path, without its
+// ends.
+inline double CameraPathsAtFirst(const LightEnd& end, double hit, double line, uint32_t vertices) {
+  const SampledByParts& parts = end.by_parts;
+  const double sampled = vertices - 1 < parts.count ? parts.density[vertices - 1] : end.sampled;
+  return line > 0 ? std::hypot(hit, sampled, sampled * line) : std::hypot(hit, sampled);
 }
 
 // A vertex scatters a path from a light, and a path from the camera as the step says.
 inline void NoteScatteringFromLight(StepDensities step, bool is_specular, LightEnd* end) {
-  step.forward = CameraPathsForward(*end, step.forward, is_specular);
+  if (end->is_first) {
+    const double hit = end->can_be_hit ? step.forward : 0;
+    end->is_open = end->is_open && !is_specular;
+    end->hit = hit;
+    step.forward = end->is_open ? 1 : is_specular ? hit : std::hypot(hit, end->sampled);
+  }
   end->camera_paths.Add(step);
   end->is_first = false;
+}
+
+// A camera path comes to the first vertex out of a walk beneath its surface, and takes one light
+// sample.
+inline void LeaveBySubsurface(LightEnd* end) { end->by_parts.count = 0; }
+
+// The density of the camera's techniques over that of light paths at the path's last vertex, where
+// scattering has density `forward`; of the way from the camera to that vertex both are left out.
+// line, vertices: as for CameraPathsAtFirst; the line is that from the camera.
+inline double CameraPathsTo(const LightEnd& end, double forward, double line, uint32_t vertices) {
+  const double ratio = end.camera_paths.ratio();
+  if (end.is_first) {
+    return ratio * CameraPathsAtFirst(end, end.can_be_hit ? forward : 0, line, vertices);
+  }
+  if (!end.is_open) return ratio * forward;
+  return ratio * CameraPathsAtFirst(end, end.hit, end.line.over_sample, vertices) * forward;
 }
 
 // The density of the camera's techniques over that of light paths at a connection to the lens.
@@ -271,18 +350,19 @@ inline void NoteScatteringFromLight(StepDensities step, bool is_specular, LightE
 // CameraConnection::ray_density.
 template <typename C>
 double CameraPathsAtLens(const Context<C>& c, double forward, double flux, double seen,
-                         const PathState<C>& path) {
-  const LightEnd& end = path.other_end;
-  return end.camera_paths.ratio() * CameraPathsForward(end, forward, false) * flux * seen /
+                         const PathState<C>& path, double line = 0) {
+  return CameraPathsTo(path.other_end, forward, line, path.depth) * flux * seen /
          c.scene.light_paths_per_pass;
 }
 
-// The same where it is merged with a camera path, at a radius of weights and with this cosine.
+// The same where it is merged with a camera path that has so many vertices up to there, at a radius
+// of weights and with this cosine.
 template <typename C>
 double CameraPathsAtMerge(const Context<C>& c, double forward, float radius, double cosine,
-                          const PathState<C>& path) {
-  const LightEnd& end = path.other_end;
-  return end.camera_paths.ratio() * CameraPathsForward(end, forward, false) /
+                          uint32_t camera_vertices, const PathState<C>& path) {
+  // Both count the vertex.
+  const uint32_t vertices = camera_vertices + path.depth - 1;
+  return CameraPathsTo(path.other_end, forward, 0, vertices) /
          (MergedLightPaths(c, radius) * cosine);
 }
 

@@ -42,9 +42,8 @@ struct RenderPlan {
 inline constexpr uint32_t kTechniqueTraits =
     static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits);
 constexpr uint32_t TechniqueTraits(const FrameSettings& settings) {
-  const bool splits = settings.light_samples > 1 && !HasLightPaths(settings.techniques);
   return (IsGuided(settings.techniques) ? static_cast<uint32_t>(Trait::kGuiding) : 0) |
-         (splits ? static_cast<uint32_t>(Trait::kLightSplits) : 0);
+         (settings.light_samples > 1 ? static_cast<uint32_t>(Trait::kLightSplits) : 0);
 }
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);
