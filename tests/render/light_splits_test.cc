@@ -105,15 +105,28 @@ TEST(LightSplitsTest, SeveralSamplesHaveLessNoise) {
   EXPECT_LT(eight, 0.75 * two);
 }
 
-// Light paths know nothing of splits, so frames that have them are those of single samples.
-TEST(LightSplitsTest, FramesWithLightPathsTakeOneSample) {
-  const Rendering both{.techniques = TechniqueSet::kCameraAndLight, .samples = 1};
-  Rendering split = both;
-  split.light_samples = 8;
+TEST(LightSplitsTest, SeveralSamplesHaveTheMeanOfOneBesideLightPaths) {
+  ExpectSplitsAgree("light splits beside light paths",
+                    {Diffuse(kColored), Glossy(kColored), Outdoor(kColored), ManyLights(kColored)},
+                    BiasOfNoisyPair(), {.techniques = TechniqueSet::kCameraAndLight});
+}
+TEST(LightSplitsTest, SeveralSamplesHaveTheMeanOfOneBesideLightPathsInMedia) {
+  ExpectSplitsAgree("light splits beside light paths, media", {Foggy(kColored), Cloudy(kColored)},
+                    2 * Bias(), {.techniques = TechniqueSet::kCameraAndLight});
+}
+TEST(LightSplitsTest, SeveralSamplesHaveLessNoiseBesideLightPaths) {
   const TestScene scene = ManyLights(kColored);
-  const CompiledScenePtr a = CompileFor(scene, both), b = CompileFor(scene, split);
-  EXPECT_EQ(PlanOf(*a).traits, PlanOf(*b).traits);
-  EXPECT_TRUE(RenderBothFilms(*a).camera == RenderBothFilms(*b).camera);
+  const auto variance = [&](int32_t light_samples) {
+    double sum = 0;
+    for (const Estimate& tile : Render(scene, {.light_samples = light_samples,
+                                              .techniques = TechniqueSet::kCameraAndLight})) {
+      sum += tile.variance;
+    }
+    return sum;
+  };
+  const double one = variance(0), eight = variance(8);
+  std::printf("variance of 8 samples beside light paths %.3f\n", eight / one);
+  EXPECT_LT(eight, 0.85 * one);
 }
 
 TEST(LightSplitsTest, TheLimitHalvesWithEachScattering) {

@@ -146,7 +146,7 @@ void PathDensityTest<kTraits>::AddPaths(uint64_t index, std::vector<Found>* foun
   const auto pass = [&](auto& at) {
     so_far.media.insert(so_far.media.begin(), path.media);
     if constexpr (FromLight::kMedia) {
-      if (so_far.media.size() == 1) so_far.path.last_media = path.media.properties;
+      if (so_far.media.size() == 1) so_far.path.last_media = path.media;
     }
     bool is_rough = false;
     if (!ArriveFromLight(c, at, &path, &is_rough)) return false;
@@ -488,6 +488,7 @@ constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
 using SurfaceDensityTest = PathDensityTest<kPlainTraits>;
 using SkyDensityTest = PathDensityTest<CommonTraits(true, false, false, true)>;
 using MediumDensityTest = PathDensityTest<kColoredMediaTraits>;
+using CloudDensityTest = PathDensityTest<kCloudTraits>;
 using SplitDensityTest = PathDensityTest<LightSplit(kPlainTraits)>;
 using GuidedDensityTest = PathDensityTest<Guided(kPlainTraits)>;
 using SpectralDensityTest = PathDensityTest<Spectrally(kPlainTraits)>;
@@ -505,6 +506,9 @@ TEST_F(SkyDensityTest, RatiosAreThoseOfWholePaths) {
 }
 TEST_F(MediumDensityTest, RatiosAreThoseOfWholePaths) {
   ExpectDensities(MediumScenes(), TechniqueSet::kCameraAndLight, 1'000, 0);
+}
+TEST_F(CloudDensityTest, RatiosAreThoseOfWholePaths) {
+  ExpectDensities(CloudScenes(), TechniqueSet::kCameraAndLight, 2'000, 0);
 }
 TEST_F(SplitDensityTest, RatiosAreThoseOfWholePaths) {
   ExpectDensities(SplitScenes(), TechniqueSet::kCameraAndLight, 2'000, 0);

@@ -122,6 +122,14 @@ inline std::vector<DensityScene> MediumScenes() {
   return {{"fog", Foggy({1}), false, true}, {"fog and many lamps", std::move(many), false, true}};
 }
 
+// Heterogeneous media, with lamps without size.
+inline std::vector<DensityScene> CloudScenes() {
+  TestScene t = Cloudy({1});
+  for (ShapeDescription& shape : t.scene.shapes) shape.area_light = kNone;
+  AddPointLight(&t, {0.2, 0.9, 0.1});
+  return {{"clouds", std::move(t), false, true}};
+}
+
 // Many lamps, near and far, which vertices split.
 inline std::vector<DensityScene> SplitScenes() {
   TestScene points = Diffuse({1}), glass = GlassAndMirror();

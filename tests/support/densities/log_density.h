@@ -52,8 +52,8 @@ struct StoredPath {
   Ray camera_ray;
   std::vector<Place> places;
   LightEnd light;
-  Vec3f towards_light;  // For light at infinity and the emission of media.
-  MediumProperties<typename FromLens::Color> last_media;  // At the last place.
+  Vec3f towards_light;                // For light at infinity and the emission of media.
+  MediumState<FromLight> last_media;  // At the last place.
 };
 
 // Calls f with the vertex, which is on a surface or in a medium.
@@ -203,36 +203,85 @@ class PathDensities {
     }
     return std::log(density) + LogCosine(last_, w) - log_square;
   }
-  double LogLineOverSample() const {
-    const auto& at = std::get<MediumVertex<FromLens>>(path_.places[last_].from_lens);
-    const Vec3d o = path_.places[last_].segment_start, way = At(last_) - o;
-    const double t = Length(way);
-    const Vec3d d = way / t;
-    const auto& properties = path_.last_media;
-    if (!properties.scatters || at.scatterer) return -kInfinity;
-    // Colors count alike.
-    double extinction = 0, distance_density = 0;
-    constexpr size_t kColors = kComponentCount<typename FromLens::Color>;
-    for (size_t i = 0; i < kColors; ++i) {
-      const auto sigma_t = static_cast<double>(properties.sigma_t[i]);
-      extinction += sigma_t / kColors;
-      distance_density += sigma_t * std::exp(-sigma_t * t) / kColors;
-    }
-    // The light is chosen at the middle of what the scene has of the line, or nearer.
-    double in_scene = kInfinity;
-    for (size_t a = 0; a < 3; ++a) {
-      for (const Vec3f& side : {scene_.geometry.bounds_lower, scene_.geometry.bounds_upper}) {
-        const double distance = (static_cast<double>(side[a]) - o[a]) / d[a];
-        if (distance > 0) in_scene = std::min(in_scene, distance);
+  // The line to the last place without end, or as far as heterogeneous media are that alone scatter
+  // on it. extinction: their mean; 0 where others scatter too.
+  struct Span {
+    Vec3d o, d;
+    double begin = 0, end = kInfinity, extinction = 0;
+    Vec3f chosen_at;  // Where the light is chosen.
+  };
+  Span SpanToLast() const {
+    Span span;
+    span.o = path_.places[last_].segment_start;
+    span.d = Normalize(At(last_) - span.o);
+    const auto& properties = path_.last_media.properties;
+    double extinction = Mean(properties.sigma_t);
+    if constexpr (FromLens::kHeterogeneousLines) {
+      if (properties.gathers) {
+        const auto part =
+            scene_.media->EquiangularSpanOf(path_.last_media.set, span.o, span.d, kInfinity);
+        extinction += part.extinction;
+        if (!properties.scatters) {
+          span.begin = part.begin;
+          span.end = part.end;
+          span.extinction = part.extinction;
+        }
       }
     }
-    const Vec3f middle = ToFloat(o + 0.5 * std::min(in_scene, 2 / extinction) * d);
+    // The middle of what the scene has of it, or nearer.
+    double end = span.end;
+    for (size_t a = 0; a < 3; ++a) {
+      for (const Vec3f& side : {scene_.geometry.bounds_lower, scene_.geometry.bounds_upper}) {
+        const double distance = (static_cast<double>(side[a]) - span.o[a]) / span.d[a];
+        if (distance > 0) end = std::min(end, distance);
+      }
+    }
+    const double middle = span.begin + 0.5 * std::min(end - span.begin, 2 / extinction);
+    span.chosen_at = ToFloat(span.o + middle * span.d);
+    return span;
+  }
+  // Colors count alike.
+  template <typename Color>
+  static double Mean(const Color& sigma) {
+    double sum = 0;
+    for (size_t i = 0; i < kComponentCount<Color>; ++i) sum += static_cast<double>(sigma[i]);
+    return sum / kComponentCount<Color>;
+  }
+  // The density of the distance of the last place, where the medium scatters; in heterogeneous
+  // media without the transmittance. 0 where lines leave it out.
+  double DistanceDensity(double t) const {
+    const auto& at = std::get<MediumVertex<FromLens>>(path_.places[last_].from_lens);
+    const auto& properties = path_.last_media.properties;
+    using Color = typename FromLens::Color;
+    if (!at.scatterer) {
+      return properties.scatters ? Mean(MakeColor<Color>([&](size_t i) {
+        return static_cast<float>(static_cast<double>(properties.sigma_t[i]) *
+                                  std::exp(-static_cast<double>(properties.sigma_t[i]) * t));
+      }))
+                                 : 0;
+    }
+    if (!FromLens::kHeterogeneousLines || !scene_.media->Gathers(*at.scatterer)) return 0;
+    const auto its = scene_.media->template CoefficientsAt<Color>(
+        *at.scatterer, At(last_), TimeOfMedia<kTraits>(0), {}, properties.form);
+    return Mean(its.sigma_t);
+  }
+  double LogLineOverSample() const {
+    const auto& at = std::get<MediumVertex<FromLens>>(path_.places[last_].from_lens);
+    const Span span = SpanToLast();
+    const double t = Length(At(last_) - span.o), distance_density = DistanceDensity(t);
+    if (!(distance_density > 0)) return -kInfinity;
     const LightTable& lights = *scene_.lights;
-    const auto distances = DistancesTo(lights.BoundsOf(path_.light.light), o, d, 0, kInfinity);
+    const uint32_t light = path_.light.light;
+    const LightBounds bounds = lights.BoundsOf(light);
+    if (span.extinction > 0 && bounds.kind != LightBounds::Kind::kInfinite &&
+        DistanceSamplingSpread(bounds, span.o, span.d, span.begin, span.end, span.extinction) <
+            kSpreadGathered) {
+      return -kInfinity;
+    }
+    const auto distances = DistancesTo(bounds, span.o, span.d, span.begin, span.end);
     if (!distances) return -kInfinity;
-    return std::log(lights.ChoiceProbability(path_.light.light, middle)) -
-           std::log(
-               lights.ChoiceProbability(path_.light.light, at.point.p, {}, at.guided.lights())) +
+    return std::log(lights.ChoiceProbability(light, span.chosen_at)) -
+           std::log(lights.ChoiceProbability(light, at.point.p, {}, at.guided.lights())) +
            std::log(distances->Pdf(t)) - std::log(distance_density);
   }
   // The density with which the last place samples the light, per solid angle; a probability where
