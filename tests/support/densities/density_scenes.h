@@ -5,8 +5,10 @@
 #pragma once
 
 #include <utility>
+#include <variant>
 #include <vector>
 
+#include "tests/support/emissive_scenes.h"
 #include "tests/support/lenses.h"
 #include "tests/support/technique_scenes.h"
 
@@ -15,8 +17,9 @@ namespace sheaf::render {
 struct DensityScene {
   const char* name;
   TestScene scene;
-  bool is_specular = false;  // Many paths have specular vertices.
-  bool has_media = false;    // Many paths have vertices in media.
+  bool is_specular = false;   // Many paths have specular vertices.
+  bool has_media = false;     // Many paths have vertices in media.
+  bool has_emission = false;  // Many paths begin in media.
 };
 
 inline void AddPointLight(TestScene* t, Vec3d from) {
@@ -110,7 +113,13 @@ inline std::vector<DensityScene> SkyScenes() {
   }
   TestScene glass = GlassAndMirror();
   glass.ConstantEnvironment({0.6f, 0.8f, 1});
-  return {{"sky over leaves", std::move(leaves)}, {"sky through glass", std::move(glass), true}};
+  TestScene portal = Diffuse({1});
+  portal.ConstantEnvironment({0.6f, 0.8f, 1});
+  std::get<InfiniteLight>(portal.scene.lights.back().light).portal = {
+      {-1, 2.5, -1}, {1, 2.5, -1}, {1, 2.5, 1}, {-1, 2.5, 1}};
+  return {{"sky over leaves", std::move(leaves)},
+          {"sky through glass", std::move(glass), true},
+          {"sky through a portal", std::move(portal)}};
 }
 
 // Fog with lamps of every kind that a line may find, and with many.
@@ -128,6 +137,31 @@ inline std::vector<DensityScene> CloudScenes() {
   for (ShapeDescription& shape : t.scene.shapes) shape.area_light = kNone;
   AddPointLight(&t, {0.2, 0.9, 0.1});
   return {{"clouds", std::move(t), false, true}};
+}
+
+// A mirror that the camera sees, in the plane x = kMirrorX, beside bodies and lamps.
+inline constexpr double kMirrorX = 1.8;
+inline std::vector<DensityScene> MirrorScenes() {
+  std::vector<DensityScene> scenes{{"mirrored", Diffuse({1}), true},
+                                   {"mirrored, glossy bodies", Glossy({1}), true}};
+  ConductorMaterial mirror;
+  mirror.has_reflectance = true;
+  mirror.reflectance.value.rgb = Rgb::Gray(1);
+  constexpr auto kX = static_cast<float>(kMirrorX);
+  for (DensityScene& scene : scenes) {
+    TestScene& t = scene.scene;
+    t.AddShape(
+        MeshShape{t.Quad({kX, 0.02f, -3}, {kX, 0.02f, 1.9f}, {kX, 2.9f, 1.9f}, {kX, 2.9f, -3})},
+        t.AddMaterial(mirror));
+  }
+  return scenes;
+}
+
+inline std::vector<DensityScene> GasScenes() {
+  return {{"gas", SmokelessRoom(), false, false, true}};
+}
+inline std::vector<DensityScene> FlameScenes() {
+  return {{"flame", RoomWithFlame(), false, false, true}};
 }
 
 // Many lamps, near and far, which vertices split.

@@ -54,6 +54,7 @@ struct StoredPath {
   LightEnd light;
   Vec3f towards_light;                // For light at infinity and the emission of media.
   MediumState<FromLight> last_media;  // At the last place.
+  double merge_radius = 0;            // For FindsBy::kMerge.
 };
 
 // Calls f with the vertex, which is on a surface or in a medium.
@@ -76,11 +77,11 @@ class PathDensities {
 
   double LogHit() const {
     if (!path_.light.can_be_hit) return -kInfinity;
-    return LogToLastFromLens() + LogForward(last_) + LogArrivalAtLight();
+    return LogFromLensTo(last_) + LogForward(last_) + LogArrivalAtLight();
   }
   double LogLightSample() const {
-    if (path_.places[last_].is_specular || path_.light.is_medium) return -kInfinity;
-    return LogToLastFromLens() + std::log(LightPdf()) +
+    if (path_.places[last_].is_specular) return -kInfinity;
+    return LogFromLensTo(last_) + std::log(LightPdf()) +
            (path_.light.can_be_hit ? LogArrivalAtLight() : 0);
   }
   // By a line from the start of the segment to the last place, without end; of its distance, that
@@ -88,10 +89,21 @@ class PathDensities {
   double LogLine() const {
     const double sample = LogLightSample();
     if constexpr (FromLens::kLines) {
-      if (sample == -kInfinity || !IsMedium(last_) || path_.light.is_infinite) return -kInfinity;
-      return sample + LogLineOverSample();
+      const bool has_place = !path_.light.is_infinite && !path_.light.is_medium;
+      if (sample > -kInfinity && IsMedium(last_) && has_place) return sample + LogLineOverSample();
     }
     return -kInfinity;
+  }
+  // By a light path that arrives within the radius of the first rough place behind specular ones.
+  double LogMerge() const {
+    size_t first = 0;
+    while (first <= last_ && path_.places[first].is_specular) ++first;
+    if (first == 0 || first > last_) return -kInfinity;
+    double log = std::log(scene_.light_paths_per_pass / scene_.gather_step * kPi *
+                          path_.merge_radius * path_.merge_radius) +
+                 LogFromLensTo(first) + LogStart();
+    for (size_t i = last_; i > first; --i) log += LogBackward(i) + LogArrival(i - 1, i);
+    return log;
   }
   // Whether the path meets a surface at grazing, or has a short segment. Its points and normals are
   // rounded differently from both ends, which decides its cosines and directions then.
@@ -175,12 +187,12 @@ class PathDensities {
       return std::log(static_cast<double>(at.EvalScattering(ToFloat(w)).pdf));
     });
   }
-  // A path from the lens reaches all places.
-  double LogToLastFromLens() const {
+  // A path from the lens reaches all places up to that one.
+  double LogFromLensTo(size_t to) const {
     const Vec3d o = ToDouble(path_.camera_ray.o);
     double log = std::log(scene_.camera.PdfWe(path_.camera_ray, ToFloat(At(0)))) +
                  LogCosine(0, Normalize(At(0) - o));
-    for (size_t i = 0; i < last_; ++i) log += LogForward(i) + LogArrival(i + 1, i);
+    for (size_t i = 0; i < to; ++i) log += LogForward(i) + LogArrival(i + 1, i);
     return log;
   }
   // A light path reaches the last place.
@@ -292,6 +304,7 @@ class PathDensities {
       const LightEnd& light = path_.light;
       const Vec3f p = at.point.p, w = ToFloat(TowardsLight());
       const LightQuery query(at.guided.lights(), LightSamples());
+      if (light.is_medium) return MediaPdf(p, w);
       if (light.is_infinite) {
         return static_cast<double>(
             lights.template PdfEnvironment<kTraits>(p, at.light_hint, w, query));
@@ -305,6 +318,14 @@ class PathDensities {
     });
   }
 
+  // That of the emission of media, of which grids are sampled.
+  double MediaPdf([[maybe_unused]] Vec3f p, [[maybe_unused]] Vec3f w) const {
+    if constexpr (FromLens::kHeterogeneous) {
+      const EmissiveVolumeSampler& grids = scene_.media->emissive_volumes();
+      if (!grids.empty()) return static_cast<double>(grids.Pdf(p, w));
+    }
+    return 0;
+  }
   // The most light samples at the last place: half as many at each vertex.
   uint32_t LightSamples() const {
     if (!Has(kTraits, Trait::kLightSplits) || IsMedium(last_)) return 1;
@@ -324,6 +345,7 @@ double LogDensityOf(const StoredPath<kTraits>& path, FindsBy technique,
   const PathDensities<kTraits> densities(path, scene);
   if (technique == FindsBy::kHit) return densities.LogHit();
   if (technique == FindsBy::kLine) return densities.LogLine();
+  if (technique == FindsBy::kMerge) return densities.LogMerge();
   return technique == FindsBy::kLightPath ? densities.LogLightPath() : densities.LogLightSample();
 }
 

@@ -18,6 +18,7 @@ enum class FindsBy : uint8_t {
   kLightSample,  // The light is sampled from the last vertex.
   kLine,         // The light is sampled for the segment that leads to the last vertex.
   kLightPath,    // The path begins at the light and is connected to the lens.
+  kMerge,        // The path begins at the light and is merged with one from the lens.
 };
 
 // The weight in [0, 1] of a path that its own technique finds with density `own`, and one each of
