@@ -55,8 +55,8 @@ class PlanCommand : public Command {
     std::optional<render::PlanMeasurement> measurement;
     std::optional<render::TechniqueMeasurement> techniques;
     if (measure_) {
-      absl::StatusOr<render::TechniqueMeasurement> compared =
-          render::MeasureTechniques(scene, opened.settings, *opened.file.files);
+      absl::StatusOr<render::TechniqueMeasurement> compared = render::MeasureTechniques(
+          scene, opened.settings, *opened.file.files, render::TechniqueEffort::kAsked);
       if (!compared.ok()) return ReportSceneError(compared.status());
       techniques = *std::move(compared);
       if (absl::Status status = CheckCameraPaths("measurements of effects", scene, opened.settings);
@@ -138,16 +138,22 @@ class PlanCommand : public Command {
       const TechniqueSet split = measured.BestOfPlain().With(Technique::kSplitting);
       gains[split.Name()] = measured.Gain(split);
     }
-    if (measured.emission_guided) {
-      const TechniqueSet guided = measured.BestOfPlain().With(Technique::kEmissionGuiding);
-      gains[guided.Name()] = measured.Gain(guided);
-    }
+    const TechniqueSet merging = measured.BaseOfLight().With(Technique::kMerging),
+                       guided = measured.BaseOfLight().With(Technique::kEmissionGuiding),
+                       both = merging.With(Technique::kEmissionGuiding);
+    if (measured.merged) gains[merging.Name()] = measured.Gain(merging);
+    if (measured.emission_guided) gains[guided.Name()] = measured.Gain(guided);
+    if (measured.emission_guided_merged) gains[both.Name()] = measured.Gain(both);
+    const TechniqueSet unsplit = measured.Best().Without(Technique::kSplitting);
     nlohmann::ordered_json json = {{"best", measured.Best().Name()},
                                    {"gain", measured.Gain(measured.Best())},
+                                   {"least_gain", measured.LeastGain(unsplit)},
                                    {"gains", gains},
                                    {"light_share", measured.light_share},
                                    {"only_light_share", measured.only_light_share},
                                    {"missing_relative_mse", measured.missing_mse},
+                                   {"unmerged_missing_relative_mse", measured.unmerged_missing_mse},
+                                   {"merge_bias_relative_mse", measured.bias_mse},
                                    {"width_px", measured.width_px},
                                    {"height_px", measured.height_px},
                                    {"samples", measured.samples},
@@ -155,6 +161,10 @@ class PlanCommand : public Command {
                                    {"camera+light", cost(measured.both)},
                                    {"camera+guiding", cost(measured.guided)}};
     if (measured.guided_both) json["camera+light+guiding"] = cost(*measured.guided_both);
+    if (measured.merged) json["merged"] = cost(*measured.merged);
+    if (measured.emission_guided_merged) {
+      json["emission_guided_merged"] = cost(*measured.emission_guided_merged);
+    }
     if (measured.emission_guided) {
       json["emission_guided"] = cost(*measured.emission_guided);
       json["gain_of_emission_guiding"] = measured.GainOfGuidedEmission();

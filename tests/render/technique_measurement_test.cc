@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
@@ -20,10 +22,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-TechniqueMeasurement Measure(const TestScene& t) {
+TechniqueMeasurement Measure(const TestScene& t, uint64_t samples = 16) {
   TableFileSource files({});
   const absl::StatusOr<TechniqueMeasurement> measured =
-      MeasureTechniques(t.scene, SquareSettings(96, 16, 6), files);
+      MeasureTechniques(t.scene, SquareSettings(96, samples, 6), files, TechniqueEffort::kAsked);
   EXPECT_TRUE(measured.ok()) << measured.status();
   return measured.ok() ? *measured : TechniqueMeasurement{};
 }
@@ -48,7 +50,7 @@ TestScene Caustic(float radius) {
 
 TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
   const TechniqueMeasurement measured = Measure(Caustic(0.05f));
-  EXPECT_GT(measured.Gain(TechniqueSet::kCameraAndLight), 5);
+  EXPECT_GT(measured.Gain(measured.Best()), 5);
   EXPECT_TRUE(HasLightPaths(measured.Best())) << FormatTechniqueMeasurement(measured);
   EXPECT_GT(measured.light_share, 0.01);
   EXPECT_LT(measured.light_share, 0.5);
@@ -61,8 +63,11 @@ TEST(TechniqueMeasurementTest, LightPathsPayForCaustics) {
 // The smaller the light, the rarer camera paths find its caustic, and a small image may contain
 // nothing of it: the second moment from light paths still tells.
 TEST(TechniqueMeasurementTest, GainGrowsForLightsThatCameraPathsMiss) {
-  const double of_small = Measure(Caustic(0.01f)).Gain(TechniqueSet::kCameraAndLight),
-               of_large = Measure(Caustic(0.1f)).Gain(TechniqueSet::kCameraAndLight);
+  const auto gain_of = [](const TechniqueMeasurement& measured) {
+    return measured.Gain(measured.Best());
+  };
+  const double of_small = gain_of(Measure(Caustic(0.01f))),
+               of_large = gain_of(Measure(Caustic(0.1f)));
   EXPECT_GT(of_small, 5 * of_large) << of_small << " " << of_large;
 }
 
@@ -147,12 +152,128 @@ TEST(TechniqueMeasurementTest, GuidedEmissionMustPay) {
   EXPECT_EQ(measured.Gain(guided), 4100.0 / 8);
 }
 
+// The sun shines on a wide plain, of which the picture shows a glass ball and its caustic: most
+// light paths miss it. A field of few paths would be a worse one than the frame has.
+TEST(TechniqueMeasurementTest, GuidedEmissionIsTrainedAsInTheFrame) {
+  TestScene t({0, 1.5, -4}, {0, 0.5, 0}, 40);
+  t.AddShape(MeshShape{t.Quad({-10, 0, -10}, {-10, 0, 10}, {10, 0, 10}, {10, 0, -10})},
+             t.Diffuse({0.5f, 0.5f, 0.5f}));
+  t.AddShape(kBall, t.AddMaterial(DielectricMaterial{}), TranslateMatrix({0, 0.9, 0}));
+  DistantLight sun;
+  sun.radiance.rgb = Rgb::Gray(3);
+  sun.from = {0.5f, 1, -0.3f};
+  sun.to = {0, 0, 0};
+  t.scene.lights.push_back({sun, {}, {}, {}});
+  const TechniqueMeasurement measured = Measure(t, 128);
+  ASSERT_TRUE(measured.emission_guided) << FormatTechniqueMeasurement(measured);
+  const TechniqueSet merging = measured.BaseOfLight().With(Technique::kMerging);
+  EXPECT_GT(measured.Gain(merging.With(Technique::kEmissionGuiding)), 3 * measured.Gain(merging))
+      << FormatTechniqueMeasurement(measured);
+  EXPECT_TRUE(GuidesEmission(measured.Best())) << FormatTechniqueMeasurement(measured);
+}
+
+// A plane in the sun under a slab of smooth glass: camera paths find it never, and nor do light
+// paths but by merging.
+TEST(TechniqueMeasurementTest, MergingIsMeasuredBehindGlassAlone) {
+  TestScene t({0, 4, 0}, {0, 0, 0}, 36, {0, 0, 1});
+  t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})},
+             t.Diffuse({0.5f, 0.5f, 0.5f}));
+  t.AddShape(MeshShape{t.Box({-2, 0.05f, -2}, {2, 0.1f, 2})}, t.AddMaterial(DielectricMaterial{}));
+  DistantLight sun;
+  sun.radiance.rgb = Rgb::Gray(3);
+  sun.from = {0.6f, 0.8f, 0};
+  sun.to = {0, 0, 0};
+  t.scene.lights.push_back({sun, {}, {}, {}});
+  const TechniqueMeasurement measured = Measure(t);
+  ASSERT_TRUE(measured.merged) << FormatTechniqueMeasurement(measured);
+  EXPECT_TRUE(MergesLightPaths(measured.Best())) << FormatTechniqueMeasurement(measured);
+  EXPECT_GT(measured.unmerged_missing_mse, 0.1);
+  EXPECT_LT(measured.bias_mse, 0.01 * measured.unmerged_missing_mse);
+  EXPECT_THAT(FormatTechniqueMeasurement(measured), HasSubstr("; camera+light+merging "));
+  EXPECT_FALSE(Measure(Diffuse({1})).merged);
+}
+
+// Squared bias counts as error that samples do not reduce, as does the light that others miss.
+TEST(TechniqueMeasurementTest, BiasAndVarianceDecideAboutMerging) {
+  TechniqueMeasurement measured;
+  measured.camera = measured.guided = {50, 1};
+  measured.both = {10, 2};
+  measured.merged = {2, 3};
+  measured.frame_samples = 100;
+  const TechniqueSet merging = TechniqueSet::kCameraAndLight.With(Technique::kMerging);
+  EXPECT_EQ(measured.Best(), merging);
+  EXPECT_DOUBLE_EQ(measured.GainOfMerging(), 20.0 / 6);
+  measured.bias_mse = 0.04;
+  EXPECT_DOUBLE_EQ(measured.GainOfMerging(), 20.0 / 18);
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLight);
+  measured.missing_mse = measured.unmerged_missing_mse = 1;
+  EXPECT_DOUBLE_EQ(measured.GainOfMerging(), 820.0 / 18);
+  EXPECT_EQ(measured.Best(), merging);
+}
+
+// One pixel with a rare bright sample promises much, and is no evidence.
+TEST(TechniqueMeasurementTest, GainsNeedMoreThanOnePixel) {
+  TechniqueMeasurement measured;
+  const auto cost_of = [](std::vector<double> errors) {
+    double sum = 0;
+    for (const double error : errors) sum += error;
+    const double mean = sum / static_cast<double>(errors.size());
+    return TechniqueCost{mean, 1, std::move(errors)};
+  };
+  std::vector<double> errors(100, 0.9);
+  errors.front() = 2400 - 99 * 0.9;
+  measured.camera = measured.guided = cost_of(errors);
+  measured.both = cost_of(std::vector<double>(100, 1));
+  EXPECT_NEAR(measured.Gain(TechniqueSet::kCameraAndLight), 24, 1e-9);
+  EXPECT_NEAR(measured.LeastGain(TechniqueSet::kCameraAndLight), 0.9, 1e-9);
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCamera);
+  measured.camera = measured.guided = cost_of(std::vector<double>(100, 24));
+  EXPECT_NEAR(measured.LeastGain(TechniqueSet::kCameraAndLight), 24, 1e-9);
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLight);
+}
+
+TEST(TechniqueMeasurementTest, LargeFramesOfSmallScenesAreMeasuredUnasked) {
+  FrameSettings settings = SquareSettings(512, 64, 6);
+  EXPECT_TRUE(MayMeasureUnasked(settings, uint64_t{64} << 20));
+  EXPECT_FALSE(MayMeasureUnasked(settings, uint64_t{65} << 20));
+  settings.samples = 63;
+  EXPECT_FALSE(MayMeasureUnasked(settings, 0));
+  settings = SquareSettings(512, 64, 6);
+  settings.techniques = TechniqueSet::kCameraGuided;
+  EXPECT_FALSE(MayMeasureUnasked(settings, 0));
+  settings.techniques = TechniqueSet::kCamera;
+  settings.similarity_after = 4;
+  EXPECT_FALSE(MayMeasureUnasked(settings, 0));
+}
+
+// The first look is a hundredth of the smallest frame that is measured unasked.
+TEST(TechniqueMeasurementTest, UnaskedLooksAreCheap) {
+  TableFileSource files({});
+  const FrameSettings settings = SquareSettings(512, 64, 6);
+  const auto rays_of = [&](const TestScene& t) {
+    const absl::StatusOr<TechniqueMeasurement> measured =
+        MeasureTechniques(t.scene, settings, files, TechniqueEffort::kUnasked);
+    EXPECT_TRUE(measured.ok()) << measured.status();
+    EXPECT_EQ(measured->Best(), TechniqueSet::kCamera) << FormatTechniqueMeasurement(*measured);
+    EXPECT_FALSE(measured->guided_both);
+    // The training of the guided image is in its cost for the frame, which is a small part.
+    const double rays = measured->camera.cost_rays + measured->both.cost_rays +
+                        measured->guided.cost_rays +
+                        (measured->merged ? measured->merged->cost_rays : 0);
+    const auto samples =
+        static_cast<double>(measured->samples * measured->width_px * measured->height_px);
+    return rays * samples / (measured->camera.cost_rays * FrameSamples(settings));
+  };
+  EXPECT_LT(rays_of(Diffuse({1})), 0.01);
+  EXPECT_LT(rays_of(ManyLights({1})), 0.01);
+}
+
 // A frame of plain light pays for the first look alone; another one for images that grow with it.
 TEST(TechniqueMeasurementTest, ImagesAreAFractionOfTheFrame) {
   TableFileSource files({});
   const auto measure = [&](const TestScene& t, uint64_t samples) {
     const absl::StatusOr<TechniqueMeasurement> measured =
-        MeasureTechniques(t.scene, SquareSettings(128, samples, 6), files);
+        MeasureTechniques(t.scene, SquareSettings(128, samples, 6), files, TechniqueEffort::kAsked);
     EXPECT_TRUE(measured.ok()) << measured.status();
     return *measured;
   };

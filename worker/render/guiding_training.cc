@@ -100,19 +100,22 @@ class ContributionsSink : public GuidingSink {
 
 class Training {
  public:
-  Training(const CompiledScene& scene, uint32_t threads, std::stop_token stop)
+  Training(const CompiledScene& scene, uint32_t threads, std::stop_token stop,
+           const TrainingPaths& paths = {})
       : scene_(scene),
+        paths_(SizesFor(scene, paths)),
         threads_(static_cast<int>(std::max(1u, threads))),
         stop_(std::move(stop)),
         train_(IsGuided(scene.settings.techniques) ? FunctionFor(scene) : nullptr) {}
 
   absl::StatusOr<LearnedFields> Run() {
     const FrameSettings& settings = scene_.settings;
-    const uint64_t paths = scene_.training_paths_first > 0
-                               ? scene_.training_paths_first
-                               : TrainingPathsFirst(settings.width_px, settings.height_px);
+    const uint64_t paths = paths_.first;
     LearnedFields fields{GuidingField(BoxOf(scene_)), {}, {}, {}};
-    if (GuidesEmission(settings.techniques) && !LearnEmission(paths, &fields)) return Cancelled();
+    if (GuidesEmission(settings.techniques)) {
+      if (!LearnEmission(paths_.emission_first, &fields)) return Cancelled();
+      emission_rays_ = counts_.rays;
+    }
     if (!IsGuided(settings.techniques)) return fields;
     ScaleSink scale;
     if (!Trace(0, fields, std::min(kScalePaths, paths), &scale)) return Cancelled();
@@ -142,8 +145,16 @@ class Training {
     stats->shadow_rays += counts_.shadow_rays;
     stats->cpu_seconds += cpu_seconds_;
   }
+  TrainingRays rays() const { return {counts_.rays - emission_rays_, emission_rays_}; }
 
  private:
+  static TrainingPaths SizesFor(const CompiledScene& scene, TrainingPaths paths) {
+    const FrameSettings& settings = scene.settings;
+    if (paths.first == 0) paths.first = scene.training_paths_first;
+    if (paths.first == 0) paths.first = TrainingPathsFirst(settings.width_px, settings.height_px);
+    if (paths.emission_first == 0) paths.emission_first = paths.first;
+    return paths;
+  }
   static TrainingFunction FunctionFor(const CompiledScene& scene) {
     const uint32_t traits = scene.plan.traits;
     const bool generic = scene.settings.force_generic_variant;
@@ -224,11 +235,13 @@ class Training {
   }
 
   const CompiledScene& scene_;
+  const TrainingPaths paths_;
   const int threads_;
   const std::stop_token stop_;
   const TrainingFunction train_;
   Mutex mutex_;
   RayCounts counts_;
+  uint64_t emission_rays_ = 0;
   double cpu_seconds_ = 0;
 };
 
@@ -238,18 +251,31 @@ uint32_t EmittingCount(const CompiledScene& scene) {
 
 uint32_t ThreadsOfMachine() { return std::max(1u, std::thread::hardware_concurrency()); }
 
+absl::Status CheckTrains(const CompiledScene& scene) {
+  if (scene.guiding != nullptr) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "a training was requested of a frame that needs none; its techniques must have guiding or "
+      "emission-guiding");
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t threads,
                                          std::stop_token stop, RenderStats* stats) {
-  if (scene.guiding == nullptr) {
-    return absl::InvalidArgumentError(
-        "a training was requested of a frame that needs none; its techniques must have guiding or "
-        "emission-guiding");
-  }
+  if (absl::Status status = CheckTrains(scene); !status.ok()) return status;
   Training training(scene, threads, std::move(stop));
   const absl::StatusOr<LearnedFields> fields = training.Run();
   if (stats != nullptr) training.AddTo(stats);
+  if (!fields.ok()) return fields.status();
+  return fields->Encode();
+}
+
+absl::StatusOr<std::string> TrainGuidingOfSize(const CompiledScene& scene,
+                                               const TrainingPaths& paths, TrainingRays* rays) {
+  if (absl::Status status = CheckTrains(scene); !status.ok()) return status;
+  Training training(scene, 1, {}, paths);
+  const absl::StatusOr<LearnedFields> fields = training.Run();
+  *rays = training.rays();
   if (!fields.ok()) return fields.status();
   return fields->Encode();
 }

@@ -26,6 +26,19 @@ namespace sheaf::render {
 absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t threads,
                                          std::stop_token stop, RenderStats* stats);
 
+// A training of other sizes than the frame's own: paths of the first iteration.
+struct TrainingPaths {
+  uint64_t first = 0;           // 0: as many as the scene says.
+  uint64_t emission_first = 0;  // 0: as `first`; where emission is guided.
+};
+// Rays of a training, by what they learned.
+struct TrainingRays {
+  uint64_t camera = 0, emission = 0;
+};
+// As TrainGuiding on the calling thread, with other sizes.
+absl::StatusOr<std::string> TrainGuidingOfSize(const CompiledScene& scene,
+                                               const TrainingPaths& paths, TrainingRays* rays);
+
 // Gives the scene the fields that TrainGuiding made, unless it has some. Thread-safe; call before
 // the first pass is rendered. Errors: kDataLoss for other bytes.
 absl::Status SetGuiding(const CompiledScene& scene, std::string_view fields);

@@ -36,6 +36,13 @@ bool LightTracer::Gather(uint64_t pass, const std::function<bool()>& goes_on, Ra
   return true;
 }
 
+size_t LightTracer::CountGathered(uint64_t pass, RayCounts* counts) {
+  if (map_ == nullptr) return 0;
+  Gather(
+      pass, [] { return true; }, counts);
+  return map_->arena.balls().size();
+}
+
 bool LightTracer::TracePass(uint64_t pass, const std::function<bool()>& goes_on, SplatSink* splats,
                             RayCounts* counts) {
   if (map_ != nullptr && !Gather(pass, goes_on, counts)) return false;

@@ -30,6 +30,8 @@ class LightTracer {
   // Calls goes_on once a row, and stops where that is false; then returns false.
   bool TracePass(uint64_t pass, const std::function<bool()>& goes_on, SplatSink* splats,
                  RayCounts* counts);
+  // How many camera paths of the pass light paths are merged with.
+  size_t CountGathered(uint64_t pass, RayCounts* counts);
 
  private:
   bool Gather(uint64_t pass, const std::function<bool()>& goes_on, RayCounts* counts);

@@ -5,11 +5,14 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <initializer_list>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "worker/render/ablation/technique_judge.h"
 #include "worker/render/ablation/technique_pilot.h"
 
 namespace sheaf::render {
@@ -18,116 +21,18 @@ namespace {
 // Paths of the first iteration of a training, over the samples of the image; in the first look,
 // where guiding that is learned from less must look promising alone.
 constexpr double kTrainingFraction = 1.0 / 8, kLookTrainingFraction = 1.0 / 16;
-// Dark pixels count against this fraction of the image's mean, as in relMSE.
-constexpr double kDarkFraction = 0.1;
+// Standard errors of a gain's logarithm that its lower end is below it: 95 % in all.
+constexpr double kGainDeviations = 1.96;
 
-double MeanOf(const PilotReplicates& replicates) {
-  double sum = 0;
-  for (const double value : replicates) sum += value;
-  return sum / kReplicateCount;
-}
-
-// The variance of one sample, from the spread of the replicates of `samples`.
-double SampleVarianceOf(const PilotReplicates& replicates, uint64_t samples) {
-  const double mean = MeanOf(replicates);
-  double squares = 0;
-  for (const double value : replicates) squares += (value - mean) * (value - mean);
-  return squares / (kReplicateCount - 1) * static_cast<double>(samples / kReplicateCount);
-}
-
-// The squares that squared errors are relative to, by pixel; empty for a black image. One image for
-// all techniques, the mean of all pilots': an error relative to a pixel that has a rare bright
-// sample looks small, so that a technique would seem the better the more of them it shares with the
-// image.
-std::vector<double> CommonSquares(const std::vector<Pilot>& pilots) {
-  std::vector<double> squares(pilots.front().means.size());
-  double total = 0;
-  for (size_t pixel = 0; pixel < squares.size(); ++pixel) {
-    double mean = 0;
-    for (const Pilot& pilot : pilots) mean += MeanOf(pilot.means[pixel]);
-    mean /= static_cast<double>(pilots.size());
-    squares[pixel] = mean * mean;
-    total += mean;
-  }
-  const double dark = kDarkFraction * total / static_cast<double>(squares.size());
-  if (!(dark > 0)) return {};
-  for (double& square : squares) square += dark * dark;
-  return squares;
-}
-
-// The mean over the pixels of variance_of(pixel) over its square.
-template <typename VarianceOf>
-double RelativeMse(const std::vector<double>& squares, const VarianceOf& variance_of) {
-  double sum = 0;
-  for (size_t pixel = 0; pixel < squares.size(); ++pixel) {
-    sum += variance_of(pixel) / squares[pixel];
-  }
-  return squares.empty() ? 0 : sum / static_cast<double>(squares.size());
-}
-
-// Compares images of one size: by camera paths, with light paths, with guiding, and maybe with
-// both, in this order.
-class Judge {
- public:
-  // All outlive the judge.
-  Judge(const std::vector<Pilot>& pilots, const FrameSettings& settings, const FrameSettings& frame)
-      : pilots_(pilots), settings_(settings), frame_(frame), squares_(CommonSquares(pilots)) {}
-
-  TechniqueMeasurement Measure() const {
-    TechniqueMeasurement result;
-    result.width_px = settings_.width_px;
-    result.height_px = settings_.height_px;
-    result.samples = settings_.samples;
-    const Pilot& both = pilots_[1];
-    result.camera = CostAlone(pilots_[0], both);
-    result.both = Cost(both);
-    result.guided = CostOfGuided(pilots_[2]);
-    if (pilots_.size() > 3) result.guided_both = Cost(pilots_[3]);
-    double light = 0;
-    for (const PilotReplicates& replicates : both.means) {
-      light += kReplicateCount * MeanOf(replicates);
-    }
-    if (light > 0) {
-      result.light_share = both.light / light;
-      result.only_light_share = both.only_light / light;
-    }
-    result.frame_samples = std::max<uint64_t>(frame_.samples, 1);
-    result.missing_mse = std::max(
-        0.0, RelativeMse(squares_, [&](size_t pixel) { return both.missing_squares[pixel]; }));
-    return result;
-  }
-  // The cost of an image that has the light of all techniques.
-  TechniqueCost Cost(const Pilot& pilot) const {
-    return {RelativeMse(squares_, [&](size_t pixel) { return VarianceOf(pilot, pixel); }),
-            pilot.cost_rays};
-  }
-  // The cost of guided camera paths alone.
-  TechniqueCost CostOfGuided(const Pilot& pilot) const {
-    return CostAlone(pilot, pilots_.size() > 3 ? pilots_[3] : pilots_[1]);
-  }
-
- private:
-  double VarianceOf(const Pilot& pilot, size_t pixel) const {
-    return SampleVarianceOf(pilot.means[pixel], settings_.samples);
-  }
-  // `finder` has the light that `pilot` may miss.
-  TechniqueCost CostAlone(const Pilot& pilot, const Pilot& finder) const {
-    const auto variance_of = [&](size_t pixel) {
-      const double mean = MeanOf(finder.means[pixel]);
-      return std::max(VarianceOf(pilot, pixel), finder.moments[pixel] - mean * mean);
-    };
-    return {RelativeMse(squares_, variance_of), pilot.cost_rays};
-  }
-
-  const std::vector<Pilot>& pilots_;
-  const FrameSettings& settings_;  // Those of the images.
-  const FrameSettings& frame_;
-  const std::vector<double> squares_;
-};
-
-bool IsPromising(const TechniqueMeasurement& look) {
-  return look.Gain(TechniqueSet::kCameraAndLight) >= kPromisingGainMin ||
-         look.Gain(TechniqueSet::kCameraGuided) >= kPromisingGainMin;
+bool IsPromising(const TechniqueMeasurement& look, TechniqueEffort effort) {
+  if (look.only_light_share >= kMissingShareMin) return true;
+  const bool asked = effort == TechniqueEffort::kAsked;
+  const auto promises = [&](TechniqueSet techniques) {
+    return asked ? look.Gain(techniques) >= kPromisingGainMin
+                 : look.Gain(techniques) >= kTechniqueGainMin && look.LeastGain(techniques) > 1;
+  };
+  return promises(TechniqueSet::kCameraAndLight) || promises(TechniqueSet::kCameraGuided) ||
+         (look.merged && promises(TechniqueSet::kCameraAndLight.With(Technique::kMerging)));
 }
 
 // The fraction of the frame's samples, rounded down to a power of two.
@@ -137,96 +42,192 @@ uint64_t SamplesFor(const FrameSettings& frame, uint64_t per_sample, uint64_t mi
       static_cast<uint64_t>(std::clamp(asked, static_cast<double>(min), static_cast<double>(max))));
 }
 
-// thorough: light paths and guiding together, too, and splitting where guiding pays.
-absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, bool thorough,
-                                                   PilotRenderer* renderer) {
-  std::vector<Pilot> pilots;
-  for (const TechniqueSet techniques :
-       {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided,
-        TechniqueSet::kCameraAndLightGuided}) {
-    if (techniques == TechniqueSet::kCameraAndLightGuided && !thorough) break;
+absl::Status Render(std::initializer_list<TechniqueSet> all, PilotRenderer* renderer,
+                    TechniquePilots* pilots) {
+  for (const TechniqueSet techniques : all) {
     absl::StatusOr<Pilot> pilot = renderer->Render(techniques);
     if (!pilot.ok()) return pilot.status();
-    pilots.push_back(*std::move(pilot));
+    pilots->Add(techniques, *std::move(pilot));
   }
-  const Judge judge(pilots, renderer->settings(), frame);
-  TechniqueMeasurement result = judge.Measure();
-  const TechniqueSet best = result.BestOfPlain();
-  if (thorough && IsGuided(best)) {
-    const absl::StatusOr<Pilot> split = renderer->Render(best.With(Technique::kSplitting));
-    if (!split.ok()) return split.status();
-    result.split = HasLightPaths(best) ? judge.Cost(*split) : judge.CostOfGuided(*split);
+  return absl::OkStatus();
+}
+
+// The techniques that depend on what the plain ones gain.
+absl::Status RenderAdditions(const TechniqueMeasurement& found, PilotRenderer* renderer,
+                             TechniquePilots* pilots) {
+  const TechniqueSet plain = found.BestOfPlain();
+  if (IsGuided(plain)) {
+    absl::Status status = Render({plain.With(Technique::kSplitting)}, renderer, pilots);
+    if (!status.ok()) return status;
   }
-  if (thorough && HasLightPaths(best)) {
-    const absl::StatusOr<Pilot> guided = renderer->Render(best.With(Technique::kEmissionGuiding));
-    if (!guided.ok()) return guided.status();
-    result.emission_guided = judge.Cost(*guided);
+  const bool light_pays = HasLightPaths(found.Best());
+  if (!light_pays && found.only_light_share < kMissingShareMin) return absl::OkStatus();
+  const TechniqueSet aimed = found.BaseOfLight().With(Technique::kEmissionGuiding);
+  absl::Status status = Render({aimed}, renderer, pilots);
+  if (!status.ok() || !found.merged) return status;
+  return Render({aimed.With(Technique::kMerging)}, renderer, pilots);
+}
+
+// thorough: light paths and guiding together, too, splitting where guiding pays, and guided
+// emission where light paths pay or find much that camera paths cannot.
+absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, bool thorough,
+                                                   PilotRenderer* renderer) {
+  TechniquePilots pilots;
+  absl::Status status =
+      Render({TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided},
+             renderer, &pilots);
+  if (status.ok() && thorough) {
+    status = Render({TechniqueSet::kCameraAndLightGuided}, renderer, &pilots);
   }
-  return result;
+  if (!status.ok()) return status;
+  const absl::StatusOr<bool> merges = renderer->SeesThroughSpecular();
+  if (!merges.ok()) return merges.status();
+  const auto judge = [&](std::optional<TechniqueSet> plain) {
+    return TechniqueJudge(pilots, renderer->settings(), frame, plain).Measure();
+  };
+  std::optional<TechniqueSet> plain;
+  if (*merges) {
+    const TechniqueMeasurement unmerged = judge({});
+    plain = unmerged.BestOfPlain();
+    status = Render({unmerged.BaseOfLight().With(Technique::kMerging)}, renderer, &pilots);
+    if (!status.ok()) return status;
+  }
+  const TechniqueMeasurement found = judge(plain);
+  if (!thorough) return found;
+  status = RenderAdditions(found, renderer, &pilots);
+  if (!status.ok()) return status;
+  return judge(found.BestOfPlain());
 }
 
 }  // namespace
 
+const TechniqueCost* TechniqueMeasurement::Find(TechniqueSet techniques) const {
+  const auto of = [](const std::optional<TechniqueCost>& cost) { return cost ? &*cost : nullptr; };
+  const bool merges = MergesLightPaths(techniques);
+  if (GuidesEmission(techniques)) return of(merges ? emission_guided_merged : emission_guided);
+  if (merges) return of(merged);
+  if (SplitsPaths(techniques)) return of(split);
+  if (techniques == TechniqueSet::kCamera) return &camera;
+  if (techniques == TechniqueSet::kCameraGuided) return &guided;
+  return IsGuided(techniques) ? of(guided_both) : &both;
+}
+
+double TechniqueMeasurement::RatioOf(TechniqueSet over, TechniqueSet under) const {
+  const double error = ErrorTimesCost(under);
+  return error > 0 ? ErrorTimesCost(over) / error : 1;
+}
+
 double TechniqueMeasurement::GainOfGuidedEmission() const {
-  const TechniqueCost& without = IsGuided(BestOfPlain()) ? *guided_both : both;
-  const double with = emission_guided->ErrorTimesCost();
-  return with > 0 ? without.ErrorTimesCost() / with : 1;
+  return RatioOf(BaseOfLight(), BaseOfLight().With(Technique::kEmissionGuiding));
+}
+
+double TechniqueMeasurement::GainOfMerging() const {
+  return RatioOf(BaseOfLight(), BaseOfLight().With(Technique::kMerging));
 }
 
 double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
-  if (GuidesEmission(techniques)) {
-    return Gain(techniques.Without(Technique::kEmissionGuiding)) * GainOfGuidedEmission();
+  const TechniqueSet unsplit = techniques.Without(Technique::kSplitting);
+  if (MergesLightPaths(techniques) || GuidesEmission(techniques)) {
+    const double gain = RatioOf(TechniqueSet::kCamera, unsplit);
+    return unsplit == techniques
+               ? gain
+               : gain * RatioOf(BestOfPlain(), BestOfPlain().With(Technique::kSplitting));
   }
-  const TechniqueCost& cost = SplitsPaths(techniques)                     ? *split
-                              : techniques == TechniqueSet::kCamera       ? camera
-                              : techniques == TechniqueSet::kCameraGuided ? guided
-                              : IsGuided(techniques)                      ? *guided_both
-                                                                          : both;
-  const double error = ErrorTimesCost(cost, techniques);
-  return error > 0 ? ErrorTimesCost(camera, TechniqueSet::kCamera) / error : 1;
+  return RatioOf(TechniqueSet::kCamera, techniques);
 }
 
-double TechniqueMeasurement::ErrorTimesCost(const TechniqueCost& cost,
-                                            TechniqueSet techniques) const {
-  const double missing =
-      HasLightPaths(techniques)
-          ? 0
-          : kMissingLightFactor * static_cast<double>(frame_samples) * missing_mse;
-  return (cost.relative_mse + missing) * cost.cost_rays;
+double TechniqueMeasurement::LeastGain(TechniqueSet techniques) const {
+  const std::vector<double>& over = camera.pixel_errors;
+  const TechniqueCost& cost = *Find(techniques);
+  const std::vector<double>& under = cost.pixel_errors;
+  const double gain = Gain(techniques);
+  if (over.empty() || over.size() != under.size()) return gain;
+  const auto pixels = static_cast<double>(over.size());
+  const double lost = LastingError(TechniqueSet::kCamera), lasting = LastingError(techniques);
+  const double over_sum = pixels * (camera.relative_mse + lost),
+               under_sum = pixels * (cost.relative_mse + lasting);
+  if (!(over_sum > 0 && under_sum > 0)) return gain;
+  double squares = 0, most = 0, without_most = 1;
+  for (size_t pixel = 0; pixel < over.size(); ++pixel) {
+    const double a = over[pixel] + lost, b = under[pixel] + lasting;
+    const double speaks_for = a / over_sum - b / under_sum;
+    squares += speaks_for * speaks_for;
+    if (speaks_for <= most) continue;
+    most = speaks_for;
+    without_most = (1 - a / over_sum) / (1 - b / under_sum);
+  }
+  return gain * std::min(without_most, std::exp(-kGainDeviations * std::sqrt(squares)));
+}
+
+double TechniqueMeasurement::LastingError(TechniqueSet techniques) const {
+  const auto of_frame = static_cast<double>(frame_samples);
+  if (MergesLightPaths(techniques)) return of_frame * bias_mse;
+  return kMissingLightFactor * of_frame *
+         (HasLightPaths(techniques) ? unmerged_missing_mse : missing_mse);
+}
+
+double TechniqueMeasurement::ErrorTimesCost(TechniqueSet techniques) const {
+  const TechniqueCost& cost = *Find(techniques);
+  return (cost.relative_mse + LastingError(techniques)) * cost.cost_rays;
+}
+
+bool TechniqueMeasurement::Pays(TechniqueSet techniques) const {
+  const TechniqueCost* const cost = Find(techniques);
+  return cost != nullptr && cost->ErrorTimesCost() > 0 && Gain(techniques) >= kTechniqueGainMin &&
+         LeastGain(techniques) > 1;
 }
 
 TechniqueSet TechniqueMeasurement::BestOfPlain() const {
+  if (plain) return *plain;
   TechniqueSet best = TechniqueSet::kCamera;
-  if (Gain(TechniqueSet::kCameraAndLight) >= kTechniqueGainMin)
-    best = TechniqueSet::kCameraAndLight;
-  if (Gain(TechniqueSet::kCameraGuided) >=
-      std::max(kTechniqueGainMin, Gain(TechniqueSet::kCameraAndLight))) {
+  if (Pays(TechniqueSet::kCameraAndLight)) best = TechniqueSet::kCameraAndLight;
+  if (Pays(TechniqueSet::kCameraGuided) &&
+      Gain(TechniqueSet::kCameraGuided) >= Gain(TechniqueSet::kCameraAndLight)) {
     best = TechniqueSet::kCameraGuided;
   }
-  const double factor = best == TechniqueSet::kCamera ? kTechniqueGainMin : kCombinationGainMin;
-  const bool combines = guided_both && guided_both->ErrorTimesCost() > 0 &&
-                        Gain(TechniqueSet::kCameraAndLightGuided) >= factor * Gain(best);
-  return combines ? TechniqueSet::kCameraAndLightGuided : best;
+  const TechniqueSet all = TechniqueSet::kCameraAndLightGuided;
+  if (!Pays(all)) return best;
+  const bool combines =
+      best == TechniqueSet::kCamera || Gain(all) >= kCombinationGainMin * Gain(best);
+  return combines ? all : best;
+}
+
+TechniqueSet TechniqueMeasurement::BaseOfLight() const {
+  const TechniqueSet best = BestOfPlain();
+  return HasLightPaths(best) ? best : TechniqueSet::kCameraAndLight;
 }
 
 TechniqueSet TechniqueMeasurement::Best() const {
-  const TechniqueSet plain = BestOfPlain();
-  TechniqueSet best = plain;
-  if (split && IsGuided(plain)) {
-    const TechniqueCost& unsplit = HasLightPaths(plain) ? *guided_both : guided;
-    const bool splits = split->ErrorTimesCost() > 0 &&
-                        unsplit.ErrorTimesCost() >= kCombinationGainMin * split->ErrorTimesCost();
-    if (splits) best = best.With(Technique::kSplitting);
-  }
-  if (emission_guided && HasLightPaths(plain) && GainOfGuidedEmission() >= kCombinationGainMin) {
-    best = best.With(Technique::kEmissionGuiding);
+  TechniqueSet best = BestOfPlain();
+  double best_gain = best == TechniqueSet::kCamera ? 1 : Gain(best);
+  const TechniqueSet base = BaseOfLight();
+  const auto consider = [&](TechniqueSet techniques) {
+    if (!Pays(techniques) || Gain(techniques) < kCombinationGainMin * best_gain) return;
+    best = techniques;
+    best_gain = Gain(techniques);
+  };
+  consider(base.With(Technique::kMerging));
+  consider(base.With(Technique::kEmissionGuiding));
+  consider(base.With(Technique::kMerging).With(Technique::kEmissionGuiding));
+  // Splitting was measured beside the best of the plain ones.
+  const TechniqueSet unsplit = BestOfPlain(), splitting = unsplit.With(Technique::kSplitting);
+  if (split && best.HasAll(unsplit) && split->ErrorTimesCost() > 0 &&
+      RatioOf(unsplit, splitting) >= kCombinationGainMin) {
+    best = best.With(Technique::kSplitting);
   }
   return best;
 }
 
+bool MayMeasureUnasked(const FrameSettings& settings, uint64_t scene_bytes) {
+  const double samples = FrameSamples(settings);
+  return settings.techniques == TechniqueSet::kCamera && settings.similarity_after == 0 &&
+         samples >= kUnaskedSamplesMin &&
+         static_cast<double>(scene_bytes) <= kSceneBytesPerSampleMax * samples;
+}
+
 absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& scene,
                                                        const FrameSettings& settings,
-                                                       FileSource& files) {
+                                                       FileSource& files, TechniqueEffort effort) {
   const auto measure = [&](uint64_t samples, double training_fraction,
                            bool thorough) -> absl::StatusOr<TechniqueMeasurement> {
     absl::StatusOr<PilotRenderer> renderer = PilotRenderer::Make(
@@ -238,10 +239,12 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
       SamplesFor(settings, kFrameSamplesPerLookSample, kPilotSamplesMin, kLookSamplesMax);
   const absl::StatusOr<TechniqueMeasurement> look =
       measure(look_samples, kLookTrainingFraction, false);
-  if (!look.ok() || !IsPromising(*look)) return look;
-  const uint64_t samples =
-      SamplesFor(settings, kFrameSamplesPerPilotSample, kThoroughSamplesMin, kPilotSamplesMax);
-  return measure(samples, kTrainingFraction, true);
+  if (!look.ok() || !IsPromising(*look, effort)) return look;
+  const uint64_t per_sample = effort == TechniqueEffort::kAsked
+                                  ? kFrameSamplesPerPilotSample
+                                  : kFrameSamplesPerUnaskedPilotSample;
+  return measure(SamplesFor(settings, per_sample, kThoroughSamplesMin, kPilotSamplesMax),
+                 kTrainingFraction, true);
 }
 
 std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
@@ -259,6 +262,10 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
   if (m.guided_both) {
     absl::StrAppendFormat(&text, "; both %.2g", m.Gain(TechniqueSet::kCameraAndLightGuided));
   }
+  if (m.merged) {
+    const TechniqueSet merging = m.BaseOfLight().With(Technique::kMerging);
+    absl::StrAppendFormat(&text, "; %s %.2g", merging.Name(), m.Gain(merging));
+  }
   if (m.split) {
     const TechniqueSet split = m.BestOfPlain().With(Technique::kSplitting);
     absl::StrAppendFormat(&text, "; %s %.2g", split.Name(), m.Gain(split));
@@ -266,6 +273,15 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
   if (m.emission_guided) {
     absl::StrAppendFormat(&text, "; guided emission is %.2g times as efficient as unguided",
                           m.GainOfGuidedEmission());
+  }
+  if (m.emission_guided_merged) {
+    const TechniqueSet all =
+        m.BaseOfLight().With(Technique::kMerging).With(Technique::kEmissionGuiding);
+    absl::StrAppendFormat(&text, "; %s %.2g", all.Name(), m.Gain(all));
+  }
+  if (best != TechniqueSet::kCamera) {
+    absl::StrAppendFormat(&text, "; at least %.2g with 95 %% confidence",
+                          m.LeastGain(best.Without(Technique::kSplitting)));
   }
   absl::StrAppendFormat(&text, " (%d x %d pixels, %d samples, which cost as much as %.1f, %.1f",
                         m.width_px, m.height_px, m.samples, m.camera.cost_rays, m.both.cost_rays);

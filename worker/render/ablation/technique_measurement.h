@@ -3,10 +3,11 @@
 //
 // MeasureTechniques: whether light paths and guiding pay in a scene: renders a small image of the
 // frame by camera paths alone, with light paths, with guiding, and with both (and, where guiding
-// pays, with splitting; where light paths pay, with guided emission), and compares error times
-// cost. The cost is counted in rays, not in time, so that the answer is the same on every machine;
-// guiding also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware Multiple
-// Importance Sampling for Bidirectional Rendering Algorithms".
+// pays, with splitting; where light paths pay, with guided emission; where the camera sees rough
+// surfaces through smooth glass or in mirrors, with merging), and compares error times cost. The
+// cost is counted in rays, not in time, so that the answer is the same on every machine; guiding
+// also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware Multiple Importance
+// Sampling for Bidirectional Rendering Algorithms".
 //
 // The smallest of these images come first. Where they promise no gain, nothing more is rendered, so
 // that a frame of plain light loses little by the question. Else images follow whose samples are a
@@ -20,6 +21,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "common/scene/file_source.h"
@@ -35,21 +38,39 @@ inline constexpr uint64_t kLookSamplesMax = uint64_t{1} << 14,
                           kThoroughSamplesMin = kLookSamplesMax;
 // More images follow the first look where it finds so great a gain by light paths or by guiding.
 inline constexpr double kPromisingGainMin = 1.25;
-// Techniques must be this many times as efficient as camera paths alone to be chosen: the
-// measurement has noise, and frames with other techniques have fewer compiled variants. Light paths
-// and guiding together must be kCombinationGainMin times as efficient as either; so must splitting
-// and guided emission, as without.
+// They also follow where camera paths cannot find this fraction of the light.
+inline constexpr double kMissingShareMin = 0.05;
+// Techniques must be this many times as efficient as camera paths alone to be chosen, and more
+// efficient with 95 % confidence: the measurement has noise, and frames with other techniques have
+// fewer compiled variants. Light paths and guiding together must be kCombinationGainMin times as
+// efficient as either; so must splitting, merging and guided emission, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 
 // Light that camera paths miss counts as in a frame of this many times the samples: nothing that is
 // rendered later reduces it.
 inline constexpr double kMissingLightFactor = 4;
 
+// Why a frame is measured. kAsked: --techniques auto. kUnasked: no flag asks, so that the price of
+// the first look stays within a hundredth of the frame's, and of all images about a thirtieth,
+// where the first look promises kTechniqueGainMin with 95 % confidence. docs/adr/0129.
+enum class TechniqueEffort { kAsked, kUnasked };
+// Unasked: frames of fewer samples, and of scenes with more bytes for each, keep camera paths: the
+// images would cost more than a hundredth, with compiling the scene for them.
+inline constexpr double kUnaskedSamplesMin = 1 << 24, kSceneBytesPerSampleMax = 4;
+inline constexpr uint64_t kFrameSamplesPerUnaskedPilotSample = 512;
+// Whether MeasureTechniques may be called unasked. scene_bytes: EstimateMemory.
+bool MayMeasureUnasked(const FrameSettings& settings, uint64_t scene_bytes);
+
 struct TechniqueCost {
   double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
   // A pixel and sample, with its part of the training, in rays of unguided paths from the camera
   // (kLightRayCost).
   double cost_rays = 0;
+  std::vector<double> pixel_errors;  // relative_mse is their mean; may be empty.
+
+  TechniqueCost() = default;
+  TechniqueCost(double mse, double rays, std::vector<double> errors = {})
+      : relative_mse(mse), cost_rays(rays), pixel_errors(std::move(errors)) {}
   double ErrorTimesCost() const { return relative_mse * cost_rays; }
 };
 
@@ -62,38 +83,62 @@ struct TechniqueMeasurement {
   std::optional<TechniqueCost> guided_both;
   // The chosen one of the last two, with splitting: measured where guiding pays.
   std::optional<TechniqueCost> split;
-  // The chosen one with guided emission: measured where light paths pay.
-  std::optional<TechniqueCost> emission_guided;
+  // BaseOfLight with merging: measured where the camera sees through smooth glass or in mirrors.
+  std::optional<TechniqueCost> merged;
+  // BaseOfLight with guided emission, and with both: measured where light paths pay, or camera
+  // paths miss much.
+  std::optional<TechniqueCost> emission_guided, emission_guided_merged;
+  // BestOfPlain where the last ones were chosen to be measured; else it follows from the costs.
+  std::optional<TechniqueSet> plain;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
   // camera paths cannot find it (a light without size, seen by specular reflection of its light).
   double light_share = 0, only_light_share = 0;
   // The relMSE of an image without the light that camera paths cannot find, whatever its samples.
   double missing_mse = 0;
+  // The same of an image without the light that only merging finds; and by the bias of merging, in
+  // the frame.
+  double unmerged_missing_mse = 0, bias_mse = 0;
   uint64_t frame_samples = 1;  // A pixel of the frame.
 
   // How many times as efficient the techniques are as the camera's paths: the ratio of error times
-  // cost, where errors hold the missing light of a frame of frame_samples. 1 where the image is
-  // black or has no error. Requires: techniques that were measured; not kLight. Splitting and
-  // guided emission together gain as much as each alone.
+  // cost, where errors hold the missing light and the bias of a frame of frame_samples. 1 where the
+  // image is black or has no error. Requires: techniques that were measured; not kLight. Splitting
+  // gains as much beside merging and guided emission as without.
   double Gain(TechniqueSet techniques) const;
-  // How many times as efficient techniques with light paths are with guided emission as without.
-  // Requires: that was measured.
+  // The lower end of a two-sided interval of 95 % about the gain, by the spread of the pixels; not
+  // more than the gain without the pixel that speaks most for it, as one pixel with a rare bright
+  // sample is no evidence. The gain where the errors of pixels are not known.
+  double LeastGain(TechniqueSet techniques) const;
+  // How many times as efficient BaseOfLight is with guided emission, and with merging. Requires:
+  // that was measured.
   double GainOfGuidedEmission() const;
+  double GainOfMerging() const;
   // Never kLight.
   TechniqueSet Best() const;
-  // The best without splitting and without guided emission.
+  // The best without splitting, merging and guided emission.
   TechniqueSet BestOfPlain() const;
+  // That, or kCameraAndLight where it has no light paths: what merging and guided emission are
+  // measured with.
+  TechniqueSet BaseOfLight() const;
 
  private:
-  // The missing light counts as noise that would leave the same error in the frame.
-  double ErrorTimesCost(const TechniqueCost& cost, TechniqueSet techniques) const;
+  // Null where they were not measured.
+  const TechniqueCost* Find(TechniqueSet techniques) const;
+  double RatioOf(TechniqueSet over, TechniqueSet under) const;
+  // Whether they were measured, and are to be chosen rather than camera paths.
+  bool Pays(TechniqueSet techniques) const;
+  // Error that samples do not reduce: missing light and bias, as noise of one sample that would
+  // leave the same error in the frame.
+  double LastingError(TechniqueSet techniques) const;
+  // 0 for other techniques than the camera's without an error.
+  double ErrorTimesCost(TechniqueSet techniques) const;
 };
 
 // A pure function of its arguments. The settings' own techniques do not count. Runs on the calling
 // thread, except for building the acceleration structure. Errors: as CompileScene.
 absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& scene,
                                                        const FrameSettings& settings,
-                                                       FileSource& files);
+                                                       FileSource& files, TechniqueEffort effort);
 
 // One line: the techniques that are best, and their gain.
 std::string FormatTechniqueMeasurement(const TechniqueMeasurement& measurement);

@@ -21,6 +21,9 @@ namespace {
 constexpr int32_t kPilotPx = 16, kPilotPxMax = 64;
 constexpr uint64_t kPilotPixelSamples = kReplicateCount;
 
+// Sums over the passes of even and of odd replicates.
+using PilotHalves = std::array<double, 2>;
+
 // Luminance of light paths by pixel, as the box filter of one pixel sees it.
 class PilotSplats : public SplatSink {
  public:
@@ -30,7 +33,10 @@ class PilotSplats : public SplatSink {
         height_px_(settings.height_px),
         sums_(PixelCount()),
         moments_(PixelCount()),
-        only_(PixelCount()) {}
+        merged_moments_(PixelCount()),
+        only_(PixelCount()),
+        only_merged_(PixelCount()),
+        bias_(PixelCount()) {}
 
   bool Covers(Vec2d raster) const override {
     return raster.x >= 0 && raster.x < width_px_ && raster.y >= 0 && raster.y < height_px_;
@@ -39,16 +45,27 @@ class PilotSplats : public SplatSink {
     if (!Covers(raster) || !IsFinite(radiance)) return;
     sums_[PixelOf(raster)][replicate_] += static_cast<double>(Luminance(radiance));
   }
-  void AddMerged(int32_t x, int32_t y, const Rgb& radiance, const Rgb& /*bias*/, LightPathKind kind,
+  // Follows AddMoment of the same splat.
+  void AddMerged(int32_t x, int32_t y, const Rgb& radiance, const Rgb& bias, LightPathKind kind,
                  uint32_t group) override {
-    Add({x + 0.5, y + 0.5}, radiance, kind, group);
+    const Vec2d raster{x + 0.5, y + 0.5};
+    Add(raster, radiance, kind, group);
+    if (!Covers(raster) || !IsFinite(radiance) || !IsFinite(bias)) return;
+    bias_[PixelOf(raster)][replicate_ % 2] += static_cast<double>(Luminance(bias));
+    merged_moments_[PixelOf(raster)] += last_moment_;
+    if (is_only_) {
+      only_merged_[PixelOf(raster)][replicate_ % 2] += static_cast<double>(Luminance(radiance));
+    }
   }
   void AddMoment(Vec2d raster, const Rgb& unweighted, double weight,
                  double camera_density) override {
+    is_only_ = !(camera_density > 0);
+    last_moment_ = 0;
     if (!Covers(raster) || !IsFinite(unweighted)) return;
     const auto value = static_cast<double>(Luminance(unweighted));
     if (camera_density > 0) {
-      moments_[PixelOf(raster)] += weight * value * value / camera_density;
+      last_moment_ = weight * value * value / camera_density;
+      moments_[PixelOf(raster)] += last_moment_;
     } else {
       only_[PixelOf(raster)][replicate_ % 2] += value;
     }
@@ -69,7 +86,11 @@ class PilotSplats : public SplatSink {
   double MomentAt(size_t pixel) const { return moments_[pixel]; }
   // The sums of the light that camera paths cannot find, over the passes of even and of odd
   // replicates.
-  const std::array<double, 2>& OnlyAt(size_t pixel) const { return only_[pixel]; }
+  const PilotHalves& OnlyAt(size_t pixel) const { return only_[pixel]; }
+  // The same of merges alone; and of the estimates of their bias.
+  double MergedMomentAt(size_t pixel) const { return merged_moments_[pixel]; }
+  const PilotHalves& OnlyMergedAt(size_t pixel) const { return only_merged_[pixel]; }
+  const PilotHalves& BiasAt(size_t pixel) const { return bias_[pixel]; }
 
  private:
   size_t PixelCount() const { return static_cast<size_t>(width_px_) * height_px_; }
@@ -80,8 +101,10 @@ class PilotSplats : public SplatSink {
   int32_t width_px_, height_px_;
   uint32_t replicate_ = 0;
   std::vector<PilotReplicates> sums_;
-  std::vector<double> moments_;
-  std::vector<std::array<double, 2>> only_;
+  std::vector<double> moments_, merged_moments_;
+  bool is_only_ = false;  // Camera paths cannot find the last splat.
+  double last_moment_ = 0;
+  std::vector<PilotHalves> only_, only_merged_, bias_;
 };
 
 // A small image of the whole frame.
@@ -121,8 +144,37 @@ absl::Status RenderCameraPaths(const CompiledScene& scene, Pilot* pilot) {
   return absl::OkStatus();
 }
 
+// The squared bias of merging in the frame over that in the image, where both are small. A radius
+// is in proportion to a pixel, and shrinks with the passes. Where light is smooth, squared bias
+// falls as its fourth power; at edges of light, its mean falls as the radius. The square lies
+// between.
+double BiasScale(const FrameSettings& frame, const FrameSettings& image) {
+  const double pixels = static_cast<double>(image.width_px) / frame.width_px;
+  // The mean over n passes of a replicate of the square of MergeRadiusScale, which is n^(-1/6).
+  const auto shrinking = [](const FrameSettings& settings) {
+    const double passes = static_cast<double>(settings.samples) / kReplicateCount;
+    return std::min(1.0, 1.5 * std::cbrt(1 / std::max(1.0, passes)));
+  };
+  return pixels * pixels * shrinking(frame) / shrinking(image);
+}
+
+// Adds what merges alone find, and their bias. Both squares are products of independent estimates.
+void NoteMerges(const PilotSplats& splats, const FrameSettings& frame,
+                const FrameSettings& settings, Pilot* pilot) {
+  const auto passes = static_cast<double>(settings.samples);
+  const double scale = BiasScale(frame, settings);
+  for (size_t pixel = 0; pixel < pilot->means.size(); ++pixel) {
+    pilot->merged_moments.push_back(splats.MergedMomentAt(pixel) / passes);
+    const auto square = [&](const PilotHalves& halves) {
+      return halves[0] * halves[1] / (passes * passes / 4);
+    };
+    pilot->merged_missing_squares.push_back(square(splats.OnlyMergedAt(pixel)));
+    pilot->bias_squares.push_back(scale * square(splats.BiasAt(pixel)));
+  }
+}
+
 // Adds light paths to the image of the camera's.
-void TraceLightPaths(const CompiledScene& scene, Pilot* pilot) {
+void TraceLightPaths(const CompiledScene& scene, const FrameSettings& frame, Pilot* pilot) {
   PilotSplats splats(scene.settings);
   RayCounts counts;
   const auto passes = static_cast<double>(scene.settings.samples);
@@ -144,14 +196,20 @@ void TraceLightPaths(const CompiledScene& scene, Pilot* pilot) {
       pilot->light += splatted;
     }
   }
+  if (MergesLightPaths(scene.settings.techniques)) {
+    NoteMerges(splats, frame, scene.settings, pilot);
+  }
 }
 
 }  // namespace
 
 PilotSize PilotSizeOf(const FrameSettings& frame, uint64_t samples, double training_fraction) {
-  const auto paths = static_cast<uint64_t>(static_cast<double>(samples) * training_fraction);
-  PilotSize size{kPilotPx, kPilotPixelSamples,
-                 std::min(paths, TrainingPathsFirst(frame.width_px, frame.height_px))};
+  const uint64_t of_frame = TrainingPathsFirst(frame.width_px, frame.height_px);
+  const auto paths = [&](double fraction) {
+    return std::min(static_cast<uint64_t>(static_cast<double>(samples) * fraction), of_frame);
+  };
+  PilotSize size{
+      kPilotPx, kPilotPixelSamples, {paths(training_fraction), paths(kEmissionTrainingFraction)}};
   uint64_t factor = samples / kPilotSamplesMin;
   for (; factor >= 4 && size.longer_side_px < kPilotPxMax; factor /= 4) size.longer_side_px *= 2;
   size.pixel_samples *= factor;
@@ -169,15 +227,10 @@ absl::StatusOr<PilotRenderer> PilotRenderer::Make(SceneDescription scene,
   scene.filter = {};
   scene.filter.kind = FilterDescription::Kind::kBox;
   scene.filter.radius_x_px = scene.filter.radius_y_px = 0.5f;
-  CompileTechniques techniques;
-  techniques.training_paths_first = size.training_paths_first;
   absl::StatusOr<CompiledScenePtr> compiled =
-      CompileScene(std::move(scene), PilotSettings(frame, size), files, {}, techniques);
+      CompileScene(std::move(scene), PilotSettings(frame, size), files);
   if (!compiled.ok()) return compiled.status();
-  const double trainings_in_frames =
-      static_cast<double>(TrainingPathsFirst(frame.width_px, frame.height_px)) /
-      static_cast<double>(size.training_paths_first);
-  return PilotRenderer(*std::move(compiled), FrameSamples(frame), trainings_in_frames);
+  return PilotRenderer(*std::move(compiled), frame, size.training);
 }
 
 absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
@@ -187,17 +240,30 @@ absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
     if (absl::Status trained = Train(&pilot); !trained.ok()) return trained;
   }
   if (absl::Status rendered = RenderCameraPaths(*scene_, &pilot); !rendered.ok()) return rendered;
-  if (HasLightPaths(techniques)) TraceLightPaths(*scene_, &pilot);
+  if (HasLightPaths(techniques)) TraceLightPaths(*scene_, frame_, &pilot);
   return pilot;
+}
+
+absl::StatusOr<bool> PilotRenderer::SeesThroughSpecular() {
+  const TechniqueSet merging{Technique::kLightPaths, Technique::kMerging};
+  if (absl::Status set = SetTechniques(merging, &scene_); !set.ok()) return set;
+  RayCounts counts;
+  LightTracer tracer(*scene_, settings().window);
+  return tracer.CountGathered(0, &counts) > 0;
 }
 
 // The rays of the frame's own training, which traces more paths, are spread over its samples.
 absl::Status PilotRenderer::Train(Pilot* pilot) {
-  RenderStats stats;
-  const absl::StatusOr<std::string> fields = TrainGuiding(*scene_, 1, {}, &stats);
+  TrainingRays rays;
+  const absl::StatusOr<std::string> fields = TrainGuidingOfSize(*scene_, training_, &rays);
   if (!fields.ok()) return fields.status();
-  pilot->cost_rays =
-      kGuidedRayCost * static_cast<double>(stats.rays) * trainings_in_frames_ / frame_samples_;
+  const auto of_frame = static_cast<double>(TrainingPathsFirst(frame_.width_px, frame_.height_px));
+  const auto cost = [&](uint64_t count, uint64_t paths_first) {
+    return static_cast<double>(count) * of_frame / static_cast<double>(paths_first);
+  };
+  pilot->cost_rays = (kGuidedRayCost * cost(rays.camera, training_.first) +
+                      kLightRayCost * cost(rays.emission, training_.emission_first)) /
+                     FrameSamples(frame_);
   return SetGuiding(*scene_, *fields);
 }
 

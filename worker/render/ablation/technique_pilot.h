@@ -15,6 +15,7 @@
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "common/scene/settings/render_settings.h"
+#include "worker/render/guiding_training.h"
 #include "worker/render/scene/compile_scene.h"
 
 namespace sheaf::render {
@@ -31,11 +32,15 @@ inline constexpr uint64_t kPilotSamplesMax = uint64_t{1} << 18;
 struct PilotSize {
   int32_t longer_side_px = 0;
   uint64_t pixel_samples = 0;  // And passes of light paths.
-  uint64_t training_paths_first = 0;
+  TrainingPaths training;
 };
+// Paths of the first iteration of a training of light paths, over the samples of the image: as in
+// the smallest frames. A field of fewer paths would be a worse one than the frame has, and guided
+// emission would seem to lose where it gains.
+inline constexpr double kEmissionTrainingFraction = 1.0 / 2;
 // samples: a power of two in [kPilotSamplesMin, kPilotSamplesMax]; of a square image, others have
-// fewer. training_fraction: paths of the first iteration of a training, over the samples; they are
-// never more than those of the frame's own training.
+// fewer. training_fraction: paths of the first iteration of a training of camera paths, over the
+// samples. No training has more paths than the frame's own.
 PilotSize PilotSizeOf(const FrameSettings& frame, uint64_t samples, double training_fraction);
 
 // Samples of the frame's window.
@@ -54,6 +59,9 @@ struct Pilot {
   // The square of the light that camera paths cannot find, as the product of two independent
   // estimates; with light paths.
   std::vector<double> missing_squares;
+  // Moments and missing squares of the light that merges find: moments of all of it, squares of
+  // what camera paths cannot find; and the squared bias of merging, in the frame. With merging.
+  std::vector<double> merged_moments, merged_missing_squares, bias_squares;
   // Sums over the pixels, with light paths: of the light that they find, by their weights; and of
   // the light that camera paths cannot find.
   double light = 0, only_light = 0;
@@ -68,17 +76,18 @@ class PilotRenderer {
   const FrameSettings& settings() const { return SettingsOf(*scene_); }
   // Errors: as SetTechniques and RenderTilePass.
   absl::StatusOr<Pilot> Render(TechniqueSet techniques);
+  // Whether light paths can be merged with camera paths of the image: some see a rough surface
+  // through smooth glass or in a mirror. Errors: as SetTechniques.
+  absl::StatusOr<bool> SeesThroughSpecular();
 
  private:
-  PilotRenderer(CompiledScenePtr scene, double frame_samples, double trainings_in_frames)
-      : scene_(std::move(scene)),
-        frame_samples_(frame_samples),
-        trainings_in_frames_(trainings_in_frames) {}
+  PilotRenderer(CompiledScenePtr scene, const FrameSettings& frame, const TrainingPaths& training)
+      : scene_(std::move(scene)), frame_(frame), training_(training) {}
   absl::Status Train(Pilot* pilot);
 
   CompiledScenePtr scene_;
-  double frame_samples_;
-  double trainings_in_frames_;  // Paths of the frame's training over those of this one.
+  FrameSettings frame_;
+  TrainingPaths training_;
 };
 
 }  // namespace sheaf::render
