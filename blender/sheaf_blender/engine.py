@@ -164,7 +164,7 @@ def job_options(scene):
     found = ["--samples", str(own.samples)] if own.stop == "SAMPLES" else []
     if own.stop == "ERROR":
         found = ["--target-error", f"{own.target_error:.6g}"]
-    if own.techniques != "camera":
+    if own.techniques != "default":
         found += ["--techniques", own.techniques]
     return found + own.more_options.split()
 

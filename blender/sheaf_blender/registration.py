@@ -48,10 +48,12 @@ class SheafSettings(bpy.types.PropertyGroup):
     max_depth: bpy.props.IntProperty(name="Bounces", min=0, max=100, default=12)
     seed: bpy.props.IntProperty(name="Seed", min=0, default=0)
     techniques: bpy.props.EnumProperty(name="Techniques", items=[
-        (name, name, "") for name in ("camera", "auto", "camera+light", "camera+light+merging",
-                                      "camera+guiding",
-                                      "camera+light+guiding", "camera+guiding+splitting",
-                                      "camera+light+guiding+splitting")], default="camera")
+        ("default", "default", "auto for large frames, else those of paths from the camera"),
+        *((name, name, "") for name in (
+            "camera", "auto", "camera+light", "camera+light+merging",
+            "camera+light+emission-guiding", "camera+light+merging+emission-guiding",
+            "camera+guiding", "camera+light+guiding", "camera+light+guiding+merging",
+            "camera+guiding+splitting", "camera+light+guiding+splitting"))], default="default")
     filter_type: bpy.props.EnumProperty(name="Pixel Filter", items=(
         ("BLACKMAN_HARRIS", "Blackman-Harris", "The Gaussian of the same width"),
         ("GAUSSIAN", "Gaussian", ""), ("BOX", "Box", "")), default="BLACKMAN_HARRIS")

@@ -95,8 +95,9 @@ class StudyCommand : public Command {
       return ReportOutputError(status);
     }
     const SceneDescription& scene = opened.file.read.scene;
-    const absl::StatusOr<std::string> techniques =
-        MeasureAskedTechniques(asked, scene, *opened.file.files, &opened.settings);
+    const absl::StatusOr<std::string> techniques = ChooseTechniques(
+        asked.measure_techniques ? std::optional(render::TechniqueEffort::kAsked) : std::nullopt,
+        scene, *opened.file.files, &opened.settings);
     if (!techniques.ok()) return ReportSceneError(techniques.status());
     if (!techniques->empty()) PrintInfo(*techniques);
     if (options_.threads == 0) {

@@ -110,6 +110,7 @@ class SubmitCommand : public Command {
       }
     }
     const Interruption interruption;
+    arguments_.keep_camera_paths = measure_seconds_ > 0;
     const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);

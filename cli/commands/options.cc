@@ -252,10 +252,11 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "matters most. +emission-guiding: paths from lights begin where, as the training found, "
           "light reaches the picture, for pictures of a small part of the scene. +merging: paths "
           "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "
-          "by "
-          "a blur, which errors include. The others have the same mean. auto: at lights too if "
-          "that "
-          "pays, which a small image measures first (default: those of the scene's integrator)")
+          "by a blur, which errors include. The others have the same mean. auto: what pays most, "
+          "which small images measure first (default: those of the scene's integrator; for paths "
+          "from the camera, in render, submit and quote, auto where the first of these images are "
+          "a "
+          "hundredth of the frame)")
       ->type_name(absl::StrJoin(TechniquesWords(), "|"));
   command->add_flag("--generic", settings->force_generic_variant,
                     "Run the variant that supports every effect; changes no pixel");

@@ -145,8 +145,9 @@ absl::Status Prepare(const v1::PrepareRequest& request, absl::StatusOr<PreparedJ
     reply->mutable_scenes()->Assign(choice->scenes.begin(), choice->scenes.end());
     return absl::OkStatus();
   }
-  const JobArguments arguments = ArgumentsOf(request, choice->path);
+  JobArguments arguments = ArgumentsOf(request, choice->path);
   if (absl::Status status = CheckJobArguments(arguments); !status.ok()) return status;
+  arguments.keep_camera_paths = true;  // The coordinator's machine renders nothing.
   *job = PrepareJob(arguments);
   if (!job->ok()) return job->status();
   AddJob(arguments, **job, reply);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "cli/job/foreign_scene.h"
 #include "cli/message.h"
 #include "common/base/memory_room.h"
@@ -12,6 +13,7 @@
 #include "common/scene/black_image.h"
 #include "common/scene/gltf/scene_file_reader.h"
 #include "worker/render/ablation/technique_measurement.h"
+#include "worker/render/scene/memory_estimate.h"
 
 namespace sheaf::cli {
 
@@ -57,15 +59,23 @@ ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
   return ExitCode::kOk;
 }
 
-absl::StatusOr<std::string> MeasureAskedTechniques(const RenderSettings& asked,
-                                                   const SceneDescription& scene, FileSource& files,
-                                                   FrameSettings* resolved) {
-  if (!asked.measure_techniques) return std::string();
+absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffort> effort,
+                                             const SceneDescription& scene, FileSource& files,
+                                             FrameSettings* resolved) {
+  if (!effort) return std::string();
+  const bool asked = *effort == render::TechniqueEffort::kAsked;
+  if (!asked &&
+      !render::MayMeasureUnasked(*resolved, render::EstimateMemory(scene, files).TotalBytes())) {
+    return std::string();
+  }
   const absl::StatusOr<render::TechniqueMeasurement> measured =
-      render::MeasureTechniques(scene, *resolved, files);
-  if (!measured.ok()) return measured.status();
+      render::MeasureTechniques(scene, *resolved, files, *effort);
+  if (!measured.ok()) return asked ? measured.status() : absl::StatusOr<std::string>("");
   resolved->techniques = measured->Best();
-  return render::FormatTechniqueMeasurement(*measured);
+  if (!asked && resolved->techniques == TechniqueSet::kCamera) return std::string();
+  std::string line = render::FormatTechniqueMeasurement(*measured);
+  if (!asked) absl::StrAppend(&line, "; --techniques camera keeps paths from the camera alone");
+  return line;
 }
 
 }  // namespace sheaf::cli

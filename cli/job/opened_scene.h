@@ -5,6 +5,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -14,6 +15,7 @@
 #include "cli/job/prepared_job.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
+#include "worker/render/ablation/technique_measurement.h"
 
 namespace sheaf::cli {
 
@@ -34,11 +36,12 @@ struct OpenedScene {
 // resolves its settings. Returns the code of a failure, which is also printed, or kOk.
 ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened);
 
-// If `asked` has --techniques auto, sets those of *resolved to the best ones measured on a small
-// image. Returns a line that says so; empty without --techniques auto. Errors: as
-// MeasureTechniques.
-absl::StatusOr<std::string> MeasureAskedTechniques(const RenderSettings& asked,
-                                                   const SceneDescription& scene, FileSource& files,
-                                                   FrameSettings* resolved);
+// If `effort` is given, sets the techniques of *resolved to the best ones measured on small images.
+// Returns a line that says so; empty where nothing was measured, or unasked and camera paths are
+// best. Unasked, frames that MayMeasureUnasked excludes keep theirs, and so do scenes that
+// cannot be compiled, which another check tells. Errors: as MeasureTechniques, where asked.
+absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffort> effort,
+                                             const SceneDescription& scene, FileSource& files,
+                                             FrameSettings* resolved);
 
 }  // namespace sheaf::cli

@@ -62,9 +62,22 @@ bool IsPhotometric(const std::string& path, const SceneDescription& scene) {
          });
 }
 
+// Samples of frames that stop early are not known before, and a continued image keeps its
+// techniques: nothing is measured for these unasked.
+std::optional<render::TechniqueEffort> EffortFor(const JobArguments& arguments) {
+  if (arguments.settings.measure_techniques) return render::TechniqueEffort::kAsked;
+  if (arguments.settings.techniques || arguments.keep_camera_paths || arguments.stop.IsActive() ||
+      !arguments.resume_from.empty()) {
+    return std::nullopt;
+  }
+  return render::TechniqueEffort::kUnasked;
+}
+
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
-                                          const RenderSettings& settings, GltfInputs* gltf,
-                                          FileDigests* digests, InputChecks* checks) {
+                                          const RenderSettings& settings,
+                                          std::optional<render::TechniqueEffort> effort,
+                                          GltfInputs* gltf, FileDigests* digests,
+                                          InputChecks* checks) {
   absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
   if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
@@ -78,7 +91,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
   const absl::StatusOr<std::string> techniques =
-      MeasureAskedTechniques(settings, read.scene, *file->files, &*resolved);
+      ChooseTechniques(effort, read.scene, *file->files, &*resolved);
   if (!techniques.ok()) return techniques.status();
   if (!techniques->empty()) result.diagnostics.push_back(absl::StrCat(path, ": ", *techniques));
   if (resolved->outputs.HasIds()) {
@@ -250,8 +263,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
       readers.emplace_back([&] {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
-          results[i].emplace(
-              ReadFrame(scene->Of(number), number, settings, &gltf, &digests, &checks));
+          results[i].emplace(ReadFrame(scene->Of(number), number, settings, EffortFor(arguments),
+                                       &gltf, &digests, &checks));
           if (!results[i]->ok()) failed = true;
         }
       });

@@ -56,6 +56,8 @@ struct JobArguments {
   uint64_t memory_min_bytes = 0;
   GltfArguments gltf;
   RenderSettings settings;
+  // Without --techniques, frames with light paths would be refused: nothing is measured.
+  bool keep_camera_paths = false;
   StopArguments stop;
   std::string resume_from;   // A delivered EXR that the frame continues from; empty: none.
   int32_t tile_size_px = 0;  // 0 in these four: the coordinator chooses.

@@ -15,6 +15,9 @@
 #include <optional>
 #include <thread>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_join.h"
+
 namespace sheaf::cli {
 namespace {
 
@@ -85,6 +88,47 @@ TEST_F(PreparedJobTest, ResumedImageIsUploaded) {
   arguments.scene = "shot.####.pbrt";
   arguments.frames = "1-2";
   EXPECT_THAT(std::string(CheckJobArguments(arguments).message()), HasSubstr("--resume-from"));
+}
+
+// A glass ball casts the light of a small lamp on the floor. Nothing is measured where it would
+// cost more than a hundredth of the frame, where the samples are not known, and where a flag
+// decides.
+TEST_F(PreparedJobTest, LargeFramesChooseTheirTechniques) {
+  JobArguments arguments;
+  arguments.scene =
+      Write("caustic.pbrt",
+            "LookAt 0 1.5 -4 0 0.5 0 0 1 0\nCamera \"perspective\" \"float fov\" 40\n"
+            "Film \"rgb\" \"integer xresolution\" [512] \"integer yresolution\" [512]\nWorldBegin\n"
+            "Shape \"bilinearmesh\" \"point3 P\" [-4 0 -4 4 0 -4 -4 0 4 4 0 4]\n"
+            "AttributeBegin\nTranslate 0 0.9 0\nMaterial \"dielectric\"\n"
+            "Shape \"sphere\" \"float radius\" 0.6\nAttributeEnd\n"
+            "AttributeBegin\nTranslate 0.5 2.6 -0.3\nAreaLightSource \"diffuse\" \"rgb L\" "
+            "[900 900 900]\nShape \"sphere\" \"float radius\" 0.03\nAttributeEnd\n");
+  arguments.settings.samples = 64;
+  const auto techniques_of = [&]() -> std::string {
+    const absl::StatusOr<PreparedJob> job = PrepareJob(arguments);
+    if (!job.ok()) return job.status().ToString();
+    const std::string name = job->frames.front().settings.techniques.Name();
+    const std::string lines = absl::StrJoin(job->diagnostics, "\n");
+    EXPECT_EQ(name != "camera", absl::StrContains(lines, "techniques: " + name)) << lines;
+    EXPECT_EQ(name != "camera", absl::StrContains(lines, "; --techniques camera keeps")) << lines;
+    return name;
+  };
+  EXPECT_THAT(techniques_of(), ::testing::StartsWith("camera+light"));
+  arguments.settings.samples = 63;
+  EXPECT_EQ(techniques_of(), "camera");
+  arguments.settings.samples = 64;
+  arguments.settings.techniques = TechniqueSet::kCamera;
+  EXPECT_EQ(techniques_of(), "camera");
+  arguments.settings.techniques.reset();
+  arguments.keep_camera_paths = true;
+  EXPECT_EQ(techniques_of(), "camera");
+  arguments.keep_camera_paths = false;
+  arguments.stop.seconds = 60;
+  EXPECT_EQ(techniques_of(), "camera");
+  arguments.stop = {};
+  arguments.resume_from = Write("before.exr", "an image");
+  EXPECT_EQ(techniques_of(), "camera");
 }
 
 sem_t lease_breaks;  // Another opens the file of a lease.
