@@ -237,8 +237,8 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "--light-samples", settings->light_samples,
           "Most light samples at a vertex. With more than 1, lights are split into parts where it "
           "is uncertain which of them matter, and each part is sampled: less noise for more time, "
-          "where many lights are near. The limit halves with each scattering; vertices in media take "
-          "1")
+          "where many lights are near. The limit halves with each scattering; vertices in media "
+          "take 1")
       ->check(InRange(1, kLightSamplesMax))
       ->capture_default_str();
   command
