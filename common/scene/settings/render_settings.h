@@ -73,8 +73,8 @@ struct FrameSettings {
   bool single_scattering = false;
   bool one_sequence = false;
   int32_t similarity_after = 0;
-  // 0: one at each vertex; else from 2 to kLightSamplesMax, as RenderSettings::light_samples.
-  // Frames with light paths take one, whatever the value.
+  // 0: one at each vertex.
+  // Else from 2 to kLightSamplesMax, as RenderSettings::light_samples.
   int32_t light_samples = 0;
   TechniqueSet techniques = TechniqueSet::kCamera;
   bool force_generic_variant = false;
