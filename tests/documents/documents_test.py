@@ -164,7 +164,8 @@ class DocumentsTest(unittest.TestCase):
         sent = set()
         for path in sources("coordinator/service/http", endings=(".cc",)):
             sent.update(re.findall(r'\{"([a-z]\w*)",', read(path)))
-        sent.update(re.findall(r'^ *"([a-z]\w*)": ', read("tests/golden/files/http_answers.txt"), re.M))
+        answers = read("tests/golden/files/http_answers.txt")
+        sent.update(re.findall(r'^ *"([a-z]\w*)": ', answers, re.M))
         sent = {name for name in sent if not name.startswith("sheaf_")} - SENT_ELSEWHERE
         self.assertGreater(len(sent), 100)
         messages = "".join(read(path) for path in sources("proto", endings=(".proto",)))
