@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf pause, resume, priority, cancel, pin, unpin, retry and kill: commands that change an
-// existing job.
+// sheaf pause, resume, priority, cancel, pin, unpin, release, retry and kill: commands that change
+// an existing job.
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -13,52 +13,67 @@
 namespace sheaf::cli {
 namespace {
 
-class CancelCommand : public ControlCommand {
- public:
-  CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "cancel", "Cancel a job");
-    AddJob(command);
-    command->footer("Example:\n  sheaf cancel jobs/7");
-    return command;
-  }
-
- protected:
-  absl::StatusOr<v1::Job> Change(FarmClient* client) override {
-    return client->CancelJob(job_name());
-  }
+// A command that names a job, and nothing else.
+struct NamedVerb {
+  const char* name;
+  const char* help;
+  const char* footer;
+  const char* result;  // Printed after the job's name; empty: its state.
+  absl::StatusOr<v1::Job> (*change)(FarmClient* client, const std::string& job_name);
 };
 
-class PauseCommand : public ControlCommand {
+#define SHEAF_CHANGE(call)                                        \
+  [](FarmClient* client, const std::string& job_name) {           \
+    return client->call(RequestFor<v1::call##Request>(job_name)); \
+  }
+
+constexpr NamedVerb kCancel = {"cancel", "Cancel a job", "Example:\n  sheaf cancel jobs/7", "",
+                               SHEAF_CHANGE(CancelJob)};
+constexpr NamedVerb kPause = {
+    "pause", "Pause a job; running tasks finish",
+    "Example:\n"
+    "  sheaf pause jobs/7\n"
+    "The job stays paused, even if the coordinator restarts, until: sheaf resume jobs/7",
+    "", SHEAF_CHANGE(PauseJob)};
+constexpr NamedVerb kResume = {"resume", "Resume a paused job", "Example:\n  sheaf resume jobs/7",
+                               "", SHEAF_CHANGE(ResumeJob)};
+constexpr NamedVerb kPin = {
+    "pin", "Keep all of a job, however full the coordinator's disk is",
+    "Example:\n"
+    "  sheaf pin jobs/7\n"
+    "Its parts, the files of its scene and its images stay until: sheaf unpin jobs/7",
+    "pinned", SHEAF_CHANGE(PinJob)};
+constexpr NamedVerb kUnpin = {"unpin", "Undo sheaf pin", "Example:\n  sheaf unpin jobs/7",
+                              "not pinned", SHEAF_CHANGE(UnpinJob)};
+constexpr NamedVerb kRelease = {
+    "release", "Start a job that waits for other jobs",
+    "Example:\n"
+    "  sheaf release jobs/7\n"
+    "Removes the job's dependencies (sheaf submit --after), whatever their state.",
+    "released", SHEAF_CHANGE(ReleaseJob)};
+#undef SHEAF_CHANGE
+
+class NamedCommand : public ControlCommand {
  public:
+  explicit NamedCommand(const NamedVerb& verb) : verb_(verb) {}
+
   CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "pause", "Pause a job; running tasks finish");
+    CLI::App* command = AddCommon(app, verb_.name, verb_.help);
     AddJob(command);
-    command->footer(
-        "Example:\n"
-        "  sheaf pause jobs/7\n"
-        "The job stays paused, even if the coordinator restarts, until: sheaf resume jobs/7");
+    command->footer(verb_.footer);
     return command;
   }
 
  protected:
   absl::StatusOr<v1::Job> Change(FarmClient* client) override {
-    return client->PauseJob(job_name());
+    return verb_.change(client, job_name());
   }
-};
-
-class ResumeCommand : public ControlCommand {
- public:
-  CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "resume", "Resume a paused job");
-    AddJob(command);
-    command->footer("Example:\n  sheaf resume jobs/7");
-    return command;
+  std::string ResultText(const v1::Job& job) const override {
+    return *verb_.result == 0 ? ControlCommand::ResultText(job) : verb_.result;
   }
 
- protected:
-  absl::StatusOr<v1::Job> Change(FarmClient* client) override {
-    return client->ResumeJob(job_name());
-  }
+ private:
+  const NamedVerb& verb_;
 };
 
 class PriorityCommand : public ControlCommand {
@@ -78,7 +93,9 @@ class PriorityCommand : public ControlCommand {
 
  protected:
   absl::StatusOr<v1::Job> Change(FarmClient* client) override {
-    return client->SetJobPriority(job_name(), priority_);
+    auto request = RequestFor<v1::SetJobPriorityRequest>(job_name());
+    request.set_priority(priority_);
+    return client->SetJobPriority(request);
   }
   std::string ResultText(const v1::Job& job) const override {
     return absl::StrCat("priority ", job.priority());
@@ -151,47 +168,14 @@ class KillCommand : public ControlCommand {
   std::optional<uint32_t> task_;
 };
 
-class PinCommand : public ControlCommand {
- public:
-  CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command =
-        AddCommon(app, "pin", "Keep all of a job, however full the coordinator's disk is");
-    AddJob(command);
-    command->footer(
-        "Example:\n"
-        "  sheaf pin jobs/7\n"
-        "Its parts, the files of its scene and its images stay until: sheaf unpin jobs/7");
-    return command;
-  }
-
- protected:
-  absl::StatusOr<v1::Job> Change(FarmClient* client) override { return client->PinJob(job_name()); }
-  std::string ResultText(const v1::Job&) const override { return "pinned"; }
-};
-
-class UnpinCommand : public ControlCommand {
- public:
-  CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "unpin", "Undo sheaf pin");
-    AddJob(command);
-    command->footer("Example:\n  sheaf unpin jobs/7");
-    return command;
-  }
-
- protected:
-  absl::StatusOr<v1::Job> Change(FarmClient* client) override {
-    return client->UnpinJob(job_name());
-  }
-  std::string ResultText(const v1::Job&) const override { return "not pinned"; }
-};
-
 }  // namespace
 
-std::unique_ptr<Command> MakePinCommand() { return std::make_unique<PinCommand>(); }
-std::unique_ptr<Command> MakeUnpinCommand() { return std::make_unique<UnpinCommand>(); }
-std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<CancelCommand>(); }
-std::unique_ptr<Command> MakePauseCommand() { return std::make_unique<PauseCommand>(); }
-std::unique_ptr<Command> MakeResumeCommand() { return std::make_unique<ResumeCommand>(); }
+std::unique_ptr<Command> MakePinCommand() { return std::make_unique<NamedCommand>(kPin); }
+std::unique_ptr<Command> MakeUnpinCommand() { return std::make_unique<NamedCommand>(kUnpin); }
+std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<NamedCommand>(kCancel); }
+std::unique_ptr<Command> MakePauseCommand() { return std::make_unique<NamedCommand>(kPause); }
+std::unique_ptr<Command> MakeResumeCommand() { return std::make_unique<NamedCommand>(kResume); }
+std::unique_ptr<Command> MakeReleaseCommand() { return std::make_unique<NamedCommand>(kRelease); }
 std::unique_ptr<Command> MakeRetryCommand() { return std::make_unique<RetryCommand>(); }
 std::unique_ptr<Command> MakeKillCommand() { return std::make_unique<KillCommand>(); }
 std::unique_ptr<Command> MakePriorityCommand() { return std::make_unique<PriorityCommand>(); }

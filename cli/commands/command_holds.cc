@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf release, approve, drain and undrain: commands that continue held work, and drain workers.
+// sheaf approve, drain and undrain: commands that approve frames, and drain workers.
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -14,25 +14,6 @@
 
 namespace sheaf::cli {
 namespace {
-
-class ReleaseCommand : public ControlCommand {
- public:
-  CLI::App* AddTo(CLI::App* app) override {
-    CLI::App* command = AddCommon(app, "release", "Start a job that waits for other jobs");
-    AddJob(command);
-    command->footer(
-        "Example:\n"
-        "  sheaf release jobs/7\n"
-        "Removes the job's dependencies (sheaf submit --after), whatever their state.");
-    return command;
-  }
-
- protected:
-  absl::StatusOr<v1::Job> Change(FarmClient* client) override {
-    return client->ReleaseJob(job_name());
-  }
-  std::string ResultText(const v1::Job&) const override { return "released"; }
-};
 
 class ApproveCommand : public ControlCommand {
  public:
@@ -166,7 +147,6 @@ class UndrainCommand : public WorkerCommand {
 
 }  // namespace
 
-std::unique_ptr<Command> MakeReleaseCommand() { return std::make_unique<ReleaseCommand>(); }
 std::unique_ptr<Command> MakeApproveCommand() { return std::make_unique<ApproveCommand>(); }
 std::unique_ptr<Command> MakeDrainCommand() { return std::make_unique<DrainCommand>(); }
 std::unique_ptr<Command> MakeUndrainCommand() { return std::make_unique<UndrainCommand>(); }

@@ -150,7 +150,7 @@ class SubmitCommand : public Command {
     const absl::StatusOr<v1::Job> created = client.CreateJob(request);
     if (!created.ok()) return ReportCallError(created.status());
     if (absl::Status status = CheckDependencies(&client); !status.ok()) {
-      client.CancelJob(created->name()).IgnoreError();
+      client.CancelJob(RequestFor<v1::CancelJobRequest>(created->name())).IgnoreError();
       return ReportCallError(status);
     }
     if (wait_) return FollowToTheEnd(&client, created->name(), json_, *delivery);

@@ -31,6 +31,12 @@ RetryEnvironment MakeEnvironment(std::stop_token stop) {
   return environment;
 }
 
+template <typename Response>
+absl::StatusOr<std::vector<v1::Worker>> WorkersOf(const absl::StatusOr<Response>& response) {
+  if (!response.ok()) return response.status();
+  return std::vector<v1::Worker>(response->workers().begin(), response->workers().end());
+}
+
 }  // namespace
 
 std::string JobName(const std::string& text) {
@@ -91,129 +97,22 @@ absl::Status FarmClient::Call(const std::function<absl::Status(grpc::ClientConte
 }
 
 absl::StatusOr<v1::Job> FarmClient::CreateJob(const v1::CreateJobRequest& request) {
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->CreateJob(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  known_->Note(job);
+  absl::StatusOr<v1::Job> job = Unary(&v1::JobService::Stub::CreateJob, request);
+  if (job.ok()) known_->Note(*job);
   return job;
 }
 
 absl::StatusOr<v1::Job> FarmClient::GetJob(const std::string& name) {
-  v1::GetJobRequest request;
-  request.set_name(name);
-  v1::Job job;
-  absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->GetJob(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  if (status = known_->Check(job); !status.ok()) return status;
-  return job;
-}
-
-absl::StatusOr<v1::Job> FarmClient::CancelJob(const std::string& name) {
-  absl::Status same = known_->Has(name) ? GetJob(name).status() : absl::OkStatus();
-  if (!same.ok()) return same;
-  v1::CancelJobRequest request;
-  request.set_name(name);
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->CancelJob(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return job;
-}
-
-absl::StatusOr<v1::Job> FarmClient::PauseJob(const std::string& name) {
-  v1::PauseJobRequest request;
-  request.set_name(name);
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->PauseJob(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return job;
-}
-
-absl::StatusOr<v1::Job> FarmClient::ResumeJob(const std::string& name) {
-  v1::ResumeJobRequest request;
-  request.set_name(name);
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->ResumeJob(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return job;
-}
-
-absl::StatusOr<v1::Job> FarmClient::SetJobPriority(const std::string& name, int32_t priority) {
-  v1::SetJobPriorityRequest request;
-  request.set_name(name);
-  request.set_priority(priority);
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->SetJobPriority(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return job;
-}
-
-absl::StatusOr<v1::Job> FarmClient::RefineJob(const v1::RefineJobRequest& request) {
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->RefineJob(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return job;
-}
-
-absl::StatusOr<v1::Job> FarmClient::RetryTasks(const v1::RetryTasksRequest& request) {
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->RetryTasks(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return job;
-}
-
-absl::StatusOr<v1::Job> FarmClient::KillTasks(const v1::KillTasksRequest& request) {
-  v1::Job job;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->KillTasks(context, request, &job));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
+  absl::StatusOr<v1::Job> job =
+      Unary(&v1::JobService::Stub::GetJob, RequestFor<v1::GetJobRequest>(name));
+  if (!job.ok()) return job;
+  if (absl::Status same = known_->Check(*job); !same.ok()) return same;
   return job;
 }
 
 absl::StatusOr<v1::PriceRefinementResponse> FarmClient::PriceRefinement(
     const v1::PriceRefinementRequest& request) {
-  v1::PriceRefinementResponse response;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->PriceRefinement(context, request, &response));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return response;
+  return Unary(&v1::JobService::Stub::PriceRefinement, request);
 }
 
 absl::StatusOr<std::vector<v1::Job>> FarmClient::ListJobs(size_t count_max, bool with_pilots) {
@@ -222,41 +121,61 @@ absl::StatusOr<std::vector<v1::Job>> FarmClient::ListJobs(size_t count_max, bool
   request.set_with_pilots(with_pilots);
   do {
     request.set_page_size(static_cast<int>(std::min<size_t>(kJobsPageSize, count_max)));
-    v1::ListJobsResponse response;
-    const absl::Status status = Call(
-        [&](grpc::ClientContext* context) {
-          return FromGrpcStatus(jobs_->ListJobs(context, request, &response));
-        },
-        kUnaryDeadline);
-    if (!status.ok()) return status;
-    for (v1::Job& job : *response.mutable_jobs()) {
+    absl::StatusOr<v1::ListJobsResponse> response = Unary(&v1::JobService::Stub::ListJobs, request);
+    if (!response.ok()) return response.status();
+    for (v1::Job& job : *response->mutable_jobs()) {
       if (jobs.size() < count_max) jobs.push_back(std::move(job));
     }
-    request.set_page_token(response.next_page_token());
+    request.set_page_token(response->next_page_token());
   } while (!request.page_token().empty() && jobs.size() < count_max);
   return jobs;
 }
 
 absl::StatusOr<std::vector<v1::Worker>> FarmClient::ListWorkers() {
-  v1::ListWorkersResponse response;
-  const absl::Status status = Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->ListWorkers(context, v1::ListWorkersRequest(), &response));
-      },
-      kUnaryDeadline);
-  if (!status.ok()) return status;
-  return std::vector<v1::Worker>(response.workers().begin(), response.workers().end());
+  return WorkersOf(Unary(&v1::JobService::Stub::ListWorkers, v1::ListWorkersRequest()));
+}
+
+absl::StatusOr<std::vector<v1::Worker>> FarmClient::DrainWorkers(
+    const v1::DrainWorkersRequest& request) {
+  return WorkersOf(Unary(&v1::JobService::Stub::DrainWorkers, request));
+}
+
+absl::StatusOr<std::vector<v1::Worker>> FarmClient::UndrainWorkers(
+    const v1::UndrainWorkersRequest& request) {
+  return WorkersOf(Unary(&v1::JobService::Stub::UndrainWorkers, request));
 }
 
 absl::Status FarmClient::LiftQuarantine(const std::string& identity) {
   v1::LiftQuarantineRequest request;
   request.set_identity(identity);
-  v1::LiftQuarantineResponse response;
-  return Call(
-      [&](grpc::ClientContext* context) {
-        return FromGrpcStatus(jobs_->LiftQuarantine(context, request, &response));
-      },
-      kUnaryDeadline);
+  return Unary(&v1::JobService::Stub::LiftQuarantine, request).status();
+}
+
+absl::StatusOr<v1::Share> FarmClient::SetShare(const v1::SetShareRequest& request) {
+  return Unary(&v1::JobService::Stub::SetShare, request);
+}
+
+absl::Status FarmClient::ResetShare(const std::string& subject) {
+  v1::ResetShareRequest request;
+  request.set_subject(subject);
+  return Unary(&v1::JobService::Stub::ResetShare, request).status();
+}
+
+absl::StatusOr<std::vector<v1::Share>> FarmClient::ListShares() {
+  const absl::StatusOr<v1::ListSharesResponse> response =
+      Unary(&v1::JobService::Stub::ListShares, v1::ListSharesRequest());
+  if (!response.ok()) return response.status();
+  return std::vector<v1::Share>(response->shares().begin(), response->shares().end());
+}
+
+absl::StatusOr<v1::CollectGarbageResponse> FarmClient::CollectGarbage(bool dry_run) {
+  v1::CollectGarbageRequest request;
+  request.set_dry_run(dry_run);
+  return Unary(&v1::JobService::Stub::CollectGarbage, request);
+}
+
+absl::StatusOr<v1::ListUsageResponse> FarmClient::ListUsage(const v1::ListUsageRequest& request) {
+  return Unary(&v1::JobService::Stub::ListUsage, request);
 }
 
 absl::StatusOr<std::vector<BlobDigest>> FarmClient::FindMissing(

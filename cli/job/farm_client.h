@@ -23,7 +23,10 @@
 #include "cli/job/identity/known_jobs.h"
 #include "common/content/blob_digest.h"
 #include "common/content/chunk_list.h"
+#include "common/rpc/channel.h"
+#include "common/rpc/grpc_status.h"
 #include "common/rpc/retry.h"
+#include "coordinator/core/job/job_verbs.h"
 #include "sheaf/v1/content.grpc.pb.h"
 #include "sheaf/v1/job.grpc.pb.h"
 #include "sheaf/v1/transfer.grpc.pb.h"
@@ -63,25 +66,21 @@ class FarmClient {
 
   // Errors of all calls below: those of the call; kUnavailable, naming the address, if the
   // coordinator did not answer for long enough; kCancelled if stop was requested. CreateJob,
-  // GetJob, CancelJob and WatchJob: also kNotFound if the name now belongs to a job other than the
+  // GetJob, WatchJob and the verbs: also kNotFound if the name now belongs to a job other than the
   // one that this client has seen.
   absl::StatusOr<v1::Job> CreateJob(const v1::CreateJobRequest& request);
   absl::StatusOr<v1::Job> GetJob(const std::string& name);
-  absl::StatusOr<v1::Job> CancelJob(const std::string& name);
-  absl::StatusOr<v1::Job> PauseJob(const std::string& name);
-  absl::StatusOr<v1::Job> ResumeJob(const std::string& name);
-  absl::StatusOr<v1::Job> SetJobPriority(const std::string& name, int32_t priority);
-  absl::StatusOr<v1::Job> PinJob(const std::string& name);
-  absl::StatusOr<v1::Job> UnpinJob(const std::string& name);
   absl::StatusOr<v1::CollectGarbageResponse> CollectGarbage(bool dry_run);
   absl::StatusOr<v1::ListUsageResponse> ListUsage(const v1::ListUsageRequest& request);
-  absl::StatusOr<v1::Job> ReleaseJob(const std::string& name);
-  absl::StatusOr<v1::Job> ApproveFrames(const v1::ApproveFramesRequest& request);
   absl::StatusOr<std::vector<v1::Worker>> DrainWorkers(const v1::DrainWorkersRequest& request);
   absl::StatusOr<std::vector<v1::Worker>> UndrainWorkers(const v1::UndrainWorkersRequest& request);
-  absl::StatusOr<v1::Job> RefineJob(const v1::RefineJobRequest& request);
-  absl::StatusOr<v1::Job> RetryTasks(const v1::RetryTasksRequest& request);
-  absl::StatusOr<v1::Job> KillTasks(const v1::KillTasksRequest& request);
+  // The verbs of job_verbs.h: PauseJob(request).
+#define SHEAF_VERB(call, word, takes)                              \
+  absl::StatusOr<v1::Job> call(const v1::call##Request& request) { \
+    return ChangeJob(&v1::JobService::Stub::call, request);        \
+  }
+  SHEAF_JOB_CALLS(SHEAF_VERB)
+#undef SHEAF_VERB
   // Calls take with each message; after an interruption the messages restart. Errors: also those of
   // take.
   absl::Status ReadTaskBundle(
@@ -116,6 +115,29 @@ class FarmClient {
                               const std::function<void(uint64_t)>& on_progress);
 
  private:
+  template <typename Request, typename Response>
+  using Method = grpc::Status (v1::JobService::Stub::*)(grpc::ClientContext*, const Request&,
+                                                        Response*);
+  // A unary call.
+  template <typename Request, typename Response>
+  absl::StatusOr<Response> Unary(Method<Request, Response> method, const Request& request) {
+    Response response;
+    const absl::Status status = Call(
+        [&](grpc::ClientContext* context) {
+          return FromGrpcStatus((jobs_.get()->*method)(context, request, &response));
+        },
+        kUnaryDeadline);
+    if (!status.ok()) return status;
+    return response;
+  }
+  // The same for a verb: not if the name now belongs to another job.
+  template <typename Request>
+  absl::StatusOr<v1::Job> ChangeJob(Method<Request, v1::Job> method, const Request& request) {
+    const bool seen = known_->Has(request.name());
+    absl::Status same = seen ? GetJob(request.name()).status() : absl::OkStatus();
+    if (!same.ok()) return same;
+    return Unary(method, request);
+  }
   // Repeats attempt while it fails with a transient error.
   absl::Status Call(const std::function<absl::Status(grpc::ClientContext*)>& attempt,
                     absl::Duration deadline);
@@ -137,6 +159,14 @@ class FarmClient {
   std::atomic<bool> silent_{false};   // Whether a lasting outage has been reported.
   std::atomic<bool> limited_{false};  // Whether a rate limit has been reported.
 };
+
+// The request of a verb that takes no more than the job: RequestFor<v1::PauseJobRequest>("jobs/7").
+template <typename Request>
+Request RequestFor(const std::string& name) {
+  Request request;
+  request.set_name(name);
+  return request;
+}
 
 // "jobs/7" from "7" or "jobs/7".
 std::string JobName(const std::string& text);

@@ -133,7 +133,7 @@ absl::StatusOr<v1::Job> RunJob(FarmClient* client, const v1::CreateJobRequest& r
   const std::unique_ptr<FarmClient> last = client->Uninterrupted();
   // The reply was lost to the interruption; repeating the request with its id returns the same job.
   if (absl::IsCancelled(job.status())) job = last->CreateJob(request);
-  if (job.ok()) last->CancelJob(job->name()).IgnoreError();
+  if (job.ok()) last->CancelJob(RequestFor<v1::CancelJobRequest>(job->name())).IgnoreError();
   return ended;
 }
 

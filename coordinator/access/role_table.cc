@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "coordinator/core/job/job_verbs.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -46,20 +47,10 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/ListWorkers", kView},
     // Below the role operate, only the caller's own (AccessControl::UsageOwnerOf).
     {"/sheaf.v1.JobService/ListUsage", kView},
-    // With the role submit, only the caller's own jobs (AccessControl::AuthorizeJob).
+    // With the role submit, only the caller's own jobs (AccessControl::AuthorizeJob). The methods
+    // and routes of kJobVerbs come from kVerbRules.
     {"/sheaf.v1.JobService/CreateJob", kSubmit},
-    {"/sheaf.v1.JobService/CancelJob", kSubmit},
-    {"/sheaf.v1.JobService/PauseJob", kSubmit},
-    {"/sheaf.v1.JobService/ResumeJob", kSubmit},
-    {"/sheaf.v1.JobService/SetJobPriority", kSubmit},
-    {"/sheaf.v1.JobService/RefineJob", kSubmit},
-    {"/sheaf.v1.JobService/RetryTasks", kSubmit},
-    {"/sheaf.v1.JobService/KillTasks", kSubmit},
     {"/sheaf.v1.JobService/ReadTaskBundle", kSubmit},
-    {"/sheaf.v1.JobService/PinJob", kSubmit},
-    {"/sheaf.v1.JobService/UnpinJob", kSubmit},
-    {"/sheaf.v1.JobService/ReleaseJob", kSubmit},
-    {"/sheaf.v1.JobService/ApproveFrames", kSubmit},
     {"/sheaf.v1.JobService/CollectGarbage", kOperate},
     {"/sheaf.v1.JobService/SetShare", kOperate},
     {"/sheaf.v1.JobService/ResetShare", kOperate},
@@ -119,19 +110,6 @@ constexpr OperationRule kRules[] = {
     {"GET /api/v1/workers", kView},
     {"GET /api/v1/counters", kView},
     {"GET /api/v1/usage", kView},
-    // As for gRPC, with the role submit only the caller's own jobs.
-    {"POST /api/v1/jobs/{}:cancel", kSubmit},
-    {"POST /api/v1/jobs/{}:delete", kSubmit},
-    {"POST /api/v1/jobs/{}:pause", kSubmit},
-    {"POST /api/v1/jobs/{}:resume", kSubmit},
-    {"POST /api/v1/jobs/{}:priority", kSubmit},
-    {"POST /api/v1/jobs/{}:refine", kSubmit},
-    {"POST /api/v1/jobs/{}:retry", kSubmit},
-    {"POST /api/v1/jobs/{}:kill", kSubmit},
-    {"POST /api/v1/jobs/{}:pin", kSubmit},
-    {"POST /api/v1/jobs/{}:unpin", kSubmit},
-    {"POST /api/v1/jobs/{}:release", kSubmit},
-    {"POST /api/v1/jobs/{}:approve", kSubmit},
     {"POST /api/v1/gc", kOperate},
     // Only the caller's own submissions, whose jobs are also the caller's.
     {"GET /api/v1/submissions", kView},
@@ -142,11 +120,20 @@ constexpr OperationRule kRules[] = {
     {"POST /api/v1/submissions/{}:discard", kSubmit},
 };
 
+#define SHEAF_METHOD(call, word, takes) {"/sheaf.v1.JobService/" #call, kSubmit},
+#define SHEAF_ROUTE(call, word, takes) {"POST /api/v1/jobs/{}:" word, kSubmit},
+constexpr OperationRule kVerbRules[] = {SHEAF_JOB_CALLS(SHEAF_METHOD) SHEAF_JOB_VERBS(SHEAF_ROUTE)};
+#undef SHEAF_METHOD
+#undef SHEAF_ROUTE
+
 }  // namespace
 
 const std::vector<OperationRule>& RoleTable() {
-  static const auto* const kTable =
-      new std::vector<OperationRule>(std::begin(kRules), std::end(kRules));
+  static const auto* const kTable = [] {
+    auto* table = new std::vector<OperationRule>(std::begin(kRules), std::end(kRules));
+    table->insert(table->end(), std::begin(kVerbRules), std::end(kVerbRules));
+    return table;
+  }();
   return *kTable;
 }
 

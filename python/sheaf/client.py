@@ -214,51 +214,41 @@ class Client:
             written[frame.number] = frame.image_digest
 
     def cancel(self, job: JobLike) -> Job:
-        return job_from(self._unary("CancelJob", job_pb2.CancelJobRequest(name=self._name(job))))
+        return self._change("CancelJob", job)
 
     def pause(self, job: JobLike) -> Job:
-        return job_from(self._unary("PauseJob", job_pb2.PauseJobRequest(name=self._name(job))))
+        return self._change("PauseJob", job)
 
     def resume(self, job: JobLike) -> Job:
-        return job_from(self._unary("ResumeJob", job_pb2.ResumeJobRequest(name=self._name(job))))
+        return self._change("ResumeJob", job)
 
     def pin(self, job: JobLike) -> Job:
         """Keeps all data of the job, however full the coordinator's disk is, until unpin()."""
-        return job_from(self._unary("PinJob", job_pb2.PinJobRequest(name=self._name(job))))
+        return self._change("PinJob", job)
 
     def unpin(self, job: JobLike) -> Job:
-        return job_from(self._unary("UnpinJob", job_pb2.UnpinJobRequest(name=self._name(job))))
+        return self._change("UnpinJob", job)
 
     def release(self, job: JobLike) -> Job:
         """Releases a job from its dependencies, whatever their state."""
-        return job_from(self._unary("ReleaseJob", job_pb2.ReleaseJobRequest(name=self._name(job))))
+        return self._change("ReleaseJob", job)
 
     def approve(self, job: JobLike, frames: Sequence[int] = ()) -> Job:
         """Renders frames to the end that wait for approval; by default all that wait."""
-        request = job_pb2.ApproveFramesRequest(name=self._name(job), frame_numbers=list(frames))
-        return job_from(self._unary("ApproveFrames", request))
+        return self._change("ApproveFrames", job, frame_numbers=list(frames))
 
     def retry(self, job: JobLike, *, frame: int | None = None, task: int | None = None) -> Job:
         """Retries the failed work of the job, of one frame, or of one task of a frame."""
-        request = job_pb2.RetryTasksRequest(name=self._name(job))
-        if frame is not None:
-            request.frame_number = frame
-        if task is not None:
-            request.task = task
-        return job_from(self._unary("RetryTasks", request))
+        return self._change("RetryTasks", job, frame_number=frame, task=task)
 
     def kill(self, job: JobLike, frame: int, *, task: int | None = None) -> Job:
         """Gives up a frame or a task of it; the rest of the job continues."""
-        request = job_pb2.KillTasksRequest(name=self._name(job), frame_number=frame)
-        if task is not None:
-            request.task = task
-        return job_from(self._unary("KillTasks", request))
+        return self._change("KillTasks", job, frame_number=frame, task=task)
 
     def set_priority(self, job: JobLike, priority: int) -> Job:
         """From -1000 to 1000; higher goes first."""
         _check_priority(priority)
-        return job_from(self._unary("SetJobPriority", job_pb2.SetJobPriorityRequest(
-            name=self._name(job), priority=priority)))
+        return self._change("SetJobPriority", job, priority=priority)
 
     def refine(self, job: JobLike, *, samples: int | None = None,
                target_error: float | None = None, time_seconds: float | None = None,
@@ -345,6 +335,11 @@ class Client:
             raise errors.InvalidRequestError(
                 f"{job_name(job)}: has {len(frames)} frames; say which, by frame=: {known}")
         raise errors.NotFoundError(f"{job_name(job)}: has no frame {number}; it has {known}")
+
+    def _change(self, verb: str, job: JobLike, **arguments: Any) -> Job:
+        """Calls the verb, the name of a method; arguments that are None are left out."""
+        request = getattr(job_pb2, verb + "Request")(name=self._name(job), **arguments)
+        return job_from(self._unary(verb, request))
 
     def _unary(self, method: str, request: Any) -> Any:
         return self._connection.call(

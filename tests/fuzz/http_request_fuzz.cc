@@ -44,27 +44,17 @@ struct ServedFarm {
   }
   static FarmActions Actions() {
     FarmActions actions;
-    actions.cancel_job = actions.pause_job = actions.resume_job = actions.pin_job =
-        actions.unpin_job = [](const std::string&) { return absl::OkStatus(); };
+    actions.change_job = [](JobVerb verb, const std::string&, const JobArguments& arguments) {
+      const Refinement& refinement = arguments.refinement;
+      SHEAF_CHECK(verb != JobVerb::kRefineJob ||
+                  (refinement.samples > 0 && refinement.stop.target_error >= 0));
+      return absl::OkStatus();
+    };
     actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
       return UsageReport();
     };
-    actions.release_job = [](const std::string&) { return absl::OkStatus(); };
-    actions.approve_frames = [](const std::string&, const std::vector<int32_t>&) {
-      return absl::OkStatus();
-    };
     actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
       return std::vector<RemovalView>{{"blob", "", "no job names it", 1, 1}};
-    };
-    actions.set_job_priority = [](const std::string&, int32_t) { return absl::OkStatus(); };
-    actions.retry_tasks = [](const std::string&, std::optional<int32_t>, std::optional<uint32_t>) {
-      return absl::OkStatus();
-    };
-    actions.kill_tasks = [](const std::string&, int32_t, std::optional<uint32_t>,
-                            const std::string&) { return absl::OkStatus(); };
-    actions.refine_job = [](const std::string&, const Refinement& refinement) {
-      SHEAF_CHECK(refinement.samples > 0 && refinement.stop.target_error >= 0);
-      return absl::OkStatus();
     };
     return actions;
   }

@@ -3,10 +3,13 @@
 //
 // Golden files of the HTTP port: the JSON of each endpoint, the events, and the table of roles with
 // the routes.
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "coordinator/access/role_table.h"
 #include "coordinator/service/http/api/http_api.h"
 #include "coordinator/service/http/api/http_fake_farm.h"
@@ -93,11 +96,11 @@ TEST_F(HttpGoldenTest, EventsAreUnchanged) {
 
 TEST_F(HttpGoldenTest, RoutesAreUnchanged) {
   HttpApi api(farm_, {}, "run");
-  std::string text;
+  std::set<std::string> routes;
   for (const HttpRoute& route : api.Routes()) {
-    absl::StrAppend(&text, route.method, " ", route.pattern, "\n");
+    routes.insert(absl::StrCat(route.method, " ", route.pattern, "\n"));
   }
-  ExpectGolden("http_routes.txt", text);
+  ExpectGolden("http_routes.txt", absl::StrJoin(routes, ""));
 }
 
 TEST(RoleGoldenTest, RolesAreUnchanged) {

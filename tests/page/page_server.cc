@@ -269,24 +269,28 @@ int main(int argc, char** argv) {
     return status;
   };
   FarmActions actions;
-  actions.cancel_job = [&](const std::string& job_id) {
-    return change(job_id, [](JobView* job) {
-      job->state = JobState::kCancelled;
-      job->end_time = absl::Now();
+  actions.change_job = [&](JobVerb verb, const std::string& job_id, const JobArguments& arguments) {
+    const absl::Status changed = change(job_id, [&](JobView* job) {
+      if (verb == JobVerb::kCancelJob) {
+        job->state = JobState::kCancelled;
+        job->end_time = absl::Now();
+      }
+      if (verb == JobVerb::kPauseJob) job->state = JobState::kPaused;
+      if (verb == JobVerb::kResumeJob || verb == JobVerb::kRefineJob) {
+        job->state = JobState::kRunning;
+      }
+      if (verb == JobVerb::kApproveFrames) job->unapproved_frame_count = 0;
+      if (verb == JobVerb::kPinJob || verb == JobVerb::kUnpinJob) {
+        job->pinned = verb == JobVerb::kPinJob;
+      }
+      if (verb == JobVerb::kSetJobPriority) job->priority = arguments.priority;
     });
-  };
-  actions.pause_job = [&](const std::string& job_id) {
-    return change(job_id, [](JobView* job) { job->state = JobState::kPaused; });
-  };
-  actions.resume_job = [&](const std::string& job_id) {
-    return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
-  };
-  actions.delete_job = [&](const std::string& job_id) {
-    absl::Status found = change(job_id, [](JobView*) {});
-    farm.Update([&](FakeFarm& it) {
-      std::erase_if(it.jobs, [&](const JobView& job) { return job.job_id == job_id; });
-    });
-    return found;
+    if (verb == JobVerb::kDeleteJob) {
+      farm.Update([&](FakeFarm& it) {
+        std::erase_if(it.jobs, [&](const JobView& job) { return job.job_id == job_id; });
+      });
+    }
+    return changed;
   };
   actions.read_pixel = [&](const std::string&, int32_t, int32_t x_px, int32_t y_px) {
     absl::StatusOr<PixelView> pixel;
@@ -294,26 +298,11 @@ int main(int argc, char** argv) {
     return pixel;
   };
   actions.address = [] { return FarmAddress{kGrpcPort, false}; };
-  actions.approve_frames = [&](const std::string& job_id, const std::vector<int32_t>&) {
-    return change(job_id, [](JobView* job) { job->unapproved_frame_count = 0; });
-  };
-  actions.pin_job = [&](const std::string& job_id) {
-    return change(job_id, [](JobView* job) { job->pinned = true; });
-  };
-  actions.unpin_job = [&](const std::string& job_id) {
-    return change(job_id, [](JobView* job) { job->pinned = false; });
-  };
   actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
     return UsageReport();
   };
   actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
     return std::vector<RemovalView>();
-  };
-  actions.set_job_priority = [&](const std::string& job_id, int32_t priority) {
-    return change(job_id, [=](JobView* job) { job->priority = priority; });
-  };
-  actions.refine_job = [&](const std::string& job_id, const Refinement&) {
-    return change(job_id, [](JobView* job) { job->state = JobState::kRunning; });
   };
   HttpServiceOptions options;
   options.server.port = static_cast<uint16_t>(argc > 3 ? std::atoi(argv[3]) : 0);

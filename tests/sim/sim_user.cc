@@ -133,8 +133,7 @@ void SimUser::Pause(bool paused) {
 void SimUser::Retry() {
   has_retried_ = true;
   Ask(
-      "retry",
-      [](Farm& farm, uint64_t id) { return farm.RetryTasks(id, std::nullopt, std::nullopt); },
+      "retry", [](Farm& farm, uint64_t id) { return farm.RetryTasks(id); },
       [](const PromisedJob& /*job*/) { return true; });
 }
 
@@ -151,7 +150,9 @@ void SimUser::Prioritize() {
   const auto priority = static_cast<int32_t>(random_.Between(-5, 5));
   Ask(
       "prioritize",
-      [priority](Farm& farm, uint64_t id) { return farm.SetJobPriority(id, priority); },
+      [priority](Farm& farm, uint64_t id) {
+        return farm.SetJobPriority(id, {.priority = priority});
+      },
       [priority](const PromisedJob& job) { return job.priority.IsCertainly(priority); });
 }
 
@@ -163,7 +164,10 @@ void SimUser::Refine() {
     refinement.samples = 128;
   }
   Ask(
-      "refine", [refinement](Farm& farm, uint64_t id) { return farm.RefineJob(id, refinement); },
+      "refine",
+      [refinement](Farm& farm, uint64_t id) {
+        return farm.RefineJob(id, {.refinement = refinement});
+      },
       [](const PromisedJob& /*job*/) { return true; });
 }
 

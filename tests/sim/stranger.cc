@@ -152,8 +152,9 @@ void Stranger::SendJob(Farm& farm) {
 void Stranger::SendRequest(Farm& farm) {
   const uint64_t id = 1000 + random_.Below(3);
   if (farm.CancelJob(id).ok() || farm.PauseJob(id).ok() || farm.ResumeJob(id).ok() ||
-      farm.SetJobPriority(id, INT32_MIN).ok() || farm.RefineJob(id, {{}, UINT64_MAX}).ok() ||
-      farm.RetryTasks(id, std::nullopt, 7).ok() || farm.KillTasks({id, 0}, 3, "").ok() ||
+      farm.SetJobPriority(id, {.priority = INT32_MIN}).ok() ||
+      farm.RefineJob(id, {.refinement = {{}, UINT64_MAX}}).ok() ||
+      farm.RetryTasks(id, {.task = 7}).ok() || farm.KillTasks(id, {.frame = 0, .task = 3}).ok() ||
       farm.FindOutput(id, 0).ok()) {
     world_.Broken("a request about a job that does not exist succeeds");
   }

@@ -71,7 +71,7 @@ LAYERS = {
                              "coordinator/core"),
     "coordinator/store": ("common/base", "common/film", "common/scene", "common/content",
                           "common/objects", "coordinator/core"),
-    "coordinator/access": ("common/base", "common/tls", "coordinator/store"),
+    "coordinator/access": ("common/base", "common/tls", "coordinator/core", "coordinator/store"),
     "coordinator/service/view/json": ("common/base", "common/film", "common/scene",
                                       "coordinator/core", "coordinator/service/view"),
     "coordinator/service/view/messages": ("common/base", "common/content", "common/film",

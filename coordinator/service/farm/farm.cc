@@ -141,6 +141,20 @@ void Farm::RunOnce() {
   delivery_.RefreshFrames();
 }
 
+absl::Status Farm::ChangeJob(JobVerb verb, uint64_t job_id, const JobArguments& arguments) {
+  // These continue frames, whose tasks must not change meanwhile.
+  std::optional<ResultIntake::Pause> pause;
+  if (verb == JobVerb::kRetryTasks || verb == JobVerb::kApproveFrames) pause.emplace(&intake_);
+  switch (verb) {
+#define SHEAF_VERB(call, word, takes) \
+  case JobVerb::k##call:              \
+    return lifecycle_.call(job_id, arguments);
+    SHEAF_JOB_VERBS(SHEAF_VERB)
+#undef SHEAF_VERB
+  }
+  return absl::InternalError("unknown verb");
+}
+
 absl::Status Farm::ProbeDisk() {
   const absl::Status room = disk_.CheckRoom(kProbeBytes);
   return room.ok() ? store_->Probe() : room;

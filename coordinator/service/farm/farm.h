@@ -35,6 +35,7 @@
 #include "common/content/blob_store.h"
 #include "coordinator/core/frame/check_choice.h"
 #include "coordinator/core/frame/lease_token.h"
+#include "coordinator/core/job/job_verbs.h"
 #include "coordinator/service/farm/delivery/delivered_images.h"
 #include "coordinator/service/farm/delivery/frame_delivery.h"
 #include "coordinator/service/farm/delivery/frame_rounds.h"
@@ -107,30 +108,17 @@ class Farm : public FarmView {
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id) {
     return lifecycle_.Create(std::move(spec), request_id);
   }
-  // OK means: the job's end is durable. A no-op if the job was cancelled. Errors: kNotFound;
-  // kFailedPrecondition (it has ended otherwise); kUnavailable (the disk).
-  absl::Status CancelJob(uint64_t job_id) { return lifecycle_.Cancel(job_id); }
-
-  // A paused job gets no new leases until it is resumed. A no-op if the job already has this state.
-  // OK means: it is durable. Errors: kNotFound; kFailedPrecondition (it has ended); kUnavailable
-  // (the disk).
-  absl::Status PauseJob(uint64_t job_id) { return lifecycle_.SetPaused(job_id, true); }
-  absl::Status ResumeJob(uint64_t job_id) { return lifecycle_.SetPaused(job_id, false); }
-  // Errors: also kInvalidArgument.
-  absl::Status SetJobPriority(uint64_t job_id, int32_t priority) {
-    return lifecycle_.SetPriority(job_id, priority);
+  // Changes a job. OK means: the change is durable. Errors: those of JobLifecycle's function of the
+  // verb; kInvalidArgument for arguments out of range.
+  absl::Status ChangeJob(JobVerb verb, uint64_t job_id, const JobArguments& arguments);
+  // The same by the names of verbs: PauseJob(job_id).
+#define SHEAF_VERB(call, word, takes)                                      \
+  absl::Status call(uint64_t job_id, const JobArguments& arguments = {}) { \
+    return ChangeJob(JobVerb::k##call, job_id, arguments);                 \
   }
+  SHEAF_JOB_VERBS(SHEAF_VERB)
+#undef SHEAF_VERB
 
-  // Releases a job from its dependencies, whatever their state. OK means: it is durable. Errors:
-  // kNotFound; kFailedPrecondition (it waits for none, or has ended); kUnavailable (the disk).
-  absl::Status ReleaseJob(uint64_t job_id) { return lifecycle_.Release(job_id); }
-  // Continues frames that wait for approval: these or, if none is named, all that wait now. A no-op
-  // for approved frames. OK means: it is durable. Errors: kNotFound; kFailedPrecondition (the job
-  // or a frame does not wait); kUnavailable (the disk).
-  absl::Status ApproveFrames(uint64_t job_id, const std::vector<int32_t>& frames) {
-    const ResultIntake::Pause pause(&intake_);
-    return lifecycle_.Approve(job_id, frames);
-  }
   // Errors: those of WorkerDrains.
   absl::StatusOr<std::vector<std::string>> DrainWorkers(const ChosenWorkers& chosen,
                                                         bool then_exit) {
@@ -140,33 +128,6 @@ class Farm : public FarmView {
     return drains_.Undrain(chosen);
   }
 
-  // Continues a job that succeeded, from its kept parts; missing parts are rendered again. A no-op
-  // if all of its frames are good enough. OK means: it is durable. Errors: kNotFound;
-  // kFailedPrecondition (it has not succeeded); kInvalidArgument (fewer samples than it has);
-  // kUnavailable, kResourceExhausted (the disk).
-  absl::Status RefineJob(uint64_t job_id, const Refinement& refinement) {
-    return lifecycle_.Refine(job_id, refinement);
-  }
-
-  // Clears the failures of a job, of a frame of it or of a task (a tile's number), and leases tasks
-  // again that were set aside; a failed job continues. OK means: it is durable. Errors: kNotFound;
-  // kFailedPrecondition (it has ended otherwise); kUnavailable, kResourceExhausted (the disk, or
-  // the owner's limits).
-  absl::Status RetryTasks(uint64_t job_id, std::optional<int32_t> frame,
-                          std::optional<uint32_t> task) {
-    const ResultIntake::Pause pause(&intake_);
-    return lifecycle_.Retry(job_id, frame, task);
-  }
-  // Sets a task, or a whole frame, aside until it is retried. OK means: it is durable. Errors: as
-  // RetryTasks; kFailedPrecondition if it is rendered.
-  absl::Status KillTasks(const FrameId& id, std::optional<uint32_t> task, const std::string& why) {
-    return lifecycle_.Kill(id, task, why);
-  }
-  // A pinned job keeps all its stored data until it is unpinned. OK means: it is durable. Errors:
-  // kNotFound; kUnavailable (the disk).
-  absl::Status SetJobPinned(uint64_t job_id, bool pinned) {
-    return lifecycle_.SetPinned(job_id, pinned);
-  }
   // Removes the items that the limits of retention select, and returns them. dry_run: only returns
   // them.
   // Errors: those of the store.
@@ -236,10 +197,6 @@ class Farm : public FarmView {
   // Weights and limits of users, shows and pools.
   ShareControl& share_control() { return share_control_; }
 
-  // Removes a job that has ended, with its images, at once. Errors: kNotFound;
-  // kFailedPrecondition (it has not ended, is pinned, or another job waits for it); kUnavailable
-  // (the disk).
-  absl::Status DeleteJob(uint64_t job_id) { return lifecycle_.DeleteJob(job_id); }
   // Errors: those of FramePreviews::ReadPixel.
   absl::StatusOr<PixelView> ReadPixel(const std::string& job_id, int32_t frame_number, int32_t x_px,
                                       int32_t y_px) const {

@@ -13,6 +13,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/base/status.h"
 #include "common/base/steady_time.h"
 #include "common/rpc/channel.h"
@@ -24,10 +25,19 @@
 namespace sheaf::coordinator {
 namespace {
 
-// The part of a job that a call names, after the job's name: "/frames/7/tasks/3".
-std::string PartName(std::optional<int32_t> frame, std::optional<uint32_t> task) {
-  return absl::StrCat(frame ? absl::StrCat("/frames/", *frame) : "",
-                      task ? absl::StrCat("/tasks/", *task) : "");
+// Frames that an entry of the audit log names.
+constexpr int kAuditedFramesMax = 16;
+
+// The part of a job that a call names, after the job's name: "/frames/7/tasks/3", "/frames/1,2".
+std::string PartName(const JobArguments& arguments) {
+  if (const std::vector<int32_t>& frames = arguments.frames; !frames.empty()) {
+    const auto end =
+        frames.size() > kAuditedFramesMax ? frames.begin() + kAuditedFramesMax : frames.end();
+    return absl::StrCat("/frames/", absl::StrJoin(frames.begin(), end, ","),
+                        end == frames.end() ? "" : ",...");
+  }
+  return absl::StrCat(arguments.frame ? absl::StrCat("/frames/", *arguments.frame) : "",
+                      arguments.task ? absl::StrCat("/tasks/", *arguments.task) : "");
 }
 
 std::string JobNameOf(const JobView& job) { return absl::StrCat("jobs/", job.job_id); }
@@ -147,9 +157,9 @@ grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
   return grpc::Status::OK;
 }
 
-absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context,
+absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context, JobVerb verb,
                                               const std::string& name,
-                                              const std::function<absl::Status(uint64_t)>& change) {
+                                              const JobArguments& arguments) {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
   const absl::StatusOr<JobView> view = farm_->FindJobAlone(*id);
@@ -159,85 +169,21 @@ absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context
   uint64_t number = 0;
   if (!absl::SimpleAtoi(*id, &number)) return absl::NotFoundError("no such job");
   farm_->NotePilotRequest(number);
-  if (absl::Status status = change(number); !status.ok()) return status;
+  absl::Status changed = farm_->ChangeJob(verb, number, arguments);
+  if (!changed.ok()) return changed;
   return farm_->FindJobAlone(*id);
 }
 
-grpc::Status JobService::Change(const grpc::ServerContext& context, const char* what,
-                                const std::string& name,
-                                const std::function<absl::Status(uint64_t)>& change,
-                                v1::Job* response, const std::string& part) {
-  const absl::StatusOr<JobView> view = TryChange(context, name, change);
-  NoteInAudit(context, access_, what, name + part, view.status());
+grpc::Status JobService::Change(const grpc::ServerContext& context, JobVerb verb,
+                                const std::string& name, absl::StatusOr<JobArguments> arguments,
+                                v1::Job* response) {
+  if (!arguments.ok()) return ToGrpcStatus(arguments.status());
+  arguments->user = OwnerOf(context);
+  const absl::StatusOr<JobView> view = TryChange(context, verb, name, *arguments);
+  NoteInAudit(context, access_, RowOf(verb).name, name + PartName(*arguments), view.status());
   if (!view.ok()) return ToGrpcStatus(view.status());
   *response = ToWire(*view);
   return grpc::Status::OK;
-}
-
-grpc::Status JobService::CancelJob(grpc::ServerContext* context,
-                                   const v1::CancelJobRequest* request, v1::Job* response) {
-  return Change(
-      *context, "CancelJob", request->name(), [&](uint64_t id) { return farm_->CancelJob(id); },
-      response);
-}
-
-grpc::Status JobService::PauseJob(grpc::ServerContext* context, const v1::PauseJobRequest* request,
-                                  v1::Job* response) {
-  return Change(
-      *context, "PauseJob", request->name(), [&](uint64_t id) { return farm_->PauseJob(id); },
-      response);
-}
-
-grpc::Status JobService::ResumeJob(grpc::ServerContext* context,
-                                   const v1::ResumeJobRequest* request, v1::Job* response) {
-  return Change(
-      *context, "ResumeJob", request->name(), [&](uint64_t id) { return farm_->ResumeJob(id); },
-      response);
-}
-
-grpc::Status JobService::SetJobPriority(grpc::ServerContext* context,
-                                        const v1::SetJobPriorityRequest* request,
-                                        v1::Job* response) {
-  return Change(
-      *context, "SetJobPriority", request->name(),
-      [&](uint64_t id) { return farm_->SetJobPriority(id, request->priority()); }, response);
-}
-
-grpc::Status JobService::RefineJob(grpc::ServerContext* context,
-                                   const v1::RefineJobRequest* request, v1::Job* response) {
-  const absl::StatusOr<Refinement> refinement = FromWire(*request);
-  if (!refinement.ok()) return ToGrpcStatus(refinement.status());
-  return Change(
-      *context, "RefineJob", request->name(),
-      [&](uint64_t id) { return farm_->RefineJob(id, *refinement); }, response);
-}
-
-grpc::Status JobService::RetryTasks(grpc::ServerContext* context,
-                                    const v1::RetryTasksRequest* request, v1::Job* response) {
-  std::optional<int32_t> frame;
-  std::optional<uint32_t> task;
-  if (request->has_frame_number()) frame = request->frame_number();
-  if (request->has_task()) task = request->task();
-  if (task && !frame) {
-    return ToGrpcStatus(absl::InvalidArgumentError("task: needs the frame_number, too"));
-  }
-  return Change(
-      *context, "RetryTasks", request->name(),
-      [&](uint64_t id) { return farm_->RetryTasks(id, frame, task); }, response,
-      PartName(frame, task));
-}
-
-grpc::Status JobService::KillTasks(grpc::ServerContext* context,
-                                   const v1::KillTasksRequest* request, v1::Job* response) {
-  std::optional<uint32_t> task;
-  if (request->has_task()) task = request->task();
-  const std::string why = absl::StrCat("killed by ", OwnerOf(*context));
-  return Change(
-      *context, "KillTasks", request->name(),
-      [&](uint64_t id) {
-        return farm_->KillTasks({id, request->frame_number()}, task, why);
-      },
-      response, PartName(request->frame_number(), task));
 }
 
 grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,

@@ -9,8 +9,10 @@
 #include <string>
 
 #include "coordinator/access/access_control.h"
+#include "coordinator/core/job/job_verbs.h"
 #include "coordinator/service/farm/farm.h"
 #include "coordinator/service/grpc/job_watches.h"
+#include "coordinator/service/grpc/wire.h"
 #include "sheaf/v1/job.grpc.pb.h"
 
 namespace sheaf::coordinator {
@@ -38,25 +40,15 @@ class JobService final : public v1::JobService::Service {
                       v1::Job* response) override;
   grpc::Status ListJobs(grpc::ServerContext* context, const v1::ListJobsRequest* request,
                         v1::ListJobsResponse* response) override;
-  grpc::Status CancelJob(grpc::ServerContext* context, const v1::CancelJobRequest* request,
-                         v1::Job* response) override;
-  grpc::Status PauseJob(grpc::ServerContext* context, const v1::PauseJobRequest* request,
-                        v1::Job* response) override;
-  grpc::Status ResumeJob(grpc::ServerContext* context, const v1::ResumeJobRequest* request,
-                         v1::Job* response) override;
-  grpc::Status SetJobPriority(grpc::ServerContext* context,
-                              const v1::SetJobPriorityRequest* request, v1::Job* response) override;
-  grpc::Status RefineJob(grpc::ServerContext* context, const v1::RefineJobRequest* request,
-                         v1::Job* response) override;
-  grpc::Status RetryTasks(grpc::ServerContext* context, const v1::RetryTasksRequest* request,
-                          v1::Job* response) override;
-  grpc::Status KillTasks(grpc::ServerContext* context, const v1::KillTasksRequest* request,
-                         v1::Job* response) override;
-  // These three in job_service_retention.cc.
-  grpc::Status PinJob(grpc::ServerContext* context, const v1::PinJobRequest* request,
-                      v1::Job* response) override;
-  grpc::Status UnpinJob(grpc::ServerContext* context, const v1::UnpinJobRequest* request,
-                        v1::Job* response) override;
+  // The verbs of job_verbs.h.
+#define SHEAF_VERB(call, word, takes)                                                            \
+  grpc::Status call(grpc::ServerContext* context, const v1::call##Request* request,              \
+                    v1::Job* response) override {                                                \
+    return Change(*context, JobVerb::k##call, request->name(), ArgumentsOf(*request), response); \
+  }
+  SHEAF_JOB_CALLS(SHEAF_VERB)
+#undef SHEAF_VERB
+  // In job_service_retention.cc.
   grpc::Status CollectGarbage(grpc::ServerContext* context,
                               const v1::CollectGarbageRequest* request,
                               v1::CollectGarbageResponse* response) override;
@@ -74,11 +66,7 @@ class JobService final : public v1::JobService::Service {
   // In job_service_usage.cc.
   grpc::Status ListUsage(grpc::ServerContext* context, const v1::ListUsageRequest* request,
                          v1::ListUsageResponse* response) override;
-  // These four in job_service_holds.cc.
-  grpc::Status ReleaseJob(grpc::ServerContext* context, const v1::ReleaseJobRequest* request,
-                          v1::Job* response) override;
-  grpc::Status ApproveFrames(grpc::ServerContext* context, const v1::ApproveFramesRequest* request,
-                             v1::Job* response) override;
+  // These two in job_service_workers.cc.
   grpc::Status DrainWorkers(grpc::ServerContext* context, const v1::DrainWorkersRequest* request,
                             v1::DrainWorkersResponse* response) override;
   grpc::Status UndrainWorkers(grpc::ServerContext* context,
@@ -103,13 +91,12 @@ class JobService final : public v1::JobService::Service {
   absl::StatusOr<TaskReport> FindTask(const grpc::ServerContext& context,
                                       const v1::ReadTaskBundleRequest& request) const;
   absl::StatusOr<JobView> Find(const std::string& name) const;
-  // Changes a job, by its number, if the caller may, and answers with its new state. what: the
-  // call's name for the audit log, where part follows the job's name.
-  grpc::Status Change(const grpc::ServerContext& context, const char* what, const std::string& name,
-                      const std::function<absl::Status(uint64_t)>& change, v1::Job* response,
-                      const std::string& part = "");
-  absl::StatusOr<JobView> TryChange(const grpc::ServerContext& context, const std::string& name,
-                                    const std::function<absl::Status(uint64_t)>& change);
+  // Changes a job, if the caller may, and answers with its new state. arguments: an error is the
+  // answer.
+  grpc::Status Change(const grpc::ServerContext& context, JobVerb verb, const std::string& name,
+                      absl::StatusOr<JobArguments> arguments, v1::Job* response);
+  absl::StatusOr<JobView> TryChange(const grpc::ServerContext& context, JobVerb verb,
+                                    const std::string& name, const JobArguments& arguments);
   absl::StatusOr<ShareView> TrySetShare(const v1::SetShareRequest& request);
   // Adds those of these ids. Requires: ids is sorted.
   void AddWorkers(const std::vector<std::string>& ids,

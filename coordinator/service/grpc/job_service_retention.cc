@@ -9,20 +9,6 @@
 
 namespace sheaf::coordinator {
 
-grpc::Status JobService::PinJob(grpc::ServerContext* context, const v1::PinJobRequest* request,
-                                v1::Job* response) {
-  return Change(
-      *context, "PinJob", request->name(),
-      [&](uint64_t id) { return farm_->SetJobPinned(id, /*pinned=*/true); }, response);
-}
-
-grpc::Status JobService::UnpinJob(grpc::ServerContext* context, const v1::UnpinJobRequest* request,
-                                  v1::Job* response) {
-  return Change(
-      *context, "UnpinJob", request->name(),
-      [&](uint64_t id) { return farm_->SetJobPinned(id, /*pinned=*/false); }, response);
-}
-
 grpc::Status JobService::CollectGarbage(grpc::ServerContext* context,
                                         const v1::CollectGarbageRequest* request,
                                         v1::CollectGarbageResponse* response) {

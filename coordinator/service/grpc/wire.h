@@ -8,6 +8,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "coordinator/core/job/job_verbs.h"
 #include "coordinator/service/farm/farm.h"
 #include "coordinator/service/view/messages/view_messages.h"
 #include "sheaf/v1/job.pb.h"
@@ -33,6 +34,32 @@ absl::StatusOr<BlobDigest> FromWire(const v1::Digest& digest);
 // Without job id, profile and frame digests, which the farm fills in.
 absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request);
 absl::StatusOr<Refinement> FromWire(const v1::RefineJobRequest& request);
+// The arguments of a verb's request (job_verbs.h).
+template <typename Request>
+absl::StatusOr<JobArguments> ArgumentsOf(const Request& request) {
+  JobArguments arguments;
+  if constexpr (requires { request.priority(); }) arguments.priority = request.priority();
+  if constexpr (requires { request.has_frame_number(); }) {
+    if (request.has_frame_number()) arguments.frame = request.frame_number();
+  } else if constexpr (requires { request.frame_number(); }) {
+    arguments.frame = request.frame_number();
+  }
+  if constexpr (requires { request.has_task(); }) {
+    if (request.has_task()) arguments.task = request.task();
+    if (arguments.task && !arguments.frame) {
+      return absl::InvalidArgumentError("task: needs the frame_number, too");
+    }
+  }
+  if constexpr (requires { request.frame_numbers(); }) {
+    arguments.frames.assign(request.frame_numbers().begin(), request.frame_numbers().end());
+  }
+  if constexpr (requires { request.stop(); }) {
+    const absl::StatusOr<Refinement> refinement = FromWire(request);
+    if (!refinement.ok()) return refinement.status();
+    arguments.refinement = *refinement;
+  }
+  return arguments;
+}
 absl::StatusOr<WorkerReport> FromWire(const v1::SynchronizeRequest& request);
 absl::StatusOr<ResultReport> FromWire(const v1::ResultHeader& header);
 

@@ -59,56 +59,18 @@ void WarnOfInsecureAddress(const std::string& address) {
 
 // The page's actions on the farm.
 FarmActions ActionsOn(Farm* farm) {
-  const auto by_number = [](const std::string& job_id,
-                            const std::function<absl::Status(uint64_t)>& act) -> absl::Status {
+  FarmActions actions;
+  actions.change_job = [farm](JobVerb verb, const std::string& job_id,
+                              const JobArguments& arguments) -> absl::Status {
     uint64_t id = 0;
-    if (absl::SimpleAtoi(job_id, &id)) return act(id);
+    if (absl::SimpleAtoi(job_id, &id)) return farm->ChangeJob(verb, id, arguments);
     return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
   };
-  FarmActions actions;
-  actions.cancel_job = [=](const std::string& job) {
-    return by_number(job, [=](uint64_t id) { return farm->CancelJob(id); });
-  };
-  actions.pause_job = [=](const std::string& job) {
-    return by_number(job, [=](uint64_t id) { return farm->PauseJob(id); });
-  };
-  actions.resume_job = [=](const std::string& job) {
-    return by_number(job, [=](uint64_t id) { return farm->ResumeJob(id); });
-  };
-  actions.set_job_priority = [=](const std::string& job, int32_t priority) {
-    return by_number(job, [=](uint64_t id) { return farm->SetJobPriority(id, priority); });
-  };
-  actions.retry_tasks = [=](const std::string& job, std::optional<int32_t> frame,
-                            std::optional<uint32_t> task) {
-    return by_number(job, [=](uint64_t id) { return farm->RetryTasks(id, frame, task); });
-  };
-  actions.kill_tasks = [=](const std::string& job, int32_t frame, std::optional<uint32_t> task,
-                           const std::string& why) {
-    return by_number(job, [=](uint64_t id) { return farm->KillTasks({id, frame}, task, why); });
-  };
-  actions.pin_job = [=](const std::string& job) {
-    return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, true); });
-  };
-  actions.unpin_job = [=](const std::string& job) {
-    return by_number(job, [=](uint64_t id) { return farm->SetJobPinned(id, false); });
-  };
-  actions.delete_job = [=](const std::string& job) {
-    return by_number(job, [=](uint64_t id) { return farm->DeleteJob(id); });
-  };
-  actions.read_pixel = [=](const std::string& job, int32_t frame, int32_t x_px, int32_t y_px) {
+  actions.read_pixel = [farm](const std::string& job, int32_t frame, int32_t x_px, int32_t y_px) {
     return farm->ReadPixel(job, frame, x_px, y_px);
   };
-  actions.list_usage = [=](const UsageQuery& query) { return farm->ListUsage(query); };
-  actions.release_job = [=](const std::string& job) {
-    return by_number(job, [=](uint64_t id) { return farm->ReleaseJob(id); });
-  };
-  actions.approve_frames = [=](const std::string& job, const std::vector<int32_t>& frames) {
-    return by_number(job, [&](uint64_t id) { return farm->ApproveFrames(id, frames); });
-  };
-  actions.collect_garbage = [=](bool dry_run) { return farm->CollectGarbage(dry_run); };
-  actions.refine_job = [=](const std::string& job, const Refinement& refinement) {
-    return by_number(job, [=](uint64_t id) { return farm->RefineJob(id, refinement); });
-  };
+  actions.list_usage = [farm](const UsageQuery& query) { return farm->ListUsage(query); };
+  actions.collect_garbage = [farm](bool dry_run) { return farm->CollectGarbage(dry_run); };
   return actions;
 }
 

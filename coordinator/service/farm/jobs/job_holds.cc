@@ -62,7 +62,7 @@ absl::StatusOr<std::set<int32_t>> ChooseWaiting(const JobRecord& job,
 
 }  // namespace
 
-absl::Status JobLifecycle::Release(uint64_t job_id) {
+absl::Status JobLifecycle::ReleaseJob(uint64_t job_id, const JobArguments& /*arguments*/) {
   const MutexLock settling(&settle_mutex_);  // No end or new beginning is written meanwhile.
   {
     const MutexLock lock(&tables_.mutex);
@@ -88,7 +88,7 @@ absl::Status JobLifecycle::Release(uint64_t job_id) {
   return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::Approve(uint64_t job_id, const std::vector<int32_t>& numbers) {
+absl::Status JobLifecycle::ApproveFrames(uint64_t job_id, const JobArguments& arguments) {
   const MutexLock settling(&settle_mutex_);
   StoredJob job;
   std::set<int32_t> chosen;
@@ -97,7 +97,7 @@ absl::Status JobLifecycle::Approve(uint64_t job_id, const std::vector<int32_t>& 
     const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
     if (!found.ok()) return found.status();
     if (absl::Status there = RequireNotGivenUp(**found); !there.ok()) return there;
-    absl::StatusOr<std::set<int32_t>> waiting = ChooseWaiting(**found, numbers);
+    absl::StatusOr<std::set<int32_t>> waiting = ChooseWaiting(**found, arguments.frames);
     if (!waiting.ok()) return waiting.status();
     chosen = *std::move(waiting);
     job = StoredJobOf(**found);

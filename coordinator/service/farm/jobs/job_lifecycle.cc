@@ -77,7 +77,7 @@ absl::StatusOr<uint64_t> JobLifecycle::CreateNew(JobSpec spec, const std::string
   return created->job_id;
 }
 
-absl::Status JobLifecycle::Cancel(uint64_t job_id) {
+absl::Status JobLifecycle::CancelJob(uint64_t job_id, const JobArguments& /*arguments*/) {
   {
     const MutexLock lock(&tables_.mutex);
     const absl::StatusOr<const JobRecord*> job = tables_.FindJob(job_id);
@@ -94,6 +94,14 @@ absl::Status JobLifecycle::Cancel(uint64_t job_id) {
   const bool settled = std::find(tables_.unsettled_jobs.begin(), tables_.unsettled_jobs.end(),
                                  job_id) == tables_.unsettled_jobs.end();
   return settled ? absl::OkStatus() : disk_.Last();
+}
+
+absl::Status JobLifecycle::PauseJob(uint64_t job_id, const JobArguments& /*arguments*/) {
+  return SetPaused(job_id, true);
+}
+
+absl::Status JobLifecycle::ResumeJob(uint64_t job_id, const JobArguments& /*arguments*/) {
+  return SetPaused(job_id, false);
 }
 
 absl::Status JobLifecycle::SetPaused(uint64_t job_id, bool paused) {
@@ -122,7 +130,8 @@ absl::Status JobLifecycle::SetPaused(uint64_t job_id, bool paused) {
   return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::SetPriority(uint64_t job_id, int32_t priority) {
+absl::Status JobLifecycle::SetJobPriority(uint64_t job_id, const JobArguments& arguments) {
+  const int32_t priority = arguments.priority;
   const MutexLock settling(&settle_mutex_);
   {
     const MutexLock lock(&tables_.mutex);

@@ -16,6 +16,7 @@
 
 #include "absl/status/statusor.h"
 #include "common/base/mutex.h"
+#include "coordinator/core/job/job_verbs.h"
 #include "coordinator/service/farm/state/delivery_queue.h"
 #include "coordinator/service/farm/state/disk_state.h"
 #include "coordinator/service/farm/state/farm_options.h"
@@ -60,16 +61,43 @@ class JobLifecycle {
 
   // As in Farm.
   absl::StatusOr<uint64_t> Create(JobSpec spec, const std::string& request_id);
-  absl::Status Cancel(uint64_t job_id);
-  absl::Status SetPaused(uint64_t job_id, bool paused);
-  absl::Status SetPriority(uint64_t job_id, int32_t priority);
-  absl::Status Refine(uint64_t job_id, const Refinement& refinement);
-  // These two in holds/job_holds.cc. Requires for Approve: no result is taken meanwhile.
-  absl::Status Release(uint64_t job_id);
-  absl::Status Approve(uint64_t job_id, const std::vector<int32_t>& numbers);
-  // Requires for Retry: no result is taken meanwhile.
-  absl::Status Retry(uint64_t job_id, std::optional<int32_t> frame, std::optional<uint32_t> task);
-  absl::Status Kill(const FrameId& id, std::optional<uint32_t> task, const std::string& why);
+
+  // The verbs (job_verbs.h), by name. OK means: the change is durable, or there was none to make.
+  // Errors of all: kNotFound; kUnavailable, kResourceExhausted (the disk); those named here.
+  //
+  // A no-op if the job was cancelled. Errors: kFailedPrecondition (it has ended otherwise).
+  absl::Status CancelJob(uint64_t job_id, const JobArguments& arguments);
+  // A paused job gets no new leases until it is resumed. Errors: kFailedPrecondition (it has
+  // ended).
+  absl::Status PauseJob(uint64_t job_id, const JobArguments& arguments);
+  absl::Status ResumeJob(uint64_t job_id, const JobArguments& arguments);
+  // Errors: kInvalidArgument; kFailedPrecondition (it has ended).
+  absl::Status SetJobPriority(uint64_t job_id, const JobArguments& arguments);
+  // Continues a job that succeeded, from its kept parts; missing parts are rendered again. A no-op
+  // if all of its frames are good enough. Errors: kFailedPrecondition (it has not succeeded);
+  // kInvalidArgument (fewer samples than it has).
+  absl::Status RefineJob(uint64_t job_id, const JobArguments& arguments);
+  // Releases a job from its dependencies, whatever their state. Errors: kFailedPrecondition (it
+  // waits for none, or has ended).
+  absl::Status ReleaseJob(uint64_t job_id, const JobArguments& arguments);
+  // Continues frames that wait for approval: these or, if none is named, all that wait now. A no-op
+  // for approved frames. Requires: no result is taken meanwhile. Errors: kFailedPrecondition (the
+  // job or a frame does not wait).
+  absl::Status ApproveFrames(uint64_t job_id, const JobArguments& arguments);
+  // Clears the failures of a job, of a frame of it or of a task, and leases tasks again that were
+  // set aside; a failed job continues. Requires: no result is taken meanwhile. Errors:
+  // kFailedPrecondition (it has ended otherwise); kResourceExhausted (the owner's limits).
+  absl::Status RetryTasks(uint64_t job_id, const JobArguments& arguments);
+  // Sets a task, or a whole frame, aside until it is retried. Errors: as RetryTasks;
+  // kInvalidArgument (no frame); kFailedPrecondition if it is rendered.
+  absl::Status KillTasks(uint64_t job_id, const JobArguments& arguments);
+  // A pinned job keeps all its stored data until it is unpinned.
+  absl::Status PinJob(uint64_t job_id, const JobArguments& arguments);
+  absl::Status UnpinJob(uint64_t job_id, const JobArguments& arguments);
+  // Removes a job that has ended, with its images, even if it has only just ended. Errors:
+  // kFailedPrecondition (it has not ended, is pinned, or another job waits for it).
+  absl::Status DeleteJob(uint64_t job_id, const JobArguments& arguments);
+
   void NotePilotRequest(uint64_t job_id);
   absl::Status LiftQuarantine(const std::string& identity);
 
@@ -89,16 +117,12 @@ class JobLifecycle {
   absl::Status RemakeFrames(uint64_t job_id, const std::set<int32_t>& numbers);
 
   // upkeep/job_retention.cc
-  // A pinned job keeps all its stored data. Errors: kNotFound; kUnavailable (the disk).
-  absl::Status SetPinned(uint64_t job_id, bool pinned);
   // Each removes stored data of an unpinned job whose end is durable. Errors: kNotFound;
   // kFailedPrecondition (not such a job); those of the store. After an error RemoveParts may have
   // removed some parts; call it again for the rest.
   absl::Status RemoveParts(uint64_t job_id, absl::Time now);
   absl::Status RemovePreviews(uint64_t job_id);  // Also for a removed job.
   absl::Status RemoveJob(uint64_t job_id);  // kFailedPrecondition also if it has only just ended.
-  // The same at a user's request, even if it has only just ended.
-  absl::Status DeleteJob(uint64_t job_id);
   // How often ended jobs were reopened since the coordinator started.
   uint64_t ReopenCount() ABSL_LOCKS_EXCLUDED(settle_mutex_);
   // Calls `act` while no job can be reopened, if none was since ReopenCount was `seen`. Returns
@@ -118,6 +142,9 @@ class JobLifecycle {
   void LimitKeptParts();
 
  private:
+  absl::Status SetPaused(uint64_t job_id, bool paused);
+  absl::Status SetPinned(uint64_t job_id, bool pinned);
+
   // By frame: its tiles with parts on disk.
   using TilesOnDisk = std::map<FrameId, std::set<uint32_t>>;
 

@@ -103,7 +103,8 @@ absl::Status JobLifecycle::CheckRefinement(const JobRecord& job,
   return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::Refine(uint64_t job_id, const Refinement& refinement) {
+absl::Status JobLifecycle::RefineJob(uint64_t job_id, const JobArguments& arguments) {
+  const Refinement& refinement = arguments.refinement;
   const MutexLock settling(&settle_mutex_);  // No end or new beginning is written meanwhile.
   StoredJob job;
   bool parts_removed = false;
@@ -300,8 +301,9 @@ absl::Status JobLifecycle::ReopenFrames(StoredJob job,
   return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::Retry(uint64_t job_id, std::optional<int32_t> frame,
-                                 std::optional<uint32_t> task) {
+absl::Status JobLifecycle::RetryTasks(uint64_t job_id, const JobArguments& arguments) {
+  const std::optional<int32_t> frame = arguments.frame;
+  const std::optional<uint32_t> task = arguments.task;
   const MutexLock settling(&settle_mutex_);
   bool reopens = false;
   {
@@ -372,8 +374,11 @@ absl::Status JobLifecycle::ReopenUndelivered(uint64_t job_id, std::optional<int3
   return absl::OkStatus();
 }
 
-absl::Status JobLifecycle::Kill(const FrameId& id, std::optional<uint32_t> task,
-                                const std::string& why) {
+absl::Status JobLifecycle::KillTasks(uint64_t job_id, const JobArguments& arguments) {
+  if (!arguments.frame) return absl::InvalidArgumentError("a frame to kill is missing");
+  const FrameId id{job_id, *arguments.frame};
+  const std::optional<uint32_t> task = arguments.task;
+  const std::string why = absl::StrCat("killed by ", arguments.user);
   {
     const MutexLock settling(&settle_mutex_);  // No new beginning is written meanwhile.
     {

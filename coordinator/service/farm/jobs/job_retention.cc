@@ -13,6 +13,14 @@
 
 namespace sheaf::coordinator {
 
+absl::Status JobLifecycle::PinJob(uint64_t job_id, const JobArguments& /*arguments*/) {
+  return SetPinned(job_id, true);
+}
+
+absl::Status JobLifecycle::UnpinJob(uint64_t job_id, const JobArguments& /*arguments*/) {
+  return SetPinned(job_id, false);
+}
+
 absl::Status JobLifecycle::SetPinned(uint64_t job_id, bool pinned) {
   const MutexLock settling(&settle_mutex_);  // Nothing of it is removed meanwhile.
   {
@@ -91,7 +99,7 @@ absl::Status JobLifecycle::RemoveJob(uint64_t job_id) {
   return RemoveUnused(job_id);
 }
 
-absl::Status JobLifecycle::DeleteJob(uint64_t job_id) {
+absl::Status JobLifecycle::DeleteJob(uint64_t job_id, const JobArguments& /*arguments*/) {
   const MutexLock settling(&settle_mutex_);
   return RemoveUnused(job_id);
 }

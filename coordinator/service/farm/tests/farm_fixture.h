@@ -149,7 +149,7 @@ class FarmTest : public ::testing::Test {
   // Measures worker w's speed by another job, which is then finished.
   void LearnSpeed() {
     const uint64_t other = MakeJob({}, 16);
-    SHEAF_CHECK(farm_->SetJobPriority(other, 1).ok());
+    SHEAF_CHECK(farm_->SetJobPriority(other, {.priority = 1}).ok());
     Work();
   }
   // Renders all that is left of a job, and delivers it. Requires: no background thread.

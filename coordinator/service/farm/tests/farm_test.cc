@@ -56,7 +56,7 @@ TEST_F(FarmTest, AJobCanBeRefinedBeforeItsEndIsWritten) {
   const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
   store_->refuses_ends_ = true;
   while (store_->ends_refused_ == 0 && SteadyTime::Now() < deadline) Work(absl::Milliseconds(2));
-  ASSERT_TRUE(farm_->RefineJob(id, {{}, 512}).ok());
+  ASSERT_TRUE(farm_->RefineJob(id, {.refinement = {{}, 512}}).ok());
   store_->refuses_ends_ = false;
   EXPECT_TRUE(farm_->CancelJob(MakeJob({}, 64)).ok());  // Writes all ends that are due.
   ASSERT_GT(store_->PartsBytes(), 0u);
@@ -75,10 +75,10 @@ TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {
   const uint64_t job = MakeJob({});
   store_->full_ = true;
   EXPECT_TRUE(absl::IsResourceExhausted(farm_->PauseJob(job)));
-  EXPECT_TRUE(absl::IsResourceExhausted(farm_->SetJobPriority(job, 5)));
+  EXPECT_TRUE(absl::IsResourceExhausted(farm_->SetJobPriority(job, {.priority = 5})));
   store_->full_ = false;
   EXPECT_TRUE(farm_->ResumeJob(job).ok());
-  EXPECT_TRUE(farm_->SetJobPriority(job, 0).ok());
+  EXPECT_TRUE(farm_->SetJobPriority(job, {.priority = 0}).ok());
   EXPECT_EQ(store_->control_writes_, 4);
   EXPECT_EQ(Metric("sheaf_jobs_paused"), 0);
   EXPECT_GT(Metric("sheaf_work_left_cpu_seconds"), 0);
@@ -166,14 +166,14 @@ TEST_F(FarmTest, RefinedJobTimeCoversAllSamples) {
   };
   const double before = finish(absl::Milliseconds(300));
   EXPECT_GE(before, 0.3);
-  ASSERT_TRUE(farm_->RefineJob(id, {{}, 512}).ok());
+  ASSERT_TRUE(farm_->RefineJob(id, {.refinement = {{}, 512}}).ok());
   EXPECT_GE(farm_->FindJob(job)->progress.wall_seconds, before);
   const double after = finish(absl::Milliseconds(100));
   EXPECT_GE(after, before + 0.1);
   Start();
   store_->Open();
   EXPECT_NEAR(farm_->FindJob(job)->progress.wall_seconds, after, 1e-6);
-  ASSERT_TRUE(farm_->RefineJob(id, {{}, 1024}).ok());
+  ASSERT_TRUE(farm_->RefineJob(id, {.refinement = {{}, 1024}}).ok());
   EXPECT_GE(finish(absl::ZeroDuration()), after);
 }
 
@@ -191,7 +191,7 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
   while (farm_->FindJob(job)->state != JobState::kSucceeded && absl::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
-  ASSERT_TRUE(farm_->RefineJob(id, {{}, uint64_t{1} << 20}).ok());
+  ASSERT_TRUE(farm_->RefineJob(id, {.refinement = {{}, uint64_t{1} << 20}}).ok());
   Work();
   const ProgressView alone = progress();
   const auto left = static_cast<double>(alone.sample_count_total - alone.sample_count_done);
@@ -206,7 +206,7 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
     absl::SleepFor(absl::Milliseconds(10));
   }
   EXPECT_NEAR(*progress().remaining_seconds, both, 0.01 * both);
-  ASSERT_TRUE(farm_->SetJobPriority(other, -1).ok());
+  ASSERT_TRUE(farm_->SetJobPriority(other, {.priority = -1}).ok());
   while (progress().remaining_seconds > 0.99 * both && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(10));
   }

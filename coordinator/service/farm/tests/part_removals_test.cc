@@ -121,7 +121,7 @@ TEST_F(FarmTest, ASupersededPartThatCannotBeRemovedIsNotMerged) {
   ASSERT_EQ(store_->removals_refused_, 1);
   ASSERT_TRUE(Deliver(larger[0]).ok());
   Finish(id);
-  EXPECT_TRUE(farm_->RefineJob(id, {{}, 512}).ok());
+  EXPECT_TRUE(farm_->RefineJob(id, {.refinement = {{}, 512}}).ok());
   Finish(id);
   EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 16u * 16u * 512u);
   const PartKey key{late[0].lease.frame, late[0].lease.tile_rect, late[0].lease.task.block,
@@ -163,7 +163,7 @@ TEST_F(FarmTest, ACorrectionThatTheDiskDelaysCountsOnce) {
   Distrust("w");
   for (int32_t priority = 1; priority <= 3; ++priority) {
     farm_->RunOnce();
-    EXPECT_TRUE(farm_->SetJobPriority(id, priority).ok());  // The disk takes that.
+    EXPECT_TRUE(farm_->SetJobPriority(id, {.priority = priority}).ok());  // The disk takes that.
   }
   EXPECT_EQ(store_->FindPartsOf("w")->size(), count - 1);
   EXPECT_EQ(PartsRevoked(), count);

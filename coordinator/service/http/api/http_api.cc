@@ -163,31 +163,14 @@ std::vector<HttpRoute> HttpApi::Routes() {
   };
   const std::string job = "/api/v1/jobs/{}";
   const std::string frame = job + "/frames/{}";
-  return {
+  std::vector<HttpRoute> routes = {
       probe("/healthz", [](const Request&) { return JsonResponse(HealthJson()); }),
       probe("/readyz", [this](const Request&) { return Ready(); }),
       probe("/metrics", metrics),
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
       {"GET", job, [this](const Request& r) { return GetJob(r); }},
       {"GET", job + "/failures", [this](const Request& r) { return ListFailures(r); }},
-      {"POST", job + ":cancel",
-       [this](const Request& r) { return ChangeJob(r, actions_.cancel_job); }},
-      {"POST", job + ":pause",
-       [this](const Request& r) { return ChangeJob(r, actions_.pause_job); }},
-      {"POST", job + ":resume",
-       [this](const Request& r) { return ChangeJob(r, actions_.resume_job); }},
-      {"POST", job + ":pin", [this](const Request& r) { return ChangeJob(r, actions_.pin_job); }},
-      {"POST", job + ":unpin",
-       [this](const Request& r) { return ChangeJob(r, actions_.unpin_job); }},
-      {"POST", job + ":delete", [this](const Request& r) { return DeleteJob(r); }},
       {"POST", "/api/v1/gc", [this](const Request& r) { return CollectGarbage(r); }},
-      {"POST", job + ":priority", [this](const Request& r) { return SetPriority(r); }},
-      {"POST", job + ":retry", [this](const Request& r) { return RetryTasks(r); }},
-      {"POST", job + ":kill", [this](const Request& r) { return KillTasks(r); }},
-      {"POST", job + ":release",
-       [this](const Request& r) { return ChangeJob(r, actions_.release_job); }},
-      {"POST", job + ":approve", [this](const Request& r) { return ApproveFrames(r); }},
-      {"POST", job + ":refine", [this](const Request& r) { return RefineJob(r); }},
       {"GET", job + "/refine-price", [this](const Request& r) { return GetRefinePrice(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
       {"GET", frame + "/preview.png", [this](const Request& r) { return GetPreview(r); }},
@@ -202,6 +185,11 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", "/api/v1/usage", [this](const Request& r) { return GetUsage(r); }},
       {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
   };
+  for (const JobVerbRow& row : kJobVerbs) {
+    routes.push_back({"POST", absl::StrCat(job, ":", row.word),
+                      [this, &row](const Request& r) { return ChangeJob(row, r); }});
+  }
+  return routes;
 }
 
 HttpResponse HttpApi::ListJobs(const HttpRequest& request) const {
@@ -254,41 +242,6 @@ HttpResponse HttpApi::ListFailures(const HttpRequest& request) const {
   std::vector<std::string> list;
   for (const FailureView& failure : *failures) list.push_back(FailureJson(job_id, failure));
   return JsonResponse(ListJson("failures", list, ""));
-}
-
-HttpResponse HttpApi::ChangeJob(const HttpRequest& request,
-                                const std::function<absl::Status(const std::string&)>& act) const {
-  const std::string& job_id = request.path_parameters[0];
-  const absl::Status done = ControlJob(request, act);
-  if (access_ != nullptr) access_->NoteInAudit(request, job_id, done);
-  if (!done.ok()) return HttpErrorFromStatus(done);
-  const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
-  if (!job.ok()) return HttpErrorFromStatus(job.status());
-  return JsonResponse(JobJson(*job, JsonFields::kHttp));
-}
-
-absl::Status HttpApi::ControlJob(const HttpRequest& request,
-                                 const std::function<absl::Status(const std::string&)>& act) const {
-  const std::string& job_id = request.path_parameters[0];
-  if (access_ != nullptr) {
-    const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
-    if (!job.ok()) return job.status();
-    absl::Status allowed = AccessControl::AuthorizeJob(request.caller, job->owner);
-    if (!allowed.ok()) return allowed;
-  }
-  return act(job_id);
-}
-
-HttpResponse HttpApi::SetPriority(const HttpRequest& request) const {
-  const std::string text = QueryValue(request, "value");
-  int32_t priority = 0;
-  if (!absl::SimpleAtoi(text, &priority)) {
-    return HttpErrorFromStatus(
-        absl::InvalidArgumentError(absl::StrCat("value \"", text, "\" is not an integer")));
-  }
-  return ChangeJob(request, [&](const std::string& job_id) {
-    return actions_.set_job_priority(job_id, priority);
-  });
 }
 
 HttpResponse HttpApi::CollectGarbage(const HttpRequest& request) const {

@@ -80,6 +80,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "coordinator/core/job/job_verbs.h"
 #include "coordinator/service/http/api/http_preview.h"
 #include "coordinator/service/http/server/http_access.h"
 #include "coordinator/service/http/server/http_router.h"
@@ -110,30 +111,10 @@ struct ViewedImage {
 
 // Actions on the farm that the page offers.
 struct FarmActions {
-  // Cancels a job. Errors: kNotFound; kFailedPrecondition (the job has ended).
-  std::function<absl::Status(const std::string& job_id)> cancel_job;
-  // Pause, resume, or set the priority of a job. Errors: as for cancel_job; for the priority also
-  // kInvalidArgument.
-  std::function<absl::Status(const std::string&job_id)> pause_job, resume_job;
-  std::function<absl::Status(const std::string& job_id, int32_t priority)> set_job_priority;
-  // Tries failed work of a job, a frame or a task again, or sets a frame or a task aside. Errors:
-  // those of Farm::RetryTasks and KillTasks.
-  std::function<absl::Status(const std::string& job_id, std::optional<int32_t> frame,
-                             std::optional<uint32_t> task)>
-      retry_tasks;
-  std::function<absl::Status(const std::string& job_id, int32_t frame, std::optional<uint32_t> task,
-                             const std::string& why)>
-      kill_tasks;
-  // Continues a job that succeeded. Errors: those of Farm::RefineJob.
-  std::function<absl::Status(const std::string& job_id, const Refinement& refinement)> refine_job;
-  // Pins or unpins a job. Errors: kNotFound; kUnavailable (the disk).
-  std::function<absl::Status(const std::string&job_id)> pin_job, unpin_job;
-  // Farm::ReleaseJob and ApproveFrames.
-  std::function<absl::Status(const std::string& job_id)> release_job;
-  std::function<absl::Status(const std::string& job_id, const std::vector<int32_t>& frames)>
-      approve_frames;
-  // Removes a job that has ended. Errors: those of Farm::DeleteJob.
-  std::function<absl::Status(const std::string& job_id)> delete_job;
+  // Changes a job. Errors: those of JobLifecycle's function of the verb.
+  std::function<absl::Status(JobVerb verb, const std::string& job_id,
+                             const JobArguments& arguments)>
+      change_job;
   // All channels of a pixel. Errors: those of Farm::ReadPixel.
   std::function<absl::StatusOr<PixelView>(const std::string& job_id, int32_t frame_number,
                                           int32_t x_px, int32_t y_px)>
@@ -166,21 +147,14 @@ class HttpApi {
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
   HttpResponse ListFailures(const HttpRequest& request) const;
-  // Calls `act` for the job in the path and responds with the job's new state.
-  HttpResponse ChangeJob(const HttpRequest& request,
-                         const std::function<absl::Status(const std::string&)>& act) const;
-  // Calls `act` if the caller may control the job.
-  absl::Status ControlJob(const HttpRequest& request,
-                          const std::function<absl::Status(const std::string&)>& act) const;
-  HttpResponse SetPriority(const HttpRequest& request) const;
-  HttpResponse RetryTasks(const HttpRequest& request) const;  // These two in http_retry.cc.
-  HttpResponse KillTasks(const HttpRequest& request) const;
-  HttpResponse ApproveFrames(const HttpRequest& request) const;  // In http_retry.cc.
-  HttpResponse RefineJob(const HttpRequest& request) const;      // These two in http_refine.cc.
+  // Changes the job in the path, if the caller may, and responds with its new state: in
+  // http_verbs.cc, these two.
+  HttpResponse ChangeJob(const JobVerbRow& row, const HttpRequest& request) const;
+  absl::Status TryChange(const JobVerbRow& row, const HttpRequest& request,
+                         JobArguments arguments) const;
   HttpResponse GetRefinePrice(const HttpRequest& request) const;
   HttpResponse GetLayers(const HttpRequest& request) const;  // These in viewing/http_viewing.cc.
   HttpResponse GetPixel(const HttpRequest& request) const;
-  HttpResponse DeleteJob(const HttpRequest& request) const;
   HttpResponse GetFarm() const;
   // Whether the request is for an image that View makes, not for a cached preview.
   static bool IsView(const HttpRequest& request);

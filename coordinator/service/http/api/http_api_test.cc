@@ -25,16 +25,15 @@ class HttpApiTest : public ::testing::Test {
 
   FarmActions Actions() {
     FarmActions actions;
-    actions.cancel_job = [this](const std::string& id) { return Set(id, JobState::kCancelled); };
-    actions.pause_job = [this](const std::string& id) { return Set(id, JobState::kPaused); };
-    actions.resume_job = [this](const std::string& id) { return Set(id, JobState::kRunning); };
-    actions.set_job_priority = [this](const std::string& id, int32_t priority) {
-      farm_.jobs[0].priority = priority;
-      return Set(id, JobState::kRunning);
-    };
-    actions.refine_job = [this](const std::string& id, const Refinement& refinement) {
-      if (id == "2") return absl::FailedPreconditionError("jobs/2 is not finished yet");
-      refinement_ = refinement;
+    actions.change_job = [this](JobVerb verb, const std::string& id,
+                                const JobArguments& arguments) -> absl::Status {
+      if (verb == JobVerb::kCancelJob) return Set(id, JobState::kCancelled);
+      if (verb == JobVerb::kPauseJob) return Set(id, JobState::kPaused);
+      if (verb == JobVerb::kSetJobPriority) farm_.jobs[0].priority = arguments.priority;
+      if (verb == JobVerb::kRefineJob) {
+        if (id == "2") return absl::FailedPreconditionError("jobs/2 is not finished yet");
+        refinement_ = arguments.refinement;
+      }
       return Set(id, JobState::kRunning);
     };
     return actions;

@@ -23,8 +23,9 @@ class HttpRetentionTest : public ::testing::Test {
   }
   FarmActions Actions() {
     FarmActions actions;
-    actions.pin_job = [this](const std::string& id) { return SetPinned(id, true); };
-    actions.unpin_job = [this](const std::string& id) { return SetPinned(id, false); };
+    actions.change_job = [this](JobVerb verb, const std::string& id, const JobArguments&) {
+      return SetPinned(id, verb == JobVerb::kPinJob);
+    };
     actions.collect_garbage = [this](bool dry_run) -> absl::StatusOr<std::vector<RemovalView>> {
       if (!dry_run) ++collections_;
       return std::vector<RemovalView>{{"parts", "2", "it is older than the limit", 1, 300},
@@ -89,12 +90,13 @@ class HttpHoldsTest : public ::testing::Test {
   }
   FarmActions Actions() {
     FarmActions actions;
-    actions.release_job = [this](const std::string& id) {
-      released_.push_back(id);
-      return absl::OkStatus();
-    };
-    actions.approve_frames = [this](const std::string& id, const std::vector<int32_t>& frames) {
-      approved_.emplace_back(id, frames);
+    actions.change_job = [this](JobVerb verb, const std::string& id,
+                                const JobArguments& arguments) -> absl::Status {
+      if (verb == JobVerb::kReleaseJob) {
+        released_.push_back(id);
+        return absl::OkStatus();
+      }
+      approved_.emplace_back(id, arguments.frames);
       return id == "1" ? absl::FailedPreconditionError("does not wait") : absl::OkStatus();
     };
     return actions;

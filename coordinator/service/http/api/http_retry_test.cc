@@ -20,14 +20,10 @@ class HttpRetryTest : public ::testing::Test {
   }
   FarmActions Actions() {
     FarmActions actions;
-    actions.retry_tasks = [this](const std::string& job, std::optional<int32_t> frame,
-                                 std::optional<uint32_t> task) {
-      asked_ = absl::StrCat("retry ", job, " ", frame.value_or(-1), " ", task.value_or(99));
-      return absl::OkStatus();
-    };
-    actions.kill_tasks = [this](const std::string& job, int32_t frame, std::optional<uint32_t> task,
-                                const std::string& why) {
-      asked_ = absl::StrCat("kill ", job, " ", frame, " ", task.value_or(99), " ", why);
+    actions.change_job = [this](JobVerb verb, const std::string& job,
+                                const JobArguments& arguments) {
+      asked_ = absl::StrCat(RowOf(verb).word, " ", job, " ", arguments.frame.value_or(-1), " ",
+                            arguments.task.value_or(99), " ", arguments.user);
       return absl::OkStatus();
     };
     return actions;
@@ -48,16 +44,16 @@ class HttpRetryTest : public ::testing::Test {
 
 TEST_F(HttpRetryTest, JobsFramesAndTasksAreRetried) {
   EXPECT_EQ(Post("retry"), 200);
-  EXPECT_EQ(asked_, "retry 3 -1 99");
+  EXPECT_EQ(asked_, "retry 3 -1 99 local");
   EXPECT_EQ(Post("retry?frame=-7&task=4"), 200);
-  EXPECT_EQ(asked_, "retry 3 -7 4");
+  EXPECT_EQ(asked_, "retry 3 -7 4 local");
 }
 
 TEST_F(HttpRetryTest, FramesAndTasksAreKilled) {
   EXPECT_EQ(Post("kill?frame=2"), 200);
-  EXPECT_EQ(asked_, "kill 3 2 99 killed by local");
+  EXPECT_EQ(asked_, "kill 3 2 99 local");
   EXPECT_EQ(Post("kill?frame=2&task=0"), 200);
-  EXPECT_EQ(asked_, "kill 3 2 0 killed by local");
+  EXPECT_EQ(asked_, "kill 3 2 0 local");
 }
 
 TEST_F(HttpRetryTest, WrongRequestsAreRefused) {

@@ -209,14 +209,6 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
                     version_of(view->version));
 }
 
-HttpResponse HttpApi::DeleteJob(const HttpRequest& request) const {
-  const std::string& job_id = request.path_parameters[0];
-  const absl::Status done = ControlJob(request, actions_.delete_job);
-  if (access_ != nullptr) access_->NoteInAudit(request, job_id, done);
-  if (!done.ok()) return HttpErrorFromStatus(done);
-  return JsonResponse(Json::object({{"name", absl::StrCat("jobs/", job_id)}}).dump());
-}
-
 HttpResponse HttpApi::GetFarm() const {
   const FarmAddress address = actions_.address ? actions_.address() : FarmAddress();
   return JsonResponse(

@@ -29,9 +29,10 @@ class HttpViewingTest : public ::testing::Test {
     actions.read_pixel = [this](const std::string&, int32_t, int32_t x_px, int32_t y_px) {
       return FakePixel(farm_.preview, x_px, y_px);
     };
-    actions.delete_job = [this](const std::string& job_id) {
+    actions.change_job = [this](JobVerb verb, const std::string& job_id,
+                                const JobArguments&) -> absl::Status {
       if (job_id == "4") return absl::FailedPreconditionError("jobs/4 has not ended");
-      deleted_ = job_id;
+      if (verb == JobVerb::kDeleteJob) deleted_ = job_id;
       return absl::OkStatus();
     };
     actions.address = [] { return FarmAddress{7411, true}; };

@@ -66,13 +66,11 @@ class HttpAccessTest : public ::testing::Test {
       return absl::OkStatus();
     };
     FarmActions actions;
-    actions.cancel_job = actions.pause_job = actions.resume_job = act;
-    actions.pin_job = actions.unpin_job = actions.release_job = actions.delete_job = act;
-    actions.read_pixel = [](const std::string&, int32_t, int32_t,
-                            int32_t) -> absl::StatusOr<PixelView> { return PixelView(); };
-    actions.approve_frames = [act](const std::string& id, const std::vector<int32_t>&) {
+    actions.change_job = [act](JobVerb, const std::string& id, const JobArguments&) {
       return act(id);
     };
+    actions.read_pixel = [](const std::string&, int32_t, int32_t,
+                            int32_t) -> absl::StatusOr<PixelView> { return PixelView(); };
     actions.list_usage = [this](const UsageQuery& query) -> absl::StatusOr<UsageReport> {
       usage_owner_ = query.owner;
       return UsageReport();
@@ -81,12 +79,6 @@ class HttpAccessTest : public ::testing::Test {
       if (absl::Status done = act(""); !done.ok()) return done;
       return std::vector<RemovalView>();
     };
-    actions.set_job_priority = [act](const std::string& id, int32_t) { return act(id); };
-    actions.retry_tasks = [act](const std::string& id, std::optional<int32_t>,
-                                std::optional<uint32_t>) { return act(id); };
-    actions.kill_tasks = [act](const std::string& id, int32_t, std::optional<uint32_t>,
-                               const std::string&) { return act(id); };
-    actions.refine_job = [act](const std::string& id, const Refinement&) { return act(id); };
     return actions;
   }
   std::string PageToken(const IdentityId& id, Role role) {

@@ -1,13 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of JobService that continues held work, and drains workers.
+// The part of JobService that drains workers.
 #include <algorithm>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
 #include "common/rpc/grpc_status.h"
 #include "coordinator/service/grpc/caller.h"
@@ -16,17 +15,6 @@
 
 namespace sheaf::coordinator {
 namespace {
-
-// Frames that an entry of the audit log names.
-constexpr int kAuditedFramesMax = 16;
-
-std::string PartNameOf(const std::vector<int32_t>& frames) {
-  if (frames.empty()) return "";
-  const auto end =
-      frames.size() > kAuditedFramesMax ? frames.begin() + kAuditedFramesMax : frames.end();
-  return absl::StrCat("/frames/", absl::StrJoin(frames.begin(), end, ","),
-                      end == frames.end() ? "" : ",...");
-}
 
 // Errors: kInvalidArgument.
 absl::StatusOr<ChosenWorkers> ChosenBy(const google::protobuf::RepeatedPtrField<std::string>& names,
@@ -48,22 +36,6 @@ absl::StatusOr<ChosenWorkers> ChosenBy(const google::protobuf::RepeatedPtrField<
 }
 
 }  // namespace
-
-grpc::Status JobService::ReleaseJob(grpc::ServerContext* context,
-                                    const v1::ReleaseJobRequest* request, v1::Job* response) {
-  return Change(
-      *context, "ReleaseJob", request->name(), [&](uint64_t id) { return farm_->ReleaseJob(id); },
-      response);
-}
-
-grpc::Status JobService::ApproveFrames(grpc::ServerContext* context,
-                                       const v1::ApproveFramesRequest* request, v1::Job* response) {
-  const std::vector<int32_t> frames(request->frame_numbers().begin(),
-                                    request->frame_numbers().end());
-  return Change(
-      *context, "ApproveFrames", request->name(),
-      [&](uint64_t id) { return farm_->ApproveFrames(id, frames); }, response, PartNameOf(frames));
-}
 
 void JobService::AddWorkers(const std::vector<std::string>& ids,
                             google::protobuf::RepeatedPtrField<v1::Worker>* workers) const {
