@@ -26,7 +26,8 @@ from patched_tree import ROOT, PatchedTree  # noqa: E402
 PATCHES = os.path.join(HERE, "planted_bugs")
 TREE = os.path.join(ROOT, "build", "planted_bugs")
 # Targets with bugs; of all others, joined sources are compiled as everywhere, and often cached.
-UNJOINED = "sheaf_agent;sheaf_base;sheaf_coordinator_farm;sheaf_coordinator_scheduling;sheaf_coordinator_store"
+UNJOINED = ";".join("sheaf_" + name for name in (
+    "agent", "base", "coordinator_farm", "coordinator_scheduling", "coordinator_store"))
 FOUND_TEXT_MAX = 80
 
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/base/digest.h"
+#include "tests/sim/lies.h"
 #include "tests/sim/sim_messages.h"
 #include "tests/sim/synthetic_film.h"
 
@@ -362,43 +363,12 @@ std::string SimWorker::MakeFalseBytes(const worker::Lease& lease) const {
 }
 
 void SimWorker::Lie(FinishedPart* part) {
-  Random& random = world_.faults.random(Fault::kWorkerLies);
-  uint64_t kind = random.Below(8);
+  uint64_t kind = world_.faults.random(Fault::kWorkerLies).Below(kLieKinds);
   // A field of false bytes looks right: it is no lie that is noticed at once (makes_false_pixels).
-  if (part->kind == TaskKind::kTraining && kind > 3 && kind != 5) kind = 3;
+  if (part->kind == TaskKind::kTraining && kind > 3 && kind != 5) kind = kLieAboutDigest;
   world_.Trace(id_, " lies about lease ", part->lease_id & 0xffffff, ", kind ", kind);
-  worker::Lease other = LeaseOf(*part);
-  switch (kind) {
-    case 0:
-      part->block.first += part->block.count;
-      break;
-    case 1:
-      part->tile.x0 += part->tile.Width();
-      part->tile.x1 = part->tile.x0 + 8;
-      break;
-    case 2:
-      part->frame_digest = Sha256Hex(part->frame_digest);
-      break;
-    case 3:
-      part->exr_bytes[part->exr_bytes.size() / 2] ^= 1;  // Not of its digest.
-      return;
-    case 4:
-      part->exr_bytes.resize(part->exr_bytes.size() / 2);
-      break;
-    case 5:
-      part->exr_bytes = ImpossiblePart(other);
-      break;
-    case 6:
-      other.block.first += other.block.first == 0 ? other.block.count : -other.block.count;
-      part->exr_bytes = TruePart(other);
-      break;
-    default:
-      other.tile.x0 += 8;
-      other.tile.x1 += 8;
-      part->exr_bytes = TruePart(other);
-  }
-  part->digest = {Sha256Hex(part->exr_bytes), part->exr_bytes.size()};
-  NoteFalse(*part);
+  Falsify(kind, part);
+  if (kind != kLieAboutDigest) NoteFalse(*part);
 }
 
 void SimWorker::NoteFalse(const FinishedPart& part) {

@@ -70,8 +70,9 @@ absl::Status RenderAdditions(const TechniqueMeasurement& found, PilotRenderer* r
 
 // thorough: light paths and guiding together, too, splitting where guiding pays, and guided
 // emission where light paths pay or find much that camera paths cannot.
-absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, bool thorough,
-                                                   PilotRenderer* renderer) {
+// may_merge: whether merging is among the choices.
+absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, bool may_merge,
+                                                   bool thorough, PilotRenderer* renderer) {
   TechniquePilots pilots;
   absl::Status status =
       Render({TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided},
@@ -80,7 +81,8 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, b
     status = Render({TechniqueSet::kCameraAndLightGuided}, renderer, &pilots);
   }
   if (!status.ok()) return status;
-  const absl::StatusOr<bool> merges = renderer->SeesThroughSpecular();
+  const absl::StatusOr<bool> merges =
+      may_merge ? renderer->SeesThroughSpecular() : absl::StatusOr<bool>(false);
   if (!merges.ok()) return merges.status();
   const auto judge = [&](std::optional<TechniqueSet> plain) {
     return TechniqueJudge(pilots, renderer->settings(), frame, plain).Measure();
@@ -233,7 +235,8 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
     absl::StatusOr<PilotRenderer> renderer = PilotRenderer::Make(
         scene, settings, PilotSizeOf(settings, samples, training_fraction), files);
     if (!renderer.ok()) return renderer.status();
-    return MeasurePilots(settings, thorough, &*renderer);
+    const bool may_merge = effort == TechniqueEffort::kAsked;  // It is biased.
+    return MeasurePilots(settings, may_merge, thorough, &*renderer);
   };
   const uint64_t look_samples =
       SamplesFor(settings, kFrameSamplesPerLookSample, kPilotSamplesMin, kLookSamplesMax);

@@ -52,7 +52,8 @@ inline constexpr double kMissingLightFactor = 4;
 
 // Why a frame is measured. kAsked: --techniques auto. kUnasked: no flag asks, so that the price of
 // the first look stays within a hundredth of the frame's, and of all images about a thirtieth,
-// where the first look promises kTechniqueGainMin with 95 % confidence. docs/adr/0129.
+// where the first look promises kTechniqueGainMin with 95 % confidence. Merging, which is biased,
+// is no choice then. docs/adr/0129.
 enum class TechniqueEffort { kAsked, kUnasked };
 // Unasked: frames of fewer samples, and of scenes with more bytes for each, keep camera paths: the
 // images would cost more than a hundredth, with compiling the scene for them.
