@@ -20,8 +20,8 @@
 namespace sheaf::render {
 namespace {
 
-constexpr int32_t kWidth = 24;
-constexpr int32_t kBlock = 8;
+constexpr int32_t kFileWidth = 24;
+constexpr int32_t kBlockSide = 8;
 
 struct SceneOfFile {
   const char* name;
@@ -54,11 +54,11 @@ std::vector<BlockMean> RenderBlocks(const SceneDescription& scene, const FrameSe
   }
   const BothFilms films = RenderBothFilms(**compiled);
   const PixelRect window = settings.window;
-  for (int32_t y = window.y0; y < window.y1; y += kBlock) {
-    for (int32_t x = window.x0; x < window.x1; x += kBlock) {
+  for (int32_t y = window.y0; y < window.y1; y += kBlockSide) {
+    for (int32_t x = window.x0; x < window.x1; x += kBlockSide) {
       std::vector<size_t> pixels;
-      for (int32_t row = y; row < std::min(y + kBlock, window.y1); ++row) {
-        for (int32_t column = x; column < std::min(x + kBlock, window.x1); ++column) {
+      for (int32_t row = y; row < std::min(y + kBlockSide, window.y1); ++row) {
+        for (int32_t column = x; column < std::min(x + kBlockSide, window.x1); ++column) {
           pixels.push_back(
               static_cast<size_t>((row - window.y0) * window.Width() + column - window.x0));
         }
@@ -97,8 +97,8 @@ double LargestChange(const SceneOfFile& of, TechniqueSet techniques,
   wished.samples = DrawCount(16, 256);
   wished.techniques = techniques;
   FilmDescription& film = read->scene.film;
-  film.height_px = std::max(1, film.height_px * kWidth / film.width_px);
-  film.width_px = kWidth;
+  film.height_px = std::max(1, film.height_px * kFileWidth / film.width_px);
+  film.width_px = kFileWidth;
   const auto settings = ResolveSettings(read->scene, wished);
   if (!settings.ok()) {
     ADD_FAILURE() << settings.status();
