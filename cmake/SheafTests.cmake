@@ -80,7 +80,7 @@ function(sheaf_add_test)
     set_property(GLOBAL APPEND PROPERTY SHEAF_LONG_TARGETS ${target})
   endif()
   sheaf_list_test(NAME ${T_NAME} CASES true LABEL ${T_LABEL} ${optional}
-    COMMAND $<TARGET_FILE:${target}>)
+    COMMAND $<TARGET_FILE:${target}> ENVIRONMENT SHEAF_SOURCE=${PROJECT_SOURCE_DIR})
 endfunction()
 
 # sheaf_add_script_test(NAME one_image COMMAND ... LABEL integration [LAST] [NEEDS fixture]

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "gtest/gtest.h"
+#include "tests/support/source_path.h"
 
 namespace sheaf::testing {
 namespace {
@@ -29,7 +30,8 @@ void Write(const std::string& path, const std::string& text) {
 
 void SetRenewal(bool renews) { is_renewal = renews; }
 
-void ExpectGoldenAt(const std::string& path, const std::string& text) {
+void ExpectGoldenAt(const std::string& name, const std::string& text) {
+  const std::string path = SourcePath(name);
   if (is_renewal) {
     Write(path, text);
     return;

@@ -66,7 +66,7 @@ def run_program(program, tests):
     with tempfile.TemporaryDirectory() as folder:
         report = os.path.join(folder, "report.json")
         environment = {**os.environ, "GTEST_FILTER": ":".join(tests),
-                       "GTEST_OUTPUT": "json:" + report}
+                       "GTEST_OUTPUT": "json:" + report, "SHEAF_SOURCE": catalogue.ROOT}
         try:
             done = subprocess.run([program], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,

@@ -15,6 +15,7 @@
 #include "tests/support/hard_case.h"
 #include "tests/support/light_film_sums.h"
 #include "tests/support/long_tests.h"
+#include "tests/support/source_path.h"
 #include "tests/support/test_scene.h"
 
 namespace sheaf::render {
@@ -52,7 +53,14 @@ std::vector<BlockMean> RenderBlocks(const SceneDescription& scene, const FrameSe
     ADD_FAILURE() << compiled.status();
     return blocks;
   }
-  const BothFilms films = RenderBothFilms(**compiled);
+  RenderStats stats;
+  BothFilms films{RenderAll(**compiled, &stats), std::nullopt};
+  if (HasLightPaths(settings.techniques)) {
+    auto light = RenderLightPass(**compiled, settings.window, {0, settings.samples}, {}, &stats);
+    EXPECT_TRUE(light.ok()) << light.status();
+    if (light.ok()) films.light = *std::move(light);
+  }
+  EXPECT_TRUE(stats.non_finite.empty());
   const PixelRect window = settings.window;
   for (int32_t y = window.y0; y < window.y1; y += kBlockSide) {
     for (int32_t x = window.x0; x < window.x1; x += kBlockSide) {
@@ -87,7 +95,7 @@ double ExpectSameBlocks(const std::vector<BlockMean>& plain, const std::vector<B
 
 double LargestChange(const SceneOfFile& of, TechniqueSet techniques,
                      const std::vector<Change>& changes) {
-  DirectoryFileSource files("scenes");
+  DirectoryFileSource files(sheaf::testing::SourcePath("scenes"));
   auto read = ReadScene(absl::StrCat(of.name, ".pbrt"), files);
   if (!read.ok()) {
     ADD_FAILURE() << read.status();
