@@ -25,6 +25,7 @@ struct Plane {
   double t_error = 0;    // Of t, relative.
   double height = 0;     // Least height of a triangle; 0 where the surface is known exactly.
   double corner_error = 0;
+  double radius = 0;  // Least radius of curvature, or a lower bound; 0: flat.
   const Surface* surface = nullptr;
 };
 
@@ -67,6 +68,19 @@ std::optional<Plane> PlaneOfTriangle(const BakedMesh& mesh, uint32_t triangle, V
   return plane;
 }
 
+// A lower bound of the radius of curvature.
+double RadiusOf(const Quadric& quadric) {
+  if (quadric.kind == Quadric::Kind::kDisk) return 0;
+  const double shrinks = std::sqrt(LengthSquared(quadric.object_from_target.Vector({1, 0, 0})) +
+                                   LengthSquared(quadric.object_from_target.Vector({0, 1, 0})) +
+                                   LengthSquared(quadric.object_from_target.Vector({0, 0, 1})));
+  const double grows = std::sqrt(LengthSquared(quadric.target_from_object.Vector({1, 0, 0})) +
+                                 LengthSquared(quadric.target_from_object.Vector({0, 1, 0})) +
+                                 LengthSquared(quadric.target_from_object.Vector({0, 0, 1})));
+  // The least axis squared over the largest one.
+  return quadric.radius / (shrinks * shrinks * grows);
+}
+
 Plane PlaneOfQuadric(const BakedQuadric& baked, double t, Vec3d o, Vec3d d) {
   const QuadricPoint on = QuadricPointAt(baked.quadric, o, d, t);
   Plane plane;
@@ -75,6 +89,7 @@ Plane PlaneOfQuadric(const BakedQuadric& baked, double t, Vec3d o, Vec3d d) {
   plane.coordinate_max = ToDouble(baked.quadric.coordinate_max);
   plane.t = t;
   plane.t_error = kFloatRounding;
+  plane.radius = RadiusOf(baked.quadric);
   return plane;
 }
 
@@ -150,6 +165,11 @@ std::optional<Contact> ContactAt(const SceneGeometry& geometry, const Ray& ray, 
   double doubt = static_cast<double>(kPlaneRounding) * Dot(Abs(plane->n), with_ray);
   Contact contact;
   contact.tilt = 0x1p-20;
+  if (plane->radius > 0) {
+    // The point is known within the rounding of coordinates, and the normal turns with it.
+    const double beside = static_cast<double>(Gamma(4)) * (with_ray.x + with_ray.y + with_ray.z);
+    contact.tilt += std::min(0.25, beside / plane->radius);
+  }
   if (plane->height > 0) contact.tilt += std::min(0.25, bound / plane->height);
   contact.t = plane->t;
   contact.n = plane->n;
