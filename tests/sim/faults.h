@@ -32,7 +32,7 @@ enum class Fault {
   kWorkerKilled,
   kWorkerFrozen,  // As by SIGSTOP, for up to two minutes.
   kWorkerSlow,
-  kTaskFailed,      // A worker reports that a lease came to nothing.
+  kTaskFailed,      // A worker reports that a lease failed.
   kWorkerLies,      // A part that is not what its description says.
   kFalsePixels,     // A part of wrong values that looks right, by a worker that has the habit.
   kStranger,        // Messages of a stranger, who is no worker of ours.

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SpecularSample: the sample of a smooth lobe by which a path goes on in a given direction.
+// SpecularSample: the sample of a smooth lobe that continues a path in a given direction.
 #pragma once
 
 #include <cstdint>
