@@ -231,6 +231,54 @@ std::optional<uint64_t> ParseBytes(absl::string_view text) {
   return count * *factor;
 }
 
+// A transformation: drops leading zeros, as the argument library reads "010" as 8.
+CLI::Validator AsDecimal() {
+  return CLI::Validator(
+      [](std::string& text) -> std::string {
+        uint64_t count = 0;
+        if (absl::SimpleAtoi(text, &count)) text = absl::StrCat(count);
+        return "";
+      },
+      "");
+}
+// The argument library would read "0x10" as 16, and "-1" as the largest count.
+CLI::Validator IsDecimal(bool is_signed) {
+  return CLI::Validator(
+      [is_signed](const std::string& text) -> std::string {
+        uint64_t count = 0;
+        int64_t value = 0;
+        if (absl::SimpleAtoi(text, &count)) return "";
+        if (!absl::SimpleAtoi(text, &value)) {
+          return absl::StrCat("\"", Printable(text), "\" is not a whole number, or too large");
+        }
+        return is_signed ? "" : absl::StrCat("\"", text, "\" is not a whole number of at least 0");
+      },
+      "");
+}
+CLI::Validator IsFiniteNumber() {
+  return CLI::Validator(
+      [](const std::string& text) -> std::string {
+        double value = 0;
+        if (absl::SimpleAtod(text, &value) && std::isfinite(value)) return "";
+        return absl::StrCat("\"", Printable(text), "\" is not a number, or too large");
+      },
+      "");
+}
+
+// Checks the numbers of all options before the argument library converts them.
+void CheckNumbers(CLI::App* app) {
+  for (CLI::Option* option : app->get_options()) {
+    const std::string notation = Notation(*option), type = notation.substr(0, notation.find(':'));
+    if (notation.find(":SIZE") != std::string::npos) continue;
+    if (type == "UINT" || type == "INT") {
+      option->transform(AsDecimal())->check(IsDecimal(type == "INT"));
+    } else if (type == "FLOAT") {
+      option->check(IsFiniteNumber());
+    }
+  }
+  for (CLI::App* command : app->get_subcommands({})) CheckNumbers(command);
+}
+
 }  // namespace
 
 std::string ValueName(const CLI::Option& option) {
@@ -379,6 +427,7 @@ std::optional<int> ParseCommandLine(CLI::App* app, int argc, char** argv,
   const auto formatter = std::make_shared<PlainFormatter>();
   app->formatter(formatter);
   for (CLI::App* command : app->get_subcommands({})) command->formatter(formatter);
+  CheckNumbers(app);
   try {
     app->parse(argc, argv);
     return std::nullopt;

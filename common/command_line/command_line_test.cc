@@ -99,6 +99,24 @@ TEST_F(CommandLineTest, RefusedNumbersAreToldTheRangeInWords) {
   EXPECT_EQ(Parse({"render", "a.pbrt", "--samples", "1", "--tolerance", "0.5"}), "");
 }
 
+// The argument library alone reads 010 as 8, 0x10 as 16 and -1 as 2^64 - 1.
+TEST_F(CommandLineTest, NumbersAreDecimal) {
+  for (const auto& [text, samples] : {std::pair{"010", 10}, {"0", 0}, {"+7", 7}, {"64", 64}}) {
+    EXPECT_EQ(Parse({"render", "x", "--seed", text}), "");
+    EXPECT_EQ(memory_, static_cast<uint64_t>(samples)) << text;
+  }
+  EXPECT_EQ(Parse({"render", "x", "--samples", "0100"}), "");
+  EXPECT_EQ(size_, 100);
+  for (const char* text : {"-1", "0x10", "1e3", "8.0", "", "18446744073709551616"}) {
+    EXPECT_THAT(Parse({"render", "x", "--seed", text}), HasSubstr("whole number")) << text;
+  }
+  for (const char* text : {"nan", "inf", "-inf", "1e999", "0,5", ""}) {
+    EXPECT_THAT(Parse({"render", "x", "--exposure", text}), HasSubstr("is not a number")) << text;
+  }
+  EXPECT_EQ(Parse({"render", "x", "--exposure", "-1.5"}), "");
+  EXPECT_EQ(tolerance_, -1.5);
+}
+
 TEST_F(CommandLineTest, RefusedWordsAreToldTheKnownOnes) {
   EXPECT_THAT(Parse({"render", "a.pbrt", "--layer", "eror"}),
               HasSubstr("--layer: \"eror\" is not one of error, samples; did you mean \"error\"?"));
