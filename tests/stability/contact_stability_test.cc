@@ -413,31 +413,5 @@ TEST(ContactStability, G17LampAtTheHeightOfTheCamera) {
   }
 }
 
-// G17: a round lamp that is given twice shines as once. Its points are off by the rounding of
-// coordinates, about which the normal of a small one turns.
-TEST(ContactStability, G17RoundLampsGivenTwiceAreOne) {
-  const auto render = [](float radius, int count, TechniqueSet techniques) {
-    TestScene t({0, 3, -6}, {0, 0, 0}, 30);
-    t.AddShape(MeshShape{t.Quad({-4, 0, -4}, {-4, 0, 4}, {4, 0, 4}, {4, 0, -4})},
-               t.Diffuse(Rgb::Gray(0.5f)));
-    for (int i = 0; i < count; ++i) {
-      t.AddShape(SphereShape{radius, -radius, radius, 360}, t.Diffuse({}),
-                 TranslateMatrix({2.2, 4.5, -1}))
-          .area_light = t.AreaLight(Rgb::Gray(9));
-    }
-    FrameSettings settings = SquareSettings(12, 256, 2);
-    settings.techniques = techniques;
-    return MeanOverPixels(RenderBothFilms(*Compile(t.scene, settings)), 0);
-  };
-  for (const float radius : {0.01f, 0.06f, 1.0f}) {
-    for (const TechniqueSet techniques : {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight}) {
-      const ComponentMean once = render(radius, 1, techniques),
-                          twice = render(radius, 2, techniques);
-      EXPECT_NEAR(twice.value, once.value,
-                  5 * std::hypot(once.standard_error, twice.standard_error) + 0.005 * once.value);
-    }
-  }
-}
-
 }  // namespace
 }  // namespace sheaf::render

@@ -259,12 +259,25 @@ bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
 bool EmbreeScene::LeaksAtEdge(const Ray& ray, RawHit* hit) const {
   if (ray.t_max < std::numeric_limits<float>::infinity()) return false;
   if (!state_->leak_guard.MayLeak(ray)) return false;
+  RawHit beside;
+  const auto hits_beside = [&](int attempt) {
+    const Ray nudged = NudgedRay(ray, attempt);
+    if (Trace(nudged, &beside)) return true;
+    for (int widening = 1; widening <= kWideningsMax; ++widening) {
+      if (Trace(NudgedRay(ray, attempt, widening), &beside) &&
+          state_->leak_guard.TouchesAtEdge(nudged, &beside)) {
+        return true;
+      }
+    }
+    return false;
+  };
+  // Most rays that miss everything end here: they see the open sky.
+  if (!Trace(NudgedRay(ray, 0, kWideningsMax), &beside)) return false;
   bool touches = false;
   for (int attempt = 0; attempt < kNudgeCount; ++attempt) {
     const bool is_wide = attempt < kWideNudgeCount;
     if (touches && !is_wide) break;
-    RawHit beside;
-    if (!Trace(NudgedRay(ray, attempt), &beside)) {
+    if (!hits_beside(attempt)) {
       if (is_wide) return false;
       continue;
     }

@@ -80,7 +80,7 @@ bool LeakGuard::TouchesAtEdge(const Ray& ray, RawHit* hit) const {
   return hit->t > 0;
 }
 
-Ray NudgedRay(const Ray& ray, int attempt) {
+Ray NudgedRay(const Ray& ray, int attempt, int widening) {
   // Each ray has sides of its own, so that no slit lies along those of all rays: eight turns of an
   // eighth of a right angle, chosen by the digits of the ray. Most rays need the first side alone.
   static constexpr std::array<std::array<float, 2>, 8> kTurns = {{{1, 0},
@@ -101,7 +101,7 @@ Ray NudgedRay(const Ray& ray, int attempt) {
   const float length = static_cast<float>(Length(ToDouble(ray.d)));
   const Frame frame = Frame::FromNormal(ray.d / length);
   const Vec3f side = sign * (along_t * frame.t + along_b * frame.b);
-  const float step = attempt < kWideNudgeCount ? 0x1p-19f : 0x1p-21f;
+  const float step = std::ldexp(attempt < kWideNudgeCount ? 0x1p-19f : 0x1p-21f, widening);
   // The tracer's rounding grows with the coordinates as well as with the distance.
   const Vec3f o = Abs(ray.o);
   Ray nudged = ray;

@@ -47,10 +47,13 @@ class LeakGuard {
 };
 
 inline constexpr int kWideNudgeCount = 4, kNudgeCount = 8;
+// A nudged ray may pass through the same hole, which is larger where triangles are seen edge-on:
+// then it is turned farther, at most so often.
+inline constexpr int kWideningsMax = 2;
 
 // The ray turned by 2^-19 radians and moved by as much of its coordinates, to four sides, by more
-// than a hole is wide; then by 2^-21, to find the smaller triangles about the ray. A pure function
-// of the ray and the attempt.
-Ray NudgedRay(const Ray& ray, int attempt);
+// than most holes are wide; then by 2^-21, to find the smaller triangles about the ray. Each
+// widening doubles that. A pure function of its arguments.
+Ray NudgedRay(const Ray& ray, int attempt, int widening = 0);
 
 }  // namespace sheaf::render

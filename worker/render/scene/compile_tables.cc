@@ -14,6 +14,7 @@
 #include "worker/render/gather/merging.h"
 #include "worker/render/plan/specular_surfaces.h"
 #include "worker/render/scene/scene_baker.h"
+#include "worker/render/scene/twin_emitters.h"
 
 namespace sheaf::render {
 namespace {
@@ -98,6 +99,7 @@ absl::StatusOr<std::unique_ptr<CompiledScene>> CompileTables(SceneDescription de
   scene->settings = settings;
   scene->plan = std::move(input.plan);
   scene->settings.max_depth = scene->plan.max_depth;
+  RemoveTwinEmitters(&description);
   absl::StatusOr<EmissionMaps> maps = ReadEmissionMaps(description, files);
   if (!maps.ok()) return maps.status();
   absl::StatusOr<BakedScene> baked = BakeScene(&description, *std::move(maps));

@@ -1,0 +1,17 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Emitters that a scene gives twice. Of two equal emitters at one place the one behind is hidden
+// (contact.h), unless both let light through: then it shines through the one in front, and the pair
+// is nearly twice as bright as one.
+#pragma once
+
+#include "common/scene/scene_description.h"
+
+namespace sheaf::render {
+
+// Takes from the world every emissive shape that equals an earlier one in shape, place, material,
+// media and emission, and notes them. Equal materials are those of one index.
+void RemoveTwinEmitters(SceneDescription* scene);
+
+}  // namespace sheaf::render
