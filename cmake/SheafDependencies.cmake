@@ -6,6 +6,7 @@ find_package(PkgConfig REQUIRED)
 find_package(OpenSSL REQUIRED)         # SHA-256
 find_package(ZLIB REQUIRED)            # gzipped scene files
 find_package(PNG REQUIRED)             # PNG images
+find_package(JPEG REQUIRED)            # JPEG textures
 find_package(spdlog REQUIRED)          # logging
 find_package(OpenEXR REQUIRED)         # film parts and EXR images
 find_package(Protobuf REQUIRED)        # wire messages

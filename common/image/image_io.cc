@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/image/image_io.h"
 
-#include "absl/strings/str_cat.h"
+#include <algorithm>
+#include <utility>
+
 #include "common/base/file.h"
 #include "common/image/image_header.h"
 #include "common/image/image_library.h"
+#include "common/image/plain_image.h"
 
 namespace sheaf {
 
@@ -16,8 +19,43 @@ absl::Status WritePng(const std::string& path, int width, int height,
   return WriteFileAtomically(path, *bytes);
 }
 
+namespace {
+
+FloatImage FloatsOf(const PlainImage& plain) {
+  FloatImage image;
+  image.width = plain.width;
+  image.height = plain.height;
+  image.channels = std::min(plain.channels, 3);
+  image.chromaticities = plain.chromaticities;
+  const auto stored = static_cast<size_t>(plain.channels);
+  const auto channels = static_cast<size_t>(image.channels);
+  image.pixels.reserve(plain.NumberCount() / stored * channels);
+  for (size_t at = 0; at < plain.NumberCount(); at += stored) {
+    for (size_t c = 0; c < channels; ++c) {
+      const float value = NumberAt(plain, at + c);
+      image.pixels.push_back(plain.IsInteger() ? DecodeSrgb(value) : value);
+    }
+  }
+  return image;
+}
+
+// None where OpenImageIO must read the image, or say why it cannot be read within the limits.
+std::optional<FloatImage> ReadWithoutLibrary(const std::string& path,
+                                             const ReadImageLimits& limits) {
+  const std::optional<PlainImage> header = ReadPlainImage(path, {.is_header_enough = true});
+  if (!header || std::max(header->width, header->height) > limits.side_max) return std::nullopt;
+  const uint64_t pixels = static_cast<uint64_t>(header->width) * header->height;
+  if (pixels > limits.whole_pixels_max) return FloatsOf(*header);
+  if (pixels * header->channels * sizeof(float) > limits.memory_bytes_max) return std::nullopt;
+  const std::optional<PlainImage> image = ReadPlainImage(path);
+  return image ? std::optional(FloatsOf(*image)) : std::nullopt;
+}
+
+}  // namespace
+
 absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLimits& limits) {
   if (absl::Status header = CheckImageHeader(path); !header.ok()) return header;
+  if (std::optional<FloatImage> image = ReadWithoutLibrary(path, limits)) return *std::move(image);
   const absl::StatusOr<const ImageLibrary*> library = LoadImageLibrary();
   if (!library.ok()) return library.status();
   return (*library)->read(path, limits);

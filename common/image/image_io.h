@@ -3,8 +3,7 @@
 //
 // Reads and writes whole images: PNG files for people to view, and input images of scenes
 // (environment maps, textures that are checked before rendering). Rendered images are EXR and have
-// their own codec (common/film/exr/exr_codec.h). Only image_library.h gives access to OpenImageIO,
-// and only png.cc uses libpng.
+// their own codec (common/film/exr/exr_codec.h). Only image_library.h gives access to OpenImageIO.
 #pragma once
 
 #include <array>

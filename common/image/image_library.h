@@ -1,12 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Loads the module that uses OpenImageIO when the first image is read. The library depends on two
-// hundred others: a program linked with it starts in half a second instead of twenty milliseconds
-// and needs 100 MB more (docs/adr/0041). So the code that uses it is a separate module
-// (common/image/openimageio/), loaded at run time:
+// Loads the module that uses OpenImageIO when it is needed. The library depends on two hundred
+// others: a program linked with it starts in half a second instead of twenty milliseconds and needs
+// 100 MB more (docs/adr/0041). So the code that uses it is a separate module
+// (common/image/openimageio/), loaded at run time for images that ReadPlainImage does not take:
 //
-//     ReadImage, TextureCache::Open > LoadImageLibrary > libsheaf_openimageio.so > OpenImageIO
+//     ReadImage, TextureCache::Open > ReadPlainImage
+//                                   > LoadImageLibrary > libsheaf_openimageio.so > OpenImageIO
 #pragma once
 
 #include <cstdint>

@@ -1,11 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// TextureCache: texels of any number of images of any size within a fixed amount of memory. Images
+// TextureCache: texels of any number of images of any size within a fixed amount of memory. Small
+// images are read once and stay in memory (resident_texture.h), up to a quarter of it. All others
 // are divided into tiles that are read when accessed and dropped when memory is needed; the value
 // of a texel never depends on the contents of the cache. Wraps OpenImageIO's image cache, on which
 // its texture system is built; filtering is left to the caller so that texels are decoded before
-// they are averaged. The first image loads that library (image_library.h).
+// they are averaged. The first image of tiles loads that library (image_library.h).
 #pragma once
 
 #include <array>
@@ -14,20 +15,13 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
+#include "absl/container/flat_hash_map.h"
 #include "absl/status/statusor.h"
+#include "common/image/texel_encoding.h"
 
 namespace sheaf {
-
-// How stored integers become linear values. Float images are always taken unchanged.
-struct TexelEncoding {
-  enum class Kind {
-    kSrgb,
-    kLinear,
-    kGamma,  // value^gamma.
-  } kind = Kind::kSrgb;
-  float gamma = 1;
-};
 
 struct TextureImage {
   int32_t index = -1;         // For ReadTexels.
@@ -46,11 +40,17 @@ struct TexelIndex {
 };
 using Texel = std::array<float, 4>;  // Linear; channels the image lacks are 0.
 
+class ResidentTexture;
 class TextureTiles;
+struct PlainImage;
+
+// The largest image that stays in memory, in bytes of its numbers.
+inline constexpr uint64_t kResidentImageBytesMax = uint64_t{1} << 26;
 
 class TextureCache {
  public:
-  // bytes_max: limit of the tiles in memory. Beyond it every thread keeps at most two tiles in use.
+  // bytes_max: limit of the images and tiles in memory. Beyond it every thread keeps at most two
+  // tiles in use.
   // 0: images are opened by their headers alone, to check a scene.
   explicit TextureCache(uint64_t bytes_max);
   ~TextureCache();
@@ -75,8 +75,23 @@ class TextureCache {
   void ReadTexels(int32_t image, std::span<const TexelIndex> where, std::span<Texel> values) const;
 
  private:
+  struct Opened {
+    std::string path;
+    TexelEncoding encoding;
+    TextureImage facts;
+    std::unique_ptr<const ResidentTexture> resident;
+    int32_t tiled = -1;  // Without `resident`: the image's number among those of tiles_.
+  };
+  // The numbers of the file, if they may stay in memory; else null.
+  std::shared_ptr<const PlainImage> Load(const std::string& path);
+  absl::Status OpenTiles(Opened* opened);
+
   const uint64_t bytes_max_;
-  std::unique_ptr<TextureTiles> tiles_;  // Set when the first image is opened.
+  std::vector<Opened> opened_;  // By TextureImage::index.
+  uint64_t resident_bytes_ = 0;
+  // By path: images of other encodings share them.
+  absl::flat_hash_map<std::string, std::shared_ptr<const PlainImage>> numbers_;
+  std::unique_ptr<TextureTiles> tiles_;  // Set when the first image of tiles is opened.
 };
 
 }  // namespace sheaf

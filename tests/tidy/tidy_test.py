@@ -98,11 +98,13 @@ FOLDER_SOURCES_MAX = 45
 
 # Third-party headers and the files that may include them.
 DOORS = {
-    r"Imf\w+\.h|OpenEXR/|Imath": r"^common/film/exr/exr_",
+    r"Imf\w+\.h|OpenEXR/|Imath":
+        r"^common/(film/exr/exr_|image/(exr_reader|plain_image_test)\.cc$)",
     r"openssl/": r"^common/(base/(digest|secret)|tls/certificate)\.cc$",
     r"spdlog/": r"^common/base/log\.cc$",
     r"OpenImageIO/": r"^common/image/openimageio/",
-    r"png\.h": r"^common/image/png\.cc",
+    r"png\.h": r"^common/image/(png|png_reader|plain_image_test)\.cc$",
+    r"jpeglib\.h": r"^common/image/(jpeg_reader|plain_image_test)\.cc$",
     r"OpenColorIO/": r"^cli/image/view_transform\.cc$",
     r"nanovdb/": r"^common/volume/nanovdb_door\.h$",
     r"common/volume/nanovdb_door\.h": r"^common/volume/",

@@ -32,9 +32,8 @@ struct ImageLayout {
   bool StoresAll() const { return x0 == 0 && y0 == 0 && x1 == width && y1 == height; }
 };
 
-// Takes the channels of an EXR by name: R, G and B, with or without A, of no layer or else of the
-// only layer that has them; else Y; else the only channel. Other formats have no names: two
-// channels are gray and alpha, and those beyond the fourth are ignored.
+// Takes the channels of an EXR by name (channel_names.h). Other formats have no names: two channels
+// are gray and alpha, and those beyond the fourth are ignored.
 // format: the library's name of it. Errors: kInvalidArgument for sizes beyond the limits
 // (image_limits.h), an image that is not flat, and channels without a meaning. Messages begin with
 // the path.

@@ -17,7 +17,7 @@
 #include "common/image/openimageio/image_layout.h"
 #include "common/image/openimageio/plain_names.h"
 #include "common/image/openimageio/read_image.h"
-#include "common/math/elementary.h"
+#include "common/image/texel_encoding.h"
 
 namespace sheaf {
 namespace {
@@ -37,27 +37,6 @@ struct OpenedImage {
   mutable std::atomic<bool> failure_logged = false;
 };
 
-float Linear(float encoded, TexelEncoding encoding) {
-  switch (encoding.kind) {
-    case TexelEncoding::Kind::kSrgb:
-      return DecodeSrgb(encoded);
-    case TexelEncoding::Kind::kGamma:
-      return Pow(encoded, encoding.gamma);
-    case TexelEncoding::Kind::kLinear:
-      break;
-  }
-  return encoded;
-}
-
-std::vector<float> MakeDecodeTable(TexelEncoding encoding, bool is_8bit) {
-  const size_t count = is_8bit ? 256 : 65536;
-  std::vector<float> table(count);
-  for (size_t i = 0; i < count; ++i) {
-    table[i] = Linear(static_cast<float>(i) / static_cast<float>(count - 1), encoding);
-  }
-  return table;
-}
-
 // One channel of a stored pixel as a linear value.
 float DecodeChannel(const OpenedImage& image, OIIO::TypeDesc format, const void* pixels,
                     size_t at) {
@@ -71,7 +50,7 @@ float DecodeChannel(const OpenedImage& image, OIIO::TypeDesc format, const void*
     default: {
       // The cache keeps all other types as floats.
       const float value = static_cast<const float*>(pixels)[at];
-      return image.layout.is_integer ? Linear(value, image.encoding) : value;
+      return image.layout.is_integer ? DecodeTexel(value, image.encoding) : value;
     }
   }
 }
@@ -231,7 +210,8 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
     image->facts.channels = image->layout.channels;
     image->facts.chromaticities = image->layout.chromaticities;
     if (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16) {
-      image->decode = MakeDecodeTable(encoding, spec.format == OIIO::TypeDesc::UINT8);
+      image->decode =
+          TexelDecodeTable(encoding, spec.format == OIIO::TypeDesc::UINT8 ? 256 : 65536);
     }
     const absl::StatusOr<std::string> name = names_.Of(path);
     if (!name.ok()) return name.status();

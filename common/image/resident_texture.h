@@ -1,0 +1,34 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// ResidentTexture: an image that stays in memory as its file stores it, and is decoded where it is
+// read. Its texels have the bits of those that TextureTiles reads.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "common/image/plain_image.h"
+#include "common/image/texture_cache.h"
+
+namespace sheaf {
+
+class ResidentTexture {
+ public:
+  ResidentTexture(std::shared_ptr<const PlainImage> image, TexelEncoding encoding);
+
+  // Its `index` is unset.
+  const TextureImage& facts() const { return facts_; }
+  // Requires: `where` is within the image.
+  Texel At(TexelIndex where) const;
+
+ private:
+  std::shared_ptr<const PlainImage> image_;
+  TextureImage facts_;
+  std::vector<float> decode_;  // Linear value of each stored number; empty for floats.
+};
+
+// The facts of an image by its header alone, without numbers.
+TextureImage FactsOf(const PlainImage& image);
+
+}  // namespace sheaf
