@@ -59,8 +59,13 @@ bool TakeTgaPixels(std::string_view bytes, bool has_runs, size_t pixel_bytes,
 
 void FlipRows(PlainImage* image) {
   const size_t row = image->numbers.size() / static_cast<size_t>(image->height);
+  std::vector<std::byte> kept(row);
   std::byte *top = image->numbers.data(), *bottom = top + image->numbers.size() - row;
-  for (; top < bottom; top += row, bottom -= row) std::swap_ranges(top, top + row, bottom);
+  for (; top < bottom; top += row, bottom -= row) {
+    std::memcpy(kept.data(), top, row);
+    std::memcpy(top, bottom, row);
+    std::memcpy(bottom, kept.data(), row);
+  }
 }
 
 }  // namespace

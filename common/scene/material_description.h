@@ -176,6 +176,7 @@ struct MaterialDescription {
       material;
   SourceLocation location;
   int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
+  float normal_scale = 1;      // Multiplies the red and green of the normal map.
   // A bump map's height, in scene units; unused with normal_map.
   FloatInput displacement{0, kNone};
   // Which matter is there where closed shapes overlap: that of the highest. Materials without one

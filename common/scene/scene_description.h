@@ -7,6 +7,7 @@
 // location in the file.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -77,16 +78,26 @@ struct MixTexture {
   FloatInput amount;
 };
 
+// A value times the color that a mesh gives its vertices; as a float texture, times its alpha.
+struct VertexColorTexture {
+  ColorInput color = {};
+  FloatInput value = {};
+};
+
 struct TextureDescription {
   std::string name;
   bool is_color = false;  // "spectrum" textures; otherwise "float".
   ColorRole role = ColorRole::kReflectance;
-  std::variant<ConstantTexture, ImageTexture, CheckerboardTexture, ScaleTexture, MixTexture>
+  std::variant<ConstantTexture, ImageTexture, CheckerboardTexture, ScaleTexture, MixTexture,
+               VertexColorTexture>
       texture;
   SourceLocation location;
 };
 
 // --- Geometry ----------------------------------------------------------------------------------
+
+// Red, green and blue in linear sRGB, and alpha, in [0, 1].
+using VertexColor = std::array<float, 4>;
 
 // A mesh's vertices at another time.
 struct VertexStep {
@@ -106,6 +117,7 @@ struct TriangleMesh {
   // Empty or one per position: directions of the surface from which anisotropic materials and
   // normal maps count, in place of those along u.
   std::vector<Vec3f> tangents = {};
+  std::vector<VertexColor> colors = {};  // Empty (white and opaque) or one per position.
 };
 // Bilinear patches: corners at (u, v) = (0,0), (1,0), (0,1), (1,1), in this order.
 struct BilinearMesh {

@@ -193,7 +193,7 @@ def _(file):
     file.node(mesh=sphere(file, {"pbrMetallicRoughness": {"metallicFactor": 0}}))
 
 
-@model("vertex-colors.glb", "COLOR_0")
+@model("vertex-colors.glb")
 def _(file):
     mesh = square(file)
     colors = file.accessor([255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9], "VEC3", 5121,

@@ -124,6 +124,81 @@ TEST_F(MappedSurfaceTest, FlatNormalMapsHaveNoEffect) {
   }
 }
 
+// A map of twice the slopes is the map with a scale of 2.
+TEST_F(MappedSurfaceTest, TheScaleOfANormalMapMultipliesItsSlopes) {
+  const auto texel = [](float x, float y, float z) {
+    const float length = std::sqrt(x * x + y * y + z * z);
+    return Rgb{0.5f + 0.5f * x / length, 0.5f + 0.5f * y / length, 0.5f + 0.5f * z / length};
+  };
+  const auto render = [&](float slope, float scale) {
+    Write(1, {texel(0.6f * slope, -0.3f * slope, 1)});
+    TestScene t = LitBall();
+    MapNormals(&t);
+    t.scene.materials.back().normal_scale = scale;
+    return RenderMapped(t.scene, SquareSettings(16, 64, 3));
+  };
+  const TileMean once = render(1, 1), twice = render(2, 1), scaled = render(1, 2);
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(scaled.mean[c], twice.mean[c], 1e-4);
+    EXPECT_GT(std::fabs(once.mean[c] - twice.mean[c]), 1e-2);
+  }
+}
+
+// A square that fills the image and is lit evenly shows the mean of its colors, each weighted by
+// the triangles that have the corner. Its texture is times them.
+TEST_F(MappedSurfaceTest, ColorsOfVerticesMultiplyTheTexture) {
+  Write(1, {{0.8f, 0.5f, 0.25f}});
+  const std::vector<VertexColor> colors = {
+      {1, 0, 0, 1}, {0.2f, 0.6f, 1, 1}, {0, 1, 0.5f, 1}, {0.9f, 0.9f, 0.1f, 1}};
+  for (const ColorTransport transport : {ColorTransport::kRgb, ColorTransport::kSpectral}) {
+    TestScene t({0, 0, -3}, {0, 0, 0}, 2);
+    t.ConstantEnvironment(Rgb::Gray(1));
+    ImageTexture image;
+    image.file = "map.pfm";
+    VertexColorTexture times;
+    times.color.texture = 0;
+    for (const auto& texture : {decltype(TextureDescription::texture){image}, {times}}) {
+      TextureDescription description;
+      description.is_color = true;
+      description.texture = texture;
+      t.scene.textures.push_back(description);
+    }
+    DiffuseMaterial diffuse;
+    diffuse.reflectance.texture = 1;
+    const float half = 3 * std::tan(static_cast<float>(std::numbers::pi) / 180);
+    const int32_t mesh =
+        t.Quad({-half, -half, 0}, {-half, half, 0}, {half, half, 0}, {half, -half, 0});
+    t.scene.meshes[static_cast<size_t>(mesh)].colors = colors;
+    t.AddShape(MeshShape{mesh}, t.AddMaterial(diffuse));
+    FrameSettings settings = SquareSettings(8, 64, 2);
+    settings.color = transport;
+    const TileMean mean = RenderMapped(t.scene, settings);
+    const Rgb texture{0.8f, 0.5f, 0.25f};
+    for (size_t c = 0; c < 3; ++c) {
+      const float sum = 2 * colors[0][c] + colors[1][c] + 2 * colors[2][c] + colors[3][c];
+      EXPECT_NEAR(mean.mean[c], texture[c] * sum / 6,
+                  5 * static_cast<double>(mean.standard_error[c]) + 0.004)
+          << c;
+    }
+  }
+}
+
+// Alpha of vertices cuts out: half of the surrounding is seen through.
+TEST_F(MappedSurfaceTest, AlphaOfVerticesIsOpacity) {
+  TestScene t({0, 0, -3}, {0, 0, 0}, 2);
+  t.ConstantEnvironment(Rgb::Gray(1));
+  TextureDescription description;
+  description.texture = VertexColorTexture{.value = {.value = 0.8f}};
+  t.scene.textures.push_back(description);
+  const int32_t mesh = t.Quad({-1, -1, 0}, {-1, 1, 0}, {1, 1, 0}, {1, -1, 0});
+  t.scene.meshes[static_cast<size_t>(mesh)].colors.assign(4, {1, 1, 1, 0.5f});
+  ShapeDescription& shape = t.AddShape(MeshShape{mesh}, t.Diffuse({}));
+  shape.has_alpha = true;
+  shape.alpha.texture = 0;
+  const TileMean mean = RenderMapped(t.scene, SquareSettings(8, 256, 2));
+  EXPECT_NEAR(mean.mean.g, 1 - 0.8 * 0.5, 5 * static_cast<double>(mean.standard_error.g) + 1e-3);
+}
+
 // Light from an image texture counts for the light's own group.
 TEST_F(MappedSurfaceTest, ImageLightsEmitIntoTheirGroup) {
   Write(2, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}});

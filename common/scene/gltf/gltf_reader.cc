@@ -143,7 +143,9 @@ class Builder {
     std::vector<ShapeDescription> shapes;
     bool emits = false, is_shared = uses_[node.mesh] > 1;
     for (size_t p = 0; p < mesh.primitives.size(); ++p) {
-      const Surface surface = materials_.Get(mesh.primitives[p].material);
+      const tinygltf::Primitive& source = mesh.primitives[p];
+      const Surface surface =
+          materials_.Get(source.material, source.attributes.contains("COLOR_0"));
       const Primitive* primitive = meshes_.Get(node.mesh, p, surface.uv_set);
       if (primitive == nullptr) continue;
       ShapeDescription shape;
@@ -230,7 +232,8 @@ class Builder {
 
   static uint64_t BytesOf(const TriangleMesh& mesh) {
     return (mesh.positions.size() + mesh.normals.size()) * sizeof(Vec3f) +
-           mesh.uvs.size() * sizeof(Vec2f) + mesh.indices.size() * sizeof(uint32_t);
+           mesh.uvs.size() * sizeof(Vec2f) + mesh.colors.size() * sizeof(VertexColor) +
+           mesh.indices.size() * sizeof(uint32_t);
   }
 
   // False, with a note, where a node is scaled to nothing, as exporters hide things.

@@ -58,11 +58,31 @@ ColorInput Materials::ColorTimes(Rgb factor, const TextureRef& ref, const std::s
   return input;
 }
 
+int32_t Materials::AddVertexColor(const std::string& what, VertexColorTexture texture,
+                                  bool is_color) {
+  TextureDescription description;
+  description.name = what + ", vertices";
+  description.is_color = is_color;
+  description.location = kFile;
+  description.texture = std::move(texture);
+  scene_->textures.push_back(std::move(description));
+  return static_cast<int32_t>(scene_->textures.size()) - 1;
+}
+
+void Materials::TimesVertexColor(const std::string& what, ColorInput* input) {
+  if (has_colors_) input->texture = AddVertexColor(what, {.color = *input}, true);
+}
+
+void Materials::TimesVertexAlpha(const std::string& what, FloatInput* input) {
+  if (has_colors_) input->texture = AddVertexColor(what, {.value = *input}, false);
+}
+
 void Materials::SetBase(const tinygltf::Material& source, const std::string& what,
                         Surface* /*surface*/, PrincipledMaterial* material) {
   const tinygltf::PbrMetallicRoughness& base = source.pbrMetallicRoughness;
   material->base_color =
       ColorTimes(BaseColorFactor(source), BaseColorTexture(source), what + ", base color");
+  TimesVertexColor(what + ", base color", &material->base_color);
   const tinygltf::TextureInfo& info = base.metallicRoughnessTexture;
   const TextureRef both = RefOf(info.index, info.texCoord, info.extensions);
   material->metallic = Number(Unit(base.metallicFactor), both, 2, what + ", metallic");
@@ -86,6 +106,11 @@ void Materials::SetOpacity(const tinygltf::Material& source, const std::string& 
     surface->alpha.texture = textures_->Channel(
         texture, 3, factor, is_mask ? std::optional<float>(cutoff) : std::nullopt,
         what + ", opacity");
+  }
+  if (!is_mask) {
+    TimesVertexAlpha(what + ", opacity", &surface->alpha);
+  } else if (has_colors_) {
+    Ignore(what, "alpha of vertices has no effect on a mask; use alphaMode BLEND");
   }
 }
 
@@ -125,6 +150,7 @@ void Materials::SetEmission(const tinygltf::Material& source, const std::string&
 void Materials::SetUnlit(const tinygltf::Material& source, const std::string& what,
                          Surface* surface, PrincipledMaterial* material) {
   Ignore(what, "is unlit (KHR_materials_unlit): it emits its color, and so lights other things");
+  if (has_colors_) Ignore(what, "colors of vertices (COLOR_0) have no effect on what it emits");
   material->base_color.value = Color({});
   material->metallic.value = 0;
   material->roughness.value = 1;
@@ -153,9 +179,7 @@ Surface Materials::Make(const tinygltf::Material& source, const std::string& wha
     const TextureRef normals = RefOf(info.index, info.texCoord, info.extensions);
     if (Uses(normals, what + ", normal map")) {
       description.normal_map = textures_->NormalMap(normals, what + ", normal map");
-      if (info.scale != 1) {
-        Ignore(what, "the scale of its normal map has no effect; bake it into the map");
-      }
+      if (std::isfinite(info.scale)) description.normal_scale = static_cast<float>(info.scale);
     }
   }
   SetOpacity(source, what, &surface);
@@ -166,22 +190,25 @@ Surface Materials::Make(const tinygltf::Material& source, const std::string& wha
   return surface;
 }
 
-const Surface& Materials::Get(int index) {
-  const auto found = known_.find(index);
+const Surface& Materials::Get(int index, bool has_colors) {
+  const auto found = known_.find({index, has_colors});
   if (found != known_.end()) return found->second;
   if (index >= 0 && !HasIndex(model_->materials, index)) {
     diagnostics_->Error(kFile, absl::StrCat("material ", index,
                                             " does not exist; export the file "
                                             "again"));
     index = -1;
-    if (const auto known = known_.find(index); known != known_.end()) return known->second;
+    if (const auto known = known_.find({index, has_colors}); known != known_.end())
+      return known->second;
   }
   const tinygltf::Material fallback;
   const tinygltf::Material& source =
       index < 0 ? fallback : model_->materials[static_cast<size_t>(index)];
+  has_colors_ = has_colors;
   return known_
-      .emplace(index, Make(source, index < 0 ? "the default material"
-                                             : Named("material", index, source.name)))
+      .emplace(
+          std::pair(index, has_colors),
+          Make(source, index < 0 ? "the default material" : Named("material", index, source.name)))
       .first->second;
 }
 

@@ -9,6 +9,7 @@
 
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/scene/gltf/image_textures.h"
@@ -37,8 +38,9 @@ class Materials {
         diagnostics_(diagnostics),
         scene_(scene) {}
 
-  // index: of the file's materials, or -1 for the default one. Made once; mistakes are reported.
-  const Surface& Get(int index);
+  // index: of the file's materials, or -1 for the default one. has_colors: whether the vertices
+  // have colors, which multiply the base color. Made once for each; mistakes are reported.
+  const Surface& Get(int index, bool has_colors);
 
  private:
   Surface Make(const tinygltf::Material& source, const std::string& what);
@@ -60,6 +62,10 @@ class Materials {
   void SetIridescence(const tinygltf::Material& source, const std::string& what,
                       PrincipledMaterial* material);
 
+  // The input times the colors, or the alpha, of the vertices, if they have any.
+  void TimesVertexColor(const std::string& what, ColorInput* input);
+  void TimesVertexAlpha(const std::string& what, FloatInput* input);
+  int32_t AddVertexColor(const std::string& what, VertexColorTexture texture, bool is_color);
   // What a texture's reference would give, times the factor; only if its uv is that of the others.
   bool Uses(const TextureRef& ref, const std::string& what);
   FloatInput Number(float factor, const TextureRef& ref, int channel, const std::string& what);
@@ -71,8 +77,9 @@ class Materials {
   SkippedParts* skipped_;
   Diagnostics* diagnostics_;
   SceneDescription* scene_;
-  std::map<int, Surface> known_;
-  int uv_set_ = -1;  // Of the material that is being made; -1 until a texture is used.
+  std::map<std::pair<int, bool>, Surface> known_;
+  bool has_colors_ = false;  // Of the material that is being made.
+  int uv_set_ = -1;          // Of the material that is being made; -1 until a texture is used.
 };
 
 }  // namespace sheaf::gltf

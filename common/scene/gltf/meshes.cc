@@ -53,6 +53,28 @@ std::optional<std::vector<Vec3f>> Meshes::Vectors(int accessor, size_t count,
   return vectors;
 }
 
+bool Meshes::ReadColors(int accessor, const std::string& what, TriangleMesh* mesh) {
+  const bool has_alpha =
+      HasIndex(model_->accessors, accessor) &&
+      model_->accessors[static_cast<size_t>(accessor)].type == TINYGLTF_TYPE_VEC4;
+  const size_t components = has_alpha ? 4 : 3;
+  const std::optional<std::vector<float>> numbers =
+      accessors_->Floats(accessor, static_cast<int>(components), what);
+  if (!numbers || !HasCount(numbers->size() / components, mesh->positions.size(), what)) {
+    return false;
+  }
+  mesh->colors.resize(mesh->positions.size(), {1, 1, 1, 1});
+  size_t outside = 0;
+  for (size_t i = 0; i < numbers->size(); ++i) {
+    const float value = (*numbers)[i];
+    const bool is_inside = value >= 0 && value <= 1;  // Not for NaN.
+    outside += !is_inside;
+    mesh->colors[i / components][i % components] = is_inside ? value : value > 1 ? 1.0f : 0.0f;
+  }
+  if (outside > 0) skipped_->Add(what, "has numbers outside of 0 to 1, which are clamped");
+  return true;
+}
+
 bool Meshes::ReadVertices(const tinygltf::Primitive& source, int uv_set, const std::string& what,
                           TriangleMesh* mesh) {
   const int positions = AttributeOf(source.attributes, "POSITION");
@@ -80,8 +102,8 @@ bool Meshes::ReadVertices(const tinygltf::Primitive& source, int uv_set, const s
                                      ", which the material's textures use; they are placed by "
                                      "triangles"));
   }
-  if (AttributeOf(source.attributes, "COLOR_0") >= 0) {
-    skipped_->Add(what, "colors of vertices (COLOR_0) have no effect; bake them into a texture");
+  if (const int colors = AttributeOf(source.attributes, "COLOR_0"); colors >= 0) {
+    if (!ReadColors(colors, what + ", COLOR_0", mesh)) return false;
   }
   if (AttributeOf(source.attributes, "TANGENT") >= 0) {
     skipped_->Add(what, "tangents (TANGENT) have no effect: Sheaf takes them from the uv");

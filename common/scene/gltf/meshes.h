@@ -62,6 +62,7 @@ class Meshes {
   std::optional<Primitive> Read(const Key& key, const std::string& what);
   bool ReadVertices(const tinygltf::Primitive& source, int uv_set, const std::string& what,
                     TriangleMesh* mesh);
+  bool ReadColors(int accessor, const std::string& what, TriangleMesh* mesh);
   bool ReadTriangles(const tinygltf::Primitive& source, const std::string& what,
                      TriangleMesh* mesh);
   bool ReadTargets(const tinygltf::Primitive& source, const std::string& what,

@@ -21,8 +21,15 @@ struct Vertex {
   Vec2f uv;
   Vec3f normal;        // The mesh's; linear between its vertices, so not unit length.
   Vec3f tangent = {};  // The mesh's, if it has any.
+  VertexColor color = {};
 };
 using Face = std::array<uint32_t, 3>;  // Vertices.
+
+VertexColor MeanOf(const VertexColor& a, const VertexColor& b) {
+  VertexColor mean;
+  for (size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5f * (a[i] + b[i]);
+  return mean;
+}
 
 struct PlaceHash {
   size_t operator()(const Vec3f& p) const {
@@ -126,7 +133,7 @@ class Refiner {
   std::vector<Vec3d> sites_;
   std::vector<Vertex> vertices_;
   std::vector<Face> faces_;
-  bool has_tangents_ = false;
+  bool has_tangents_ = false, has_colors_ = false;
   std::vector<int8_t> sides_;     // By face: -1 where the mesh's normals oppose it.
   std::vector<Vec3f> displaced_;  // By site.
   std::unordered_map<Vec3f, uint32_t, PlaceHash> site_of_;
@@ -136,6 +143,7 @@ class Refiner {
 void Refiner::AddVertices(const TriangleMesh& mesh) {
   const bool has_uvs = !mesh.uvs.empty(), has_normals = !mesh.normals.empty();
   has_tangents_ = !mesh.tangents.empty();
+  has_colors_ = !mesh.colors.empty();
   if (has_uvs) {
     for (size_t i = 0; i < mesh.positions.size(); ++i) {
       vertices_.push_back({SiteAt(mesh.positions[i]), mesh.uvs[i], {}});
@@ -153,8 +161,9 @@ void Refiner::AddVertices(const TriangleMesh& mesh) {
     }
     faces_.push_back(face);
     sides_.push_back(1);
-    for (size_t k = 0; k < 3 && has_tangents_; ++k) {
-      vertices_[face[k]].tangent = mesh.tangents[mesh.indices[i + k]];
+    for (size_t k = 0; k < 3; ++k) {
+      if (has_tangents_) vertices_[face[k]].tangent = mesh.tangents[mesh.indices[i + k]];
+      if (has_colors_) vertices_[face[k]].color = mesh.colors[mesh.indices[i + k]];
     }
     if (!has_normals) continue;
     Vec3d sum{0, 0, 0};
@@ -181,7 +190,7 @@ uint32_t Refiner::Midpoint(uint32_t a, uint32_t b) {
       middle_site_.emplace(EdgeOf(va.site, vb.site), static_cast<uint32_t>(sites_.size()));
   if (is_new_site) sites_.push_back((sites_[va.site] + sites_[vb.site]) * 0.5);
   vertices_.push_back({site->second, (va.uv + vb.uv) * 0.5f, (va.normal + vb.normal) * 0.5f,
-                       (va.tangent + vb.tangent) * 0.5f});
+                       (va.tangent + vb.tangent) * 0.5f, MeanOf(va.color, vb.color)});
   return entry->second;
 }
 
@@ -244,6 +253,7 @@ TriangleMesh Refiner::Take() {
     mesh.normals.push_back(ToFloat(LengthSquared(n) > 0 ? n : UnitOrZero(ToDouble(vertex.normal))));
     mesh.uvs.push_back(vertex.uv);
     if (has_tangents_) mesh.tangents.push_back(vertex.tangent);
+    if (has_colors_) mesh.colors.push_back(vertex.color);
   }
   for (const Face& face : faces_) mesh.indices.insert(mesh.indices.end(), face.begin(), face.end());
   return mesh;

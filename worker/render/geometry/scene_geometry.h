@@ -60,11 +60,12 @@ struct Surface {
 };
 struct BakedMesh {
   Surface surface;
-  std::vector<Vec3f> positions;   // Plus one: the ray tracer reads 16 bytes per vertex.
-  std::vector<Vec3f> normals;     // Unit length, or empty.
-  std::vector<Vec2f> uvs;         // Or empty.
-  std::vector<Vec3f> tangents;    // Of any length, or empty; used only if surface.needs_tangent.
-  std::vector<uint32_t> indices;  // Three per triangle, without degenerate ones.
+  std::vector<Vec3f> positions;     // Plus one: the ray tracer reads 16 bytes per vertex.
+  std::vector<Vec3f> normals;       // Unit length, or empty.
+  std::vector<Vec2f> uvs;           // Or empty.
+  std::vector<Vec3f> tangents;      // Of any length, or empty; used only if surface.needs_tangent.
+  std::vector<VertexColor> colors;  // Or empty; used only if surface.reads_textures.
+  std::vector<uint32_t> indices;    // Three per triangle, without degenerate ones.
   // Vertices of a deforming mesh (deforming_mesh.h) at later, equidistant steps until shutter
   // close, in the same form.
   std::vector<VertexStep> steps;

@@ -33,6 +33,7 @@ struct SurfacePoint {
   PrimitiveId id;
   float contact = 0;  // As RawHit::contact.
   float reach = 0;    // Of a curve: the length of Ray::own_offset.
+  VertexColor color;  // Set under Trait::kTextures.
 
   // The emitter's normal in the light table's convention: outward for spheres, whichever side is
   // the front.
@@ -79,6 +80,7 @@ struct GroupPoint {
   bool has_tangents = false;
   Vec3d own_tangent;  // As TangentPlane's.
   double reach = 0;   // For curves: SurfacePoint::reach.
+  VertexColor color{1, 1, 1, 1};
 };
 
 // Minimum cosine between interpolated vertex normals and the geometric normal for unmodified use.
@@ -115,6 +117,12 @@ inline void AddTriangleParameters(const BakedMesh& mesh, const uint32_t* t, cons
     uv2 = mesh.uvs[t[2]];
   }
   point->uv = uv0 + hit.u * (uv1 - uv0) + hit.v * (uv2 - uv0);
+  if (!mesh.colors.empty()) [[unlikely]] {
+    for (size_t i = 0; i < point->color.size(); ++i) {
+      point->color[i] = mesh.colors[t[0]][i] * (1 - hit.u - hit.v) + mesh.colors[t[1]][i] * hit.u +
+                        mesh.colors[t[2]][i] * hit.v;
+    }
+  }
   if (!mesh.surface.needs_tangent) return;
   if (!mesh.tangents.empty()) [[unlikely]] {
     point->own_tangent = ToDouble(mesh.tangents[t[0]] * (1 - hit.u - hit.v) +
@@ -390,6 +398,7 @@ template <uint32_t kTraits, typename Plane>
                 Has(kTraits, Trait::kCurves)) {
     point->uv = on.uv;
   }
+  if constexpr (Has(kTraits, Trait::kTextures)) point->color = on.color;
   const auto tangents = [&] {
     return TangentPlane{ToDouble(ns), on.dpdu, on.dpdv, on.has_tangents, on.own_tangent};
   };

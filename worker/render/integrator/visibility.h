@@ -47,6 +47,7 @@ TexturePoint TexturePointOf(const Context<C>& c, const SurfacePoint& point) {
   if constexpr (C::Has(Trait::kTextures)) {
     texture_point.uv = point.uv;
     if (point.surface->reads_textures) {
+      texture_point.color = point.color;
       texture_point.p_world = ToDouble(point.p) + c.scene.geometry.render_origin_world;
     }
   }

@@ -22,12 +22,13 @@ struct TexturePoint {
   Vec2f uv;
   Vec3d p_world;     // World space (not camera-relative), for 3-D and projected mappings.
   Vec2d uv_shift{};  // Added to uv, whose last digit may be larger.
+  VertexColor color{1, 1, 1, 1};
 };
 
 struct MaterialOptions {
   uint64_t texture_cache_bytes_max = 0;  // As for TextureCache.
-  bool spectral = false;           // Evaluate may be called with kSpectral, too.
-  bool single_scattering = false;  // As in RenderSettings.
+  bool spectral = false;                 // Evaluate may be called with kSpectral, too.
+  bool single_scattering = false;        // As in RenderSettings.
 };
 
 class MaterialTable {

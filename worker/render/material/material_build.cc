@@ -59,6 +59,7 @@ class MaterialBuilder {
 
   absl::Status SetBumps(CompiledMaterial* m) const {
     m->normal_map = description_->normal_map;
+    m->normal_scale = description_->normal_scale;
     if (m->normal_map != kNone) {
       const int channels = textures_.ImageChannels(m->normal_map);
       if (channels >= 3) return absl::OkStatus();

@@ -70,6 +70,7 @@ struct CompiledMaterial {
   const CompiledPrincipled* principled = nullptr;  // Likewise.
   // Normal or bump map: at most one of the two.
   int32_t normal_map = kNone;  // Texture.
+  float normal_scale = 1;
   FloatOperand displacement;
   TextureProgram::SlopeScale slope_scale;
   Bsdf constant;

@@ -19,7 +19,7 @@ bool IsUsable(Vec3d n) {
   return length_squared > 0 && std::isfinite(length_squared);
 }
 
-Vec3d NormalOfTexel(Rgb texel, const TangentPlane& plane) {
+Vec3d NormalOfTexel(Rgb texel, double scale, const TangentPlane& plane) {
   const double r = 2 * static_cast<double>(texel.r) - 1, g = 2 * static_cast<double>(texel.g) - 1,
                b = 2 * static_cast<double>(texel.b) - 1;
   const Vec3d tangent = TangentOf(plane, plane.n);
@@ -28,7 +28,7 @@ Vec3d NormalOfTexel(Rgb texel, const TangentPlane& plane) {
   const Vec3d x = tangent / length;
   Vec3d y = Cross(plane.n, x);
   if (Dot(plane.n, Cross(plane.dpdu, plane.dpdv)) < 0) y = -y;
-  return x * r + y * g + plane.n * b;
+  return x * (scale * r) + y * (scale * g) + plane.n * b;
 }
 
 // The unnormalized normal of p + height n. du, dv: slopes of the height.
@@ -50,7 +50,8 @@ Vec3f MaterialTable::ShadingNormal(int32_t material, const TexturePoint& point, 
       ChooseMaterial(impl_->materials, textures, material, point, u_mix);
   Vec3d n = plane.n;
   if (chosen.normal_map != kNone) {
-    n = NormalOfTexel(textures.Value<Rgb>({chosen.normal_map, {}, {}}, point, {}), plane);
+    n = NormalOfTexel(textures.Value<Rgb>({chosen.normal_map, {}, {}}, point, {}),
+                      static_cast<double>(chosen.normal_scale), plane);
   } else if (chosen.displacement.texture != kNone) {
     const auto height = [&](double du, double dv) {
       const TexturePoint there{

@@ -314,6 +314,12 @@ Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
       const float amount = Float(node.amount, point);
       return value(0) * (1 - amount) + value(1) * amount;
     }
+    case Kind::kVertexColor: {
+      // The product is that of colors, whatever the transport.
+      const Rgb base = Value<Rgb>(node.color[0], point, {});
+      const VertexColor& c = point.color;
+      return ColorOfRgb<Color>(base * Rgb{c[0], c[1], c[2]}, node.role, wavelengths);
+    }
   }
   return {};
 }
@@ -349,6 +355,8 @@ float TextureProgram::EvaluateFloat(int32_t texture, const TexturePoint& point) 
       const float amount = Float(node.amount, point);
       return Float(node.value[0], point) * (1 - amount) + Float(node.value[1], point) * amount;
     }
+    case Kind::kVertexColor:
+      return Float(node.value[0], point) * point.color[3];
   }
   return 0;
 }

@@ -87,7 +87,15 @@ class TextureProgram {
   static constexpr uint64_t kEvaluationsMax = 4096;
 
  private:
-  enum class Kind : uint8_t { kConstant, kImage, kCheckerboard2, kCheckerboard3, kScale, kMix };
+  enum class Kind : uint8_t {
+    kConstant,
+    kImage,
+    kCheckerboard2,
+    kCheckerboard3,
+    kScale,
+    kMix,
+    kVertexColor
+  };
   struct Node {
     Kind kind = Kind::kConstant;
     UvMapping::Kind mapping = UvMapping::Kind::kUv;

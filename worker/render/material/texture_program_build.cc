@@ -259,6 +259,11 @@ class TextureProgram::Builder {
     return absl::OkStatus();
   }
 
+  absl::Status Fill(int32_t texture, const VertexColorTexture& t, uint64_t level, Node* node) {
+    node->kind = Kind::kVertexColor;
+    return AddPair(texture, t.color, t.value, 0, level, node);
+  }
+
   const SceneDescription& scene_;
   FileSource& files_;
   TextureCache& cache_;

@@ -23,7 +23,8 @@ uint64_t GeometryBytes(const SceneGeometry& geometry) {
   uint64_t bytes = 0;
   for (const GeometryGroup& group : geometry.groups) {
     for (const BakedMesh& mesh : group.meshes) {
-      bytes += VectorBytes(mesh.positions, mesh.normals, mesh.uvs, mesh.tangents, mesh.indices);
+      bytes += VectorBytes(mesh.positions, mesh.normals, mesh.uvs, mesh.tangents, mesh.colors,
+                           mesh.indices);
       for (const VertexStep& step : mesh.steps) bytes += VectorBytes(step.positions, step.normals);
     }
     for (const BakedPatches& patches : group.patches) {

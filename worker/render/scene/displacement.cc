@@ -61,6 +61,8 @@ class UsedTextures {
     return first || second || amount;
   }
 
+  bool AddInputs(const VertexColorTexture& t) { return Add(t.value.texture); }
+
   const SceneDescription& scene_;
   std::vector<bool> is_used_;
 };

@@ -194,6 +194,7 @@ absl::Status ShapeBaker::AddMesh(const ShapeDescription& shape, Surface surface,
     baked.tangents = std::move(mesh.tangents);
     for (Vec3f& t : baked.tangents) t = ToFloat(target_from_shape.Vector(ToDouble(t)));
   }
+  if (surface.reads_textures) baked.colors = std::move(mesh.colors);
   if (scene_.camera.shutter_close > scene_.camera.shutter_open) {
     baked.steps = std::move(mesh.steps);
   }

@@ -26,7 +26,7 @@ bool AreEqual(const TriangleMesh& a, const TriangleMesh& b) {
     return s.positions == t.positions && s.normals == t.normals;
   };
   return a.indices == b.indices && a.positions == b.positions && a.normals == b.normals &&
-         a.uvs == b.uvs && a.tangents == b.tangents &&
+         a.uvs == b.uvs && a.tangents == b.tangents && a.colors == b.colors &&
          std::ranges::equal(a.steps, b.steps, is_equal_step);
 }
 bool AreEqual(const BilinearMesh& a, const BilinearMesh& b) {
