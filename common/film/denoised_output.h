@@ -22,7 +22,6 @@ static_assert(kAovCount <= 31);
 
 inline bool HasDenoised(const FilmOutputs& outputs) { return (outputs.aovs & kDenoisedBit) != 0; }
 inline void AddDenoised(FilmOutputs* outputs) { outputs->aovs |= kDenoisedBit; }
-inline void RemoveDenoised(FilmOutputs* outputs) { outputs->aovs &= ~kDenoisedBit; }
 
 // The guides: albedo, normal, alpha and depth.
 inline constexpr std::array<const char*, 8> kGuideChannels{

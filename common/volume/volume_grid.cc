@@ -243,23 +243,6 @@ VolumeRole VolumeRoleOf(const std::string& grid_name) {
   return VolumeRole::kOther;
 }
 
-const char* VolumeValueTypeName(VolumeValueType type) {
-  switch (type) {
-    case VolumeValueType::kFp4:
-      return "Float4";
-    case VolumeValueType::kFp8:
-      return "Float8";
-    case VolumeValueType::kFp16:
-      return "Float16";
-    case VolumeValueType::kFpN:
-      return "FloatN";
-    case VolumeValueType::kVec3f:
-      return "Vec3f";
-    default:
-      return "float";
-  }
-}
-
 VolumeGrid::Cursor::Cursor(const VolumeGrid& grid) {
   volume::WithType(grid.info_.type, [&]<typename BuildT>() {
     static_assert(sizeof(Accessor<BuildT>) <= sizeof(accessor_) && alignof(Accessor<BuildT>) <= 8 &&

@@ -40,7 +40,6 @@ enum class VolumeRole { kDensity, kTemperature, kVelocity, kEmission, kOther };
 VolumeRole VolumeRoleOf(const std::string& grid_name);
 
 enum class VolumeValueType { kFloat, kFp4, kFp8, kFp16, kFpN, kVec3f };
-const char* VolumeValueTypeName(VolumeValueType type);
 
 // Range of all values that lookups may encounter, inclusive.
 struct ValueRange {

@@ -87,7 +87,6 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   SetSize(&tile, tile.trees == nullptr ? 0 : tile.trees->size_bytes());
   changed_.erase(index);
   developed_since_refresh_.insert(index);
-  has_samples_ = true;
   ++developed_count_;
 }
 
@@ -167,7 +166,6 @@ void FrameMerge::Insert(uint32_t index, CellPart part) {
     SHEAF_CHECK(tile.trees->Insert(std::move(part.sums), part.cells).ok());
   }
   if (tile.state == State::kOnDisk) return;
-  has_samples_ = true;
   if (Complete(index, *tile.trees)) {
     Develop(index, std::move(tile.trees));
     return;

@@ -91,7 +91,6 @@ class FrameMerge {
   std::vector<uint32_t> Refresh();
   // The camera's developed tiles whose error is not reliable (mean_interval.h).
   std::vector<PixelRect> UnreliableTiles() const;
-  bool HasSamples() const { return has_samples_; }
   // Whether the filter gives samples weights other than 1, in developed tiles.
   bool signed_weights() const { return signed_weights_; }
   // The image's FLIP (flip_estimate.h); none if the frame's replicates are not independent, or if
@@ -147,7 +146,6 @@ class FrameMerge {
   std::vector<MeanInterval> light_intervals_;  // By tile of the camera; empty without light passes.
   std::set<uint32_t> changed_;                 // In memory, not yet developed as they are.
   std::set<uint32_t> developed_since_refresh_;
-  bool has_samples_ = false;
   bool signed_weights_ = false;
   size_t developed_count_ = 0;
 };

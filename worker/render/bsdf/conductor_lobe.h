@@ -51,7 +51,7 @@ BsdfValueOf<Color> ConductorLobe::f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f w
       FresnelConductor(std::min(1.0f, Dot(wo, m)), bsdf.conductor_eta, bsdf.conductor_k);
   BsdfValueOf<Color> value;
   value.f_cos = fresnel * (d * ggx.G2Over4Cos(wo, wi) * wi.z);
-  value.pdf = 0.5f * d / (wo.z + ggx.S(wo));  // VisibleNormalPdfOverDot / 4.
+  value.pdf = 0.5f * d / (wo.z + ggx.S(wo));  // G1 D / (4 cos), finite at grazing wo.
   if (bsdf.conductor_energy == nullptr) return value;
   const BlendedLoss loss = LossOf(bsdf.conductor_energy, bsdf.blend);
   const float loss_o = loss.Loss(FindMu(wo.z));

@@ -40,11 +40,6 @@ struct Ggx {
     const float x = alpha_x * w.x, y = alpha_y * w.y;
     return std::sqrt(x * x + y * y + w.z * w.z);
   }
-  // Density of visible normals over the absolute cosine |Dot(w, m)|: the pdf (solid angle) of
-  // SampleVisibleNormal is this times |Dot(w, m)|. Finite at grazing w, unlike G1 D / cos.
-  float VisibleNormalPdfOverDot(Vec3f w, Vec3f m) const {
-    return 2 * D(m) / (std::fabs(w.z) + S(w));
-  }
   // G2 / (4 |o.z| |i.z|), without the division by vanishing cosines.
   float G2Over4Cos(Vec3f o, Vec3f i) const {
     return 0.5f / (S(o) * std::fabs(i.z) + S(i) * std::fabs(o.z));

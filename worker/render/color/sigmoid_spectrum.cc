@@ -130,10 +130,6 @@ Coefficients SigmoidFitter::Fit(Rgb rgb) const {
   return FitFrom(rgb, FitGray(mean));
 }
 
-std::array<double, 3> SigmoidFitter::RgbUnderD65(const Coefficients& c) const {
-  return Evaluate(Rgb::Gray(1), c).value;
-}
-
 namespace {
 
 const SigmoidFitter& SharedFitter() {

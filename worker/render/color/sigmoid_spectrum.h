@@ -57,9 +57,6 @@ class SigmoidFitter {
   // As Fit, starting from the coefficients of a similar color.
   Coefficients FitFrom(Rgb rgb, const Coefficients& start) const;
 
-  // Linear sRGB of a spectrum under D65.
-  std::array<double, 3> RgbUnderD65(const Coefficients& c) const;
-
  private:
   // A quadrature point, and the contribution of reflectance 1 there to each channel.
   struct Node {

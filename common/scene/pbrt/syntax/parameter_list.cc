@@ -149,11 +149,6 @@ std::vector<float> ParameterList::GetFloats(const std::string& name) {
   return parameter == nullptr ? std::vector<float>() : parameter->floats;
 }
 
-std::vector<int32_t> ParameterList::GetIntegers(const std::string& name) {
-  const Parameter* parameter = FindTyped(name, ParameterType::kInteger);
-  return parameter == nullptr ? std::vector<int32_t>() : parameter->integers;
-}
-
 std::vector<std::string> ParameterList::GetStrings(const std::string& name) {
   const Parameter* parameter = FindTyped(name, ParameterType::kString);
   return parameter == nullptr ? std::vector<std::string>() : parameter->strings;

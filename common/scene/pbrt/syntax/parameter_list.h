@@ -84,7 +84,6 @@ class ParameterList {
   Vec3f GetVector3(const std::string& name, Vec3f fallback);
   // All values; empty if the parameter is absent.
   std::vector<float> GetFloats(const std::string& name);
-  std::vector<int32_t> GetIntegers(const std::string& name);
   std::vector<std::string> GetStrings(const std::string& name);
   std::vector<Vec2f> GetPoints2(const std::string& name);
   std::vector<Vec3f> GetTriples(const std::string& name, ParameterType type);
