@@ -25,7 +25,7 @@ using CallMetadata = std::multimap<grpc::string_ref, grpc::string_ref>;
 
 // For channels: adds `ours` to every call, and ends calls with the error of AgreeOnProtocol where
 // the server's answer says versions that do not fit, or where it answers without any and `ours`
-// begins after version 0.
+// begins after version 1.
 std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>>
 ProtocolOfClient(const ProtocolRange& ours = kProtocol);
 

@@ -16,14 +16,14 @@ namespace sheaf {
 // The version that these programs speak. It grows by one with a change that programs of the version
 // before must know of. Fields that they may ignore need none.
 inline constexpr int kProtocolVersion = 1;
-// The oldest version that these programs still understand. Programs that say no version have 0.
-inline constexpr int kOldestProtocolVersion = 0;
+// The oldest version that these programs still understand.
+inline constexpr int kOldestProtocolVersion = 1;
 // A version beyond is malformed.
 inline constexpr int kProtocolVersionMax = 999'999;
 
 // The versions that a program understands, from oldest to newest.
 struct ProtocolRange {
-  int oldest = 0, newest = 0;
+  int oldest = 1, newest = 1;
   friend bool operator==(const ProtocolRange&, const ProtocolRange&) = default;
 };
 inline constexpr ProtocolRange kProtocol{kOldestProtocolVersion, kProtocolVersion};
@@ -31,9 +31,10 @@ inline constexpr ProtocolRange kProtocol{kOldestProtocolVersion, kProtocolVersio
 // The key of the range in the metadata of calls, and of their answers.
 inline constexpr char kProtocolKey[] = "sheaf-protocol";
 
-// Returns "0-1": oldest and newest.
+// Returns "1-2": oldest and newest.
 std::string FormatProtocol(const ProtocolRange& range);
-// The reverse; an empty text is the range 0-0. Errors: kFailedPrecondition.
+// The reverse. An empty text is the range 1-1: a tool that says no version speaks the first.
+// Errors: kFailedPrecondition.
 absl::StatusOr<ProtocolRange> ParseProtocol(std::string_view text);
 
 // The version that a client and a coordinator speak with each other. Errors: kFailedPrecondition,
@@ -41,7 +42,7 @@ absl::StatusOr<ProtocolRange> ParseProtocol(std::string_view text);
 // do.
 absl::StatusOr<int> AgreeOnProtocol(const ProtocolRange& client, const ProtocolRange& coordinator);
 
-// Returns "protocol 1, understands 0 to 1", for --version.
+// Returns "protocol 1, understands 1 to 1", for --version.
 std::string DescribeProtocol();
 
 }  // namespace sheaf

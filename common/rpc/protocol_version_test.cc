@@ -16,9 +16,9 @@ TEST(ProtocolVersionTest, BothSidesSpeakTheNewestThatBothUnderstand) {
     int agreed;
   };
   const std::vector<Case> cases = {
-      {{0, 0}, {0, 1}, 0},  // A client of before there were versions.
-      {{0, 1}, {0, 0}, 0},  // A coordinator of that time.
-      {{0, 1}, {0, 1}, 1},  // The same.
+      {{1, 1}, {1, 2}, 1},  // A client of the first version.
+      {{1, 2}, {1, 1}, 1},  // A coordinator of the first version.
+      {{1, 2}, {1, 2}, 2},  // The same.
       {{4, 5}, {5, 6}, 5},  // An older neighbour calls.
       {{5, 6}, {4, 5}, 5},  // A newer one does.
       {{3, 3}, {1, 9}, 3},  // One version among many.
@@ -38,9 +38,9 @@ TEST(ProtocolVersionTest, OthersAreRefusedInWords) {
     std::string words;
   };
   const std::vector<Case> cases = {
-      {{0, 0},
-       {1, 2},
-       "this program speaks version 0 of Sheaf's protocol, and the coordinator versions 1 to 2: "
+      {{1, 1},
+       {2, 3},
+       "this program speaks version 1 of Sheaf's protocol, and the coordinator versions 2 to 3: "
        "this program is older; install the coordinator's release here"},
       {{2, 3},
        {1, 1},
@@ -63,7 +63,7 @@ TEST(ProtocolVersionTest, RangesSurviveTheirText) {
   }
   const absl::StatusOr<ProtocolRange> of_none = ParseProtocol("");
   ASSERT_TRUE(of_none.ok());
-  EXPECT_EQ(*of_none, (ProtocolRange{0, 0}));
+  EXPECT_EQ(*of_none, (ProtocolRange{1, 1})) << "a tool speaks the first version";
 }
 
 TEST(ProtocolVersionTest, MalformedRangesAreRefused) {
@@ -77,8 +77,8 @@ TEST(ProtocolVersionTest, MalformedRangesAreRefused) {
 }
 
 TEST(ProtocolVersionTest, TheseProgramsUnderstandTheirNeighbour) {
-  EXPECT_LT(kOldestProtocolVersion, kProtocolVersion);
-  EXPECT_TRUE(AgreeOnProtocol(kProtocol, {0, kProtocolVersion - 1}).ok());
+  EXPECT_LE(kOldestProtocolVersion, kProtocolVersion);
+  EXPECT_TRUE(AgreeOnProtocol(kProtocol, {1, kOldestProtocolVersion}).ok());
   EXPECT_TRUE(AgreeOnProtocol({kProtocolVersion, kProtocolVersion + 1}, kProtocol).ok());
 }
 

@@ -22,23 +22,12 @@ CREATE TABLE IF NOT EXISTS identities(
 CREATE TABLE IF NOT EXISTS tokens(
   secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
   expire_ns INTEGER NOT NULL, used_ns INTEGER NOT NULL, key_sha256 TEXT NOT NULL,
-  role INTEGER) WITHOUT ROWID;
+  role INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS scrape_tokens(
   secret_sha256 TEXT PRIMARY KEY, kind INTEGER NOT NULL, name TEXT NOT NULL,
   expire_ns INTEGER NOT NULL) WITHOUT ROWID;
 )sql";
 constexpr char kUnused[] = "";  // key_sha256 of an unused token.
-
-// Tokens of earlier versions have no role: they grant their identity's.
-absl::Status AddRolesOfTokens(SqliteDatabase* database) {
-  return database->InTransaction([database] {
-    Statement find =
-        database->Prepare("SELECT 1 FROM pragma_table_info('tokens') WHERE name = 'role'");
-    const absl::StatusOr<bool> there = find.Step();
-    if (!there.ok() || *there) return there.status();
-    return database->Execute("ALTER TABLE tokens ADD COLUMN role INTEGER");
-  });
-}
 
 int64_t Stored(IdentityKind kind) { return static_cast<int64_t>(kind); }
 
@@ -53,7 +42,6 @@ absl::StatusOr<std::unique_ptr<IdentityStore>> IdentityStore::Open(const std::st
                           "check the disk"));
   }
   if (absl::Status status = (*database)->Execute(kIdentitySchema); !status.ok()) return status;
-  if (absl::Status status = AddRolesOfTokens(database->get()); !status.ok()) return status;
   return std::unique_ptr<IdentityStore>(new IdentityStore(*std::move(database)));
 }
 
@@ -180,7 +168,7 @@ absl::StatusOr<IdentityId> IdentityStore::TakeToken(const std::string& secret,
   }
   const IdentityId id{static_cast<IdentityKind>(find.Int64(0)), find.Text(1)};
   const bool is_first = find.Text(2) == kUnused;
-  const int64_t role = find.Int64(3);  // 0 if there is none.
+  const int64_t role = find.Int64(3);
   if (absl::Status status = find.Run(); !status.ok()) return status;
   if (!is_first) return id;
   absl::Status used =

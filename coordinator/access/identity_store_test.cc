@@ -171,18 +171,6 @@ TEST_F(IdentityStoreTest, ALowerRoleTakesEffectAtOnceAndForOpenTokens) {
   EXPECT_EQ(role(), Role::kView);
 }
 
-TEST_F(IdentityStoreTest, TokensOfEarlierVersionsGiveTheRoleOfTheirIdentity) {
-  const std::string secret = Token(kStoredUser, Role::kOperate);
-  {
-    const auto database = SqliteDatabase::Open(directory_ + "/access.db");
-    ASSERT_TRUE(database.ok());
-    ASSERT_TRUE((*database)->Execute("ALTER TABLE tokens DROP COLUMN role").ok());
-  }
-  store_ = Open();
-  ASSERT_EQ(Use(secret), absl::StatusCode::kOk);
-  EXPECT_EQ((*store_->Find(kStoredUser))->role, Role::kOperate);
-}
-
 TEST_F(IdentityStoreTest, AChangeByAnotherProcessIsSeenAtTheNextCall) {
   Token();
   ASSERT_FALSE((*store_->Find(kStoredUser))->revoked());

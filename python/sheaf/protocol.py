@@ -13,16 +13,16 @@ import grpc
 from sheaf import errors
 
 PROTOCOL_VERSION = 1
-OLDEST_PROTOCOL_VERSION = 0
+OLDEST_PROTOCOL_VERSION = 1
 PROTOCOL_KEY = "sheaf-protocol"
 
 Range = Tuple[int, int]  # The oldest and the newest version that a program understands.
 
 
 def parse_range(text: str) -> Range:
-    """The range of "0-1"; 0 alone of "". Raises WrongStateError."""
+    """The range of "1-2"; 1 alone of "". Raises WrongStateError."""
     if not text:
-        return 0, 0
+        return 1, 1
     found = re.fullmatch("([0-9]{1,6})-([0-9]{1,6})", text)
     if not found or int(found[1]) > int(found[2]):
         raise errors.WrongStateError(

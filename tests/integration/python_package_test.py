@@ -188,16 +188,16 @@ class PackageTest(unittest.TestCase):
         said = farms.local("--version")
         self.assertIn(f"protocol {protocol.PROTOCOL_VERSION}, understands "
                       f"{protocol.OLDEST_PROTOCOL_VERSION} to {protocol.PROTOCOL_VERSION}", said)
-        for text in ("", "0-1", "1-1", "0-7", "1-999999"):
+        for text in ("", "0-1", "1-1", "1-7", "1-999999"):
             protocol.check_answer(protocol.parse_range(text))
         for text in ("1", "2-1", "-1-1", "a-b", "0-1 ", "0-1000000"):
             with self.assertRaisesRegex(sheaf.WrongStateError, "does not say which versions"):
                 protocol.parse_range(text)
         with self.assertRaisesRegex(sheaf.WrongStateError, "this package is older"):
             protocol.check_answer((2, 3))
-        with mock.patch.multiple(protocol, OLDEST_PROTOCOL_VERSION=1, PROTOCOL_VERSION=2):
-            with self.assertRaisesRegex(sheaf.WrongStateError, "coordinator version 0: the coor"):
-                protocol.check_answer((0, 0))
+        with mock.patch.multiple(protocol, OLDEST_PROTOCOL_VERSION=2, PROTOCOL_VERSION=3):
+            with self.assertRaisesRegex(sheaf.WrongStateError, "coordinator version 1: the coor"):
+                protocol.check_answer((1, 1))
 
     def test_refusals_that_pass_are_told_from_others(self):
         from sheaf.connection import transient_wait

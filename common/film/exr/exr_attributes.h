@@ -33,8 +33,8 @@ void SetAttributes(const FrameImage& image, Imf::Header* header);
 void SetScreenWindow(const FrameImage& image, Imf::Header* header);
 // Sets those of a cryptomatte's layer ("CryptoObject00"), which programs want in its part.
 void SetMatteAttributes(const FrameImage& image, std::string_view layer, Imf::Header* header);
-// Reads what SetAttributes wrote, or an earlier version as strings: "sheaf:KEY" to metadata,
-// "cryptomatte/..." and the standard ones to attributes.
+// Reads what SetAttributes wrote: "sheaf:KEY" to metadata, "cryptomatte/..." and the standard ones
+// to attributes.
 void ReadAttributes(const ExrHeader& header, FrameImage* image);
 
 }  // namespace sheaf

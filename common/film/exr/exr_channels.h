@@ -14,7 +14,7 @@ namespace sheaf {
 
 // "samples" > "samples.X"; other names as they are.
 std::string FileChannelName(const std::string& name);
-// The inverse; names of files of earlier versions, which had no component, stay as they are.
+// The inverse; names without a component stay as they are.
 std::string ImageChannelName(const std::string& file_name);
 
 // "normal" of "normal.X"; "rgba" of R, G, B and A; "uv" of u and v; other names without a component

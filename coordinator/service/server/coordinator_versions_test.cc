@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Programs of other versions of the protocol call a coordinator, and a coordinator of before there
-// were versions is called.
+// Programs of other versions of the protocol, and tools that say no version, call a coordinator; a
+// coordinator that says no version is called.
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/server_credentials.h>
 
@@ -51,13 +51,13 @@ class CoordinatorVersionsTest : public CoordinatorServerTest {
 
 TEST_F(CoordinatorVersionsTest, NeighboursAreServed) {
   for (const ProtocolRange& range :
-       {kProtocol, ProtocolRange{0, 0}, ProtocolRange{kProtocolVersion, kProtocolVersion + 1}}) {
+       {kProtocol, ProtocolRange{1, 1}, ProtocolRange{kProtocolVersion, kProtocolVersion + 1}}) {
     const grpc::Status status = CallAs(range);
     EXPECT_TRUE(status.ok()) << FormatProtocol(range) << ' ' << status.error_message();
   }
 }
 
-TEST_F(CoordinatorVersionsTest, ProgramsThatSayNoVersionAreServedAndAnsweredWithOne) {
+TEST_F(CoordinatorVersionsTest, ToolsThatSayNoVersionAreServedAndAnsweredWithOne) {
   grpc::ClientContext context;
   const grpc::Status status =
       ListJobs(grpc::CreateChannel(address_, grpc::InsecureChannelCredentials()), &context);
@@ -87,7 +87,7 @@ TEST_F(CoordinatorVersionsTest, ANewerWorkerIsRefusedInWordsBeforeItsCallIsMade)
                    ": the coordinator's program is older; update it, or use its release here "
                    "meanwhile"));
   EXPECT_EQ(count(), 0) << "its handler was called";
-  SyntheticWorker neighbour(ChannelOfVersions(address_, {0, 0}), "host-2-older");
+  SyntheticWorker neighbour(ChannelOfVersions(address_, {1, 1}), "host-2-older");
   EXPECT_TRUE(neighbour.Synchronize(1).ok());
   EXPECT_EQ(count(), 1);
 }
@@ -160,12 +160,12 @@ TEST(OldCoordinatorTest, IsRefusedOnlyByProgramsThatNoLongerUnderstandIt) {
   const OldCoordinator old;
   grpc::ClientContext neighbour, later, asking;
   EXPECT_TRUE(ListJobs(MakeChannel(old.address()), &neighbour).ok());
-  const auto channel = ChannelOfVersions(old.address(), {1, 2});
+  const auto channel = ChannelOfVersions(old.address(), {2, 3});
   const grpc::Status refused = ListJobs(channel, &later);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_EQ(refused.error_message(),
-            "this program speaks versions 1 to 2 of Sheaf's protocol, and the coordinator version "
-            "0: the coordinator's program is older; update it, or use its release here meanwhile");
+            "this program speaks versions 2 to 3 of Sheaf's protocol, and the coordinator version "
+            "1: the coordinator's program is older; update it, or use its release here meanwhile");
   v1::Job job;
   EXPECT_EQ(
       v1::JobService::NewStub(channel)->GetJob(&asking, v1::GetJobRequest(), &job).error_code(),

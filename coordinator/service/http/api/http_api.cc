@@ -305,7 +305,7 @@ HttpResponse HttpApi::GetPreview(const HttpRequest& request) {
           .Find(farm_, request.path_parameters[0], *frame, *choice);
   const bool may_lack = !frame->complete || choice->thumbnail || choice->layer == ImageLayer::kTime;
   // This is not an error: a job may end between the event that announces an image and the request
-  // for it, frames of earlier versions have no thumbnail, and frames without parts have no times.
+  // for it, a thumbnail may not have been stored, and frames without parts have no times.
   if (absl::IsUnavailable(preview.status()) && may_lack) return no_image;
   if (!preview.ok()) return HttpErrorFromStatus(preview.status());
   HttpResponse response;
