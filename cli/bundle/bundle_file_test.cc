@@ -7,7 +7,7 @@
 
 #include <filesystem>
 
-#include "cli/bundle/made_up_bundle.h"
+#include "tests/support/farm/made_up_bundle.h"
 #include "tests/support/temporary_path.h"
 
 namespace sheaf::cli {

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <memory>
 
-#include "cli/bundle/made_up_bundle.h"
 #include "common/film/exr/exr_codec.h"
+#include "tests/support/farm/made_up_bundle.h"
 #include "tests/support/temporary_path.h"
 #include "worker/sandbox/direct_scenes.h"
 

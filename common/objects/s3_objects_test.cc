@@ -12,8 +12,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/file.h"
-#include "common/objects/s3_test_server.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/s3_test_server.h"
 
 namespace sheaf {
 namespace {

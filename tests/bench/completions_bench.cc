@@ -24,9 +24,9 @@
 #include "absl/time/clock.h"
 #include "common/rpc/enrolment.h"
 #include "common/rpc/farm_connection.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "coordinator/service/server/shared_database.h"
 #include "coordinator/store/database/postgres_database.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

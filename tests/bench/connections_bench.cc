@@ -40,8 +40,8 @@
 #include "common/rpc/settings_codec.h"
 #include "common/rpc/tls_credentials.h"
 #include "coordinator/service/server/coordinator_server.h"
-#include "coordinator/service/server/synthetic_worker.h"
 #include "sheaf/v1/job.grpc.pb.h"
+#include "tests/support/farm/synthetic_worker.h"
 
 namespace sheaf::coordinator {
 namespace {

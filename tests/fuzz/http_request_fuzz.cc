@@ -11,8 +11,8 @@
 
 #include "absl/strings/str_split.h"
 #include "coordinator/service/http/api/http_api.h"
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

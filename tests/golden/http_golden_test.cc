@@ -12,11 +12,11 @@
 #include "absl/strings/str_join.h"
 #include "coordinator/access/role_table.h"
 #include "coordinator/service/http/api/http_api.h"
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "coordinator/service/http/api/http_watch.h"
 #include "gtest/gtest.h"
 #include "tests/golden/golden_file.h"
 #include "tests/golden/made_up_views.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -17,8 +17,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "coordinator/service/http/http_service.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace {
 

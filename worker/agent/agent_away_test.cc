@@ -7,7 +7,7 @@
 
 #include <atomic>
 
-#include "worker/agent/agent_fixture.h"
+#include "tests/support/farm/agent_fixture.h"
 
 namespace sheaf::worker {
 namespace {

@@ -11,7 +11,7 @@
 #include <thread>
 #include <utility>
 
-#include "worker/agent/agent_fixture.h"
+#include "tests/support/farm/agent_fixture.h"
 
 namespace sheaf::worker {
 namespace {

@@ -3,8 +3,8 @@
 #include "worker/service/direct_upload.h"
 
 #include "common/objects/s3_objects.h"
-#include "common/objects/s3_test_server.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/s3_test_server.h"
 
 namespace sheaf::worker {
 namespace {

@@ -21,10 +21,10 @@
 #include "common/rpc/farm_connection.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/tls_credentials.h"
-#include "coordinator/service/server/coordinator_access_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "sheaf/v1/access.grpc.pb.h"
+#include "tests/support/farm/coordinator_access_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

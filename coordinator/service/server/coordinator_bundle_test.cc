@@ -9,9 +9,9 @@
 
 #include "common/base/digest.h"
 #include "common/content/chunk_codec.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -8,10 +8,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "coordinator/store/sql_job_store.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

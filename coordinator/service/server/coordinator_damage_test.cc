@@ -15,10 +15,10 @@
 #include "absl/time/clock.h"
 #include "common/content/chunk_codec.h"
 #include "common/film/exr/exr_codec.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 #include "sheaf/v1/content.grpc.pb.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

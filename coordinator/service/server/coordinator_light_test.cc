@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -18,8 +18,7 @@ using Response = v1::UploadResultsResponse;
 
 // A frame of both kinds of path, 41 x 33 pixels of 50 x 40.
 v1::CreateJobRequest WithLight(v1::CreateJobRequest request) {
-  request.mutable_frames(0)->mutable_settings()->set_techniques(
-      v1::TECHNIQUES_CAMERA_AND_LIGHT);
+  request.mutable_frames(0)->mutable_settings()->set_techniques(v1::TECHNIQUES_CAMERA_AND_LIGHT);
   return request;
 }
 
@@ -39,9 +38,8 @@ TEST_F(CoordinatorServerTest, LightPassesGiveOneImage) {
       const v1::Job job = Create(request);
       std::vector<std::thread> threads;
       for (int i = 0; i < 3; ++i) {
-        threads.emplace_back([&, i] {
-          EXPECT_TRUE(MakeWorker(absl::StrCat("w", i)).RenderAll().ok());
-        });
+        threads.emplace_back(
+            [&, i] { EXPECT_TRUE(MakeWorker(absl::StrCat("w", i)).RenderAll().ok()); });
       }
       for (std::thread& thread : threads) thread.join();
       const v1::Job after = Watch(job.name());

@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "absl/strings/match.h"
-#include "common/objects/s3_test_server.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
+#include "tests/support/farm/s3_test_server.h"
 
 namespace sheaf::coordinator {
 namespace {

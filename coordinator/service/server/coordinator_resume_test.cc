@@ -12,7 +12,7 @@
 #include "common/film/error/compare.h"
 #include "common/film/error/error_estimate.h"
 #include "common/film/exr/exr_codec.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -15,9 +15,9 @@
 #include "absl/time/clock.h"
 #include "common/base/digest.h"
 #include "common/content/chunk_codec.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -14,8 +14,8 @@
 #include "common/content/chunk_cutter.h"
 #include "common/rpc/chunk_list_codec.h"
 #include "common/rpc/grpc_status.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

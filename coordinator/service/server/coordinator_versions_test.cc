@@ -13,8 +13,8 @@
 #include "absl/strings/str_cat.h"
 #include "common/rpc/protocol_calls.h"
 #include "coordinator/service/grpc/worker_versions.h"
-#include "coordinator/service/server/coordinator_access_fixture.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/coordinator_access_fixture.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -5,9 +5,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

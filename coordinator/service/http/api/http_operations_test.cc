@@ -9,7 +9,7 @@
 #include <string>
 
 #include "coordinator/service/http/api/http_api.h"
-#include "coordinator/service/http/api/http_fake_farm.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

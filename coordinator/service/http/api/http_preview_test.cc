@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/http/api/http_preview.h"
 
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "coordinator/service/http/api/http_api.h"
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -10,8 +10,8 @@
 #include "absl/strings/str_cat.h"
 #include "common/film/denoised_output.h"
 #include "coordinator/service/http/api/http_api.h"
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

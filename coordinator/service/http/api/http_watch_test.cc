@@ -4,9 +4,9 @@
 
 #include <chrono>
 
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

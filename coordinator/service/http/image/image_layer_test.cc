@@ -7,9 +7,9 @@
 #include <cstdlib>
 #include <limits>
 
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "coordinator/service/http/image/false_color.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

@@ -17,11 +17,11 @@
 #include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "common/base/file.h"
-#include "coordinator/service/http/api/http_fake_farm.h"
 #include "coordinator/service/http/http_service.h"
 #include "coordinator/service/http/server/http_server.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
+#include "tests/support/farm/http_fake_farm.h"
 
 namespace sheaf::coordinator {
 namespace {

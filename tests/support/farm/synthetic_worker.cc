@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "coordinator/service/server/synthetic_worker.h"
+#include "tests/support/farm/synthetic_worker.h"
 
 #include <algorithm>
 #include <array>

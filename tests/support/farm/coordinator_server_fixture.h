@@ -15,7 +15,7 @@
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/settings_codec.h"
 #include "coordinator/service/server/coordinator_server.h"
-#include "coordinator/service/server/synthetic_worker.h"
+#include "tests/support/farm/synthetic_worker.h"
 
 namespace sheaf::coordinator {
 

@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "common/objects/s3_test_server.h"
+#include "tests/support/farm/s3_test_server.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>

@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include <gtest/gtest.h>
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -17,8 +18,7 @@
 #include "common/rpc/enrolment.h"
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/tls_credentials.h"
-#include "coordinator/service/server/coordinator_server_fixture.h"
-#include <gtest/gtest.h>
+#include "tests/support/farm/coordinator_server_fixture.h"
 
 namespace sheaf::coordinator {
 
