@@ -296,15 +296,19 @@ TEST(TechniqueMeasurementTest, ImagesAreAFractionOfTheFrame) {
 TEST(TechniqueMeasurementTest, TechniquesChangeWithoutCompiling) {
   const TestScene t = Caustic(0.05f);
   FrameSettings settings = SquareSettings(24, 16, 6);
-  CompiledScenePtr changing = Compile(t.scene, settings);
+  TableFileSource files({});
+  const absl::StatusOr<ChangeableScenePtr> changeable =
+      CompileChangeableScene(t.scene, settings, files);
+  ASSERT_TRUE(changeable.ok()) << changeable.status();
+  CompiledScene* const changing = changeable->get();
   for (const TechniqueSet techniques :
        {TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided, TechniqueSet::kCamera,
         TechniqueSet::kCameraAndLightGuided}) {
-    ASSERT_TRUE(SetTechniques(techniques, &changing).ok());
+    ASSERT_TRUE(SetTechniques(techniques, changing).ok());
     settings.techniques = techniques;
     const CompiledScenePtr compiled = Compile(t.scene, settings);
     EXPECT_EQ(changing->plan.traits, compiled->plan.traits);
-    for (const CompiledScene* scene : {changing.get(), compiled.get()}) {
+    for (const CompiledScene* scene : {static_cast<const CompiledScene*>(changing), compiled.get()}) {
       ASSERT_TRUE(EnsureGuiding(*scene, {}).ok());
     }
     EXPECT_TRUE(RenderAll(*changing) == RenderAll(*compiled)) << techniques.Name();

@@ -227,14 +227,14 @@ absl::StatusOr<PilotRenderer> PilotRenderer::Make(SceneDescription scene,
   scene.filter = {};
   scene.filter.kind = FilterDescription::Kind::kBox;
   scene.filter.radius_x_px = scene.filter.radius_y_px = 0.5f;
-  absl::StatusOr<CompiledScenePtr> compiled =
-      CompileScene(std::move(scene), PilotSettings(frame, size), files);
+  absl::StatusOr<ChangeableScenePtr> compiled =
+      CompileChangeableScene(std::move(scene), PilotSettings(frame, size), files);
   if (!compiled.ok()) return compiled.status();
   return PilotRenderer(*std::move(compiled), frame, size.training);
 }
 
 absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
-  if (absl::Status set = SetTechniques(techniques, &scene_); !set.ok()) return set;
+  if (absl::Status set = SetTechniques(techniques, scene_.get()); !set.ok()) return set;
   Pilot pilot;
   if (NeedsTraining(techniques)) {
     if (absl::Status trained = Train(&pilot); !trained.ok()) return trained;
@@ -246,7 +246,7 @@ absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
 
 absl::StatusOr<bool> PilotRenderer::SeesThroughSpecular() {
   const TechniqueSet merging{Technique::kLightPaths, Technique::kMerging};
-  if (absl::Status set = SetTechniques(merging, &scene_); !set.ok()) return set;
+  if (absl::Status set = SetTechniques(merging, scene_.get()); !set.ok()) return set;
   RayCounts counts;
   LightTracer tracer(*scene_, settings().window);
   return tracer.CountGathered(0, &counts) > 0;

@@ -81,11 +81,11 @@ class PilotRenderer {
   absl::StatusOr<bool> SeesThroughSpecular();
 
  private:
-  PilotRenderer(CompiledScenePtr scene, const FrameSettings& frame, const TrainingPaths& training)
+  PilotRenderer(ChangeableScenePtr scene, const FrameSettings& frame, const TrainingPaths& training)
       : scene_(std::move(scene)), frame_(frame), training_(training) {}
   absl::Status Train(Pilot* pilot);
 
-  CompiledScenePtr scene_;
+  ChangeableScenePtr scene_;
   FrameSettings frame_;
   TrainingPaths training_;
 };

@@ -39,12 +39,14 @@ struct CompileTechniques {
   float majorant_factor = 1;
 };
 
-// Immutable after CompileScene; all const members may be used from many threads at once.
+// Thread safety: a constant one may be used from many threads at once.
 class CompiledScene;
 struct CompiledSceneDeleter {
   void operator()(const CompiledScene* scene) const;
 };
 using CompiledScenePtr = std::unique_ptr<const CompiledScene, CompiledSceneDeleter>;
+// A scene of one user, who may change its techniques.
+using ChangeableScenePtr = std::unique_ptr<CompiledScene, CompiledSceneDeleter>;
 
 // SceneDescription + RenderPlan > CompiledScene. Takes the description by value: its mesh buffers
 // move to the ray tracer without a copy.
@@ -52,11 +54,17 @@ using CompiledScenePtr = std::unique_ptr<const CompiledScene, CompiledSceneDelet
 absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription scene, const FrameSettings& settings,
                                               FileSource& files, const CompileLimits& limits = {},
                                               const CompileTechniques& techniques = {});
+// The same, for SetTechniques.
+absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription scene,
+                                                          const FrameSettings& settings,
+                                                          FileSource& files,
+                                                          const CompileLimits& limits = {},
+                                                          const CompileTechniques& techniques = {});
 // Lets the scene be rendered by other techniques, without compiling it again; a guided one is
-// untrained afterwards. Requires: the scene was compiled for camera paths; nobody else uses it.
-// The plan's `traits` follow, its texts do not. Errors: kInvalidArgument for light paths beside
+// untrained afterwards. Requires: the scene was compiled for camera paths, and no other thread uses
+// it. The plan's `traits` follow, its texts do not. Errors: kInvalidArgument for light paths beside
 // similarity.
-absl::Status SetTechniques(TechniqueSet techniques, CompiledScenePtr* scene);
+absl::Status SetTechniques(TechniqueSet techniques, CompiledScene* scene);
 const RenderPlan& PlanOf(const CompiledScene& scene);
 const FrameSettings& SettingsOf(const CompiledScene& scene);
 uint64_t MemoryBytesOf(const CompiledScene& scene);

@@ -54,6 +54,14 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
                                               const FrameSettings& settings, FileSource& files,
                                               const CompileLimits& limits,
                                               const CompileTechniques& techniques) {
+  return CompileChangeableScene(std::move(description), settings, files, limits, techniques);
+}
+
+absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription description,
+                                                          const FrameSettings& settings,
+                                                          FileSource& files,
+                                                          const CompileLimits& limits,
+                                                          const CompileTechniques& techniques) {
   CompileInput input;
   input.threads = static_cast<int>(limits.build_threads > 0
                                        ? limits.build_threads
@@ -82,22 +90,19 @@ absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
         scene->camera.MakeRay<0>({settings.width_px / 2.0, settings.height_px / 2.0}, {}, 0);
     scene->interiors->FindEnclosing(scene->geometry, *scene->tracer, center.o);
   }
-  return CompiledScenePtr(compiled->release());
+  return ChangeableScenePtr(compiled->release());
 }
 
-absl::Status SetTechniques(TechniqueSet techniques, CompiledScenePtr* scene) {
-  // CompileScene made it, and not as a constant.
-  auto& changed = const_cast<CompiledScene&>(**scene);
-  changed.settings.techniques = techniques;
-  changed.plan.traits =
-      (changed.plan.traits & ~kTechniqueTraits) | TechniqueTraits(changed.settings);
-  changed.guiding.reset();
-  changed.emission.reset();
-  changed.emission_points.reset();
-  changed.light_paths_per_pass = 0;
-  changed.light_paths_alone = false;
-  changed.gather_step = 0;
-  return BuildTechniques(&changed);
+absl::Status SetTechniques(TechniqueSet techniques, CompiledScene* scene) {
+  scene->settings.techniques = techniques;
+  scene->plan.traits = (scene->plan.traits & ~kTechniqueTraits) | TechniqueTraits(scene->settings);
+  scene->guiding.reset();
+  scene->emission.reset();
+  scene->emission_points.reset();
+  scene->light_paths_per_pass = 0;
+  scene->light_paths_alone = false;
+  scene->gather_step = 0;
+  return BuildTechniques(scene);
 }
 
 const RenderPlan& PlanOf(const CompiledScene& scene) { return scene.plan; }
