@@ -3,8 +3,6 @@
 #include "cli/denoiser/user_command.h"
 
 #include <fcntl.h>
-#include <signal.h>
-#include <spawn.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -15,6 +13,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <optional>
 #include <string_view>
 #include <system_error>
@@ -26,6 +25,8 @@
 #include "common/base/printable.h"
 #include "common/base/status.h"
 #include "common/base/steady_time.h"
+#include "common/content/file_descriptor.h"
+#include "common/process/spawn.h"
 
 namespace sheaf::cli {
 namespace {
@@ -71,42 +72,6 @@ const char* WhyNoWords(int code) {
   }
 }
 
-// No input, output to the log, and its own group and signals.
-class CommandSpawn {
- public:
-  explicit CommandSpawn(const std::string& log) {
-    ::posix_spawn_file_actions_init(&actions_);
-    ::posix_spawn_file_actions_addopen(&actions_, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    ::posix_spawn_file_actions_addopen(&actions_, STDOUT_FILENO, log.c_str(),
-                                       O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
-    ::posix_spawn_file_actions_adddup2(&actions_, STDOUT_FILENO, STDERR_FILENO);
-    ::posix_spawnattr_init(&attributes_);
-    ::posix_spawnattr_setflags(
-        &attributes_, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    ::posix_spawnattr_setpgroup(&attributes_, 0);
-    sigset_t signals;
-    sigemptyset(&signals);
-    ::posix_spawnattr_setsigmask(&attributes_, &signals);
-    sigaddset(&signals, SIGPIPE);
-    sigaddset(&signals, SIGXFSZ);
-    sigaddset(&signals, SIGINT);
-    sigaddset(&signals, SIGTERM);
-    ::posix_spawnattr_setsigdefault(&attributes_, &signals);
-  }
-  ~CommandSpawn() {
-    ::posix_spawnattr_destroy(&attributes_);
-    ::posix_spawn_file_actions_destroy(&actions_);
-  }
-  CommandSpawn(const CommandSpawn&) = delete;
-  CommandSpawn& operator=(const CommandSpawn&) = delete;
-  const posix_spawn_file_actions_t* actions() const { return &actions_; }
-  const posix_spawnattr_t* attributes() const { return &attributes_; }
-
- private:
-  posix_spawn_file_actions_t actions_;
-  posix_spawnattr_t attributes_;
-};
-
 // `; it says "..."`, by the last line of the log; empty if the log is.
 std::string LastWords(const std::string& log) {
   std::ifstream file(log, std::ios::binary | std::ios::ate);
@@ -121,12 +86,6 @@ std::string LastWords(const std::string& log) {
   }
   last = last.substr(last.rfind('\n') + 1);
   return last.empty() ? "" : absl::StrCat("; it says \"", Printable(last), "\"");
-}
-
-bool HasEnded(pid_t pid) {
-  siginfo_t info{};
-  const int failed = ::waitid(P_PID, static_cast<id_t>(pid), &info, WEXITED | WNOWAIT | WNOHANG);
-  return (failed != 0 && errno != EINTR) || info.si_pid == pid;
 }
 
 // Explains a failure from waitpid's status; empty if the command succeeded.
@@ -168,28 +127,22 @@ absl::StatusOr<std::vector<std::string>> ParseCommand(const std::string& command
 
 absl::Status RunCommand(const std::vector<std::string>& words, const std::string& log,
                         absl::Duration time_max, const std::stop_token& stop) {
-  const CommandSpawn spawn(log);
-  std::vector<std::string> texts = words;
-  std::vector<char*> arguments;
-  for (std::string& text : texts) arguments.push_back(text.data());
-  arguments.push_back(nullptr);
-  pid_t pid = -1;
-  const int error = ::posix_spawn(&pid, words[0].c_str(), spawn.actions(), spawn.attributes(),
-                                  arguments.data(), environ);
-  if (error != 0) {
-    return absl::FailedPreconditionError(StatusFromErrno(error, "cannot be started").message());
+  const FileDescriptor output(
+      ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND | O_CLOEXEC, 0600));
+  if (!output.ok()) {
+    const absl::Status status = StatusFromErrno(errno, absl::StrCat("cannot write ", log));
+    return absl::FailedPreconditionError(status.message());
   }
+  const absl::StatusOr<std::unique_ptr<ProcessGroup>> process = ProcessGroup::Start(
+      {words[0], words, std::nullopt, -1, output.get(), output.get()}, "cannot be started");
+  if (!process.ok()) return absl::FailedPreconditionError(process.status().message());
   const SteadyTime end = SteadyTime::Now() + time_max;
-  bool ended = HasEnded(pid);
+  bool ended = (*process)->HasEnded();
   while (!ended && !stop.stop_requested() && SteadyTime::Now() < end) {
     absl::SleepFor(kLookInterval);
-    ended = HasEnded(pid);
+    ended = (*process)->HasEnded();
   }
-  // The group exists until its leader is waited for.
-  ::kill(-pid, SIGKILL);
-  int status = 0;
-  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-  }
+  const int status = (*process)->End();
   if (!ended && stop.stop_requested()) return absl::CancelledError("was interrupted");
   const std::string why = ended ? WhyFailed(status)
                                 : absl::StrCat("did not end within ",

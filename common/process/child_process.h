@@ -16,11 +16,9 @@
 #include "absl/time/time.h"
 #include "common/base/mutex.h"
 #include "common/content/file_descriptor.h"
+#include "common/process/spawn.h"
 
 namespace sheaf {
-
-// The descriptor of a child process by which it talks with this one.
-inline constexpr int kChildSocket = 3;
 
 // The exit code of a process that waited for another one, which was ended by signal N, or that
 // handles the signal itself, is this + N, as with shells.

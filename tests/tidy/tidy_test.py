@@ -89,8 +89,8 @@ LAYERS = {
     "coordinator/service/grpc": ("common/", "coordinator/access", "coordinator/core",
                                  "coordinator/scheduling", "coordinator/forecast",
                                  "coordinator/service/view", "coordinator/service/farm"),
-    "coordinator/service/dropped": ("common/base", "common/content", "common/rpc",
-                                    "coordinator/service/view"),
+    "coordinator/service/dropped": ("common/base", "common/content", "common/process",
+                                    "common/rpc", "coordinator/service/view"),
     "coordinator/service/server": ("common/", "coordinator/"),
     "cli": ("common/", "worker/", "coordinator/"),
 }

@@ -2,30 +2,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/dropped/scene_reader_process.h"
 
-#include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
-#include <string.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <string_view>
 #include <system_error>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
 #include "common/base/steady_time.h"
 #include "common/content/file_descriptor.h"
+#include "common/process/child_process.h"
+#include "common/process/spawn.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -34,88 +30,29 @@ namespace fs = std::filesystem;
 
 // As in the program (kDroppedSceneFlag of cli/dropped).
 constexpr char kReaderFlag[] = "--dropped-scene";
-constexpr const char* kReaderVariables[] = {"LD_LIBRARY_PATH", "LD_PRELOAD",   "ASAN_OPTIONS",
-                                            "LSAN_OPTIONS",    "TSAN_OPTIONS", "UBSAN_OPTIONS"};
-// The exit code of a process in namespaces for the signal N is this + N.
-constexpr int kReaderExitBySignal = 128;
 // A process that has closed its output is about to end.
 constexpr absl::Duration kEndPatience = absl::Seconds(5);
-constexpr absl::Duration kEndInterval = absl::Milliseconds(5);
 
-struct ReaderPipe {
-  FileDescriptor read, write;
-};
-
-absl::StatusOr<ReaderPipe> MakeReaderPipe() {
-  int ends[2];
-  if (::pipe2(ends, O_CLOEXEC) != 0) return StatusFromErrno(errno, "making a pipe");
-  return ReaderPipe{FileDescriptor(ends[0]), FileDescriptor(ends[1])};
-}
-
-// Sets up the process: its descriptors, and its own group and signals.
-class SpawnSettings {
- public:
-  SpawnSettings(int input, int output) {
-    ::posix_spawn_file_actions_init(&actions_);
-    ::posix_spawn_file_actions_adddup2(&actions_, input, STDIN_FILENO);
-    ::posix_spawn_file_actions_adddup2(&actions_, output, STDOUT_FILENO);
-    ::posix_spawn_file_actions_addopen(&actions_, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-    ::posix_spawnattr_init(&attributes_);
-    ::posix_spawnattr_setflags(
-        &attributes_, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    ::posix_spawnattr_setpgroup(&attributes_, 0);
-    sigset_t signals;
-    sigemptyset(&signals);
-    ::posix_spawnattr_setsigmask(&attributes_, &signals);
-    sigaddset(&signals, SIGPIPE);
-    sigaddset(&signals, SIGXFSZ);
-    ::posix_spawnattr_setsigdefault(&attributes_, &signals);
-  }
-  ~SpawnSettings() {
-    ::posix_spawnattr_destroy(&attributes_);
-    ::posix_spawn_file_actions_destroy(&actions_);
-  }
-  SpawnSettings(const SpawnSettings&) = delete;
-  SpawnSettings& operator=(const SpawnSettings&) = delete;
-  const posix_spawn_file_actions_t* actions() const { return &actions_; }
-  const posix_spawnattr_t* attributes() const { return &attributes_; }
-
- private:
-  posix_spawn_file_actions_t actions_;
-  posix_spawnattr_t attributes_;
-};
-
-// A process and the group that it leads; both end with this object.
+// The process, its input and its output.
 class ReaderProcess {
  public:
-  static absl::StatusOr<std::unique_ptr<ReaderProcess>> Start(const std::string& program) {
-    absl::StatusOr<ReaderPipe> input = MakeReaderPipe();
+  static absl::StatusOr<ReaderProcess> Start(const std::string& program) {
+    absl::StatusOr<Pipe> input = MakePipe();
     if (!input.ok()) return input.status();
-    absl::StatusOr<ReaderPipe> output = MakeReaderPipe();
+    absl::StatusOr<Pipe> output = MakePipe();
     if (!output.ok()) return output.status();
-    const SpawnSettings settings(input->read.get(), output->write.get());
-    std::string name = program, flag = kReaderFlag;
-    char* const arguments[] = {name.data(), flag.data(), nullptr};
-    std::vector<std::string> texts;
-    for (const char* variable : kReaderVariables) {
-      const char* const value = std::getenv(variable);
-      if (value != nullptr) texts.push_back(absl::StrCat(variable, "=", value));
-    }
-    std::vector<char*> environment;
-    for (std::string& text : texts) environment.push_back(text.data());
-    environment.push_back(nullptr);
-    pid_t pid = -1;
-    const int error = ::posix_spawn(&pid, program.c_str(), settings.actions(),
-                                    settings.attributes(), arguments, environment.data());
-    if (error != 0) return StatusFromErrno(error, absl::StrCat("starting ", program));
-    return std::unique_ptr<ReaderProcess>(
-        new ReaderProcess(pid, std::move(input->write), std::move(output->read)));
+    absl::StatusOr<std::unique_ptr<ProcessGroup>> group =
+        ProcessGroup::Start({program,
+                             {program, kReaderFlag},
+                             LoaderEnvironment(),
+                             input->read.get(),
+                             output->write.get()},
+                            absl::StrCat("starting ", program));
+    if (!group.ok()) return group.status();
+    return ReaderProcess(*std::move(group), std::move(input->write), std::move(output->read));
   }
-  ~ReaderProcess() { End(); }
-  ReaderProcess(const ReaderProcess&) = delete;
-  ReaderProcess& operator=(const ReaderProcess&) = delete;
 
-  pid_t pid() const { return pid_; }
+  pid_t pid() const { return group_->pid(); }
   int output() const { return output_.get(); }
 
   // Requires: less than a pipe's capacity, so that it does not block.
@@ -126,35 +63,15 @@ class ReaderProcess {
     return absl::UnavailableError("the process that reads scenes took no request");
   }
 
-  // Waits for the end for at most this long, kills remaining processes, and returns waitpid's
-  // status.
-  int End(absl::Duration patience = absl::ZeroDuration()) {
-    if (ended_) return status_;
-    for (const SteadyTime end = SteadyTime::Now() + patience; SteadyTime::Now() < end;) {
-      siginfo_t info{};
-      if (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOWAIT | WNOHANG) != 0 ||
-          info.si_pid == pid_) {
-        break;
-      }
-      absl::SleepFor(kEndInterval);
-    }
-    // The group exists until its leader is waited for.
-    ::kill(-pid_, SIGKILL);
-    while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
-    }
-    ended_ = true;
-    return status_;
-  }
+  // As ProcessGroup::End.
+  int End(absl::Duration patience) { return group_->End(patience); }
 
  private:
-  ReaderProcess(pid_t pid, FileDescriptor input, FileDescriptor output)
-      : pid_(pid), input_(std::move(input)), output_(std::move(output)) {}
+  ReaderProcess(std::unique_ptr<ProcessGroup> group, FileDescriptor input, FileDescriptor output)
+      : group_(std::move(group)), input_(std::move(input)), output_(std::move(output)) {}
 
-  const pid_t pid_;
-  FileDescriptor input_;
-  const FileDescriptor output_;
-  bool ended_ = false;
-  int status_ = 0;
+  std::unique_ptr<ProcessGroup> group_;
+  FileDescriptor input_, output_;
 };
 
 absl::Status LimitCpu(pid_t pid, absl::Duration cpu_max) {
@@ -233,7 +150,7 @@ absl::StatusOr<std::string> AwaitReply(const ReaderProcess& process, const std::
 // Why a process that gave no answer ended.
 absl::Status EndedError(int status, const ReaderProcessLimits& limits) {
   const int code = WIFEXITED(status) ? WEXITSTATUS(status) : 0;
-  const int number = WIFSIGNALED(status) ? WTERMSIG(status) : code - kReaderExitBySignal;
+  const int number = WIFSIGNALED(status) ? WTERMSIG(status) : code - kExitBySignal;
   if (number == SIGXCPU) {
     return absl::DeadlineExceededError(absl::StrCat("reading the scene takes more than ",
                                                     absl::FormatDuration(limits.cpu_max),
@@ -257,16 +174,16 @@ absl::StatusOr<v1::PrepareReply> ReadDroppedScene(const std::string& program,
   request.set_memory_bytes_max(limits.memory_bytes_max);
   request.set_written_bytes_max(limits.written_bytes_max);
   request.set_written_files_max(limits.written_files_max);
-  absl::StatusOr<std::unique_ptr<ReaderProcess>> process = ReaderProcess::Start(program);
+  absl::StatusOr<ReaderProcess> process = ReaderProcess::Start(program);
   if (!process.ok()) return process.status();
-  absl::Status status = LimitCpu((*process)->pid(), limits.cpu_max);
-  if (status.ok()) status = (*process)->Give(request.SerializeAsString());
+  absl::Status status = LimitCpu(process->pid(), limits.cpu_max);
+  if (status.ok()) status = process->Give(request.SerializeAsString());
   if (!status.ok()) return status;
-  const absl::StatusOr<std::string> bytes = AwaitReply(**process, folder, limits, stop);
+  const absl::StatusOr<std::string> bytes = AwaitReply(*process, folder, limits, stop);
   if (!bytes.ok()) return bytes.status();
   v1::PrepareReply reply;
   if (bytes->empty() || !reply.ParseFromString(*bytes)) {
-    return EndedError((*process)->End(kEndPatience), limits);
+    return EndedError(process->End(kEndPatience), limits);
   }
   return reply;
 }
