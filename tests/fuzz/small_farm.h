@@ -27,7 +27,7 @@ inline coordinator::Limits SmallLimits() {
   return limits;
 }
 
-// Fills in what JobLifecycle::Create does.
+// Fills in what JobControl::Create does.
 inline void CompleteSpec(uint64_t job_id, coordinator::JobSpec* spec) {
   spec->job_id = job_id;
   spec->numeric_profile = kProfile;

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/base/steady_time.h"
+#include "coordinator/service/farm/jobs/job_restore.h"
 #include "coordinator/service/farm/queries/object_metrics.h"
 #include "coordinator/store/farm_secret.h"
 #include "coordinator/store/sql_job_store.h"
@@ -57,7 +58,7 @@ absl::StatusOr<std::unique_ptr<Farm>> Farm::OpenWithoutThread(const FarmOptions&
   if (!secret.ok()) return secret.status();
   std::unique_ptr<Farm> farm(
       new Farm(options, std::move(store), *std::move(blobs), *std::move(round_previews), *secret));
-  if (absl::Status status = farm->lifecycle_.Load(); !status.ok()) return status;
+  if (absl::Status status = LoadJobs(farm->job_context_); !status.ok()) return status;
   if (absl::Status status = farm->share_control_.Load(); !status.ok()) return status;
   if (absl::Status status = farm->drains_.Load(); !status.ok()) return status;
   return farm;
@@ -78,9 +79,9 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       disk_(&signals_, &reserve_),
       removals_(store_.get(), &disk_),
       resumed_(blobs_.get(), NumericProfile()),
-      lifecycle_(
-          options, NumericProfile(),
-          {tables_, *store_, removals_, *round_previews_, resumed_, queue_, disk_, signals_}),
+      job_context_{options,          NumericProfile(), tables_, *store_, removals_,
+                   *round_previews_, resumed_,         queue_,  disk_,   signals_},
+      lifecycle_(job_context_),
       drains_(options.limits, {tables_, *store_, disk_, signals_}),
       tiles_(&tables_, store_.get(), &resumed_, &removals_),
       rounds_(&tables_, store_.get(), round_previews_.get(), &disk_),

@@ -6,7 +6,7 @@
 // locks, the clock and one background thread. Its parts:
 //
 //     FarmTables       the scheduler and the tables that change with it, under one mutex
-//     JobLifecycle     creates, controls, refines and ends jobs; restores them after a start
+//     JobLifecycle     creates, controls, continues, corrects, ends and removes jobs
 //     ResultIntake     takes results: check, file, row, scheduler, merge, acknowledgement; gives
 //                      guiding fields to workers
 //     FrameRounds      advances frames from one round to the next
@@ -101,15 +101,12 @@ class Farm : public FarmView {
   // For simulations, which check that the tables are consistent.
   FarmTables& tables() { return tables_; }
 
-  // Stores and starts a job; job_id, numeric_profile and frame digests are filled in here. Returns
-  // the id, or that of an earlier job with an equal request_id. Errors: those of
-  // Scheduler::CheckJob; kInvalidArgument (a frame cannot resume its image);
-  // kResourceExhausted (disk).
+  // As JobControl::Create.
   absl::StatusOr<uint64_t> CreateJob(JobSpec spec, const std::string& request_id) {
     return lifecycle_.Create(std::move(spec), request_id);
   }
-  // Changes a job. OK means: the change is durable. Errors: those of JobLifecycle's function of the
-  // verb; kInvalidArgument for arguments out of range.
+  // Changes a job. OK means: the change is durable. Errors: those of the verb's function in
+  // jobs/; kInvalidArgument for arguments out of range.
   absl::Status ChangeJob(JobVerb verb, uint64_t job_id, const JobArguments& arguments);
   // The same by the names of verbs: PauseJob(job_id).
 #define SHEAF_VERB(call, word, takes)                                      \
@@ -187,9 +184,7 @@ class Farm : public FarmView {
   // The bytes of a guiding field that a TaskReport names. Errors: those of JobStore::ReadPart.
   absl::StatusOr<std::string> ReadPart(const PartRow& row) { return store_->ReadPart(row); }
 
-  // Ends the quarantine of an identity; a no-op if it is not in quarantine. OK means: it is
-  // durable. Errors: kFailedPrecondition (its false results are still being removed); kUnavailable,
-  // kResourceExhausted (the disk).
+  // As JobControl has it.
   absl::Status LiftQuarantine(const std::string& identity) {
     return lifecycle_.LiftQuarantine(identity);
   }
@@ -213,8 +208,7 @@ class Farm : public FarmView {
   std::vector<JobView> ListJobs() const override { return job_views_.List(); }
   // The same with pilots.
   std::vector<JobView> ListJobsAndPilots() const { return job_views_.ListWithPilots(); }
-  // Records that a client waits for the pilot; otherwise it is cancelled
-  // (Limits::pilot_unasked_max).
+  // As JobControl has it.
   void NotePilotRequest(uint64_t job_id) { lifecycle_.NotePilotRequest(job_id); }
   absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
     return job_views_.Find(job_id, /*with_frames=*/true);
@@ -293,6 +287,7 @@ class Farm : public FarmView {
   PartRemovals removals_;
   DeliveryQueue queue_;
   ResumedFrames resumed_;
+  JobContext job_context_;
   JobLifecycle lifecycle_;
   WorkerDrains drains_;
   TileBuilder tiles_;

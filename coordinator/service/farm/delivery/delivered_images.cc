@@ -121,7 +121,7 @@ absl::Status DeliveredImages::Check(const FrameId& id, const std::string& path) 
                    " on the coordinator's disk and is being recreated; try again later"));
 }
 
-void DeliveredImages::Heal(JobLifecycle* lifecycle) {
+void DeliveredImages::Heal(JobContinuation* jobs) {
   std::set<FrameId> damaged;
   {
     const MutexLock lock(&mutex_);
@@ -149,7 +149,7 @@ void DeliveredImages::Heal(JobLifecycle* lifecycle) {
     }
   }
   for (const auto& [job_id, numbers] : remade) {
-    const absl::Status status = lifecycle->RemakeFrames(job_id, numbers);
+    const absl::Status status = jobs->RemakeFrames(job_id, numbers);
     if (status.ok()) {
       for (const int32_t number : numbers) settled.insert({job_id, number});
     } else {

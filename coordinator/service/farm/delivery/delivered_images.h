@@ -14,7 +14,7 @@
 #include "common/base/mutex.h"
 #include "common/content/verified_files.h"
 #include "common/film/film.h"
-#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/jobs/job_continuation.h"
 #include "coordinator/service/farm/state/farm_tables.h"
 #include "coordinator/store/job_store.h"
 
@@ -42,7 +42,7 @@ class DeliveredImages {
   absl::StatusOr<std::string> ThumbnailPath(const FrameId& id) const;
 
   // Starts to remake damaged images of jobs that have succeeded.
-  void Heal(JobLifecycle* lifecycle);
+  void Heal(JobContinuation* jobs);
   // The number of damaged images found so far.
   uint64_t DamagedCount() const;
 

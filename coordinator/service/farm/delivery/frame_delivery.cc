@@ -150,7 +150,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
   if (!done.ok()) return done.status();
   if (!*done) return absl::OkStatus();
   if (is_disputed) {
-    absl::Status warned = lifecycle_.SetWarning(
+    absl::Status warned = ends_.SetWarning(
         id.job_id, absl::StrCat("frame ", id.frame_number,
                                 " is disputed: workers delivered different results for a part of "
                                 "it, and no other identity could decide; the first one is kept"));
@@ -169,8 +169,8 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
   }
   LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, image ",
                        delivered.image_digest.substr(0, 12)));
-  lifecycle_.LimitKeptParts();
-  lifecycle_.SettleEnded();
+  ends_.LimitKeptParts();
+  ends_.SettleEnded();
   signals_.Changed();
   return absl::OkStatus();
 }

@@ -14,7 +14,7 @@
 #include "coordinator/service/farm/delivery/frame_rounds.h"
 #include "coordinator/service/farm/delivery/image_attributes.h"
 #include "coordinator/service/farm/delivery/tile_builder.h"
-#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/jobs/job_ends.h"
 #include "coordinator/service/farm/state/delivery_queue.h"
 #include "coordinator/service/farm/state/disk_state.h"
 #include "coordinator/service/farm/state/farm_signals.h"
@@ -33,7 +33,7 @@ class FrameDelivery {
     TileBuilder& tiles;
     FrameRounds& rounds;
     DeliveredImages& images;
-    JobLifecycle& lifecycle;
+    JobEnds& ends;
     DeliveryQueue& queue;
     DiskState& disk;
     FarmSignals& signals;
@@ -46,7 +46,7 @@ class FrameDelivery {
         tiles_(parts.tiles),
         rounds_(parts.rounds),
         images_(parts.images),
-        lifecycle_(parts.lifecycle),
+        ends_(parts.ends),
         queue_(parts.queue),
         disk_(parts.disk),
         signals_(parts.signals),
@@ -78,7 +78,7 @@ class FrameDelivery {
   TileBuilder& tiles_;
   FrameRounds& rounds_;
   DeliveredImages& images_;
-  JobLifecycle& lifecycle_;
+  JobEnds& ends_;
   DeliveryQueue& queue_;
   DiskState& disk_;
   FarmSignals& signals_;

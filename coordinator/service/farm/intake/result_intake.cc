@@ -243,7 +243,7 @@ absl::Status ResultIntake::Reject(const ResultReport& report, const std::string&
     tables_.NoteEndedJobs();
   }
   NoteLost(report, job_id);
-  lifecycle_.SettleEnded();
+  ends_.SettleEnded();
   signals_.Changed();
   return absl::InvalidArgumentError(text);
 }
@@ -286,13 +286,13 @@ absl::StatusOr<ResultOutcome> ResultIntake::JudgeCovered(const ResultReport& rep
     tables_.NoteEndedJobs();
   }
   if (verdict.kind == CheckVerdict::Kind::kUndecided) {
-    lifecycle_
+    ends_
         .SetWarning(found.frame.job_id,
                     absl::StrCat("frame ", found.frame.frame_number,
                                  " is disputed: no two workers agree on a part of it"))
         .IgnoreError();  // The disk's state is recorded, and the error is logged.
   }
-  if (!verdict.liars.empty()) lifecycle_.SettleEnded();
+  if (!verdict.liars.empty()) ends_.SettleEnded();
   queue_.Wake();
   signals_.Changed();
   return is_equal ? ResultOutcome::kDuplicateEqual : ResultOutcome::kDuplicateMismatch;

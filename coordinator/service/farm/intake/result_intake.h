@@ -19,7 +19,7 @@
 #include "coordinator/core/frame/check_choice.h"
 #include "coordinator/core/frame/lease_token.h"
 #include "coordinator/service/farm/delivery/tile_builder.h"
-#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/jobs/job_ends.h"
 #include "coordinator/service/farm/state/delivery_queue.h"
 #include "coordinator/service/farm/state/disk_state.h"
 #include "coordinator/service/farm/state/farm_signals.h"
@@ -62,7 +62,7 @@ class ResultIntake {
     JobStore& store;
     PartRemovals& removals;
     TileBuilder& tiles;
-    JobLifecycle& lifecycle;
+    JobEnds& ends;
     DeliveryQueue& queue;
     DiskState& disk;
     FarmSignals& signals;
@@ -74,7 +74,7 @@ class ResultIntake {
         store_(parts.store),
         removals_(parts.removals),
         tiles_(parts.tiles),
-        lifecycle_(parts.lifecycle),
+        ends_(parts.ends),
         queue_(parts.queue),
         disk_(parts.disk),
         signals_(parts.signals) {}
@@ -149,7 +149,7 @@ class ResultIntake {
   JobStore& store_;
   PartRemovals& removals_;
   TileBuilder& tiles_;
-  JobLifecycle& lifecycle_;
+  JobEnds& ends_;
   DeliveryQueue& queue_;
   DiskState& disk_;
   FarmSignals& signals_;

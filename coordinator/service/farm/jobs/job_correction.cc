@@ -1,20 +1,17 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of JobLifecycle that removes the results of identities that made false ones. The frames
-// that hold such results are rendered again from the remaining parts, even if they are delivered. A
-// frame with rounds starts at its first round, because its decisions came from false sums.
+#include "coordinator/service/farm/jobs/job_correction.h"
+
 #include <algorithm>
 #include <map>
 #include <set>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/base/log.h"
-#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/jobs/job_reopening.h"
+#include "coordinator/service/farm/jobs/job_restore.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -32,10 +29,10 @@ std::string FramesText(const std::set<int32_t>& numbers) {
 
 }  // namespace
 
-absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
-  const MutexLock settling(&settle_mutex_);
-  const PartKeys left = removals_.Left();
-  absl::StatusOr<std::vector<PartRow>> rows = store_.FindPartsOf(identity);
+absl::Status JobCorrection::RemoveResultsOf(const std::string& identity) {
+  const MutexLock settling(&context_.settle_mutex);
+  const PartKeys left = context_.removals.Left();
+  absl::StatusOr<std::vector<PartRow>> rows = context_.store.FindPartsOf(identity);
   if (!rows.ok()) return rows.status();
   std::map<uint64_t, std::vector<PartRow>> by_job;
   for (PartRow& row : *rows) {
@@ -52,14 +49,14 @@ absl::Status JobLifecycle::RemoveResultsOf(const std::string& identity) {
                             ", or made with its guiding fields, are no longer trusted and are "
                             "rendered again"));
   }
-  rows = store_.FindPartsOf(identity);
+  rows = context_.store.FindPartsOf(identity);
   if (!rows.ok()) return rows.status();
   if (rows->empty()) return absl::OkStatus();
   return absl::UnavailableError(
       absl::StrCat("the disk does not remove ", rows->size(), " of them yet; trying again"));
 }
 
-absl::StatusOr<std::vector<PartRow>> JobLifecycle::WithPartsOfFields(
+absl::StatusOr<std::vector<PartRow>> JobCorrection::WithPartsOfFields(
     uint64_t job_id, std::vector<PartRow> false_parts) {
   const auto is_field = [](const PartRow& row) { return row.key.kind == TaskKind::kTraining; };
   std::map<FrameId, std::string> fields;
@@ -67,7 +64,7 @@ absl::StatusOr<std::vector<PartRow>> JobLifecycle::WithPartsOfFields(
     if (is_field(row)) fields[row.key.frame] = row.digest.sha256_hex;
   }
   if (fields.empty()) return false_parts;
-  const absl::StatusOr<JobStore::LoadedParts> all = LoadPartsOf(job_id);
+  const absl::StatusOr<JobStore::LoadedParts> all = LoadPartsOf(context_, job_id);
   if (!all.ok()) return all.status();
   const std::string identity = false_parts.front().identity;
   for (const PartRow& row : all->rows) {
@@ -80,14 +77,14 @@ absl::StatusOr<std::vector<PartRow>> JobLifecycle::WithPartsOfFields(
   return false_parts;
 }
 
-absl::Status JobLifecycle::RemovePartsOfLostField(const FrameId& id) {
-  const MutexLock settling(&settle_mutex_);
+absl::Status JobCorrection::RemovePartsOfLostField(const FrameId& id) {
+  const MutexLock settling(&context_.settle_mutex);
   {
-    const MutexLock lock(&tables_.mutex);
-    const FrameRecord* frame = tables_.scheduler.FindFrame(id);
+    const MutexLock lock(&context_.tables.mutex);
+    const FrameRecord* frame = context_.tables.scheduler.FindFrame(id);
     if (frame == nullptr || frame->tasks == nullptr) return absl::OkStatus();  // It has ended.
   }
-  absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(id.job_id);
+  absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(context_, id.job_id);
   if (!parts.ok()) return parts.status();
   std::erase_if(parts->rows, [&id](const PartRow& row) { return !(row.key.frame == id); });
   return CorrectJob(id.job_id,
@@ -96,20 +93,20 @@ absl::Status JobLifecycle::RemovePartsOfLostField(const FrameId& id) {
                     parts->rows);
 }
 
-absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,
-                                      const std::vector<PartRow>& false_parts) {
+absl::Status JobCorrection::CorrectJob(uint64_t job_id, const std::string& why,
+                                       const std::vector<PartRow>& false_parts) {
   std::set<int32_t> numbers, delivered;
   for (const PartRow& part : false_parts) numbers.insert(part.key.frame.frame_number);
   StoredJob job;
   bool goes_on = false;
   {
-    const MutexLock lock(&tables_.mutex);
-    const absl::StatusOr<const JobRecord*> found = tables_.FindJob(job_id);
+    const MutexLock lock(&context_.tables.mutex);
+    const absl::StatusOr<const JobRecord*> found = context_.tables.FindJob(job_id);
     if (found.ok()) {
       const JobRecord& record = **found;
       goes_on = record.phase == JobPhase::kLive ||
                 (record.phase == JobPhase::kSucceeded && !record.spec.pilot);
-      job = StoredJobOf(record);
+      job = StoredJobOf(context_, record);
       for (const FrameRecord& frame : record.frames) {
         const bool is_delivered = frame.phase == FrameRecord::Phase::kDelivered;
         if (is_delivered && numbers.contains(frame.number())) delivered.insert(frame.number());
@@ -118,13 +115,13 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,
   }
   if (!delivered.empty()) {
     absl::Status warned =
-        SetWarning(job_id, absl::StrCat(FramesText(delivered),
-                                        goes_on ? " corrected: " : " may be false: ", why,
-                                        goes_on ? "" : ", and the job does not continue"));
+        ends_.SetWarning(job_id, absl::StrCat(FramesText(delivered),
+                                              goes_on ? " corrected: " : " may be false: ", why,
+                                              goes_on ? "" : ", and the job does not continue"));
     if (!warned.ok()) return warned;
   }
   if (!goes_on) {
-    RemoveFalse(false_parts);
+    RemoveFalse(context_, false_parts);
     return absl::OkStatus();
   }
   std::vector<JobStore::ReopenedFrame> reopened;
@@ -132,26 +129,7 @@ absl::Status JobLifecycle::CorrectJob(uint64_t job_id, const std::string& why,
     if (!numbers.contains(frame.frame_number)) continue;
     reopened.push_back({frame, /*rounds=*/{}, delivered.contains(frame.frame_number)});
   }
-  return ReopenFrames(std::move(job), reopened, false_parts);
-}
-
-void JobLifecycle::RemoveFalse(const std::vector<PartRow>& parts) {
-  removals_.Remove(parts);
-  for (const PartRow& part : parts) {
-    store_.NoteUsage({part.key.frame.job_id},
-                     {.lost_count = 1, .lost_cpu_duration = part.cost.cpu_duration});
-  }
-  const MutexLock lock(&tables_.mutex);
-  tables_.scheduler.counters().parts_revoked += parts.size();
-}
-
-absl::Status JobLifecycle::SetWarning(uint64_t job_id, const std::string& text) {
-  LogWarning(absl::StrCat("job ", job_id, ": ", text));
-  absl::Status written = store_.SetWarning(job_id, text);
-  disk_.Note(written);
-  const MutexLock lock(&tables_.mutex);
-  tables_.accounts[job_id].warning = text;
-  return written;
+  return ReopenFrames(context_, std::move(job), reopened, false_parts);
 }
 
 }  // namespace sheaf::coordinator

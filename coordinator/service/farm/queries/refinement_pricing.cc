@@ -10,7 +10,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "coordinator/core/job/cell_grid.h"
-#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/jobs/job_continuation.h"
 
 namespace sheaf::coordinator {
 namespace {

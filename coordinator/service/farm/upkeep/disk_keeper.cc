@@ -78,7 +78,7 @@ DiskKeeper::DiskKeeper(const FarmOptions& options, const Parts& parts)
       store_(parts.store),
       blobs_(parts.blobs),
       previews_(parts.previews),
-      lifecycle_(parts.lifecycle),
+      jobs_(parts.jobs),
       reserve_(parts.reserve),
       aging_(absl::Now(), SinceBoot()),
       next_age_pass_(SteadyTime::Now() + std::min(AgeInterval(), kFirstAgePass)) {}
@@ -226,7 +226,7 @@ std::vector<Removal> DiskKeeper::RemoveAll(const std::vector<Removal>& removals,
   // A job that was reopened since they were listed may need some. Clients that asked for blobs keep
   // them alive.
   size_t count = 0;
-  const bool done = of_blobs.empty() || lifecycle_.IfNoneReopened(reopen_count, [&] {
+  const bool done = of_blobs.empty() || jobs_.IfNoneReopened(reopen_count, [&] {
     for (const Removal& removal : of_blobs) {
       const KeptItem& item = removal.item;
       const bool gone =
@@ -252,13 +252,13 @@ bool DiskKeeper::Remove(const KeptItem& item, absl::Time now) {
   absl::Status removed;
   switch (item.kind) {
     case KeptKind::kParts:
-      removed = lifecycle_.RemoveParts(item.job_id, now);
+      removed = jobs_.RemoveParts(item.job_id, now);
       break;
     case KeptKind::kPreviews:
-      removed = lifecycle_.RemovePreviews(item.job_id);
+      removed = jobs_.RemovePreviews(item.job_id);
       break;
     case KeptKind::kJob:
-      removed = lifecycle_.RemoveJob(item.job_id);
+      removed = jobs_.RemoveJob(item.job_id);
       break;
     case KeptKind::kUpload:
     case KeptKind::kBlob:
@@ -297,7 +297,7 @@ std::map<uint64_t, DiskKeeper::JobUse> DiskKeeper::ListJobs() const {
 
 absl::StatusOr<DiskKeeper::Stored> DiskKeeper::List(absl::Time now) {
   Stored stored;
-  stored.reopen_count = lifecycle_.ReopenCount();
+  stored.reopen_count = jobs_.ReopenCount();
   const std::map<uint64_t, JobUse> jobs = ListJobs();
   const auto add = [&](KeptKind kind, uint64_t job_id, uint64_t size_bytes) {
     KeptItem item{.kind = kind, .job_id = job_id};

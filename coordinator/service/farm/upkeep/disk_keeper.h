@@ -22,7 +22,7 @@
 #include "coordinator/core/policy/aging_clock.h"
 #include "coordinator/core/policy/owner_bytes.h"
 #include "coordinator/core/policy/retention.h"
-#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/jobs/job_removal.h"
 #include "coordinator/service/farm/state/farm_options.h"
 #include "coordinator/service/farm/state/farm_tables.h"
 #include "coordinator/service/farm/upkeep/upload_claims.h"
@@ -48,7 +48,7 @@ class DiskKeeper {
     JobStore& store;
     const BlobStore& blobs;
     RoundPreviews& previews;
-    JobLifecycle& lifecycle;
+    JobRemoval& jobs;
     DiskReserve& reserve;
   };
   DiskKeeper(const FarmOptions& options, const Parts& parts);
@@ -84,7 +84,7 @@ class DiskKeeper {
   struct Stored {
     std::vector<KeptItem> items;
     DiskUse use;
-    uint64_t reopen_count = 0;  // JobLifecycle's, before anything was listed.
+    uint64_t reopen_count = 0;  // JobRemoval's, before anything was listed.
   };
   // Lists the jobs, and the blobs that they name.
   struct JobUse {
@@ -131,14 +131,14 @@ class DiskKeeper {
   JobStore& store_;
   const BlobStore& blobs_;
   RoundPreviews& previews_;
-  JobLifecycle& lifecycle_;
+  JobRemoval& jobs_;
   DiskReserve& reserve_;
   UploadClaims claims_;
 
   const AgingClock aging_;
   std::atomic<bool> is_ahead_ = false;  // Whether the wall clock was, at the last check.
 
-  mutable Mutex mutex_;  // Held by one pass at a time. Taken before those of JobLifecycle.
+  mutable Mutex mutex_;  // Held by one pass at a time. Taken before that of JobContext.
   // Files by scene, as read from manifests, of the scenes that jobs name.
   std::map<std::string, std::vector<std::string>> files_ ABSL_GUARDED_BY(mutex_);
   uint64_t other_bytes_ ABSL_GUARDED_BY(mutex_) = 0;  // Without parts, as last walked.

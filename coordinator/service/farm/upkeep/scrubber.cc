@@ -138,7 +138,7 @@ void Scrubber::ScrubPart(const PartRow& row, bool is_remade) {
   if (!is_there || !FramesOf(id.job_id).delivered.contains(id.frame_number)) return;
   parts_.removals.Remove({row});
   absl::Status remade;
-  if (is_remade) remade = parts_.lifecycle.RemakeFrames(id.job_id, {id.frame_number});
+  if (is_remade) remade = parts_.jobs.RemakeFrames(id.job_id, {id.frame_number});
   // Parts of other jobs are rendered again by what needs them, if anything does.
   const bool comes_back = is_remade && remade.ok();
   NoteDamage(Kind::kPart, NameOf(row.key),

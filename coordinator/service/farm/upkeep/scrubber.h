@@ -24,7 +24,7 @@
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
 #include "coordinator/service/farm/delivery/delivered_images.h"
-#include "coordinator/service/farm/jobs/job_lifecycle.h"
+#include "coordinator/service/farm/jobs/job_continuation.h"
 #include "coordinator/service/farm/state/farm_tables.h"
 #include "coordinator/service/farm/state/part_removals.h"
 #include "coordinator/service/view/farm_view.h"
@@ -41,7 +41,7 @@ class Scrubber {
     JobStore& store;
     const BlobStore& blobs;
     const DeliveredImages& images;
-    JobLifecycle& lifecycle;
+    JobContinuation& jobs;
     PartRemovals& removals;
   };
   // bytes_per_second: on average; each file is read in one go. Requires: it is not 0.

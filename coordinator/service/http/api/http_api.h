@@ -111,7 +111,7 @@ struct ViewedImage {
 
 // Actions on the farm that the page offers.
 struct FarmActions {
-  // Changes a job. Errors: those of JobLifecycle's function of the verb.
+  // Changes a job. Errors: those of the verb's function in coordinator/service/farm/jobs.
   std::function<absl::Status(JobVerb verb, const std::string& job_id,
                              const JobArguments& arguments)>
       change_job;
